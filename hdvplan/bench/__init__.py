@@ -1,0 +1,1 @@
+"""Measuring planning time honestly."""

@@ -1,0 +1,1 @@
+"""The geometry of centring: stationary circles and the weight K."""

@@ -1,0 +1,61 @@
+"""The geometric weight K along a road of varying curvature, and the stationary geometry that goes with it.
+
+The stationary circle is solved once per vehicle on a grid of curvatures and interpolated: one root search a stage
+would cost more than the whole planning step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hdvplan.centering.stationary import Stationary, stationary, tightest_road
+from hdvplan.jit import BoolArray, FloatArray
+from hdvplan.vehicle.model import Vehicle
+
+_GRID = np.linspace(0.0, 0.5, 2001)  # road curvatures [1/m]; linear interpolation errs by less than 1e-6 in K up to 0.1 1/m
+
+
+@dataclass(frozen=True)
+class Centering:
+    """Balanced driving at every point of a road, signed: positive curvature turns left. Shape (n,) each."""
+
+    weight: FloatArray  # K
+    kappa: FloatArray  # lead rear axle [1/m]
+    e_y: FloatArray  # [m]
+    e_aux: FloatArray  # [m]
+    beta: FloatArray  # shape (n, couplings) [rad]
+    half_width: FloatArray  # [m]
+    saturated: BoolArray  # the road is tighter than any balanced circle
+
+
+@dataclass(frozen=True)
+class CenteringTable:
+    """One vehicle's stationary geometry over curvature."""
+
+    grid: Stationary
+    tightest_road: float  # [1/m]
+
+    @classmethod
+    def of(cls, vehicle: Vehicle) -> CenteringTable:
+        """Tabulate the balanced circles of ``vehicle``."""
+        return cls(stationary(vehicle, _GRID), tightest_road(vehicle))
+
+    def at(self, road_curvature: FloatArray) -> Centering:
+        """Return the geometry at signed road curvatures [1/m]; beyond the tightest circle it is held."""
+        grid, sign, k = self.grid, np.sign(road_curvature), np.abs(road_curvature)
+
+        def column(values: FloatArray) -> FloatArray:
+            return np.interp(k, grid.road_curvature, values)
+
+        beta = np.stack([sign * column(angle) for angle in grid.beta.T], axis=-1) if grid.beta.size else np.empty((len(k), 0))
+        return Centering(
+            weight=column(grid.weight),
+            kappa=sign * column(grid.kappa),
+            e_y=sign * column(grid.e_y),
+            e_aux=sign * column(grid.e_aux),
+            beta=beta,
+            half_width=column(grid.half_width),
+            saturated=k >= self.tightest_road,
+        )

@@ -1,0 +1,101 @@
+"""The command line: its commands, and the one place where errors become messages and exit codes."""
+
+from __future__ import annotations
+
+import sys
+import traceback
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hdvplan import __version__
+from hdvplan.cli import plan, roads, solvers, vehicles
+from hdvplan.cli.console import ExitCode, one_line, report_error
+from hdvplan.errors import HdvplanError, PlanError, QpDataError, SolverError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+_UsageError: type[Exception] = typer.BadParameter.__mro__[1]  # click's; newer versions of Typer carry their own click
+
+app = typer.Typer(
+    name="hdvplan",
+    help="Can this bus or truck drive this real road, how evenly does it sweep it, and which QP solver plans it fast enough?",
+    epilog="Exit codes: 0 done; 1 a limit is broken or no plan exists; 2 bad input or usage; 70 a bug in hdvplan; 130 interrupted.",
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,  # square brackets are units here, not markup
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+app.command("plan")(plan.plan)
+app.add_typer(roads.app, name="roads")
+app.add_typer(vehicles.app, name="vehicles")
+app.command("solvers")(solvers.solvers)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        sys.stdout.write(f"hdvplan {__version__}\n")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")] = False,
+    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error; accepted anywhere.")] = False,
+) -> None:
+    """Read the options that every command has; ``run`` has already taken --debug out."""
+
+
+def main() -> None:
+    """Run the command line of this process and exit with its code."""
+    sys.exit(run(sys.argv[1:]))
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run the command line ``arguments`` (without the program's name) and return the exit code."""
+    arguments, debug = _without_debug(arguments)
+    try:
+        code = app(args=arguments or ["--help"], prog_name="hdvplan", standalone_mode=False)
+    except (KeyboardInterrupt, typer.Abort):
+        code = ExitCode.INTERRUPTED
+    except Exception as error:  # noqa: BLE001 - the single place that turns errors into messages
+        if debug:
+            traceback.print_exc()
+        return _report(error)
+    if code == ExitCode.INTERRUPTED:
+        report_error("interrupted")
+    if not arguments:
+        return ExitCode.USAGE  # the help was an answer to nothing asked
+    return int(code) if isinstance(code, int) else ExitCode.OK
+
+
+def _without_debug(arguments: Sequence[str]) -> tuple[list[str], bool]:
+    """Return the arguments without --debug, which is accepted on either side of the command, and whether it was there."""
+    end = list(arguments).index("--") if "--" in arguments else len(arguments)
+    kept = [argument for argument in arguments[:end] if argument != "--debug"]
+    return [*kept, *arguments[end:]], len(kept) < end
+
+
+def _report(error: Exception) -> ExitCode:
+    """Write what went wrong and what to do next to stderr; return the exit code for it."""
+    if isinstance(error, _UsageError):
+        message = error.format_message() if hasattr(error, "format_message") else str(error)
+        context = getattr(error, "ctx", None)
+        report_error(_uncapitalised(message), f"see `{context.command_path if context else 'hdvplan'} --help`")
+        return ExitCode.USAGE
+    if isinstance(error, HdvplanError):
+        report_error(str(error), error.hint)
+        return ExitCode.BROKEN if _is_failed_plan(error) else ExitCode.USAGE
+    report_error(f"internal: {type(error).__name__}: {error}", "this is a bug in hdvplan; run again with --debug and report the traceback")
+    return ExitCode.INTERNAL
+
+
+def _is_failed_plan(error: HdvplanError) -> bool:
+    """Tell a plan that could not be made from an input that cannot be used; only a solver that ran has a status."""
+    return isinstance(error, PlanError | QpDataError) or (isinstance(error, SolverError) and error.status is not None)
+
+
+def _uncapitalised(message: str) -> str:
+    """Return a usage message in the style of hdvplan's own: no capital, no full stop."""
+    text = one_line(message).rstrip(".")
+    return text[0].lower() + text[1:]

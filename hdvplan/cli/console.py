@@ -1,0 +1,73 @@
+"""Where output goes: results to stdout, everything said on the way to stderr."""
+
+from __future__ import annotations
+
+import json
+import sys
+from contextlib import contextmanager
+from enum import IntEnum
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from rich.table import Table
+
+
+class ExitCode(IntEnum):
+    """What a command's exit status means."""
+
+    OK = 0
+    BROKEN = 1  # a limit is broken, or no plan exists
+    USAGE = 2  # bad input or usage
+    INTERNAL = 70  # a bug in hdvplan (EX_SOFTWARE of sysexits.h)
+    INTERRUPTED = 130  # Ctrl-C, as shells report it
+
+
+def report_error(message: str, hint: str | None = None) -> None:
+    """Write one ``error:`` line, and a ``hint:`` line where there is a next step, to stderr."""
+    sys.stderr.write(f"error: {one_line(message)}\n")
+    if hint:
+        sys.stderr.write(f"hint: {one_line(hint)}\n")
+
+
+def note(message: str, *, quiet: bool = False) -> None:
+    """Write a line to stderr unless the user wants silence."""
+    if not quiet:
+        sys.stderr.write(f"{message}\n")
+        sys.stderr.flush()
+
+
+def print_tables(*tables: Table) -> None:
+    """Write tables to stdout, in colour where it is a terminal and NO_COLOR is not set."""
+    from rich.console import Console
+
+    console = Console(highlight=False, soft_wrap=False)
+    for table in tables:
+        console.print(table)
+
+
+def print_json(value: object) -> None:
+    """Write ``value`` as JSON to stdout."""
+    sys.stdout.write(json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+@contextmanager
+def progress(task: str, *, quiet: bool) -> Iterator[Callable[[float], None]]:
+    """Show a bar with the time left on stderr while the block runs; it receives the done share, 0 to 1.
+
+    Silent where stderr is no terminal.
+    """
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, transient=True, disable=quiet or not console.is_terminal) as bar:
+        known = bar.add_task(task, total=1.0)
+        yield lambda share: bar.update(known, completed=share)
+
+
+def one_line(text: str) -> str:
+    """Return ``text`` without line breaks, as every message is one line."""
+    return " ".join(text.split())

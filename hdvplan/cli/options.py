@@ -1,0 +1,62 @@
+"""Options that several commands share. Only Typer is imported here: ``--help`` stays quick."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hdvplan.errors import OptionError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from hdvplan.road.load import RoadOptions
+
+RoadArgument = Annotated[str, typer.Argument(metavar="ROAD", help="A road file (.csv, .geojson), or a name from `hdvplan roads list`.")]
+SmoothOption = Annotated[
+    float | None,
+    typer.Option("--smooth", metavar="M", help="Largest allowed deviation of the smoothed centre line from the given points [m]."),
+]
+CrsOption = Annotated[str | None, typer.Option("--crs", metavar="EPSG:N", help="Coordinate reference system of the road file.")]
+FeatureOption = Annotated[
+    str | None, typer.Option("--name", "--id", metavar="NAME", help="Which feature of a GeoJSON file, by its name or id.")
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="Write JSON to stdout, and nothing else.")]
+QuietOption = Annotated[bool, typer.Option("--quiet", help="No progress, notes or tables; errors remain.")]
+OutOption = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Where to write [default: <road>.<vehicle>/].")]
+
+
+def road_options(smooth: float | None, crs: str | None, feature: str | None, max_curvature: float | None = None) -> RoadOptions:
+    """Return how to read a road file, with the library's defaults where the user gave nothing.
+
+    Raises:
+        OptionError: a value outside its range.
+
+    """
+    from dataclasses import replace
+
+    from hdvplan.road.load import RoadOptions
+
+    options = RoadOptions()
+    return replace(
+        options,
+        smooth=options.smooth if smooth is None else smooth,
+        crs=crs,
+        feature=feature,
+        max_curvature=options.max_curvature if max_curvature is None else max_curvature,
+    )
+
+
+def choice(option: str, value: str, choices: Sequence[str]) -> str:
+    """Return ``value`` if it is one of the choices.
+
+    Raises:
+        OptionError: it is none of them.
+
+    """
+    if value not in choices:
+        msg = f"{option} must be {', '.join(choices[:-1])} or {choices[-1]}, not {value!r}"
+        raise OptionError(msg)
+    return value

@@ -1,0 +1,213 @@
+"""``hdvplan plan``: plan one vehicle along one road, judge it, write it down."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hdvplan.cli.console import ExitCode, note, print_json, print_tables, progress, report_error
+from hdvplan.cli.options import (
+    CrsOption,
+    FeatureOption,
+    JsonOption,
+    OutOption,
+    QuietOption,
+    RoadArgument,
+    SmoothOption,
+    choice,
+    road_options,
+)
+from hdvplan.errors import OptionError, RoadError
+
+if TYPE_CHECKING:
+    from hdvplan.planning.objectives import Objective
+    from hdvplan.planning.settings import PlannerSettings
+    from hdvplan.report.result import Result
+    from hdvplan.road.road import Road
+    from hdvplan.solvers.registry import WorkspaceMaker
+    from hdvplan.vehicle.model import Vehicle
+
+_REFERENCE_SLACK = 1.25  # a balanced lead axle turns wider than the road's centre, which may thus be tighter than its limit
+_WARM_UP_CURVATURE = 0.02  # [1/m]
+
+
+def plan(
+    road: RoadArgument,
+    vehicle: Annotated[str, typer.Option("--vehicle", metavar="NAME|FILE.toml", help="A preset or a vehicle file.")],
+    scheme: Annotated[str, typer.Option("--scheme", metavar="rti|sqp", help="One QP a step, or until the plan stands still.")] = "rti",
+    solver: Annotated[str | None, typer.Option("--solver", metavar="NAME", help="A name from `hdvplan solvers`.")] = None,
+    objective: Annotated[
+        str, typer.Option("--objective", metavar="NAME", help="geometric, geometric-fixed, lead-axle, trail-axle.")
+    ] = "geometric",
+    half_width: Annotated[float | None, typer.Option("--half-width", metavar="M", help="Limits at +-M [m].")] = None,
+    left: Annotated[float | None, typer.Option("--left", metavar="M", help="Left limit [m]; needs --right.")] = None,
+    right: Annotated[float | None, typer.Option("--right", metavar="M", help="Right limit, positive [m]; needs --left.")] = None,
+    horizon: Annotated[float, typer.Option("--horizon", metavar="M", help="How far each plan looks ahead [m].")] = 100.0,
+    step: Annotated[float, typer.Option("--step", metavar="M", help="Distance between stations [m].")] = 0.5,
+    replan: Annotated[float, typer.Option("--replan", metavar="M", help="Distance driven before the next plan [m].")] = 5.0,
+    smoothness: Annotated[float, typer.Option("--smoothness", metavar="W", help="Weight of curvature changes.")] = 1e3,
+    discretisation: Annotated[
+        str, typer.Option("--discretisation", metavar="midpoint|euler", help="How states are predicted.")
+    ] = "midpoint",
+    smooth: SmoothOption = None,
+    crs: CrsOption = None,
+    name: FeatureOption = None,
+    out: OutOption = None,
+    json: JsonOption = False,
+    plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw plan.png.")] = True,
+    quiet: QuietOption = False,
+) -> int:
+    """Plan a vehicle along a road and write what it sweeps.
+
+    Plans in receding horizon along the whole road; what is judged and written is an accurate simulation of the plan.
+
+    Exit code 0: the driven path keeps all limits (to 1 cm). 1: it breaks one, or no plan exists. 2: bad input.
+    """
+    reaches = _reaches(half_width, left, right)
+    if out is not None and out.exists() and not out.is_dir():
+        msg = f"--out {out} is a file, not a folder"
+        raise OptionError(msg)
+    from hdvplan.drive import drive
+    from hdvplan.jit import is_compiled
+    from hdvplan.planning.objectives import objective_named
+    from hdvplan.planning.settings import Discretisation, PlannerSettings, Scheme
+    from hdvplan.report.result import result_of
+    from hdvplan.road.load import load_road
+    from hdvplan.solvers.registry import DEFAULT, solver_named
+    from hdvplan.vehicle.load import load_vehicle
+
+    settings = PlannerSettings(
+        scheme=Scheme(choice("--scheme", scheme, list(Scheme))),
+        horizon=horizon,
+        step=step,
+        replan=replan,
+        smoothness=smoothness,
+        discretisation=Discretisation(choice("--discretisation", discretisation, list(Discretisation))),
+    )
+    centring, make_workspace = objective_named(objective), solver_named(solver or DEFAULT)
+    driven = load_vehicle(vehicle)
+    compiled = is_compiled()  # asked before reading the road compiles a part
+    track = load_road(road, road_options(smooth, crs, name, _REFERENCE_SLACK * driven.max_curvature))
+    if reaches is not None:
+        track = track.with_limits(*reaches)
+    check_fits(track, driven)
+    if not compiled:
+        note("compiling the planning kernels, once per installation: about 10 s", quiet=quiet)
+    with progress(f"planning {driven.name} along {track.name}", quiet=quiet) as on_progress:
+        warm_up(driven, centring, make_workspace, settings)
+        result = result_of(
+            drive(track, driven, centring, make_workspace, settings, on_progress=on_progress), solver=solver or DEFAULT, objective=objective
+        )
+    directory = out or Path(f"{_file_name(track.name)}.{_file_name(driven.name)}")
+    _write(result, directory, plot=plot)
+    if json:
+        from hdvplan.report.summary import summary_of
+
+        print_json(summary_of(result))
+    elif not quiet:
+        _print(result, directory)
+    return _verdict(result)
+
+
+def check_fits(road: Road, vehicle: Vehicle) -> None:
+    """Refuse a road on which planning ``vehicle`` is pointless.
+
+    Raises:
+        RoadError: the road is shorter than the vehicle, or its limits leave less room than the vehicle is wide.
+
+    """
+    import numpy as np
+
+    length = vehicle.reach_ahead + vehicle.reach_behind
+    if road.path.length < length:
+        msg = f"the road is {road.path.length:.1f} m long, the {vehicle.name} {length:.1f} m"
+        raise RoadError(msg, hint="plan along a longer part of the road")
+    if road.limits is None:
+        return
+    room = road.limits.left - road.limits.right  # linear in between: the narrowest place is a given one
+    narrowest = int(np.argmin(room))
+    if room[narrowest] < vehicle.width:
+        s = float(road.limits.s[narrowest])
+        msg = f"road limits are {room[narrowest]:.2f} m apart at s = {s:.1f} m; the {vehicle.name} is {vehicle.width:.2f} m wide"
+        raise RoadError(msg, s_m=s, hint="widen them with --half-width or --left and --right")
+
+
+def warm_up(vehicle: Vehicle, objective: Objective, make_workspace: WorkspaceMaker, settings: PlannerSettings) -> None:
+    """Plan a few metres of a bend within wide and within tight limits, so that no timed step loads or compiles anything.
+
+    Whether these plans succeed does not matter: a solver that cannot plan will say so on the user's road.
+    """
+    from contextlib import suppress
+    from dataclasses import replace
+
+    import numpy as np
+
+    from hdvplan.drive import drive
+    from hdvplan.errors import HdvplanError
+    from hdvplan.road.path import from_curvature
+    from hdvplan.road.road import Road
+
+    length = vehicle.reach_ahead + vehicle.reach_behind + settings.replan
+    bend = Road("bend", from_curvature(np.array([0.0, length]), np.array([0.0, _WARM_UP_CURVATURE])))
+    brief = replace(settings, horizon=2.0 * settings.replan)
+    for half_width in (2.0 * vehicle.width, 0.51 * vehicle.width):  # the tight ones make rows bind
+        with suppress(HdvplanError):
+            drive(bend.with_limits(half_width, half_width), vehicle, objective, make_workspace, brief)
+
+
+def _reaches(half_width: float | None, left: float | None, right: float | None) -> tuple[float, float] | None:
+    """Return the limits given as options, left and right, or None."""
+    if half_width is not None:
+        if left is not None or right is not None:
+            msg = "--half-width sets both limits; it cannot be combined with --left and --right"
+            raise OptionError(msg)
+        return half_width, half_width
+    if left is None and right is None:
+        return None
+    if left is None or right is None:
+        given, missing = ("--left", "--right") if right is None else ("--right", "--left")
+        msg = f"{given} needs {missing}"
+        raise OptionError(msg, hint="or give --half-width for both")
+    return left, right
+
+
+def _file_name(name: str) -> str:
+    return re.sub(r"[^\w.-]+", "-", name)
+
+
+def _write(result: Result, directory: Path, *, plot: bool) -> None:
+    from hdvplan.report.files import write_plan
+
+    try:
+        write_plan(result, directory, plot=plot)
+    except OSError as error:
+        msg = f"cannot write to {directory}: {error.strerror or error}"
+        raise OptionError(msg, hint="choose another folder with --out") from error
+
+
+def _print(result: Result, directory: Path) -> None:
+    from hdvplan.report.tables import balance_table, breach_table
+
+    tables = [balance_table(result, f"{directory}/")]
+    if result.balance.breaches:
+        tables.append(breach_table(result))
+    print_tables(*tables)
+
+
+def _verdict(result: Result) -> ExitCode:
+    """Return the exit code; a broken limit is an error that names the deepest place."""
+    from hdvplan.report.result import breach_text
+    from hdvplan.report.summary import needed_half_width
+
+    breaches = result.balance.breaches
+    if not breaches:
+        return ExitCode.OK
+    deepest = max(breaches, key=lambda breach: breach.depth)
+    report_error(
+        breach_text(result, deepest),
+        f"this plan sweeps a half width of {needed_half_width(result):.2f} m; `hdvplan roads info ROAD` tells what each vehicle needs",
+    )
+    return ExitCode.BROKEN

@@ -1,0 +1,246 @@
+"""``hdvplan roads``: what ships, what a road asks of a vehicle, and parametric scenarios as files."""
+
+from __future__ import annotations
+
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hdvplan.cli.console import ExitCode, note, print_json, print_tables
+from hdvplan.cli.options import CrsOption, FeatureOption, JsonOption, RoadArgument, SmoothOption, choice, road_options
+from hdvplan.errors import OptionError
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from hdvplan.report.fit import Fit, RoadFacts
+    from hdvplan.road.road import Road
+    from hdvplan.road.scenarios import Profile
+
+app = typer.Typer(help="List, examine and make roads.", rich_markup_mode=None)
+
+
+class Shape(StrEnum):
+    """The parametric scenarios."""
+
+    UTURN = "uturn"
+    ROUNDABOUT = "roundabout"
+    STURN = "sturn"
+
+
+@app.command("list")
+def list_roads(json: JsonOption = False) -> int:
+    """List the shipped roads and the scenarios."""
+    from hdvplan.report.tables import grid
+
+    listed = [*_shipped(), *_scenarios()]
+    if json:
+        print_json(listed)
+        return ExitCode.OK
+    rows = [(str(road["name"]), f"{road['length_m']:.0f}", f"{road['min_radius_m']:.1f}", str(road["kind"])) for road in listed]
+    print_tables(grid("roads", ("name", "length [m]", "radius [m]", "kind"), rows, text=("name", "kind"), one_line=("kind",)))
+    return ExitCode.OK
+
+
+@app.command("info")
+def road_info(
+    road: RoadArgument, smooth: SmoothOption = None, crs: CrsOption = None, name: FeatureOption = None, json: JsonOption = False
+) -> int:
+    """Examine a road, and which preset vehicles fit it."""
+    from hdvplan.report.fit import facts_of, fit_of
+    from hdvplan.report.summary import smoothing_of
+    from hdvplan.road.load import load_road
+    from hdvplan.vehicle.load import load_vehicle, preset_names
+
+    track = load_road(road, road_options(smooth, crs, name))
+    facts, fits = facts_of(track), [fit_of(track, load_vehicle(preset)) for preset in preset_names()]
+    if json:
+        print_json(
+            {
+                "name": facts.name,
+                "length_m": facts.length,
+                "closed": facts.closed,
+                "max_curvature_per_m": facts.max_curvature,
+                "max_curvature_s_m": facts.max_curvature_s,
+                "point_spacing_m": facts.point_spacing,
+                "narrowest_m": facts.narrowest,
+                "narrowest_s_m": facts.narrowest_s,
+                "smoothing": smoothing_of(track),
+                "notice": track.notice,
+                "vehicles": [_fit_json(fit) for fit in fits],
+            }
+        )
+        return ExitCode.OK
+    print_tables(_facts_table(track, facts), _fits_table(fits))
+    return ExitCode.OK
+
+
+@app.command("make")
+def make_road(
+    shape: Annotated[str, typer.Argument(metavar="NAME", help="uturn, roundabout or sturn.")],
+    radius: Annotated[float | None, typer.Option("--radius", metavar="M", help="Smallest radius [m]; negative turns right.")] = None,
+    max_curvature: Annotated[
+        float | None, typer.Option("--max-curvature", metavar="K", help="Largest curvature [1/m]; negative turns right.")
+    ] = None,
+    sharpness: Annotated[float | None, typer.Option("--sharpness", metavar="C", help="How fast curvature changes [1/m^2].")] = None,
+    angle: Annotated[float | None, typer.Option("--angle", metavar="DEG", help="By how much each turn turns [deg].")] = None,
+    lead_in: Annotated[float, typer.Option("--lead-in", metavar="M", help="Straight before [m].")] = 50.0,
+    lead_out: Annotated[float, typer.Option("--lead-out", metavar="M", help="Straight after [m].")] = 50.0,
+    half_width: Annotated[float | None, typer.Option("--half-width", metavar="M", help="Write limits at +-M [m] too.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="The file [default: NAME.csv]; - for stdout.")] = None,
+    json: JsonOption = False,
+) -> int:
+    """Write a parametric road as a file for `hdvplan plan`.
+
+    The file is a curvature profile (CSV: s,kappa). Without options it is the published scenario of that name.
+    """
+    from hdvplan.report.files import write_atomically
+    from hdvplan.road.road import Limits
+
+    if json and out == Path("-"):
+        msg = "--json and --out - both write to stdout"
+        raise OptionError(msg)
+    profile = _profile(Shape(choice("NAME", shape, list(Shape))), _curvature(radius, max_curvature), sharpness, angle, lead_in, lead_out)
+    if half_width is not None:
+        Limits.constant(half_width, half_width, 1.0)  # refuses what cannot be a limit
+    text = _csv(profile, half_width)
+    s, kappa = profile
+    if out == Path("-"):
+        sys.stdout.write(text)
+        return ExitCode.OK
+    path = out or Path(f"{shape}.csv")
+    try:
+        write_atomically(path, text.encode())
+    except OSError as error:
+        msg = f"cannot write {path}: {error.strerror or error}"
+        raise OptionError(msg, hint="choose another file with --out") from error
+    if json:
+        print_json({"file": str(path), "length_m": float(s[-1]), "max_curvature_per_m": float(abs(kappa).max())})
+    else:
+        note(f"wrote {path}: {s[-1]:.1f} m, radius {1 / abs(kappa).max():.2f} m")
+    return ExitCode.OK
+
+
+def _shipped() -> list[dict[str, object]]:
+    """Return the shipped roads with the numbers that their files carry; smoothing all of them would take long."""
+    import json
+
+    from hdvplan.road.library import road_file, road_names
+
+    roads = []
+    for name in road_names():
+        file = road_file(name)
+        assert file is not None  # noqa: S101 - its name was listed
+        properties = json.loads(file.read_text(encoding="utf-8"))["properties"]
+        given = {"length_m": properties["length_m"], "min_radius_m": properties["min_radius_6m_m"], "kind": properties["kind"]}
+        roads.append({"name": name, "place": properties["name"], "source": "OpenStreetMap"} | given)
+    return roads
+
+
+def _scenarios() -> list[dict[str, object]]:
+    from hdvplan.report.fit import facts_of
+    from hdvplan.road.scenarios import SCENARIOS
+
+    scenarios = []
+    for name, make in SCENARIOS.items():
+        facts = facts_of(make())
+        given = {"length_m": facts.length, "min_radius_m": 1.0 / facts.max_curvature, "kind": "scenario"}
+        scenarios.append({"name": name, "place": None, "source": "scenario"} | given)
+    return scenarios
+
+
+def _facts_table(road: Road, facts: RoadFacts) -> Table:
+    from hdvplan.report.tables import grid, smoothing_remark
+
+    curvature = f"radius {1.0 / facts.max_curvature:.2f} m, " if facts.max_curvature > 0.0 else ""
+    rows = [
+        ("length", f"{facts.length:.1f}", "m", "closed" if facts.closed else ""),
+        ("largest curvature", f"{facts.max_curvature:.4f}", "1/m", f"{curvature}at s = {facts.max_curvature_s:.1f} m"),
+    ]
+    if road.smoothing is not None and facts.point_spacing is not None:
+        rows.append(("mean point spacing", f"{facts.point_spacing:.2f}", "m", "of the given points"))
+        rows.append(("line moved by", f"{road.smoothing.max_deviation:.2f}", "m", smoothing_remark(road.smoothing)))
+    if facts.narrowest is not None:
+        rows.append(("narrowest limits", f"{facts.narrowest:.2f}", "m", f"apart, first at s = {facts.narrowest_s:.1f} m"))
+    return grid(road.name, ("", "value", "unit", "remark"), rows, text=("", "unit", "remark"), caption=road.notice)
+
+
+def _fit_json(fit: Fit) -> dict[str, object]:
+    return {
+        "vehicle": fit.vehicle,
+        "half_width_m": fit.half_width,
+        "tighter_than_balanced_circle": fit.saturated,
+        "long_enough": fit.long_enough,
+        "spare_m": fit.spare,
+        "spare_s_m": fit.spare_s,
+        "fits": fit.fits,
+    }
+
+
+def _fits_table(fits: list[Fit]) -> Table:
+    from hdvplan.report.tables import grid
+
+    rows = [(fit.vehicle, f"{fit.half_width:.2f}", "-" if fit.spare is None else f"{fit.spare:+.2f}", _fit_remark(fit)) for fit in fits]
+    columns = ("vehicle", "needs +- [m]", "spare [m]", "verdict")
+    return grid("preset vehicles, balanced by geometry", columns, rows, text=("vehicle", "verdict"))
+
+
+def _fit_remark(fit: Fit) -> str:
+    if not fit.long_enough:
+        return "longer than the road"
+    if fit.saturated:
+        return "tighter than its balanced circle"
+    if fit.spare is None:
+        return "the road has no limits"
+    return "fits" if fit.fits else f"too wide at s = {fit.spare_s:.1f} m"
+
+
+def _curvature(radius: float | None, max_curvature: float | None) -> float | None:
+    from math import isfinite
+
+    if radius is not None and max_curvature is not None:
+        msg = "--radius and --max-curvature say the same thing; give one"
+        raise OptionError(msg)
+    given = radius if max_curvature is None else max_curvature
+    if given is None:
+        return None
+    if not isfinite(given) or given == 0.0:
+        msg = f"--{'radius' if max_curvature is None else 'max-curvature'} must be a finite number other than 0, not {given:g}"
+        raise OptionError(msg)
+    return 1.0 / given if max_curvature is None else given
+
+
+def _profile(
+    shape: Shape, curvature: float | None, sharpness: float | None, angle: float | None, lead_in: float, lead_out: float
+) -> Profile:
+    """Return the scenario's profile; what is not given is the published scenario's."""
+    from math import isfinite, radians
+
+    from hdvplan.road.scenarios import sturn_profile, turn_profile, uturn_profile
+
+    for name, value in (("sharpness", sharpness), ("angle", angle)):
+        if value is not None and not (isfinite(value) and value > 0.0):
+            msg = f"--{name} must be a positive number, not {value:g}"
+            raise OptionError(msg)
+    if shape is Shape.STURN:
+        k, rate = curvature or 0.06, sharpness or 0.01
+        constant = 10.0 if angle is None else radians(angle) / abs(k) - abs(k) / rate
+        return sturn_profile(k, rate, constant=constant, lead_in=lead_in, lead_out=lead_out)
+    published, ramp = (0.060, 20.9) if shape is Shape.UTURN else (1.0 / 17.88, 5.5)
+    k = curvature or published
+    ramp = ramp if sharpness is None else abs(k) / sharpness
+    if shape is Shape.UTURN:
+        return uturn_profile(k, ramp, angle=radians(angle or 180.0), lead_in=lead_in, lead_out=lead_out)
+    constant = 135.0 if angle is None else radians(angle) / abs(k) - ramp
+    return turn_profile(k, ramp, constant, lead_in, lead_out)
+
+
+def _csv(profile: Profile, half_width: float | None) -> str:
+    """Return the profile as a road file whose numbers read back exactly."""
+    extra = "" if half_width is None else f",{half_width!r},{half_width!r}"
+    header = "s,kappa" if half_width is None else "s,kappa,left,right"
+    lines = [f"{float(s)!r},{float(kappa)!r}{extra}" for s, kappa in zip(*profile, strict=True)]
+    return "\n".join([header, *lines]) + "\n"

@@ -1,0 +1,92 @@
+"""Drive a whole road in receding horizon: plan, execute a few metres as an exact simulation, plan again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from hdvplan.centering.weights import CenteringTable
+from hdvplan.errors import PlanError, RoadError
+from hdvplan.evaluation.simulate import simulate
+from hdvplan.jit import FloatArray
+from hdvplan.planning.objectives import Objective, Residual
+from hdvplan.planning.planner import Plan, Planner
+from hdvplan.planning.settings import PlannerSettings
+from hdvplan.planning.stations import Stations, stations_of
+from hdvplan.road.road import Road
+from hdvplan.solvers.registry import WorkspaceMaker
+from hdvplan.vehicle.model import Vehicle
+
+POSE_SPACING_M = 0.25  # simulated poses are kept at least this densely
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What was executed: one sample per station from the road's start to its end, and every plan on the way."""
+
+    road: Road
+    vehicle: Vehicle
+    settings: PlannerSettings
+    stations: Stations
+    residual: Residual
+    z: FloatArray  # (samples, n), simulated states at the stations
+    kappa: FloatArray  # (samples - 1,), executed curvature [1/m]
+    poses_s: FloatArray  # (poses,), arclengths of the finer simulated states [m]
+    poses_z: FloatArray  # (poses, n)
+    plans: tuple[Plan, ...]
+    prediction_error: float  # largest difference of planned and simulated position over the executed parts [m]
+
+
+def drive(
+    road: Road,
+    vehicle: Vehicle,
+    objective: Objective,
+    make_workspace: WorkspaceMaker,
+    settings: PlannerSettings,
+    *,
+    on_progress: Callable[[float], None] | None = None,
+) -> Drive:
+    """Plan and execute ``vehicle`` along all of ``road``; ``on_progress`` receives the driven share after each step.
+
+    The vehicle starts in the stationary geometry of the road's first point and its curvature.
+
+    Raises:
+        RoadError: the road is shorter than the vehicle.
+        PlanError: the vehicle cannot be planned further, or the executed motion leaves the model's domain.
+
+    """
+    length = vehicle.reach_ahead + vehicle.reach_behind
+    if road.path.length < length:
+        msg = f"the road is {road.path.length:.1f} m long, shorter than the vehicle ({length:.1f} m)"
+        raise RoadError(msg)
+    stations = stations_of(road, vehicle, CenteringTable.of(vehicle), step=settings.step, horizon=settings.horizon)
+    residual = objective(stations)
+    planner = Planner(vehicle, stations, residual, settings, make_workspace)
+    units = vehicle.table()
+    keep = int(np.ceil(settings.step / POSE_SPACING_M))
+    total = int(np.ceil(road.path.length / settings.step - 1e-9))
+    geometry = stations.centering
+    z = np.concatenate([[geometry.e_y[0], 0.0], geometry.beta[0]])
+    kappa_before = float(np.clip(geometry.kappa[0], -vehicle.max_curvature, vehicle.max_curvature))
+    fine, executed, plans, error = [z[None]], [], [], 0.0
+    at = 0
+    while at < total:
+        plan = planner.plan(at, z, kappa_before)
+        count = min(settings.executed, total - at)
+        part = simulate(units, stations.path, float(stations.s[at]), settings.step, z, plan.kappa[:count], keep)
+        if not np.all(np.isfinite(part)):
+            s = float(stations.s[at] + settings.step / keep * np.argmin(np.isfinite(part[:, 0])))
+            msg = f"at s = {s:.1f} m the executed motion leaves the road-aligned model's domain"
+            raise PlanError(msg, s_m=s)
+        error = max(error, float(np.max(np.abs(part[::keep, 0] - plan.z[: count + 1, 0]))))
+        fine.append(part[1:])
+        executed.append(plan.kappa[:count])
+        plans.append(plan)
+        z, kappa_before, at = part[-1], float(plan.kappa[count - 1]), at + count
+        if on_progress is not None:
+            on_progress(at / total)
+    poses = np.concatenate(fine)
+    poses_s = settings.step / keep * np.arange(len(poses), dtype=np.float64)
+    return Drive(road, vehicle, settings, stations, residual, poses[::keep], np.concatenate(executed), poses_s, poses, tuple(plans), error)

@@ -1,0 +1,64 @@
+"""Every error that hdvplan raises on purpose: one root, few leaves.
+
+Callers catch ``HdvplanError``; the command line turns it into one ``error:`` line and, where the error knows what
+the user can do next, one ``hint:`` line. The numbers in a message are attributes as well, so that programs need not
+parse text.
+"""
+
+from __future__ import annotations
+
+
+class HdvplanError(Exception):
+    """Anything that hdvplan refuses to do, with the reason and, if known, the next step."""
+
+    def __init__(self, message: str, *, hint: str | None = None) -> None:
+        super().__init__(message)
+        self.hint = hint
+
+
+class RoadError(HdvplanError):
+    """A road file or geometry that cannot be used; ``s_m`` is the arclength where, if it has one."""
+
+    def __init__(self, message: str, *, s_m: float | None = None, hint: str | None = None) -> None:
+        super().__init__(message, hint=hint)
+        self.s_m = s_m
+
+
+class ProjectionError(RoadError):
+    """A point has no unique foot on the reference path: it lies beyond the centre of curvature."""
+
+    def __init__(self, message: str, *, s_m: float, offset_m: float) -> None:
+        super().__init__(message, s_m=s_m)
+        self.offset_m = offset_m
+
+
+class VehicleError(HdvplanError):
+    """A vehicle description that cannot be used; ``field`` names the entry at fault."""
+
+    def __init__(self, message: str, *, field: str | None = None, hint: str | None = None) -> None:
+        super().__init__(message, hint=hint)
+        self.field = field
+
+
+class OptionError(HdvplanError):
+    """A setting outside its range, or two settings that contradict each other."""
+
+
+class QpDataError(HdvplanError):
+    """A quadratic program handed to a solver with wrong sizes, non-finite values or crossed bounds."""
+
+
+class SolverError(HdvplanError):
+    """A solver is missing or returned nothing usable; ``status`` is its own word for it."""
+
+    def __init__(self, message: str, *, status: str | None = None, hint: str | None = None) -> None:
+        super().__init__(message, hint=hint)
+        self.status = status
+
+
+class PlanError(HdvplanError):
+    """No plan exists from here: the vehicle leaves the domain of the road-aligned model at ``s_m``."""
+
+    def __init__(self, message: str, *, s_m: float, hint: str | None = None) -> None:
+        super().__init__(message, hint=hint)
+        self.s_m = s_m

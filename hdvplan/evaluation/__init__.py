@@ -1,0 +1,1 @@
+"""Judging what was planned: exact simulation, swept envelope, balance."""

@@ -1,0 +1,95 @@
+"""How evenly a drive sweeps its road, and whether it keeps the limits: judged on the simulated envelope alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hdvplan.centering.weights import CenteringTable
+from hdvplan.drive import Drive
+from hdvplan.evaluation.envelope import Envelope, envelope_of
+from hdvplan.jit import FloatArray
+
+KEPT_M = 0.01  # a limit counts as kept when broken by no more than this, as simulated
+
+
+@dataclass(frozen=True)
+class Breach:
+    """A stretch of road over which a limit is broken."""
+
+    s_from: float  # [m]
+    s_to: float  # [m]
+    s_deepest: float  # [m]
+    depth: float  # at the deepest place [m]
+    side: str  # "left" or "right"
+    unit: int  # index of the body at the deepest place
+    region: str  # "drivable": wheels or wheelbase beyond the limit; "sweepable": a body beyond the overhangs' limit
+
+
+@dataclass(frozen=True)
+class Balance:
+    """The envelope in numbers. Reaches are positive [m]."""
+
+    max_left: float
+    max_right: float
+    mean_abs_imbalance: float  # mean over s of |left(s) + right(s)| [m]
+    expected_half_width: float  # geometric, at the road's largest curvature [m]
+    saturated: bool  # no balanced circle is as tight as the road
+    min_clearance: float | None  # to the limits; negative when broken; None without limits [m]
+    breaches: tuple[Breach, ...]  # deeper than KEPT_M, in order of s
+
+    @property
+    def imbalance(self) -> float:
+        """Largest left less largest right reach [m]."""
+        return self.max_left - self.max_right
+
+    @property
+    def violation(self) -> float:
+        """Depth of the deepest breach; 0 when all limits are kept [m]."""
+        return 0.0 if self.min_clearance is None else max(0.0, -self.min_clearance)
+
+
+def balance_of(drive: Drive, envelope: Envelope) -> Balance:
+    """Reduce a drive's envelope to the numbers that the tables show."""
+    left, right = envelope.reach_left, envelope.reach_right
+    k = drive.road.path.at(envelope.s).curvature
+    tightest = CenteringTable.of(drive.vehicle).at(np.array([np.max(np.abs(k))]))
+    clearance, breaches = _clearance(drive, envelope)
+    return Balance(
+        float(np.max(left)),
+        float(-np.min(right)),
+        float(np.mean(np.abs(left + right))),
+        float(tightest.half_width[0]),
+        bool(tightest.saturated[0]),
+        clearance,
+        breaches,
+    )
+
+
+def _clearance(drive: Drive, envelope: Envelope) -> tuple[float | None, tuple[Breach, ...]]:
+    limits = drive.road.limits
+    if limits is None:
+        return None, ()
+    left, right, left_sweep, right_sweep = limits.table(envelope.s)
+    apart = bool(np.any(left_sweep > left) or np.any(right_sweep < right))
+    region = "sweepable" if apart else "drivable"
+    gaps = {("left", region): left_sweep - envelope.left, ("right", region): envelope.right - right_sweep}
+    if apart:
+        axles = envelope_of(drive, axles_only=True)
+        gaps |= {("left", "drivable"): left - axles.left, ("right", "drivable"): axles.right - right}
+    breaches = [breach for (side, region), gap in gaps.items() for breach in _breaches(envelope.s, gap, side, region)]
+    lowest = min(float(np.nanmin(gap)) for gap in gaps.values())
+    return lowest, tuple(sorted(breaches, key=lambda breach: breach.s_from))
+
+
+def _breaches(s: FloatArray, gaps: FloatArray, side: str, region: str) -> list[Breach]:
+    """Return the stretches on which the tightest of ``gaps`` (units, n) lies below -KEPT_M."""
+    gap = np.nanmin(gaps, axis=0)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], gap < -KEPT_M, [False]]).astype(int)))
+    found = []
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        deepest = begin + int(np.argmin(gap[begin:end]))
+        unit = int(np.nanargmin(gaps[:, deepest]))
+        found.append(Breach(float(s[begin]), float(s[end - 1]), float(s[deepest]), float(-gap[deepest]), side, unit, region))
+    return found

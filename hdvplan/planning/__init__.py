@@ -1,0 +1,1 @@
+"""Planning: from stations and objective to one QP per step."""

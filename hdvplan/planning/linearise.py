@@ -1,0 +1,183 @@
+"""Write one planning step's QP: dynamics, centring objective and body limits, linearised at a given motion.
+
+Variables of the QP are deviations from that motion: x_i = (dz_i, d kappa_{i-1}), u_i = change of kappa_i - kappa_{i-1}.
+Offsets of body points are exact projections on the road; their derivative is n . dP, and because the foot moves along
+the road by t . dP / (1 - k e), limits that vary along s enter with their slope.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hdvplan.jit import FloatArray, compiled
+from hdvplan.road.path import project
+from hdvplan.vehicle.kinematics import derivative, jacobian, place, point_gradient
+
+ROWS_PER_EDGE = 2  # the tightest points of each edge that enter the QP; all points are checked after the solve
+
+
+@compiled
+def advance(
+    units: FloatArray, k: float, k_between: float, step: float, midpoint: bool, z: FloatArray, kappa: float, out: FloatArray,
+    work: FloatArray,
+) -> None:  # fmt: skip
+    """Write the state one station ahead into ``out`` (n,): explicit midpoint rule, or Euler as in [GEO].
+
+    ``work`` has shape (2, n).
+    """
+    n = z.size
+    derivative(units, k, z, kappa, work[0])
+    if midpoint:
+        for j in range(n):
+            work[1, j] = z[j] + 0.5 * step * work[0, j]
+        derivative(units, k_between, work[1], kappa, work[0])
+    for j in range(n):
+        out[j] = z[j] + step * work[0, j]
+
+
+@compiled
+def linearise_dynamics(
+    units: FloatArray, road: FloatArray, k_between: FloatArray, step: float, midpoint: bool, z: FloatArray, kappa: FloatArray,
+    begin: int, end: int, A: FloatArray, B: FloatArray, c: FloatArray,
+) -> None:  # fmt: skip
+    """Write A, B, c of the intervals begin <= i < end: dz_{i+1} = A dz_i + B d kappa_i + defect, kappa_i = kappa_{i-1} + u_i."""
+    n = z.shape[1]
+    f, a, b = np.empty(n), np.empty((n, n)), np.empty(n)
+    a_first, b_first, middle = np.empty((n, n)), np.empty(n), np.empty(n)
+    scratch = np.empty((2, n + 1))
+    for i in range(begin, end):
+        jacobian(units, road[4, i], z[i], kappa[i], f, a, b, scratch)
+        if midpoint:
+            for j in range(n):
+                middle[j] = z[i, j] + 0.5 * step * f[j]
+            a_first[:, :] = a
+            b_first[:] = b
+            jacobian(units, k_between[i], middle, kappa[i], f, a, b, scratch)
+        for j in range(n):
+            b_total = b[j]
+            for k in range(n):
+                a_total = a[j, k]
+                if midpoint:
+                    for m in range(n):
+                        a_total += 0.5 * step * a[j, m] * a_first[m, k]
+                    b_total += 0.5 * step * a[j, k] * b_first[k]
+                A[i, j, k] = step * a_total
+            A[i, j, j] += 1.0
+            A[i, j, n] = step * b_total
+            B[i, j, 0] = step * b_total
+            c[i, j] = z[i, j] + step * f[j] - z[i + 1, j]
+
+
+@compiled
+def linearise_objective(
+    units: FloatArray, coefficients: FloatArray, s_first: float, spacing: float, road: FloatArray, z: FloatArray,
+    lead: FloatArray, aux: FloatArray, target: FloatArray, feet: FloatArray, offset: FloatArray,
+    begin: int, end: int, Q: FloatArray, q: FloatArray,
+) -> int:  # fmt: skip
+    """Write Q, q of (lead e_y + aux e_aux - target)^2 at stages begin <= i < end; return -1, or the stage whose point has no foot.
+
+    ``feet`` (N+1,) holds the last feet of the auxiliary axle and is updated; ``offset`` (N+1,) receives e_aux.
+    """
+    last, n = units.shape[0] - 1, z.shape[1]
+    ahead = units[0, 0] if last == 0 else 0.0  # front axle of a single unit, own axle of the last trailer
+    poses, gradient = np.empty((units.shape[0], 6)), np.empty(n)
+    for i in range(begin, end):
+        place(units, road[0, i], road[1, i], road[2, i], road[3, i], z[i], poses)
+        x, y = poses[last, 0] + ahead * poses[last, 2], poses[last, 1] + ahead * poses[last, 3]
+        feet[i], offset[i], cos, sin, _ = project(coefficients, s_first, spacing, x, y, feet[i])
+        if np.isnan(offset[i]):
+            return i
+        point_gradient(poses, last, x, y, road[2, i], road[3, i], -sin, cos, gradient)
+        for j in range(n):
+            gradient[j] *= aux[i]
+        gradient[0] += lead[i]
+        residual = lead[i] * z[i, 0] + aux[i] * offset[i] - target[i]
+        for j in range(n):
+            q[i, j] = 2.0 * gradient[j] * residual
+            for k in range(n):
+                Q[i, j, k] = 2.0 * gradient[j] * gradient[k]
+    return -1
+
+
+@compiled
+def limit_at(limits: FloatArray, s_first: float, spacing: float, row: int, s: float) -> tuple[float, float]:
+    """Return a limit and its slope along s: linear between the table's entries, constant beyond them."""
+    place_ = (s - s_first) / spacing
+    index = min(max(int(place_), 0), limits.shape[1] - 2)
+    low, high = limits[row, index], limits[row, index + 1]
+    part = place_ - index
+    if part <= 0.0:
+        return low, 0.0 if part < 0.0 else (high - low) / spacing
+    if part > 1.0:
+        return high, 0.0
+    return low + part * (high - low), (high - low) / spacing
+
+
+@compiled
+def linearise_limits(
+    units: FloatArray, points: FloatArray, coefficients: FloatArray, s_first: float, spacing: float, road: FloatArray,
+    limits: FloatArray, limit_first: float, limit_spacing: float, margin: float, z: FloatArray, feet: FloatArray, gaps: FloatArray,
+    begin: int, end: int, G: FloatArray, h: FloatArray,
+) -> int:  # fmt: skip
+    """Write the rows G dz <= h of the tightest points of every edge at stages 1 <= begin <= i < end.
+
+    Returns -1, or a stage with a point that has no foot. The first stage is given: rows there would be constants.
+
+    ``feet`` (N+1, units, points, 2) is warm start and result; ``gaps``, same shape, receives every point's clearance [m]
+    (left edge, right edge). Row order within a stage: unit, left then right edge, tightest first.
+    """
+    n, count = z.shape[1], points.shape[1]
+    poses, along_n, along_t = np.empty((units.shape[0], 6)), np.empty(n), np.empty(n)
+    seen = np.empty((count, 7))  # of every point of one edge: x, y, offset, cos, sin, curvature at the foot, slope of the limit
+    picked = np.empty(ROWS_PER_EDGE, np.int64)
+    for i in range(begin, end):
+        place(units, road[0, i], road[1, i], road[2, i], road[3, i], z[i], poses)
+        row = 0
+        for unit in range(units.shape[0]):
+            x, y, cos_u, sin_u = poses[unit, 0], poses[unit, 1], poses[unit, 2], poses[unit, 3]
+            for side in range(2):
+                sign = 1.0 - 2.0 * side
+                across = sign * units[unit, 4]
+                picked[:] = -1
+                for point in range(count):
+                    ahead = points[unit, point, 0]
+                    px, py = x + ahead * cos_u - across * sin_u, y + ahead * sin_u + across * cos_u
+                    s, e, cos, sin, k = project(coefficients, s_first, spacing, px, py, feet[i, unit, point, side])
+                    if np.isnan(e):
+                        return i
+                    limit, slope = limit_at(limits, limit_first, limit_spacing, side + 2 * int(points[unit, point, 1]), s)
+                    gap = sign * (limit - e)
+                    feet[i, unit, point, side], gaps[i, unit, point, side] = s, gap
+                    seen[point, 0], seen[point, 1], seen[point, 2], seen[point, 3] = px, py, e, cos
+                    seen[point, 4], seen[point, 5], seen[point, 6] = sin, k, slope
+                    if picked[0] < 0 or gap < gaps[i, unit, picked[0], side]:
+                        picked[1] = picked[0]
+                        picked[0] = point
+                    elif picked[1] < 0 or gap < gaps[i, unit, picked[1], side]:
+                        picked[1] = point
+                for pick in range(ROWS_PER_EDGE):
+                    point = picked[pick]
+                    px, py, e, cos = seen[point, 0], seen[point, 1], seen[point, 2], seen[point, 3]
+                    sin, k, slope = seen[point, 4], seen[point, 5], seen[point, 6]
+                    point_gradient(poses, unit, px, py, road[2, i], road[3, i], -sin, cos, along_n)
+                    point_gradient(poses, unit, px, py, road[2, i], road[3, i], cos, sin, along_t)
+                    for j in range(n):
+                        G[i - 1, row, j] = sign * (along_n[j] - slope * along_t[j] / (1.0 - k * e))
+                    h[i - 1, row] = gaps[i, unit, point, side] - margin
+                    row += 1
+    return -1
+
+
+@compiled
+def write_inputs(
+    kappa: FloatArray, kappa_before: float, max_curvature: float, max_change: float, smoothness: float, R: FloatArray, r: FloatArray,
+    x_low: FloatArray, x_high: FloatArray, u_low: FloatArray, u_high: FloatArray,
+) -> None:  # fmt: skip
+    """Write the smoothness cost w (kappa_i - kappa_{i-1})^2 and the limits of curvature and its change."""
+    before = kappa_before
+    for i in range(kappa.size):
+        change = kappa[i] - before
+        R[i, 0, 0], r[i, 0] = 2.0 * smoothness, 2.0 * smoothness * change
+        u_low[i, 0], u_high[i, 0] = -max_change - change, max_change - change
+        x_low[i, 0], x_high[i, 0] = -max_curvature - kappa[i], max_curvature - kappa[i]
+        before = kappa[i]

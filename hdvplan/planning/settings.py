@@ -1,0 +1,77 @@
+"""The settings of planning, validated once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from hdvplan.errors import OptionError
+
+
+class Scheme(StrEnum):
+    """How often a planning step linearises and solves."""
+
+    RTI = "rti"  # once, from the shifted last plan
+    SQP = "sqp"  # until the plan stands still
+
+
+class Discretisation(StrEnum):
+    """How a planned curvature is turned into predicted states."""
+
+    MIDPOINT = "midpoint"  # explicit midpoint rule: agrees with the simulation to millimetres at 0.5 m
+    EULER = "euler"  # as in [GEO]
+
+
+@dataclass(frozen=True)
+class PlannerSettings:
+    """Everything a planner can be told. Lengths in metres.
+
+    Raises:
+        OptionError: a value outside its range, or lengths that do not divide.
+
+    """
+
+    scheme: Scheme = Scheme.RTI
+    horizon: float = 100.0
+    step: float = 0.5
+    replan: float = 5.0
+    smoothness: float = 1e3  # w_kappa, the weight of (kappa_i - kappa_{i-1})^2 against squared metres [m^4]
+    discretisation: Discretisation = Discretisation.MIDPOINT
+    margin: float = 0.0  # kept from every limit by the planner [m]
+    elastic_weight: float = 1e4  # exact penalty on a limit's violation [m]; above any multiplier seen on feasible roads
+    sqp_tolerance: float = 1e-4  # SQP ends when no state moves further [m, rad]
+    sqp_iterations: int = 50  # at most
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be planned with."""
+        for name in ("horizon", "step", "replan", "smoothness", "elastic_weight", "sqp_tolerance", "sqp_iterations"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0.0):
+                msg = f"{name} must be a positive number, not {value:g}"
+                raise OptionError(msg)
+        if not (np.isfinite(self.margin) and self.margin >= 0.0):
+            msg = f"margin must be zero or a positive number of metres, not {self.margin:g}"
+            raise OptionError(msg)
+        for name in ("horizon", "replan"):
+            ratio = getattr(self, name) / self.step
+            if abs(ratio - round(ratio)) > 1e-6 or round(ratio) < 1:  # noqa: PLR2004 - rounding of decimal inputs
+                msg = f"{name} {getattr(self, name):g} m is not a whole number of steps of {self.step:g} m"
+                raise OptionError(msg, hint="choose a step that divides both the horizon and the replanning distance")
+        if self.replan > self.horizon:
+            msg = f"the replanning distance {self.replan:g} m is longer than the horizon {self.horizon:g} m"
+            raise OptionError(msg)
+        if self.stages < 2:  # noqa: PLR2004 - a horizon of one interval has nothing to plan
+            msg = f"a horizon of {self.horizon:g} m has only one step of {self.step:g} m"
+            raise OptionError(msg)
+
+    @property
+    def stages(self) -> int:
+        """Intervals in one horizon, N."""
+        return round(self.horizon / self.step)
+
+    @property
+    def executed(self) -> int:
+        """Intervals executed before the next plan."""
+        return round(self.replan / self.step)

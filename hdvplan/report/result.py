@@ -1,0 +1,72 @@
+"""What a report is made from: an executed drive, what it swept, and how it was planned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hdvplan.centering.weights import Centering, CenteringTable
+from hdvplan.drive import Drive
+from hdvplan.evaluation.balance import Balance, Breach, balance_of
+from hdvplan.evaluation.envelope import Envelope, envelope_of
+from hdvplan.planning.planner import Plan
+from hdvplan.vehicle.model import Vehicle
+
+_PAIR = ("tractor", "trailer")
+
+
+@dataclass(frozen=True)
+class Result:
+    """A drive with its evaluation; ``expected`` is the balanced driving at the envelope's arclengths."""
+
+    drive: Drive
+    envelope: Envelope
+    balance: Balance
+    expected: Centering
+    solver: str
+    objective: str
+
+    @property
+    def failed(self) -> tuple[Plan, ...]:
+        """The planning steps whose QP solution was refused by its recomputed residual: the last plan was driven on."""
+        return tuple(plan for plan in self.drive.plans if not plan.usable)
+
+    @property
+    def two_regions(self) -> bool:
+        """Whether overhangs have limits of their own, so that a breach must say which."""
+        limits = self.drive.road.limits
+        return limits is not None and bool(np.any(limits.left_sweep > limits.left) or np.any(limits.right_sweep < limits.right))
+
+    @property
+    def status(self) -> str:
+        """``ok``, ``limits broken`` or ``some steps not solved``; a broken limit outweighs an unsolved step."""
+        if self.balance.breaches:
+            return "limits broken"
+        return "some steps not solved" if self.failed else "ok"
+
+
+def result_of(drive: Drive, *, solver: str, objective: str) -> Result:
+    """Evaluate an executed drive.
+
+    Raises:
+        PlanError: a body reached beyond the road's centre of curvature.
+
+    """
+    envelope = envelope_of(drive)
+    expected = CenteringTable.of(drive.vehicle).at(drive.road.path.at(envelope.s).curvature)
+    return Result(drive, envelope, balance_of(drive, envelope), expected, solver, objective)
+
+
+def breach_text(result: Result, breach: Breach) -> str:
+    """Return a sentence that says which body breaks which limit, by how much and where."""
+    limit = f"{breach.region} {breach.side}" if result.two_regions else breach.side
+    name = body_name(result.drive.vehicle, breach.unit)
+    return f"the {name} breaks the {limit} limit by {breach.depth:.3f} m at s = {breach.s_deepest:.1f} m"
+
+
+def body_name(vehicle: Vehicle, unit: int) -> str:
+    """Return what users call body ``unit`` (from 0): the vehicle itself, tractor or trailer, or its number from 1."""
+    if len(vehicle.units) == 1:
+        return vehicle.name
+    return _PAIR[unit] if len(vehicle.units) == len(_PAIR) else f"unit {unit + 1}"

@@ -1,0 +1,97 @@
+"""The numbers of a plan under the names that other programs read in ``summary.json``."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+import numpy as np
+
+from hdvplan import __version__
+from hdvplan.evaluation.balance import Breach
+from hdvplan.report.result import Result, body_name
+from hdvplan.road.road import Road
+from hdvplan.vehicle.model import Vehicle
+
+Json = dict[str, object]
+
+
+def summary_of(result: Result) -> Json:
+    """Return the summary, ready for ``json.dumps``: units are in the names, numbers without a value are None."""
+    drive, balance, settings = result.drive, result.balance, result.drive.settings
+    counts = np.array([plan.qp_count for plan in drive.plans])
+    return {
+        "road": drive.road.name,
+        "vehicle": drive.vehicle.name,
+        "scheme": str(settings.scheme),
+        "solver": result.solver,
+        "objective": result.objective,
+        "status": result.status,
+        "length_m": drive.road.path.length,
+        "plans": len(drive.plans),
+        "max_left_m": balance.max_left,
+        "max_right_m": balance.max_right,
+        "imbalance_m": balance.imbalance,
+        "mean_abs_imbalance_m": balance.mean_abs_imbalance,
+        "expected_half_width_m": balance.expected_half_width,
+        "tighter_than_balanced_circle": balance.saturated,
+        "needed_half_width_m": needed_half_width(result),
+        "min_clearance_m": balance.min_clearance,
+        "limit_violation_m": balance.violation if balance.breaches else 0.0,
+        "breaches": [_breach(breach, drive.vehicle) for breach in balance.breaches],
+        "failed_steps": [float(drive.stations.s[plan.first]) for plan in result.failed],
+        "prediction_error_m": drive.prediction_error,
+        "sqp_iterations_mean": float(np.mean(counts)),
+        "sqp_iterations_max": int(np.max(counts)),
+        "time_ms": step_times_ms(result),
+        "smoothing": smoothing_of(drive.road),
+        "settings": {name: str(value) if isinstance(value, str) else value for name, value in asdict(settings).items()},
+        "notice": drive.road.notice,
+        "version": __version__,
+    }
+
+
+def needed_half_width(result: Result) -> float:
+    """Return the constant half width that would have held everything the plan swept [m]."""
+    return max(result.balance.max_left, result.balance.max_right)
+
+
+def step_times_ms(result: Result) -> dict[str, float]:
+    """Return the distribution of the time of one whole planning step [ms]; ``first`` is the cold start."""
+    times = 1e3 * np.array([plan.times.total for plan in result.drive.plans])
+    p50, p95, p99 = np.percentile(times, [50, 95, 99])
+    return {
+        "mean": float(np.mean(times)),
+        "p50": float(p50),
+        "p95": float(p95),
+        "p99": float(p99),
+        "max": float(np.max(times)),
+        "first": float(times[0]),
+    }
+
+
+def smoothing_of(road: Road) -> Json | None:
+    """Return what smoothing did to the given points, or None for a road that needed none."""
+    smoothing = road.smoothing
+    if smoothing is None:
+        return None
+    return {
+        "points": smoothing.points,
+        "duplicates": smoothing.duplicates,
+        "max_deviation_m": smoothing.max_deviation,
+        "max_deviation_s_m": smoothing.max_deviation_s,
+        "rms_deviation_m": smoothing.rms_deviation,
+        "max_curvature_per_m": smoothing.max_curvature,
+        "max_curvature_s_m": smoothing.max_curvature_s,
+    }
+
+
+def _breach(breach: Breach, vehicle: Vehicle) -> Json:
+    return {
+        "s_from": breach.s_from,
+        "s_to": breach.s_to,
+        "s_deepest": breach.s_deepest,
+        "depth_m": breach.depth,
+        "side": breach.side,
+        "unit": body_name(vehicle, breach.unit),
+        "region": breach.region,
+    }

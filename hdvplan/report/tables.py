@@ -1,0 +1,113 @@
+"""Tables for the terminal: values in, a rich table out. Nothing here prints."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from rich import box
+from rich.table import Table
+from rich.text import Text
+
+from hdvplan.report.result import Result, body_name
+from hdvplan.report.summary import needed_half_width, step_times_ms
+from hdvplan.road.road import Smoothing
+
+MOST_BREACHES = 10  # listed; the summary file holds all
+
+
+def grid(
+    title: str,
+    columns: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    *,
+    text: Sequence[str] = (),
+    one_line: Sequence[str] = (),
+    caption: str | None = None,
+) -> Table:
+    """Return a table of ready strings; columns are right-aligned as numbers are, but for those named in ``text``.
+
+    Where space is short, text is broken or, in columns named in ``one_line``, cut; numbers and the first column, which
+    names the row, stay whole.
+    """
+    table = Table(title=Text(title), title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False)
+    if caption is not None:
+        table.caption, table.caption_justify, table.caption_style = Text(caption), "left", ""
+    for number, column in enumerate(columns):
+        table.add_column(
+            Text(column.replace(" [", "\n[")),  # units on a line of their own; Text, as square brackets are markup in a string
+            justify="left" if column in text else "right",
+            overflow="fold",
+            no_wrap=number == 0 or column not in text,
+        )
+    for row in rows:
+        table.add_row(*(_cut(cell) if column in one_line else Text(cell) for column, cell in zip(columns, row, strict=True)))
+    return table
+
+
+def _cut(cell: str) -> Text:
+    return Text(cell, no_wrap=True, overflow="ellipsis")
+
+
+def balance_table(result: Result, directory: str) -> Table:
+    """Return the envelope balance of one plan: a quantity, its value and unit, and a remark a row."""
+    drive, balance = result.drive, result.balance
+    times = step_times_ms(result)
+    tighter = (
+        "the road is tighter than the vehicle's tightest balanced circle" if balance.saturated else "geometric, where the road is tightest"
+    )
+    rows = [
+        ("max left", f"{balance.max_left:.3f}", "m", ""),
+        ("max right", f"{balance.max_right:.3f}", "m", ""),
+        ("imbalance", f"{balance.imbalance:+.3f}", "m", "max left - max right"),
+        ("mean |left + right|", f"{balance.mean_abs_imbalance:.3f}", "m", "over the whole road"),
+        ("expected half width", f"{balance.expected_half_width:.3f}", "m", tighter),
+        ("min clearance", "-" if balance.min_clearance is None else f"{balance.min_clearance:.3f}", "m", _limits_remark(result)),
+        ("prediction error", f"{1e3 * drive.prediction_error:.1f}", "mm", "planned against simulated position, largest"),
+        ("time per step", f"{times['mean']:.2f}", "ms", f"mean; p95 {times['p95']:.2f}, max {times['max']:.2f}"),
+        ("plans", f"{len(drive.plans)}", "", _plans_remark(result)),
+    ]
+    if drive.road.smoothing is not None:
+        rows.insert(0, ("line moved by", f"{drive.road.smoothing.max_deviation:.2f}", "m", smoothing_remark(drive.road.smoothing)))
+    rows.insert(0, ("road length", f"{drive.road.path.length:.1f}", "m", ""))
+    title = f"{drive.vehicle.name} on {drive.road.name} ({drive.settings.scheme}, {result.solver}, {result.objective})"
+    return grid(title, ("", "value", "unit", "remark"), rows, text=("", "unit", "remark"), caption=f"written to {directory}")
+
+
+def breach_table(result: Result) -> Table:
+    """Return the first broken limits in order of s; the region only where overhangs have limits of their own."""
+    breaches = result.balance.breaches
+    columns = ["from [m]", "to [m]", "deepest [m]", "depth [m]", "side", "body"]
+    rows = []
+    for breach in breaches[:MOST_BREACHES]:
+        place = [f"{breach.s_from:.1f}", f"{breach.s_to:.1f}", f"{breach.s_deepest:.1f}"]
+        rows.append([*place, f"{breach.depth:.3f}", breach.side, body_name(result.drive.vehicle, breach.unit)])
+        if result.two_regions:
+            rows[-1].append(breach.region)
+    if result.two_regions:
+        columns.append("region")
+    title = f"broken limits ({len(rows)} of {len(breaches)})" if len(breaches) > len(rows) else "broken limits"
+    return grid(title, columns, rows, text=("side", "body", "region"))
+
+
+def smoothing_remark(smoothing: Smoothing) -> str:
+    """Return what smoothing did, in words."""
+    dropped = f", {smoothing.duplicates} duplicate" + ("s" if smoothing.duplicates > 1 else "") if smoothing.duplicates else ""
+    return (
+        f"smoothed {smoothing.points} points{dropped}; most at s = {smoothing.max_deviation_s:.1f} m, rms {smoothing.rms_deviation:.2f} m"
+    )
+
+
+def _limits_remark(result: Result) -> str:
+    balance = result.balance
+    if balance.min_clearance is None:
+        return f"limits off; the plan needs a half width of {needed_half_width(result):.2f} m"
+    if not balance.breaches:
+        return "limits kept"
+    deepest = max(balance.breaches, key=lambda breach: breach.depth)
+    return f"limits broken by {deepest.depth:.3f} m at s = {deepest.s_deepest:.1f} m"
+
+
+def _plans_remark(result: Result) -> str:
+    settings, failed = result.drive.settings, len(result.failed)
+    text = f"every {settings.replan:g} m, {settings.horizon:g} m ahead"
+    return f"{text}; {failed} not solved, the last plan was driven on" if failed else text

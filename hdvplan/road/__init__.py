@@ -1,0 +1,1 @@
+"""Roads: reading, smoothing, the reference path and its limits."""

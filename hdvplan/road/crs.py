@@ -1,0 +1,117 @@
+"""Coordinate reference systems: between degrees or map coordinates and a plane in metres. The only user of pyproj."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from pyproj import CRS, Transformer
+from pyproj.exceptions import CRSError
+
+from hdvplan.errors import RoadError
+from hdvplan.jit import FloatArray
+
+LONLAT = "OGC:CRS84"
+_LARGEST_LON, _LARGEST_LAT = 180.0, 90.0  # [deg]
+ToLonLat = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
+
+
+@dataclass(frozen=True)
+class Plane:
+    """Points in a plane, shape (n, 2), x east, y north [m], and the way back to longitude and latitude [deg]."""
+
+    points: FloatArray
+    to_lonlat: ToLonLat
+
+
+def parse_crs(name: str) -> CRS:
+    """Return the coordinate reference system called ``name``, such as ``EPSG:3006``.
+
+    Raises:
+        RoadError: unknown, Web Mercator, not in metres or degrees, or neither projected nor geographic.
+
+    """
+    try:
+        crs = CRS.from_user_input(name)
+    except CRSError as error:
+        msg = f"unknown coordinate reference system {name!r}"
+        raise RoadError(msg, hint="give an EPSG code, such as --crs EPSG:3006") from error
+    if crs.is_projected:
+        operation = crs.coordinate_operation
+        if operation is not None and "Pseudo Mercator" in operation.method_name:
+            msg = f"{name} is Web Mercator, whose lengths are wrong by 50 % and more away from the equator"
+            raise RoadError(msg, hint="give longitude and latitude, or a metric system such as UTM")
+        units = {axis.unit_name for axis in crs.axis_info[:2]}
+        if units != {"metre"}:
+            msg = f"{name} measures in {', '.join(sorted(units))}, not in metres"
+            raise RoadError(msg, hint="convert the road to longitude and latitude or to a metric system first")
+    elif not crs.is_geographic:
+        msg = f"{name} is neither a projected nor a geographic coordinate reference system"
+        raise RoadError(msg, hint="give an EPSG code, such as --crs EPSG:3006")
+    return crs
+
+
+def to_plane(points: FloatArray, name: str = LONLAT) -> Plane:
+    """Return points of the system ``name`` in a plane: projected ones as they are, geographic ones projected.
+
+    ``points`` has shape (n, 2): easting and northing [m] or longitude and latitude [deg], always in this order. The
+    projection is a transverse Mercator at the middle of the points' extent with scale 1: its lengths are right to
+    1e-6 within 9 km of that meridian.
+
+    Raises:
+        RoadError: an unusable system, or points outside the area where it is defined.
+
+    """
+    crs = parse_crs(name)
+    if crs.is_projected:
+        back = Transformer.from_crs(crs, LONLAT, always_xy=True)
+        plane = points
+    else:
+        lonlat = points if name == LONLAT else _transformed(Transformer.from_crs(crs, LONLAT, always_xy=True), points)
+        lon = np.unwrap(lonlat[:, 0], period=360.0)  # a road may cross the antimeridian
+        lon_0, lat_0 = 0.5 * (lon.min() + lon.max()), 0.5 * (lonlat[:, 1].min() + lonlat[:, 1].max())
+        local = CRS.from_proj4(f"+proj=tmerc +lat_0={lat_0:.9f} +lon_0={lon_0:.9f} +k=1 +x_0=0 +y_0=0 +ellps=WGS84 +units=m")
+        back = Transformer.from_crs(local, LONLAT, always_xy=True)
+        plane = _transformed(Transformer.from_crs(LONLAT, local, always_xy=True), lonlat)
+    if not np.all(np.isfinite(_transformed(back, plane))):
+        msg = f"the coordinates lie outside the area of {name}"
+        raise RoadError(msg, hint="check --crs and that the order is easting, northing (or longitude, latitude)")
+
+    def to_lonlat(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        lon, lat = back.transform(x, y)
+        return np.asarray(lon, dtype=float), np.asarray(lat, dtype=float)
+
+    return Plane(plane, to_lonlat)
+
+
+def is_geographic(name: str) -> bool:
+    """Tell whether the system's coordinates are degrees.
+
+    Raises:
+        RoadError: an unusable system.
+
+    """
+    return not parse_crs(name).is_projected
+
+
+def check_lonlat(points: FloatArray, where: str) -> None:
+    """Refuse longitudes and latitudes [deg], shape (n, 2), that cannot be any; ``where`` begins the message.
+
+    Raises:
+        RoadError: a value outside its range; says so if the two look swapped or metric.
+
+    """
+    lon, lat = points.T
+    outside = np.flatnonzero((np.abs(lon) > _LARGEST_LON) | (np.abs(lat) > _LARGEST_LAT))
+    if outside.size == 0:
+        return
+    at = int(outside[0])
+    msg = f"{where}: point {at + 1} has longitude {lon[at]:g}, latitude {lat[at]:g}, outside +-180 and +-90 degrees"
+    if np.all(np.abs(lon) <= _LARGEST_LAT) and np.all(np.abs(lat) <= _LARGEST_LON):
+        raise RoadError(msg, hint="longitude and latitude look swapped: longitude comes first")
+    raise RoadError(msg, hint="if the coordinates are metres, name their system, such as --crs EPSG:3006")
+
+
+def _transformed(transformer: Transformer, points: FloatArray) -> FloatArray:
+    return np.stack(transformer.transform(points[:, 0], points[:, 1]), axis=1)

@@ -1,0 +1,185 @@
+"""Read a road from GeoJSON (RFC 7946): one line, chosen by name when there are several."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import shapely
+
+from hdvplan.errors import RoadError
+from hdvplan.jit import FloatArray
+from hdvplan.road.crs import LONLAT, Plane, check_lonlat, is_geographic, to_plane
+from hdvplan.road.raw import RawRoad
+
+Json = dict[str, Any]
+_SNAP_M = 0.01
+_IDS = ("name", "id", "@id", "osm_id", "ref")
+
+
+@dataclass(frozen=True)
+class _Line:
+    """A line feature: its parts' raw coordinates, its properties, and what it may be called."""
+
+    parts: list[Any]
+    properties: Json
+    labels: tuple[str, ...]
+
+
+def read_geojson(text: str, name: str, *, crs: str | None = None, feature: str | None = None) -> RawRoad:
+    """Return the road in a GeoJSON text; ``name`` begins the messages, ``feature`` is the name or id of the line.
+
+    ``crs`` overrides the file's own ``crs`` member; without either, coordinates are longitude and latitude.
+
+    Raises:
+        RoadError: no line, several lines and none chosen, parts that do not join, or impossible coordinates.
+
+    """
+    try:
+        document = json.loads(text)
+    except ValueError as error:
+        msg = f"{name} is not valid JSON: {error}"
+        raise RoadError(msg) from error
+    if not isinstance(document, dict) or not isinstance(document.get("type"), str):
+        msg = f"{name} is not GeoJSON: it has no 'type'"
+        raise RoadError(msg)
+    line = _chosen(_lines(document, name), feature, name)
+    parts = [_coordinates(part, name) for part in line.parts]
+    system = crs or _member_crs(document, name)
+    everything = np.concatenate(parts)
+    if is_geographic(system):
+        check_lonlat(everything, name)
+    plane = to_plane(everything, system)
+    points = _joined(_split(plane, parts), name)
+    return RawRoad(points, _reaches(line.properties, len(points), name), to_lonlat=plane.to_lonlat, notice=_notice(line.properties))
+
+
+def _member_crs(document: Json, name: str) -> str:
+    """Return the system that an old GeoJSON file names, else longitude and latitude."""
+    member = document.get("crs")
+    if member is None:
+        return LONLAT
+    system = member.get("properties", {}).get("name") if isinstance(member, dict) else None
+    if not isinstance(system, str):
+        msg = f"{name}: the 'crs' member names no coordinate reference system"
+        raise RoadError(msg, hint="name it, such as --crs EPSG:3006")
+    return LONLAT if system.endswith("CRS84") else system
+
+
+def _lines(document: Json, name: str) -> list[_Line]:
+    """Return every line feature of the document."""
+    kind = document["type"]
+    if kind == "FeatureCollection":
+        features = document.get("features")
+        if not isinstance(features, list) or not all(isinstance(item, dict) for item in features):
+            msg = f"{name}: 'features' must be a list of features"
+            raise RoadError(msg)
+    else:
+        features = [document] if kind == "Feature" else [{"geometry": document}]
+    found: list[_Line] = []
+    for item in features:
+        properties = item.get("properties") or {}
+        labels = tuple(str(source[key]) for source in (properties, item) for key in _IDS if source.get(key) is not None)
+        for geometry in _flat(item.get("geometry")):
+            if geometry["type"] in {"Polygon", "MultiPolygon"} and "region" in properties:
+                msg = f"{name}: the polygon with region {properties['region']!r} cannot be used: regions are not supported yet"
+                raise RoadError(msg)
+            if geometry["type"] in {"LineString", "MultiLineString"}:
+                coordinates = geometry.get("coordinates")
+                parts = [coordinates] if geometry["type"] == "LineString" else coordinates
+                if not isinstance(parts, list) or not parts:
+                    msg = f"{name}: a {geometry['type']} has no coordinates"
+                    raise RoadError(msg)
+                found.append(_Line(parts, properties, labels))
+    return found
+
+
+def _flat(geometry: object) -> list[Json]:
+    if not isinstance(geometry, dict) or not isinstance(geometry.get("type"), str):
+        return []
+    if geometry["type"] == "GeometryCollection":
+        return [inner for member in geometry.get("geometries") or [] for inner in _flat(member)]
+    return [geometry]
+
+
+def _chosen(lines: list[_Line], feature: str | None, name: str) -> _Line:
+    if not lines:
+        msg = f"{name}: no LineString or MultiLineString in it"
+        raise RoadError(msg, hint="a road is a line feature; simplified map edges may have lost theirs")
+    matching = lines if feature is None else [line for line in lines if feature in line.labels]
+    if len(matching) == 1:
+        return matching[0]
+    names = ", ".join(repr(line.labels[0]) if line.labels else "(unnamed)" for line in (matching or lines)[:20])
+    if feature is None:
+        msg = f"{name}: {len(lines)} lines, and none is chosen: {names}"
+        raise RoadError(msg, hint="choose one with --name or --id")
+    if matching:
+        msg = f"{name}: {len(matching)} lines are called {feature!r}"
+        raise RoadError(msg, hint="choose by a unique --id")
+    msg = f"{name}: no line is called {feature!r}; there are {names}"
+    raise RoadError(msg)
+
+
+def _coordinates(part: object, name: str) -> FloatArray:
+    """Return a part's first two coordinates, shape (n, 2); heights are dropped."""
+    if not isinstance(part, list) or len(part) < 2:  # noqa: PLR2004
+        msg = f"{name}: a line needs at least two points, this one has {len(part) if isinstance(part, list) else 0}"
+        raise RoadError(msg)
+    for number, position in enumerate(part, start=1):
+        numeric = isinstance(position, list) and all(
+            isinstance(value, int | float) and not isinstance(value, bool) for value in position[:2]
+        )
+        if not numeric or len(position) < 2 or not np.all(np.isfinite(np.array(position[:2], dtype=float))):  # noqa: PLR2004
+            msg = f"{name}: point {number} is not a pair of finite numbers: {json.dumps(position)[:60]}"
+            raise RoadError(msg)
+    return np.array([position[:2] for position in part], dtype=float)
+
+
+def _split(plane: Plane, parts: list[FloatArray]) -> list[FloatArray]:
+    return np.split(plane.points, np.cumsum([len(part) for part in parts])[:-1])
+
+
+def _joined(parts: list[FloatArray], name: str) -> FloatArray:
+    """Return one line from parts that join end to start, in their own direction, whatever their order."""
+    in_order = all(np.hypot(*(after[0] - before[-1])) <= _SNAP_M for before, after in pairwise(parts))
+    if in_order:
+        return np.concatenate(parts)
+    ends = np.array([point for part in parts for point in (part[0], part[-1])])
+    for i, part in enumerate(parts):
+        for row in (0, -1):
+            near = int(np.argmax(np.hypot(*(ends - part[row]).T) <= _SNAP_M))
+            parts[i][row] = ends[near]
+    merged = shapely.line_merge(shapely.MultiLineString(parts), directed=True)
+    if isinstance(merged, shapely.LineString):
+        return np.asarray(merged.coords, dtype=float)
+    pieces = [np.asarray(piece.coords, dtype=float) for piece in merged.geoms]
+    gaps = [min(float(np.hypot(*(other[0] - piece[-1]))) for j, other in enumerate(pieces) if j != i) for i, piece in enumerate(pieces)]
+    listed = ", ".join(f"{gap:.2f} m" for gap in sorted(gaps)[: len(pieces) - 1][:10])
+    msg = f"{name}: the line's {len(parts)} parts do not join to one; from an end to the next start there are gaps of {listed}"
+    raise RoadError(msg, hint="join the parts, or turn the ones that run backwards")
+
+
+def _reaches(properties: Json, count: int, name: str) -> FloatArray | None:
+    given = [key for key in ("left_m", "right_m", "width_m") if properties.get(key) is not None]
+    if not given:
+        return None
+    if set(given) not in ({"left_m", "right_m"}, {"width_m"}):
+        msg = f"{name}: properties {', '.join(given)} do not give the width: left_m with right_m, or width_m alone"
+        raise RoadError(msg)
+    for key in given:
+        value = properties[key]
+        if isinstance(value, bool) or not isinstance(value, int | float) or not (np.isfinite(value) and value > 0.0):
+            msg = f"{name}: property {key} must be a positive number of metres, not {value!r}"
+            raise RoadError(msg)
+    left, right = (0.5 * properties["width_m"],) * 2 if given == ["width_m"] else (properties["left_m"], properties["right_m"])
+    return np.tile(np.array([[left], [right], [left], [right]], dtype=float), count)
+
+
+def _notice(properties: Json) -> str | None:
+    """Return the short attribution: its first sentence and the licence."""
+    attribution = str(properties.get("attribution") or "").split(". ")[0].rstrip(".")
+    licence = str(properties.get("licence") or properties.get("license") or "").replace("-", " ")
+    return ", ".join(part for part in (attribution, licence) if part) or None

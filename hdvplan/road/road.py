@@ -1,0 +1,84 @@
+"""A road: its reference path, its limits along s, and where it came from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hdvplan.errors import OptionError, RoadError
+from hdvplan.jit import FloatArray
+from hdvplan.road.path import ReferencePath
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Signed lateral limits [m] at increasing arclengths ``s`` [m]: left positive, right negative, linear between.
+
+    ``left`` and ``right`` bound wheels and everything between the axles (the drivable region of [BUS]); overhangs may
+    reach ``left_sweep`` and ``right_sweep``, which are at least as wide. Beyond the ends the last value holds.
+    """
+
+    s: FloatArray
+    left: FloatArray
+    right: FloatArray
+    left_sweep: FloatArray
+    right_sweep: FloatArray
+
+    def __post_init__(self) -> None:
+        """Refuse limits that cross, or that give overhangs less room than wheels."""
+        for bad, what in (
+            (self.left <= self.right, "the left limit lies right of the right limit"),
+            (self.left_sweep < self.left, "overhangs have less room than wheels on the left"),
+            (self.right_sweep > self.right, "overhangs have less room than wheels on the right"),
+        ):
+            if np.any(bad):
+                s = float(self.s[int(np.argmax(bad))])
+                msg = f"{what} at s = {s:.1f} m"
+                raise RoadError(msg, s_m=s)
+
+    @classmethod
+    def constant(cls, left: float, right: float, length: float) -> Limits:
+        """Return limits that are the same everywhere; ``left`` and ``right`` are positive reaches [m]."""
+        for side, reach in (("left", left), ("right", right)):
+            if not (np.isfinite(reach) and reach > 0.0):
+                msg = f"the {side} limit must be a positive number of metres, not {reach:g}"
+                raise OptionError(msg)
+        s = np.array([0.0, length])
+        one = np.ones(2)
+        return cls(s, left * one, -right * one, left * one, -right * one)
+
+    def table(self, s: FloatArray) -> FloatArray:
+        """Return the limits at arclengths ``s`` [m]: rows left, right, left_sweep, right_sweep; shape (4, len(s))."""
+        columns = (self.left, self.right, self.left_sweep, self.right_sweep)
+        return np.stack([np.interp(s, self.s, column) for column in columns])
+
+
+@dataclass(frozen=True)
+class Smoothing:
+    """What the loader did to the given points to get a usable reference path."""
+
+    points: int  # given points
+    duplicates: int  # points dropped because they repeat their neighbour
+    max_deviation: float  # furthest that the line was moved [m]
+    max_deviation_s: float  # where [m]
+    rms_deviation: float  # [m]
+    max_curvature: float  # of the smoothed line [1/m]
+    max_curvature_s: float  # where [m]
+
+
+@dataclass(frozen=True)
+class Road:
+    """A named road that a vehicle can be planned along."""
+
+    name: str
+    path: ReferencePath
+    limits: Limits | None = None
+    smoothing: Smoothing | None = None
+    to_lonlat: Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]] | None = None  # x, y [m] -> degrees
+    notice: str | None = None  # attribution that figures made from this road must carry
+
+    def with_limits(self, left: float, right: float) -> Road:
+        """Return the road with constant limits; ``left`` and ``right`` are positive reaches [m]."""
+        return replace(self, limits=Limits.constant(left, right, self.path.length))

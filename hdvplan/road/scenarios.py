@@ -1,0 +1,108 @@
+"""Parametric roads of the papers: U-turns, a roundabout, S-turns (spec, section 6).
+
+A profile is a pair (s, kappa) of arrays of equal shape, [m] and [1/m], linear between its points; a left turn is
+positive. ``[GEO]``, ``[ART]``: see the README's references.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+
+import numpy as np
+
+from hdvplan.errors import OptionError
+from hdvplan.jit import FloatArray
+from hdvplan.road.path import from_curvature
+from hdvplan.road.road import Road
+
+Profile = tuple[FloatArray, FloatArray]
+
+_LEAD_M = 50.0  # straight before and after: the roundabout's of [GEO] fig. 8, taken for all
+_ART_HORIZON_M = 134.2  # [ART] table 2
+_ART_LEAD_IN_M = 40.0
+
+
+def turn_profile(curvature: float, ramp: float, constant: float, lead_in: float = _LEAD_M, lead_out: float = _LEAD_M) -> Profile:
+    """Return straight, ramp, constant ``curvature`` [1/m], ramp, straight; lengths [m].
+
+    Raises:
+        OptionError: a length is negative or the ramp is zero (curvature must be continuous).
+
+    """
+    return _profile([lead_in, ramp, constant, ramp, lead_out], [0.0, 0.0, curvature, curvature, 0.0, 0.0])
+
+
+def uturn_profile(
+    curvature: float = 0.060, ramp: float = 20.9, *, angle: float = np.pi, lead_in: float = _LEAD_M, lead_out: float = _LEAD_M
+) -> Profile:
+    """Return a turn by ``angle`` [rad] with largest ``curvature`` [1/m]; the defaults are [GEO] fig. 7.
+
+    Raises:
+        OptionError: the ramps [m] alone turn by more than ``angle``, or a length is negative.
+
+    """
+    return turn_profile(curvature, ramp, angle / abs(curvature) - ramp, lead_in, lead_out)
+
+
+def sturn_profile(
+    curvature: float = 0.06, sharpness: float = 0.01, *, constant: float = 10.0, lead_in: float = _LEAD_M, lead_out: float = _LEAD_M
+) -> Profile:
+    """Return a left and a right turn of largest ``curvature`` [1/m], changing by ``sharpness`` [1/m^2], after [GEO] fig. 11.
+
+    How long [GEO] keeps the largest curvature is not published; ``constant`` [m] is ours.
+
+    Raises:
+        OptionError: a length or the sharpness is not positive.
+
+    """
+    if not sharpness > 0.0:
+        msg = f"the sharpness must be positive, not {sharpness:g} 1/m^2"
+        raise OptionError(msg)
+    ramp = abs(curvature) / sharpness
+    lengths = [lead_in, ramp, constant, 2.0 * ramp, constant, ramp, lead_out]
+    return _profile(lengths, [0.0, 0.0, curvature, curvature, -curvature, -curvature, 0.0, 0.0])
+
+
+def uturn() -> Road:
+    """Return the bus's U-turn of [GEO] fig. 7 with limits at +-3.0 m."""
+    return _road("uturn", uturn_profile()).with_limits(3.0, 3.0)
+
+
+def uturn_articulated() -> Road:
+    """Return the U-turn of [ART] table 2: curvature 0.065 1/m, 134.2 m in all, sharp ramps, no limits."""
+    curvature, ramp = 0.065, 1.0
+    turning = np.pi / curvature + ramp
+    profile = uturn_profile(curvature, ramp, lead_in=_ART_LEAD_IN_M, lead_out=_ART_HORIZON_M - _ART_LEAD_IN_M - turning)
+    return _road("uturn_articulated", profile)
+
+
+def roundabout() -> Road:
+    """Return the roundabout of [GEO] figs. 8-10: radius 17.88 m, 135 m long, limits at +-3.56 m."""
+    return _road("roundabout", turn_profile(1.0 / 17.88, 5.5, 135.0)).with_limits(3.56, 3.56)
+
+
+def sturn() -> Road:
+    """Return an S-turn from the middle of [GEO] fig. 11's range; no limits are published."""
+    return _road("sturn", sturn_profile())
+
+
+SCENARIOS: Mapping[str, Callable[[], Road]] = MappingProxyType(
+    {"roundabout": roundabout, "sturn": sturn, "uturn": uturn, "uturn_articulated": uturn_articulated}
+)
+
+
+def _profile(lengths: list[float], curvature: list[float]) -> Profile:
+    """Return the profile of pieces of the given lengths; pieces of constant curvature may have length zero."""
+    pieces, kappa = np.array(lengths), np.array(curvature)
+    changes = np.diff(kappa) != 0.0
+    bad = (pieces < 0.0) | (changes & (pieces <= 0.0)) | ~np.isfinite(pieces)
+    if np.any(bad) or not np.all(np.isfinite(kappa)):
+        msg = f"a road cannot be made of pieces of {', '.join(f'{piece:g}' for piece in pieces)} m"
+        raise OptionError(msg, hint="lengths must not be negative, and curvature needs a ramp to change on")
+    keep = np.append(True, pieces > 0.0)
+    return np.concatenate([[0.0], np.cumsum(pieces)])[keep], kappa[keep]
+
+
+def _road(name: str, profile: Profile) -> Road:
+    return Road(name, from_curvature(*profile))

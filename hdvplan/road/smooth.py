@@ -1,0 +1,295 @@
+"""From raw map vertices to a reference path: as near to them as a bounded, continuous curvature allows.
+
+Map lines are polylines, and a polyline has no curvature. Gaussian filters and unconstrained splines cut corners by an
+amount that nobody chose, so the line is found by optimisation instead: a quadratic program over the offsets from a
+base line (``offsets.py``), solved again on its own result until the offsets vanish (sequential convex programming).
+What it minimises is a smoothing spline's trade of fit against change of curvature, which leaves straights and arcs
+where they are.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d
+
+from hdvplan.errors import ProjectionError, RoadError
+from hdvplan.jit import FloatArray, IntArray
+from hdvplan.road.offsets import Stations, solve_offsets
+from hdvplan.road.path import KNOT_SPACING_M, ReferencePath, from_samples
+from hdvplan.road.road import Smoothing
+
+MIN_LENGTH_M = 5.0
+MAX_LENGTH_M = 200e3
+_DUPLICATE_M = 0.02
+_STATION_M = 1.0  # the unknown offsets stand this far apart: a spline knot a metre holds a radius of 8 m to 0.2 %
+_FEWEST_CELLS = 8  # of a very short road
+_DENSE_M = 1.0  # longer segments of the given line are sampled: the points between are as good as the given ones
+_WIDEST_SIGMA_M = 10.0  # of the Gaussian that makes the first line; else as wide as the tightest radius
+_SPACING_SHARE = 1.25  # smoothing length over the points' spacing
+_LONGEST_M = 5.0  # smoothing length, and
+_ROUGH_M = 1.0  # the third difference of positions from which on it is used
+_SETTLED_M = 0.01  # size of the offsets at which the base line is its own solution
+_ENOUGH_ROUNDS = 10  # where both bounds leave next to no choice, the line may creep along; then keeping them will do
+_MAX_ROUNDS = 40
+_BOUND_SHARE = 0.995  # of both bounds goes into the program: between stations the line exceeds it by less than the rest
+_CURVATURE_EXCESS = 1.005  # accepted on the final line
+_SLACK_M = 1e-3  # of the deviation bound
+_SMALLEST_SHARE = 0.125  # of the offsets that a round may go, once whole steps do not settle
+_LARGEST_TURN = 0.5  # offsets times curvature in one round; at 1 the offset line would fold
+_MARGIN_M = 10.0  # a datum's foot may lie beyond the ends while the line still moves
+
+
+@dataclass(frozen=True)
+class SmoothedLine:
+    """A reference path, what it cost in deviation, and the arclengths of the given points on it, shape (points,) [m]."""
+
+    path: ReferencePath
+    smoothing: Smoothing
+    s_points: FloatArray
+
+
+@dataclass(frozen=True)
+class _Line:
+    """A C2 spline through stations at equal arclengths."""
+
+    spline: CubicSpline[np.float64]
+    stations: Stations
+
+    def path(self) -> ReferencePath:
+        """Return the spline itself as a path's table, with the fourth and fifth powers zero, extended at the ends."""
+        table = np.zeros((self.spline.c.shape[1], 12))
+        table[:, 0:4], table[:, 6:10] = self.spline.c[::-1, :, 0].T, self.spline.c[::-1, :, 1].T
+        stations = self.stations
+        path = ReferencePath(table, 0.0, stations.spacing, stations.length, stations.closed)
+        return path.extended(_MARGIN_M, _MARGIN_M)
+
+
+def smooth_line(points: FloatArray, *, closed: bool, max_deviation: float, max_curvature: float) -> SmoothedLine:
+    """Return the smoothest path within ``max_deviation`` [m] of a polyline and with |curvature| <= ``max_curvature`` [1/m].
+
+    ``points`` has shape (n, 2) [m]; a closed line repeats its first point at the end. An open path starts and ends
+    exactly in the given end points. The deviation is measured from the given points and from the polyline between them;
+    it holds to 1 mm, the curvature to 1 %.
+
+    Raises:
+        RoadError: the line is too short or too long, turns back on itself, or has a corner that cannot be rounded
+            within the deviation.
+
+    """
+    kept, vertex = np.unique(_vertex_of(points), return_inverse=True)
+    vertices = points[kept]
+    if closed:
+        vertices[-1] = vertices[0]
+    chord = _chord(vertices)
+    _check_length(float(chord[-1]))
+    u = _densified(chord)
+    data = np.stack([np.interp(u, chord, column) for column in vertices.T], axis=1)
+    line, s = _first_line(data, u, min(1.0 / max_curvature, _WIDEST_SIGMA_M), closed=closed)
+    try:
+        weights = _shares(u) / _smoothing_lengths(vertices, chord, u, closed=closed) ** 6
+        line, s, e = _settled(line, data, weights, s, max_deviation, max_curvature)
+        path = _finished(line)
+        s, e = path.extended(_MARGIN_M, _MARGIN_M).project(data[:, 0], data[:, 1], s * (path.length / line.stations.length))
+    except ProjectionError as error:
+        msg = f"the line turns back on itself near s = {error.s_m:.0f} m"
+        raise RoadError(msg, s_m=error.s_m, hint="remove the points that go back, or cut the road there") from error
+    s = np.maximum.accumulate(np.clip(s, 0.0, path.length))
+    fine = np.linspace(0.0, path.length, 4 * len(path.coefficients) + 1)
+    curvature = np.abs(path.at(fine).curvature)
+    farthest, tightest = int(np.argmax(np.abs(e))), int(np.argmax(curvature))
+    smoothing = Smoothing(
+        points=len(points),
+        duplicates=len(points) - len(kept),
+        max_deviation=float(abs(e[farthest])),
+        max_deviation_s=float(s[farthest]),
+        rms_deviation=float(np.sqrt(np.average(e**2, weights=_shares(u)))),
+        max_curvature=float(curvature[tightest]),
+        max_curvature_s=float(fine[tightest]),
+    )
+    return SmoothedLine(path, smoothing, np.interp(chord, u, s)[vertex])
+
+
+def _vertex_of(points: FloatArray) -> IntArray:
+    """Return the number of the point that stands for each: itself, or the last one from which it does not stand apart.
+
+    The end point always stands for itself.
+    """
+    stands = np.zeros(len(points), dtype=np.int64)
+    places = points.tolist()
+    last = 0
+    for i, place in enumerate(places):
+        last = i if math.dist(place, places[last]) >= _DUPLICATE_M else last
+        stands[i] = last
+    if last > 0:
+        stands[stands == last] = len(points) - 1
+    return stands
+
+
+def _chord(points: FloatArray) -> FloatArray:
+    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+
+
+def _check_length(length: float) -> None:
+    if length < MIN_LENGTH_M:
+        msg = f"the road is {length:.2f} m long; at least {MIN_LENGTH_M:g} m are needed"
+        raise RoadError(msg)
+    if length > MAX_LENGTH_M:
+        msg = f"the road is {length / 1e3:.0f} km long; at most {MAX_LENGTH_M / 1e3:.0f} km can be smoothed at once"
+        raise RoadError(msg, hint="are the coordinates metres? otherwise cut the road into parts")
+
+
+def _densified(chord: FloatArray) -> FloatArray:
+    """Return chord lengths no further apart than ``_DENSE_M`` that include the given ones."""
+    pieces = np.maximum(1, np.ceil(np.diff(chord) / _DENSE_M - 0.01))
+    number = np.concatenate([[0.0], np.cumsum(pieces)])
+    u: FloatArray = np.interp(np.arange(number[-1] + 1.0), number, chord)
+    return u
+
+
+def _shares(u: FloatArray) -> FloatArray:
+    """Return the length of line that each sample stands for [m]."""
+    half = 0.5 * np.diff(u)
+    shares: FloatArray = np.append(half, 0.0) + np.append(0.0, half)
+    return shares
+
+
+def _smoothing_lengths(vertices: FloatArray, chord: FloatArray, u: FloatArray, *, closed: bool) -> FloatArray:
+    """Return the length below which features are smoothed away at each datum [m].
+
+    It follows what the points can tell: their spacing, and the cube root of their positions' third difference (a change
+    of curvature over a step, or noise). Dense smooth input is so left alone, and bare map corners are rounded widely.
+    """
+    spacing = np.diff(chord)
+    ahead = np.diff(vertices, axis=0)
+    if closed:
+        spacing, ahead = np.concatenate([spacing[-2:], spacing, spacing[:2]]), np.concatenate([ahead[-2:], ahead, ahead[:2]])
+    turn = np.arctan2(ahead[:-1, 0] * ahead[1:, 1] - ahead[:-1, 1] * ahead[1:, 0], np.sum(ahead[:-1] * ahead[1:], axis=1))
+    turn = np.concatenate([turn[:1], turn, turn[-1:]]) if turn.size else np.zeros(2)
+    third = spacing * np.abs(np.diff(turn))
+    ell = np.clip(np.maximum(_SPACING_SHARE * spacing, np.cbrt(third / _ROUGH_M) * _LONGEST_M), _SPACING_SHARE, _LONGEST_M)
+    if closed:
+        ell = ell[2:-2]
+    segment = np.clip(np.searchsorted(chord, u, side="right") - 1, 0, len(ell) - 1)
+    reach = int(2.0 * _LONGEST_M / _DENSE_M)
+    return maximum_filter1d(ell[segment], 2 * reach + 1, mode="wrap" if closed else "nearest")
+
+
+def _first_line(data: FloatArray, u: FloatArray, sigma: float, *, closed: bool) -> tuple[_Line, FloatArray]:
+    """Return the Gaussian-filtered line and roughly the data's arclengths on it."""
+    cells = max(_FEWEST_CELLS, round(float(u[-1]) / _STATION_M))
+    uniform = np.linspace(0.0, float(u[-1]), cells + 1)
+    raw = np.stack([np.interp(uniform, u, column) for column in data.T], axis=1)
+    sigma /= float(uniform[1])
+    if closed:
+        lap = gaussian_filter1d(raw[:-1], sigma, axis=0, mode="wrap")
+        filtered = np.vstack([lap, lap[:1]])
+    else:  # reflecting in the end points keeps them where they are, and a straight end straight
+        reach = int(np.ceil(4.0 * sigma))
+        padded = np.pad(raw, ((reach, reach), (0, 0)), mode="reflect", reflect_type="odd")
+        filtered = gaussian_filter1d(padded, sigma, axis=0)[reach:-reach]
+        filtered[[0, -1]] = raw[[0, -1]]
+    line, s = _resampled(filtered, _STATION_M, closed=closed)
+    return line, np.interp(u, uniform, s)
+
+
+def _resampled(points: FloatArray, spacing: float, *, closed: bool) -> tuple[_Line, FloatArray]:
+    """Return the spline through ``points`` with stations at equal arclengths, and the arclengths of the points."""
+    chord = _chord(points)
+    if not np.all(np.diff(chord) > _SETTLED_M):
+        at = float(chord[np.argmin(np.diff(chord))])
+        msg = f"the line turns back on itself near s = {at:.0f} m"
+        raise RoadError(msg, s_m=at, hint="remove the points that go back, or cut the road there")
+    spline = _spline(chord, points, closed=closed)
+    parameters, s = _equal_arclengths(spline, spacing)
+    stations = spline(parameters)
+    stations[-1] = stations[0] if closed else points[-1]
+    cells = len(parameters) - 1
+    line = _spline(np.linspace(0.0, float(s[-1]), cells + 1), stations, closed=closed)
+    return _Line(line, Stations(cells if closed else cells + 1, float(s[-1]) / cells, closed)), s
+
+
+def _spline(knots: FloatArray, points: FloatArray, *, closed: bool) -> CubicSpline[np.float64]:
+    return CubicSpline(knots, points, bc_type="periodic") if closed else CubicSpline(knots, points, bc_type="not-a-knot")
+
+
+def _equal_arclengths(spline: CubicSpline[np.float64], spacing: float) -> tuple[FloatArray, FloatArray]:
+    """Return a plane spline's parameters at equal arclengths of about ``spacing``, and the arclengths of its knots [m]."""
+    nodes, weights = np.polynomial.legendre.leggauss(4)
+    half = 0.5 * np.diff(spline.x)
+    velocity = spline(spline.x[:-1, None] + half[:, None] * (nodes + 1.0), 1)
+    s = np.concatenate([[0.0], np.cumsum(np.hypot(velocity[..., 0], velocity[..., 1]) @ weights * half)])
+    uniform = np.linspace(0.0, float(s[-1]), max(_FEWEST_CELLS, round(float(s[-1]) / spacing)) + 1)
+    inverse = CubicHermiteSpline(s, spline.x, 1.0 / np.hypot(*spline(spline.x, 1).T))
+    return np.clip(inverse(uniform), 0.0, spline.x[-1]), s
+
+
+def _settled(
+    line: _Line, data: FloatArray, weights: FloatArray, s: FloatArray, max_deviation: float, max_curvature: float
+) -> tuple[_Line, FloatArray, FloatArray]:
+    """Move the line by the program's offsets until they vanish; also return the data's arclengths and offsets.
+
+    Raises:
+        RoadError: a corner cannot be rounded.
+
+    """
+    inner_deviation = _BOUND_SHARE * max_deviation
+    share, largest = 1.0, np.inf
+    needs: list[float] = []
+    for number in range(_MAX_ROUNDS):
+        stations, path = line.stations, line.path()
+        s, e = path.project(data[:, 0], data[:, 1], np.clip(s, path.s_first, path.s_last))
+        here = path.at(stations.s)
+        between = path.at(np.linspace(0.0, stations.length, 4 * stations.count)).curvature
+        bounded = np.max(np.abs(between)) <= _CURVATURE_EXCESS * max_curvature
+        near = np.max(np.abs(e)) <= max_deviation + _SLACK_M
+        if bounded and near and (largest < _SETTLED_M or number >= _ENOUGH_ROUNDS):
+            return line, s, e
+        solution = solve_offsets(
+            stations, here.curvature, s, e, weights, max_deviation=inner_deviation, max_curvature=_BOUND_SHARE * max_curvature
+        )
+        if solution is None:
+            break
+        offsets, missing = solution
+        needs = [*needs[-2:], missing]
+        if min(needs) > _SLACK_M and len(needs) == 3 and np.ptp(needs) < _SLACK_M:  # noqa: PLR2004
+            raise _sharp_corner(s, e, max_deviation, (inner_deviation + missing) / _BOUND_SHARE, max_curvature)
+        largest_before, largest = largest, float(np.max(np.abs(offsets)))
+        if largest > (1.0 - 0.25 * share) * largest_before:  # tight bounds can make whole steps swing to and fro
+            share = max(0.5 * share, _SMALLEST_SHARE)
+        turn = float(np.max(np.abs(here.curvature * offsets)))
+        x, y = path.to_plane(stations.s, min(share, _LARGEST_TURN / max(turn, _LARGEST_TURN)) * offsets)
+        moved, s_old = np.stack([x, y], axis=1), stations.s
+        if stations.closed:
+            moved, s_old = np.vstack([moved, moved[:1]]), np.append(s_old, stations.length)
+        line, s_new = _resampled(moved, _STATION_M, closed=stations.closed)
+        s = _carried(s, s_old, s_new)
+    at = float(s[np.argmax(np.abs(e))])
+    msg = f"no line found within {max_deviation:.2f} m of the points near s = {at:.0f} m with a radius of {1 / max_curvature:.1f} m"
+    raise RoadError(msg, s_m=at, hint="allow more with --smooth, or remove the points that make the line turn so sharply")
+
+
+def _carried(s: FloatArray, s_old: FloatArray, s_new: FloatArray) -> FloatArray:
+    """Return arclengths on the new line; beyond the ends they keep their distance from them."""
+    inside = np.clip(s, s_old[0], s_old[-1])
+    return np.interp(inside, s_old, s_new) + (s - inside)
+
+
+def _sharp_corner(s: FloatArray, e: FloatArray, max_deviation: float, needed: float, max_curvature: float) -> RoadError:
+    at = float(s[np.argmax(np.abs(e))])
+    msg = (
+        f"the corner at s = {at:.0f} m cannot be rounded to a radius of {1 / max_curvature:.1f} m"
+        f" within {max_deviation:.2f} m; it needs {needed:.2f} m"
+    )
+    return RoadError(msg, s_m=at, hint=f"--smooth {np.ceil(10.0 * needed + 0.1) / 10.0:.1f}")
+
+
+def _finished(line: _Line) -> ReferencePath:
+    """Return the line at the usual knot spacing, every sample from its one spline."""
+    parameters, s = _equal_arclengths(line.spline, KNOT_SPACING_M)
+    here = line.path().at(parameters)
+    spacing = float(s[-1]) / (len(parameters) - 1)
+    return from_samples(here.x, here.y, here.heading, here.curvature, spacing, closed=line.stations.closed)

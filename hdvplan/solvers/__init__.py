@@ -1,0 +1,1 @@
+"""QP solvers behind one small protocol."""

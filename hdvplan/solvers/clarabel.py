@@ -1,0 +1,94 @@
+"""Clarabel: a homogeneous interior-point method, native workspace, updated in place. It has no warm start.
+
+Guards against what Clarabel 0.11 does: updates are refused while presolve is active (switched off, and asked for once),
+and absent bounds must be absent rows (infinite right-hand sides break it).
+"""
+
+from __future__ import annotations
+
+from time import perf_counter
+
+import clarabel
+import numpy as np
+import scipy.sparse as sp
+
+from hdvplan.errors import SolverError
+from hdvplan.planning.qp import StageQp, StageShape, StageSolution
+from hdvplan.solvers.sparse import SparseQp, stack
+from hdvplan.solvers.workspace import QpResult, Status
+
+_STATUS = {
+    "Solved": Status.SOLVED,
+    "AlmostSolved": Status.INACCURATE,
+    "PrimalInfeasible": Status.INFEASIBLE,
+    "AlmostPrimalInfeasible": Status.INFEASIBLE,
+    "DualInfeasible": Status.INFEASIBLE,
+    "AlmostDualInfeasible": Status.INFEASIBLE,
+    "MaxIterations": Status.ITERATION_LIMIT,
+    "MaxTime": Status.ITERATION_LIMIT,
+    "NumericalError": Status.NUMERICAL,
+    "InsufficientProgress": Status.NUMERICAL,
+}
+
+
+class ClarabelWorkspace:
+    """Clarabel over [dynamics; rows; upper bounds; lower bounds]."""
+
+    name = "clarabel"
+    starts_warm = False
+
+    def __init__(self, shape: StageShape, *, elastic: bool, tolerance: float = 1e-8) -> None:
+        """Lay out the pattern; the first solve sets the solver up."""
+        self._form = SparseQp.of(shape, elastic=elastic)
+        self._point = StageSolution.empty(shape)
+        self._above, self._below = np.flatnonzero(np.isfinite(self._form.high)), np.flatnonzero(np.isfinite(self._form.low))
+        eye = sp.eye_array(len(self._form.q), format="csr")
+        self._matrix, self._places = stack(self._form.E, self._form.G, eye[self._above], -eye[self._below])
+        self._bound_values = np.concatenate([np.ones(len(self._above)), -np.ones(len(self._below))])
+        self._tolerance = tolerance
+        self._solver: clarabel.DefaultSolver | None = None
+
+    def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:  # noqa: ARG002 - Clarabel cannot start warm
+        """Solve ``qp``; see ``QpWorkspace``.
+
+        Raises:
+            SolverError: Clarabel does not allow its data to be updated.
+
+        """
+        started = perf_counter()
+        qp.check()
+        form = self._form
+        form.load(qp)
+        values = np.concatenate([form.E.data, form.G.data, self._bound_values])[self._places]
+        right = np.concatenate([form.b, form.h, form.high[self._above], -form.low[self._below]])
+        if self._solver is None:
+            self._matrix.data[:] = values
+            self._solver = self._set_up(right)
+        else:
+            self._solver.update(P=form.P.data, q=form.q, A=values, b=right)
+        updated = perf_counter()
+        result = self._solver.solve()
+        status = _STATUS.get(str(result.status), Status.FAILED)
+        dual = np.array(result.z)
+        cuts = np.cumsum([len(form.b), len(form.h), len(self._above)])
+        equality, rows, above, below = np.split(dual, cuts)
+        bounds = np.zeros(len(form.q))
+        bounds[self._above] += above
+        bounds[self._below] -= below
+        form.point(np.array(result.x), equality, rows, bounds, self._point)
+        if status not in {Status.SOLVED, Status.INACCURATE}:
+            self._solver = None
+        return QpResult(status, self._point, int(result.iterations), updated - started, perf_counter() - updated)
+
+    def _set_up(self, right: np.ndarray[tuple[int], np.dtype[np.float64]]) -> clarabel.DefaultSolver:
+        form, settings = self._form, clarabel.DefaultSettings()
+        settings.verbose = False
+        settings.presolve_enable = False
+        settings.max_threads = 1
+        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = self._tolerance
+        cones = [clarabel.ZeroConeT(len(form.b)), clarabel.NonnegativeConeT(len(right) - len(form.b))]
+        solver = clarabel.DefaultSolver(form.P, form.q, self._matrix, right, cones, settings)
+        if not solver.is_data_update_allowed():
+            msg = "Clarabel does not allow this program to be updated in place"
+            raise SolverError(msg, status="setup")
+        return solver

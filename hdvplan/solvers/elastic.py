@@ -1,0 +1,55 @@
+"""Elastic rows for solvers without a special place for them: hard rows first, elastic columns only where needed.
+
+A column for every elastic row doubles a program, and its large price slows general solvers tenfold (OSQP: a hundredfold).
+Because the penalty is exact, the program with hard rows has the same solution wherever its rows can be kept; only where
+that one fails is the elastic one solved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from hdvplan.planning.qp import StageQp, StageShape, StageSolution, residuals
+from hdvplan.solvers.workspace import QpResult, QpWorkspace, Status
+
+WorkspaceMaker = Callable[[StageShape], QpWorkspace]
+_KEPT = 1e-3  # primal residual up to which a solution of the hard program is believed [m]
+
+
+def hard_first(make: Callable[[StageShape, bool], QpWorkspace]) -> WorkspaceMaker:
+    """Return the maker of workspaces that try hard rows first; ``make`` takes a shape and whether rows are elastic."""
+    return lambda shape: _HardFirst(shape, make)
+
+
+class _HardFirst:
+    """Two workspaces of one solver; the elastic one is made when it is first needed."""
+
+    def __init__(self, shape: StageShape, make: Callable[[StageShape, bool], QpWorkspace]) -> None:
+        self._shape, self._make = shape, make
+        self._hard = make(shape, False)
+        self._elastic: QpWorkspace | None = None
+        self.name, self.starts_warm = self._hard.name, self._hard.starts_warm
+
+    def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
+        """Solve ``qp``; see ``QpWorkspace``. Times and iterations of both attempts count."""
+        if self._shape.rows and np.any(qp.quadratic > 0.0):  # a row with a finite price is meant to be broken
+            return self._with_columns().solve(qp, guess)
+        first = self._hard.solve(qp, guess)
+        believed = first.status in {Status.SOLVED, Status.INACCURATE} and residuals(qp, first.point).primal <= _KEPT
+        if believed or not self._shape.rows:
+            return first
+        second = self._with_columns().solve(qp, None)
+        return replace(
+            second,
+            iterations=first.iterations + second.iterations,
+            update_time=first.update_time + second.update_time,
+            solve_time=first.solve_time + second.solve_time,
+        )
+
+    def _with_columns(self) -> QpWorkspace:
+        if self._elastic is None:
+            self._elastic = self._make(self._shape, True)
+        return self._elastic

@@ -1,0 +1,91 @@
+"""OSQP: operator splitting, native workspace, warm-started.
+
+Guards against what OSQP 1.x does silently: ``update`` drops the C return codes and unknown names, keeps old bounds when
+new ones cross (the program is checked before), rebinds the caller's matrix values (it gets a private matrix), and fills an
+infeasible iterate with a number (residuals are recomputed by the caller). Step-size adaptation is by iterations, never by
+the clock, so that runs repeat.
+"""
+
+from __future__ import annotations
+
+from time import perf_counter
+
+import numpy as np
+import osqp
+import scipy.sparse as sp
+
+from hdvplan.errors import SolverError
+from hdvplan.planning.qp import StageQp, StageShape, StageSolution
+from hdvplan.solvers.sparse import SparseQp, stack
+from hdvplan.solvers.workspace import QpResult, Status
+
+_STATUS = {
+    osqp.SolverStatus.OSQP_SOLVED: Status.SOLVED,
+    osqp.SolverStatus.OSQP_SOLVED_INACCURATE: Status.INACCURATE,
+    osqp.SolverStatus.OSQP_PRIMAL_INFEASIBLE: Status.INFEASIBLE,
+    osqp.SolverStatus.OSQP_PRIMAL_INFEASIBLE_INACCURATE: Status.INFEASIBLE,
+    osqp.SolverStatus.OSQP_DUAL_INFEASIBLE: Status.INFEASIBLE,
+    osqp.SolverStatus.OSQP_DUAL_INFEASIBLE_INACCURATE: Status.INFEASIBLE,
+    osqp.SolverStatus.OSQP_MAX_ITER_REACHED: Status.ITERATION_LIMIT,
+    osqp.SolverStatus.OSQP_TIME_LIMIT_REACHED: Status.ITERATION_LIMIT,
+    osqp.SolverStatus.OSQP_NON_CVX: Status.NUMERICAL,
+}
+_INFINITY = 1e30  # OSQP's own
+
+
+class OsqpWorkspace:
+    """OSQP over [dynamics; rows; bounds], two-sided."""
+
+    name = "osqp"
+    starts_warm = True
+
+    def __init__(self, shape: StageShape, *, elastic: bool, tolerance: float = 1e-5, iterations: int = 10_000) -> None:
+        """Lay out the pattern; the first solve sets the solver up."""
+        self._form = SparseQp.of(shape, elastic=elastic)
+        self._point = StageSolution.empty(shape)
+        self._bounded = np.flatnonzero(np.isfinite(self._form.low) | np.isfinite(self._form.high))
+        bounds = sp.eye_array(len(self._form.q), format="csr")[self._bounded]
+        self._matrix, self._places = stack(self._form.E, self._form.G, bounds)
+        self._tolerance, self._iterations = tolerance, iterations
+        self._solver: osqp.OSQP | None = None
+
+    def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
+        """Solve ``qp``; see ``QpWorkspace``.
+
+        Raises:
+            SolverError: OSQP refused the program.
+
+        """
+        started = perf_counter()
+        qp.check()
+        form = self._form
+        form.load(qp)
+        values = np.concatenate([form.E.data, form.G.data, np.ones(len(self._bounded))])[self._places]
+        low = np.concatenate([form.b, np.full(len(form.h), -_INFINITY), np.maximum(form.low[self._bounded], -_INFINITY)])
+        high = np.concatenate([form.b, form.h, np.minimum(form.high[self._bounded], _INFINITY)])
+        if self._solver is None:
+            self._matrix.data[:] = values
+            self._solver = osqp.OSQP(algebra="builtin")
+            try:
+                self._solver.setup(
+                    form.P.copy(), form.q.copy(), self._matrix.copy(), low, high, verbose=False, eps_abs=self._tolerance, eps_rel=0.0,
+                    max_iter=self._iterations, adaptive_rho=1, adaptive_rho_interval=50, polishing=False, check_termination=25,
+                )  # fmt: skip
+            except osqp.OSQPException as error:
+                msg = f"OSQP refused the program: {error}"
+                raise SolverError(msg, status="setup") from error
+        else:
+            self._solver.update(q=form.q.copy(), l=low, u=high, Px=form.P.data.copy(), Ax=values)
+        if guess is not None:
+            v, equality, rows, bounds = form.flatten(guess)
+            self._solver.warm_start(x=v, y=np.concatenate([equality, rows, bounds[self._bounded]]))
+        updated = perf_counter()
+        result = self._solver.solve(raise_error=False)
+        status = _STATUS.get(osqp.SolverStatus(result.info.status_val), Status.FAILED)
+        dual = np.array(result.y)
+        bounds = np.zeros(len(form.q))
+        bounds[self._bounded] = dual[len(form.b) + len(form.h) :]
+        form.point(np.array(result.x), dual[: len(form.b)], dual[len(form.b) : len(form.b) + len(form.h)], bounds, self._point)
+        if status not in {Status.SOLVED, Status.INACCURATE, Status.ITERATION_LIMIT}:
+            self._solver = None  # an infeasible run leaves iterates that must not warm-start the next
+        return QpResult(status, self._point, int(result.info.iter), updated - started, perf_counter() - updated)

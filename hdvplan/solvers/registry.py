@@ -1,0 +1,117 @@
+"""Every QP solver by the name that users give it, loaded only when asked for."""
+
+from __future__ import annotations
+
+import difflib
+from dataclasses import dataclass
+from importlib import metadata
+from importlib.util import find_spec
+
+from hdvplan.errors import SolverError
+from hdvplan.solvers.elastic import WorkspaceMaker, hard_first
+
+DEFAULT = "riccati"
+__all__ = ["DEFAULT", "SolverInfo", "WorkspaceMaker", "solver_infos", "solver_named"]
+
+
+@dataclass(frozen=True)
+class SolverInfo:
+    """What a solver is and can do, as told by ``hdvplan solvers``."""
+
+    name: str
+    version: str | None  # None: not installed
+    native: bool  # a workspace kept and updated in place, not built anew for every step
+    warm_start: bool  # as used here
+    detects_infeasible: bool
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class _Generic:
+    distribution: str
+    module: str
+    detects_infeasible: bool
+    note: str
+
+
+# The solvers of qpsolvers that users may have; whichever is installed is offered.
+_GENERIC = {
+    "clarabel": _Generic("clarabel", "clarabel", True, "interior point"),
+    "cvxopt": _Generic("cvxopt", "cvxopt", True, "interior point"),
+    "daqp": _Generic("daqp", "daqp", True, "dual active set, dense"),
+    "ecos": _Generic("ecos", "ecos", True, "interior point, as a cone program; needs a definite Hessian"),
+    "highs": _Generic("highspy", "highspy", True, "active set"),
+    "osqp": _Generic("osqp", "osqp", True, "operator splitting"),
+    "piqp": _Generic("piqp", "piqp", True, "proximal interior point"),
+    "proxqp": _Generic("proxsuite", "proxsuite", True, "augmented Lagrangian"),
+    "qpalm": _Generic("qpalm", "qpalm", True, "augmented Lagrangian"),
+    "quadprog": _Generic("quadprog", "quadprog", True, "dual active set, dense; needs a definite Hessian"),
+    "scs": _Generic("scs", "scs", True, "operator splitting, as a cone program"),
+}
+
+
+def solver_infos() -> list[SolverInfo]:
+    """Return every solver that hdvplan knows, installed or not; the default first."""
+    native = [
+        SolverInfo("riccati", metadata.version("hdvplan"), True, False, False, "Riccati recursion in an interior point; our own"),
+        SolverInfo("piqp", _version("piqp"), True, False, True, "proximal interior point, sparse"),
+        SolverInfo("clarabel", _version("clarabel"), True, False, True, "interior point, sparse"),
+        SolverInfo("osqp", _version("osqp"), True, True, True, "operator splitting, sparse"),
+    ]
+    generic = [
+        SolverInfo(f"qpsolvers/{name}", _version(entry.distribution), False, False, entry.detects_infeasible, entry.note)
+        for name, entry in _GENERIC.items()
+    ]
+    return native + generic
+
+
+def solver_named(name: str) -> WorkspaceMaker:
+    """Return what makes a workspace of the solver called ``name``.
+
+    Raises:
+        SolverError: unknown, or not installed.
+
+    """
+    if name.startswith("qpsolvers/"):
+        return _generic_maker(name)
+    match name:
+        case "riccati":
+            from hdvplan.solvers.riccati import RiccatiWorkspace  # noqa: PLC0415 - only the chosen solver is loaded
+
+            return RiccatiWorkspace
+        case "piqp":
+            from hdvplan.solvers.piqp import PiqpWorkspace  # noqa: PLC0415
+
+            return hard_first(lambda shape, elastic: PiqpWorkspace(shape, elastic=elastic))
+        case "clarabel":
+            from hdvplan.solvers.clarabel import ClarabelWorkspace  # noqa: PLC0415
+
+            return hard_first(lambda shape, elastic: ClarabelWorkspace(shape, elastic=elastic))
+        case "osqp":
+            from hdvplan.solvers.osqp import OsqpWorkspace  # noqa: PLC0415
+
+            return hard_first(lambda shape, elastic: OsqpWorkspace(shape, elastic=elastic))
+    known = [info.name for info in solver_infos()]
+    close = difflib.get_close_matches(name, known, n=1)
+    msg = f"unknown solver {name!r}"
+    raise SolverError(msg, hint=f"did you mean {close[0]!r}?" if close else f"solvers: {', '.join(known)}")
+
+
+def _generic_maker(name: str) -> WorkspaceMaker:
+    solver = name.removeprefix("qpsolvers/")
+    if solver not in _GENERIC:
+        msg = f"unknown solver {name!r}"
+        raise SolverError(msg, hint=f"through qpsolvers: {', '.join(_GENERIC)}")
+    if find_spec(_GENERIC[solver].module) is None:
+        msg = f"solver {name!r} is not installed"
+        raise SolverError(msg, hint=f"pip install {_GENERIC[solver].distribution}")
+    from hdvplan.solvers.generic import GenericWorkspace  # noqa: PLC0415 - qpsolvers imports every solver it finds
+
+    return hard_first(lambda shape, elastic: GenericWorkspace(shape, solver, elastic=elastic))
+
+
+def _version(distribution: str) -> str | None:
+    try:
+        return metadata.version(distribution)
+    except metadata.PackageNotFoundError:
+        return None

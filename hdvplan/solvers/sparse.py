@@ -1,0 +1,190 @@
+"""A stage QP as sparse matrices for general solvers: pattern built once, values gathered in place.
+
+    minimise 1/2 v'Pv + q'v  subject to  E v = b,  G v <= h,  low <= v <= high
+
+Variables stand in stage order (x_0, u_0, x_1, sigma_1, u_1, ..., x_N, sigma_N), which banded and multistage
+factorisations need. Matrices are CSC with sorted indices and keep their structural zeros, so the pattern never changes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from hdvplan.jit import BoolArray, FloatArray, IntArray
+from hdvplan.planning.qp import StageQp, StageShape, StageSolution
+
+_ONE, _MINUS_ONE = -1, -2  # codes of constant entries
+
+
+@dataclass(frozen=True)
+class _Gather:
+    """Copies entries of a program's buffer to fixed places of a value array; places not listed keep their constants."""
+
+    values: FloatArray
+    places: IntArray
+    sources: IntArray
+    sign: float
+
+    def __call__(self, buffer: FloatArray) -> None:
+        self.values[self.places] = buffer[self.sources] if self.sign > 0 else -buffer[self.sources]
+
+
+@dataclass(frozen=True)
+class SparseQp:
+    """The sparse form of programs of one shape; ``load`` fills in the values of one of them.
+
+    Without ``elastic`` rows are hard and have no columns of their own: the same optimum wherever the rows can be kept.
+    """
+
+    shape: StageShape
+    elastic: bool
+    P: sp.csc_matrix  # upper triangle
+    q: FloatArray
+    E: sp.csc_matrix
+    b: FloatArray
+    G: sp.csc_matrix
+    h: FloatArray
+    low: FloatArray  # -inf where absent
+    high: FloatArray  # +inf where absent
+    x_columns: IntArray  # (N+1, n)
+    u_columns: IntArray  # (N, m)
+    sigma_columns: IntArray  # (N, p)
+    bound_columns: IntArray  # (N, bounded)
+    gathers: tuple[_Gather, ...]
+
+    @classmethod
+    def of(cls, shape: StageShape, *, elastic: bool) -> SparseQp:
+        """Lay out the pattern of ``shape``."""
+        return _lay_out(shape, elastic=elastic)
+
+    def load(self, qp: StageQp) -> None:
+        """Write the values of ``qp`` into the matrices and vectors."""
+        for gather in self.gathers:
+            gather(qp.buffer)
+
+    def point(self, v: FloatArray, equality: FloatArray, rows: FloatArray, bounds: FloatArray, into: StageSolution) -> None:
+        """Copy a solution into stage arrays. Multipliers follow L = f + equality'(Ev - b) + rows'(Gv - h) + bounds'v."""
+        stages, n = self.shape.stages, self.shape.states
+        into.x[:] = v[self.x_columns]
+        into.u[:] = v[self.u_columns]
+        into.sigma[:] = v[self.sigma_columns] if self.elastic else 0.0
+        into.dynamics[0] = equality[:n]
+        into.dynamics[1:] = -equality[n:].reshape(stages, n)
+        into.rows[:] = rows.reshape(into.rows.shape)
+        into.x_bounds[:] = bounds[self.bound_columns]
+        into.u_bounds[:] = bounds[self.u_columns]
+
+    def flatten(self, point: StageSolution) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return v, equality, rows and bounds multipliers of a point in stage arrays: the inverse of ``point``."""
+        v, bounds = np.zeros(len(self.q)), np.zeros(len(self.q))
+        v[self.x_columns], v[self.u_columns] = point.x, point.u
+        bounds[self.bound_columns], bounds[self.u_columns] = point.x_bounds, point.u_bounds
+        if self.elastic:
+            v[self.sigma_columns] = point.sigma
+        return v, np.concatenate([point.dynamics[0], -point.dynamics[1:].ravel()]), point.rows.ravel(), bounds
+
+
+def stack(*parts: sp.csc_matrix | sp.csr_array) -> tuple[sp.csc_matrix, IntArray]:
+    """Return matrices on top of each other, and where each value of the result stands in the parts' values laid end to end.
+
+    The parts' values count in CSC order, which for selections of the identity is also their row order.
+    """
+    sizes = np.cumsum([0] + [part.nnz for part in parts])
+    coded = [sp.csc_matrix(part) for part in parts]
+    for part, begin in zip(coded, sizes, strict=False):
+        part.data = np.arange(begin, begin + part.nnz, dtype=float) + 1.0  # from one, so that no place counts as a zero
+    stacked = sp.csc_matrix(sp.vstack(coded, format="csc"))
+    stacked.sort_indices()
+    places = stacked.data.astype(np.int64) - 1
+    stacked.data = np.zeros(len(places))
+    return stacked, places
+
+
+class _Triplets:
+    """Collects matrix entries that are either constants or places in the program's buffer."""
+
+    def __init__(self) -> None:
+        self.rows: list[IntArray] = []
+        self.columns: list[IntArray] = []
+        self.codes: list[IntArray] = []  # place in the buffer, or one of the constants
+
+    def add(self, rows: IntArray, columns: IntArray, codes: IntArray | int, keep: BoolArray | None = None) -> None:
+        rows, columns, codes = np.broadcast_arrays(rows, columns, codes)
+        chosen = np.broadcast_to(True if keep is None else keep, rows.shape)
+        for target, values in ((self.rows, rows), (self.columns, columns), (self.codes, codes)):
+            target.append(values[chosen].ravel())
+
+    def build(self, shape: tuple[int, int], sign: float) -> tuple[sp.csc_matrix, _Gather]:
+        """Return the matrix and the gather of its variable entries, negated where ``sign`` is negative."""
+        rows, columns, codes = (np.concatenate(part) if part else np.empty(0, int) for part in (self.rows, self.columns, self.codes))
+        order = np.lexsort((rows, columns))
+        rows, columns, codes = rows[order], columns[order], codes[order]
+        pointer = np.concatenate([[0], np.cumsum(np.bincount(columns, minlength=shape[1]))])
+        values = np.where(codes == _MINUS_ONE, -1.0, 1.0)
+        matrix = sp.csc_matrix((values, rows.astype(np.int32), pointer.astype(np.int32)), shape=shape)
+        matrix.has_sorted_indices = True
+        variable = np.flatnonzero(codes >= 0)
+        return matrix, _Gather(matrix.data, variable, codes[variable], sign)
+
+
+def _lay_out(shape: StageShape, *, elastic: bool) -> SparseQp:
+    stages, n, m, p = shape.stages, shape.states, shape.inputs, shape.rows
+    slacks = p if elastic else 0
+    code = StageQp(shape, np.arange(StageQp.empty(shape).buffer.size, dtype=float))  # every value is its own place
+    codes = {name: getattr(code, name).astype(np.int64) for name in ("A", "B", "c", "x_first", "Q", "q", "R", "r", "G", "h",
+             "linear", "quadratic", "x_low", "x_high", "u_low", "u_high")}  # fmt: skip
+    block = n + slacks + m  # columns of one stage: x_i, sigma_i, u_i; the first stage has no sigma
+    start = np.concatenate([[0], n + m + block * np.arange(stages)])
+    x_columns = start[:, None] + np.arange(n)
+    sigma_columns = start[1:, None] + n + np.arange(slacks)
+    u_columns = np.concatenate([[n], start[1:-1] + n + slacks])[:, None] + np.arange(m)
+    size = int(start[-1]) + n + slacks
+
+    upper_n, upper_m = np.triu(np.ones((n, n), bool)), np.triu(np.ones((m, m), bool))
+    q_keep = upper_n if shape.q_pattern is None else upper_n & (shape.q_pattern | np.eye(n, dtype=bool))
+    cost = _Triplets()
+    cost.add(x_columns[:, :, None], x_columns[:, None, :], codes["Q"], q_keep)
+    cost.add(u_columns[:, :, None], u_columns[:, None, :], codes["R"], upper_m)
+    if elastic:
+        cost.add(sigma_columns, sigma_columns, codes["quadratic"])
+
+    equal = _Triplets()
+    equal.add(np.arange(n), x_columns[0], _ONE)
+    rows = n + np.arange(stages * n).reshape(stages, n)
+    equal.add(rows[:, :, None], x_columns[:-1, None, :], codes["A"], shape.a_pattern)
+    equal.add(rows[:, :, None], u_columns[:, None, :], codes["B"])
+    equal.add(rows, x_columns[1:], _MINUS_ONE)
+
+    below = _Triplets()
+    inequality = np.arange(stages * p).reshape(stages, p)
+    below.add(inequality[:, :, None], x_columns[1:, None, :], codes["G"], shape.g_pattern)
+    if elastic:
+        below.add(inequality, sigma_columns, _MINUS_ONE)
+
+    cost_matrix, cost_gather = cost.build((size, size), 1.0)
+    equal_matrix, equal_gather = equal.build((n + stages * n, size), 1.0)
+    below_matrix, below_gather = below.build((stages * p, size), 1.0)
+
+    def vector(length: int, fill: float, *parts: tuple[IntArray, IntArray], sign: float = 1.0) -> tuple[FloatArray, list[_Gather]]:
+        values = np.full(length, fill)
+        return values, [_Gather(values, places.ravel(), sources.ravel(), sign) for places, sources in parts]
+
+    slack_costs = ((sigma_columns, codes["linear"]),) if elastic else ()
+    q, q_gathers = vector(size, 0.0, (x_columns, codes["q"]), (u_columns, codes["r"]), *slack_costs)
+    b, first = vector(n + stages * n, 0.0, (np.arange(n), codes["x_first"]))
+    dynamics = _Gather(b, rows.ravel(), codes["c"].ravel(), -1.0)
+    h, h_gathers = vector(stages * p, 0.0, (inequality, codes["h"]))
+    bound_columns = x_columns[1:, list(shape.bounded_states)]
+    low, low_gathers = vector(size, -np.inf, (bound_columns, codes["x_low"]), (u_columns, codes["u_low"]))
+    high, high_gathers = vector(size, np.inf, (bound_columns, codes["x_high"]), (u_columns, codes["u_high"]))
+    low[sigma_columns] = 0.0
+    for columns in (bound_columns, u_columns):  # present from the start: solvers choose their rows by what is finite
+        low[columns] = high[columns] = 0.0
+    gathers = (cost_gather, equal_gather, below_gather, *q_gathers, *first, dynamics, *h_gathers, *low_gathers, *high_gathers)
+    return SparseQp(
+        shape, elastic, cost_matrix, q, equal_matrix, b, below_matrix, h, low, high,
+        x_columns, u_columns, sigma_columns, bound_columns, gathers,
+    )  # fmt: skip

@@ -1,0 +1,1 @@
+"""Vehicles: their units, kinematics and outlines."""

@@ -1,0 +1,133 @@
+"""Read vehicles: the presets that travel with the package, and a user's own TOML files."""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from importlib import resources
+from pathlib import Path
+
+from hdvplan.errors import VehicleError
+from hdvplan.vehicle.model import Unit, Vehicle
+
+_TOP_KEYS = ("name", "source", "unit")
+_STEERING_KEYS = ("max_curvature", "max_curvature_rate")
+_DIMENSION_KEYS = ("wheelbase", "front_overhang", "rear_overhang", "width", "hitch_offset", "length")
+_UNIT_KEYS = (*_DIMENSION_KEYS, *_STEERING_KEYS, "steered")
+_LENGTH_TOLERANCE_M = 0.01
+
+
+def preset_names() -> list[str]:
+    """Return the names of the shipped vehicles, sorted."""
+    return sorted(Path(entry.name).stem for entry in _presets().iterdir() if entry.name.endswith(".toml"))
+
+
+def preset_text(name: str) -> str:
+    """Return the TOML of a shipped vehicle, ready to copy and edit.
+
+    Raises:
+        VehicleError: no such preset.
+
+    """
+    if name not in preset_names():
+        close = difflib.get_close_matches(name, preset_names(), n=1)
+        hint = f"did you mean {close[0]!r}?" if close else f"presets: {', '.join(preset_names())}; or give a TOML file"
+        msg = f"unknown vehicle {name!r}"
+        raise VehicleError(msg, hint=hint)
+    return (_presets() / f"{name}.toml").read_text(encoding="utf-8")
+
+
+def load_vehicle(source: str | Path) -> Vehicle:
+    """Return the preset called ``source``, or the vehicle in the TOML file at that path.
+
+    Raises:
+        VehicleError: no such preset or file, not TOML, an unknown, missing or impossible entry.
+
+    """
+    path = Path(source)
+    if path.suffix == ".toml" or path.is_file():
+        try:
+            return parse_vehicle(path.read_text(encoding="utf-8"), default_name=path.stem)
+        except FileNotFoundError as error:
+            msg = f"vehicle file {path} does not exist"
+            raise VehicleError(msg, hint=f"presets: {', '.join(preset_names())}") from error
+        except (OSError, UnicodeDecodeError) as error:
+            msg = f"vehicle file {path} cannot be read: {error}"
+            raise VehicleError(msg) from error
+    return parse_vehicle(preset_text(str(source)), default_name=str(source))
+
+
+def parse_vehicle(text: str, *, default_name: str) -> Vehicle:
+    """Return the vehicle described by a TOML text: one [[unit]] table per body, from the front.
+
+    Raises:
+        VehicleError: not TOML, an unknown, missing or impossible entry.
+
+    """
+    try:
+        document = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        msg = f"vehicle {default_name!r} is not valid TOML: {error}"
+        raise VehicleError(msg) from error
+    name = str(document.get("name", default_name))
+    _check_keys(document, _TOP_KEYS, f"vehicle {name!r}")
+    tables = document.get("unit", [])
+    if not (isinstance(tables, list) and all(isinstance(table, dict) for table in tables)):
+        msg = f"vehicle {name!r}: 'unit' must be [[unit]] tables, one per body from the front"
+        raise VehicleError(msg, field="unit")
+    units = tuple(_unit(table, number, name) for number, table in enumerate(tables, start=1))
+    lead = tables[0] if tables else {}
+    steering = {key: _number(lead, key, f"vehicle {name!r}, unit 1") for key in _STEERING_KEYS if key in lead}
+    return Vehicle(name, units, source=str(document.get("source", "")), **steering)
+
+
+def _presets() -> resources.abc.Traversable:
+    return resources.files("hdvplan.vehicle") / "presets"
+
+
+def _unit(table: dict[str, object], number: int, name: str) -> Unit:
+    where = f"vehicle {name!r}, unit {number}"
+    _check_keys(table, _UNIT_KEYS, where)
+    if number > 1:
+        for key in _STEERING_KEYS:
+            if key in table:
+                msg = f"{where}: {key} belongs to unit 1, whose axle the steering moves"
+                raise VehicleError(msg, field=key)
+    if table.get("steered", number == 1) is not (number == 1):
+        msg = f"{where}: steered = {table['steered']!s} is not supported; the first unit steers, the others follow"
+        raise VehicleError(msg, field="steered")
+    values = {key: _number(table, key, where) for key in _DIMENSION_KEYS if key in table}
+    for key in ("wheelbase", "width"):
+        if key not in values:
+            msg = f"{where}: {key} is missing"
+            raise VehicleError(msg, field=key, hint=f"entries of a unit: {', '.join(_UNIT_KEYS)}")
+    length = values.pop("length", None)
+    front = values.setdefault("front_overhang", 0.0)
+    if length is None:
+        values.setdefault("rear_overhang", 0.0)
+    else:
+        rear = values.setdefault("rear_overhang", length - values["wheelbase"] - front)
+        if abs(front + values["wheelbase"] + rear - length) > _LENGTH_TOLERANCE_M or rear < 0.0:
+            msg = (
+                f"{where}: length = {length:g} m contradicts front_overhang {front:g} + wheelbase {values['wheelbase']:g}"
+                f" + rear_overhang {max(rear, 0.0):g} m"
+            )
+            raise VehicleError(msg, field="length")
+    return Unit(**values)
+
+
+def _check_keys(table: dict[str, object], known: tuple[str, ...], where: str) -> None:
+    for key in table:
+        if key not in known:
+            close = difflib.get_close_matches(key, known, n=1)
+            hint = f"did you mean {close[0]!r}?" if close else f"known entries: {', '.join(known)}"
+            msg = f"{where}: unknown entry {key!r}"
+            raise VehicleError(msg, field=key, hint=hint)
+
+
+def _number(table: dict[str, object], key: str, where: str) -> float:
+    value = table[key]
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        msg = f"{where}: {key} must be a number, not {value!r}"
+        raise VehicleError(msg, field=key)
+    return float(value)

@@ -1,0 +1,45 @@
+"""Run the command line inside the test's process, in a folder of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from hdvplan.cli.app import run
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a command left: exit code, stdout and stderr."""
+
+    code: int
+    out: str
+    err: str
+
+
+Cli = Callable[..., Outcome]
+
+
+@pytest.fixture
+def cli(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Cli:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("hdvplan.jit.is_compiled", lambda: True)  # the first run of an installation says one line more
+    monkeypatch.delenv("COLUMNS", raising=False)
+    capsys.readouterr()
+
+    def call(*arguments: str) -> Outcome:
+        code = run(arguments)
+        captured = capsys.readouterr()
+        return Outcome(code, captured.out, captured.err)
+
+    return call
+
+
+@pytest.fixture
+def short_road(tmp_path: Path) -> str:
+    """Return a road of 60 m that bends gently: a plan takes a moment."""
+    (tmp_path / "short.csv").write_text("s,kappa\n0,0\n20,0\n30,0.03\n40,0\n60,0\n", encoding="utf-8")
+    return "short.csv"

@@ -1,0 +1,157 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.cli.conftest import Cli, Outcome
+
+BUS = ("--vehicle", "bus", "--no-plot")
+
+HEADER = "s,kappa\n"
+STRAIGHT = HEADER + "0,0\n60,0\n"
+
+
+def refused(outcome: Outcome, *words: str, code: int = 2) -> None:
+    """Assert that a command ended in one error line, perhaps a hint line, nothing on stdout, and a meaningful message."""
+    assert outcome.code == code
+    assert outcome.out == ""
+    lines = outcome.err.splitlines()
+    assert lines[0].startswith("error: ")
+    assert len(lines) == 1 or (len(lines) == 2 and lines[1].startswith("hint: "))
+    for word in words:
+        assert word in outcome.err
+
+
+def geojson(coordinates: object, kind: str = "LineString") -> str:
+    return json.dumps({"type": "Feature", "properties": {}, "geometry": {"type": kind, "coordinates": coordinates}})
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("missing.csv", None, ("missing.csv", "does not exist")),
+        ("empty.csv", "", ("empty.csv", "empty")),
+        ("empty.geojson", "", ("empty.geojson", "JSON")),
+        ("text.geojson", "a road", ("text.geojson", "JSON")),
+        ("pointless.geojson", '{"type": "FeatureCollection", "features": []}', ("LineString",)),
+        ("point.geojson", geojson([11.9, 57.7], "Point"), ("LineString",)),
+        ("one.geojson", geojson([[11.9, 57.7]]), ("two points",)),
+        ("one.csv", "x,y\n0,0\n", ("two points",)),
+        ("swapped.geojson", geojson([[57.7, 111.9], [57.701, 111.9]]), ("latitude", "swapped")),
+        ("nan.csv", "x,y\n0,0\nnan,0\n60,0\n", ("line 3", "column x", "finite")),
+        ("nan.geojson", geojson([[11.9, 57.7], [float("nan"), 57.7]]), ("point 2", "finite")),
+        ("word.csv", "x,y\n0,0\n30,wide\n60,0\n", ("line 3", "column y", "'wide'")),
+        ("columns.csv", "easting,northing\n0,0\n60,0\n", ("unknown column", "easting")),
+        ("negative.csv", "s,kappa,left,right\n0,0,3,3\n60,0,-3,3\n", ("line 3", "left", "negative")),
+        ("short.csv", HEADER + "0,0\n10,0\n", ("10.0 m long", "12.0 m")),
+        ("dot.csv", "x,y\n0,0\n0,0\n", ("error",)),
+    ],
+)
+def test_an_unusable_road_file_is_named_with_its_fault(
+    cli: Cli, tmp_path: Path, name: str, content: str | None, words: tuple[str, ...]
+) -> None:
+    if content is not None:
+        (tmp_path / name).write_text(content, encoding="utf-8")
+    refused(cli("plan", name, *BUS), *words)
+    assert not list(tmp_path.glob("*.bus"))
+
+
+def test_limits_narrower_than_the_vehicle_are_refused_with_the_place(cli: Cli, tmp_path: Path) -> None:
+    (tmp_path / "narrow.csv").write_text("s,kappa,left,right\n0,0,2,2\n40,0,1.2,1.2\n60,0,2,2\n", encoding="utf-8")
+    outcome = cli("plan", "narrow.csv", *BUS)
+    refused(outcome, "hint: widen")
+    assert "error: road limits are 2.40 m apart at s = 40.0 m; the bus is 2.54 m wide\n" in outcome.err
+
+
+def test_narrow_limits_of_the_file_do_not_matter_once_overridden(cli: Cli, tmp_path: Path) -> None:
+    (tmp_path / "narrow.csv").write_text("s,kappa,left,right\n0,0,1,1\n60,0,1,1\n", encoding="utf-8")
+    assert cli("plan", "narrow.csv", *BUS, "--half-width", "2").code == 0
+
+
+@pytest.mark.parametrize(
+    ("toml", "words"),
+    [
+        ("[[unit]]\nwheelbase = -6.0\nwidth = 2.5\n", ("wheelbase", "-6")),
+        ("[[unit]]\nwheel_base = 6.0\nwidth = 2.5\n", ("wheel_base", "did you mean 'wheelbase'")),
+        ("[[unit]]\nwheelbase = 6.0\n", ("width is missing",)),
+        ("[[unit]\nwheelbase = 6.0\n", ("not valid TOML",)),
+        ("", ("no unit",)),
+        ('[[unit]]\nwheelbase = "6 m"\nwidth = 2.5\n', ("wheelbase", "must be a number")),
+    ],
+)
+def test_an_unusable_vehicle_file_is_named_with_its_fault(cli: Cli, tmp_path: Path, toml: str, words: tuple[str, ...]) -> None:
+    (tmp_path / "van.toml").write_text(toml, encoding="utf-8")
+    refused(cli("plan", "uturn", "--vehicle", "van.toml"), *words)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--vehicle", "tram"), ("unknown vehicle 'tram'", "hint")),
+        (("--vehicle", "missing.toml"), ("missing.toml", "does not exist")),
+        ((), ("missing option '--vehicle'", "hdvplan plan --help")),
+        ((*BUS, "--horizon", "0"), ("horizon",)),
+        ((*BUS, "--horizon", "-100"), ("horizon", "-100")),
+        ((*BUS, "--step", "0"), ("step",)),
+        ((*BUS, "--step", "-0.5"), ("step", "-0.5")),
+        ((*BUS, "--step", "0.3"), ("whole number of steps",)),
+        ((*BUS, "--step", "nan"), ("step",)),
+        ((*BUS, "--step", "half"), ("--step",)),
+        ((*BUS, "--replan", "200"), ("replanning distance", "longer than the horizon")),
+        ((*BUS, "--smoothness", "0"), ("smoothness",)),
+        ((*BUS, "--smooth", "-1"), ("deviation", "-1")),
+        ((*BUS, "--scheme", "mpc"), ("--scheme", "rti or sqp", "'mpc'")),
+        ((*BUS, "--discretisation", "rk4"), ("--discretisation", "midpoint or euler")),
+        ((*BUS, "--solver", "simplex"), ("unknown solver 'simplex'", "hint")),
+        ((*BUS, "--objective", "geometrik"), ("unknown objective", "did you mean 'geometric'")),
+        ((*BUS, "--half-width", "3", "--left", "2"), ("--half-width", "--left")),
+        ((*BUS, "--left", "3"), ("--left needs --right",)),
+        ((*BUS, "--right", "3"), ("--right needs --left",)),
+        ((*BUS, "--half-width", "-3"), ("must be a positive number of metres",)),
+        ((*BUS, "--half-width", "1"), ("2.00 m apart", "2.54 m wide")),
+        ((*BUS, "--horizn", "50"), ("no such option", "--horizn")),
+        ((*BUS, "extra"), ("unexpected",)),
+    ],
+)
+def test_a_wrong_option_is_refused_in_one_line(cli: Cli, arguments: tuple[str, ...], words: tuple[str, ...]) -> None:
+    refused(cli("plan", "uturn", *arguments), *words)
+
+
+def test_output_into_a_file_is_refused_before_planning(cli: Cli, tmp_path: Path) -> None:
+    (tmp_path / "taken").write_text("mine", encoding="utf-8")
+    refused(cli("plan", "uturn", *BUS, "--out", "taken"), "taken is a file")
+    refused(cli("plan", "uturn", *BUS, "--out", "taken/deeper"), "cannot write to", "--out")
+    assert (tmp_path / "taken").read_text(encoding="utf-8") == "mine"
+
+
+def test_unknown_names_come_with_a_suggestion(cli: Cli) -> None:
+    refused(cli("plna", "uturn"), "no such command 'plna'", "plan")
+    refused(cli("plan", "goteborg_nya_alen", *BUS), "goteborg_nya_allen")
+    refused(cli("roads"), "missing command", "hdvplan roads --help")
+
+
+def test_an_unexpected_exception_is_one_line_and_a_code_of_its_own(cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(_name: str) -> None:
+        msg = "index 3 is\nout of bounds"
+        raise IndexError(msg)
+
+    monkeypatch.setattr("hdvplan.vehicle.load.load_vehicle", fail)
+    refused(cli("plan", "uturn", *BUS), "internal: IndexError: index 3 is out of bounds", "--debug", code=70)
+
+
+@pytest.mark.parametrize("arguments", [("--debug", "plan", "nowhere", *BUS), ("plan", "nowhere", *BUS, "--debug")])
+def test_debug_shows_the_traceback_on_either_side_of_the_command(cli: Cli, arguments: tuple[str, ...]) -> None:
+    outcome = cli(*arguments)
+    assert outcome.code == 2
+    assert "Traceback (most recent call last)" in outcome.err
+    assert "error: no road file" in outcome.err
+
+
+def test_an_interrupt_is_reported_as_shells_do(cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt(_name: str) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("hdvplan.vehicle.load.load_vehicle", interrupt)
+    refused(cli("plan", "uturn", *BUS), "interrupted", code=130)

@@ -1,0 +1,113 @@
+from __future__ import annotations
+
+import json
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hdvplan.road.load import load_road
+from hdvplan.road.scenarios import SCENARIOS
+from tests.cli.conftest import Cli
+
+LISTS = [("vehicles", "list"), ("solvers",), ("roads", "list"), ("roads", "info", "roundabout")]
+
+
+@pytest.mark.parametrize("arguments", LISTS)
+def test_a_list_is_a_table_that_fits_a_terminal(cli: Cli, arguments: tuple[str, ...]) -> None:
+    outcome = cli(*arguments)
+    assert (outcome.code, outcome.err) == (0, "")
+    assert max(len(line) for line in outcome.out.splitlines()) <= 80
+
+
+@pytest.mark.parametrize("arguments", LISTS)
+def test_a_list_is_there_as_json_too(cli: Cli, arguments: tuple[str, ...]) -> None:
+    outcome = cli(*arguments, "--json")
+    assert (outcome.code, outcome.err) == (0, "")
+    assert json.loads(outcome.out)
+
+
+def test_every_shipped_road_and_scenario_is_listed_whole(cli: Cli) -> None:
+    names = {road["name"] for road in json.loads(cli("roads", "list", "--json").out)}
+    assert names >= {"goteborg_nya_allen", *SCENARIOS}
+    table = cli("roads", "list").out
+    assert all(name in table for name in names)
+
+
+def test_a_preset_is_shown_verbatim(cli: Cli) -> None:
+    preset = resources.files("hdvplan.vehicle") / "presets" / "bus.toml"
+    assert cli("vehicles", "show", "bus").out == preset.read_text(encoding="utf-8")
+    assert json.loads(cli("vehicles", "show", "bus", "--json").out)["units"][0]["wheelbase"] == 6.0
+    outcome = cli("vehicles", "show", "buss")
+    assert outcome.code == 2
+    assert "did you mean 'bus'" in outcome.err
+
+
+def test_info_tells_which_vehicles_fit(cli: Cli) -> None:
+    info = json.loads(cli("roads", "info", "uturn", "--json").out)
+    assert info["length_m"] == pytest.approx(173.26, abs=0.01)  # printed digits
+    assert info["max_curvature_per_m"] == pytest.approx(0.06)
+    verdicts = {vehicle["vehicle"]: vehicle["fits"] for vehicle in info["vehicles"]}
+    assert verdicts["bus"] is True
+    assert verdicts["tractor-trailer-24m"] is False
+    bus = next(vehicle for vehicle in info["vehicles"] if vehicle["vehicle"] == "bus")
+    assert bus["half_width_m"] == pytest.approx(2.486, abs=1e-3)  # the published expectation's digits
+
+
+def test_info_reports_what_smoothing_did(cli: Cli) -> None:
+    outcome = cli("roads", "info", "goteborg_lindholmsallen_uturn")
+    assert "line moved by" in outcome.out
+    assert "OpenStreetMap" in outcome.out
+    info = json.loads(cli("roads", "info", "goteborg_lindholmsallen_uturn", "--json").out)
+    assert info["smoothing"]["max_deviation_m"] > 0
+    assert info["point_spacing_m"] > 0
+
+
+@pytest.mark.parametrize("name", ["uturn", "roundabout", "sturn"])
+def test_a_scenario_made_without_options_is_the_shipped_one(cli: Cli, tmp_path: Path, name: str) -> None:
+    assert cli("roads", "make", name).code == 0
+    made, shipped = load_road(tmp_path / f"{name}.csv").path, load_road(name).path
+    assert made.length == shipped.length
+    s = np.linspace(0.0, shipped.length, 200)
+    np.testing.assert_array_equal(made.at(s).curvature, shipped.at(s).curvature)
+
+
+@pytest.mark.parametrize("name", ["uturn", "roundabout", "sturn"])
+def test_a_scenario_turns_by_the_angle_and_radius_asked_for(cli: Cli, tmp_path: Path, name: str) -> None:
+    arguments = ("--radius", "-20", "--sharpness", "0.01", "--angle", "90", "--half-width", "4", "--out", "made.csv")
+    assert cli("roads", "make", name, *arguments).code == 0
+    road = load_road(tmp_path / "made.csv")
+    s = np.linspace(0.0, road.path.length, 20001)
+    kappa = road.path.at(s).curvature
+    assert np.min(kappa) == pytest.approx(-0.05, rel=5e-3)  # to the right; knots 0.5 m apart round a ramp's end
+    turned = np.trapezoid(np.minimum(kappa, 0.0), s)
+    assert np.rad2deg(turned) == pytest.approx(-90.0, abs=0.01)  # the trapezoidal rule at 1 cm
+    assert road.limits is not None
+    assert float(road.limits.left[0]) == 4.0
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("--radius", "0"),
+        ("--radius", "20", "--max-curvature", "0.05"),
+        ("--sharpness", "-1"),
+        ("--angle", "0"),
+        ("--angle", "1", "--sharpness", "0.001"),
+        ("--half-width", "0"),
+        ("--lead-in", "-5"),
+        ("--json", "--out", "-"),
+        ("--out", "missing/folder.csv"),
+    ],
+)
+def test_an_impossible_scenario_is_refused(cli: Cli, arguments: tuple[str, ...]) -> None:
+    outcome = cli("roads", "make", "uturn", *arguments)
+    assert (outcome.code, outcome.out) == (2, "")
+    assert outcome.err.startswith("error: ")
+
+
+def test_a_scenario_can_go_to_stdout(cli: Cli) -> None:
+    outcome = cli("roads", "make", "uturn", "--out", "-")
+    assert outcome.out.startswith("s,kappa\n0.0,0.0\n")
+    assert outcome.err == ""

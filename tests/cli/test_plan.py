@@ -1,0 +1,157 @@
+from __future__ import annotations
+
+import inspect
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from hdvplan.cli.plan import plan
+from hdvplan.errors import PlanError, SolverError
+from hdvplan.planning.settings import PlannerSettings
+from tests.cli.conftest import Cli
+
+QUICK = ("--horizon", "30", "--no-plot")
+CONTRACT = {
+    "road", "vehicle", "scheme", "solver", "objective", "length_m", "plans", "max_left_m", "max_right_m", "imbalance_m",
+    "mean_abs_imbalance_m", "expected_half_width_m", "min_clearance_m", "limit_violation_m", "sqp_iterations_mean",
+    "sqp_iterations_max", "time_ms", "status", "version",
+}  # fmt: skip
+
+
+def test_a_plan_writes_every_file_and_prints_the_balance(cli: Cli, tmp_path: Path, short_road: str) -> None:
+    outcome = cli("plan", short_road, "--vehicle", "bus", "--horizon", "30", "--half-width", "3")
+    assert outcome.code == 0
+    assert outcome.err == ""
+    folder = tmp_path / "short.bus"
+    assert sorted(path.name for path in folder.iterdir()) == ["envelope.csv", "path.csv", "plan.png", "summary.json", "swept.geojson"]
+    assert (folder / "plan.png").read_bytes().startswith(b"\x89PNG")
+    for words in ("max left", "mean |left + right|", "expected half width", "limits kept", "time per step", "short.bus/"):
+        assert words in outcome.out
+    assert max(len(line) for line in outcome.out.splitlines()) <= 80
+
+
+def test_the_summary_has_every_field_of_the_contract(cli: Cli, tmp_path: Path, short_road: str) -> None:
+    assert cli("plan", short_road, "--vehicle", "tractor-trailer", *QUICK, "--left", "3", "--right", "3.5").code == 0
+    summary = json.loads((tmp_path / "short.tractor-trailer" / "summary.json").read_text(encoding="utf-8"))
+    assert summary.keys() >= CONTRACT
+    assert summary["time_ms"].keys() >= {"mean", "p50", "p95", "p99", "max"}
+    assert summary["status"] == "ok"
+    assert summary["limit_violation_m"] == 0
+    assert summary["min_clearance_m"] > 0
+    assert summary["imbalance_m"] == pytest.approx(summary["max_left_m"] - summary["max_right_m"])
+    assert summary["plans"] == 12  # 60 m, 5 m at a time
+
+
+def test_the_tables_agree_with_the_contract_and_with_each_other(cli: Cli, tmp_path: Path, short_road: str) -> None:
+    assert cli("plan", short_road, "--vehicle", "tractor-trailer", *QUICK, "--left", "3", "--right", "3.5").code == 0
+    folder = tmp_path / "short.tractor-trailer"
+    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    path, envelope = pd.read_csv(folder / "path.csv"), pd.read_csv(folder / "envelope.csv")
+    assert list(path.columns) == ["s", "x", "y", "heading", "e_y", "e_psi", "beta1", "kappa", "K"]
+    assert list(envelope.columns) == ["s", "left", "right", "left_limit", "right_limit", "expected_left", "expected_right"]
+    assert envelope["left"].max() == pytest.approx(summary["max_left_m"], rel=1e-14)  # some readers miss the last bit
+    assert -envelope["right"].min() == pytest.approx(summary["max_right_m"], rel=1e-14)
+    assert (envelope["right_limit"] == -3.5).all()
+    assert path["kappa"].iloc[-1] == path["kappa"].iloc[-2]
+    turned = np.diff(path["heading"])
+    travelled = np.hypot(np.diff(path["x"]), np.diff(path["y"]))
+    # The lead rear axle turns by its curvature times the way it rolls; chord and arc of 0.5 m differ by 1e-6 of it.
+    np.testing.assert_allclose(turned, path["kappa"][:-1] * travelled, atol=1e-6)
+
+
+def test_a_broken_limit_ends_in_1_and_says_which_where_and_by_how_much(cli: Cli, tmp_path: Path) -> None:
+    outcome = cli("plan", "uturn", "--vehicle", "tractor-trailer-24m", "--half-width", "3.2", "--no-plot", "--horizon", "60")
+    assert outcome.code == 1
+    summary = json.loads((tmp_path / "uturn.tractor-trailer-24m" / "summary.json").read_text(encoding="utf-8"))
+    deepest = max(summary["breaches"], key=lambda breach: breach["depth_m"])
+    assert summary["status"] == "limits broken"
+    assert summary["limit_violation_m"] == deepest["depth_m"] > 0.01
+    first, hint = outcome.err.splitlines()
+    assert first == (
+        f"error: the {deepest['unit']} breaks the {deepest['side']} limit by {deepest['depth_m']:.3f} m at s = {deepest['s_deepest']:.1f} m"
+    )
+    assert hint.startswith("hint: ")
+    assert "broken limits" in outcome.out
+
+
+def test_without_limits_the_plan_says_which_half_width_it_needs(cli: Cli, tmp_path: Path, short_road: str) -> None:
+    outcome = cli("plan", short_road, "--vehicle", "bus", *QUICK)
+    assert outcome.code == 0
+    summary = json.loads((tmp_path / "short.bus" / "summary.json").read_text(encoding="utf-8"))
+    assert summary["min_clearance_m"] is None
+    assert f"half width of {max(summary['max_left_m'], summary['max_right_m']):.2f} m" in " ".join(outcome.out.split())
+
+
+def test_json_is_the_summary_and_nothing_else(cli: Cli, tmp_path: Path, short_road: str) -> None:
+    outcome = cli("plan", short_road, "--vehicle", "bus", *QUICK, "--json")
+    assert outcome.err == ""
+    assert json.loads(outcome.out) == json.loads((tmp_path / "short.bus" / "summary.json").read_text(encoding="utf-8"))
+
+
+def test_quiet_leaves_only_the_files(cli: Cli, tmp_path: Path, short_road: str) -> None:
+    outcome = cli("plan", short_road, "--vehicle", "bus", *QUICK, "--quiet", "--out", "a/b")
+    assert (outcome.code, outcome.out, outcome.err) == (0, "", "")
+    assert (tmp_path / "a" / "b" / "summary.json").is_file()
+
+
+def test_every_planning_option_reaches_the_planner(cli: Cli, short_road: str) -> None:
+    options = ("--scheme", "sqp", "--objective", "lead-axle", "--step", "1", "--replan", "10", "--smoothness", "500")
+    outcome = cli("plan", short_road, "--vehicle", "bus", *QUICK, *options, "--discretisation", "euler", "--solver", "piqp", "--json")
+    summary = json.loads(outcome.out)
+    assert (summary["scheme"], summary["objective"], summary["solver"]) == ("sqp", "lead-axle", "piqp")
+    settings = summary["settings"]
+    assert (settings["step"], settings["replan"], settings["smoothness"], settings["horizon"]) == (1, 10, 500, 30)
+    assert settings["discretisation"] == "euler"
+    assert summary["sqp_iterations_max"] > 1
+
+
+def test_the_defaults_of_the_options_are_the_defaults_of_the_library() -> None:
+    settings = PlannerSettings()
+    for name, parameter in inspect.signature(plan).parameters.items():
+        if hasattr(settings, name):
+            assert parameter.default == getattr(settings, name)
+
+
+def test_a_vehicle_file_is_planned_under_its_own_name(cli: Cli, tmp_path: Path, short_road: str) -> None:
+    (tmp_path / "mine.toml").write_text('name = "my van / 2"\n[[unit]]\nwheelbase = 3.0\nwidth = 2.0\n', encoding="utf-8")
+    assert cli("plan", short_road, "--vehicle", "mine.toml", *QUICK).code == 0
+    assert (tmp_path / "short.my-van-2" / "summary.json").is_file()
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        PlanError("at s = 31.0 m the road bends too tightly", s_m=31.0),
+        SolverError("the first plan could not be solved", status="infeasible"),
+    ],
+)
+def test_a_road_that_cannot_be_planned_ends_in_1(cli: Cli, monkeypatch: pytest.MonkeyPatch, short_road: str, error: Exception) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr("hdvplan.drive.drive", fail)
+    outcome = cli("plan", short_road, "--vehicle", "bus", *QUICK)
+    assert (outcome.code, outcome.out) == (1, "")
+    assert outcome.err == f"error: {error}\n"
+
+
+def test_the_first_run_of_an_installation_says_that_it_compiles(cli: Cli, monkeypatch: pytest.MonkeyPatch, short_road: str) -> None:
+    monkeypatch.setattr("hdvplan.jit.is_compiled", lambda: False)
+    arguments = ("plan", short_road, "--vehicle", "bus", *QUICK)
+    assert cli(*arguments).err == "compiling the planning kernels, once per installation: about 10 s\n"
+    assert cli(*arguments, "--quiet").err == ""
+
+
+def test_a_shipped_road_is_placed_on_the_map_with_its_attribution(cli: Cli, tmp_path: Path) -> None:
+    assert cli("plan", "goteborg_lindholmsallen_uturn", "--vehicle", "bus", *QUICK).code == 0
+    folder = tmp_path / "goteborg_lindholmsallen_uturn.bus"
+    swept = json.loads((folder / "swept.geojson").read_text(encoding="utf-8"))
+    assert all("OpenStreetMap" in feature["properties"]["attribution"] for feature in swept["features"])
+    lon, lat = swept["features"][-1]["geometry"]["coordinates"][0]
+    assert 11.5 < lon < 12.5  # Gothenburg
+    assert 57.5 < lat < 58.0
+    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    assert summary["smoothing"]["points"] > 2

@@ -1,0 +1,109 @@
+"""The command line as its users start it: a process with its own streams."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+HEAVY = ("numpy", "numba", "scipy", "pandas", "matplotlib", "shapely", "pyproj", "rich.table")
+COMMAND = (sys.executable, "-m", "hdvplan")
+
+
+def hdvplan(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*COMMAND, *arguments], cwd=folder, env=_environment(), capture_output=True, text=True, check=False)  # noqa: S603 - our own
+
+
+def _environment() -> dict[str, str]:
+    return os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+
+
+def test_help_imports_nothing_heavy() -> None:
+    code = f"import sys; from hdvplan.cli.app import run; run(['--help']); print([m for m in {HEAVY} if m in sys.modules])"
+    ended = subprocess.run([sys.executable, "-c", code], env=_environment(), capture_output=True, text=True, check=True)  # noqa: S603 - our own
+    assert ended.stdout.splitlines()[-1] == "[]"
+
+
+def test_help_is_there_at_once(tmp_path: Path) -> None:
+    def seconds() -> float:
+        began = time.perf_counter()
+        assert hdvplan(tmp_path, "--help").returncode == 0
+        return time.perf_counter() - began
+
+    assert min(seconds() for _ in range(3)) < 0.4  # a shared machine may be slow once, not three times
+
+
+@pytest.mark.parametrize(
+    "command", [(), ("plan",), ("roads",), ("roads", "list"), ("roads", "info"), ("roads", "make"), ("vehicles",), ("solvers",)]
+)
+def test_every_command_explains_itself(tmp_path: Path, command: tuple[str, ...]) -> None:
+    ended = hdvplan(tmp_path, *command, "--help")
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert ended.stdout.startswith("Usage: hdvplan")
+
+
+def test_without_a_command_the_help_is_shown_and_nothing_is_claimed_to_be_done(tmp_path: Path) -> None:
+    ended = hdvplan(tmp_path)
+    assert ended.returncode == 2
+    assert ended.stdout.startswith("Usage: hdvplan")
+
+
+def test_the_version_is_the_package_s(tmp_path: Path) -> None:
+    from hdvplan import __version__  # noqa: PLC0415 - the process under test must not profit
+
+    assert hdvplan(tmp_path, "--version").stdout == f"hdvplan {__version__}\n"
+
+
+def test_a_plan_ends_in_0_with_tables_on_stdout_and_silence_on_stderr(tmp_path: Path) -> None:
+    ended = hdvplan(tmp_path, "plan", "sturn", "--vehicle", "bus", "--no-plot", "--horizon", "50")
+    assert ended.returncode == 0
+    assert "expected half width" in ended.stdout
+    assert "\x1b" not in ended.stdout  # no colour codes outside a terminal
+    assert ended.stderr.replace("compiling the planning kernels, once per installation: about 10 s\n", "") == ""
+
+
+def test_a_broken_limit_ends_in_1_with_json_still_on_stdout(tmp_path: Path) -> None:
+    ended = hdvplan(
+        tmp_path, "plan", "sturn", "--vehicle", "tractor-trailer-24m", "--half-width", "1.5", "--no-plot", "--horizon", "50", "--json"
+    )
+    assert ended.returncode == 1
+    assert json.loads(ended.stdout)["status"] == "limits broken"
+    assert ended.stderr.splitlines()[-2].startswith("error: the ")
+
+
+def test_a_bad_road_ends_in_2_without_a_traceback(tmp_path: Path) -> None:
+    ended = hdvplan(tmp_path, "plan", "nowhere.csv", "--vehicle", "bus")
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert ended.stderr.startswith("error: road file nowhere.csv does not exist\n")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs signals and named pipes")
+def test_an_interrupted_command_ends_as_shells_expect(tmp_path: Path) -> None:
+    pipe = tmp_path / "endless.toml"
+    os.mkfifo(pipe)
+    arguments = [*COMMAND, "plan", "uturn", "--vehicle", str(pipe)]
+    with subprocess.Popen(arguments, env=_environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:  # noqa: S603
+        writer = _opened(pipe)  # from now on the command waits for its vehicle
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=30)
+        os.close(writer)
+    assert process.returncode == 130
+    assert out == ""
+    assert err == "error: interrupted\n"
+
+
+def _opened(pipe: Path) -> int:
+    """Return a descriptor for writing into a pipe once somebody reads it."""
+    deadline = time.monotonic() + 30.0
+    while time.monotonic() < deadline:
+        try:
+            return os.open(pipe, os.O_WRONLY | os.O_NONBLOCK)
+        except OSError:  # nobody reads yet
+            time.sleep(0.05)
+    pytest.fail("the command did not open its vehicle file")

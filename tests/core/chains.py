@@ -1,0 +1,68 @@
+"""Vehicles and states to try, and plain geometry written apart from the package."""
+
+import numpy as np
+from hypothesis import settings
+from hypothesis import strategies as st
+
+from hdvplan.jit import FloatArray
+from hdvplan.road.path import ReferencePath, from_curvature
+from hdvplan.vehicle.model import Unit, Vehicle
+
+few = settings(max_examples=25, deadline=None, derandomize=True)  # the same examples on every run; the first call compiles
+
+
+def units() -> st.SearchStrategy[Unit]:
+    return st.builds(
+        Unit,
+        wheelbase=st.floats(2.0, 14.0),
+        front_overhang=st.floats(0.0, 4.0),
+        rear_overhang=st.floats(0.0, 5.0),
+        width=st.floats(1.5, 3.0),
+        hitch_offset=st.floats(-1.0, 2.0),
+    )
+
+
+def vehicles(longest: int = 4) -> st.SearchStrategy[Vehicle]:
+    return st.lists(units(), min_size=1, max_size=longest).map(lambda chain: Vehicle("drawn", tuple(chain)))
+
+
+def three_units() -> Vehicle:
+    """Return a rigid truck with a dolly and a semitrailer of other widths: every recursion is used, nothing is equal."""
+    return Vehicle(
+        "three", (Unit(4.8, 1.4, 1.1, 2.55, 0.7), Unit(5.5, 0.3, 0.6, 2.4, -0.2), Unit(8.1, 1.0, 3.3, 2.6))
+    )  # fmt: skip
+
+
+def body_points(vehicle: Vehicle, axle: FloatArray, heading: float, beta: FloatArray, local: list[FloatArray]) -> list[FloatArray]:
+    """Return points in the plane of every body, given the lead axle's position, its heading and the articulation angles.
+
+    ``local`` holds for every body an array (points, 2) of distances ahead of and left of its axle.
+    """
+    found, position = [], axle
+    for i, (unit, points) in enumerate(zip(vehicle.units, local, strict=True)):
+        if i > 0:
+            coupling = position - vehicle.units[i - 1].hitch_offset * np.array([np.cos(heading), np.sin(heading)])
+            heading -= float(beta[i - 1])
+            position = coupling - unit.wheelbase * np.array([np.cos(heading), np.sin(heading)])
+        forward, left = np.array([np.cos(heading), np.sin(heading)]), np.array([-np.sin(heading), np.cos(heading)])
+        found.append(position + points[:, :1] * forward + points[:, 1:] * left)
+    return found
+
+
+def on_road(vehicle: Vehicle, path: ReferencePath, s: float, z: FloatArray, local: list[FloatArray]) -> list[FloatArray]:
+    """Return the same points from a road-aligned state at arclength ``s``."""
+    road = path.at(s)
+    psi = float(road.heading)
+    axle = np.array([float(road.x) - z[0] * np.sin(psi), float(road.y) + z[0] * np.cos(psi)])
+    return body_points(vehicle, axle, psi + float(z[1]), z[2:], local)
+
+
+def winding() -> ReferencePath:
+    """Return a road that turns left, then right, with curvature up to 0.06 1/m."""
+    s = np.cumsum([0.0, 20.0, 15.0, 10.0, 25.0, 10.0, 10.0, 20.0])
+    return from_curvature(s, np.array([0.0, 0.0, 0.06, 0.06, -0.05, -0.05, 0.0, 0.0]))
+
+
+def arc(curvature: float, length: float) -> ReferencePath:
+    """Return a circular arc."""
+    return from_curvature(np.array([0.0, length]), np.array([curvature, curvature]))

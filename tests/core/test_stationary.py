@@ -1,0 +1,181 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.optimize import brentq
+
+from hdvplan.centering.stationary import stationary, tightest_kappa
+from hdvplan.centering.weights import CenteringTable
+from hdvplan.jit import FloatArray
+from hdvplan.vehicle.load import load_vehicle, preset_names
+from hdvplan.vehicle.model import Unit, Vehicle
+from tests.core.chains import body_points, few, three_units
+
+TRACTOR_TRAILERS = ["tractor-trailer", "tractor-trailer-24m", "tractor-trailer-paper"]
+
+
+def weight_of(name: str, curvature: float) -> float:
+    return float(stationary(load_vehicle(name), np.array([curvature])).weight[0])
+
+
+@given(radius=st.floats(10.0, 2000.0))
+@few
+def test_a_bus_circles_as_in_the_closed_form(radius: float) -> None:
+    wheelbase, front, width = 6.00, 6.00 + 3.34, 2.54
+    lead_radius = (4.0 * radius**2 + 2.0 * width * radius - front**2) / (4.0 * radius + 2.0 * width)
+    e_y, e_front = radius - lead_radius, radius - np.hypot(wheelbase, lead_radius)
+    found = stationary(load_vehicle("bus"), np.array([1.0 / radius]))
+    assert abs(found.e_y[0] - e_y) < 1e-9
+    assert abs(found.e_aux[0] - e_front) < 1e-9
+    assert abs(found.kappa[0] - 1.0 / lead_radius) < 1e-9
+    assert abs(found.half_width[0] - (radius - (lead_radius - 0.5 * width))) < 1e-9
+    # the closed form subtracts radii up to 2000 m for offsets of centimetres: 1e-12 / 1e-2
+    assert abs(found.weight[0] + e_front / e_y) < 1e-9
+
+
+@given(radius=st.floats(10.0, 1000.0), name=st.sampled_from(TRACTOR_TRAILERS))
+@few
+def test_a_tractor_trailer_circles_as_in_the_closed_form(radius: float, name: str) -> None:
+    tractor, trailer = load_vehicle(name).units
+    front, hitch, length, width = tractor.wheelbase + tractor.front_overhang, tractor.hitch_offset, trailer.wheelbase, 2.54
+
+    def balance(lead: float) -> float:
+        outer, inner = np.hypot(lead + 0.5 * width, front), np.sqrt(lead**2 + hitch**2 - length**2) - 0.5 * width
+        return float(outer + inner - 2.0 * radius)
+
+    least = np.sqrt(length**2 - hitch**2 + 0.25 * width**2)
+    lead = brentq(balance, least, radius + 20.0, xtol=1e-13, rtol=1e-15)
+    last = np.sqrt(lead**2 + hitch**2 - length**2)
+    found = stationary(load_vehicle(name), np.array([1.0 / radius]))
+    assert abs(found.e_y[0] - (radius - lead)) < 1e-9
+    assert abs(found.e_aux[0] - (radius - last)) < 1e-9
+    assert abs(found.kappa[0] - 1.0 / lead) < 1e-9
+    assert abs(found.beta[0, 0] - (np.arctan(hitch / lead) + np.arctan(length / last))) < 1e-9
+    assert abs(found.half_width[0] - (radius - last + 0.5 * width)) < 1e-9
+    # the root search leaves 1e-12 m in offsets of centimetres
+    assert abs(found.weight[0] - (radius - last) / (lead - radius)) < 1e-8
+
+
+def test_the_papers_roundabout_is_met_to_its_last_digit() -> None:
+    found = stationary(load_vehicle("tractor-trailer-paper"), np.array([1.0 / 17.88]))
+    assert abs(found.kappa[0] - 0.05393) < 1e-5
+    assert abs(found.beta[0, 0] - 0.4604) < 1e-4
+    assert abs(found.half_width[0] - 2.273) < 5e-4
+    assert found.e_y[0] < 0.0 < found.e_aux[0]
+
+
+def test_the_papers_bus_needs_2486_millimetres_on_each_side_of_its_u_turn() -> None:
+    assert abs(float(stationary(load_vehicle("bus"), np.array([0.060])).half_width[0]) - 2.486) < 5e-4
+
+
+def test_the_weight_of_a_bus_is_negative_on_gentle_curves() -> None:
+    assert abs(weight_of("bus", 0.0) + 0.175) < 5e-4
+    assert abs(weight_of("bus", 1.0 / 12.0) + 0.02) < 5e-3  # published with two decimals
+
+
+@pytest.mark.parametrize(
+    ("name", "curvature", "published", "searched"),
+    [("tractor-trailer-24m", 0.065, 0.447, 0.45), ("tractor-trailer", 1.0 / 17.88, 0.395, 0.40)],
+)
+def test_the_weight_explains_what_others_found_by_exhaustive_search(name: str, curvature: float, published: float, searched: float) -> None:
+    share = 1.0 / (1.0 + weight_of(name, curvature))
+    assert abs(share - published) < 5e-4  # three decimals are given
+    assert abs(share - searched) < 6e-3  # they searched in steps of 0.05
+
+
+@pytest.mark.parametrize("vehicle", [*map(load_vehicle, preset_names()), three_units()], ids=lambda v: v.name)
+def test_everything_is_continuous_at_the_straight(vehicle: Vehicle) -> None:
+    k = np.array([0.0, 1e-9, 0.999e-7, 1.001e-7, 1e-6, 1e-5])
+    found = stationary(vehicle, k)
+    # K changes by about 1 m per 1/m of curvature; offsets grow like 50 m^2 times it, less rounding of 1e-15 m
+    assert np.max(np.abs(found.weight - found.weight[0])) < 1e-4
+    assert np.max(np.abs(found.weight[:4] - found.weight[0])) < 1e-6
+    assert np.max(np.abs(found.e_y)) < 1e-3
+    assert np.max(np.abs(np.diff(found.e_y / np.maximum(k, 1e-9))[1:4])) < 1e-4
+    assert np.max(np.abs(found.kappa - k)) < 1e-7
+    assert np.max(np.abs(found.half_width - 0.5 * vehicle.width)) < 1e-2
+
+
+def test_the_sign_of_the_curvature_does_not_matter_to_the_circle() -> None:
+    left, right = (stationary(load_vehicle("tractor-trailer"), np.array([sign * 0.05])) for sign in (1.0, -1.0))
+    assert left.e_y[0] == right.e_y[0]
+    assert left.weight[0] == right.weight[0]
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_a_road_too_tight_for_any_circle_is_marked_and_the_tightest_circle_held(name: str) -> None:
+    vehicle = load_vehicle(name)
+    found = stationary(vehicle, np.linspace(0.0, 0.5, 101))
+    first = int(np.argmax(found.saturated))
+    assert first > 0
+    assert np.all(found.saturated[first:])
+    assert np.all(found.kappa[:first] < tightest_kappa(vehicle))
+    assert np.allclose(found.kappa[first:], tightest_kappa(vehicle), rtol=1e-8)
+    for values in (found.kappa, found.e_y, found.e_aux, found.beta, found.half_width, found.weight):
+        assert np.all(np.isfinite(values))
+        assert np.all(values[first:] == values[first])
+
+
+def test_the_tightest_circle_puts_an_inner_edge_on_the_centre() -> None:
+    assert 1.0 / tightest_kappa(load_vehicle("bus")) == pytest.approx(1.27, abs=1e-12)
+    lead = 1.0 / tightest_kappa(load_vehicle("tractor-trailer"))
+    assert np.sqrt(lead**2 + 0.30**2 - 9.40**2) == pytest.approx(1.27, abs=1e-9)
+
+
+def dense_outlines(vehicle: Vehicle) -> list[FloatArray]:
+    outlines = []
+    for unit in vehicle.units:
+        x = np.concatenate([np.linspace(-unit.rear_overhang, 0.0, 400), np.linspace(0.0, unit.front, 800)])
+        y = np.linspace(-0.5 * unit.width, 0.5 * unit.width, 200)
+        sides = [np.column_stack([x, np.full(x.size, side)]) for side in y[[0, -1]]]
+        ends = [np.column_stack([np.full(y.size, end), y]) for end in (-unit.rear_overhang, unit.front)]
+        outlines.append(np.concatenate([*sides, *ends]))
+    return outlines
+
+
+@pytest.mark.parametrize(
+    "vehicle",
+    [three_units(), Vehicle("wide tail", (Unit(4.0, 1.2, 1.0, 2.3, -0.5), Unit(3.0, 0.5, 6.0, 2.9, 3.0), Unit(6.0, 0.0, 2.0, 2.5)))],
+    ids=lambda v: v.name,
+)
+@pytest.mark.parametrize("curvature", [0.005, 0.03, 0.06])
+def test_a_chain_of_three_is_balanced_and_in_steady_motion_by_brute_force(vehicle: Vehicle, curvature: float) -> None:
+    found = stationary(vehicle, np.array([curvature]))
+    lead, road = 1.0 / found.kappa[0], 1.0 / curvature
+    axle = np.array([0.0, -lead])  # the circle's centre is the origin, the vehicle turns left
+    assert abs(road - lead - found.e_y[0]) < 1e-9
+    axles = body_points(vehicle, axle, 0.0, found.beta[0], [np.array([[0.0, 0.0], [1.0, 0.0]])] * 3)
+    for own, ahead in axles:
+        assert abs(own @ (ahead - own)) < 1e-9  # every axle line passes through the centre: nothing slips sideways
+    assert abs(road - np.hypot(*axles[-1][0]) - found.e_aux[0]) < 1e-9
+    radii = np.concatenate([np.hypot(*points.T) for points in body_points(vehicle, axle, 0.0, found.beta[0], dense_outlines(vehicle))])
+    # corners and axles are among the outline's points, so nothing is lost between them
+    assert abs(np.max(radii) - road - found.half_width[0]) < 1e-9
+    assert abs(road - np.min(radii) - found.half_width[0]) < 1e-9
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_the_table_agrees_with_the_circle_itself_on_roads_that_can_be_driven(name: str) -> None:
+    vehicle = load_vehicle(name)
+    k = np.random.default_rng(1).uniform(-0.1, 0.1, 200)
+    found, exact = CenteringTable.of(vehicle).at(k), stationary(vehicle, k)
+    # linear between curvatures 2.5e-4 1/m apart: K'' h^2 / 8; the same for the offsets, whose curvature is some 100 m^3
+    assert np.max(np.abs(found.weight - exact.weight)) < 1e-6
+    for values, circle in ((found.e_y, exact.e_y), (found.e_aux, exact.e_aux), (found.kappa, exact.kappa)):
+        assert np.max(np.abs(values - np.sign(k) * circle)) < 1e-5
+    assert np.max(np.abs(found.half_width - exact.half_width)) < 1e-5
+    assert found.beta.shape == (200, len(vehicle.units) - 1)
+
+
+def test_the_table_holds_and_marks_what_lies_beyond_its_end() -> None:
+    table = CenteringTable.of(load_vehicle("bus"))
+    found = table.at(np.array([0.0, 0.1, 0.4, 3.0, -3.0]))
+    assert found.saturated.tolist() == [False, False, True, True, True]
+    assert found.weight[2] == found.weight[3] == found.weight[4]
+    assert found.e_y[4] == -found.e_y[3]
+
+
+@pytest.mark.xfail(reason="K = -e_aux / e_y has a pole where the lead axle runs on the road's centre")
+def test_the_weight_is_finite_for_a_truck_whose_trailer_is_as_long_as_its_front() -> None:
+    drawbar = Vehicle("drawbar", (Unit(5.0, 1.5, 2.5, 2.55, 0.0), Unit(6.5, 0.0, 2.0, 2.55)))
+    assert np.all(np.isfinite(CenteringTable.of(drawbar).at(np.linspace(0.0, 0.1, 101)).weight))

@@ -1,0 +1,166 @@
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hdvplan.errors import VehicleError
+from hdvplan.vehicle.body import POINTS_PER_EDGE, edge_points
+from hdvplan.vehicle.load import load_vehicle, parse_vehicle, preset_names, preset_text
+from hdvplan.vehicle.model import Unit, Vehicle
+from tests.core.chains import few, three_units, vehicles
+
+PUBLISHED = {  # L1, L1f, L1r, W, M1, L2, L2r
+    "bus": (6.00, 3.34, 2.66, 2.54, 0.0, None, None),
+    "tractor-trailer": (3.47, 1.16, 1.34, 2.54, -0.30, 9.40, 3.03),
+    "tractor-trailer-24m": (3.78, 1.46, 1.64, 2.54, -0.30, 13.97, 4.50),
+    "tractor-trailer-paper": (3.70, 0.00, 1.34, 2.54, 0.60, 7.70, 3.03),
+}
+BUS = """
+[[unit]]
+wheelbase = 6.0
+front_overhang = 2.5
+rear_overhang = 3.0
+width = 2.5
+"""
+
+
+@pytest.mark.parametrize("name", sorted(PUBLISHED))
+def test_a_preset_has_the_published_dimensions(name: str) -> None:
+    wheelbase, front, rear, width, hitch, trailer, trailer_rear = PUBLISHED[name]
+    vehicle = load_vehicle(name)
+    assert vehicle.name == name
+    assert vehicle.source
+    assert vehicle.units[0] == Unit(wheelbase, front, rear, width, hitch)
+    assert (vehicle.max_curvature, vehicle.max_curvature_rate) == (0.1, 0.1)
+    if trailer is None or trailer_rear is None:
+        assert len(vehicle.units) == 1
+    else:
+        assert vehicle.units[1:] == (Unit(trailer, 0.0, trailer_rear, width),)
+
+
+def test_every_preset_is_published_and_its_text_parses_to_it() -> None:
+    assert preset_names() == sorted(PUBLISHED)
+    for name in preset_names():
+        assert parse_vehicle(preset_text(name), default_name="other") == load_vehicle(name)
+
+
+def test_the_longest_truck_allowed_in_sweden_is_24_metres_long() -> None:
+    vehicle = load_vehicle("tractor-trailer-24m")
+    # front edge, coupling 0.30 m ahead of the axle, trailer axle, rear edge
+    assert vehicle.reach_ahead + vehicle.reach_behind == pytest.approx(3.78 + 1.46 - 0.30 + 13.97 + 4.50, abs=1e-12)
+
+
+def test_lengths_and_reaches_add_up_along_the_chain() -> None:
+    vehicle = three_units()
+    assert vehicle.states == 4
+    assert vehicle.width == 2.6
+    assert vehicle.reach_ahead == pytest.approx(6.2, abs=1e-12)
+    assert vehicle.reach_behind == pytest.approx(0.7 + 5.5 - 0.2 + 8.1 + 3.3, abs=1e-12)
+    assert vehicle.lead.length == pytest.approx(7.3, abs=1e-12)
+    assert np.allclose(vehicle.table()[1], [5.5, -0.2, 5.8, 0.6, 1.2], rtol=0.0, atol=1e-12)
+
+
+def test_a_long_rear_overhang_may_reach_further_back_than_the_trailer() -> None:
+    vehicle = Vehicle("odd", (Unit(4.0, 1.0, 6.0, 2.5, -1.0), Unit(2.0, 0.0, 0.5, 2.5)))
+    assert vehicle.reach_behind == 6.0
+
+
+def test_a_length_stands_for_the_rear_overhang() -> None:
+    text = BUS.replace("rear_overhang = 3.0", "length = 11.5")
+    assert parse_vehicle(text, default_name="x").lead.rear_overhang == pytest.approx(3.0, abs=1e-12)
+
+
+def test_a_file_is_read_and_named_after_itself(tmp_path: Path) -> None:
+    file = tmp_path / "night-bus.toml"
+    file.write_text(BUS, encoding="utf-8")
+    assert load_vehicle(file).name == "night-bus"
+    assert load_vehicle(str(file)).lead == Unit(6.0, 2.5, 3.0, 2.5)
+
+
+@pytest.mark.parametrize(
+    ("text", "field", "words"),
+    [
+        ("unit = [", None, "not valid TOML"),
+        ("", None, "has no unit"),
+        ("unit = 3", "unit", "[[unit]] tables"),
+        ("colour = 'red'" + BUS, "colour", "unknown entry 'colour'"),
+        (BUS.replace("width", "widht"), "widht", "unknown entry 'widht'"),
+        (BUS.replace("width = 2.5", ""), "width", "width is missing"),
+        (BUS.replace("wheelbase = 6.0", ""), "wheelbase", "wheelbase is missing"),
+        (BUS.replace("6.0", "'long'"), "wheelbase", "must be a number, not 'long'"),
+        (BUS.replace("6.0", "true"), "wheelbase", "must be a number, not True"),
+        (BUS.replace("6.0", "6000"), "wheelbase", "6000 m must lie between"),
+        (BUS.replace("6.0", "nan"), "wheelbase", "nan m must lie between"),
+        (BUS + "length = 9.0", "length", "contradicts"),
+        (BUS.replace("rear_overhang = 3.0", "length = 8.0"), "length", "contradicts"),
+        (BUS + "steered = false", "steered", "the first unit steers"),
+        (BUS + BUS + "steered = true", "steered", "the first unit steers"),
+        (BUS + BUS + "max_curvature = 0.1", "max_curvature", "belongs to unit 1"),
+        (BUS + "max_curvature = 0.0", "max_curvature", "must lie above 0"),
+        (BUS + "max_curvature_rate = 2", "max_curvature_rate", "at most 1"),
+    ],
+)
+def test_a_wrong_description_is_refused_by_the_name_of_its_entry(text: str, field: str | None, words: str) -> None:
+    with pytest.raises(VehicleError) as caught:
+        parse_vehicle(text, default_name="x")
+    assert caught.value.field == field
+    assert words in str(caught.value)
+
+
+def test_a_misspelt_entry_or_preset_is_met_with_the_right_word() -> None:
+    with pytest.raises(VehicleError) as entry:
+        parse_vehicle(BUS.replace("width", "widht"), default_name="x")
+    assert entry.value.hint == "did you mean 'width'?"
+    with pytest.raises(VehicleError) as preset:
+        load_vehicle("tractor-trailer-25m")
+    assert preset.value.hint == "did you mean 'tractor-trailer-24m'?"
+
+
+def test_a_missing_or_unreadable_file_is_a_vehicle_error(tmp_path: Path) -> None:
+    with pytest.raises(VehicleError, match="does not exist"):
+        load_vehicle(tmp_path / "none.toml")
+    binary = tmp_path / "binary.toml"
+    binary.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(VehicleError, match="cannot be read"):
+        load_vehicle(binary)
+
+
+@given(
+    field=st.sampled_from(["wheelbase", "front_overhang", "rear_overhang", "width", "hitch_offset"]),
+    wrong=st.one_of(st.floats(max_value=-50.0), st.floats(min_value=50.1), st.just(float("nan"))),
+    unit=st.integers(0, 2),
+)
+@few
+def test_an_impossible_dimension_is_refused_by_name_wherever_it_stands(field: str, wrong: float, unit: int) -> None:
+    chain = list(three_units().units)
+    with pytest.raises(VehicleError) as caught:
+        Vehicle("drawn", (*chain[:unit], replace(chain[unit], **{field: wrong}), *chain[unit + 1 :]))
+    assert caught.value.field == field
+    assert f"unit {unit + 1}" in str(caught.value)
+
+
+@given(value=st.one_of(st.floats(max_value=0.0), st.floats(min_value=1.0, exclude_min=True), st.just(float("nan"))), rate=st.booleans())
+@few
+def test_impossible_steering_is_refused_by_name(value: float, rate: bool) -> None:
+    field = "max_curvature_rate" if rate else "max_curvature"
+    steering = (0.1, value) if rate else (value, 0.1)
+    with pytest.raises(VehicleError) as caught:
+        Vehicle("drawn", three_units().units, *steering)
+    assert caught.value.field == field
+
+
+@given(vehicle=vehicles())
+@few
+def test_sampled_edge_points_hold_corners_and_axles_and_know_their_overhangs(vehicle: Vehicle) -> None:
+    points = edge_points(vehicle)
+    assert points.shape == (len(vehicle.units), POINTS_PER_EDGE, 2)
+    for unit, row in zip(vehicle.units, points, strict=True):
+        ahead, overhang = row[:, 0], row[:, 1]
+        assert np.all(np.diff(ahead) > 0.0)
+        for wanted in (-unit.rear_overhang, 0.0, unit.wheelbase, unit.front):
+            assert np.min(np.abs(ahead - wanted)) < 2e-6  # points closer than this count as one
+        inner = (ahead > -1e-6) & (ahead < unit.wheelbase + 1e-6)
+        assert np.array_equal(overhang == 0.0, inner)

@@ -1,0 +1,56 @@
+"""Results that several tests look at, each driven once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hdvplan.drive import drive
+from hdvplan.planning.objectives import geometric
+from hdvplan.planning.settings import PlannerSettings
+from hdvplan.report.result import Result, result_of
+from hdvplan.road.path import from_curvature
+from hdvplan.road.road import Limits, Road
+from hdvplan.road.scenarios import SCENARIOS
+from hdvplan.solvers.piqp import PiqpWorkspace
+from hdvplan.vehicle.load import load_vehicle
+
+
+def driven(road: Road, vehicle: str) -> Result:
+    settings = PlannerSettings(horizon=50.0)
+    return result_of(drive(road, load_vehicle(vehicle), geometric, PiqpWorkspace, settings), solver="piqp", objective="geometric")
+
+
+@pytest.fixture(scope="session")
+def bus() -> Result:
+    """A bus in the U-turn, with limits."""
+    return driven(SCENARIOS["uturn"](), "bus")
+
+
+@pytest.fixture(scope="session")
+def trailer() -> Result:
+    """A tractor-trailer in the roundabout, which crosses itself, without limits."""
+    return driven(replace(SCENARIOS["roundabout"](), limits=None, notice="© the surveyors"), "tractor-trailer")
+
+
+@pytest.fixture(scope="session")
+def straight() -> Result:
+    """A bus on a straight road due east."""
+    return driven(Road("straight", from_curvature(np.array([0.0, 80.0]), np.zeros(2))).with_limits(3.0, 2.0), "bus")
+
+
+@pytest.fixture(scope="session")
+def long() -> Result:
+    """A bus on a road of 500 m with bends at 150 m and, tighter, 350 m."""
+    s = np.array([0.0, 140.0, 150.0, 160.0, 340.0, 350.0, 360.0, 500.0])
+    return driven(Road("long", from_curvature(s, np.array([0.0, 0.0, 0.03, 0.0, 0.0, -0.05, 0.0, 0.0]))), "bus")
+
+
+@pytest.fixture(scope="session")
+def kerbed() -> Result:
+    """A bus in the U-turn that breaks limits: 2 m for wheels, half a metre more for overhangs."""
+    road = SCENARIOS["uturn"]()
+    ends, two = np.array([0.0, road.path.length]), np.array([2.0, 2.0])
+    return driven(replace(road, limits=Limits(ends, two, -two, two + 0.2, -two - 0.2)), "bus")

@@ -1,0 +1,82 @@
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from shapely.geometry import shape
+
+from hdvplan.jit import FloatArray
+from hdvplan.report.files import json_bytes
+from hdvplan.report.geojson import swept_area, swept_geojson
+from hdvplan.report.result import Result
+from hdvplan.road.path import from_curvature
+
+
+def features(result: Result) -> list[dict[str, Any]]:
+    """Return the features as a reader of the file gets them."""
+    found = json.loads(json_bytes(swept_geojson(result)))["features"]
+    assert isinstance(found, list)
+    return found
+
+
+def test_every_body_has_an_area_and_the_road_a_line(trailer: Result) -> None:
+    tractor, semitrailer, centre = features(trailer)
+    assert [tractor["properties"]["unit"], semitrailer["properties"]["unit"]] == ["tractor", "trailer"]
+    assert centre["geometry"]["type"] == "LineString"
+    reaches = [feature["properties"][key] for feature in (tractor, semitrailer) for key in ("max_left_m", "max_right_m")]
+    balance = trailer.balance
+    assert max(reaches) == pytest.approx(max(balance.max_left, balance.max_right), abs=1e-4)  # rounded there
+
+
+def test_areas_are_valid_where_the_road_crosses_itself(trailer: Result) -> None:
+    for feature in features(trailer)[:2]:
+        area = shape(feature["geometry"])
+        assert area.geom_type in {"Polygon", "MultiPolygon"}
+        assert area.is_valid
+        for part in shapely.get_parts(area):
+            assert part.exterior.is_ccw  # RFC 7946
+
+
+def test_the_area_swept_on_a_straight_is_the_vehicle_s_width(straight: Result) -> None:
+    area = shape(features(straight)[0]["geometry"])
+    assert area.area == pytest.approx(80.0 * 2.54, rel=1e-3)  # a bus that keeps straight to a millimetre
+    assert area.bounds == pytest.approx((0.0, -1.27, 80.0, 1.27), abs=2e-3)  # coordinates are rounded to 1 mm
+
+
+def test_the_area_swept_in_a_full_circle_has_a_hole() -> None:
+    path = from_curvature(np.array([0.0, 130.0]), np.array([0.05, 0.05]))  # radius 20 m: 125.7 m once round
+    s = np.arange(0.0, 126.0, 0.25)
+    ring = swept_area(path, s, np.full(len(s), 2.0), np.full(len(s), -2.0))
+    assert ring.area == pytest.approx(np.pi * (22.0**2 - 18.0**2), rel=1e-4)  # chords of 0.25 m
+
+
+def test_a_gap_in_the_envelope_is_a_gap_in_the_area() -> None:
+    path = from_curvature(np.array([0.0, 100.0]), np.zeros(2))
+    s = np.arange(0.0, 100.25, 0.25)
+    left = np.where((s > 40.0) & (s < 60.0), np.nan, 1.0)
+    area = swept_area(path, s, left, -left)
+    assert area.geom_type == "MultiPolygon"
+    assert area.area == pytest.approx(160.0)
+
+
+def test_without_a_map_the_coordinates_are_metres_and_say_so(straight: Result) -> None:
+    for feature in features(straight):
+        assert "metres" in feature["properties"]["note"]
+        assert "attribution" not in feature["properties"]
+
+
+def test_on_a_map_the_coordinates_are_degrees_and_carry_the_attribution(straight: Result) -> None:
+    def to_lonlat(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return 12.0 + x / 60e3, 57.0 + y / 111e3
+
+    road = replace(straight.drive.road, to_lonlat=to_lonlat, notice="© the surveyors")
+    area, centre = features(replace(straight, drive=replace(straight.drive, road=road)))
+    west, south, east, north = shape(area["geometry"]).bounds
+    assert (west, east) == pytest.approx((12.0, 12.0 + 80.0 / 60e3), abs=1e-7)
+    assert (south, north) == pytest.approx((57.0 - 1.27 / 111e3, 57.0 + 1.27 / 111e3), abs=1e-7)
+    assert centre["properties"]["attribution"] == "© the surveyors"
+    assert all(round(value, 7) == value for point in centre["geometry"]["coordinates"] for value in point)

@@ -1,0 +1,79 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+from matplotlib.figure import Figure
+
+from hdvplan.report.bodies import corners, pose_at
+from hdvplan.report.plots import plan_figure
+from hdvplan.report.result import Result
+from hdvplan.report.windows import tightest_windows
+
+
+def labels(figure: Figure) -> set[str]:
+    return {axes.get_ylabel().split(" [")[0] for axes in figure.axes}
+
+
+def test_a_single_body_has_a_map_an_envelope_and_a_curvature(bus: Result) -> None:
+    figure = plan_figure(bus)
+    assert labels(figure) == {"y", "reach", "curvature"}
+    assert figure.axes[0].get_aspect() == 1.0  # to scale
+    title = figure.get_suptitle()
+    assert all(word in title for word in ("bus", "uturn", "RTI", "geometric"))
+
+
+def test_an_articulated_vehicle_shows_its_articulation_and_the_road_its_notice(trailer: Result) -> None:
+    figure = plan_figure(trailer)
+    assert labels(figure) == {"y", "reach", "curvature", "articulation"}
+    assert figure.get_supxlabel() == "© the surveyors"
+
+
+def test_a_long_road_is_an_overview_with_its_tightest_places_enlarged(long: Result) -> None:
+    figure = plan_figure(long)
+    maps = [axes for axes in figure.axes if axes.get_ylabel() == "y [m]"]
+    assert len(maps) == 3
+    assert maps[1].get_title(loc="left").startswith("A: reach")
+
+
+def test_every_map_is_large_enough_to_see_the_bodies(long: Result, bus: Result) -> None:
+    for result in (long, bus):
+        figure = plan_figure(result)
+        figure.draw_without_rendering()
+        for axes in [axes for axes in figure.axes if axes.get_ylabel() == "y [m]"][-1:]:
+            metres_an_inch = np.ptp(axes.get_xlim()) / (axes.get_position().width * figure.get_figwidth())
+            assert metres_an_inch < 30.0  # a bus of 12 m is a centimetre
+
+
+def test_the_tightest_places_come_in_order_and_apart(long: Result) -> None:
+    first, second = tightest_windows(long)
+    assert first.s_from < 350.0 < first.s_to
+    assert second.s_from < 150.0 < second.s_to
+    assert second.s_to <= first.s_from
+
+
+def test_with_limits_the_tightest_place_is_the_one_of_least_clearance(long: Result) -> None:
+    road = long.drive.road.with_limits(9.0, 9.0)
+    assert road.limits is not None
+    s = np.array([0.0, 59.0, 60.0, 61.0, 500.0])
+    left = np.array([9.0, 9.0, 1.5, 9.0, 9.0])
+    limits = replace(road.limits, s=s, left=left, left_sweep=left, right=np.full(5, -9.0), right_sweep=np.full(5, -9.0))
+    window = tightest_windows(replace(long, drive=replace(long.drive, road=replace(road, limits=limits))))[0]
+    assert window.s_from < 60.0 < window.s_to
+    assert window.reason.startswith("clearance 0.2")  # 1.5 m less half of 2.54 m
+
+
+@pytest.mark.parametrize("name", ["bus", "trailer"])
+def test_drawn_bodies_have_their_size_and_lie_in_what_was_swept(name: str, request: pytest.FixtureRequest) -> None:
+    result: Result = request.getfixturevalue(name)
+    drive = result.drive
+    bodies = corners(drive, pose_at(drive, 100.0))
+    assert bodies.shape == (len(drive.vehicle.units), 4, 2)
+    for unit, body in zip(drive.vehicle.units, bodies, strict=True):
+        assert shapely.Polygon(body).area == pytest.approx(unit.length * unit.width)
+    near = np.full(bodies.shape[:2], 100.0)
+    _, offset = drive.stations.path.project(bodies[..., 0], bodies[..., 1], near)
+    assert np.max(offset) <= np.max(result.envelope.reach_left) + 2e-3  # chord against arc, as the envelope says
+    assert np.min(offset) >= np.min(result.envelope.reach_right) - 2e-3

@@ -1,0 +1,68 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from io import StringIO
+
+import pytest
+from rich.console import Console
+from rich.table import Table
+
+from hdvplan.evaluation.balance import Breach
+from hdvplan.report.result import Result, breach_text
+from hdvplan.report.tables import MOST_BREACHES, balance_table, breach_table, grid
+
+
+def printed(table: Table, width: int = 80) -> list[str]:
+    console = Console(file=StringIO(), width=width, color_system=None)
+    console.print(table)
+    assert isinstance(console.file, StringIO)
+    return console.file.getvalue().splitlines()
+
+
+@pytest.mark.parametrize("name", ["bus", "trailer", "kerbed", "straight"])
+def test_the_balance_fits_80_columns(name: str, request: pytest.FixtureRequest) -> None:
+    lines = printed(balance_table(request.getfixturevalue(name), "out/"))
+    assert all(len(line) <= 80 for line in lines)
+    assert not any("…" in line for line in lines)
+
+
+def test_numbers_line_up_at_their_right(bus: Result) -> None:
+    ends = {line.index(" m ") for line in printed(balance_table(bus, "out/")) if line.startswith((" max", " min"))}
+    assert len(ends) == 1
+
+
+def test_units_in_square_brackets_survive() -> None:
+    assert "[m]" in "".join(printed(grid("lengths [m]", ("name", "length [m]"), [("[bold]a", "1.0")], text=("name",))))
+    assert "[bold]a" in "".join(printed(grid("", ("name",), [("[bold]a",)], text=("name",))))
+
+
+def test_space_that_is_short_is_taken_from_text_and_never_from_numbers() -> None:
+    row = ("a_name_of_thirty_letters_or_so", "12345.678", "words " * 10)
+    lines = printed(grid("", ("name", "length [m]", "kind"), [row], text=("name", "kind"), one_line=("kind",)), width=60)
+    assert row[0] in lines[-2]
+    assert row[1] in lines[-2]
+    assert "…" in lines[-2]
+
+
+def test_a_broken_limit_is_told_with_place_depth_side_and_body(kerbed: Result) -> None:
+    assert kerbed.status == "limits broken"
+    deepest = max(kerbed.balance.breaches, key=lambda breach: breach.depth)
+    text = breach_text(kerbed, deepest)
+    for word in ("the bus", deepest.side, deepest.region, f"{deepest.depth:.3f} m", f"s = {deepest.s_deepest:.1f} m"):
+        assert word in text
+    assert "limits broken by" in " ".join(printed(balance_table(kerbed, "out/")))
+
+
+def test_the_region_is_told_only_where_overhangs_have_limits_of_their_own(kerbed: Result, bus: Result) -> None:
+    assert any("region" in line for line in printed(breach_table(kerbed)))
+    breach = Breach(10.0, 12.0, 11.0, 0.1, "left", 0, "sweepable")
+    broken = replace(bus, balance=replace(bus.balance, breaches=(breach,)))
+    assert not any("region" in line for line in printed(breach_table(broken)))
+    assert breach_text(broken, breach) == "the bus breaks the left limit by 0.100 m at s = 11.0 m"
+
+
+def test_many_breaches_are_cut_to_the_first_ones_and_counted(bus: Result) -> None:
+    breaches = tuple(Breach(i, i + 1.0, i + 0.5, 0.1, "right", 0, "sweepable") for i in range(25))
+    lines = printed(breach_table(replace(bus, balance=replace(bus.balance, breaches=breaches))))
+    assert lines[0].strip() == f"broken limits ({MOST_BREACHES} of 25)"
+    assert sum("right" in line for line in lines) == MOST_BREACHES

@@ -1,0 +1,51 @@
+"""Projection: lengths are true, the way back is exact, and unsuitable systems are refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pyproj import Geod
+
+from hdvplan.errors import RoadError
+from hdvplan.road.crs import parse_crs, to_plane
+
+
+@settings(max_examples=25, deadline=None)
+@given(lon=st.floats(-180.0, 180.0), lat=st.floats(-80.0, 80.0), bearing=st.floats(0.0, 360.0))
+def test_lengths_agree_with_the_geodesic_and_points_return(lon: float, lat: float, bearing: float) -> None:
+    geod = Geod(ellps="WGS84")
+    lon_end, lat_end, _ = geod.fwd(lon, lat, bearing, 5000.0)
+    points = np.array([[lon, lat], [lon_end, lat_end]])  # may cross the antimeridian
+    plane = to_plane(points)
+    length = float(np.hypot(*(plane.points[1] - plane.points[0])))
+    assert abs(length / 5000.0 - 1.0) < 1e-6  # scale error (x/R)^2/2 at 2.5 km: 8e-8
+    back = np.stack(plane.to_lonlat(plane.points[:, 0], plane.points[:, 1]), axis=1)
+    turn = np.abs(back - points) % 360.0
+    assert np.all(np.minimum(turn, 360.0 - turn) < 1e-8)  # 1 mm
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("EPSG:3857", "Web Mercator"),
+        ("EPSG:2225", "not in metres"),
+        ("EPSG:4978", "neither a projected nor a geographic"),
+        ("EPSG:999999", "unknown coordinate reference system"),
+        ("nonsense", "unknown coordinate reference system"),
+    ],
+)
+def test_unsuitable_systems_are_refused(name: str, message: str) -> None:
+    with pytest.raises(RoadError, match=message):
+        parse_crs(name)
+
+
+def test_another_geographic_system_is_projected_too() -> None:
+    plane = to_plane(np.array([[11.97, 57.70], [11.97, 57.71]]), "EPSG:4258")
+    assert float(np.hypot(*(plane.points[1] - plane.points[0]))) == pytest.approx(1113.7, abs=0.5)  # meridian arc at 57.7 degrees
+
+
+def test_points_outside_a_systems_area_are_refused() -> None:
+    with pytest.raises(RoadError, match="outside the area"):
+        to_plane(np.array([[1e12, 1e12], [1e12, 2e12]]), "EPSG:3006")

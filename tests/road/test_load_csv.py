@@ -1,0 +1,91 @@
+"""CSV roads: every layout by its header, every mistake by its line and column."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hdvplan.errors import RoadError
+from hdvplan.road.load_csv import read_csv
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "x_m,y_m\n0,0\n10,1\n",
+        "x,y\n0,0\n10,1\n",
+        "# x_m,y_m\n0,0\n10,1\n",
+        "# a comment, with commas\n\n#x_m;y_m\n0;0\n# another\n10;1\n",
+        '"y" , "x"\n0,0\n1,10\n',
+    ],
+)
+def test_positions_are_found_by_name(text: str) -> None:
+    np.testing.assert_array_equal(read_csv(text, "f").points, [[0.0, 0.0], [10.0, 1.0]])
+
+
+def test_tum_widths_have_the_right_side_first() -> None:
+    raw = read_csv("# x_m,y_m,w_tr_right_m,w_tr_left_m\n0,0,2,3\n10,0,2,3\n", "f")
+    assert raw.reaches is not None
+    np.testing.assert_array_equal(raw.reaches[:, 0], [3.0, 2.0, 3.0, 2.0])
+
+
+def test_sweep_limits_are_read_beside_the_widths() -> None:
+    raw = read_csv("x,y,left,right,left_sweep,right_sweep\n0,0,3,2,4,2\n10,0,3,2,4,2\n", "f")
+    assert raw.reaches is not None
+    np.testing.assert_array_equal(raw.reaches[:, 0], [3.0, 2.0, 4.0, 2.0])
+
+
+def test_longitude_and_latitude_are_projected_with_true_lengths() -> None:
+    raw = read_csv("lon,lat\n-70.0,45.0\n-70.0,45.01\n", "f")
+    # a hundredth of a degree of latitude at 45 degrees on WGS84 is 1111.3 m (meridian arc)
+    assert np.hypot(*np.diff(raw.points, axis=0)[0]) == pytest.approx(1111.32, abs=0.05)
+    assert raw.to_lonlat is not None
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "is empty"),
+        ("0,0\n1,1\n", "line 1: the first line must name the columns"),
+        ("x,y,z\n0,0,0\n", "line 1: unknown column 'z'"),
+        ("x,y\n0,0\n", "at least two points, this one has 1"),
+        ("x,y\n0,0\n1,a\n", "line 3, column y: 'a' is not a number"),
+        ("x;y\n0;0\n1,5;2\n", "line 3, column x: '1,5' is not a number"),
+        ("x,y\n0,0\n1,nan\n", "line 3, column y: nan is not a finite number"),
+        ("x,y\n0,0\ninf,1\n", "line 3, column x: inf is not a finite number"),
+        ("x,y\n0,0\n1\n", "line 3: 1 values for 2 columns"),
+        ("x,x\n0,0\n1,1\n", "column x occurs twice"),
+        ("x,lat\n0,0\n1,1\n", "contradict each other"),
+        ("x,left\n0,0\n1,1\n", "column y is missing beside x"),
+        ("left,right\n0,0\n1,1\n", "no position columns"),
+        ("x,y,left\n0,0,1\n9,1,1\n", "column right is missing beside left"),
+        ("x,y,left_sweep,right_sweep\n0,0,1,1\n9,1,1,1\n", "need left and right"),
+        ("x,y,left,right\n0,0,1,1\n9,1,1,-1\n", "line 3, column right: -1 m is negative"),
+        ("x,y,left,right,left_sweep,right_sweep\n0,0,3,3,2,3\n9,1,3,3,3,3\n", "line 2, column left_sweep: 2 m is less than left, 3 m"),
+        ("s,kappa\n0,0\n5,0\n5,0.1\n", "line 4, column s: 5 m does not exceed"),
+        ("s,kappa\n0,0\n5,0.9\n", "line 3, column kappa: 0.9 1/m is a radius below 2 m"),
+        ("lon,lat\n11,57\n12,97\n", "point 2 has longitude 12, latitude 97"),
+        ("x,y\n0,0\n1e9,0\n", "line 3, column x: 1e\\+09 m is too large"),
+        ("x,y\n11.97,57.70\n11.971,57.701\n11.972,57.702\n", "look like degrees"),
+    ],
+)
+def test_each_mistake_is_named_in_one_line(text: str, message: str) -> None:
+    with pytest.raises(RoadError, match=message) as caught:
+        read_csv(text, "f")
+    assert "\n" not in str(caught.value)
+
+
+def test_swapped_longitude_and_latitude_are_said_to_be() -> None:
+    with pytest.raises(RoadError) as caught:
+        read_csv("lon,lat\n43.7,107.4\n43.8,107.5\n", "f")
+    assert "swapped" in str(caught.value.hint)
+
+
+def test_a_system_gives_map_coordinates_their_longitude_and_latitude() -> None:
+    raw = read_csv("x,y\n500000,6400000\n500100,6400000\n", "f", crs="EPSG:3006")
+    np.testing.assert_array_equal(raw.points[0], [500000.0, 6400000.0])
+    assert raw.to_lonlat is not None
+    lon, _ = raw.to_lonlat(raw.points[:, 0], raw.points[:, 1])
+    assert lon[0] == pytest.approx(15.0, abs=1e-9)  # SWEREF 99 TM's central meridian
+    with pytest.raises(RoadError, match="degrees, but EPSG:3006 is projected"):
+        read_csv("lon,lat\n11,57\n11,58\n", "f", crs="EPSG:3006")

@@ -1,0 +1,131 @@
+"""GeoJSON roads: choosing a line, joining its parts, and coordinates that cannot be right."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hdvplan.errors import RoadError
+from hdvplan.road.load_geojson import read_geojson
+
+LINE = [[11.97, 57.70], [11.971, 57.701], [11.972, 57.7015]]
+
+
+def geometry(coordinates: Any = LINE, kind: str = "LineString") -> dict[str, Any]:  # noqa: ANN401
+    return {"type": kind, "coordinates": coordinates}
+
+
+def feature(shape: dict[str, Any] | None = None, **properties: object) -> dict[str, Any]:
+    return {"type": "Feature", "properties": properties, "geometry": shape or geometry()}
+
+
+def collection(*features: dict[str, Any], **members: object) -> str:
+    return json.dumps({"type": "FeatureCollection", "features": list(features), **members})
+
+
+def test_geometry_feature_and_collection_give_the_same_road() -> None:
+    expected = read_geojson(json.dumps(geometry()), "f").points
+    for document in (json.dumps(feature()), collection(feature())):
+        np.testing.assert_array_equal(read_geojson(document, "f").points, expected)
+    three_dimensional = geometry([[*position, 12.0] for position in LINE])
+    np.testing.assert_array_equal(read_geojson(json.dumps(three_dimensional), "f").points, expected)
+
+
+def test_points_return_to_their_longitude_and_latitude() -> None:
+    raw = read_geojson(json.dumps(geometry()), "f")
+    assert raw.to_lonlat is not None
+    lonlat = np.stack(raw.to_lonlat(*raw.points.T), axis=1)
+    np.testing.assert_allclose(lonlat, LINE, atol=1e-9)  # 0.1 mm
+
+
+def test_one_of_several_lines_is_chosen_by_name_or_id() -> None:
+    text = collection(feature(name="north"), feature(geometry(LINE[::-1]), name="south", id=7))
+    north, south = read_geojson(text, "f", feature="north"), read_geojson(text, "f", feature="7")
+    np.testing.assert_allclose(north.points, south.points[::-1], atol=1e-9)  # the same line backwards
+    with pytest.raises(RoadError, match="2 lines, and none is chosen: 'north', 'south'"):
+        read_geojson(text, "f")
+    with pytest.raises(RoadError, match="no line is called 'west'; there are 'north', 'south'"):
+        read_geojson(text, "f", feature="west")
+
+
+def test_parts_are_joined_in_their_direction_whatever_their_order() -> None:
+    whole = read_geojson(json.dumps(geometry()), "f").points
+    for parts in ([LINE[:2], LINE[1:]], [LINE[1:], LINE[:2]]):
+        points = read_geojson(json.dumps(geometry(parts, "MultiLineString")), "f").points
+        distinct = points[np.append(True, np.any(np.diff(points, axis=0) != 0.0, axis=1))]
+        np.testing.assert_allclose(distinct, whole, atol=1e-9)
+
+
+def test_parts_that_do_not_join_list_their_gaps() -> None:
+    # 0.001 degrees of longitude at 57.7 degrees north are 59.6 m
+    parts = [[[11.97, 57.70], [11.971, 57.70]], [[11.972, 57.70], [11.973, 57.70]]]
+    with pytest.raises(RoadError, match=r"2 parts do not join to one; .* gaps of 59\.\d\d m"):
+        read_geojson(json.dumps(geometry(parts, "MultiLineString")), "f")
+    backwards = [LINE[:2], LINE[:0:-1]]
+    with pytest.raises(RoadError, match="do not join"):
+        read_geojson(json.dumps(geometry(backwards, "MultiLineString")), "f")
+
+
+@pytest.mark.parametrize(
+    ("properties", "sides"), [({"left_m": 4, "right_m": 2.5}, (4.0, 2.5)), ({"width_m": 7.0}, (3.5, 3.5)), ({"width": "?"}, None)]
+)
+def test_widths_come_from_properties(properties: dict[str, Any], sides: tuple[float, float] | None) -> None:
+    raw = read_geojson(json.dumps(feature(**properties)), "f")
+    if sides is None:
+        assert raw.reaches is None
+    else:
+        assert raw.reaches is not None
+        np.testing.assert_array_equal(raw.reaches[:, 1], [*sides, *sides])
+
+
+def test_an_old_crs_member_is_honoured_and_overridden() -> None:
+    line = geometry([[500000.0, 6400000.0], [500100.0, 6400000.0]])
+    member = {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::3006"}}
+    raw = read_geojson(json.dumps({**line, "crs": member}), "f")
+    np.testing.assert_array_equal(raw.points, line["coordinates"])
+    np.testing.assert_array_equal(read_geojson(json.dumps(line), "f", crs="EPSG:3006").points, raw.points)
+    with pytest.raises(RoadError, match="outside \\+-180") as caught:
+        read_geojson(json.dumps(line), "f")
+    assert "--crs" in str(caught.value.hint)
+
+
+@pytest.mark.parametrize(
+    ("document", "message"),
+    [
+        ("{", "is not valid JSON"),
+        ("[1]", "is not GeoJSON"),
+        (json.dumps({"type": "FeatureCollection"}), "'features' must be a list"),
+        (collection(), "no LineString"),
+        (json.dumps(geometry([11.9, 57.7], "Point")), "no LineString"),
+        (json.dumps(feature(geometry([]))), "at least two points, this one has 0"),
+        (json.dumps(feature(geometry([], "MultiLineString"))), "a MultiLineString has no coordinates"),
+        (json.dumps(geometry([[11.9, 57.7]])), "at least two points, this one has 1"),
+        (json.dumps(geometry([[11.9, 57.7], ["a", 1]])), "point 2 is not a pair of finite numbers"),
+        ('{"type": "LineString", "coordinates": [[11.9, 57.7], [NaN, 1]]}', "point 2 is not a pair of finite numbers"),
+        (json.dumps(geometry([[11.9, 57.7], 5])), "point 2 is not a pair of finite numbers"),
+        (json.dumps(feature(left_m=3)), "left_m with right_m"),
+        (json.dumps(feature(width_m="7")), "width_m must be a positive number"),
+        (json.dumps({**geometry(), "crs": {}}), "names no coordinate reference system"),
+        (json.dumps({**geometry(), "crs": {"properties": {"name": "EPSG:1"}}}), "unknown coordinate reference system"),
+    ],
+)
+def test_each_mistake_is_named_in_one_line(document: str, message: str) -> None:
+    with pytest.raises(RoadError, match=message) as caught:
+        read_geojson(document, "f")
+    assert "\n" not in str(caught.value)
+
+
+def test_regions_are_refused_but_other_polygons_are_not_roads() -> None:
+    ring = geometry([[*LINE, LINE[0]]], "Polygon")
+    with pytest.raises(RoadError, match="regions are not supported yet"):
+        read_geojson(collection(feature(), feature(ring, region="obstacle")), "f")
+    assert len(read_geojson(collection(feature(), feature(ring)), "f").points) == 3
+
+
+def test_the_notice_is_the_attribution_with_the_licence() -> None:
+    raw = read_geojson(json.dumps(feature(attribution="© Some City. Contains data.", licence="CC-BY-4.0")), "f")
+    assert raw.notice == "© Some City, CC BY 4.0"
+    assert read_geojson(json.dumps(feature()), "f").notice is None
