@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hdvplan.centering.weights import CenteringTable
-from hdvplan.errors import PlanError, RoadError
+from hdvplan.errors import HdvplanError, PlanError, RoadError
 from hdvplan.evaluation.simulate import simulate
 from hdvplan.jit import FloatArray
 from hdvplan.planning.objectives import Objective, Residual
 from hdvplan.planning.planner import Plan, Planner
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations, stations_of
+from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
 from hdvplan.solvers.registry import WorkspaceMaker
 from hdvplan.vehicle.model import Vehicle
 
 POSE_SPACING_M = 0.25  # simulated poses are kept at least this densely
+_WARM_UP_CURVATURE = 0.02  # [1/m]
 
 
 @dataclass(frozen=True)
@@ -47,10 +50,12 @@ def drive(
     settings: PlannerSettings,
     *,
     on_progress: Callable[[float], None] | None = None,
+    on_plan: Callable[[Plan], None] | None = None,
 ) -> Drive:
     """Plan and execute ``vehicle`` along all of ``road``; ``on_progress`` receives the driven share after each step.
 
-    The vehicle starts in the stationary geometry of the road's first point and its curvature.
+    The vehicle starts in the stationary geometry of the road's first point and its curvature. ``on_plan`` receives every
+    plan before it is executed, so that a drive that ends in an error, its own or the caller's, leaves its plans.
 
     Raises:
         RoadError: the road is shorter than the vehicle.
@@ -74,6 +79,8 @@ def drive(
     at = 0
     while at < total:
         plan = planner.plan(at, z, kappa_before)
+        if on_plan is not None:
+            on_plan(plan)
         count = min(settings.executed, total - at)
         part = simulate(units, stations.path, float(stations.s[at]), settings.step, z, plan.kappa[:count], keep)
         if not np.all(np.isfinite(part)):
@@ -90,3 +97,16 @@ def drive(
     poses = np.concatenate(fine)
     poses_s = settings.step / keep * np.arange(len(poses), dtype=np.float64)
     return Drive(road, vehicle, settings, stations, residual, poses[::keep], np.concatenate(executed), poses_s, poses, tuple(plans), error)
+
+
+def warm_up(vehicle: Vehicle, objective: Objective, make_workspace: WorkspaceMaker, settings: PlannerSettings) -> None:
+    """Plan a few metres of a bend within wide and within tight limits, so that no timed step loads or compiles anything.
+
+    Whether these plans succeed does not matter: a solver that cannot plan will say so on the user's road.
+    """
+    length = vehicle.reach_ahead + vehicle.reach_behind + settings.replan
+    bend = Road("bend", from_curvature(np.array([0.0, length]), np.array([0.0, _WARM_UP_CURVATURE])))
+    brief = replace(settings, horizon=2.0 * settings.replan)
+    for half_width in (2.0 * vehicle.width, 0.51 * vehicle.width):  # the tight ones make rows bind
+        with suppress(HdvplanError):
+            drive(bend.with_limits(half_width, half_width), vehicle, objective, make_workspace, brief)

@@ -43,8 +43,8 @@ def is_compiled() -> bool:
 
 def compiled(function: Function) -> Function:
     """Compile a kernel at its first call and cache it on disk; ``.py_func`` remains the plain Python twin."""
-    return cast("Function", numba.njit(cache=True, error_model="numpy")(function))
+    return cast("Function", numba.njit(cache=True, error_model="numpy", fastmath={"contract"})(function))
 
 
 CACHE = cache_directory()
-numba.config.CACHE_DIR = str(CACHE)
+numba.config.CACHE_DIR = str(CACHE)  # type: ignore[attr-defined] # numba fills its configuration at run time

@@ -23,15 +23,11 @@ from hdvplan.cli.options import (
 from hdvplan.errors import OptionError, RoadError
 
 if TYPE_CHECKING:
-    from hdvplan.planning.objectives import Objective
-    from hdvplan.planning.settings import PlannerSettings
     from hdvplan.report.result import Result
     from hdvplan.road.road import Road
-    from hdvplan.solvers.registry import WorkspaceMaker
     from hdvplan.vehicle.model import Vehicle
 
 _REFERENCE_SLACK = 1.25  # a balanced lead axle turns wider than the road's centre, which may thus be tighter than its limit
-_WARM_UP_CURVATURE = 0.02  # [1/m]
 
 
 def plan(
@@ -70,7 +66,7 @@ def plan(
     if out is not None and out.exists() and not out.is_dir():
         msg = f"--out {out} is a file, not a folder"
         raise OptionError(msg)
-    from hdvplan.drive import drive
+    from hdvplan.drive import drive, warm_up
     from hdvplan.jit import is_compiled
     from hdvplan.planning.objectives import objective_named
     from hdvplan.planning.settings import Discretisation, PlannerSettings, Scheme
@@ -133,29 +129,6 @@ def check_fits(road: Road, vehicle: Vehicle) -> None:
         s = float(road.limits.s[narrowest])
         msg = f"road limits are {room[narrowest]:.2f} m apart at s = {s:.1f} m; the {vehicle.name} is {vehicle.width:.2f} m wide"
         raise RoadError(msg, s_m=s, hint="widen them with --half-width or --left and --right")
-
-
-def warm_up(vehicle: Vehicle, objective: Objective, make_workspace: WorkspaceMaker, settings: PlannerSettings) -> None:
-    """Plan a few metres of a bend within wide and within tight limits, so that no timed step loads or compiles anything.
-
-    Whether these plans succeed does not matter: a solver that cannot plan will say so on the user's road.
-    """
-    from contextlib import suppress
-    from dataclasses import replace
-
-    import numpy as np
-
-    from hdvplan.drive import drive
-    from hdvplan.errors import HdvplanError
-    from hdvplan.road.path import from_curvature
-    from hdvplan.road.road import Road
-
-    length = vehicle.reach_ahead + vehicle.reach_behind + settings.replan
-    bend = Road("bend", from_curvature(np.array([0.0, length]), np.array([0.0, _WARM_UP_CURVATURE])))
-    brief = replace(settings, horizon=2.0 * settings.replan)
-    for half_width in (2.0 * vehicle.width, 0.51 * vehicle.width):  # the tight ones make rows bind
-        with suppress(HdvplanError):
-            drive(bend.with_limits(half_width, half_width), vehicle, objective, make_workspace, brief)
 
 
 def _reaches(half_width: float | None, left: float | None, right: float | None) -> tuple[float, float] | None:

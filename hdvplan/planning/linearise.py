@@ -13,6 +13,8 @@ from hdvplan.jit import FloatArray, compiled
 from hdvplan.road.path import project
 from hdvplan.vehicle.kinematics import derivative, jacobian, place, point_gradient
 
+CLEAR_M = 0.25  # a body that stays this far inside the limits by a safe bound needs no rows of its own
+_BULGING = 0.5  # curvature times reach up to which a body is screened
 ROWS_PER_EDGE = 2  # the tightest points of each edge that enter the QP; all points are checked after the solve
 
 
@@ -71,12 +73,12 @@ def linearise_dynamics(
 @compiled
 def linearise_objective(
     units: FloatArray, coefficients: FloatArray, s_first: float, spacing: float, road: FloatArray, z: FloatArray,
-    lead: FloatArray, aux: FloatArray, target: FloatArray, feet: FloatArray, offset: FloatArray,
+    lead: FloatArray, aux: FloatArray, target: FloatArray, feet: FloatArray,
     begin: int, end: int, Q: FloatArray, q: FloatArray,
 ) -> int:  # fmt: skip
     """Write Q, q of (lead e_y + aux e_aux - target)^2 at stages begin <= i < end; return -1, or the stage whose point has no foot.
 
-    ``feet`` (N+1,) holds the last feet of the auxiliary axle and is updated; ``offset`` (N+1,) receives e_aux.
+    ``feet`` (N+1,) holds the last feet of the auxiliary axle and is updated.
     """
     last, n = units.shape[0] - 1, z.shape[1]
     ahead = units[0, 0] if last == 0 else 0.0  # front axle of a single unit, own axle of the last trailer
@@ -84,14 +86,14 @@ def linearise_objective(
     for i in range(begin, end):
         place(units, road[0, i], road[1, i], road[2, i], road[3, i], z[i], poses)
         x, y = poses[last, 0] + ahead * poses[last, 2], poses[last, 1] + ahead * poses[last, 3]
-        feet[i], offset[i], cos, sin, _ = project(coefficients, s_first, spacing, x, y, feet[i])
-        if np.isnan(offset[i]):
+        feet[i], offset, cos, sin, _ = project(coefficients, s_first, spacing, x, y, feet[i])
+        if np.isnan(offset):
             return i
         point_gradient(poses, last, x, y, road[2, i], road[3, i], -sin, cos, gradient)
         for j in range(n):
             gradient[j] *= aux[i]
         gradient[0] += lead[i]
-        residual = lead[i] * z[i, 0] + aux[i] * offset[i] - target[i]
+        residual = lead[i] * z[i, 0] + aux[i] * offset - target[i]
         for j in range(n):
             q[i, j] = 2.0 * gradient[j] * residual
             for k in range(n):
@@ -114,9 +116,39 @@ def limit_at(limits: FloatArray, s_first: float, spacing: float, row: int, s: fl
 
 
 @compiled
+def _clearances(
+    units: FloatArray, axis: FloatArray, coefficients: FloatArray, s_first: float, spacing: float, around: FloatArray, poses: FloatArray,
+    unit: int, i: int, feet: FloatArray,
+) -> tuple[float, float]:  # fmt: skip
+    """Return lower bounds of a body's clearance left and right at stage i; NaN where a point of its axis has no foot.
+
+    Along a straight line the offset e obeys e'' = -cos^2 k / (1 - k e): between points of the body's axis it lies within
+    k l^2 / 8 (1 - k e) of their chord, to the left in a left bend and to the right in a right one.
+    """
+    high, low, longest = -np.inf, np.inf, 0.0
+    for point in range(axis.shape[1]):
+        ahead = axis[unit, point]
+        x, y = poses[unit, 0] + ahead * poses[unit, 2], poses[unit, 1] + ahead * poses[unit, 3]
+        feet[i, unit, point], e, _, _, _ = project(coefficients, s_first, spacing, x, y, feet[i, unit, point])
+        if np.isnan(e):
+            return e, e
+        high, low = max(high, e), min(low, e)
+        if point > 0:
+            longest = max(longest, ahead - axis[unit, point - 1])
+    half, reach = units[unit, 4], max(high, -low) + 2.0 * units[unit, 4]
+    left, right = around[2, i], around[3, i]
+    if max(left, right) * reach > _BULGING:  # too close to the centre of curvature for the bound to be worth anything
+        return -np.inf, -np.inf
+    bulge_left = 0.125 * longest * longest * left / (1.0 - left * reach)
+    bulge_right = 0.125 * longest * longest * right / (1.0 - right * reach)
+    return around[0, i] - high - half - bulge_left, around[1, i] + low - half - bulge_right
+
+
+@compiled
 def linearise_limits(
-    units: FloatArray, points: FloatArray, coefficients: FloatArray, s_first: float, spacing: float, road: FloatArray,
-    limits: FloatArray, limit_first: float, limit_spacing: float, margin: float, z: FloatArray, feet: FloatArray, gaps: FloatArray,
+    units: FloatArray, points: FloatArray, axis: FloatArray, coefficients: FloatArray, s_first: float, spacing: float, road: FloatArray,
+    limits: FloatArray, limit_first: float, limit_spacing: float, around: FloatArray, margin: float, z: FloatArray,
+    axis_feet: FloatArray, feet: FloatArray, gaps: FloatArray,
     begin: int, end: int, G: FloatArray, h: FloatArray,
 ) -> int:  # fmt: skip
     """Write the rows G dz <= h of the tightest points of every edge at stages 1 <= begin <= i < end.
@@ -124,7 +156,8 @@ def linearise_limits(
     Returns -1, or a stage with a point that has no foot. The first stage is given: rows there would be constants.
 
     ``feet`` (N+1, units, points, 2) is warm start and result; ``gaps``, same shape, receives every point's clearance [m]
-    (left edge, right edge). Row order within a stage: unit, left then right edge, tightest first.
+    (left edge, right edge). Bodies that are clear by a bound get that bound as clearance and rows that never bind. Row order
+    within a stage: unit, left then right edge, tightest first.
     """
     n, count = z.shape[1], points.shape[1]
     poses, along_n, along_t = np.empty((units.shape[0], 6)), np.empty(n), np.empty(n)
@@ -135,7 +168,17 @@ def linearise_limits(
         row = 0
         for unit in range(units.shape[0]):
             x, y, cos_u, sin_u = poses[unit, 0], poses[unit, 1], poses[unit, 2], poses[unit, 3]
+            clear_left, clear_right = _clearances(units, axis, coefficients, s_first, spacing, around, poses, unit, i, axis_feet)
             for side in range(2):
+                clear = (clear_left if side == 0 else clear_right) - margin
+                if clear > CLEAR_M:
+                    for point in range(count):
+                        gaps[i, unit, point, side] = clear + margin
+                    for _ in range(ROWS_PER_EDGE):
+                        G[i - 1, row, :] = 0.0
+                        h[i - 1, row] = clear
+                        row += 1
+                    continue
                 sign = 1.0 - 2.0 * side
                 across = sign * units[unit, 4]
                 picked[:] = -1
@@ -166,6 +209,29 @@ def linearise_limits(
                     h[i - 1, row] = gaps[i, unit, point, side] - margin
                     row += 1
     return -1
+
+
+@compiled
+def linearise(
+    units: FloatArray, points: FloatArray, axis: FloatArray, coefficients: FloatArray, s_first: float, spacing: float, road: FloatArray,
+    k_between: FloatArray, around: FloatArray, step: float, midpoint: bool, lead: FloatArray, aux: FloatArray, target: FloatArray,
+    limits: FloatArray, limit_first: float, limit_spacing: float, margin: float, z: FloatArray, kappa: FloatArray, aux_feet: FloatArray,
+    axis_feet: FloatArray, feet: FloatArray, gaps: FloatArray, begin: int, A: FloatArray, B: FloatArray, c: FloatArray, Q: FloatArray,
+    q: FloatArray, G: FloatArray, h: FloatArray,
+) -> int:  # fmt: skip
+    """Linearise everything from stage ``begin`` >= 1 on, and the interval that leads away from the given first state.
+
+    Returns -1, or a stage with a point that has no foot. One kernel, because each call from Python costs as much as 100 stages.
+    """
+    linearise_dynamics(units, road, k_between, step, midpoint, z, kappa, 0, 1, A, B, c)
+    linearise_dynamics(units, road, k_between, step, midpoint, z, kappa, max(begin - 1, 1), kappa.size, A, B, c)
+    lost = linearise_objective(units, coefficients, s_first, spacing, road, z, lead, aux, target, aux_feet, begin, z.shape[0], Q, q)
+    if lost < 0 and limits.size > 0:
+        lost = linearise_limits(
+            units, points, axis, coefficients, s_first, spacing, road, limits, limit_first, limit_spacing, around, margin, z, axis_feet,
+            feet, gaps, begin, z.shape[0], G, h,
+        )  # fmt: skip
+    return lost
 
 
 @compiled

@@ -83,14 +83,23 @@ class StageQp:
             QpDataError: with the name of the array at fault.
 
         """
-        if not np.isfinite(self.buffer).all():
+        if not np.isfinite(self.buffer.sum()):  # one pass; a value that is not finite makes the sum so
             for name in view_shapes(self.shape):
                 if not np.isfinite(getattr(self, name)).all():
                     msg = f"the QP holds a value that is not finite in {name!r}"
                     raise QpDataError(msg)
-        if np.any(self.x_low > self.x_high) or np.any(self.u_low > self.u_high):
+        if _crossed(self.x_low, self.x_high) or _crossed(self.u_low, self.u_high):
             msg = "the QP holds a lower bound above its upper bound"
             raise QpDataError(msg)
+
+
+@compiled
+def _crossed(low: FloatArray, high: FloatArray) -> bool:
+    for i in range(low.shape[0]):
+        for j in range(low.shape[1]):
+            if low[i, j] > high[i, j]:
+                return True
+    return False
 
 
 def view_shapes(shape: StageShape) -> dict[str, tuple[int, ...]]:

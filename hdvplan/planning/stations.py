@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from hdvplan.centering.weights import Centering, CenteringTable
 from hdvplan.jit import FloatArray
@@ -31,7 +32,11 @@ class LimitTable:
 
 @dataclass(frozen=True)
 class Stations:
-    """The stations of a drive. ``road`` has rows x, y, cos(psi), sin(psi), curvature; shape (5, n)."""
+    """The stations of a drive. ``road`` has rows x, y, cos(psi), sin(psi), curvature; shape (5, n).
+
+    ``around`` bounds what the vehicle can meet anywhere along its length when its lead axle is at a station; rows narrowest
+    left and right reach [m], largest curvature to the left and to the right (>= 0) [1/m]; shape (4, n).
+    """
 
     path: ReferencePath
     step: float  # [m]
@@ -40,6 +45,7 @@ class Stations:
     curvature_between: FloatArray  # half-way to the next station, (n,) [1/m]
     centering: Centering
     limits: LimitTable
+    around: FloatArray
 
 
 def stations_of(road: Road, vehicle: Vehicle, table: CenteringTable, *, step: float, horizon: float) -> Stations:
@@ -51,7 +57,26 @@ def stations_of(road: Road, vehicle: Vehicle, table: CenteringTable, *, step: fl
     s = step * np.arange(count, dtype=np.float64)
     at_stations = evaluate_many(path.coefficients, path.s_first, path.spacing, s)
     between = evaluate_many(path.coefficients, path.s_first, path.spacing, s + 0.5 * step)[4]
-    return Stations(path, step, s, at_stations, between, table.at(at_stations[4]), limit_table(road, path))
+    limits = limit_table(road, path)
+    around = _around(path, limits, s, vehicle)
+    return Stations(path, step, s, at_stations, between, table.at(at_stations[4]), limits, around)
+
+
+def _around(path: ReferencePath, limits: LimitTable, s: FloatArray, vehicle: Vehicle) -> FloatArray:
+    """Return the extremes of limits and curvature over the vehicle's length, with room for bodies that stand askew."""
+    grid = np.arange(path.s_first, path.s_last, LIMIT_SPACING_M)
+    k = evaluate_many(path.coefficients, path.s_first, path.spacing, grid)[4]
+    reach = max(vehicle.reach_ahead, vehicle.reach_behind) + _ROOM_M
+    size = 2 * int(np.ceil(reach / LIMIT_SPACING_M)) + 1
+    rows = [maximum_filter1d(np.maximum(side * k, 0.0), size, mode="nearest") for side in (1.0, -1.0)]
+    if limits.values.size:
+        left = np.min(limits.values[[0, 2], : len(grid)], axis=0)
+        right = -np.max(limits.values[[1, 3], : len(grid)], axis=0)
+        rows = [minimum_filter1d(side, size, mode="nearest") for side in (left, right)] + rows
+    else:
+        rows = [np.full(len(grid), np.inf)] * 2 + rows
+    nearest = np.clip(np.round((s - path.s_first) / LIMIT_SPACING_M).astype(int), 0, len(grid) - 1)
+    return np.ascontiguousarray(np.stack(rows)[:, nearest])
 
 
 def limit_table(road: Road, path: ReferencePath) -> LimitTable:

@@ -29,6 +29,7 @@ _STATUS = {
     "NumericalError": Status.NUMERICAL,
     "InsufficientProgress": Status.NUMERICAL,
 }
+TOLERANCE = 1e-8  # of feasibility and of the duality gap
 
 
 class ClarabelWorkspace:
@@ -37,7 +38,7 @@ class ClarabelWorkspace:
     name = "clarabel"
     starts_warm = False
 
-    def __init__(self, shape: StageShape, *, elastic: bool, tolerance: float = 1e-8) -> None:
+    def __init__(self, shape: StageShape, *, elastic: bool, tolerance: float = TOLERANCE) -> None:
         """Lay out the pattern; the first solve sets the solver up."""
         self._form = SparseQp.of(shape, elastic=elastic)
         self._point = StageSolution.empty(shape)

@@ -30,6 +30,7 @@ _STATUS = {
     osqp.SolverStatus.OSQP_TIME_LIMIT_REACHED: Status.ITERATION_LIMIT,
     osqp.SolverStatus.OSQP_NON_CVX: Status.NUMERICAL,
 }
+TOLERANCE = 1e-5  # absolute, on primal and dual residual alike
 _INFINITY = 1e30  # OSQP's own
 
 
@@ -39,7 +40,7 @@ class OsqpWorkspace:
     name = "osqp"
     starts_warm = True
 
-    def __init__(self, shape: StageShape, *, elastic: bool, tolerance: float = 1e-5, iterations: int = 10_000) -> None:
+    def __init__(self, shape: StageShape, *, elastic: bool, tolerance: float = TOLERANCE, iterations: int = 10_000) -> None:
         """Lay out the pattern; the first solve sets the solver up."""
         self._form = SparseQp.of(shape, elastic=elastic)
         self._point = StageSolution.empty(shape)

@@ -22,6 +22,7 @@ _STATUS = {
     piqp.PIQP_DUAL_INFEASIBLE: Status.INFEASIBLE,
     piqp.PIQP_NUMERICS: Status.NUMERICAL,
 }
+TOLERANCE = 1e-8  # absolute
 _ITERATIONS = 100  # three times what the hardest feasible program took
 
 
@@ -31,7 +32,7 @@ class PiqpWorkspace:
     name = "piqp"
     starts_warm = False
 
-    def __init__(self, shape: StageShape, *, elastic: bool, tolerance: float = 1e-8) -> None:
+    def __init__(self, shape: StageShape, *, elastic: bool, tolerance: float = TOLERANCE) -> None:
         """Lay out the pattern; the first solve sets the solver up."""
         self._sparse = SparseQp.of(shape, elastic=elastic)
         self._point = StageSolution.empty(shape)

@@ -77,16 +77,14 @@ _S, _MU, _SIGMA, _NU, _LIMIT, _LINEAR, _QUADRATIC, _RESIDUAL, _W, _V, _FIRST, _S
 @compiled
 def _value_of(kind: int, i: int, index: int, G: FloatArray, bounded: IntArray, x: FloatArray, u: FloatArray) -> float:
     """Return the left-hand side of an inequality of interval i: rows and states belong to stage i + 1."""
+    value = 0.0
     if kind == _ROW:
-        total = 0.0
         for j in range(x.shape[1]):
-            total += G[i, index, j] * x[i + 1, j]
-        return total
-    if kind == _X_HIGH:
-        return x[i + 1, bounded[index]]
-    if kind == _X_LOW:
-        return -x[i + 1, bounded[index]]
-    value: float = u[i, index] if kind == _U_HIGH else -u[i, index]
+            value += G[i, index, j] * x[i + 1, j]
+    elif kind <= _X_LOW:
+        value = x[i + 1, bounded[index]] if kind == _X_HIGH else -x[i + 1, bounded[index]]
+    else:
+        value = u[i, index] if kind == _U_HIGH else -u[i, index]
     return value
 
 

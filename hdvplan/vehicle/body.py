@@ -11,6 +11,11 @@ POINTS_PER_EDGE = 6
 _SAME_M = 1e-6
 
 
+def axis_points(vehicle: Vehicle) -> FloatArray:
+    """Return the distances ahead of the axle of the points that screen each body's axis, shape (units, 4), rising [m]."""
+    return np.array([sorted([-unit.rear_overhang, 0.0, unit.wheelbase, unit.front]) for unit in vehicle.units])
+
+
 def edge_points(vehicle: Vehicle) -> FloatArray:
     """Return the sampled points of both long edges of every body, shape (units, POINTS_PER_EDGE, 2).
 

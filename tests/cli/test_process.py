@@ -91,8 +91,8 @@ def test_an_interrupted_command_ends_as_shells_expect(tmp_path: Path) -> None:
     with subprocess.Popen(arguments, env=_environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:  # noqa: S603
         writer = _opened(pipe)  # from now on the command waits for its vehicle
         process.send_signal(signal.SIGINT)
+        os.close(writer)  # a read that began after the signal ends here, and the signal counts
         out, err = process.communicate(timeout=30)
-        os.close(writer)
     assert process.returncode == 130
     assert out == ""
     assert err == "error: interrupted\n"

@@ -7,7 +7,7 @@ from hdvplan.drive import Drive, drive
 from hdvplan.planning.objectives import Objective, geometric
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.road.scenarios import SCENARIOS
-from hdvplan.solvers.piqp import PiqpWorkspace
+from hdvplan.solvers.riccati import RiccatiWorkspace
 from hdvplan.vehicle.load import load_vehicle
 
 Driven = Callable[..., Drive]
@@ -20,6 +20,6 @@ def driven() -> Driven:
     @cache
     def run(scenario: str, vehicle: str, scheme: Scheme, objective: Objective = geometric, step: float = 0.5) -> Drive:
         settings = PlannerSettings(scheme=scheme, step=step)
-        return drive(SCENARIOS[scenario](), load_vehicle(vehicle), objective, PiqpWorkspace, settings)
+        return drive(SCENARIOS[scenario](), load_vehicle(vehicle), objective, RiccatiWorkspace, settings)
 
     return run

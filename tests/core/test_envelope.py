@@ -178,14 +178,12 @@ def test_an_overhang_beyond_its_own_limit_is_a_breach_of_the_sweepable_region() 
     assert (breach.region, breach.side) == ("sweepable", "left")
 
 
-@pytest.mark.xfail(reason="without overhang limits every breach is said to be one of the sweepable region")
 def test_wheels_beyond_the_only_limit_leave_the_drivable_region() -> None:
     done = executed(straight(), load_vehicle("bus"), np.array([0.0, 0.1]), limits([0.0, 60.0], [1.5] * 2, [9.0] * 2))
     regions = {breach.region for breach in balance_of(done, envelope_of(done)).breaches}
     assert "drivable" in regions
 
 
-@pytest.mark.xfail(reason="the search for the foot wanders off and finds one far from the body")
 def test_a_body_beyond_the_centre_of_curvature_is_an_error_with_its_place() -> None:
     vehicle = load_vehicle("bus")
     done = executed(arc(0.1, 30.0), vehicle, np.array([0.0, 0.0]))

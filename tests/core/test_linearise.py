@@ -269,7 +269,6 @@ def test_a_limit_is_linear_between_its_entries_and_held_beyond_them() -> None:
     assert limit_at(table, 10.0, 0.25, 0, 30.0)[0] == 0.0
 
 
-@pytest.mark.xfail(reason="the slope of the end's interval is reported where the value is held")
 def test_a_limit_that_is_held_has_no_slope() -> None:
     table = np.array([[1.0, 2.0, 0.0]])
     assert limit_at(table, 10.0, 0.25, 0, 9.0)[1] == 0.0

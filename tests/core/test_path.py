@@ -132,7 +132,6 @@ def test_a_point_beyond_the_centre_of_curvature_has_no_foot() -> None:
     assert caught.value.offset_m == pytest.approx(np.hypot(10.0 * np.sin(0.5), 0.5 + 10.0 * np.cos(0.5)), abs=1e-9)
 
 
-@pytest.mark.xfail(reason="the search wanders half way round the circle and reports a foot there")
 def test_the_search_does_not_leave_its_neighbourhood() -> None:
     path = arc(0.1, 60.0)
     with pytest.raises(ProjectionError):
@@ -219,7 +218,6 @@ def test_a_vehicle_that_laps_keeps_the_arclength_of_its_lap() -> None:
         assert abs(float(offset) - 1.5) < 1e-9
 
 
-@pytest.mark.xfail(reason="the end's quintic is evaluated far outside its half metre and a foot reported on it")
 def test_a_point_past_the_end_of_the_table_has_no_foot() -> None:
     path = arc(0.05, 50.0)  # the last quintic, continued 8 m beyond its 0.5 m, is no road
     with pytest.raises(RoadError):

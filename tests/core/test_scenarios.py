@@ -13,7 +13,7 @@ from hdvplan.planning.stations import Stations
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
 from hdvplan.road.scenarios import roundabout, sturn_profile, turn_profile, uturn_articulated, uturn_profile
-from hdvplan.solvers.piqp import PiqpWorkspace
+from hdvplan.solvers.riccati import RiccatiWorkspace
 from hdvplan.vehicle.load import load_vehicle
 from tests.core.conftest import Driven
 
@@ -148,7 +148,7 @@ def test_a_drive_has_a_sample_at_every_station_and_poses_between() -> None:
     road = Road("bend", from_curvature(np.array([0.0, 20.0, 30.2]), np.array([0.0, 0.0, 0.03])))
     shares: list[float] = []
     settings = PlannerSettings(horizon=20.0, replan=4.0)
-    done = drive(road, load_vehicle("bus"), geometric, PiqpWorkspace, settings, on_progress=shares.append)
+    done = drive(road, load_vehicle("bus"), geometric, RiccatiWorkspace, settings, on_progress=shares.append)
     assert len(done.z) == len(done.kappa) + 1 == 62  # 30.2 m in steps of 0.5 m
     assert done.poses_s[-1] == pytest.approx(30.5)
     assert np.max(np.diff(done.poses_s)) <= 0.25 + 1e-12
@@ -170,18 +170,15 @@ def test_a_road_shorter_than_its_vehicle_is_refused() -> None:
             Road("yard", from_curvature(np.array([0.0, 10.0]), np.zeros(2))),
             load_vehicle("bus"),
             geometric,
-            PiqpWorkspace,
+            RiccatiWorkspace,
             PlannerSettings(),
         )
 
 
-@pytest.mark.xfail(
-    reason="the drive starts with a curvature that the vehicle cannot steer: no program is feasible, and the solver is blamed"
-)
 def test_a_road_that_begins_in_a_bend_tighter_than_the_steering_is_driven_or_refused_for_that_reason() -> None:
     road = Road("bend", from_curvature(np.array([0.0, 20.0, 25.0, 60.0]), np.array([0.12, 0.12, 0.0, 0.0])))
     try:
-        done = drive(road, load_vehicle("bus"), geometric, PiqpWorkspace, PlannerSettings(horizon=30.0))
+        done = drive(road, load_vehicle("bus"), geometric, RiccatiWorkspace, PlannerSettings(horizon=30.0))
     except (PlanError, RoadError):
         return
     assert np.max(np.abs(done.kappa)) <= 0.1 + 1e-9

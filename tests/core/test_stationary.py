@@ -175,7 +175,6 @@ def test_the_table_holds_and_marks_what_lies_beyond_its_end() -> None:
     assert found.e_y[4] == -found.e_y[3]
 
 
-@pytest.mark.xfail(reason="K = -e_aux / e_y has a pole where the lead axle runs on the road's centre")
 def test_the_weight_is_finite_for_a_truck_whose_trailer_is_as_long_as_its_front() -> None:
     drawbar = Vehicle("drawbar", (Unit(5.0, 1.5, 2.5, 2.55, 0.0), Unit(6.5, 0.0, 2.0, 2.55)))
     assert np.all(np.isfinite(CenteringTable.of(drawbar).at(np.linspace(0.0, 0.1, 101)).weight))

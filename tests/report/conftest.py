@@ -14,13 +14,13 @@ from hdvplan.report.result import Result, result_of
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Limits, Road
 from hdvplan.road.scenarios import SCENARIOS
-from hdvplan.solvers.piqp import PiqpWorkspace
+from hdvplan.solvers.registry import solver_named
 from hdvplan.vehicle.load import load_vehicle
 
 
 def driven(road: Road, vehicle: str) -> Result:
     settings = PlannerSettings(horizon=50.0)
-    return result_of(drive(road, load_vehicle(vehicle), geometric, PiqpWorkspace, settings), solver="piqp", objective="geometric")
+    return result_of(drive(road, load_vehicle(vehicle), geometric, solver_named("piqp"), settings), solver="piqp", objective="geometric")
 
 
 @pytest.fixture(scope="session")

@@ -1,0 +1,75 @@
+"""The courses of a benchmark: each vehicle's road with the limits that the suite asks for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hdvplan.bench.suite import Suite
+from hdvplan.centering.weights import CenteringTable
+from hdvplan.errors import RoadError
+from hdvplan.jit import FloatArray
+from hdvplan.road.load import load_road
+from hdvplan.road.road import Limits, Road
+from hdvplan.vehicle.load import load_vehicle
+from hdvplan.vehicle.model import Vehicle
+
+PINCH_LENGTH_M = 6.0
+_SPACING_M = 0.25
+_PLATEAU = 0.99  # of the largest curvature: the pinch lies in the middle of a bend, not where it begins
+
+
+@dataclass(frozen=True)
+class Course:
+    """A vehicle and its road; limits as they stand in the QP."""
+
+    road: Road
+    vehicle: Vehicle
+
+
+def courses_of(suite: Suite) -> list[Course]:
+    """Load all roads and vehicles of a suite; in the order of ``Suite.courses``.
+
+    Raises:
+        RoadError: a road that cannot be read, or a pinch that closes it.
+        VehicleError: a vehicle that cannot be read.
+
+    """
+    roads = {name: load_road(name) for name in suite.roads}
+    vehicles = {name: load_vehicle(name) for name in suite.vehicles}
+    return [Course(with_limits(roads[road], vehicles[vehicle], suite), vehicles[vehicle]) for road, vehicle in suite.courses()]
+
+
+def with_limits(road: Road, vehicle: Vehicle, suite: Suite) -> Road:
+    """Return ``road`` with the limits that ``suite`` prescribes for ``vehicle``; a road file's own are replaced.
+
+    Raises:
+        RoadError: the pinch leaves no room between the limits.
+
+    """
+    if not suite.limits:
+        return replace(road, limits=None)
+    s = np.linspace(0.0, road.path.length, int(np.ceil(road.path.length / _SPACING_M)) + 1)
+    curvature = road.path.at(s).curvature
+    tightest = int(np.argmax(np.abs(curvature)))
+    geometric = float(CenteringTable.of(vehicle).at(curvature[[tightest]]).half_width[0])
+    reach = geometric + suite.slack if suite.half_width is None else suite.half_width
+    if suite.pinch is None:
+        return road.with_limits(reach, reach)
+    if suite.pinch >= 2.0 * reach:
+        msg = f"a pinch of {suite.pinch:g} m closes {road.name}, whose limits are {2.0 * reach:.2f} m apart"
+        raise RoadError(msg, s_m=float(s[tightest]), hint="choose a smaller --pinch")
+    free = np.full(len(s), reach)
+    inside = np.abs(s - _bend(s, np.abs(curvature), tightest)) <= 0.5 * PINCH_LENGTH_M
+    pinched = np.where(inside, reach - suite.pinch, free)
+    left, right = (free, pinched) if curvature[tightest] >= 0.0 else (pinched, free)
+    return replace(road, limits=Limits(s, left, -right, left, -right))
+
+
+def _bend(s: FloatArray, curvature: FloatArray, tightest: int) -> float:
+    """Return the arclength of the middle of the bend around the tightest sample [m]."""
+    outside = np.flatnonzero(curvature < _PLATEAU * curvature[tightest])
+    begin = outside[outside < tightest].max(initial=-1) + 1
+    end = outside[outside > tightest].min(initial=len(s)) - 1
+    return float(0.5 * (s[begin] + s[end]))

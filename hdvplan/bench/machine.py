@@ -1,0 +1,91 @@
+"""What a measurement depends on besides hdvplan's settings: machine, threads, versions, source. Imports nothing heavy."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import shutil
+import subprocess
+import sys
+from importlib import metadata
+from pathlib import Path
+
+from hdvplan import __version__
+
+_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "RAYON_NUM_THREADS", "NUMBA_NUM_THREADS")
+_PACKAGES = ("numpy", "scipy", "numba", "pandas", "piqp", "clarabel", "osqp", "qpsolvers")
+_PACKAGE = Path(__file__).parents[1]
+
+
+def use_one_thread() -> bool:
+    """Bind all numeric libraries to one thread; return whether it was early enough: they read this when they are loaded."""
+    already = all(os.environ.get(name) == "1" for name in _THREADS)
+    early = "numpy" not in sys.modules
+    os.environ.update(dict.fromkeys(_THREADS, "1"))
+    return early or already
+
+
+def machine_facts() -> dict[str, object]:
+    """Return processor, cores, governor, operating system and Python; None where the system does not say."""
+    return {
+        "processor": _processor(),
+        "cores": os.cpu_count(),
+        "usable_cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
+        "governor": _read(Path("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor")),
+        "system": platform.platform(),
+        "python": f"{platform.python_implementation()} {platform.python_version()}",
+    }
+
+
+def load_average() -> list[float] | None:
+    """Return the number of processes that wanted to run, over 1, 5 and 15 minutes; None where the system does not say."""
+    return list(os.getloadavg()) if hasattr(os, "getloadavg") else None
+
+
+def software(solvers: tuple[str, ...]) -> dict[str, object]:
+    """Return hdvplan's version and a digest of its source, and the versions of the libraries that ``solvers`` use."""
+    digest = hashlib.sha256()
+    for source in sorted(_PACKAGE.rglob("*.py")):
+        digest.update(source.relative_to(_PACKAGE).as_posix().encode())
+        digest.update(source.read_bytes())
+    return {"hdvplan": __version__, "source": digest.hexdigest()[:16], "packages": _versions(solvers)}
+
+
+def commit() -> str | None:
+    """Return hdvplan's git commit, with ``+`` where files differ from it; None outside its own repository."""
+    git = shutil.which("git")
+    if git is None or _git(git, "ls-files", "--error-unmatch", "__init__.py") is None:
+        return None
+    head = _git(git, "rev-parse", "HEAD")
+    return None if head is None else head + ("+" if _git(git, "status", "--porcelain", ".") else "")
+
+
+def _git(git: str, *arguments: str) -> str | None:
+    ended = subprocess.run([git, "-C", str(_PACKAGE), *arguments], capture_output=True, text=True, check=False)  # noqa: S603 - fixed arguments
+    return ended.stdout.strip() if ended.returncode == 0 else None
+
+
+def _versions(solvers: tuple[str, ...]) -> dict[str, str]:
+    from hdvplan.solvers.registry import solver_infos  # noqa: PLC0415 - imports NumPy, which use_one_thread must precede
+
+    versions = {info.name: info.version for info in solver_infos() if info.name in solvers and info.name.startswith("qpsolvers/")}
+    for name in _PACKAGES:
+        try:
+            versions[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue
+    return {name: version for name, version in versions.items() if version is not None}
+
+
+def _processor() -> str | None:
+    lines = (_read(Path("/proc/cpuinfo")) or "").splitlines()
+    models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return models[0] if models else platform.processor() or None
+
+
+def _read(path: Path) -> str | None:
+    try:
+        return path.read_text(encoding="utf-8").strip()
+    except OSError:
+        return None

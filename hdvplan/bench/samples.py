@@ -1,0 +1,96 @@
+"""One drive's measurement: what is kept of it, and how it is kept on disk until the whole benchmark is done."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import astuple, dataclass, fields
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from hdvplan.jit import FloatArray
+from hdvplan.planning.planner import Plan
+from hdvplan.report.files import json_bytes, write_atomically
+
+NUMBERS = (
+    "linearise_s", "update_s", "solve_s", "check_s", "total_s", "qp_count", "iterations", "usable", "primal", "dual", "gap", "violation_m",
+)  # fmt: skip
+COUNTS = ("qp_count", "iterations")
+OK, FAILED, OVER_BUDGET = "ok", "failed", "over budget"
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What the executed drive swept, over all of the road; see ``Balance``. Lengths in metres."""
+
+    max_left: float
+    max_right: float
+    mean_abs_imbalance: float
+    expected_half_width: float
+    min_clearance: float  # NaN without limits
+    violation: float
+    e_y: FloatArray  # (stations,) executed lateral error
+    left: FloatArray  # (n,) signed reach over s
+    right: FloatArray  # (n,)
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One drive of one cell: every planning step, how the drive ended, and, where it reached the end, what it swept."""
+
+    steps: FloatArray  # (steps, len(NUMBERS)), times in seconds
+    statuses: tuple[str, ...]  # the solver's word on every step's last QP
+    outcome: str  # OK, FAILED or OVER_BUDGET
+    message: str
+    nonzeros: int  # of the QP's Hessian (upper triangle), dynamics and rows
+    judgement: Judgement | None
+
+    def table(self) -> pd.DataFrame:
+        """Return the steps, one row each: step, times [s], counters, status, residuals."""
+        table = pd.DataFrame(self.steps, columns=list(NUMBERS))
+        table = table.astype(dict.fromkeys(COUNTS, int) | {"usable": bool})
+        table.insert(0, "step", np.arange(len(table)))
+        table.insert(NUMBERS.index("usable") + 1, "status", pd.Series(self.statuses, dtype=object))
+        return table
+
+
+def numbers_of(plan: Plan) -> tuple[float, ...]:
+    """Return the numbers of one planning step in the order of a measurement's ``steps``."""
+    judged = plan.residuals
+    counts = (plan.qp_count, plan.qp_iterations, plan.usable)
+    return (*astuple(plan.times), *counts, judged.primal, judged.dual, judged.gap, plan.violation)
+
+
+def part_file(directory: Path, cell: int, round_: int) -> Path:
+    """Return where one drive's measurement is kept until the benchmark is complete."""
+    return directory / "parts" / f"{cell:05d}.{round_}.npz"
+
+
+def write_part(path: Path, measured: Measurement) -> None:
+    """Keep a measurement: the file appears whole or not at all.
+
+    Raises:
+        OSError: the file cannot be written.
+
+    """
+    words = {"statuses": measured.statuses, "outcome": measured.outcome, "message": measured.message, "nonzeros": measured.nonzeros}
+    arrays: dict[str, NDArray[np.generic]] = {"words": np.frombuffer(json_bytes(words), np.uint8), "steps": measured.steps}
+    judged = measured.judgement
+    if judged is not None:
+        arrays |= {name: np.asarray(value) for name, value in vars(judged).items()}
+    buffer = BytesIO()
+    np.savez_compressed(buffer, allow_pickle=False, **arrays)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_atomically(path, buffer.getvalue())
+
+
+def read_part(path: Path) -> Measurement:
+    """Return a kept measurement."""
+    with np.load(path) as arrays:
+        words = json.loads(arrays["words"].tobytes())
+        judged = Judgement(**{field.name: arrays[field.name][()] for field in fields(Judgement)}) if "e_y" in arrays else None
+        statuses = tuple(words["statuses"])
+        return Measurement(arrays["steps"], statuses, words["outcome"], words["message"], words["nonzeros"], judged)

@@ -1,0 +1,176 @@
+"""What a benchmark runs: its cells, their order, and everything else that must be the same for two runs to be comparable."""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+
+from hdvplan.errors import OptionError
+from hdvplan.planning.settings import PlannerSettings, Scheme
+
+# Gentle and tight, 345 m to 12 km: roundabouts, a loop that crosses itself, S-bends, a closed ring, hairpins, a U-turn.
+ROADS = (
+    "goteborg_tuvevagen_brunnsbo",
+    "goteborg_gullbergsmotet_loop_north",
+    "goteborg_nya_allen",
+    "goteborg_fiskhamnsgatan",
+    "neubrandenburg_ring",
+    "liechtenstein_planken",
+    "liechtenstein_schaan_balzers",
+    "monaco_fairmont_hairpin",
+    "newyork_columbus_circle",
+    "goteborg_lindholmsallen_uturn",
+)
+_LISTS = ("roads", "vehicles", "schemes", "solvers")
+_OPTIONAL = ("half_width", "pinch")
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One row of the tables: a vehicle planned along a road by one scheme with one solver."""
+
+    road: str
+    vehicle: str
+    scheme: Scheme
+    solver: str
+
+
+@dataclass(frozen=True)
+class Suite:
+    """A benchmark's definition. Lengths in metres; roads and vehicles by name or file.
+
+    Limits lie at ``half_width``; without it ``slack`` beyond the geometric half width of each vehicle on each road, so
+    that their rows are in the QP and rarely bind. ``pinch`` moves the outer limit of the tightest bend inwards.
+
+    Raises:
+        OptionError: an empty list, an entry twice, a value outside its range, settings that contradict each other.
+
+    """
+
+    roads: tuple[str, ...] = ROADS
+    vehicles: tuple[str, ...] = ("bus", "tractor-trailer")
+    schemes: tuple[str, ...] = ("rti", "sqp")
+    solvers: tuple[str, ...] = ("riccati", "piqp", "clarabel", "osqp")
+    rounds: int = 3
+    budget: float = 60.0  # of planning time for one drive [s]
+    limits: bool = True
+    half_width: float | None = None
+    slack: float = 0.5
+    pinch: float | None = None
+    horizon: float = 100.0
+    step: float = 0.5
+    replan: float = 5.0
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be measured."""
+        for name in _LISTS:
+            entries = getattr(self, name)
+            if not entries or len(set(entries)) < len(entries):
+                msg = f"{name} must name at least one entry, and none twice: {', '.join(entries) or 'nothing'}"
+                raise OptionError(msg)
+        for scheme in self.schemes:
+            if scheme not in list(Scheme):
+                msg = f"unknown scheme {scheme!r}"
+                raise OptionError(msg, hint=f"schemes: {', '.join(Scheme)}")
+        if self.rounds < 1:
+            msg = f"rounds must be a positive number, not {self.rounds}"
+            raise OptionError(msg)
+        for name, lowest in (("budget", "above 0"), ("half_width", "above 0"), ("pinch", "above 0"), ("slack", "at least 0")):
+            value = getattr(self, name)
+            if value is not None and not (np.isfinite(value) and (value > 0.0 or (value == 0.0 and name == "slack"))):
+                msg = f"{name} must be {lowest}, not {value:g}"
+                raise OptionError(msg)
+        if not self.limits and (self.half_width is not None or self.pinch is not None):
+            msg = "without limits there is no half width and no pinch"
+            raise OptionError(msg, hint="leave out either --no-limits or --half-width and --pinch")
+        self.settings(Scheme.RTI)  # refuses lengths that do not divide
+
+    def settings(self, scheme: Scheme) -> PlannerSettings:
+        """Return the planner's settings for one scheme."""
+        return PlannerSettings(scheme=scheme, horizon=self.horizon, step=self.step, replan=self.replan)
+
+    def courses(self) -> list[tuple[str, str]]:
+        """Return the pairs of road and vehicle."""
+        return list(product(self.roads, self.vehicles))
+
+    def cells(self) -> list[Cell]:
+        """Return all cells; those of one road and vehicle follow each other."""
+        schemes = [Scheme(scheme) for scheme in self.schemes]
+        return [Cell(*course, scheme, solver) for course in self.courses() for scheme, solver in product(schemes, self.solvers)]
+
+    def to_dict(self) -> dict[str, object]:
+        """Return the suite as it is written into ``run.json`` and read from TOML."""
+        return {name: list(value) if isinstance(value, tuple) else value for name, value in asdict(self).items()}
+
+
+def visits(courses: int, cells: int, rounds: int) -> list[tuple[int, int]]:
+    """Return (round, cell) in the order of measurement, for ``courses`` times ``cells`` cells.
+
+    Every round visits every course in an order of its own, and within a course its cells in an order of its own: the
+    cells that are compared lie seconds apart, and neither a warming processor nor a busy hour favours any of them.
+    """
+    order = []
+    for round_ in range(rounds):
+        shuffle = np.random.default_rng(round_)
+        for course in shuffle.permutation(courses):
+            order += [(round_, int(course) * cells + int(cell)) for cell in shuffle.permutation(cells)]
+    return order
+
+
+def read_suite(path: Path) -> dict[str, object]:
+    """Return the entries of a suite's TOML file.
+
+    Raises:
+        OptionError: no such file, or not TOML.
+
+    """
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        msg = f"suite {path} cannot be read: {error.strerror or error}"
+        raise OptionError(msg) from error
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        msg = f"suite {path} is not valid TOML: {error}"
+        raise OptionError(msg) from error
+
+
+def suite_of(entries: Mapping[str, object]) -> Suite:
+    """Return the suite with the given entries, named as its fields; the defaults for the others.
+
+    Raises:
+        OptionError: an unknown entry, or one of the wrong kind; see ``Suite`` for the others.
+
+    """
+    kinds = {field.name: field.default for field in fields(Suite)}
+    values: dict[str, object] = {}
+    for name, value in entries.items():
+        if name not in kinds:
+            close = difflib.get_close_matches(name, kinds, n=1)
+            msg = f"unknown entry {name!r} in the suite"
+            raise OptionError(msg, hint=f"did you mean {close[0]!r}?" if close else f"entries: {', '.join(kinds)}")
+        values[name] = _entry(name, value, kinds[name])
+    return Suite(**values)  # type: ignore[arg-type] # every value was brought to its field's type
+
+
+def _entry(name: str, value: object, like: object) -> object:
+    if isinstance(like, tuple) and isinstance(value, list | tuple) and all(isinstance(entry, str) for entry in value):
+        return tuple(value)
+    if isinstance(like, bool):
+        if isinstance(value, bool):
+            return value
+    elif isinstance(like, int):
+        if isinstance(value, int) and not isinstance(value, bool):
+            return value
+    elif (isinstance(like, float) or name in _OPTIONAL) and isinstance(value, int | float) and not isinstance(value, bool):
+        return float(value)
+    elif name in _OPTIONAL and value is None:
+        return None
+    kind = "a list of names" if isinstance(like, tuple) else "true or false" if isinstance(like, bool) else "a number"
+    msg = f"the suite's {name} must be {kind}, not {value!r}"
+    raise OptionError(msg)
