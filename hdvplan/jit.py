@@ -37,8 +37,8 @@ def cache_directory() -> Path:
 
 
 def is_compiled() -> bool:
-    """Tell whether an earlier run has left compiled kernels, i.e. whether the next call starts at once."""
-    return any(CACHE.glob("**/*.nbi"))
+    """Tell whether an earlier run has left the planner's compiled kernels, i.e. whether planning starts at once."""
+    return any(CACHE.glob("**/linearise.linearise-*.nbi"))
 
 
 def compiled(function: Function) -> Function:

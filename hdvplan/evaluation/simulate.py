@@ -35,7 +35,8 @@ def _simulate(
 ) -> FloatArray:  # fmt: skip
     n = z_start.size
     out = np.full((kappa.size * keep + 1, n), np.nan)
-    out[0] = z_start
+    for j in range(n):
+        out[0, j] = z_start[j]
     z, probe = z_start.copy(), np.empty(n)
     f = np.empty((4, n))
     h = step / (keep * substeps)
@@ -47,14 +48,22 @@ def _simulate(
                 k_half = evaluate(coefficients, s_first, spacing, s + 0.5 * h)[4]
                 k_next = evaluate(coefficients, s_first, spacing, s + h)[4]
                 derivative(units, k_here, z, kappa[i], f[0])
-                probe[:] = z + 0.5 * h * f[0]
+                _along(z, 0.5 * h, f[0], probe)
                 derivative(units, k_half, probe, kappa[i], f[1])
-                probe[:] = z + 0.5 * h * f[1]
+                _along(z, 0.5 * h, f[1], probe)
                 derivative(units, k_half, probe, kappa[i], f[2])
-                probe[:] = z + h * f[2]
+                _along(z, h, f[2], probe)
                 derivative(units, k_next, probe, kappa[i], f[3])
-                z += h / 6.0 * (f[0] + 2.0 * f[1] + 2.0 * f[2] + f[3])
+                for k in range(n):
+                    z[k] += h / 6.0 * (f[0, k] + 2.0 * f[1, k] + 2.0 * f[2, k] + f[3, k])
                 if not (1.0 - z[0] * k_next > 0.0 and abs(z[1]) < 0.5 * np.pi):
                     return out
-            out[i * keep + j + 1] = z
+            for k in range(n):
+                out[i * keep + j + 1, k] = z[k]
     return out
+
+
+@compiled
+def _along(z: FloatArray, h: float, f: FloatArray, out: FloatArray) -> None:
+    for j in range(z.size):
+        out[j] = z[j] + h * f[j]

@@ -40,20 +40,24 @@ def advance(
 @compiled
 def linearise_dynamics(
     units: FloatArray, road: FloatArray, k_between: FloatArray, step: float, midpoint: bool, z: FloatArray, kappa: FloatArray,
-    begin: int, end: int, A: FloatArray, B: FloatArray, c: FloatArray,
+    begin: int, A: FloatArray, B: FloatArray, c: FloatArray,
 ) -> None:  # fmt: skip
-    """Write A, B, c of the intervals begin <= i < end: dz_{i+1} = A dz_i + B d kappa_i + defect, kappa_i = kappa_{i-1} + u_i."""
+    """Write A, B, c of the first interval and of those from ``begin`` on: dz_{i+1} = A dz_i + B d kappa_i + defect, kappa_i = kappa_{i-1} + u_i."""
     n = z.shape[1]
     f, a, b = np.empty(n), np.empty((n, n)), np.empty(n)
     a_first, b_first, middle = np.empty((n, n)), np.empty(n), np.empty(n)
     scratch = np.empty((2, n + 1))
-    for i in range(begin, end):
+    for i in range(kappa.size):
+        if 0 < i < begin:
+            continue
         jacobian(units, road[4, i], z[i], kappa[i], f, a, b, scratch)
         if midpoint:
             for j in range(n):
                 middle[j] = z[i, j] + 0.5 * step * f[j]
-            a_first[:, :] = a
-            b_first[:] = b
+            for j in range(n):  # loops: numba takes seconds to compile each slice assignment
+                b_first[j] = b[j]
+                for k in range(n):
+                    a_first[j, k] = a[j, k]
             jacobian(units, k_between[i], middle, kappa[i], f, a, b, scratch)
         for j in range(n):
             b_total = b[j]
@@ -175,13 +179,14 @@ def linearise_limits(
                     for point in range(count):
                         gaps[i, unit, point, side] = clear + margin
                     for _ in range(ROWS_PER_EDGE):
-                        G[i - 1, row, :] = 0.0
+                        for j in range(n):
+                            G[i - 1, row, j] = 0.0
                         h[i - 1, row] = clear
                         row += 1
                     continue
                 sign = 1.0 - 2.0 * side
                 across = sign * units[unit, 4]
-                picked[:] = -1
+                picked[0] = picked[1] = -1
                 for point in range(count):
                     ahead = points[unit, point, 0]
                     px, py = x + ahead * cos_u - across * sin_u, y + ahead * sin_u + across * cos_u
@@ -223,8 +228,7 @@ def linearise(
 
     Returns -1, or a stage with a point that has no foot. One kernel, because each call from Python costs as much as 100 stages.
     """
-    linearise_dynamics(units, road, k_between, step, midpoint, z, kappa, 0, 1, A, B, c)
-    linearise_dynamics(units, road, k_between, step, midpoint, z, kappa, max(begin - 1, 1), kappa.size, A, B, c)
+    linearise_dynamics(units, road, k_between, step, midpoint, z, kappa, begin - 1, A, B, c)
     lost = linearise_objective(units, coefficients, s_first, spacing, road, z, lead, aux, target, aux_feet, begin, z.shape[0], Q, q)
     if lost < 0 and limits.size > 0:
         lost = linearise_limits(

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from importlib import metadata
 from importlib.util import find_spec
 
+from hdvplan import __version__
 from hdvplan.errors import SolverError
 from hdvplan.solvers.elastic import WorkspaceMaker, hard_first
 
 DEFAULT = "riccati"
-__all__ = ["DEFAULT", "SolverInfo", "WorkspaceMaker", "solver_infos", "solver_named"]
+__all__ = ["DEFAULT", "SolverInfo", "WorkspaceMaker", "solver_infos", "solver_named", "tolerance_of"]
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ _GENERIC = {
 def solver_infos() -> list[SolverInfo]:
     """Return every solver that hdvplan knows, installed or not; the default first."""
     native = [
-        SolverInfo("riccati", metadata.version("hdvplan"), True, False, False, "Riccati recursion in an interior point; our own"),
+        SolverInfo("riccati", __version__, True, False, False, "Riccati recursion in an interior point; our own"),
         SolverInfo("piqp", _version("piqp"), True, False, True, "proximal interior point, sparse"),
         SolverInfo("clarabel", _version("clarabel"), True, False, True, "interior point, sparse"),
         SolverInfo("osqp", _version("osqp"), True, True, True, "operator splitting, sparse"),
@@ -95,6 +96,27 @@ def solver_named(name: str) -> WorkspaceMaker:
     close = difflib.get_close_matches(name, known, n=1)
     msg = f"unknown solver {name!r}"
     raise SolverError(msg, hint=f"did you mean {close[0]!r}?" if close else f"solvers: {', '.join(known)}")
+
+
+def tolerance_of(name: str) -> float | None:
+    """Return the absolute tolerance that the solver called ``name`` is run with; None for its own default.
+
+    Each solver measures it in its own way: equal numbers are not equal accuracies.
+    """
+    match name:
+        case "riccati":
+            from hdvplan.solvers.riccati import TOLERANCE as tolerance  # noqa: N811, PLC0415 - see above
+        case "piqp":
+            from hdvplan.solvers.piqp import TOLERANCE as tolerance  # noqa: N811, PLC0415
+        case "clarabel":
+            from hdvplan.solvers.clarabel import TOLERANCE as tolerance  # noqa: N811, PLC0415
+        case "osqp":
+            from hdvplan.solvers.osqp import TOLERANCE as tolerance  # noqa: N811, PLC0415
+        case _:
+            from hdvplan.solvers.generic import OPTIONS  # noqa: PLC0415
+
+            return OPTIONS.get(name.removeprefix("qpsolvers/"), {}).get("eps_abs")
+    return tolerance
 
 
 def _generic_maker(name: str) -> WorkspaceMaker:

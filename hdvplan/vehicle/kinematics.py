@@ -43,7 +43,9 @@ def jacobian(
     cos, sin = np.cos(z[1]), np.sin(z[1])
     travelled = inside / cos
     by_e_y, by_e_psi = -road_curvature / cos, inside * sin / (cos * cos)  # derivatives of ``travelled``
-    a[:, :] = 0.0
+    for row in range(n):  # loops: numba takes seconds to compile each slice assignment
+        for column in range(n):
+            a[row, column] = 0.0
     f[0] = inside * sin / cos
     a[0, 0] = -road_curvature * sin / cos
     a[0, 1] = inside / (cos * cos)
@@ -53,7 +55,9 @@ def jacobian(
     a[1, 1] = by_e_psi * kappa
     b[1] = travelled
     speed, turn = 1.0, kappa
-    scratch[:, :] = 0.0
+    for column in range(n):
+        scratch[0, column] = scratch[1, column] = 0.0
+    scratch[0, n] = 0.0
     scratch[1, n] = 1.0
     for i in range(1, units.shape[0]):
         j, hitch, length = 1 + i, units[i - 1, 1], units[i, 0]
@@ -106,7 +110,8 @@ def point_gradient(
 
     (road_cos, road_sin) is the road's heading at the lead rear axle's s: e_y moves every point along that normal.
     """
-    gradient[:] = 0.0
+    for j in range(gradient.size):
+        gradient[j] = 0.0
     gradient[0] = -road_sin * along_x + road_cos * along_y
     gradient[1] = -(y - poses[0, 1]) * along_x + (x - poses[0, 0]) * along_y
     for i in range(1, unit + 1):

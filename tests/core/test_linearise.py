@@ -17,9 +17,10 @@ from hdvplan.planning.linearise import (
     linearise_objective,
     write_inputs,
 )
+from hdvplan.planning.motion import axles_behind
 from hdvplan.planning.stations import Stations, stations_of
 from hdvplan.road.road import Limits, Road
-from hdvplan.vehicle.body import edge_points
+from hdvplan.vehicle.body import axis_points, edge_points
 from hdvplan.vehicle.kinematics import derivative
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
@@ -68,35 +69,39 @@ def dynamics(
     n = vehicle.states
     A, B, c = np.zeros((STAGES, n + 1, n + 1)), np.zeros((STAGES, n + 1, 1)), np.zeros((STAGES, n + 1))
     A[:, n, n] = B[:, n, 0] = 1.0
-    for begin, end in pairwise(parts):
+    for begin in parts[-2::-1]:
         between = stations.curvature_between[FIRST : FIRST + STAGES + 1]
-        linearise_dynamics(vehicle.table(), horizon(stations), between, STEP, midpoint, z, kappa, begin, end, A, B, c)
+        linearise_dynamics(vehicle.table(), horizon(stations), between, STEP, midpoint, z, kappa, begin, A, B, c)
     return [A, B, c]
 
 
 def objective(vehicle: Vehicle, stations: Stations, z: FloatArray, weights: FloatArray, parts: list[int]) -> list[FloatArray]:
     n, path, (lead, aux, target) = vehicle.states, stations.path, weights
     Q, q = np.zeros((STAGES + 1, n + 1, n + 1)), np.zeros((STAGES + 1, n + 1))
-    feet, offset = stations.s[FIRST : FIRST + STAGES + 1].copy(), np.zeros(STAGES + 1)
+    feet = stations.s[FIRST : FIRST + STAGES + 1].copy()
     for begin, end in pairwise(parts):
         lost = linearise_objective(
-            vehicle.table(), path.coefficients, path.s_first, path.spacing, horizon(stations), z, lead, aux, target, feet, offset,
+            vehicle.table(), path.coefficients, path.s_first, path.spacing, horizon(stations), z, lead, aux, target, feet,
             begin, end, Q, q,
         )  # fmt: skip
         assert lost == -1
-    return [Q, q, feet, offset]
+    return [Q, q, feet]
 
 
 def rows(vehicle: Vehicle, stations: Stations, z: FloatArray, margin: float, parts: list[int]) -> list[FloatArray]:
     path, limits, points = stations.path, stations.limits, edge_points(vehicle)
     count = 2 * ROWS_PER_EDGE * len(vehicle.units)
     G, h = np.zeros((STAGES, count, vehicle.states + 1)), np.zeros((STAGES, count))
-    feet = stations.s[FIRST : FIRST + STAGES + 1, None, None, None] + np.zeros((1, *points.shape[:2], 2))
+    axis = axis_points(vehicle)
+    unscreened = np.full((4, STAGES + 1), -np.inf)  # no body is far from limits this narrow: every point is looked at
+    axis_feet = stations.s[FIRST : FIRST + STAGES + 1, None, None] + axis - axles_behind(vehicle)[:, None]
+    feet = stations.s[FIRST : FIRST + STAGES + 1, None, None, None] + (points[:, :, :1] - axles_behind(vehicle)[:, None, None])
+    feet = np.ascontiguousarray(np.broadcast_to(feet, (STAGES + 1, *points.shape[:2], 2)))
     gaps = np.full(feet.shape, np.inf)
     for begin, end in pairwise(parts):
         lost = linearise_limits(
-            vehicle.table(), points, path.coefficients, path.s_first, path.spacing, horizon(stations), limits.values, limits.s_first,
-            limits.spacing, margin, z, feet, gaps, begin, end, G, h,
+            vehicle.table(), points, axis, path.coefficients, path.s_first, path.spacing, horizon(stations), limits.values,
+            limits.s_first, limits.spacing, unscreened, margin, z, axis_feet, feet, gaps, begin, end, G, h,
         )  # fmt: skip
         assert lost == -1
     return [G, h, feet, gaps]
@@ -111,8 +116,8 @@ def true_gaps(vehicle: Vehicle, stations: Stations, i: int, z: FloatArray) -> Fl
         for unit, row in zip(vehicle.units, points, strict=True)
     ]
     found = []
-    for row, places in zip(points, on_road(vehicle, stations.path, s, z, local), strict=True):
-        foot, offset = stations.path.project(places[:, 0], places[:, 1], s)
+    for row, places, behind in zip(points, on_road(vehicle, stations.path, s, z, local), axles_behind(vehicle), strict=True):
+        foot, offset = stations.path.project(places[:, 0], places[:, 1], s - behind + np.tile(row[:, 0], 2))
         left, right, left_sweep, right_sweep = varying_limits().table(foot)
         over = np.tile(row[:, 1] > 0.0, 2)
         gap = np.where(over, left_sweep, left) - offset
@@ -160,7 +165,7 @@ def test_the_midpoint_uses_the_roads_curvature_half_way() -> None:
 def test_the_objective_is_the_square_of_the_projected_offset_to_first_order(vehicle: Vehicle) -> None:
     stations, (z, _), n = prepared(vehicle), motion(vehicle), vehicle.states
     weights = np.random.default_rng(3).uniform(-2.0, 2.0, (3, STAGES + 1))
-    Q, q, feet, offset = objective(vehicle, stations, z, weights, [0, STAGES + 1])
+    Q, q, feet = objective(vehicle, stations, z, weights, [0, STAGES + 1])
     aux_point = [np.zeros((1, 2)) for _ in vehicle.units]
     if len(vehicle.units) == 1:
         aux_point = [np.array([[vehicle.lead.wheelbase, 0.0]])]  # a bus's front axle
@@ -174,7 +179,7 @@ def test_the_objective_is_the_square_of_the_projected_offset_to_first_order(vehi
         lead, aux, target = weights[:, i]
         gradient = aux * differences(foot_and_offset, z[i])[1] + lead * np.eye(n)[0]
         residual = lead * z[i, 0] + aux * foot_and_offset(z[i])[1] - target
-        assert np.allclose([feet[i], offset[i]], foot_and_offset(z[i]), rtol=0.0, atol=1e-9)
+        assert abs(feet[i] - foot_and_offset(z[i])[0]) < 1e-9
         # offsets are exact to 1e-12 m by up to 20 m of lever arm, over a step of 1e-3
         assert np.allclose(q[i, :n], 2.0 * residual * gradient, rtol=0.0, atol=1e-7)
         assert np.allclose(Q[i, :n, :n], 2.0 * np.outer(gradient, gradient), rtol=0.0, atol=1e-7)
@@ -256,7 +261,7 @@ def test_a_stage_whose_body_lies_beyond_the_centre_of_curvature_is_named() -> No
     one = np.ones(STAGES + 1)
     lost = linearise_objective(
         vehicle.table(), path.coefficients, path.s_first, path.spacing, horizon(stations), z, one, one, one, feet,
-        np.zeros(STAGES + 1), 1, STAGES + 1, np.zeros((STAGES + 1, 3, 3)), np.zeros((STAGES + 1, 3)),
+        1, STAGES + 1, np.zeros((STAGES + 1, 3, 3)), np.zeros((STAGES + 1, 3)),
     )  # fmt: skip
     assert lost == 35
 
@@ -295,3 +300,35 @@ def test_inputs_bound_and_weigh_the_curvature_and_its_change(seed: int) -> None:
     changes = np.diff(np.concatenate([[before], kappa]))
     assert np.allclose(u_low[:, 0] + changes, -change, rtol=0.0, atol=1e-15)
     assert np.allclose(u_high[:, 0] + changes, change, rtol=0.0, atol=1e-15)
+
+
+@each_vehicle
+def test_a_body_is_screened_only_where_every_point_keeps_its_distance(vehicle: Vehicle) -> None:
+    stations = prepared(vehicle)
+    z, _ = motion(vehicle)
+    path, limits, points, axis = stations.path, stations.limits, edge_points(vehicle), axis_points(vehicle)
+    s = stations.s[FIRST : FIRST + STAGES + 1]
+    count = 2 * ROWS_PER_EDGE * len(vehicle.units)
+    screened = 0
+    for wide in (0.0, 2.0, 6.0):  # metres of room added: nothing, some and everything is screened
+        G, h = np.zeros((STAGES, count, vehicle.states + 1)), np.zeros((STAGES, count))
+        feet = np.ascontiguousarray(
+            np.broadcast_to(
+                s[:, None, None, None] + (points[:, :, :1] - axles_behind(vehicle)[:, None, None]), (STAGES + 1, *points.shape[:2], 2)
+            )
+        )
+        bounds, around = (
+            np.full(feet.shape, np.inf),
+            stations.around[:, FIRST : FIRST + STAGES + 1] + wide * np.array([[1.0], [1.0], [0.0], [0.0]]),
+        )
+        values = limits.values + wide * np.array([[1.0], [-1.0], [1.0], [-1.0]])
+        lost = linearise_limits(
+            vehicle.table(), points, axis, path.coefficients, path.s_first, path.spacing, horizon(stations), values, limits.s_first,
+            limits.spacing, around, 0.0, z, s[:, None, None] + axis - axles_behind(vehicle)[:, None], feet, bounds, 1, STAGES + 1, G, h,
+        )  # fmt: skip
+        assert lost == -1
+        for i in range(1, STAGES + 1):
+            # limits are tabulated every 0.25 m and interpolated; the road's own bend between the table's entries by < 1e-3 m
+            assert np.all(bounds[i] <= true_gaps(vehicle, stations, i, z[i]) + wide + 1e-3)
+        screened += int(np.sum(np.all(G == 0.0, axis=2)))
+    assert screened > 0

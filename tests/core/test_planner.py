@@ -5,7 +5,7 @@ from scipy.optimize import LinearConstraint, NonlinearConstraint, minimize
 from hdvplan.centering.weights import CenteringTable
 from hdvplan.errors import OptionError, PlanError, SolverError
 from hdvplan.jit import FloatArray
-from hdvplan.planning.linearise import advance, linearise_dynamics, linearise_limits, linearise_objective, write_inputs
+from hdvplan.planning.linearise import advance, linearise, write_inputs
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.planner import Plan, Planner, qp_shape
 from hdvplan.planning.qp import StageQp, StageSolution
@@ -14,7 +14,7 @@ from hdvplan.planning.stations import Stations, stations_of
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
 from hdvplan.solvers.riccati import RiccatiWorkspace
-from hdvplan.vehicle.body import edge_points
+from hdvplan.vehicle.body import axis_points, edge_points
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Unit, Vehicle
 from tests.core.chains import on_road, winding
@@ -52,16 +52,13 @@ def fresh_program(
     qp.linear[:] = settings.elastic_weight
     here = slice(first, first + N + 1)
     units, road, s = vehicle.table(), stations.road[:, here], stations.s[here]
-    linearise_dynamics(units, road, stations.curvature_between[here], settings.step, True, z, kappa, 0, N, qp.A, qp.B, qp.c)
     feet = s[:, None, None, None] + np.zeros((1, *points.shape[:2], 2))
-    lost = linearise_objective(
-        units, path.coefficients, path.s_first, path.spacing, road, z, part.lead[here], part.aux[here], part.target[here], s.copy(),
-        np.zeros(N + 1), 1, N + 1, qp.Q, qp.q,
-    )  # fmt: skip
-    assert lost == -1
-    lost = linearise_limits(
-        units, points, path.coefficients, path.s_first, path.spacing, road, limits.values, limits.s_first, limits.spacing,
-        settings.margin, z, feet, np.zeros(feet.shape), 1, N + 1, qp.G, qp.h,
+    axis = axis_points(vehicle)
+    lost = linearise(
+        units, points, axis, path.coefficients, path.s_first, path.spacing, road, stations.curvature_between[here],
+        stations.around[:, here], settings.step, True, part.lead[here], part.aux[here], part.target[here], limits.values,
+        limits.s_first, limits.spacing, settings.margin, z, kappa, s.copy(), s[:, None, None] + np.zeros((1, *axis.shape)), feet,
+        np.zeros(feet.shape), 1, qp.A, qp.B, qp.c, qp.Q, qp.q, qp.G, qp.h,
     )  # fmt: skip
     assert lost == -1
     change = vehicle.max_curvature_rate * settings.step
