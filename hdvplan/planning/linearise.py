@@ -42,7 +42,10 @@ def linearise_dynamics(
     units: FloatArray, road: FloatArray, k_between: FloatArray, step: float, midpoint: bool, z: FloatArray, kappa: FloatArray,
     begin: int, A: FloatArray, B: FloatArray, c: FloatArray,
 ) -> None:  # fmt: skip
-    """Write A, B, c of the first interval and of those from ``begin`` on: dz_{i+1} = A dz_i + B d kappa_i + defect, kappa_i = kappa_{i-1} + u_i."""
+    """Write A, B, c of the first interval and of those from ``begin`` on.
+
+    They say dz_{i+1} = A dz_i + B d kappa_i + defect, with kappa_i = kappa_{i-1} + u_i as the last state.
+    """
     n = z.shape[1]
     f, a, b = np.empty(n), np.empty((n, n)), np.empty(n)
     a_first, b_first, middle = np.empty((n, n)), np.empty(n), np.empty(n)
@@ -120,6 +123,54 @@ def limit_at(limits: FloatArray, s_first: float, spacing: float, row: int, s: fl
 
 
 @compiled
+def _highest(e: float, slope: float, bend: float, x: float) -> float:
+    """Return the maximum of e + slope t + bend t^2 / 2 over t between 0 and x."""
+    highest = max(e, e + x * (slope + 0.5 * bend * x))
+    if bend < 0.0 and 0.0 < -slope / bend * np.sign(x) < abs(x):
+        highest = e - 0.5 * slope * slope / bend
+    return highest
+
+
+@compiled
+def _clear_by_state(units: FloatArray, around: FloatArray, i: int, z: FloatArray) -> float:
+    """Return a lower bound of all bodies' clearance from the state alone, or -inf where the bound says nothing.
+
+    Along a body's axis the offset e and the heading error phi obey e' = sin(phi), phi' = -cos(phi) k / (1 - k e). From bounds
+    of k around the vehicle follow bounds of e'' and of phi', from coupling to coupling. No point needs to be projected.
+    """
+    room_left, room_right, k_low, k_high = around[0, i], around[1, i], around[2, i], around[3, i]
+    reach, k_most = max(room_left, room_right), max(abs(k_low), abs(k_high))
+    if k_most * reach > _BULGING:
+        return -np.inf
+    most, least = 1.0 / (1.0 - k_most * reach), 1.0 / (1.0 + k_most * reach)
+    e_low = e_high = z[0]
+    phi_low = phi_high = z[1]
+    clearance = np.inf
+    for unit in range(units.shape[0]):
+        behind = units[unit, 0] if unit > 0 else 0.0  # of the axle behind the point whose offset is known
+        rear, front, coupling = -behind - units[unit, 3], units[unit, 2] - behind, -behind - units[unit, 1]
+        steep = max(abs(phi_low), abs(phi_high)) + max(front, -rear, -coupling) * k_most * most
+        if steep > 1.0 or e_high > reach or e_low < -reach:
+            return -np.inf
+        cos = np.cos(steep)
+        upper = -k_low * (cos * cos * least if k_low > 0.0 else most)  # bounds of e'' and of phi'
+        lower = -k_high * (most if k_high > 0.0 else cos * cos * least)
+        slope_low, slope_high = np.sin(phi_low), np.sin(phi_high)
+        high = max(_highest(e_high, slope_low, upper, rear), _highest(e_high, slope_high, upper, front))
+        low = -max(_highest(-e_low, -slope_high, -lower, rear), _highest(-e_low, -slope_low, -lower, front))
+        clearance = min(clearance, room_left - high - units[unit, 4], room_right + low - units[unit, 4])
+        if not clearance > CLEAR_M:
+            return -np.inf
+        if unit + 1 < units.shape[0]:
+            x, ahead = coupling, coupling > 0.0
+            e_high += x * (slope_high if ahead else slope_low) + 0.5 * x * x * upper
+            e_low += x * (slope_low if ahead else slope_high) + 0.5 * x * x * lower
+            phi_high += max(x * upper, x * lower) - z[2 + unit]
+            phi_low += min(x * upper, x * lower) - z[2 + unit]
+    return clearance
+
+
+@compiled
 def _clearances(
     units: FloatArray, axis: FloatArray, coefficients: FloatArray, s_first: float, spacing: float, around: FloatArray, poses: FloatArray,
     unit: int, i: int, feet: FloatArray,
@@ -140,7 +191,7 @@ def _clearances(
         if point > 0:
             longest = max(longest, ahead - axis[unit, point - 1])
     half, reach = units[unit, 4], max(high, -low) + 2.0 * units[unit, 4]
-    left, right = around[2, i], around[3, i]
+    left, right = max(around[3, i], 0.0), max(-around[2, i], 0.0)
     if max(left, right) * reach > _BULGING:  # too close to the centre of curvature for the bound to be worth anything
         return -np.inf, -np.inf
     bulge_left = 0.125 * longest * longest * left / (1.0 - left * reach)
@@ -168,6 +219,16 @@ def linearise_limits(
     seen = np.empty((count, 7))  # of every point of one edge: x, y, offset, cos, sin, curvature at the foot, slope of the limit
     picked = np.empty(ROWS_PER_EDGE, np.int64)
     for i in range(begin, end):
+        clear = _clear_by_state(units, around, i, z[i]) - margin
+        if clear > CLEAR_M:
+            for unit in range(units.shape[0]):
+                for point in range(count):
+                    gaps[i, unit, point, 0] = gaps[i, unit, point, 1] = clear + margin
+            for row in range(G.shape[1]):
+                h[i - 1, row] = clear
+                for j in range(n):
+                    G[i - 1, row, j] = 0.0
+            continue
         place(units, road[0, i], road[1, i], road[2, i], road[3, i], z[i], poses)
         row = 0
         for unit in range(units.shape[0]):

@@ -1,4 +1,4 @@
-"""What a plan should centre: the residual lead * e_y + aux * e_aux - target at every station."""
+"""What a plan should centre: a weighted sum of two axles' offsets, or the furthest of many points, at every station."""
 
 from __future__ import annotations
 
@@ -15,11 +15,18 @@ from hdvplan.planning.stations import Stations
 
 @dataclass(frozen=True)
 class Residual:
-    """Coefficients of the squared lateral error, one per station; shape (n,) each. ``target`` in metres."""
+    """Coefficients of the squared lateral error (lead e_y + aux e_aux - target)^2 per station; shape (n,), ``target`` in metres."""
 
     lead: FloatArray
     aux: FloatArray
     target: FloatArray
+
+
+@dataclass(frozen=True)
+class Furthest:
+    """The squared distance from the road's centre of the furthest point of the vehicle per station: an epigraph variable."""
+
+    bodies: bool  # the points of both edges of every body; else the axles alone
 
 
 def geometric(stations: Stations) -> Residual:
@@ -48,25 +55,74 @@ def trail_axle(stations: Stations) -> Residual:
     return Residual(0.0 * one, one, 0.0 * one)
 
 
-Objective = Callable[[Stations], Residual]
+def art_weighted(stations: Stations) -> Residual:
+    """Centre (1 - K) e_y + K e_aux (J3 of [ART]) with the geometric K of the road's largest curvature, 1 / (1 + its weight)."""
+    balanced = geometric_fixed(stations)
+    share = 1.0 / (1.0 + balanced.lead)
+    return Residual(1.0 - share, share, balanced.target)
 
+
+def art_weighted_by(share: float) -> Objective:
+    """Return the objective that centres (1 - K) e_y + K e_aux with K = ``share``.
+
+    Raises:
+        OptionError: the share is not a number from 0 to 1.
+
+    """
+    if not 0.0 <= share <= 1.0:
+        msg = f"the weight of {_WEIGHTED!r} must be a number from 0 to 1, not {share:g}"
+        raise OptionError(msg)
+
+    def objective(stations: Stations) -> Residual:
+        one = np.ones(len(stations.s))
+        return Residual((1.0 - share) * one, share * one, 0.0 * one)
+
+    return objective
+
+
+def axle_max(_stations: Stations) -> Furthest:
+    """Centre the axle that is furthest off (J4 of [ART]): the lead and auxiliary axle, every unit's own in longer chains."""
+    return Furthest(bodies=False)
+
+
+def body_max(_stations: Stations) -> Furthest:
+    """Keep the furthest reach of any body side small (J5 of [ART]): the swept area itself."""
+    return Furthest(bodies=True)
+
+
+Objective = Callable[[Stations], Residual | Furthest]
+
+_WEIGHTED = "art-weighted"
 OBJECTIVES: dict[str, Objective] = {
     "geometric": geometric,
     "geometric-fixed": geometric_fixed,
     "lead-axle": lead_axle,
     "trail-axle": trail_axle,
+    _WEIGHTED: art_weighted,
+    "axle-max": axle_max,
+    "body-max": body_max,
 }
 
 
 def objective_named(name: str) -> Objective:
-    """Return the objective that users call ``name``.
+    """Return the objective that users call ``name``; ``art-weighted:0.45`` gives its weight as a number.
 
     Raises:
-        OptionError: there is none of that name.
+        OptionError: there is none of that name, or the weight is not a number from 0 to 1.
 
     """
+    known, _, share = name.partition(":")
+    if known == _WEIGHTED and share:
+        return art_weighted_by(_number(share))
     if name not in OBJECTIVES:
         close = difflib.get_close_matches(name, OBJECTIVES, n=1)
         msg = f"unknown objective {name!r}"
         raise OptionError(msg, hint=f"did you mean {close[0]!r}?" if close else f"objectives: {', '.join(OBJECTIVES)}")
     return OBJECTIVES[name]
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return float("nan")

@@ -10,14 +10,13 @@ import numpy as np
 
 from hdvplan.errors import PlanError, SolverError
 from hdvplan.jit import FloatArray
-from hdvplan.planning.linearise import ROWS_PER_EDGE, linearise, write_inputs
-from hdvplan.planning.motion import Motion, flat_stages, shift_stages, take_step
-from hdvplan.planning.objectives import Residual
+from hdvplan.planning.linearise import ROWS_PER_EDGE, linearise, linearise_limits, write_inputs
+from hdvplan.planning.motion import Motion, Watch, flat_stages, shift_stages, take_step
+from hdvplan.planning.objectives import Furthest, Residual
 from hdvplan.planning.qp import Residuals, StageQp, StageShape, StageSolution, residuals
 from hdvplan.planning.settings import Discretisation, PlannerSettings, Scheme
 from hdvplan.planning.stations import Stations
 from hdvplan.solvers.workspace import QpWorkspace, Status
-from hdvplan.vehicle.body import axis_points, edge_points
 from hdvplan.vehicle.model import Vehicle
 
 USABLE_RESIDUAL = 1e-3  # a QP solution whose recomputed primal residual exceeds this is not driven [m]
@@ -59,23 +58,29 @@ class Planner:
         self,
         vehicle: Vehicle,
         stations: Stations,
-        residual: Residual,
+        centred: Residual | Furthest,
         settings: PlannerSettings,
         make_workspace: Callable[[StageShape], QpWorkspace],
     ) -> None:
         """Prepare the memory of all steps of a drive."""
-        self._vehicle, self._stations, self._residual, self._settings = vehicle, stations, residual, settings
-        self._units, self._points, self._axis = vehicle.table(), edge_points(vehicle), axis_points(vehicle)
+        self._vehicle, self._stations, self._settings = vehicle, stations, settings
         self._limited = stations.limits.values.size > 0
-        n = vehicle.states
-        self._motion = Motion.empty(vehicle, settings.stages)
+        self._body = Watch.edges(vehicle, settings.stages)
+        self._reach = None if isinstance(centred, Residual) else _reach(vehicle, settings.stages, centred)
+        self._residual = centred if isinstance(centred, Residual) else _nothing(len(stations.s))
+        self._motion = Motion.empty(vehicle, settings.stages, (self._body,) if self._reach is None else (self._body, self._reach))
         self._midpoint = settings.discretisation is Discretisation.MIDPOINT
-        self._qp = StageQp.empty(qp_shape(vehicle, settings, limited=self._limited))
-        self._qp.A[:, n, n] = self._qp.B[:, n, 0] = 1.0
-        self._qp.linear[:] = settings.elastic_weight
-        self._workspace = make_workspace(self._qp.shape)
-        self._guess = StageSolution.empty(self._qp.shape) if self._workspace.starts_warm else None
-        qp, multipliers = self._qp, self._guess.multipliers() if self._guess else ()
+        qp = self._qp = StageQp.empty(qp_shape(vehicle, settings, limited=self._limited, reach=self._reach))
+        n, limit_rows = vehicle.states, self._body.rows if self._limited else 0
+        qp.A[:, n, n] = qp.B[:, n, 0] = 1.0
+        qp.linear[:] = settings.elastic_weight
+        self._limit_rows, self._reach_rows = (qp.G[:, :limit_rows], qp.h[:, :limit_rows]), (qp.G[:, limit_rows:], qp.h[:, limit_rows:])
+        if self._reach is not None:
+            _write_epigraph(qp, n + 1, limit_rows)
+            self._open = np.concatenate([np.zeros_like(stations.around[:2]), stations.around[2:]])
+        self._workspace = make_workspace(qp.shape)
+        self._guess = StageSolution.empty(qp.shape) if self._workspace.starts_warm else None
+        multipliers = self._guess.multipliers() if self._guess else ()
         self._moving = self._motion.by_stage() + flat_stages((qp.A, qp.B, qp.c, qp.Q, qp.q, qp.G, qp.h, *multipliers))
         self._last: int | None = None  # the last plan's first station
 
@@ -133,7 +138,7 @@ class Planner:
             msg = f"the first plan could not be solved: {self._workspace.name} says {result.status}, primal residual {judged.primal:.2g}"
             raise SolverError(msg, status=str(result.status), hint="try another --solver")
         self._last = first
-        violation = max(0.0, -float(np.min(motion.gaps[1:])))
+        violation = max(0.0, -float(np.min(self._body.gaps[1:])))
         return Plan(
             first, motion.z.copy(), motion.kappa.copy(), kappa_before, result.status, usable, qp_count, qp_iterations, judged, violation,
             moved, StepTimes(linearising, updating, solving, checking, perf_counter() - began),
@@ -147,28 +152,60 @@ class Planner:
 
         """
         stations, settings, qp, motion = self._stations, self._settings, self._qp, self._motion
-        path, limits, part = stations.path, stations.limits, self._residual
+        path, limits, part, body, reach = stations.path, stations.limits, self._residual, self._body, self._reach
         horizon = slice(first, first + settings.stages + 1)
+        road = stations.road[:, horizon]
         lost = linearise(
-            self._units, self._points, self._axis, path.coefficients, path.s_first, path.spacing, stations.road[:, horizon],
-            stations.curvature_between[horizon], stations.around[:, horizon], settings.step, self._midpoint, part.lead[horizon],
-            part.aux[horizon], part.target[horizon], limits.values, limits.s_first, limits.spacing, settings.margin, motion.z,
-            motion.kappa, motion.aux_feet, motion.axis_feet, motion.feet, motion.gaps, begin, qp.A, qp.B, qp.c, qp.Q, qp.q, qp.G, qp.h,
+            body.units, body.points, body.axis, path.coefficients, path.s_first, path.spacing, road, stations.curvature_between[horizon],
+            stations.around[:, horizon], settings.step, self._midpoint, part.lead[horizon], part.aux[horizon], part.target[horizon],
+            limits.values, limits.s_first, limits.spacing, settings.margin, motion.z, motion.kappa, motion.aux_feet, body.axis_feet,
+            body.feet, body.gaps, begin, qp.A, qp.B, qp.c, qp.Q, qp.q, *self._limit_rows,
         )  # fmt: skip
+        if lost < 0 and reach is not None:  # limits at 0, which t moves outwards
+            lost = linearise_limits(
+                reach.units, reach.points, reach.axis, path.coefficients, path.s_first, path.spacing, road, np.zeros((4, 2)), 0.0, 1.0,
+                self._open[:, horizon], 0.0, motion.z, reach.axis_feet, reach.feet, reach.gaps, begin, len(motion.z), *self._reach_rows,
+            )  # fmt: skip
         if lost >= 0:
             s, name = float(stations.s[first + lost]), self._vehicle.name
             msg = f"at s = {s:.1f} m a point of the {name} lies beyond the road's centre of curvature: the road bends too tightly for it"
             raise PlanError(msg, s_m=s, hint="smooth the road more (--smooth), or plan with a shorter vehicle")
 
 
-def qp_shape(vehicle: Vehicle, settings: PlannerSettings, *, limited: bool) -> StageShape:
-    """Return the sizes and zero pattern of a vehicle's QP: states (dz, d kappa_{i-1}), one input, rows per body edge."""
-    n = vehicle.states + 1
-    a = np.tril(np.ones((n, n), bool))  # an articulation angle depends on itself and what is ahead of it
-    a[:-1, -1] = a[0, 1] = True
-    a[-1, :-1] = False
-    q = np.ones((n, n), bool)
-    q[-1, :] = q[:, -1] = False
-    g = np.arange(n) < n - 1
-    rows = 2 * ROWS_PER_EDGE * len(vehicle.units) if limited else 0
-    return StageShape(settings.stages, n, 1, rows, (n - 1,), a_pattern=a, q_pattern=q, g_pattern=g)
+def qp_shape(vehicle: Vehicle, settings: PlannerSettings, *, limited: bool, reach: Watch | None = None) -> StageShape:
+    """Return the sizes and zero pattern of a vehicle's QP.
+
+    States (dz, d kappa_{i-1}) and one input, rows for the body edges where ``limited``. With ``reach`` the epigraph variable t
+    is one state more, set by a second input, and has rows of its own.
+    """
+    n, more = vehicle.states, int(reach is not None)
+    size = n + 1 + more
+    a, q = np.zeros((size, size), bool), np.zeros((size, size), bool)
+    a[:n, :n] = np.tril(np.ones((n, n), bool))  # an articulation angle depends on itself and what is ahead of it
+    a[0, 1] = a[n, n] = True
+    a[:n, n] = q[:n, :n] = True
+    g = np.arange(size) != n
+    rows = (2 * ROWS_PER_EDGE * len(vehicle.units) if limited else 0) + (0 if reach is None else reach.rows)
+    return StageShape(settings.stages, size, 1 + more, rows, (n,), a_pattern=a, q_pattern=q, g_pattern=g)
+
+
+def _reach(vehicle: Vehicle, stages: int, furthest: Furthest) -> Watch:
+    return Watch.edges(vehicle, stages) if furthest.bodies else Watch.axles(vehicle, stages)
+
+
+def _nothing(stations: int) -> Residual:
+    zero = np.zeros(stations)
+    return Residual(zero, zero, zero)
+
+
+def _write_epigraph(qp: StageQp, t: int, first_row: int) -> None:
+    """Write what never changes of minimising t_i^2 with t_{i+1} = v_i and |offset| <= t_i for every watched point.
+
+    The rows are elastic like all others, and exact: their multipliers sum to 2 t, far below the price. The square puts the
+    cost in the same unit as that of the other objectives, and makes the program definite in t, as the Riccati screening needs.
+    """
+    qp.B[:, t, 1] = 1.0
+    qp.Q[:, t, t] = 2.0
+    qp.G[:, first_row:, t] = -1.0
+    qp.R[:, 1, 1] = 0.0
+    qp.u_low[:, 1], qp.u_high[:, 1] = 0.0, 100.0

@@ -35,7 +35,7 @@ class Stations:
     """The stations of a drive. ``road`` has rows x, y, cos(psi), sin(psi), curvature; shape (5, n).
 
     ``around`` bounds what the vehicle can meet anywhere along its length when its lead axle is at a station; rows narrowest
-    left and right reach [m], largest curvature to the left and to the right (>= 0) [1/m]; shape (4, n).
+    left and right reach [m], smallest and largest signed curvature [1/m]; shape (4, n).
     """
 
     path: ReferencePath
@@ -68,7 +68,7 @@ def _around(path: ReferencePath, limits: LimitTable, s: FloatArray, vehicle: Veh
     k = evaluate_many(path.coefficients, path.s_first, path.spacing, grid)[4]
     reach = max(vehicle.reach_ahead, vehicle.reach_behind) + _ROOM_M
     size = 2 * int(np.ceil(reach / LIMIT_SPACING_M)) + 1
-    rows = [maximum_filter1d(np.maximum(side * k, 0.0), size, mode="nearest") for side in (1.0, -1.0)]
+    rows = [minimum_filter1d(k, size, mode="nearest"), maximum_filter1d(k, size, mode="nearest")]
     if limits.values.size:
         left = np.min(limits.values[[0, 2], : len(grid)], axis=0)
         right = -np.max(limits.values[[1, 3], : len(grid)], axis=0)
