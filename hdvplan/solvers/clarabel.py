@@ -86,7 +86,8 @@ class ClarabelWorkspace:
         settings.verbose = False
         settings.presolve_enable = False
         settings.max_threads = 1
-        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = self._tolerance
+        settings.tol_gap_abs = settings.tol_feas = self._tolerance
+        settings.tol_gap_rel = 1e-4 * self._tolerance  # relative to an elastic program's cost, of the order of 1e4
         cones = [clarabel.ZeroConeT(len(form.b)), clarabel.NonnegativeConeT(len(right) - len(form.b))]
         solver = clarabel.DefaultSolver(form.P, form.q, self._matrix, right, cones, settings)
         if not solver.is_data_update_allowed():

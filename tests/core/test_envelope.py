@@ -10,6 +10,7 @@ from hdvplan.errors import PlanError
 from hdvplan.evaluation.balance import KEPT_M, balance_of
 from hdvplan.evaluation.envelope import envelope_of
 from hdvplan.jit import FloatArray
+from hdvplan.planning.motion import axles_behind
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import stations_of
@@ -107,7 +108,8 @@ def test_the_envelope_holds_every_dense_outline_point_of_a_winding_drive() -> No
     longer = done.stations.path
     for i in (120, 200, 277, 350):
         for unit, places in enumerate(on_road(vehicle, longer, float(done.poses_s[i]), done.poses_z[i], sides)):
-            foot, offset = longer.project(places[:, 0], places[:, 1], float(done.poses_s[i]))
+            ahead = sides[unit][:, 0] - axles_behind(vehicle)[unit]
+            foot, offset = longer.project(places[:, 0], places[:, 1], float(done.poses_s[i]) + ahead)
             inside = (foot > 1.0) & (foot < 109.0)
             left = np.interp(foot[inside], found.s, found.left[unit])
             right = np.interp(foot[inside], found.s, found.right[unit])

@@ -14,7 +14,7 @@ from hdvplan.planning.qp import StageQp, StageShape, StageSolution, residuals, v
 from hdvplan.planning.settings import Discretisation, PlannerSettings
 from hdvplan.planning.stations import stations_of
 from hdvplan.road.road import Road
-from hdvplan.solvers.piqp import PiqpWorkspace
+from hdvplan.solvers.registry import solver_named
 from hdvplan.solvers.sparse import SparseQp
 from hdvplan.solvers.workspace import QpWorkspace, Status
 from hdvplan.vehicle.load import load_vehicle
@@ -23,8 +23,8 @@ from tests.core.chains import few, three_units, winding
 from tests.core.programs import dense, random_program, shape, staged
 from tests.core.spying import Spy
 
-WORKSPACES: list[Callable[[StageShape], QpWorkspace]] = [PiqpWorkspace]
-each_workspace = pytest.mark.parametrize("make", WORKSPACES, ids=lambda make: make.__name__)
+WORKSPACES = {name: solver_named(name) for name in ("riccati", "piqp", "clarabel")}
+each_workspace = pytest.mark.parametrize("make", WORKSPACES.values(), ids=WORKSPACES.keys())
 AGREE = 1e-5  # two solvers at 1e-8 on strongly convex inputs agree to the square root of it, less conditioning
 
 
@@ -43,7 +43,7 @@ def patterned() -> StageShape:
 
 def matches(sizes: StageShape, qp: StageQp) -> None:
     """Compare sparse with dense matrices after sorting variables alike."""
-    form, plain = SparseQp.of(sizes), dense(qp)
+    form, plain = SparseQp.of(sizes, elastic=True), dense(qp)
     form.load(qp)
     order = np.concatenate([form.x_columns.ravel(), form.u_columns.ravel(), form.sigma_columns.ravel()])
     assert np.array_equal(np.sort(order), np.arange(len(form.q)))
@@ -84,12 +84,12 @@ def test_patterns_drop_nothing_but_zeros() -> None:
 
 
 def test_loading_a_second_program_leaves_nothing_of_the_first_and_the_pattern_as_it_was() -> None:
-    form, first, second = SparseQp.of(shape()), random_program(shape(), 1), random_program(shape(), 2)
+    form, first, second = SparseQp.of(shape(), elastic=True), random_program(shape(), 1), random_program(shape(), 2)
     form.load(first)
     pattern = [(matrix.indices.copy(), matrix.indptr.copy()) for matrix in (form.P, form.E, form.G)]
     second.Q[:] = 0.0  # zeros stay in the pattern
     form.load(second)
-    fresh = SparseQp.of(shape())
+    fresh = SparseQp.of(shape(), elastic=True)
     fresh.load(second)
     for name in ("P", "E", "G"):
         assert np.array_equal(getattr(form, name).toarray(), getattr(fresh, name).toarray())
@@ -101,7 +101,7 @@ def test_loading_a_second_program_leaves_nothing_of_the_first_and_the_pattern_as
 
 
 def test_stages_follow_each_other_in_the_variables() -> None:
-    form = SparseQp.of(shape())
+    form = SparseQp.of(shape(), elastic=True)
     stage = np.zeros(len(form.q))
     for i in range(1, 6):
         stage[form.x_columns[i]] = stage[form.u_columns[i]] = stage[form.sigma_columns[i - 1]] = i
@@ -112,7 +112,7 @@ def test_stages_follow_each_other_in_the_variables() -> None:
 @given(seed=st.integers(0, 10**6))
 @few
 def test_flattening_a_point_and_sorting_it_back_changes_nothing(seed: int) -> None:
-    form, point, back = SparseQp.of(shape()), random_point(shape(), seed), StageSolution.empty(shape())
+    form, point, back = SparseQp.of(shape(), elastic=True), random_point(shape(), seed), StageSolution.empty(shape())
     form.point(*form.flatten(point), back)
     for name, values in vars(point).items():
         assert np.array_equal(getattr(back, name), values)
@@ -276,7 +276,7 @@ def test_the_zero_pattern_of_planning_covers_every_value_that_is_not_zero(vehicl
     settings = PlannerSettings(horizon=20.0, discretisation=discretisation)
     road = Road("winding", winding()).with_limits(3.5, 3.5)
     stations = stations_of(road, vehicle, CenteringTable.of(vehicle), step=0.5, horizon=20.0)
-    spy = Spy(PiqpWorkspace)
+    spy = Spy(solver_named("piqp"))
     z = np.concatenate([[0.2, 0.05], np.full(vehicle.states - 2, 0.1)])
     Planner(vehicle, stations, geometric(stations), settings, spy).plan(30, z, 0.01)
     sizes = qp_shape(vehicle, settings, limited=True)

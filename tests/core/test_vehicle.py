@@ -162,5 +162,5 @@ def test_sampled_edge_points_hold_corners_and_axles_and_know_their_overhangs(veh
         assert np.all(np.diff(ahead) > 0.0)
         for wanted in (-unit.rear_overhang, 0.0, unit.wheelbase, unit.front):
             assert np.min(np.abs(ahead - wanted)) < 2e-6  # points closer than this count as one
-        inner = (ahead > -1e-6) & (ahead < unit.wheelbase + 1e-6)
+        inner = (ahead >= -1e-6) & (ahead <= unit.wheelbase + 1e-6)
         assert np.array_equal(overhang == 0.0, inner)
