@@ -14,7 +14,7 @@ from hdvplan.solvers.sparse import SparseQp
 from hdvplan.solvers.workspace import QpResult, Status
 
 # Tolerances that bring each solver to the same accuracy in metres; measured by ``benchmarks/accuracy.py``.
-_OPTIONS: dict[str, dict[str, float | int | bool]] = {
+OPTIONS: dict[str, dict[str, float | int | bool]] = {
     "osqp": {"eps_abs": 1e-5, "eps_rel": 0.0, "max_iter": 20_000},
     "scs": {"eps_abs": 1e-6, "eps_rel": 0.0, "max_iters": 50_000},
     "proxqp": {"eps_abs": 1e-6, "eps_rel": 0.0},
@@ -47,7 +47,7 @@ class GenericWorkspace:
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # about conversions to dense, which are the solver's own price
-                solution = qpsolvers.solve_problem(problem, self._solver, **_OPTIONS.get(self._solver, {}))  # type: ignore[arg-type] # options differ by solver
+                solution = qpsolvers.solve_problem(problem, self._solver, **OPTIONS.get(self._solver, {}))  # type: ignore[arg-type] # options differ by solver
         except Exception:  # noqa: BLE001 - eleven solvers leak exceptions of their own; one bad solve must not end a benchmark
             return QpResult(Status.FAILED, self._failed(), 0, updated - started, perf_counter() - updated)
         if solution.x is None:

@@ -9,6 +9,8 @@ import numpy as np
 
 from hdvplan.jit import FloatArray, IntArray, compiled
 
+_ROUNDING = 1e-14  # share of an input's curvature below which what the inputs before it leave is rounding
+
 
 @compiled
 def factorise(
@@ -43,12 +45,13 @@ def factorise(
                     for w in range(n):
                         vb += value[i + 1, t, w] * B[i, w, k]
                     total += B[i, t, j] * vb
+                whole = total
                 for t in range(k):
                     total -= root[i, j, t] * root[i, k, t]
                 if j == k:
-                    if not total > 0.0:
+                    if not whole > 0.0:
                         return False
-                    root[i, j, j] = np.sqrt(total)
+                    root[i, j, j] = np.sqrt(max(total, _ROUNDING * whole))
                 else:
                     root[i, j, k] = total / root[i, k, k]
         for k in range(n):  # gain = (L L')^-1 by_u
@@ -156,3 +159,22 @@ def adjoint(
                     if bounded[b] == j:
                         total += x_bounds[i - 1, b]
             dynamics[i, j] = -total
+
+
+@compiled
+def imbalance(B: FloatArray, R: FloatArray, r: FloatArray, u: FloatArray, u_bounds: FloatArray, dynamics: FloatArray) -> float:
+    """Return the largest entry of the Lagrangian's gradient by the inputs, relative to the largest term in it, or to 1."""
+    n, m = B.shape[1], B.shape[2]
+    largest, scale = 0.0, 1.0
+    for i in range(u.shape[0]):
+        for j in range(m):
+            total = r[i, j] + u_bounds[i, j]
+            scale = max(scale, abs(r[i, j]), abs(u_bounds[i, j]))
+            for t in range(m):
+                total += R[i, j, t] * u[i, t]
+            for t in range(n):
+                term = B[i, t, j] * dynamics[i + 1, t]
+                total -= term
+                scale = max(scale, abs(term))
+            largest = max(largest, abs(total))
+    return largest / scale

@@ -1,0 +1,184 @@
+"""The largest reach as an objective: its rows, its optimum, and planning step by step with it."""
+
+import numpy as np
+import pytest
+
+from hdvplan.centering.weights import CenteringTable
+from hdvplan.errors import OptionError
+from hdvplan.jit import FloatArray
+from hdvplan.planning.linearise import linearise_reach
+from hdvplan.planning.motion import axles_behind
+from hdvplan.planning.objectives import Objective, art_weighted, axle_max, body_max, geometric, objective_named
+from hdvplan.planning.planner import Plan, Planner
+from hdvplan.planning.settings import PlannerSettings, Scheme
+from hdvplan.planning.stations import Stations, stations_of
+from hdvplan.road.road import Road
+from hdvplan.solvers.registry import solver_named
+from hdvplan.solvers.riccati import RiccatiWorkspace
+from hdvplan.vehicle.body import axle_points, edge_points
+from hdvplan.vehicle.load import load_vehicle
+from hdvplan.vehicle.model import Vehicle
+from tests.core.chains import on_road, three_units, winding
+from tests.core.differences import differences
+from tests.core.spying import Spy
+
+VEHICLES = [load_vehicle("bus"), load_vehicle("tractor-trailer"), three_units()]
+each_vehicle = pytest.mark.parametrize("vehicle", VEHICLES, ids=lambda v: v.name)
+each_objective = pytest.mark.parametrize("objective", [axle_max, body_max])
+FIRST = 40  # a station in front of the first bend
+
+
+def stations_for(vehicle: Vehicle, settings: PlannerSettings, limit: float | None = None) -> Stations:
+    road = Road("winding", winding())
+    road = road if limit is None else road.with_limits(limit, limit)
+    return stations_of(road, vehicle, CenteringTable.of(vehicle), step=settings.step, horizon=settings.horizon)
+
+
+def offsets(vehicle: Vehicle, stations: Stations, at: int, z: FloatArray, points: FloatArray, half: FloatArray) -> FloatArray:
+    """Return the offsets of the watched points: by unit, left edge before right, point by point."""
+    local = [
+        np.concatenate([np.column_stack([row[:, 0], np.full(len(row), side * width)]) for side in (1.0, -1.0)])
+        for row, width in zip(points, half, strict=True)
+    ]
+    s = float(stations.s[at])
+    places = np.concatenate(on_road(vehicle, stations.path, s, z, local))
+    near = np.concatenate([s - behind + ahead[:, 0] for behind, ahead in zip(axles_behind(vehicle), local, strict=True)])
+    _, found = stations.path.project(places[:, 0], places[:, 1], near)
+    return found
+
+
+def watched(vehicle: Vehicle, objective: Objective) -> tuple[FloatArray, FloatArray]:
+    half = vehicle.table()[:, 4]
+    return (edge_points(vehicle), half) if objective is body_max else (axle_points(vehicle), 0.0 * half)
+
+
+def reach(vehicle: Vehicle, stations: Stations, plan: Plan, objective: Objective) -> float:
+    points, half = watched(vehicle, objective)
+    return max(float(np.max(np.abs(offsets(vehicle, stations, plan.first + i, plan.z[i], points, half)))) for i in range(1, len(plan.z)))
+
+
+def planned(vehicle: Vehicle, objective: Objective, settings: PlannerSettings, solver: str = "riccati") -> tuple[Plan, Stations]:
+    stations = stations_for(vehicle, settings)
+    planner = Planner(vehicle, stations, objective(stations), settings, solver_named(solver))
+    return planner.plan(FIRST, np.zeros(vehicle.states), 0.0), stations
+
+
+@each_vehicle
+@each_objective
+def test_the_rows_are_the_offsets_and_their_derivatives(vehicle: Vehicle, objective: Objective) -> None:
+    stages = 12
+    settings = PlannerSettings(horizon=6.0)
+    stations, (points, half) = stations_for(vehicle, settings), watched(vehicle, objective)
+    count = points.shape[0] * points.shape[1]
+    z = 0.1 * np.random.default_rng(1).uniform(-1.0, 1.0, (stages + 1, vehicle.states))
+    path = stations.path
+    here = slice(FIRST, FIRST + stages + 1)
+    G, h = np.zeros((stages, 2 * count, vehicle.states + 2)), np.zeros((stages, 2 * count))
+    feet = stations.s[here, None, None, None] + (points[:, :, :1] - axles_behind(vehicle)[:, None, None]) + np.zeros(2)
+    lost = linearise_reach(
+        vehicle.table(), points, half, path.coefficients, path.s_first, path.spacing, stations.road[:, here], z, feet, 1, stages + 1, G, h
+    )
+    assert lost == -1
+    sides = np.repeat(np.tile([1.0, -1.0], points.shape[0]), points.shape[1])
+    for i in range(1, stages + 1):
+
+        def outwards(state: FloatArray, at: int = FIRST + i) -> FloatArray:
+            return sides * offsets(vehicle, stations, at, state, points, half)
+
+        assert np.max(np.abs(h[i - 1] + outwards(z[i]))) < 1e-9  # both projections are exact to that
+        # five-point differences of a projection: its 1e-9 over a step of 1e-3
+        assert np.max(np.abs(G[i - 1, :, : vehicle.states] - differences(outwards, z[i]))) < 1e-5
+        assert np.all(G[i - 1, :, vehicle.states :] == 0.0)  # the columns of curvature and t are not the kernel's
+
+
+@each_vehicle
+@each_objective
+def test_the_largest_reach_becomes_smaller_than_any_other_objective_leaves_it(vehicle: Vehicle, objective: Objective) -> None:
+    settings = PlannerSettings(scheme=Scheme.SQP, horizon=50.0)
+    own, stations = planned(vehicle, objective, settings)
+    assert own.usable
+    assert own.moved < settings.sqp_tolerance
+    for other in (geometric, axle_max if objective is body_max else body_max):
+        plan, _ = planned(vehicle, other, settings)
+        # the light second term may cost the reach some millimetres
+        assert reach(vehicle, stations, own, objective) < reach(vehicle, stations, plan, objective) + 0.005
+
+
+@each_objective
+@pytest.mark.parametrize("solver", ["piqp", "clarabel"])
+def test_every_solver_finds_the_same_plan(objective: Objective, solver: str) -> None:
+    settings = PlannerSettings(scheme=Scheme.SQP, horizon=40.0, sqp_tolerance=1e-6)
+    plan, _ = planned(VEHICLES[1], objective, settings)
+    other, _ = planned(VEHICLES[1], objective, settings, solver)
+    assert other.usable
+    # a flat optimum where the reach is free: complementarity of 1e-8 leaves about its root
+    assert np.max(np.abs(plan.z - other.z)) < 1e-3
+
+
+@each_objective
+def test_the_extra_state_is_the_largest_reach_and_the_rows_give_way_nowhere(objective: Objective) -> None:
+    vehicle, settings = VEHICLES[1], PlannerSettings(scheme=Scheme.SQP, horizon=40.0, sqp_tolerance=1e-7)
+    stations, spy = stations_for(vehicle, settings), Spy(RiccatiWorkspace)
+    planner = Planner(vehicle, stations, objective(stations), settings, spy)
+    plan = planner.plan(FIRST, np.zeros(vehicle.states), 0.0)
+    program = spy.programs[-1]
+    point = RiccatiWorkspace(program.shape).solve(program, None).point
+    t = vehicle.states + 1
+    assert np.max(np.abs(point.x[1:, t] - point.x[1, t])) < 1e-9  # one number over the horizon
+    assert abs(point.x[1, t] - reach(vehicle, stations, plan, objective)) < 1e-5  # the SQP's tolerance, and the solver's on an active row
+    assert np.max(point.sigma) < 1e-6
+    assert np.max(program.linear) > np.max(point.rows)  # no multiplier comes near the price of breaking a row
+
+
+@each_objective
+def test_limits_hold_beside_the_largest_reach(objective: Objective) -> None:
+    vehicle, settings = VEHICLES[0], PlannerSettings(scheme=Scheme.SQP, horizon=40.0, sqp_tolerance=1e-6)
+    free, _ = planned(vehicle, objective, settings)
+    stations = stations_for(vehicle, settings)
+    reached = reach(vehicle, stations, free, body_max)
+    tight = stations_for(vehicle, settings, max(reached - 0.02, 2.0) if objective is axle_max else reached + 0.05)
+    plan = Planner(vehicle, tight, objective(tight), settings, solver_named("riccati")).plan(FIRST, np.zeros(vehicle.states), 0.0)
+    assert plan.usable
+    assert plan.violation < 1e-5  # rows bind to the solver's tolerance
+
+
+@each_vehicle
+@each_objective
+def test_one_program_a_step_ends_where_a_fresh_start_does(vehicle: Vehicle, objective: Objective) -> None:
+    settings = PlannerSettings(horizon=40.0)
+    stations = stations_for(vehicle, settings)
+    planner = Planner(vehicle, stations, objective(stations), settings, solver_named("riccati"))
+    plan = planner.plan(FIRST, np.zeros(vehicle.states), 0.0)
+    for step in range(1, 4):
+        plan = planner.plan(FIRST + 2 * step, plan.z[2], float(plan.kappa[1]))
+        assert plan.qp_count == 1
+    fresh = Planner(vehicle, stations, objective(stations), settings, solver_named("riccati"))
+    again = fresh.plan(plan.first, plan.z[0], plan.kappa_before)
+    assert abs(reach(vehicle, stations, plan, objective) - reach(vehicle, stations, again, objective)) < 0.01  # one QP against many
+
+
+def test_the_axles_of_a_bus_are_two_and_of_a_chain_one_a_unit() -> None:
+    assert axle_points(VEHICLES[0])[:, :, 0].tolist() == [[0.0, 6.0]]
+    assert axle_points(three_units())[:, :, 0].tolist() == [[0.0], [0.0], [0.0]]
+
+
+def test_the_weighted_objective_is_the_geometric_one_scaled_at_the_tightest_place() -> None:
+    stations = stations_for(VEHICLES[1], PlannerSettings())
+    found, balanced = art_weighted(stations), geometric(stations)
+    assert np.allclose(found.lead + found.aux, 1.0)
+    tightest = int(np.argmax(np.abs(stations.road[4])))
+    assert found.lead[0] / found.aux[0] == pytest.approx(balanced.lead[tightest])
+
+
+def test_a_weight_can_be_given_with_the_name() -> None:
+    stations = stations_for(VEHICLES[1], PlannerSettings())
+    found = objective_named("art-weighted:0.3")(stations)
+    assert np.all(getattr(found, "aux") == 0.3)  # noqa: B009 - a residual, which the type does not tell
+    assert objective_named("art-weighted") is art_weighted
+
+
+@pytest.mark.parametrize("name", ["art-weighted:1.5", "art-weighted:-0.1", "art-weighted:much", "art-weighted:nan", "lead-axle:0.4"])
+def test_weights_that_are_none_are_refused(name: str) -> None:
+    with pytest.raises(OptionError) as caught:
+        objective_named(name)
+    assert caught.value.hint or "from 0 to 1" in str(caught.value)

@@ -1,0 +1,202 @@
+"""How each library's own words and habits become the one protocol."""
+
+from collections.abc import Callable
+
+import clarabel
+import numpy as np
+import osqp
+import piqp
+import pytest
+
+from hdvplan.planning.qp import StageQp, StageShape, StageSolution, residuals
+from hdvplan.solvers import clarabel as clarabel_adapter
+from hdvplan.solvers import osqp as osqp_adapter
+from hdvplan.solvers import piqp as piqp_adapter
+from hdvplan.solvers.clarabel import ClarabelWorkspace
+from hdvplan.solvers.elastic import hard_first
+from hdvplan.solvers.osqp import OsqpWorkspace
+from hdvplan.solvers.piqp import PiqpWorkspace
+from hdvplan.solvers.workspace import QpResult, QpWorkspace, Status
+from tests.core.programs import random_program, shape
+from tests.solvers.workspaces import distance, optimum
+
+ADAPTERS: list[Callable[..., QpWorkspace]] = [PiqpWorkspace, ClarabelWorkspace, OsqpWorkspace]
+each_adapter = pytest.mark.parametrize("adapter", ADAPTERS, ids=lambda a: a.__name__)
+
+
+def contradictory() -> StageQp:
+    qp = random_program(shape(), 2)
+    qp.G[3, 1], qp.h[3, 1] = -qp.G[3, 0], -qp.h[3, 0] - 1.0
+    return qp
+
+
+@each_adapter
+def test_hard_rows_that_contradict_are_infeasible_and_elastic_ones_are_not(adapter: Callable[..., QpWorkspace]) -> None:
+    qp = contradictory()
+    hard = adapter(qp.shape, elastic=False).solve(qp, None)
+    # PIQP's own detection is weak: it runs into its iteration limit as often
+    assert hard.status in ({Status.INFEASIBLE, Status.ITERATION_LIMIT} if adapter is PiqpWorkspace else {Status.INFEASIBLE})
+    assert adapter(qp.shape, elastic=True).solve(qp, None).status is Status.SOLVED
+
+
+@each_adapter
+def test_an_infeasible_program_leaves_nothing_to_the_next(adapter: Callable[..., QpWorkspace]) -> None:
+    workspace, good = adapter(shape(), elastic=False), random_program(shape(), 1)
+    good.linear[:], good.quadratic[:] = 1e4, 0.0
+    fresh = adapter(shape(), elastic=False).solve(good, None).point
+    for _ in range(3):
+        workspace.solve(contradictory(), None)
+        assert distance(workspace.solve(good, None).point, fresh) < 1e-6  # the same steps again
+
+
+@each_adapter
+def test_multipliers_carry_the_signs_of_the_lagrangian(adapter: Callable[..., QpWorkspace]) -> None:
+    qp = random_program(shape(), 5, tightness=0.2)
+    point = adapter(qp.shape, elastic=True).solve(qp, None).point
+    judged = residuals(qp, point)
+    assert judged.dual < 1e-4  # osqp stops at 1e-5 in its own scaling
+    assert np.max(point.rows) > 0.1
+    assert np.min(point.u_bounds) < -0.1 < 0.1 < np.max(point.u_bounds)
+
+
+def test_every_word_of_piqp_is_understood() -> None:
+    unsaid = {piqp.PIQP_UNSOLVED, piqp.PIQP_INVALID_SETTINGS}  # of a call that never ran
+    words = {getattr(piqp, name) for name in dir(piqp) if name.startswith("PIQP_")}
+    assert words - unsaid == set(piqp_adapter._STATUS)
+
+
+def test_every_word_of_clarabel_is_understood() -> None:
+    words = {name for name in dir(clarabel.SolverStatus) if not name.startswith("_")}
+    assert words - {"Unsolved", "CallbackTerminated"} == set(clarabel_adapter._STATUS)
+
+
+def test_every_word_of_osqp_is_understood() -> None:
+    unsaid = {osqp.SolverStatus.OSQP_UNSOLVED, osqp.SolverStatus.OSQP_SIGINT}
+    assert set(osqp.SolverStatus) - unsaid == set(osqp_adapter._STATUS)
+
+
+@pytest.mark.parametrize("words", [piqp_adapter._STATUS, clarabel_adapter._STATUS, osqp_adapter._STATUS])
+def test_only_a_full_solution_is_called_solved(words: dict[object, Status]) -> None:
+    assert sum(status is Status.SOLVED for status in words.values()) == 1
+
+
+def test_osqp_stops_at_its_iteration_limit_and_says_so() -> None:
+    qp = random_program(shape(), 5, tightness=0.2)
+    result = OsqpWorkspace(qp.shape, elastic=True, iterations=25).solve(qp, None)
+    assert (result.status, result.iterations) == (Status.ITERATION_LIMIT, 25)
+
+
+def test_osqp_repeats_itself_to_the_last_bit() -> None:
+    qp = random_program(shape(), 5, tightness=0.2)
+    first, second = (OsqpWorkspace(qp.shape, elastic=True).solve(qp, None) for _ in range(2))
+    assert first.iterations == second.iterations
+    assert np.array_equal(first.point.x, second.point.x)
+
+
+class Scripted:
+    """A workspace that answers as it is told and counts how often it is asked."""
+
+    name, starts_warm = "scripted", True
+
+    def __init__(self, status: Status, point: StageSolution) -> None:
+        """Remember the answer."""
+        self.status, self.point, self.guesses = status, point, list[StageSolution | None]()
+
+    def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
+        """Give it."""
+        assert qp.shape == shape()
+        self.guesses.append(guess)
+        return QpResult(self.status, self.point, 7, 1.0, 2.0)
+
+
+def two_sided(hard: Scripted, elastic: Scripted) -> tuple[QpWorkspace, list[bool]]:
+    made: list[bool] = []
+
+    def make(sizes: StageShape, columns: bool) -> QpWorkspace:
+        assert sizes == shape()
+        made.append(columns)
+        return elastic if columns else hard
+
+    return hard_first(make)(shape()), made
+
+
+def exact(seed: int) -> StageQp:
+    qp = random_program(shape(), seed)
+    qp.linear[:], qp.quadratic[:] = 1e4, 0.0
+    return qp
+
+
+def test_where_hard_rows_can_be_kept_no_elastic_program_is_made() -> None:
+    qp = exact(1)
+    hard, elastic = Scripted(Status.SOLVED, optimum(qp)), Scripted(Status.SOLVED, StageSolution.empty(shape()))
+    workspace, made = two_sided(hard, elastic)
+    guess = StageSolution.empty(shape())
+    for status in (Status.SOLVED, Status.INACCURATE):
+        hard.status = status
+        result = workspace.solve(qp, guess)
+        assert (result.point is hard.point, result.iterations, result.solve_time) == (True, 7, 2.0)
+    assert made == [False]
+    assert hard.guesses == [guess, guess]
+    assert (workspace.name, workspace.starts_warm) == ("scripted", True)
+
+
+@pytest.mark.parametrize("status", [Status.INFEASIBLE, Status.ITERATION_LIMIT, Status.NUMERICAL, Status.FAILED])
+def test_where_hard_rows_fail_the_elastic_program_is_solved_and_both_count(status: Status) -> None:
+    qp = exact(1)
+    hard, elastic = Scripted(status, optimum(qp)), Scripted(Status.SOLVED, StageSolution.empty(shape()))
+    workspace, made = two_sided(hard, elastic)
+    for _ in range(2):
+        result = workspace.solve(qp, StageSolution.empty(shape()))
+        assert result.point is elastic.point
+        assert (result.iterations, result.update_time, result.solve_time) == (14, 2.0, 4.0)
+    assert made == [False, True]  # the second is kept
+    assert elastic.guesses == [None, None]  # a guess of the hard program is none of the other
+
+
+@pytest.mark.parametrize("lie", [0.01, np.nan])
+def test_a_claim_that_residuals_refute_counts_as_failure(lie: float) -> None:
+    qp = exact(1)
+    wrong = optimum(qp)
+    wrong.x[3] += lie
+    workspace, made = two_sided(Scripted(Status.SOLVED, wrong), Scripted(Status.SOLVED, optimum(qp)))
+    assert residuals(qp, workspace.solve(qp, None).point).primal < 1e-6
+    assert made == [False, True]
+
+
+def test_rows_with_a_finite_price_are_elastic_from_the_start() -> None:
+    qp = exact(1)
+    qp.quadratic[2, 1] = 1.0
+    hard = Scripted(Status.SOLVED, optimum(qp))
+    workspace, made = two_sided(hard, Scripted(Status.SOLVED, optimum(qp)))
+    workspace.solve(qp, None)
+    assert made == [False, True]
+    assert hard.guesses == []
+
+
+def test_without_rows_there_is_nothing_to_relax() -> None:
+    sizes = StageShape(3, 2, 1, 0)
+    failing = Scripted(Status.INFEASIBLE, StageSolution.empty(sizes))
+    made: list[bool] = []
+
+    def make(asked: StageShape, columns: bool) -> QpWorkspace:
+        assert asked == sizes
+        made.append(columns)
+        return Bare(failing)
+
+    assert hard_first(make)(sizes).solve(StageQp.empty(sizes), None).status is Status.INFEASIBLE
+    assert made == [False]
+
+
+class Bare:
+    """A scripted workspace of any shape."""
+
+    name, starts_warm = "bare", False
+
+    def __init__(self, script: Scripted) -> None:
+        """Remember the answer."""
+        self._script = script
+
+    def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
+        """Give it."""
+        assert guess is None
+        return QpResult(self._script.status, StageSolution.empty(qp.shape), 1, 0.0, 0.0)

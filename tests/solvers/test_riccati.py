@@ -1,0 +1,178 @@
+"""Our own solver: screening, the interior point around the recursion, and planning's programs."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hdvplan.planning.qp import StageQp, StageShape, residuals
+from hdvplan.planning.settings import PlannerSettings
+from hdvplan.road.path import from_curvature
+from hdvplan.road.road import Road
+from hdvplan.solvers.piqp import PiqpWorkspace
+from hdvplan.solvers.riccati import RiccatiWorkspace
+from hdvplan.solvers.workspace import Status
+from tests.core.programs import random_program, shape
+from tests.solvers.recorded import COURSES, PINCHED, pinched, record, uturn
+from tests.solvers.test_recursion import free_program, linear_quadratic
+from tests.solvers.test_workspaces import shapes
+from tests.solvers.workspaces import distance, optimum
+
+many = settings(max_examples=150, deadline=None, derandomize=True)
+
+
+@pytest.mark.parametrize("rows", [0, 3])
+def test_a_program_whose_limits_are_far_is_its_linear_quadratic_problem_after_one_factorisation(rows: int) -> None:
+    qp = free_program(shape(rows=rows), 1)
+    result = RiccatiWorkspace(qp.shape).solve(qp, None)
+    x, u, dynamics = linear_quadratic(qp)
+    assert (result.status, result.iterations) == (Status.SOLVED, 1)
+    assert np.allclose(result.point.x, x, rtol=0.0, atol=1e-11)  # rounding
+    assert np.allclose(result.point.u, u, rtol=0.0, atol=1e-11)
+    assert np.allclose(result.point.dynamics, dynamics, rtol=0.0, atol=1e-10)
+    for values in (result.point.sigma, result.point.rows, result.point.x_bounds, result.point.u_bounds):
+        assert not np.any(values)
+
+
+def test_limits_that_are_touched_are_kept_and_those_that_are_broken_are_not_screened_away() -> None:
+    qp = free_program(shape(), 1)
+    x, _, _ = linear_quadratic(qp)
+    qp.x_high[2, 1] = x[3, 3] + 1e-9
+    assert RiccatiWorkspace(qp.shape).solve(qp, None).iterations == 1
+    qp.x_high[2, 1] = x[3, 3] - 1e-3
+    result = RiccatiWorkspace(qp.shape).solve(qp, None)
+    assert result.iterations > 1
+    assert abs(result.point.x[3, 3] - qp.x_high[2, 1]) < 1e-6  # 1e-8 by a multiplier of some hundredths
+    assert result.point.x_bounds[2, 1] > 0.0
+
+
+@pytest.mark.parametrize("where", [0, 1, 2, 3, 4, 5])
+def test_one_broken_row_anywhere_leaves_the_rest_of_the_horizon_to_the_first_pass(where: int) -> None:
+    qp = free_program(shape(), 1)
+    qp.linear[:], qp.quadratic[:] = 1e3, 0.0
+    x, _, _ = linear_quadratic(qp)
+    qp.h[where, 1] = qp.G[where, 1] @ x[where + 1] - 0.2
+    result = RiccatiWorkspace(qp.shape).solve(qp, None)
+    assert result.status is Status.SOLVED
+    assert distance(result.point, optimum(qp)) < 1e-6
+    assert np.count_nonzero(result.point.rows > 1e-6) == 1
+
+
+@given(sizes=shapes(), seed=st.integers(0, 10**6), tightness=st.floats(-0.5, 1.0), price=st.floats(-1.0, 5.0))
+@many
+def test_random_programs_are_solved_as_by_another_solver(sizes: StageShape, seed: int, tightness: float, price: float) -> None:
+    qp = random_program(sizes, seed, tightness=tightness)
+    qp.linear[:] *= 10.0**price
+    qp.x_low[:], qp.x_high[:] = -30.0, 30.0
+    result = RiccatiWorkspace(sizes).solve(qp, None)
+    judged, other = residuals(qp, result.point), optimum(qp)
+    # several inputs against as many active inequalities: what is left of their curvature drowns in the weights' rounding
+    assert result.status in ({Status.SOLVED} if sizes.inputs == 1 else {Status.SOLVED, Status.INACCURATE})
+    assert judged.primal < 1e-7
+    # both are optimal to 1e-8 on the cost; a state that the cost hardly feels may differ by the root of that
+    assert distance(result.point, other) < 1e-4 * (1.0 + float(np.max(np.abs(other.x))))
+
+
+@pytest.mark.parametrize("price", [1e4, 1e6])
+def test_large_multipliers_do_not_blunt_it(price: float) -> None:
+    qp = random_program(shape(), 4, tightness=0.2)
+    qp.linear[:], qp.quadratic[:] = price, 0.0
+    qp.h[3] = qp.G[3] @ np.ones(4)
+    qp.h[4, :2] = -3.0, 1.0  # some of these cannot be kept: their multipliers are the price
+    result = RiccatiWorkspace(qp.shape).solve(qp, None)
+    assert result.status is Status.SOLVED
+    assert np.max(result.point.rows) == pytest.approx(price, rel=1e-6)
+    assert distance(result.point, optimum(qp)) < 1e-5
+
+
+def test_a_free_row_is_no_row_at_all() -> None:
+    qp = random_program(shape(), 2, tightness=-1.0)
+    qp.linear[:], qp.quadratic[:] = 0.0, 0.0
+    result, without = RiccatiWorkspace(qp.shape).solve(qp, None), StageQp(qp.shape, qp.buffer.copy())
+    without.h[:] = 1e6
+    assert distance(result.point, RiccatiWorkspace(qp.shape).solve(without, None).point) < 1e-6
+
+
+def test_a_starting_point_far_outside_its_bounds_comes_in() -> None:
+    sizes = StageShape(30, 2, 1, 0, (0, 1))
+    qp = StageQp.empty(sizes)
+    qp.A[:], qp.B[:, 1, 0], qp.R[:], qp.q[:, 0] = [[1.2, 0.5], [0.0, 1.1]], 1.0, 1e-3, -1.0  # runs away, and is paid for it
+    qp.x_low[:], qp.x_high[:], qp.u_low[:], qp.u_high[:] = -1.0, 1.0, -2.0, 2.0
+    result = RiccatiWorkspace(sizes).solve(qp, None)
+    assert result.status is Status.SOLVED
+    assert residuals(qp, result.point).primal < 1e-7
+    assert distance(result.point, optimum(qp)) < 1e-6
+
+
+def test_bounds_out_of_reach_end_in_the_iteration_limit() -> None:
+    qp = random_program(shape(), 2)
+    qp.x_low[-1], qp.x_high[-1] = 500.0, 501.0
+    result = RiccatiWorkspace(qp.shape).solve(qp, None)
+    assert result.status in {Status.ITERATION_LIMIT, Status.NUMERICAL}
+    assert residuals(qp, result.point).primal > 100.0
+
+
+def test_an_input_without_curvature_is_numerical_trouble() -> None:
+    qp = random_program(shape(), 2)
+    qp.R[3], qp.B[3] = 0.0, 0.0
+    result = RiccatiWorkspace(qp.shape).solve(qp, None)
+    assert (result.status, result.iterations) == (Status.NUMERICAL, 0)
+
+
+def test_a_program_that_overflows_is_not_called_solved() -> None:
+    qp = random_program(shape(), 2)
+    qp.A[:] = 1e200
+    result = RiccatiWorkspace(qp.shape).solve(qp, None)
+    assert result.status is not Status.SOLVED
+    assert not residuals(qp, result.point).primal <= 1e-3
+
+
+@cache
+def programs(vehicle: str, half_width: float, *, pinch: bool) -> list[StageQp]:
+    return record(pinched(half_width) if pinch else uturn(half_width), vehicle)
+
+
+EVERY = [(vehicle, half_width, pinch) for pinch, courses in ((False, COURSES), (True, PINCHED)) for vehicle, half_width in courses]
+each_course = pytest.mark.parametrize(("vehicle", "half_width", "pinch"), EVERY)
+
+
+@each_course
+def test_on_recorded_drives_it_finds_what_piqp_finds(vehicle: str, half_width: float, pinch: bool) -> None:
+    kept, witness, bound = None, None, 0
+    for qp in programs(vehicle, half_width, pinch=pinch)[::5]:
+        kept, witness = kept or RiccatiWorkspace(qp.shape), witness or PiqpWorkspace(qp.shape, elastic=True, tolerance=1e-9)
+        mine, other = kept.solve(qp, None), witness.solve(qp, None)
+        assert mine.status is Status.SOLVED
+        assert residuals(qp, mine.point).primal < 1e-9
+        # a product of 1e-8 leaves a bound with a multiplier of a hundredth a micrometre of slack
+        assert np.max(np.abs(mine.point.x - other.point.x)) < 2e-6
+        bound += bool(np.any(mine.point.rows > 1e-3))
+    assert bound > 0 or half_width in {2.6, 2.9, 3.8}  # limits bind unless there is room
+
+
+@each_course
+def test_on_recorded_drives_it_always_ends_early(vehicle: str, half_width: float, pinch: bool) -> None:
+    workspace = None
+    counts = []
+    for qp in programs(vehicle, half_width, pinch=pinch):
+        workspace = workspace or RiccatiWorkspace(qp.shape)
+        result = workspace.solve(qp, None)
+        assert result.status is Status.SOLVED
+        counts.append(result.iterations)
+    assert max(counts) <= 40  # of 60; the most that these drives took was 30
+
+
+@pytest.mark.parametrize(("vehicle", "half_width"), [("bus", 1.5), ("tractor-trailer", 1.75)])
+def test_a_horizon_of_eight_hundred_metres_is_solved_like_any_other(vehicle: str, half_width: float) -> None:
+    s = np.arange(0.0, 901.0, 20.0)
+    road = Road("long", from_curvature(s, 0.02 * np.sin(s / 37.0))).with_limits(half_width, half_width)
+    asked = record(road, vehicle, PlannerSettings(horizon=800.0, replan=450.0))
+    assert asked[0].shape.stages == 1600
+    for qp in (asked[0], asked[-1]):
+        mine = RiccatiWorkspace(qp.shape).solve(qp, None)
+        other = PiqpWorkspace(qp.shape, elastic=True, tolerance=1e-9).solve(qp, None)
+        assert mine.status is Status.SOLVED
+        assert np.count_nonzero(mine.point.rows > 1e-3) > 10
+        assert np.max(np.abs(mine.point.x - other.point.x)) < 1e-5

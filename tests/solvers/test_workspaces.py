@@ -1,0 +1,243 @@
+"""What every solver owes its caller, whoever wrote it."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hdvplan.errors import QpDataError
+from hdvplan.planning.qp import StageQp, StageShape, StageSolution, residuals, view_shapes
+from hdvplan.solvers.workspace import Status
+from tests.core.chains import few
+from tests.core.programs import dense, random_program, shape
+from tests.solvers.workspaces import GENERIC, NATIVE, REFUSING, distance, generic, native, optimum
+
+each_native = pytest.mark.parametrize("name", NATIVE)
+
+
+@st.composite
+def shapes(draw: st.DrawFn) -> StageShape:
+    states = draw(st.integers(2, 6))
+    bounded = draw(st.sets(st.integers(0, states - 1)))
+    return StageShape(draw(st.integers(1, 6)), states, draw(st.integers(1, 3)), draw(st.integers(0, 6)), tuple(sorted(bounded)))
+
+
+@each_native
+@given(sizes=shapes(), seed=st.integers(0, 10**6), tightness=st.sampled_from([1.0, 0.3, 0.0, -0.5]))
+@few
+def test_programs_of_many_sizes_are_solved_as_by_another_solver(name: str, sizes: StageShape, seed: int, tightness: float) -> None:
+    solver, qp = native(name), random_program(sizes, seed, tightness=tightness)
+    qp.x_low[:], qp.x_high[:] = -30.0, 30.0  # of no matter, so that a point that keeps them exists
+    result = solver.make(sizes).solve(qp, None)
+    judged = residuals(qp, result.point)
+    assert result.status is Status.SOLVED
+    assert result.iterations >= 1
+    assert judged.primal < 1e-4  # osqp stops at 1e-5, before its own scaling
+    assert distance(result.point, optimum(qp)) < solver.agree * (1.0 + float(np.max(np.abs(result.point.x))))
+
+
+def equal_rows(qp: StageQp) -> None:
+    qp.G[:, 1], qp.h[:, 1] = qp.G[:, 0], qp.h[:, 0]
+
+
+def empty_rows(qp: StageQp) -> None:
+    qp.G[:, 0], qp.h[:, 0] = 0.0, 0.0
+    qp.G[:, 1], qp.h[:, 1] = 0.0, 0.2
+
+
+def equalities(qp: StageQp) -> None:
+    qp.G[:, 1], qp.h[:, 1] = -qp.G[:, 0], -qp.h[:, 0]
+
+
+def narrow_bounds(qp: StageQp) -> None:
+    qp.u_low[:] = 0.1
+    qp.u_high[:] = 0.1 + 1e-7
+
+
+def pinned_inputs(qp: StageQp) -> None:
+    qp.u_low[:] = qp.u_high[:] = 0.05
+
+
+def broken_at_the_start(qp: StageQp) -> None:
+    qp.h[0] = qp.G[0] @ (qp.A[0] @ qp.x_first + qp.c[0]) - 1.0
+
+
+def contradictions(qp: StageQp) -> None:
+    qp.G[:, 1], qp.h[:, 1] = -qp.G[:, 0], -qp.h[:, 0] - 1.0  # a gap of a metre between what both ask for
+
+
+DEGENERATE = [equal_rows, empty_rows, equalities, narrow_bounds, pinned_inputs, broken_at_the_start, contradictions]
+
+
+@each_native
+@pytest.mark.parametrize("spoil", DEGENERATE, ids=lambda f: f.__name__)
+@pytest.mark.parametrize("price", [None, 1e3])
+def test_degenerate_programs_are_solved_as_by_another_solver(name: str, spoil: Callable[[StageQp], None], price: float | None) -> None:
+    solver = native(name)
+    for seed in range(3):
+        qp = random_program(shape(), seed)
+        qp.x_low[:], qp.x_high[:] = -30.0, 30.0
+        if price is not None:
+            qp.linear[:], qp.quadratic[:] = price, 0.0  # exact penalties: hard rows wherever they can be kept
+        spoil(qp)
+        result, other = solver.make(shape()).solve(qp, None), optimum(qp)
+        assert residuals(qp, result.point).primal < 1e-4
+        assert distance(result.point, other) < solver.agree
+        if spoil is contradictions:
+            assert np.all(result.point.sigma[:, 0] + result.point.sigma[:, 1] > 1.0 - 1e-4)
+
+
+@each_native
+def test_elastic_rows_cost_nothing_while_a_feasible_point_exists(name: str) -> None:
+    solver, qp = native(name), random_program(shape(), 3, tightness=0.3)
+    qp.linear[:], qp.quadratic[:] = 1e4, 0.0
+    result = solver.make(shape()).solve(qp, None)
+    hard = dense(qp)
+    free = (qp.shape.stages + 1) * 4 + qp.shape.stages * 2
+    hard.h[qp.shape.stages * 3 : 2 * qp.shape.stages * 3] = 1e-12  # slacks no larger than this: the rows are hard
+    hard.P[:, free:], hard.P[free:], hard.q[free:] = 0.0, 0.0, 0.0
+    pinned = np.zeros((hard.P.shape[0] - free, hard.P.shape[0]))
+    pinned[:, free:] = np.eye(pinned.shape[0])
+    equal, right = np.vstack([hard.E, pinned]), np.concatenate([hard.b, np.zeros(len(pinned))])
+    other = type(hard)(hard.P, hard.q, equal, right, hard.G, hard.h).solve()[0]
+    assert np.max(result.point.sigma) < 1e-6
+    assert np.max(result.point.rows) > 1.0  # some row binds
+    assert np.max(np.abs(result.point.x.ravel() - other[: result.point.x.size])) < solver.agree
+
+
+@each_native
+def test_elastic_rows_are_broken_no_more_than_they_must(name: str) -> None:
+    sizes = StageShape(4, 1, 1, 1)
+    qp = StageQp.empty(sizes)
+    qp.A[:], qp.B[:], qp.R[:], qp.G[:], qp.h[:] = 1.0, 1.0, 1.0, 1.0, -2.0  # x must come down to -2 ...
+    qp.u_low[:], qp.u_high[:], qp.linear[:] = -0.75, 0.75, 1e4  # ... by 0.75 a stage
+    qp.q[:] = -1.0  # ... and would rather go up: every row that is kept binds
+    point, near = native(name).make(sizes).solve(qp, None).point, 0.1 * NATIVE[name]
+    assert np.allclose(point.sigma[:, 0], [1.25, 0.5, 0.0, 0.0], rtol=0.0, atol=near)
+    assert np.allclose(point.x[:, 0], [0.0, -0.75, -1.5, -2.0, -2.0], rtol=0.0, atol=near)
+
+
+@each_native
+def test_updating_a_workspace_equals_making_it_anew(name: str) -> None:
+    solver = native(name)
+    kept = solver.make(shape())
+    for seed in range(8):
+        qp = random_program(shape(), seed, tightness=-0.2 if seed % 3 == 1 else 0.3)
+        qp.quadratic[:] = 0.0 if seed % 2 else 1.0  # a solver with hard rows changes between its two programs
+        assert distance(kept.solve(qp, None).point, solver.make(shape()).solve(qp, None).point) < solver.agree
+
+
+@each_native
+def test_a_program_and_a_guess_are_left_as_they_were(name: str) -> None:
+    solver, qp = native(name), random_program(shape(), 7, tightness=0.1)
+    workspace, guess = solver.make(shape()), optimum(qp)
+    before = qp.buffer.copy(), {part: values.copy() for part, values in vars(guess).items()}
+    for _ in range(2):
+        workspace.solve(qp, guess)
+    assert np.array_equal(qp.buffer, before[0])
+    assert all(np.array_equal(values, before[1][part]) for part, values in vars(guess).items())
+
+
+@each_native
+def test_a_guess_changes_the_way_and_not_the_end(name: str) -> None:
+    solver, qp = native(name), random_program(shape(), 7, tightness=0.1)
+    qp.linear[:], qp.quadratic[:] = 50.0, 0.0
+    cold = solver.make(shape()).solve(qp, None)
+    kept = StageSolution(**{part: values.copy() for part, values in vars(cold.point).items()})
+    warm = solver.make(shape()).solve(qp, kept)
+    wrong = solver.make(shape()).solve(qp, StageSolution(**{part: 1.0 + values for part, values in vars(kept).items()}))
+    assert (warm.iterations < cold.iterations) is solver.make(shape()).starts_warm
+    assert max(distance(warm.point, kept), distance(wrong.point, kept)) < solver.agree
+
+
+@each_native
+@pytest.mark.parametrize("part", sorted(view_shapes(shape())))
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_values_that_are_not_finite_are_refused_by_name_and_the_next_program_is_solved(name: str, part: str, value: float) -> None:
+    solver, good, wrong = native(name), random_program(shape(), 1), random_program(shape(), 2)
+    workspace = solver.make(shape())
+    workspace.solve(random_program(shape(), 3), None)
+    getattr(wrong, part).flat[-1] = value
+    with pytest.raises(QpDataError, match=f"'{part}'"):
+        workspace.solve(wrong, None)
+    assert distance(workspace.solve(good, None).point, optimum(good)) < solver.agree
+
+
+@each_native
+@pytest.mark.parametrize(("low", "high"), [("x_low", "x_high"), ("u_low", "u_high")])
+def test_crossed_bounds_are_refused_and_the_next_program_is_solved(name: str, low: str, high: str) -> None:
+    solver, good, wrong = native(name), random_program(shape(), 1), random_program(shape(), 2)
+    workspace = solver.make(shape())
+    getattr(wrong, low)[2, 1] = getattr(wrong, high)[2, 1] + 1e-6
+    with pytest.raises(QpDataError, match="lower bound above"):
+        workspace.solve(wrong, None)
+    assert distance(workspace.solve(good, None).point, optimum(good)) < solver.agree
+
+
+@each_native
+def test_an_unsolvable_program_is_judged_so_and_the_next_one_is_solved(name: str) -> None:
+    solver, good, wrong = native(name), random_program(shape(), 1), random_program(shape(), 2)
+    workspace = solver.make(shape())
+    wrong.x_low[-1], wrong.x_high[-1] = 500.0, 501.0  # out of reach of the inputs
+    result = workspace.solve(wrong, None)
+    assert result.status is not Status.SOLVED
+    assert not residuals(wrong, result.point).primal <= 1e-3
+    assert distance(workspace.solve(good, None).point, optimum(good)) < solver.agree
+
+
+@each_native
+def test_a_result_stays_as_it_is_until_the_next_solve_and_no_longer(name: str) -> None:
+    make, qp = native(name).make, random_program(shape(), 1)
+    workspace = make(shape())
+    result = workspace.solve(qp, None)
+    kept = {part: values.copy() for part, values in vars(result.point).items()}
+    qp.buffer[:] = 0.0
+    for seed in range(2, 4):
+        make(shape()).solve(random_program(shape(), seed), None)
+    assert all(np.array_equal(values, kept[part]) for part, values in vars(result.point).items())
+    again = workspace.solve(random_program(shape(), 2), None)
+    assert again.point is result.point  # the workspace's own memory: who wants to keep it copies it
+    assert not np.array_equal(result.point.x, kept["x"])
+
+
+@each_native
+def test_times_are_those_of_the_call(name: str) -> None:
+    result = native(name).make(shape()).solve(random_program(shape(), 1), None)
+    assert result.update_time >= 0.0
+    assert 0.0 < result.solve_time < 60.0
+
+
+@pytest.mark.parametrize("name", GENERIC)
+@pytest.mark.parametrize("price", [None, 100.0], ids=["cheap", "exact"])
+def test_a_generic_solver_is_right_where_it_says_so(name: str, price: float | None) -> None:
+    solver = generic(name)
+    workspace = solver.make(shape())
+    solved = 0
+    for seed in range(4):
+        qp = random_program(shape(), seed, tightness=0.3)
+        qp.Q[:] += 0.1 * np.eye(4)  # cvxopt finds nothing where the Hessian is only semidefinite
+        if price is not None:
+            qp.linear[:], qp.quadratic[:] = price, 0.0
+        result = workspace.solve(qp, None)
+        if result.status is Status.SOLVED:
+            solved += 1
+            assert residuals(qp, result.point).primal < 1e-3
+            assert distance(result.point, optimum(qp)) < solver.agree
+    assert workspace.name == solver.name
+    assert solved == 4
+
+
+@pytest.mark.parametrize("name", REFUSING)
+def test_a_generic_solver_that_throws_has_failed_and_its_point_is_no_number(name: str) -> None:
+    solver, qp = generic(name), random_program(shape(), 1)
+    result = solver.make(shape()).solve(qp, None)
+    assert result.status is Status.FAILED
+    assert np.isnan(residuals(qp, result.point).primal)
+
+
+def test_a_generic_solver_without_rows_is_handed_none() -> None:
+    solver, sizes = generic("clarabel"), StageShape(5, 3, 1, 0, (2,))
+    qp = random_program(sizes, 2)
+    assert distance(solver.make(sizes).solve(qp, None).point, optimum(qp)) < solver.agree
