@@ -8,55 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from hdvplan.jit import FloatArray, compiled
-from hdvplan.planning.linearise import ROWS_PER_EDGE
 from hdvplan.planning.stations import Stations
-from hdvplan.vehicle.body import axis_points, axle_points, edge_points
+from hdvplan.vehicle.body import POINTS_PER_EDGE, axis_points, edge_points
 from hdvplan.vehicle.model import Vehicle
 
 _STEEPEST = 1.3  # largest heading error a plan may reach: the model's domain ends at pi/2 [rad]
 _INSIDE = 0.05  # smallest 1 - e_y k a plan may reach
 _SHORTEST = 1e-3  # share of a step below which it is not taken at all
-
-
-@dataclass(frozen=True)
-class Watch:
-    """Points on both edges of every body whose offsets become rows of the QP, and their last feet (warm starts)."""
-
-    units: FloatArray  # (units, 5), ``Vehicle.table()`` with the half widths at which the points lie
-    points: FloatArray  # (units, points, 2), as ``edge_points``
-    axis: FloatArray  # (units, 4), as ``axis_points``: they screen a body
-    axis_feet: FloatArray  # (N+1, units, 4) [m]
-    feet: FloatArray  # (N+1, units, points, 2) of both edges [m]
-    gaps: FloatArray  # same shape: every point's clearance to its limit, or a lower bound of it [m]
-    behind: FloatArray  # (units,) every axle's distance behind the lead rear axle on a straight [m]
-
-    @classmethod
-    def edges(cls, vehicle: Vehicle, stages: int) -> Watch:
-        """Return the memory of the sampled points of both long edges of every body."""
-        return cls._of(vehicle, vehicle.table(), edge_points(vehicle), stages)
-
-    @classmethod
-    def axles(cls, vehicle: Vehicle, stages: int) -> Watch:
-        """Return the memory of the axles' middles: both edges coincide."""
-        units = vehicle.table()
-        units[:, 4] = 0.0
-        return cls._of(vehicle, units, axle_points(vehicle), stages)
-
-    @classmethod
-    def _of(cls, vehicle: Vehicle, units: FloatArray, points: FloatArray, stages: int) -> Watch:
-        feet = (stages + 1, *points.shape[:2], 2)
-        axis = axis_points(vehicle)
-        return cls(units, points, axis, np.zeros((stages + 1, *axis.shape)), np.zeros(feet), np.full(feet, np.inf), axles_behind(vehicle))
-
-    @property
-    def rows(self) -> int:
-        """Rows of the QP at each stage."""
-        return 2 * ROWS_PER_EDGE * len(self.units)
-
-    def guess(self, s: FloatArray, begin: int) -> None:
-        """Set the feet from stage ``begin`` on to those of a straight road; ``s`` holds the stations' arclengths [m]."""
-        self.axis_feet[begin:] = s[:, None, None] + (self.axis - self.behind[:, None])
-        self.feet[begin:] = s[:, None, None, None] + (self.points[:, :, :1] - self.behind[:, None, None])
 
 
 @dataclass(frozen=True)
@@ -66,19 +24,38 @@ class Motion:
     z: FloatArray  # (N+1, n)
     kappa: FloatArray  # (N,) [1/m]
     aux_feet: FloatArray  # (N+1,) of the auxiliary axle [m]
-    aux_ahead: float  # where it lies ahead of the lead rear axle on a straight [m]
-    watches: tuple[Watch, ...]
+    axis_feet: FloatArray  # (N+1, units, 4) of the points that screen a body
+    feet: FloatArray  # (N+1, units, points, 2) of the points of both edges
+    gaps: FloatArray  # same shape: every point's clearance to its limit, or a lower bound of it [m]
+    reach_feet: FloatArray  # (N+1, units, points, 2) of the points whose furthest reach is the objective; points may be 0
+    aux_ahead: float  # where these points lie ahead of the lead rear axle on a straight [m]
+    axis_ahead: FloatArray  # (units, 4)
+    points_ahead: FloatArray  # (units, points, 1)
+    reach_ahead: FloatArray  # (units, points, 1)
 
     @classmethod
-    def empty(cls, vehicle: Vehicle, stages: int, watches: tuple[Watch, ...]) -> Motion:
-        """Return the memory for a horizon of ``stages`` intervals."""
-        ahead = vehicle.lead.wheelbase if len(vehicle.units) == 1 else -float(axles_behind(vehicle)[-1])
-        return cls(np.zeros((stages + 1, vehicle.states)), np.zeros(stages), np.zeros(stages + 1), ahead, watches)
+    def empty(cls, vehicle: Vehicle, stages: int, reach_points: FloatArray) -> Motion:
+        """Return the memory for a horizon of ``stages`` intervals; ``reach_points`` (units, points, 2) as ``edge_points``."""
+        units = len(vehicle.units)
+        feet = (stages + 1, units, POINTS_PER_EDGE, 2)
+        behind = axles_behind(vehicle)
+        return cls(
+            np.zeros((stages + 1, vehicle.states)),
+            np.zeros(stages),
+            np.zeros(stages + 1),
+            np.zeros((stages + 1, units, 4)),
+            np.zeros(feet),
+            np.full(feet, np.inf),
+            np.zeros((stages + 1, *reach_points.shape[:2], 2)),
+            vehicle.lead.wheelbase if units == 1 else -float(behind[-1]),
+            axis_points(vehicle) - behind[:, None],
+            edge_points(vehicle)[:, :, :1] - behind[:, None, None],
+            reach_points[:, :, :1] - behind[:, None, None],
+        )
 
     def by_stage(self) -> tuple[FloatArray, ...]:
         """Return every array as a view of shape (stages, values)."""
-        watched = [array for watch in self.watches for array in (watch.axis_feet, watch.feet, watch.gaps)]
-        return flat_stages((self.z, self.kappa, self.aux_feet, *watched))
+        return flat_stages((self.z, self.kappa, self.aux_feet, self.axis_feet, self.feet, self.gaps, self.reach_feet))
 
     def guess(self, stations: Stations, first: int, begin: int) -> None:
         """Set the motion from stage ``begin`` on, and the curvature that leads there, to the road's stationary geometry.
@@ -91,8 +68,9 @@ class Motion:
         self.z[begin:, 0], self.z[begin:, 1], self.z[begin:, 2:] = geometry.e_y[horizon], 0.0, geometry.beta[horizon]
         self.kappa[held:] = geometry.kappa[first + held : end]
         self.aux_feet[begin:] = s + self.aux_ahead
-        for watch in self.watches:
-            watch.guess(s, begin)
+        self.axis_feet[begin:] = s[:, None, None] + self.axis_ahead
+        self.feet[begin:] = s[:, None, None, None] + self.points_ahead
+        self.reach_feet[begin:] = s[:, None, None, None] + self.reach_ahead
 
 
 def axles_behind(vehicle: Vehicle) -> FloatArray:

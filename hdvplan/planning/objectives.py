@@ -24,9 +24,13 @@ class Residual:
 
 @dataclass(frozen=True)
 class Furthest:
-    """The squared distance from the road's centre of the furthest point of the vehicle per station: an epigraph variable."""
+    """The largest distance t of any watched point from the road's centre over the horizon of N stages, at the cost N t^2.
 
-    bodies: bool  # the points of both edges of every body; else the axles alone
+    ``beside`` is the residual to centre where the largest distance leaves a choice; light enough not to change it.
+    """
+
+    bodies: bool  # watch the points of both edges of every body; else the axles alone
+    beside: Residual
 
 
 def geometric(stations: Stations) -> Residual:
@@ -80,18 +84,29 @@ def art_weighted_by(share: float) -> Objective:
     return objective
 
 
-def axle_max(_stations: Stations) -> Furthest:
-    """Centre the axle that is furthest off (J4 of [ART]): the lead and auxiliary axle, every unit's own in longer chains."""
-    return Furthest(bodies=False)
+def axle_max(stations: Stations) -> Furthest:
+    """Keep small how far any axle gets off (J4 of [ART]): lead and auxiliary axle, every unit's own in longer chains."""
+    return Furthest(bodies=False, beside=_light(geometric(stations)))
 
 
-def body_max(_stations: Stations) -> Furthest:
-    """Keep the furthest reach of any body side small (J5 of [ART]): the swept area itself."""
-    return Furthest(bodies=True)
+def body_max(stations: Stations) -> Furthest:
+    """Keep small how far any body side reaches (J5 of [ART]): the narrowest band that holds the swept area."""
+    return Furthest(bodies=True, beside=_light(geometric(stations)))
+
+
+def _light(residual: Residual) -> Residual:
+    """Return a residual at a hundredth of its cost.
+
+    In [ART]'s U-turn that raises the largest reach by 1 mm (J5) and 3 mm (J4), and keeps the vehicle near the centre where
+    nothing else does. The sum of every station's own largest reach is no substitute: it buys short gains elsewhere with a
+    higher peak, 4.90 m instead of 4.60 m.
+    """
+    return Residual(*(np.sqrt(_BESIDE) * part for part in (residual.lead, residual.aux, residual.target)))
 
 
 Objective = Callable[[Stations], Residual | Furthest]
 
+_BESIDE = 0.01
 _WEIGHTED = "art-weighted"
 OBJECTIVES: dict[str, Objective] = {
     "geometric": geometric,

@@ -10,15 +10,17 @@ import numpy as np
 
 from hdvplan.errors import PlanError, SolverError
 from hdvplan.jit import FloatArray
-from hdvplan.planning.linearise import ROWS_PER_EDGE, linearise, linearise_limits, write_inputs
-from hdvplan.planning.motion import Motion, Watch, flat_stages, shift_stages, take_step
+from hdvplan.planning.linearise import ROWS_PER_EDGE, linearise, linearise_reach, write_inputs
+from hdvplan.planning.motion import Motion, flat_stages, shift_stages, take_step
 from hdvplan.planning.objectives import Furthest, Residual
 from hdvplan.planning.qp import Residuals, StageQp, StageShape, StageSolution, residuals
 from hdvplan.planning.settings import Discretisation, PlannerSettings, Scheme
 from hdvplan.planning.stations import Stations
 from hdvplan.solvers.workspace import QpWorkspace, Status
+from hdvplan.vehicle.body import axis_points, axle_points, edge_points
 from hdvplan.vehicle.model import Vehicle
 
+_FURTHEST_M = 100.0  # more than any vehicle can reach off its road; bounds of a variable that needs none
 USABLE_RESIDUAL = 1e-3  # a QP solution whose recomputed primal residual exceeds this is not driven [m]
 
 
@@ -64,20 +66,18 @@ class Planner:
     ) -> None:
         """Prepare the memory of all steps of a drive."""
         self._vehicle, self._stations, self._settings = vehicle, stations, settings
+        self._units, self._points, self._axis = vehicle.table(), edge_points(vehicle), axis_points(vehicle)
         self._limited = stations.limits.values.size > 0
-        self._body = Watch.edges(vehicle, settings.stages)
-        self._reach = None if isinstance(centred, Residual) else _reach(vehicle, settings.stages, centred)
-        self._residual = centred if isinstance(centred, Residual) else _nothing(len(stations.s))
-        self._motion = Motion.empty(vehicle, settings.stages, (self._body,) if self._reach is None else (self._body, self._reach))
+        self._residual = centred if isinstance(centred, Residual) else centred.beside
+        self._reach_points, self._reach_half = _watched(vehicle, centred)
+        self._motion = Motion.empty(vehicle, settings.stages, self._reach_points)
         self._midpoint = settings.discretisation is Discretisation.MIDPOINT
-        qp = self._qp = StageQp.empty(qp_shape(vehicle, settings, limited=self._limited, reach=self._reach))
-        n, limit_rows = vehicle.states, self._body.rows if self._limited else 0
+        watched = self._reach_points.shape[0] * self._reach_points.shape[1]
+        qp = self._qp = StageQp.empty(qp_shape(vehicle, settings, limited=self._limited, watched=watched))
+        n, own = vehicle.states, qp.shape.rows - 2 * watched  # rows of limits come first
         qp.A[:, n, n] = qp.B[:, n, 0] = 1.0
         qp.linear[:] = settings.elastic_weight
-        self._limit_rows, self._reach_rows = (qp.G[:, :limit_rows], qp.h[:, :limit_rows]), (qp.G[:, limit_rows:], qp.h[:, limit_rows:])
-        if self._reach is not None:
-            _write_epigraph(qp, n + 1, limit_rows)
-            self._open = np.concatenate([np.zeros_like(stations.around[:2]), stations.around[2:]])
+        self._limit_rows, self._reach_rows = (qp.G[:, :own], qp.h[:, :own]), (qp.G[:, own:], qp.h[:, own:])
         self._workspace = make_workspace(qp.shape)
         self._guess = StageSolution.empty(qp.shape) if self._workspace.starts_warm else None
         multipliers = self._guess.multipliers() if self._guess else ()
@@ -105,6 +105,8 @@ class Planner:
         kept = 0 if by is None else max(settings.stages + 1 - by, 0)  # stages that the last plan still covers
         if by and kept:
             shift_stages(self._moving, by)
+        if self._reach_points.size:
+            write_epigraph(qp, self._vehicle.states + 1, self._reach_rows[0])
         motion.guess(self._stations, first, kept)
         motion.z[0] = z_start
         self._linearise(first, max(kept, 1))
@@ -138,7 +140,7 @@ class Planner:
             msg = f"the first plan could not be solved: {self._workspace.name} says {result.status}, primal residual {judged.primal:.2g}"
             raise SolverError(msg, status=str(result.status), hint="try another --solver")
         self._last = first
-        violation = max(0.0, -float(np.min(self._body.gaps[1:])))
+        violation = max(0.0, -float(np.min(motion.gaps[1:])))
         return Plan(
             first, motion.z.copy(), motion.kappa.copy(), kappa_before, result.status, usable, qp_count, qp_iterations, judged, violation,
             moved, StepTimes(linearising, updating, solving, checking, perf_counter() - began),
@@ -152,19 +154,19 @@ class Planner:
 
         """
         stations, settings, qp, motion = self._stations, self._settings, self._qp, self._motion
-        path, limits, part, body, reach = stations.path, stations.limits, self._residual, self._body, self._reach
+        path, limits, part = stations.path, stations.limits, self._residual
         horizon = slice(first, first + settings.stages + 1)
-        road = stations.road[:, horizon]
         lost = linearise(
-            body.units, body.points, body.axis, path.coefficients, path.s_first, path.spacing, road, stations.curvature_between[horizon],
-            stations.around[:, horizon], settings.step, self._midpoint, part.lead[horizon], part.aux[horizon], part.target[horizon],
-            limits.values, limits.s_first, limits.spacing, settings.margin, motion.z, motion.kappa, motion.aux_feet, body.axis_feet,
-            body.feet, body.gaps, begin, qp.A, qp.B, qp.c, qp.Q, qp.q, *self._limit_rows,
+            self._units, self._points, self._axis, path.coefficients, path.s_first, path.spacing, stations.road[:, horizon],
+            stations.curvature_between[horizon], stations.around[:, horizon], settings.step, self._midpoint, part.lead[horizon],
+            part.aux[horizon], part.target[horizon], limits.values, limits.s_first, limits.spacing, settings.margin, motion.z,
+            motion.kappa, motion.aux_feet, motion.axis_feet, motion.feet, motion.gaps, begin, qp.A, qp.B, qp.c, qp.Q, qp.q,
+            *self._limit_rows,
         )  # fmt: skip
-        if lost < 0 and reach is not None:  # limits at 0, which t moves outwards
-            lost = linearise_limits(
-                reach.units, reach.points, reach.axis, path.coefficients, path.s_first, path.spacing, road, np.zeros((4, 2)), 0.0, 1.0,
-                self._open[:, horizon], 0.0, motion.z, reach.axis_feet, reach.feet, reach.gaps, begin, len(motion.z), *self._reach_rows,
+        if lost < 0 and self._reach_points.size:
+            lost = linearise_reach(
+                self._units, self._reach_points, self._reach_half, path.coefficients, path.s_first, path.spacing,
+                stations.road[:, horizon], motion.z, motion.reach_feet, begin, len(motion.z), *self._reach_rows,
             )  # fmt: skip
         if lost >= 0:
             s, name = float(stations.s[first + lost]), self._vehicle.name
@@ -172,40 +174,41 @@ class Planner:
             raise PlanError(msg, s_m=s, hint="smooth the road more (--smooth), or plan with a shorter vehicle")
 
 
-def qp_shape(vehicle: Vehicle, settings: PlannerSettings, *, limited: bool, reach: Watch | None = None) -> StageShape:
-    """Return the sizes and zero pattern of a vehicle's QP.
+def qp_shape(vehicle: Vehicle, settings: PlannerSettings, *, limited: bool, watched: int = 0) -> StageShape:
+    """Return the sizes and zero pattern of a vehicle's QP: states (dz, d kappa_{i-1}), one input, rows per body edge.
 
-    States (dz, d kappa_{i-1}) and one input, rows for the body edges where ``limited``. With ``reach`` the epigraph variable t
-    is one state more, set by a second input, and has rows of its own.
+    With ``watched`` points there is one state more, their largest reach t, one input more that sets it, and two rows a point.
     """
-    n, more = vehicle.states, int(reach is not None)
+    n, more = vehicle.states, int(watched > 0)
     size = n + 1 + more
     a, q = np.zeros((size, size), bool), np.zeros((size, size), bool)
     a[:n, :n] = np.tril(np.ones((n, n), bool))  # an articulation angle depends on itself and what is ahead of it
-    a[0, 1] = a[n, n] = True
+    a[0, 1] = a[n, n] = a[-1, -1] = True
     a[:n, n] = q[:n, :n] = True
     g = np.arange(size) != n
-    rows = (2 * ROWS_PER_EDGE * len(vehicle.units) if limited else 0) + (0 if reach is None else reach.rows)
-    return StageShape(settings.stages, size, 1 + more, rows, (n,), a_pattern=a, q_pattern=q, g_pattern=g)
+    rows = 2 * ROWS_PER_EDGE * len(vehicle.units) if limited else 0
+    return StageShape(settings.stages, size, 1 + more, rows + 2 * watched, (n,), a_pattern=a, q_pattern=q, g_pattern=g)
 
 
-def _reach(vehicle: Vehicle, stages: int, furthest: Furthest) -> Watch:
-    return Watch.edges(vehicle, stages) if furthest.bodies else Watch.axles(vehicle, stages)
+def write_epigraph(qp: StageQp, t: int, rows: FloatArray) -> None:
+    """Write what is constant about the state number ``t``: the first stage's second input sets it, all others keep it.
 
-
-def _nothing(stations: int) -> Residual:
-    zero = np.zeros(stations)
-    return Residual(zero, zero, zero)
-
-
-def _write_epigraph(qp: StageQp, t: int, first_row: int) -> None:
-    """Write what never changes of minimising t_i^2 with t_{i+1} = v_i and |offset| <= t_i for every watched point.
-
-    The rows are elastic like all others, and exact: their multipliers sum to 2 t, far below the price. The square puts the
-    cost in the same unit as that of the other objectives, and makes the program definite in t, as the Riccati screening needs.
+    ``rows`` (N, p, n) are the rows whose limit at 0 it moves outwards. Their multipliers add up to 2 N t, so the price at which they
+    are elastic makes them exact.
     """
-    qp.B[:, t, 1] = 1.0
-    qp.Q[:, t, t] = 2.0
-    qp.G[:, first_row:, t] = -1.0
-    qp.R[:, 1, 1] = 0.0
-    qp.u_low[:, 1], qp.u_high[:, 1] = 0.0, 100.0
+    stages = qp.shape.stages
+    qp.A[:, t, t], qp.B[:, t, 1] = 1.0, 0.0
+    qp.A[0, t, t], qp.B[0, t, 1] = 0.0, 1.0
+    qp.Q[:, t, t], qp.Q[-1, t, t] = 0.0, 2.0 * stages
+    qp.R[:, 1, 1] = 1.0  # the other stages' second inputs do nothing, and are 0
+    qp.u_low[:, 1], qp.u_high[:, 1] = -_FURTHEST_M, _FURTHEST_M
+    rows[:, :, t] = -1.0
+    qp.linear[:, qp.shape.rows - rows.shape[1] :] = 2.0 * stages * _FURTHEST_M
+
+
+def _watched(vehicle: Vehicle, centred: Residual | Furthest) -> tuple[FloatArray, FloatArray]:
+    """Return the points whose largest reach is the objective, as ``edge_points``, and how far off their axes they lie [m]."""
+    half = vehicle.table()[:, 4]
+    if isinstance(centred, Residual):
+        return np.empty((len(half), 0, 2)), half
+    return (edge_points(vehicle), half) if centred.bodies else (axle_points(vehicle), np.zeros_like(half))

@@ -33,3 +33,14 @@ def edge_points(vehicle: Vehicle) -> FloatArray:
         row[:, 0] = ahead
         row[:, 1] = (ahead < -_SAME_M) | (ahead > unit.wheelbase + _SAME_M)
     return table
+
+
+def axle_points(vehicle: Vehicle) -> FloatArray:
+    """Return the axles that objectives centre, laid out as ``edge_points``.
+
+    A single unit's rear and front axle; in a chain every unit's own.
+    """
+    table = np.zeros((len(vehicle.units), 2 if len(vehicle.units) == 1 else 1, 2))
+    if len(vehicle.units) == 1:
+        table[0, 1, 0] = vehicle.lead.wheelbase
+    return table

@@ -1,0 +1,99 @@
+"""``hdvplan reproduce``: the papers' figures and tables, published value beside ours."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hdvplan.cli.console import ExitCode, note, print_json, print_tables, progress
+from hdvplan.cli.options import JsonOption, QuietOption, choice
+from hdvplan.errors import OptionError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pandas import DataFrame
+
+    from hdvplan.reproduce.study import Progress, Study
+
+NAMES = ("bus-uturn", "roundabout", "objectives", "s-turns", "timing")
+_ALL = "all"
+_SHARE = {"bus-uturn": 0.01, "roundabout": 0.02, "objectives": 0.17, "s-turns": 0.15, "timing": 0.65}  # of the time of all
+
+
+def reproduce(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="bus-uturn, roundabout, objectives, s-turns, timing or all.")] = _ALL,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where to write.")] = Path("results"),
+    json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> int:
+    """Repeat the papers' experiments and set the published numbers beside ours.
+
+    Writes NAME.md and NAME.csv (the table), NAME.png (the figure in the paper's layout) and NAME-data.csv for every study,
+    and for all of them a summary. Rows that differ by more than the published number can be read say why.
+    """
+    chosen = NAMES if choice("NAME", name, [*NAMES, _ALL]) == _ALL else (name,)
+    if out.exists() and not out.is_dir():
+        msg = f"--out {out} is a file, not a folder"
+        raise OptionError(msg)
+    from hdvplan.bench.machine import use_one_thread
+
+    use_one_thread()  # before anything imports NumPy
+    from hdvplan.jit import is_compiled
+
+    if not is_compiled():
+        note("compiling the planning kernels, once per installation: about 10 s", quiet=quiet)
+    with progress("reproducing", quiet=quiet, undisturbed=True) as on_progress:
+        studies = _run(chosen, out, on_progress)
+    if json:
+        print_json({study.name: _rows(study.table()) for study in studies})
+    elif not quiet:
+        _print(studies, out)
+    return ExitCode.OK
+
+
+def _run(names: Sequence[str], out: Path, on_progress: Progress) -> list[Study]:
+    """Run studies one after the other and write each as soon as it is done.
+
+    Raises:
+        OptionError: the folder or a file cannot be written.
+
+    """
+    from hdvplan.reproduce.files import write_study, write_summary
+    from hdvplan.reproduce.studies import STUDIES
+
+    total, done, studies = sum(_SHARE[name] for name in names), 0.0, []
+    try:
+        for name in names:
+            begin, part = done, _SHARE[name] / total
+            studies.append(STUDIES[name](lambda share, begin=begin, part=part: on_progress(begin + part * share)))  # type: ignore[misc] # defaults bind
+            write_study(studies[-1], out)
+            done += part
+        if len(studies) > 1:
+            write_summary(studies, out)
+    except OSError as error:
+        msg = f"cannot write to {out}: {error.strerror or error}"
+        raise OptionError(msg, hint="choose another folder with --out") from error
+    return studies
+
+
+def _print(studies: list[Study], out: Path) -> None:
+    """Print a study's table; of several the headline rows."""
+    from hdvplan.report.tables import grid
+    from hdvplan.reproduce.study import shown, summary_of
+
+    several = len(studies) > 1
+    table = shown(summary_of(studies) if several else studies[0].table())
+    title = "published and reproduced" if several else f"{studies[0].title} ({studies[0].source})"
+    table["quantity"] += [f" [{unit}]" if unit else "" for unit in table["unit"]]
+    columns = [*(["study"] if several else []), "quantity", "published", "ours", "difference"]
+    rows = table[columns].itertuples(index=False, name=None)
+    caption = f"written to {out}/; {'NAME' if several else studies[0].name}.md says why numbers differ"
+    print_tables(grid(title, columns, rows, text=("study", "quantity"), caption=caption))
+
+
+def _rows(table: DataFrame) -> list[dict[str, object]]:
+    """Return a table's rows for JSON, which has no NaN."""
+    return [{str(name): None if value != value else value for name, value in row.items()} for row in table.to_dict("records")]  # noqa: PLR0124 - NaN

@@ -1,0 +1,1 @@
+"""The published experiments again: each study's numbers beside the published ones, its figure and its data."""

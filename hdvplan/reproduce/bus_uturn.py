@@ -1,0 +1,61 @@
+"""[GEO] fig. 7: the bus in a U-turn, centred by its rear axle alone (previous method) and by the geometric weight."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import pandas as pd
+
+from hdvplan.planning.objectives import geometric, lead_axle
+from hdvplan.planning.settings import PlannerSettings
+from hdvplan.reproduce import published
+from hdvplan.reproduce.figures import uturn_figure
+from hdvplan.reproduce.study import Progress, Row, Study
+from hdvplan.reproduce.swept import Swept, swept
+from hdvplan.road.scenarios import uturn
+from hdvplan.vehicle.load import load_vehicle
+
+_ROAD = "the road is read off a figure; where the left reach is largest it is all ramp, whose shape is not published"
+_EXPECTED = "ours is the geometric half width to 5 mm; theirs is less on both sides, as a road a little gentler than the one read off gives"
+
+
+def bus_uturn(on_progress: Progress) -> Study:
+    """Drive the bus through the U-turn with limits at +-3.0 m by both methods."""
+    road, bus, settings = uturn(), load_vehicle("bus"), PlannerSettings()
+    previous = swept(road, bus, lead_axle, settings)
+    on_progress(0.5)
+    proposed = swept(road, bus, geometric, settings)
+    on_progress(1.0)
+    return Study(
+        "bus-uturn",
+        "Bus in a U-turn",
+        f"{published.GEO} fig. 7",
+        "Limits at +-3.0 m, curvature up to 0.060 1/m; receding horizon (RTI), envelope of the exact simulation.",
+        _rows(previous, proposed),
+        _data(previous, proposed),
+        partial(uturn_figure, previous, proposed),
+    )
+
+
+def _rows(previous: Swept, proposed: Swept) -> tuple[Row, ...]:
+    expected = float(proposed.expected.half_width.max())
+    return (
+        Row("previous method, max right", "m", published.UTURN_PREVIOUS_RIGHT, float(previous.right.max()), headline=True),
+        Row("previous method, max left", "m", published.UTURN_PREVIOUS_LEFT, float(previous.left.max()), _ROAD, headline=True),
+        Row("proposed method, max right", "m", published.UTURN_PROPOSED_RIGHT, float(proposed.right.max()), _EXPECTED, headline=True),
+        Row("proposed method, max left", "m", published.UTURN_PROPOSED_LEFT, float(proposed.left.max()), _EXPECTED, headline=True),
+        Row("geometric half width", "m", None, expected, "what the balanced circle at the largest curvature needs on either side"),
+    )
+
+
+def _data(previous: Swept, proposed: Swept) -> pd.DataFrame:
+    return pd.DataFrame(
+        {
+            "s": proposed.envelope.s,
+            "previous_left": previous.left,
+            "previous_right": -previous.right,
+            "proposed_left": proposed.left,
+            "proposed_right": -proposed.right,
+            "geometric_half_width": proposed.expected.half_width,
+        }
+    )

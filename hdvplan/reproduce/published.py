@@ -1,0 +1,105 @@
+"""The published numbers, each with its source and how exactly it can be read. Lengths in metres, angles in radians.
+
+[GEO] Oliveira, Ljungqvist, Lima, Mårtensson, Wahlberg, "A Geometric Approach to On-road Motion Planning for Long and
+Multi-Body Heavy-Duty Vehicles", IEEE IV 2020. [ART] Oliveira, Ljungqvist, Lima, Wahlberg, "Optimization-Based On-Road
+Path Planning for Articulated Vehicles", IFAC 2020.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from importlib import resources
+
+import numpy as np
+
+from hdvplan.jit import FloatArray
+
+
+@dataclass(frozen=True)
+class Number:
+    """A published value and how far off its true one may be: half of its last digit, or what a figure allows."""
+
+    value: float
+    reading_error: float
+
+
+def _printed(value: float, last_digit: float) -> Number:
+    return Number(value, 0.5 * last_digit * (1.0 + 1e-9))
+
+
+_FIGURE_M = 0.01  # a vector figure's curves can be read to a centimetre
+GEO, ART = "[GEO]", "[ART]"
+
+# [GEO] fig. 7: furthest reach of the bus in a U-turn, to the right (outside) and to the left.
+UTURN_PREVIOUS_RIGHT = Number(3.00, _FIGURE_M)
+UTURN_PREVIOUS_LEFT = Number(1.82, _FIGURE_M)
+UTURN_PROPOSED_RIGHT = Number(2.47, _FIGURE_M)
+UTURN_PROPOSED_LEFT = Number(2.44, _FIGURE_M)
+
+# [GEO] fig. 9 and its caption: the tractor-trailer in a roundabout.
+ROUNDABOUT_LEFT = _printed(2.30, 0.01)
+ROUNDABOUT_RIGHT = _printed(2.26, 0.01)
+ROUNDABOUT_EXPECTED = _printed(2.27, 0.01)
+ROUNDABOUT_KAPPA = Number(0.0539, 1e-4)  # fig. 10, constant part [1/m]
+ROUNDABOUT_BETA = Number(0.4605, 2e-4)  # fig. 10, constant part [rad]
+
+
+@dataclass(frozen=True)
+class ObjectiveResult:
+    """A row of [ART] table 2: furthest reaches [m], area difference aL - aR [m^2], computation time [s]."""
+
+    left: Number
+    right: Number
+    area: Number
+    time: Number
+
+
+def _objective(left: float, right: float, area: float, seconds: float) -> ObjectiveResult:
+    return ObjectiveResult(_printed(left, 0.01), _printed(right, 0.01), _printed(area, 1.0), _printed(seconds, 0.01))
+
+
+# [ART] table 2: a U-turn of curvature 0.065 1/m over 134.2 m, sampled every 0.1 m.
+OBJECTIVES = {
+    "J1": _objective(8.34, 2.06, 312.0, 7.92),
+    "J2": _objective(1.79, 7.83, -302.0, 17.93),
+    "J3": _objective(4.79, 4.82, -5.0, 22.03),
+    "J4": _objective(4.25, 4.82, -406.0, 13.53),
+    "J5": _objective(4.70, 4.78, 4.0, 770.71),
+}
+# [ART] sec. 5: the weights found by exhaustive search, for its vehicles of table 1 and table 3.
+SEARCHED = {"tractor-trailer-24m": _printed(0.45, 0.01), "tractor-trailer": _printed(0.40, 0.01)}
+
+# [GEO] fig. 11: largest improvement of D by a varying K over a fixed one [%].
+IMPROVEMENT = {"bus": Number(10.0, 1.0), "tractor-trailer": Number(5.0, 1.0)}
+
+
+@dataclass(frozen=True)
+class StepTime:
+    """A cell of [GEO] table I: mean and largest time of one planning step [ms]."""
+
+    mean: Number
+    most: Number
+
+
+def _step(mean: float, most: float) -> StepTime:
+    return StepTime(_printed(mean, 1.0), _printed(most, 1.0))
+
+
+# [GEO] table I, by vehicle and scheme: MATLAB and OSQP on a laptop with an i7-6820HQ.
+TIMES = {
+    ("bus", "sqp"): _step(79.0, 742.0),
+    ("bus", "rti"): _step(30.0, 48.0),
+    ("tractor-trailer", "sqp"): _step(137.0, 1248.0),
+    ("tractor-trailer", "rti"): _step(50.0, 137.0),
+}
+
+
+def curves() -> dict[str, FloatArray]:
+    """Return the curves of [GEO] figs. 9 and 10 as digitised from the vector figures, each of shape (n, 2): s [m], value.
+
+    ``env_geo_left``, ``env_plan_right``, ...: geometric and planned envelope [m]; ``kappa_road``, ``kappa_geo``,
+    ``kappa_plan`` [1/m]; ``beta_geo``, ``beta_plan`` [rad].
+    """
+    text = (resources.files("hdvplan.reproduce") / "paper_fig8_10.json").read_text(encoding="utf-8")
+    return {name: np.array(points, dtype=np.float64) for name, points in json.loads(text).items()}

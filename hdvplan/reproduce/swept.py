@@ -1,0 +1,86 @@
+"""An executed drive with what it swept: the common ground of all studies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hdvplan.centering.weights import Centering, CenteringTable
+from hdvplan.drive import Drive, drive
+from hdvplan.evaluation.envelope import Envelope, envelope_of
+from hdvplan.jit import FloatArray
+from hdvplan.planning.objectives import Objective
+from hdvplan.planning.settings import PlannerSettings, Scheme
+from hdvplan.road.path import from_curvature
+from hdvplan.road.road import Road
+from hdvplan.road.scenarios import Profile
+from hdvplan.solvers.registry import DEFAULT, solver_named
+from hdvplan.vehicle.model import Vehicle
+
+REFERENCE_STEP_M = 0.5  # [GEO]'s
+
+
+@dataclass(frozen=True)
+class Swept:
+    """A drive, and its envelope measured on the exact simulation."""
+
+    drive: Drive
+    envelope: Envelope
+
+    @property
+    def left(self) -> FloatArray:
+        """Reach to the left over the envelope's arclengths, shape (n,) [m]."""
+        return self.envelope.reach_left
+
+    @property
+    def right(self) -> FloatArray:
+        """Reach to the right, positive, shape (n,) [m]."""
+        return -self.envelope.reach_right
+
+    @property
+    def furthest(self) -> float:
+        """The larger of the largest reaches [m]."""
+        return float(max(np.max(self.left), np.max(self.right)))
+
+    @property
+    def area_difference(self) -> float:
+        """The area swept to the left less that to the right, in the road-aligned frame [m^2]."""
+        return float(np.trapezoid(self.left - self.right, self.envelope.s))
+
+    @property
+    def expected(self) -> Centering:
+        """The balanced geometry at the envelope's arclengths."""
+        return CenteringTable.of(self.drive.vehicle).at(self.drive.road.path.at(self.envelope.s).curvature)
+
+
+def swept(road: Road, vehicle: Vehicle, objective: Objective, settings: PlannerSettings, solver: str = DEFAULT) -> Swept:
+    """Drive ``vehicle`` along ``road`` and measure what it sweeps; see ``drive`` and ``envelope_of`` for the errors."""
+    driven = drive(road, vehicle, objective, solver_named(solver), settings)
+    return Swept(driven, envelope_of(driven))
+
+
+def predicted(planned: Swept) -> Swept:
+    """Return what the first plan of a drive predicted that it would sweep: its own states in the place of the simulation.
+
+    The drive must have been planned in one horizon.
+    """
+    plan, driven = planned.drive.plans[0], planned.drive
+    believed = replace(driven, z=plan.z, poses_s=driven.stations.s[: len(plan.z)], poses_z=plan.z)
+    return Swept(believed, envelope_of(believed))
+
+
+def whole_manoeuvre(road: Road, step: float) -> PlannerSettings:
+    """Return the settings that plan all of ``road`` in one horizon, to convergence.
+
+    The smoothness weight is that of the same continuous problem: sums of squares scale with 1 / step, sums of squared curvature
+    changes with step.
+    """
+    length = step * float(np.ceil(road.path.length / step - 1e-9))
+    smoothness = PlannerSettings().smoothness * (REFERENCE_STEP_M / step) ** 2
+    return PlannerSettings(scheme=Scheme.SQP, horizon=length, replan=length, step=step, smoothness=smoothness)
+
+
+def road_of(name: str, profile: Profile) -> Road:
+    """Return the road of a curvature profile."""
+    return Road(name, from_curvature(*profile))

@@ -1,0 +1,107 @@
+"""[GEO] table I: how long a planning step takes on real roads, by SQP and RTI, with OSQP as published and with the default solver."""
+
+from __future__ import annotations
+
+from functools import partial
+from itertools import product
+
+import numpy as np
+import pandas as pd
+
+from hdvplan.bench.machine import machine_facts
+from hdvplan.centering.weights import CenteringTable
+from hdvplan.drive import drive, warm_up
+from hdvplan.planning.objectives import geometric
+from hdvplan.planning.settings import PlannerSettings, Scheme
+from hdvplan.reproduce import published
+from hdvplan.reproduce.figures import timing_figure
+from hdvplan.reproduce.study import Progress, Row, Study
+from hdvplan.road.load import load_road
+from hdvplan.road.road import Road
+from hdvplan.solvers.registry import DEFAULT, solver_named
+from hdvplan.vehicle.load import load_vehicle
+from hdvplan.vehicle.model import Vehicle
+
+ROADS = (
+    "goteborg_tuvevagen_brunnsbo",
+    "goteborg_nya_allen",
+    "goteborg_fiskhamnsgatan",
+    "goteborg_gullbergsmotet_loop_north",
+    "neubrandenburg_ring",
+    "newyork_columbus_circle",
+)  # 11.9 km: arterials with roundabouts, S-bends, a motorway loop, a ring
+VEHICLES = ("bus", "tractor-trailer")
+_SCHEMES = ("sqp", "rti")
+SOLVERS = ("osqp", DEFAULT)
+HALF_WIDTH_M = 4.5  # two lanes and their shoulders; more only where the vehicle's balanced circle needs it
+_SPARE_M = 0.5
+_ROUNDS = 2
+
+_MACHINE = "other machine, compiled Python for MATLAB, other roads"
+
+
+def timing(on_progress: Progress, roads: tuple[str, ...] = ROADS) -> Study:
+    """Drive both vehicles along ``roads`` by both schemes and with both solvers, and time every planning step."""
+    tracks, vehicles = [load_road(name) for name in roads], {name: load_vehicle(name) for name in VEHICLES}
+    cases = list(product(VEHICLES, Scheme, SOLVERS, tracks))
+    samples, driven = [], 0.0
+    for name, scheme, solver, road in cases:
+        steps = timed_steps(road, vehicles[name], scheme, solver)
+        samples.append(steps.assign(road=road.name, vehicle=name, scheme=str(scheme), solver=solver))
+        driven += road.path.length
+        on_progress(driven / sum(case[3].path.length for case in cases))
+    data = pd.concat(samples, ignore_index=True)
+    length, facts = sum(road.path.length for road in tracks), machine_facts()
+    return Study(
+        "timing",
+        "Computation times on real roads",
+        f"{published.GEO} table I",
+        f"{len(roads)} roads from OpenStreetMap, {length / 1000.0:.1f} km; horizon 100 m, step 0.5 m, replanning every 5 m, limits at "
+        "+-4.5 m or 0.5 m beyond the balanced circle where that is more. "
+        "Whole planning steps, without each drive's first, the faster of two drives. "
+        f"Here: {facts['processor']}, {facts['python']}; published: laptop with an i7-6820HQ, MATLAB and OSQP.",
+        _rows(data),
+        data,
+        partial(timing_figure, data, published.TIMES),
+    )
+
+
+def timed_steps(road: Road, vehicle: Vehicle, scheme: Scheme, solver: str) -> pd.DataFrame:
+    """Return of every planning step but the first, which starts from nothing, its s [m], time [ms] and number of QPs.
+
+    The drive is repeated and every step counts with its fastest round: what planning takes, not what else the machine does.
+    """
+    curvature = road.path.at(np.linspace(0.0, road.path.length, int(2.0 * road.path.length))).curvature
+    reach = max(HALF_WIDTH_M, float(CenteringTable.of(vehicle).at(curvature).half_width.max()) + _SPARE_M)
+    settings, maker = PlannerSettings(scheme=scheme), solver_named(solver)
+    warm_up(vehicle, geometric, maker, settings)
+    rounds = [drive(road.with_limits(reach, reach), vehicle, geometric, maker, settings).plans[1:] for _ in range(_ROUNDS)]
+    times = np.min([[plan.times.total for plan in plans] for plans in rounds], axis=0)
+    s = [settings.step * plan.first for plan in rounds[0]]
+    return pd.DataFrame({"s": s, "time_ms": 1e3 * times, "qps": [plan.qp_count for plan in rounds[0]]})
+
+
+def _rows(data: pd.DataFrame) -> tuple[Row, ...]:
+    groups = data.groupby(["vehicle", "scheme", "solver"])
+    steps = {key: groups.get_group(key) for key in product(VEHICLES, _SCHEMES, SOLVERS)}
+    times = {key: group["time_ms"] for key, group in steps.items()}
+    rows = []
+    for (name, scheme, solver), taken in times.items():
+        theirs = published.TIMES[name, scheme]
+        for word, number, ours in (("mean", theirs.mean, float(taken.mean())), ("max", theirs.most, float(taken.max()))):
+            remark = f"{number.value / ours:.0f} x faster: {_MACHINE}"
+            rows.append(Row(f"{name}, {scheme.upper()}, {solver}: {word}", "ms", number, ours, remark, headline=word == "mean"))
+    for name, solver in product(VEHICLES, SOLVERS):
+        sqp, rti = times[name, "sqp", solver], times[name, "rti", solver]
+        qps = steps[name, "sqp", solver]["qps"]
+        remark = f"SQP takes {qps.mean():.1f} QPs a step, {qps.max()} at most: it starts from a shifted plan that has nearly converged"
+        for word, ratio in (("mean", sqp.mean() / rti.mean()), ("max", sqp.max() / rti.max())):
+            rows.append(Row(f"{name}, {solver}: SQP / RTI, {word}", "", _ratio(name, word), float(ratio), remark))
+    return tuple(rows)
+
+
+def _ratio(vehicle: str, word: str) -> published.Number:
+    sqp, rti = (published.TIMES[vehicle, scheme] for scheme in ("sqp", "rti"))
+    pair = (sqp.mean, rti.mean) if word == "mean" else (sqp.most, rti.most)
+    value = pair[0].value / pair[1].value
+    return published.Number(value, value * (pair[0].reading_error / pair[0].value + pair[1].reading_error / pair[1].value))

@@ -1,0 +1,67 @@
+"""``hdvplan reproduce`` as users run it."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from hdvplan.cli.reproduce import NAMES
+from hdvplan.reproduce.studies import STUDIES
+from tests.cli.conftest import Cli, cli  # noqa: F401 - a fixture
+
+COMMAND = (sys.executable, "-m", "hdvplan", "reproduce")
+
+
+def test_a_study_writes_its_files_and_prints_a_table_that_fits_a_terminal(cli: Cli, tmp_path: Path) -> None:  # noqa: F811 - the fixture
+    outcome = cli("reproduce", "bus-uturn")
+    assert (outcome.code, outcome.err) == (0, "")
+    names = {"bus-uturn.md", "bus-uturn.csv", "bus-uturn.png", "bus-uturn-data.csv"}
+    assert {path.name for path in (tmp_path / "results").iterdir()} == names
+    assert "proposed method, max right [m]" in outcome.out
+    assert max(len(line) for line in outcome.out.splitlines()) <= 80
+
+
+def test_json_holds_the_rows_and_nothing_else_is_said(cli: Cli, tmp_path: Path) -> None:  # noqa: F811 - the fixture
+    outcome = cli("reproduce", "bus-uturn", "--json", "--out", "there")
+    assert (outcome.code, outcome.err) == (0, "")
+    rows = json.loads(outcome.out)["bus-uturn"]
+    written = pd.read_csv(tmp_path / "there" / "bus-uturn.csv")
+    assert [row["ours"] for row in rows] == written["ours"].tolist()
+    assert [row["quantity"] for row in rows] == written["quantity"].tolist()
+    assert rows[-1]["published"] is None
+
+
+def test_the_names_are_the_studies() -> None:
+    assert tuple(STUDIES) == NAMES
+
+
+@pytest.mark.parametrize("arguments", [("bus",), ("bus-uturn", "--out", "file")])
+def test_what_cannot_be_reproduced_is_refused_in_one_line(cli: Cli, tmp_path: Path, arguments: tuple[str, ...]) -> None:  # noqa: F811
+    (tmp_path / "file").write_text("taken", encoding="utf-8")
+    outcome = cli("reproduce", *arguments)
+    assert outcome.code == 2
+    assert outcome.out == ""
+    assert outcome.err.splitlines()[0].startswith("error: ")
+
+
+def test_a_process_of_its_own_leaves_the_same_files(tmp_path: Path) -> None:
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+    ended = subprocess.run(  # noqa: S603 - our own
+        [*COMMAND, "roundabout", "--quiet"], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+    )
+    assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "")
+    assert (tmp_path / "results" / "roundabout.png").stat().st_size > 10_000
+
+
+@pytest.mark.slow
+def test_all_writes_every_study_and_a_summary(cli: Cli, tmp_path: Path) -> None:  # noqa: F811 - the fixture
+    outcome = cli("reproduce", "all", "--out", "all")
+    assert (outcome.code, outcome.err) == (0, "")
+    written = {path.name for path in (tmp_path / "all").iterdir()}
+    assert written == {f"{name}{end}" for name in NAMES for end in (".md", ".csv", ".png", "-data.csv")} | {"summary.md", "summary.csv"}
+    assert set(pd.read_csv(tmp_path / "all" / "summary.csv")["study"]) == set(NAMES)
+    assert max(len(line) for line in outcome.out.splitlines()) <= 80

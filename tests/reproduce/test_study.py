@@ -1,0 +1,85 @@
+"""Tables, figures and files of studies, on small ones and made-up ones."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.figure import Figure
+
+from hdvplan.reproduce.files import write_study, write_summary
+from hdvplan.reproduce.published import Number
+from hdvplan.reproduce.study import Row, Study, markdown, shown, summary_of
+from hdvplan.reproduce.timing import timing
+from tests.reproduce.conftest import silent
+
+
+def made_up(name: str, *rows: Row) -> Study:
+    return Study(name, name.title(), "[GEO] fig. 0", "Made up.", rows, pd.DataFrame({"s": [0.0, 1.0]}), Figure)
+
+
+ROWS = (
+    Row("reach", "m", Number(2.0, 0.01), 2.005, headline=True),
+    Row("width", "m", Number(2.0, 0.01), 2.5, "another road"),
+    Row("count", "", None, 3.0),
+)
+
+
+def test_a_row_differs_beyond_reading_error_only() -> None:
+    assert [row.differs for row in ROWS] == [False, True, False]
+    assert Row("lost", "m", Number(2.0, 0.01), float("nan")).differs
+
+
+def test_a_table_keeps_its_numbers_and_says_nothing_where_nothing_is_published() -> None:
+    table = made_up("one", *ROWS).table()
+    assert table["difference"][1] == 0.5
+    assert np.isnan(table["published"][2])
+    text = shown(table)
+    assert list(text["published"]) == ["2.000", "2.000", "-"]
+    assert list(text["difference"]) == ["+0.0050", "+0.5000", "-"]
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(0.0, "0.0000"), (4e-5, "4.0e-05"), (0.0539, "0.0539"), (2.298, "2.298"), (19.87, "19.9"), (1247.6, "1248")]
+)
+def test_numbers_are_shown_with_the_digits_that_matter(value: float, text: str) -> None:
+    assert shown(made_up("one", Row("x", "", None, value)).table())["ours"][0] == text
+
+
+def test_a_summary_holds_the_headlines_of_all_studies() -> None:
+    summary = summary_of([made_up("one", *ROWS), made_up("two", ROWS[0])])
+    assert list(zip(summary["study"], summary["quantity"], strict=True)) == [("one", "reach"), ("two", "reach")]
+
+
+def test_a_study_is_written_as_table_figure_and_data(tmp_path: Path) -> None:
+    study = made_up("one", *ROWS)
+    write_study(study, tmp_path / "new")
+    write_summary([study], tmp_path / "new")
+    assert sorted(path.name for path in (tmp_path / "new").iterdir()) == [
+        "one-data.csv", "one.csv", "one.md", "one.png", "summary.csv", "summary.md",
+    ]  # fmt: skip
+    assert pd.read_csv(tmp_path / "new" / "one.csv")["ours"].tolist() == [2.005, 2.5, 3.0]
+    assert (tmp_path / "new" / "one.png").read_bytes().startswith(b"\x89PNG")
+    assert "another road" in (tmp_path / "new" / "one.md").read_text(encoding="utf-8")
+
+
+def pipes(study: Study) -> set[int]:
+    return {line.count("|") for line in markdown(study).splitlines() if line.startswith("|")}
+
+
+def test_every_row_that_differs_has_a_remark_and_every_remark_is_one_line(uturn_study: Study, roundabout_study: Study) -> None:
+    for study in (uturn_study, roundabout_study, timing(silent, ("goteborg_lindholmsallen_uturn",))):
+        assert [row.quantity for row in study.rows if row.differs and not row.remark] == []
+        assert all("\n" not in row.remark for row in study.rows)
+        assert len(pipes(study)) == 1  # no cell breaks its table
+
+
+def labels(figure: Figure) -> set[str]:
+    return {text.get_text() for axes in figure.axes for legend in [axes.get_legend()] if legend for text in legend.get_texts()}
+
+
+def test_the_figures_show_what_the_papers_do(uturn_study: Study, roundabout_study: Study) -> None:
+    assert {"previous: rear axle centred", "proposed: geometric weight", "limits"} <= labels(uturn_study.figure())
+    figure = roundabout_study.figure()
+    assert {"published", "planned", "geometric", "road", "limits", "swept by the tractor"} <= labels(figure)
+    assert [axes.get_title(loc="left")[:6] for axes in figure.axes] == ["fig. 8", "fig. 9", "fig. 1", "fig. 1"]

@@ -1,0 +1,58 @@
+"""[GEO] table I: planning times on real roads."""
+
+import numpy as np
+import pytest
+
+from hdvplan.planning.settings import Scheme
+from hdvplan.reproduce.study import Study
+from hdvplan.reproduce.timing import ROADS, timed_steps, timing
+from hdvplan.road.load import load_road
+from hdvplan.vehicle.load import load_vehicle
+from tests.reproduce.conftest import by_name, silent
+
+
+@pytest.fixture(scope="module")
+def short() -> Study:
+    return timing(silent, ("goteborg_lindholmsallen_uturn",))
+
+
+def test_every_planning_step_but_the_first_is_timed() -> None:
+    road = load_road("goteborg_lindholmsallen_uturn")
+    steps = timed_steps(road, load_vehicle("bus"), Scheme.RTI, "riccati")
+    assert len(steps) == int(np.ceil(road.path.length / 5.0)) - 1
+    assert steps["s"].iloc[0] == 5.0
+    assert (steps["time_ms"] > 0.0).all()
+    assert (steps["qps"] == 1).all()
+
+
+def test_a_table_has_every_vehicle_scheme_and_solver_beside_the_published_number(short: Study) -> None:
+    rows = by_name(short)
+    for vehicle in ("bus", "tractor-trailer"):
+        for scheme in ("SQP", "RTI"):
+            for solver in ("osqp", "riccati"):
+                mean, most = (rows[f"{vehicle}, {scheme}, {solver}: {word}"] for word in ("mean", "max"))
+                assert 0.0 < mean.ours <= most.ours
+                assert mean.published is not None
+    assert by_name(short)["bus, riccati: SQP / RTI, max"].published is not None
+
+
+def test_the_speed_up_is_stated_as_what_it_is(short: Study) -> None:
+    row = by_name(short)["bus, RTI, riccati: mean"]
+    assert row.published is not None
+    assert row.remark.startswith(f"{row.published.value / row.ours:.0f} x faster")
+    for words in ("other machine", "MATLAB", "other roads"):
+        assert words in row.remark
+    assert "i7-6820HQ" in short.note
+
+
+def test_the_roads_of_the_table_add_up_to_ten_to_fifteen_kilometres() -> None:
+    assert 10e3 < sum(load_road(name).path.length for name in ROADS) < 15e3
+
+
+@pytest.mark.slow
+def test_a_step_takes_less_time_than_published_on_average() -> None:
+    study = timing(silent)
+    for row in study.rows:
+        if row.quantity.endswith(": mean"):
+            assert row.published is not None
+            assert row.ours < row.published.value
