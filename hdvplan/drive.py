@@ -12,7 +12,7 @@ from hdvplan.centering.weights import CenteringTable
 from hdvplan.errors import HdvplanError, PlanError, RoadError
 from hdvplan.evaluation.simulate import simulate
 from hdvplan.jit import FloatArray
-from hdvplan.planning.objectives import Objective, Residual
+from hdvplan.planning.objectives import Furthest, Objective, Residual
 from hdvplan.planning.planner import Plan, Planner
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations, stations_of
@@ -33,7 +33,7 @@ class Drive:
     vehicle: Vehicle
     settings: PlannerSettings
     stations: Stations
-    residual: Residual
+    centred: Residual | Furthest
     z: FloatArray  # (samples, n), simulated states at the stations
     kappa: FloatArray  # (samples - 1,), executed curvature [1/m]
     poses_s: FloatArray  # (poses,), arclengths of the finer simulated states [m]
@@ -67,8 +67,8 @@ def drive(
         msg = f"the road is {road.path.length:.1f} m long, shorter than the vehicle ({length:.1f} m)"
         raise RoadError(msg)
     stations = stations_of(road, vehicle, CenteringTable.of(vehicle), step=settings.step, horizon=settings.horizon)
-    residual = objective(stations)
-    planner = Planner(vehicle, stations, residual, settings, make_workspace)
+    centred = objective(stations)
+    planner = Planner(vehicle, stations, centred, settings, make_workspace)
     units = vehicle.table()
     keep = int(np.ceil(settings.step / POSE_SPACING_M))
     total = int(np.ceil(road.path.length / settings.step - 1e-9))
@@ -96,7 +96,7 @@ def drive(
             on_progress(at / total)
     poses = np.concatenate(fine)
     poses_s = settings.step / keep * np.arange(len(poses), dtype=np.float64)
-    return Drive(road, vehicle, settings, stations, residual, poses[::keep], np.concatenate(executed), poses_s, poses, tuple(plans), error)
+    return Drive(road, vehicle, settings, stations, centred, poses[::keep], np.concatenate(executed), poses_s, poses, tuple(plans), error)
 
 
 def warm_up(vehicle: Vehicle, objective: Objective, make_workspace: WorkspaceMaker, settings: PlannerSettings) -> None:
@@ -106,7 +106,7 @@ def warm_up(vehicle: Vehicle, objective: Objective, make_workspace: WorkspaceMak
     """
     length = vehicle.reach_ahead + vehicle.reach_behind + settings.replan
     bend = Road("bend", from_curvature(np.array([0.0, length]), np.array([0.0, _WARM_UP_CURVATURE])))
-    brief = replace(settings, horizon=2.0 * settings.replan)
+    brief = replace(settings, horizon=2.0 * settings.replan, sqp_iterations=2)
     for half_width in (2.0 * vehicle.width, 0.51 * vehicle.width):  # the tight ones make rows bind
         with suppress(HdvplanError):
             drive(bend.with_limits(half_width, half_width), vehicle, objective, make_workspace, brief)

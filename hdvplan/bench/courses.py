@@ -16,6 +16,7 @@ from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 
 PINCH_LENGTH_M = 6.0
+PINCH_RAMP_M = 3.0  # before and behind it: a jump would lie between two stations, and no plan could keep it
 _SPACING_M = 0.25
 _PLATEAU = 0.99  # of the largest curvature: the pinch lies in the middle of a bend, not where it begins
 
@@ -61,8 +62,8 @@ def with_limits(road: Road, vehicle: Vehicle, suite: Suite) -> Road:
         msg = f"a pinch of {suite.pinch:g} m closes {road.name}, whose limits are {2.0 * reach:.2f} m apart"
         raise RoadError(msg, s_m=float(s[tightest]), hint="choose a smaller --pinch")
     free = np.full(len(s), reach)
-    inside = np.abs(s - _bend(s, np.abs(curvature), tightest)) <= 0.5 * PINCH_LENGTH_M
-    pinched = np.where(inside, reach - suite.pinch, free)
+    away = np.abs(s - _bend(s, np.abs(curvature), tightest)) - 0.5 * PINCH_LENGTH_M
+    pinched = reach - suite.pinch * np.clip(1.0 - away / PINCH_RAMP_M, 0.0, 1.0)
     left, right = (free, pinched) if curvature[tightest] >= 0.0 else (pinched, free)
     return replace(road, limits=Limits(s, left, -right, left, -right))
 

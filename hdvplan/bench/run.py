@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from hdvplan.bench.courses import Course, courses_of
+from hdvplan.bench.courses import Course
 from hdvplan.bench.samples import FAILED, NUMBERS, OK, OVER_BUDGET, Judgement, Measurement, numbers_of, part_file, write_part
 from hdvplan.bench.suite import Suite, visits
 from hdvplan.drive import Drive, drive, warm_up
@@ -18,7 +18,7 @@ from hdvplan.evaluation.envelope import envelope_of
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.planner import Plan, qp_shape
 from hdvplan.planning.settings import PlannerSettings
-from hdvplan.solvers.registry import WorkspaceMaker, solver_named
+from hdvplan.solvers.registry import WorkspaceMaker
 from hdvplan.solvers.sparse import SparseQp
 
 
@@ -26,29 +26,39 @@ class _OverBudgetError(Exception):
     """The drive's planning time is used up."""
 
 
-def run(suite: Suite, directory: Path, on_progress: Callable[[float], None]) -> None:
+def run(
+    suite: Suite,
+    courses: Sequence[Course],
+    makers: Mapping[str, WorkspaceMaker],
+    directory: Path,
+    on_progress: Callable[[float], None],
+) -> None:
     """Measure every cell and round whose part is not yet in ``directory``; ``on_progress`` receives the done share.
 
-    A cell that cannot be planned is measured as far as it goes and noted as such; it does not end the run.
+    ``courses`` as ``courses_of(suite)`` returns them, ``makers`` by the solvers' names. A cell that cannot be planned is
+    measured as far as it goes and noted as such; it does not end the run.
 
     Raises:
-        HdvplanError: a road, vehicle or solver of the suite cannot be loaded.
         OSError: a part cannot be written.
 
     """
-    courses, cells = courses_of(suite), suite.cells()
-    makers = {name: solver_named(name) for name in suite.solvers}
+    cells = suite.cells()
     entrants = len(cells) // len(courses)
-    order = visits(len(courses), entrants, suite.rounds)
-    lengths = np.array([courses[cell // entrants].road.path.length for _, cell in order])
-    done = np.cumsum(lengths) / np.sum(lengths)
-    for (round_, index), share in zip(order, done, strict=True):
-        part = part_file(directory, index, round_)
-        if not part.exists():
-            course, cell = courses[index // entrants], cells[index]
-            measured = measure(course, suite.settings(cell.scheme), makers[cell.solver], budget=suite.budget, judged=round_ == 0)
-            write_part(part, measured)
-        on_progress(float(share))
+    order = [
+        (part, index, round_ == 0)
+        for round_, index in visits(len(courses), entrants, suite.rounds)
+        if not (part := part_file(directory, index, round_)).exists()
+    ]
+    lengths = np.array([courses[index // entrants].road.path.length for _, index, _ in order])
+    warm = set()
+    for number, (part, index, judged) in enumerate(order):
+        course, cell = courses[index // entrants], cells[index]
+        settings, make = suite.settings(cell.scheme), makers[cell.solver]
+        if (cell.vehicle, cell.solver) not in warm:
+            warm_up(course.vehicle, geometric, make, settings)
+            warm.add((cell.vehicle, cell.solver))
+        write_part(part, measure(course, settings, make, budget=suite.budget, judged=judged))
+        on_progress(float(np.sum(lengths[: number + 1]) / np.sum(lengths)))
 
 
 def remaining(suite: Suite, directory: Path) -> int:
@@ -59,7 +69,8 @@ def remaining(suite: Suite, directory: Path) -> int:
 def measure(course: Course, settings: PlannerSettings, make_workspace: WorkspaceMaker, *, budget: float, judged: bool) -> Measurement:
     """Drive a course once and return every planning step; what was swept only if it is to be ``judged``.
 
-    A drive ends early when its planning time exceeds ``budget`` [s] or it fails; its steps so far are kept.
+    The first plan sets the solver up and iterates to convergence, which warms the processor's caches for the others. A
+    drive ends early when its planning time exceeds ``budget`` [s] or it fails; its steps so far are kept.
     """
     road, vehicle = course.road, course.vehicle
     form = SparseQp.of(qp_shape(vehicle, settings, limited=road.limits is not None), elastic=False)
@@ -74,7 +85,6 @@ def measure(course: Course, settings: PlannerSettings, make_workspace: Workspace
         if spent > budget:
             raise _OverBudgetError
 
-    warm_up(vehicle, geometric, make_workspace, settings)
     outcome, message, judgement = OK, "", None
     gc.collect()
     gc.disable()

@@ -53,19 +53,24 @@ def print_json(value: object) -> None:
 
 
 @contextmanager
-def progress(task: str, *, quiet: bool) -> Iterator[Callable[[float], None]]:
+def progress(task: str, *, quiet: bool, undisturbed: bool = False) -> Iterator[Callable[[float], None]]:
     """Show a bar with the time left on stderr while the block runs; it receives the done share, 0 to 1.
 
-    Silent where stderr is no terminal.
+    Silent where stderr is no terminal. ``undisturbed`` draws only when the share changes: no thread of its own runs beside
+    what is measured, and the time left is judged from the last hour.
     """
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
     console = Console(stderr=True)
-    with Progress(*columns, console=console, transient=True, disable=quiet or not console.is_terminal) as bar:
+    silent = quiet or not console.is_terminal
+    memory = 3600.0 if undisturbed else 30.0  # [s]
+    with Progress(
+        *columns, console=console, transient=True, disable=silent, auto_refresh=not undisturbed, speed_estimate_period=memory
+    ) as bar:
         known = bar.add_task(task, total=1.0)
-        yield lambda share: bar.update(known, completed=share)
+        yield lambda share: bar.update(known, completed=share, refresh=undisturbed)
 
 
 def one_line(text: str) -> str:

@@ -36,7 +36,12 @@ def plan(
     scheme: Annotated[str, typer.Option("--scheme", metavar="rti|sqp", help="One QP a step, or until the plan stands still.")] = "rti",
     solver: Annotated[str | None, typer.Option("--solver", metavar="NAME", help="A name from `hdvplan solvers`.")] = None,
     objective: Annotated[
-        str, typer.Option("--objective", metavar="NAME", help="geometric, geometric-fixed, lead-axle, trail-axle.")
+        str,
+        typer.Option(
+            "--objective",
+            metavar="NAME",
+            help="geometric, geometric-fixed, lead-axle, trail-axle, art-weighted, art-weighted:0.45, axle-max or body-max.",
+        ),
     ] = "geometric",
     half_width: Annotated[float | None, typer.Option("--half-width", metavar="M", help="Limits at +-M [m].")] = None,
     left: Annotated[float | None, typer.Option("--left", metavar="M", help="Left limit [m]; needs --right.")] = None,

@@ -1,0 +1,118 @@
+"""How the cost of one planning step grows with the horizon: 100 to 1600 stages of 0.5 m, every solver, limits inactive.
+
+Writes horizon.csv, horizon.md and horizon.png. The growth that a line of slope 1 in the picture stands for is linear.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from hdvplan.bench.courses import courses_of
+from hdvplan.bench.machine import machine_facts, use_one_thread
+from hdvplan.bench.run import measure
+from hdvplan.bench.samples import Measurement
+from hdvplan.bench.stats import tables_of
+from hdvplan.bench.suite import Cell, Suite
+from hdvplan.drive import warm_up
+from hdvplan.planning.objectives import geometric
+from hdvplan.report.files import csv_bytes, write_atomically
+from hdvplan.solvers.registry import solver_named
+
+STAGES = (100, 200, 400, 800, 1600)
+SOLVERS = ("riccati", "piqp", "clarabel", "osqp")
+STEP_M = 0.5
+BUDGET_S = 60.0  # of one drive
+
+
+def table_of(road: str, vehicle: str, rounds: int) -> pd.DataFrame:
+    """Return the mean step of every solver and horizon, each step counted with its fastest round; rounds alternate all."""
+    base = Suite(roads=(road,), vehicles=(vehicle,), schemes=("rti",), solvers=SOLVERS, rounds=rounds, step=STEP_M, budget=BUDGET_S)
+    suites = {stages: replace(base, horizon=stages * STEP_M) for stages in STAGES}
+    (course,) = courses_of(base)
+    makers = {name: solver_named(name) for name in SOLVERS}
+    for make in makers.values():
+        warm_up(course.vehicle, geometric, make, base.settings(base.cells()[0].scheme))
+    measured: dict[tuple[int, Cell], list[Measurement]] = {}
+    for round_ in range(rounds):
+        for stages, suite in suites.items():
+            for cell in suite.cells():
+                print(f"round {round_ + 1}: {vehicle}, {stages} stages, {cell.solver}", file=sys.stderr)
+                drive = measure(course, suite.settings(cell.scheme), makers[cell.solver], budget=suite.budget, judged=False)
+                measured.setdefault((stages, cell), []).append(drive)
+    rows = []
+    for stages, suite in suites.items():
+        timing = tables_of(suite.cells(), [measured[stages, cell] for cell in suite.cells()]).timing
+        rows.append(timing.assign(stages=stages))
+    columns = [
+        "vehicle", "solver", "stages", "status", "steps", "fastest_mean_ms", "fastest_max_ms", "p99_ms", "iterations_mean", "failures"
+    ]  # fmt: skip
+    return pd.concat(rows)[columns].sort_values(["vehicle", "solver", "stages"], kind="stable")
+
+
+def growth(table: pd.DataFrame) -> pd.Series[float]:
+    """Return the exponent b of time = a * stages^b for every vehicle and solver, by least squares in logarithms."""
+
+    def slope(mine: pd.DataFrame) -> float:
+        return float(np.polyfit(np.log(mine["stages"]), np.log(mine["fastest_mean_ms"]), 1)[0])
+
+    return pd.Series({key: slope(mine) for key, mine in table.groupby(["vehicle", "solver"])})
+
+
+def markdown(table: pd.DataFrame, road: str, rounds: int) -> str:
+    """Return milliseconds by solver and stages, and the exponent of growth."""
+    wide = table.pivot_table(index=["vehicle", "solver"], columns="stages", values="fastest_mean_ms")
+    text = wide.map("{:.3f}".format).assign(exponent=growth(table).map("{:.2f}".format)).reset_index()
+    text.columns = pd.Index([str(name) for name in text.columns])
+    facts = machine_facts()
+    caption = (
+        f"Mean RTI step [ms] against stages of {STEP_M:g} m on {road}, limits inactive, each step with the fastest of {rounds} rounds; "
+        f"exponent: of time over stages, 1 is linear. One thread, {facts['processor']}, {facts['python']}."
+    )
+    return f"{caption}\n\n{text.to_markdown(index=False, disable_numparse=True)}\n"
+
+
+def draw(table: pd.DataFrame, path: Path) -> None:
+    """Draw time over stages, one panel a vehicle, with a line of linear growth through riccati's first point."""
+    from matplotlib.figure import Figure  # noqa: PLC0415 - takes half a second
+
+    vehicles = list(dict.fromkeys(table["vehicle"]))
+    figure = Figure(figsize=(4.5 * len(vehicles), 4.0), layout="constrained")
+    for axes, vehicle in zip(np.atleast_1d(figure.subplots(1, len(vehicles), sharey=True)), vehicles, strict=True):
+        mine = table[table["vehicle"] == vehicle]
+        for solver, line in mine.groupby("solver", sort=False):
+            axes.loglog(line["stages"], line["fastest_mean_ms"], marker="o", label=solver)
+        first = mine[mine["solver"] == SOLVERS[0]].iloc[0]
+        axes.loglog(STAGES, first["fastest_mean_ms"] * np.array(STAGES) / STAGES[0], color="0.6", linestyle="--", label="linear")
+        axes.set(title=vehicle, xlabel="stages", xticks=STAGES, xticklabels=STAGES)
+        axes.minorticks_off()
+        axes.grid(visible=True, alpha=0.3)
+    figure.axes[0].set_ylabel("mean step [ms]")
+    figure.axes[0].legend()
+    figure.savefig(path, dpi=150)
+
+
+def main() -> None:
+    """Measure and write the table and the picture."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, default=Path("results"), metavar="DIR")
+    parser.add_argument("--road", default="goteborg_nya_allen", metavar="ROAD")
+    parser.add_argument("--vehicles", default="bus,tractor-trailer", metavar="A,B")
+    parser.add_argument("--rounds", type=int, default=3, metavar="N")
+    asked = parser.parse_args()
+    table = pd.concat([table_of(asked.road, vehicle, asked.rounds) for vehicle in asked.vehicles.split(",")])
+    asked.out.mkdir(parents=True, exist_ok=True)
+    write_atomically(asked.out / "horizon.csv", csv_bytes(table))
+    write_atomically(asked.out / "horizon.md", markdown(table, asked.road, asked.rounds).encode())
+    draw(table, asked.out / "horizon.png")
+    print(markdown(table, asked.road, asked.rounds))
+
+
+if __name__ == "__main__":
+    use_one_thread()
+    main()

@@ -1,0 +1,122 @@
+"""Hold hdvplan's SQP against CasADi + IPOPT on the same planning problem: the optimum's distance, and the time to it.
+
+The first plan of a drive, from nothing: horizon 100 m, step 0.5 m. Writes peers.csv and peers.md.
+Needs the extra ``peers``: pip install -e .[peers]
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from exact_nlp import Optimum, exact_nlp
+
+from hdvplan.bench.courses import with_limits
+from hdvplan.bench.machine import machine_facts, use_one_thread
+from hdvplan.bench.suite import Suite
+from hdvplan.centering.weights import CenteringTable
+from hdvplan.drive import warm_up
+from hdvplan.planning.objectives import geometric
+from hdvplan.planning.planner import Plan, Planner
+from hdvplan.planning.settings import PlannerSettings, Scheme
+from hdvplan.planning.stations import stations_of
+from hdvplan.report.files import csv_bytes, write_atomically
+from hdvplan.road.load import load_road
+from hdvplan.solvers.registry import solver_named
+from hdvplan.vehicle.load import load_vehicle
+
+CASES = {
+    "no limits": Suite(limits=False),
+    "limits inactive": Suite(slack=0.5),
+    "limits active": Suite(slack=0.5, pinch=1.5),
+}
+USER = PlannerSettings(scheme=Scheme.SQP)  # SQP ends when nothing moves by 1e-4 m
+CONVERGED = replace(USER, sqp_tolerance=1e-9)
+SAME_TOLERANCE, CONVERGED_TOLERANCE = 1e-4, 1e-10  # IPOPT's, for the comparison of times and of optima
+
+
+def compare(road: str, vehicle: str, case: str, repeats: int) -> dict[str, object]:
+    """Return one row: optimum against optimum, and the times of both, alternating; the fastest of ``repeats`` counts."""
+    units = load_vehicle(vehicle)
+    stations = stations_of(
+        with_limits(load_road(road), units, CASES[case]), units, CenteringTable.of(units), step=USER.step, horizon=USER.horizon
+    )
+    residual, make = geometric(stations), solver_named("riccati")
+    z_start = np.concatenate([[stations.centering.e_y[0], 0.0], stations.centering.beta[0]])
+    kappa_before = float(stations.centering.kappa[0])
+
+    def planned(settings: PlannerSettings) -> Plan:
+        return Planner(units, stations, residual, settings, make).plan(0, z_start, kappa_before)
+
+    def solved(tolerance: float) -> Callable[[], Optimum]:
+        return exact_nlp(units, stations, residual, USER, kappa_before, tolerance=tolerance).solve
+
+    warm_up(units, geometric, make, USER)
+    exact, plan = solved(CONVERGED_TOLERANCE)(), planned(CONVERGED)
+    again = solved(SAME_TOLERANCE)
+    plans, optima = zip(*((planned(USER), again()) for _ in range(repeats)), strict=True)
+    sqp, ipopt = min(one.times.total for one in plans), min(one.seconds for one in optima)
+    return {
+        "road": road,
+        "vehicle": vehicle,
+        "case": case,
+        "sqp_ms": 1e3 * sqp,
+        "sqp_max_ms": 1e3 * max(one.times.total for one in plans),
+        "sqp_qps": plans[0].qp_count,
+        "ipopt_ms": 1e3 * ipopt,
+        "ipopt_max_ms": 1e3 * max(one.seconds for one in optima),
+        "ipopt_iterations": optima[0].iterations,
+        "ratio": ipopt / sqp,
+        "optima_differ_m": float(np.max(np.abs(exact.z[:, 0] - plan.z[:, 0]))),
+        "sqp_off_m": float(np.max(np.abs(exact.z[:, 0] - plans[0].z[:, 0]))),
+        "ipopt_solved": exact.solved and all(one.solved for one in optima),
+        "violation_m": plan.violation,
+    }
+
+
+def markdown(table: pd.DataFrame) -> str:
+    """Return the table as Markdown, with what a reader must know above it."""
+    facts = machine_facts()
+    caption = (
+        "A drive's first plan from nothing, horizon 100 m, step 0.5 m. SQP: riccati, until no state moves by 1e-4; IPOPT: the exact NLP "
+        f"with its exact Hessian and MUMPS, tolerance {SAME_TOLERANCE:g}, building and differentiating it not counted. ms: fastest of the "
+        "repeats. optima differ: largest difference of e_y with both converged "
+        f"(SQP {CONVERGED.sqp_tolerance:g}, IPOPT {CONVERGED_TOLERANCE:g}); sqp off: the same at the user's tolerance. "
+        f"One thread, {facts['processor']}, {facts['python']}."
+    )
+    forms = dict.fromkeys(("road", "vehicle", "case", "sqp_qps", "ipopt_iterations", "ipopt_solved"), "{}") | {"ratio": "{:.0f}"}
+    forms |= dict.fromkeys(("optima_differ_m", "sqp_off_m", "violation_m"), "{:.1e}")
+    text = pd.DataFrame({str(name): table[name].map(forms.get(str(name), "{:.3f}").format) for name in table}, dtype=str)
+    text.columns = pd.Index([name.replace("_", " ") for name in text.columns])
+    return f"{caption}\n\n{text.to_markdown(index=False, disable_numparse=True)}\n"
+
+
+def main() -> None:
+    """Compare on the papers' scenarios and write the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, default=Path("results"), metavar="DIR")
+    parser.add_argument("--roads", default="uturn,sturn", metavar="A,B")  # bends within the first horizon
+    parser.add_argument("--vehicles", default="bus,tractor-trailer", metavar="A,B")
+    parser.add_argument("--repeats", type=int, default=5, metavar="N")
+    asked = parser.parse_args()
+    rows = []
+    for road in asked.roads.split(","):
+        for vehicle in asked.vehicles.split(","):
+            for case in CASES:
+                print(f"{road}, {vehicle}, {case}", file=sys.stderr)
+                rows.append(compare(road, vehicle, case, asked.repeats))
+    table = pd.DataFrame(rows)
+    asked.out.mkdir(parents=True, exist_ok=True)
+    write_atomically(asked.out / "peers.csv", csv_bytes(table))
+    write_atomically(asked.out / "peers.md", markdown(table).encode())
+    print(markdown(table))
+
+
+if __name__ == "__main__":
+    use_one_thread()
+    main()

@@ -1,0 +1,130 @@
+"""The run directory: what was asked for and measured with, the parts of a run under way, the tables of a finished one."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import shutil
+import sys
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from hdvplan.bench.machine import commit, load_average, machine_facts, software
+from hdvplan.bench.samples import part_file, read_part
+from hdvplan.bench.stats import tables_of
+from hdvplan.bench.suite import Suite
+from hdvplan.errors import OptionError
+from hdvplan.report.files import csv_bytes, json_bytes, write_atomically
+from hdvplan.report.timing import LAYOUTS, captions, latex, markdown
+
+_SAMPLE_DIGITS = "%.7g"  # a sample's time to the nanosecond, in a third of the space
+_OTHERWISE = "start over with --fresh, or choose another folder with --out"
+
+Json = dict[str, Any]  # what json.loads returns
+
+
+def recorded(suite: Suite, directory: Path) -> Json | None:
+    """Return what ``run.json`` says of this very run's earlier sessions; None where there were none.
+
+    Raises:
+        OptionError: the directory holds a run with other settings, of changed files, of other software or from another machine.
+
+    """
+    try:
+        before: Json = json.loads((directory / "run.json").read_text(encoding="utf-8"))
+    except OSError:
+        return None
+    except ValueError as error:
+        msg = f"{directory / 'run.json'} cannot be read: {error}"
+        raise OptionError(msg, hint=_OTHERWISE) from error
+    for part, now in _conditions(suite).items():
+        if before.get(part) != now:
+            msg = f"{directory} holds a run with other {part}: {_difference(before.get(part), now)}"
+            raise OptionError(msg, hint=_OTHERWISE)
+    return before
+
+
+def begin(suite: Suite, directory: Path, record: Json | None, *, one_thread: bool) -> None:
+    """Make ``directory`` and note that a session begins; ``record`` is that of the earlier ones.
+
+    ``one_thread``: the libraries' threads were bound before the libraries were loaded.
+
+    Raises:
+        OSError: the directory cannot be written.
+
+    """
+    session = {"started": _time(), "command": sys.argv, "one_thread": one_thread, "load_average": load_average()}
+    earlier = record["sessions"] if record else []
+    opened = _conditions(suite) | {"commit": commit(), "sessions": [*earlier, session], "finished": None}
+    directory.mkdir(parents=True, exist_ok=True)
+    if record is None and (directory / "parts").is_dir():
+        shutil.rmtree(directory / "parts")  # nothing says what they were measured with
+    write_atomically(directory / "run.json", json_bytes(opened))
+
+
+def finish(suite: Suite, directory: Path) -> None:
+    """Write the tables of a completely measured run; its parts go when all is written.
+
+    Raises:
+        OSError: a file cannot be written.
+
+    """
+    cells = suite.cells()
+    tables = tables_of(
+        cells, [[read_part(part_file(directory, cell, round_)) for round_ in range(suite.rounds)] for cell in range(len(cells))]
+    )
+    record = json.loads((directory / "run.json").read_text(encoding="utf-8"))
+    packed = tables.samples.to_csv(index=False, lineterminator="\n", float_format=_SAMPLE_DIGITS).encode()
+    write_atomically(directory / "samples.csv.gz", gzip.compress(packed, mtime=0))
+    caption = captions(suite, record["machine"], tables)
+    for name in LAYOUTS:
+        table = getattr(tables, name)
+        write_atomically(directory / f"{name}.csv", csv_bytes(table))
+        write_atomically(directory / f"{name}.md", markdown(table, name, caption[name]).encode())
+        write_atomically(directory / f"{name}.tex", latex(table, name, caption[name]).encode())
+    record |= {"finished": _time(), "load_average_at_end": load_average()}
+    write_atomically(directory / "run.json", json_bytes(record))
+    shutil.rmtree(directory / "parts")
+
+
+def read_table(directory: Path, name: str) -> pd.DataFrame:
+    """Return a finished run's table."""
+    return pd.read_csv(directory / f"{name}.csv")
+
+
+def discard(directory: Path) -> None:
+    """Delete what a benchmark writes into its directory, and nothing else."""
+    for name in ("run.json", "samples.csv.gz", *(f"{table}.{kind}" for table in LAYOUTS for kind in ("csv", "md", "tex"))):
+        (directory / name).unlink(missing_ok=True)
+    if (directory / "parts").is_dir():
+        shutil.rmtree(directory / "parts")
+
+
+def _conditions(suite: Suite) -> Json:
+    """Return what must not change between the sessions of one run."""
+    files = [Path(name) for name in (*suite.roads, *suite.vehicles) if Path(name).is_file()]
+    digests = {str(path): sha256(path.read_bytes()).hexdigest()[:16] for path in files}
+    return {"settings": suite.to_dict(), "files": digests, "software": software(suite.solvers), "machine": machine_facts()}
+
+
+def _time() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def _difference(before: object, now: object) -> str:
+    """Return the first entry in which two records differ, in words."""
+    if not (isinstance(before, dict) and isinstance(now, dict)):
+        return f"{_short(before)}, now {_short(now)}"
+    name = next(name for name in {**before, **now} if before.get(name) != now.get(name))
+    if isinstance(before.get(name), dict) and isinstance(now.get(name), dict):
+        return _difference(before[name], now[name])
+    return f"{name} was {_short(before.get(name))}, is {_short(now.get(name))}"
+
+
+def _short(value: object) -> str:
+    return ",".join(map(str, value)) if isinstance(value, Sequence) and not isinstance(value, str) else str(value)

@@ -1,0 +1,170 @@
+"""Tables of a benchmark as Markdown, LaTeX and for the terminal. Values in, text out."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+import pandas as pd
+from rich.table import Table
+from rich.text import Text
+
+from hdvplan.bench.stats import Tables, reference_solver
+from hdvplan.bench.suite import Suite
+from hdvplan.report.tables import grid
+from hdvplan.solvers.registry import tolerance_of
+
+_TEXT = ("road", "vehicle", "scheme", "solver", "status")
+_MS, _M, _TINY, _COUNT, _RATIO, _MEAN = "{:.3f}", "{:.3f}", "{:.1e}", "{:.0f}", "{:.2f}", "{:.1f}"
+_WORDS = "{}"
+
+# Of every table the columns that are shown, with heading and format; the CSV files have all.
+LAYOUTS: Mapping[str, Mapping[str, tuple[str, str]]] = {
+    "timing": {
+        **{name: (name, _WORDS) for name in _TEXT},
+        **{f"{name}_ms": (name, _MS) for name in ("mean", "p50", "p95", "p99", "max")},
+        "fastest_mean_ms": ("fastest mean", _MS),
+        "fastest_max_ms": ("fastest max", _MS),
+        "cold_ms": ("cold", _MS),
+        **{f"{name}_ms": (name, _MS) for name in ("linearise", "update", "solve", "check")},
+        "qps_mean": ("QPs mean", _MEAN),
+        "qps_max": ("QPs max", _COUNT),
+        "iterations_mean": ("iterations mean", _MEAN),
+        "iterations_max": ("iterations max", _COUNT),
+        "steps": ("steps", _COUNT),
+        "failures": ("failures", _COUNT),
+        "unsolved": ("unsolved", _COUNT),
+        "primal_max": ("primal residual [m]", _TINY),
+    },
+    "envelope": {
+        **{name: (name, _WORDS) for name in _TEXT[:-1]},
+        "max_left_m": ("max left", _M),
+        "max_right_m": ("max right", _M),
+        "imbalance_m": ("imbalance", _M),
+        "mean_abs_imbalance_m": ("mean abs imbalance", _M),
+        "expected_half_width_m": ("expected half width", _M),
+        "min_clearance_m": ("min clearance", _M),
+        "limit_violation_m": ("violation", _M),
+        "path_difference_m": ("path difference", _TINY),
+    },
+    "schemes": {
+        **{name: (name, _WORDS) for name in ("road", "vehicle", "solver")},
+        "rti_mean_ms": ("RTI mean", _MS),
+        "sqp_mean_ms": ("SQP mean", _MS),
+        "mean_ratio": ("ratio of means", _RATIO),
+        "rti_max_ms": ("RTI max", _MS),
+        "sqp_max_ms": ("SQP max", _MS),
+        "max_ratio": ("ratio of max", _RATIO),
+        "envelope_difference_m": ("envelopes differ [m]", _TINY),
+    },
+    "summary": {
+        **{name: (name, _WORDS) for name in ("vehicle", "solver", "scheme")},
+        "mean_ms": ("mean", _MS),
+        "p99_ms": ("p99", _MS),
+        "max_ms": ("max", _MS),
+        "iterations_mean": ("iter", _MEAN),
+        "failures": ("fail", _COUNT),
+        "path_difference_m": ("path differs [m]", _TINY),
+    },
+}
+
+
+def captions(suite: Suite, machine: Mapping[str, object], tables: Tables) -> dict[str, str]:
+    """Return what a reader must know to believe each table: set-up, machine, tolerances and the accuracy they led to."""
+    setting = (
+        f"Horizon {suite.horizon:g} m, step {suite.step:g} m, replanning every {suite.replan:g} m; {_limits(suite)}; "
+        f"{suite.rounds} round{'s' * (suite.rounds > 1)}, one thread, on {machine['processor']}, {machine['python']}."
+    )
+    times = (
+        "Milliseconds of one whole planning step. fastest: every step counted with its fastest round; "
+        "cold: a drive's first plan, in no other column. failures: steps whose recomputed primal residual forbids driving them, "
+        "and drives that failed; unsolved: steps whose QP the solver itself does not call solved, usable or not. "
+        f"{setting} {accuracy(tables.summary)}"
+    )
+    swept = (
+        "Executed envelope in metres, simulated apart from the planner. path difference: largest difference of the executed lateral "
+        f"error from that with {reference_solver(suite.solvers)} under the same scheme. {setting} {accuracy(tables.summary)}"
+    )
+    schemes = (
+        f"SQP to convergence against RTI: times in milliseconds, every step counted with its fastest round; executed envelopes. {setting}"
+    )
+    return {"timing": times, "envelope": swept, "schemes": schemes, "summary": f"All roads together. {times}"}
+
+
+def accuracy(summary: pd.DataFrame) -> str:
+    """Return every solver's tolerance beside the accuracy measured with it, in a sentence."""
+    furthest = summary.groupby("solver", sort=False)["path_difference_m"].max()
+    reference = reference_solver(list(furthest.index))
+    parts = [
+        f"{solver} {_tolerance(str(solver))}: " + ("no whole drive" if pd.isna(difference) else f"{difference:.1e} m")
+        for solver, difference in furthest.items()
+        if solver != reference
+    ]
+    if not parts:
+        return f"Tolerance of {reference}: {_tolerance(reference)}."
+    return f"Tolerance, and with it the largest path difference from {reference} ({_tolerance(reference)}): {'; '.join(parts)}."
+
+
+def shown(table: pd.DataFrame, name: str) -> pd.DataFrame:
+    """Return the shown columns of table ``name`` as text under their headings; a dash where there is no value."""
+    layout = LAYOUTS[name]
+    columns = {
+        heading: ["-" if pd.isna(value) else form.format(value) for value in table[column]] for column, (heading, form) in layout.items()
+    }
+    return pd.DataFrame(columns, dtype=str)
+
+
+def markdown(table: pd.DataFrame, name: str, caption: str) -> str:
+    """Return a table with its caption above as Markdown."""
+    text = shown(table, name)
+    sides = ["left" if column in _TEXT else "right" for column in text.columns]
+    return f"{caption}\n\n{text.to_markdown(index=False, disable_numparse=True, colalign=sides)}\n"
+
+
+def latex(table: pd.DataFrame, name: str, caption: str) -> str:
+    """Return a table as a LaTeX ``table`` in the style of booktabs."""
+    text = shown(table, name)
+    sides = "".join("l" if column in _TEXT else "r" for column in text.columns)
+    label = f"tab:hdvplan-{name}"
+    return text.to_latex(index=False, escape=True, column_format=sides, caption=_escaped(caption), label=label)
+
+
+def summary_tables(tables: Mapping[str, pd.DataFrame]) -> list[Table]:
+    """Return the headline for the terminal: per vehicle all roads together, then RTI against SQP where both were run."""
+    summary, schemes = tables["summary"], tables["schemes"]
+    found = []
+    for vehicle, mine in summary.groupby("vehicle", sort=False):
+        text = shown(mine, "summary").drop(columns="vehicle")
+        ended = int((mine["cells"] - mine["cells_ok"]).sum())
+        caption = f"{ended} of {int(mine['cells'].sum())} cells are not ok; timing.csv says why." if ended else None
+        title = f"{vehicle}: one planning step [ms], all roads together"
+        found.append(grid(title, list(text.columns), text.itertuples(index=False, name=None), text=_TEXT, caption=caption))
+    if len(schemes):
+        pooled = schemes.groupby(["vehicle", "solver"], sort=False, as_index=False).agg(
+            mean=("mean_ratio", "mean"), most=("max_ratio", "max"), differ=("envelope_difference_m", "max")
+        )
+        rows = [
+            (str(row.vehicle), str(row.solver), f"{row.mean:.2f}", f"{row.most:.2f}", f"{row.differ:.1e}") for row in pooled.itertuples()
+        ]
+        columns = ("vehicle", "solver", "mean", "largest of max", "envelopes differ [m]")
+        found.append(grid("SQP / RTI, every step with its fastest round", columns, rows, text=_TEXT))
+    before = f"{found[-1].caption}\n" if found[-1].caption else ""
+    found[-1].caption, found[-1].caption_justify, found[-1].caption_style = Text(before + accuracy(summary)), "left", ""
+    return found
+
+
+def _limits(suite: Suite) -> str:
+    if not suite.limits:
+        return "no limits"
+    place = f"{suite.slack:g} m beyond the geometric half width" if suite.half_width is None else f"at +-{suite.half_width:g} m"
+    return f"limits {place}" + ("" if suite.pinch is None else f", pinched by {suite.pinch:g} m in the tightest bend")
+
+
+def _tolerance(solver: str) -> str:
+    tolerance = tolerance_of(solver)
+    return "at its default" if tolerance is None else f"at {tolerance:g}"
+
+
+def _escaped(caption: str) -> str:
+    """Return a caption for LaTeX; pandas escapes cells and headings, but no captions."""
+    return re.sub(r"([_%&#$])", r"\\\1", caption)

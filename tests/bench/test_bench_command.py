@@ -1,0 +1,230 @@
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tests.bench.conftest import TINY, Cli
+
+SHORTEST = (*TINY, "--rounds", "1", "--schemes", "rti")
+TABLES = ("timing", "envelope", "schemes", "summary")
+KEY = ["road", "vehicle", "scheme", "solver"]
+
+
+def files_of(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_a_run_writes_every_file_of_the_contract(cli: Cli, tmp_path: Path, short_road: str) -> None:
+    outcome = cli("bench", "--roads", short_road, *TINY, "--out", "run")
+    assert outcome.code == 0
+    folder = tmp_path / "run"
+    assert files_of(folder) == sorted(["run.json", "samples.csv.gz", *(f"{t}.{kind}" for t in TABLES for kind in ("csv", "md", "tex"))])
+    timing, envelope, samples = (pd.read_csv(folder / name) for name in ("timing.csv", "envelope.csv", "samples.csv.gz"))
+    for table in (timing, envelope):
+        assert list(table.columns[:4]) == KEY
+        assert len(table) == 4  # rti and sqp with riccati and piqp
+    assert {"mean_ms", "p50_ms", "p95_ms", "p99_ms", "max_ms", "linearise_ms", "update_ms", "solve_ms", "check_ms"} <= set(timing)
+    assert {"iterations_mean", "iterations_max", "failures", "primal_max", "status", "nonzeros"} <= set(timing)
+    assert (timing["status"] == "ok").all()
+    assert {"max_left_m", "max_right_m", "imbalance_m", "mean_abs_imbalance_m", "limit_violation_m", "path_difference_m"} <= set(envelope)
+    # Solvers at 1e-8 agree far within the 1e-6 m that is asked of them.
+    assert (envelope["path_difference_m"] < 1e-6).all()
+    assert len(samples) == 4 * 2 * 12  # cells, rounds, steps
+    assert list(samples.columns[:6]) == [*KEY, "round", "step"]
+    warm = samples[samples["step"] > 0]
+    # Samples are written with seven digits; the table is made from all of them.
+    np.testing.assert_allclose(1e3 * warm.groupby(KEY, sort=False)["total_s"].mean(), timing["mean_ms"], rtol=1e-6)
+
+
+def test_the_tables_are_markdown_and_latex_with_a_caption_that_tells_accuracy(cli: Cli, tmp_path: Path, short_road: str) -> None:
+    assert cli("bench", "--roads", short_road, *TINY, "--out", "run").code == 0
+    for name in TABLES:
+        text = (tmp_path / "run" / f"{name}.md").read_text(encoding="utf-8")
+        caption, _, table = text.partition("\n\n")
+        assert "limits 0.5 m beyond the geometric half width" in caption
+        lines = table.strip().splitlines()
+        assert len({line.count("|") for line in lines}) == 1
+        rows = len(pd.read_csv(tmp_path / "run" / f"{name}.csv"))
+        assert len(lines) == rows + 2
+        tex = (tmp_path / "run" / f"{name}.tex").read_text(encoding="utf-8")
+        assert tex.count(r"\\") == rows + 1  # rows and the heading
+        assert f"tab:hdvplan-{name}" in tex
+    caption = (tmp_path / "run" / "timing.md").read_text(encoding="utf-8").partition("\n\n")[0]
+    assert "largest path difference from riccati (at 1e-08): piqp at 1e-08:" in caption
+
+
+def test_run_json_says_what_was_measured_with_what_and_where(cli: Cli, tmp_path: Path, short_road: str) -> None:
+    assert cli("bench", "--roads", short_road, *SHORTEST, "--pinch", "0.3", "--out", "run").code == 0
+    record = json.loads((tmp_path / "run" / "run.json").read_text(encoding="utf-8"))
+    assert record["settings"]["roads"] == [short_road]
+    assert (record["settings"]["pinch"], record["settings"]["rounds"], record["settings"]["slack"]) == (0.3, 1, 0.5)
+    assert {"hdvplan", "source", "packages"} <= set(record["software"])
+    assert {"numpy", "piqp", "osqp"} <= set(record["software"]["packages"])
+    assert {"processor", "cores", "governor", "python", "system"} <= set(record["machine"])
+    (session,) = record["sessions"]
+    assert session["one_thread"] is True
+    assert record["finished"] >= session["started"]
+
+
+def test_the_headline_fits_80_columns_and_json_is_json(cli: Cli, short_road: str) -> None:
+    arguments = ("bench", "--roads", short_road, "--horizon", "30", "--rounds", "1", "--out", "run", "--vehicles", "bus,tractor-trailer")
+    outcome = cli(*arguments, "--solvers", "riccati,qpsolvers/clarabel")
+    assert outcome.code == 0
+    assert outcome.err == "written to run/\n"  # no bar where there is no terminal
+    assert max(len(line) for line in outcome.out.splitlines()) <= 80
+    for words in ("bus: one planning step [ms]", "tractor-trailer: one", "qpsolvers/clarabel", "SQP / RTI"):
+        assert words in outcome.out
+    answer = json.loads(cli(*arguments, "--solvers", "riccati,qpsolvers/clarabel", "--json").out)
+    assert len(answer["timing"]) == 8
+    assert answer["timing"][0]["message"] is None
+
+
+def test_an_interrupted_run_says_how_to_go_on_and_does_not_repeat_what_it_has(
+    cli: Cli, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, short_road: str
+) -> None:
+    import hdvplan.bench.run  # noqa: PLC0415 - watched from here on
+
+    real, calls = hdvplan.bench.run.measure, []
+
+    def measure(*arguments: object, **options: object) -> object:
+        calls.append(arguments)
+        if len(calls) == 4:
+            raise KeyboardInterrupt
+        return real(*arguments, **options)  # type: ignore[arg-type] # passed through as they came
+
+    monkeypatch.setattr("hdvplan.bench.run.measure", measure)
+    command = ("bench", "--roads", short_road, *TINY, "--out", "run")
+    outcome = cli(*command)
+    assert outcome.code == 130
+    assert outcome.err == "3 of 8 drives are kept in run; the same command goes on from there\nerror: interrupted\n"
+    assert not (tmp_path / "run" / "timing.csv").exists()
+    assert cli(*command).code == 0
+    assert len(calls) == 4 + 5
+    record = json.loads((tmp_path / "run" / "run.json").read_text(encoding="utf-8"))
+    assert len(record["sessions"]) == 2
+    assert record["finished"]
+
+    again = cli(*command)
+    assert again.code == 0
+    assert again.err.startswith("run holds this run, finished")
+    assert len(calls) == 9
+    assert cli(*command, "--fresh").code == 0
+    assert len(calls) == 17
+
+
+@pytest.mark.parametrize(
+    ("change", "words"), [(("--rounds", "3"), "rounds was 1, is 3"), (("--solvers", "piqp"), "solvers was riccati,piqp")]
+)
+def test_a_folder_with_another_run_is_not_mixed_up(cli: Cli, short_road: str, change: tuple[str, str], words: str) -> None:
+    command = ("bench", "--roads", short_road, *SHORTEST, "--out", "run")
+    assert cli(*command).code == 0
+    outcome = cli(*command, *change)
+    assert outcome.code == 2
+    assert outcome.err.startswith("error: run holds a run with other settings: ")
+    assert words in outcome.err
+    assert "hint: start over with --fresh" in outcome.err
+
+
+def test_a_run_of_other_source_is_not_gone_on_with(cli: Cli, monkeypatch: pytest.MonkeyPatch, short_road: str) -> None:
+    command = ("bench", "--roads", short_road, *SHORTEST, "--out", "run")
+    assert cli(*command).code == 0
+    monkeypatch.setattr("hdvplan.bench.directory.software", lambda _: {"hdvplan": "9"})
+    outcome = cli(*command)
+    assert outcome.code == 2
+    assert "other software: hdvplan was" in outcome.err
+
+
+def test_a_road_that_was_edited_meanwhile_is_another_run(cli: Cli, short_road: str) -> None:
+    command = ("bench", "--roads", short_road, *SHORTEST, "--out", "run")
+    assert cli(*command).code == 0
+    with Path(short_road).open("a", encoding="utf-8") as road:
+        road.write("65,0\n")
+    outcome = cli(*command)
+    assert outcome.code == 2
+    assert f"other files: {short_road} was" in outcome.err
+
+
+def test_parts_of_an_unknown_run_are_not_used(cli: Cli, tmp_path: Path, short_road: str) -> None:
+    parts = tmp_path / "run" / "parts"
+    parts.mkdir(parents=True)
+    (parts / "00000.0.npz").write_bytes(b"from who knows where")
+    assert cli("bench", "--roads", short_road, *SHORTEST, "--out", "run").code == 0
+
+
+def test_fresh_deletes_only_what_a_benchmark_writes(cli: Cli, tmp_path: Path, short_road: str) -> None:
+    command = ("bench", "--roads", short_road, *SHORTEST, "--out", "run")
+    assert cli(*command).code == 0
+    (tmp_path / "run" / "notes.txt").write_text("mine", encoding="utf-8")
+    assert cli(*command, "--fresh", "--quiet").out == ""
+    assert "notes.txt" in files_of(tmp_path / "run")
+
+
+def test_options_override_the_suite_s_file(cli: Cli, tmp_path: Path, short_road: str) -> None:
+    (tmp_path / "mine.toml").write_text(
+        f'roads = ["{short_road}"]\nvehicles = ["bus"]\nsolvers = ["piqp"]\nrounds = 7\nhorizon = 30\n', encoding="utf-8"
+    )
+    assert cli("bench", "--suite", "mine.toml", "--rounds", "1", "--schemes", "rti", "--no-limits", "--out", "run").code == 0
+    settings = json.loads((tmp_path / "run" / "run.json").read_text(encoding="utf-8"))["settings"]
+    assert (settings["solvers"], settings["rounds"], settings["schemes"], settings["limits"]) == (["piqp"], 1, ["rti"], False)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--solvers", "osqpp"), "unknown solver 'osqpp'"),
+        (("--roads", "nowhere"), "nowhere"),
+        (("--vehicles", "tank"), "unknown vehicle 'tank'"),
+        (("--schemes", "fast"), "unknown scheme 'fast'"),
+        (("--rounds", "0"), "rounds must be"),
+        (("--suite", "none.toml"), "cannot be read"),
+        (("--no-limits", "--pinch", "1"), "without limits"),
+    ],
+)
+def test_a_wrong_request_ends_in_2_and_leaves_nothing(
+    cli: Cli, tmp_path: Path, short_road: str, arguments: tuple[str, ...], words: str
+) -> None:
+    outcome = cli("bench", "--roads", short_road, *TINY, *arguments, "--out", "run")
+    assert (outcome.code, outcome.out) == (2, "")
+    assert outcome.err.startswith("error: ")
+    assert words in outcome.err
+    assert not (tmp_path / "run").exists()
+
+
+def test_over_budget_is_a_row_and_the_run_ends_well(cli: Cli, tmp_path: Path, short_road: str) -> None:
+    outcome = cli("bench", "--roads", short_road, *TINY, "--budget", "1e-9", "--out", "run")
+    assert outcome.code == 0
+    timing = pd.read_csv(tmp_path / "run" / "timing.csv")
+    assert (timing["status"] == "over budget").all()
+    assert (timing["steps"] == 0).all()
+    assert "4 of 4 cells are not ok" in outcome.out
+    assert "no whole drive" in outcome.out
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs SIGKILL")
+def test_a_killed_process_goes_on_where_it_stopped(tmp_path: Path, short_road: str) -> None:
+    environment = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
+    environment["PYTHONPATH"] = os.pathsep.join(path for path in sys.path if path)
+    command = [sys.executable, "-m", "hdvplan", "bench", "--roads", short_road, *TINY, "--rounds", "10", "--out", "run"]
+    parts = tmp_path / "run" / "parts"
+    with subprocess.Popen(command, cwd=tmp_path, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:  # noqa: S603 - our own
+        deadline = time.monotonic() + 60.0
+        while len(list(parts.glob("*.npz"))) < 3 and time.monotonic() < deadline:
+            time.sleep(0.01)
+        process.send_signal(signal.SIGKILL)
+    assert 3 <= len(list(parts.glob("*.npz"))) < 40
+    ended = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)  # noqa: S603 - as above
+    assert ended.returncode == 0
+    assert "SQP / RTI" in ended.stdout
+    record = json.loads((tmp_path / "run" / "run.json").read_text(encoding="utf-8"))
+    assert [session["one_thread"] for session in record["sessions"]] == [True, True]  # bound by the command itself
+    assert len(pd.read_csv(tmp_path / "run" / "samples.csv.gz")) == 4 * 10 * 12
+    assert not parts.exists()

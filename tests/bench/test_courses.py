@@ -1,0 +1,66 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hdvplan.bench.courses import PINCH_LENGTH_M, PINCH_RAMP_M, courses_of, with_limits
+from hdvplan.bench.suite import Suite
+from hdvplan.errors import RoadError
+from hdvplan.road.path import from_curvature
+from hdvplan.road.road import Limits, Road
+from hdvplan.road.scenarios import SCENARIOS
+from hdvplan.vehicle.load import load_vehicle
+
+BUS = load_vehicle("bus")
+SUITE = Suite(roads=("uturn",), vehicles=("bus",))
+
+
+def limits(road: Road, suite: Suite) -> Limits:
+    found = with_limits(road, BUS, suite).limits
+    assert found is not None
+    return found
+
+
+def test_limits_lie_beyond_the_geometric_half_width_of_the_tightest_bend() -> None:
+    found = limits(SCENARIOS["uturn"](), replace(SUITE, slack=0.4))
+    # 2.486 m is the published geometric expectation of this U-turn, to its printed millimetre.
+    np.testing.assert_allclose(found.left, 2.486 + 0.4, atol=1e-3)
+    np.testing.assert_array_equal(found.right, -found.left)
+
+
+def test_a_given_half_width_is_taken_as_it_is() -> None:
+    assert set(limits(SCENARIOS["uturn"](), replace(SUITE, half_width=3.3)).left) == {3.3}
+
+
+def test_without_limits_a_road_loses_its_own() -> None:
+    road = SCENARIOS["uturn"]()
+    assert road.limits is not None
+    assert with_limits(road, BUS, replace(SUITE, limits=False)).limits is None
+
+
+@pytest.mark.parametrize("turn", [1.0, -1.0])
+def test_a_pinch_narrows_the_outer_side_in_the_middle_of_the_tightest_bend(turn: float) -> None:
+    profile = np.array([0.0, 30.0, 40.0, 70.0, 80.0, 110.0]), turn * np.array([0.0, 0.0, 0.05, 0.05, 0.0, 0.0])
+    found = limits(Road("bend", from_curvature(*profile)), replace(SUITE, half_width=3.0, pinch=1.25))
+    outer, inner = (-found.right, found.left) if turn > 0 else (found.left, -found.right)
+    assert set(inner) == {3.0}
+    assert outer.min() == 1.75
+    deep = found.s[outer == outer.min()]
+    # The middle of the constant part is at 55 m; limits are sampled every 0.25 m, and its ends are found to two samples.
+    assert deep.mean() == pytest.approx(55.0, abs=0.5)
+    assert np.ptp(deep) == pytest.approx(PINCH_LENGTH_M, abs=0.5)
+    touched = found.s[outer < 3.0]
+    assert np.ptp(touched) == pytest.approx(PINCH_LENGTH_M + 2 * PINCH_RAMP_M, abs=1.0)
+
+
+def test_a_pinch_that_closes_the_road_is_refused() -> None:
+    with pytest.raises(RoadError, match=r"closes uturn, whose limits are 5\.97 m apart"):
+        with_limits(SCENARIOS["uturn"](), BUS, replace(SUITE, pinch=6.0))
+
+
+def test_courses_come_in_the_order_of_the_suite() -> None:
+    suite = Suite(roads=("uturn", "sturn"), vehicles=("tractor-trailer", "bus"))
+    found = [(course.road.name, course.vehicle.name) for course in courses_of(suite)]
+    assert found == suite.courses()

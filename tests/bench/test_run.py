@@ -1,0 +1,172 @@
+from __future__ import annotations
+
+import gc
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hdvplan.bench.courses import Course, courses_of
+from hdvplan.bench.run import measure, remaining, run
+from hdvplan.bench.samples import FAILED, OK, OVER_BUDGET, Measurement, part_file, read_part, write_part
+from hdvplan.bench.stats import tables_of
+from hdvplan.bench.suite import Suite
+from hdvplan.planning.qp import StageQp, StageShape, StageSolution
+from hdvplan.planning.settings import PlannerSettings
+from hdvplan.solvers.registry import WorkspaceMaker, solver_named
+from hdvplan.solvers.workspace import QpResult, QpWorkspace, Status
+
+BRIEF = PlannerSettings(horizon=30.0)
+RICCATI = solver_named("riccati")
+
+
+class FailsAfter:
+    """Solves a number of programs, then returns nothing usable, however sure of itself it is."""
+
+    name, starts_warm = "fails", False
+
+    def __init__(self, shape: StageShape, solves: int) -> None:
+        self._solver, self._left = RICCATI(shape), solves
+
+    def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
+        """Solve, or claim to."""
+        result = self._solver.solve(qp, guess)
+        self._left -= 1
+        if self._left < 0:
+            result.point.x[:] = np.nan
+            return replace(result, status=Status.SOLVED)
+        return result
+
+
+class Wrong:
+    """Solves another program: the same dynamics and limits, a hundredth of the centring."""
+
+    name, starts_warm = "wrong", False
+
+    def __init__(self, shape: StageShape) -> None:
+        self._solver = RICCATI(shape)
+
+    def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
+        """Solve what nobody asked for."""
+        other = StageQp(qp.shape, qp.buffer.copy())
+        other.Q[:] *= 0.01
+        other.q[:] *= 0.01
+        return self._solver.solve(other, guess)
+
+
+def fails_after(solves: int) -> WorkspaceMaker:
+    def make(shape: StageShape) -> QpWorkspace:
+        return FailsAfter(shape, solves)
+
+    return make
+
+
+@pytest.fixture
+def course(tiny: Suite) -> Course:
+    return courses_of(tiny)[0]
+
+
+def test_a_drive_leaves_every_step_with_its_parts_and_what_it_swept(course: Course) -> None:
+    measured = measure(course, BRIEF, RICCATI, budget=60.0, judged=True)
+    table = measured.table()
+    assert (measured.outcome, len(table)) == (OK, 12)  # 60 m, 5 m at a time
+    parts = table[["linearise_s", "update_s", "solve_s", "check_s"]].sum(axis=1)
+    assert (parts > 0.0).all()
+    assert (parts <= table["total_s"]).all()
+    assert (table["status"] == "solved").all()
+    assert table["usable"].all()
+    assert measured.nonzeros > 0
+    assert measured.judgement is not None
+    assert measured.judgement.e_y.shape == (121,)  # every 0.5 m
+    assert measured.judgement.violation == 0.0
+    assert gc.isenabled()
+
+
+def test_a_drive_over_its_budget_stops_and_keeps_its_steps(course: Course) -> None:
+    measured = measure(course, BRIEF, RICCATI, budget=1e-9, judged=True)
+    assert (measured.outcome, len(measured.steps), measured.judgement) == (OVER_BUDGET, 1, None)
+    assert "of planning" in measured.message
+    assert gc.isenabled()
+
+
+def test_a_solver_that_cannot_even_begin_is_a_row_with_its_reason(course: Course) -> None:
+    measured = measure(course, BRIEF, fails_after(0), budget=60.0, judged=True)
+    assert (measured.outcome, measured.statuses, measured.judgement) == (FAILED, (), None)
+    assert "the first plan could not be solved" in measured.message
+    assert measured.table().empty
+    assert gc.isenabled()
+
+
+def test_a_solver_that_fails_on_the_way_keeps_driving_and_every_failure_counts(course: Course, tiny: Suite) -> None:
+    measured = measure(course, BRIEF, fails_after(6), budget=60.0, judged=True)
+    refused = int((~measured.table()["usable"]).sum())
+    assert 0 < refused < 12
+    row = tables_of(tiny.cells()[:1], [[measured]]).timing.iloc[0]
+    assert (row["failures"], row["steps"]) == (refused, 11)
+    assert row["status"] == "some steps not solved"
+    assert np.isnan(row["primal_max"])
+
+
+def test_a_wrong_solver_that_is_sure_of_itself_shows_in_the_path_it_drives(tiny: Suite, tmp_path: Path) -> None:
+    suite = replace(tiny, solvers=("riccati", "osqp"), schemes=("rti",), rounds=1)
+    run(suite, courses_of(suite), {"riccati": RICCATI, "osqp": Wrong}, tmp_path, lambda _: None)
+    tables = tables_of(suite.cells(), [[read_part(part_file(tmp_path, cell, 0))] for cell in range(2)])
+    assert (tables.timing["failures"] == 0).all()  # it keeps dynamics and limits, and says that it has solved
+    differences = tables.envelope.set_index("solver")["path_difference_m"]
+    assert differences["riccati"] == 0.0
+    # Solvers agree within 1e-6 m; smoothing a hundred times more moves the path by centimetres.
+    assert differences["osqp"] > 1e-2
+
+
+def test_a_failing_solver_does_not_end_the_run(tiny: Suite, tmp_path: Path) -> None:
+    shares: list[float] = []
+    run(tiny, courses_of(tiny), {"riccati": RICCATI, "piqp": fails_after(0)}, tmp_path, shares.append)
+    assert remaining(tiny, tmp_path) == 0
+    assert shares == sorted(shares)
+    assert shares[-1] == pytest.approx(1.0)  # rounding of a sum
+    outcomes = {cell.solver: read_part(part_file(tmp_path, number, 1)).outcome for number, cell in enumerate(tiny.cells())}
+    assert outcomes == {"riccati": OK, "piqp": FAILED}
+
+
+def test_only_what_is_missing_is_measured(tiny: Suite, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    suite = replace(tiny, schemes=("rti",))
+    makers = {name: solver_named(name) for name in suite.solvers}
+    run(suite, courses_of(suite), makers, tmp_path, lambda _: None)
+    kept = part_file(tmp_path, 0, 1).read_bytes()
+    part_file(tmp_path, 1, 0).unlink()
+    assert remaining(suite, tmp_path) == 1
+    seen = []
+
+    def write(path: Path, measured: Measurement) -> None:
+        seen.append(path)
+        write_part(path, measured)
+
+    monkeypatch.setattr("hdvplan.bench.run.write_part", write)
+    run(suite, courses_of(suite), makers, tmp_path, lambda _: None)
+    assert seen == [part_file(tmp_path, 1, 0)]
+    assert part_file(tmp_path, 0, 1).read_bytes() == kept
+
+
+def test_a_kept_measurement_reads_back_exactly(course: Course, tmp_path: Path) -> None:
+    for measured in (
+        measure(course, BRIEF, RICCATI, budget=60.0, judged=True),
+        measure(course, BRIEF, fails_after(0), budget=60.0, judged=True),
+    ):
+        file = part_file(tmp_path, 3, 1)
+        write_part(file, measured)
+        back = read_part(file)
+        np.testing.assert_array_equal(back.steps, measured.steps)
+        assert (back.statuses, back.outcome, back.message, back.nonzeros) == (
+            measured.statuses, measured.outcome, measured.message, measured.nonzeros
+        )  # fmt: skip
+        assert (back.judgement is None) == (measured.judgement is None)
+        if back.judgement is not None and measured.judgement is not None:
+            for name, value in vars(measured.judgement).items():
+                np.testing.assert_array_equal(getattr(back.judgement, name), value)
+    assert [path.name for path in (tmp_path / "parts").iterdir()] == [file.name]  # nothing half-written is left
+
+
+def test_the_counters_of_all_rounds_are_the_same(course: Course) -> None:
+    first, second = (measure(course, BRIEF, solver_named("osqp"), budget=60.0, judged=False) for _ in range(2))
+    assert list(first.table()["iterations"]) == list(second.table()["iterations"])

@@ -1,0 +1,154 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from hdvplan.bench.samples import FAILED, OVER_BUDGET, Measurement
+from hdvplan.bench.stats import SOME_UNSOLVED, reference_solver, status_of, tables_of
+from hdvplan.bench.suite import Cell
+from hdvplan.planning.settings import Scheme
+from hdvplan.report.timing import accuracy
+from tests.bench.conftest import made_up
+
+RTI, SQP = Scheme.RTI, Scheme.SQP
+
+
+def cell(scheme: Scheme = RTI, solver: str = "riccati", road: str = "road") -> Cell:
+    return Cell(road, "bus", scheme, solver)
+
+
+def only(rounds: list[Measurement]) -> pd.Series[Any]:
+    return tables_of([cell()], [rounds]).timing.iloc[0]
+
+
+def test_the_cold_start_is_told_apart_from_the_steps_that_follow() -> None:
+    row = only([made_up([0.9, 0.001, 0.003])])
+    # Sums and products of a few decimals: exact to rounding.
+    assert row["cold_ms"] == pytest.approx(900.0)
+    assert row["mean_ms"] == pytest.approx(2.0)
+    assert row["max_ms"] == pytest.approx(3.0)
+    assert row["steps"] == 2
+
+
+def test_percentiles_are_those_of_all_rounds_together() -> None:
+    seconds = list(np.arange(1, 101) / 1e3)
+    row = only([made_up([0.0, *seconds[:50]]), made_up([0.0, *seconds[50:]])])
+    assert row["p50_ms"] == pytest.approx(50.5)  # interpolated halfway between 50 and 51
+    assert row["p95_ms"] == pytest.approx(np.percentile(range(1, 101), 95))
+    assert row["p99_ms"] == pytest.approx(np.percentile(range(1, 101), 99))
+
+
+def test_a_disturbed_round_moves_the_max_but_not_the_fastest() -> None:
+    row = only([made_up([0.1, 0.001, 0.002, 0.500]), made_up([0.1, 0.001, 0.400, 0.003]), made_up([0.1, 0.3, 0.002, 0.004])])
+    assert row["max_ms"] == pytest.approx(500.0)
+    assert row["fastest_max_ms"] == pytest.approx(3.0)
+    assert row["fastest_mean_ms"] == pytest.approx(2.0)
+
+
+def test_parts_iterations_and_residuals_are_summed_up() -> None:
+    row = only([made_up([0.1, 0.002, 0.004], iterations=7)])
+    assert row["linearise_ms"] == pytest.approx(1.5)
+    assert (row["iterations_mean"], row["iterations_max"], row["qps_max"]) == (7, 7, 1)
+    assert row["primal_max"] == 1e-9
+    assert row["nonzeros"] == 100
+
+
+def test_a_solver_s_own_doubts_are_counted_apart_from_failures() -> None:
+    row = only([replace(made_up([0.1, 0.1, 0.1]), statuses=("solved", "iteration limit", "inaccurate"))])
+    assert (row["unsolved"], row["failures"], row["status"]) == (2, 0, "ok")
+
+
+def test_a_solver_that_reports_no_iterations_shows_none() -> None:
+    assert np.isnan(only([made_up([0.1, 0.002], iterations=0)])["iterations_mean"])
+
+
+def test_a_residual_that_is_no_number_is_not_hidden_by_others() -> None:
+    measured = made_up([0.1, 0.002, 0.004], usable=False)
+    measured.steps[1, 8] = np.nan
+    assert np.isnan(only([measured])["primal_max"])
+
+
+def test_failures_count_refused_steps_and_drives_that_ended() -> None:
+    row = only([made_up([0.1, 0.1], usable=False), made_up([0.1], outcome=FAILED, message="no foot", shift=None)])
+    assert row["failures"] == 3
+    assert [row["status"], row["message"]] == [FAILED, "no foot"]
+
+
+@pytest.mark.parametrize(
+    ("rounds", "status"),
+    [
+        ([made_up([0.1])], "ok"),
+        ([made_up([0.1]), made_up([0.1], usable=False)], SOME_UNSOLVED),
+        ([made_up([0.1], usable=False), made_up([0.1], outcome=OVER_BUDGET)], OVER_BUDGET),
+        ([made_up([], outcome=FAILED)], FAILED),
+    ],
+)
+def test_a_cell_s_status_is_that_of_its_worst_drive(rounds: list[Measurement], status: str) -> None:
+    assert status_of(rounds) == status
+
+
+def test_a_cell_without_any_step_is_a_row_without_times() -> None:
+    tables = tables_of([cell(), cell(solver="piqp")], [[made_up([], outcome=FAILED, shift=None)], [made_up([0.1, 0.2])]])
+    assert list(tables.timing["steps"]) == [0, 1]
+    assert np.isnan(tables.timing["mean_ms"][0])
+    assert np.isnan(tables.envelope["path_difference_m"]).all()  # the first has no path, the second nothing to compare with
+    assert list(tables.summary["cells_ok"]) == [0, 1]
+    assert accuracy(tables.summary).endswith("piqp at 1e-08: no whole drive.")
+
+
+def test_a_fast_wrong_solver_shows_in_its_path() -> None:
+    cells = [cell(), cell(solver="hasty")]
+    tables = tables_of(cells, [[made_up([0.1, 0.01])], [made_up([0.1, 0.001], shift=-0.03)]])
+    assert list(tables.envelope["path_difference_m"]) == [0.0, 0.03]
+    hasty = tables.summary[tables.summary["solver"] == "hasty"].iloc[0]
+    assert (hasty["path_difference_m"], hasty["failures"]) == (0.03, 0)
+
+
+def test_paths_are_compared_under_the_same_scheme_and_on_the_same_road() -> None:
+    cells = [cell(scheme, solver, road) for road in "ab" for scheme in (RTI, SQP) for solver in ("piqp", "riccati")]
+    shifts = [0.1, 0.1, 0.2, 0.2, 0.3, 0.3, 0.4, 0.4]
+    tables = tables_of(cells, [[made_up([0.1, 0.1], shift=shift)] for shift in shifts])
+    assert (tables.envelope["path_difference_m"] == 0.0).all()
+
+
+def test_the_reference_is_riccati_or_else_the_first() -> None:
+    assert reference_solver(["osqp", "riccati"]) == "riccati"
+    assert reference_solver(["osqp", "piqp"]) == "osqp"
+
+
+def test_sqp_is_set_against_rti_by_mean_worst_case_and_envelope() -> None:
+    cells = [cell(RTI), cell(SQP), cell(RTI, "osqp")]
+    rounds = [[made_up([9.0, 0.01, 0.03])], [made_up([9.0, 0.02, 0.30], shift=0.004)], [made_up([9.0, 0.01])]]
+    schemes = tables_of(cells, rounds).schemes
+    assert list(schemes["solver"]) == ["riccati"]  # OSQP ran only one scheme
+    row = schemes.iloc[0]
+    assert row["mean_ratio"] == pytest.approx(0.16 / 0.02)
+    assert row["max_ratio"] == pytest.approx(10.0)
+    assert row["envelope_difference_m"] == pytest.approx(0.004)
+
+
+def test_with_one_scheme_there_is_nothing_to_set_against_each_other() -> None:
+    schemes = tables_of([cell()], [[made_up([0.1, 0.1])]]).schemes
+    assert len(schemes) == 0
+    assert "mean_ratio" in schemes
+
+
+def test_the_summary_pools_the_steps_of_all_roads() -> None:
+    cells = [cell(road="long"), cell(road="short")]
+    summary = tables_of(cells, [[made_up([0.1] + [0.001] * 3)], [made_up([0.1, 0.005])]]).summary
+    assert len(summary) == 1
+    assert summary["mean_ms"][0] == pytest.approx(2.0)  # (3 x 1 + 5) / 4
+    assert summary["fastest_max_ms"][0] == pytest.approx(5.0)
+    assert (summary["cells"][0], summary["steps"][0]) == (2, 4)
+
+
+def test_the_samples_are_every_step_of_every_drive() -> None:
+    samples = tables_of([cell(), cell(SQP)], [[made_up([0.1, 0.2]), made_up([0.3])], [made_up([0.4])]]).samples
+    assert list(samples["total_s"]) == [0.1, 0.2, 0.3, 0.4]
+    assert list(samples["round"]) == [0, 0, 1, 0]
+    assert list(samples["step"]) == [0, 1, 0, 0]
+    assert list(samples["scheme"]) == ["rti", "rti", "rti", "sqp"]
