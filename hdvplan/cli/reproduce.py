@@ -32,7 +32,8 @@ def reproduce(
     """Repeat the papers' experiments and set the published numbers beside ours.
 
     Writes NAME.md and NAME.csv (the table), NAME.png (the figure in the paper's layout) and NAME-data.csv for every study,
-    and for all of them a summary. Rows that differ by more than the published number can be read say why.
+    and for all of them a summary. Where they differ by more than can be read a remark says why,
+    or that it is not explained.
     """
     chosen = NAMES if choice("NAME", name, [*NAMES, _ALL]) == _ALL else (name,)
     if out.exists() and not out.is_dir():
@@ -90,7 +91,7 @@ def _print(studies: list[Study], out: Path) -> None:
     table["quantity"] += [f" [{unit}]" if unit else "" for unit in table["unit"]]
     columns = [*(["study"] if several else []), "quantity", "published", "ours", "difference"]
     rows = table[columns].itertuples(index=False, name=None)
-    caption = f"written to {out}/; {'NAME' if several else studies[0].name}.md says why numbers differ"
+    caption = f"written to {out}/; {'NAME' if several else studies[0].name}.md has the remarks"
     print_tables(grid(title, columns, rows, text=("study", "quantity"), caption=caption))
 
 

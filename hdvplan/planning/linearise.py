@@ -278,39 +278,6 @@ def linearise_limits(
 
 
 @compiled
-def linearise_reach(
-    units: FloatArray, points: FloatArray, half_widths: FloatArray, coefficients: FloatArray, s_first: float, spacing: float,
-    road: FloatArray, z: FloatArray, feet: FloatArray, begin: int, end: int, G: FloatArray, h: FloatArray,
-) -> int:  # fmt: skip
-    """Write the rows G dz <= h of offset <= 0 to the left and offset >= 0 to the right at stages 1 <= begin <= i < end.
-
-    Every point has its two rows, ``half_widths`` (units,) off its unit's axis: an epigraph variable moves these limits outwards.
-    Returns -1, or a stage with a point that has no foot. ``feet`` (N+1, units, points, 2) is warm start and result.
-    """
-    poses, along = np.empty((units.shape[0], 6)), np.empty(z.shape[1])
-    for i in range(begin, end):
-        place(units, road[0, i], road[1, i], road[2, i], road[3, i], z[i], poses)
-        row = 0
-        for unit in range(units.shape[0]):
-            x, y, cos_u, sin_u = poses[unit, 0], poses[unit, 1], poses[unit, 2], poses[unit, 3]
-            for side in range(2):
-                sign = 1.0 - 2.0 * side
-                across = sign * half_widths[unit]
-                for point in range(points.shape[1]):
-                    ahead = points[unit, point, 0]
-                    px, py = x + ahead * cos_u - across * sin_u, y + ahead * sin_u + across * cos_u
-                    feet[i, unit, point, side], e, cos, sin, _ = project(coefficients, s_first, spacing, px, py, feet[i, unit, point, side])
-                    if np.isnan(e):
-                        return i
-                    point_gradient(poses, unit, px, py, road[2, i], road[3, i], -sin, cos, along)
-                    for j in range(along.size):
-                        G[i - 1, row, j] = sign * along[j]
-                    h[i - 1, row] = -sign * e
-                    row += 1
-    return -1
-
-
-@compiled
 def linearise(
     units: FloatArray, points: FloatArray, axis: FloatArray, coefficients: FloatArray, s_first: float, spacing: float, road: FloatArray,
     k_between: FloatArray, around: FloatArray, step: float, midpoint: bool, lead: FloatArray, aux: FloatArray, target: FloatArray,

@@ -10,17 +10,17 @@ import numpy as np
 
 from hdvplan.errors import PlanError, SolverError
 from hdvplan.jit import FloatArray
-from hdvplan.planning.linearise import ROWS_PER_EDGE, linearise, linearise_reach, write_inputs
+from hdvplan.planning.linearise import ROWS_PER_EDGE, linearise, write_inputs
 from hdvplan.planning.motion import Motion, flat_stages, shift_stages, take_step
 from hdvplan.planning.objectives import Furthest, Residual
 from hdvplan.planning.qp import Residuals, StageQp, StageShape, StageSolution, residuals
+from hdvplan.planning.reach import linearise_reach, watched_points, write_epigraph
 from hdvplan.planning.settings import Discretisation, PlannerSettings, Scheme
 from hdvplan.planning.stations import Stations
 from hdvplan.solvers.workspace import QpWorkspace, Status
-from hdvplan.vehicle.body import axis_points, axle_points, edge_points
+from hdvplan.vehicle.body import axis_points, edge_points
 from hdvplan.vehicle.model import Vehicle
 
-_FURTHEST_M = 100.0  # more than any vehicle can reach off its road; bounds of a variable that needs none
 USABLE_RESIDUAL = 1e-3  # a QP solution whose recomputed primal residual exceeds this is not driven [m]
 
 
@@ -69,7 +69,7 @@ class Planner:
         self._units, self._points, self._axis = vehicle.table(), edge_points(vehicle), axis_points(vehicle)
         self._limited = stations.limits.values.size > 0
         self._residual = centred if isinstance(centred, Residual) else centred.beside
-        self._reach_points, self._reach_half = _watched(vehicle, centred)
+        self._reach_points, self._reach_half = watched_points(vehicle, centred)
         self._motion = Motion.empty(vehicle, settings.stages, self._reach_points)
         self._midpoint = settings.discretisation is Discretisation.MIDPOINT
         watched = self._reach_points.shape[0] * self._reach_points.shape[1]
@@ -188,27 +188,3 @@ def qp_shape(vehicle: Vehicle, settings: PlannerSettings, *, limited: bool, watc
     g = np.arange(size) != n
     rows = 2 * ROWS_PER_EDGE * len(vehicle.units) if limited else 0
     return StageShape(settings.stages, size, 1 + more, rows + 2 * watched, (n,), a_pattern=a, q_pattern=q, g_pattern=g)
-
-
-def write_epigraph(qp: StageQp, t: int, rows: FloatArray) -> None:
-    """Write what is constant about the state number ``t``: the first stage's second input sets it, all others keep it.
-
-    ``rows`` (N, p, n) are the rows whose limit at 0 it moves outwards. Their multipliers add up to 2 N t, so the price at which they
-    are elastic makes them exact.
-    """
-    stages = qp.shape.stages
-    qp.A[:, t, t], qp.B[:, t, 1] = 1.0, 0.0
-    qp.A[0, t, t], qp.B[0, t, 1] = 0.0, 1.0
-    qp.Q[:, t, t], qp.Q[-1, t, t] = 0.0, 2.0 * stages
-    qp.R[:, 1, 1] = 1.0  # the other stages' second inputs do nothing, and are 0
-    qp.u_low[:, 1], qp.u_high[:, 1] = -_FURTHEST_M, _FURTHEST_M
-    rows[:, :, t] = -1.0
-    qp.linear[:, qp.shape.rows - rows.shape[1] :] = 2.0 * stages * _FURTHEST_M
-
-
-def _watched(vehicle: Vehicle, centred: Residual | Furthest) -> tuple[FloatArray, FloatArray]:
-    """Return the points whose largest reach is the objective, as ``edge_points``, and how far off their axes they lie [m]."""
-    half = vehicle.table()[:, 4]
-    if isinstance(centred, Residual):
-        return np.empty((len(half), 0, 2)), half
-    return (edge_points(vehicle), half) if centred.bodies else (axle_points(vehicle), np.zeros_like(half))

@@ -18,7 +18,8 @@ Progress = Callable[[float], None]
 class Row:
     """A quantity as published and as found here; ``published`` is None where the papers give no number.
 
-    ``remark`` says why the two differ by more than the published number can be read; ``headline`` rows enter the summary.
+    ``remark`` says why the two differ by more
+    than the published number can be read, or that it is not explained; ``headline`` rows enter the summary.
     """
 
     quantity: str

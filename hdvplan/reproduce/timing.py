@@ -33,7 +33,7 @@ ROADS = (
 VEHICLES = ("bus", "tractor-trailer")
 _SCHEMES = ("sqp", "rti")
 SOLVERS = ("osqp", DEFAULT)
-HALF_WIDTH_M = 4.5  # two lanes and their shoulders; more only where the vehicle's balanced circle needs it
+HALF_WIDTH_M = 4.5  # more only where the vehicle's balanced circle needs it
 _SPARE_M = 0.5
 _ROUNDS = 2
 
@@ -94,7 +94,7 @@ def _rows(data: pd.DataFrame) -> tuple[Row, ...]:
     for name, solver in product(VEHICLES, SOLVERS):
         sqp, rti = times[name, "sqp", solver], times[name, "rti", solver]
         qps = steps[name, "sqp", solver]["qps"]
-        remark = f"SQP takes {qps.mean():.1f} QPs a step, {qps.max()} at most: it starts from a shifted plan that has nearly converged"
+        remark = f"SQP takes {qps.mean():.1f} QPs a step, {qps.max()} at most; theirs is not published"
         for word, ratio in (("mean", sqp.mean() / rti.mean()), ("max", sqp.max() / rti.max())):
             rows.append(Row(f"{name}, {solver}: SQP / RTI, {word}", "", _ratio(name, word), float(ratio), remark))
     return tuple(rows)

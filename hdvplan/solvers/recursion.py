@@ -163,18 +163,17 @@ def adjoint(
 
 @compiled
 def imbalance(B: FloatArray, R: FloatArray, r: FloatArray, u: FloatArray, u_bounds: FloatArray, dynamics: FloatArray) -> float:
-    """Return the largest entry of the Lagrangian's gradient by the inputs, relative to the largest term in it, or to 1."""
+    """Return the largest entry of the Lagrangian's gradient by the inputs, relative to the largest multiplier, or to 1."""
     n, m = B.shape[1], B.shape[2]
     largest, scale = 0.0, 1.0
     for i in range(u.shape[0]):
+        for j in range(n):
+            scale = max(scale, abs(dynamics[i + 1, j]))
         for j in range(m):
             total = r[i, j] + u_bounds[i, j]
-            scale = max(scale, abs(r[i, j]), abs(u_bounds[i, j]))
             for t in range(m):
                 total += R[i, j, t] * u[i, t]
             for t in range(n):
-                term = B[i, t, j] * dynamics[i + 1, t]
-                total -= term
-                scale = max(scale, abs(term))
-            largest = max(largest, abs(total))
+                total -= B[i, t, j] * dynamics[i + 1, t]
+            largest, scale = max(largest, abs(total)), max(scale, abs(u_bounds[i, j]))
     return largest / scale

@@ -24,8 +24,9 @@ from hdvplan.solvers.recursion import adjoint, factorise, imbalance, sweep_ahead
 from hdvplan.solvers.workspace import QpResult, Status
 
 TOLERANCE = 1e-8  # of products or slacks, and of broken inequalities [m]
-_ITERATIONS = 60
+_ITERATIONS = 100
 _START = 100.0  # complementarity of every pair at the start; the penalty of broken rows is 1e4, so less starts too near a wall
+_BALANCED = 1e-7  # of the Lagrangian's gradient by the inputs, relative to the largest multiplier
 _EXTRA = 3  # iterations that may go into balancing the inputs once all inequalities are settled
 _STATUS = (Status.SOLVED, Status.ITERATION_LIMIT, Status.NUMERICAL, Status.INACCURATE)
 
@@ -109,7 +110,7 @@ def _solve(
         if error < TOLERANCE and np.isfinite(mean):
             publish(chosen, pairs, count, sigma, rows, x_bounds, u_bounds)
             adjoint(A, Q, q, G, bounded, x, rows, x_bounds, dynamics)
-            balanced = imbalance(B, R, r, u, u_bounds, dynamics) < TOLERANCE
+            balanced = imbalance(B, R, r, u, u_bounds, dynamics) < _BALANCED
             settled += 1
             if balanced or settled > _EXTRA:
                 return 0 if balanced else 3, iterations

@@ -6,6 +6,7 @@ from hdvplan.centering.weights import CenteringTable
 from hdvplan.errors import OptionError, PlanError, SolverError
 from hdvplan.jit import FloatArray
 from hdvplan.planning.linearise import advance, linearise, write_inputs
+from hdvplan.planning.motion import axles_behind, take_step
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.planner import Plan, Planner, qp_shape
 from hdvplan.planning.qp import StageQp, StageSolution
@@ -149,12 +150,13 @@ def cost_and_gaps(
         advance(vehicle.table(), k, between, settings.step, True, z, float(kappa[i]), out, work)
         z = out.copy()
         s = float(stations.s[at + 1])
-        local = []
-        for unit, row in zip(vehicle.units, edges, strict=True):
+        local, near = [], []
+        for unit, row, behind in zip(vehicle.units, edges, axles_behind(vehicle), strict=True):
             ahead = np.concatenate([row[:, 0], row[:, 0], [aux]])
+            near.append(s - behind + ahead)
             local.append(np.column_stack([ahead, np.repeat([0.5 * unit.width, -0.5 * unit.width, 0.0], [len(row), len(row), 1])]))
         places = np.concatenate(on_road(vehicle, stations.path, s, z, local))
-        _, offset = stations.path.project(places[:, 0], places[:, 1], s)
+        _, offset = stations.path.project(places[:, 0], places[:, 1], np.concatenate(near))
         table = offset.reshape(len(vehicle.units), -1)
         gaps += [limit - table[:, :-1], limit + table[:, :-1]]
         cost += float((weight[at + 1] * z[0] + table[-1, -1]) ** 2)
@@ -297,6 +299,44 @@ def test_going_back_plans_as_if_for_the_first_time() -> None:
     planner.plan(80, start(vehicle), 0.0)
     again = planner.plan(30, start(vehicle), 0.0)
     assert np.max(np.abs(first.z - again.z)) < 1e-3  # the tolerance of a first plan's iterations
+
+
+def test_after_an_error_the_next_plan_is_a_first_plan() -> None:
+    vehicle, settings = VEHICLES[0], PlannerSettings(horizon=25.0)
+    planner, spy, _ = planned(vehicle, settings)
+    plan = planner.plan(30, start(vehicle), 0.0)
+
+    def breaks(_: StageQp) -> StageSolution:
+        msg = "gone"
+        raise SolverError(msg)
+
+    spy.answer = breaks
+    with pytest.raises(SolverError, match="gone"):
+        planner.plan(40, plan.z[10], float(plan.kappa[9]))
+    spy.answer = None
+    again = planner.plan(50, plan.z[20], float(plan.kappa[19]))
+    fresh = planned(vehicle, settings)[0].plan(50, plan.z[20], float(plan.kappa[19]))
+    assert again.qp_count == fresh.qp_count > 1
+    assert np.max(np.abs(again.z - fresh.z)) < 1e-9  # feet found from another start
+
+
+def test_a_step_that_cannot_be_taken_in_any_part_is_refused() -> None:
+    z, kappa, step = np.zeros((4, 2)), np.zeros(3), np.ones((4, 3))
+    z[2, 1] = 1.4  # already steeper than a plan may be, and the step turns on
+    before = z.copy()
+    assert take_step(z, kappa, step, np.zeros(4)) == np.inf
+    assert np.array_equal(z, before)
+    assert not np.any(kappa)
+
+
+def test_a_step_leaves_the_given_state_where_it_is() -> None:
+    z, kappa = np.zeros((4, 2)), np.zeros(3)
+    step = np.full((4, 3), 0.01)
+    step[0] = 5.0  # a residual of the solver
+    assert take_step(z, kappa, step, np.zeros(4)) == 0.01
+    assert not np.any(z[0])
+    assert np.all(z[1:] == 0.01)
+    assert np.all(kappa == 0.01)
 
 
 def test_a_place_where_no_plan_exists_is_named() -> None:

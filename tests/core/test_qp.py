@@ -1,5 +1,3 @@
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -10,22 +8,17 @@ from hdvplan.errors import QpDataError
 from hdvplan.jit import FloatArray
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.planner import Planner, qp_shape
-from hdvplan.planning.qp import StageQp, StageShape, StageSolution, residuals, view_shapes
+from hdvplan.planning.qp import StageQp, StageShape, StageSolution, residuals
 from hdvplan.planning.settings import Discretisation, PlannerSettings
 from hdvplan.planning.stations import stations_of
 from hdvplan.road.road import Road
 from hdvplan.solvers.registry import solver_named
 from hdvplan.solvers.sparse import SparseQp
-from hdvplan.solvers.workspace import QpWorkspace, Status
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 from tests.core.chains import few, three_units, winding
 from tests.core.programs import dense, random_program, shape, staged
 from tests.core.spying import Spy
-
-WORKSPACES = {name: solver_named(name) for name in ("riccati", "piqp", "clarabel")}
-each_workspace = pytest.mark.parametrize("make", WORKSPACES.values(), ids=WORKSPACES.keys())
-AGREE = 1e-5  # two solvers at 1e-8 on strongly convex inputs agree to the square root of it, less conditioning
 
 
 def random_point(sizes: StageShape, seed: int) -> StageSolution:
@@ -161,108 +154,6 @@ def test_a_point_that_is_not_a_number_is_not_judged_good(name: str) -> None:
         assert not found.primal <= 1e-3
     else:
         assert not found.dual <= 1e-3
-
-
-@each_workspace
-@pytest.mark.parametrize("tightness", [1.0, 0.1, -0.5])
-def test_a_workspace_finds_the_same_optimum_as_another_solver(make: Callable[[StageShape], QpWorkspace], tightness: float) -> None:
-    qp = random_program(shape(), 5, tightness=tightness)
-    result = make(qp.shape).solve(qp, None)
-    other = staged(qp, *dense(qp).solve())
-    judged = residuals(qp, result.point)
-    assert result.status is Status.SOLVED
-    assert result.iterations >= 0
-    assert max(judged.primal, judged.dual, judged.gap) < 1e-5  # asked for 1e-8, per inequality
-    assert np.max(np.abs(result.point.u - other.u)) < AGREE
-    assert np.max(np.abs(result.point.x - other.x)) < AGREE
-
-
-@each_workspace
-def test_updating_a_workspace_equals_making_it_anew(make: Callable[[StageShape], QpWorkspace]) -> None:
-    kept = make(shape())
-    for seed in range(8):
-        qp = random_program(shape(), seed, tightness=0.3)
-        here, fresh = kept.solve(qp, None).point, make(shape()).solve(qp, None).point
-        assert np.max(np.abs(here.u - fresh.u)) < AGREE
-        assert np.max(np.abs(here.x - fresh.x)) < AGREE
-
-
-@each_workspace
-def test_elastic_rows_cost_nothing_while_a_feasible_point_exists(make: Callable[[StageShape], QpWorkspace]) -> None:
-    qp = random_program(shape(), 3, tightness=0.3)
-    qp.linear[:], qp.quadratic[:] = 1e4, 0.0
-    result = make(shape()).solve(qp, None)
-    hard = dense(qp)
-    free = (qp.shape.stages + 1) * 4 + qp.shape.stages * 2
-    hard.h[qp.shape.stages * 3 : 2 * qp.shape.stages * 3] = 1e-12  # slacks no larger than this: the rows are hard
-    hard.P[:, free:], hard.P[free:], hard.q[free:] = 0.0, 0.0, 0.0
-    pinned = np.zeros((hard.P.shape[0] - free, hard.P.shape[0]))
-    pinned[:, free:] = np.eye(pinned.shape[0])
-    other = type(hard)(
-        hard.P, hard.q, np.vstack([hard.E, pinned]), np.concatenate([hard.b, np.zeros(len(pinned))]), hard.G, hard.h
-    ).solve()[0]
-    assert np.max(result.point.sigma) < 1e-6
-    assert np.max(result.point.rows) > 1.0  # some row binds
-    assert np.max(np.abs(result.point.x.ravel() - other[: result.point.x.size])) < AGREE
-
-
-@each_workspace
-def test_elastic_rows_are_broken_no_more_than_they_must(make: Callable[[StageShape], QpWorkspace]) -> None:
-    sizes = StageShape(4, 1, 1, 1)
-    qp = StageQp.empty(sizes)
-    qp.A[:], qp.B[:], qp.R[:], qp.G[:], qp.h[:] = 1.0, 1.0, 1.0, 1.0, -2.0  # x must come down to -2 ...
-    qp.u_low[:], qp.u_high[:], qp.linear[:] = -0.75, 0.75, 1e4  # ... by 0.75 a stage
-    qp.q[:] = -1.0  # ... and would rather go up: every row that is kept binds
-    point = make(sizes).solve(qp, None).point
-    assert np.allclose(point.sigma[:, 0], [1.25, 0.5, 0.0, 0.0], rtol=0.0, atol=1e-6)  # tolerance 1e-8 against a price of 1e4
-    assert np.allclose(point.x[:, 0], [0.0, -0.75, -1.5, -2.0, -2.0], rtol=0.0, atol=1e-6)
-
-
-@each_workspace
-@pytest.mark.parametrize("name", sorted(view_shapes(shape())))
-@pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_values_that_are_not_finite_are_refused_by_name_and_the_next_program_is_solved(
-    make: Callable[[StageShape], QpWorkspace], name: str, value: float
-) -> None:
-    workspace, good, wrong = make(shape()), random_program(shape(), 1), random_program(shape(), 2)
-    workspace.solve(random_program(shape(), 3), None)
-    getattr(wrong, name).flat[-1] = value
-    with pytest.raises(QpDataError, match=f"'{name}'"):
-        workspace.solve(wrong, None)
-    assert np.max(np.abs(workspace.solve(good, None).point.x - make(shape()).solve(good, None).point.x)) < AGREE
-
-
-@each_workspace
-@pytest.mark.parametrize(("low", "high"), [("x_low", "x_high"), ("u_low", "u_high")])
-def test_crossed_bounds_are_refused_and_the_next_program_is_solved(make: Callable[[StageShape], QpWorkspace], low: str, high: str) -> None:
-    workspace, good, wrong = make(shape()), random_program(shape(), 1), random_program(shape(), 2)
-    getattr(wrong, low)[2, 1] = getattr(wrong, high)[2, 1] + 1e-6
-    with pytest.raises(QpDataError, match="lower bound above"):
-        workspace.solve(wrong, None)
-    assert np.max(np.abs(workspace.solve(good, None).point.x - make(shape()).solve(good, None).point.x)) < AGREE
-
-
-@each_workspace
-def test_an_unsolvable_program_is_judged_so_and_the_next_one_is_solved(make: Callable[[StageShape], QpWorkspace]) -> None:
-    workspace, good, wrong = make(shape()), random_program(shape(), 1), random_program(shape(), 2)
-    wrong.x_low[-1], wrong.x_high[-1] = 500.0, 501.0  # out of reach of the inputs
-    result = workspace.solve(wrong, None)
-    assert result.status is not Status.SOLVED
-    assert not residuals(wrong, result.point).primal <= 1e-3
-    assert np.max(np.abs(workspace.solve(good, None).point.x - make(shape()).solve(good, None).point.x)) < AGREE
-
-
-@each_workspace
-def test_a_result_stays_as_it_is_until_the_next_solve(make: Callable[[StageShape], QpWorkspace]) -> None:
-    workspace, other, qp = make(shape()), make(shape()), random_program(shape(), 1)
-    result = workspace.solve(qp, None)
-    kept = {name: values.copy() for name, values in vars(result.point).items()}
-    qp.buffer[:] = 0.0
-    for seed in range(2, 6):
-        other.solve(random_program(shape(), seed), None)
-    del workspace
-    for name, values in vars(result.point).items():
-        assert np.array_equal(values, kept[name])
 
 
 def test_a_shape_without_stages_is_refused() -> None:

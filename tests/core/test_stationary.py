@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from hdvplan.centering.stationary import stationary, tightest_kappa
+from hdvplan.centering.stationary import stationary, tightest_kappa, tightest_road
 from hdvplan.centering.weights import CenteringTable
 from hdvplan.jit import FloatArray
 from hdvplan.vehicle.load import load_vehicle, preset_names
@@ -120,6 +120,17 @@ def test_the_tightest_circle_puts_an_inner_edge_on_the_centre() -> None:
     assert 1.0 / tightest_kappa(load_vehicle("bus")) == pytest.approx(1.27, abs=1e-12)
     lead = 1.0 / tightest_kappa(load_vehicle("tractor-trailer"))
     assert np.sqrt(lead**2 + 0.30**2 - 9.40**2) == pytest.approx(1.27, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_the_tightest_road_is_where_saturation_begins(name: str) -> None:
+    vehicle = load_vehicle(name)
+    tightest = tightest_road(vehicle)
+    assert CenteringTable.of(vehicle).tightest_road == tightest
+    found = stationary(vehicle, tightest * np.array([1.0 - 1e-6, 1.0 + 1e-6]))
+    assert found.saturated.tolist() == [False, True]
+    at = CenteringTable.of(vehicle).at(tightest * np.array([-1.0 - 1e-6, -1.0 + 1e-6, 1.0 - 1e-6, 1.0 + 1e-6]))
+    assert at.saturated.tolist() == [True, False, False, True]
 
 
 def dense_outlines(vehicle: Vehicle) -> list[FloatArray]:

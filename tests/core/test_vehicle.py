@@ -53,6 +53,12 @@ def test_the_longest_truck_allowed_in_sweden_is_24_metres_long() -> None:
     assert vehicle.reach_ahead + vehicle.reach_behind == pytest.approx(3.78 + 1.46 - 0.30 + 13.97 + 4.50, abs=1e-12)
 
 
+def test_a_trailer_that_overtakes_its_lead_counts_as_reach_ahead() -> None:
+    vehicle = Vehicle("pushed", (Unit(3.0, 0.5, 1.0, 2.5, -1.0), Unit(4.0, 6.0, 1.0, 2.5)))
+    # its axle is 3.0 m behind the lead's, its front 10.0 m ahead of that
+    assert vehicle.reach_ahead == pytest.approx(7.0, abs=1e-12)
+
+
 def test_lengths_and_reaches_add_up_along_the_chain() -> None:
     vehicle = three_units()
     assert vehicle.states == 4

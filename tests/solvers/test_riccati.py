@@ -161,7 +161,7 @@ def test_on_recorded_drives_it_always_ends_early(vehicle: str, half_width: float
         result = workspace.solve(qp, None)
         assert result.status is Status.SOLVED
         counts.append(result.iterations)
-    assert max(counts) <= 40  # of 60; the most that these drives took was 30
+    assert max(counts) <= 40  # of 100; the most that these drives took was 30
 
 
 @pytest.mark.parametrize(("vehicle", "half_width"), [("bus", 1.5), ("tractor-trailer", 1.75)])
