@@ -40,13 +40,13 @@ _GENERIC = {
     "clarabel": _Generic("clarabel", "clarabel", True, "interior point"),
     "cvxopt": _Generic("cvxopt", "cvxopt", True, "interior point"),
     "daqp": _Generic("daqp", "daqp", True, "dual active set, dense"),
-    "ecos": _Generic("ecos", "ecos", True, "interior point, as a cone program; needs a definite Hessian"),
+    "ecos": _Generic("ecos", "ecos", True, "interior point, as a cone program; refuses absent bounds"),
     "highs": _Generic("highspy", "highspy", True, "active set"),
     "osqp": _Generic("osqp", "osqp", True, "operator splitting"),
     "piqp": _Generic("piqp", "piqp", True, "proximal interior point"),
     "proxqp": _Generic("proxsuite", "proxsuite", True, "augmented Lagrangian"),
     "qpalm": _Generic("qpalm", "qpalm", True, "augmented Lagrangian"),
-    "quadprog": _Generic("quadprog", "quadprog", True, "dual active set, dense; needs a definite Hessian"),
+    "quadprog": _Generic("quadprog", "quadprog", True, "dual active set; refuses sparse matrices"),
     "scs": _Generic("scs", "scs", True, "operator splitting, as a cone program"),
 }
 
