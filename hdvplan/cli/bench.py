@@ -71,7 +71,7 @@ def bench(
         note(f"{out} holds this run, finished; --fresh measures again", quiet=quiet)
     else:
         if not is_compiled():
-            note("compiling the planning kernels, once per installation: about 10 s", quiet=quiet)
+            note("compiling the planning kernels, once per installation: about 20 s", quiet=quiet)
         courses, makers = courses_of(wanted), {name: solver_named(name) for name in wanted.solvers}
         try:
             if fresh:

@@ -96,7 +96,7 @@ def plan(
         track = track.with_limits(*reaches)
     check_fits(track, driven)
     if not compiled:
-        note("compiling the planning kernels, once per installation: about 10 s", quiet=quiet)
+        note("compiling the planning kernels, once per installation: about 20 s", quiet=quiet)
     with progress(f"planning {driven.name} along {track.name}", quiet=quiet) as on_progress:
         warm_up(driven, centring, make_workspace, settings)
         result = result_of(

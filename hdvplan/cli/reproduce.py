@@ -45,7 +45,7 @@ def reproduce(
     from hdvplan.jit import is_compiled
 
     if not is_compiled():
-        note("compiling the planning kernels, once per installation: about 10 s", quiet=quiet)
+        note("compiling the planning kernels, once per installation: about 20 s", quiet=quiet)
     with progress("reproducing", quiet=quiet, undisturbed=True) as on_progress:
         studies = _run(chosen, out, on_progress)
     if json:
