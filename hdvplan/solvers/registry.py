@@ -31,23 +31,22 @@ class SolverInfo:
 class _Generic:
     distribution: str
     module: str
-    detects_infeasible: bool
     note: str
 
 
 # The solvers of qpsolvers that users may have; whichever is installed is offered.
 _GENERIC = {
-    "clarabel": _Generic("clarabel", "clarabel", True, "interior point"),
-    "cvxopt": _Generic("cvxopt", "cvxopt", True, "interior point"),
-    "daqp": _Generic("daqp", "daqp", True, "dual active set, dense"),
-    "ecos": _Generic("ecos", "ecos", True, "interior point, as a cone program; refuses absent bounds"),
-    "highs": _Generic("highspy", "highspy", True, "active set"),
-    "osqp": _Generic("osqp", "osqp", True, "operator splitting"),
-    "piqp": _Generic("piqp", "piqp", True, "proximal interior point"),
-    "proxqp": _Generic("proxsuite", "proxsuite", True, "augmented Lagrangian"),
-    "qpalm": _Generic("qpalm", "qpalm", True, "augmented Lagrangian"),
-    "quadprog": _Generic("quadprog", "quadprog", True, "dual active set; refuses sparse matrices"),
-    "scs": _Generic("scs", "scs", True, "operator splitting, as a cone program"),
+    "clarabel": _Generic("clarabel", "clarabel", "interior point"),
+    "cvxopt": _Generic("cvxopt", "cvxopt", "interior point"),
+    "daqp": _Generic("daqp", "daqp", "dual active set, dense"),
+    "ecos": _Generic("ecos", "ecos", "interior point, as a cone program; refuses absent bounds"),
+    "highs": _Generic("highspy", "highspy", "active set"),
+    "osqp": _Generic("osqp", "osqp", "operator splitting"),
+    "piqp": _Generic("piqp", "piqp", "proximal interior point"),
+    "proxqp": _Generic("proxsuite", "proxsuite", "augmented Lagrangian"),
+    "qpalm": _Generic("qpalm", "qpalm", "augmented Lagrangian"),
+    "quadprog": _Generic("quadprog", "quadprog", "dual active set; refuses sparse matrices"),
+    "scs": _Generic("scs", "scs", "operator splitting, as a cone program"),
 }
 
 
@@ -60,8 +59,7 @@ def solver_infos() -> list[SolverInfo]:
         SolverInfo("osqp", _version("osqp"), True, True, True, "operator splitting, sparse"),
     ]
     generic = [
-        SolverInfo(f"qpsolvers/{name}", _version(entry.distribution), False, False, entry.detects_infeasible, entry.note)
-        for name, entry in _GENERIC.items()
+        SolverInfo(f"qpsolvers/{name}", _version(entry.distribution), False, False, True, entry.note) for name, entry in _GENERIC.items()
     ]
     return native + generic
 

@@ -48,7 +48,7 @@ def test_an_unknown_name_behind_qpsolvers_is_met_with_those_there_are() -> None:
 
 
 def test_a_solver_that_is_not_installed_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    absent = registry._Generic("no-such-solver-here", "no_such_solver_here", True, "")
+    absent = registry._Generic("no-such-solver-here", "no_such_solver_here", "")
     monkeypatch.setitem(registry._GENERIC, "daqp", absent)
     (info,) = (info for info in solver_infos() if info.name == "qpsolvers/daqp")
     assert info.version is None
