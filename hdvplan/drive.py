@@ -12,7 +12,7 @@ from hdvplan.centering.weights import CenteringTable
 from hdvplan.errors import HdvplanError, PlanError, RoadError
 from hdvplan.evaluation.simulate import simulate
 from hdvplan.jit import FloatArray
-from hdvplan.planning.objectives import Furthest, Objective, Residual
+from hdvplan.planning.objectives import Balanced, Furthest, Objective, Residual
 from hdvplan.planning.planner import Plan, Planner
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations, stations_of
@@ -33,7 +33,7 @@ class Drive:
     vehicle: Vehicle
     settings: PlannerSettings
     stations: Stations
-    centred: Residual | Furthest
+    centred: Residual | Furthest | Balanced
     z: FloatArray  # (samples, n), simulated states at the stations
     kappa: FloatArray  # (samples - 1,), executed curvature [1/m]
     poses_s: FloatArray  # (poses,), arclengths of the finer simulated states [m]

@@ -33,6 +33,17 @@ class Furthest:
     beside: Residual
 
 
+@dataclass(frozen=True)
+class Balanced:
+    """The middle of the swept envelope at every place, measured on the plan; ``aim`` (n,) is where it should lie [m].
+
+    ``beside`` is the stationary residual: all of it where a plan does not yet sweep a place to its end, a small share elsewhere.
+    """
+
+    beside: Residual
+    aim: FloatArray
+
+
 def geometric(stations: Stations) -> Residual:
     """Balance the swept area with the weight K of each station's curvature ([GEO] sec. IV)."""
     weight = stations.centering.weight
@@ -94,6 +105,11 @@ def body_max(stations: Stations) -> Furthest:
     return Furthest(bodies=True, beside=_light(geometric(stations)))
 
 
+def balanced(stations: Stations) -> Balanced:
+    """Balance what the plan itself sweeps, place by place, where curvature changes too."""
+    return Balanced(geometric(stations), np.zeros(len(stations.s)))
+
+
 def _light(residual: Residual) -> Residual:
     """Return a residual at a hundredth of its cost.
 
@@ -104,7 +120,7 @@ def _light(residual: Residual) -> Residual:
     return Residual(*(np.sqrt(_BESIDE) * part for part in (residual.lead, residual.aux, residual.target)))
 
 
-Objective = Callable[[Stations], Residual | Furthest]
+Objective = Callable[[Stations], Residual | Furthest | Balanced]
 
 _BESIDE = 0.01
 _WEIGHTED = "art-weighted"
@@ -116,6 +132,7 @@ OBJECTIVES: dict[str, Objective] = {
     _WEIGHTED: art_weighted,
     "axle-max": axle_max,
     "body-max": body_max,
+    "balanced": balanced,
 }
 
 

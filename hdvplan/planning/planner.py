@@ -10,9 +10,10 @@ import numpy as np
 
 from hdvplan.errors import PlanError, SolverError
 from hdvplan.jit import FloatArray
+from hdvplan.planning.balanced import Balancing
 from hdvplan.planning.linearise import ROWS_PER_EDGE, linearise, write_inputs
 from hdvplan.planning.motion import Motion, flat_stages, shift_stages, take_step
-from hdvplan.planning.objectives import Furthest, Residual
+from hdvplan.planning.objectives import Balanced, Furthest, Residual
 from hdvplan.planning.qp import Residuals, StageQp, StageShape, StageSolution, residuals
 from hdvplan.planning.reach import linearise_reach, watched_points, write_epigraph
 from hdvplan.planning.settings import Discretisation, PlannerSettings, Scheme
@@ -60,7 +61,7 @@ class Planner:
         self,
         vehicle: Vehicle,
         stations: Stations,
-        centred: Residual | Furthest,
+        centred: Residual | Furthest | Balanced,
         settings: PlannerSettings,
         make_workspace: Callable[[StageShape], QpWorkspace],
     ) -> None:
@@ -70,6 +71,7 @@ class Planner:
         self._limited = stations.limits.values.size > 0
         self._residual = centred if isinstance(centred, Residual) else centred.beside
         self._reach_points, self._reach_half = watched_points(vehicle, centred)
+        self._balancing = Balancing.of(vehicle, stations, centred.aim, settings.stages) if isinstance(centred, Balanced) else None
         self._motion = Motion.empty(vehicle, settings.stages, self._reach_points)
         self._midpoint = settings.discretisation is Discretisation.MIDPOINT
         watched = self._reach_points.shape[0] * self._reach_points.shape[1]
@@ -83,6 +85,7 @@ class Planner:
         multipliers = self._guess.multipliers() if self._guess else ()
         self._moving = self._motion.by_stage() + flat_stages((qp.A, qp.B, qp.c, qp.Q, qp.q, qp.G, qp.h, *multipliers))
         self._last: int | None = None  # the last plan's first station
+        self._fixed = 0
 
     def plan(self, first: int, z_start: FloatArray, kappa_before: float) -> Plan:
         """Plan from state ``z_start`` at station ``first``; ``kappa_before`` is the curvature held until there [1/m].
@@ -105,6 +108,12 @@ class Planner:
         kept = 0 if by is None else max(settings.stages + 1 - by, 0)  # stages that the last plan still covers
         if by and kept:
             shift_stages(self._moving, by)
+        if self._balancing is not None:
+            if by is None:
+                self._balancing.begin()
+            else:
+                self._balancing.keep(first - by, by)
+        self._fixed = 0 if iterate else settings.executed  # stages that no later program can change
         if self._reach_points.size:
             write_epigraph(qp, self._vehicle.states + 1, self._reach_rows[0])
         motion.guess(self._stations, first, kept)
@@ -163,6 +172,8 @@ class Planner:
             motion.kappa, motion.aux_feet, motion.axis_feet, motion.feet, motion.gaps, begin, qp.A, qp.B, qp.c, qp.Q, qp.q,
             *self._limit_rows,
         )  # fmt: skip
+        if lost < 0 and begin == 1 and self._balancing is not None:
+            self._balancing.write(first, self._fixed, motion.z, qp.Q, qp.q)
         if lost < 0 and self._reach_points.size:
             lost = linearise_reach(
                 self._units, self._reach_points, self._reach_half, path.coefficients, path.s_first, path.spacing,

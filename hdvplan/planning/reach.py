@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from hdvplan.jit import FloatArray, compiled
-from hdvplan.planning.objectives import Furthest, Residual
+from hdvplan.planning.objectives import Balanced, Furthest, Residual
 from hdvplan.planning.qp import StageQp
 from hdvplan.road.path import project
 from hdvplan.vehicle.body import axle_points, edge_points
@@ -19,10 +19,10 @@ from hdvplan.vehicle.model import Vehicle
 _FURTHEST_M = 100.0  # more than any vehicle can reach off its road; bounds of a variable that needs none
 
 
-def watched_points(vehicle: Vehicle, centred: Residual | Furthest) -> tuple[FloatArray, FloatArray]:
+def watched_points(vehicle: Vehicle, centred: Residual | Furthest | Balanced) -> tuple[FloatArray, FloatArray]:
     """Return the points whose largest reach is the objective, as ``edge_points``, and how far off their axes they lie [m]."""
     half = vehicle.table()[:, 4]
-    if isinstance(centred, Residual):
+    if not isinstance(centred, Furthest):
         return np.empty((len(half), 0, 2)), half
     return (edge_points(vehicle), half) if centred.bodies else (axle_points(vehicle), np.zeros_like(half))
 
