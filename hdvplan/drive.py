@@ -12,7 +12,9 @@ from hdvplan.centering.weights import CenteringTable
 from hdvplan.errors import HdvplanError, PlanError, RoadError
 from hdvplan.evaluation.simulate import simulate
 from hdvplan.jit import FloatArray
-from hdvplan.planning.objectives import Balanced, Furthest, Objective, Residual
+from hdvplan.planning.bias import NONE, Bias
+from hdvplan.planning.motion import aux_ahead
+from hdvplan.planning.objectives import Balanced, Furthest, Objective, Residual, aimed
 from hdvplan.planning.planner import Plan, Planner
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations, stations_of
@@ -49,16 +51,18 @@ def drive(
     make_workspace: WorkspaceMaker,
     settings: PlannerSettings,
     *,
+    bias: Bias = NONE,
     on_progress: Callable[[float], None] | None = None,
     on_plan: Callable[[Plan], None] | None = None,
 ) -> Drive:
     """Plan and execute ``vehicle`` along all of ``road``; ``on_progress`` receives the driven share after each step.
 
-    The vehicle starts in the stationary geometry of the road's first point and its curvature. ``on_plan`` receives every
+    ``bias`` is where the middle of the swept envelope should lie. The vehicle starts in the stationary geometry of the road's first point and its curvature. ``on_plan`` receives every
     plan before it is executed, so that a drive that ends in an error, its own or the caller's, leaves its plans.
 
     Raises:
         RoadError: the road is shorter than the vehicle.
+        OptionError: a bias that the road has no room for, or with an objective that cannot have one.
         PlanError: the vehicle cannot be planned further, or the executed motion leaves the model's domain.
 
     """
@@ -66,8 +70,8 @@ def drive(
     if road.path.length < length:
         msg = f"the road is {road.path.length:.1f} m long, shorter than the vehicle ({length:.1f} m)"
         raise RoadError(msg)
-    stations = stations_of(road, vehicle, CenteringTable.of(vehicle), step=settings.step, horizon=settings.horizon)
-    centred = objective(stations)
+    stations = stations_of(road, vehicle, CenteringTable.of(vehicle), step=settings.step, horizon=settings.horizon, bias=bias)
+    centred = aimed(objective(stations), stations, aux_ahead(vehicle))
     planner = Planner(vehicle, stations, centred, settings, make_workspace)
     units = vehicle.table()
     keep = int(np.ceil(settings.step / POSE_SPACING_M))

@@ -21,11 +21,11 @@ from hdvplan.vehicle.kinematics import place, point_gradient
 from hdvplan.vehicle.model import Vehicle
 
 ROUNDING_M = 0.05  # an imbalance counts with its square up to about this, with its magnitude beyond
-BESIDE = 0.025  # share of the stationary residual that is kept: it holds the largest reach down where the two disagree
+BESIDE = 0.02  # share of the stationary residual that is kept: it holds the largest reach down where the two disagree
+RELAXATION = 4.0 / 3.0  # of a step: halves and wholes of the way to the optimum become two thirds and four thirds
 _TIE_M = 1e-4  # a point takes a place over from another one when it reaches this much further
 _INSIDE = 0.05  # smallest 1 - k e at which a point has a foot
 _ROOM = 2  # places and stages beyond the vehicle's length, for bodies that stand askew
-_FOOT, _OFFSET, _COS, _SIN, _CURVATURE = range(5)  # of a point's track
 
 
 def tracing_points(vehicle: Vehicle) -> FloatArray:
@@ -52,31 +52,32 @@ class Balancing:
     before: int  # places behind the first stage that the vehicle can still sweep
     start: FloatArray  # (units, 6), places that the points lie ahead of the lead rear axle's on a straight
     poses: FloatArray  # (N+1, units, 6)
-    tracks: FloatArray  # (N+1, units, 6, 5), foot [m], offset [m], road's heading (cos, sin) and curvature there
+    tracks: FloatArray  # (N+1, units, 6, 2), foot and offset [m]
     driven: FloatArray  # (2, places), furthest reach left and right of what has been driven, both outwards [m]
     reach: FloatArray  # (2, places), with the plan
     slope: FloatArray  # (2, places), of the track that reaches furthest, outwards over s
     made_by: IntArray  # (2, places, 3), its stage, unit and point; stage -1: driven
 
     @classmethod
-    def of(cls, vehicle: Vehicle, stations: Stations, aim: FloatArray, stages: int) -> Balancing:
-        """Return the memory for horizons of ``stages`` intervals; ``aim`` as in ``Balanced``."""
+    def of(cls, vehicle: Vehicle, stations: Stations, wanted: Balanced, stages: int) -> Balancing:
+        """Return the memory for horizons of ``stages`` intervals."""
         units, places = vehicle.table(), len(stations.s)
         points = tracing_points(vehicle)
         before = int(np.ceil(vehicle.reach_behind / stations.step)) + _ROOM
         after = int(np.ceil(vehicle.reach_ahead / stations.step)) + _ROOM
+        swept = min(stages - before, int(min(wanted.ahead / stations.step, stages)) + after)
         return cls(
             points,
             units,
             stations.road,
-            aim,
+            wanted.aim,
             stations.step,
-            stages - before - after,
-            stages - before,
+            swept - after,
+            swept,
             before,
             np.round((points[:, :, 0] - axles_behind(vehicle)[:, None]) / stations.step),
             np.zeros((stages + 1, len(units), 6)),
-            np.zeros((stages + 1, *points.shape[:2], 5)),
+            np.zeros((stages + 1, *points.shape[:2], 2)),
             np.full((2, places), -np.inf),
             np.full((2, places), -np.inf),
             np.zeros((2, places)),
@@ -123,7 +124,7 @@ def _trace(
                 u, v = points[unit, point, 0], points[unit, point, 1]
                 px, py = x + u * cos_u - v * sin_u, y + u * sin_u + v * cos_u
                 near = at + int(start[unit, point])
-                ahead = beside = cos = sin = k = 0.0
+                ahead = beside = k = 0.0
                 inside = 1.0
                 for _ in range(4):
                     near = min(max(near, 0), last)
@@ -135,12 +136,10 @@ def _trace(
                     ahead /= inside
                     if abs(ahead) <= 0.75 * step:
                         break
-                    near += int(np.round(ahead / step))
+                    near += int(np.floor(ahead / step + 0.5))
                 turn = k * ahead
                 tracks[i, unit, point, 0] = near * step + ahead * (1.0 - turn * turn / 3.0) if inside > _INSIDE else np.nan
                 tracks[i, unit, point, 1] = beside - 0.5 * turn * ahead * inside
-                tracks[i, unit, point, 2], tracks[i, unit, point, 3] = cos - turn * sin, sin + turn * cos
-                tracks[i, unit, point, 4] = k
 
 
 @compiled
@@ -202,12 +201,16 @@ def _balance(
             u, v = points[unit, point, 0], points[unit, point, 1]
             x = poses[i, unit, 0] + u * poses[i, unit, 2] - v * poses[i, unit, 3]
             y = poses[i, unit, 1] + u * poses[i, unit, 3] + v * poses[i, unit, 2]
-            cos, sin = tracks[i, unit, point, 2], tracks[i, unit, point, 3]
+            s = tracks[i, unit, point, 0]
+            near = int(s / step + 0.5)
+            k = road[4, near]
+            turn = k * (s - near * step)
+            cos, sin = road[2, near] - turn * road[3, near], road[3, near] + turn * road[2, near]  # the road's heading at the foot
             # The place is fixed while the point's foot moves: by the track's slope that changes the reach there.
-            rise = (1.0 - 2.0 * side) * slope[side, m] / (1.0 - tracks[i, unit, point, 4] * tracks[i, unit, point, 1])
+            rise = (1.0 - 2.0 * side) * slope[side, m] / (1.0 - k * tracks[i, unit, point, 1])
             at = first + i
             point_gradient(poses[i], unit, x, y, road[2, at], road[3, at], -sin - rise * cos, cos - rise * sin, gradient)
             for j in range(n):
                 q[i, j] += 2.0 * weight * wrong * gradient[j]
                 for k in range(n):
-                    Q[i, j, k] += 2.0 * weight / share * gradient[j] * gradient[k]
+                    Q[i, j, k] += 2.0 / RELAXATION * weight / share * gradient[j] * gradient[k]

@@ -47,7 +47,7 @@ class Motion:
             np.zeros(feet),
             np.full(feet, np.inf),
             np.zeros((stages + 1, *reach_points.shape[:2], 2)),
-            vehicle.lead.wheelbase if units == 1 else -float(behind[-1]),
+            aux_ahead(vehicle),
             axis_points(vehicle) - behind[:, None],
             edge_points(vehicle)[:, :, :1] - behind[:, None, None],
             reach_points[:, :, :1] - behind[:, None, None],
@@ -77,6 +77,11 @@ def axles_behind(vehicle: Vehicle) -> FloatArray:
     """Return every axle's distance behind the lead rear axle on a straight, shape (units,) [m]."""
     steps = [ahead.hitch_offset + unit.wheelbase for ahead, unit in zip(vehicle.units, vehicle.units[1:], strict=False)]
     return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def aux_ahead(vehicle: Vehicle) -> float:
+    """Return how far the auxiliary axle lies ahead of the lead rear axle on a straight [m]: a bus's front, a chain's last axle."""
+    return vehicle.lead.wheelbase if len(vehicle.units) == 1 else -float(axles_behind(vehicle)[-1])
 
 
 def flat_stages(arrays: tuple[FloatArray, ...]) -> tuple[FloatArray, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -42,6 +42,8 @@ class Balanced:
 
     beside: Residual
     aim: FloatArray
+    ahead: float = 60.0  # as far as this the balance counts: the places beyond are planned again before they are driven [m]
+    rounds: int = 10  # a plan that iterates solves at most so many programs; see ``docs/balanced.md`` for when it stands still
 
 
 def geometric(stations: Stations) -> Residual:
@@ -108,6 +110,31 @@ def body_max(stations: Stations) -> Furthest:
 def balanced(stations: Stations) -> Balanced:
     """Balance what the plan itself sweeps, place by place, where curvature changes too."""
     return Balanced(geometric(stations), np.zeros(len(stations.s)))
+
+
+def aimed(centred: Residual | Furthest | Balanced, stations: Stations, aux_ahead: float) -> Residual | Furthest | Balanced:
+    """Return an objective about the wanted bias of the stations; ``aux_ahead`` [m] is where the auxiliary axle lies.
+
+    K (e_y - e_y*) + (e_aux - e_aux*) with the stationary offsets of the biased circle: those of the circle itself cancel by
+    the choice of K, and what remains of the target is each axle's bias at its own place.
+
+    Raises:
+        OptionError: the objective has no residual.
+
+    """
+    if not np.any(stations.bias):
+        return centred
+    if isinstance(centred, Balanced):
+        return replace(centred, beside=_about(centred.beside, stations, aux_ahead), aim=centred.aim + stations.bias)
+    if isinstance(centred, Residual):
+        return _about(centred, stations, aux_ahead)
+    msg = "an objective that keeps the largest reach small cannot be combined with a bias"
+    raise OptionError(msg, hint="choose --objective geometric or balanced")
+
+
+def _about(residual: Residual, stations: Stations, aux_ahead: float) -> Residual:
+    at_aux = np.interp(stations.s + aux_ahead, stations.s, stations.bias)
+    return replace(residual, target=residual.target + residual.lead * stations.bias + residual.aux * at_aux)
 
 
 def _light(residual: Residual) -> Residual:

@@ -71,7 +71,8 @@ class Planner:
         self._limited = stations.limits.values.size > 0
         self._residual = centred if isinstance(centred, Residual) else centred.beside
         self._reach_points, self._reach_half = watched_points(vehicle, centred)
-        self._balancing = Balancing.of(vehicle, stations, centred.aim, settings.stages) if isinstance(centred, Balanced) else None
+        self._balancing = Balancing.of(vehicle, stations, centred, settings.stages) if isinstance(centred, Balanced) else None
+        self._rounds = min(settings.sqp_iterations, centred.rounds) if isinstance(centred, Balanced) else settings.sqp_iterations
         self._motion = Motion.empty(vehicle, settings.stages, self._reach_points)
         self._midpoint = settings.discretisation is Discretisation.MIDPOINT
         watched = self._reach_points.shape[0] * self._reach_points.shape[1]
@@ -120,7 +121,7 @@ class Planner:
         motion.z[0] = z_start
         self._linearise(first, max(kept, 1))
         linearising += perf_counter() - began
-        while qp_count < settings.sqp_iterations:
+        while qp_count < self._rounds:
             mark = perf_counter()
             write_inputs(
                 motion.kappa, kappa_before, self._vehicle.max_curvature, self._vehicle.max_curvature_rate * settings.step,

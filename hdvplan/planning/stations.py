@@ -6,13 +6,14 @@ step is a slice and nothing about the road is computed twice.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from hdvplan.centering.weights import Centering, CenteringTable
 from hdvplan.jit import FloatArray
+from hdvplan.planning.bias import NONE, Bias, shifted
 from hdvplan.road.path import ReferencePath, evaluate_many
 from hdvplan.road.road import Road
 from hdvplan.vehicle.model import Vehicle
@@ -46,10 +47,16 @@ class Stations:
     centering: Centering
     limits: LimitTable
     around: FloatArray
+    bias: FloatArray  # wanted middle of the swept envelope, (n,) [m]; ``centering`` is that of the line there
 
 
-def stations_of(road: Road, vehicle: Vehicle, table: CenteringTable, *, step: float, horizon: float) -> Stations:
-    """Sample ``road`` for driving ``vehicle`` along all of it with the given step and horizon [m]."""
+def stations_of(road: Road, vehicle: Vehicle, table: CenteringTable, *, step: float, horizon: float, bias: Bias = NONE) -> Stations:
+    """Sample ``road`` for driving ``vehicle`` along all of it with the given step and horizon [m], balanced about ``bias``.
+
+    Raises:
+        OptionError: the bias lies beyond the road's centre of curvature.
+
+    """
     count = int(np.ceil(road.path.length / step - 1e-9)) + round(horizon / step) + 1
     last = step * count
     before, after = vehicle.reach_behind + _ROOM_M, last - road.path.length + vehicle.reach_ahead + _ROOM_M
@@ -59,7 +66,10 @@ def stations_of(road: Road, vehicle: Vehicle, table: CenteringTable, *, step: fl
     between = evaluate_many(path.coefficients, path.s_first, path.spacing, s + 0.5 * step)[4]
     limits = limit_table(road, path)
     around = _around(path, limits, s, vehicle)
-    return Stations(path, step, s, at_stations, between, table.at(at_stations[4]), limits, around)
+    offset = bias.at(s)
+    balanced = table.at(shifted(at_stations[4], offset, s))
+    centering = replace(balanced, e_y=balanced.e_y + offset, e_aux=balanced.e_aux + offset)
+    return Stations(path, step, s, at_stations, between, centering, limits, around, offset)
 
 
 def _around(path: ReferencePath, limits: LimitTable, s: FloatArray, vehicle: Vehicle) -> FloatArray:
