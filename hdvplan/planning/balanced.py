@@ -24,7 +24,7 @@ ROUNDING_M = 0.05  # an imbalance counts with its square up to about this, with 
 BESIDE = 0.02  # share of the stationary residual that is kept: it holds the largest reach down where the two disagree
 RELAXATION = 4.0 / 3.0  # of a step: halves and wholes of the way to the optimum become two thirds and four thirds
 _TIE_M = 1e-4  # a point takes a place over from another one when it reaches this much further
-_INSIDE = 0.05  # smallest 1 - k e at which a point has a foot
+_FOOTLESS = 0.95  # curvature times offset from which on a point counts as without a foot
 _ROOM = 2  # places and stages beyond the vehicle's length, for bodies that stand askew
 
 
@@ -112,7 +112,7 @@ def _trace(
 ) -> None:  # fmt: skip
     """Write poses and tracks of stages 0 <= i < end; a foot is NaN where there is none.
 
-    Feet are those on the circle of curvature at the nearest station: within 1e-4 m for a curvature that changes by 0.02 1/m^2.
+    Feet are those on the road's circle of curvature at the station nearest to the axis.
     """
     last = road.shape[1] - 1
     for i in range(end):
@@ -120,26 +120,26 @@ def _trace(
         place(units, road[0, at], road[1, at], road[2, at], road[3, at], z[i], poses[i])
         for unit in range(units.shape[0]):
             x, y, cos_u, sin_u = poses[i, unit, 0], poses[i, unit, 1], poses[i, unit, 2], poses[i, unit, 3]
-            for point in range(points.shape[1]):
-                u, v = points[unit, point, 0], points[unit, point, 1]
-                px, py = x + u * cos_u - v * sin_u, y + u * sin_u + v * cos_u
+            for point in range(0, points.shape[1], 2):
+                u, half = points[unit, point, 0], points[unit, point, 1]
+                px, py = x + u * cos_u, y + u * sin_u
                 near = at + int(start[unit, point])
-                ahead = beside = k = 0.0
-                inside = 1.0
+                ahead = beside = cos = sin = k = 0.0
                 for _ in range(4):
                     near = min(max(near, 0), last)
                     dx, dy, cos, sin, k = px - road[0, near], py - road[1, near], road[2, near], road[3, near], road[4, near]
                     ahead, beside = dx * cos + dy * sin, dy * cos - dx * sin
-                    inside = 1.0 - k * beside
-                    if not inside > _INSIDE:
+                    if not k * beside < _FOOTLESS or abs(ahead) <= 0.75 * step * (1.0 - k * beside):
                         break
-                    ahead /= inside
-                    if abs(ahead) <= 0.75 * step:
-                        break
-                    near += int(np.floor(ahead / step + 0.5))
-                turn = k * ahead
-                tracks[i, unit, point, 0] = near * step + ahead * (1.0 - turn * turn / 3.0) if inside > _INSIDE else np.nan
-                tracks[i, unit, point, 1] = beside - 0.5 * turn * ahead * inside
+                    near += int(np.floor(ahead / (step * (1.0 - k * beside)) + 0.5))
+                askew, along = half * (cos * sin_u - sin * cos_u), half * (cos * cos_u + sin * sin_u)
+                for side in range(2):
+                    offset = beside + (along if side == 0 else -along)
+                    inside = 1.0 - k * offset
+                    moved = (ahead + (-askew if side == 0 else askew)) / inside
+                    turn = k * moved
+                    tracks[i, unit, point + side, 0] = near * step + moved if k * offset < _FOOTLESS else np.nan
+                    tracks[i, unit, point + side, 1] = offset - 0.5 * turn * moved * inside
 
 
 @compiled
