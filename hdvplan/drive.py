@@ -42,6 +42,7 @@ class Drive:
     poses_z: FloatArray  # (poses, n)
     plans: tuple[Plan, ...]
     prediction_error: float  # largest difference of planned and simulated position over the executed parts [m]
+    bias: Bias = NONE  # where the middle of the swept envelope was wanted
 
 
 def drive(
@@ -57,8 +58,9 @@ def drive(
 ) -> Drive:
     """Plan and execute ``vehicle`` along all of ``road``; ``on_progress`` receives the driven share after each step.
 
-    ``bias`` is where the middle of the swept envelope should lie. The vehicle starts in the stationary geometry of the road's first point and its curvature. ``on_plan`` receives every
-    plan before it is executed, so that a drive that ends in an error, its own or the caller's, leaves its plans.
+    ``bias`` is where the middle of the swept envelope should lie. The vehicle starts in the stationary geometry of the road's
+    first point and its curvature. ``on_plan`` receives every plan before it is executed, so that a drive that ends in an
+    error, its own or the caller's, leaves its plans.
 
     Raises:
         RoadError: the road is shorter than the vehicle.
@@ -100,7 +102,9 @@ def drive(
             on_progress(at / total)
     poses = np.concatenate(fine)
     poses_s = settings.step / keep * np.arange(len(poses), dtype=np.float64)
-    return Drive(road, vehicle, settings, stations, centred, poses[::keep], np.concatenate(executed), poses_s, poses, tuple(plans), error)
+    return Drive(
+        road, vehicle, settings, stations, centred, poses[::keep], np.concatenate(executed), poses_s, poses, tuple(plans), error, bias
+    )  # fmt: skip
 
 
 def warm_up(vehicle: Vehicle, objective: Objective, make_workspace: WorkspaceMaker, settings: PlannerSettings) -> None:
@@ -110,7 +114,8 @@ def warm_up(vehicle: Vehicle, objective: Objective, make_workspace: WorkspaceMak
     """
     length = vehicle.reach_ahead + vehicle.reach_behind + settings.replan
     bend = Road("bend", from_curvature(np.array([0.0, length]), np.array([0.0, _WARM_UP_CURVATURE])))
-    brief = replace(settings, horizon=2.0 * settings.replan, sqp_iterations=2)
+    horizon = settings.replan * float(np.ceil(length / settings.replan) + 2.0)  # long enough for objectives that watch the whole vehicle
+    brief = replace(settings, horizon=horizon, sqp_iterations=2)
     for half_width in (2.0 * vehicle.width, 0.51 * vehicle.width):  # the tight ones make rows bind
         with suppress(HdvplanError):
             drive(bend.with_limits(half_width, half_width), vehicle, objective, make_workspace, brief)

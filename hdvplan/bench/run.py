@@ -15,7 +15,7 @@ from hdvplan.drive import Drive, drive, warm_up
 from hdvplan.errors import HdvplanError
 from hdvplan.evaluation.balance import balance_of
 from hdvplan.evaluation.envelope import envelope_of
-from hdvplan.planning.objectives import geometric
+from hdvplan.planning.objectives import Objective, geometric, objective_named
 from hdvplan.planning.planner import Plan, qp_shape
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.solvers.registry import WorkspaceMaker
@@ -50,14 +50,14 @@ def run(
         if not (part := part_file(directory, index, round_)).exists()
     ]
     lengths = np.array([courses[index // entrants].road.path.length for _, index, _ in order])
-    warm = set()
+    warm, objective = set(), objective_named(suite.objective)
     for number, (part, index, judged) in enumerate(order):
         course, cell = courses[index // entrants], cells[index]
         settings, make = suite.settings(cell.scheme), makers[cell.solver]
         if (cell.vehicle, cell.solver) not in warm:
-            warm_up(course.vehicle, geometric, make, settings)
+            warm_up(course.vehicle, objective, make, settings)
             warm.add((cell.vehicle, cell.solver))
-        write_part(part, measure(course, settings, make, budget=suite.budget, judged=judged))
+        write_part(part, measure(course, settings, make, objective, budget=suite.budget, judged=judged))
         on_progress(float(np.sum(lengths[: number + 1]) / np.sum(lengths)))
 
 
@@ -66,7 +66,15 @@ def remaining(suite: Suite, directory: Path) -> int:
     return sum(not part_file(directory, cell, round_).exists() for cell in range(len(suite.cells())) for round_ in range(suite.rounds))
 
 
-def measure(course: Course, settings: PlannerSettings, make_workspace: WorkspaceMaker, *, budget: float, judged: bool) -> Measurement:
+def measure(
+    course: Course,
+    settings: PlannerSettings,
+    make_workspace: WorkspaceMaker,
+    objective: Objective = geometric,
+    *,
+    budget: float,
+    judged: bool,
+) -> Measurement:
     """Drive a course once and return every planning step; what was swept only if it is to be ``judged``.
 
     The first plan sets the solver up and iterates to convergence, which warms the processor's caches for the others. A
@@ -89,7 +97,7 @@ def measure(course: Course, settings: PlannerSettings, make_workspace: Workspace
     gc.collect()
     gc.disable()
     try:
-        driven = drive(road, vehicle, geometric, make_workspace, settings, on_plan=keep)
+        driven = drive(road, vehicle, objective, make_workspace, settings, on_plan=keep)
         gc.enable()
         judgement = judge(driven) if judged else None
     except _OverBudgetError:

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from hdvplan.errors import OptionError
+from hdvplan.planning.objectives import objective_named
 from hdvplan.planning.settings import PlannerSettings, Scheme
 
 # Gentle and tight, 345 m to 12 km: roundabouts, a loop that crosses itself, S-bends, a closed ring, hairpins, a U-turn.
@@ -28,6 +29,7 @@ ROADS = (
     "goteborg_lindholmsallen_uturn",
 )
 _LISTS = ("roads", "vehicles", "schemes", "solvers")
+_WATCHED = ("axle-max", "body-max")
 _OPTIONAL = ("half_width", "pinch")
 
 
@@ -56,6 +58,7 @@ class Suite:
     roads: tuple[str, ...] = ROADS
     vehicles: tuple[str, ...] = ("bus", "tractor-trailer")
     schemes: tuple[str, ...] = ("rti", "sqp")
+    objective: str = "geometric"
     solvers: tuple[str, ...] = ("riccati", "piqp", "clarabel", "osqp")
     rounds: int = 3
     budget: float = 60.0  # of planning time for one drive [s]
@@ -78,6 +81,10 @@ class Suite:
             if scheme not in list(Scheme):
                 msg = f"unknown scheme {scheme!r}"
                 raise OptionError(msg, hint=f"schemes: {', '.join(Scheme)}")
+        if self.objective in _WATCHED:
+            msg = f"objective {self.objective!r} cannot be timed here: its program has rows of its own for every watched point"
+            raise OptionError(msg, hint="choose geometric or balanced")
+        objective_named(self.objective)
         if self.rounds < 1:
             msg = f"rounds must be a positive number, not {self.rounds}"
             raise OptionError(msg)

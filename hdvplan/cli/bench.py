@@ -20,6 +20,9 @@ def bench(
     vehicles: Annotated[str | None, typer.Option("--vehicles", metavar="A,B", help="Presets or vehicle files.")] = None,
     roads: Annotated[str | None, typer.Option("--roads", metavar="A,B", help="Road files, or names from `hdvplan roads list`.")] = None,
     schemes: Annotated[str | None, typer.Option("--schemes", metavar="rti,sqp", help="How often a step linearises and solves.")] = None,
+    objective: Annotated[
+        str | None, typer.Option("--objective", metavar="NAME", help="What all plans centre [default: geometric].")
+    ] = None,
     rounds: Annotated[int | None, typer.Option("--rounds", metavar="N", help="Drives of every cell.")] = None,
     budget: Annotated[float | None, typer.Option("--budget", metavar="S", help="Most planning time of one drive [s].")] = None,
     half_width: Annotated[float | None, typer.Option("--half-width", metavar="M", help="Limits at +-M [m].")] = None,
@@ -61,7 +64,8 @@ def bench(
     from hdvplan.solvers.registry import solver_named
 
     given = {
-        "roads": _names(roads), "vehicles": _names(vehicles), "schemes": _names(schemes), "solvers": _names(solvers), "rounds": rounds,
+        "roads": _names(roads), "vehicles": _names(vehicles), "schemes": _names(schemes), "solvers": _names(solvers),
+        "objective": objective, "rounds": rounds,
         "budget": budget, "limits": False if no_limits else None, "half_width": half_width, "slack": slack, "pinch": pinch,
         "horizon": horizon, "step": step, "replan": replan,
     }  # fmt: skip

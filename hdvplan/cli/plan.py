@@ -40,9 +40,18 @@ def plan(
         typer.Option(
             "--objective",
             metavar="NAME",
-            help="geometric, geometric-fixed, lead-axle, trail-axle, art-weighted, art-weighted:0.45, axle-max or body-max.",
+            help="geometric, balanced, geometric-fixed, lead-axle, trail-axle, art-weighted, art-weighted:0.45, axle-max or body-max.",
         ),
     ] = "geometric",
+    bias: Annotated[
+        str | None,
+        typer.Option(
+            "--bias",
+            metavar="M|FILE.csv|centre",
+            help="Where the middle of the swept area should lie [m], left positive: a number, a file with columns s,bias, "
+            "or half-way between the limits.",
+        ),
+    ] = None,
     half_width: Annotated[float | None, typer.Option("--half-width", metavar="M", help="Limits at +-M [m].")] = None,
     left: Annotated[float | None, typer.Option("--left", metavar="M", help="Left limit [m]; needs --right.")] = None,
     right: Annotated[float | None, typer.Option("--right", metavar="M", help="Right limit, positive [m]; needs --left.")] = None,
@@ -73,6 +82,7 @@ def plan(
         raise OptionError(msg)
     from hdvplan.drive import drive, warm_up
     from hdvplan.jit import is_compiled
+    from hdvplan.planning.bias import NONE, bias_named
     from hdvplan.planning.objectives import objective_named
     from hdvplan.planning.settings import Discretisation, PlannerSettings, Scheme
     from hdvplan.report.result import result_of
@@ -95,12 +105,15 @@ def plan(
     if reaches is not None:
         track = track.with_limits(*reaches)
     check_fits(track, driven)
+    aim = NONE if bias is None else bias_named(bias, track.limits)
     if not compiled:
         note("compiling the planning kernels, once per installation: about 20 s", quiet=quiet)
     with progress(f"planning {driven.name} along {track.name}", quiet=quiet) as on_progress:
         warm_up(driven, centring, make_workspace, settings)
         result = result_of(
-            drive(track, driven, centring, make_workspace, settings, on_progress=on_progress), solver=solver or DEFAULT, objective=objective
+            drive(track, driven, centring, make_workspace, settings, bias=aim, on_progress=on_progress),
+            solver=solver or DEFAULT,
+            objective=objective,
         )
     directory = out or Path(f"{_file_name(track.name)}.{_file_name(driven.name)}")
     _write(result, directory, plot=plot)

@@ -20,9 +20,6 @@ from hdvplan.planning.stations import Stations
 from hdvplan.vehicle.kinematics import place, point_gradient
 from hdvplan.vehicle.model import Vehicle
 
-ROUNDING_M = 0.05  # an imbalance counts with its square up to about this, with its magnitude beyond
-BESIDE = 0.02  # share of the stationary residual that is kept: it holds the largest reach down where the two disagree
-RELAXATION = 4.0 / 3.0  # of a step: halves and wholes of the way to the optimum become two thirds and four thirds
 _TIE_M = 1e-4  # a point takes a place over from another one when it reaches this much further
 _FOOTLESS = 0.95  # curvature times offset from which on a point counts as without a foot
 _ROOM = 2  # places and stages beyond the vehicle's length, for bodies that stand askew
@@ -45,7 +42,7 @@ class Balancing:
     points: FloatArray  # (units, 6, 2)
     units: FloatArray
     road: FloatArray  # (5, places), stations of the whole drive
-    aim: FloatArray  # (places,), wanted middle of the envelope [m]
+    wanted: Balanced
     step: float  # [m]
     stages: int  # last stage whose objective is the balance
     places: int  # last place, counted from the first stage, that the plan sweeps from end to end
@@ -70,7 +67,7 @@ class Balancing:
             points,
             units,
             stations.road,
-            wanted.aim,
+            wanted,
             stations.step,
             swept - after,
             swept,
@@ -98,10 +95,12 @@ class Balancing:
 
         Stages up to ``fixed`` will not change any more: what they sweep is left to the other side to match.
         """
+        wanted = self.wanted
         if self.stages > 0:
             _balance(
-                self.units, self.points, self.road, self.aim, self.step, z, first, fixed, self.stages, self.places, self.before,
-                self.start, self.poses, self.tracks, self.driven, self.reach, self.slope, self.made_by, Q, q,
+                self.units, self.points, self.road, wanted.aim, wanted.share, wanted.rounding, wanted.relaxation, self.step, z, first,
+                fixed, self.stages, self.places, self.before, self.start, self.poses, self.tracks, self.driven, self.reach, self.slope,
+                self.made_by, Q, q,
             )  # fmt: skip
 
 
@@ -171,9 +170,9 @@ def _cover(
 
 @compiled
 def _balance(
-    units: FloatArray, points: FloatArray, road: FloatArray, aim: FloatArray, step: float, z: FloatArray, first: int, fixed: int,
-    stages: int, places: int, before: int, start: FloatArray, poses: FloatArray, tracks: FloatArray, driven: FloatArray,
-    reach: FloatArray, slope: FloatArray, made_by: IntArray, Q: FloatArray, q: FloatArray,
+    units: FloatArray, points: FloatArray, road: FloatArray, aim: FloatArray, beside: float, rounding: float, relaxation: float,
+    step: float, z: FloatArray, first: int, fixed: int, stages: int, places: int, before: int, start: FloatArray, poses: FloatArray,
+    tracks: FloatArray, driven: FloatArray, reach: FloatArray, slope: FloatArray, made_by: IntArray, Q: FloatArray, q: FloatArray,
 ) -> None:  # fmt: skip
     """Measure a plan's envelope and write Q, q of the imbalance at stages 1 <= i <= stages, on top of a share of what they hold."""
     n, end, lowest = z.shape[1], places + before + 1, max(first - before, 0)
@@ -185,14 +184,14 @@ def _balance(
     _cover(tracks, 1, end, step, first, reach, slope, made_by)
     for i in range(1, stages + 1):
         for j in range(n):
-            q[i, j] *= BESIDE
+            q[i, j] *= beside
             for k in range(n):
-                Q[i, j, k] *= BESIDE
+                Q[i, j, k] *= beside
     for m in range(lowest, min(first + places, reach.shape[1])):
         wrong = reach[0, m] - reach[1, m] - 2.0 * aim[m]
         if not np.isfinite(wrong):
             continue
-        weight = 1.0 / np.sqrt(1.0 + (wrong / ROUNDING_M) ** 2)
+        weight = 1.0 / np.sqrt(1.0 + (wrong / rounding) ** 2)
         for side in range(2):
             i, unit, point = made_by[side, m, 0] - first, made_by[side, m, 1], made_by[side, m, 2]
             if i < 1 or i > stages:
@@ -213,4 +212,4 @@ def _balance(
             for j in range(n):
                 q[i, j] += 2.0 * weight * wrong * gradient[j]
                 for k in range(n):
-                    Q[i, j, k] += 2.0 / RELAXATION * weight / share * gradient[j] * gradient[k]
+                    Q[i, j, k] += 2.0 / relaxation * weight / share * gradient[j] * gradient[k]

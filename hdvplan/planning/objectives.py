@@ -38,12 +38,16 @@ class Balanced:
     """The middle of the swept envelope at every place, measured on the plan; ``aim`` (n,) is where it should lie [m].
 
     ``beside`` is the stationary residual: all of it where a plan does not yet sweep a place to its end, a small share elsewhere.
+    What the defaults gain and cost, and the alternatives, is measured in ``docs/balanced.md``.
     """
 
     beside: Residual
     aim: FloatArray
-    ahead: float = 60.0  # as far as this the balance counts: the places beyond are planned again before they are driven [m]
-    rounds: int = 10  # a plan that iterates solves at most so many programs; see ``docs/balanced.md`` for when it stands still
+    share: float = 0.02  # of ``beside`` where the plan is measured: holds the largest reach down where the two disagree
+    rounding: float = 0.05  # an imbalance counts with its square up to about this, with its magnitude beyond [m]
+    relaxation: float = 4.0 / 3.0  # of the step that is safe on its own; below 2 no step makes the objective worse
+    ahead: float = 60.0  # places as far ahead as this are balanced: those beyond are planned again before they are driven [m]
+    rounds: int = 10  # most programs of a plan that iterates: points that take places from each other never quite stand still
 
 
 def geometric(stations: Stations) -> Residual:

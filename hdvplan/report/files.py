@@ -67,8 +67,8 @@ def envelope_table(result: Result) -> pd.DataFrame:
             "right": envelope.reach_right,
             "left_limit": left_limit,
             "right_limit": right_limit,
-            "expected_left": result.expected.half_width,
-            "expected_right": -result.expected.half_width,
+            "expected_left": result.aim + result.expected.half_width,
+            "expected_right": result.aim - result.expected.half_width,
         }
     )
 

@@ -86,8 +86,8 @@ def _draw_envelope(axes: Axes, result: Result) -> None:
         axes.fill_between(s, low, high, color=body_fill(unit), linewidth=0.0, label=body_name(drive.vehicle, unit))
     for unit in range(len(drive.vehicle.units)):
         axes.plot(s, np.column_stack([envelope.left[unit], envelope.right[unit]]), color=body_colour(unit), linewidth=1.0)
-    _plot_expected(axes, s, result.expected.half_width, "geometric")
-    _plot_expected(axes, s, -result.expected.half_width)
+    _plot_expected(axes, s, result.aim + result.expected.half_width, "geometric")
+    _plot_expected(axes, s, result.aim - result.expected.half_width)
     if drive.road.limits is not None:
         left, right = drive.road.limits.table(s)[:2]
         for limit, label in ((left, "limits"), (right, None)):

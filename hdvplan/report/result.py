@@ -10,6 +10,8 @@ from hdvplan.centering.weights import Centering, CenteringTable
 from hdvplan.drive import Drive
 from hdvplan.evaluation.balance import Balance, Breach, balance_of
 from hdvplan.evaluation.envelope import Envelope, envelope_of
+from hdvplan.jit import FloatArray
+from hdvplan.planning.bias import shifted
 from hdvplan.planning.planner import Plan
 from hdvplan.vehicle.model import Vehicle
 
@@ -33,6 +35,11 @@ class Result:
         return tuple(plan for plan in self.drive.plans if not plan.usable)
 
     @property
+    def aim(self) -> FloatArray:
+        """Where the middle of the swept envelope was wanted, at the envelope's arclengths [m]."""
+        return self.drive.bias.at(self.envelope.s)
+
+    @property
     def two_regions(self) -> bool:
         """Whether overhangs have limits of their own, so that a breach must say which."""
         limits = self.drive.road.limits
@@ -54,7 +61,8 @@ def result_of(drive: Drive, *, solver: str, objective: str) -> Result:
 
     """
     envelope = envelope_of(drive)
-    expected = CenteringTable.of(drive.vehicle).at(drive.road.path.at(envelope.s).curvature)
+    curvature = shifted(drive.road.path.at(envelope.s).curvature, drive.bias.at(envelope.s), envelope.s)
+    expected = CenteringTable.of(drive.vehicle).at(curvature)
     return Result(drive, envelope, balance_of(drive, envelope), expected, solver, objective)
 
 

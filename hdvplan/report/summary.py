@@ -32,6 +32,7 @@ def summary_of(result: Result) -> Json:
         "max_right_m": balance.max_right,
         "imbalance_m": balance.imbalance,
         "mean_abs_imbalance_m": balance.mean_abs_imbalance,
+        "mean_abs_off_bias_m": float(np.mean(np.abs(0.5 * (result.envelope.reach_left + result.envelope.reach_right) - result.aim))),
         "expected_half_width_m": balance.expected_half_width,
         "tighter_than_balanced_circle": balance.saturated,
         "needed_half_width_m": needed_half_width(result),

@@ -14,6 +14,7 @@ from hdvplan.centering.weights import CenteringTable
 from hdvplan.drive import warm_up
 from hdvplan.jit import FloatArray
 from hdvplan.planning.objectives import (
+    Balanced,
     Furthest,
     Objective,
     Residual,
@@ -136,9 +137,9 @@ def search(vehicle: Vehicle, curvatures: tuple[float, ...] = CURVATURES) -> Sear
 def _alone(objective: Objective) -> Objective:
     """Return a largest-reach objective with nothing beside it but smoothness."""
 
-    def alone(stations: Stations) -> Residual | Furthest:
+    def alone(stations: Stations) -> Residual | Furthest | Balanced:
         aim = objective(stations)
-        if isinstance(aim, Residual):
+        if not isinstance(aim, Furthest):
             return aim
         zero = np.zeros(len(stations.s))
         return Furthest(aim.bodies, Residual(zero, zero, zero))
