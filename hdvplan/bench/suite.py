@@ -30,6 +30,7 @@ ROADS = (
 )
 _LISTS = ("roads", "vehicles", "schemes", "solvers")
 _WATCHED = ("axle-max", "body-max")
+_KINDS = {tuple: "a list of names", bool: "true or false", str: "a name"}
 _OPTIONAL = ("half_width", "pinch")
 
 
@@ -168,8 +169,8 @@ def suite_of(entries: Mapping[str, object]) -> Suite:
 def _entry(name: str, value: object, like: object) -> object:
     if isinstance(like, tuple) and isinstance(value, list | tuple) and all(isinstance(entry, str) for entry in value):
         return tuple(value)
-    if isinstance(like, bool):
-        if isinstance(value, bool):
+    if isinstance(like, bool | str):
+        if isinstance(value, type(like)):
             return value
     elif isinstance(like, int):
         if isinstance(value, int) and not isinstance(value, bool):
@@ -178,6 +179,6 @@ def _entry(name: str, value: object, like: object) -> object:
         return float(value)
     elif name in _OPTIONAL and value is None:
         return None
-    kind = "a list of names" if isinstance(like, tuple) else "true or false" if isinstance(like, bool) else "a number"
+    kind = _KINDS.get(type(like), "a number")
     msg = f"the suite's {name} must be {kind}, not {value!r}"
     raise OptionError(msg)
