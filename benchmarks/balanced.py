@@ -257,7 +257,7 @@ def step_times() -> pd.DataFrame:
     rows = []
     for name in VEHICLES:
         vehicle, free = load_vehicle(name), case_road(*EXAMPLE)
-        for limits, road in (("none", free), ("0.5 m beyond the geometric half width", with_limits(free, vehicle, Suite()))):
+        for limits, road in (("none", free), ("0.5 m beyond", with_limits(free, vehicle, Suite()))):
             fastest: dict[str, FloatArray] = {}
             for objective in (geometric, balanced):
                 warm_up(vehicle, objective, solver_named(DEFAULT), RTI)
@@ -316,11 +316,13 @@ def draw_convergence(table: pd.DataFrame, trades: pd.DataFrame, path: Path) -> N
         mine = table[table["vehicle"] == name]
         for rule, part in mine[mine["rounds"] > 0].groupby("rule"):
             over.loglog(part["rounds"], part["mean_abs_imbalance_m"], linestyle=line, marker=".", label=f"{name}: {rule}")
-        for rounding, part in trades[trades["vehicle"] == name].groupby("rounding_m"):
-            what = "magnitude" if rounding < 1.0 else "square"
+        here = trades[trades["vehicle"] == name]
+        for what, part in (("magnitude", here[here["rounding_m"] < 1.0]), ("square", here[here["rounding_m"] > 1.0])):
             against.plot(part["furthest_most_percent"], part["gain_percent"], linestyle=line, marker="o", label=f"{name}: {what}")
     over.set(xlabel="programs, or corrections of c", ylabel="mean |left + right| [m]", title="One horizon over the whole S-turn")
-    against.set(xlabel="largest growth of a largest reach [%]", ylabel="gain in mean |left + right| [%]", title="Share of the residual 0 to 0.3")
+    against.set(
+        xlabel="largest growth of a largest reach [%]", ylabel="gain in mean |left + right| [%]", title="Share of the residual 0 to 0.3"
+    )
     for panel in (over, against):
         panel.grid(visible=True, alpha=0.3)
         panel.legend(fontsize="x-small")

@@ -1,8 +1,9 @@
 """Balance the swept envelope itself: at every place of the road its left and right reach, over the whole manoeuvre.
 
 The envelope of a moving body is traced by few of its points: its corners, and the points of its edges beside its axle, because the
-axle does not slide and the body turns about a point of the axle's line. Each place's left and right reach thus belong to one point of
-one stage each. A step of Gauss and Newton that moves each of the two by half of the imbalance keeps the program's stages apart: with
+axle does not slide and the body turns about a point of the axle's line; where it begins to turn the other way, also by its edges.
+Each place's left and right reach thus belong to one point of one stage each. A step of Gauss and Newton that moves each of the two by
+half of the imbalance keeps the program's stages apart: with
 a + b the change of the imbalance I, (I + a + b)^2 <= 2 (I/2 + a)^2 + 2 (I/2 + b)^2, with equality at a = b. ``docs/balanced.md``
 has the derivation, why it converges, and what was measured.
 """
@@ -17,10 +18,12 @@ from hdvplan.jit import FloatArray, IntArray, compiled
 from hdvplan.planning.motion import axles_behind
 from hdvplan.planning.objectives import Balanced
 from hdvplan.planning.stations import Stations
+from hdvplan.road.path import ReferencePath, project
 from hdvplan.vehicle.kinematics import place, point_gradient
 from hdvplan.vehicle.model import Vehicle
 
 _TIE_M = 1e-4  # a point takes a place over from another one when it reaches this much further
+_SWING = 1e-4  # change of a body's turning per stage from which its edges are looked at where it turns back [rad]
 _FOOTLESS = 0.95  # curvature times offset from which on a point counts as without a foot
 _ROOM = 2  # places and stages beyond the vehicle's length, for bodies that stand askew
 
@@ -41,6 +44,7 @@ class Balancing:
 
     points: FloatArray  # (units, 6, 2)
     units: FloatArray
+    path: ReferencePath
     road: FloatArray  # (5, places), stations of the whole drive
     wanted: Balanced
     step: float  # [m]
@@ -52,8 +56,9 @@ class Balancing:
     tracks: FloatArray  # (N+1, units, 6, 2), foot and offset [m]
     driven: FloatArray  # (2, places), furthest reach left and right of what has been driven, both outwards [m]
     reach: FloatArray  # (2, places), with the plan
-    slope: FloatArray  # (2, places), of the track that reaches furthest, outwards over s
-    made_by: IntArray  # (2, places, 3), its stage, unit and point; stage -1: driven
+    slope: FloatArray  # (2, places), of the track or edge that reaches furthest, outwards over s
+    made_at: FloatArray  # (2, places), how far ahead of its unit's axle the point lies that reaches furthest [m]
+    made_by: IntArray  # (2, places, 2), its stage and unit; stage -1: driven
 
     @classmethod
     def of(cls, vehicle: Vehicle, stations: Stations, wanted: Balanced, stages: int) -> Balancing:
@@ -66,6 +71,7 @@ class Balancing:
         return cls(
             points,
             units,
+            stations.path,
             stations.road,
             wanted,
             stations.step,
@@ -78,7 +84,8 @@ class Balancing:
             np.full((2, places), -np.inf),
             np.full((2, places), -np.inf),
             np.zeros((2, places)),
-            np.full((2, places, 3), -1),
+            np.zeros((2, places)),
+            np.full((2, places, 2), -1),
         )
 
     def begin(self) -> None:
@@ -88,19 +95,23 @@ class Balancing:
     def keep(self, last: int, by: int) -> None:
         """Count the first ``by`` stages of the last plan, from station ``last``, as driven."""
         if self.stages > 0:
-            _cover(self.tracks, 1, min(by, self.places) + 1, self.step, last, self.driven, self.slope, self.made_by)
+            path, end = self.path, min(by, self.places) + 1
+            _cover(
+                self.units, self.points, path.coefficients, path.s_first, path.spacing, self.poses, self.tracks, end, self.step, last,
+                self.driven, self.slope, self.made_at, self.made_by,
+            )  # fmt: skip
 
     def write(self, first: int, fixed: int, z: FloatArray, Q: FloatArray, q: FloatArray) -> None:
         """Replace the objective of all stages that can be balanced, for a plan ``z`` from station ``first``.
 
         Stages up to ``fixed`` will not change any more: what they sweep is left to the other side to match.
         """
-        wanted = self.wanted
+        wanted, path = self.wanted, self.path
         if self.stages > 0:
             _balance(
-                self.units, self.points, self.road, wanted.aim, wanted.share, wanted.rounding, wanted.relaxation, self.step, z, first,
-                fixed, self.stages, self.places, self.before, self.start, self.poses, self.tracks, self.driven, self.reach, self.slope,
-                self.made_by, Q, q,
+                self.units, self.points, path.coefficients, path.s_first, path.spacing, self.road, wanted.aim, wanted.share,
+                wanted.rounding, wanted.relaxation, self.step, z, first, fixed, self.stages, self.places, self.before, self.start,
+                self.poses, self.tracks, self.driven, self.reach, self.slope, self.made_at, self.made_by, Q, q,
             )  # fmt: skip
 
 
@@ -143,11 +154,12 @@ def _trace(
 
 @compiled
 def _cover(
-    tracks: FloatArray, begin: int, end: int, step: float, first: int, reach: FloatArray, slope: FloatArray, made_by: IntArray
-) -> None:
-    """Widen ``reach`` by the tracks between stages begin - 1 and end - 1; note the stage, unit and point nearest to each place."""
+    units: FloatArray, points: FloatArray, coefficients: FloatArray, s_first: float, spacing: float, poses: FloatArray, tracks: FloatArray,
+    end: int, step: float, first: int, reach: FloatArray, slope: FloatArray, made_at: FloatArray, made_by: IntArray,
+) -> None:  # fmt: skip
+    """Widen ``reach`` by what is swept up to stage end - 1; note for each place the point that reaches furthest and the nearest stage."""
     per_metre, last = 1.0 / step, reach.shape[1] - 1
-    for i in range(begin, end):
+    for i in range(1, end):
         for unit in range(tracks.shape[1]):
             for point in range(tracks.shape[2]):
                 side = point & 1
@@ -163,16 +175,51 @@ def _cover(
                 for m in range(low, high + 1):
                     e = e_from + rise * (m * step - s_from)
                     if e > reach[side, m] + _TIE_M:
-                        reach[side, m], slope[side, m] = e, rise
+                        reach[side, m], slope[side, m], made_at[side, m] = e, rise, points[unit, point, 0]
                         nearest = i if 2.0 * m * step > s_from + s_to else i - 1
-                        made_by[side, m, 0], made_by[side, m, 1], made_by[side, m, 2] = first + nearest, unit, point
+                        made_by[side, m, 0], made_by[side, m, 1] = first + nearest, unit
+    for unit in range(tracks.shape[1]):
+        turned = 0.0
+        for i in range(1, end):
+            before, turned = turned, poses[i - 1, unit, 2] * poses[i, unit, 3] - poses[i - 1, unit, 3] * poses[i, unit, 2]
+            if before * turned < 0.0 and abs(turned - before) > _SWING:
+                _cover_edges(units, coefficients, s_first, spacing, poses, tracks, i - 1, unit, step, first, reach, slope, made_at, made_by)
+
+
+@compiled
+def _cover_edges(
+    units: FloatArray, coefficients: FloatArray, s_first: float, spacing: float, poses: FloatArray, tracks: FloatArray, i: int, unit: int,
+    step: float, first: int, reach: FloatArray, slope: FloatArray, made_at: FloatArray, made_by: IntArray,
+) -> None:  # fmt: skip
+    """Widen ``reach`` by both long edges of a body at stage i, where it turns neither way."""
+    rear, length = units[unit, 3], units[unit, 2] + units[unit, 3]
+    pieces = int(np.ceil(length / step))
+    for side in range(2):
+        sign = 1.0 - 2.0 * side
+        s_from, e_from, near = 0.0, np.nan, tracks[i, unit, 2, 0] - rear  # point 2 lies beside the axle
+        for piece in range(pieces + 1):
+            u, v = length * piece / pieces - rear, sign * units[unit, 4]
+            x = poses[i, unit, 0] + u * poses[i, unit, 2] - v * poses[i, unit, 3]
+            y = poses[i, unit, 1] + u * poses[i, unit, 3] + v * poses[i, unit, 2]
+            near, e, _, _, _ = project(coefficients, s_first, spacing, x, y, near)
+            if np.isnan(e):
+                return
+            rise = (sign * e - e_from) / (near - s_from) if near > s_from else np.nan
+            low, high = max(0, int(np.ceil(s_from / step))), min(reach.shape[1] - 1, int(np.floor(near / step)))
+            for m in range(low, high + 1):
+                highest = e_from + rise * (m * step - s_from)
+                if highest > reach[side, m] + _TIE_M:  # never for the first point, from which no piece leads
+                    reach[side, m], slope[side, m], made_at[side, m] = highest, rise, u - (near - m * step)
+                    made_by[side, m, 0], made_by[side, m, 1] = first + i, unit
+            s_from, e_from = near, sign * e
 
 
 @compiled
 def _balance(
-    units: FloatArray, points: FloatArray, road: FloatArray, aim: FloatArray, beside: float, rounding: float, relaxation: float,
-    step: float, z: FloatArray, first: int, fixed: int, stages: int, places: int, before: int, start: FloatArray, poses: FloatArray,
-    tracks: FloatArray, driven: FloatArray, reach: FloatArray, slope: FloatArray, made_by: IntArray, Q: FloatArray, q: FloatArray,
+    units: FloatArray, points: FloatArray, coefficients: FloatArray, s_first: float, spacing: float, road: FloatArray, aim: FloatArray,
+    beside: float, rounding: float, relaxation: float, step: float, z: FloatArray, first: int, fixed: int, stages: int, places: int,
+    before: int, start: FloatArray, poses: FloatArray, tracks: FloatArray, driven: FloatArray, reach: FloatArray, slope: FloatArray,
+    made_at: FloatArray, made_by: IntArray, Q: FloatArray, q: FloatArray,
 ) -> None:  # fmt: skip
     """Measure a plan's envelope and write Q, q of the imbalance at stages 1 <= i <= stages, on top of a share of what they hold."""
     n, end, lowest = z.shape[1], places + before + 1, max(first - before, 0)
@@ -181,7 +228,7 @@ def _balance(
     for m in range(lowest, min(first + end, reach.shape[1])):
         for side in range(2):
             reach[side, m], made_by[side, m, 0] = driven[side, m], -1
-    _cover(tracks, 1, end, step, first, reach, slope, made_by)
+    _cover(units, points, coefficients, s_first, spacing, poses, tracks, end, step, first, reach, slope, made_at, made_by)
     for i in range(1, stages + 1):
         for j in range(n):
             q[i, j] *= beside
@@ -193,21 +240,16 @@ def _balance(
             continue
         weight = 1.0 / np.sqrt(1.0 + (wrong / rounding) ** 2)
         for side in range(2):
-            i, unit, point = made_by[side, m, 0] - first, made_by[side, m, 1], made_by[side, m, 2]
+            i, unit = made_by[side, m, 0] - first, made_by[side, m, 1]
             if i < 1 or i > stages:
                 continue
             share = 0.5 if made_by[1 - side, m, 0] - first > fixed else 1.0
-            u, v = points[unit, point, 0], points[unit, point, 1]
+            u, v = made_at[side, m], (1.0 - 2.0 * side) * units[unit, 4]
             x = poses[i, unit, 0] + u * poses[i, unit, 2] - v * poses[i, unit, 3]
             y = poses[i, unit, 1] + u * poses[i, unit, 3] + v * poses[i, unit, 2]
-            s = tracks[i, unit, point, 0]
-            near = int(s / step + 0.5)
-            k = road[4, near]
-            turn = k * (s - near * step)
-            cos, sin = road[2, near] - turn * road[3, near], road[3, near] + turn * road[2, near]  # the road's heading at the foot
             # The place is fixed while the point's foot moves: by the track's slope that changes the reach there.
-            rise = (1.0 - 2.0 * side) * slope[side, m] / (1.0 - k * tracks[i, unit, point, 1])
-            at = first + i
+            sign, at, cos, sin = 1.0 - 2.0 * side, first + i, road[2, m], road[3, m]
+            rise = sign * slope[side, m] / (1.0 - sign * reach[side, m] * road[4, m])
             point_gradient(poses[i], unit, x, y, road[2, at], road[3, at], -sin - rise * cos, cos - rise * sin, gradient)
             for j in range(n):
                 q[i, j] += 2.0 * weight * wrong * gradient[j]

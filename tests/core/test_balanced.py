@@ -94,9 +94,8 @@ def test_the_planner_measures_what_the_evaluation_measures(vehicle: Vehicle) -> 
     envelope = predicted(found).envelope
     at = np.arange(30, memory.places)  # places that the body covers at the start are not traced by its points
     for mine, theirs in ((memory.reach[0], envelope.reach_left), (-memory.reach[1], envelope.reach_right)):
-        # tracks 0.5 m apart are straight between stages: 0.5^2 / 8 times a relative curvature below 0.15 1/m, 5 mm;
-        # and the feet's heading error at an edge, 2 mm
-        assert np.max(np.abs(mine[at] - np.interp(memory.step * at, envelope.s, theirs))) < 0.007
+        # tracks 0.5 m apart are straight between stages: 0.5^2 / 8 times a relative curvature below 0.15 1/m
+        assert np.max(np.abs(mine[at] - np.interp(memory.step * at, envelope.s, theirs))) < 0.005
 
 
 @each_vehicle
@@ -106,7 +105,7 @@ def test_the_gradient_is_that_of_the_measured_imbalance(vehicle: Vehicle) -> Non
     window = slice(0, memory.places)
     _, _, q = measure(memory, z)
     change = smooth_change(z, 1.0)
-    # places whose one side lies beyond the last stage, and the first stage, which is given, have no row of their own
+    # no row of their own: the first stage, which is given, and places whose other side lies beyond the last stage
     change[0] = change[memory.stages - 40 :] = 0.0
     expected = float(np.sum(q[:, : z.shape[1]] * change))
     size = 1e-4
@@ -174,10 +173,9 @@ def test_a_horizon_shorter_than_the_vehicle_leaves_the_stationary_residual() -> 
 
 def test_limits_hold_beside_the_balance() -> None:
     vehicle = VEHICLES[1]
-    road = with_limits(ROAD, vehicle, Suite(half_width=2.5))  # the free plan reaches 2.54 m
-    found = swept(road, vehicle, balanced, RTI)
-    assert swept(ROAD, vehicle, balanced, RTI).furthest > 2.5
-    assert found.furthest < 2.51  # kept to 1 cm, as everywhere
+    free = swept(ROAD, vehicle, balanced, RTI).furthest
+    road = with_limits(ROAD, vehicle, Suite(half_width=free - 0.03))
+    assert swept(road, vehicle, balanced, RTI).furthest < free - 0.02  # kept to 1 cm, as everywhere
 
 
 def test_a_planner_that_starts_again_forgets_what_was_driven() -> None:
@@ -198,8 +196,9 @@ def test_what_was_driven_is_left_to_the_other_side_to_match() -> None:
     Q, fixed = np.zeros((len(z), n + 1, n + 1)), np.zeros((len(z), n + 1))
     memory.write(0, len(z), z, Q, fixed)  # every stage is about to be driven: no side can share with another
     _, free, _ = measure(memory, z)
-    assert np.allclose(fixed, q)  # the same slope of the same imbalance
-    assert np.allclose(2.0 * Q, free)  # half as stiff: one side has to do it all
+    rows = slice(1, memory.stages - 40)  # beyond, the other side may lie in stages that have no row: it counts as free in both
+    assert np.allclose(fixed[rows], q[rows])  # the same slope of the same imbalance
+    assert np.allclose(2.0 * Q[rows], free[rows])  # half as stiff: one side has to do it all
     assert np.max(np.abs(imbalance[np.isfinite(imbalance)])) > 0.5
 
 
@@ -213,7 +212,9 @@ def test_the_balance_can_be_aimed_beside_the_centre(name: str, constant: Callabl
     from hdvplan.planning.bias import Bias  # noqa: PLC0415 - the other test module's subject
 
     for curvature in (0.0, 0.03):
-        driven = [drive(constant(curvature), load_vehicle(name), balanced, RiccatiWorkspace, RTI, bias=Bias.constant(b)) for b in (0.0, 0.3)]
+        driven = [
+            drive(constant(curvature), load_vehicle(name), balanced, RiccatiWorkspace, RTI, bias=Bias.constant(b)) for b in (0.0, 0.3)
+        ]
         before, after = (envelope_of(each) for each in driven)
         middle = slice(240, 360)
         moved = (after.reach_left + after.reach_right - before.reach_left - before.reach_right)[middle]
