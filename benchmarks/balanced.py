@@ -20,7 +20,7 @@ from scipy.ndimage import gaussian_filter1d
 from hdvplan.bench.courses import with_limits
 from hdvplan.bench.machine import use_one_thread
 from hdvplan.bench.suite import ROADS, Suite
-from hdvplan.drive import Drive, drive, warm_up
+from hdvplan.drive import drive, warm_up
 from hdvplan.errors import HdvplanError
 from hdvplan.evaluation.envelope import envelope_of
 from hdvplan.jit import FloatArray
@@ -75,7 +75,7 @@ def numbers(found: Swept) -> dict[str, float]:
         "furthest_m": found.furthest,
         "sum_squared_changes": float(np.sum(np.diff(kappa) ** 2)),
         "max_kappa_per_m": float(np.max(np.abs(kappa))),
-        "programs": float(np.mean([plan.qp_count for plan in found.drive.plans[1:]] or [1.0])),
+        "programs": float(np.mean([plan.qp_count for plan in found.drive.plans[1:]] or [1])),
     }
 
 
@@ -89,7 +89,7 @@ class Deferred:
     def objective(self, stations: Stations) -> Residual:
         """Return the geometric residual with a target that ``correct`` changes."""
         self._residual = geometric(stations)
-        self._memory = Balancing.of(self._vehicle, stations, balanced_with(ahead=np.inf)(stations), self._settings.stages)
+        self._memory = Balancing.of(self._vehicle, stations, replace(balanced(stations), ahead=np.inf), self._settings.stages)
         self._last: int | None = None
         return self._residual
 
