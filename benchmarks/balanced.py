@@ -90,19 +90,13 @@ class Deferred:
         """Return the geometric residual with a target that ``correct`` changes."""
         self._residual = geometric(stations)
         self._memory = Balancing.of(self._vehicle, stations, replace(balanced(stations), ahead=np.inf), self._settings.stages)
-        self._last: int | None = None
         return self._residual
 
     def correct(self, plan: Plan) -> None:
         """Lower c by the gain times the low-passed imbalance of this plan, taken at the middle of the vehicle."""
         memory, n = self._memory, self._vehicle.states
-        if self._last is None:
-            memory.begin()
-        else:
-            memory.keep(self._last, plan.first - self._last)
         scratch = np.zeros((self._settings.stages + 1, n + 1, n + 1)), np.zeros((self._settings.stages + 1, n + 1))
         memory.write(plan.first, 0, plan.z, *scratch)
-        self._last = plan.first
         here = np.arange(max(plan.first - memory.before, 0), plan.first + memory.places)
         measured = memory.reach[0, here] - memory.reach[1, here]
         smooth = gaussian_filter1d(np.where(np.isfinite(measured), measured, 0.0), CRUDE_LOW_PASS_M / self._settings.step, mode="nearest")

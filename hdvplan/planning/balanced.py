@@ -55,6 +55,7 @@ class Balancing:
     poses: FloatArray  # (N+1, units, 6)
     tracks: FloatArray  # (N+1, units, 6, 2), foot and offset [m]
     driven: FloatArray  # (2, places), furthest reach left and right of what has been driven, both outwards [m]
+    since: IntArray  # (1,), station of the plan that was last measured, which has been driven from there on; -1: none
     reach: FloatArray  # (2, places), with the plan
     slope: FloatArray  # (2, places), of the track or edge that reaches furthest, outwards over s
     made_at: FloatArray  # (2, places), how far ahead of its unit's axle the point lies that reaches furthest [m]
@@ -82,6 +83,7 @@ class Balancing:
             np.zeros((stages + 1, len(units), 6)),
             np.zeros((stages + 1, *points.shape[:2], 2)),
             np.full((2, places), -np.inf),
+            np.full(1, -1),
             np.full((2, places), -np.inf),
             np.zeros((2, places)),
             np.zeros((2, places)),
@@ -90,16 +92,7 @@ class Balancing:
 
     def begin(self) -> None:
         """Forget what was driven: the next plan is a drive's first."""
-        self.driven[:] = -np.inf
-
-    def keep(self, last: int, by: int) -> None:
-        """Count the first ``by`` stages of the last plan, from station ``last``, as driven."""
-        if self.stages > 0:
-            path, end = self.path, min(by, self.places) + 1
-            _cover(
-                self.units, self.points, path.coefficients, path.s_first, path.spacing, self.poses, self.tracks, end, self.step, last,
-                self.driven, self.slope, self.made_at, self.made_by,
-            )  # fmt: skip
+        self.driven[:], self.since[0] = -np.inf, -1
 
     def write(self, first: int, fixed: int, z: FloatArray, Q: FloatArray, q: FloatArray) -> None:
         """Replace the objective of all stages that can be balanced, for a plan ``z`` from station ``first``.
@@ -111,7 +104,7 @@ class Balancing:
             _balance(
                 self.units, self.points, path.coefficients, path.s_first, path.spacing, self.road, wanted.aim, wanted.share,
                 wanted.rounding, wanted.relaxation, self.step, z, first, fixed, self.stages, self.places, self.before, self.start,
-                self.poses, self.tracks, self.driven, self.reach, self.slope, self.made_at, self.made_by, Q, q,
+                self.poses, self.tracks, self.driven, self.since, self.reach, self.slope, self.made_at, self.made_by, Q, q,
             )  # fmt: skip
 
 
@@ -218,12 +211,18 @@ def _cover_edges(
 def _balance(
     units: FloatArray, points: FloatArray, coefficients: FloatArray, s_first: float, spacing: float, road: FloatArray, aim: FloatArray,
     beside: float, rounding: float, relaxation: float, step: float, z: FloatArray, first: int, fixed: int, stages: int, places: int,
-    before: int, start: FloatArray, poses: FloatArray, tracks: FloatArray, driven: FloatArray, reach: FloatArray, slope: FloatArray,
-    made_at: FloatArray, made_by: IntArray, Q: FloatArray, q: FloatArray,
+    before: int, start: FloatArray, poses: FloatArray, tracks: FloatArray, driven: FloatArray, since: IntArray, reach: FloatArray,
+    slope: FloatArray, made_at: FloatArray, made_by: IntArray, Q: FloatArray, q: FloatArray,
 ) -> None:  # fmt: skip
     """Measure a plan's envelope and write Q, q of the imbalance at stages 1 <= i <= stages, on top of a share of what they hold."""
     n, end, lowest = z.shape[1], places + before + 1, max(first - before, 0)
     gradient = np.empty(n)
+    driven_to = min(first - since[0], places) + 1
+    if since[0] >= 0 and driven_to > 1:  # the tracks are still those of the last plan
+        _cover(
+            units, points, coefficients, s_first, spacing, poses, tracks, driven_to, step, since[0], driven, slope, made_at, made_by
+        )  # fmt: skip
+    since[0] = first
     _trace(units, points, road, step, z, first, end, start, poses, tracks)
     for m in range(lowest, min(first + end, reach.shape[1])):
         for side in range(2):

@@ -109,11 +109,8 @@ class Planner:
         kept = 0 if by is None else max(settings.stages + 1 - by, 0)  # stages that the last plan still covers
         if by and kept:
             shift_stages(self._moving, by)
-        if self._balancing is not None:
-            if by is None:
-                self._balancing.begin()
-            else:
-                self._balancing.keep(first - by, by)
+        if self._balancing is not None and by is None:
+            self._balancing.begin()
         self._fixed = 0 if iterate else settings.executed  # stages that no later program can change
         if self._reach_points.size:
             write_epigraph(qp, self._vehicle.states + 1, self._reach_rows[0])

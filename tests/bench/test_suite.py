@@ -98,3 +98,12 @@ def test_a_file_that_is_no_suite_is_refused(tmp_path: Path) -> None:
 def test_every_native_solver_tells_the_tolerance_it_runs_with() -> None:
     assert all((tolerance_of(name) or 1.0) <= 1e-5 for name in Suite().solvers)
     assert tolerance_of("qpsolvers/daqp") is None  # at its own default
+
+
+def test_a_suite_has_one_objective_and_refuses_what_it_cannot_time() -> None:
+    assert suite_of({"objective": "balanced"}).objective == "balanced"
+    for name, words in (("body-max", "rows of its own"), ("balance", "unknown objective")):
+        with pytest.raises(OptionError, match=words):
+            Suite(objective=name)
+    with pytest.raises(OptionError, match="must be a name"):
+        suite_of({"objective": 3})

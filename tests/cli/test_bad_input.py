@@ -106,6 +106,7 @@ def test_an_unusable_vehicle_file_is_named_with_its_fault(cli: Cli, tmp_path: Pa
         ((*BUS, "--discretisation", "rk4"), ("--discretisation", "midpoint or euler")),
         ((*BUS, "--solver", "simplex"), ("unknown solver 'simplex'", "hint")),
         ((*BUS, "--objective", "geometrik"), ("unknown objective", "did you mean 'geometric'")),
+        ((*BUS, "--bias", "left"), ("--bias left is neither",)),
         ((*BUS, "--half-width", "3", "--left", "2"), ("--half-width", "--left")),
         ((*BUS, "--left", "3"), ("--left needs --right",)),
         ((*BUS, "--right", "3"), ("--right needs --left",)),

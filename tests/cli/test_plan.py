@@ -155,3 +155,20 @@ def test_a_shipped_road_is_placed_on_the_map_with_its_attribution(cli: Cli, tmp_
     assert 57.5 < lat < 58.0
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     assert summary["smoothing"]["points"] > 2
+
+
+def test_a_plan_can_be_balanced_about_a_bias(cli: Cli, tmp_path: Path, short_road: str) -> None:
+    (tmp_path / "bias.csv").write_text("s,bias\n0,0.3\n60,0.3\n", encoding="utf-8")
+    middles = []
+    for bias in ("0.3", "bias.csv", "centre"):
+        options = ("--objective", "balanced", "--bias", bias, "--left", "3.3", "--right", "2.7", "--horizon", "50", "--no-plot")
+        assert cli("plan", short_road, "--vehicle", "bus", *options).code == 0
+        summary = json.loads((tmp_path / "short.bus" / "summary.json").read_text(encoding="utf-8"))
+        assert summary["objective"] == "balanced"
+        assert summary["mean_abs_off_bias_m"] < 0.03  # the ends of a short road are not balanced yet
+        table = pd.read_csv(tmp_path / "short.bus" / "envelope.csv")
+        assert np.allclose(0.5 * (table["expected_left"] + table["expected_right"]), 0.3)
+        middles.append(0.5 * (table["left"] + table["right"]))
+    assert np.allclose(middles[0], middles[1])
+    assert np.allclose(middles[0], middles[2])
+    assert float(middles[0].mean()) == pytest.approx(0.3, abs=0.03)

@@ -182,7 +182,7 @@ def test_a_planner_that_starts_again_forgets_what_was_driven() -> None:
     vehicle = VEHICLES[1]
     found, memory, z = whole(vehicle)
     fresh = measure(memory, z)[0].copy()
-    memory.keep(0, 100)
+    memory.write(100, 0, z, np.zeros((len(z), 4, 4)), np.zeros((len(z), 4)))
     assert np.any(np.isfinite(memory.driven))
     memory.begin()
     assert np.array_equal(measure(memory, z)[0], fresh, equal_nan=True)
