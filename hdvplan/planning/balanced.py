@@ -24,6 +24,8 @@ from hdvplan.vehicle.model import Vehicle
 
 _TIE_M = 1e-4  # a point takes a place over from another one when it reaches this much further
 _SWING = 1e-4  # change of a body's turning per stage from which its edges are looked at where it turns back [rad]
+_EDGE_M = 1.0  # length of the straight pieces of such an edge
+_NOWHERE_M = 1e9  # beyond the end of any road: the first point of an edge has no piece behind it
 _FOOTLESS = 0.95  # curvature times offset from which on a point counts as without a foot
 _ROOM = 2  # places and stages beyond the vehicle's length, for bodies that stand askew
 
@@ -176,22 +178,28 @@ def _cover(
         for i in range(1, end):
             before, turned = turned, poses[i - 1, unit, 2] * poses[i, unit, 3] - poses[i - 1, unit, 3] * poses[i, unit, 2]
             if before * turned < 0.0 and abs(turned - before) > _SWING:
-                _cover_edges(units, coefficients, s_first, spacing, poses, tracks, i - 1, unit, step, first, reach, slope, made_at, made_by)
+                _cover_edges(
+                    units, coefficients, s_first, spacing, poses, tracks, i - 1, unit, before > 0.0, step, first, reach, slope, made_at,
+                    made_by,
+                )  # fmt: skip
 
 
 @compiled
 def _cover_edges(
     units: FloatArray, coefficients: FloatArray, s_first: float, spacing: float, poses: FloatArray, tracks: FloatArray, i: int, unit: int,
-    step: float, first: int, reach: FloatArray, slope: FloatArray, made_at: FloatArray, made_by: IntArray,
+    left: bool, step: float, first: int, reach: FloatArray, slope: FloatArray, made_at: FloatArray, made_by: IntArray,
 ) -> None:  # fmt: skip
-    """Widen ``reach`` by both long edges of a body at stage i, where it turns neither way."""
-    rear, length = units[unit, 3], units[unit, 2] + units[unit, 3]
-    pieces = int(np.ceil(length / step))
+    """Widen ``reach`` by a body's edges at stage i, where it has turned left if ``left`` and turns right from there on, or vice versa.
+
+    Ahead of the axle that is the edge it has turned to, behind the axle the other one.
+    """
     for side in range(2):
         sign = 1.0 - 2.0 * side
-        s_from, e_from, near = 0.0, np.nan, tracks[i, unit, 2, 0] - rear  # point 2 lies beside the axle
+        begin, length = (0.0, units[unit, 2]) if left == (side == 0) else (-units[unit, 3], units[unit, 3])
+        pieces = int(np.ceil(length / _EDGE_M))
+        s_from, e_from, near = _NOWHERE_M, np.nan, tracks[i, unit, 2, 0] + begin  # point 2 lies beside the axle
         for piece in range(pieces + 1):
-            u, v = length * piece / pieces - rear, sign * units[unit, 4]
+            u, v = begin + length * piece / max(pieces, 1), sign * units[unit, 4]
             x = poses[i, unit, 0] + u * poses[i, unit, 2] - v * poses[i, unit, 3]
             y = poses[i, unit, 1] + u * poses[i, unit, 3] + v * poses[i, unit, 2]
             near, e, _, _, _ = project(coefficients, s_first, spacing, x, y, near)
@@ -201,7 +209,7 @@ def _cover_edges(
             low, high = max(0, int(np.ceil(s_from / step))), min(reach.shape[1] - 1, int(np.floor(near / step)))
             for m in range(low, high + 1):
                 highest = e_from + rise * (m * step - s_from)
-                if highest > reach[side, m] + _TIE_M:  # never for the first point, from which no piece leads
+                if highest > reach[side, m] + _TIE_M:
                     reach[side, m], slope[side, m], made_at[side, m] = highest, rise, u - (near - m * step)
                     made_by[side, m, 0], made_by[side, m, 1] = first + i, unit
             s_from, e_from = near, sign * e
