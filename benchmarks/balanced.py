@@ -124,7 +124,7 @@ def family() -> pd.DataFrame:
         "squares": lambda road, vehicle: swept(road, vehicle, balanced_with(rounding=1e3, share=0.1), RTI),
         "squares, no share": lambda road, vehicle: swept(road, vehicle, balanced_with(rounding=1e3, share=0.0), RTI),
         "step not relaxed": lambda road, vehicle: swept(road, vehicle, balanced_with(relaxation=1.0), RTI),
-        "40 m ahead": lambda road, vehicle: swept(road, vehicle, balanced_with(ahead=40.0), RTI),
+        "35 m ahead": lambda road, vehicle: swept(road, vehicle, balanced_with(ahead=35.0), RTI),
         "80 m ahead": lambda road, vehicle: swept(road, vehicle, balanced_with(ahead=80.0), RTI),
     }
     rows = []
@@ -167,7 +167,7 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
 def trade_off() -> pd.DataFrame:
     """Return gain against growth of the largest reach, for shares of the stationary residual with and without rounding."""
     rows = []
-    for name, rounding, share in product(VEHICLES, (0.05, 1e3), (0.0, 0.005, 0.01, 0.02, 0.05, 0.1, 0.3)):
+    for name, rounding, share in product(VEHICLES, (0.05, 1e3), (0.0, 0.005, 0.01, 0.015, 0.03, 0.1, 0.3)):
         vehicle, gains, reaches = load_vehicle(name), [], []
         for curvature, sharpness in product(CURVATURES, SHARPNESSES):
             road = case_road(curvature, sharpness)

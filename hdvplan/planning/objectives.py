@@ -43,10 +43,10 @@ class Balanced:
 
     beside: Residual
     aim: FloatArray
-    share: float = 0.02  # of ``beside`` where the plan is measured: holds the largest reach down where the two disagree
+    share: float = 0.015  # of ``beside`` where the plan is measured: holds the largest reach down where the two disagree
     rounding: float = 0.05  # an imbalance counts with its square up to about this, with its magnitude beyond [m]
     relaxation: float = 4.0 / 3.0  # of the step that is safe on its own; below 2 no step makes the objective worse
-    ahead: float = 60.0  # places as far ahead as this are balanced: those beyond are planned again before they are driven [m]
+    ahead: float = 50.0  # places as far ahead as this are balanced: those beyond are planned again before they are driven [m]
     rounds: int = 10  # most programs of a plan that iterates: points that take places from each other never quite stand still
 
 
