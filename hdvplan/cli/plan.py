@@ -58,7 +58,9 @@ def plan(
     name: FeatureOption = None,
     out: OutOption = None,
     json: JsonOption = False,
-    plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw plan.png.")] = True,
+    plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw the picture plan.png.")] = True,
+    formats: Annotated[str, typer.Option("--format", metavar="A,B", help="Of the picture: png, pdf, svg or several.")] = "png",
+    animate: Annotated[bool, typer.Option("--animate", help="Write drive.gif, a film of the drive.")] = False,
     quiet: QuietOption = False,
 ) -> int:
     """Plan a vehicle along a road and write what it sweeps.
@@ -75,11 +77,13 @@ def plan(
     from hdvplan.jit import is_compiled
     from hdvplan.planning.objectives import objective_named
     from hdvplan.planning.settings import Discretisation, PlannerSettings, Scheme
+    from hdvplan.report.files import PICTURES
     from hdvplan.report.result import result_of
     from hdvplan.road.load import load_road
     from hdvplan.solvers.registry import DEFAULT, solver_named
     from hdvplan.vehicle.load import load_vehicle
 
+    pictures = [choice("--format", kind.strip(), PICTURES) for kind in formats.split(",")] if plot else []
     settings = PlannerSettings(
         scheme=Scheme(choice("--scheme", scheme, list(Scheme))),
         horizon=horizon,
@@ -103,7 +107,7 @@ def plan(
             drive(track, driven, centring, make_workspace, settings, on_progress=on_progress), solver=solver or DEFAULT, objective=objective
         )
     directory = out or Path(f"{_file_name(track.name)}.{_file_name(driven.name)}")
-    _write(result, directory, plot=plot)
+    _write(result, directory, pictures, animate=animate)
     if json:
         from hdvplan.report.summary import summary_of
 
@@ -156,11 +160,11 @@ def _file_name(name: str) -> str:
     return re.sub(r"[^\w.-]+", "-", name)
 
 
-def _write(result: Result, directory: Path, *, plot: bool) -> None:
+def _write(result: Result, directory: Path, pictures: list[str], *, animate: bool) -> None:
     from hdvplan.report.files import write_plan
 
     try:
-        write_plan(result, directory, plot=plot)
+        write_plan(result, directory, pictures=pictures, animate=animate)
     except OSError as error:
         msg = f"cannot write to {directory}: {error.strerror or error}"
         raise OptionError(msg, hint="choose another folder with --out") from error

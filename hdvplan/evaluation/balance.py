@@ -67,10 +67,15 @@ def balance_of(drive: Drive, envelope: Envelope) -> Balance:
     )
 
 
-def _clearance(drive: Drive, envelope: Envelope) -> tuple[float | None, tuple[Breach, ...]]:
+def gaps_of(drive: Drive, envelope: Envelope) -> dict[tuple[str, str], FloatArray]:
+    """Return the room that every body leaves, shape (units, n) [m], negative beyond the limit, by the limit's side and region.
+
+    Empty without limits; NaN where a body never was. "drivable" binds wheels and wheelbase where overhangs have limits of
+    their own, else whole bodies.
+    """
     limits = drive.road.limits
     if limits is None:
-        return None, ()
+        return {}
     left, right, left_sweep, right_sweep = limits.table(envelope.s)
     apart = bool(np.any(left_sweep > left) or np.any(right_sweep < right))
     region = "sweepable" if apart else "drivable"
@@ -78,6 +83,13 @@ def _clearance(drive: Drive, envelope: Envelope) -> tuple[float | None, tuple[Br
     if apart:
         axles = envelope_of(drive, axles_only=True)
         gaps |= {("left", "drivable"): left - axles.left, ("right", "drivable"): axles.right - right}
+    return gaps
+
+
+def _clearance(drive: Drive, envelope: Envelope) -> tuple[float | None, tuple[Breach, ...]]:
+    gaps = gaps_of(drive, envelope)
+    if not gaps:
+        return None, ()
     breaches = [breach for (side, region), gap in gaps.items() for breach in _breaches(envelope.s, gap, side, region)]
     lowest = min(float(np.nanmin(gap)) for gap in gaps.values())
     return lowest, tuple(sorted(breaches, key=lambda breach: breach.s_from))

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from hdvplan.centering.weights import Centering, CenteringTable
 from hdvplan.drive import Drive
-from hdvplan.evaluation.balance import Balance, Breach, balance_of
+from hdvplan.evaluation.balance import Balance, Breach, balance_of, gaps_of
 from hdvplan.evaluation.envelope import Envelope, envelope_of
+from hdvplan.jit import FloatArray
 from hdvplan.planning.planner import Plan
 from hdvplan.vehicle.model import Vehicle
 
@@ -26,6 +28,19 @@ class Result:
     expected: Centering
     solver: str
     objective: str
+
+    @cached_property
+    def gaps(self) -> dict[tuple[str, str], FloatArray]:
+        """The room that every body leaves to the limits, (units, n) [m], by side and region; empty without limits."""
+        return gaps_of(self.drive, self.envelope)
+
+    @property
+    def clearance(self) -> FloatArray | None:
+        """Least room to any limit at the envelope's arclengths, negative where one is broken, shape (n,) [m]; None without limits."""
+        if not self.gaps:
+            return None
+        least: FloatArray = np.nanmin(np.concatenate(list(self.gaps.values())), axis=0)
+        return least
 
     @property
     def failed(self) -> tuple[Plan, ...]:

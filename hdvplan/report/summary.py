@@ -43,6 +43,7 @@ def summary_of(result: Result) -> Json:
         "sqp_iterations_mean": float(np.mean(counts)),
         "sqp_iterations_max": int(np.max(counts)),
         "time_ms": step_times_ms(result),
+        "bodies": [_body(drive.vehicle, unit) for unit in range(len(drive.vehicle.units))],
         "smoothing": smoothing_of(drive.road),
         "settings": {name: str(value) if isinstance(value, str) else value for name, value in asdict(settings).items()},
         "notice": drive.road.notice,
@@ -82,6 +83,19 @@ def smoothing_of(road: Road) -> Json | None:
         "rms_deviation_m": smoothing.rms_deviation,
         "max_curvature_per_m": smoothing.max_curvature,
         "max_curvature_s_m": smoothing.max_curvature_s,
+    }
+
+
+def _body(vehicle: Vehicle, unit: int) -> Json:
+    """Return what drawing a body at its pose needs; lengths ahead of, and behind, its axle."""
+    wheelbase, hitch, front, rear, half = (float(value) for value in vehicle.table()[unit])
+    return {
+        "name": body_name(vehicle, unit),
+        "wheelbase_m": wheelbase,
+        "hitch_offset_m": hitch,
+        "front_m": front,
+        "rear_m": rear,
+        "width_m": 2.0 * half,
     }
 
 

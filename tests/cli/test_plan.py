@@ -26,7 +26,15 @@ def test_a_plan_writes_every_file_and_prints_the_balance(cli: Cli, tmp_path: Pat
     assert outcome.code == 0
     assert outcome.err == ""
     folder = tmp_path / "short.bus"
-    assert sorted(path.name for path in folder.iterdir()) == ["envelope.csv", "path.csv", "plan.png", "summary.json", "swept.geojson"]
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "envelope.csv",
+        "path.csv",
+        "plan.png",
+        "profile.csv",
+        "steps.csv",
+        "summary.json",
+        "swept.geojson",
+    ]
     assert (folder / "plan.png").read_bytes().startswith(b"\x89PNG")
     for words in ("max left", "mean |left + right|", "expected half width", "limits kept", "time per step", "short.bus/"):
         assert words in outcome.out

@@ -14,13 +14,13 @@ from hdvplan.report.result import Result
 def test_the_summary_is_written_last(bus: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     written: list[str] = []
     monkeypatch.setattr("hdvplan.report.files.write_atomically", lambda path, _content: written.append(path.name))
-    write_plan(bus, tmp_path, plot=False)
+    write_plan(bus, tmp_path)
     assert written[-1] == "summary.json"
-    assert len(written) == 4
+    assert len(written) == 6
 
 
 def test_a_failing_run_leaves_no_summary_of_a_former_plan(bus: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    write_plan(bus, tmp_path, plot=False)
+    write_plan(bus, tmp_path)
 
     def fail(_result: Result) -> None:
         msg = "disk full"
@@ -28,13 +28,13 @@ def test_a_failing_run_leaves_no_summary_of_a_former_plan(bus: Result, tmp_path:
 
     monkeypatch.setattr("hdvplan.report.files.envelope_table", fail)
     with pytest.raises(OSError, match="disk full"):
-        write_plan(bus, tmp_path, plot=False)
+        write_plan(bus, tmp_path)
     assert not (tmp_path / "summary.json").exists()
 
 
 def test_without_a_plot_the_picture_of_a_former_plan_goes(bus: Result, tmp_path: Path) -> None:
     (tmp_path / "plan.png").write_bytes(b"old")
-    write_plan(bus, tmp_path, plot=False)
+    write_plan(bus, tmp_path)
     assert not (tmp_path / "plan.png").exists()
 
 

@@ -17,9 +17,9 @@ def labels(figure: Figure) -> set[str]:
     return {axes.get_ylabel().split(" [")[0] for axes in figure.axes}
 
 
-def test_a_single_body_has_a_map_an_envelope_and_a_curvature(bus: Result) -> None:
+def test_a_single_body_has_a_map_an_envelope_a_curvature_and_step_times(bus: Result) -> None:
     figure = plan_figure(bus)
-    assert labels(figure) == {"y", "reach", "curvature"}
+    assert labels(figure) == {"y", "reach", "curvature", "step time"}
     assert figure.axes[0].get_aspect() == 1.0  # to scale
     title = figure.get_suptitle()
     assert all(word in title for word in ("bus", "uturn", "RTI", "geometric"))
@@ -27,7 +27,7 @@ def test_a_single_body_has_a_map_an_envelope_and_a_curvature(bus: Result) -> Non
 
 def test_an_articulated_vehicle_shows_its_articulation_and_the_road_its_notice(trailer: Result) -> None:
     figure = plan_figure(trailer)
-    assert labels(figure) == {"y", "reach", "curvature", "articulation"}
+    assert labels(figure) == {"y", "reach", "curvature", "articulation", "step time"}
     assert figure.get_supxlabel() == "© the surveyors"
 
 
