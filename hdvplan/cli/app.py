@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdvplan import __version__
-from hdvplan.cli import bench, plan, reproduce, roads, solvers, vehicles
+from hdvplan.cli import bench, plan, report, reproduce, roads, solvers, vehicles
 from hdvplan.cli.console import ExitCode, one_line, report_error
 from hdvplan.errors import HdvplanError, PlanError, QpDataError, SolverError
 
@@ -27,6 +27,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command("plan")(plan.plan)
+app.command("report")(report.report)
 app.command("bench")(bench.bench)
 app.command("reproduce")(reproduce.reproduce)
 app.add_typer(roads.app, name="roads")

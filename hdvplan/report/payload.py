@@ -27,7 +27,7 @@ def payload_of(plan: PlanFiles) -> Json:
     thin = slice(None, None, stride)
     s = envelope["s"].to_numpy()[thin]
     x, y, heading = road_frame(plan, s)
-    columns: dict[str, Json] = {"x": _exact(x), "y": _exact(y), "heading": _exact(heading)}
+    columns: dict[str, Json] = {"x": _exact(x - x[0]), "y": _exact(y - y[0]), "heading": _exact(heading)}  # map coordinates are too large
     for name in ("e_y", "e_psi", "kappa", *(f"beta{number}" for number in range(1, len(summary["bodies"])))):
         columns[name] = packed(np.interp(s, plan.path["s"], plan.path[name]))
     columns["half_width"] = packed(envelope["expected_left"].to_numpy()[thin])
@@ -41,6 +41,7 @@ def payload_of(plan: PlanFiles) -> Json:
         "label": label_of(summary),
         "road": summary["road"],
         "bodies": summary["bodies"],
+        "origin": [float(x[0]), float(y[0])],
         "count": len(s),
         "spacing": float(s[1] - s[0]),
         "columns": columns,
