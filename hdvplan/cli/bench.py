@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hdvplan.cli import completion
 from hdvplan.cli.console import ExitCode, note, print_json, print_tables, progress
 from hdvplan.cli.options import JsonOption, QuietOption
 from hdvplan.errors import OptionError
@@ -16,9 +17,16 @@ if TYPE_CHECKING:
 
 
 def bench(
-    solvers: Annotated[str | None, typer.Option("--solvers", metavar="A,B", help="Names from `hdvplan solvers`.")] = None,
-    vehicles: Annotated[str | None, typer.Option("--vehicles", metavar="A,B", help="Presets or vehicle files.")] = None,
-    roads: Annotated[str | None, typer.Option("--roads", metavar="A,B", help="Road files, or names from `hdvplan roads list`.")] = None,
+    solvers: Annotated[
+        str | None, typer.Option("--solvers", metavar="A,B", help="Names from `hdvplan solvers`.", autocompletion=completion.solver_list)
+    ] = None,
+    vehicles: Annotated[
+        str | None, typer.Option("--vehicles", metavar="A,B", help="Presets or vehicle files.", autocompletion=completion.vehicle_list)
+    ] = None,
+    roads: Annotated[
+        str | None,
+        typer.Option("--roads", metavar="A,B", help="Road files, or names from `hdvplan roads list`.", autocompletion=completion.road_list),
+    ] = None,
     schemes: Annotated[str | None, typer.Option("--schemes", metavar="rti,sqp", help="How often a step linearises and solves.")] = None,
     rounds: Annotated[int | None, typer.Option("--rounds", metavar="N", help="Drives of every cell.")] = None,
     budget: Annotated[float | None, typer.Option("--budget", metavar="S", help="Most planning time of one drive [s].")] = None,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hdvplan.cli import completion
 from hdvplan.errors import OptionError
 
 if TYPE_CHECKING:
@@ -14,7 +15,12 @@ if TYPE_CHECKING:
 
     from hdvplan.road.load import RoadOptions
 
-RoadArgument = Annotated[str, typer.Argument(metavar="ROAD", help="A road file (.csv, .geojson), or a name from `hdvplan roads list`.")]
+RoadArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="ROAD", help="A road file (.csv, .geojson), or a name from `hdvplan roads list`.", autocompletion=completion.roads
+    ),
+]
 SmoothOption = Annotated[
     float | None,
     typer.Option("--smooth", metavar="M", help="Largest allowed deviation of the smoothed centre line from the given points [m]."),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hdvplan.cli import completion
 from hdvplan.cli.console import ExitCode, note, print_json, print_tables, progress, report_error
 from hdvplan.cli.options import (
     CrsOption,
@@ -23,6 +24,8 @@ from hdvplan.cli.options import (
 from hdvplan.errors import OptionError, RoadError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from hdvplan.report.result import Result
     from hdvplan.road.road import Road
     from hdvplan.vehicle.model import Vehicle
@@ -32,15 +35,25 @@ _REFERENCE_SLACK = 1.25  # a balanced lead axle turns wider than the road's cent
 
 def plan(
     road: RoadArgument,
-    vehicle: Annotated[str, typer.Option("--vehicle", metavar="NAME|FILE.toml", help="A preset or a vehicle file.")],
-    scheme: Annotated[str, typer.Option("--scheme", metavar="rti|sqp", help="One QP a step, or until the plan stands still.")] = "rti",
-    solver: Annotated[str | None, typer.Option("--solver", metavar="NAME", help="A name from `hdvplan solvers`.")] = None,
+    vehicle: Annotated[
+        str, typer.Option("--vehicle", metavar="NAME|FILE.toml", help="A preset or a vehicle file.", autocompletion=completion.vehicles)
+    ],
+    scheme: Annotated[
+        str,
+        typer.Option(
+            "--scheme", metavar="rti|sqp", help="One QP a step, or until the plan stands still.", autocompletion=completion.schemes
+        ),
+    ] = "rti",
+    solver: Annotated[
+        str | None, typer.Option("--solver", metavar="NAME", help="A name from `hdvplan solvers`.", autocompletion=completion.solvers)
+    ] = None,
     objective: Annotated[
         str,
         typer.Option(
             "--objective",
             metavar="NAME",
             help="geometric, geometric-fixed, lead-axle, trail-axle, art-weighted, art-weighted:0.45, axle-max or body-max.",
+            autocompletion=completion.objectives,
         ),
     ] = "geometric",
     half_width: Annotated[float | None, typer.Option("--half-width", metavar="M", help="Limits at +-M [m].")] = None,
@@ -95,7 +108,8 @@ def plan(
     centring, make_workspace = objective_named(objective), solver_named(solver or DEFAULT)
     driven = load_vehicle(vehicle)
     compiled = is_compiled()  # asked before reading the road compiles a part
-    track = load_road(road, road_options(smooth, crs, name, _REFERENCE_SLACK * driven.max_curvature))
+    with progress(f"reading {road}", quiet=quiet):
+        track = load_road(road, road_options(smooth, crs, name, _REFERENCE_SLACK * driven.max_curvature))
     if reaches is not None:
         track = track.with_limits(*reaches)
     check_fits(track, driven)
@@ -107,7 +121,8 @@ def plan(
             drive(track, driven, centring, make_workspace, settings, on_progress=on_progress), solver=solver or DEFAULT, objective=objective
         )
     directory = out or Path(f"{_file_name(track.name)}.{_file_name(driven.name)}")
-    _write(result, directory, pictures, animate=animate)
+    with progress(f"writing {directory}/", quiet=quiet) as on_progress:
+        _write(result, directory, pictures, animate, on_progress)
     if json:
         from hdvplan.report.summary import summary_of
 
@@ -160,11 +175,11 @@ def _file_name(name: str) -> str:
     return re.sub(r"[^\w.-]+", "-", name)
 
 
-def _write(result: Result, directory: Path, pictures: list[str], *, animate: bool) -> None:
+def _write(result: Result, directory: Path, pictures: list[str], animate: bool, on_progress: Callable[[float], None]) -> None:
     from hdvplan.report.files import write_plan
 
     try:
-        write_plan(result, directory, pictures=pictures, animate=animate)
+        write_plan(result, directory, pictures=pictures, animate=animate, on_progress=on_progress)
     except OSError as error:
         msg = f"cannot write to {directory}: {error.strerror or error}"
         raise OptionError(msg, hint="choose another folder with --out") from error

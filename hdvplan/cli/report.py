@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from hdvplan.cli.console import ExitCode, note, print_json
+from hdvplan.cli.console import ExitCode, note, print_json, progress
 from hdvplan.cli.options import JsonOption, QuietOption
 from hdvplan.errors import OptionError
 
@@ -24,21 +24,19 @@ def report(
     It has the summaries, a map of each plan to pan and zoom with the vehicle wherever you point, diagrams over the road's length,
     the tightest places and the distribution of the step times.
     """
-    from hdvplan.report.files import write_atomically
-    from hdvplan.report.html import report_html
-    from hdvplan.report.planfiles import read_plan
+    from hdvplan.report.html import write_report
 
     if out.is_dir():
         msg = f"--out {out} is a folder, not a file"
         raise OptionError(msg)
-    page = report_html([read_plan(directory) for directory in directories], title).encode()
     try:
-        write_atomically(out, page)
+        with progress("writing the report", quiet=quiet) as on_progress:
+            size = write_report(directories, out, title=title, on_progress=on_progress)
     except OSError as error:
         msg = f"cannot write {out}: {error.strerror or error}"
         raise OptionError(msg, hint="choose another file with --out") from error
     if json:
-        print_json({"file": str(out), "bytes": len(page), "plans": [str(directory) for directory in directories]})
+        print_json({"file": str(out), "bytes": size, "plans": [str(directory) for directory in directories]})
     else:
-        note(f"wrote {out}: {len(directories)} plan{'s' if len(directories) > 1 else ''}, {len(page) / 1e6:.1f} MB", quiet=quiet)
+        note(f"wrote {out}: {len(directories)} plan{'s' if len(directories) > 1 else ''}, {size / 1e6:.1f} MB", quiet=quiet)
     return ExitCode.OK

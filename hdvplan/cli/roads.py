@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hdvplan.cli.console import ExitCode, note, print_json, print_tables
+from hdvplan.cli.console import ExitCode, note, print_json, print_tables, progress
 from hdvplan.cli.options import CrsOption, FeatureOption, JsonOption, RoadArgument, SmoothOption, choice, road_options
 from hdvplan.errors import OptionError
 
@@ -55,7 +55,8 @@ def road_info(
     from hdvplan.road.load import load_road
     from hdvplan.vehicle.load import load_vehicle, preset_names
 
-    track = load_road(road, road_options(smooth, crs, name))
+    with progress(f"reading {road}", quiet=False):
+        track = load_road(road, road_options(smooth, crs, name))
     facts, fits = facts_of(track), [fit_of(track, load_vehicle(preset)) for preset in preset_names()]
     if json:
         print_json(

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hdvplan.cli import completion
 from hdvplan.cli.console import ExitCode, print_json, print_tables
 from hdvplan.cli.options import JsonOption
 
@@ -48,7 +49,9 @@ def list_vehicles(json: JsonOption = False) -> int:
 
 
 @app.command("show")
-def show_vehicle(name: Annotated[str, typer.Argument(metavar="NAME", help="A preset.")], json: JsonOption = False) -> int:
+def show_vehicle(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="A preset.", autocompletion=completion.vehicles)], json: JsonOption = False
+) -> int:
     """Print a preset's TOML, ready to copy and edit."""
     from hdvplan.vehicle.load import load_vehicle, preset_text
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Collection
+from collections.abc import Callable, Collection
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,10 +20,18 @@ PICTURES = ("png", "pdf", "svg")
 FILM = "drive.gif"
 
 
-def write_plan(result: Result, directory: Path, *, pictures: Collection[str] = (), animate: bool = False) -> None:
+def write_plan(
+    result: Result,
+    directory: Path,
+    *,
+    pictures: Collection[str] = (),
+    animate: bool = False,
+    on_progress: Callable[[float], None] | None = None,
+) -> None:
     """Write all files of a plan into ``directory``, made if need be; a former plan's pictures that are not asked for go.
 
-    ``pictures`` are the formats of the picture, of ``PICTURES``; ``animate`` adds the drive as a film.
+    ``pictures`` are the formats of the picture, of ``PICTURES``; ``animate`` adds the drive as a film. ``on_progress``
+    receives the written share, 0 to 1.
 
     Raises:
         OSError: the folder or a file cannot be written.
@@ -33,15 +42,20 @@ def write_plan(result: Result, directory: Path, *, pictures: Collection[str] = (
     summary.unlink(missing_ok=True)  # a killed run must not leave it beside another plan's files
     for former in (*(directory / f"plan.{kind}" for kind in PICTURES), directory / FILM):
         former.unlink(missing_ok=True)
-    for name, table in (("path", path_table), ("envelope", envelope_table), ("profile", profile_table), ("steps", steps_table)):
-        write_atomically(directory / f"{name}.csv", csv_bytes(table(result)))
-    write_atomically(directory / "swept.geojson", json_bytes(swept_geojson(result), indent=None))
-    for kind, picture in picture_bytes(result, pictures).items():
-        write_atomically(directory / f"plan.{kind}", picture)
+    contents: dict[str, Callable[[], bytes]] = {
+        "path.csv": lambda: csv_bytes(path_table(result)),
+        "envelope.csv": lambda: csv_bytes(envelope_table(result)),
+        "profile.csv": lambda: csv_bytes(profile_table(result)),
+        "steps.csv": lambda: csv_bytes(steps_table(result)),
+        "swept.geojson": lambda: json_bytes(swept_geojson(result), indent=None),
+    }
+    contents |= {f"plan.{kind}": partial(picture_bytes, result, kind) for kind in pictures}
     if animate:
-        from hdvplan.report.animation import film_bytes  # noqa: PLC0415 - as Matplotlib
-
-        write_atomically(directory / FILM, film_bytes(result))
+        contents[FILM] = partial(_film, result)
+    for number, (name, content) in enumerate(contents.items(), start=1):
+        write_atomically(directory / name, content())
+        if on_progress is not None:
+            on_progress(number / (len(contents) + 1))
     write_atomically(summary, json_bytes(summary_of(result)))
 
 
@@ -139,15 +153,18 @@ def json_bytes(value: object, *, indent: int | None = 2) -> bytes:
     return (json.dumps(value, indent=indent, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
-def picture_bytes(result: Result, kinds: Collection[str]) -> dict[str, bytes]:
-    """Return the picture of a plan, drawn once, as a file of each of ``kinds``."""
-    if not kinds:
-        return {}
+def picture_bytes(result: Result, kind: str) -> bytes:
+    """Return the picture of a plan as a file of one of ``PICTURES``."""
     from hdvplan.report.plots import plan_figure  # noqa: PLC0415 - Matplotlib takes half a second to import
-    from hdvplan.report.style import figure_bytes  # noqa: PLC0415
+    from hdvplan.report.style import figure_bytes  # noqa: PLC0415 - as above
 
-    figure = plan_figure(result)
-    return {kind: figure_bytes(figure, kind) for kind in kinds}
+    return figure_bytes(plan_figure(result), kind)
+
+
+def _film(result: Result) -> bytes:
+    from hdvplan.report.animation import film_bytes  # noqa: PLC0415 - as above
+
+    return film_bytes(result)
 
 
 def write_atomically(path: Path, content: bytes) -> None:
@@ -157,10 +174,10 @@ def write_atomically(path: Path, content: bytes) -> None:
         OSError: the file cannot be written.
 
     """
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        partial.write_bytes(content)
-        partial.replace(path)
+        part.write_bytes(content)
+        part.replace(path)
     except BaseException:
-        partial.unlink(missing_ok=True)
+        part.unlink(missing_ok=True)
         raise

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib import resources
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,8 +13,9 @@ from jinja2 import Environment
 
 from hdvplan import __version__
 from hdvplan.jit import FloatArray
+from hdvplan.report.files import write_atomically
 from hdvplan.report.payload import label_of, payload_of
-from hdvplan.report.planfiles import PlanFiles
+from hdvplan.report.planfiles import PlanFiles, read_plan
 
 MOST_BREACHES = 20  # listed; the summary file holds all
 _BINS = 40
@@ -49,6 +51,26 @@ _COMPUTED = (
     ("step time, p99", "ms", "time_ms.p99", 3),
     ("step time, max", "ms", "time_ms.max", 3),
 )
+
+
+def write_report(
+    directories: Sequence[Path], path: Path, *, title: str = "Swept path report", on_progress: Callable[[float], None] | None = None
+) -> int:
+    """Write the page about the plans in ``directories`` and return its size in bytes; ``on_progress`` receives 0 to 1.
+
+    Raises:
+        OptionError: a folder holds no plan, or a damaged one.
+        OSError: the file cannot be written.
+
+    """
+    plans = []
+    for number, directory in enumerate(directories):
+        plans.append(read_plan(directory))
+        if on_progress is not None:
+            on_progress((number + 1) / (len(directories) + 1))
+    page = report_html(plans, title).encode()
+    write_atomically(path, page)
+    return len(page)
 
 
 def report_html(plans: Sequence[PlanFiles], title: str) -> str:

@@ -10,12 +10,11 @@ import matplotlib as mpl
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
+from hdvplan.report.colours import BODY_COLOURS, FAINT, INK, MUTED
+
 DPI = 150  # of PNG
 SLIDE_IN = (16.0, 9.0)
 
-BODY_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7")  # Okabe and Ito: distinct for colour-blind readers
-BREACH = "#C40023"  # hatched as well: red alone does not speak to everybody
-INK, MUTED, FAINT = "0.12", "0.42", "0.90"
 _PALE = 0.4
 _STYLE = {
     "axes.axisbelow": True,
