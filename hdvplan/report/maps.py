@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 import shapely
 from matplotlib.axes import Axes
@@ -24,6 +26,7 @@ from hdvplan.vehicle.model import Vehicle
 _SPACING_M = 0.5
 _ROOM_M = 2.0  # around what a map shows
 _LABEL_AWAY_M = 2.5  # from the edge that it is written beside
+_LABELS_APART_M = 8.0
 _MOST_DEPTHS = 4  # written into one map
 
 
@@ -120,8 +123,7 @@ def _draw_breaches(axes: Axes, result: Result, window: Window) -> None:
         outline = _outline(swept_area(path, s, high, low))
         axes.add_patch(PathPatch(outline, facecolor=BREACH, edgecolor=BREACH, linewidth=1.2, label=label, zorder=4))
         label = None
-    here = [breach for breach in result.balance.breaches if window.s_from <= breach.s_deepest <= window.s_to]
-    for breach in sorted(here, key=lambda breach: -breach.depth)[:_MOST_DEPTHS]:
+    for breach in _spread(breach for breach in result.balance.breaches if window.s_from <= breach.s_deepest <= window.s_to):
         outwards, edge = 1.0 if breach.side == "left" else -1.0, breach_offset(limits, breach)
         x, y = path.to_plane(breach.s_deepest, edge)
         u, v = path.to_plane(breach.s_deepest, edge + outwards * _LABEL_AWAY_M)
@@ -130,6 +132,15 @@ def _draw_breaches(axes: Axes, result: Result, window: Window) -> None:
             color=BREACH, fontweight="bold", fontsize="small", arrowprops={"arrowstyle": "-", "color": BREACH, "linewidth": 0.8},
             bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8},
         )  # fmt: skip
+
+
+def _spread(breaches: Iterable[Breach]) -> list[Breach]:
+    """Return the deepest breaches that are far enough apart to be written beside each other."""
+    kept = list[Breach]()
+    for breach in sorted(breaches, key=lambda breach: -breach.depth):
+        if all(abs(breach.s_deepest - other.s_deepest) > _LABELS_APART_M or breach.side != other.side for other in kept):
+            kept.append(breach)
+    return kept[:_MOST_DEPTHS]
 
 
 def breach_offset(limits: Limits, breach: Breach) -> float:

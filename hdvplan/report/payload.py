@@ -41,7 +41,7 @@ def payload_of(plan: PlanFiles) -> Json:
         "label": label_of(summary),
         "road": summary["road"],
         "bodies": summary["bodies"],
-        "origin": [float(x[0]), float(y[0])],
+        "origin": [round(float(x[0]), 3), round(float(y[0]), 3)],  # with road and count: whether two plans share a road
         "count": len(s),
         "spacing": float(s[1] - s[0]),
         "columns": columns,

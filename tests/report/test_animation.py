@@ -3,6 +3,7 @@ from __future__ import annotations
 from io import BytesIO
 
 import numpy as np
+import pytest
 from PIL import Image
 
 from hdvplan.jit import FloatArray
@@ -28,6 +29,7 @@ def test_the_film_shows_the_bodies_driving_and_what_they_sweep(trailer: Result) 
         assert tuple(image[-40, 400]) == (255.0, 255.0, 255.0)  # the paper is white
 
 
+@pytest.mark.slow
 def test_a_long_road_s_film_shows_its_tightest_places_only(long: Result) -> None:
     film = Image.open(BytesIO(film_bytes(long)))
     assert film.format == "GIF"

@@ -13,7 +13,7 @@ from hdvplan.errors import OptionError
 from hdvplan.jit import FloatArray
 from hdvplan.report.files import write_plan
 from hdvplan.report.html import report_html, short_labels, write_report
-from hdvplan.report.payload import packed, road_frame, tight_places
+from hdvplan.report.payload import packed, payload_of, road_frame, tight_places
 from hdvplan.report.planfiles import PlanFiles, read_plan
 from hdvplan.report.result import Result
 
@@ -44,6 +44,15 @@ def test_the_road_is_found_again_beside_the_driven_path(plan: PlanFiles, kerbed:
     road = kerbed.drive.road.path.at(s)
     np.testing.assert_allclose(np.column_stack([x, y]), np.column_stack([road.x, road.y]), atol=1e-9)  # rounding
     np.testing.assert_allclose(np.cos(heading), np.cos(road.heading), atol=1e-9)
+
+
+def test_plans_of_one_road_are_known_by_their_origin(plan: PlanFiles) -> None:
+    assert payload_of(plan)["origin"] == [0.0, 0.0]  # whatever rounding of the path beside it left
+    shifted = replace(plan, path=plan.path.assign(x=plan.path["x"] + 600000.0))
+    page = payload_of(shifted)
+    assert page["origin"] == [600000.0, 0.0]
+    start = np.frombuffer(base64.b64decode(page["columns"]["x"]["data"]), "<f4")
+    assert start[0] == 0.0  # coordinates of a map are too large for single precision
 
 
 def test_the_tightest_places_begin_with_the_deepest_breach(plan: PlanFiles, kerbed: Result) -> None:

@@ -35,6 +35,7 @@
       const x = extremes(at.x.subarray(begin, end + 1)), y = extremes(at.y.subarray(begin, end + 1));
       panel.chunks.push({ begin, end, box: [x[0] - room, x[1] + room, y[0] - room, y[1] + room] });
     }
+    panel.breaches = broken(panel);
     panel.slider.max = plan.count - 1;
     return panel;
   });
@@ -48,6 +49,22 @@
     let low = Infinity, high = -Infinity;
     for (const value of values) { if (value < low) low = value; if (value > high) high = value; }
     return [low, high];
+  }
+
+  // Broken limits, deepest first, as samples and the limit that is broken; limits of overhangs exist only where they differ.
+  function broken(panel) {
+    const { at, plan } = panel, sample = (s) => clamp(Math.round(s / plan.spacing), 0, plan.count - 1);
+    return [...plan.breaches].sort((a, b) => b.depth_m - a.depth_m).map((breach) => {
+      const own = `${breach.side}_limit`, wide = `${breach.side}_sweep_limit`, run = [], wheels = breach.region === "drivable" && Boolean(at[wide]);
+      for (let i = sample(breach.s_from); i <= Math.max(sample(breach.s_to), sample(breach.s_from)); i++) run.push(i);
+      return { side: breach.side, sign: breach.side === "left" ? 1 : -1, limit: (breach.region === "sweepable" && at[wide]) || at[own], wheels, run,
+        deepest: sample(breach.s_deepest), depth: breach.depth_m };
+    });
+  }
+
+  // How far the bodies reach beyond a broken limit, or nothing where it binds only wheels.
+  function reachBeyond(panel, { wheels, sign, limit }) {
+    return wheels ? null : (i) => (sign > 0 ? Math.max(panel.left[i], limit[i]) : Math.min(panel.right[i], limit[i]));
   }
 
   const place = (panel, i, offset) => [panel.at.x[i] - offset * panel.sin[i], panel.at.y[i] + offset * panel.cos[i]];
@@ -140,23 +157,24 @@
       for (let i = apart; i < plan.count; i += apart) if (seen.some(({ begin, end }) => begin <= i && i <= end)) drawBodies(panel, i, pen, px, py, 0.45);
     }
     pen.font = "12px system-ui, sans-serif";
-    for (const breach of plan.breaches) {
-      const [name, sign] = breach.side === "left" ? ["left", 1] : ["right", -1];
-      const limit = at[`${name}${breach.region === "sweepable" ? "_sweep" : ""}_limit`] || at[`${name}_limit`];
-      const index = (s) => clamp(Math.round(s / plan.spacing), 0, plan.count - 1);
-      const from = index(breach.s_from), to = Math.max(index(breach.s_to), from + 1), deepest = index(breach.s_deepest);
-      if (!limit || to >= plan.count) continue;
-      pen.strokeStyle = pen.fillStyle = css("--bad");
-      pen.lineWidth = 4;
+    const written = [];
+    pen.strokeStyle = pen.fillStyle = css("--bad");
+    pen.lineJoin = "round";
+    for (const breach of panel.breaches) {
+      const { side, sign, limit, run, deepest, depth } = breach, outside = reachBeyond(panel, breach);
+      pen.lineWidth = outside ? 2 : 4; // wheels beyond their limit: only where is known, a body's reach is another thing
       pen.beginPath();
-      const run = [];
-      for (let i = from; i <= to; i++) run.push(place(panel, i, limit[i] + sign * breach.depth_m * 0.5));
-      trace(run);
+      const inner = run.map((i) => place(panel, i, limit[i])), outer = outside ? [...run].reverse().map((i) => place(panel, i, outside(i))) : [];
+      trace([...inner, ...outer]);
+      if (outside) { pen.closePath(); pen.fill(); }
       pen.stroke();
-      const [x, y] = place(panel, deepest, limit[deepest] + sign * (breach.depth_m + 8 / view.scale));
-      pen.textAlign = sign * panel.sin[deepest] > 0 ? "right" : "left";
-      if (view.scale > 1.5) pen.fillText(`${breach.depth_m.toFixed(2)} m`, px(x), py(y));
-      else { pen.beginPath(); pen.arc(px(x), py(y), 4, 0, 7); pen.fill(); }
+      const [x, y] = place(panel, deepest, limit[deepest] + sign * (depth + 10 / view.scale));
+      if (view.scale < 1.5) { pen.beginPath(); pen.arc(px(x), py(y), 4, 0, 7); pen.fill(); }
+      else if (!written.some((other) => other.side === side && Math.abs(other.deepest - deepest) * plan.spacing < 8)) {
+        pen.textAlign = sign * panel.sin[deepest] > 0 ? "right" : "left";
+        pen.fillText(`${depth.toFixed(2)} m`, px(x), py(y) + 4);
+        written.push(breach);
+      }
     }
     pen.fillStyle = css("--ink");
     pen.beginPath();
@@ -283,11 +301,17 @@
           if (at[`${side}_limit`]) draw((i) => at[`${side}_limit`][i], "--ink", 1.4);
           if (at[`${side}_sweep_limit`]) draw((i) => at[`${side}_sweep_limit`][i], "--ink", 1.2, [2, 4]);
         }
-        for (const breach of plan.breaches) {
-          const own = at[`${breach.side}${breach.region === "sweepable" ? "_sweep" : ""}_limit`] || at[`${breach.side}_limit`];
-          const edge = y(own[clamp(Math.round(breach.s_deepest / plan.spacing), 0, plan.count - 1)]), up = breach.side === "left";
-          pen.fillStyle = css("--bad"); // from the limit outwards
-          pen.fillRect(sx(breach.s_from) - 1, up ? top : edge, Math.max(3, sx(breach.s_to) - sx(breach.s_from)), up ? edge - top : top + high - edge);
+        pen.fillStyle = css("--bad");
+        for (const breach of panel.breaches) {
+          const { limit, run: there, deepest, sign, depth } = breach, outside = reachBeyond(panel, breach);
+          pen.beginPath();
+          if (outside) {
+            there.forEach((i) => pen.lineTo(sx(i * plan.spacing), y(limit[i])));
+            [...there].reverse().forEach((i) => pen.lineTo(sx(i * plan.spacing), y(outside(i))));
+            pen.fill();
+          }
+          const x = sx(deepest * plan.spacing), tip = y(limit[deepest] + sign * depth); // a stretch may be too short to see
+          pen.beginPath(); pen.moveTo(x, tip); pen.lineTo(x - 4, tip - sign * 7); pen.lineTo(x + 4, tip - sign * 7); pen.fill();
         }
       } else if (chart.steps) {
         pen.fillStyle = css("--accent");
@@ -436,8 +460,8 @@
       row.addEventListener("click", () => visit(panel, Number(row.dataset.s)));
       row.addEventListener("keydown", (event) => { if (event.key === "Enter") visit(panel, Number(row.dataset.s)); });
     }
-    const worst = panel.plan.breaches.length ? panel.plan.breaches[0].s_deepest : panel.plan.places[0].s;
-    panel.cursor = clamp(Math.round(worst / panel.plan.spacing), 0, panel.plan.count - 1);
+    const worst = panel.breaches.length ? panel.breaches[0].deepest : panel.plan.places[0].s / panel.plan.spacing;
+    panel.cursor = clamp(Math.round(worst), 0, panel.plan.count - 1);
   }
 
   for (const button of document.querySelectorAll("nav [data-show]")) {
