@@ -110,17 +110,13 @@ def _draw_breaches(axes: Axes, result: Result, window: Window) -> None:
     path, limits, s = result.drive.road.path, result.drive.road.limits, result.envelope.s
     if limits is None:
         return
-    shown, table = (s >= window.s_from) & (s <= window.s_to), limits.table(s)
+    shown = (s >= window.s_from) & (s <= window.s_to)
     label: str | None = "beyond a limit"
-    for (side, region), gaps in result.gaps.items():
-        gap = np.nanmin(gaps, axis=0)
-        limit = table[_row(side, region)]
-        broken = shown & (gap < -KEPT_M)
-        if not np.any(broken):
+    for key, gaps in result.gaps.items():
+        limit, beyond = edge_beyond(limits, s, key, np.where(shown, np.nanmin(gaps, axis=0), 0.0))
+        if np.all(np.isnan(beyond)):
             continue
-        beyond = np.where(broken, limit - gap if side == "left" else limit + gap, np.nan)
-        low, high = (limit, beyond) if side == "left" else (beyond, limit)
-        outline = _outline(swept_area(path, s, high, low))
+        outline = _outline(swept_area(path, s, np.fmax(limit, beyond), np.where(np.isnan(beyond), np.nan, np.fmin(limit, beyond))))
         axes.add_patch(PathPatch(outline, facecolor=BREACH, edgecolor=BREACH, linewidth=1.2, label=label, zorder=4))
         label = None
     for breach in _spread(breach for breach in result.balance.breaches if window.s_from <= breach.s_deepest <= window.s_to):
@@ -132,6 +128,16 @@ def _draw_breaches(axes: Axes, result: Result, window: Window) -> None:
             color=BREACH, fontweight="bold", fontsize="small", arrowprops={"arrowstyle": "-", "color": BREACH, "linewidth": 0.8},
             bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8},
         )  # fmt: skip
+
+
+def edge_beyond(limits: Limits, s: FloatArray, key: tuple[str, str], gap: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return a limit, by its side and region, and how far beyond it the vehicle reached: signed offsets at ``s`` [m].
+
+    NaN where the least room ``gap`` counts as kept.
+    """
+    limit = limits.table(s)[_row(*key)]
+    beyond = limit - gap if key[0] == "left" else limit + gap
+    return limit, np.where(gap < -KEPT_M, beyond, np.nan)
 
 
 def _spread(breaches: Iterable[Breach]) -> list[Breach]:

@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator, NullFormatter
 
 from hdvplan.jit import BoolArray, FloatArray
 from hdvplan.report.colours import BREACH, INK, MUTED
-from hdvplan.report.maps import breach_offset, draw_map, draw_overview
+from hdvplan.report.maps import breach_offset, draw_map, draw_overview, edge_beyond
 from hdvplan.report.result import Result, body_name
 from hdvplan.report.style import SLIDE_IN, body_colour, body_fill, styled
 from hdvplan.report.summary import step_times_ms
@@ -165,14 +165,14 @@ def _draw_envelope(axes: Axes, result: Result, window: Window) -> None:
         axes.plot(s, np.column_stack([left[unit], right[unit]]), color=body_colour(unit), linewidth=1.0)
     _plot_expected(axes, s, expected, "geometric")
     _plot_expected(axes, s, -expected)
-    _draw_limits(axes, result, s, window)
+    _draw_limits(axes, result, shown, window)
     axes.axhline(0.0, color=MUTED, linewidth=0.6)
     axes.set_ylabel("reach [m]\n(left positive)")
 
 
-def _draw_limits(axes: Axes, result: Result, s: FloatArray, window: Window) -> None:
-    """Draw limits over ``s``, crosses where they are broken, and how deep the deepest is."""
-    limits = result.drive.road.limits
+def _draw_limits(axes: Axes, result: Result, shown: BoolArray, window: Window) -> None:
+    """Draw limits, what lies beyond them in red, crosses where it is deepest, and how deep the deepest is."""
+    limits, s = result.drive.road.limits, result.envelope.s[shown]
     if limits is None:
         return
     seen = _FAR * max(float(np.max(result.envelope.reach_left)), -float(np.min(result.envelope.reach_right)))
@@ -187,6 +187,9 @@ def _draw_limits(axes: Axes, result: Result, s: FloatArray, window: Window) -> N
     here = [breach for breach in result.balance.breaches if window.s_from <= breach.s_deepest <= window.s_to]
     if not here:
         return
+    for key, gaps in result.gaps.items():
+        limit, beyond = edge_beyond(limits, s, key, np.nanmin(gaps[:, shown], axis=0))
+        axes.fill_between(s, limit, beyond, color=BREACH, linewidth=0.0)
     at = [breach.s_deepest for breach in here]
     edges = [breach_offset(limits, breach) for breach in here]
     axes.plot(at, edges, linestyle="none", marker="X", color=BREACH, markersize=7, markeredgecolor="white", label="limit broken", zorder=5)

@@ -64,14 +64,17 @@ def page(browser: webdriver.Chrome, folders: list[Path]) -> Iterator[webdriver.C
     """The page about both plans, freshly opened; afterwards it must have asked for nothing and complained of nothing."""
     file = folders[0].parent / "report.html"
     write_report(folders, file)
+    browser.get("about:blank")
     for log in ("browser", "performance"):
-        logged(browser, log)  # what former tests left
+        logged(browser, log)  # what came before
     browser.get(file.as_uri())
     settled(browser)
     yield browser
     assert logged(browser, "browser") == []
     asked = [json.loads(entry["message"])["message"] for entry in logged(browser, "performance")]
-    urls = {event["params"]["request"]["url"] for event in asked if event["method"] == "Network.requestWillBeSent"}
+    requests = [event["params"] for event in asked if event["method"] == "Network.requestWillBeSent"]
+    urls = {request["request"]["url"] for request in requests if request["documentURL"] == file.as_uri()}  # the browser's own page aside
+    assert file.as_uri() in urls
     assert urls <= {file.as_uri(), "data:,"}
 
 

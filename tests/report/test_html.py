@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import hdvplan
 from hdvplan.errors import OptionError
 from hdvplan.jit import FloatArray
 from hdvplan.report.files import write_plan
@@ -119,3 +120,11 @@ def test_a_damaged_plan_is_refused(kerbed: Result, tmp_path: Path, name: str, te
     with pytest.raises(OptionError, match="cannot be read"):
         write_report([tmp_path], tmp_path / "report.html")
     assert not (tmp_path / "report.html").exists()
+
+
+@pytest.mark.slow
+def test_a_report_on_twelve_kilometres_stays_below_five_megabytes(tmp_path: Path) -> None:
+    road = hdvplan.load_road("liechtenstein_schaan_balzers").with_limits(4.5, 4.5)
+    write_plan(hdvplan.plan(road, hdvplan.load_vehicle("tractor-trailer")), tmp_path)
+    assert road.path.length > 11.8e3
+    assert write_report([tmp_path, tmp_path, tmp_path], tmp_path / "report.html") < 5e6  # even three beside each other
