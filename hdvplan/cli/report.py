@@ -13,7 +13,7 @@ from hdvplan.errors import OptionError
 
 
 def report(
-    directories: Annotated[list[Path], typer.Argument(metavar="DIR...", help="Folders that `hdvplan plan` has written.")],
+    directories: Annotated[list[Path], typer.Argument(metavar="DIR", help="Folders that `hdvplan plan` has written.")],
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The HTML file to write.")] = Path("report.html"),
     title: Annotated[str, typer.Option("--title", metavar="TEXT", help="Heading of the page.")] = "Swept path report",
     json: JsonOption = False,

@@ -41,7 +41,7 @@ def test_the_report_says_as_json_what_it_wrote(cli: Cli, tmp_path: Path, plans: 
         (("nowhere",), "error: nowhere is no folder\n"),
         ((".",), "error: . holds no plan: it has no summary.json\n"),
         (("nowhere", "--out", "."), "error: --out . is a folder, not a file\n"),
-        ((), "error: missing argument 'DIR...'\n"),
+        ((), "error: missing argument 'DIR'\n"),
     ],
 )
 def test_what_is_no_plan_is_refused(cli: Cli, arguments: tuple[str, ...], message: str) -> None:
