@@ -94,13 +94,24 @@ def shift_stages(arrays: tuple[FloatArray, ...], by: int) -> None:
 
 
 @compiled
-def take_step(z: FloatArray, kappa: FloatArray, x: FloatArray, road_curvature: FloatArray) -> float:
-    """Move a motion by a QP's solution ``x`` (N+1, n + 1), shortened where it would leave the model's domain.
+def keep_steering(kappa: FloatArray, kappa_before: float, begin: int, most: float, change: float) -> None:
+    """Bring the curvatures from number ``begin`` on within what steering allows: at most ``most``, changing by at most ``change``.
+
+    A motion that keeps these bounds keeps them after any share of a QP's step.
+    """
+    for i in range(begin, kappa.size):
+        before = kappa[i - 1] if i > 0 else kappa_before
+        kappa[i] = max(min(kappa[i], before + change, most), before - change, -most)
+
+
+@compiled
+def take_step(z: FloatArray, kappa: FloatArray, x: FloatArray, road_curvature: FloatArray, share: float) -> float:
+    """Move a motion by ``share`` of a QP's solution ``x`` (N+1, n + 1), less where it would leave the model's domain.
 
     The first state is given: a solver's residual must not move it. Returns the largest change of a state, or infinity
     where no part of the step could be taken.
     """
-    n, length, inside = z.shape[1], 2.0, False
+    n, length, inside = z.shape[1], 2.0 * share, False
     while not inside and length > _SHORTEST:
         length *= 0.5
         inside = True

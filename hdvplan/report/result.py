@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from hdvplan.centering.weights import Centering, CenteringTable
 from hdvplan.drive import Drive
 from hdvplan.evaluation.balance import Balance, Breach, balance_of
@@ -36,7 +34,7 @@ class Result:
     def two_regions(self) -> bool:
         """Whether overhangs have limits of their own, so that a breach must say which."""
         limits = self.drive.road.limits
-        return limits is not None and bool(np.any(limits.left_sweep > limits.left) or np.any(limits.right_sweep < limits.right))
+        return limits is not None and limits.two_regions
 
     @property
     def status(self) -> str:

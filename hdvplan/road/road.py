@@ -49,6 +49,11 @@ class Limits:
         one = np.ones(2)
         return cls(s, left * one, -right * one, left * one, -right * one)
 
+    @property
+    def two_regions(self) -> bool:
+        """Whether overhangs have more room than wheels anywhere."""
+        return bool(np.any(self.left_sweep > self.left) or np.any(self.right_sweep < self.right))
+
     def table(self, s: FloatArray) -> FloatArray:
         """Return the limits at arclengths ``s`` [m]: rows left, right, left_sweep, right_sweep; shape (4, len(s))."""
         columns = (self.left, self.right, self.left_sweep, self.right_sweep)

@@ -35,7 +35,7 @@ class _HardFirst:
 
     def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
         """Solve ``qp``; see ``QpWorkspace``. Times and iterations of both attempts count."""
-        if self._shape.rows and np.any(qp.quadratic > 0.0):  # a row with a finite price is meant to be broken
+        if np.any((qp.linear == 0.0) & (qp.quadratic > 0.0)):  # a row that costs nothing at first is meant to be broken
             return self._with_columns().solve(qp, guess)
         first = self._hard.solve(qp, guess)
         believed = first.status in {Status.SOLVED, Status.INACCURATE} and residuals(qp, first.point).primal <= _KEPT
