@@ -1,8 +1,9 @@
 """The exact nonlinear program of one planning step, for CasADi and IPOPT: an oracle that shares no linearisation with hdvplan.
 
-Multiple shooting with the planner's own discretisation. The feet of the auxiliary axle and of every body point are
-variables of their own, each held on the road by a projection equation; the road is the same piecewise quintic, written as
-a B-spline without loss.
+Multiple shooting with the planner's own discretisation. Bodies are held at the sampled points of their edges; the planner also
+looks between them, which matters where a limit has a corner or where the road bends around an edge. The feet of the auxiliary
+axle and of every body point are variables of their own, each held on the road by a projection equation; the road is the same
+piecewise quintic, written as a B-spline without loss.
 """
 
 from __future__ import annotations
@@ -100,7 +101,8 @@ def exact_nlp(
         along, offset = project.map(starts.size)(ca.reshape(feet, 1, -1), ca.reshape(placed[2:, :], 2, -1))
         clearance = _clearance(stations, points).map(stages)(feet, ca.reshape(offset, starts.shape[1], stages))
         parts.append((ca.vec(feet), starts.ravel(), np.inf))
-        rows += [(ca.vec(along), 0.0, 0.0), (ca.vec(clearance), settings.margin, np.inf)]
+        margin = np.repeat(settings.margin + stations.margin[ahead], starts.shape[1])
+        rows += [(ca.vec(along), 0.0, 0.0), (ca.vec(clearance) - ca.DM(margin), 0.0, np.inf)]
     program = {"x": ca.vertcat(*(part[0] for part in parts)), "f": cost, "g": ca.vertcat(*(row[0] for row in rows))}
     options = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False, "ipopt.tol": tolerance}
     bounds = {

@@ -60,7 +60,7 @@ def breach_text(result: Result, breach: Breach) -> str:
     """Return a sentence that says which body breaks which limit, by how much and where."""
     limit = f"{breach.region} {breach.side}" if result.two_regions else breach.side
     name = body_name(result.drive.vehicle, breach.unit)
-    return f"the {name} breaks the {limit} limit by {breach.depth:.3f} m at s = {breach.s_deepest:.1f} m"
+    return f"the {breach.part} of the {name} breaks the {limit} limit by {breach.depth:.3f} m at s = {breach.s_deepest:.1f} m"
 
 
 def body_name(vehicle: Vehicle, unit: int) -> str:

@@ -42,6 +42,10 @@ def summary_of(result: Result) -> Json:
         "prediction_error_m": drive.prediction_error,
         "sqp_iterations_mean": float(np.mean(counts)),
         "sqp_iterations_max": int(np.max(counts)),
+        "converged_plans": int(sum(plan.moved < settings.sqp_tolerance for plan in drive.plans)),
+        "steps_halved": int(sum(plan.halvings for plan in drive.plans)),
+        "merit_mean": float(np.mean([plan.merit for plan in drive.plans if plan.usable] or [0.0])),
+        "merit_max": float(np.max([plan.merit for plan in drive.plans if plan.usable] or [0.0])),
         "time_ms": step_times_ms(result),
         "smoothing": smoothing_of(drive.road),
         "settings": {name: str(value) if isinstance(value, str) else value for name, value in asdict(settings).items()},
@@ -93,5 +97,6 @@ def _breach(breach: Breach, vehicle: Vehicle) -> Json:
         "depth_m": breach.depth,
         "side": breach.side,
         "unit": body_name(vehicle, breach.unit),
+        "part": breach.part,
         "region": breach.region,
     }

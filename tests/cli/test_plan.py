@@ -71,7 +71,8 @@ def test_a_broken_limit_ends_in_1_and_says_which_where_and_by_how_much(cli: Cli,
     assert summary["limit_violation_m"] == deepest["depth_m"] > 0.01
     first, hint = outcome.err.splitlines()
     assert first == (
-        f"error: the {deepest['unit']} breaks the {deepest['side']} limit by {deepest['depth_m']:.3f} m at s = {deepest['s_deepest']:.1f} m"
+        f"error: the {deepest['part']} of the {deepest['unit']} breaks the {deepest['side']} limit"
+        f" by {deepest['depth_m']:.3f} m at s = {deepest['s_deepest']:.1f} m"
     )
     assert hint.startswith("hint: ")
     assert "broken limits" in outcome.out
