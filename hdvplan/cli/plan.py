@@ -13,8 +13,10 @@ from hdvplan.cli.options import (
     CrsOption,
     FeatureOption,
     JsonOption,
+    OffsetOption,
     OutOption,
     QuietOption,
+    ReverseOption,
     RoadArgument,
     SmoothOption,
     choice,
@@ -56,6 +58,8 @@ def plan(
     smooth: SmoothOption = None,
     crs: CrsOption = None,
     name: FeatureOption = None,
+    offset: OffsetOption = 0.0,
+    reverse: ReverseOption = False,
     out: OutOption = None,
     json: JsonOption = False,
     plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw plan.png.")] = True,
@@ -91,7 +95,7 @@ def plan(
     centring, make_workspace = objective_named(objective), solver_named(solver or DEFAULT)
     driven = load_vehicle(vehicle)
     compiled = is_compiled()  # asked before reading the road compiles a part
-    track = load_road(road, road_options(smooth, crs, name, _REFERENCE_SLACK * driven.max_curvature))
+    track = load_road(road, road_options(smooth, crs, name, _REFERENCE_SLACK * driven.max_curvature, offset=offset, reverse=reverse))
     if reaches is not None:
         track = track.with_limits(*reaches)
     check_fits(track, driven)

@@ -10,7 +10,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdvplan.cli.console import ExitCode, note, print_json, print_tables
-from hdvplan.cli.options import CrsOption, FeatureOption, JsonOption, RoadArgument, SmoothOption, choice, road_options
+from hdvplan.cli.options import (
+    CrsOption,
+    FeatureOption,
+    JsonOption,
+    OffsetOption,
+    ReverseOption,
+    RoadArgument,
+    SmoothOption,
+    choice,
+    road_options,
+)
 from hdvplan.errors import OptionError
 
 if TYPE_CHECKING:
