@@ -25,8 +25,8 @@ def reversed_road(road: Road) -> Road:
     if band is not None:
         band = Limits(*(column[::-1] for column in (length - band.s, -band.right, -band.left, -band.right_sweep, -band.left_sweep)))
     if smoothing is not None:
-        there = {"max_deviation_s": length - smoothing.max_deviation_s, "max_curvature_s": length - smoothing.max_curvature_s}
-        smoothing = replace(smoothing, **there)
+        deviation, curvature = length - smoothing.max_deviation_s, length - smoothing.max_curvature_s
+        smoothing = replace(smoothing, max_deviation_s=deviation, max_curvature_s=curvature)
     return replace(road, path=turned, smoothing=smoothing).within(band)
 
 

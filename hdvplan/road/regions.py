@@ -62,8 +62,7 @@ class _Cells:
         """Return the polygons between the normals of cells ``at`` and offsets (k, 2) at their first and last normal."""
         ring = ((0, right), (1, right), (1, left), (0, left))
         corners = [np.stack(self.path.to_plane(self.s[at + end], offset[:, end]), axis=1) for end, offset in ring]
-        quads: Shapes = shapely.polygons(np.stack(corners, axis=1))
-        return quads
+        return np.asarray(shapely.polygons(np.stack(corners, axis=1)))
 
     def whole(self, at: IntArray) -> Shapes:
         """Return cells ``at`` over their full width."""
@@ -124,11 +123,11 @@ def region_limits(
         values[side], values[2 + side] = sign * np.minimum(drive, sweep), sign * sweep
     changed = np.any(values != band, axis=0)
     keep = changed | np.roll(changed, 1) | np.roll(changed, -1)
-    nodes = np.union1d(s, cells.s[keep])
-    at_nodes = np.stack([np.interp(nodes, s, row) for row in table])
-    touched = np.isin(nodes, cells.s[keep])
-    at_nodes[:, touched] = values[:, np.searchsorted(cells.s, nodes[touched])]
-    return nodes, at_nodes
+    cell = np.clip(np.searchsorted(cells.s, s, side="right") - 1, 0, len(keep) - 2)
+    own = (s < cells.s[keep].min(initial=np.inf)) | (s > cells.s[keep].max(initial=-np.inf)) | ~(keep[cell] & keep[cell + 1])
+    nodes = np.concatenate([s[own], cells.s[keep]])
+    order = np.argsort(nodes, kind="stable")
+    return nodes[order], np.concatenate([table[:, own], values[:, keep]], axis=1)[:, order]
 
 
 def _sided(rows: FloatArray) -> list[tuple[FloatArray, bool]]:
@@ -150,8 +149,8 @@ def _cells_of(path: ReferencePath) -> _Cells:
     low, high = np.minimum(k[1:], k[:-1]), np.maximum(k[1:], k[:-1])
     left = np.minimum(OPEN_M, _FOLD / np.maximum(high, 1e-9))
     right = -np.minimum(OPEN_M, _FOLD / np.maximum(-low, 1e-9))
-    stations = shapely.STRtree(shapely.points(np.stack(path.to_plane(s[:-1:_STRIDE], 0.0), axis=1)))
-    return _Cells(path.extended(_ROOM_M, _ROOM_M), s, left, right, stations)
+    stations = np.asarray(shapely.points(np.stack(path.to_plane(s[:-1:_STRIDE], 0.0), axis=1)))
+    return _Cells(path.extended(_ROOM_M, _ROOM_M), s, left, right, shapely.STRtree(stations))
 
 
 def _near(cells: _Cells, polygon: shapely.Polygon) -> IntArray:
@@ -172,17 +171,18 @@ def _stays(cells: _Cells, region: Region) -> list[_Stay]:
     met, row = np.unique(at, return_inverse=True)
     if not len(met):
         return []
-    columns = {name: np.full(len(met), np.inf) for name in ("low", "left")} | {name: np.full(len(met), -np.inf) for name in ("high", "right")}
-    np.minimum.at(columns["low"], row, low)
-    np.maximum.at(columns["high"], row, high)
-    np.minimum.at(columns["left"], row, np.where(low >= 0.0, low, np.inf))
-    np.maximum.at(columns["right"], row, np.where(high <= 0.0, high, -np.inf))
-    on_centre = np.zeros(len(met), dtype=bool)
+    count = len(met)
+    least, most, left, right = np.full(count, np.inf), np.full(count, -np.inf), np.full(count, np.inf), np.full(count, -np.inf)
+    on_centre = np.zeros(count, dtype=bool)
+    np.minimum.at(least, row, low)
+    np.maximum.at(most, row, high)
+    np.minimum.at(left, row, np.where(low >= 0.0, low, np.inf))
+    np.maximum.at(right, row, np.where(high <= 0.0, high, -np.inf))
     np.logical_or.at(on_centre, row, (low < 0.0) & (high > 0.0))
-    runs = np.split(np.arange(len(met)), np.flatnonzero(np.diff(met) > 1) + 1)
+    runs = np.split(np.arange(count), np.flatnonzero(np.diff(met) > 1) + 1)
     if cells.path.closed and len(runs) > 1 and met[0] == 0 and met[-1] == len(cells.left) - 1:
         runs = [np.concatenate([runs[-1], runs[0]]), *runs[1:-1]]  # one obstacle across the start of a closed road
-    return [_Stay(region.kind, met[run], *(columns[name][run] for name in ("low", "high", "left", "right")), on_centre[run]) for run in runs]
+    return [_Stay(region.kind, met[run], least[run], most[run], left[run], right[run], on_centre[run]) for run in runs]
 
 
 def _cuts(stays: list[_Stay], band: FloatArray) -> tuple[FloatArray, FloatArray]:

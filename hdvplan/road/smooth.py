@@ -91,7 +91,7 @@ def smooth_line(points: FloatArray, *, closed: bool, max_deviation: float, max_c
     line, s = _first_line(data, u, min(1.0 / max_curvature, _WIDEST_SIGMA_M), closed=closed)
     try:
         weights = _shares(u) / _smoothing_lengths(vertices, chord, u, closed=closed) ** 6
-        line, s, e = _settled(line, data, weights, s, max_deviation, max_curvature)
+        line, s, e = _settled(line, data, u, weights, s, max_deviation, max_curvature)
         path = _finished(line)
         s, e = path.extended(_MARGIN_M, _MARGIN_M).project(data[:, 0], data[:, 1], s * (path.length / line.stations.length))
     except ProjectionError as error:
@@ -228,9 +228,11 @@ def _equal_arclengths(spline: CubicSpline[np.float64], spacing: float) -> tuple[
 
 
 def _settled(
-    line: _Line, data: FloatArray, weights: FloatArray, s: FloatArray, max_deviation: float, max_curvature: float
+    line: _Line, data: FloatArray, u: FloatArray, weights: FloatArray, s: FloatArray, max_deviation: float, max_curvature: float
 ) -> tuple[_Line, FloatArray, FloatArray]:
     """Move the line by the program's offsets until they vanish; also return the data's arclengths and offsets.
+
+    ``u`` are the data's arclengths on the given line: a refusal names the place there, where the user can find it.
 
     Raises:
         RoadError: a corner cannot be rounded.
@@ -256,7 +258,7 @@ def _settled(
         offsets, missing = solution
         needs = [*needs[-2:], missing]
         if min(needs) > _SLACK_M and len(needs) == 3 and np.ptp(needs) < _SLACK_M:  # noqa: PLR2004
-            raise _sharp_corner(s, e, max_deviation, (inner_deviation + missing) / _BOUND_SHARE, max_curvature)
+            raise _sharp_corner(u, e, max_deviation, (inner_deviation + missing) / _BOUND_SHARE, max_curvature)
         largest_before, largest = largest, float(np.max(np.abs(offsets)))
         if largest > (1.0 - 0.25 * share) * largest_before:  # tight bounds can make whole steps swing to and fro
             share = max(0.5 * share, _SMALLEST_SHARE)
@@ -267,7 +269,7 @@ def _settled(
             moved, s_old = np.vstack([moved, moved[:1]]), np.append(s_old, stations.length)
         line, s_new = _resampled(moved, _STATION_M, closed=stations.closed)
         s = _carried(s, s_old, s_new)
-    at = float(s[np.argmax(np.abs(e))])
+    at = float(u[np.argmax(np.abs(e))])
     msg = f"no line found within {max_deviation:.2f} m of the points near s = {at:.0f} m with a radius of {1 / max_curvature:.1f} m"
     raise RoadError(msg, s_m=at, hint="allow more with --smooth, or remove the points that make the line turn so sharply")
 
@@ -278,8 +280,8 @@ def _carried(s: FloatArray, s_old: FloatArray, s_new: FloatArray) -> FloatArray:
     return np.interp(inside, s_old, s_new) + (s - inside)
 
 
-def _sharp_corner(s: FloatArray, e: FloatArray, max_deviation: float, needed: float, max_curvature: float) -> RoadError:
-    at = float(s[np.argmax(np.abs(e))])
+def _sharp_corner(u: FloatArray, e: FloatArray, max_deviation: float, needed: float, max_curvature: float) -> RoadError:
+    at = float(u[np.argmax(np.abs(e))])
     msg = (
         f"the corner at s = {at:.0f} m cannot be rounded to a radius of {1 / max_curvature:.1f} m"
         f" within {max_deviation:.2f} m; it needs {needed:.2f} m"

@@ -71,7 +71,8 @@ def test_two_obstacles_leave_the_passage_between_them() -> None:
 
 
 def test_a_polygon_with_the_road_in_its_hole_leaves_the_centre_free() -> None:
-    around = Region(Kind.OBSTACLE, shapely.Polygon([(-50, -15), (150, -15), (150, 15), (-50, 15)], [[(-40, -3), (140, -3), (140, 4), (-40, 4)]]))
+    outline, hole = ((-50, -15, 150, 15), (-40, -3, 140, 4))
+    around = Region(Kind.OBSTACLE, shapely.Polygon(shapely.box(*outline).exterior, [shapely.box(*hole).exterior]))
     np.testing.assert_allclose(at(straight(around).within(None), 0.0, 50.0, 100.0)[:2], [[4.0] * 3, [-3.0] * 3], atol=1e-6)
 
 
@@ -154,10 +155,13 @@ def test_no_point_of_any_obstacle_lies_within_the_limits_that_planning_uses(
 ) -> None:
     s_ends = np.array([0.0, 20.0, 30.0, 50.0, 60.0, 80.0])
     path = from_curvature(s_ends, np.array([0.0, 0.0, bend, bend, -bend, -bend]))
-    shapes = [shapely.MultiPoint(np.stack(path.to_plane(s, 0.0), axis=-1) + np.array(corners)).convex_hull for s, corners in places]
-    shapes = [shape for shape in shapes if isinstance(shape, shapely.Polygon) and shape.area > 1e-3]
+    hulls = [shapely.MultiPoint(np.stack(path.to_plane(s, 0.0), axis=-1) + np.array(corners)).convex_hull for s, corners in places]
+    shapes = [hull for hull in hulls if isinstance(hull, shapely.Polygon) and hull.area > 1e-3]
     road = Road("any", path, regions=tuple(Region(Kind.OBSTACLE, shape) for shape in shapes))
-    road = road.within(None if width is None else Limits.constant(width, width, path.length))
+    s = np.linspace(0.0, path.length, 37)  # a band with entries of its own, which must not open what obstacles close
+    one = np.ones(37)
+    band = None if width is None else Limits(s, width * one, -width * one, (width + 0.5) * one, -width * one)
+    road = road.within(band)
     table = limit_table(road, path.extended(5.0 + phase, 5.0))  # the phase moves the table's entries along s
     rng = np.random.default_rng(0)
     wide, nears = path.extended(20.0, 20.0), np.arange(0.0, 81.0, 10.0)
