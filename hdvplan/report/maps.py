@@ -35,9 +35,11 @@ def draw_map(axes: Axes, result: Result, window: Window) -> None:
         area = swept_area(path, envelope.s[shown], envelope.left[unit][shown], envelope.right[unit][shown])
         label = f"swept by {swept_label(vehicle, unit)}"
         axes.add_patch(PathPatch(_outline(area), facecolor=body_fill(unit), edgecolor="none", label=label))
-    for region in drive.road.regions:
-        fill = {"facecolor": "0.55"} if region.kind is Kind.OBSTACLE else {"facecolor": "none", "hatch": "////"}
-        axes.add_patch(PathPatch(_outline(region.polygon), edgecolor="0.35", linewidth=0.6, label=region.kind, **fill))
+    for kind, colour, hatch in ((Kind.OBSTACLE, "0.6", None), (Kind.SWEEPABLE, "none", "////")):
+        areas = [region.polygon for region in drive.road.regions if region.kind is kind]
+        if areas:
+            shape = _outline(shapely.union_all(areas))
+            axes.add_patch(PathPatch(shape, facecolor=colour, edgecolor="0.35", hatch=hatch, linewidth=0.6, zorder=0.5, label=kind))
     s = _stations(window)
     axes.plot(*path.to_plane(s, 0.0), color="0.35", linewidth=0.8, linestyle=(0, (6, 3)), label="road centre")
     if drive.road.limits is not None:

@@ -26,6 +26,7 @@ def test_a_passage_too_narrow_is_said_before_planning_and_planned_all_the_same(c
     summary = json.loads((tmp_path / "parked_van_tight.bus" / "summary.json").read_text(encoding="utf-8"))
     (finding,) = summary["fit"]
     assert (finding["trouble"], round(finding["needed"] - finding["available"], 2)) == ("width", 0.15)
+    assert summary["obstacles"][0]["name"] == "parked van"
     assert summary["limit_violation_m"] > 0.05  # at best, half of the missing 0.15 m on either side
     features = json.loads((tmp_path / "parked_van_tight.bus" / "swept.geojson").read_text(encoding="utf-8"))["features"]
     van = features[-1]
