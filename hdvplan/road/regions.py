@@ -15,6 +15,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
+from shapely.geometry.base import BaseGeometry
 
 from hdvplan.jit import BoolArray, FloatArray, IntArray
 from hdvplan.road.path import ReferencePath
@@ -25,6 +26,7 @@ OPEN_M = 20.0  # room to either side of a road that has obstacles but no widths;
 TABLE_M = 0.25  # limits are used in tables of at most this spacing, linear between their entries
 GAP_M = 0.1  # a sweepable polygon this close to the drivable band joins it: drawn edges are chords of a bend
 _CELL_M = 0.05
+_CLIPPED = 200  # cells that share one clipped polygon
 _STRIDE = 10  # cells from station to station of those that find the polygons
 _OPEN_SPACING_M = 0.5
 _FOLD = 0.9  # of the radius of curvature: cells must not reach the centre, where normals meet
@@ -163,7 +165,8 @@ def _near(cells: _Cells, polygon: shapely.Polygon) -> IntArray:
 def _stays(cells: _Cells, region: Region) -> list[_Stay]:
     """Return the runs of cells that meet a polygon."""
     near = _near(cells, region.polygon)
-    pieces = shapely.intersection(cells.whole(near), region.polygon)
+    quads = cells.whole(near)
+    pieces = shapely.intersection(quads, _about(quads, region.polygon))
     parts, piece = shapely.get_parts(pieces, return_index=True)
     solid = shapely.area(parts) > 0.0
     parts, at = parts[solid], near[piece[solid]]
@@ -183,6 +186,17 @@ def _stays(cells: _Cells, region: Region) -> list[_Stay]:
     if cells.path.closed and len(runs) > 1 and met[0] == 0 and met[-1] == len(cells.left) - 1:
         runs = [np.concatenate([runs[-1], runs[0]]), *runs[1:-1]]  # one obstacle across the start of a closed road
     return [_Stay(region.kind, met[run], least[run], most[run], left[run], right[run], on_centre[run]) for run in runs]
+
+
+def _about(shapes: Shapes, area: BaseGeometry) -> Shapes:
+    """Return for every shape the part of ``area`` around it: a kerb along the whole road has too many corners for every cell."""
+    parts = np.empty(len(shapes), dtype=object)
+    for first in range(0, len(shapes), _CLIPPED):
+        group = slice(first, first + _CLIPPED)
+        clipped = shapely.intersection(area, shapely.box(*(shapely.total_bounds(shapes[group]) + np.array([-1.0, -1.0, 1.0, 1.0]))))
+        solid = [part for part in shapely.get_parts(clipped) if isinstance(part, shapely.Polygon)]
+        parts[group] = solid[0] if len(solid) == 1 else shapely.MultiPolygon(solid)
+    return parts
 
 
 def _cuts(stays: list[_Stay], band: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -215,7 +229,6 @@ def _widened(cells: _Cells, band: FloatArray, regions: tuple[Region, ...], stays
         return reach
     area = shapely.union_all([region.polygon for region in regions if region.kind is Kind.SWEEPABLE])
     area = shapely.buffer(shapely.buffer(area, 0.5 * GAP_M, join_style="mitre"), -0.5 * GAP_M, join_style="mitre")
-    shapely.prepare(area)
     for side, outer in ((0, cells.left), (1, cells.right)):
         sign = 1.0 - 2.0 * side
         at = np.unique(np.concatenate(met))
@@ -224,7 +237,7 @@ def _widened(cells: _Cells, band: FloatArray, regions: tuple[Region, ...], stays
         at, inner = at[beyond], inner[beyond]
         ends = (inner, np.repeat(outer[at, None], 2, axis=1))
         strips = cells.quads(at, *(ends if side == 0 else ends[::-1]))
-        rest = shapely.difference(strips, area)  # what overhangs must not enter
+        rest = shapely.difference(strips, _about(strips, area))  # what overhangs must not enter
         seen, low, high = cells.offsets(rest, at)
         nearest = sign * outer[at]
         nearest[seen] = low if side == 0 else -high
