@@ -8,7 +8,7 @@ For a bus and a tractor-trailer this is sections IV-B and IV-C of [GEO]; for lon
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import elementwise
@@ -85,6 +85,18 @@ def stationary(vehicle: Vehicle, road_curvature: FloatArray) -> Stationary:
     e_aux = np.where(straight, slope_aux * k, e_aux)
     weight = np.where(straight, _ratio(slope_aux, slope_y), _ratio(e_aux, e_y))
     return Stationary(k, kappa, e_y, e_aux, circle.beta, 0.5 * (circle.outer - circle.inner), weight, saturated)
+
+
+def swept_band(vehicle: Vehicle, kappa: FloatArray, *, axles_only: bool = False) -> tuple[FloatArray, FloatArray]:
+    """Return how far outwards and inwards of the lead rear axle a vehicle sweeps in a circle of curvature ``kappa`` [m].
+
+    ``kappa`` >= 0 [1/m]; inwards is negative. ``axles_only`` leaves the overhangs out: what must stay on the drivable region.
+    """
+    if axles_only:
+        units = tuple(replace(unit, front_overhang=0.0, rear_overhang=0.0) for unit in vehicle.units)
+        vehicle = replace(vehicle, units=units)
+    circle = _circle(vehicle, kappa)
+    return circle.outer, circle.inner
 
 
 def _ratio(e_aux: FloatArray | float, e_y: FloatArray | float) -> FloatArray:

@@ -25,7 +25,7 @@ Json = dict[str, object]
 
 
 def swept_geojson(result: Result) -> Json:
-    """Return a FeatureCollection: one (Multi)Polygon a body, then the road's centre line.
+    """Return a FeatureCollection: one (Multi)Polygon a body, then the road's centre line and its regions.
 
     Longitude and latitude, rounded to 1e-7 degrees, where the road has them; else planar metres, rounded to 1 mm.
     """
@@ -45,6 +45,9 @@ def swept_geojson(result: Result) -> Json:
     s = np.linspace(0.0, road.path.length, max(2, int(np.ceil(road.path.length / CENTRE_SPACING_M)) + 1))
     centre = shapely.LineString(np.column_stack(road.path.to_plane(s, 0.0)))
     features.append(_feature(centre, road, common | {"kind": "road centre"}))
+    for region in road.regions:
+        label = {"name": region.label} if region.label else {}
+        features.append(_feature(region.polygon, road, common | {"kind": "region", "region": str(region.kind)} | label))
     return {"type": "FeatureCollection", "features": features}
 
 

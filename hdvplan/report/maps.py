@@ -9,12 +9,14 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
+from shapely.geometry.base import BaseGeometry
 
 from hdvplan.jit import BoolArray, FloatArray
 from hdvplan.report.bodies import corners, pose_at
 from hdvplan.report.geojson import swept_area
 from hdvplan.report.result import Result, body_name
 from hdvplan.report.windows import Window
+from hdvplan.road.regions import Kind
 from hdvplan.vehicle.model import Vehicle
 
 BODY_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7")  # Okabe and Ito: distinct for colour-blind readers
@@ -31,9 +33,13 @@ def draw_map(axes: Axes, result: Result, window: Window) -> None:
     shown = (envelope.s >= window.s_from) & (envelope.s <= window.s_to)
     for unit in reversed(range(len(vehicle.units))):  # the lead unit on top: of the others shows what they sweep besides
         area = swept_area(path, envelope.s[shown], envelope.left[unit][shown], envelope.right[unit][shown])
-        rings = [ring for part in shapely.get_parts(area) if part.geom_type == "Polygon" for ring in (part.exterior, *part.interiors)]
-        outline = Outline.make_compound_path(*(Outline(np.asarray(ring.coords), closed=True) for ring in rings))
-        axes.add_patch(PathPatch(outline, facecolor=body_fill(unit), edgecolor="none", label=f"swept by {swept_label(vehicle, unit)}"))
+        label = f"swept by {swept_label(vehicle, unit)}"
+        axes.add_patch(PathPatch(_outline(area), facecolor=body_fill(unit), edgecolor="none", label=label))
+    for kind, colour, hatch in ((Kind.OBSTACLE, "0.6", None), (Kind.SWEEPABLE, "none", "////")):
+        areas = [region.polygon for region in drive.road.regions if region.kind is kind]
+        if areas:
+            shape = _outline(shapely.union_all(areas))
+            axes.add_patch(PathPatch(shape, facecolor=colour, edgecolor="0.35", hatch=hatch, linewidth=0.6, zorder=0.5, label=kind))
     s = _stations(window)
     axes.plot(*path.to_plane(s, 0.0), color="0.35", linewidth=0.8, linestyle=(0, (6, 3)), label="road centre")
     if drive.road.limits is not None:
@@ -42,6 +48,11 @@ def draw_map(axes: Axes, result: Result, window: Window) -> None:
         axes.plot(*path.to_plane(s, right), color=LIMIT_COLOUR, linewidth=1.2)
     _draw_bodies(axes, result, window)
     _frame(axes, np.column_stack(path.to_plane(s, 0.0)), 0.5 * vehicle.width + _reach(result, shown) + _ROOM_M)
+
+
+def _outline(area: BaseGeometry) -> Outline:
+    rings = [ring for part in shapely.get_parts(area) if part.geom_type == "Polygon" for ring in (part.exterior, *part.interiors)]
+    return Outline.make_compound_path(*(Outline(np.asarray(ring.coords), closed=True) for ring in rings))
 
 
 def body_colour(unit: int) -> str:

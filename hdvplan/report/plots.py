@@ -92,6 +92,9 @@ def _draw_envelope(axes: Axes, result: Result) -> None:
         left, right = drive.road.limits.table(s)[:2]
         for limit, label in ((left, "limits"), (right, None)):
             axes.plot(s, limit, color=LIMIT_COLOUR, linestyle=(0, (5, 2)), linewidth=1.2, label=label)
+    for number, finding in enumerate(result.fit.findings):
+        label = "does not fit, by geometry" if number == 0 else None
+        axes.axvspan(finding.s_from, finding.s_to, color=LIMIT_COLOUR, alpha=0.15, linewidth=0.0, zorder=0, label=label)
     axes.axhline(0.0, color="0.6", linewidth=0.6)
     axes.set_ylabel("reach [m]\n(left positive)")
 

@@ -9,6 +9,7 @@ from hdvplan.drive import Drive
 from hdvplan.evaluation.balance import Balance, Breach, balance_of
 from hdvplan.evaluation.envelope import Envelope, envelope_of
 from hdvplan.planning.planner import Plan
+from hdvplan.report.fit import Fit, fit_of
 from hdvplan.vehicle.model import Vehicle
 
 _PAIR = ("tractor", "trailer")
@@ -24,6 +25,7 @@ class Result:
     expected: Centering
     solver: str
     objective: str
+    fit: Fit  # what geometry said before planning
 
     @property
     def failed(self) -> tuple[Plan, ...]:
@@ -53,7 +55,7 @@ def result_of(drive: Drive, *, solver: str, objective: str) -> Result:
     """
     envelope = envelope_of(drive)
     expected = CenteringTable.of(drive.vehicle).at(drive.road.path.at(envelope.s).curvature)
-    return Result(drive, envelope, balance_of(drive, envelope), expected, solver, objective)
+    return Result(drive, envelope, balance_of(drive, envelope), expected, solver, objective, fit_of(drive.road, drive.vehicle))
 
 
 def breach_text(result: Result, breach: Breach) -> str:

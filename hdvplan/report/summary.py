@@ -8,6 +8,8 @@ import numpy as np
 
 from hdvplan import __version__
 from hdvplan.evaluation.balance import Breach
+from hdvplan.report.fit import finding_json
+from hdvplan.report.obstacles import Approach, approaches
 from hdvplan.report.result import Result, body_name
 from hdvplan.road.road import Road
 from hdvplan.vehicle.model import Vehicle
@@ -38,6 +40,8 @@ def summary_of(result: Result) -> Json:
         "min_clearance_m": balance.min_clearance,
         "limit_violation_m": balance.violation if balance.breaches else 0.0,
         "breaches": [_breach(breach, drive.vehicle) for breach in balance.breaches],
+        "fit": [finding_json(finding) for finding in result.fit.findings],
+        "obstacles": [_approach(approach, drive.vehicle) for approach in approaches(drive)],
         "failed_steps": [float(drive.stations.s[plan.first]) for plan in result.failed],
         "prediction_error_m": drive.prediction_error,
         "sqp_iterations_mean": float(np.mean(counts)),
@@ -86,6 +90,15 @@ def smoothing_of(road: Road) -> Json | None:
         "rms_deviation_m": smoothing.rms_deviation,
         "max_curvature_per_m": smoothing.max_curvature,
         "max_curvature_s_m": smoothing.max_curvature_s,
+    }
+
+
+def _approach(approach: Approach, vehicle: Vehicle) -> Json:
+    return {
+        "name": approach.obstacle.label,
+        "distance_m": approach.distance,
+        "s_m": approach.s,
+        "unit": body_name(vehicle, approach.unit),
     }
 
 
