@@ -17,7 +17,7 @@ _ROOM_M = 3.0  # a body askew reaches a place from poses this much further off t
 def contact(drive: Drive, unit: int, side: str, s: float, *, axles_only: bool) -> str:
     """Return the part of body ``unit`` that reaches furthest to ``side`` at arclength ``s`` [m], as executed.
 
-    One of "front corner", "front overhang", "front axle", "between the axles", "rear axle", "rear overhang", "rear corner". The front
+    One of "front corner", "front overhang", "front axle", "side between the axles", "rear axle", "rear overhang", "rear corner". The front
     "axle" of a trailer is its coupling. ``axles_only`` looks at the part between them.
     """
     body, path, units = drive.vehicle.units[unit], drive.stations.path, drive.vehicle.table()
@@ -47,4 +47,4 @@ def _name(ahead: float, front: float, wheelbase: float, rear: float) -> str:
             return name
     if ahead > wheelbase:
         return "front overhang"
-    return "rear overhang" if ahead < 0.0 else "between the axles"
+    return "rear overhang" if ahead < 0.0 else "side between the axles"

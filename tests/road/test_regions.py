@@ -162,7 +162,7 @@ def test_no_point_of_any_obstacle_lies_within_the_limits_that_planning_uses(
     one = np.ones(37)
     band = None if width is None else Limits(s, width * one, -width * one, (width + 0.5) * one, -width * one)
     road = road.within(band)
-    table = limit_table(road, path.extended(5.0 + phase, 5.0))  # the phase moves the table's entries along s
+    table = limit_table(road, path.extended(5.0 + phase, 5.0), 0.0)  # the phase moves the table's entries along s
     rng = np.random.default_rng(0)
     wide, nears = path.extended(20.0, 20.0), np.arange(0.0, 81.0, 10.0)
     entries = table.s_first + table.spacing * np.arange(table.values.shape[1])
