@@ -7,6 +7,7 @@ step is a slice and nothing about the road is computed twice.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
@@ -20,6 +21,8 @@ from hdvplan.vehicle.model import Vehicle
 LIMIT_SPACING_M = 0.2  # limits are tabulated this finely along s
 _FINE_M = 0.05  # and looked up this finely for that
 _ROOM_M = 10.0  # table beyond the vehicle's ends, for bodies that stand askew
+_STRAIGHT = 1.15  # road beside a body is at most so many times as long where the road is nearly straight
+_SLACK_M = 1.0  # of rounding to the grid, and of corners of a body askew
 _STRETCH = 1.25  # a body point moves at most this much further than the lead axle's station, along the road
 
 
@@ -84,21 +87,30 @@ def _margin(around: FloatArray, vehicle: Vehicle, step: float) -> FloatArray:
 
 
 def _around(path: ReferencePath, limits: LimitTable, s: FloatArray, vehicle: Vehicle) -> FloatArray:
-    """Return the extremes of limits and curvature over the vehicle's length, with room for bodies that stand askew."""
+    """Return the extremes of limits and curvature over the length of road beside the vehicle, see ``Stations``.
+
+    Beside an offset e the road is 1 / (1 - k e) times as long as a body. Screening trusts no more than twice, and needs no more than
+    ``_STRAIGHT`` where the road is nearly straight: fewer stations then meet a narrow place.
+    """
     grid = np.arange(path.s_first, path.s_last, LIMIT_SPACING_M)
     k = evaluate_many(path.coefficients, path.s_first, path.spacing, grid)[4]
-    reach = max(vehicle.reach_ahead, vehicle.reach_behind) + _ROOM_M
-    size = 2 * int(np.ceil(reach / LIMIT_SPACING_M)) + 1
-    rows = [minimum_filter1d(k, size, mode="nearest"), maximum_filter1d(k, size, mode="nearest")]
-    if limits.values.size:
-        values = limits.values[:, : len(grid)]
-        sides = (np.min(values[[0, 2]], axis=0), -np.max(values[[1, 3]], axis=0))
-        low, high = (run(values, size, axis=1, mode="nearest") for run in (minimum_filter1d, maximum_filter1d))
-        rows = [minimum_filter1d(side, size, mode="nearest") for side in sides] + rows + [np.any(high > low, axis=0).astype(float)]
-    else:
-        rows = [np.full(len(grid), np.inf)] * 2 + rows + [np.zeros(len(grid))]
     nearest = np.clip(np.round((s - path.s_first) / LIMIT_SPACING_M).astype(int), 0, len(grid) - 1)
-    return np.ascontiguousarray(np.stack(rows)[:, nearest])
+    values = limits.values[:, : len(grid)] if limits.values.size else np.tile([[np.inf], [-np.inf]] * 2, len(grid))
+    bent, straight = (_beside(values, k, factor, vehicle)[:, nearest] for factor in (2.0, _STRAIGHT))
+    room, bend = np.maximum(straight[0], straight[1]), np.maximum(np.abs(bent[2]), np.abs(bent[3]))
+    room[np.isinf(room)] = 0.0  # without limits nothing is screened
+    return np.ascontiguousarray(np.where(bend * room <= 1.0 - 1.0 / _STRAIGHT, straight, bent))
+
+
+def _beside(values: FloatArray, k: FloatArray, factor: float, vehicle: Vehicle) -> FloatArray:
+    """Return the rows of ``around`` on the table's grid, over ``factor`` times the vehicle's length to both sides of its lead axle."""
+    ahead, behind = (int(np.ceil((factor * reach + _SLACK_M) / LIMIT_SPACING_M)) for reach in (vehicle.reach_ahead, vehicle.reach_behind))
+    size, origin = ahead + behind + 1, (ahead + behind) // 2 - ahead
+    low, high = (partial(run, size=size, origin=origin, mode="nearest") for run in (minimum_filter1d, maximum_filter1d))
+    left, right = np.min(values[[0, 2]], axis=0), -np.max(values[[1, 3]], axis=0)
+    finite = np.where(np.isfinite(values), values, 0.0)
+    varies = np.any(high(finite, axis=1) > low(finite, axis=1), axis=0)
+    return np.stack([low(left), low(right), low(k), high(k), varies.astype(float)])
 
 
 def limit_table(road: Road, path: ReferencePath, step: float) -> LimitTable:
