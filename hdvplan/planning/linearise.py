@@ -49,7 +49,7 @@ def linearise_dynamics(
     n = z.shape[1]
     f, a, b = np.empty(n), np.empty((n, n)), np.empty(n)
     a_first, b_first, middle = np.empty((n, n)), np.empty(n), np.empty(n)
-    scratch = np.empty((2, n + 1))
+    scratch = np.empty((3, n + 1))
     for i in range(kappa.size):
         if 0 < i < begin:
             continue

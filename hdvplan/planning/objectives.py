@@ -35,16 +35,18 @@ class Furthest:
 
 def geometric(stations: Stations) -> Residual:
     """Balance the swept area with the weight K of each station's curvature ([GEO] sec. IV)."""
-    weight = stations.centering.weight
-    return Residual(weight, np.ones_like(weight), np.zeros_like(weight))
+    balanced = stations.centering
+    return Residual(balanced.lead, balanced.aux, balanced.target)
 
 
 def geometric_fixed(stations: Stations) -> Residual:
     """Balance with one K, that of the road's largest curvature (the alternative that [GEO] compares with)."""
     on_road = stations.s <= stations.path.length
     tightest = int(np.argmax(np.abs(stations.road[4]) * on_road))
-    weight = np.full(len(stations.s), stations.centering.weight[tightest])
-    return Residual(weight, np.ones_like(weight), np.zeros_like(weight))
+    balanced, one = stations.centering, np.ones(len(stations.s))
+    lead, aux = balanced.lead[tightest] * one, balanced.aux[tightest] * one
+    aimed = balanced.target[tightest] != 0.0  # then the pair does not balance by itself
+    return Residual(lead, aux, lead * balanced.e_y + aux * balanced.e_aux if aimed else 0.0 * one)
 
 
 def lead_axle(stations: Stations) -> Residual:
@@ -62,8 +64,8 @@ def trail_axle(stations: Stations) -> Residual:
 def art_weighted(stations: Stations) -> Residual:
     """Centre (1 - K) e_y + K e_aux (J3 of [ART]) with the geometric K of the road's largest curvature, 1 / (1 + its weight)."""
     balanced = geometric_fixed(stations)
-    share = 1.0 / (1.0 + balanced.lead)
-    return Residual(1.0 - share, share, balanced.target)
+    share = 1.0 / (balanced.lead + balanced.aux)
+    return Residual(share * balanced.lead, share * balanced.aux, share * balanced.target)
 
 
 def art_weighted_by(share: float) -> Objective:

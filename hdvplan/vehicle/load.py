@@ -13,7 +13,8 @@ from hdvplan.vehicle.model import Unit, Vehicle
 _TOP_KEYS = ("name", "source", "unit")
 _STEERING_KEYS = ("max_curvature", "max_curvature_rate")
 _DIMENSION_KEYS = ("wheelbase", "front_overhang", "rear_overhang", "width", "hitch_offset", "length")
-_UNIT_KEYS = (*_DIMENSION_KEYS, *_STEERING_KEYS, "steered")
+_AXLE_KEYS = ("steering_ratio", "max_steering_angle")
+_UNIT_KEYS = (*_DIMENSION_KEYS, *_STEERING_KEYS, "steered", *_AXLE_KEYS)
 _LENGTH_TOLERANCE_M = 0.01
 
 
@@ -93,10 +94,8 @@ def _unit(table: dict[str, object], number: int, name: str) -> Unit:
             if key in table:
                 msg = f"{where}: {key} belongs to unit 1, whose axle the steering moves"
                 raise VehicleError(msg, field=key)
-    if table.get("steered", number == 1) is not (number == 1):
-        msg = f"{where}: steered = {table['steered']!s} is not supported; the first unit steers, the others follow"
-        raise VehicleError(msg, field="steered")
-    values = {key: _number(table, key, where) for key in _DIMENSION_KEYS if key in table}
+    _check_steered(table, number, where)
+    values = {key: _number(table, key, where) for key in (*_DIMENSION_KEYS, *_AXLE_KEYS) if key in table}
     for key in ("wheelbase", "width"):
         if key not in values:
             msg = f"{where}: {key} is missing"
@@ -114,6 +113,24 @@ def _unit(table: dict[str, object], number: int, name: str) -> Unit:
             )
             raise VehicleError(msg, field="length")
     return Unit(**values)
+
+
+def _check_steered(table: dict[str, object], number: int, where: str) -> None:
+    """Refuse entries about steering that contradict each other: ``steered`` is the front axle of unit 1, the axle of others."""
+    steered = table.get("steered", number == 1 or "steering_ratio" in table)
+    if not isinstance(steered, bool):
+        msg = f"{where}: steered must be true or false, not {steered!r}"
+        raise VehicleError(msg, field="steered")
+    if number == 1 and not steered:
+        msg = f"{where}: steered = false is not supported; the first unit steers, the others follow"
+        raise VehicleError(msg, field="steered")
+    if number > 1 and steered != ("steering_ratio" in table):
+        words = "needs a steering_ratio" if steered else "contradicts its steering_ratio"
+        msg = f"{where}: steered = {str(steered).lower()} {words}"
+        raise VehicleError(msg, field="steered", hint="steering_ratio is the axle's steering angle per angle at its coupling")
+    if "max_steering_angle" in table and "steering_ratio" not in table:
+        msg = f"{where}: max_steering_angle needs a steering_ratio"
+        raise VehicleError(msg, field="max_steering_angle", hint="it stops this unit's own axle; the front wheels have max_curvature")
 
 
 def _check_keys(table: dict[str, object], known: tuple[str, ...], where: str) -> None:

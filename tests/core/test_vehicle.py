@@ -66,7 +66,7 @@ def test_lengths_and_reaches_add_up_along_the_chain() -> None:
     assert vehicle.reach_ahead == pytest.approx(6.2, abs=1e-12)
     assert vehicle.reach_behind == pytest.approx(0.7 + 5.5 - 0.2 + 8.1 + 3.3, abs=1e-12)
     assert vehicle.lead.length == pytest.approx(7.3, abs=1e-12)
-    assert np.allclose(vehicle.table()[1], [5.5, -0.2, 5.8, 0.6, 1.2], rtol=0.0, atol=1e-12)
+    assert np.allclose(vehicle.table()[1, :5], [5.5, -0.2, 5.8, 0.6, 1.2], rtol=0.0, atol=1e-12)
 
 
 def test_a_long_rear_overhang_may_reach_further_back_than_the_trailer() -> None:
