@@ -20,6 +20,7 @@ from hdvplan.vehicle.model import Unit, Vehicle
 _STRAIGHT = 1e-8  # gentler curves are scaled from this one, whose offsets still have eight digits [1/m]
 _GENTLEST = -0.5  # K of a residual that lateral shifts still move enough; the vehicles of the papers stay above -0.18
 _ROUNDS, _GRID = 8, 101  # of the search for the tightest circle: to the last digit
+_TYPICAL = 0.05  # curvature at which a vehicle's auxiliary axle is chosen [1/m]
 _LEAST = 1e-3  # share of the lead axle's coefficient below which the auxiliary axle's counts as this in K
 _NOWHERE = 1e-9  # stands for the radius, times curvature, of a point that no circle puts beyond its centre
 _STEEPEST = 2.0  # largest coefficient of either axle; the vehicles of the papers stay below it on roads they can drive
@@ -32,13 +33,14 @@ class Stationary:
     road_curvature: FloatArray  # magnitude [1/m]
     kappa: FloatArray  # tan(front angle) / wheelbase [1/m]
     e_y: FloatArray  # lead rear axle [m]
-    e_aux: FloatArray  # front axle of a single unit, last axle of a chain [m]
+    e_aux: FloatArray  # auxiliary axle [m]
     e_psi: FloatArray  # heading of the lead body off the circle's tangent; zero unless its rear axle is steered [rad]
     beta: FloatArray  # articulation angles, shape (n, couplings) [rad]
     half_width: FloatArray  # of the swept band, equal on both sides [m]
     lead: FloatArray  # coefficients of the residual to centre, see ``coefficients``; with their limits on the straight
     aux: FloatArray
     target: FloatArray  # [m]
+    front: bool  # the auxiliary axle is the lead unit's front axle, not the last one: see ``centres_front``
     saturated: BoolArray  # no balanced circle is this tight: the tightest one is given
 
     @property
@@ -55,11 +57,11 @@ def ratio(lead: FloatArray, aux: FloatArray) -> FloatArray:
 def coefficients(e_y: FloatArray, e_aux: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return what to centre so that the swept area is balanced: lead, aux and target of lead e_y + aux e_aux - target [m].
 
-    Given are both axles' balanced offsets in a left turn [m]. The coefficients are (K, 1) with K = -e_aux / e_y, which [GEO] shows to balance the swept area, wherever -0.5 <= K <= 2; that holds
-    for the papers' vehicles on all roads they can drive. Where the lead axle runs near the centre, K has a pole: the pair is
-    (K, 1) scaled to a lead coefficient of 2, which passes smoothly through (2, 0). Where both axles run on the same side K is
-    near -1: the residual would not notice a lateral shift. Then K is held at -0.5 (or its inverse, for the other axle)
-    and the residual aims at the value that it has on the balanced circle.
+    Given are both axles' balanced offsets in a left turn [m]. The coefficients are (K, 1) with K = -e_aux / e_y, which [GEO]
+    shows to balance the swept area, wherever -0.5 <= K <= 2; that holds for the papers' vehicles on all roads they can drive.
+    Where the lead axle runs near the centre, K has a pole: the pair is (K, 1) scaled to a lead coefficient of 2, which
+    passes smoothly through (2, 0). Where both axles run equally far to the same side, K is near -1 and the residual would not
+    notice a lateral shift: K is held at -0.5 (or its inverse is), and the residual aims at its value on the balanced circle.
     """
     size = np.maximum(np.hypot(e_y, e_aux), np.finfo(float).tiny)
     facing = np.where(e_y >= e_aux, 1.0, -1.0)
@@ -78,7 +80,8 @@ class _Circle:
     outer: FloatArray  # outermost body point
     inner: FloatArray  # innermost body point
     lead: FloatArray  # lead rear axle
-    aux: FloatArray  # auxiliary axle
+    front: FloatArray  # lead front axle
+    last: FloatArray  # last axle
     e_psi: FloatArray
     beta: FloatArray
     turn: FloatArray  # of the lead body per metre forward: the inverse of that distance [1/m]
@@ -95,7 +98,7 @@ def tightest_kappa(vehicle: Vehicle) -> float:
     low, high = _STRAIGHT, 2.0 / vehicle.lead.width
     for _ in range(_ROUNDS):  # possible up to one place: narrowed down by grids
         grid = np.linspace(low, high, _GRID)
-        first = int(np.argmin(np.append(_circle(vehicle, grid[1:-1]).possible, False))) + 1  # noqa: FBT003 - the end of the list
+        first = int(np.argmin(np.append(_circle(vehicle, grid[1:-1]).possible, False))) + 1
         low, high = float(grid[first - 1]), float(grid[first])
     return low
 
@@ -108,6 +111,19 @@ def tightest_road(vehicle: Vehicle) -> float:
 def _limit(vehicle: Vehicle) -> FloatArray:
     """Return a kappa just below the largest one, shape (1,) [1/m]."""
     return np.array([tightest_kappa(vehicle) * (1.0 - 1e-9)])
+
+
+def centres_front(vehicle: Vehicle) -> bool:
+    """Tell whether centring watches the lead unit's front axle beside its rear axle, and not the chain's last axle.
+
+    The two axles of a balanced residual must lie on either side of the road's centre, or shifting the vehicle sideways hardly
+    changes it. A tractor's rear axle runs outside the centre, its trailer's inside. But where a long lead unit's rear axle runs
+    inside already, as that of an articulated bus does, the axles behind run there too: then only its front axle lies outside.
+    """
+    if len(vehicle.units) == 1:
+        return True
+    circle = _circle(vehicle, np.array([min(_TYPICAL, tightest_kappa(vehicle) * (1.0 - 1e-9))]))
+    return bool(0.5 * (circle.outer + circle.inner)[0] > circle.lead[0])
 
 
 def stationary(vehicle: Vehicle, road_curvature: FloatArray) -> Stationary:
@@ -129,12 +145,13 @@ def stationary(vehicle: Vehicle, road_curvature: FloatArray) -> Stationary:
         kappa[~saturated] = elementwise.find_root(excess, bracket, args=(wanted,), tolerances={"xatol": 1e-18, "xrtol": 1e-14}).x
     circle = _circle(vehicle, kappa)
     middle = 0.5 * (circle.outer + circle.inner)  # of the road, as the circle's offsets
-    e_y, e_aux = middle - circle.lead, middle - circle.aux
+    front = centres_front(vehicle)
+    e_y, e_aux = middle - circle.lead, middle - (circle.front if front else circle.last)
     lead, aux, target = coefficients(e_y, e_aux)
     part = k / bent  # 1, or how much gentler the road is than the gentlest circle solved
     return Stationary(
         k, part * kappa, part * e_y, part * e_aux, part * circle.e_psi, part[:, None] * circle.beta,
-        0.5 * (circle.outer - circle.inner), lead, aux, part * target, saturated,
+        0.5 * (circle.outer - circle.inner), lead, aux, part * target, front, saturated,
     )  # fmt: skip
 
 
@@ -148,7 +165,7 @@ def _circle(vehicle: Vehicle, kappa: FloatArray) -> _Circle:
     wheels = np.minimum(lead.steering_ratio * np.arctan(lead.wheelbase * kappa), lead.max_steering_angle)
     turn = kappa + np.tan(wheels) / lead.wheelbase
     axis, ahead = np.zeros_like(kappa), np.tan(wheels) / turn
-    beta, possible = np.empty((*kappa.shape, len(vehicle.units) - 1)), np.full(kappa.shape, True)  # noqa: FBT003 - a fill value
+    beta, possible = np.empty((*kappa.shape, len(vehicle.units) - 1)), np.full(kappa.shape, True)
     outer, inner = np.full_like(kappa, -np.inf), np.full_like(kappa, np.inf)
 
     def excess(left: FloatArray | float, along: FloatArray) -> FloatArray:
@@ -174,7 +191,7 @@ def _circle(vehicle: Vehicle, kappa: FloatArray) -> _Circle:
         possible &= 1.0 + (axis - half) * turn >= 0.0
         if i == 0:
             rear, middle = excess(0.0, ahead), excess(0.0, lead.wheelbase - ahead)
-    return _Circle(outer, inner, rear, middle if len(vehicle.units) == 1 else excess(0.0, ahead), wheels, beta, turn, possible)
+    return _Circle(outer, inner, rear, middle, excess(0.0, ahead), wheels, beta, turn, possible)
 
 
 def _steered(unit: Unit, angle: FloatArray) -> FloatArray:
@@ -192,16 +209,19 @@ def _pull(unit: Unit, length: FloatArray, off: FloatArray) -> tuple[FloatArray, 
         return np.arcsin(np.minimum(length, 1.0)), length <= 1.0
 
     def reach(pull: FloatArray, off: FloatArray) -> FloatArray:
-        return np.sin(pull) + np.cos(pull) * np.tan(_steered(unit, pull + off))
+        total: FloatArray = np.sin(pull) + np.cos(pull) * np.tan(_steered(unit, pull + off))
+        return total
 
     def excess(pull: FloatArray, length: FloatArray, off: FloatArray) -> FloatArray:
         return reach(pull, off) - length
 
     quarter = 0.5 * np.pi
-    last = np.maximum((quarter - unit.steering_ratio * off) / (1.0 + unit.steering_ratio), quarter - unit.max_steering_angle)
+    last: FloatArray = np.maximum((quarter - unit.steering_ratio * off) / (1.0 + unit.steering_ratio), quarter - unit.max_steering_angle)
     most = reach(last, off)
-    bracket, tolerances = (np.full_like(last, -quarter), last), {"xatol": 1e-20, "xrtol": 1e-14}
-    return elementwise.find_root(excess, bracket, args=(np.minimum(length, most), off), tolerances=tolerances).x, length <= most
+    first: FloatArray = np.full_like(last, -quarter)
+    wanted: FloatArray = np.minimum(length, most)
+    found = elementwise.find_root(excess, (first, last), args=(wanted, off), tolerances={"xatol": 1e-20, "xrtol": 1e-14})
+    return found.x, length <= most
 
 
 def _root_excess(scaled: FloatArray, added: FloatArray, turn: FloatArray) -> FloatArray:

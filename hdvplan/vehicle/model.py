@@ -89,7 +89,8 @@ class Vehicle:
             raise VehicleError(msg, field="steering_ratio", hint="a positive ratio turns the wheels out of the bend")
         angle = unit.max_steering_angle
         if not (np.isfinite(angle) and 0.0 < angle <= MAX_ANGLE):
-            msg = f"vehicle {self.name!r}, unit {number}: max_steering_angle = {angle:g} rad must lie above 0 and be at most {MAX_ANGLE:.3f}"
+            where = f"vehicle {self.name!r}, unit {number}"
+            msg = f"{where}: max_steering_angle = {angle:g} rad must lie above 0 and be at most {MAX_ANGLE:.3f}"
             raise VehicleError(msg, field="max_steering_angle", hint=f"it is in radians: 20 degrees are {np.deg2rad(20.0):.3f}")
 
     @property
