@@ -87,12 +87,13 @@ def test_the_weight_explains_what_others_found_by_exhaustive_search(name: str, c
 def test_everything_is_continuous_at_the_straight(vehicle: Vehicle) -> None:
     k = np.array([0.0, 1e-9, 0.999e-7, 1.001e-7, 1e-6, 1e-5])
     found = stationary(vehicle, k)
-    # K changes by about 1 m per 1/m of curvature; offsets grow like 50 m^2 times it, less rounding of 1e-15 m
-    assert np.max(np.abs(found.weight - found.weight[0])) < 1e-4
-    assert np.max(np.abs(found.weight[:4] - found.weight[0])) < 1e-6
+    # coefficients change by a few m per 1/m of curvature; offsets grow like 50 m^2 times it, less rounding of 1e-15 m
+    for values in (found.lead, found.aux):
+        assert np.max(np.abs(values - values[0])) < 1e-4
+        assert np.max(np.abs(values[:4] - values[0])) < 1e-6
     assert np.max(np.abs(found.e_y)) < 1e-3
     assert np.max(np.abs(np.diff(found.e_y / np.maximum(k, 1e-9))[1:4])) < 1e-4
-    assert np.max(np.abs(found.kappa - k)) < 1e-7
+    assert np.max(np.abs(found.kappa - k * found.kappa[-1] / k[-1])) < 1e-7  # steered rear axles need less than the road's
     assert np.max(np.abs(found.half_width - 0.5 * vehicle.width)) < 1e-2
 
 
@@ -158,7 +159,8 @@ def test_a_chain_of_three_is_balanced_and_in_steady_motion_by_brute_force(vehicl
     axles = body_points(vehicle, axle, 0.0, found.beta[0], [np.array([[0.0, 0.0], [1.0, 0.0]])] * 3)
     for own, ahead in axles:
         assert abs(own @ (ahead - own)) < 1e-9  # every axle line passes through the centre: nothing slips sideways
-    assert abs(road - np.hypot(*axles[-1][0]) - found.e_aux[0]) < 1e-9
+    watched = axles[0][0] + vehicle.lead.wheelbase * (axles[0][1] - axles[0][0]) if found.front else axles[-1][0]
+    assert abs(road - np.hypot(*watched) - found.e_aux[0]) < 1e-9
     radii = np.concatenate([np.hypot(*points.T) for points in body_points(vehicle, axle, 0.0, found.beta[0], dense_outlines(vehicle))])
     # corners and axles are among the outline's points, so nothing is lost between them
     assert abs(np.max(radii) - road - found.half_width[0]) < 1e-9
@@ -170,11 +172,14 @@ def test_the_table_agrees_with_the_circle_itself_on_roads_that_can_be_driven(nam
     vehicle = load_vehicle(name)
     k = np.random.default_rng(1).uniform(-0.1, 0.1, 200)
     found, exact = CenteringTable.of(vehicle).at(k), stationary(vehicle, k)
-    # linear between curvatures 2.5e-4 1/m apart: K'' h^2 / 8; the same for the offsets, whose curvature is some 100 m^3
-    assert np.max(np.abs(found.weight - exact.weight)) < 1e-6
-    for values, circle in ((found.e_y, exact.e_y), (found.e_aux, exact.e_aux), (found.kappa, exact.kappa)):
-        assert np.max(np.abs(values - np.sign(k) * circle)) < 1e-5
-    assert np.max(np.abs(found.half_width - exact.half_width)) < 1e-5
+    # linear between curvatures 2.5e-4 1/m apart: K'' h^2 / 8; the same for the offsets, whose curvature is some 100 m^3. Where
+    # another body's corner becomes the outermost, slopes jump by up to 2 m per 1/m, and h times that is lost
+    sharp = name in {"a-double", "tractor-semitrailer"}
+    assert np.max(np.abs(found.lead - exact.lead)) < (2e-4 if sharp else 5e-6)
+    assert np.max(np.abs(found.aux - exact.aux)) < (2e-4 if sharp else 1e-6)
+    for values, circle in ((found.e_y, exact.e_y), (found.e_aux, exact.e_aux), (found.kappa, exact.kappa), (found.e_psi, exact.e_psi)):
+        assert np.max(np.abs(values - np.sign(k) * circle)) < 2e-5
+    assert np.max(np.abs(found.half_width - exact.half_width)) < 2e-5
     assert found.beta.shape == (200, len(vehicle.units) - 1)
 
 
