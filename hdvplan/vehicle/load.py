@@ -45,17 +45,30 @@ def load_vehicle(source: str | Path) -> Vehicle:
         VehicleError: no such preset or file, not TOML, an unknown, missing or impossible entry.
 
     """
-    path = Path(source)
-    if path.suffix == ".toml" or path.is_file():
-        try:
-            return parse_vehicle(path.read_text(encoding="utf-8"), default_name=path.stem)
-        except FileNotFoundError as error:
-            msg = f"vehicle file {path} does not exist"
-            raise VehicleError(msg, hint=f"presets: {', '.join(preset_names())}") from error
-        except (OSError, UnicodeDecodeError) as error:
-            msg = f"vehicle file {path} cannot be read: {error}"
-            raise VehicleError(msg) from error
-    return parse_vehicle(preset_text(str(source)), default_name=str(source))
+    return parse_vehicle(vehicle_text(source), default_name=Path(source).stem if _is_file(source) else str(source))
+
+
+def vehicle_text(source: str | Path) -> str:
+    """Return the TOML of the preset called ``source``, or of the file at that path.
+
+    Raises:
+        VehicleError: no such preset or file, or it cannot be read as text.
+
+    """
+    if not _is_file(source):
+        return preset_text(str(source))
+    try:
+        return Path(source).read_text(encoding="utf-8")
+    except FileNotFoundError as error:
+        msg = f"vehicle file {source} does not exist"
+        raise VehicleError(msg, hint=f"presets: {', '.join(preset_names())}") from error
+    except (OSError, UnicodeDecodeError) as error:
+        msg = f"vehicle file {source} cannot be read: {error}"
+        raise VehicleError(msg) from error
+
+
+def _is_file(source: str | Path) -> bool:
+    return Path(source).suffix == ".toml" or Path(source).is_file()
 
 
 def parse_vehicle(text: str, *, default_name: str) -> Vehicle:

@@ -32,7 +32,7 @@ def all_steered() -> Vehicle:
     )
 
 
-STEERED = [load_vehicle("rear-steered-bus"), load_vehicle("tractor-semitrailer-steered"), all_steered()]
+STEERED = [load_vehicle("rear-steered-bus"), load_vehicle("semitrailer-steered"), all_steered()]
 each_steered = pytest.mark.parametrize("vehicle", STEERED, ids=lambda v: v.name)
 
 
@@ -215,7 +215,7 @@ def test_the_swinging_tail_is_what_reaches_furthest_out() -> None:
     assert np.hypot(*swung) - 1.0 / curvature == pytest.approx(found.half_width[0], abs=1e-9)
 
 
-@pytest.mark.parametrize(("name", "unit"), [("rear-steered-bus", 0), ("tractor-semitrailer-steered", 1)])
+@pytest.mark.parametrize(("name", "unit"), [("rear-steered-bus", 0), ("semitrailer-steered", 1)])
 def test_a_positive_ratio_narrows_the_swept_band(name: str, unit: int) -> None:
     steered, k = load_vehicle(name), np.array([0.02, 0.06])
     units = [replace(u, steering_ratio=0.0) if i == unit else u for i, u in enumerate(steered.units)]

@@ -49,7 +49,7 @@ LENGTHS = {  # overall, as named in each preset's description; the laws' and the
     "rear-steered-bus": 12.0,
     "rigid-truck": 10.0,
     "tractor-semitrailer": 16.5,
-    "tractor-semitrailer-steered": 16.5,
+    "semitrailer-steered": 16.5,
     "truck-dolly-semitrailer": 25.25,
 }
 
