@@ -111,7 +111,10 @@ def _legend(vehicle: Vehicle) -> list[tuple[str, str]]:
     """Return the lines of text under the drawing with their colours: every unit's entries by name, then the source."""
     lines = []
     for number, unit in enumerate(vehicle.units):
-        entries = f"unit {number + 1}: wheelbase {unit.wheelbase:.2f}, overhangs {unit.front_overhang:.2f} and {unit.rear_overhang:.2f}"
+        called = f" ({unit.name})" if unit.name else ""
+        entries = (
+            f"unit {number + 1}{called}: wheelbase {unit.wheelbase:.2f}, overhangs {unit.front_overhang:.2f} and {unit.rear_overhang:.2f}"
+        )
         entries += f", width {unit.width:.2f}"
         if number + 1 < len(vehicle.units):
             entries += f", hitch_offset {unit.hitch_offset:.2f}"

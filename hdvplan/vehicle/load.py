@@ -14,7 +14,7 @@ _TOP_KEYS = ("name", "source", "unit")
 _STEERING_KEYS = ("max_curvature", "max_curvature_rate")
 _DIMENSION_KEYS = ("wheelbase", "front_overhang", "rear_overhang", "width", "hitch_offset", "length")
 _AXLE_KEYS = ("steering_ratio", "max_steering_angle")
-_UNIT_KEYS = (*_DIMENSION_KEYS, *_STEERING_KEYS, "steered", *_AXLE_KEYS)
+_UNIT_KEYS = ("name", *_DIMENSION_KEYS, *_STEERING_KEYS, "steered", *_AXLE_KEYS)
 _LENGTH_TOLERANCE_M = 0.01
 
 
@@ -125,7 +125,11 @@ def _unit(table: dict[str, object], number: int, name: str) -> Unit:
                 f" + rear_overhang {max(rear, 0.0):g} m"
             )
             raise VehicleError(msg, field="length")
-    return Unit(**values)
+    called = table.get("name", "")
+    if not isinstance(called, str) or ("name" in table and not called.strip()):
+        msg = f"{where}: name must be a word, not {called!r}"
+        raise VehicleError(msg, field="name")
+    return Unit(**values, name=called.strip())
 
 
 def _check_steered(table: dict[str, object], number: int, where: str) -> None:

@@ -33,6 +33,7 @@ class Unit:
     hitch_offset: float = 0.0  # coupling of the next unit behind the axle; negative: ahead of it [m]
     steering_ratio: float = 0.0  # of the axle's steering angle to the front wheels' or to the articulation; 0: not steered
     max_steering_angle: float = MAX_ANGLE  # of this axle [rad]
+    name: str = ""  # what messages and pictures call it
 
     @property
     def front(self) -> float:

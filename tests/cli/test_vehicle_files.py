@@ -31,6 +31,7 @@ steering_ratio = 0.4
 max_steering_angle = 0.3
 
 [[unit]]
+name = "dolly"
 wheelbase = 3.5
 front_overhang = -2.4
 length = 2.0
@@ -70,7 +71,7 @@ def test_five_units_are_planned_drawn_and_described(cli: Cli, five: str, tmp_pat
     assert (tmp_path / "plan" / "plan.png").is_file()
     swept = json.loads((tmp_path / "plan" / "swept.geojson").read_text(encoding="utf-8"))
     swept_by = [feature["properties"]["unit"] for feature in swept["features"] if feature["properties"]["kind"] == "swept area"]
-    assert swept_by == [f"unit {number}" for number in range(1, 6)]
+    assert swept_by == ["unit 1", "unit 2", "dolly", "unit 4", "unit 5"]
     described = json.loads(cli("vehicles", "show", five, "--json").out)
     assert described["length_m"] == pytest.approx(5.6 - 0.4 + 7.0 + 1.5 + 3.5 + 6.0 + 1.5 + 5.0 + 1.5)
     assert described["units"][4]["steering_ratio"] == 1.0

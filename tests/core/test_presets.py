@@ -18,7 +18,7 @@ from hdvplan.road.scenarios import SCENARIOS, turn_profile
 from hdvplan.solvers.riccati import RiccatiWorkspace
 from hdvplan.vehicle.kinematics import derivative, place
 from hdvplan.vehicle.load import load_vehicle, preset_names
-from hdvplan.vehicle.model import Vehicle
+from hdvplan.vehicle.model import Unit, Vehicle
 from tests.core.differences import differences
 
 LEAD_IN, RAMP, CONSTANT = 50.0, 5.5, 320.0  # the roundabout of [GEO], driven three times round so that everything settles
@@ -60,6 +60,16 @@ def test_on_constant_radius_a_preset_sweeps_both_sides_alike(name: str) -> None:
     assert abs(np.max(left) - np.max(right)) < 0.03  # demanded
     assert np.max(np.abs(left - expected)) < 0.02
     assert np.max(np.abs(right - expected)) < 0.02
+
+
+def test_a_bus_whose_axles_run_on_one_circle_is_balanced_by_its_target() -> None:
+    """Both axles lie equally far inside the centre: no weighted sum of theirs vanishes, so the residual aims at its stationary value."""
+    crab = Vehicle("crab", (Unit(6.0, 2.7, 3.3, 2.55, 0.0, 1.0),))
+    run = driven(Road("circle", from_curvature(*turn_profile(1.0 / 17.88, RAMP, CONSTANT))), crab)
+    assert np.max(np.abs(run.stations.centering.target)) > 0.1
+    envelope = envelope_of(run)
+    here = (envelope.s > SETTLED[0]) & (envelope.s < SETTLED[1])
+    assert abs(np.max(envelope.reach_left[here]) + np.min(envelope.reach_right[here])) < 0.03
 
 
 def slides(run: Drive, at: int) -> FloatArray:

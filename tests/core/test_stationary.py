@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from hdvplan.centering.stationary import stationary, tightest_kappa, tightest_road
+from hdvplan.centering.stationary import coefficients, stationary, tightest_kappa, tightest_road
 from hdvplan.centering.weights import CenteringTable
 from hdvplan.jit import FloatArray
 from hdvplan.vehicle.load import load_vehicle, preset_names
@@ -194,3 +194,40 @@ def test_the_table_holds_and_marks_what_lies_beyond_its_end() -> None:
 def test_the_weight_is_finite_for_a_truck_whose_trailer_is_as_long_as_its_front() -> None:
     drawbar = Vehicle("drawbar", (Unit(5.0, 1.5, 2.5, 2.55, 0.0), Unit(6.5, 0.0, 2.0, 2.55)))
     assert np.all(np.isfinite(CenteringTable.of(drawbar).at(np.linspace(0.0, 0.1, 101)).weight))
+
+
+@given(angle=st.floats(-3.14, 3.14), size=st.floats(1e-6, 3.0))
+@few
+def test_the_residual_of_any_two_offsets_vanishes_on_the_circle_and_feels_a_shift(angle: float, size: float) -> None:
+    e_y, e_aux = np.array([size * np.cos(angle)]), np.array([size * np.sin(angle)])
+    lead, aux, target = coefficients(e_y, e_aux)
+    assert abs(lead * e_y + aux * e_aux - target)[0] < 1e-12
+    assert 0.0 < max(lead[0], aux[0]) <= 2.0 + 1e-12
+    assert lead[0] + aux[0] >= 0.5 * max(lead[0], aux[0]) - 1e-12  # what a lateral shift of 1 m changes the residual by
+    weight = -e_aux[0] / e_y[0]
+    if -0.5 < weight < 2.0:  # the papers' own
+        assert (aux[0], target[0]) == (pytest.approx(1.0, abs=1e-12), 0.0)
+        assert lead[0] == pytest.approx(weight, abs=1e-12)
+
+
+def test_the_coefficients_pass_smoothly_where_the_lead_axle_runs_on_the_centre() -> None:
+    e_y = np.linspace(-0.1, 0.1, 2001)
+    lead, aux, target = coefficients(e_y, np.full_like(e_y, 0.5))
+    assert np.max(np.abs(lead - 2.0)) < 1e-12  # rounding
+    assert np.max(np.abs(np.diff(aux))) < 1e-3  # 2 / 0.5 times the step of e_y
+    assert np.all(target == 0.0)
+    assert abs(aux[1000]) < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("name", "front"),
+    [("bus", True), ("articulated-bus", True), ("double-articulated-bus", True), ("tractor-trailer", False), ("b-double", False),
+     ("truck-dolly-semitrailer", False)],
+)  # fmt: skip
+def test_the_two_axles_of_a_chain_lie_on_either_side_of_the_centre(name: str, front: bool) -> None:
+    found = stationary(load_vehicle(name), np.linspace(0.01, 0.08, 8))
+    assert found.front is front
+    if len(load_vehicle(name).units) > 1:
+        assert np.all(found.e_y * found.e_aux < 0.0)
+        assert np.all(found.weight > 0.0)
+    assert np.all(found.target == 0.0)

@@ -149,6 +149,8 @@ def test_a_file_is_read_and_named_after_itself(tmp_path: Path) -> None:
         (BUS + "steered = false", "steered", "the first unit steers"),
         (BUS + BUS + "steered = true", "steered", "unit 2: steered = true needs a steering_ratio"),
         (BUS + BUS + "steered = false\nsteering_ratio = 0.5", "steered", "contradicts its steering_ratio"),
+        (BUS + "name = 3", "name", "unit 1: name must be a word, not 3"),
+        (BUS + "name = ' '", "name", "unit 1: name must be a word"),
         (BUS + BUS + "steered = 'active'", "steered", "true or false, not 'active'"),
         (BUS + BUS + "steering_ratio = -0.5", "steering_ratio", "unit 2: steering_ratio = -0.5 must lie between 0 and 2"),
         (BUS + "steering_ratio = nan", "steering_ratio", "unit 1: steering_ratio = nan must lie"),
@@ -195,8 +197,9 @@ def test_a_missing_or_unreadable_file_is_a_vehicle_error(tmp_path: Path) -> None
 @few
 def test_an_impossible_dimension_is_refused_by_name_wherever_it_stands(field: str, wrong: float, unit: int) -> None:
     chain = list(three_units().units)
+    chain[unit] = replace(chain[unit], **{field: wrong})  # type: ignore[arg-type] # of these fields, all are numbers
     with pytest.raises(VehicleError) as caught:
-        Vehicle("drawn", (*chain[:unit], replace(chain[unit], **{field: wrong}), *chain[unit + 1 :]))
+        Vehicle("drawn", tuple(chain))
     assert caught.value.field == field
     assert f"unit {unit + 1}" in str(caught.value)
 
