@@ -76,8 +76,8 @@ def exact_nlp(
     k, between = stations.road[4, :stages], stations.curvature_between[:stages]
     before = ca.horzcat(ca.DM(z_start), z[:, :-1])
     dynamics = _advance(vehicle, settings.step).map(stages)(before, kappa, ca.DM(k).T, ca.DM(between).T) - z
-    front = residual.front or len(vehicle.units) == 1
-    placed = _placement(vehicle, front=front).map(stages)(z, ca.DM(stations.road[:4, ahead]))
+    axle = residual.axle % len(vehicle.units)
+    placed = _placement(vehicle, axle).map(stages)(z, ca.DM(stations.road[:4, ahead]))
     aux_along, aux_offset = project.map(stages)(aux_feet, placed[:2, :])
     centred = ca.DM(residual.lead[ahead]).T * z[0, :] + ca.DM(residual.aux[ahead]).T * aux_offset - ca.DM(residual.target[ahead]).T
     change = kappa - ca.horzcat(ca.DM(kappa_before), kappa[:, :-1])
@@ -89,7 +89,7 @@ def exact_nlp(
         # variable, its start, its bound; then constraint, lower and upper bound
         (ca.vec(z), states[1:].ravel(), np.inf),
         (ca.vec(kappa), geometry.kappa[:stages], limit),
-        (ca.vec(aux_feet), s + (vehicle.lead.wheelbase if front else -behind[-1]), np.inf),
+        (ca.vec(aux_feet), s + (vehicle.lead.wheelbase if axle == 0 else -behind[axle]), np.inf),
     ]
     rows = [(ca.vec(dynamics), 0.0, 0.0), (ca.vec(aux_along), 0.0, 0.0), (ca.vec(change), -rate, rate)]
     if stations.limits.values.size:
@@ -194,7 +194,7 @@ def _wheels(unit: Unit, angle: ca.SX) -> ca.SX:
     return -ca.fmin(ca.fmax(unit.steering_ratio * angle, -unit.max_steering_angle), unit.max_steering_angle)
 
 
-def _placement(vehicle: Vehicle, *, front: bool) -> ca.Function:
+def _placement(vehicle: Vehicle, auxiliary: int) -> ca.Function:
     """Return (z, x, y, cos, sin of the road) -> x, y of the auxiliary axle, then of all points as unit, point, edge."""
     z, road = ca.SX.sym("z", vehicle.states), ca.SX.sym("road", 4)
     heading = ca.atan2(road[3], road[2]) + z[1]
@@ -206,10 +206,10 @@ def _placement(vehicle: Vehicle, *, front: bool) -> ca.Function:
             heading -= z[1 + i]
             axle = hitch - unit.wheelbase * ca.vertcat(ca.cos(heading), ca.sin(heading))
         along, left = ca.vertcat(ca.cos(heading), ca.sin(heading)), ca.vertcat(-ca.sin(heading), ca.cos(heading))
-        if i == 0:
-            aux = axle + vehicle.lead.wheelbase * along
+        if i == auxiliary:
+            aux = axle + (vehicle.lead.wheelbase if i == 0 else 0.0) * along
         bodies += [axle + ahead * along + side * 0.5 * unit.width * left for ahead in points[i, :, 0] for side in (1, -1)]
-    return ca.Function("place", [z, road], [ca.vertcat(aux if front else axle, *bodies)])
+    return ca.Function("place", [z, road], [ca.vertcat(aux, *bodies)])
 
 
 def _axles_behind(vehicle: Vehicle) -> FloatArray:

@@ -40,7 +40,7 @@ class Stationary:
     lead: FloatArray  # coefficients of the residual to centre, see ``coefficients``; with their limits on the straight
     aux: FloatArray
     target: FloatArray  # [m]
-    front: bool  # the auxiliary axle is the lead unit's front axle, not the last one: see ``centres_front``
+    axle: int  # which axle the auxiliary one is, see ``auxiliary_axle``
     saturated: BoolArray  # no balanced circle is this tight: the tightest one is given
 
     @property
@@ -80,8 +80,7 @@ class _Circle:
     outer: FloatArray  # outermost body point
     inner: FloatArray  # innermost body point
     lead: FloatArray  # lead rear axle
-    front: FloatArray  # lead front axle
-    last: FloatArray  # last axle
+    axles: tuple[FloatArray, ...]  # lead front axle, then every trailer's
     e_psi: FloatArray
     beta: FloatArray
     turn: FloatArray  # of the lead body per metre forward: the inverse of that distance [1/m]
@@ -113,17 +112,22 @@ def _limit(vehicle: Vehicle) -> FloatArray:
     return np.array([tightest_kappa(vehicle) * (1.0 - 1e-9)])
 
 
-def centres_front(vehicle: Vehicle) -> bool:
-    """Tell whether centring watches the lead unit's front axle beside its rear axle, and not the chain's last axle.
+def auxiliary_axle(vehicle: Vehicle) -> int:
+    """Return which axle centring weighs against the lead rear axle: 0 the lead unit's front axle, i > 0 the axle of unit i.
 
-    The two axles of a balanced residual must lie on either side of the road's centre, or shifting the vehicle sideways hardly
-    changes it. A tractor's rear axle runs outside the centre, its trailer's inside. But where a long lead unit's rear axle runs
-    inside already, as that of an articulated bus does, the axles behind run there too: then only its front axle lies outside.
+    From the front axle to the last, axles run further and further inside. The two of a balanced residual must lie on either side of
+    the road's centre, or a lateral shift hardly changes it; and close to each other in the chain, or the residual feels
+    a shift twenty metres late. So where the lead rear axle runs outside, as a tractor's does, its partner is the first axle
+    behind that runs inside; where it runs inside already, as a long bus's does, the partner is its own front axle.
     """
     if len(vehicle.units) == 1:
-        return True
+        return 0
     circle = _circle(vehicle, np.array([min(_TYPICAL, tightest_kappa(vehicle) * (1.0 - 1e-9))]))
-    return bool(0.5 * (circle.outer + circle.inner)[0] > circle.lead[0])
+    middle = 0.5 * (circle.outer + circle.inner)
+    if middle[0] > circle.lead[0]:
+        return 0
+    inside = [i for i, axle in enumerate(circle.axles) if i > 0 and middle[0] > axle[0]]
+    return inside[0] if inside else len(vehicle.units) - 1
 
 
 def stationary(vehicle: Vehicle, road_curvature: FloatArray) -> Stationary:
@@ -145,13 +149,13 @@ def stationary(vehicle: Vehicle, road_curvature: FloatArray) -> Stationary:
         kappa[~saturated] = elementwise.find_root(excess, bracket, args=(wanted,), tolerances={"xatol": 1e-18, "xrtol": 1e-14}).x
     circle = _circle(vehicle, kappa)
     middle = 0.5 * (circle.outer + circle.inner)  # of the road, as the circle's offsets
-    front = centres_front(vehicle)
-    e_y, e_aux = middle - circle.lead, middle - (circle.front if front else circle.last)
+    axle = auxiliary_axle(vehicle)
+    e_y, e_aux = middle - circle.lead, middle - circle.axles[axle]
     lead, aux, target = coefficients(e_y, e_aux)
     part = k / bent  # 1, or how much gentler the road is than the gentlest circle solved
     return Stationary(
         k, part * kappa, part * e_y, part * e_aux, part * circle.e_psi, part[:, None] * circle.beta,
-        0.5 * (circle.outer - circle.inner), lead, aux, part * target, front, saturated,
+        0.5 * (circle.outer - circle.inner), lead, aux, part * target, axle, saturated,
     )  # fmt: skip
 
 
@@ -167,6 +171,7 @@ def _circle(vehicle: Vehicle, kappa: FloatArray) -> _Circle:
     axis, ahead = np.zeros_like(kappa), np.tan(wheels) / turn
     beta, possible = np.empty((*kappa.shape, len(vehicle.units) - 1)), np.full(kappa.shape, True)
     outer, inner = np.full_like(kappa, -np.inf), np.full_like(kappa, np.inf)
+    axles: list[FloatArray] = []
 
     def excess(left: FloatArray | float, along: FloatArray) -> FloatArray:
         """Return the distance from the centre of a point ``along`` of it and ``left`` of the body's axis, less 1 / turn."""
@@ -190,8 +195,9 @@ def _circle(vehicle: Vehicle, kappa: FloatArray) -> _Circle:
         outer, inner = np.maximum(outer, excess(-half, furthest)), np.minimum(inner, excess(half, nearest))
         possible &= 1.0 + (axis - half) * turn >= 0.0
         if i == 0:
-            rear, middle = excess(0.0, ahead), excess(0.0, lead.wheelbase - ahead)
-    return _Circle(outer, inner, rear, middle, excess(0.0, ahead), wheels, beta, turn, possible)
+            rear = excess(0.0, ahead)
+        axles.append(excess(0.0, ahead if i > 0 else lead.wheelbase - ahead))
+    return _Circle(outer, inner, rear, tuple(axles), wheels, beta, turn, possible)
 
 
 def _steered(unit: Unit, angle: FloatArray) -> FloatArray:

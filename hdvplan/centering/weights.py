@@ -26,7 +26,7 @@ class Centering:
     target: FloatArray  # [m]
     kappa: FloatArray  # tan(front angle) / wheelbase [1/m]
     e_y: FloatArray  # [m]
-    front: bool  # the auxiliary axle is the lead unit's front axle
+    axle: int  # which axle the auxiliary one is, see ``auxiliary_axle``
     e_aux: FloatArray  # [m]
     e_psi: FloatArray  # [rad]
     beta: FloatArray  # shape (n, couplings) [rad]
@@ -65,7 +65,7 @@ class CenteringTable:
             target=sign * column(grid.target),
             kappa=sign * column(grid.kappa),
             e_y=sign * column(grid.e_y),
-            front=grid.front,
+            axle=grid.axle,
             e_aux=sign * column(grid.e_aux),
             e_psi=sign * column(grid.e_psi),
             beta=beta,

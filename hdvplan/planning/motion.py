@@ -34,10 +34,10 @@ class Motion:
     reach_ahead: FloatArray  # (units, points, 1)
 
     @classmethod
-    def empty(cls, vehicle: Vehicle, stages: int, reach_points: FloatArray, *, front: bool = False) -> Motion:
+    def empty(cls, vehicle: Vehicle, stages: int, reach_points: FloatArray, *, axle: int = -1) -> Motion:
         """Return the memory for a horizon of ``stages`` intervals; ``reach_points`` (units, points, 2) as ``edge_points``.
 
-        ``front`` as in ``Residual``.
+        ``axle`` as in ``Residual``.
         """
         units = len(vehicle.units)
         feet = (stages + 1, units, POINTS_PER_EDGE, 2)
@@ -50,7 +50,7 @@ class Motion:
             np.zeros(feet),
             np.full(feet, np.inf),
             np.zeros((stages + 1, *reach_points.shape[:2], 2)),
-            vehicle.lead.wheelbase if front or units == 1 else -float(behind[-1]),
+            vehicle.lead.wheelbase if axle % units == 0 else -float(behind[axle]),
             axis_points(vehicle) - behind[:, None],
             edge_points(vehicle)[:, :, :1] - behind[:, None, None],
             reach_points[:, :, :1] - behind[:, None, None],

@@ -17,13 +17,13 @@ from hdvplan.planning.stations import Stations
 class Residual:
     """Coefficients of the squared lateral error (lead e_y + aux e_aux - target)^2 per station; shape (n,), ``target`` in metres.
 
-    The auxiliary axle is a chain's last one, or with ``front`` and for a single unit the lead unit's front axle.
+    The auxiliary axle is the one of unit number ``axle`` (from 0, or -1 for the last), of the lead unit its front axle.
     """
 
     lead: FloatArray
     aux: FloatArray
     target: FloatArray
-    front: bool = False
+    axle: int = -1
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Furthest:
 def geometric(stations: Stations) -> Residual:
     """Balance the swept area with the weight K of each station's curvature ([GEO] sec. IV)."""
     balanced = stations.centering
-    return Residual(balanced.lead, balanced.aux, balanced.target, balanced.front)
+    return Residual(balanced.lead, balanced.aux, balanced.target, balanced.axle)
 
 
 def geometric_fixed(stations: Stations) -> Residual:
@@ -50,7 +50,7 @@ def geometric_fixed(stations: Stations) -> Residual:
     balanced, one = stations.centering, np.ones(len(stations.s))
     lead, aux = balanced.lead[tightest] * one, balanced.aux[tightest] * one
     aimed = balanced.target[tightest] != 0.0  # then the pair does not balance by itself
-    return Residual(lead, aux, lead * balanced.e_y + aux * balanced.e_aux if aimed else 0.0 * one, balanced.front)
+    return Residual(lead, aux, lead * balanced.e_y + aux * balanced.e_aux if aimed else 0.0 * one, balanced.axle)
 
 
 def lead_axle(stations: Stations) -> Residual:
@@ -69,7 +69,7 @@ def art_weighted(stations: Stations) -> Residual:
     """Centre (1 - K) e_y + K e_aux (J3 of [ART]) with the geometric K of the road's largest curvature, 1 / (1 + its weight)."""
     balanced = geometric_fixed(stations)
     share = 1.0 / (balanced.lead + balanced.aux)
-    return Residual(share * balanced.lead, share * balanced.aux, share * balanced.target, balanced.front)
+    return Residual(share * balanced.lead, share * balanced.aux, share * balanced.target, balanced.axle)
 
 
 def art_weighted_by(share: float) -> Objective:

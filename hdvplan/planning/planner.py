@@ -70,7 +70,7 @@ class Planner:
         self._limited = stations.limits.values.size > 0
         self._residual = centred if isinstance(centred, Residual) else centred.beside
         self._reach_points, self._reach_half = watched_points(vehicle, centred)
-        self._motion = Motion.empty(vehicle, settings.stages, self._reach_points, front=self._residual.front)
+        self._motion = Motion.empty(vehicle, settings.stages, self._reach_points, axle=self._residual.axle)
         self._midpoint = settings.discretisation is Discretisation.MIDPOINT
         watched = self._reach_points.shape[0] * self._reach_points.shape[1]
         qp = self._qp = StageQp.empty(qp_shape(vehicle, settings, limited=self._limited, watched=watched))
@@ -157,7 +157,7 @@ class Planner:
         path, limits, part = stations.path, stations.limits, self._residual
         horizon = slice(first, first + settings.stages + 1)
         lost = linearise(
-            self._units, part.front, self._points, self._axis, path.coefficients, path.s_first, path.spacing, stations.road[:, horizon],
+            self._units, part.axle, self._points, self._axis, path.coefficients, path.s_first, path.spacing, stations.road[:, horizon],
             stations.curvature_between[horizon], stations.around[:, horizon], settings.step, self._midpoint, part.lead[horizon],
             part.aux[horizon], part.target[horizon], limits.values, limits.s_first, limits.spacing, settings.margin, motion.z,
             motion.kappa, motion.aux_feet, motion.axis_feet, motion.feet, motion.gaps, begin, qp.A, qp.B, qp.c, qp.Q, qp.q,

@@ -159,7 +159,7 @@ def test_a_chain_of_three_is_balanced_and_in_steady_motion_by_brute_force(vehicl
     axles = body_points(vehicle, axle, 0.0, found.beta[0], [np.array([[0.0, 0.0], [1.0, 0.0]])] * 3)
     for own, ahead in axles:
         assert abs(own @ (ahead - own)) < 1e-9  # every axle line passes through the centre: nothing slips sideways
-    watched = axles[0][0] + vehicle.lead.wheelbase * (axles[0][1] - axles[0][0]) if found.front else axles[-1][0]
+    watched = axles[0][0] + vehicle.lead.wheelbase * (axles[0][1] - axles[0][0]) if found.axle == 0 else axles[found.axle][0]
     assert abs(road - np.hypot(*watched) - found.e_aux[0]) < 1e-9
     radii = np.concatenate([np.hypot(*points.T) for points in body_points(vehicle, axle, 0.0, found.beta[0], dense_outlines(vehicle))])
     # corners and axles are among the outline's points, so nothing is lost between them
@@ -220,13 +220,13 @@ def test_the_coefficients_pass_smoothly_where_the_lead_axle_runs_on_the_centre()
 
 
 @pytest.mark.parametrize(
-    ("name", "front"),
-    [("bus", True), ("articulated-bus", True), ("double-articulated-bus", True), ("tractor-trailer", False), ("b-double", False),
-     ("truck-dolly-semitrailer", False)],
+    ("name", "axle"),
+    [("bus", 0), ("articulated-bus", 0), ("double-articulated-bus", 0), ("tractor-trailer", 1), ("b-double", 1), ("a-double", 1),
+     ("truck-dolly-semitrailer", 2)],
 )  # fmt: skip
-def test_the_two_axles_of_a_chain_lie_on_either_side_of_the_centre(name: str, front: bool) -> None:
+def test_the_two_axles_of_a_chain_lie_on_either_side_of_the_centre(name: str, axle: int) -> None:
     found = stationary(load_vehicle(name), np.linspace(0.01, 0.08, 8))
-    assert found.front is front
+    assert found.axle == axle
     if len(load_vehicle(name).units) > 1:
         assert np.all(found.e_y * found.e_aux < 0.0)
         assert np.all(found.weight > 0.0)

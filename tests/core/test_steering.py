@@ -199,7 +199,7 @@ def test_a_steered_vehicle_is_balanced_on_its_circle_by_brute_force(vehicle: Veh
     for (own, _), along in zip(placed, headings + wheel_angles(vehicle, headings, float(found.kappa[0])), strict=True):
         assert abs(own @ np.array([np.cos(along), np.sin(along)])) < 1e-9  # the wheels' axle line passes through the centre
     front = placed[0][0] + vehicle.lead.wheelbase * (placed[0][1] - placed[0][0])
-    assert abs(road - np.hypot(*(front if found.front else placed[-1][0])) - found.e_aux[0]) < 1e-9
+    assert abs(road - np.hypot(*(front if found.axle == 0 else placed[found.axle][0])) - found.e_aux[0]) < 1e-9
     radii = np.concatenate([np.hypot(*points.T) for points in body_points(vehicle, axle, heading, found.beta[0], outlines(vehicle))])
     assert abs(np.max(radii) - road - found.half_width[0]) < 1e-9  # a corner, which is among the outline's points
     assert abs(road - np.min(radii) - found.half_width[0]) < 1e-7  # points 1 mm apart: h^2 / 8 over a radius of 10 m
