@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -75,3 +76,8 @@ def choice(option: str, value: str, choices: Sequence[str]) -> str:
         msg = f"{option} must be {', '.join(choices[:-1])} or {choices[-1]}, not {value!r}"
         raise OptionError(msg)
     return value
+
+
+def file_name(name: str) -> str:
+    """Return ``name`` with what files should not be called by replaced."""
+    return re.sub(r"[^\w.-]+", "-", name)

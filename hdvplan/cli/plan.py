@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -20,6 +19,7 @@ from hdvplan.cli.options import (
     RoadArgument,
     SmoothOption,
     choice,
+    file_name,
     road_options,
 )
 from hdvplan.errors import OptionError, RoadError
@@ -108,7 +108,7 @@ def plan(
         result = result_of(
             drive(track, driven, centring, make_workspace, settings, on_progress=on_progress), solver=solver or DEFAULT, objective=objective
         )
-    directory = out or Path(f"{_file_name(track.name)}.{_file_name(driven.name)}")
+    directory = out or Path(f"{file_name(track.name)}.{file_name(driven.name)}")
     _write(result, directory, plot=plot)
     if json:
         from hdvplan.report.summary import summary_of
@@ -161,10 +161,6 @@ def _reaches(half_width: float | None, left: float | None, right: float | None) 
         msg = f"{given} needs {missing}"
         raise OptionError(msg, hint="or give --half-width for both")
     return left, right
-
-
-def _file_name(name: str) -> str:
-    return re.sub(r"[^\w.-]+", "-", name)
 
 
 def _write(result: Result, directory: Path, *, plot: bool) -> None:

@@ -21,7 +21,7 @@ def contact(drive: Drive, unit: int, side: str, s: float, *, axles_only: bool) -
     "axle" of a trailer is its coupling. ``axles_only`` looks at the part between them.
     """
     body, path, units = drive.vehicle.units[unit], drive.stations.path, drive.vehicle.table()
-    front, rear = (body.wheelbase, 0.0) if axles_only else (body.front, -body.rear_overhang)
+    front, rear = (min(body.wheelbase, body.front), 0.0) if axles_only else (body.front, -body.rear_overhang)
     ahead = np.linspace(rear, front, int(np.ceil((front - rear) / _SPACING_M)) + 1)
     across = 0.5 * body.width * (1.0 if side == "left" else -1.0)
     behind = float(axles_behind(drive.vehicle)[unit])

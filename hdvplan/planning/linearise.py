@@ -46,7 +46,7 @@ def linearise_dynamics(
     n = z.shape[1]
     f, a, b = np.empty(n), np.empty((n, n)), np.empty(n)
     a_first, b_first, middle = np.empty((n, n)), np.empty(n), np.empty(n)
-    scratch = np.empty((2, n + 1))
+    scratch = np.empty((3, n + 1))
     for i in range(kappa.size):
         if 0 < i < begin:
             continue
@@ -76,24 +76,24 @@ def linearise_dynamics(
 
 @compiled
 def linearise_objective(
-    units: FloatArray, coefficients: FloatArray, s_first: float, spacing: float, road: FloatArray, z: FloatArray,
+    units: FloatArray, axle: int, coefficients: FloatArray, s_first: float, spacing: float, road: FloatArray, z: FloatArray,
     lead: FloatArray, aux: FloatArray, target: FloatArray, feet: FloatArray,
     begin: int, end: int, Q: FloatArray, q: FloatArray,
 ) -> int:  # fmt: skip
     """Write Q, q of (lead e_y + aux e_aux - target)^2 at stages begin <= i < end; return -1, or the stage whose point has no foot.
 
-    ``feet`` (N+1,) holds the last feet of the auxiliary axle and is updated.
+    ``axle`` as in ``Residual``. ``feet`` (N+1,) holds the last feet of the auxiliary axle and is updated.
     """
-    last, n = units.shape[0] - 1, z.shape[1]
-    ahead = units[0, 0] if last == 0 else 0.0  # front axle of a single unit, own axle of the last trailer
+    unit, n = axle if axle >= 0 else units.shape[0] - 1, z.shape[1]
+    ahead = units[0, 0] if unit == 0 else 0.0  # front axle of the lead unit, own axle of a trailer
     poses, gradient = np.empty((units.shape[0], 6)), np.empty(n)
     for i in range(begin, end):
         place(units, road[0, i], road[1, i], road[2, i], road[3, i], z[i], poses)
-        x, y = poses[last, 0] + ahead * poses[last, 2], poses[last, 1] + ahead * poses[last, 3]
+        x, y = poses[unit, 0] + ahead * poses[unit, 2], poses[unit, 1] + ahead * poses[unit, 3]
         feet[i], offset, cos, sin, _ = project(coefficients, s_first, spacing, x, y, feet[i])
         if np.isnan(offset):
             return i
-        point_gradient(poses, last, x, y, road[2, i], road[3, i], -sin, cos, gradient)
+        point_gradient(poses, unit, x, y, road[2, i], road[3, i], -sin, cos, gradient)
         for j in range(n):
             gradient[j] *= aux[i]
         gradient[0] += lead[i]
@@ -107,7 +107,8 @@ def linearise_objective(
 
 @compiled
 def linearise(
-    units: FloatArray, points: FloatArray, axis: FloatArray, coefficients: FloatArray, s_first: float, spacing: float, road: FloatArray,
+    units: FloatArray, axle: int,
+    points: FloatArray, axis: FloatArray, coefficients: FloatArray, s_first: float, spacing: float, road: FloatArray,
     k_between: FloatArray, around: FloatArray, step: float, midpoint: bool, lead: FloatArray, aux: FloatArray, target: FloatArray,
     limits: FloatArray, limit_first: float, limit_spacing: float, margin: FloatArray, z: FloatArray, kappa: FloatArray,
     aux_feet: FloatArray, axis_feet: FloatArray, feet: FloatArray, gaps: FloatArray, begin: int, A: FloatArray, B: FloatArray,
@@ -118,7 +119,7 @@ def linearise(
     Returns -1, or a stage with a point that has no foot. One kernel, because each call from Python costs as much as 100 stages.
     """
     linearise_dynamics(units, road, k_between, step, midpoint, z, kappa, begin - 1, A, B, c)
-    lost = linearise_objective(units, coefficients, s_first, spacing, road, z, lead, aux, target, aux_feet, begin, z.shape[0], Q, q)
+    lost = linearise_objective(units, axle, coefficients, s_first, spacing, road, z, lead, aux, target, aux_feet, begin, z.shape[0], Q, q)
     if lost < 0 and limits.size > 0:
         lost = linearise_limits(
             units, points, axis, coefficients, s_first, spacing, road, limits, limit_first, limit_spacing, around, margin, z, axis_feet,

@@ -34,8 +34,11 @@ class Motion:
     reach_ahead: FloatArray  # (units, points, 1)
 
     @classmethod
-    def empty(cls, vehicle: Vehicle, stages: int, reach_points: FloatArray) -> Motion:
-        """Return the memory for a horizon of ``stages`` intervals; ``reach_points`` (units, points, 2) as ``edge_points``."""
+    def empty(cls, vehicle: Vehicle, stages: int, reach_points: FloatArray, *, axle: int = -1) -> Motion:
+        """Return the memory for a horizon of ``stages`` intervals; ``reach_points`` (units, points, 2) as ``edge_points``.
+
+        ``axle`` as in ``Residual``.
+        """
         units = len(vehicle.units)
         feet = (stages + 1, units, POINTS_PER_EDGE, 2)
         behind = axles_behind(vehicle)
@@ -47,7 +50,7 @@ class Motion:
             np.zeros(feet),
             np.full(feet, np.inf),
             np.zeros((stages + 1, *reach_points.shape[:2], 2)),
-            vehicle.lead.wheelbase if units == 1 else -float(behind[-1]),
+            vehicle.lead.wheelbase if axle % units == 0 else -float(behind[axle]),
             axis_points(vehicle) - behind[:, None],
             edge_points(vehicle)[:, :, :1] - behind[:, None, None],
             reach_points[:, :, :1] - behind[:, None, None],
@@ -65,7 +68,7 @@ class Motion:
         end = first + len(self.kappa)
         horizon, held = slice(first + begin, end + 1), max(begin - 1, 0)
         geometry, s = stations.centering, stations.s[horizon]
-        self.z[begin:, 0], self.z[begin:, 1], self.z[begin:, 2:] = geometry.e_y[horizon], 0.0, geometry.beta[horizon]
+        self.z[begin:, 0], self.z[begin:, 1], self.z[begin:, 2:] = geometry.e_y[horizon], geometry.e_psi[horizon], geometry.beta[horizon]
         self.kappa[held:] = geometry.kappa[first + held : end]
         self.aux_feet[begin:] = s + self.aux_ahead
         self.axis_feet[begin:] = s[:, None, None] + self.axis_ahead

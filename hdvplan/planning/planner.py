@@ -83,7 +83,7 @@ class Planner:
         self._max_change = vehicle.max_curvature_rate * settings.step
         self._residual = centred if isinstance(centred, Residual) else centred.beside
         self._reach_points, self._reach_half = watched_points(vehicle, centred)
-        self._motion = Motion.empty(vehicle, settings.stages, self._reach_points)
+        self._motion = Motion.empty(vehicle, settings.stages, self._reach_points, axle=self._residual.axle)
         self._midpoint = settings.discretisation is Discretisation.MIDPOINT
         watched = self._reach_points.shape[0] * self._reach_points.shape[1]
         rows = rows_per_edge(settings, limited=self._limited, two_regions=stations.limits.two_regions)
@@ -205,7 +205,7 @@ class Planner:
         path, limits, part = stations.path, stations.limits, self._residual
         horizon = slice(first, first + settings.stages + 1)
         lost = linearise(
-            self._units, self._points, self._axis, path.coefficients, path.s_first, path.spacing, stations.road[:, horizon],
+            self._units, part.axle, self._points, self._axis, path.coefficients, path.s_first, path.spacing, stations.road[:, horizon],
             stations.curvature_between[horizon], stations.around[:, horizon], settings.step, self._midpoint, part.lead[horizon],
             part.aux[horizon], part.target[horizon], limits.values, limits.s_first, limits.spacing, self._margin[horizon], motion.z,
             motion.kappa, motion.aux_feet, motion.axis_feet, motion.feet, motion.gaps, begin, qp.A, qp.B, qp.c, qp.Q, qp.q,

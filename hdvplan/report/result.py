@@ -66,7 +66,9 @@ def breach_text(result: Result, breach: Breach) -> str:
 
 
 def body_name(vehicle: Vehicle, unit: int) -> str:
-    """Return what users call body ``unit`` (from 0): the vehicle itself, tractor or trailer, or its number from 1."""
+    """Return what users call body ``unit`` (from 0): its own name, or the vehicle's, tractor or trailer, or its number from 1."""
+    if vehicle.units[unit].name:
+        return vehicle.units[unit].name
     if len(vehicle.units) == 1:
         return vehicle.name
     return _PAIR[unit] if len(vehicle.units) == len(_PAIR) else f"unit {unit + 1}"

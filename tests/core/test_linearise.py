@@ -63,7 +63,7 @@ def objective(vehicle: Vehicle, stations: Stations, z: FloatArray, weights: Floa
     feet = stations.s[FIRST : FIRST + STAGES + 1].copy()
     for begin, end in pairwise(parts):
         lost = linearise_objective(
-            vehicle.table(), path.coefficients, path.s_first, path.spacing, horizon(stations), z, lead, aux, target, feet,
+            vehicle.table(), -1, path.coefficients, path.s_first, path.spacing, horizon(stations), z, lead, aux, target, feet,
             begin, end, Q, q,
         )  # fmt: skip
         assert lost == -1
@@ -154,7 +154,7 @@ def test_a_stage_whose_body_lies_beyond_the_centre_of_curvature_is_named() -> No
     path, feet = stations.path, stations.s[FIRST : FIRST + STAGES + 1].copy()
     one = np.ones(STAGES + 1)
     lost = linearise_objective(
-        vehicle.table(), path.coefficients, path.s_first, path.spacing, horizon(stations), z, one, one, one, feet,
+        vehicle.table(), -1, path.coefficients, path.s_first, path.spacing, horizon(stations), z, one, one, one, feet,
         1, STAGES + 1, np.zeros((STAGES + 1, 3, 3)), np.zeros((STAGES + 1, 3)),
     )  # fmt: skip
     assert lost == 35

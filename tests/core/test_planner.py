@@ -57,7 +57,7 @@ def fresh_program(
     feet = s[:, None, None, None] + np.zeros((1, *points.shape[:2], 2))
     axis = axis_points(vehicle)
     lost = linearise(
-        units, points, axis, path.coefficients, path.s_first, path.spacing, road, stations.curvature_between[here],
+        units, part.axle, points, axis, path.coefficients, path.s_first, path.spacing, road, stations.curvature_between[here],
         stations.around[:, here], settings.step, True, part.lead[here], part.aux[here], part.target[here], limits.values,
         limits.s_first, limits.spacing, stations.margin[here] + settings.margin, z, kappa, s.copy(),
         s[:, None, None] + np.zeros((1, *axis.shape)), feet, np.zeros(feet.shape), 1, qp.A, qp.B, qp.c, qp.Q, qp.q, qp.G, qp.h,
