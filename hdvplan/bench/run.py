@@ -16,7 +16,7 @@ from hdvplan.errors import HdvplanError
 from hdvplan.evaluation.balance import balance_of
 from hdvplan.evaluation.envelope import envelope_of
 from hdvplan.planning.objectives import geometric
-from hdvplan.planning.planner import Plan, qp_shape
+from hdvplan.planning.planner import Plan, qp_shape, rows_per_edge
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.solvers.registry import WorkspaceMaker
 from hdvplan.solvers.sparse import SparseQp
@@ -73,7 +73,8 @@ def measure(course: Course, settings: PlannerSettings, make_workspace: Workspace
     drive ends early when its planning time exceeds ``budget`` [s] or it fails; its steps so far are kept.
     """
     road, vehicle = course.road, course.vehicle
-    form = SparseQp.of(qp_shape(vehicle, settings, limited=road.limits is not None), elastic=False)
+    rows = rows_per_edge(settings, limited=road.limits is not None, two_regions=road.limits is not None and road.limits.two_regions)
+    form = SparseQp.of(qp_shape(vehicle, settings, rows_per_edge=rows), elastic=False)
     nonzeros = int(form.P.nnz + form.E.nnz + form.G.nnz)
     steps, statuses, spent = [], [], 0.0
 

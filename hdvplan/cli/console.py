@@ -38,6 +38,11 @@ def note(message: str, *, quiet: bool = False) -> None:
         sys.stderr.flush()
 
 
+def warn(message: str, *, quiet: bool = False) -> None:
+    """Write a ``warning:`` line to stderr unless the user wants silence."""
+    note(f"warning: {one_line(message)}", quiet=quiet)
+
+
 def print_tables(*tables: Table) -> None:
     """Write tables to stdout, in colour where it is a terminal and NO_COLOR is not set."""
     from rich.console import Console

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,11 +15,15 @@ from hdvplan.planning.stations import Stations
 
 @dataclass(frozen=True)
 class Residual:
-    """Coefficients of the squared lateral error (lead e_y + aux e_aux - target)^2 per station; shape (n,), ``target`` in metres."""
+    """Coefficients of the squared lateral error (lead e_y + aux e_aux - target)^2 per station; shape (n,), ``target`` in metres.
+
+    The auxiliary axle is the one of unit number ``axle`` (from 0, or -1 for the last), of the lead unit its front axle.
+    """
 
     lead: FloatArray
     aux: FloatArray
     target: FloatArray
+    axle: int = -1
 
 
 @dataclass(frozen=True)
@@ -35,16 +39,18 @@ class Furthest:
 
 def geometric(stations: Stations) -> Residual:
     """Balance the swept area with the weight K of each station's curvature ([GEO] sec. IV)."""
-    weight = stations.centering.weight
-    return Residual(weight, np.ones_like(weight), np.zeros_like(weight))
+    balanced = stations.centering
+    return Residual(balanced.lead, balanced.aux, balanced.target, balanced.axle)
 
 
 def geometric_fixed(stations: Stations) -> Residual:
     """Balance with one K, that of the road's largest curvature (the alternative that [GEO] compares with)."""
     on_road = stations.s <= stations.path.length
     tightest = int(np.argmax(np.abs(stations.road[4]) * on_road))
-    weight = np.full(len(stations.s), stations.centering.weight[tightest])
-    return Residual(weight, np.ones_like(weight), np.zeros_like(weight))
+    balanced, one = stations.centering, np.ones(len(stations.s))
+    lead, aux = balanced.lead[tightest] * one, balanced.aux[tightest] * one
+    aimed = balanced.target[tightest] != 0.0  # then the pair does not balance by itself
+    return Residual(lead, aux, lead * balanced.e_y + aux * balanced.e_aux if aimed else 0.0 * one, balanced.axle)
 
 
 def lead_axle(stations: Stations) -> Residual:
@@ -54,7 +60,7 @@ def lead_axle(stations: Stations) -> Residual:
 
 
 def trail_axle(stations: Stations) -> Residual:
-    """Centre the auxiliary axle alone: a bus's front axle, a chain's last axle (J2 of [ART])."""
+    """Centre a bus's front axle or a chain's last axle alone (J2 of [ART])."""
     one = np.ones(len(stations.s))
     return Residual(0.0 * one, one, 0.0 * one)
 
@@ -62,8 +68,8 @@ def trail_axle(stations: Stations) -> Residual:
 def art_weighted(stations: Stations) -> Residual:
     """Centre (1 - K) e_y + K e_aux (J3 of [ART]) with the geometric K of the road's largest curvature, 1 / (1 + its weight)."""
     balanced = geometric_fixed(stations)
-    share = 1.0 / (1.0 + balanced.lead)
-    return Residual(1.0 - share, share, balanced.target)
+    share = 1.0 / (balanced.lead + balanced.aux)
+    return Residual(share * balanced.lead, share * balanced.aux, share * balanced.target, balanced.axle)
 
 
 def art_weighted_by(share: float) -> Objective:
@@ -101,7 +107,8 @@ def _light(residual: Residual) -> Residual:
     nothing else does. The sum of every station's own largest reach is no substitute: it buys short gains elsewhere with a
     higher peak, 4.90 m instead of 4.60 m.
     """
-    return Residual(*(np.sqrt(_BESIDE) * part for part in (residual.lead, residual.aux, residual.target)))
+    lead, aux, target = (np.sqrt(_BESIDE) * part for part in (residual.lead, residual.aux, residual.target))
+    return replace(residual, lead=lead, aux=aux, target=target)
 
 
 Objective = Callable[[Stations], Residual | Furthest]

@@ -77,7 +77,7 @@ def path_table(result: Result) -> pd.DataFrame:
 
 
 def envelope_table(result: Result) -> pd.DataFrame:
-    """Return signed reaches over s [m]: s, left, right, their limits (empty without), and the geometric expectation."""
+    """Return signed reaches over s [m]: s, left, right, their limits (empty without), the geometric expectation, and its width."""
     envelope, limits = result.envelope, result.drive.road.limits
     none = np.full(len(envelope.s), np.nan)
     left_limit, right_limit = (none, none) if limits is None else limits.table(envelope.s)[:2]
@@ -90,6 +90,7 @@ def envelope_table(result: Result) -> pd.DataFrame:
             "right_limit": right_limit,
             "expected_left": result.expected.half_width,
             "expected_right": -result.expected.half_width,
+            "needed_width": 2.0 * result.expected.half_width,
         }
     )
 

@@ -28,7 +28,7 @@ Json = dict[str, object]
 
 
 def swept_geojson(result: Result) -> Json:
-    """Return a FeatureCollection: one (Multi)Polygon a body, lines for limits and where they are broken, the road's centre line.
+    """Return a FeatureCollection: one (Multi)Polygon a body, lines for limits and where they are broken, the road's centre, regions.
 
     Every feature carries its colours as simplestyle properties (github.com/mapbox/simplestyle-spec), which geojson.io and
     GitHub draw by; in QGIS they are fields for data-defined styles.
@@ -60,6 +60,10 @@ def swept_geojson(result: Result) -> Json:
         features += [_broken(breach, road, road.limits, common) for breach in result.balance.breaches]
     centre = _line(road.path, s, np.zeros(len(s)))
     features.append(_feature(centre, road, common | {"kind": "road centre"} | _line_style(MUTED, 1)))
+    for region in road.regions:
+        label = {"name": region.label} if region.label else {}
+        named = common | {"kind": "region", "region": str(region.kind)} | label
+        features.append(_feature(region.polygon, road, named | _area_style(MUTED)))
     return {"type": "FeatureCollection", "features": features}
 
 

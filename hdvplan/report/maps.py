@@ -20,6 +20,7 @@ from hdvplan.report.geojson import swept_area
 from hdvplan.report.result import Result, body_name
 from hdvplan.report.style import body_colour, body_fill
 from hdvplan.report.windows import Window
+from hdvplan.road.regions import Kind
 from hdvplan.road.road import Limits, Road
 from hdvplan.vehicle.model import Vehicle
 
@@ -49,9 +50,14 @@ def draw_map(axes: Axes, result: Result, window: Window, *, bodies: bool = True)
 def draw_surroundings(axes: Axes, road: Road, window: Window) -> None:
     """Draw what the road itself brings along the stretch ``window``: its centre and its limits.
 
-    Whatever else a road comes to have in the plane, such as obstacles, is drawn here.
+    Its obstacles and what overhangs may sweep lie below, hatched where it may be swept.
     """
     path, s = road.path, _stations(window)
+    for kind, colour, hatch in ((Kind.OBSTACLE, "0.6", None), (Kind.SWEEPABLE, "none", "////")):
+        areas = [region.polygon for region in road.regions if region.kind is kind]
+        if areas:
+            shape = _outline(shapely.union_all(areas))
+            axes.add_patch(PathPatch(shape, facecolor=colour, edgecolor=MUTED, hatch=hatch, linewidth=0.6, zorder=0.5, label=kind))
     axes.plot(*path.to_plane(s, 0.0), color=MUTED, linewidth=0.8, linestyle=(0, (7, 4)), label="road centre")
     if road.limits is None:
         return
