@@ -111,7 +111,8 @@ def _decision(base: list[FloatArray], new: list[FloatArray], rule: Rule) -> Deci
     if len({times.shape[1] for times in (*base, *new)}) > 1:
         return None
     processes, rounds = min(len(base), len(new)), min(len(times) for times in (*base, *new))
-    return judge(*(_rows([times[:rounds] for times in side[:processes]]) for side in (base, new)), rule=rule)
+    here, there = (_rows([times[:rounds] for times in side[:processes]]) for side in (base, new))
+    return judge(here, there, rule)
 
 
 def _rows(processes: list[FloatArray]) -> FloatArray:

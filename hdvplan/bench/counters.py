@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -68,17 +69,16 @@ def counters_of(samples: pd.DataFrame, timing: pd.DataFrame, envelope: pd.DataFr
 
 def changes_of(base: pd.DataFrame, new: pd.DataFrame, tolerance: Tolerance) -> list[Change]:
     """Return what differs between two tables of counters, cell by cell; the step-by-step digest only if both have it."""
-    here, there = (table.set_index(KEY).to_dict("index") for table in (base, new))
+    here, there = _by_cell(base), _by_cell(new)
     exact = ["status", *COUNTS]
     if tolerance.work == 0.0 and IN_STEPS in base and IN_STEPS in new:
         exact.append(IN_STEPS)
     changes = []
-    for key in dict.fromkeys([*here, *there]):
-        cell = tuple(str(part) for part in key) if isinstance(key, tuple) else (str(key),)
-        if key not in here or key not in there:
-            changes.append(Change(cell, "cell", *("measured" if key in side else "missing" for side in (here, there))))
+    for cell in dict.fromkeys([*here, *there]):
+        if cell not in here or cell not in there:
+            changes.append(Change(cell, "cell", *("measured" if cell in side else "missing" for side in (here, there))))
             continue
-        old, now = here[key], there[key]
+        old, now = here[cell], there[cell]
         found = [Change(cell, name, str(old[name]), str(now[name])) for name in exact if old[name] != now[name]]
         found += [
             Change(cell, name, str(old[name]), str(now[name]))
@@ -86,13 +86,21 @@ def changes_of(base: pd.DataFrame, new: pd.DataFrame, tolerance: Tolerance) -> l
             if abs(now[name] - old[name]) > tolerance.work * max(abs(old[name]), 1)
         ]
         found += [
-            Change(cell, name, f"{old[name]:.4f}", f"{now[name]:.4f}")
+            Change(cell, name, _metres(old[name]), _metres(now[name]))
             for name in LENGTHS
             if pd.isna(old[name]) != pd.isna(now[name]) or abs(now[name] - old[name]) > tolerance.envelope
         ]
         digests_only = [change.counter for change in found] == [IN_STEPS]
         changes += found if digests_only else [change for change in found if change.counter != IN_STEPS]
     return changes
+
+
+def _by_cell(table: pd.DataFrame) -> dict[tuple[str, ...], dict[str, Any]]:
+    return {tuple(str(row[name]) for name in KEY): {str(name): value for name, value in row.items()} for row in table.to_dict("records")}
+
+
+def _metres(length: float) -> str:
+    return "-" if pd.isna(length) else f"{length:.4f}"
 
 
 def write_counters(table: pd.DataFrame, path: Path) -> None:

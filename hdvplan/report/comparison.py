@@ -11,13 +11,14 @@ from rich.text import Text
 
 from hdvplan.bench.compare import CellTimes, Comparison
 from hdvplan.bench.counters import IN_STEPS, Change
-from hdvplan.bench.gate import Rule, Verdict
+from hdvplan.bench.gate import FEWEST_PAIRS, Rule, Verdict
 from hdvplan.bench.stats import KEY
 from hdvplan.report.tables import grid
 
 _CHANGES = (*KEY, "counter", "base", "new")
 _TIMES = (*KEY, "base [ms]", "new [ms]", "new/base", "interval", "verdict")
 _TEXT = (*KEY, "counter", "verdict")
+_WORDS = {Verdict.FINE: "fine", Verdict.REGRESSED: "slower", Verdict.UNMEASURABLE: "unclear"}
 
 
 def verdict_line(comparison: Comparison, rule: Rule) -> str:
@@ -31,7 +32,10 @@ def verdict_line(comparison: Comparison, rule: Rule) -> str:
         worst = max(slower, key=lambda entry: entry.decision.ratio if entry.decision else 0.0)
         ratio = worst.decision.ratio if worst.decision else np.nan
         parts.append(f"{len(slower)} of {cells} cells slower, most {' '.join(worst.cell)}: {ratio:.2f} times as long")
-    if unknown:
+    most = max((entry.decision.pairs for entry in comparison.times if entry.decision), default=FEWEST_PAIRS)
+    if unknown and most < FEWEST_PAIRS:
+        parts.append(f"times need at least {FEWEST_PAIRS} rounds or processes a side, not {most}")
+    elif unknown:
         parts.append(f"the times of {len(unknown)} of {cells} cells are too uncertain for a factor of {rule.factor:g}")
     if cells and not slower and not unknown:
         parts.append(f"no cell of {cells} is slower by more than a factor of {rule.factor:g}")
@@ -120,7 +124,7 @@ def _time_rows(times: Iterable[CellTimes]) -> list[tuple[str, ...]]:
             continue
         numbers = f"{1e3 * found.base:.3f}", f"{1e3 * found.new:.3f}", f"{found.ratio:.3f}"
         interval = "-" if np.isnan(found.low) else f"{found.low:.2f}-{found.high:.2f}"
-        rows.append((*entry.cell, *(("-" if "nan" in number else number) for number in numbers), interval, str(found.verdict)))
+        rows.append((*entry.cell, *(("-" if "nan" in number else number) for number in numbers), interval, _WORDS[found.verdict]))
     return rows
 
 
