@@ -33,7 +33,7 @@ from hdvplan.bench.suite import suite_of
 from hdvplan.report.files import csv_bytes, write_atomically
 
 ROOT = Path(__file__).resolve().parents[1]
-BASE = "base"
+BASE, COUNTED = "base", "more SQP iterations"
 LOADS = ("quiet", "loaded")
 
 # What is appended to the planner's module in the copies.
@@ -75,7 +75,7 @@ PATCHES = {
     "same": "",
     "10 % slower": _SLOWER.format(factor=1.1),
     "20 % slower": _SLOWER.format(factor=1.2),
-    "more SQP iterations": _FURTHER,
+    COUNTED: _FURTHER,
 }
 
 
@@ -133,10 +133,17 @@ def record(programs: dict[str, Program], folder: Path, rounds: int) -> None:
             for round_ in range(rounds):
                 order = np.random.default_rng([round_, LOADS.index(situation)]).permutation(list(programs))
                 for name in order:
+                    if round_ >= processes_of(str(name), rounds):
+                        continue
                     program, out = programs[str(name)], recorded(folder, situation, str(name), round_)
                     if not (out / "timing.csv").is_file():
                         print(f"{situation}: {name}, process {round_ + 1} of {rounds}", file=sys.stderr, flush=True)
                         program.finish(program.start(*arguments, str(out)))
+
+
+def processes_of(name: str, rounds: int) -> int:
+    """Return how many processes of a program are recorded under each load; counters are the same in every one."""
+    return 2 * BATCH if name == COUNTED else rounds
 
 
 def recorded(folder: Path, situation: str, name: str, round_: int) -> Path:
@@ -158,6 +165,7 @@ def compile_all(programs: dict[str, Program], folder: Path) -> None:
 
 def drawn(folder: Path, name: str, situation: str, rounds: int, count: int) -> list[Comparison]:
     """Return ``count`` comparisons of BASE with ``name``: of consecutive processes from a random one on, in random order."""
+    rounds = processes_of(name, rounds)
     sides = {which: [read_side(recorded(folder, situation, which, round_)) for round_ in range(rounds)] for which in (BASE, name)}
     random = np.random.default_rng([len(name), LOADS.index(situation)])
     found = []
@@ -210,16 +218,18 @@ def table_of(comparisons: dict[tuple[str, str], list[Comparison]], processes: in
     rows: list[dict[str, object]] = []
     for (name, situation), found in comparisons.items():
         verdicts = [str(comparison.verdict) for comparison in found]
-        rows.append({"how": "drawn", "program": name, "situation": situation, "processes a side": processes} | _counts(verdicts))
-    for (name, situation), mine in ends.groupby(["program", "situation"], sort=False):
-        row = {"how": "end to end", "program": name, "situation": situation} | _counts([str(verdict) for verdict in mine["verdict"]])
-        rows.append(row | {"longest [s]": round(float(mine["seconds"].max()), 1)})
+        recorded_runs = processes_of(name, processes)
+        rows.append({"how": "drawn", "program": name, "situation": situation, "processes a side": recorded_runs} | _counts(verdicts))
+    for key, mine in ends.groupby(["program", "situation"], sort=False):
+        what = dict(zip(("program", "situation"), key, strict=True))
+        longest = {"longest [s]": round(float(mine["seconds"].max()), 1)}
+        rows.append({"how": "end to end"} | what | _counts([str(verdict) for verdict in mine["verdict"]]) | longest)
     return pd.DataFrame(rows)
 
 
 def _counts(verdicts: Sequence[str]) -> dict[str, object]:
     names = [str(verdict) for verdict in Verdict]
-    return {"comparisons": len(verdicts)} | {name: verdicts.count(name) for name in names}
+    return {"comparisons": len(verdicts), **{name: verdicts.count(name) for name in names}}
 
 
 def noise_of(folder: Path, rounds: int) -> str:
@@ -241,11 +251,11 @@ def noise_of(folder: Path, rounds: int) -> str:
 def markdown(table: pd.DataFrame, noise: str) -> str:
     """Return the table with what a reader must know to believe it."""
     facts, rule = machine_facts(), Rule()
-    text = table.map(lambda value: "" if pd.isna(value) else f"{value:g}" if isinstance(value, float) else str(value))
+    text = table.astype(object).where(table.notna(), "").map(lambda value: f"{value:g}" if isinstance(value, float) else str(value))
     caption = (
-        f"How often `hdvplan bench --against` calls a program regressed (factor {rule.factor:g}, floor {1e3 * rule.floor:g} ms, eight cells). "
-        "drawn: comparisons drawn from recorded processes, of ten neighbours in time at the most; end to end: the real command, with "
-        f"checkout and compilation. loaded: another process keeps the other core busy in bursts. {noise} "
+        f"How often `hdvplan bench --against` calls a program regressed: factor {rule.factor:g}, floor {1e3 * rule.floor:g} ms, eight "
+        "cells. drawn: from recorded processes, each comparison from ten neighbours in time; end to end: the real command, with checkout "
+        f"and compilation. loaded: another process keeps the other core busy in bursts. {noise} "
         f"{facts['processor']}, {facts['usable_cores']} cores, {facts['python']}; load average at the end "
         f"{', '.join(f'{value:.1f}' for value in load_average() or [])}."
     )

@@ -50,7 +50,8 @@ def measure_against(
             program.finish(process)
     finally:
         for _, process in compiling:
-            process.kill()  # does nothing to one that has ended
+            with process:
+                process.kill()  # does nothing to one that has ended
     for side in SIDES:
         shutil.rmtree(out / side / "warm")
     for pair in range(2 * BATCH):

@@ -7,6 +7,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from hdvplan.bench.stats import KEY
@@ -88,7 +89,7 @@ def changes_of(base: pd.DataFrame, new: pd.DataFrame, tolerance: Tolerance) -> l
         found += [
             Change(cell, name, _metres(old[name]), _metres(now[name]))
             for name in LENGTHS
-            if pd.isna(old[name]) != pd.isna(now[name]) or abs(now[name] - old[name]) > tolerance.envelope
+            if np.isnan(old[name]) != np.isnan(now[name]) or abs(now[name] - old[name]) > tolerance.envelope
         ]
         digests_only = [change.counter for change in found] == [IN_STEPS]
         changes += found if digests_only else [change for change in found if change.counter != IN_STEPS]
@@ -100,7 +101,7 @@ def _by_cell(table: pd.DataFrame) -> dict[tuple[str, ...], dict[str, Any]]:
 
 
 def _metres(length: float) -> str:
-    return "-" if pd.isna(length) else f"{length:.4f}"
+    return "-" if np.isnan(length) else f"{length:.4f}"
 
 
 def write_counters(table: pd.DataFrame, path: Path) -> None:

@@ -52,7 +52,12 @@ class Program:
             MeasurementError: it did not.
 
         """
-        _, said = process.communicate()
+        with process:
+            try:
+                _, said = process.communicate()
+            except BaseException:
+                process.kill()
+                raise
         if process.returncode != 0:
             error = next((line for line in said.splitlines() if line.startswith("error: ")), (said.strip().splitlines() or ["nothing"])[-1])
             msg = f"{self.name} ended with {process.returncode} and says: {error.removeprefix('error: ')}"
