@@ -19,7 +19,7 @@ from hdvplan.bench.gate import Rule, Verdict
 from hdvplan.bench.suite import Suite, suite_of
 from hdvplan.cli.app import run
 from hdvplan.errors import MeasurementError, OptionError
-from tests.bench.conftest import TINY, Cli
+from tests.bench.conftest import Cli
 
 ROOT = Path(__file__).parents[2]
 
@@ -44,43 +44,34 @@ class Recorded(Program):
         return subprocess.Popen([sys.executable, "-c", ""], stderr=subprocess.PIPE, text=True)
 
 
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("run")
-    (folder / "short.csv").write_text("s,kappa\n0,0\n20,0\n30,0.03\n40,0\n60,0\n", encoding="utf-8")
-    arguments = ("--rounds", "2", "--schemes", "rti", "--solvers", "riccati", "--quiet", "--out", str(folder / "out"))
-    assert run(["bench", "--roads", str(folder / "short.csv"), *TINY, *arguments]) == 0
-    return folder / "out"
-
-
 def measured(base: Program, new: Program, out: Path) -> Comparison:
     return measure_against(base, new, Suite(), Rule(), out, expect_changes=False, on_progress=lambda _: None)
 
 
-def test_a_fine_first_batch_is_enough_and_the_sides_take_turns_in_being_first(finished: Path, tmp_path: Path) -> None:
+def test_a_fine_first_batch_is_enough_and_the_sides_take_turns_in_being_first(finished_run: Path, tmp_path: Path) -> None:
     diary: list[tuple[str, str]] = []
-    base, new = (Recorded(name, Path(sys.executable), run=finished, diary=diary) for name in ("base", "new"))
+    base, new = (Recorded(name, Path(sys.executable), run=finished_run, diary=diary) for name in ("base", "new"))
     assert measured(base, new, tmp_path).verdict is Verdict.FINE
     assert [name for name, _ in diary] == ["base", "new"] + ["base", "new", "new", "base"] * 2 + ["base", "new"]
     assert sorted(path.name for path in (tmp_path / "new").iterdir()) == [f"{number:02d}" for number in range(5)]  # nothing of warming up
 
 
-def test_a_slowdown_is_repeated_before_it_is_red(finished: Path, tmp_path: Path) -> None:
-    base = Recorded("base", Path(sys.executable), run=finished)
-    comparison = measured(base, Recorded("new", Path(sys.executable), run=finished, slow=1.3), tmp_path)
+def test_a_slowdown_is_repeated_before_it_is_red(finished_run: Path, tmp_path: Path) -> None:
+    base = Recorded("base", Path(sys.executable), run=finished_run)
+    comparison = measured(base, Recorded("new", Path(sys.executable), run=finished_run, slow=1.3), tmp_path)
     assert comparison.verdict is Verdict.REGRESSED
     assert comparison.processes == 10
 
 
-def test_a_slowdown_that_the_repeat_does_not_show_is_not_red(finished: Path, tmp_path: Path) -> None:
-    base = Recorded("base", Path(sys.executable), run=finished)
-    comparison = measured(base, Recorded("new", Path(sys.executable), run=finished, slow=1.3, slow_until=5), tmp_path)
+def test_a_slowdown_that_the_repeat_does_not_show_is_not_red(finished_run: Path, tmp_path: Path) -> None:
+    base = Recorded("base", Path(sys.executable), run=finished_run)
+    comparison = measured(base, Recorded("new", Path(sys.executable), run=finished_run, slow=1.3, slow_until=5), tmp_path)
     assert comparison.processes == 10
     assert comparison.verdict is not Verdict.REGRESSED
 
 
-def test_an_earlier_comparison_is_replaced_but_nothing_else_is_deleted(finished: Path, tmp_path: Path) -> None:
-    base, new = (Recorded(name, Path(sys.executable), run=finished) for name in ("base", "new"))
+def test_an_earlier_comparison_is_replaced_but_nothing_else_is_deleted(finished_run: Path, tmp_path: Path) -> None:
+    base, new = (Recorded(name, Path(sys.executable), run=finished_run) for name in ("base", "new"))
     for _ in range(2):
         assert measured(base, new, tmp_path).verdict is Verdict.FINE
     (tmp_path / "base" / "thesis.txt").write_text("irreplaceable", encoding="utf-8")
@@ -89,10 +80,10 @@ def test_an_earlier_comparison_is_replaced_but_nothing_else_is_deleted(finished:
     assert (tmp_path / "base" / "thesis.txt").exists()
 
 
-def test_a_program_that_fails_is_no_regression(finished: Path, tmp_path: Path) -> None:
+def test_a_program_that_fails_is_no_regression(finished_run: Path, tmp_path: Path) -> None:
     broken = Program("broken", Path(sys.executable), tmp_path)  # no package there
     with pytest.raises(MeasurementError, match="broken ended with 1 and says: "):
-        measured(Recorded("base", Path(sys.executable), run=finished), broken, tmp_path / "out")
+        measured(Recorded("base", Path(sys.executable), run=finished_run), broken, tmp_path / "out")
 
 
 def test_a_suite_survives_the_command_line_of_its_processes() -> None:

@@ -16,7 +16,6 @@ from hdvplan.bench.gate import Rule, Verdict
 from hdvplan.bench.samples import FAILED, Measurement
 from hdvplan.bench.stats import samples_of, tables_of
 from hdvplan.bench.suite import Cell
-from hdvplan.cli.app import run
 from hdvplan.errors import OptionError
 from hdvplan.planning.settings import Scheme
 from tests.bench.conftest import TINY, Cli, made_up
@@ -161,20 +160,11 @@ def test_a_baseline_that_is_none_is_refused_with_a_hint(tmp_path: Path, content:
     assert "--renew" in str(caught.value.hint)
 
 
-@pytest.fixture(scope="module")
-def measured(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("run")
-    (folder / "short.csv").write_text("s,kappa\n0,0\n20,0\n30,0.03\n40,0\n60,0\n", encoding="utf-8")
-    arguments = ("--rounds", "3", "--schemes", "rti", "--quiet", "--out", str(folder / "out"))
-    assert run(["bench", "--roads", str(folder / "short.csv"), *TINY, *arguments]) == 0
-    return folder / "out"
-
-
 @pytest.fixture
-def two_runs(tmp_path: Path, measured: Path) -> tuple[Path, Path]:
+def two_runs(tmp_path: Path, finished_run: Path) -> tuple[Path, Path]:
     """Return two runs of which the second has the first's times, so that nothing depends on the machine's mood."""
     for name in ("base", "new"):
-        shutil.copytree(measured, tmp_path / name)
+        shutil.copytree(finished_run, tmp_path / name)
     return tmp_path / "base", tmp_path / "new"
 
 

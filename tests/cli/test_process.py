@@ -40,7 +40,19 @@ def test_help_is_there_at_once(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "command", [(), ("plan",), ("bench",), ("roads",), ("roads", "list"), ("roads", "info"), ("roads", "make"), ("vehicles",), ("solvers",)]
+    "command",
+    [
+        (),
+        ("plan",),
+        ("bench",),
+        ("compare",),
+        ("roads",),
+        ("roads", "list"),
+        ("roads", "info"),
+        ("roads", "make"),
+        ("vehicles",),
+        ("solvers",),
+    ],
 )
 def test_every_command_explains_itself(tmp_path: Path, command: tuple[str, ...]) -> None:
     ended = hdvplan(tmp_path, *command, "--help")
