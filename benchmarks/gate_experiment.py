@@ -236,14 +236,11 @@ def noise_of(folder: Path, rounds: int) -> str:
     """Return how much processes of the same program differ in the gate's statistic, in words, for each load."""
     words = []
     for situation in LOADS:
+        processes = [read_side(recorded(folder, situation, BASE, round_)).processes[0] for round_ in range(rounds)]
         spreads = {}
-        for statistic in ("min", "mean"):
-            logs = []
-            for round_ in range(rounds):
-                samples = read_side(recorded(folder, situation, BASE, round_)).processes[0]
-                steps = samples[samples["step"] > 0].groupby(["road", "vehicle", "scheme", "step"])["total_s"].agg(statistic)
-                logs.append(np.log(steps.groupby(["road", "vehicle", "scheme"]).mean()))
-            spreads[statistic] = 100.0 * pd.concat(logs, axis=1).std(axis=1).max()
+        for name, statistic in (("min", np.min), ("mean", np.mean)):
+            logs = [[np.log(statistic(times, axis=0).mean()) for times in process.values()] for process in processes]
+            spreads[name] = 100.0 * np.std(logs, axis=0, ddof=1).max()
         words.append(f"{situation} {spreads['min']:.1f} % (of the plain mean: {spreads['mean']:.1f} %)")
     return f"Standard deviation of a cell between processes, every step with its fastest round, in the worst cell: {', '.join(words)}."
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,22 +15,23 @@ from hdvplan.bench.stats import KEY
 from hdvplan.errors import OptionError
 from hdvplan.jit import FloatArray
 
+Name = tuple[str, ...]  # of a cell, as in KEY
 TABLES = ("timing.csv", "envelope.csv", "samples.csv.gz")
 
 
 @dataclass(frozen=True)
 class Side:
-    """One program's benchmark: the counters of its first process, and times of all."""
+    """One program's benchmark: the counters of its first process, and times of all, in the order of measurement."""
 
     counters: pd.DataFrame
-    processes: tuple[pd.DataFrame, ...]  # of each its samples, in the order of measurement
+    processes: tuple[Mapping[Name, FloatArray], ...]  # as ``times_of`` returns them
 
 
 @dataclass(frozen=True)
 class CellTimes:
     """The decision about one cell's planning time; None where its steps cannot be paired because the sides took different ones."""
 
-    cell: tuple[str, ...]  # as in KEY
+    cell: Name
     decision: Decision | None
 
 
@@ -69,14 +71,29 @@ def read_side(path: Path) -> Side:
             msg = f"{folder} cannot be read: {error}"
             raise OptionError(msg, hint="measure it again") from error
     timing, envelope, samples = tables[0]
-    return Side(counters_of(samples, timing, envelope), tuple(samples for _, _, samples in tables))
+    return Side(counters_of(samples, timing, envelope), tuple(times_of(samples) for _, _, samples in tables))
+
+
+def times_of(samples: pd.DataFrame) -> dict[Name, FloatArray]:
+    """Return of every cell the (rounds, steps) times of one process [s], without the first plan, which is made from nothing.
+
+    Only whole rounds: a cell that ended at its budget has no other.
+    """
+    cells = {}
+    for key, mine in samples.groupby(KEY, sort=False):
+        wide = mine[mine["step"] > 0].pivot_table(index="round", columns="step", values="total_s").dropna()
+        cells[tuple(str(part) for part in key)] = wide.to_numpy(np.float64)
+    return cells
 
 
 def compare(base: Side, new: Side, rule: Rule, tolerance: Tolerance, *, expect_changes: bool) -> Comparison:
     """Return what differs between two sides; changed counters are a regression unless ``expect_changes``."""
     changes = tuple(changes_of(base.counters, new.counters, tolerance))
-    here, there = _by_cell(base), _by_cell(new)
-    times = tuple(CellTimes(cell, _decision(here[cell], there[cell], rule)) for cell in here if cell in there)
+    cells = [name for name in base.processes[0] if all(name in process for process in (*base.processes, *new.processes))]
+    times = tuple(
+        CellTimes(name, _decision([process[name] for process in base.processes], [process[name] for process in new.processes], rule))
+        for name in cells
+    )
     return Comparison(changes, times, _verdict(changes, times, expect_changes), min(len(base.processes), len(new.processes)))
 
 
@@ -91,19 +108,6 @@ def _verdict(changes: tuple[Change, ...], times: tuple[CellTimes, ...], expect_c
     if (changes and not expect_changes) or Verdict.REGRESSED in verdicts:
         return Verdict.REGRESSED
     return Verdict.FINE if verdicts == {Verdict.FINE} else Verdict.UNMEASURABLE
-
-
-def _by_cell(side: Side) -> dict[tuple[str, ...], list[FloatArray]]:
-    """Return of every cell the (rounds, steps) times of each process [s], without the first plan, which is made from nothing.
-
-    Only whole rounds: a cell that ended at its budget has no other.
-    """
-    cells: dict[tuple[str, ...], list[FloatArray]] = {}
-    for samples in side.processes:
-        for key, mine in samples.groupby(KEY, sort=False):
-            wide = mine[mine["step"] > 0].pivot_table(index="round", columns="step", values="total_s").dropna()
-            cells.setdefault(tuple(str(part) for part in key), []).append(wide.to_numpy(np.float64))
-    return cells
 
 
 def _decision(base: list[FloatArray], new: list[FloatArray], rule: Rule) -> Decision | None:

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from hdvplan.bench.compare import Comparison, Side, compare, compare_counters, read_side
+from hdvplan.bench.compare import Comparison, Side, compare, compare_counters, read_side, times_of
 from hdvplan.bench.counters import Tolerance, counters_of, read_counters, write_counters
 from hdvplan.bench.gate import Rule, Verdict
 from hdvplan.bench.samples import FAILED, Measurement
@@ -38,7 +38,7 @@ def side(*, slow: float = 1.0, processes: int = 3, rounds: int = 3, change: Chan
         found.append(measured)
     first = tables_of(CELLS, found[0])
     counters = counters_of(first.samples, first.timing, first.envelope)
-    return Side(counters, (first.samples, *(samples_of(CELLS, measured) for measured in found[1:])))
+    return Side(counters, tuple(times_of(samples_of(CELLS, measured)) for measured in found))
 
 
 def held(base: Side, new: Side, *, expect_changes: bool = False) -> Comparison:
@@ -127,7 +127,7 @@ def test_steps_that_do_not_match_are_not_timed_against_each_other() -> None:
 
 def test_a_cell_that_one_side_lacks_is_a_change() -> None:
     whole = side()
-    without = Side(whole.counters.iloc[:1], tuple(samples[samples["scheme"] == "rti"] for samples in whole.processes))
+    without = Side(whole.counters.iloc[:1], tuple({KEY: process[KEY]} for process in whole.processes))
     (change,) = held(whole, without).changes
     assert (change.cell[2], change.counter, change.base, change.new) == ("sqp", "cell", "measured", "missing")
     assert held(whole, without).verdict is Verdict.REGRESSED
