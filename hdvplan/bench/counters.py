@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from hdvplan.bench.samples import OVER_BUDGET
 from hdvplan.bench.stats import KEY
 from hdvplan.errors import OptionError
 from hdvplan.report.files import csv_bytes, write_atomically
@@ -65,11 +66,15 @@ def counters_of(samples: pd.DataFrame, timing: pd.DataFrame, envelope: pd.DataFr
     table = timing[[*KEY, "status", "nonzeros"]].merge(done, on=KEY, how="left").merge(envelope[[*KEY, *LENGTHS]], on=KEY, how="left")
     whole = [*COUNTS, *WORK]
     table[whole] = table[whole].fillna(0).astype(int)  # a cell that failed before its first step
+    table[IN_STEPS] = table[IN_STEPS].fillna("none")
     return table[[*KEY, "status", *COUNTS, *WORK, *LENGTHS, IN_STEPS]]
 
 
 def changes_of(base: pd.DataFrame, new: pd.DataFrame, tolerance: Tolerance) -> list[Change]:
-    """Return what differs between two tables of counters, cell by cell; the step-by-step digest only if both have it."""
+    """Return what differs between two tables of counters, cell by cell; the step-by-step digest only if both have it.
+
+    Of cells that ended at their budget on both sides only the non-zeros count: how far they came is a matter of time.
+    """
     here, there = _by_cell(base), _by_cell(new)
     exact = ["status", *COUNTS]
     if tolerance.work == 0.0 and IN_STEPS in base and IN_STEPS in new:
@@ -80,6 +85,9 @@ def changes_of(base: pd.DataFrame, new: pd.DataFrame, tolerance: Tolerance) -> l
             changes.append(Change(cell, "cell", *("measured" if cell in side else "missing" for side in (here, there))))
             continue
         old, now = here[cell], there[cell]
+        if old["status"] == now["status"] == OVER_BUDGET:
+            changes += [Change(cell, name, str(old[name]), str(now[name])) for name in ("nonzeros",) if old[name] != now[name]]
+            continue
         found = [Change(cell, name, str(old[name]), str(now[name])) for name in exact if old[name] != now[name]]
         found += [
             Change(cell, name, str(old[name]), str(now[name]))

@@ -13,7 +13,7 @@ import pytest
 from hdvplan.bench.compare import Comparison, Side, compare, compare_counters, read_side, times_of
 from hdvplan.bench.counters import Tolerance, counters_of, read_counters, write_counters
 from hdvplan.bench.gate import Rule, Verdict
-from hdvplan.bench.samples import FAILED, Measurement
+from hdvplan.bench.samples import FAILED, OVER_BUDGET, Measurement
 from hdvplan.bench.stats import samples_of, tables_of
 from hdvplan.bench.suite import Cell
 from hdvplan.errors import OptionError
@@ -123,6 +123,24 @@ def test_steps_that_do_not_match_are_not_timed_against_each_other() -> None:
     comparison = held(side(), shorter, expect_changes=True)
     assert [entry.decision is None for entry in comparison.times] == [True, False]
     assert comparison.verdict is Verdict.UNMEASURABLE
+
+
+def test_a_cell_that_fails_at_once_on_both_sides_has_not_changed() -> None:
+    failed = side(change=lambda m: replace(m, steps=m.steps[:0], statuses=(), outcome=FAILED, judgement=None))
+    comparison = held(failed, failed)
+    assert not comparison.changes
+    assert [entry.cell[2] for entry in comparison.times] == ["sqp"]
+    assert next(change.counter for change in held(side(), failed).changes) == "status"
+
+
+def test_how_far_a_cell_came_within_its_budget_is_no_counter() -> None:
+    def ended(steps: int) -> Side:
+        return side(change=lambda m: replace(m, steps=m.steps[:steps], statuses=m.statuses[:steps], outcome=OVER_BUDGET, judgement=None))
+
+    comparison = held(ended(4), ended(3))
+    assert not comparison.changes
+    assert comparison.verdict is Verdict.UNMEASURABLE  # its steps cannot be paired
+    assert held(side(), ended(3)).verdict is Verdict.REGRESSED  # it used to reach the end
 
 
 def test_a_cell_that_one_side_lacks_is_a_change() -> None:
