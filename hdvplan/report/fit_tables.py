@@ -53,5 +53,5 @@ def _fit_remark(fit: Fit) -> str:
         return "longer than the road"
     if fit.findings:
         count = len(fit.findings)
-        return f"does not fit at {count} place{'s' if count > 1 else ''}, see below"
+        return f"no: {count} place{'s' if count > 1 else ''}, see below"
     return "the road has no limits" if fit.spare is None else "fits everywhere"

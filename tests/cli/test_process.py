@@ -46,6 +46,7 @@ def test_help_is_there_at_once(tmp_path: Path) -> None:
         ("plan",),
         ("report",),
         ("bench",),
+        ("compare",),
         ("roads",),
         ("roads", "list"),
         ("roads", "info"),

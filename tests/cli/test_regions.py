@@ -62,7 +62,7 @@ def test_a_plan_is_made_beside_the_line_and_the_other_way(cli: Cli, tmp_path: Pa
 def test_info_lists_where_each_vehicle_does_not_fit(cli: Cli) -> None:
     outcome = cli("roads", "info", "kerb_bend_wall")
     assert (outcome.code, outcome.err) == (0, "")
-    assert "does not fit at 1 place, see below" in outcome.out
+    assert "no: 1 place, see below" in outcome.out
     assert "where geometry says no" in outcome.out
     assert max(len(line) for line in outcome.out.splitlines()) <= 80
     vehicles = json.loads(cli("roads", "info", "kerb_bend", "--json").out)["vehicles"]
