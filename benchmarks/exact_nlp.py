@@ -1,8 +1,9 @@
 """The exact nonlinear program of one planning step, for CasADi and IPOPT: an oracle that shares no linearisation with hdvplan.
 
-Multiple shooting with the planner's own discretisation. The feet of the auxiliary axle and of every body point are
-variables of their own, each held on the road by a projection equation; the road is the same piecewise quintic, written as
-a B-spline without loss.
+Multiple shooting with the planner's own discretisation. Bodies are held at the sampled points of their edges; the planner also
+looks between them, which matters where a limit has a corner or where the road bends around an edge. The feet of the auxiliary
+axle and of every body point are variables of their own, each held on the road by a projection equation; the road is the same
+piecewise quintic, written as a B-spline without loss.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from hdvplan.planning.settings import Discretisation, PlannerSettings
 from hdvplan.planning.stations import Stations
 from hdvplan.road.path import ReferencePath, evaluate_many
 from hdvplan.vehicle.body import edge_points
-from hdvplan.vehicle.model import Vehicle
+from hdvplan.vehicle.model import Unit, Vehicle
 
 _DEGREE = 5
 _SAME_M = 1e-9  # the B-spline must be the road to within this
@@ -68,7 +69,7 @@ def exact_nlp(
         raise NotImplementedError
     stages, n = settings.stages, vehicle.states
     ahead, geometry = slice(1, stages + 1), stations.centering
-    states = np.column_stack([geometry.e_y, np.zeros(len(stations.s)), geometry.beta])[: stages + 1]
+    states = np.column_stack([geometry.e_y, geometry.e_psi, geometry.beta])[: stages + 1]
     z_start = states[0]
     project = _projection(stations.path, float(stations.s[stages]))
     z, kappa = ca.MX.sym("z", n, stages), ca.MX.sym("kappa", 1, stages)
@@ -76,20 +77,20 @@ def exact_nlp(
     k, between = stations.road[4, :stages], stations.curvature_between[:stages]
     before = ca.horzcat(ca.DM(z_start), z[:, :-1])
     dynamics = _advance(vehicle, settings.step).map(stages)(before, kappa, ca.DM(k).T, ca.DM(between).T) - z
-    placed = _placement(vehicle).map(stages)(z, ca.DM(stations.road[:4, ahead]))
+    axle = residual.axle % len(vehicle.units)
+    placed = _placement(vehicle, axle).map(stages)(z, ca.DM(stations.road[:4, ahead]))
     aux_along, aux_offset = project.map(stages)(aux_feet, placed[:2, :])
     centred = ca.DM(residual.lead[ahead]).T * z[0, :] + ca.DM(residual.aux[ahead]).T * aux_offset - ca.DM(residual.target[ahead]).T
     change = kappa - ca.horzcat(ca.DM(kappa_before), kappa[:, :-1])
     cost = settings.smoothness * ca.sumsqr(change) + ca.sumsqr(centred)
     limit, rate = vehicle.max_curvature, vehicle.max_curvature_rate * settings.step
     behind = _axles_behind(vehicle)
-    single = len(vehicle.units) == 1
     s = stations.s[ahead]
     parts = [
         # variable, its start, its bound; then constraint, lower and upper bound
         (ca.vec(z), states[1:].ravel(), np.inf),
         (ca.vec(kappa), geometry.kappa[:stages], limit),
-        (ca.vec(aux_feet), s + (vehicle.lead.wheelbase if single else -behind[-1]), np.inf),
+        (ca.vec(aux_feet), s + (vehicle.lead.wheelbase if axle == 0 else -behind[axle]), np.inf),
     ]
     rows = [(ca.vec(dynamics), 0.0, 0.0), (ca.vec(aux_along), 0.0, 0.0), (ca.vec(change), -rate, rate)]
     if stations.limits.values.size:
@@ -100,7 +101,8 @@ def exact_nlp(
         along, offset = project.map(starts.size)(ca.reshape(feet, 1, -1), ca.reshape(placed[2:, :], 2, -1))
         clearance = _clearance(stations, points).map(stages)(feet, ca.reshape(offset, starts.shape[1], stages))
         parts.append((ca.vec(feet), starts.ravel(), np.inf))
-        rows += [(ca.vec(along), 0.0, 0.0), (ca.vec(clearance), settings.margin, np.inf)]
+        margin = np.repeat(settings.margin + stations.margin[ahead], starts.shape[1])
+        rows += [(ca.vec(along), 0.0, 0.0), (ca.vec(clearance) - ca.DM(margin), 0.0, np.inf)]
     program = {"x": ca.vertcat(*(part[0] for part in parts)), "f": cost, "g": ca.vertcat(*(row[0] for row in rows))}
     options = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False, "ipopt.tol": tolerance}
     bounds = {
@@ -171,18 +173,30 @@ def _advance(vehicle: Vehicle, step: float) -> ca.Function:
 
 
 def _derivative(vehicle: Vehicle, z: ca.SX, kappa: ca.SX, k: ca.SX) -> ca.SX:
-    travelled = (1 - z[0] * k) / ca.cos(z[1])
-    rates = [travelled * ca.sin(z[1]), travelled * kappa - k]
-    speed, turn = ca.SX(1), kappa
+    """Return dz/ds from every axle's own velocity: its size, and its angle off the body that the wheels give it."""
+    lead = vehicle.lead
+    angle = _wheels(lead, ca.atan(lead.wheelbase * kappa))
+    travelled = (1 - z[0] * k) / ca.cos(z[1] + angle)  # metres that the lead rear axle rolls per metre of road
+    turn = ca.cos(angle) * kappa - ca.sin(angle) / lead.wheelbase
+    rates = [travelled * ca.sin(z[1] + angle), travelled * turn - k]
+    speed = ca.SX(1)
     for i, (ahead, unit) in enumerate(zip(vehicle.units, vehicle.units[1:], strict=False)):
         beta = z[2 + i]
-        behind = (speed * ca.sin(beta) - ahead.hitch_offset * turn * ca.cos(beta)) / unit.wheelbase
+        along = speed * ca.cos(angle + beta) + ahead.hitch_offset * turn * ca.sin(beta)  # of the coupling, in the axes of the body behind
+        across = speed * ca.sin(angle + beta) - ahead.hitch_offset * turn * ca.cos(beta)
+        angle = _wheels(unit, beta)
+        behind = (across - along * ca.tan(angle)) / unit.wheelbase
         rates.append(travelled * (turn - behind))
-        speed, turn = speed * ca.cos(beta) + ahead.hitch_offset * turn * ca.sin(beta), behind
+        speed, turn = along / ca.cos(angle), behind
     return ca.vertcat(*rates)
 
 
-def _placement(vehicle: Vehicle) -> ca.Function:
+def _wheels(unit: Unit, angle: ca.SX) -> ca.SX:
+    """Return how far a unit's axle is turned off its body by the ``angle`` that steers it [rad]."""
+    return -ca.fmin(ca.fmax(unit.steering_ratio * angle, -unit.max_steering_angle), unit.max_steering_angle)
+
+
+def _placement(vehicle: Vehicle, auxiliary: int) -> ca.Function:
     """Return (z, x, y, cos, sin of the road) -> x, y of the auxiliary axle, then of all points as unit, point, edge."""
     z, road = ca.SX.sym("z", vehicle.states), ca.SX.sym("road", 4)
     heading = ca.atan2(road[3], road[2]) + z[1]
@@ -194,8 +208,9 @@ def _placement(vehicle: Vehicle) -> ca.Function:
             heading -= z[1 + i]
             axle = hitch - unit.wheelbase * ca.vertcat(ca.cos(heading), ca.sin(heading))
         along, left = ca.vertcat(ca.cos(heading), ca.sin(heading)), ca.vertcat(-ca.sin(heading), ca.cos(heading))
+        if i == auxiliary:
+            aux = axle + (vehicle.lead.wheelbase if i == 0 else 0.0) * along
         bodies += [axle + ahead * along + side * 0.5 * unit.width * left for ahead in points[i, :, 0] for side in (1, -1)]
-    aux = axle + (vehicle.lead.wheelbase * along if len(vehicle.units) == 1 else 0)
     return ca.Function("place", [z, road], [ca.vertcat(aux, *bodies)])
 
 

@@ -1,3 +1,84 @@
-"""hdvplan: can this bus or truck drive this real road, how evenly does it sweep it, and which QP solver plans it fast enough?"""
+"""hdvplan: can this bus or truck drive this real road, how evenly does it sweep it, and which QP solver plans it fast enough?
+
+The Python interface, in the order of use; everything else may change::
+
+    road = hdvplan.load_road("monaco_fairmont_hairpin").with_limits(4.2, 4.2)  # a file, or a name that ships
+    vehicle = hdvplan.load_vehicle("tractor-trailer")                          # a preset, or a TOML file
+    result = hdvplan.plan(road, vehicle)                                       # receding horizon, judged by simulation
+    result.balance.max_left, result.balance.min_clearance, result.balance.breaches
+    hdvplan.write_plan(result, Path("out"), pictures=["png"])                  # what `hdvplan plan` writes
+
+Names load when they are first used: ``import hdvplan`` itself, and so ``hdvplan --help``, stays quick.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
 
 __version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from hdvplan.api import plan
+    from hdvplan.errors import HdvplanError
+    from hdvplan.planning.settings import PlannerSettings
+    from hdvplan.report.files import write_plan
+    from hdvplan.report.html import write_report
+    from hdvplan.report.plots import plan_figure
+    from hdvplan.report.result import Result
+    from hdvplan.report.summary import summary_of
+    from hdvplan.road.load import RoadOptions, load_road
+    from hdvplan.road.road import Limits, Road
+    from hdvplan.vehicle.load import load_vehicle
+    from hdvplan.vehicle.model import Unit, Vehicle
+
+_HOMES = {
+    "HdvplanError": "hdvplan.errors",
+    "Limits": "hdvplan.road.road",
+    "PlannerSettings": "hdvplan.planning.settings",
+    "Result": "hdvplan.report.result",
+    "Road": "hdvplan.road.road",
+    "RoadOptions": "hdvplan.road.load",
+    "Unit": "hdvplan.vehicle.model",
+    "Vehicle": "hdvplan.vehicle.model",
+    "load_road": "hdvplan.road.load",
+    "load_vehicle": "hdvplan.vehicle.load",
+    "plan": "hdvplan.api",
+    "plan_figure": "hdvplan.report.plots",
+    "summary_of": "hdvplan.report.summary",
+    "write_plan": "hdvplan.report.files",
+    "write_report": "hdvplan.report.html",
+}
+
+__all__ = [
+    "HdvplanError",
+    "Limits",
+    "PlannerSettings",
+    "Result",
+    "Road",
+    "RoadOptions",
+    "Unit",
+    "Vehicle",
+    "__version__",
+    "load_road",
+    "load_vehicle",
+    "plan",
+    "plan_figure",
+    "summary_of",
+    "write_plan",
+    "write_report",
+]
+
+
+if not TYPE_CHECKING:  # else a type checker would believe in any name
+
+    def __getattr__(name: str) -> object:
+        """Load a public name when it is first asked for (PEP 562)."""
+        if name not in _HOMES:
+            msg = f"module 'hdvplan' has no attribute {name!r}"
+            raise AttributeError(msg)
+        value: object = getattr(import_module(_HOMES[name]), name)
+        globals()[name] = value
+        return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

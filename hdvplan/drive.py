@@ -13,7 +13,6 @@ from hdvplan.errors import HdvplanError, PlanError, RoadError
 from hdvplan.evaluation.simulate import simulate
 from hdvplan.jit import FloatArray
 from hdvplan.planning.bias import NONE, Bias
-from hdvplan.planning.motion import aux_ahead
 from hdvplan.planning.objectives import Balanced, Furthest, Objective, Residual, aimed
 from hdvplan.planning.planner import Plan, Planner
 from hdvplan.planning.settings import PlannerSettings
@@ -73,13 +72,13 @@ def drive(
         msg = f"the road is {road.path.length:.1f} m long, shorter than the vehicle ({length:.1f} m)"
         raise RoadError(msg)
     stations = stations_of(road, vehicle, CenteringTable.of(vehicle), step=settings.step, horizon=settings.horizon, bias=bias)
-    centred = aimed(objective(stations), stations, aux_ahead(vehicle))
+    centred = aimed(objective(stations), stations, vehicle)
     planner = Planner(vehicle, stations, centred, settings, make_workspace)
     units = vehicle.table()
     keep = int(np.ceil(settings.step / POSE_SPACING_M))
     total = int(np.ceil(road.path.length / settings.step - 1e-9))
     geometry = stations.centering
-    z = np.concatenate([[geometry.e_y[0], 0.0], geometry.beta[0]])
+    z = np.concatenate([[geometry.e_y[0], geometry.e_psi[0]], geometry.beta[0]])
     kappa_before = float(np.clip(geometry.kappa[0], -vehicle.max_curvature, vehicle.max_curvature))
     fine, executed, plans, error = [z[None]], [], [], 0.0
     at = 0

@@ -62,3 +62,7 @@ class PlanError(HdvplanError):
     def __init__(self, message: str, *, s_m: float, hint: str | None = None) -> None:
         super().__init__(message, hint=hint)
         self.s_m = s_m
+
+
+class MeasurementError(HdvplanError):
+    """Two programs could not be measured against each other: one of them cannot be installed, started or run to its end."""

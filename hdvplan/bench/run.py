@@ -16,7 +16,7 @@ from hdvplan.errors import HdvplanError
 from hdvplan.evaluation.balance import balance_of
 from hdvplan.evaluation.envelope import envelope_of
 from hdvplan.planning.objectives import Objective, geometric, objective_named
-from hdvplan.planning.planner import Plan, qp_shape
+from hdvplan.planning.planner import Plan, qp_shape, rows_per_edge
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.solvers.registry import WorkspaceMaker
 from hdvplan.solvers.sparse import SparseQp
@@ -51,14 +51,18 @@ def run(
     ]
     lengths = np.array([courses[index // entrants].road.path.length for _, index, _ in order])
     warm, objective = set(), objective_named(suite.objective)
-    for number, (part, index, judged) in enumerate(order):
-        course, cell = courses[index // entrants], cells[index]
-        settings, make = suite.settings(cell.scheme), makers[cell.solver]
-        if (cell.vehicle, cell.solver) not in warm:
-            warm_up(course.vehicle, objective, make, settings)
-            warm.add((cell.vehicle, cell.solver))
-        write_part(part, measure(course, settings, make, objective, budget=suite.budget, judged=judged))
-        on_progress(float(np.sum(lengths[: number + 1]) / np.sum(lengths)))
+    gc.freeze()  # what the imports left is not garbage: looking at it before every drive takes longer than a short drive
+    try:
+        for number, (part, index, judged) in enumerate(order):
+            course, cell = courses[index // entrants], cells[index]
+            settings, make = suite.settings(cell.scheme), makers[cell.solver]
+            if (cell.vehicle, cell.solver) not in warm:
+                warm_up(course.vehicle, objective, make, settings)
+                warm.add((cell.vehicle, cell.solver))
+            write_part(part, measure(course, settings, make, objective, budget=suite.budget, judged=judged))
+            on_progress(float(np.sum(lengths[: number + 1]) / np.sum(lengths)))
+    finally:
+        gc.unfreeze()
 
 
 def remaining(suite: Suite, directory: Path) -> int:
@@ -81,7 +85,8 @@ def measure(
     drive ends early when its planning time exceeds ``budget`` [s] or it fails; its steps so far are kept.
     """
     road, vehicle = course.road, course.vehicle
-    form = SparseQp.of(qp_shape(vehicle, settings, limited=road.limits is not None), elastic=False)
+    rows = rows_per_edge(settings, limited=road.limits is not None, two_regions=road.limits is not None and road.limits.two_regions)
+    form = SparseQp.of(qp_shape(vehicle, settings, rows_per_edge=rows), elastic=False)
     nonzeros = int(form.P.nnz + form.E.nnz + form.G.nnz)
     steps, statuses, spent = [], [], 0.0
 

@@ -1,23 +1,29 @@
 """Driving in a circle: the stationary geometry that sweeps a road of constant curvature evenly.
 
-Every axle line of a vehicle in stationary circular motion passes through the centre of the circle, so each axle's
-radius follows from the one ahead: R_{i+1}^2 = R_i^2 + M_i^2 - L_{i+1}^2. The outermost point is a corner, the innermost
-the foot of an axle on its inner edge, and [GEO]'s balance asks that both are equally far from the road's centre.
-For a bus and a tractor-trailer this is sections IV-B and IV-C of [GEO]; for longer chains it is the same formula.
+In stationary circular motion every wheel's axle line passes through the centre of the circle, so where a body lies about
+the centre follows from the body ahead: both see their common coupling at the same distance. The outermost point is the
+furthest corner of any body, tail included; the innermost is the foot of the centre on a body's inner edge, or that
+edge's nearer corner; and [GEO]'s balance asks that both are equally far from the road's centre. Everything is solved
+numerically, for any chain, with or without steered axles; for a bus and a tractor-trailer it is sections IV-B and IV-C of [GEO].
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import elementwise
 
 from hdvplan.jit import BoolArray, FloatArray
-from hdvplan.vehicle.model import Vehicle
+from hdvplan.vehicle.model import Unit, Vehicle
 
-_STRAIGHT = 1e-7  # curvatures below this use the limit R -> infinity [1/m]
-_STEEPEST = 50.0  # largest |K|; the vehicles of the papers stay below 2
+_STRAIGHT = 1e-8  # gentler curves are scaled from this one, whose offsets still have eight digits [1/m]
+_GENTLEST = -0.5  # K of a residual that lateral shifts still move enough; the vehicles of the papers stay above -0.18
+_ROUNDS, _GRID = 8, 101  # of the search for the tightest circle: to the last digit
+_TYPICAL = 0.05  # curvature at which a vehicle's auxiliary axle is chosen [1/m]
+_LEAST = 1e-3  # share of the lead axle's coefficient below which the auxiliary axle's counts as this in K
+_NOWHERE = 1e-9  # stands for the radius, times curvature, of a point that no circle puts beyond its centre
+_STEEPEST = 2.0  # largest coefficient of either axle; the vehicles of the papers stay below it on roads they can drive
 
 
 @dataclass(frozen=True)
@@ -25,37 +31,103 @@ class Stationary:
     """The balanced circle at given road curvatures, signed for left turns; arrays of shape (n,) unless said otherwise."""
 
     road_curvature: FloatArray  # magnitude [1/m]
-    kappa: FloatArray  # of the lead rear axle's path [1/m]
+    kappa: FloatArray  # tan(front angle) / wheelbase [1/m]
     e_y: FloatArray  # lead rear axle [m]
-    e_aux: FloatArray  # front axle of a single unit, last axle of a chain [m]
+    e_aux: FloatArray  # auxiliary axle [m]
+    e_psi: FloatArray  # heading of the lead body off the circle's tangent; zero unless its rear axle is steered [rad]
     beta: FloatArray  # articulation angles, shape (n, couplings) [rad]
     half_width: FloatArray  # of the swept band, equal on both sides [m]
-    weight: FloatArray  # K = -e_aux / e_y, with its finite limit on the straight
+    lead: FloatArray  # coefficients of the residual to centre, see ``coefficients``; with their limits on the straight
+    aux: FloatArray
+    target: FloatArray  # [m]
+    axle: int  # which axle the auxiliary one is, see ``auxiliary_axle``
     saturated: BoolArray  # no balanced circle is this tight: the tightest one is given
+
+    @property
+    def weight(self) -> FloatArray:
+        """K, the lead axle's coefficient per auxiliary axle's; held at +-1000 where the lead axle alone is centred."""
+        return ratio(self.lead, self.aux)
+
+
+def ratio(lead: FloatArray, aux: FloatArray) -> FloatArray:
+    """Return K = lead / aux, held at +-1000 where ``aux`` vanishes."""
+    return lead / np.where(np.abs(aux) < _LEAST * np.abs(lead), np.copysign(_LEAST * lead, aux), aux)
+
+
+def coefficients(e_y: FloatArray, e_aux: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return what to centre so that the swept area is balanced: lead, aux and target of lead e_y + aux e_aux - target [m].
+
+    Given are both axles' balanced offsets in a left turn [m]. The coefficients are (K, 1) with K = -e_aux / e_y, which [GEO]
+    shows to balance the swept area, wherever -0.5 <= K <= 2; that holds for the papers' vehicles on all roads they can drive.
+    Where the lead axle runs near the centre, K has a pole: the pair is (K, 1) scaled to a lead coefficient of 2, which
+    passes smoothly through (2, 0). Where both axles run equally far to the same side, K is near -1 and the residual would not
+    notice a lateral shift: K is held at -0.5 (or its inverse is), and the residual aims at its value on the balanced circle.
+    """
+    size = np.maximum(np.hypot(e_y, e_aux), np.finfo(float).tiny)
+    facing = np.where(e_y >= e_aux, 1.0, -1.0)
+    lead, aux = -facing * e_aux / size, facing * e_y / size  # lead + aux >= 0: a shift to the left always raises the residual
+    off_lead, off_aux = lead < _GENTLEST * aux, aux < _GENTLEST * lead
+    lead, aux = np.where(off_lead, _GENTLEST * aux, lead), np.where(off_aux, _GENTLEST * lead, aux)
+    scale = 1.0 / np.maximum(aux, np.maximum(lead, 0.0) / _STEEPEST)
+    lead, aux = lead * scale, aux * scale
+    return lead, aux, np.where(off_lead | off_aux, lead * e_y + aux * e_aux, 0.0)
 
 
 @dataclass(frozen=True)
 class _Circle:
-    """One vehicle in a circle; offsets are measured outwards from the lead rear axle's radius [m]."""
+    """One vehicle in a left circle; offsets are measured outwards from the centre's distance to the lead body's axis [m]."""
 
     outer: FloatArray  # outermost body point
     inner: FloatArray  # innermost body point
-    aux: FloatArray  # auxiliary axle
+    lead: FloatArray  # lead rear axle
+    axles: tuple[FloatArray, ...]  # lead front axle, then every trailer's
+    e_psi: FloatArray
     beta: FloatArray
+    turn: FloatArray  # of the lead body per metre forward: the inverse of that distance [1/m]
+    possible: BoolArray  # every axle can follow, and no body reaches over the centre
+
+    @property
+    def road_curvature(self) -> FloatArray:
+        """Curvature of the road that is swept evenly: 1/R, R = (outer + inner) / 2 as radii [1/m]."""
+        return self.turn / (1.0 + 0.5 * (self.outer + self.inner) * self.turn)
 
 
 def tightest_kappa(vehicle: Vehicle) -> float:
-    """Return the curvature of the lead axle at which some axle's inner edge reaches the centre of the circle [1/m]."""
-    squared, lowest = 0.0, (0.5 * vehicle.lead.width) ** 2
-    for ahead, unit in zip(vehicle.units, vehicle.units[1:], strict=False):
-        squared += ahead.hitch_offset**2 - unit.wheelbase**2
-        lowest = max(lowest, (0.5 * unit.width) ** 2 - squared)
-    return float(1.0 / np.sqrt(lowest))
+    """Return the largest kappa with a stationary circle: beyond, an axle cannot follow or a body reaches over the centre [1/m]."""
+    low, high = _STRAIGHT, 2.0 / vehicle.lead.width
+    for _ in range(_ROUNDS):  # possible up to one place: narrowed down by grids
+        grid = np.linspace(low, high, _GRID)
+        first = int(np.argmin(np.append(_circle(vehicle, grid[1:-1]).possible, False))) + 1
+        low, high = float(grid[first - 1]), float(grid[first])
+    return low
 
 
 def tightest_road(vehicle: Vehicle) -> float:
     """Return the curvature of the tightest road that ``vehicle`` can sweep evenly in a circle [1/m]."""
-    return float(_road_curvature(vehicle, np.array([tightest_kappa(vehicle) * (1.0 - 1e-9)]))[0])
+    return float(_circle(vehicle, _limit(vehicle)).road_curvature[0])
+
+
+def _limit(vehicle: Vehicle) -> FloatArray:
+    """Return a kappa just below the largest one, shape (1,) [1/m]."""
+    return np.array([tightest_kappa(vehicle) * (1.0 - 1e-9)])
+
+
+def auxiliary_axle(vehicle: Vehicle) -> int:
+    """Return which axle centring weighs against the lead rear axle: 0 the lead unit's front axle, i > 0 the axle of unit i.
+
+    From the front axle to the last, axles run further and further inside. The two of a balanced residual must lie on either side of
+    the road's centre, or a lateral shift hardly changes it; and close to each other in the chain, or the residual feels
+    a shift twenty metres late. So where the lead rear axle runs outside, as a tractor's does, its partner is the first axle
+    behind that runs inside; where it runs inside already, as a long bus's does, the partner is its own front axle.
+    """
+    if len(vehicle.units) == 1:
+        return 0
+    circle = _circle(vehicle, np.array([min(_TYPICAL, tightest_kappa(vehicle) * (1.0 - 1e-9))]))
+    middle = 0.5 * (circle.outer + circle.inner)
+    if middle[0] > circle.lead[0]:
+        return 0
+    inside = [i for i, axle in enumerate(circle.axles) if i > 0 and middle[0] > axle[0]]
+    return inside[0] if inside else len(vehicle.units) - 1
 
 
 def stationary(vehicle: Vehicle, road_curvature: FloatArray) -> Stationary:
@@ -64,80 +136,112 @@ def stationary(vehicle: Vehicle, road_curvature: FloatArray) -> Stationary:
     Source: [GEO] eqs. 14-23 with the corrected trailer weight K = -e_trailer/e_y (eq. 23 prints its reciprocal).
     """
     k = np.abs(np.asarray(road_curvature, float))
-    limit = tightest_kappa(vehicle) * (1.0 - 1e-9)
-    saturated = k >= tightest_road(vehicle)
-    turning = (k > _STRAIGHT) & ~saturated
-    kappa = np.where(saturated, limit, 0.0)
-    if np.any(turning):
-        wanted = k[turning]
+    limit = _limit(vehicle)
+    saturated, bent = k >= _circle(vehicle, limit).road_curvature[0], np.maximum(k, _STRAIGHT)
+    kappa = np.full(k.shape, limit[0])
+    if not np.all(saturated):
+        wanted = bent[~saturated]
 
         def excess(kappa: FloatArray, wanted: FloatArray) -> FloatArray:
-            return _road_curvature(vehicle, kappa) - wanted
+            return _circle(vehicle, kappa).road_curvature - wanted
 
-        bracket = (np.zeros_like(wanted), np.full_like(wanted, limit))
-        kappa[turning] = elementwise.find_root(excess, bracket, args=(wanted,), tolerances={"xatol": 1e-16, "xrtol": 1e-14}).x
+        bracket = (np.full_like(wanted, 0.1 * _STRAIGHT), np.full_like(wanted, limit[0]))
+        kappa[~saturated] = elementwise.find_root(excess, bracket, args=(wanted,), tolerances={"xatol": 1e-18, "xrtol": 1e-14}).x
     circle = _circle(vehicle, kappa)
-    middle = 0.5 * (circle.outer + circle.inner)  # R - R1
-    e_y, e_aux = middle, middle - circle.aux
-    straight = k <= _STRAIGHT
-    slope_y, slope_aux = _straight_slopes(vehicle)
-    kappa, e_y = np.where(straight, k, kappa), np.where(straight, slope_y * k, e_y)
-    e_aux = np.where(straight, slope_aux * k, e_aux)
-    weight = np.where(straight, _ratio(slope_aux, slope_y), _ratio(e_aux, e_y))
-    return Stationary(k, kappa, e_y, e_aux, circle.beta, 0.5 * (circle.outer - circle.inner), weight, saturated)
+    middle = 0.5 * (circle.outer + circle.inner)  # of the road, as the circle's offsets
+    axle = auxiliary_axle(vehicle)
+    e_y, e_aux = middle - circle.lead, middle - circle.axles[axle]
+    lead, aux, target = coefficients(e_y, e_aux)
+    part = k / bent  # 1, or how much gentler the road is than the gentlest circle solved
+    return Stationary(
+        k, part * kappa, part * e_y, part * e_aux, part * circle.e_psi, part[:, None] * circle.beta,
+        0.5 * (circle.outer - circle.inner), lead, aux, part * target, axle, saturated,
+    )  # fmt: skip
 
 
-def _ratio(e_aux: FloatArray | float, e_y: FloatArray | float) -> FloatArray:
-    """Return K = -e_aux/e_y, held at +-_STEEPEST where the lead axle runs on the centre: then it alone is centred."""
-    lead = np.where(np.abs(e_y) < np.abs(e_aux) / _STEEPEST, np.copysign(np.abs(e_aux) / _STEEPEST, e_y), e_y)
-    return np.where(lead == 0.0, 0.0, -np.asarray(e_aux) / np.where(lead == 0.0, 1.0, lead))
+def swept_band(vehicle: Vehicle, kappa: FloatArray, *, axles_only: bool = False) -> tuple[FloatArray, FloatArray]:
+    """Return how far outwards and inwards of the lead rear axle a vehicle sweeps in a circle of curvature ``kappa`` [m].
 
-
-def _road_curvature(vehicle: Vehicle, kappa: FloatArray) -> FloatArray:
-    """Return the curvature of the road that a vehicle turning with ``kappa`` sweeps evenly: 1/R, R = (outer + inner)/2."""
-    circle = _circle(vehicle, kappa)
-    return kappa / (1.0 + 0.5 * (circle.outer + circle.inner) * kappa)
+    ``kappa`` >= 0 [1/m]; inwards is negative. ``axles_only`` leaves the overhangs out: what must stay on the drivable region.
+    """
+    if axles_only:
+        units = tuple(replace(unit, front_overhang=min(unit.front_overhang, 0.0), rear_overhang=0.0) for unit in vehicle.units)
+        vehicle = replace(vehicle, units=units)
+    circle = _circle(vehicle, np.maximum(kappa, _STRAIGHT))
+    return circle.outer - circle.lead, circle.inner - circle.lead
 
 
 def _circle(vehicle: Vehicle, kappa: FloatArray) -> _Circle:
-    """Return the stationary circle at lead curvatures ``kappa`` >= 0 [1/m].
+    """Return the stationary circle at ``kappa`` > 0 [1/m].
 
-    With a = R_i kappa, offsets are differences of roots written as quotients, so that nothing cancels on gentle curves.
+    In a body's axes, from its axle, the centre of the circle lies ``ahead`` and, to the left, 1 / turn + ``axis``. Distances from
+    the centre are differences of roots written as quotients, so that nothing cancels on gentle curves.
     """
-    half = 0.5 * vehicle.lead.width
-    outer = _root_excess(1.0 + half * kappa, _furthest(vehicle, 0) ** 2 * kappa, kappa) + half
-    inner = np.full_like(kappa, -half)
-    axle = np.zeros_like(kappa)  # radius of the axle less the lead rear axle's [m]
-    beta = np.empty((*kappa.shape, len(vehicle.units) - 1))
-    for i, (ahead, unit) in enumerate(zip(vehicle.units, vehicle.units[1:], strict=False), start=1):
-        scaled = 1.0 + axle * kappa
-        behind = axle + _root_excess(scaled, (ahead.hitch_offset**2 - unit.wheelbase**2) * kappa, kappa)
-        beta[..., i - 1] = np.arctan(ahead.hitch_offset * kappa / scaled) + np.arctan2(unit.wheelbase * kappa, 1.0 + behind * kappa)
-        axle, half = behind, 0.5 * unit.width
-        corner = axle + half + _root_excess(1.0 + (axle + half) * kappa, _furthest(vehicle, i) ** 2 * kappa, kappa)
-        outer, inner = np.maximum(outer, corner), np.minimum(inner, axle - half)
-    aux = axle if len(vehicle.units) > 1 else _root_excess(np.ones_like(kappa), vehicle.lead.wheelbase**2 * kappa, kappa)
-    return _Circle(outer, inner, aux, beta)
+    lead = vehicle.lead
+    wheels = np.minimum(lead.steering_ratio * np.arctan(lead.wheelbase * kappa), lead.max_steering_angle)
+    turn = kappa + np.tan(wheels) / lead.wheelbase
+    axis, ahead = np.zeros_like(kappa), np.tan(wheels) / turn
+    beta, possible = np.empty((*kappa.shape, len(vehicle.units) - 1)), np.full(kappa.shape, True)
+    outer, inner = np.full_like(kappa, -np.inf), np.full_like(kappa, np.inf)
+    axles: list[FloatArray] = []
 
+    def excess(left: FloatArray | float, along: FloatArray) -> FloatArray:
+        """Return the distance from the centre of a point ``along`` of it and ``left`` of the body's axis, less 1 / turn."""
+        scaled = 1.0 + (axis - left) * turn
+        return axis - left + _root_excess(scaled, along**2 * turn, turn)
 
-def _root_excess(scaled: FloatArray, added: FloatArray, kappa: FloatArray) -> FloatArray:
-    """Return sqrt(R^2 + c) - R [m] for scaled = R kappa and added = c kappa, without cancellation."""
-    return added / (np.sqrt(np.maximum(scaled**2 + added * kappa, 0.0)) + scaled)
-
-
-def _furthest(vehicle: Vehicle, unit: int) -> float:
-    """Return the distance from the axle to the body's further end along its axis [m]."""
-    return max(vehicle.units[unit].front, vehicle.units[unit].rear_overhang)
-
-
-def _straight_slopes(vehicle: Vehicle) -> tuple[float, float]:
-    """Return the limits of e_y/k and e_aux/k for R -> infinity [m^2]; only the widest bodies bound the swept band."""
-    axle, outer, inner = 0.0, -np.inf, np.inf  # each times the curvature, off the lead rear axle's radius [m^2]
     for i, unit in enumerate(vehicle.units):
         if i > 0:
-            axle += 0.5 * (vehicle.units[i - 1].hitch_offset ** 2 - unit.wheelbase**2)
-        if unit.width == vehicle.width:
-            outer, inner = max(outer, axle + 0.5 * _furthest(vehicle, i) ** 2), min(inner, axle)
-    aux = axle if len(vehicle.units) > 1 else 0.5 * vehicle.lead.wheelbase**2
-    middle = 0.5 * (outer + inner)
-    return middle, middle - aux
+            front = vehicle.units[i - 1]
+            behind = ahead + front.hitch_offset  # the centre, ahead of the coupling
+            across = 1.0 + axis * turn
+            off = np.arctan2(behind * turn, across)
+            pull, can = _pull(unit, unit.wheelbase * turn / np.hypot(across, behind * turn), off)
+            possible &= can
+            beta[..., i - 1] = pull + off
+            ahead = np.hypot(across, behind * turn) * np.cos(pull) * np.tan(_steered(unit, pull + off)) / turn
+            axis = axis + _root_excess(across, (behind**2 - (unit.wheelbase - ahead) ** 2) * turn, turn)
+        half = 0.5 * unit.width
+        furthest = np.maximum(np.abs(unit.front - ahead), np.abs(unit.rear_overhang + ahead))
+        nearest = np.maximum(np.maximum(ahead - unit.front, -unit.rear_overhang - ahead), 0.0)
+        outer, inner = np.maximum(outer, excess(-half, furthest)), np.minimum(inner, excess(half, nearest))
+        possible &= 1.0 + (axis - half) * turn >= 0.0
+        if i == 0:
+            rear = excess(0.0, ahead)
+        axles.append(excess(0.0, ahead if i > 0 else lead.wheelbase - ahead))
+    return _Circle(outer, inner, rear, tuple(axles), wheels, beta, turn, possible)
+
+
+def _steered(unit: Unit, angle: FloatArray) -> FloatArray:
+    """Return how far a trailer's wheels are turned out of the bend at articulation ``angle`` [rad]."""
+    return np.clip(unit.steering_ratio * angle, -unit.max_steering_angle, unit.max_steering_angle)
+
+
+def _pull(unit: Unit, length: FloatArray, off: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Return the angle of the coupling's velocity off a trailer's body [rad], and whether the axle can follow the circle.
+
+    ``length`` is the wheelbase as a part of the coupling's radius, ``off`` the angle of that velocity off the body ahead, inwards.
+    The angle solves sin(pull) + cos(pull) tan(wheels) = length, whose left-hand side rises until pull and wheels make a right angle.
+    """
+    if unit.steering_ratio == 0.0:
+        return np.arcsin(np.minimum(length, 1.0)), length <= 1.0
+
+    def reach(pull: FloatArray, off: FloatArray) -> FloatArray:
+        total: FloatArray = np.sin(pull) + np.cos(pull) * np.tan(_steered(unit, pull + off))
+        return total
+
+    def excess(pull: FloatArray, length: FloatArray, off: FloatArray) -> FloatArray:
+        return reach(pull, off) - length
+
+    quarter = 0.5 * np.pi
+    last: FloatArray = np.maximum((quarter - unit.steering_ratio * off) / (1.0 + unit.steering_ratio), quarter - unit.max_steering_angle)
+    most = reach(last, off)
+    first: FloatArray = np.full_like(last, -quarter)
+    wanted: FloatArray = np.minimum(length, most)
+    found = elementwise.find_root(excess, (first, last), args=(wanted, off), tolerances={"xatol": 1e-20, "xrtol": 1e-14})
+    return found.x, length <= most
+
+
+def _root_excess(scaled: FloatArray, added: FloatArray, turn: FloatArray) -> FloatArray:
+    """Return sqrt(R^2 + c) - R [m] for scaled = R turn and added = c turn, without cancellation; any number where that is none."""
+    return added / np.maximum(np.sqrt(np.maximum(scaled**2 + added * turn, 0.0)) + scaled, _NOWHERE)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hdvplan.centering.stationary import Stationary, stationary, tightest_road
+from hdvplan.centering.stationary import Stationary, ratio, stationary, tightest_road
 from hdvplan.jit import BoolArray, FloatArray
 from hdvplan.vehicle.model import Vehicle
 
@@ -21,13 +21,22 @@ _GRID = np.linspace(0.0, 0.5, 2001)  # road curvatures [1/m]; linear interpolati
 class Centering:
     """Balanced driving at every point of a road, signed: positive curvature turns left. Shape (n,) each."""
 
-    weight: FloatArray  # K
-    kappa: FloatArray  # lead rear axle [1/m]
+    lead: FloatArray  # coefficients of the residual to centre, see ``coefficients``
+    aux: FloatArray
+    target: FloatArray  # [m]
+    kappa: FloatArray  # tan(front angle) / wheelbase [1/m]
     e_y: FloatArray  # [m]
+    axle: int  # which axle the auxiliary one is, see ``auxiliary_axle``
     e_aux: FloatArray  # [m]
+    e_psi: FloatArray  # [rad]
     beta: FloatArray  # shape (n, couplings) [rad]
     half_width: FloatArray  # [m]
     saturated: BoolArray  # the road is tighter than any balanced circle
+
+    @property
+    def weight(self) -> FloatArray:
+        """K, the lead axle's coefficient per auxiliary axle's; held at +-1000 where the lead axle alone is centred."""
+        return ratio(self.lead, self.aux)
 
 
 @dataclass(frozen=True)
@@ -51,10 +60,14 @@ class CenteringTable:
 
         beta = np.stack([sign * column(angle) for angle in grid.beta.T], axis=-1) if grid.beta.size else np.empty((len(k), 0))
         return Centering(
-            weight=column(grid.weight),
+            lead=column(grid.lead),
+            aux=column(grid.aux),
+            target=sign * column(grid.target),
             kappa=sign * column(grid.kappa),
             e_y=sign * column(grid.e_y),
+            axle=grid.axle,
             e_aux=sign * column(grid.e_aux),
+            e_psi=sign * column(grid.e_psi),
             beta=beta,
             half_width=column(grid.half_width),
             saturated=k >= self.tightest_road,

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdvplan import __version__
-from hdvplan.cli import bench, plan, reproduce, roads, solvers, vehicles
+from hdvplan.cli import bench, compare, plan, report, reproduce, roads, solvers, vehicles
 from hdvplan.cli.console import ExitCode, one_line, report_error
-from hdvplan.errors import HdvplanError, PlanError, QpDataError, SolverError
+from hdvplan.errors import HdvplanError, MeasurementError, PlanError, QpDataError, SolverError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,13 +21,16 @@ _UsageError: type[Exception] = typer.BadParameter.__mro__[1]  # click's; newer v
 app = typer.Typer(
     name="hdvplan",
     help="Can this bus or truck drive this real road, how evenly does it sweep it, and which QP solver plans it fast enough?",
-    epilog="Exit codes: 0 done; 1 a limit is broken or no plan exists; 2 bad input or usage; 70 a bug in hdvplan; 130 interrupted.",
+    epilog="Exit codes: 0 done; 1 a limit is broken or no plan exists, or a regression; 2 bad input or usage; 3 could not measure; "
+    "70 a bug in hdvplan; 130 interrupted.",
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # square brackets are units here, not markup
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command("plan")(plan.plan)
+app.command("report")(report.report)
 app.command("bench")(bench.bench)
+app.command("compare")(compare.compare)
 app.command("reproduce")(reproduce.reproduce)
 app.add_typer(roads.app, name="roads")
 app.add_typer(vehicles.app, name="vehicles")
@@ -87,6 +90,8 @@ def _report(error: Exception) -> ExitCode:
         return ExitCode.USAGE
     if isinstance(error, HdvplanError):
         report_error(str(error), error.hint)
+        if isinstance(error, MeasurementError):
+            return ExitCode.UNMEASURED
         return ExitCode.BROKEN if _is_failed_plan(error) else ExitCode.USAGE
     report_error(f"internal: {type(error).__name__}: {error}", "this is a bug in hdvplan; run again with --debug and report the traceback")
     return ExitCode.INTERNAL

@@ -7,18 +7,31 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hdvplan.cli import completion
+from hdvplan.cli.compare import FORMATS, ExpectChangesOption, FactorOption, FloorOption, FormatOption, rule_of, show
 from hdvplan.cli.console import ExitCode, note, print_json, print_tables, progress
-from hdvplan.cli.options import JsonOption, QuietOption
+from hdvplan.cli.options import JsonOption, QuietOption, choice
 from hdvplan.errors import OptionError
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
+    from hdvplan.bench.compare import Comparison
+    from hdvplan.bench.gate import Rule
+    from hdvplan.bench.suite import Suite
+
 
 def bench(
-    solvers: Annotated[str | None, typer.Option("--solvers", metavar="A,B", help="Names from `hdvplan solvers`.")] = None,
-    vehicles: Annotated[str | None, typer.Option("--vehicles", metavar="A,B", help="Presets or vehicle files.")] = None,
-    roads: Annotated[str | None, typer.Option("--roads", metavar="A,B", help="Road files, or names from `hdvplan roads list`.")] = None,
+    solvers: Annotated[
+        str | None, typer.Option("--solvers", metavar="A,B", help="Names from `hdvplan solvers`.", autocompletion=completion.solver_list)
+    ] = None,
+    vehicles: Annotated[
+        str | None, typer.Option("--vehicles", metavar="A,B", help="Presets or vehicle files.", autocompletion=completion.vehicle_list)
+    ] = None,
+    roads: Annotated[
+        str | None,
+        typer.Option("--roads", metavar="A,B", help="Road files, or names from `hdvplan roads list`.", autocompletion=completion.road_list),
+    ] = None,
     schemes: Annotated[str | None, typer.Option("--schemes", metavar="rti,sqp", help="How often a step linearises and solves.")] = None,
     objective: Annotated[
         str | None, typer.Option("--objective", metavar="NAME", help="What all plans centre [default: geometric].")
@@ -41,6 +54,18 @@ def bench(
     ] = None,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where to write, and to go on from.")] = Path("hdvplan-bench"),
     fresh: Annotated[bool, typer.Option("--fresh", help="Throw away what an earlier run has left in DIR.")] = False,
+    against: Annotated[
+        str | None,
+        typer.Option("--against", metavar="REV", help="Measure a revision, a release (hdvplan==X) or a PYTHON in turns, and compare."),
+    ] = None,
+    factor: FactorOption = None,
+    floor: FloorOption = None,
+    expect_changes: ExpectChangesOption = False,
+    format_: FormatOption = "text",
+    counters: Annotated[
+        Path | None, typer.Option("--counters", metavar="FILE.csv", help="Hold iterations, sizes and envelopes to a committed baseline.")
+    ] = None,
+    renew: Annotated[bool, typer.Option("--renew", help="Write FILE.csv of --counters instead.")] = False,
     json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> int:
@@ -51,10 +76,24 @@ def bench(
 
     Defaults: ten shipped roads, bus and tractor-trailer, both schemes, riccati, piqp, clarabel and osqp, three rounds, limits
     0.5 m beyond the geometric half width. A cell that cannot be planned is a row of the tables and ends nothing.
+
+    With --against: two roads, riccati and six rounds; five fresh processes a side in turns, ten where a repeat is needed.
+    Exit codes then: 0 fine; 1 a cell became slower, or counters changed; 2 bad input; 3 could not measure.
     """
+    choice("--format", format_, FORMATS)
+    if against is None and (factor is not None or floor is not None or expect_changes):
+        msg = "--factor, --floor and --expect-changes need --against"
+        raise OptionError(msg)
+    if renew and counters is None:
+        msg = "--renew needs --counters"
+        raise OptionError(msg)
+    if against is not None and counters is not None:
+        msg = "--against compares counters with those of REV, not with a file"
+        raise OptionError(msg, hint="leave out --counters")
     from hdvplan.bench.machine import use_one_thread
 
     one_thread = use_one_thread()  # before anything imports NumPy
+    from hdvplan.bench.against import SUITE
     from hdvplan.bench.courses import courses_of
     from hdvplan.bench.directory import begin, discard, finish, read_table, recorded
     from hdvplan.bench.run import remaining, run
@@ -69,7 +108,11 @@ def bench(
         "budget": budget, "limits": False if no_limits else None, "half_width": half_width, "slack": slack, "pinch": pinch,
         "horizon": horizon, "step": step, "replan": replan,
     }  # fmt: skip
-    wanted = suite_of((read_suite(suite) if suite else {}) | {name: value for name, value in given.items() if value is not None})
+    usual = dict(SUITE) if against is not None else {}
+    wanted = suite_of(usual | (read_suite(suite) if suite else {}) | {name: value for name, value in given.items() if value is not None})
+    if against is not None:
+        comparison = _measure_against(against, wanted, rule_of(factor, floor), out, expect_changes, quiet=quiet)
+        return show(comparison, rule_of(factor, floor), format_=format_, json=json, quiet=quiet)
     record = None if fresh else recorded(wanted, out)
     if record is not None and record["finished"]:
         note(f"{out} holds this run, finished; --fresh measures again", quiet=quiet)
@@ -91,6 +134,8 @@ def bench(
             count = len(wanted.cells()) * wanted.rounds
             note(f"{count - remaining(wanted, out)} of {count} drives are kept in {out}; the same command goes on from there")
             raise
+    if counters is not None:
+        return _hold_to(counters, out, renew, format_=format_, json=json, quiet=quiet)
     tables = {name: read_table(out, name) for name in LAYOUTS}
     if json:
         print_json({"out": str(out)} | {name: _rows(tables[name]) for name in LAYOUTS})
@@ -98,6 +143,42 @@ def bench(
         print_tables(*summary_tables(tables))
         note(f"written to {out}/")
     return ExitCode.OK
+
+
+def _measure_against(against: str, suite: Suite, rule: Rule, out: Path, expect_changes: bool, *, quiet: bool) -> Comparison:
+    from hdvplan.bench.against import measure_against
+    from hdvplan.bench.courses import courses_of
+    from hdvplan.bench.environment import base_program, working_tree
+    from hdvplan.solvers.registry import solver_named
+
+    courses_of(suite)  # a road or vehicle that cannot be read is the user's mistake, not a failed measurement;
+    for name in suite.solvers:  # so is a solver that is not there
+        solver_named(name)
+    new = working_tree()
+    try:
+        with (
+            base_program(against, lambda step: note(step, quiet=quiet)) as base,
+            progress("measuring", quiet=quiet, undisturbed=True) as bar,
+        ):
+            note(f"base: {base.name}; new: {new.name}", quiet=quiet)
+            return measure_against(base, new, suite, rule, out, expect_changes=expect_changes, on_progress=bar)
+    except OSError as error:
+        msg = f"cannot measure into {out}: {error.strerror or error}"
+        raise OptionError(msg, hint="choose another folder with --out") from error
+
+
+def _hold_to(counters: Path, out: Path, renew: bool, *, format_: str, json: bool, quiet: bool) -> int:
+    """Compare a finished run's counters with a baseline, or make them the baseline."""
+    from hdvplan.bench.compare import compare_counters, read_side
+    from hdvplan.bench.counters import read_counters, write_counters
+    from hdvplan.bench.gate import Rule
+
+    measured = read_side(out).counters
+    if renew:
+        write_counters(measured, counters)
+        note(f"counters written to {counters}", quiet=quiet)
+        return ExitCode.OK
+    return show(compare_counters(read_counters(counters), measured), Rule(), format_=format_, json=json, quiet=quiet)
 
 
 def _rows(table: DataFrame) -> list[dict[str, object]]:

@@ -18,8 +18,9 @@ class ExitCode(IntEnum):
     """What a command's exit status means."""
 
     OK = 0
-    BROKEN = 1  # a limit is broken, or no plan exists
+    BROKEN = 1  # a limit is broken, or no plan exists; a regression
     USAGE = 2  # bad input or usage
+    UNMEASURED = 3  # nothing can be said about planning times
     INTERNAL = 70  # a bug in hdvplan (EX_SOFTWARE of sysexits.h)
     INTERRUPTED = 130  # Ctrl-C, as shells report it
 
@@ -36,6 +37,11 @@ def note(message: str, *, quiet: bool = False) -> None:
     if not quiet:
         sys.stderr.write(f"{message}\n")
         sys.stderr.flush()
+
+
+def warn(message: str, *, quiet: bool = False) -> None:
+    """Write a ``warning:`` line to stderr unless the user wants silence."""
+    note(f"warning: {one_line(message)}", quiet=quiet)
 
 
 def print_tables(*tables: Table) -> None:

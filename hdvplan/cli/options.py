@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hdvplan.cli import completion
 from hdvplan.errors import OptionError
 
 if TYPE_CHECKING:
@@ -14,7 +16,12 @@ if TYPE_CHECKING:
 
     from hdvplan.road.load import RoadOptions
 
-RoadArgument = Annotated[str, typer.Argument(metavar="ROAD", help="A road file (.csv, .geojson), or a name from `hdvplan roads list`.")]
+RoadArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="ROAD", help="A road file (.csv, .geojson), or a name from `hdvplan roads list`.", autocompletion=completion.roads
+    ),
+]
 SmoothOption = Annotated[
     float | None,
     typer.Option("--smooth", metavar="M", help="Largest allowed deviation of the smoothed centre line from the given points [m]."),
@@ -23,12 +30,25 @@ CrsOption = Annotated[str | None, typer.Option("--crs", metavar="EPSG:N", help="
 FeatureOption = Annotated[
     str | None, typer.Option("--name", "--id", metavar="NAME", help="Which feature of a GeoJSON file, by its name or id.")
 ]
+OffsetOption = Annotated[
+    float,
+    typer.Option("--offset", metavar="M", help="Drive this far left of the line, negative: right [m]; the road's edges stay."),
+]
+ReverseOption = Annotated[bool, typer.Option("--reverse", help="Drive the line from its end to its start; before --offset.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Write JSON to stdout, and nothing else.")]
 QuietOption = Annotated[bool, typer.Option("--quiet", help="No progress, notes or tables; errors remain.")]
 OutOption = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Where to write [default: <road>.<vehicle>/].")]
 
 
-def road_options(smooth: float | None, crs: str | None, feature: str | None, max_curvature: float | None = None) -> RoadOptions:
+def road_options(
+    smooth: float | None,
+    crs: str | None,
+    feature: str | None,
+    max_curvature: float | None = None,
+    *,
+    offset: float = 0.0,
+    reverse: bool = False,
+) -> RoadOptions:
     """Return how to read a road file, with the library's defaults where the user gave nothing.
 
     Raises:
@@ -46,6 +66,8 @@ def road_options(smooth: float | None, crs: str | None, feature: str | None, max
         crs=crs,
         feature=feature,
         max_curvature=options.max_curvature if max_curvature is None else max_curvature,
+        offset=offset,
+        reverse=reverse,
     )
 
 
@@ -60,3 +82,8 @@ def choice(option: str, value: str, choices: Sequence[str]) -> str:
         msg = f"{option} must be {', '.join(choices[:-1])} or {choices[-1]}, not {value!r}"
         raise OptionError(msg)
     return value
+
+
+def file_name(name: str) -> str:
+    """Return ``name`` with what files should not be called by replaced."""
+    return re.sub(r"[^\w.-]+", "-", name)

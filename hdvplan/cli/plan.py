@@ -2,45 +2,61 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hdvplan.cli.console import ExitCode, note, print_json, print_tables, progress, report_error
+from hdvplan.cli import completion
+from hdvplan.cli.console import ExitCode, note, print_json, print_tables, progress, report_error, warn
 from hdvplan.cli.options import (
     CrsOption,
     FeatureOption,
     JsonOption,
+    OffsetOption,
     OutOption,
     QuietOption,
+    ReverseOption,
     RoadArgument,
     SmoothOption,
     choice,
+    file_name,
     road_options,
 )
 from hdvplan.errors import OptionError, RoadError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from hdvplan.report.result import Result
     from hdvplan.road.road import Road
     from hdvplan.vehicle.model import Vehicle
 
+_MOST_WARNINGS = 5
 _REFERENCE_SLACK = 1.25  # a balanced lead axle turns wider than the road's centre, which may thus be tighter than its limit
 
 
 def plan(
     road: RoadArgument,
-    vehicle: Annotated[str, typer.Option("--vehicle", metavar="NAME|FILE.toml", help="A preset or a vehicle file.")],
-    scheme: Annotated[str, typer.Option("--scheme", metavar="rti|sqp", help="One QP a step, or until the plan stands still.")] = "rti",
-    solver: Annotated[str | None, typer.Option("--solver", metavar="NAME", help="A name from `hdvplan solvers`.")] = None,
+    vehicle: Annotated[
+        str, typer.Option("--vehicle", metavar="NAME|FILE.toml", help="A preset or a vehicle file.", autocompletion=completion.vehicles)
+    ],
+    scheme: Annotated[
+        str,
+        typer.Option(
+            "--scheme", metavar="rti|sqp", help="One QP a step, or until the plan stands still.", autocompletion=completion.schemes
+        ),
+    ] = "rti",
+    solver: Annotated[
+        str | None, typer.Option("--solver", metavar="NAME", help="A name from `hdvplan solvers`.", autocompletion=completion.solvers)
+    ] = None,
     objective: Annotated[
         str,
         typer.Option(
             "--objective",
             metavar="NAME",
             help="geometric, balanced, geometric-fixed, lead-axle, trail-axle, art-weighted, art-weighted:0.45, axle-max or body-max.",
+            autocompletion=completion.objectives,
         ),
     ] = "geometric",
     bias: Annotated[
@@ -65,9 +81,13 @@ def plan(
     smooth: SmoothOption = None,
     crs: CrsOption = None,
     name: FeatureOption = None,
+    offset: OffsetOption = 0.0,
+    reverse: ReverseOption = False,
     out: OutOption = None,
     json: JsonOption = False,
-    plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw plan.png.")] = True,
+    plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw the picture plan.png.")] = True,
+    formats: Annotated[str, typer.Option("--format", metavar="A,B", help="Of the picture: png, pdf, svg or several.")] = "png",
+    animate: Annotated[bool, typer.Option("--animate", help="Write drive.gif, a film of the drive.")] = False,
     quiet: QuietOption = False,
 ) -> int:
     """Plan a vehicle along a road and write what it sweeps.
@@ -85,11 +105,13 @@ def plan(
     from hdvplan.planning.bias import NONE, bias_named
     from hdvplan.planning.objectives import objective_named
     from hdvplan.planning.settings import Discretisation, PlannerSettings, Scheme
+    from hdvplan.report.files import PICTURES
     from hdvplan.report.result import result_of
     from hdvplan.road.load import load_road
     from hdvplan.solvers.registry import DEFAULT, solver_named
     from hdvplan.vehicle.load import load_vehicle
 
+    pictures = [choice("--format", kind.strip(), PICTURES) for kind in formats.split(",")] if plot else []
     settings = PlannerSettings(
         scheme=Scheme(choice("--scheme", scheme, list(Scheme))),
         horizon=horizon,
@@ -101,10 +123,13 @@ def plan(
     centring, make_workspace = objective_named(objective), solver_named(solver or DEFAULT)
     driven = load_vehicle(vehicle)
     compiled = is_compiled()  # asked before reading the road compiles a part
-    track = load_road(road, road_options(smooth, crs, name, _REFERENCE_SLACK * driven.max_curvature))
+    wanted = road_options(smooth, crs, name, _REFERENCE_SLACK * driven.max_curvature, offset=offset, reverse=reverse)
+    with progress(f"reading {road}", quiet=quiet):
+        track = load_road(road, wanted)
     if reaches is not None:
         track = track.with_limits(*reaches)
-    check_fits(track, driven)
+    check_fits(track, driven, reaches)
+    _warn_misfits(track, driven, quiet=quiet)
     aim = NONE if bias is None else bias_named(bias, track.limits)
     if not compiled:
         note("compiling the planning kernels, once per installation: about 20 s", quiet=quiet)
@@ -115,8 +140,9 @@ def plan(
             solver=solver or DEFAULT,
             objective=objective,
         )
-    directory = out or Path(f"{_file_name(track.name)}.{_file_name(driven.name)}")
-    _write(result, directory, plot=plot)
+    directory = out or Path(f"{file_name(track.name)}.{file_name(driven.name)}")
+    with progress(f"writing {directory}/", quiet=quiet) as on_progress:
+        _write(result, directory, pictures, animate, on_progress)
     if json:
         from hdvplan.report.summary import summary_of
 
@@ -126,27 +152,32 @@ def plan(
     return _verdict(result)
 
 
-def check_fits(road: Road, vehicle: Vehicle) -> None:
-    """Refuse a road on which planning ``vehicle`` is pointless.
+def check_fits(road: Road, vehicle: Vehicle, reaches: tuple[float, float] | None) -> None:
+    """Refuse what makes planning ``vehicle`` pointless; ``reaches`` are the limits left and right that options gave [m].
 
     Raises:
-        RoadError: the road is shorter than the vehicle, or its limits leave less room than the vehicle is wide.
+        RoadError: the road is shorter than the vehicle.
+        OptionError: the options leave less room than the vehicle is wide.
 
     """
-    import numpy as np
-
     length = vehicle.reach_ahead + vehicle.reach_behind
     if road.path.length < length:
         msg = f"the road is {road.path.length:.1f} m long, the {vehicle.name} {length:.1f} m"
         raise RoadError(msg, hint="plan along a longer part of the road")
-    if road.limits is None:
-        return
-    room = road.limits.left - road.limits.right  # linear in between: the narrowest place is a given one
-    narrowest = int(np.argmin(room))
-    if room[narrowest] < vehicle.width:
-        s = float(road.limits.s[narrowest])
-        msg = f"road limits are {room[narrowest]:.2f} m apart at s = {s:.1f} m; the {vehicle.name} is {vehicle.width:.2f} m wide"
-        raise RoadError(msg, s_m=s, hint="widen them with --half-width or --left and --right")
+    if reaches is not None and sum(reaches) < vehicle.width:
+        msg = f"limits are {sum(reaches):.2f} m apart; the {vehicle.name} is {vehicle.width:.2f} m wide"
+        raise OptionError(msg, hint="widen them with --half-width or --left and --right")
+
+
+def _warn_misfits(road: Road, vehicle: Vehicle, *, quiet: bool) -> None:
+    """Say where geometry expects the vehicle not to fit; the plan is made all the same."""
+    from hdvplan.report.fit import finding_text, fit_of
+
+    findings = fit_of(road, vehicle).findings
+    for finding in findings[:_MOST_WARNINGS]:
+        warn(finding_text(finding, vehicle.name), quiet=quiet)
+    if len(findings) > _MOST_WARNINGS:
+        warn(f"{len(findings) - _MOST_WARNINGS} more such places; summary.json lists all under fit", quiet=quiet)
 
 
 def _reaches(half_width: float | None, left: float | None, right: float | None) -> tuple[float, float] | None:
@@ -165,15 +196,11 @@ def _reaches(half_width: float | None, left: float | None, right: float | None) 
     return left, right
 
 
-def _file_name(name: str) -> str:
-    return re.sub(r"[^\w.-]+", "-", name)
-
-
-def _write(result: Result, directory: Path, *, plot: bool) -> None:
+def _write(result: Result, directory: Path, pictures: list[str], animate: bool, on_progress: Callable[[float], None]) -> None:
     from hdvplan.report.files import write_plan
 
     try:
-        write_plan(result, directory, plot=plot)
+        write_plan(result, directory, pictures=pictures, animate=animate, on_progress=on_progress)
     except OSError as error:
         msg = f"cannot write to {directory}: {error.strerror or error}"
         raise OptionError(msg, hint="choose another folder with --out") from error

@@ -9,16 +9,25 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hdvplan.cli.console import ExitCode, note, print_json, print_tables
-from hdvplan.cli.options import CrsOption, FeatureOption, JsonOption, RoadArgument, SmoothOption, choice, road_options
+from hdvplan.cli.console import ExitCode, note, print_json, print_tables, progress
+from hdvplan.cli.options import (
+    CrsOption,
+    FeatureOption,
+    JsonOption,
+    OffsetOption,
+    ReverseOption,
+    RoadArgument,
+    SmoothOption,
+    choice,
+    road_options,
+)
 from hdvplan.errors import OptionError
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
-    from hdvplan.report.fit import Fit, RoadFacts
-    from hdvplan.road.road import Road
+    from hdvplan.report.fit import Fit
     from hdvplan.road.scenarios import Profile
+
+_STRAIGHT = 1e-4  # curvature that drawing a straight line leaves [1/m]
 
 app = typer.Typer(help="List, examine and make roads.", rich_markup_mode=None)
 
@@ -36,27 +45,53 @@ def list_roads(json: JsonOption = False) -> int:
     """List the shipped roads and the scenarios."""
     from hdvplan.report.tables import grid
 
-    listed = [*_shipped(), *_scenarios()]
+    listed = [*_shipped(), *_examples(), *_scenarios()]
     if json:
         print_json(listed)
         return ExitCode.OK
-    rows = [(str(road["name"]), f"{road['length_m']:.0f}", f"{road['min_radius_m']:.1f}", str(road["kind"])) for road in listed]
+    radii = ["-" if road["min_radius_m"] is None else f"{road['min_radius_m']:.1f}" for road in listed]
+    rows = [(str(road["name"]), f"{road['length_m']:.0f}", radius, str(road["kind"])) for road, radius in zip(listed, radii, strict=True)]
     print_tables(grid("roads", ("name", "length [m]", "radius [m]", "kind"), rows, text=("name", "kind"), one_line=("kind",)))
     return ExitCode.OK
 
 
 @app.command("info")
 def road_info(
-    road: RoadArgument, smooth: SmoothOption = None, crs: CrsOption = None, name: FeatureOption = None, json: JsonOption = False
+    road: RoadArgument,
+    half_width: Annotated[float | None, typer.Option("--half-width", metavar="M", help="Limits at +-M [m].")] = None,
+    smooth: SmoothOption = None,
+    crs: CrsOption = None,
+    name: FeatureOption = None,
+    offset: OffsetOption = 0.0,
+    reverse: ReverseOption = False,
+    csv: Annotated[
+        Path | None, typer.Option("--csv", metavar="FILE", help="Write limits and the width that each vehicle needs over s.")
+    ] = None,
+    json: JsonOption = False,
 ) -> int:
-    """Examine a road, and which preset vehicles fit it."""
-    from hdvplan.report.fit import facts_of, fit_of
+    """Examine a road, and which preset vehicles fit it.
+
+    A vehicle fits where the band that it sweeps evenly, in a circle as tight as the road is there, lies between the limits.
+    """
+    from hdvplan.report.files import csv_bytes, write_atomically
+    from hdvplan.report.fit import facts_of, fit_of, fit_table
+    from hdvplan.report.fit_tables import facts_table, findings_table, fits_table
     from hdvplan.report.summary import smoothing_of
     from hdvplan.road.load import load_road
     from hdvplan.vehicle.load import load_vehicle, preset_names
 
-    track = load_road(road, road_options(smooth, crs, name))
-    facts, fits = facts_of(track), [fit_of(track, load_vehicle(preset)) for preset in preset_names()]
+    with progress(f"reading {road}", quiet=False):
+        track = load_road(road, road_options(smooth, crs, name, offset=offset, reverse=reverse))
+    if half_width is not None:
+        track = track.with_limits(half_width, half_width)
+    vehicles = [load_vehicle(preset) for preset in preset_names()]
+    facts, fits = facts_of(track), [fit_of(track, vehicle) for vehicle in vehicles]
+    if csv is not None:
+        try:
+            write_atomically(csv, csv_bytes(fit_table(track, vehicles)))
+        except OSError as error:
+            msg = f"cannot write {csv}: {error.strerror or error}"
+            raise OptionError(msg, hint="choose another file with --csv") from error
     if json:
         print_json(
             {
@@ -68,13 +103,14 @@ def road_info(
                 "point_spacing_m": facts.point_spacing,
                 "narrowest_m": facts.narrowest,
                 "narrowest_s_m": facts.narrowest_s,
+                "regions": [{"region": str(region.kind), "name": region.label} for region in track.regions],
                 "smoothing": smoothing_of(track),
                 "notice": track.notice,
                 "vehicles": [_fit_json(fit) for fit in fits],
             }
         )
         return ExitCode.OK
-    print_tables(_facts_table(track, facts), _fits_table(fits))
+    print_tables(facts_table(track, facts), fits_table(fits), *findings_table(fits))
     return ExitCode.OK
 
 
@@ -140,6 +176,20 @@ def _shipped() -> list[dict[str, object]]:
     return roads
 
 
+def _examples() -> list[dict[str, object]]:
+    from hdvplan.report.fit import facts_of
+    from hdvplan.road.library import example_names
+    from hdvplan.road.load import load_road
+
+    examples = []
+    for name in example_names():
+        facts = facts_of(load_road(name))
+        radius = 1.0 / facts.max_curvature if facts.max_curvature > _STRAIGHT else None
+        given: dict[str, object] = {"length_m": facts.length, "min_radius_m": radius, "kind": "made-up place with obstacles"}
+        examples.append({"name": name, "place": None, "source": "example"} | given)
+    return examples
+
+
 def _scenarios() -> list[dict[str, object]]:
     from hdvplan.report.fit import facts_of
     from hdvplan.road.scenarios import SCENARIOS
@@ -152,23 +202,9 @@ def _scenarios() -> list[dict[str, object]]:
     return scenarios
 
 
-def _facts_table(road: Road, facts: RoadFacts) -> Table:
-    from hdvplan.report.tables import grid, smoothing_remark
-
-    curvature = f"radius {1.0 / facts.max_curvature:.2f} m, " if facts.max_curvature > 0.0 else ""
-    rows = [
-        ("length", f"{facts.length:.1f}", "m", "closed" if facts.closed else ""),
-        ("largest curvature", f"{facts.max_curvature:.4f}", "1/m", f"{curvature}at s = {facts.max_curvature_s:.1f} m"),
-    ]
-    if road.smoothing is not None and facts.point_spacing is not None:
-        rows.append(("mean point spacing", f"{facts.point_spacing:.2f}", "m", "of the given points"))
-        rows.append(("line moved by", f"{road.smoothing.max_deviation:.2f}", "m", smoothing_remark(road.smoothing)))
-    if facts.narrowest is not None:
-        rows.append(("narrowest limits", f"{facts.narrowest:.2f}", "m", f"apart, first at s = {facts.narrowest_s:.1f} m"))
-    return grid(road.name, ("", "value", "unit", "remark"), rows, text=("", "unit", "remark"), caption=road.notice)
-
-
 def _fit_json(fit: Fit) -> dict[str, object]:
+    from hdvplan.report.fit import finding_json
+
     return {
         "vehicle": fit.vehicle,
         "half_width_m": fit.half_width,
@@ -177,25 +213,8 @@ def _fit_json(fit: Fit) -> dict[str, object]:
         "spare_m": fit.spare,
         "spare_s_m": fit.spare_s,
         "fits": fit.fits,
+        "findings": [finding_json(finding) for finding in fit.findings],
     }
-
-
-def _fits_table(fits: list[Fit]) -> Table:
-    from hdvplan.report.tables import grid
-
-    rows = [(fit.vehicle, f"{fit.half_width:.2f}", "-" if fit.spare is None else f"{fit.spare:+.2f}", _fit_remark(fit)) for fit in fits]
-    columns = ("vehicle", "needs +- [m]", "spare [m]", "verdict")
-    return grid("preset vehicles, balanced by geometry", columns, rows, text=("vehicle", "verdict"))
-
-
-def _fit_remark(fit: Fit) -> str:
-    if not fit.long_enough:
-        return "longer than the road"
-    if fit.saturated:
-        return "tighter than its balanced circle"
-    if fit.spare is None:
-        return "the road has no limits"
-    return "fits" if fit.fits else f"too wide at s = {fit.spare_s:.1f} m"
 
 
 def _curvature(radius: float | None, max_curvature: float | None) -> float | None:

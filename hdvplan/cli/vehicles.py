@@ -1,23 +1,24 @@
-"""``hdvplan vehicles``: the presets, as a table and as TOML to copy and edit."""
+"""``hdvplan vehicles``: the presets, as a table, as TOML to copy and edit, and as drawings."""
 
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hdvplan.cli.console import ExitCode, print_json, print_tables
-from hdvplan.cli.options import JsonOption
+from hdvplan.cli import completion
+from hdvplan.cli.console import ExitCode, note, print_json, print_tables
+from hdvplan.cli.options import JsonOption, choice, file_name
+from hdvplan.errors import OptionError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from hdvplan.vehicle.model import Vehicle
 
 app = typer.Typer(help="List and show the preset vehicles.", rich_markup_mode=None)
 
-_CAPTION = "axles: wheelbase of each body; front, rear: overhangs; radius: the lead rear axle's tightest"
+_CAPTION = "*: the axle steers too; radius: the tightest that the front wheels alone set"
 
 
 @app.command("list")
@@ -33,38 +34,64 @@ def list_vehicles(json: JsonOption = False) -> int:
     rows = [
         (
             vehicle.name,
+            f"{len(vehicle.units)}",
             f"{vehicle.reach_ahead + vehicle.reach_behind:.2f}",
             f"{vehicle.width:.2f}",
-            _joined(unit.wheelbase for unit in vehicle.units),
-            f"{vehicle.lead.front_overhang:.2f}",
-            f"{vehicle.units[-1].rear_overhang:.2f}",
+            "+".join(f"{unit.wheelbase:.1f}{'*' if unit.steering_ratio else ''}" for unit in vehicle.units),
             f"{1 / vehicle.max_curvature:.1f}",
         )
         for vehicle in presets
     ]
-    columns = ("vehicle", "length [m]", "width [m]", "axles [m]", "front [m]", "rear [m]", "radius [m]")
+    columns = ("vehicle", "units", "length [m]", "width [m]", "wheelbases [m]", "radius [m]")
     print_tables(grid("preset vehicles", columns, rows, text=("vehicle",), caption=_CAPTION))
     return ExitCode.OK
 
 
 @app.command("show")
-def show_vehicle(name: Annotated[str, typer.Argument(metavar="NAME", help="A preset.")], json: JsonOption = False) -> int:
-    """Print a preset's TOML, ready to copy and edit."""
-    from hdvplan.vehicle.load import load_vehicle, preset_text
+def show_vehicle(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="A preset or a vehicle file.", autocompletion=completion.vehicles)],
+    file: Annotated[Path | None, typer.Argument(metavar="[FILE]", help="Where --plot draws [default: NAME.png]; png, pdf or svg.")] = None,
+    plot: Annotated[bool, typer.Option("--plot", help="Draw the vehicle with its dimensions instead.")] = False,
+    json: JsonOption = False,
+) -> int:
+    """Print a vehicle's TOML, ready to copy and edit; or draw it."""
+    from hdvplan.vehicle.load import load_vehicle, vehicle_text
 
-    text = preset_text(name)
+    if file is not None and not plot:
+        msg = f"{file} is where a drawing would go, but --plot is not given"
+        raise OptionError(msg)
+    vehicle, text = load_vehicle(name), vehicle_text(name)
+    drawn = _draw(vehicle, file or Path(f"{file_name(vehicle.name)}.png")) if plot else None
     if json:
-        print_json(_described(load_vehicle(name)))
+        print_json(_described(vehicle) | ({} if drawn is None else {"file": str(drawn)}))
+    elif drawn is not None:
+        note(f"wrote {drawn}")
     else:
         sys.stdout.write(text)
     return ExitCode.OK
+
+
+def _draw(vehicle: Vehicle, file: Path) -> Path:
+    """Draw ``vehicle`` into ``file`` and return it.
+
+    Raises:
+        OptionError: the file's ending names no picture, or it cannot be written.
+
+    """
+    from hdvplan.report.drawing import vehicle_figure
+    from hdvplan.report.files import write_atomically
+    from hdvplan.report.style import figure_bytes
+
+    kind = choice("the drawing's ending", file.suffix.lower().removeprefix("."), ("png", "pdf", "svg"))
+    try:
+        write_atomically(file, figure_bytes(vehicle_figure(vehicle), kind))
+    except OSError as error:
+        msg = f"cannot write {file}: {error.strerror or error}"
+        raise OptionError(msg, hint="choose another file: hdvplan vehicles show NAME --plot FILE") from error
+    return file
 
 
 def _described(vehicle: Vehicle) -> dict[str, object]:
     from dataclasses import asdict
 
     return asdict(vehicle) | {"length_m": vehicle.reach_ahead + vehicle.reach_behind, "width_m": vehicle.width}
-
-
-def _joined(lengths: Iterable[float]) -> str:
-    return "+".join(f"{length:.2f}" for length in lengths)

@@ -8,6 +8,7 @@ import numpy as np
 
 from hdvplan.centering.weights import CenteringTable
 from hdvplan.drive import Drive
+from hdvplan.evaluation.contact import contact
 from hdvplan.evaluation.envelope import Envelope, envelope_of
 from hdvplan.jit import FloatArray
 
@@ -24,6 +25,7 @@ class Breach:
     depth: float  # at the deepest place [m]
     side: str  # "left" or "right"
     unit: int  # index of the body at the deepest place
+    part: str  # of that body, see ``contact``
     region: str  # "drivable": wheels or wheelbase beyond the limit; "sweepable": a body beyond the overhangs' limit
 
 
@@ -67,29 +69,42 @@ def balance_of(drive: Drive, envelope: Envelope) -> Balance:
     )
 
 
-def _clearance(drive: Drive, envelope: Envelope) -> tuple[float | None, tuple[Breach, ...]]:
+def gaps_of(drive: Drive, envelope: Envelope) -> dict[tuple[str, str], FloatArray]:
+    """Return the room that every body leaves, shape (units, n) [m], negative beyond the limit, by the limit's side and region.
+
+    Empty without limits; NaN where a body never was. "drivable" binds wheels and wheelbase where overhangs have limits of
+    their own, else whole bodies.
+    """
     limits = drive.road.limits
     if limits is None:
-        return None, ()
+        return {}
     left, right, left_sweep, right_sweep = limits.table(envelope.s)
-    apart = bool(np.any(left_sweep > left) or np.any(right_sweep < right))
-    region = "sweepable" if apart else "drivable"
+    region = "sweepable" if limits.two_regions else "drivable"
     gaps = {("left", region): left_sweep - envelope.left, ("right", region): envelope.right - right_sweep}
-    if apart:
+    if limits.two_regions:
         axles = envelope_of(drive, axles_only=True)
         gaps |= {("left", "drivable"): left - axles.left, ("right", "drivable"): axles.right - right}
-    breaches = [breach for (side, region), gap in gaps.items() for breach in _breaches(envelope.s, gap, side, region)]
+    return gaps
+
+
+def _clearance(drive: Drive, envelope: Envelope) -> tuple[float | None, tuple[Breach, ...]]:
+    gaps = gaps_of(drive, envelope)
+    if not gaps:
+        return None, ()
+    breaches = [breach for (side, region), gap in gaps.items() for breach in _breaches(drive, envelope.s, gap, side, region)]
     lowest = min(float(np.nanmin(gap)) for gap in gaps.values())
     return lowest, tuple(sorted(breaches, key=lambda breach: breach.s_from))
 
 
-def _breaches(s: FloatArray, gaps: FloatArray, side: str, region: str) -> list[Breach]:
+def _breaches(drive: Drive, s: FloatArray, gaps: FloatArray, side: str, region: str) -> list[Breach]:
     """Return the stretches on which the tightest of ``gaps`` (units, n) lies below -KEPT_M."""
     gap = np.nanmin(gaps, axis=0)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], gap < -KEPT_M, [False]]).astype(int)))
     found = []
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
         deepest = begin + int(np.argmin(gap[begin:end]))
-        unit = int(np.nanargmin(gaps[:, deepest]))
-        found.append(Breach(float(s[begin]), float(s[end - 1]), float(s[deepest]), float(-gap[deepest]), side, unit, region))
+        unit, at, depth = int(np.nanargmin(gaps[:, deepest])), float(s[deepest]), float(-gap[deepest])
+        axles_only = region == "drivable" and drive.road.limits is not None and drive.road.limits.two_regions
+        part = contact(drive, unit, side, at, axles_only=axles_only)
+        found.append(Breach(float(s[begin]), float(s[end - 1]), at, depth, side, unit, part, region))
     return found

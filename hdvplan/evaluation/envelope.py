@@ -66,7 +66,7 @@ def envelope_of(drive: Drive, *, axles_only: bool = False) -> Envelope:
 def _outlines(units: FloatArray, *, axles_only: bool) -> FloatArray:
     """Return closed outlines in body axes, shape (units, points, 2); every body gets as many points as the longest needs."""
     rear = np.zeros(len(units)) if axles_only else units[:, 3]
-    front = units[:, 0] if axles_only else units[:, 2]
+    front = np.minimum(units[:, 0], units[:, 2]) if axles_only else units[:, 2]
     along = int(np.ceil(np.max(front + rear) / SPACING_M)) + 1
     across = int(np.ceil(2.0 * np.max(units[:, 4]) / SPACING_M)) + 1
     outlines = []

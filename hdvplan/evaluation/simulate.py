@@ -10,7 +10,7 @@ import numpy as np
 
 from hdvplan.jit import FloatArray, compiled
 from hdvplan.road.path import ReferencePath, evaluate
-from hdvplan.vehicle.kinematics import derivative
+from hdvplan.vehicle.kinematics import derivative, rear_wheels
 
 SUBSTEP_M = 0.05  # the integration error of 100 m is then below 1e-6 m (tested against an adaptive integrator)
 
@@ -20,7 +20,8 @@ def simulate(
 ) -> FloatArray:
     """Return the states while driving ``kappa`` [1/m], each value held over ``step`` [m] of road; shape (len(kappa) * keep + 1, n).
 
-    ``keep`` states are returned for every step. NaN from where the model leaves its domain (1 - e_y k <= 0 or |e_psi| >= pi/2).
+    ``keep`` states are returned for every step. NaN from where the model leaves its domain (1 - e_y k <= 0, or the lead rear axle
+    no longer moves forward along the road).
     """
     return _simulate(
         units, path.coefficients, path.s_first, path.spacing, s_start, step, np.ascontiguousarray(z_start),
@@ -41,6 +42,7 @@ def _simulate(
     f = np.empty((4, n))
     h = step / (keep * substeps)
     for i in range(kappa.size):
+        off = np.arctan(rear_wheels(units, kappa[i])[0])
         for j in range(keep):
             for part in range(substeps):
                 s = s_start + i * step + (j * substeps + part) * h
@@ -56,7 +58,7 @@ def _simulate(
                 derivative(units, k_next, probe, kappa[i], f[3])
                 for k in range(n):
                     z[k] += h / 6.0 * (f[0, k] + 2.0 * f[1, k] + 2.0 * f[2, k] + f[3, k])
-                if not (1.0 - z[0] * k_next > 0.0 and abs(z[1]) < 0.5 * np.pi):
+                if not (1.0 - z[0] * k_next > 0.0 and abs(z[1] + off) < 0.5 * np.pi):
                     return out
             for k in range(n):
                 out[i * keep + j + 1, k] = z[k]

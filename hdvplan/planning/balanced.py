@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hdvplan.jit import FloatArray, IntArray, compiled
+from hdvplan.planning.merit import residual_squared
 from hdvplan.planning.motion import axles_behind
 from hdvplan.planning.objectives import Balanced
 from hdvplan.planning.stations import Stations
@@ -62,6 +63,7 @@ class Balancing:
     slope: FloatArray  # (2, places), of the track or edge that reaches furthest, outwards over s
     made_at: FloatArray  # (2, places), how far ahead of its unit's axle the point lies that reaches furthest [m]
     made_by: IntArray  # (2, places, 2), its stage and unit; stage -1: driven
+    value: FloatArray  # (1,), the objective of the stages that were last written
 
     @classmethod
     def of(cls, vehicle: Vehicle, stations: Stations, wanted: Balanced, stages: int) -> Balancing:
@@ -90,6 +92,7 @@ class Balancing:
             np.zeros((2, places)),
             np.zeros((2, places)),
             np.full((2, places, 2), -1),
+            np.zeros(1),
         )
 
     def begin(self) -> None:
@@ -106,7 +109,7 @@ class Balancing:
             _balance(
                 self.units, self.points, path.coefficients, path.s_first, path.spacing, self.road, wanted.aim, wanted.share,
                 wanted.rounding, wanted.relaxation, self.step, z, first, fixed, self.stages, self.places, self.before, self.start,
-                self.poses, self.tracks, self.driven, self.since, self.reach, self.slope, self.made_at, self.made_by, Q, q,
+                self.poses, self.tracks, self.driven, self.since, self.reach, self.slope, self.made_at, self.made_by, self.value, Q, q,
             )  # fmt: skip
 
 
@@ -220,7 +223,7 @@ def _balance(
     units: FloatArray, points: FloatArray, coefficients: FloatArray, s_first: float, spacing: float, road: FloatArray, aim: FloatArray,
     beside: float, rounding: float, relaxation: float, step: float, z: FloatArray, first: int, fixed: int, stages: int, places: int,
     before: int, start: FloatArray, poses: FloatArray, tracks: FloatArray, driven: FloatArray, since: IntArray, reach: FloatArray,
-    slope: FloatArray, made_at: FloatArray, made_by: IntArray, Q: FloatArray, q: FloatArray,
+    slope: FloatArray, made_at: FloatArray, made_by: IntArray, value: FloatArray, Q: FloatArray, q: FloatArray,
 ) -> None:  # fmt: skip
     """Measure a plan's envelope and write Q, q of the imbalance at stages 1 <= i <= stages, on top of a share of what they hold."""
     n, end, lowest = z.shape[1], places + before + 1, max(first - before, 0)
@@ -236,7 +239,9 @@ def _balance(
         for side in range(2):
             reach[side, m], made_by[side, m, 0] = driven[side, m], -1
     _cover(units, points, coefficients, s_first, spacing, poses, tracks, end, step, first, reach, slope, made_at, made_by)
+    value[0] = 0.0
     for i in range(1, stages + 1):
+        value[0] += beside * residual_squared(Q[i], q[i], n)
         for j in range(n):
             q[i, j] *= beside
             for k in range(n):
@@ -246,6 +251,7 @@ def _balance(
         if not np.isfinite(wrong):
             continue
         weight = 1.0 / np.sqrt(1.0 + (wrong / rounding) ** 2)
+        value[0] += 2.0 * rounding**2 * (1.0 / weight - 1.0)  # its derivative is 2 weight wrong
         for side in range(2):
             i, unit = made_by[side, m, 0] - first, made_by[side, m, 1]
             if i < 1 or i > stages:

@@ -34,8 +34,11 @@ class Motion:
     reach_ahead: FloatArray  # (units, points, 1)
 
     @classmethod
-    def empty(cls, vehicle: Vehicle, stages: int, reach_points: FloatArray) -> Motion:
-        """Return the memory for a horizon of ``stages`` intervals; ``reach_points`` (units, points, 2) as ``edge_points``."""
+    def empty(cls, vehicle: Vehicle, stages: int, reach_points: FloatArray, *, axle: int = -1) -> Motion:
+        """Return the memory for a horizon of ``stages`` intervals; ``reach_points`` (units, points, 2) as ``edge_points``.
+
+        ``axle`` as in ``Residual``.
+        """
         units = len(vehicle.units)
         feet = (stages + 1, units, POINTS_PER_EDGE, 2)
         behind = axles_behind(vehicle)
@@ -47,7 +50,7 @@ class Motion:
             np.zeros(feet),
             np.full(feet, np.inf),
             np.zeros((stages + 1, *reach_points.shape[:2], 2)),
-            aux_ahead(vehicle),
+            aux_ahead(vehicle, axle),
             axis_points(vehicle) - behind[:, None],
             edge_points(vehicle)[:, :, :1] - behind[:, None, None],
             reach_points[:, :, :1] - behind[:, None, None],
@@ -65,7 +68,7 @@ class Motion:
         end = first + len(self.kappa)
         horizon, held = slice(first + begin, end + 1), max(begin - 1, 0)
         geometry, s = stations.centering, stations.s[horizon]
-        self.z[begin:, 0], self.z[begin:, 1], self.z[begin:, 2:] = geometry.e_y[horizon], 0.0, geometry.beta[horizon]
+        self.z[begin:, 0], self.z[begin:, 1], self.z[begin:, 2:] = geometry.e_y[horizon], geometry.e_psi[horizon], geometry.beta[horizon]
         self.kappa[held:] = geometry.kappa[first + held : end]
         self.aux_feet[begin:] = s + self.aux_ahead
         self.axis_feet[begin:] = s[:, None, None] + self.axis_ahead
@@ -79,9 +82,9 @@ def axles_behind(vehicle: Vehicle) -> FloatArray:
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def aux_ahead(vehicle: Vehicle) -> float:
-    """Return how far the auxiliary axle lies ahead of the lead rear axle on a straight [m]: a bus's front, a chain's last axle."""
-    return vehicle.lead.wheelbase if len(vehicle.units) == 1 else -float(axles_behind(vehicle)[-1])
+def aux_ahead(vehicle: Vehicle, axle: int) -> float:
+    """Return how far the auxiliary axle lies ahead of the lead rear axle on a straight [m]; ``axle`` as in ``Residual``."""
+    return vehicle.lead.wheelbase if axle % len(vehicle.units) == 0 else -float(axles_behind(vehicle)[axle])
 
 
 def flat_stages(arrays: tuple[FloatArray, ...]) -> tuple[FloatArray, ...]:
@@ -99,13 +102,24 @@ def shift_stages(arrays: tuple[FloatArray, ...], by: int) -> None:
 
 
 @compiled
-def take_step(z: FloatArray, kappa: FloatArray, x: FloatArray, road_curvature: FloatArray) -> float:
-    """Move a motion by a QP's solution ``x`` (N+1, n + 1), shortened where it would leave the model's domain.
+def keep_steering(kappa: FloatArray, kappa_before: float, begin: int, most: float, change: float) -> None:
+    """Bring the curvatures from number ``begin`` on within what steering allows: at most ``most``, changing by at most ``change``.
+
+    A motion that keeps these bounds keeps them after any share of a QP's step.
+    """
+    for i in range(begin, kappa.size):
+        before = kappa[i - 1] if i > 0 else kappa_before
+        kappa[i] = max(min(kappa[i], before + change, most), before - change, -most)
+
+
+@compiled
+def take_step(z: FloatArray, kappa: FloatArray, x: FloatArray, road_curvature: FloatArray, share: float) -> float:
+    """Move a motion by ``share`` of a QP's solution ``x`` (N+1, n + 1), less where it would leave the model's domain.
 
     The first state is given: a solver's residual must not move it. Returns the largest change of a state, or infinity
     where no part of the step could be taken.
     """
-    n, length, inside = z.shape[1], 2.0, False
+    n, length, inside = z.shape[1], 2.0 * share, False
     while not inside and length > _SHORTEST:
         length *= 0.5
         inside = True

@@ -10,16 +10,22 @@ import numpy as np
 
 from hdvplan.errors import OptionError
 from hdvplan.jit import FloatArray
+from hdvplan.planning.motion import aux_ahead
 from hdvplan.planning.stations import Stations
+from hdvplan.vehicle.model import Vehicle
 
 
 @dataclass(frozen=True)
 class Residual:
-    """Coefficients of the squared lateral error (lead e_y + aux e_aux - target)^2 per station; shape (n,), ``target`` in metres."""
+    """Coefficients of the squared lateral error (lead e_y + aux e_aux - target)^2 per station; shape (n,), ``target`` in metres.
+
+    The auxiliary axle is the one of unit number ``axle`` (from 0, or -1 for the last), of the lead unit its front axle.
+    """
 
     lead: FloatArray
     aux: FloatArray
     target: FloatArray
+    axle: int = -1
 
 
 @dataclass(frozen=True)
@@ -52,16 +58,19 @@ class Balanced:
 
 def geometric(stations: Stations) -> Residual:
     """Balance the swept area with the weight K of each station's curvature ([GEO] sec. IV)."""
-    weight = stations.centering.weight
-    return Residual(weight, np.ones_like(weight), np.zeros_like(weight))
+    balanced = stations.centering
+    return Residual(balanced.lead, balanced.aux, balanced.target, balanced.axle)
 
 
 def geometric_fixed(stations: Stations) -> Residual:
     """Balance with one K, that of the road's largest curvature (the alternative that [GEO] compares with)."""
     on_road = stations.s <= stations.path.length
     tightest = int(np.argmax(np.abs(stations.road[4]) * on_road))
-    weight = np.full(len(stations.s), stations.centering.weight[tightest])
-    return Residual(weight, np.ones_like(weight), np.zeros_like(weight))
+    balanced, one = stations.centering, np.ones(len(stations.s))
+    lead, aux = balanced.lead[tightest] * one, balanced.aux[tightest] * one
+    aimed = balanced.target[tightest] != 0.0  # then the pair does not balance by itself
+    target = lead * (balanced.e_y - stations.bias) + aux * (balanced.e_aux - stations.bias)  # the bias is added where it belongs
+    return Residual(lead, aux, target if aimed else 0.0 * one, balanced.axle)
 
 
 def lead_axle(stations: Stations) -> Residual:
@@ -71,7 +80,7 @@ def lead_axle(stations: Stations) -> Residual:
 
 
 def trail_axle(stations: Stations) -> Residual:
-    """Centre the auxiliary axle alone: a bus's front axle, a chain's last axle (J2 of [ART])."""
+    """Centre a bus's front axle or a chain's last axle alone (J2 of [ART])."""
     one = np.ones(len(stations.s))
     return Residual(0.0 * one, one, 0.0 * one)
 
@@ -79,8 +88,8 @@ def trail_axle(stations: Stations) -> Residual:
 def art_weighted(stations: Stations) -> Residual:
     """Centre (1 - K) e_y + K e_aux (J3 of [ART]) with the geometric K of the road's largest curvature, 1 / (1 + its weight)."""
     balanced = geometric_fixed(stations)
-    share = 1.0 / (1.0 + balanced.lead)
-    return Residual(1.0 - share, share, balanced.target)
+    share = 1.0 / (balanced.lead + balanced.aux)
+    return Residual(share * balanced.lead, share * balanced.aux, share * balanced.target, balanced.axle)
 
 
 def art_weighted_by(share: float) -> Objective:
@@ -116,8 +125,8 @@ def balanced(stations: Stations) -> Balanced:
     return Balanced(geometric(stations), np.zeros(len(stations.s)))
 
 
-def aimed(centred: Residual | Furthest | Balanced, stations: Stations, aux_ahead: float) -> Residual | Furthest | Balanced:
-    """Return an objective about the wanted bias of the stations; ``aux_ahead`` [m] is where the auxiliary axle lies.
+def aimed(centred: Residual | Furthest | Balanced, stations: Stations, vehicle: Vehicle) -> Residual | Furthest | Balanced:
+    """Return an objective of ``vehicle`` about the wanted bias of the stations.
 
     K (e_y - e_y*) + (e_aux - e_aux*) with the stationary offsets of the biased circle: those of the circle itself cancel by
     the choice of K, and what remains of the target is each axle's bias at its own place.
@@ -129,15 +138,15 @@ def aimed(centred: Residual | Furthest | Balanced, stations: Stations, aux_ahead
     if not np.any(stations.bias):
         return centred
     if isinstance(centred, Balanced):
-        return replace(centred, beside=_about(centred.beside, stations, aux_ahead), aim=centred.aim + stations.bias)
+        return replace(centred, beside=_about(centred.beside, stations, vehicle), aim=centred.aim + stations.bias)
     if isinstance(centred, Residual):
-        return _about(centred, stations, aux_ahead)
+        return _about(centred, stations, vehicle)
     msg = "an objective that keeps the largest reach small cannot be combined with a bias"
     raise OptionError(msg, hint="choose --objective geometric or balanced")
 
 
-def _about(residual: Residual, stations: Stations, aux_ahead: float) -> Residual:
-    at_aux = np.interp(stations.s + aux_ahead, stations.s, stations.bias)
+def _about(residual: Residual, stations: Stations, vehicle: Vehicle) -> Residual:
+    at_aux = np.interp(stations.s + aux_ahead(vehicle, residual.axle), stations.s, stations.bias)
     return replace(residual, target=residual.target + residual.lead * stations.bias + residual.aux * at_aux)
 
 
@@ -148,7 +157,8 @@ def _light(residual: Residual) -> Residual:
     nothing else does. The sum of every station's own largest reach is no substitute: it buys short gains elsewhere with a
     higher peak, 4.90 m instead of 4.60 m.
     """
-    return Residual(*(np.sqrt(_BESIDE) * part for part in (residual.lead, residual.aux, residual.target)))
+    lead, aux, target = (np.sqrt(_BESIDE) * part for part in (residual.lead, residual.aux, residual.target))
+    return replace(residual, lead=lead, aux=aux, target=target)
 
 
 Objective = Callable[[Stations], Residual | Furthest | Balanced]

@@ -1,4 +1,8 @@
-"""One planning step: linearise at the last plan, solve the QP, take the step. Once for RTI, until it stands still for SQP."""
+"""One planning step: linearise at the last plan, solve the QP, take the step. Once for RTI, until it stands still for SQP.
+
+A step is halved as long as it does not improve the motion, and an RTI plan that would break a limit gets a few QPs more: neither
+happens on a road with room, where RTI is one QP a step.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +15,10 @@ import numpy as np
 from hdvplan.errors import PlanError, SolverError
 from hdvplan.jit import FloatArray
 from hdvplan.planning.balanced import Balancing
-from hdvplan.planning.linearise import ROWS_PER_EDGE, linearise, write_inputs
-from hdvplan.planning.motion import Motion, flat_stages, shift_stages, take_step
+from hdvplan.planning.limits import ROWS_PER_EDGE
+from hdvplan.planning.linearise import linearise, write_inputs
+from hdvplan.planning.merit import defect_prices, merit
+from hdvplan.planning.motion import Motion, flat_stages, keep_steering, shift_stages, take_step
 from hdvplan.planning.objectives import Balanced, Furthest, Residual
 from hdvplan.planning.qp import Residuals, StageQp, StageShape, StageSolution, residuals
 from hdvplan.planning.reach import linearise_reach, watched_points, write_epigraph
@@ -23,6 +29,9 @@ from hdvplan.vehicle.body import axis_points, edge_points
 from hdvplan.vehicle.model import Vehicle
 
 USABLE_RESIDUAL = 1e-3  # a QP solution whose recomputed primal residual exceeds this is not driven [m]
+_SHORTEST_STEP = 1.0 / 32.0  # a step is halved no further; some of it must be taken, as the vehicle has moved on
+_REPAIRED_M = 0.01  # RTI leaves a smaller predicted violation to the next step
+_STALLED = 1e-3  # SQP ends when a shortened step lowers the merit by a smaller share than this
 
 
 @dataclass(frozen=True)
@@ -49,8 +58,10 @@ class Plan:
     qp_count: int
     qp_iterations: int
     residuals: Residuals  # of the last QP, recomputed
-    violation: float  # deepest predicted breach of a limit over the sampled points [m]; 0 when kept
+    violation: float  # deepest predicted breach of a limit over all bodies' edges [m]; 0 when kept
     moved: float  # largest change of a state in the last iteration [m, rad]
+    merit: float  # of the planned motion, at the last QP's prices
+    halvings: int  # how often a step was halved
     times: StepTimes
 
 
@@ -69,17 +80,23 @@ class Planner:
         self._vehicle, self._stations, self._settings = vehicle, stations, settings
         self._units, self._points, self._axis = vehicle.table(), edge_points(vehicle), axis_points(vehicle)
         self._limited = stations.limits.values.size > 0
+        self._margin = stations.margin + settings.margin
+        self._max_change = vehicle.max_curvature_rate * settings.step
         self._residual = centred if isinstance(centred, Residual) else centred.beside
         self._reach_points, self._reach_half = watched_points(vehicle, centred)
         self._balancing = Balancing.of(vehicle, stations, centred, settings.stages) if isinstance(centred, Balanced) else None
         self._rounds = min(settings.sqp_iterations, centred.rounds) if isinstance(centred, Balanced) else settings.sqp_iterations
-        self._motion = Motion.empty(vehicle, settings.stages, self._reach_points)
+        self._motion = Motion.empty(vehicle, settings.stages, self._reach_points, axle=self._residual.axle)
         self._midpoint = settings.discretisation is Discretisation.MIDPOINT
         watched = self._reach_points.shape[0] * self._reach_points.shape[1]
-        qp = self._qp = StageQp.empty(qp_shape(vehicle, settings, limited=self._limited, watched=watched))
+        rows = rows_per_edge(settings, limited=self._limited, two_regions=stations.limits.two_regions)
+        qp = self._qp = StageQp.empty(qp_shape(vehicle, settings, rows_per_edge=rows, watched=watched))
         n, own = vehicle.states, qp.shape.rows - 2 * watched  # rows of limits come first
         qp.A[:, n, n] = qp.B[:, n, 0] = 1.0
-        qp.linear[:] = settings.elastic_weight
+        for row in range(own):
+            soft = row % rows >= ROWS_PER_EDGE
+            qp.linear[:, row] = 0.0 if soft else settings.elastic_weight
+            qp.quadratic[:, row] = 2.0 * settings.overhang_cost if soft else settings.elastic_growth
         self._limit_rows, self._reach_rows = (qp.G[:, :own], qp.h[:, :own]), (qp.G[:, own:], qp.h[:, own:])
         self._workspace = make_workspace(qp.shape)
         self._guess = StageSolution.empty(qp.shape) if self._workspace.starts_warm else None
@@ -87,6 +104,7 @@ class Planner:
         self._moving = self._motion.by_stage() + flat_stages((qp.A, qp.B, qp.c, qp.Q, qp.q, qp.G, qp.h, *multipliers))
         self._last: int | None = None  # the last plan's first station
         self._fixed = 0
+        self._before, self._prices = (np.empty_like(self._motion.z), np.empty_like(self._motion.kappa)), np.empty(n)
 
     def plan(self, first: int, z_start: FloatArray, kappa_before: float) -> Plan:
         """Plan from state ``z_start`` at station ``first``; ``kappa_before`` is the curvature held until there [1/m].
@@ -104,7 +122,7 @@ class Planner:
         iterate = settings.scheme is Scheme.SQP or by is None  # the first plan has no predecessor to lean on
         self._last = None  # until this plan has succeeded
         linearising, updating, solving, checking = 0.0, 0.0, 0.0, 0.0  # [s]
-        qp_count, qp_iterations, moved = 0, 0, np.inf
+        qp_count, qp_iterations, moved, value, halvings = 0, 0, np.inf, np.inf, 0
         k = self._stations.road[4, first : first + settings.stages + 1]
         kept = 0 if by is None else max(settings.stages + 1 - by, 0)  # stages that the last plan still covers
         if by and kept:
@@ -115,14 +133,15 @@ class Planner:
         if self._reach_points.size:
             write_epigraph(qp, self._vehicle.states + 1, self._reach_rows[0])
         motion.guess(self._stations, first, kept)
+        keep_steering(motion.kappa, kappa_before, max(kept - 1, 0), self._vehicle.max_curvature, self._max_change)
         motion.z[0] = z_start
         self._linearise(first, max(kept, 1))
         linearising += perf_counter() - began
         while qp_count < self._rounds:
             mark = perf_counter()
             write_inputs(
-                motion.kappa, kappa_before, self._vehicle.max_curvature, self._vehicle.max_curvature_rate * settings.step,
-                settings.smoothness, qp.R, qp.r, qp.x_low, qp.x_high, qp.u_low, qp.u_high,
+                motion.kappa, kappa_before, self._vehicle.max_curvature, self._max_change, settings.smoothness, qp.R, qp.r, qp.x_low,
+                qp.x_high, qp.u_low, qp.u_high,
             )  # fmt: skip
             result = self._workspace.solve(qp, self._guess)
             updating += perf_counter() - mark - result.solve_time
@@ -135,22 +154,51 @@ class Planner:
             if not usable:
                 break
             mark = perf_counter()
-            moved = take_step(motion.z, motion.kappa, result.point.x, k)
+            defect_prices(result.point.dynamics, self._prices)
+            worth = self._merit(kappa_before)
+            moved, value, halved = self._step(first, result.point.x, k, kappa_before, worth)
+            halvings += halved
             if self._guess is not None:  # the QP is in deviations from the motion: the next solution is near zero
                 for mine, solved in zip(self._guess.multipliers(), result.point.multipliers(), strict=True):
                     mine[:] = solved
-            self._linearise(first, 1)  # judges all body points, and is the next QP's data
             linearising += perf_counter() - mark
-            if not iterate or moved < settings.sqp_tolerance:
+            iterating = iterate or (qp_count <= settings.rti_repairs and self._violation() > _REPAIRED_M)
+            if not iterating or moved < settings.sqp_tolerance or (halved and worth - value < _STALLED * worth):
                 break
         if not usable and by is None and qp_count == 1:
             msg = f"the first plan could not be solved: {self._workspace.name} says {result.status}, primal residual {judged.primal:.2g}"
             raise SolverError(msg, status=str(result.status), hint="try another --solver")
         self._last = first
-        violation = max(0.0, -float(np.min(motion.gaps[1:])))
         return Plan(
-            first, motion.z.copy(), motion.kappa.copy(), kappa_before, result.status, usable, qp_count, qp_iterations, judged, violation,
-            moved, StepTimes(linearising, updating, solving, checking, perf_counter() - began),
+            first, motion.z.copy(), motion.kappa.copy(), kappa_before, result.status, usable, qp_count, qp_iterations, judged,
+            self._violation(), moved, value, halvings, StepTimes(linearising, updating, solving, checking, perf_counter() - began),
+        )  # fmt: skip
+
+    def _step(self, first: int, x: FloatArray, k: FloatArray, kappa_before: float, worth: float) -> tuple[float, float, int]:
+        """Move by a QP's solution ``x``, halved until the merit is no larger than ``worth``; return the move, merit and halvings.
+
+        Linearises at the motion that it leaves: that judges all body edges, and is the next QP's data.
+        """
+        motion, settings, halvings = self._motion, self._settings, 0
+        for kept, array in zip(self._before, (motion.z, motion.kappa), strict=True):
+            kept[:] = array
+        while True:
+            moved = take_step(motion.z, motion.kappa, x, k, 0.5**halvings)
+            self._linearise(first, 1)
+            value = self._merit(kappa_before)
+            if value <= worth or moved < settings.sqp_tolerance or 0.5**halvings <= _SHORTEST_STEP:
+                return moved, value, halvings
+            halvings += 1
+            motion.z[:], motion.kappa[:] = self._before
+
+    def _violation(self) -> float:
+        return max(0.0, -float(np.min(self._motion.gaps[1:])))
+
+    def _merit(self, kappa_before: float) -> float:
+        qp, balancing = self._qp, self._balancing
+        return merit(
+            qp.Q, qp.q, qp.c, qp.h, qp.linear, qp.quadratic, self._limit_rows[1].shape[1], self._motion.kappa, kappa_before,
+            self._settings.smoothness, self._prices, *((0.0, 0) if balancing is None else (float(balancing.value[0]), balancing.stages)),
         )  # fmt: skip
 
     def _linearise(self, first: int, begin: int) -> None:
@@ -164,9 +212,9 @@ class Planner:
         path, limits, part = stations.path, stations.limits, self._residual
         horizon = slice(first, first + settings.stages + 1)
         lost = linearise(
-            self._units, self._points, self._axis, path.coefficients, path.s_first, path.spacing, stations.road[:, horizon],
+            self._units, part.axle, self._points, self._axis, path.coefficients, path.s_first, path.spacing, stations.road[:, horizon],
             stations.curvature_between[horizon], stations.around[:, horizon], settings.step, self._midpoint, part.lead[horizon],
-            part.aux[horizon], part.target[horizon], limits.values, limits.s_first, limits.spacing, settings.margin, motion.z,
+            part.aux[horizon], part.target[horizon], limits.values, limits.s_first, limits.spacing, self._margin[horizon], motion.z,
             motion.kappa, motion.aux_feet, motion.axis_feet, motion.feet, motion.gaps, begin, qp.A, qp.B, qp.c, qp.Q, qp.q,
             *self._limit_rows,
         )  # fmt: skip
@@ -183,7 +231,14 @@ class Planner:
             raise PlanError(msg, s_m=s, hint="smooth the road more (--smooth), or plan with a shorter vehicle")
 
 
-def qp_shape(vehicle: Vehicle, settings: PlannerSettings, *, limited: bool, watched: int = 0) -> StageShape:
+def rows_per_edge(settings: PlannerSettings, *, limited: bool, two_regions: bool) -> int:
+    """Return how many rows every edge of a body has: none without limits; two more where overhangs may reach further at a cost."""
+    if not limited:
+        return 0
+    return 2 * ROWS_PER_EDGE if two_regions and settings.overhang_cost > 0.0 else ROWS_PER_EDGE
+
+
+def qp_shape(vehicle: Vehicle, settings: PlannerSettings, *, rows_per_edge: int, watched: int = 0) -> StageShape:
     """Return the sizes and zero pattern of a vehicle's QP: states (dz, d kappa_{i-1}), one input, rows per body edge.
 
     With ``watched`` points there is one state more, their largest reach t, one input more that sets it, and two rows a point.
@@ -195,5 +250,5 @@ def qp_shape(vehicle: Vehicle, settings: PlannerSettings, *, limited: bool, watc
     a[0, 1] = a[n, n] = a[-1, -1] = True
     a[:n, n] = q[:n, :n] = True
     g = np.arange(size) != n
-    rows = 2 * ROWS_PER_EDGE * len(vehicle.units) if limited else 0
+    rows = 2 * rows_per_edge * len(vehicle.units)
     return StageShape(settings.stages, size, 1 + more, rows + 2 * watched, (n,), a_pattern=a, q_pattern=q, g_pattern=g)

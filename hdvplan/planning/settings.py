@@ -13,7 +13,7 @@ from hdvplan.errors import OptionError
 class Scheme(StrEnum):
     """How often a planning step linearises and solves."""
 
-    RTI = "rti"  # once, from the shifted last plan
+    RTI = "rti"  # once, from the shifted last plan; again only where a limit would be broken
     SQP = "sqp"  # until the plan stands still
 
 
@@ -39,10 +39,13 @@ class PlannerSettings:
     replan: float = 5.0
     smoothness: float = 1e3  # w_kappa, the weight of (kappa_i - kappa_{i-1})^2 against squared metres [m^4]
     discretisation: Discretisation = Discretisation.MIDPOINT
-    margin: float = 0.0  # kept from every limit by the planner [m]
-    elastic_weight: float = 1e4  # exact penalty on a limit's violation [m]; above any multiplier seen on feasible roads
+    margin: float = 0.0  # kept from every limit by the planner, beyond what sampling needs [m]
+    elastic_weight: float = 1e4  # exact penalty on a limit's violation [1/m]; above any multiplier seen on feasible roads
+    elastic_growth: float = 1e5  # what it grows by with depth [1/m^2]: rather many shallow violations than a deep one
+    overhang_cost: float = 1.0  # of an overhang's squared reach beyond the wheels' limit, against the centred error's square
     sqp_tolerance: float = 1e-4  # SQP ends when no state moves further [m, rad]
     sqp_iterations: int = 50  # at most
+    rti_repairs: int = 3  # QPs more, at most, for an RTI plan that would break a limit
 
     def __post_init__(self) -> None:
         """Refuse what cannot be planned with."""
@@ -51,9 +54,11 @@ class PlannerSettings:
             if not (np.isfinite(value) and value > 0.0):
                 msg = f"{name} must be a positive number, not {value:g}"
                 raise OptionError(msg)
-        if not (np.isfinite(self.margin) and self.margin >= 0.0):
-            msg = f"margin must be zero or a positive number of metres, not {self.margin:g}"
-            raise OptionError(msg)
+        for name in ("margin", "elastic_growth", "overhang_cost", "rti_repairs"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0.0):
+                msg = f"{name} must be zero or a positive number, not {value:g}"
+                raise OptionError(msg)
         for name in ("horizon", "replan"):
             ratio = getattr(self, name) / self.step
             if abs(ratio - round(ratio)) > 1e-6 or round(ratio) < 1:  # noqa: PLR2004 - rounding of decimal inputs

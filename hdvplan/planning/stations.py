@@ -7,6 +7,7 @@ step is a slice and nothing about the road is computed twice.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
@@ -18,17 +19,26 @@ from hdvplan.road.path import ReferencePath, evaluate_many
 from hdvplan.road.road import Road
 from hdvplan.vehicle.model import Vehicle
 
-LIMIT_SPACING_M = 0.25  # limits are tabulated this finely along s; jumps become ramps of this length
+LIMIT_SPACING_M = 0.2  # limits are tabulated this finely along s
+_FINE_M = 0.05  # and looked up this finely for that
 _ROOM_M = 10.0  # table beyond the vehicle's ends, for bodies that stand askew
+_STRAIGHT = 1.15  # road beside a body is at most so many times as long where the road is nearly straight
+_SLACK_M = 1.0  # of rounding to the grid, and of corners of a body askew
+_STRETCH = 1.25  # a body point moves at most this much further than the lead axle's station, along the road
 
 
 @dataclass(frozen=True)
 class LimitTable:
-    """Signed limits on a uniform grid: rows left, right, left_sweep, right_sweep; shape (4, n) or (4, 0) without limits."""
+    """Signed limits on a uniform grid: rows left, right, left_sweep, right_sweep; shape (4, n) or (4, 0) without limits.
+
+    Every entry, and every line between two, is the narrowest of the road's limits that a body point can meet between the station
+    where it is there and the next one. What changes suddenly is so never met unawares between stations.
+    """
 
     values: FloatArray
     s_first: float  # [m]
     spacing: float  # [m]
+    two_regions: bool = False  # overhangs have more room than wheels somewhere
 
 
 @dataclass(frozen=True)
@@ -36,7 +46,8 @@ class Stations:
     """The stations of a drive. ``road`` has rows x, y, cos(psi), sin(psi), curvature; shape (5, n).
 
     ``around`` bounds what the vehicle can meet anywhere along its length when its lead axle is at a station; rows narrowest
-    left and right reach [m], smallest and largest signed curvature [1/m]; shape (4, n).
+    left and right reach [m], smallest and largest signed curvature [1/m], and whether limits vary (1) or not (0); shape (5, n).
+    ``margin`` is what a body may reach beyond the limits between stations when it keeps them at every station (n,) [m].
     """
 
     path: ReferencePath
@@ -47,6 +58,7 @@ class Stations:
     centering: Centering
     limits: LimitTable
     around: FloatArray
+    margin: FloatArray
     bias: FloatArray  # wanted middle of the swept envelope, (n,) [m]; ``centering`` is that of the line there
 
 
@@ -64,35 +76,80 @@ def stations_of(road: Road, vehicle: Vehicle, table: CenteringTable, *, step: fl
     s = step * np.arange(count, dtype=np.float64)
     at_stations = evaluate_many(path.coefficients, path.s_first, path.spacing, s)
     between = evaluate_many(path.coefficients, path.s_first, path.spacing, s + 0.5 * step)[4]
-    limits = limit_table(road, path)
+    limits = limit_table(road, path, step)
     around = _around(path, limits, s, vehicle)
+    margin = _margin(around, vehicle, step)
     offset = bias.at(s)
     balanced = table.at(shifted(at_stations[4], offset, s))
     centering = replace(balanced, e_y=balanced.e_y + offset, e_aux=balanced.e_aux + offset)
-    return Stations(path, step, s, at_stations, between, centering, limits, around, offset)
+    return Stations(path, step, s, at_stations, between, centering, limits, around, margin, offset)
+
+
+def _margin(around: FloatArray, vehicle: Vehicle, step: float) -> FloatArray:
+    """Return how far a point's track can bow out between two stations, shape (n,) [m].
+
+    Between stations the curvature is held: a point's track bends no more than the lead axle's, and the road beside it no more than
+    ``around`` says. Over a chord of length l their difference k bows by k l^2 / 8; so does the road between entries of the table.
+    """
+    bend = vehicle.max_curvature + np.max(np.abs(around[2:4]), axis=0)
+    bow: FloatArray = bend * (_STRETCH * step) ** 2 / 8.0
+    return bow
 
 
 def _around(path: ReferencePath, limits: LimitTable, s: FloatArray, vehicle: Vehicle) -> FloatArray:
-    """Return the extremes of limits and curvature over the vehicle's length, with room for bodies that stand askew."""
+    """Return the extremes of limits and curvature over the length of road beside the vehicle, see ``Stations``.
+
+    Beside an offset e the road is 1 / (1 - k e) times as long as a body. Screening trusts no more than twice, and needs no more than
+    ``_STRAIGHT`` where the road is nearly straight: fewer stations then meet a narrow place.
+    """
     grid = np.arange(path.s_first, path.s_last, LIMIT_SPACING_M)
     k = evaluate_many(path.coefficients, path.s_first, path.spacing, grid)[4]
-    reach = max(vehicle.reach_ahead, vehicle.reach_behind) + _ROOM_M
-    size = 2 * int(np.ceil(reach / LIMIT_SPACING_M)) + 1
-    rows = [minimum_filter1d(k, size, mode="nearest"), maximum_filter1d(k, size, mode="nearest")]
-    if limits.values.size:
-        left = np.min(limits.values[[0, 2], : len(grid)], axis=0)
-        right = -np.max(limits.values[[1, 3], : len(grid)], axis=0)
-        rows = [minimum_filter1d(side, size, mode="nearest") for side in (left, right)] + rows
-    else:
-        rows = [np.full(len(grid), np.inf)] * 2 + rows
     nearest = np.clip(np.round((s - path.s_first) / LIMIT_SPACING_M).astype(int), 0, len(grid) - 1)
-    return np.ascontiguousarray(np.stack(rows)[:, nearest])
+    values = limits.values[:, : len(grid)] if limits.values.size else np.tile([[np.inf], [-np.inf]] * 2, len(grid))
+    bent, straight = (_beside(values, k, factor, vehicle)[:, nearest] for factor in (2.0, _STRAIGHT))
+    room, bend = np.maximum(straight[0], straight[1]), np.maximum(np.abs(bent[2]), np.abs(bent[3]))
+    room[np.isinf(room)] = 0.0  # without limits nothing is screened
+    return np.ascontiguousarray(np.where(bend * room <= 1.0 - 1.0 / _STRAIGHT, straight, bent))
 
 
-def limit_table(road: Road, path: ReferencePath) -> LimitTable:
-    """Tabulate the road's limits over the whole extended path; the end values hold beyond the road's ends."""
+def _beside(values: FloatArray, k: FloatArray, factor: float, vehicle: Vehicle) -> FloatArray:
+    """Return the rows of ``around`` on the table's grid, over ``factor`` times the vehicle's length to both sides of its lead axle."""
+    ahead, behind = (int(np.ceil((factor * reach + _SLACK_M) / LIMIT_SPACING_M)) for reach in (vehicle.reach_ahead, vehicle.reach_behind))
+    size, origin = ahead + behind + 1, (ahead + behind) // 2 - ahead
+    low, high = (partial(run, size=size, origin=origin, mode="nearest") for run in (minimum_filter1d, maximum_filter1d))
+    left, right = np.min(values[[0, 2]], axis=0), -np.max(values[[1, 3]], axis=0)
+    finite = np.where(np.isfinite(values), values, 0.0)
+    varies = np.any(high(finite, axis=1) > low(finite, axis=1), axis=0)
+    return np.stack([low(left), low(right), low(k), high(k), varies.astype(float)])
+
+
+def limit_table(road: Road, path: ReferencePath, step: float) -> LimitTable:
+    """Tabulate the road's limits over the whole extended path for stations ``step`` [m] apart; end values hold beyond the road's ends."""
     if road.limits is None:
         return LimitTable(np.empty((4, 0)), 0.0, LIMIT_SPACING_M)
-    s = np.arange(path.s_first, path.s_last + LIMIT_SPACING_M, LIMIT_SPACING_M)
-    around = np.mod(s, road.path.length) if road.path.closed else s
-    return LimitTable(np.ascontiguousarray(road.limits.table(around)), float(s[0]), LIMIT_SPACING_M)
+    every = round(LIMIT_SPACING_M / _FINE_M)
+    count = int(np.ceil((path.s_last - path.s_first) / LIMIT_SPACING_M)) + 1
+    s = path.s_first + _FINE_M * np.arange(every * count, dtype=np.float64)
+    around = np.asarray(np.mod(s, road.path.length), np.float64)
+    values = road.limits.table(around if road.path.closed else s)
+    fine = LimitTable(values, float(s[0]), _FINE_M)
+    _cover_corners(fine, road)
+    size = 2 * int(np.ceil((_STRETCH * step + LIMIT_SPACING_M) / _FINE_M)) + 1
+    narrowest = [run(row, size, mode="nearest") for run, row in zip((minimum_filter1d, maximum_filter1d) * 2, values, strict=True)]
+    table = np.ascontiguousarray(np.stack(narrowest)[:, ::every])
+    return LimitTable(table, float(s[0]), LIMIT_SPACING_M, road.limits.two_regions)
+
+
+def _cover_corners(fine: LimitTable, road: Road) -> None:
+    """Narrow the entries around every corner of the road's limits down to it: it may lie between two entries."""
+    limits = road.limits
+    if limits is None:
+        return
+    columns, narrower = (limits.left, limits.right, limits.left_sweep, limits.right_sweep), (np.minimum, np.maximum) * 2
+    last = fine.values.shape[1] - 1
+    for lap in (-road.path.length, 0.0, road.path.length) if road.path.closed else (0.0,):
+        place = (limits.s + lap - fine.s_first) / fine.spacing
+        inside = (place >= 0.0) & (place <= last)
+        for entry in (np.floor(place[inside]).astype(int), np.ceil(place[inside]).astype(int)):
+            for row, column, narrow in zip(fine.values, columns, narrower, strict=True):
+                narrow.at(row, entry, column[inside])

@@ -16,7 +16,7 @@ def corners(drive: Drive, pose: int) -> FloatArray:
     poses = np.empty((len(units), 6))
     place(units, float(point.x), float(point.y), float(np.cos(point.heading)), float(np.sin(point.heading)), drive.poses_z[pose], poses)
     outlines = np.empty((len(units), 4, 2))
-    for outline, (_, _, front, rear, half), (x, y, cos, sin, _, _) in zip(outlines, units, poses, strict=True):
+    for outline, (front, rear, half), (x, y, cos, sin, _, _) in zip(outlines, units[:, 2:5], poses, strict=True):
         along, across = np.array([front, front, -rear, -rear]), np.array([half, -half, -half, half])
         outline[:, 0], outline[:, 1] = x + along * cos - across * sin, y + along * sin + across * cos
     return outlines

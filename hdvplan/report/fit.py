@@ -1,19 +1,72 @@
-"""Whether a vehicle fits a road, by geometry alone: what its balanced circle at every curvature needs."""
+"""Whether a vehicle fits a road, by geometry alone: what its balanced circle at every curvature needs.
+
+A circle as tight as the road is wherever one looks: on a bend shorter than the vehicle this asks for more than it will
+sweep, and it knows nothing of the room that swinging around an obstacle takes. The plan is the judge; this is its forecast.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
+import pandas as pd
 
+from hdvplan.centering.stationary import swept_band
 from hdvplan.centering.weights import CenteringTable
-from hdvplan.jit import FloatArray
+from hdvplan.jit import BoolArray, FloatArray
 from hdvplan.road.road import Road
 from hdvplan.vehicle.model import Vehicle
 
 _SPACING_M = 0.5  # a curvature ramp of 0.1 1/m^2 changes by 0.05 1/m over it at most
 
 _SAME_CURVATURE = 1e-9  # rounding of the path's table [1/m]
+_APART_M = 5.0  # stretches nearer to each other than this are one
+_ENOUGH_M = 1e-3  # of width: what a table's digits show
+
+
+class Trouble(StrEnum):
+    """Why a vehicle does not fit."""
+
+    WIDTH = "width"  # more than there is between the limits
+    CURVATURE = "curvature"  # more than the vehicle can steer
+    CIRCLE = "circle"  # none is both as tight as the road and swept evenly
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A stretch of road that a vehicle does not fit, with what is there and what it needs at the worst place.
+
+    Metres between the limits for a width, 1/m for a curvature. Where overhangs have limits of their own, ``available`` is
+    between those limits that the worst part of the vehicle meets.
+    """
+
+    trouble: Trouble
+    s_from: float  # [m]
+    s_to: float  # [m]
+    s_worst: float  # [m]
+    available: float
+    needed: float
+
+
+@dataclass(frozen=True)
+class Needs:
+    """What a vehicle needs along a road, balanced everywhere; shape (n,) each. Rooms are None without limits."""
+
+    s: FloatArray  # [m]
+    kappa: FloatArray  # of the lead rear axle, magnitude [1/m]
+    saturated: BoolArray  # no balanced circle is this tight
+    width: FloatArray  # between the outermost and the innermost body point [m]
+    axles: FloatArray  # the same without overhangs: what must lie on the drivable region [m]
+    room: FloatArray | None  # for ``width``: the overhangs' limit outside, the wheels' inside [m]
+    drivable: FloatArray | None  # for ``axles`` [m]
+
+    @property
+    def lacking(self) -> FloatArray | None:
+        """How much room is missing, negative where there is some to spare [m]."""
+        if self.room is None or self.drivable is None:
+            return None
+        return np.maximum(self.width - self.room, self.axles - self.drivable)
 
 
 @dataclass(frozen=True)
@@ -40,13 +93,14 @@ class Fit:
     long_enough: bool  # the road is at least as long as the vehicle
     spare: float | None  # least of (distance between the limits) / 2 - needed half width [m]; None without limits
     spare_s: float | None  # where [m]
+    findings: tuple[Finding, ...]  # where it does not fit, in order of s
 
     @property
     def fits(self) -> bool | None:
         """The verdict; None where the road has no limits to judge by and nothing else rules the vehicle out."""
-        if self.saturated or not self.long_enough:
+        if self.saturated or self.findings or not self.long_enough:
             return False
-        return None if self.spare is None else self.spare >= 0.0
+        return None if self.spare is None else True
 
 
 def facts_of(road: Road) -> RoadFacts:
@@ -71,23 +125,109 @@ def facts_of(road: Road) -> RoadFacts:
 
 def fit_of(road: Road, vehicle: Vehicle) -> Fit:
     """Return what ``vehicle`` needs on ``road`` and how much of the limits it leaves."""
-    s = _stations(road)
-    needed = CenteringTable.of(vehicle).at(road.path.at(s).curvature)
-    room = _room(road, s)
-    spare = None if room is None else 0.5 * room - needed.half_width
-    least = None if spare is None else int(np.argmin(spare))
+    needs = needs_of(road, vehicle, _stations(road))
+    lacking = needs.lacking
+    least = None if lacking is None else int(np.argmax(lacking))
     return Fit(
         vehicle.name,
-        float(np.max(needed.half_width)),
-        bool(np.any(needed.saturated)),
+        0.5 * float(np.max(needs.width)),
+        bool(np.any(needs.saturated)),
         road.path.length >= vehicle.reach_ahead + vehicle.reach_behind,
-        None if spare is None or least is None else float(spare[least]),
-        None if least is None else float(s[least]),
+        None if lacking is None or least is None else -0.5 * float(lacking[least]),
+        None if least is None else float(needs.s[least]),
+        _findings(needs, vehicle),
     )
 
 
+def needs_of(road: Road, vehicle: Vehicle, s: FloatArray) -> Needs:
+    """Return what ``vehicle`` needs at arclengths ``s`` [m] of ``road``.
+
+    In a balanced circle the outermost point belongs to an overhang, the innermost to an axle.
+    """
+    curvature = road.path.at(s).curvature
+    balanced = CenteringTable.of(vehicle).at(curvature)
+    kappa = np.abs(balanced.kappa)
+    outer, inner = swept_band(vehicle, kappa)
+    outer_axle, inner_axle = swept_band(vehicle, kappa, axles_only=True)
+    room = drivable = None
+    if road.limits is not None:
+        left, right, left_sweep, right_sweep = road.limits.table(s)
+        outside_right, outside_left = left - right_sweep, left_sweep - right
+        room = np.where(curvature > 0.0, outside_right, np.where(curvature < 0.0, outside_left, np.maximum(outside_left, outside_right)))
+        drivable = left - right
+    return Needs(s, kappa, balanced.saturated, outer - inner, outer_axle - inner_axle, room, drivable)
+
+
+def fit_table(road: Road, vehicles: list[Vehicle]) -> pd.DataFrame:
+    """Return a road's curvature [1/m] and limits over s [m], and the width that each vehicle needs there [m]."""
+    s = _stations(road)
+    none = np.full((4, len(s)), np.nan)
+    limits = none if road.limits is None else road.limits.table(s)
+    columns = {"s": s, "curvature": road.path.at(s).curvature}
+    columns |= dict(zip(("left", "right", "left_sweep", "right_sweep"), limits, strict=True))
+    return pd.DataFrame(columns | {f"needed_width_{vehicle.name}": needs_of(road, vehicle, s).width for vehicle in vehicles})
+
+
+def finding_text(finding: Finding, vehicle: str) -> str:
+    """Return a finding as one sentence."""
+    place = f"from s = {finding.s_from:.1f} to {finding.s_to:.1f} m"
+    if finding.trouble is Trouble.WIDTH:
+        return f"too narrow for the {vehicle} {place}: limits are {_apart(finding.available)}, needs {finding.needed:.2f} m"
+    if finding.trouble is Trouble.CURVATURE:
+        evenly = f"sweeping it evenly needs a curvature of {finding.needed:.3f} 1/m, it can do {finding.available:.3f} 1/m"
+        return f"too tight for the {vehicle} {place}: {evenly}"
+    return f"too tight for the {vehicle} {place}: it sweeps no circle as tight as that evenly"
+
+
+def finding_json(finding: Finding) -> dict[str, object]:
+    """Return a finding under the names that other programs read."""
+    return {
+        "trouble": str(finding.trouble),
+        "s_from_m": finding.s_from,
+        "s_to_m": finding.s_to,
+        "s_worst_m": finding.s_worst,
+        "available": finding.available,
+        "needed": finding.needed,
+    }
+
+
+def _apart(available: float) -> str:
+    return f"{available:.2f} m apart" if available >= 0.0 else f"blocked, {-available:.2f} m past each other"
+
+
+def _findings(needs: Needs, vehicle: Vehicle) -> tuple[Finding, ...]:
+    """Return the stretches where ``vehicle`` does not fit; a circle that does not exist is not judged by its width."""
+    most = np.full(len(needs.s), vehicle.max_curvature)
+    tight = (needs.kappa > most + _SAME_CURVATURE) & ~needs.saturated
+    found = [
+        *_stretches(Trouble.CIRCLE, needs.s, needs.saturated, needs.kappa, needs.kappa),
+        *_stretches(Trouble.CURVATURE, needs.s, tight, most, needs.kappa),
+    ]
+    if needs.room is not None and needs.drivable is not None:
+        whole = needs.width - needs.room >= needs.axles - needs.drivable
+        available, needed = np.where(whole, needs.room, needs.drivable), np.where(whole, needs.width, needs.axles)
+        found += _stretches(Trouble.WIDTH, needs.s, needed - available > _ENOUGH_M, available, needed)
+    return tuple(sorted(found, key=lambda finding: (finding.s_from, finding.trouble)))
+
+
+def _stretches(trouble: Trouble, s: FloatArray, bad: BoolArray, available: FloatArray, needed: FloatArray) -> list[Finding]:
+    at = np.flatnonzero(bad)
+    found = []
+    for part in np.split(at, np.flatnonzero(np.diff(s[at]) > _APART_M) + 1):
+        if len(part):
+            worst = part[np.argmax((needed - available)[part])]
+            place = (float(s[part[0]]), float(s[part[-1]]), float(s[worst]))
+            found.append(Finding(trouble, place[0], place[1], place[2], float(available[worst]), float(needed[worst])))
+    return found
+
+
 def _stations(road: Road) -> FloatArray:
-    return np.linspace(0.0, road.path.length, max(2, int(np.ceil(road.path.length / _SPACING_M)) + 1))
+    """Return arclengths for looking: evenly spaced ones, and those where limits change."""
+    s = np.linspace(0.0, road.path.length, max(2, int(np.ceil(road.path.length / _SPACING_M)) + 1))
+    if road.limits is None:
+        return s
+    nodes = road.limits.s
+    return np.union1d(s, nodes[(nodes > 0.0) & (nodes < road.path.length)])
 
 
 def _room(road: Road, s: FloatArray) -> FloatArray | None:

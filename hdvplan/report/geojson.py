@@ -10,23 +10,28 @@ from shapely.geometry import mapping
 from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
+from hdvplan.evaluation.balance import Breach
 from hdvplan.jit import FloatArray
+from hdvplan.report.colours import BODY_COLOURS, BREACH, INK, MUTED
 from hdvplan.report.result import Result, body_name
 from hdvplan.road.path import ReferencePath
-from hdvplan.road.road import Road
+from hdvplan.road.road import Limits, Road
 
 CHUNK_M = 50.0  # a road's swept area is cut into pieces this long: each is simple even where the road crosses itself
 CENTRE_SPACING_M = 0.5
 _DEGREES_GRID = 1e-7  # about 1 cm
 _METRES_GRID = 1e-3
+_SIMPLER_M = 1e-3  # points are left out that would move no line by more: nine of ten
 _FRAME_NOTE = "planar coordinates in metres: the road file has no geographic position"
 
 Json = dict[str, object]
 
 
 def swept_geojson(result: Result) -> Json:
-    """Return a FeatureCollection: one (Multi)Polygon a body, then the road's centre line.
+    """Return a FeatureCollection: one (Multi)Polygon a body, lines for limits and where they are broken, the road's centre, regions.
 
+    Every feature carries its colours as simplestyle properties (github.com/mapbox/simplestyle-spec), which geojson.io and
+    GitHub draw by; in QGIS they are fields for data-defined styles.
     Longitude and latitude, rounded to 1e-7 degrees, where the road has them; else planar metres, rounded to 1 mm.
     """
     drive, envelope = result.drive, result.envelope
@@ -41,10 +46,24 @@ def swept_geojson(result: Result) -> Json:
         left, right = envelope.left[unit], envelope.right[unit]
         reaches: Json = {"max_left_m": round(float(np.nanmax(left)), 4), "max_right_m": round(-float(np.nanmin(right)), 4)}
         area = swept_area(road.path, envelope.s, left, right)
-        features.append(_feature(area, road, common | {"kind": "swept area", "unit": body_name(vehicle, unit)} | reaches))
+        styled = _area_style(BODY_COLOURS[unit % len(BODY_COLOURS)])
+        features.append(_feature(area, road, common | {"kind": "swept area", "unit": body_name(vehicle, unit)} | reaches | styled))
     s = np.linspace(0.0, road.path.length, max(2, int(np.ceil(road.path.length / CENTRE_SPACING_M)) + 1))
-    centre = shapely.LineString(np.column_stack(road.path.to_plane(s, 0.0)))
-    features.append(_feature(centre, road, common | {"kind": "road centre"}))
+    if road.limits is not None:
+        left, right, left_sweep, right_sweep = road.limits.table(s)
+        for side, wheels, overhangs in (("left", left, left_sweep), ("right", right, right_sweep)):
+            named = common | {"kind": "limit", "side": side}
+            features.append(_feature(_line(road.path, s, wheels), road, named | _line_style(INK, 2)))
+            if np.any(overhangs != wheels):
+                named["kind"] = "limit of overhangs"
+                features.append(_feature(_line(road.path, s, overhangs), road, named | _line_style(INK, 1)))
+        features += [_broken(breach, road, road.limits, common) for breach in result.balance.breaches]
+    centre = _line(road.path, s, np.zeros(len(s)))
+    features.append(_feature(centre, road, common | {"kind": "road centre"} | _line_style(MUTED, 1)))
+    for region in road.regions:
+        label = {"name": region.label} if region.label else {}
+        named = common | {"kind": "region", "region": str(region.kind)} | label
+        features.append(_feature(region.polygon, road, named | _area_style(MUTED)))
     return {"type": "FeatureCollection", "features": features}
 
 
@@ -62,12 +81,35 @@ def swept_area(path: ReferencePath, s: FloatArray, left: FloatArray, right: Floa
     return shapely.union_all(pieces)
 
 
+def _broken(breach: Breach, road: Road, limits: Limits, common: Json) -> Json:
+    """Return the stretch of a limit over which it is broken, as a line with the depth."""
+    begin = max(0.0, breach.s_from - 0.5 * CENTRE_SPACING_M)
+    end = min(road.path.length, breach.s_to + 0.5 * CENTRE_SPACING_M)
+    s = np.linspace(begin, end, max(2, int(np.ceil((end - begin) / CENTRE_SPACING_M)) + 1))
+    limit = limits.table(s)[("left", "right").index(breach.side) + (2 if breach.region == "sweepable" else 0)]
+    where: Json = {"kind": "broken limit", "side": breach.side, "depth_m": round(breach.depth, 4), "s_m": round(breach.s_deepest, 2)}
+    return _feature(_line(road.path, s, limit), road, common | where | _line_style(BREACH, 5))
+
+
+def _area_style(colour: str) -> Json:
+    return {"stroke": colour, "stroke-width": 1, "stroke-opacity": 1.0, "fill": colour, "fill-opacity": 0.35}
+
+
+def _line_style(colour: str, width: int) -> Json:
+    return {"stroke": colour, "stroke-width": width, "stroke-opacity": 1.0}
+
+
+def _line(path: ReferencePath, s: FloatArray, offset: FloatArray) -> shapely.LineString:
+    return shapely.LineString(_points(path, s, offset))
+
+
 def _points(path: ReferencePath, s: FloatArray, offset: FloatArray) -> FloatArray:
     return np.column_stack(path.to_plane(s, offset))
 
 
 def _feature(geometry: BaseGeometry, road: Road, properties: Json) -> Json:
     """Return a feature in the road's own coordinates; polygons wind as RFC 7946 wants them."""
+    geometry = shapely.simplify(geometry, _SIMPLER_M)
     if road.to_lonlat is None:
         placed, grid, digits = geometry, _METRES_GRID, 3
     else:

@@ -2,79 +2,102 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 import shapely
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
-from matplotlib.colors import to_rgb
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
+from shapely.geometry.base import BaseGeometry
 
+from hdvplan.evaluation.balance import KEPT_M, Breach
 from hdvplan.jit import BoolArray, FloatArray
 from hdvplan.report.bodies import corners, pose_at
+from hdvplan.report.colours import BREACH, INK, MUTED
 from hdvplan.report.geojson import swept_area
 from hdvplan.report.result import Result, body_name
+from hdvplan.report.style import body_colour, body_fill
 from hdvplan.report.windows import Window
+from hdvplan.road.regions import Kind
+from hdvplan.road.road import Limits, Road
 from hdvplan.vehicle.model import Vehicle
 
-BODY_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7")  # Okabe and Ito: distinct for colour-blind readers
-_PALE = 0.4
-LIMIT_COLOUR = "#D55E00"
 _SPACING_M = 0.5
-_ROOM_M = 3.0  # around what a map shows
+_ROOM_M = 2.0  # around what a map shows
+_LABEL_AWAY_M = 2.5  # from the edge that it is written beside
+_LABELS_APART_M = 8.0
+_MOST_DEPTHS = 4  # written into one map
 
 
-def draw_map(axes: Axes, result: Result, window: Window) -> None:
-    """Draw the stretch ``window`` of the road with limits, the swept area of each body, and bodies at intervals."""
+def draw_map(axes: Axes, result: Result, window: Window, *, bodies: bool = True) -> None:
+    """Draw the stretch ``window`` of the road with limits, what each body swept, breaches with their depth, and bodies."""
     drive, envelope = result.drive, result.envelope
     path, vehicle = drive.road.path, drive.vehicle
     shown = (envelope.s >= window.s_from) & (envelope.s <= window.s_to)
+    s = envelope.s[shown]
     for unit in reversed(range(len(vehicle.units))):  # the lead unit on top: of the others shows what they sweep besides
-        area = swept_area(path, envelope.s[shown], envelope.left[unit][shown], envelope.right[unit][shown])
-        rings = [ring for part in shapely.get_parts(area) if part.geom_type == "Polygon" for ring in (part.exterior, *part.interiors)]
-        outline = Outline.make_compound_path(*(Outline(np.asarray(ring.coords), closed=True) for ring in rings))
-        axes.add_patch(PathPatch(outline, facecolor=body_fill(unit), edgecolor="none", label=f"swept by {swept_label(vehicle, unit)}"))
-    s = _stations(window)
-    axes.plot(*path.to_plane(s, 0.0), color="0.35", linewidth=0.8, linestyle=(0, (6, 3)), label="road centre")
-    if drive.road.limits is not None:
-        left, right = drive.road.limits.table(s)[:2]
-        axes.plot(*path.to_plane(s, left), color=LIMIT_COLOUR, linewidth=1.2, label="limits")
-        axes.plot(*path.to_plane(s, right), color=LIMIT_COLOUR, linewidth=1.2)
-    _draw_bodies(axes, result, window)
-    _frame(axes, np.column_stack(path.to_plane(s, 0.0)), 0.5 * vehicle.width + _reach(result, shown) + _ROOM_M)
+        area = swept_area(path, s, envelope.left[unit][shown], envelope.right[unit][shown])
+        axes.add_patch(PathPatch(_outline(area), facecolor=body_fill(unit), edgecolor="none", label=swept_label(vehicle, unit)))
+    draw_surroundings(axes, drive.road, window)
+    if bodies:
+        _draw_bodies(axes, result, window)
+    _draw_breaches(axes, result, window)
+    frame(axes, np.column_stack(path.to_plane(_stations(window), 0.0)), reach_within(result, shown))
 
 
-def body_colour(unit: int) -> str:
-    """Return the colour of body number ``unit``; colours repeat in long chains."""
-    return BODY_COLOURS[unit % len(BODY_COLOURS)]
+def draw_surroundings(axes: Axes, road: Road, window: Window) -> None:
+    """Draw what the road itself brings along the stretch ``window``: its centre and its limits.
 
-
-def body_fill(unit: int) -> tuple[float, float, float]:
-    """Return the opaque pale version of a body's colour: overlaps must not mix to a third one."""
-    red, green, blue = to_rgb(body_colour(unit))
-    return tuple(1.0 - _PALE * (1.0 - part) for part in (red, green, blue))  # type: ignore[return-value] # three parts
+    Its obstacles and what overhangs may sweep lie below, hatched where it may be swept.
+    """
+    path, s = road.path, _stations(window)
+    for kind, colour, hatch in ((Kind.OBSTACLE, "0.6", None), (Kind.SWEEPABLE, "none", "////")):
+        areas = [region.polygon for region in road.regions if region.kind is kind]
+        if areas:
+            shape = _outline(shapely.union_all(areas))
+            axes.add_patch(PathPatch(shape, facecolor=colour, edgecolor=MUTED, hatch=hatch, linewidth=0.6, zorder=0.5, label=kind))
+    axes.plot(*path.to_plane(s, 0.0), color=MUTED, linewidth=0.8, linestyle=(0, (7, 4)), label="road centre")
+    if road.limits is None:
+        return
+    left, right, left_sweep, right_sweep = road.limits.table(s)
+    for wheels, overhangs, first in ((left, left_sweep, True), (right, right_sweep, False)):
+        axes.plot(*path.to_plane(s, wheels), color=INK, linewidth=1.3, label="limits" if first else None)
+        apart = np.abs(overhangs - wheels) > 0.0
+        if np.any(apart):
+            x, y = path.to_plane(s, np.where(apart, overhangs, np.nan))
+            axes.plot(x, y, color=INK, linewidth=1.1, linestyle=(0, (1, 1.5)), label="limits of overhangs" if first else None)
 
 
 def swept_label(vehicle: Vehicle, unit: int) -> str:
     """Return what the visible part of a body's swept area is."""
     name = body_name(vehicle, unit)
-    return name if unit == 0 else f"{name}, not by the body ahead"
+    return f"swept by {name}" if unit == 0 else f"swept by {name} only"
 
 
 def draw_overview(axes: Axes, result: Result, windows: tuple[Window, ...]) -> None:
-    """Draw the whole road as a line, with the enlarged stretches and the start marked."""
+    """Draw the whole road as a line, with the enlarged stretches, the breaches and the start marked."""
     path = result.drive.road.path
     s = np.linspace(0.0, path.length, max(2, int(path.length / _SPACING_M)))
     points = np.column_stack(path.to_plane(s, 0.0))
-    axes.plot(*points.T, color="0.45", linewidth=1.4)
-    axes.plot(*points[0], marker="o", color="0.15", markersize=5)
-    axes.annotate("start", points[0], xytext=(6, 6), textcoords="offset points", fontsize="small")
+    axes.plot(*points.T, color=MUTED, linewidth=1.6)
     for window in windows:
         part = np.column_stack(path.to_plane(_stations(window), 0.0))
-        axes.plot(*part.T, color=LIMIT_COLOUR, linewidth=4.0, solid_capstyle="butt")
-        axes.annotate(window.label, part[len(part) // 2], xytext=(7, 7), textcoords="offset points", fontweight="bold")
-    _frame(axes, points, 0.05 * float(np.max(np.ptp(points, axis=0))))
-    axes.set_title("overview; the marked places are enlarged", fontsize="small", loc="left")
+        middle = part[len(part) // 2]
+        axes.plot(*part.T, color=body_colour(0), linewidth=5.0, solid_capstyle="round")
+        axes.annotate(
+            window.label, middle, xytext=(11, 9), textcoords="offset points", fontweight="bold", color="white", fontsize="small",
+            bbox={"boxstyle": "circle,pad=0.25", "facecolor": body_colour(0), "edgecolor": "white"}, zorder=5,
+        )  # fmt: skip
+    if result.balance.breaches:
+        x, y = path.to_plane(np.array([breach.s_deepest for breach in result.balance.breaches]), 0.0)
+        axes.plot(x, y, linestyle="none", marker="X", color=BREACH, markersize=7, markeredgecolor="white", label="limit broken", zorder=4)
+        axes.legend(loc="best")
+    axes.plot(*points[0], marker="o", color=INK, markersize=6)
+    axes.annotate("start", points[0], xytext=(7, -4), textcoords="offset points", fontsize="small")
+    frame(axes, points, 0.06 * float(np.max(np.ptp(points, axis=0))))
+    axes.set_title("overview", fontsize="small", loc="left")
 
 
 def _draw_bodies(axes: Axes, result: Result, window: Window) -> None:
@@ -85,15 +108,78 @@ def _draw_bodies(axes: Axes, result: Result, window: Window) -> None:
     places = np.linspace(window.s_from, window.s_to, count + 2)[1:-1]
     outlines: list[FloatArray] = [body for s in places for body in corners(drive, pose_at(drive, float(s)))]
     colours = [body_colour(unit) for unit in range(len(drive.vehicle.units))] * len(places)
-    axes.add_collection(PolyCollection(outlines, facecolors="white", edgecolors=colours, linewidths=1.2, alpha=0.85, zorder=3))
+    axes.add_collection(PolyCollection(outlines, facecolors="white", edgecolors=colours, linewidths=1.3, alpha=0.85, zorder=3))
 
 
-def _reach(result: Result, shown: BoolArray) -> float:
+def _draw_breaches(axes: Axes, result: Result, window: Window) -> None:
+    """Fill what was swept beyond a limit, and write how deep the deepest places are."""
+    path, limits, s = result.drive.road.path, result.drive.road.limits, result.envelope.s
+    if limits is None:
+        return
+    shown = (s >= window.s_from) & (s <= window.s_to)
+    label: str | None = "beyond a limit"
+    for key, gaps in result.gaps.items():
+        limit, beyond = edge_beyond(limits, s, key, np.where(shown, np.nanmin(gaps, axis=0), 0.0))
+        if np.all(np.isnan(beyond)):
+            continue
+        outline = _outline(swept_area(path, s, np.fmax(limit, beyond), np.where(np.isnan(beyond), np.nan, np.fmin(limit, beyond))))
+        axes.add_patch(PathPatch(outline, facecolor=BREACH, edgecolor=BREACH, linewidth=1.2, label=label, zorder=4))
+        label = None
+    for breach in _spread(breach for breach in result.balance.breaches if window.s_from <= breach.s_deepest <= window.s_to):
+        outwards, edge = 1.0 if breach.side == "left" else -1.0, breach_offset(limits, breach)
+        x, y = path.to_plane(breach.s_deepest, edge)
+        u, v = path.to_plane(breach.s_deepest, edge + outwards * _LABEL_AWAY_M)
+        axes.annotate(
+            f"{breach.depth:.2f} m", (float(x), float(y)), xytext=(float(u), float(v)), ha="center", va="center", zorder=6,
+            color=BREACH, fontweight="bold", fontsize="small", arrowprops={"arrowstyle": "-", "color": BREACH, "linewidth": 0.8},
+            bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8},
+        )  # fmt: skip
+
+
+def edge_beyond(limits: Limits, s: FloatArray, key: tuple[str, str], gap: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return a limit, by its side and region, and how far beyond it the vehicle reached: signed offsets at ``s`` [m].
+
+    NaN where the least room ``gap`` counts as kept.
+    """
+    limit = limits.table(s)[_row(*key)]
+    beyond = limit - gap if key[0] == "left" else limit + gap
+    return limit, np.where(gap < -KEPT_M, beyond, np.nan)
+
+
+def _spread(breaches: Iterable[Breach]) -> list[Breach]:
+    """Return the deepest breaches that are far enough apart to be written beside each other."""
+    kept = list[Breach]()
+    for breach in sorted(breaches, key=lambda breach: -breach.depth):
+        if all(abs(breach.s_deepest - other.s_deepest) > _LABELS_APART_M or breach.side != other.side for other in kept):
+            kept.append(breach)
+    return kept[:_MOST_DEPTHS]
+
+
+def breach_offset(limits: Limits, breach: Breach) -> float:
+    """Return the signed offset that the vehicle reached at a breach's deepest place [m]."""
+    limit = float(limits.table(np.array([breach.s_deepest]))[_row(breach.side, breach.region), 0])
+    return limit + breach.depth if breach.side == "left" else limit - breach.depth
+
+
+def _row(side: str, region: str) -> int:
+    """Return a limit's row in ``Limits.table``."""
+    return ("left", "right").index(side) + (2 if region == "sweepable" else 0)
+
+
+def _outline(area: BaseGeometry) -> Outline:
+    """Return polygons with their holes as one outline; lines and points that repairs left over are dropped."""
+    polygons = [part for part in shapely.get_parts(shapely.get_parts(area)) if isinstance(part, shapely.Polygon) and not part.is_empty]
+    rings = [Outline(np.asarray(ring.coords), closed=True) for part in polygons for ring in (part.exterior, *part.interiors)]
+    return Outline.make_compound_path(*rings) if rings else Outline(np.empty((0, 2)))
+
+
+def reach_within(result: Result, shown: BoolArray) -> float:
+    """Return how far around the centre a map shows; limits far beyond what was swept are not shown [m]."""
     reach = max(float(np.max(result.envelope.reach_left[shown])), -float(np.min(result.envelope.reach_right[shown])))
     limits = result.drive.road.limits
     if limits is None:
-        return reach
-    return max(reach, float(np.max(np.abs(limits.table(result.envelope.s[shown])[:2]))))
+        return reach + _ROOM_M
+    return _ROOM_M + max(reach, min(2.0 * reach, float(np.max(np.abs(limits.table(result.envelope.s[shown]))))))
 
 
 def _stations(window: Window) -> FloatArray:
@@ -101,12 +187,12 @@ def _stations(window: Window) -> FloatArray:
     return window.s_from + np.linspace(0.0, length, max(2, int(length / _SPACING_M) + 1))
 
 
-def _frame(axes: Axes, points: FloatArray, room: float) -> None:
+def frame(axes: Axes, points: FloatArray, room: float) -> None:
     """Show ``points`` (n, 2) and ``room`` [m] around them at equal scale."""
+    axes.ignore_existing_data_limits = True  # else limits far away would shrink what matters
     axes.update_datalim(np.array([points.min(axis=0) - room, points.max(axis=0) + room]))
     axes.margins(0.0)
     axes.autoscale_view()
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel("x [m]", fontsize="small")
-    axes.set_ylabel("y [m]", fontsize="small")
-    axes.tick_params(labelsize="small")
+    axes.set_xlabel("x [m]", fontsize="small", labelpad=1.0)
+    axes.set_ylabel("y [m]", fontsize="small", labelpad=1.0)

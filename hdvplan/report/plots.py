@@ -2,125 +2,260 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.gridspec import SubplotSpec
+from matplotlib.figure import Figure, SubFigure
+from matplotlib.legend import Legend
+from matplotlib.ticker import MaxNLocator, NullFormatter
 
-from hdvplan.jit import FloatArray
-from hdvplan.report.maps import LIMIT_COLOUR, body_colour, body_fill, draw_map, draw_overview
+from hdvplan.jit import BoolArray, FloatArray
+from hdvplan.report.colours import BREACH, INK, MUTED
+from hdvplan.report.maps import breach_offset, draw_map, draw_overview, edge_beyond
 from hdvplan.report.result import Result, body_name
-from hdvplan.report.windows import Window, tightest_windows
+from hdvplan.report.style import SLIDE_IN, body_colour, body_fill, styled
+from hdvplan.report.summary import step_times_ms
+from hdvplan.report.windows import FEW_BELOW_M, LONG_ROAD_M, Window, tightest_windows
 
-WIDTH_IN = 11.0
-LONG_ROAD_M = 300.0  # beyond it a body is a speck: an overview with enlargements instead of one map
-_MAP_HEIGHT_IN = (3.0, 7.0)  # of the map panel, whatever the road's proportions
-_PROFILE_HEIGHT_IN = 2.0
+Panel = Callable[[Axes, Result, Window], None]
+_SHADE = "0.90"
+_ON_WHITE = {"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.7}
+_LOG_FROM = 10.0  # largest step time over the median: beyond it, a linear scale shows only the largest
+_FAR = 2.0  # limits this many reaches away would flatten the envelope
 
 
 def plan_figure(result: Result) -> Figure:
-    """Return the figure of a plan: map or overview with enlargements, envelope, curvature, articulation over s."""
+    """Return the figure of a plan: map, or overview with enlargements; beside it envelope, curvature, articulation, times."""
+    with styled():
+        return _plan_figure(result)
+
+
+def _plan_figure(result: Result) -> Figure:
     drive = result.drive
-    profiles = 2 + (len(drive.vehicle.units) > 1)
-    long = drive.road.path.length > LONG_ROAD_M
-    map_height = _MAP_HEIGHT_IN[1] if long else _map_height(result)
-    figure = Figure(figsize=(WIDTH_IN, map_height + _PROFILE_HEIGHT_IN * profiles + 1.0), layout="constrained")
-    rows = figure.add_gridspec(1 + profiles, 1, height_ratios=[map_height] + [_PROFILE_HEIGHT_IN] * profiles)
-    windows = tightest_windows(result) if long else ()
-    if long:
-        _draw_long_maps(figure, rows[0], result, windows)
+    length = drive.road.path.length
+    windows = tightest_windows(result) if length > LONG_ROAD_M else ()
+    figure = Figure(figsize=SLIDE_IN, layout="constrained")
+    places, profiles = figure.subfigures(1, 2, width_ratios=[1.25, 1.0], squeeze=False)[0]
+    if windows:
+        _draw_long_maps(places, result, windows)
     else:
-        axes = figure.add_subplot(rows[0])
-        draw_map(axes, result, Window(0.0, drive.road.path.length))
-        axes.legend(loc="best", fontsize="small", framealpha=0.9)
-    envelope = figure.add_subplot(rows[1])
-    curvature = figure.add_subplot(rows[2], sharex=envelope)
-    _draw_envelope(envelope, result)
-    _draw_curvature(curvature, result)
-    last = curvature
-    if profiles > 2:  # noqa: PLR2004 - envelope and curvature come first
-        last = figure.add_subplot(rows[3], sharex=envelope)
-        _draw_articulation(last, result)
-    for axes in (envelope, curvature, last):
-        axes.label_outer()
-        _mark(axes, windows)
-        axes.grid(visible=True, color="0.9", linewidth=0.6)
-        axes.set_xlim(0.0, drive.road.path.length)
-        if axes.get_legend_handles_labels()[0]:
-            axes.legend(loc="upper left", bbox_to_anchor=(1.005, 1.0), borderaxespad=0.0, fontsize="small", frameon=False)
-    last.set_xlabel("arclength s [m]")
+        axes = places.add_subplot()
+        draw_map(axes, result, Window(0.0, length))
+        _legend_above(axes, columns=3)
+    if length > FEW_BELOW_M:
+        _draw_long_profiles(profiles, result, windows)
+    else:
+        _draw_profiles(profiles, result, windows)
     scheme = str(drive.settings.scheme).upper()
-    figure.suptitle(f"{drive.vehicle.name} on {drive.road.name}: {scheme}, {result.solver}, {result.objective}", fontsize="large")
+    title = f"{drive.vehicle.name} on {drive.road.name}: {scheme}, {result.solver}, {result.objective}"
+    figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
     if drive.road.notice is not None:
-        figure.supxlabel(drive.road.notice, fontsize="x-small", color="0.35", x=0.01, ha="left")
+        figure.supxlabel(drive.road.notice, fontsize="x-small", color=MUTED, x=0.01, ha="left")
     return figure
 
 
-def _map_height(result: Result) -> float:
-    """Return the height at which a map of equal scale fills the figure's width [in]."""
+def _draw_long_maps(figure: SubFigure, result: Result, windows: tuple[Window, ...]) -> None:
+    """Draw the overview and the enlargements; a tall road's overview stands beside them, a wide one's above."""
     path = result.drive.road.path
     x, y = path.to_plane(np.linspace(0.0, path.length, 400), 0.0)
-    room = 4.0 * result.drive.vehicle.width
-    filled = WIDTH_IN * (float(np.ptp(y)) + room) / (float(np.ptp(x)) + room)
-    return float(np.clip(filled, *_MAP_HEIGHT_IN))
-
-
-def _draw_long_maps(figure: Figure, place: SubplotSpec, result: Result, windows: tuple[Window, ...]) -> None:
-    columns = place.subgridspec(1, 2, width_ratios=[1.0, 1.15])
-    overview = figure.add_subplot(columns[0])
-    draw_overview(overview, result, windows)
-    cells = columns[1].subgridspec(len(windows), 1)
+    rows = (len(windows) + 1) // 2
+    if float(np.ptp(y)) > float(np.ptp(x)):
+        across = 1 if len(windows) <= 2 else 2  # noqa: PLR2004 - two stand above each other, four in a square
+        grid = figure.add_gridspec(1, 2, width_ratios=[1.0, 1.3 * across])
+        cells = grid[1].subgridspec((len(windows) + across - 1) // across, across)
+    else:
+        grid = figure.add_gridspec(2, 1, height_ratios=[1.0, 0.9 * rows])
+        cells = grid[1].subgridspec(rows, min(2, len(windows)))
+    draw_overview(figure.add_subplot(grid[0]), result, windows)
+    named: dict[str, Artist] = {}
     for number, window in enumerate(windows):
-        axes = figure.add_subplot(cells[number])
+        axes = figure.add_subplot(cells[divmod(number, cells.ncols)])
         draw_map(axes, result, window)
         axes.set_title(window.title, fontsize="small", loc="left")
-        if number == 0:
-            axes.legend(loc="best", fontsize="x-small", framealpha=0.9)
+        handles, labels = axes.get_legend_handles_labels()
+        named |= dict(zip(labels, handles, strict=True))
+    figure.legend(list(named.values()), list(named), loc="outside upper left", ncols=3)
 
 
-def _draw_envelope(axes: Axes, result: Result) -> None:
-    envelope, drive = result.envelope, result.drive
-    s = envelope.s
-    for unit in reversed(range(len(drive.vehicle.units))):
-        low, high = envelope.right[unit], envelope.left[unit]
-        axes.fill_between(s, low, high, color=body_fill(unit), linewidth=0.0, label=body_name(drive.vehicle, unit))
-    for unit in range(len(drive.vehicle.units)):
-        axes.plot(s, np.column_stack([envelope.left[unit], envelope.right[unit]]), color=body_colour(unit), linewidth=1.0)
-    _plot_expected(axes, s, result.aim + result.expected.half_width, "geometric")
-    _plot_expected(axes, s, result.aim - result.expected.half_width)
-    if drive.road.limits is not None:
-        left, right = drive.road.limits.table(s)[:2]
-        for limit, label in ((left, "limits"), (right, None)):
-            axes.plot(s, limit, color=LIMIT_COLOUR, linestyle=(0, (5, 2)), linewidth=1.2, label=label)
-    axes.axhline(0.0, color="0.6", linewidth=0.6)
+def _panels(result: Result) -> list[Panel]:
+    return [_draw_envelope, _draw_curvature, *([_draw_articulation] if len(result.drive.vehicle.units) > 1 else [])]
+
+
+def _draw_profiles(figure: SubFigure, result: Result, windows: tuple[Window, ...]) -> None:
+    """Draw everything over the road's whole length, the enlarged stretches shaded."""
+    draw = [*_panels(result), _draw_times]
+    cells = figure.add_gridspec(len(draw), 1, height_ratios=[1.5] + [1.0] * (len(draw) - 1))
+    first: Axes | None = None
+    for number, draw_panel in enumerate(draw):
+        axes = figure.add_subplot(cells[number], sharex=first)
+        draw_panel(axes, result, _whole(result))
+        _finish_whole(axes, result, windows, named=first is None)
+        axes.label_outer()
+        first = first or axes
+    axes.set_xlabel("arclength s [m]")
+
+
+def _draw_long_profiles(figure: SubFigure, result: Result, windows: tuple[Window, ...]) -> None:
+    """Draw reach and step times over the whole length of a road on which bends are but spikes; the rest where it is enlarged."""
+    draw = _panels(result)
+    grid = figure.add_gridspec(3, 1, height_ratios=[1.1, 0.8 + len(draw), 0.9])
+    whole, times = figure.add_subplot(grid[0]), figure.add_subplot(grid[2])
+    _draw_envelope(whole, result, _whole(result))
+    _draw_times(times, result, _whole(result))
+    for axes in (whole, times):
+        _finish_whole(axes, result, windows, named=axes is whole)
+        axes.set_xlabel("arclength s [m]", labelpad=1.0)
+    ordered = sorted(windows, key=lambda window: window.s_from)
+    cells = grid[1].subgridspec(len(draw), len(windows), height_ratios=[1.5] + [1.0] * (len(draw) - 1))
+    for row, draw_panel in enumerate(draw):
+        first: Axes | None = None
+        for column, window in enumerate(ordered):
+            axes = figure.add_subplot(cells[row, column], sharey=first)
+            draw_panel(axes, result, window)
+            axes.grid(visible=True)
+            axes.set_xlim(window.s_from, window.s_to)
+            axes.label_outer()
+            axes.xaxis.set_major_locator(MaxNLocator(2, integer=True))
+            axes.set_title(window.label if row == 0 else " ", fontsize="small", fontweight="bold", loc="right")
+            if first is None and row > 0:  # the whole road's envelope has the first row's legend
+                _legend_above(axes, columns=5).set_in_layout(False)  # it is wider than one column
+            first = first or axes
+
+
+def _whole(result: Result) -> Window:
+    return Window(0.0, result.drive.road.path.length)
+
+
+def _within(s: FloatArray, window: Window) -> BoolArray:
+    """Return which samples a panel over ``window`` needs; one more on either side joins its lines to its edges."""
+    margin = 2.0 * (s[1] - s[0])
+    inside: BoolArray = (s >= window.s_from - margin) & (s <= window.s_to + margin)
+    return inside
+
+
+def _finish_whole(axes: Axes, result: Result, windows: tuple[Window, ...], *, named: bool) -> None:
+    axes.grid(visible=True)
+    axes.set_xlim(0.0, result.drive.road.path.length)
+    _legend_above(axes, columns=5)
+    for window in windows:
+        axes.axvspan(window.s_from, window.s_to, color=_SHADE, linewidth=0.0, zorder=0)
+        if named:
+            middle = 0.5 * (window.s_from + window.s_to)
+            axes.text(
+                middle,
+                0.03,
+                window.label,
+                transform=axes.get_xaxis_transform(),
+                ha="center",
+                bbox=_ON_WHITE,
+                fontsize="small",
+                fontweight="bold",
+            )
+
+
+def _draw_envelope(axes: Axes, result: Result, window: Window) -> None:
+    envelope, vehicle = result.envelope, result.drive.vehicle
+    shown = _within(envelope.s, window)
+    s, left, right, expected = envelope.s[shown], envelope.left[:, shown], envelope.right[:, shown], result.expected.half_width[shown]
+    for unit in reversed(range(len(vehicle.units))):
+        axes.fill_between(s, right[unit], left[unit], color=body_fill(unit), linewidth=0.0, label=body_name(vehicle, unit))
+    for unit in range(len(vehicle.units)):
+        axes.plot(s, np.column_stack([left[unit], right[unit]]), color=body_colour(unit), linewidth=1.0)
+    _plot_expected(axes, s, result.aim[shown] + expected, "geometric")
+    _plot_expected(axes, s, result.aim[shown] - expected)
+    _draw_limits(axes, result, shown, window)
+    for number, finding in enumerate(result.fit.findings):
+        label = "does not fit, by geometry" if number == 0 else None
+        s_from, s_to = max(finding.s_from, window.s_from), min(finding.s_to, window.s_to)
+        if s_from < s_to:
+            axes.axvspan(s_from, s_to, color=BREACH, alpha=0.15, linewidth=0.0, zorder=0, label=label)
+    axes.axhline(0.0, color=MUTED, linewidth=0.6)
     axes.set_ylabel("reach [m]\n(left positive)")
 
 
-def _draw_curvature(axes: Axes, result: Result) -> None:
-    drive = result.drive
-    axes.plot(result.envelope.s, drive.road.path.at(result.envelope.s).curvature, color="0.65", linewidth=1.0, label="road")
-    _plot_expected(axes, result.envelope.s, result.expected.kappa, "geometric")
-    axes.stairs(drive.kappa, drive.stations.s[: len(drive.kappa) + 1], baseline=None, color=body_colour(0), linewidth=1.2, label="planned")
+def _draw_limits(axes: Axes, result: Result, shown: BoolArray, window: Window) -> None:
+    """Draw limits, what lies beyond them in red, crosses where it is deepest, and how deep the deepest is."""
+    limits, s = result.drive.road.limits, result.envelope.s[shown]
+    if limits is None:
+        return
+    seen = _FAR * max(float(np.max(result.envelope.reach_left)), -float(np.min(result.envelope.reach_right)))
+    table = limits.table(s)
+    table[np.abs(table) > seen] = np.nan
+    label: str | None = "limits" if np.any(np.isfinite(table)) else "limits (further out)"
+    for wheels, overhangs in ((table[0], table[2]), (table[1], table[3])):
+        axes.plot(s, wheels, color=INK, linewidth=1.2, label=label)
+        if np.any(overhangs != wheels):
+            axes.plot(s, overhangs, color=INK, linewidth=1.1, linestyle=(0, (1, 1.5)), label="of overhangs" if label else None)
+        label = None
+    here = [breach for breach in result.balance.breaches if window.s_from <= breach.s_deepest <= window.s_to]
+    if not here:
+        return
+    for key, gaps in result.gaps.items():
+        limit, beyond = edge_beyond(limits, s, key, np.nanmin(gaps[:, shown], axis=0))
+        axes.fill_between(s, limit, beyond, color=BREACH, linewidth=0.0)
+    at = [breach.s_deepest for breach in here]
+    edges = [breach_offset(limits, breach) for breach in here]
+    axes.plot(at, edges, linestyle="none", marker="X", color=BREACH, markersize=7, markeredgecolor="white", label="limit broken", zorder=5)
+    deepest = max(here, key=lambda breach: breach.depth)
+    outwards = 1.0 if deepest.side == "left" else -1.0
+    axes.annotate(
+        f"{deepest.depth:.2f} m beyond", (deepest.s_deepest, breach_offset(limits, deepest)), xytext=(0.0, 7.0 * outwards),
+        textcoords="offset points", ha="center", va="bottom" if outwards > 0.0 else "top", color=BREACH, fontweight="bold",
+        fontsize="small",
+    ).set_in_layout(False)  # fmt: skip
+    axes.margins(y=0.16)
+
+
+def _draw_curvature(axes: Axes, result: Result, window: Window) -> None:
+    drive, shown = result.drive, _within(result.envelope.s, window)
+    s = result.envelope.s[shown]
+    axes.plot(s, drive.road.path.at(s).curvature, color="0.65", linewidth=1.2, label="road")
+    _plot_expected(axes, s, result.expected.kappa[shown], "geometric")
+    edges = drive.stations.s[: len(drive.kappa) + 1]
+    held = np.flatnonzero(_within(edges[:-1], window))
+    planned, edges = drive.kappa[held], edges[held[0] : held[-1] + 2]
+    axes.stairs(planned, edges, baseline=None, color=body_colour(0), linewidth=1.3, label="planned")
     axes.set_ylabel("curvature [1/m]")
 
 
-def _draw_articulation(axes: Axes, result: Result) -> None:
+def _draw_articulation(axes: Axes, result: Result, window: Window) -> None:
     drive = result.drive
+    s, expected_s = drive.stations.s[: len(drive.z)], result.envelope.s
+    shown, expected_shown = _within(s, window), _within(expected_s, window)
     couplings = drive.z.shape[1] - 2
     for coupling in range(couplings):
         label = "driven" if couplings == 1 else f"coupling {coupling + 1}"
-        colour = body_colour(1 + coupling)
-        axes.plot(drive.stations.s[: len(drive.z)], np.rad2deg(drive.z[:, 2 + coupling]), color=colour, linewidth=1.2, label=label)
-        geometric = np.rad2deg(result.expected.beta[:, coupling])
-        _plot_expected(axes, result.envelope.s, geometric, "geometric" if coupling == 0 else None)
+        driven, geometric = np.rad2deg(drive.z[:, 2 + coupling]), np.rad2deg(result.expected.beta[:, coupling])
+        axes.plot(s[shown], driven[shown], color=body_colour(1 + coupling), linewidth=1.3, label=label)
+        _plot_expected(axes, expected_s[expected_shown], geometric[expected_shown], "geometric" if coupling == 0 else None)
     axes.set_ylabel("articulation [deg]")
 
 
+def _draw_times(axes: Axes, result: Result, _window: Window) -> None:
+    """Draw the time of every planning step where it was planned; a step that was not solved is crossed."""
+    drive, times = result.drive, step_times_ms(result)
+    at = drive.stations.s[[plan.first for plan in drive.plans]]
+    total = 1e3 * np.array([plan.times.total for plan in drive.plans])
+    usable = np.array([plan.usable for plan in drive.plans])
+    axes.plot(at, total, linestyle="none", marker="o", markersize=2.5, color=body_colour(0), alpha=0.7, label="one step")
+    if not np.all(usable):
+        axes.plot(at[~usable], total[~usable], linestyle="none", marker="X", color=BREACH, markersize=6, label="not solved")
+    label = f"mean {times['mean']:.2f}, p99 {times['p99']:.2f}, max {times['max']:.2f} ms"
+    axes.axhline(times["mean"], color=MUTED, linewidth=1.0, label=label)
+    if times["max"] > _LOG_FROM * times["p50"]:
+        axes.set_yscale("log")
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_formatter(NullFormatter())
+    else:
+        axes.set_ylim(bottom=0.0)
+    axes.set_ylabel("step time [ms]")
+
+
 def _plot_expected(axes: Axes, s: FloatArray, values: FloatArray, label: str | None = None) -> None:
-    axes.plot(s, values, color="0.35", linestyle=":", linewidth=1.4, label=label)
+    axes.plot(s, values, color=INK, linestyle=(0, (1, 1.2)), linewidth=1.3, label=label)
 
 
-def _mark(axes: Axes, windows: tuple[Window, ...]) -> None:
-    """Shade the stretches that are enlarged."""
-    for window in windows:
-        axes.axvspan(window.s_from, window.s_to, color="0.88", linewidth=0.0, zorder=0)
+def _legend_above(axes: Axes, *, columns: int) -> Legend:
+    return axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.0, ncols=columns, handlelength=1.6, columnspacing=1.2)

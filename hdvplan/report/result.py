@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from hdvplan.centering.weights import Centering, CenteringTable
 from hdvplan.drive import Drive
-from hdvplan.evaluation.balance import Balance, Breach, balance_of
+from hdvplan.evaluation.balance import Balance, Breach, balance_of, gaps_of
 from hdvplan.evaluation.envelope import Envelope, envelope_of
 from hdvplan.jit import FloatArray
 from hdvplan.planning.bias import shifted
 from hdvplan.planning.planner import Plan
+from hdvplan.report.fit import Fit, fit_of
 from hdvplan.vehicle.model import Vehicle
 
 _PAIR = ("tractor", "trailer")
@@ -28,6 +30,20 @@ class Result:
     expected: Centering
     solver: str
     objective: str
+    fit: Fit  # what geometry said before planning
+
+    @cached_property
+    def gaps(self) -> dict[tuple[str, str], FloatArray]:
+        """The room that every body leaves to the limits, (units, n) [m], by side and region; empty without limits."""
+        return gaps_of(self.drive, self.envelope)
+
+    @property
+    def clearance(self) -> FloatArray | None:
+        """Least room to any limit at the envelope's arclengths, negative where one is broken, shape (n,) [m]; None without limits."""
+        if not self.gaps:
+            return None
+        least: FloatArray = np.nanmin(np.concatenate(list(self.gaps.values())), axis=0)
+        return least
 
     @property
     def failed(self) -> tuple[Plan, ...]:
@@ -43,7 +59,7 @@ class Result:
     def two_regions(self) -> bool:
         """Whether overhangs have limits of their own, so that a breach must say which."""
         limits = self.drive.road.limits
-        return limits is not None and bool(np.any(limits.left_sweep > limits.left) or np.any(limits.right_sweep < limits.right))
+        return limits is not None and limits.two_regions
 
     @property
     def status(self) -> str:
@@ -63,18 +79,20 @@ def result_of(drive: Drive, *, solver: str, objective: str) -> Result:
     envelope = envelope_of(drive)
     curvature = shifted(drive.road.path.at(envelope.s).curvature, drive.bias.at(envelope.s), envelope.s)
     expected = CenteringTable.of(drive.vehicle).at(curvature)
-    return Result(drive, envelope, balance_of(drive, envelope), expected, solver, objective)
+    return Result(drive, envelope, balance_of(drive, envelope), expected, solver, objective, fit_of(drive.road, drive.vehicle))
 
 
 def breach_text(result: Result, breach: Breach) -> str:
     """Return a sentence that says which body breaks which limit, by how much and where."""
     limit = f"{breach.region} {breach.side}" if result.two_regions else breach.side
     name = body_name(result.drive.vehicle, breach.unit)
-    return f"the {name} breaks the {limit} limit by {breach.depth:.3f} m at s = {breach.s_deepest:.1f} m"
+    return f"the {breach.part} of the {name} breaks the {limit} limit by {breach.depth:.3f} m at s = {breach.s_deepest:.1f} m"
 
 
 def body_name(vehicle: Vehicle, unit: int) -> str:
-    """Return what users call body ``unit`` (from 0): the vehicle itself, tractor or trailer, or its number from 1."""
+    """Return what users call body ``unit`` (from 0): its own name, or the vehicle's, tractor or trailer, or its number from 1."""
+    if vehicle.units[unit].name:
+        return vehicle.units[unit].name
     if len(vehicle.units) == 1:
         return vehicle.name
     return _PAIR[unit] if len(vehicle.units) == len(_PAIR) else f"unit {unit + 1}"

@@ -8,6 +8,8 @@ import numpy as np
 
 from hdvplan import __version__
 from hdvplan.evaluation.balance import Breach
+from hdvplan.report.fit import finding_json
+from hdvplan.report.obstacles import Approach, approaches
 from hdvplan.report.result import Result, body_name
 from hdvplan.road.road import Road
 from hdvplan.vehicle.model import Vehicle
@@ -39,11 +41,18 @@ def summary_of(result: Result) -> Json:
         "min_clearance_m": balance.min_clearance,
         "limit_violation_m": balance.violation if balance.breaches else 0.0,
         "breaches": [_breach(breach, drive.vehicle) for breach in balance.breaches],
+        "fit": [finding_json(finding) for finding in result.fit.findings],
+        "obstacles": [_approach(approach, drive.vehicle) for approach in approaches(drive)],
         "failed_steps": [float(drive.stations.s[plan.first]) for plan in result.failed],
         "prediction_error_m": drive.prediction_error,
         "sqp_iterations_mean": float(np.mean(counts)),
         "sqp_iterations_max": int(np.max(counts)),
+        "converged_plans": int(sum(plan.moved < settings.sqp_tolerance for plan in drive.plans)),
+        "steps_halved": int(sum(plan.halvings for plan in drive.plans)),
+        "merit_mean": float(np.mean([plan.merit for plan in drive.plans if plan.usable] or [0.0])),
+        "merit_max": float(np.max([plan.merit for plan in drive.plans if plan.usable] or [0.0])),
         "time_ms": step_times_ms(result),
+        "bodies": [_body(drive.vehicle, unit) for unit in range(len(drive.vehicle.units))],
         "smoothing": smoothing_of(drive.road),
         "settings": {name: str(value) if isinstance(value, str) else value for name, value in asdict(settings).items()},
         "notice": drive.road.notice,
@@ -86,6 +95,28 @@ def smoothing_of(road: Road) -> Json | None:
     }
 
 
+def _body(vehicle: Vehicle, unit: int) -> Json:
+    """Return what drawing a body at its pose needs; lengths ahead of, and behind, its axle."""
+    wheelbase, hitch, front, rear, half = (float(value) for value in vehicle.table()[unit, :5])
+    return {
+        "name": body_name(vehicle, unit),
+        "wheelbase_m": wheelbase,
+        "hitch_offset_m": hitch,
+        "front_m": front,
+        "rear_m": rear,
+        "width_m": 2.0 * half,
+    }
+
+
+def _approach(approach: Approach, vehicle: Vehicle) -> Json:
+    return {
+        "name": approach.obstacle.label,
+        "distance_m": approach.distance,
+        "s_m": approach.s,
+        "unit": body_name(vehicle, approach.unit),
+    }
+
+
 def _breach(breach: Breach, vehicle: Vehicle) -> Json:
     return {
         "s_from": breach.s_from,
@@ -94,5 +125,6 @@ def _breach(breach: Breach, vehicle: Vehicle) -> Json:
         "depth_m": breach.depth,
         "side": breach.side,
         "unit": body_name(vehicle, breach.unit),
+        "part": breach.part,
         "region": breach.region,
     }

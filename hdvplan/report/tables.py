@@ -76,17 +76,17 @@ def balance_table(result: Result, directory: str) -> Table:
 def breach_table(result: Result) -> Table:
     """Return the first broken limits in order of s; the region only where overhangs have limits of their own."""
     breaches = result.balance.breaches
-    columns = ["from [m]", "to [m]", "deepest [m]", "depth [m]", "side", "body"]
+    columns = ["from [m]", "to [m]", "deepest [m]", "depth [m]", "side", "body", "part"]
     rows = []
     for breach in breaches[:MOST_BREACHES]:
         place = [f"{breach.s_from:.1f}", f"{breach.s_to:.1f}", f"{breach.s_deepest:.1f}"]
-        rows.append([*place, f"{breach.depth:.3f}", breach.side, body_name(result.drive.vehicle, breach.unit)])
+        rows.append([*place, f"{breach.depth:.3f}", breach.side, body_name(result.drive.vehicle, breach.unit), breach.part])
         if result.two_regions:
             rows[-1].append(breach.region)
     if result.two_regions:
         columns.append("region")
     title = f"broken limits ({len(rows)} of {len(breaches)})" if len(breaches) > len(rows) else "broken limits"
-    return grid(title, columns, rows, text=("side", "body", "region"))
+    return grid(title, columns, rows, text=("side", "body", "part", "region"))
 
 
 def smoothing_remark(smoothing: Smoothing) -> str:

@@ -6,10 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hdvplan.evaluation.balance import KEPT_M
 from hdvplan.jit import FloatArray
 from hdvplan.report.result import Result
 
-MOST = 2
+_LABELS = "ABCD"  # of a long road's enlargements; a shorter one gets the first two
+LONG_ROAD_M = 300.0  # beyond it a body is a speck on a map of the whole
+FEW_BELOW_M = 1000.0
 _LENGTHS = 1.5  # vehicle lengths shown on either side
 _HALF_LENGTH_M = (25.0, 45.0)  # whatever the vehicle
 
@@ -30,27 +33,30 @@ class Window:
 
 
 def tightest_windows(result: Result) -> tuple[Window, ...]:
-    """Return up to two stretches, tightest first: least clearance to the limits, or furthest reach without limits."""
-    envelope, limits, length = result.envelope, result.drive.road.limits, result.drive.road.path.length
-    if limits is None:
+    """Return up to four stretches, two of a road below a kilometre, tightest first.
+
+    Tight is the least clearance to the limits, or the furthest reach without limits.
+    """
+    envelope, clearance, length = result.envelope, result.clearance, result.drive.road.path.length
+    if clearance is None:
         score, kind = np.maximum(envelope.reach_left, -envelope.reach_right), "reach"
     else:
-        _, _, left, right = limits.table(envelope.s)
-        score, kind = -np.minimum(left - envelope.reach_left, envelope.reach_right - right), "clearance"
+        score, kind = -clearance, "clearance"
     vehicle = result.drive.vehicle
     half = float(np.clip(_LENGTHS * (vehicle.reach_ahead + vehicle.reach_behind), *_HALF_LENGTH_M))
-    windows = []
-    for label, at in zip("AB", _peaks(envelope.s, score, 2.0 * half), strict=False):
-        s, value = float(envelope.s[at]), float(score[at]) if limits is None else -float(score[at])
+    labels, windows = _LABELS[: 2 if length < FEW_BELOW_M else None], []
+    for label, at in zip(labels, peaks(envelope.s, score, 2.0 * half, len(labels)), strict=False):
+        s, value = float(envelope.s[at]), float(score[at]) if clearance is None else -float(score[at])
         middle = min(max(s, half), length - half)
-        windows.append(Window(middle - half, middle + half, label, f"{kind} {value:.2f} m at s = {s:.0f} m"))
+        what = f"limit broken by {-value:.2f} m" if value < -KEPT_M else f"{kind} {max(value, 0.0):.2f} m"
+        windows.append(Window(middle - half, middle + half, label, f"{what} at s = {s:.0f} m"))
     return tuple(windows)
 
 
-def _peaks(s: FloatArray, score: FloatArray, apart: float) -> list[int]:
-    """Return the samples of the highest scores at least ``apart`` [m] from each other, highest first."""
+def peaks(s: FloatArray, score: FloatArray, apart: float, most: int) -> list[int]:
+    """Return up to ``most`` samples of the highest scores at least ``apart`` [m] from each other, highest first."""
     left, found = score.copy(), list[int]()
-    for _ in range(MOST):
+    for _ in range(most):
         at = int(np.argmax(left))
         if not np.isfinite(left[at]):
             break

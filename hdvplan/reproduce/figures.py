@@ -97,6 +97,23 @@ def roundabout_figure(planned: Swept, curves: Mapping[str, FloatArray]) -> Figur
     return figure
 
 
+def overhang_figure(found: Mapping[str, Swept], half: float) -> Figure:
+    """Return [BUS] figs. 6-8: what the bus sweeps outside a lane of half width ``half`` [m] by each rule, on the road and over s."""
+    figure = Figure(figsize=(13.0, 5.2), layout="constrained")
+    road, envelope = figure.subplots(1, 2, width_ratios=(1.0, 1.3))
+    for (label, one), colour in zip(found.items(), _COLOURS[:3], strict=True):
+        _draw_area(road, one, colour, label)
+        envelope.plot(one.envelope.s, one.left, color=colour, label=label)
+        envelope.plot(one.envelope.s, -one.right, color=colour)
+    last = list(found.values())[-1]
+    _draw_bodies(road, last, _BODIES_M, "0.2")
+    _draw_road(road, last)
+    _plot_pair(envelope, last.envelope.s, np.full(len(last.envelope.s), half), "lane")
+    _finish(envelope, "s [m]", "reach [m], left positive", "envelope")
+    road.set_title("swept area", loc="left", fontsize="medium")
+    return figure
+
+
 def objectives_figure(planned: Mapping[str, Swept], words: Mapping[str, str], searches: Sequence[Searched], shares: FloatArray) -> Figure:
     """Return [ART] figs. 4-5: the U-turn by every objective; below the envelopes, and the search for K."""
     figure = Figure(figsize=(15.0, 7.6), layout="constrained")

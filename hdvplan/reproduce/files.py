@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
 
-from hdvplan.report.files import PLOT_DPI, csv_bytes, write_atomically
+from hdvplan.report.files import csv_bytes, write_atomically
+from hdvplan.report.style import DPI
 from hdvplan.reproduce.study import Study, markdown, shown, summary_of
 
 
@@ -19,7 +20,7 @@ def write_study(study: Study, directory: Path) -> None:
     """
     directory.mkdir(parents=True, exist_ok=True)
     picture = BytesIO()
-    study.figure().savefig(picture, format="png", dpi=PLOT_DPI)
+    study.figure().savefig(picture, format="png", dpi=DPI)
     write_atomically(directory / f"{study.name}.md", markdown(study).encode())
     write_atomically(directory / f"{study.name}.csv", csv_bytes(study.table()))
     write_atomically(directory / f"{study.name}.png", picture.getvalue())

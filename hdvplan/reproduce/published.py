@@ -2,7 +2,8 @@
 
 [GEO] Oliveira, Ljungqvist, Lima, Mårtensson, Wahlberg, "A Geometric Approach to On-road Motion Planning for Long and
 Multi-Body Heavy-Duty Vehicles", IEEE IV 2020. [ART] Oliveira, Ljungqvist, Lima, Wahlberg, "Optimization-Based On-Road
-Path Planning for Articulated Vehicles", IFAC 2020.
+Path Planning for Articulated Vehicles", IFAC 2020. [BUS] Oliveira, Lima, Collares Pereira, Mårtensson, Wahlberg, "Path Planning
+for Autonomous Bus Driving in Highly Constrained Environments", ITSC 2019.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ def _printed(value: float, last_digit: float) -> Number:
 
 
 _FIGURE_M = 0.01  # a vector figure's curves can be read to a centimetre
-GEO, ART = "[GEO]", "[ART]"
+GEO, ART, BUS = "[GEO]", "[ART]", "[BUS]"
 
 # [GEO] fig. 7: furthest reach of the bus in a U-turn, to the right (outside) and to the left.
 UTURN_PREVIOUS_RIGHT = Number(3.00, _FIGURE_M)
@@ -43,6 +44,11 @@ ROUNDABOUT_RIGHT = _printed(2.26, 0.01)
 ROUNDABOUT_EXPECTED = _printed(2.27, 0.01)
 ROUNDABOUT_KAPPA = Number(0.0539, 1e-4)  # fig. 10, constant part [1/m]
 ROUNDABOUT_BETA = Number(0.4605, 2e-4)  # fig. 10, constant part [rad]
+
+# [BUS] figs. 6-8: no wheelbase constraint, with it, and with the overhangs' cost; and how near bodies come to a limit.
+OVERHANG_M = tuple(_printed(value, 0.01) for value in (1.29, 0.90, 0.85))
+OVERHANG_AREA_M2 = tuple(_printed(value, 0.1) for value in (18.7, 15.0, 10.5))
+KEPT_FROM_LIMIT = _printed(0.06, 0.01)
 
 
 @dataclass(frozen=True)

@@ -15,14 +15,19 @@ from hdvplan.jit import FloatArray
 LONLAT = "OGC:CRS84"
 _LARGEST_LON, _LARGEST_LAT = 180.0, 90.0  # [deg]
 ToLonLat = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
+IntoPlane = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True)
 class Plane:
-    """Points in a plane, shape (n, 2), x east, y north [m], and the way back to longitude and latitude [deg]."""
+    """Points in a plane, shape (n, 2), x east, y north [m], and the way back to longitude and latitude [deg].
+
+    ``into`` brings further points of the same system, shape (n, 2), into this plane.
+    """
 
     points: FloatArray
     to_lonlat: ToLonLat
+    into: IntoPlane
 
 
 def parse_crs(name: str) -> CRS:
@@ -66,14 +71,22 @@ def to_plane(points: FloatArray, name: str = LONLAT) -> Plane:
     crs = parse_crs(name)
     if crs.is_projected:
         back = Transformer.from_crs(crs, LONLAT, always_xy=True)
-        plane = points
+
+        def into(more: FloatArray) -> FloatArray:
+            return more
     else:
-        lonlat = points if name == LONLAT else _transformed(Transformer.from_crs(crs, LONLAT, always_xy=True), points)
+        from_given = None if name == LONLAT else Transformer.from_crs(crs, LONLAT, always_xy=True)
+        lonlat = points if from_given is None else _transformed(from_given, points)
         lon = np.unwrap(lonlat[:, 0], period=360.0)  # a road may cross the antimeridian
         lon_0, lat_0 = 0.5 * (lon.min() + lon.max()), 0.5 * (lonlat[:, 1].min() + lonlat[:, 1].max())
         local = CRS.from_proj4(f"+proj=tmerc +lat_0={lat_0:.9f} +lon_0={lon_0:.9f} +k=1 +x_0=0 +y_0=0 +ellps=WGS84 +units=m")
         back = Transformer.from_crs(local, LONLAT, always_xy=True)
-        plane = _transformed(Transformer.from_crs(LONLAT, local, always_xy=True), lonlat)
+        forth = Transformer.from_crs(LONLAT, local, always_xy=True)
+
+        def into(more: FloatArray) -> FloatArray:
+            return _transformed(forth, more if from_given is None else _transformed(from_given, more))
+
+    plane = into(points)
     if not np.all(np.isfinite(_transformed(back, plane))):
         msg = f"the coordinates lie outside the area of {name}"
         raise RoadError(msg, hint="check --crs and that the order is easting, northing (or longitude, latitude)")
@@ -82,7 +95,7 @@ def to_plane(points: FloatArray, name: str = LONLAT) -> Plane:
         lon, lat = back.transform(x, y)
         return np.asarray(lon, dtype=float), np.asarray(lat, dtype=float)
 
-    return Plane(plane, to_lonlat)
+    return Plane(plane, to_lonlat, into)
 
 
 def is_geographic(name: str) -> bool:

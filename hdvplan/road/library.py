@@ -1,4 +1,4 @@
-"""The roads that travel with hdvplan: real centre lines from OpenStreetMap."""
+"""The roads that travel with hdvplan: real centre lines from OpenStreetMap, and small made-up places."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ NOTICE = "© OpenStreetMap contributors, ODbL 1.0"
 _PACKAGE = Path(__file__).parents[1]
 
 
-def road_directory() -> Path:
+def road_directory(kind: str = "osm") -> Path:
     """Return the folder of the shipped roads: inside an installed package, else the checkout's ``roads/osm``."""
-    installed = _PACKAGE / "_roads" / "osm"
-    return installed if installed.is_dir() else _PACKAGE.parent / "roads" / "osm"
+    installed = _PACKAGE / "_roads" / kind
+    return installed if installed.is_dir() else _PACKAGE.parent / "roads" / kind
 
 
 def road_names() -> list[str]:
@@ -22,3 +22,13 @@ def road_names() -> list[str]:
 def road_file(name: str) -> Path | None:
     """Return the file of a shipped road, or None if there is no road of that name."""
     return road_directory() / f"{name}.geojson" if name in road_names() else None
+
+
+def example_names() -> list[str]:
+    """Return the names of the made-up places with obstacles and kerbs, sorted."""
+    return sorted(path.stem for path in road_directory("examples").glob("*.geojson"))
+
+
+def example_file(name: str) -> Path | None:
+    """Return the file of a made-up place, or None if there is none of that name."""
+    return road_directory("examples") / f"{name}.geojson" if name in example_names() else None

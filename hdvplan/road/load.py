@@ -3,24 +3,27 @@
 from __future__ import annotations
 
 import difflib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from hdvplan.errors import OptionError, RoadError
 from hdvplan.jit import FloatArray
-from hdvplan.road.library import NOTICE, road_file, road_names
+from hdvplan.road.lane import offset_road, reversed_road
+from hdvplan.road.library import NOTICE, example_file, example_names, road_file, road_names
 from hdvplan.road.load_csv import read_csv
 from hdvplan.road.load_geojson import read_geojson
 from hdvplan.road.path import from_curvature
 from hdvplan.road.raw import RawRoad
+from hdvplan.road.regions import TABLE_M
 from hdvplan.road.road import Limits, Road
 from hdvplan.road.scenarios import SCENARIOS
 from hdvplan.road.smooth import MAX_LENGTH_M, MIN_LENGTH_M, smooth_line
 
 _CLOSED_M = 0.01  # how near the last point must come to the first for a closed road
 _CLOSED_TURN = np.deg2rad(100.0)  # a road that returns to its start at a sharper angle merely crosses itself there
+_JUMP_M = 1e-6  # a limit's jump takes this long
 _TIGHTEST = 0.5  # smoothing stations 1 m apart cannot represent a radius below 2 m [1/m]
 
 
@@ -30,13 +33,16 @@ class RoadOptions:
 
     ``smooth`` is the largest allowed deviation from the given line [m], ``crs`` the coordinate reference system of the
     file's coordinates, ``feature`` the name or id of the GeoJSON feature, ``max_curvature`` the tightest reference
-    curvature that the caller's vehicle can follow [1/m].
+    curvature that the caller's vehicle can follow [1/m]. ``reverse`` drives the line the other way; ``offset`` moves the
+    reference to the left of the driving direction [m], such as -1.75 to the middle of the right lane.
     """
 
     smooth: float = 5.0
     crs: str | None = None
     feature: str | None = None
     max_curvature: float = 0.125
+    offset: float = 0.0
+    reverse: bool = False
 
     def __post_init__(self) -> None:
         """Refuse values that no road can be read with."""
@@ -46,22 +52,35 @@ class RoadOptions:
         if not 0.0 < self.max_curvature <= _TIGHTEST:
             msg = f"the largest reference curvature must be positive and at most {_TIGHTEST:g} 1/m, not {self.max_curvature:g}"
             raise OptionError(msg)
+        if not np.isfinite(self.offset):
+            msg = f"the offset must be a number of metres, not {self.offset:g}"
+            raise OptionError(msg)
 
 
 def load_road(source: str | Path, options: RoadOptions = RoadOptions()) -> Road:
     """Return the road in the file ``source``, or the shipped road or scenario of that name; a file wins over a name.
 
     Raises:
-        RoadError: no such file or name, an unusable file, or a line that cannot be smoothed within the options.
+        RoadError: no such file or name, an unusable file, or a line that cannot be smoothed within the options or moved.
 
     """
+    road = _found(source, options)
+    if options.reverse:
+        road = reversed_road(road)
+    return offset_road(road, options.offset) if options.offset else road
+
+
+def _found(source: str | Path, options: RoadOptions) -> Road:
     path = Path(source)
     if path.is_file():
         return _read(path, options)
     shipped = road_file(str(source))
     if shipped is not None:
         road = _read(shipped, options)
-        return road if road.notice else Road(road.name, road.path, road.limits, road.smoothing, road.to_lonlat, NOTICE)
+        return road if road.notice else replace(road, notice=NOTICE)
+    example = example_file(str(source))
+    if example is not None:
+        return _read(example, options)
     if str(source) in SCENARIOS:
         return SCENARIOS[str(source)]()
     raise _unknown(source)
@@ -71,7 +90,7 @@ def _unknown(source: str | Path) -> RoadError:
     path = Path(source)
     if path.is_dir():
         return RoadError(f"{path} is a folder, not a road file")
-    names = [*road_names(), *SCENARIOS]
+    names = [*road_names(), *example_names(), *SCENARIOS]
     close = difflib.get_close_matches(str(source), names, n=3, cutoff=0.5)
     if path.suffix or len(path.parts) > 1:
         close = close or difflib.get_close_matches(path.stem, names, n=3, cutoff=0.5)
@@ -108,7 +127,8 @@ def _road(name: str, raw: RawRoad, options: RoadOptions) -> Road:
             raise RoadError(msg)
         return Road(name, from_curvature(s, kappa), _limits(s, raw.reaches))
     line = smooth_line(raw.points, closed=is_closed(raw.points), max_deviation=options.smooth, max_curvature=options.max_curvature)
-    return Road(name, line.path, _limits(line.s_points, raw.reaches), line.smoothing, raw.to_lonlat, raw.notice)
+    road = Road(name, line.path, None, line.smoothing, raw.to_lonlat, raw.notice, raw.regions)
+    return road.within(_limits(line.s_points, raw.reaches))
 
 
 def is_closed(points: FloatArray) -> bool:
@@ -123,9 +143,32 @@ def is_closed(points: FloatArray) -> bool:
 
 
 def _limits(s: FloatArray, reaches: FloatArray | None) -> Limits | None:
-    """Return signed limits at increasing arclengths; points that share an arclength keep the first one's."""
+    """Return signed limits at arclengths ``s``, which do not decrease: two points at the same place make a jump.
+
+    Next to a jump, or a change steeper than 45 degrees, the narrower value holds ``TABLE_M`` further: tables of the limits
+    are linear between their entries.
+    """
     if reaches is None:
         return None
-    keep = np.append(True, np.diff(s) > 0.0)
-    left, right, left_sweep, right_sweep = reaches[:, keep]
-    return Limits(s[keep], left, -right, left_sweep, -right_sweep)
+    first = np.append(True, np.diff(s) > 0.0)
+    last = np.append(np.diff(s) > 0.0, True)
+    ends, before, after = s[first], reaches[:, first], reaches[:, last]
+    steep = np.flatnonzero(np.any(np.abs(before[:, 1:] - after[:, :-1]) > np.diff(ends), axis=0))
+    stretches = [(ends[i], ends[i + 1], np.minimum(after[:, i], before[:, i + 1])) for i in steep]
+    stretches += [(ends[i], ends[i], np.minimum(before[:, i], after[:, i])) for i in np.flatnonzero(np.any(before != after, axis=0))]
+    edges = [edge + sign * (TABLE_M + out) for lo, hi, _ in stretches for edge, sign in ((lo, -1.0), (hi, 1.0)) for out in (0.0, _JUMP_M)]
+    nodes = np.unique(np.concatenate([ends, [edge for edge in edges if ends[0] < edge < ends[-1]]]))
+    table = np.stack([_between(nodes, ends, low, high) for low, high in zip(before, after, strict=True)])
+    for lo, hi, narrow in stretches:
+        held = (nodes >= lo - TABLE_M) & (nodes <= hi + TABLE_M)
+        table[:, held] = np.minimum(table[:, held], narrow[:, None])
+    left, right, left_sweep, right_sweep = table
+    return Limits(nodes, left, -right, left_sweep, -right_sweep)
+
+
+def _between(nodes: FloatArray, ends: FloatArray, before: FloatArray, after: FloatArray) -> FloatArray:
+    """Return values at ``nodes``, linear from ``after`` one end to ``before`` the next; at an end the value before it."""
+    cell = np.clip(np.searchsorted(ends, nodes, side="left") - 1, 0, len(ends) - 2)
+    part = (nodes - ends[cell]) / (ends[cell + 1] - ends[cell])
+    values: FloatArray = (1.0 - part) * after[cell] + part * before[cell + 1]
+    return values

@@ -1,4 +1,4 @@
-"""Read a road from GeoJSON (RFC 7946): one line, chosen by name when there are several."""
+"""Read a road from GeoJSON (RFC 7946): one line, chosen by name when there are several, and the regions beside it."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from hdvplan.errors import RoadError
 from hdvplan.jit import FloatArray
 from hdvplan.road.crs import LONLAT, Plane, check_lonlat, is_geographic, to_plane
 from hdvplan.road.raw import RawRoad
+from hdvplan.road.regions import Kind, Region
 
 Json = dict[str, Any]
 _SNAP_M = 0.01
@@ -46,7 +47,8 @@ def read_geojson(text: str, name: str, *, crs: str | None = None, feature: str |
     if not isinstance(document, dict) or not isinstance(document.get("type"), str):
         msg = f"{name} is not GeoJSON: it has no 'type'"
         raise RoadError(msg)
-    line = _chosen(_lines(document, name), feature, name)
+    features = _features(document, name)
+    line = _chosen(_lines(features, name), feature, name)
     parts = [_coordinates(part, name) for part in line.parts]
     system = crs or _member_crs(document, name)
     everything = np.concatenate(parts)
@@ -54,7 +56,8 @@ def read_geojson(text: str, name: str, *, crs: str | None = None, feature: str |
         check_lonlat(everything, name)
     plane = to_plane(everything, system)
     points = _joined(_split(plane, parts), name)
-    return RawRoad(points, _reaches(line.properties, len(points), name), to_lonlat=plane.to_lonlat, notice=_notice(line.properties))
+    reaches, notice = _reaches(line.properties, len(points), name), _notice(line.properties)
+    return RawRoad(points, reaches, to_lonlat=plane.to_lonlat, notice=notice, regions=_regions(features, plane, name))
 
 
 def _member_crs(document: Json, name: str) -> str:
@@ -69,8 +72,8 @@ def _member_crs(document: Json, name: str) -> str:
     return LONLAT if system.endswith("CRS84") else system
 
 
-def _lines(document: Json, name: str) -> list[_Line]:
-    """Return every line feature of the document."""
+def _features(document: Json, name: str) -> list[Json]:
+    """Return the document's features; a bare geometry becomes one."""
     kind = document["type"]
     if kind == "FeatureCollection":
         features = document.get("features")
@@ -79,14 +82,16 @@ def _lines(document: Json, name: str) -> list[_Line]:
             raise RoadError(msg)
     else:
         features = [document] if kind == "Feature" else [{"geometry": document}]
+    return features
+
+
+def _lines(features: list[Json], name: str) -> list[_Line]:
+    """Return every line feature."""
     found: list[_Line] = []
     for item in features:
         properties = item.get("properties") or {}
         labels = tuple(str(source[key]) for source in (properties, item) for key in _IDS if source.get(key) is not None)
         for geometry in _flat(item.get("geometry")):
-            if geometry["type"] in {"Polygon", "MultiPolygon"} and "region" in properties:
-                msg = f"{name}: the polygon with region {properties['region']!r} cannot be used: regions are not supported yet"
-                raise RoadError(msg)
             if geometry["type"] in {"LineString", "MultiLineString"}:
                 coordinates = geometry.get("coordinates")
                 parts = [coordinates] if geometry["type"] == "LineString" else coordinates
@@ -95,6 +100,45 @@ def _lines(document: Json, name: str) -> list[_Line]:
                     raise RoadError(msg)
                 found.append(_Line(parts, properties, labels))
     return found
+
+
+def _regions(features: list[Json], plane: Plane, name: str) -> tuple[Region, ...]:
+    """Return the polygons that have a region, in the road's plane."""
+    found: list[Region] = []
+    for item in features:
+        properties = item.get("properties") or {}
+        if properties.get("region") is None:
+            continue
+        label = next((str(source[key]) for source in (properties, item) for key in _IDS if source.get(key) is not None), "")
+        where = f"{name}: region {label!r}" if label else f"{name}: region {len(found) + 1}"
+        if properties["region"] not in list(Kind):
+            msg = f"{where} is {properties['region']!r}; a region is obstacle or sweepable"
+            raise RoadError(msg)
+        for geometry in _flat(item.get("geometry")) or [{"type": "no geometry"}]:
+            if geometry["type"] not in {"Polygon", "MultiPolygon"}:
+                msg = f"{where} is a {geometry['type']}, not a Polygon or MultiPolygon"
+                raise RoadError(msg, hint="draw a fence or a wall as a narrow polygon")
+            given = geometry.get("coordinates")
+            for rings in [given] if geometry["type"] == "Polygon" else given or [None]:
+                found += [Region(Kind(properties["region"]), polygon, label) for polygon in _polygons(rings, plane, where)]
+    return tuple(found)
+
+
+def _polygons(rings: object, plane: Plane, where: str) -> list[shapely.Polygon]:
+    """Return a polygon of GeoJSON in the road's plane: several where its rings touch or cross themselves."""
+    if not isinstance(rings, list) or not rings:
+        msg = f"{where} has no coordinates"
+        raise RoadError(msg)
+    placed = [plane.into(_coordinates(ring, where, fewest=3)) for ring in rings]
+    if not all(np.all(np.isfinite(ring)) for ring in placed):
+        msg = f"{where} lies outside the road's coordinate reference system"
+        raise RoadError(msg)
+    whole = shapely.make_valid(shapely.Polygon(placed[0], placed[1:]))
+    parts = [part for part in shapely.get_parts(shapely.get_parts(whole)) if isinstance(part, shapely.Polygon)]
+    if not parts:
+        msg = f"{where} has no area"
+        raise RoadError(msg)
+    return parts
 
 
 def _flat(geometry: object) -> list[Json]:
@@ -123,10 +167,11 @@ def _chosen(lines: list[_Line], feature: str | None, name: str) -> _Line:
     raise RoadError(msg)
 
 
-def _coordinates(part: object, name: str) -> FloatArray:
-    """Return a part's first two coordinates, shape (n, 2); heights are dropped."""
-    if not isinstance(part, list) or len(part) < 2:  # noqa: PLR2004
-        msg = f"{name}: a line needs at least two points, this one has {len(part) if isinstance(part, list) else 0}"
+def _coordinates(part: object, name: str, *, fewest: int = 2) -> FloatArray:
+    """Return the first two coordinates of a line's part or a ring, shape (n, 2); heights are dropped."""
+    if not isinstance(part, list) or len(part) < fewest:
+        what = "a line needs at least two points" if fewest == 2 else "a ring needs at least three points"  # noqa: PLR2004
+        msg = f"{name}: {what}, this one has {len(part) if isinstance(part, list) else 0}"
         raise RoadError(msg)
     for number, position in enumerate(part, start=1):
         numeric = isinstance(position, list) and all(

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from hdvplan.jit import FloatArray
 from hdvplan.road.crs import ToLonLat
+from hdvplan.road.regions import Region
 
 
 @dataclass(frozen=True)
@@ -20,3 +21,4 @@ class RawRoad:
     is_profile: bool = False
     to_lonlat: ToLonLat | None = None
     notice: str | None = None
+    regions: tuple[Region, ...] = ()

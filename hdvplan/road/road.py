@@ -10,6 +10,7 @@ import numpy as np
 from hdvplan.errors import OptionError, RoadError
 from hdvplan.jit import FloatArray
 from hdvplan.road.path import ReferencePath
+from hdvplan.road.regions import Region, region_limits
 
 
 @dataclass(frozen=True)
@@ -17,7 +18,8 @@ class Limits:
     """Signed lateral limits [m] at increasing arclengths ``s`` [m]: left positive, right negative, linear between.
 
     ``left`` and ``right`` bound wheels and everything between the axles (the drivable region of [BUS]); overhangs may
-    reach ``left_sweep`` and ``right_sweep``, which are at least as wide. Beyond the ends the last value holds.
+    reach ``left_sweep`` and ``right_sweep``, which are at least as wide. Beyond the ends the last value holds. Where obstacles
+    block the road, the left limit lies right of the right one.
     """
 
     s: FloatArray
@@ -27,9 +29,8 @@ class Limits:
     right_sweep: FloatArray
 
     def __post_init__(self) -> None:
-        """Refuse limits that cross, or that give overhangs less room than wheels."""
+        """Refuse limits that give overhangs less room than wheels."""
         for bad, what in (
-            (self.left <= self.right, "the left limit lies right of the right limit"),
             (self.left_sweep < self.left, "overhangs have less room than wheels on the left"),
             (self.right_sweep > self.right, "overhangs have less room than wheels on the right"),
         ):
@@ -48,6 +49,11 @@ class Limits:
         s = np.array([0.0, length])
         one = np.ones(2)
         return cls(s, left * one, -right * one, left * one, -right * one)
+
+    @property
+    def two_regions(self) -> bool:
+        """Whether overhangs have more room than wheels anywhere."""
+        return bool(np.any(self.left_sweep > self.left) or np.any(self.right_sweep < self.right))
 
     def table(self, s: FloatArray) -> FloatArray:
         """Return the limits at arclengths ``s`` [m]: rows left, right, left_sweep, right_sweep; shape (4, len(s))."""
@@ -70,7 +76,10 @@ class Smoothing:
 
 @dataclass(frozen=True)
 class Road:
-    """A named road that a vehicle can be planned along."""
+    """A named road that a vehicle can be planned along.
+
+    ``limits`` are what a vehicle must keep; ``band`` is what they were before ``regions`` cut them, for ``within``.
+    """
 
     name: str
     path: ReferencePath
@@ -78,7 +87,15 @@ class Road:
     smoothing: Smoothing | None = None
     to_lonlat: Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]] | None = None  # x, y [m] -> degrees
     notice: str | None = None  # attribution that figures made from this road must carry
+    regions: tuple[Region, ...] = ()
+    band: Limits | None = None
+
+    def within(self, band: Limits | None) -> Road:
+        """Return the road with the limits ``band``, or open without one, as its regions cut and widen them."""
+        s, table = (None, None) if band is None else (band.s, np.stack([band.left, band.right, band.left_sweep, band.right_sweep]))
+        found = region_limits(self.path, self.regions, s, table) if self.regions else None
+        return replace(self, limits=band if found is None else Limits(found[0], *found[1]), band=band)
 
     def with_limits(self, left: float, right: float) -> Road:
-        """Return the road with constant limits; ``left`` and ``right`` are positive reaches [m]."""
-        return replace(self, limits=Limits.constant(left, right, self.path.length))
+        """Return the road with constant limits, which its obstacles still cut; ``left``, ``right`` are positive reaches [m]."""
+        return self.within(Limits.constant(left, right, self.path.length))

@@ -40,6 +40,7 @@ _CURVATURE_EXCESS = 1.005  # accepted on the final line
 _SLACK_M = 1e-3  # of the deviation bound
 _SMALLEST_SHARE = 0.125  # of the offsets that a round may go, once whole steps do not settle
 _LARGEST_TURN = 0.5  # offsets times curvature in one round; at 1 the offset line would fold
+_BLAME_M = 20.0  # from the largest deviation to the corner that causes it
 _MARGIN_M = 10.0  # a datum's foot may lie beyond the ends while the line still moves
 
 
@@ -91,7 +92,7 @@ def smooth_line(points: FloatArray, *, closed: bool, max_deviation: float, max_c
     line, s = _first_line(data, u, min(1.0 / max_curvature, _WIDEST_SIGMA_M), closed=closed)
     try:
         weights = _shares(u) / _smoothing_lengths(vertices, chord, u, closed=closed) ** 6
-        line, s, e = _settled(line, data, weights, s, max_deviation, max_curvature)
+        line, s, e = _settled(line, data, u, weights, s, max_deviation, max_curvature)
         path = _finished(line)
         s, e = path.extended(_MARGIN_M, _MARGIN_M).project(data[:, 0], data[:, 1], s * (path.length / line.stations.length))
     except ProjectionError as error:
@@ -228,9 +229,11 @@ def _equal_arclengths(spline: CubicSpline[np.float64], spacing: float) -> tuple[
 
 
 def _settled(
-    line: _Line, data: FloatArray, weights: FloatArray, s: FloatArray, max_deviation: float, max_curvature: float
+    line: _Line, data: FloatArray, u: FloatArray, weights: FloatArray, s: FloatArray, max_deviation: float, max_curvature: float
 ) -> tuple[_Line, FloatArray, FloatArray]:
     """Move the line by the program's offsets until they vanish; also return the data's arclengths and offsets.
+
+    ``u`` are the data's arclengths on the given line: a refusal names the place there, where the user can find it.
 
     Raises:
         RoadError: a corner cannot be rounded.
@@ -256,7 +259,7 @@ def _settled(
         offsets, missing = solution
         needs = [*needs[-2:], missing]
         if min(needs) > _SLACK_M and len(needs) == 3 and np.ptp(needs) < _SLACK_M:  # noqa: PLR2004
-            raise _sharp_corner(s, e, max_deviation, (inner_deviation + missing) / _BOUND_SHARE, max_curvature)
+            raise _sharp_corner(_corner(data, u, e), max_deviation, (inner_deviation + missing) / _BOUND_SHARE, max_curvature)
         largest_before, largest = largest, float(np.max(np.abs(offsets)))
         if largest > (1.0 - 0.25 * share) * largest_before:  # tight bounds can make whole steps swing to and fro
             share = max(0.5 * share, _SMALLEST_SHARE)
@@ -267,7 +270,7 @@ def _settled(
             moved, s_old = np.vstack([moved, moved[:1]]), np.append(s_old, stations.length)
         line, s_new = _resampled(moved, _STATION_M, closed=stations.closed)
         s = _carried(s, s_old, s_new)
-    at = float(s[np.argmax(np.abs(e))])
+    at = _corner(data, u, e)
     msg = f"no line found within {max_deviation:.2f} m of the points near s = {at:.0f} m with a radius of {1 / max_curvature:.1f} m"
     raise RoadError(msg, s_m=at, hint="allow more with --smooth, or remove the points that make the line turn so sharply")
 
@@ -278,8 +281,15 @@ def _carried(s: FloatArray, s_old: FloatArray, s_new: FloatArray) -> FloatArray:
     return np.interp(inside, s_old, s_new) + (s - inside)
 
 
-def _sharp_corner(s: FloatArray, e: FloatArray, max_deviation: float, needed: float, max_curvature: float) -> RoadError:
-    at = float(s[np.argmax(np.abs(e))])
+def _corner(data: FloatArray, u: FloatArray, e: FloatArray) -> float:
+    """Return where on the given line [m] the sharpest turn is near the datum of the largest deviation: the one to blame."""
+    ahead = np.diff(data, axis=0)
+    turn = np.arctan2(ahead[:-1, 0] * ahead[1:, 1] - ahead[:-1, 1] * ahead[1:, 0], np.sum(ahead[:-1] * ahead[1:], axis=1))
+    near = np.abs(u - u[np.argmax(np.abs(e))]) <= _BLAME_M
+    return float(u[np.argmax(np.where(near, np.pad(np.abs(turn), 1), -1.0))])
+
+
+def _sharp_corner(at: float, max_deviation: float, needed: float, max_curvature: float) -> RoadError:
     msg = (
         f"the corner at s = {at:.0f} m cannot be rounded to a radius of {1 / max_curvature:.1f} m"
         f" within {max_deviation:.2f} m; it needs {needed:.2f} m"

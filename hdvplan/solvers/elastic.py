@@ -1,8 +1,8 @@
 """Elastic rows for solvers without a special place for them: hard rows first, elastic columns only where needed.
 
 A column for every elastic row doubles a program, and its large price slows general solvers tenfold (OSQP: a hundredfold).
-Because the penalty is exact, the program with hard rows has the same solution wherever its rows can be kept; only where
-that one fails is the elastic one solved.
+The program with hard rows has the same solution wherever its rows can be kept at multipliers no larger than their price, by the
+optimality conditions of both; only where that is not so is the elastic one solved.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ class _HardFirst:
 
     def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
         """Solve ``qp``; see ``QpWorkspace``. Times and iterations of both attempts count."""
-        if self._shape.rows and np.any(qp.quadratic > 0.0):  # a row with a finite price is meant to be broken
+        if self._shape.rows and not np.all(qp.linear > 0.0):  # a row that costs nothing at first is meant to be broken
             return self._with_columns().solve(qp, guess)
         first = self._hard.solve(qp, guess)
         believed = first.status in {Status.SOLVED, Status.INACCURATE} and residuals(qp, first.point).primal <= _KEPT
-        if believed or not self._shape.rows:
+        if not self._shape.rows or (believed and np.all(first.point.rows <= qp.linear)):
             return first
         second = self._with_columns().solve(qp, None)
         return replace(

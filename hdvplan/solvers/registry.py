@@ -53,7 +53,7 @@ _GENERIC = {
 def solver_infos() -> list[SolverInfo]:
     """Return every solver that hdvplan knows, installed or not; the default first."""
     native = [
-        SolverInfo("riccati", __version__, True, False, False, "Riccati recursion in an interior point; our own"),
+        SolverInfo("riccati", __version__, True, True, False, "Riccati: warm active set, interior point; our own"),
         SolverInfo("piqp", _version("piqp"), True, False, True, "proximal interior point, sparse"),
         SolverInfo("clarabel", _version("clarabel"), True, False, True, "interior point, sparse"),
         SolverInfo("osqp", _version("osqp"), True, True, True, "operator splitting, sparse"),

@@ -1,10 +1,12 @@
-"""A solver for this structure: Riccati recursion with screening, then a primal-dual interior-point method around it.
+"""A solver for this structure: Riccati recursion with screening, a warm active set, then an interior-point method around it.
 
 A planning QP is a linear-quadratic control problem with few states. Without inequalities one backward and one forward
 pass solve it; if that point breaks no inequality it *is* the optimum and nothing more is needed. Otherwise Mehrotra's
 predictor-corrector method runs, with one Riccati factorisation an iteration: inequalities only add to a stage's Hessian
 (Rao, Wright, Rawlings 1998; Frison, Diehl 2020), see ``interior``. All iterates keep the dynamics, so only inequalities
 have residuals.
+
+A guess from the last plan is tried before (``active_set``): where it holds, the interior point is not needed.
 
 Screening goes further than the first pass. Only inequalities near the screened point enter the iteration; all others are
 looked at after every step and join as soon as they come near. And the horizon behind the last of them is left out: the first
@@ -19,6 +21,7 @@ import numpy as np
 
 from hdvplan.jit import BoolArray, FloatArray, IntArray, compiled
 from hdvplan.planning.qp import StageQp, StageShape, StageSolution
+from hdvplan.solvers.active_set import publish_sides, settle, sides_of
 from hdvplan.solvers.interior import FIELDS, join, mean_after, move, newton_step, objective, publish, weigh, worst
 from hdvplan.solvers.recursion import adjoint, factorise, imbalance, sweep_ahead, sweep_back
 from hdvplan.solvers.workspace import QpResult, Status
@@ -27,6 +30,7 @@ TOLERANCE = 1e-8  # of products or slacks, and of broken inequalities [m]
 _ITERATIONS = 100
 _START = 100.0  # complementarity of every pair at the start; the penalty of broken rows is 1e4, so less starts too near a wall
 _BALANCED = 1e-7  # of the Lagrangian's gradient by the inputs, relative to the largest multiplier
+_STIFFLY_BALANCED = 1e-6  # the same after a warm start: stiff quadratics turn rounding into multipliers
 _EXTRA = 3  # iterations that may go into balancing the inputs once all inequalities are settled
 _STATUS = (Status.SOLVED, Status.ITERATION_LIMIT, Status.NUMERICAL, Status.INACCURATE)
 
@@ -35,7 +39,7 @@ class RiccatiWorkspace:
     """Our own structure-exploiting solver; the program is used where it stands, nothing is copied or converted."""
 
     name = "riccati"
-    starts_warm = False
+    starts_warm = True
 
     def __init__(self, shape: StageShape) -> None:
         """Allocate the factorisation and the iterates."""
@@ -47,15 +51,19 @@ class RiccatiWorkspace:
         self._hessian_x, self._hessian_u = np.empty((stages + 1, n, n)), np.empty((stages + 1, m, m))
         self._step_x, self._step_u, self._slope_u = np.empty((stages + 1, n)), np.empty((stages, m)), np.empty((stages, m))
         self._feed = np.empty((stages, m))
+        self._side = np.zeros((stages, shape.rows + 2 * len(shape.bounded_states) + 2 * m), np.int64)
+        self._prices = np.zeros(self._side.shape)
         self._member = np.zeros((stages, shape.rows + 2 * len(shape.bounded_states) + 2 * m), np.bool_)
         self._chosen, self._pairs = np.empty((3, self._member.size), np.int64), np.empty((FIELDS, self._member.size))
 
-    def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:  # noqa: ARG002 - an interior point starts from the middle
-        """Solve ``qp``; see ``QpWorkspace``."""
+    def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
+        """Solve ``qp``; see ``QpWorkspace``. Of ``guess`` only multipliers and elastic variables matter."""
         started = perf_counter()
         qp.check()
         checked = perf_counter()
-        point = self._point
+        point, held = self._point, False
+        if guess is not None:
+            held = sides_of(qp.linear, guess.rows, guess.sigma, guess.x_bounds, guess.u_bounds, self._side, self._prices)
         for array in (point.sigma, point.rows, point.x_bounds, point.u_bounds, self._member):
             array.fill(0)
         point.x[0], self._value[-1], self._slope[-1] = qp.x_first, qp.Q[-1], qp.q[-1]
@@ -63,7 +71,7 @@ class RiccatiWorkspace:
             qp.A, qp.B, qp.c, qp.Q, qp.q, qp.R, qp.r, qp.G, qp.h, qp.linear, qp.quadratic, self._bounded,
             qp.x_low, qp.x_high, qp.u_low, qp.u_high, point.x, point.u, point.sigma, point.dynamics, point.rows, point.x_bounds,
             point.u_bounds, self._gain, self._root, self._value, self._slope, self._hessian_x, self._hessian_u, self._step_x,
-            self._step_u, self._slope_u, self._feed, self._member, self._chosen, self._pairs,
+            self._step_u, self._slope_u, self._feed, self._member, self._chosen, self._pairs, held, self._side, self._prices,
         )  # fmt: skip
         return QpResult(_STATUS[code], point, iterations, checked - started, perf_counter() - checked)
 
@@ -75,21 +83,41 @@ def _solve(
     u_low: FloatArray, u_high: FloatArray, x: FloatArray, u: FloatArray, sigma: FloatArray, dynamics: FloatArray, rows: FloatArray,
     x_bounds: FloatArray, u_bounds: FloatArray, gain: FloatArray, root: FloatArray, value: FloatArray, slope: FloatArray,
     hessian_x: FloatArray, hessian_u: FloatArray, step_x: FloatArray, step_u: FloatArray, slope_u: FloatArray, feed: FloatArray,
-    member: BoolArray, chosen: IntArray, pairs: FloatArray,
+    member: BoolArray, chosen: IntArray, pairs: FloatArray, held: bool, side: IntArray, prices: FloatArray,
 ) -> tuple[int, int]:  # fmt: skip
-    """Solve a program; return the place of its status in ``_STATUS`` and the number of factorisations."""
+    """Solve a program; return the place of its status in ``_STATUS`` and the number of factorisations.
+
+    With ``held`` the guess in ``side`` and ``prices`` is tried first.
+    """
     stages, n, m = B.shape
+    spent = 0
+    if held:
+        settled, spent = settle(
+            A, B, c, Q, q, R, r, G, h, linear, quadratic, bounded, x_low, x_high, u_low, u_high, x, u, gain, root, value, slope, feed,
+            hessian_x, hessian_u, step_x, slope_u, side, prices,
+        )  # fmt: skip
+        if settled:
+            publish_sides(G, h, linear, quadratic, x, side, prices, sigma, rows, x_bounds, u_bounds)
+            adjoint(A, Q, q, G, bounded, x, rows, x_bounds, dynamics)
+            if imbalance(B, R, r, u, u_bounds, dynamics) < _STIFFLY_BALANCED:
+                return 0, spent
+            for array in (sigma, rows, x_bounds, u_bounds):
+                array[:] = 0.0
+        for j in range(n):
+            slope[stages, j] = q[stages, j]
+            for k in range(n):
+                value[stages, j, k] = Q[stages, j, k]
     if not factorise(A, B, stages, Q, R, gain, root, value):
-        return 2, 0
+        return 2, spent
     sweep_back(A, B, c, True, stages, gain, root, value, q, r, slope, feed)
     sweep_ahead(A, B, c, True, 0, stages, gain, feed, x, u)
     if worst(G, h, bounded, x_low, x_high, u_low, u_high, x, u) <= 0.0:
         adjoint(A, Q, q, G, bounded, x, rows, x_bounds, dynamics)
-        return 0, 1
+        return 0, spent + 1
 
     tail_value, tail_slope = np.empty((n, n)), np.empty(n)
     gradient_x, gradient_u, slope_x = np.empty((stages + 1, n)), np.empty((stages, m)), np.empty((stages + 1, n))
-    count, end, mean, code, iterations, settled = 0, 0, _START, 1, 1, 0
+    count, end, mean, code, iterations, refined = 0, 0, _START, 1, 1, 0
     while iterations <= _ITERATIONS:
         iterations += 1
         count, last = join(G, h, linear, quadratic, bounded, x_low, x_high, u_low, u_high, x, u, mean, member, chosen, pairs, count)
@@ -111,9 +139,9 @@ def _solve(
             publish(chosen, pairs, count, sigma, rows, x_bounds, u_bounds)
             adjoint(A, Q, q, G, bounded, x, rows, x_bounds, dynamics)
             balanced = imbalance(B, R, r, u, u_bounds, dynamics) < _BALANCED
-            settled += 1
-            if balanced or settled > _EXTRA:
-                return 0 if balanced else 3, iterations
+            refined += 1
+            if balanced or refined > _EXTRA:
+                return 0 if balanced else 3, spent + iterations
         for j in range(n):
             for k in range(j + 1):
                 value[end, j, k] = value[end, k, j] = hessian_x[end, j, k]
@@ -147,4 +175,4 @@ def _solve(
 
     publish(chosen, pairs, count, sigma, rows, x_bounds, u_bounds)
     adjoint(A, Q, q, G, bounded, x, rows, x_bounds, dynamics)
-    return code, iterations
+    return code, spent + iterations

@@ -13,7 +13,7 @@ _SAME_M = 1e-6
 
 def axis_points(vehicle: Vehicle) -> FloatArray:
     """Return the distances ahead of the axle of the points that screen each body's axis, shape (units, 4), rising [m]."""
-    return np.array([sorted([-unit.rear_overhang, 0.0, unit.wheelbase, unit.front]) for unit in vehicle.units])
+    return np.array([sorted([-unit.rear_overhang, 0.0, min(unit.wheelbase, unit.front), unit.front]) for unit in vehicle.units])
 
 
 def edge_points(vehicle: Vehicle) -> FloatArray:
@@ -25,7 +25,7 @@ def edge_points(vehicle: Vehicle) -> FloatArray:
     """
     table = np.empty((len(vehicle.units), POINTS_PER_EDGE, 2))
     for row, unit in zip(table, vehicle.units, strict=True):
-        ahead = np.unique([-unit.rear_overhang, 0.0, unit.wheelbase, unit.front])
+        ahead = np.unique([-unit.rear_overhang, 0.0, min(unit.wheelbase, unit.front), unit.front])
         ahead = ahead[np.concatenate([[True], np.diff(ahead) > _SAME_M])]
         while len(ahead) < POINTS_PER_EDGE:
             gap = int(np.argmax(np.diff(ahead)))

@@ -1,8 +1,14 @@
 """The road-aligned kinematics of a lead unit with any number of trailers, with exact derivatives.
 
-State z = (e_y, e_psi, beta_1, ...): lateral and heading error of the lead unit's rear axle, then the articulation angle
-at every coupling (heading ahead minus heading behind). Input: the curvature kappa of the lead rear axle's path.
-``units`` is ``Vehicle.table()``. Source: [GEO] eqs. 2 and 6; the recursion over couplings is the standard n-trailer.
+State z = (e_y, e_psi, beta_1, ...): lateral error of the lead unit's rear axle, heading error of its body, then the
+articulation angle at every coupling (heading ahead minus heading behind). Input: kappa = tan(front angle) / wheelbase, which
+is the curvature of the lead rear axle's path unless that axle is steered. ``units`` is ``Vehicle.table()``.
+
+Every axle moves along its wheels, at an angle delta off its body: delta = -ratio * (front angle or beta), held at
++-max_steering_angle. With velocities per metre that the lead body moves forward at its axle, a unit's axle moves (forward,
+forward tan(delta)) in the body's axes, and the coupling behind it (forward, forward tan(delta) - hitch turn). Turned by beta
+these are the velocities at the coupling of the next unit, whose wheels then decide how fast that turns.
+Sources: [GEO] eqs. 2 and 6; without steered axles the recursion over couplings is the standard n-trailer.
 """
 
 from __future__ import annotations
@@ -13,21 +19,45 @@ from hdvplan.jit import FloatArray, compiled
 
 
 @compiled
+def wheels(units: FloatArray, unit: int, angle: float) -> tuple[float, float]:
+    """Return tan(delta) of a unit's axle and its derivative by the ``angle`` [rad] that steers it."""
+    ratio, most = units[unit, 5], units[unit, 6]
+    if ratio == 0.0:
+        return 0.0, 0.0
+    if abs(ratio * angle) >= most:
+        return -np.copysign(np.tan(most), angle), 0.0
+    tan = -np.tan(ratio * angle)
+    return tan, -ratio * (1.0 + tan * tan)
+
+
+@compiled
+def rear_wheels(units: FloatArray, kappa: float) -> tuple[float, float]:
+    """Return tan(delta) of the lead rear axle and its derivative by ``kappa`` [1/m]."""
+    if units[0, 5] == 0.0:
+        return 0.0, 0.0
+    tan_front = units[0, 0] * kappa
+    tan, slope = wheels(units, 0, np.arctan(tan_front))
+    return tan, slope * units[0, 0] / (1.0 + tan_front * tan_front)
+
+
+@compiled
 def derivative(units: FloatArray, road_curvature: float, z: FloatArray, kappa: float, f: FloatArray) -> None:
     """Write dz/ds into ``f`` (states,)."""
-    inside = 1.0 - z[0] * road_curvature
-    cos = np.cos(z[1])
-    travelled = inside / cos  # metres that the lead rear axle rolls per metre of road
-    f[0] = inside * np.sin(z[1]) / cos
-    f[1] = travelled * kappa - road_curvature
-    speed, turn = 1.0, kappa  # of the unit ahead, per metre that the lead rear axle rolls
+    sideways, _ = rear_wheels(units, kappa)  # of the unit ahead's axle, as ``forward`` and ``turn``
+    cos, sin = np.cos(z[1]), np.sin(z[1])
+    travelled = (1.0 - z[0] * road_curvature) / (cos - sin * sideways)  # metres that the lead body moves forward per metre of road
+    forward, turn = 1.0, kappa - sideways / units[0, 0]
+    f[0] = travelled * (sin + cos * sideways)
+    f[1] = travelled * turn - road_curvature
     for i in range(1, units.shape[0]):
-        beta, hitch, length = z[1 + i], units[i - 1, 1], units[i, 0]
+        beta, length = z[1 + i], units[i, 0]
         cos_b, sin_b = np.cos(beta), np.sin(beta)
-        turn_behind = (speed * sin_b - hitch * turn * cos_b) / length
+        across = sideways - units[i - 1, 1] * turn  # of the coupling, in the axes of the body ahead
+        tan, _ = wheels(units, i, beta)
+        forward_behind = forward * cos_b - across * sin_b
+        turn_behind = (forward * sin_b + across * cos_b - forward_behind * tan) / length
         f[1 + i] = travelled * (turn - turn_behind)
-        speed = speed * cos_b + hitch * turn * sin_b
-        turn = turn_behind
+        forward, sideways, turn = forward_behind, forward_behind * tan, turn_behind
 
 
 @compiled
@@ -36,50 +66,59 @@ def jacobian(
 ) -> None:
     """Write dz/ds into ``f`` (n,), its derivatives by z into ``a`` (n, n) and by kappa into ``b`` (n,).
 
-    ``scratch`` has shape (2, n + 1): gradients of speed and turn rate of the unit ahead by z and kappa.
+    ``scratch`` has shape (3, n + 1): gradients of forward and sideways velocity and turn rate of the unit ahead by z and kappa.
     """
     n = z.size
     inside = 1.0 - z[0] * road_curvature
     cos, sin = np.cos(z[1]), np.sin(z[1])
-    travelled = inside / cos
-    by_e_y, by_e_psi = -road_curvature / cos, inside * sin / (cos * cos)  # derivatives of ``travelled``
+    sideways, by_kappa = rear_wheels(units, kappa)
+    along, off = cos - sin * sideways, sin + cos * sideways  # the lead rear axle's velocity along and across the road
+    travelled = inside / along
+    by_e_y, by_e_psi = -road_curvature / along, inside * off / (along * along)  # derivatives of ``travelled``
+    by_wheels = inside * sin / (along * along) * by_kappa
     for row in range(n):  # loops: numba takes seconds to compile each slice assignment
         for column in range(n):
             a[row, column] = 0.0
-    f[0] = inside * sin / cos
-    a[0, 0] = -road_curvature * sin / cos
-    a[0, 1] = inside / (cos * cos)
-    b[0] = 0.0
-    f[1] = travelled * kappa - road_curvature
-    a[1, 0] = by_e_y * kappa
-    a[1, 1] = by_e_psi * kappa
-    b[1] = travelled
-    speed, turn = 1.0, kappa
+    forward, turn, d_kappa = 1.0, kappa - sideways / units[0, 0], 1.0 - by_kappa / units[0, 0]
+    f[0] = travelled * off
+    a[0, 0] = by_e_y * off
+    a[0, 1] = travelled * along + by_e_psi * off
+    b[0] = travelled / along * by_kappa
+    f[1] = travelled * turn - road_curvature
+    a[1, 0] = by_e_y * turn
+    a[1, 1] = by_e_psi * turn
+    b[1] = travelled * d_kappa + by_wheels * turn
     for column in range(n):
-        scratch[0, column] = scratch[1, column] = 0.0
-    scratch[0, n] = 0.0
-    scratch[1, n] = 1.0
+        scratch[0, column] = scratch[1, column] = scratch[2, column] = 0.0
+    scratch[0, n], scratch[1, n], scratch[2, n] = 0.0, by_kappa, d_kappa
     for i in range(1, units.shape[0]):
         j, hitch, length = 1 + i, units[i - 1, 1], units[i, 0]
         cos_b, sin_b = np.cos(z[j]), np.sin(z[j])
-        speed_behind = speed * cos_b + hitch * turn * sin_b
-        turn_behind = (speed * sin_b - hitch * turn * cos_b) / length
+        across = sideways - hitch * turn
+        forward_behind, across_behind = forward * cos_b - across * sin_b, forward * sin_b + across * cos_b
+        tan, by_beta = wheels(units, i, z[j])
+        turn_behind = (across_behind - forward_behind * tan) / length
         f[j] = travelled * (turn - turn_behind)
         a[j, 0] = by_e_y * (turn - turn_behind)
         a[j, 1] = by_e_psi * (turn - turn_behind)
         for column in range(2, n + 1):
-            d_speed, d_turn = scratch[0, column], scratch[1, column]
-            d_speed_behind = d_speed * cos_b + hitch * d_turn * sin_b
-            d_turn_behind = (d_speed * sin_b - hitch * d_turn * cos_b) / length
+            if j < column < n:  # the couplings behind
+                continue
+            d_forward, d_across, d_turn = scratch[0, column], scratch[1, column] - hitch * scratch[2, column], scratch[2, column]
+            d_forward_behind, d_across_behind = d_forward * cos_b - d_across * sin_b, d_forward * sin_b + d_across * cos_b
+            d_tan = 0.0
             if column == j:
-                d_speed_behind += length * -turn_behind
-                d_turn_behind += speed_behind / length
+                d_forward_behind -= across_behind
+                d_across_behind += forward_behind
+                d_tan = by_beta
+            d_sideways = d_forward_behind * tan + forward_behind * d_tan
+            d_turn_behind = (d_across_behind - d_sideways) / length
             if column < n:
                 a[j, column] = travelled * (d_turn - d_turn_behind)
             else:
-                b[j] = travelled * (d_turn - d_turn_behind)
-            scratch[0, column], scratch[1, column] = d_speed_behind, d_turn_behind
-        speed, turn = speed_behind, turn_behind
+                b[j] = travelled * (d_turn - d_turn_behind) + by_wheels * (turn - turn_behind)
+            scratch[0, column], scratch[1, column], scratch[2, column] = d_forward_behind, d_sideways, d_turn_behind
+        forward, sideways, turn = forward_behind, forward_behind * tan, turn_behind
 
 
 @compiled

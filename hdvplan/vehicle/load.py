@@ -13,7 +13,8 @@ from hdvplan.vehicle.model import Unit, Vehicle
 _TOP_KEYS = ("name", "source", "unit")
 _STEERING_KEYS = ("max_curvature", "max_curvature_rate")
 _DIMENSION_KEYS = ("wheelbase", "front_overhang", "rear_overhang", "width", "hitch_offset", "length")
-_UNIT_KEYS = (*_DIMENSION_KEYS, *_STEERING_KEYS, "steered")
+_AXLE_KEYS = ("steering_ratio", "max_steering_angle")
+_UNIT_KEYS = ("name", *_DIMENSION_KEYS, *_STEERING_KEYS, "steered", *_AXLE_KEYS)
 _LENGTH_TOLERANCE_M = 0.01
 
 
@@ -44,17 +45,30 @@ def load_vehicle(source: str | Path) -> Vehicle:
         VehicleError: no such preset or file, not TOML, an unknown, missing or impossible entry.
 
     """
-    path = Path(source)
-    if path.suffix == ".toml" or path.is_file():
-        try:
-            return parse_vehicle(path.read_text(encoding="utf-8"), default_name=path.stem)
-        except FileNotFoundError as error:
-            msg = f"vehicle file {path} does not exist"
-            raise VehicleError(msg, hint=f"presets: {', '.join(preset_names())}") from error
-        except (OSError, UnicodeDecodeError) as error:
-            msg = f"vehicle file {path} cannot be read: {error}"
-            raise VehicleError(msg) from error
-    return parse_vehicle(preset_text(str(source)), default_name=str(source))
+    return parse_vehicle(vehicle_text(source), default_name=Path(source).stem if _is_file(source) else str(source))
+
+
+def vehicle_text(source: str | Path) -> str:
+    """Return the TOML of the preset called ``source``, or of the file at that path.
+
+    Raises:
+        VehicleError: no such preset or file, or it cannot be read as text.
+
+    """
+    if not _is_file(source):
+        return preset_text(str(source))
+    try:
+        return Path(source).read_text(encoding="utf-8")
+    except FileNotFoundError as error:
+        msg = f"vehicle file {source} does not exist"
+        raise VehicleError(msg, hint=f"presets: {', '.join(preset_names())}") from error
+    except (OSError, UnicodeDecodeError) as error:
+        msg = f"vehicle file {source} cannot be read: {error}"
+        raise VehicleError(msg) from error
+
+
+def _is_file(source: str | Path) -> bool:
+    return Path(source).suffix == ".toml" or Path(source).is_file()
 
 
 def parse_vehicle(text: str, *, default_name: str) -> Vehicle:
@@ -93,10 +107,8 @@ def _unit(table: dict[str, object], number: int, name: str) -> Unit:
             if key in table:
                 msg = f"{where}: {key} belongs to unit 1, whose axle the steering moves"
                 raise VehicleError(msg, field=key)
-    if table.get("steered", number == 1) is not (number == 1):
-        msg = f"{where}: steered = {table['steered']!s} is not supported; the first unit steers, the others follow"
-        raise VehicleError(msg, field="steered")
-    values = {key: _number(table, key, where) for key in _DIMENSION_KEYS if key in table}
+    _check_steered(table, number, where)
+    values = {key: _number(table, key, where) for key in (*_DIMENSION_KEYS, *_AXLE_KEYS) if key in table}
     for key in ("wheelbase", "width"):
         if key not in values:
             msg = f"{where}: {key} is missing"
@@ -113,7 +125,29 @@ def _unit(table: dict[str, object], number: int, name: str) -> Unit:
                 f" + rear_overhang {max(rear, 0.0):g} m"
             )
             raise VehicleError(msg, field="length")
-    return Unit(**values)
+    called = table.get("name", "")
+    if not isinstance(called, str) or ("name" in table and not called.strip()):
+        msg = f"{where}: name must be a word, not {called!r}"
+        raise VehicleError(msg, field="name")
+    return Unit(**values, name=called.strip())
+
+
+def _check_steered(table: dict[str, object], number: int, where: str) -> None:
+    """Refuse entries about steering that contradict each other: ``steered`` is the front axle of unit 1, the axle of others."""
+    steered = table.get("steered", number == 1 or "steering_ratio" in table)
+    if not isinstance(steered, bool):
+        msg = f"{where}: steered must be true or false, not {steered!r}"
+        raise VehicleError(msg, field="steered")
+    if number == 1 and not steered:
+        msg = f"{where}: steered = false is not supported; the first unit steers, the others follow"
+        raise VehicleError(msg, field="steered")
+    if number > 1 and steered != ("steering_ratio" in table):
+        words = "needs a steering_ratio" if steered else "contradicts its steering_ratio"
+        msg = f"{where}: steered = {str(steered).lower()} {words}"
+        raise VehicleError(msg, field="steered", hint="steering_ratio is the axle's steering angle per angle at its coupling")
+    if "max_steering_angle" in table and "steering_ratio" not in table:
+        msg = f"{where}: max_steering_angle needs a steering_ratio"
+        raise VehicleError(msg, field="max_steering_angle", hint="it stops this unit's own axle; the front wheels have max_curvature")
 
 
 def _check_keys(table: dict[str, object], known: tuple[str, ...], where: str) -> None:

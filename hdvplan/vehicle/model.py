@@ -2,6 +2,10 @@
 
 The first unit is the bus or the tractor: its rear axle carries the road-aligned state and its front axle steers. Every
 further unit is coupled to the one ahead of it: ``wheelbase`` is then the distance from the coupling to its axle.
+
+Any unit's axle may be steered by a fixed law, as vehicles are built: by ``steering_ratio`` times the front wheels' angle
+(first unit) or times the articulation angle at the unit's own coupling (others), up to ``max_steering_angle``. The sign is
+such that a positive ratio improves off-tracking: the axle turns its wheels out of the bend.
 """
 
 from __future__ import annotations
@@ -14,6 +18,8 @@ from hdvplan.errors import VehicleError
 from hdvplan.jit import FloatArray
 
 MAX_DIMENSION_M = 50.0  # no single road unit is longer; catches millimetres and feet
+MAX_RATIO = 2.0  # of steering: an axle that follows its coupling's track exactly has 1
+MAX_ANGLE = 0.25 * np.pi  # of an axle's wheels [rad]; catches degrees
 
 
 @dataclass(frozen=True)
@@ -21,10 +27,13 @@ class Unit:
     """One rigid body. Lengths in metres along the body's axis."""
 
     wheelbase: float  # front axle (first unit) or coupling (others) to the axle [m]
-    front_overhang: float  # body ahead of the front axle or coupling [m]
+    front_overhang: float  # body ahead of the front axle or coupling; negative where a bare drawbar reaches further [m]
     rear_overhang: float  # body behind the axle [m]
     width: float  # [m]
     hitch_offset: float = 0.0  # coupling of the next unit behind the axle; negative: ahead of it [m]
+    steering_ratio: float = 0.0  # of the axle's steering angle to the front wheels' or to the articulation; 0: not steered
+    max_steering_angle: float = MAX_ANGLE  # of this axle [rad]
+    name: str = ""  # what messages and pictures call it
 
     @property
     def front(self) -> float:
@@ -48,7 +57,7 @@ class Vehicle:
 
     name: str
     units: tuple[Unit, ...]
-    max_curvature: float = 0.1  # of the lead unit's rear axle path [1/m]
+    max_curvature: float = 0.1  # tan(front angle) / wheelbase: of the lead rear axle's path unless that is steered [1/m]
     max_curvature_rate: float = 0.1  # per metre travelled [1/m^2]
     source: str = ""
 
@@ -68,13 +77,22 @@ class Vehicle:
             self._check_unit(number, unit_)
 
     def _check_unit(self, number: int, unit: Unit) -> None:
-        lowest = {"wheelbase": 0.5, "front_overhang": 0.0, "rear_overhang": 0.0, "width": 0.5, "hitch_offset": -unit.wheelbase}
+        drawbar = unit.wheelbase if number > 1 else 0.0  # a body begins ahead of its axle
+        lowest = {"wheelbase": 0.5, "front_overhang": -drawbar, "rear_overhang": 0.0, "width": 0.5, "hitch_offset": -unit.wheelbase}
         highest = {"width": 5.0}
         for field, low in lowest.items():
             value, high = getattr(unit, field), highest.get(field, MAX_DIMENSION_M)
             if not (np.isfinite(value) and low <= value <= high):
                 msg = f"vehicle {self.name!r}, unit {number}: {field} = {value:g} m must lie between {low:g} and {high:g} m"
                 raise VehicleError(msg, field=field, hint="dimensions are in metres")
+        if not (np.isfinite(unit.steering_ratio) and 0.0 <= unit.steering_ratio <= MAX_RATIO):
+            msg = f"vehicle {self.name!r}, unit {number}: steering_ratio = {unit.steering_ratio:g} must lie between 0 and {MAX_RATIO:g}"
+            raise VehicleError(msg, field="steering_ratio", hint="a positive ratio turns the wheels out of the bend")
+        angle = unit.max_steering_angle
+        if not (np.isfinite(angle) and 0.0 < angle <= MAX_ANGLE):
+            where = f"vehicle {self.name!r}, unit {number}"
+            msg = f"{where}: max_steering_angle = {angle:g} rad must lie above 0 and be at most {MAX_ANGLE:.3f}"
+            raise VehicleError(msg, field="max_steering_angle", hint=f"it is in radians: 20 degrees are {np.deg2rad(20.0):.3f}")
 
     @property
     def lead(self) -> Unit:
@@ -110,5 +128,13 @@ class Vehicle:
         return behind
 
     def table(self) -> FloatArray:
-        """Return the dimensions for the kernels: rows units, columns wheelbase, hitch offset, front, rear, half width."""
-        return np.array([[u.wheelbase, u.hitch_offset, u.front, u.rear_overhang, 0.5 * u.width] for u in self.units])
+        """Return the dimensions for the kernels, a row per unit.
+
+        Columns: wheelbase, hitch offset, front, rear, half width [m], steering ratio, largest steering angle [rad].
+        """
+        return np.array(
+            [
+                [u.wheelbase, u.hitch_offset, u.front, u.rear_overhang, 0.5 * u.width, u.steering_ratio, u.max_steering_angle]
+                for u in self.units
+            ]
+        )

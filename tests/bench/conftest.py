@@ -11,6 +11,7 @@ import pytest
 from hdvplan.bench.machine import use_one_thread
 from hdvplan.bench.samples import OK, Judgement, Measurement
 from hdvplan.bench.suite import Suite
+from hdvplan.cli.app import run
 from tests.cli.conftest import Cli, cli
 
 __all__ = ["Cli", "cli"]
@@ -34,6 +35,16 @@ def short_road(tmp_path: Path) -> str:
 @pytest.fixture
 def tiny(short_road: str) -> Suite:
     return Suite(roads=(short_road,), vehicles=("bus",), solvers=("riccati", "piqp"), rounds=2, horizon=30.0)
+
+
+@pytest.fixture(scope="session")
+def finished_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a finished benchmark of two cells and three rounds; copy it before you change it."""
+    folder = tmp_path_factory.mktemp("finished")
+    (folder / "short.csv").write_text("s,kappa\n0,0\n20,0\n30,0.03\n40,0\n60,0\n", encoding="utf-8")
+    command = ("bench", "--roads", str(folder / "short.csv"), *TINY, "--rounds", "3", "--schemes", "rti", "--quiet")
+    assert run([*command, "--out", str(folder / "out")]) == 0
+    return folder / "out"
 
 
 def made_up(

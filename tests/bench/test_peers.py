@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -36,8 +37,13 @@ def bend(right: float) -> Road:
     return replace(road, limits=Limits(s, SLACK_M * one, low, SLACK_M * one, low))
 
 
-@pytest.mark.parametrize("vehicle", ["bus", "tractor-trailer"])
-@pytest.mark.parametrize("right", [SLACK_M, TIGHT_M])
+@pytest.mark.parametrize(
+    ("vehicle", "right"),
+    [
+        *product(("bus", "tractor-trailer"), (SLACK_M, TIGHT_M)),
+        *product(("articulated-bus", "truck-dolly-semitrailer", "rear-steered-bus", "semitrailer-steered"), (SLACK_M,)),
+    ],
+)
 def test_sqp_ends_in_the_optimum_of_the_exact_program(vehicle: str, right: float) -> None:
     from exact_nlp import exact_nlp  # noqa: PLC0415 - on the path only here
 

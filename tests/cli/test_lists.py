@@ -44,6 +44,49 @@ def test_a_preset_is_shown_verbatim(cli: Cli) -> None:
     assert "did you mean 'bus'" in outcome.err
 
 
+def test_the_list_of_vehicles_tells_units_length_and_what_steers(cli: Cli) -> None:
+    listed = {vehicle["name"]: vehicle for vehicle in json.loads(cli("vehicles", "list", "--json").out)}
+    assert len(listed["a-double"]["units"]) == 4
+    assert listed["truck-dolly-semitrailer"]["length_m"] == pytest.approx(25.25)
+    table = cli("vehicles", "list").out
+    assert all(name in table for name in listed)
+    row = next(line for line in table.splitlines() if "semitrailer-steered" in line)
+    assert row.split() == ["semitrailer-steered", "2", "16.50", "2.55", "3.7+7.7*", "10.0"]
+
+
+def test_a_vehicle_is_drawn_where_asked_or_under_its_name(cli: Cli, tmp_path: Path) -> None:
+    outcome = cli("vehicles", "show", "a-double", "--plot")
+    assert (outcome.code, outcome.out) == (0, "")
+    assert "wrote a-double.png" in outcome.err
+    assert (tmp_path / "a-double.png").read_bytes().startswith(b"\x89PNG")
+    assert json.loads(cli("vehicles", "show", "bus", "--plot", "mine.svg", "--json").out)["file"] == "mine.svg"
+    assert (tmp_path / "mine.svg").read_text(encoding="utf-8").lstrip().startswith("<?xml")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("bus", "mine.png"), "--plot is not given"),
+        (("bus", "--plot", "mine.bmp"), "png, pdf or svg"),
+        (("bus", "--plot", "mine"), "png, pdf or svg"),
+        (("bus", "--plot", "none/mine.png"), "cannot write none/mine.png"),
+        (("none.toml",), "does not exist"),
+    ],
+)
+def test_a_drawing_that_cannot_be_made_is_refused_in_one_line(cli: Cli, arguments: tuple[str, ...], words: str) -> None:
+    outcome = cli("vehicles", "show", *arguments)
+    assert (outcome.code, outcome.out) == (2, "")
+    assert words in outcome.err.splitlines()[0]
+
+
+def test_a_vehicle_file_can_be_shown_and_drawn_too(cli: Cli, tmp_path: Path) -> None:
+    text = cli("vehicles", "show", "b-double").out.replace('"b-double"', '"my double"')
+    (tmp_path / "mine.toml").write_text(text, encoding="utf-8")
+    assert cli("vehicles", "show", "mine.toml").out == text
+    assert cli("vehicles", "show", "mine.toml", "--plot").code == 0
+    assert (tmp_path / "my-double.png").is_file()
+
+
 def test_info_tells_which_vehicles_fit(cli: Cli) -> None:
     info = json.loads(cli("roads", "info", "uturn", "--json").out)
     assert info["length_m"] == pytest.approx(173.26, abs=0.01)  # printed digits

@@ -26,7 +26,15 @@ def test_a_plan_writes_every_file_and_prints_the_balance(cli: Cli, tmp_path: Pat
     assert outcome.code == 0
     assert outcome.err == ""
     folder = tmp_path / "short.bus"
-    assert sorted(path.name for path in folder.iterdir()) == ["envelope.csv", "path.csv", "plan.png", "summary.json", "swept.geojson"]
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "envelope.csv",
+        "path.csv",
+        "plan.png",
+        "profile.csv",
+        "steps.csv",
+        "summary.json",
+        "swept.geojson",
+    ]
     assert (folder / "plan.png").read_bytes().startswith(b"\x89PNG")
     for words in ("max left", "mean |left + right|", "expected half width", "limits kept", "time per step", "short.bus/"):
         assert words in outcome.out
@@ -51,7 +59,8 @@ def test_the_tables_agree_with_the_contract_and_with_each_other(cli: Cli, tmp_pa
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     path, envelope = pd.read_csv(folder / "path.csv"), pd.read_csv(folder / "envelope.csv")
     assert list(path.columns) == ["s", "x", "y", "heading", "e_y", "e_psi", "beta1", "kappa", "K"]
-    assert list(envelope.columns) == ["s", "left", "right", "left_limit", "right_limit", "expected_left", "expected_right"]
+    contract = ["s", "left", "right", "left_limit", "right_limit", "expected_left", "expected_right"]
+    assert list(envelope.columns) == [*contract, "needed_width"]
     assert envelope["left"].max() == pytest.approx(summary["max_left_m"], rel=1e-14)  # some readers miss the last bit
     assert -envelope["right"].min() == pytest.approx(summary["max_right_m"], rel=1e-14)
     assert (envelope["right_limit"] == -3.5).all()
@@ -69,9 +78,11 @@ def test_a_broken_limit_ends_in_1_and_says_which_where_and_by_how_much(cli: Cli,
     deepest = max(summary["breaches"], key=lambda breach: breach["depth_m"])
     assert summary["status"] == "limits broken"
     assert summary["limit_violation_m"] == deepest["depth_m"] > 0.01
-    first, hint = outcome.err.splitlines()
+    warning, first, hint = outcome.err.splitlines()
+    assert warning.startswith("warning: too narrow for the tractor-trailer-24m from s = ")
     assert first == (
-        f"error: the {deepest['unit']} breaks the {deepest['side']} limit by {deepest['depth_m']:.3f} m at s = {deepest['s_deepest']:.1f} m"
+        f"error: the {deepest['part']} of the {deepest['unit']} breaks the {deepest['side']} limit"
+        f" by {deepest['depth_m']:.3f} m at s = {deepest['s_deepest']:.1f} m"
     )
     assert hint.startswith("hint: ")
     assert "broken limits" in outcome.out

@@ -40,7 +40,20 @@ def test_help_is_there_at_once(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "command", [(), ("plan",), ("bench",), ("roads",), ("roads", "list"), ("roads", "info"), ("roads", "make"), ("vehicles",), ("solvers",)]
+    "command",
+    [
+        (),
+        ("plan",),
+        ("report",),
+        ("bench",),
+        ("compare",),
+        ("roads",),
+        ("roads", "list"),
+        ("roads", "info"),
+        ("roads", "make"),
+        ("vehicles",),
+        ("solvers",),
+    ],
 )
 def test_every_command_explains_itself(tmp_path: Path, command: tuple[str, ...]) -> None:
     ended = hdvplan(tmp_path, *command, "--help")
@@ -88,7 +101,8 @@ def test_an_interrupted_command_ends_as_shells_expect(tmp_path: Path) -> None:
     pipe = tmp_path / "endless.toml"
     os.mkfifo(pipe)
     arguments = [*COMMAND, "plan", "uturn", "--vehicle", str(pipe)]
-    with subprocess.Popen(arguments, env=_environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:  # noqa: S603
+    single = _environment() | {"OPENBLAS_NUM_THREADS": "1"}  # with one thread only it is the reader that the signal reaches
+    with subprocess.Popen(arguments, env=single, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:  # noqa: S603
         writer = _opened(pipe)  # from now on the command waits for its vehicle
         process.send_signal(signal.SIGINT)
         os.close(writer)  # a read that began after the signal ends here, and the signal counts

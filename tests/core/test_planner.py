@@ -5,6 +5,7 @@ from scipy.optimize import LinearConstraint, NonlinearConstraint, minimize
 from hdvplan.centering.weights import CenteringTable
 from hdvplan.errors import OptionError, PlanError, SolverError
 from hdvplan.jit import FloatArray
+from hdvplan.planning.limits import ROWS_PER_EDGE
 from hdvplan.planning.linearise import advance, linearise, write_inputs
 from hdvplan.planning.motion import axles_behind, take_step
 from hdvplan.planning.objectives import geometric
@@ -48,18 +49,18 @@ def fresh_program(
     """Linearise everything at a motion without any memory of earlier plans."""
     N, n, points, part = settings.stages, vehicle.states, edge_points(vehicle), geometric(stations)
     path, limits = stations.path, stations.limits
-    qp = StageQp.empty(qp_shape(vehicle, settings, limited=True))
+    qp = StageQp.empty(qp_shape(vehicle, settings, rows_per_edge=ROWS_PER_EDGE))
     qp.A[:, n, n] = qp.B[:, n, 0] = 1.0
-    qp.linear[:] = settings.elastic_weight
+    qp.linear[:], qp.quadratic[:] = settings.elastic_weight, settings.elastic_growth
     here = slice(first, first + N + 1)
     units, road, s = vehicle.table(), stations.road[:, here], stations.s[here]
     feet = s[:, None, None, None] + np.zeros((1, *points.shape[:2], 2))
     axis = axis_points(vehicle)
     lost = linearise(
-        units, points, axis, path.coefficients, path.s_first, path.spacing, road, stations.curvature_between[here],
+        units, part.axle, points, axis, path.coefficients, path.s_first, path.spacing, road, stations.curvature_between[here],
         stations.around[:, here], settings.step, True, part.lead[here], part.aux[here], part.target[here], limits.values,
-        limits.s_first, limits.spacing, settings.margin, z, kappa, s.copy(), s[:, None, None] + np.zeros((1, *axis.shape)), feet,
-        np.zeros(feet.shape), 1, qp.A, qp.B, qp.c, qp.Q, qp.q, qp.G, qp.h,
+        limits.s_first, limits.spacing, stations.margin[here] + settings.margin, z, kappa, s.copy(),
+        s[:, None, None] + np.zeros((1, *axis.shape)), feet, np.zeros(feet.shape), 1, qp.A, qp.B, qp.c, qp.Q, qp.q, qp.G, qp.h,
     )  # fmt: skip
     assert lost == -1
     change = vehicle.max_curvature_rate * settings.step
@@ -88,8 +89,10 @@ def test_a_shifted_program_equals_a_fresh_linearisation_at_the_same_motion(vehic
         assert np.max(np.abs(getattr(shifted, name) - getattr(fresh, name))) < 1e-12
     for name in ("Q", "q"):  # the first state is given: its cost is a constant
         assert np.max(np.abs(getattr(shifted, name)[1:] - getattr(fresh, name)[1:])) < 1e-8
-    for name in ("G", "h"):  # feet found from another start: exact to 1e-11, by lever arms of 10 m
-        assert np.max(np.abs(getattr(shifted, name) - getattr(fresh, name))) < 1e-9
+    # Feet found from another start: exact to 1e-11, by lever arms of 10 m. Where an edge bows past a limit its tightest place is as
+    # flat as the bow, and so found to 1e-6 m only: the clearance there does not feel it, its derivative does.
+    assert np.max(np.abs(shifted.h - fresh.h)) < 1e-8
+    assert np.max(np.abs(shifted.G - fresh.G)) < 1e-5
 
 
 @each_vehicle
@@ -324,7 +327,7 @@ def test_a_step_that_cannot_be_taken_in_any_part_is_refused() -> None:
     z, kappa, step = np.zeros((4, 2)), np.zeros(3), np.ones((4, 3))
     z[2, 1] = 1.4  # already steeper than a plan may be, and the step turns on
     before = z.copy()
-    assert take_step(z, kappa, step, np.zeros(4)) == np.inf
+    assert take_step(z, kappa, step, np.zeros(4), 1.0) == np.inf
     assert np.array_equal(z, before)
     assert not np.any(kappa)
 
@@ -333,7 +336,7 @@ def test_a_step_leaves_the_given_state_where_it_is() -> None:
     z, kappa = np.zeros((4, 2)), np.zeros(3)
     step = np.full((4, 3), 0.01)
     step[0] = 5.0  # a residual of the solver
-    assert take_step(z, kappa, step, np.zeros(4)) == 0.01
+    assert take_step(z, kappa, step, np.zeros(4), 1.0) == 0.01
     assert not np.any(z[0])
     assert np.all(z[1:] == 0.01)
     assert np.all(kappa == 0.01)
@@ -365,7 +368,8 @@ def test_a_margin_keeps_that_much_further_from_the_limit() -> None:
         planner, _, stations = planned(vehicle, settings, 2.25)
         plans.append(planner.plan(40, start(vehicle), 0.0))
         gaps = cost_and_gaps(vehicle, stations, settings, 40, start(vehicle), 2.25, plans[-1].kappa)[1:]
-        assert abs(np.min(gaps) - margin) < 1e-5  # it binds; the solver's tolerance on an active row
+        own = stations.margin[40:61]  # what sampling needs, on top
+        assert np.min(own) - 1e-5 < np.min(gaps) - margin < np.max(own) + 1e-5  # it binds; the solver's tolerance on an active row
     assert plans[0].violation < 1e-5
 
 

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 from hdvplan.centering.weights import CenteringTable
 from hdvplan.errors import QpDataError
 from hdvplan.jit import FloatArray
+from hdvplan.planning.limits import ROWS_PER_EDGE
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.planner import Planner, qp_shape
 from hdvplan.planning.qp import StageQp, StageShape, StageSolution, residuals
@@ -170,7 +171,7 @@ def test_the_zero_pattern_of_planning_covers_every_value_that_is_not_zero(vehicl
     spy = Spy(solver_named("piqp"))
     z = np.concatenate([[0.2, 0.05], np.full(vehicle.states - 2, 0.1)])
     Planner(vehicle, stations, geometric(stations), settings, spy).plan(30, z, 0.01)
-    sizes = qp_shape(vehicle, settings, limited=True)
+    sizes = qp_shape(vehicle, settings, rows_per_edge=ROWS_PER_EDGE)
     assert sizes.a_pattern is not None
     assert sizes.q_pattern is not None
     assert sizes.g_pattern is not None

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -30,6 +31,26 @@ def test_every_body_has_an_area_and_the_road_a_line(trailer: Result) -> None:
     reaches = [feature["properties"][key] for feature in (tractor, semitrailer) for key in ("max_left_m", "max_right_m")]
     balance = trailer.balance
     assert max(reaches) == pytest.approx(max(balance.max_left, balance.max_right), abs=1e-4)  # rounded there
+
+
+def test_limits_and_their_breaches_are_lines_of_their_own(kerbed: Result, straight: Result) -> None:
+    kinds = [feature["properties"]["kind"] for feature in features(kerbed)]
+    breaches = kerbed.balance.breaches
+    assert kinds == ["swept area", *["limit", "limit of overhangs"] * 2, *["broken limit"] * len(breaches), "road centre"]
+    depths = {feature["properties"]["depth_m"] for feature in features(kerbed) if feature["properties"]["kind"] == "broken limit"}
+    assert max(depths) == pytest.approx(kerbed.balance.violation, abs=1e-4)  # rounded there
+    left = next(feature for feature in features(straight) if feature["properties"].get("side") == "left")
+    assert left["geometry"]["coordinates"] == [[0.0, 3.0], [80.0, 3.0]]  # straight: two points are enough
+
+
+def test_every_feature_brings_its_style(kerbed: Result, trailer: Result) -> None:
+    for feature in (*features(kerbed), *features(trailer)):
+        properties = feature["properties"]
+        colours = [properties["stroke"], *([properties["fill"]] if feature["geometry"]["type"].endswith("Polygon") else [])]
+        assert all(re.fullmatch("#[0-9A-F]{6}", colour) for colour in colours)
+        assert 0 < properties["stroke-width"] <= 5
+    tractor, semitrailer, _ = features(trailer)
+    assert tractor["properties"]["fill"] != semitrailer["properties"]["fill"]
 
 
 def test_areas_are_valid_where_the_road_crosses_itself(trailer: Result) -> None:
@@ -74,7 +95,7 @@ def test_on_a_map_the_coordinates_are_degrees_and_carry_the_attribution(straight
         return 12.0 + x / 60e3, 57.0 + y / 111e3
 
     road = replace(straight.drive.road, to_lonlat=to_lonlat, notice="© the surveyors")
-    area, centre = features(replace(straight, drive=replace(straight.drive, road=road)))
+    area, *_, centre = features(replace(straight, drive=replace(straight.drive, road=road)))
     west, south, east, north = shape(area["geometry"]).bounds
     assert (west, east) == pytest.approx((12.0, 12.0 + 80.0 / 60e3), abs=1e-7)
     assert (south, north) == pytest.approx((57.0 - 1.27 / 111e3, 57.0 + 1.27 / 111e3), abs=1e-7)

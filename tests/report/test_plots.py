@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import matplotlib as mpl
 import numpy as np
 import pytest
 import shapely
@@ -9,17 +10,20 @@ from matplotlib.figure import Figure
 
 from hdvplan.report.bodies import corners, pose_at
 from hdvplan.report.plots import plan_figure
-from hdvplan.report.result import Result
+from hdvplan.report.result import Result, result_of
 from hdvplan.report.windows import tightest_windows
+from hdvplan.road.path import from_curvature
+from hdvplan.road.road import Road
+from tests.report.conftest import driven
 
 
 def labels(figure: Figure) -> set[str]:
     return {axes.get_ylabel().split(" [")[0] for axes in figure.axes}
 
 
-def test_a_single_body_has_a_map_an_envelope_and_a_curvature(bus: Result) -> None:
+def test_a_single_body_has_a_map_an_envelope_a_curvature_and_step_times(bus: Result) -> None:
     figure = plan_figure(bus)
-    assert labels(figure) == {"y", "reach", "curvature"}
+    assert labels(figure) == {"y", "reach", "curvature", "step time"}
     assert figure.axes[0].get_aspect() == 1.0  # to scale
     title = figure.get_suptitle()
     assert all(word in title for word in ("bus", "uturn", "RTI", "geometric"))
@@ -27,7 +31,7 @@ def test_a_single_body_has_a_map_an_envelope_and_a_curvature(bus: Result) -> Non
 
 def test_an_articulated_vehicle_shows_its_articulation_and_the_road_its_notice(trailer: Result) -> None:
     figure = plan_figure(trailer)
-    assert labels(figure) == {"y", "reach", "curvature", "articulation"}
+    assert labels(figure) == {"y", "reach", "curvature", "articulation", "step time"}
     assert figure.get_supxlabel() == "© the surveyors"
 
 
@@ -36,6 +40,40 @@ def test_a_long_road_is_an_overview_with_its_tightest_places_enlarged(long: Resu
     maps = [axes for axes in figure.axes if axes.get_ylabel() == "y [m]"]
     assert len(maps) == 3
     assert maps[1].get_title(loc="left").startswith("A: reach")
+
+
+def test_a_broken_limit_is_drawn_with_its_depth_on_the_map_and_over_s(kerbed: Result) -> None:
+    figure = plan_figure(kerbed)
+    deepest = f"{kerbed.balance.violation:.2f} m"
+    road, reach = figure.axes[0], next(axes for axes in figure.axes if axes.get_ylabel().startswith("reach"))
+    assert deepest in [text.get_text() for text in road.texts]
+    assert f"{deepest} beyond" in [text.get_text() for text in reach.texts]
+    names = road.get_legend_handles_labels()[1]
+    assert {"beyond a limit", "limits", "limits of overhangs"} <= set(names)
+
+
+def test_limits_far_away_shrink_neither_map_nor_envelope(bus: Result) -> None:
+    road = bus.drive.road.with_limits(500.0, 500.0)
+    figure = plan_figure(result_of(replace(bus.drive, road=road), solver="piqp", objective="geometric"))
+    figure.draw_without_rendering()
+    reach = next(axes for axes in figure.axes if axes.get_ylabel().startswith("reach"))
+    assert np.ptp(reach.get_ylim()) < 10.0
+    assert np.ptp(figure.axes[0].get_xlim()) < 200.0  # the U-turn is 80 m long, and the panel about square
+
+
+def test_a_very_long_road_shows_its_profiles_where_it_is_enlarged() -> None:
+    s = np.array([0.0, 195.0, 200.0, 205.0, 595.0, 600.0, 605.0, 995.0, 1000.0, 1005.0, 1200.0])
+    kappa = np.array([0.0, 0.0, 0.04, 0.0, 0.0, -0.05, 0.0, 0.0, 0.06, 0.0, 0.0])
+    figure = plan_figure(driven(Road("very long", from_curvature(s, kappa)), "bus"))
+    spans = [np.ptp(axes.get_xlim()) for axes in figure.axes if axes.get_ylabel() == "curvature [1/m]"]
+    assert spans == [pytest.approx(50.0)]  # the first of the enlarged ones carries the label
+    assert len([axes for axes in figure.axes if axes.get_ylabel() == "y [m]"]) == 5  # overview and four places
+
+
+def test_the_style_leaves_matplotlib_s_settings_alone(bus: Result) -> None:
+    before = dict(mpl.rcParams)
+    plan_figure(bus)
+    assert dict(mpl.rcParams) == before
 
 
 def test_every_map_is_large_enough_to_see_the_bodies(long: Result, bus: Result) -> None:

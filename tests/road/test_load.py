@@ -140,3 +140,25 @@ def test_a_road_is_closed_only_if_it_goes_on_where_it_began() -> None:
     assert not is_closed(square + np.array([[0.0, 0.0]] * 4 + [[0.02, 0.0]]))  # 2 cm apart: more than the snap of 1 cm
     there_and_back = np.array([[0.0, 0.0], [50.0, 0.0], [80.0, 20.0], [50.0, 5.0], [0.0, 0.0]])
     assert not is_closed(there_and_back)
+
+
+@pytest.mark.parametrize("jump", ["60,3.0\n60,2.0", "60,3.0\n60.01,2.0"])
+def test_a_jump_of_the_width_holds_early_enough_for_tables_that_interpolate(tmp_path: Path, jump: str) -> None:
+    rows = [row.split(",") for row in ("0,3.0", *jump.split("\n"), "100,2.0")]
+    text = "x,y,left,right\n" + "".join(f"{x},0,{width},{width}\n" for x, width in rows)
+    (tmp_path / "jump.csv").write_text(text, encoding="utf-8")
+    limits = load_road(tmp_path / "jump.csv").limits
+    assert limits is not None
+    table = limits.table(np.array([30.0, 59.74, 59.76, 60.0, 60.02, 80.0]))
+    np.testing.assert_allclose(table[0], [3.0, 3.0, 2.0, 2.0, 2.0, 2.0], atol=1e-6)  # 0.25 m: the table's spacing
+    np.testing.assert_allclose(table[1], -table[0])
+
+
+def test_corners_drawn_as_bare_vertices_are_rounded_within_the_stated_deviation(tmp_path: Path) -> None:
+    stairs = "0,0\n30,0\n30,30\n60,30\n60,60\n90,60\n"
+    for points in ("0,0\n60,0\n60,60\n", "0,0\n30,0\n60,0\n45,25.98\n30,51.96\n", stairs):  # 90 and 120 degrees, a staircase
+        (tmp_path / "corners.csv").write_text("x,y\n" + points, encoding="utf-8")
+        smoothing = load_road(tmp_path / "corners.csv").smoothing
+        assert smoothing is not None
+        assert smoothing.max_deviation <= 5.0
+        assert smoothing.max_curvature <= 1.01 * 0.125  # promised to 1 %

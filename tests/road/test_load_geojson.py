@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+import shapely
 
 from hdvplan.errors import RoadError
 from hdvplan.road.load_geojson import read_geojson
+from hdvplan.road.regions import Kind
 
 LINE = [[11.97, 57.70], [11.971, 57.701], [11.972, 57.7015]]
 
@@ -118,11 +120,36 @@ def test_each_mistake_is_named_in_one_line(document: str, message: str) -> None:
     assert "\n" not in str(caught.value)
 
 
-def test_regions_are_refused_but_other_polygons_are_not_roads() -> None:
+def test_polygons_with_a_region_come_along_in_the_road_s_plane() -> None:
     ring = geometry([[*LINE, LINE[0]]], "Polygon")
-    with pytest.raises(RoadError, match="regions are not supported yet"):
-        read_geojson(collection(feature(), feature(ring, region="obstacle")), "f")
-    assert len(read_geojson(collection(feature(), feature(ring)), "f").points) == 3
+    raw = read_geojson(collection(feature(), feature(ring, region="obstacle", name="van"), feature(ring)), "f")
+    assert [(region.kind, region.label) for region in raw.regions] == [(Kind.OBSTACLE, "van")]  # the other is none of ours
+    corners = shapely.get_coordinates(raw.regions[0].polygon)
+    np.testing.assert_allclose(np.unique(corners, axis=0), np.unique(raw.points, axis=0), atol=1e-9)  # the line's own vertices
+    two = geometry([[[*LINE, LINE[0]]], [[*(np.array(LINE) + 0.01).tolist(), (np.array(LINE[0]) + 0.01).tolist()]]], "MultiPolygon")
+    assert len(read_geojson(collection(feature(), feature(two, region="sweepable")), "f").regions) == 2
+
+
+def test_a_polygon_that_crosses_itself_keeps_its_areas() -> None:
+    bow_tie = geometry([[[11.97, 57.70], [11.972, 57.702], [11.972, 57.70], [11.97, 57.702], [11.97, 57.70]]], "Polygon")
+    assert len(read_geojson(collection(feature(), feature(bow_tie, region="obstacle")), "f").regions) == 2
+
+
+@pytest.mark.parametrize(
+    ("shape", "region", "message"),
+    [
+        (geometry([[*LINE, LINE[0]]], "Polygon"), "wall", "region 'van' is 'wall'; a region is obstacle or sweepable"),
+        (geometry(), "obstacle", "region 'van' is a LineString, not a Polygon"),
+        (geometry([], "Polygon"), "obstacle", "region 'van' has no coordinates"),
+        (geometry([[LINE[0], LINE[1]]], "Polygon"), "obstacle", "region 'van': a ring needs at least three points, this one has 2"),
+        (geometry([[LINE[0], LINE[1], LINE[0]]], "Polygon"), "obstacle", "region 'van' has no area"),
+        (geometry([[*LINE, ["a", 1]]], "Polygon"), "obstacle", "region 'van': point 4 is not a pair"),
+    ],
+)
+def test_a_region_that_is_none_is_named(shape: dict[str, Any], region: str, message: str) -> None:
+    document = collection(feature(name="road"), feature(shape, region=region, name="van"))
+    with pytest.raises(RoadError, match=message):
+        read_geojson(document, "f", feature="road" if shape["type"] == "LineString" else None)
 
 
 def test_the_notice_is_the_attribution_with_the_licence() -> None:

@@ -84,7 +84,7 @@ def test_a_right_angle_is_rounded_within_both_bounds() -> None:
 def test_a_corner_that_does_not_fit_says_where_and_how_much_it_needs() -> None:
     with pytest.raises(RoadError, match=r"corner at s = \d+ m .* radius of 8.0 m within 1.00 m; it needs") as caught:
         smoothed(corner(98.0), deviation=1.0)
-    assert caught.value.s_m == pytest.approx(60.0, abs=10.0)  # anywhere in the bend: its worst point is not unique
+    assert caught.value.s_m == pytest.approx(60.0, abs=0.1)  # the corner itself, on the given line
     hint = str(caught.value.hint)
     line = smoothed(corner(98.0), deviation=float(hint.removeprefix("--smooth ")))
     assert line.smoothing.max_curvature <= 1.01 * MAX_CURVATURE

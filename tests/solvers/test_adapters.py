@@ -163,14 +163,23 @@ def test_a_claim_that_residuals_refute_counts_as_failure(lie: float) -> None:
     assert made == [False, True]
 
 
-def test_rows_with_a_finite_price_are_elastic_from_the_start() -> None:
+def test_rows_that_cost_nothing_at_first_are_elastic_from_the_start() -> None:
     qp = exact(1)
-    qp.quadratic[2, 1] = 1.0
+    qp.linear[2, 1], qp.quadratic[2, 1] = 0.0, 1.0
     hard = Scripted(Status.SOLVED, optimum(qp))
     workspace, made = two_sided(hard, Scripted(Status.SOLVED, optimum(qp)))
     workspace.solve(qp, None)
     assert made == [False, True]
     assert hard.guesses == []
+
+
+def test_a_row_that_is_held_at_more_than_its_price_is_relaxed() -> None:
+    qp = exact(1)
+    dear = optimum(qp)
+    dear.rows[2, 1] = 1.001 * qp.linear[2, 1]
+    workspace, made = two_sided(Scripted(Status.SOLVED, dear), Scripted(Status.SOLVED, optimum(qp)))
+    workspace.solve(qp, None)
+    assert made == [False, True]
 
 
 def test_without_rows_there_is_nothing_to_relax() -> None:

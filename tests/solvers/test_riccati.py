@@ -11,6 +11,7 @@ from hdvplan.planning.qp import StageQp, StageShape, residuals
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
+from hdvplan.solvers.clarabel import ClarabelWorkspace
 from hdvplan.solvers.piqp import PiqpWorkspace
 from hdvplan.solvers.riccati import RiccatiWorkspace
 from hdvplan.solvers.workspace import Status
@@ -146,8 +147,8 @@ def test_on_recorded_drives_it_finds_what_piqp_finds(vehicle: str, half_width: f
         mine, other = kept.solve(qp, None), witness.solve(qp, None)
         assert mine.status is Status.SOLVED
         assert residuals(qp, mine.point).primal < 1e-9
-        # a product of 1e-8 leaves a bound with a multiplier of a hundredth a micrometre of slack
-        assert np.max(np.abs(mine.point.x - other.point.x)) < 2e-6
+        # a product of 1e-8 leaves a bound with a multiplier of four thousandths 2.5 micrometres of slack
+        assert np.max(np.abs(mine.point.x - other.point.x)) < 3e-6
         bound += bool(np.any(mine.point.rows > 1e-3))
     assert bound > 0 or half_width in {2.6, 2.9, 3.8}  # limits bind unless there is room
 
@@ -172,7 +173,7 @@ def test_a_horizon_of_eight_hundred_metres_is_solved_like_any_other(vehicle: str
     assert asked[0].shape.stages == 1600
     for qp in (asked[0], asked[-1]):
         mine = RiccatiWorkspace(qp.shape).solve(qp, None)
-        other = PiqpWorkspace(qp.shape, elastic=True, tolerance=1e-9).solve(qp, None)
-        assert mine.status is Status.SOLVED
+        other = ClarabelWorkspace(qp.shape, elastic=True, tolerance=1e-9).solve(qp, None)  # PIQP needs more iterations than it has
+        assert mine.status is other.status is Status.SOLVED
         assert np.count_nonzero(mine.point.rows > 1e-3) > 10
         assert np.max(np.abs(mine.point.x - other.point.x)) < 1e-5

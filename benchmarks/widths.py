@@ -1,0 +1,104 @@
+"""Every shipped road at several widths: which vehicles fit, and where not. Writes ``widths.csv`` and ``widths.md``.
+
+python benchmarks/widths.py [--out results] [--roads a,b] [--vehicles a,b] [--half-widths 1.75,3]
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from hdvplan.drive import drive
+from hdvplan.errors import HdvplanError
+from hdvplan.planning.objectives import geometric
+from hdvplan.planning.settings import PlannerSettings
+from hdvplan.report.result import Result, breach_text, result_of
+from hdvplan.road.library import road_names
+from hdvplan.road.load import RoadOptions, load_road
+from hdvplan.road.road import Road
+from hdvplan.solvers.registry import DEFAULT, solver_named
+from hdvplan.vehicle.load import load_vehicle
+from hdvplan.vehicle.model import Vehicle
+
+VEHICLES = ("bus", "tractor-trailer", "tractor-trailer-24m")
+HALF_WIDTHS_M = (1.75, 2.25, 3.0, 3.5, 4.5, 6.0)  # roads 3.5, 4.5 and 6 m wide, and limits that far to each side
+_SLACK = 1.25  # the reference may bend more than the vehicle, as in `hdvplan plan`
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Drive every combination and write the tables."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, default=Path("results"))
+    parser.add_argument("--roads", type=lambda text: text.split(","), default=road_names())
+    parser.add_argument("--vehicles", type=lambda text: text.split(","), default=list(VEHICLES))
+    parser.add_argument("--half-widths", type=lambda text: [float(part) for part in text.split(",")], default=list(HALF_WIDTHS_M))
+    options = parser.parse_args(arguments)
+    rows = []
+    for name in options.roads:
+        for vehicle in map(load_vehicle, options.vehicles):
+            road = load_road(name, RoadOptions(max_curvature=_SLACK * vehicle.max_curvature))
+            for half_width in options.half_widths:
+                rows.append(driven(road.with_limits(half_width, half_width), vehicle, half_width))
+                print(*rows[-1].values(), sep="  ", flush=True)
+    table = pd.DataFrame(rows)
+    options.out.mkdir(parents=True, exist_ok=True)
+    table.to_csv(options.out / "widths.csv", index=False, float_format="%.4f", lineterminator="\n")
+    (options.out / "widths.md").write_text(markdown(table), encoding="utf-8")
+
+
+def driven(road: Road, vehicle: Vehicle, half_width: float) -> dict[str, object]:
+    """Return one row: the verdict, what the plan swept and broke, and how the planner fared."""
+    row: dict[str, object] = {"road": road.name, "vehicle": vehicle.name, "half_width": half_width}
+    try:
+        result = result_of(drive(road, vehicle, geometric, solver_named(DEFAULT), PlannerSettings()), solver=DEFAULT, objective="geometric")
+    except HdvplanError as error:
+        return row | {"verdict": "refused", "message": str(error)}
+    return row | _numbers(result)
+
+
+def _numbers(result: Result) -> dict[str, object]:
+    breaches, plans = result.balance.breaches, result.drive.plans
+    deepest = max(breaches, key=lambda breach: breach.depth, default=None)
+    return {
+        "verdict": "kept" if deepest is None else "broken",
+        "message": "" if deepest is None else breach_text(result, deepest),
+        "max_left": result.balance.max_left,
+        "max_right": result.balance.max_right,
+        "violation": result.balance.violation if breaches else 0.0,
+        "breaches": len(breaches),
+        "broken_length": sum(breach.s_to - breach.s_from for breach in breaches),
+        "plans": len(plans),
+        "failed_steps": len(result.failed),
+        "unsolved_programs": sum(plan.status != "solved" for plan in plans),
+        "programs_mean": float(np.mean([plan.qp_count for plan in plans])),
+        "steps_halved": sum(plan.halvings for plan in plans),
+    }
+
+
+def markdown(table: pd.DataFrame) -> str:
+    """Return the verdicts, a road a row: kept, or by how much the limits are broken at the deepest place."""
+    shown = table.assign(cell=[_cell(row) for _, row in table.iterrows()])
+    parts = ["# Every shipped road at several widths\n"]
+    parts.append(
+        "Limits at so many metres to each side of the smoothed centre line. `ok`: all limits kept, to 1 cm, as simulated; a number: how"
+        " far the deepest violation is beyond its limit [m], reported with its place in `widths.csv`.\n"
+    )
+    for name, group in shown.groupby("vehicle", sort=False):
+        cells = group.pivot_table(index="road", columns="half_width", values="cell", aggfunc="first", sort=False)
+        counts = group["verdict"].value_counts()
+        total = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
+        parts.append(f"## {name}\n\n{len(group)} runs: {total}; {int(group['failed_steps'].sum())} planning steps failed.\n")
+        parts.append(cells.to_markdown(colalign=["left", *["right"] * cells.shape[1]], disable_numparse=True) + "\n")
+    return "\n".join(parts)
+
+
+def _cell(row: pd.Series) -> str:
+    return {"kept": "ok", "refused": "refused"}.get(str(row["verdict"]), f"{row['violation']:.2f}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,42 @@
+"""The whole way from a road and a vehicle to a judged plan, in one call."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from hdvplan.drive import drive, warm_up
+from hdvplan.planning.objectives import objective_named
+from hdvplan.planning.settings import PlannerSettings
+from hdvplan.report.result import Result, result_of
+from hdvplan.road.road import Road
+from hdvplan.solvers.registry import DEFAULT, solver_named
+from hdvplan.vehicle.model import Vehicle
+
+_DEFAULTS = PlannerSettings()
+
+
+def plan(
+    road: Road,
+    vehicle: Vehicle,
+    settings: PlannerSettings = _DEFAULTS,
+    *,
+    objective: str = "geometric",
+    solver: str = DEFAULT,
+    on_progress: Callable[[float], None] | None = None,
+) -> Result:
+    """Plan ``vehicle`` along all of ``road`` in receding horizon and judge what an exact simulation of it sweeps.
+
+    ``objective`` and ``solver`` are the command line's names; ``on_progress`` receives the driven share, 0 to 1. Loads and
+    compiles everything before the first timed step.
+
+    Raises:
+        OptionError: no such objective.
+        SolverError: no such solver, not installed, or its first plan failed.
+        RoadError: the road is shorter than the vehicle.
+        PlanError: the vehicle cannot be planned further, or a body reaches beyond the road's centre of curvature.
+
+    """
+    centred, make_workspace = objective_named(objective), solver_named(solver)
+    warm_up(vehicle, centred, make_workspace, settings)
+    driven = drive(road, vehicle, centred, make_workspace, settings, on_progress=on_progress)
+    return result_of(driven, solver=solver, objective=objective)

@@ -1,0 +1,148 @@
+"""What a benchmark counts: work, outcome and envelope of every cell, the same in every run of the same program."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from hdvplan.bench.samples import OVER_BUDGET
+from hdvplan.bench.stats import KEY
+from hdvplan.errors import OptionError
+from hdvplan.report.files import csv_bytes, write_atomically
+
+COUNTS = ("steps", "failures", "unsolved", "nonzeros")
+WORK = ("qps", "iterations")  # sums over all planning steps of a drive
+LENGTHS = ("max_left_m", "max_right_m", "mean_abs_imbalance_m", "min_clearance_m", "limit_violation_m")
+IN_STEPS = "step by step"  # a digest of every step's counts and status
+ENVELOPE_TOLERANCE_M = 1e-4
+WORK_TOLERANCE = 0.02
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """How far counters may differ unreported: ``work`` as a share of the sums of QPs and iterations, ``envelope`` [m].
+
+    Two runs on one machine do exactly the same work. Another processor rounds otherwise, and an iteration that ends close
+    to its tolerance may be one more or less: a committed baseline needs some room.
+    """
+
+    work: float = 0.0
+    envelope: float = ENVELOPE_TOLERANCE_M
+
+
+@dataclass(frozen=True)
+class Change:
+    """One counter of one cell that is not what it was; ``base`` and ``new`` as they are shown."""
+
+    cell: tuple[str, ...]  # as in KEY
+    counter: str
+    base: str
+    new: str
+
+
+def counters_of(samples: pd.DataFrame, timing: pd.DataFrame, envelope: pd.DataFrame) -> pd.DataFrame:
+    """Return one row a cell: KEY, status, counts, work, lengths and the digest of the first drive's steps."""
+    first = samples[samples["round"] == 0]
+    rows = []
+    for key, steps in first.groupby(KEY, sort=False):
+        counted = steps[["qp_count", "iterations", "status", "usable"]]
+        rows.append(
+            dict(zip(KEY, key, strict=True))
+            | {
+                "steps": len(steps),
+                "failures": int((~steps["usable"]).sum()),
+                "unsolved": int((steps["status"] != "solved").sum()),
+                "qps": int(steps["qp_count"].sum()),
+                "iterations": int(steps["iterations"].sum()),
+                IN_STEPS: sha256(counted.to_csv(index=False).encode()).hexdigest()[:12],
+            }
+        )
+    done = pd.DataFrame(rows, columns=[*KEY, "steps", "failures", "unsolved", *WORK, IN_STEPS])
+    table = timing[[*KEY, "status", "nonzeros"]].merge(done, on=KEY, how="left").merge(envelope[[*KEY, *LENGTHS]], on=KEY, how="left")
+    whole = [*COUNTS, *WORK]
+    table[whole] = table[whole].fillna(0).astype(int)  # a cell that failed before its first step
+    table[IN_STEPS] = table[IN_STEPS].fillna("none")
+    return table[[*KEY, "status", *COUNTS, *WORK, *LENGTHS, IN_STEPS]]
+
+
+def changes_of(base: pd.DataFrame, new: pd.DataFrame, tolerance: Tolerance) -> list[Change]:
+    """Return what differs between two tables of counters, cell by cell; the step-by-step digest only if both have it.
+
+    Of cells that ended at their budget on both sides only the non-zeros count: how far they came is a matter of time.
+    """
+    here, there = _by_cell(base), _by_cell(new)
+    exact = ["status", *COUNTS]
+    if tolerance.work == 0.0 and IN_STEPS in base and IN_STEPS in new:
+        exact.append(IN_STEPS)
+    changes = []
+    for cell in dict.fromkeys([*here, *there]):
+        if cell not in here or cell not in there:
+            changes.append(Change(cell, "cell", *("measured" if cell in side else "missing" for side in (here, there))))
+            continue
+        old, now = here[cell], there[cell]
+        if old["status"] == now["status"] == OVER_BUDGET:
+            changes += [Change(cell, name, str(old[name]), str(now[name])) for name in ("nonzeros",) if old[name] != now[name]]
+            continue
+        found = [Change(cell, name, str(old[name]), str(now[name])) for name in exact if old[name] != now[name]]
+        found += [
+            Change(cell, name, str(old[name]), str(now[name]))
+            for name in WORK
+            if abs(now[name] - old[name]) > tolerance.work * max(abs(old[name]), 1)
+        ]
+        found += [
+            Change(cell, name, _metres(old[name]), _metres(now[name]))
+            for name in LENGTHS
+            if np.isnan(old[name]) != np.isnan(now[name]) or abs(now[name] - old[name]) > tolerance.envelope
+        ]
+        digests_only = [change.counter for change in found] == [IN_STEPS]
+        changes += found if digests_only else [change for change in found if change.counter != IN_STEPS]
+    return changes
+
+
+def _by_cell(table: pd.DataFrame) -> dict[tuple[str, ...], dict[str, Any]]:
+    return {tuple(str(row[name]) for name in KEY): {str(name): value for name, value in row.items()} for row in table.to_dict("records")}
+
+
+def _metres(length: float) -> str:
+    return "-" if np.isnan(length) else f"{length:.4f}"
+
+
+def write_counters(table: pd.DataFrame, path: Path) -> None:
+    """Write a baseline to be committed: what is the same on every machine, lengths to 0.1 mm.
+
+    Raises:
+        OptionError: the file cannot be written.
+
+    """
+    try:
+        write_atomically(path, csv_bytes(table.drop(columns=IN_STEPS).round(dict.fromkeys(LENGTHS, 5))))
+    except OSError as error:
+        msg = f"cannot write the counters to {path}: {error.strerror or error}"
+        raise OptionError(msg) from error
+
+
+def read_counters(path: Path) -> pd.DataFrame:
+    """Return a committed baseline.
+
+    Raises:
+        OptionError: no such file, or not a table of counters.
+
+    """
+    try:
+        table = pd.read_csv(path)
+    except OSError as error:
+        msg = f"counters {path} cannot be read: {error.strerror or error}"
+        raise OptionError(msg, hint="--renew writes them") from error
+    except (ValueError, UnicodeDecodeError) as error:
+        msg = f"counters {path} cannot be read: {error}"
+        raise OptionError(msg, hint="--renew writes them anew") from error
+    missing = [name for name in (*KEY, "status", *COUNTS, *WORK, *LENGTHS) if name not in table]
+    if missing:
+        msg = f"counters {path} have no column {missing[0]!r}"
+        raise OptionError(msg, hint="--renew writes them anew")
+    return table

@@ -1,0 +1,119 @@
+"""``hdvplan compare``: hold two benchmark runs against each other, and show a comparison."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hdvplan.cli.console import ExitCode, print_json, print_tables
+from hdvplan.cli.options import JsonOption, QuietOption, choice
+from hdvplan.errors import OptionError
+
+if TYPE_CHECKING:
+    from hdvplan.bench.compare import Comparison
+    from hdvplan.bench.gate import Rule
+
+FactorOption = Annotated[
+    float | None, typer.Option("--factor", metavar="X", help="A cell that takes more than X times as long has regressed [default: 1.08].")
+]
+FloorOption = Annotated[
+    float | None,
+    typer.Option("--floor", metavar="MS", help="Differences of the mean planning step below this do not count [ms; default: 0.01]."),
+]
+ExpectChangesOption = Annotated[
+    bool, typer.Option("--expect-changes", help="Show changed counters and envelopes, but do not call them a regression.")
+]
+FormatOption = Annotated[
+    str, typer.Option("--format", metavar="text|github", help="github: annotations on stdout, a table in the step summary.")
+]
+FORMATS = ("text", "github")
+
+
+def compare(
+    base: Annotated[Path, typer.Argument(metavar="BASE", help="What it was: a directory of `hdvplan bench`, or of several such.")],
+    new: Annotated[Path, typer.Argument(metavar="NEW", help="What it is now.")],
+    factor: FactorOption = None,
+    floor: FloorOption = None,
+    envelope_tolerance: Annotated[
+        float | None,
+        typer.Option("--envelope-tolerance", metavar="M", help="Envelopes that differ less are the same [m; default: 0.0001]."),
+    ] = None,
+    expect_changes: ExpectChangesOption = False,
+    format_: FormatOption = "text",
+    json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> int:
+    """Compare two benchmarks of the same cells: exact counters first, then the time of a planning step.
+
+    Counters are QPs, iterations, non-zeros, statuses and the envelope; any change is shown. Times are compared pair by
+    pair, in the order of measurement; at least three pairs are needed. `hdvplan bench --against REV` measures such pairs.
+
+    Exit codes: 0 fine; 1 a cell became slower, or counters changed; 2 bad input or usage; 3 could not measure: the times
+    are too uncertain.
+    """
+    choice("--format", format_, FORMATS)
+    from hdvplan.bench.compare import compare as compared
+    from hdvplan.bench.compare import read_side
+    from hdvplan.bench.counters import ENVELOPE_TOLERANCE_M, Tolerance
+
+    if envelope_tolerance is not None and not envelope_tolerance >= 0.0:
+        msg = f"--envelope-tolerance must be at least 0, not {envelope_tolerance:g}"
+        raise OptionError(msg)
+    rule = rule_of(factor, floor)
+    tolerance = Tolerance(envelope=ENVELOPE_TOLERANCE_M if envelope_tolerance is None else envelope_tolerance)
+    comparison = compared(read_side(base), read_side(new), rule, tolerance, expect_changes=expect_changes)
+    return show(comparison, rule, format_=format_, json=json, quiet=quiet)
+
+
+def rule_of(factor: float | None, floor_ms: float | None) -> Rule:
+    """Return what counts as a regression, with the gate's defaults where the user gave nothing.
+
+    Raises:
+        OptionError: a value outside its range.
+
+    """
+    from hdvplan.bench.gate import Rule
+
+    usual = Rule()
+    return Rule(usual.factor if factor is None else factor, usual.floor if floor_ms is None else 1e-3 * floor_ms)
+
+
+def show(comparison: Comparison, rule: Rule, *, format_: str, json: bool, quiet: bool) -> ExitCode:
+    """Write a comparison as asked for and return its exit code."""
+    from hdvplan.bench.gate import Verdict
+    from hdvplan.report.comparison import comparison_json, comparison_markdown, comparison_tables, github_annotations, verdict_line
+
+    if json:
+        print_json(comparison_json(comparison, rule))
+    elif format_ == "github":
+        sys.stdout.write("".join(f"{line}\n" for line in github_annotations(comparison, rule)))
+        _summarise(comparison_markdown(comparison, rule))
+    else:
+        if not quiet:
+            print_tables(*comparison_tables(comparison))
+        sys.stdout.write(f"{verdict_line(comparison, rule)}\n")
+    codes = {Verdict.FINE: ExitCode.OK, Verdict.REGRESSED: ExitCode.BROKEN, Verdict.UNMEASURABLE: ExitCode.UNMEASURED}
+    return codes[comparison.verdict]
+
+
+def _summarise(markdown: str) -> None:
+    """Append to the step summary of GitHub Actions; outside of it write to stdout.
+
+    Raises:
+        OptionError: the summary cannot be written.
+
+    """
+    summary = os.environ.get("GITHUB_STEP_SUMMARY")
+    if not summary:
+        sys.stdout.write(markdown)
+        return
+    try:
+        with Path(summary).open("a", encoding="utf-8") as file:
+            file.write(markdown)
+    except OSError as error:
+        msg = f"cannot write the step summary {summary}: {error.strerror or error}"
+        raise OptionError(msg) from error

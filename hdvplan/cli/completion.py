@@ -1,0 +1,65 @@
+"""What the shell offers after TAB. Names come from where the commands look them up; files are the shell's own business."""
+
+from __future__ import annotations
+
+
+def roads(incomplete: str) -> list[str]:
+    """Return the shipped roads and scenarios that begin so."""
+    from hdvplan.road.library import road_names
+    from hdvplan.road.scenarios import SCENARIOS
+
+    return _beginning(incomplete, [*road_names(), *SCENARIOS])
+
+
+def vehicles(incomplete: str) -> list[str]:
+    """Return the preset vehicles that begin so."""
+    from hdvplan.vehicle.load import preset_names
+
+    return _beginning(incomplete, preset_names())
+
+
+def solvers(incomplete: str) -> list[str]:
+    """Return the installed solvers that begin so."""
+    from hdvplan.solvers.registry import solver_infos
+
+    return _beginning(incomplete, [info.name for info in solver_infos() if info.version is not None])
+
+
+def objectives(incomplete: str) -> list[str]:
+    """Return the objectives that begin so."""
+    from hdvplan.planning.objectives import OBJECTIVES
+
+    return _beginning(incomplete, list(OBJECTIVES))
+
+
+def schemes(incomplete: str) -> list[str]:
+    """Return the schemes that begin so."""
+    return _beginning(incomplete, ["rti", "sqp"])
+
+
+def road_list(incomplete: str) -> list[str]:
+    """Complete the last of several roads."""
+    given, last = _split(incomplete)
+    return [given + name for name in roads(last)]
+
+
+def vehicle_list(incomplete: str) -> list[str]:
+    """Complete the last of several vehicles."""
+    given, last = _split(incomplete)
+    return [given + name for name in vehicles(last)]
+
+
+def solver_list(incomplete: str) -> list[str]:
+    """Complete the last of several solvers."""
+    given, last = _split(incomplete)
+    return [given + name for name in solvers(last)]
+
+
+def _split(incomplete: str) -> tuple[str, str]:
+    """Return a list's finished part, with its comma, and its last name."""
+    given, comma, last = incomplete.rpartition(",")
+    return given + comma, last
+
+
+def _beginning(incomplete: str, names: list[str]) -> list[str]:
+    return [name for name in names if name.startswith(incomplete)]

@@ -1,0 +1,42 @@
+"""``hdvplan report``: plans side by side in one HTML file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hdvplan.cli.console import ExitCode, note, print_json, progress
+from hdvplan.cli.options import JsonOption, QuietOption
+from hdvplan.errors import OptionError
+
+
+def report(
+    directories: Annotated[list[Path], typer.Argument(metavar="DIR", help="Folders that `hdvplan plan` has written.")],
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The HTML file to write.")] = Path("report.html"),
+    title: Annotated[str, typer.Option("--title", metavar="TEXT", help="Heading of the page.")] = "Swept path report",
+    json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> int:
+    """Put plans side by side in one HTML file that needs no network.
+
+    It has the summaries, a map of each plan to pan and zoom with the vehicle wherever you point, diagrams over the road's length,
+    the tightest places and the distribution of the step times.
+    """
+    from hdvplan.report.html import write_report
+
+    if out.is_dir():
+        msg = f"--out {out} is a folder, not a file"
+        raise OptionError(msg)
+    try:
+        with progress("writing the report", quiet=quiet) as on_progress:
+            size = write_report(directories, out, title=title, on_progress=on_progress)
+    except OSError as error:
+        msg = f"cannot write {out}: {error.strerror or error}"
+        raise OptionError(msg, hint="choose another file with --out") from error
+    if json:
+        print_json({"file": str(out), "bytes": size, "plans": [str(directory) for directory in directories]})
+    else:
+        note(f"wrote {out}: {len(directories)} plan{'s' if len(directories) > 1 else ''}, {size / 1e6:.1f} MB", quiet=quiet)
+    return ExitCode.OK

@@ -1,0 +1,129 @@
+"""The drawing of a vehicle: its stretched bodies from above, to scale, with the dimensions of its TOML entries."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Polygon, Rectangle
+from matplotlib.transforms import Affine2D
+
+from hdvplan.report.style import body_colour, body_fill
+from hdvplan.vehicle.model import Unit, Vehicle
+
+WIDTH_IN = 11.0
+_MARGIN_IN = 0.5
+_LARGEST = 0.7  # of the drawing's scales: a short vehicle must not fill the page [in/m]
+_ROW_IN = 0.3  # between dimension lines
+_TEXT_IN = 0.2  # between lines of text
+_WHEEL_M = (1.0, 0.32)
+_TURNED_DEG = 14.0  # how far steered wheels are drawn turned
+_LINE = "0.25"
+
+
+def vehicle_figure(vehicle: Vehicle) -> Figure:
+    """Return the drawing of a vehicle, its front to the left, dimensions in metres and a legend of all entries."""
+    total, count = vehicle.reach_ahead + vehicle.reach_behind, len(vehicle.units)
+    rows = 2 * count - (vehicle.units[-1].front_overhang >= 0.0)  # the last unit has no hitch offset
+    scale = min(_LARGEST, (WIDTH_IN - 2.0 * _MARGIN_IN - 0.5) / total)  # [in/m]; room for the width's dimension
+    heights = [0.9 + vehicle.width * scale + _ROW_IN * rows, _TEXT_IN * (count + 1) + 0.15]
+    figure = Figure(figsize=(WIDTH_IN, sum(heights)))
+    axes = figure.add_axes((0.0, heights[1] / sum(heights), 1.0, heights[0] / sum(heights)))
+    axes.set_axis_off()
+    axes.set_aspect("equal")
+    middle = vehicle.reach_ahead - 0.5 * total
+    axes.set_xlim(middle + 0.5 * WIDTH_IN / scale, middle - 0.5 * WIDTH_IN / scale)  # ahead is to the left
+    low = -0.5 * vehicle.width - (_ROW_IN * rows + 0.1) / scale
+    axes.set_ylim(low, low + heights[0] / scale)
+    axle = 0.0  # of the unit, ahead of the lead rear axle
+    for number, unit in enumerate(vehicle.units):
+        _draw_unit(axes, number, unit, axle)
+        row = -0.5 * vehicle.width - _ROW_IN * (2 * number + 1) / scale
+        _draw_dimensions(axes, number, unit, axle, row, _ROW_IN / scale)
+        if number + 1 < count:
+            axle -= unit.hitch_offset
+            axes.add_patch(Circle((axle, 0.0), 0.16, facecolor="white", edgecolor=_LINE, zorder=6))
+            axle -= vehicle.units[number + 1].wheelbase
+    _dimension(axes, vehicle.reach_ahead, -vehicle.reach_behind, 0.5 * vehicle.width + _ROW_IN / scale, f"{total:.2f} m", _LINE)
+    _draw_width(axes, vehicle, 0.25 / scale)
+    figure.text(_MARGIN_IN / WIDTH_IN, 1.0 - 0.3 / sum(heights), vehicle.name, fontsize="large", fontweight="bold")
+    for line, (text, colour) in enumerate(_legend(vehicle)):
+        y = (heights[1] - _TEXT_IN * (line + 0.5)) / sum(heights)
+        figure.text(_MARGIN_IN / WIDTH_IN, y, text, fontsize=8.5, color=colour, va="center")
+    return figure
+
+
+def _draw_unit(axes: Axes, number: int, unit: Unit, axle: float) -> None:
+    half = 0.5 * unit.width
+    colour = body_colour(number)
+    body = Rectangle((axle - unit.rear_overhang, -half), unit.length, unit.width)
+    body.set(facecolor=(*body_fill(number), 0.75), edgecolor=colour, linewidth=1.4, zorder=2 + 0.1 * number)
+    axes.add_patch(body)
+    if unit.front_overhang < 0.0:  # the bare drawbar
+        tip, base = axle + unit.wheelbase, axle + unit.front
+        axes.add_patch(Polygon([(tip, 0.0), (base, 0.35 * unit.width), (base, -0.35 * unit.width)], fill=False, edgecolor=colour, zorder=3))
+    steered = unit.steering_ratio > 0.0
+    _draw_axle(axes, axle, half, -_TURNED_DEG if steered else 0.0, colour if steered else _LINE)
+    if number == 0:
+        _draw_axle(axes, axle + unit.wheelbase, half, _TURNED_DEG, _LINE)
+
+
+def _draw_axle(axes: Axes, at: float, half: float, turned: float, colour: str) -> None:
+    """Draw an axle and its wheels, turned to the left by ``turned`` degrees."""
+    length, thick = _WHEEL_M
+    axes.plot([at, at], [-half + thick, half - thick], color=colour, linewidth=1.2, zorder=4)
+    for y in (-half + thick, half - thick):
+        wheel = Rectangle((at - 0.5 * length, y - 0.5 * thick), length, thick, facecolor=colour, edgecolor="none", zorder=5)
+        wheel.set_transform(Affine2D().rotate_deg_around(at, y, turned) + axes.transData)
+        axes.add_patch(wheel)
+
+
+def _draw_dimensions(axes: Axes, number: int, unit: Unit, axle: float, y: float, pitch: float) -> None:
+    """Draw overhangs and wheelbase in one row, and in the next what overlaps them: a drawbar's negative overhang, the hitch offset."""
+    colour, front = body_colour(number), axle + unit.wheelbase
+    _dimension(axes, front, axle, y, f"{unit.wheelbase:.2f}", colour)
+    if unit.rear_overhang > 0.0:
+        _dimension(axes, axle, axle - unit.rear_overhang, y, f"{unit.rear_overhang:.2f}", colour)
+    if unit.front_overhang != 0.0:
+        below = pitch if unit.front_overhang < 0.0 else 0.0
+        _dimension(axes, front, axle + unit.front, y - below, f"{unit.front_overhang:.2f}", colour)
+    if unit.hitch_offset != 0.0:
+        _dimension(axes, axle, axle - unit.hitch_offset, y - pitch, f"hitch {unit.hitch_offset:.2f}", colour)
+
+
+def _dimension(axes: Axes, begin: float, end: float, y: float, text: str, colour: str) -> None:
+    """Draw a dimension line from ``begin`` to ``end`` at height ``y``, its text above it."""
+    style = {"arrowstyle": "<->", "color": colour, "linewidth": 0.9, "shrinkA": 0.0, "shrinkB": 0.0, "mutation_scale": 7.0}
+    axes.annotate("", (end, y), (begin, y), arrowprops=style)
+    middle = (0.5 * (begin + end), y)
+    axes.annotate(text, middle, (0.0, 1.0), textcoords="offset points", fontsize=8, color=colour, ha="center", va="bottom")
+
+
+def _draw_width(axes: Axes, vehicle: Vehicle, gap: float) -> None:
+    last = vehicle.units[-1]
+    x = -vehicle.reach_behind - gap
+    style = {"arrowstyle": "<->", "color": _LINE, "linewidth": 0.9, "shrinkA": 0.0, "shrinkB": 0.0, "mutation_scale": 7.0}
+    axes.annotate("", (x, -0.5 * last.width), (x, 0.5 * last.width), arrowprops=style)
+    axes.annotate(f"{last.width:.2f}", (x, 0.0), (3.0, 0.0), textcoords="offset points", fontsize=8, color=_LINE, va="center")
+
+
+def _legend(vehicle: Vehicle) -> list[tuple[str, str]]:
+    """Return the lines of text under the drawing with their colours: every unit's entries by name, then the source."""
+    lines = []
+    for number, unit in enumerate(vehicle.units):
+        called = f" ({unit.name})" if unit.name else ""
+        entries = (
+            f"unit {number + 1}{called}: wheelbase {unit.wheelbase:.2f}, overhangs {unit.front_overhang:.2f} and {unit.rear_overhang:.2f}"
+        )
+        entries += f", width {unit.width:.2f}"
+        if number + 1 < len(vehicle.units):
+            entries += f", hitch_offset {unit.hitch_offset:.2f}"
+        if number == 0:
+            radius = 1.0 / vehicle.max_curvature
+            entries += f"; front wheels to {np.rad2deg(np.arctan(unit.wheelbase * vehicle.max_curvature)):.0f}°, as a radius {radius:.1f} m"
+        if unit.steering_ratio > 0.0:
+            of = "the front wheels'" if number == 0 else "the articulation"
+            most = np.rad2deg(unit.max_steering_angle)
+            entries += f"; axle steered by {unit.steering_ratio:.2f} of {of} angle, to {most:.0f}°"
+        lines.append((entries, body_colour(number)))
+    return [*lines, (f"metres; {vehicle.source}" if vehicle.source else "metres", "0.35")]

@@ -1,0 +1,183 @@
+"""The report: plans side by side in one HTML file that needs no network."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment
+
+from hdvplan import __version__
+from hdvplan.jit import FloatArray
+from hdvplan.report.files import write_atomically
+from hdvplan.report.payload import label_of, payload_of
+from hdvplan.report.planfiles import PlanFiles, read_plan
+
+MOST_BREACHES = 20  # listed; the summary file holds all
+_BINS = 40
+_PLOT = (10.0, 310.0, 8.0, 120.0)  # of the histogram: left, right, top, bottom
+
+Json = dict[str, Any]
+
+# name, unit, key in the summary ("a.b" is b in a), digits (None: as it is)
+_DRIVEN = (
+    ("vehicle", "", "vehicle", None),
+    ("road", "", "road", None),
+    ("status", "", "status", None),
+    ("road length", "m", "length_m", 1),
+    ("max left", "m", "max_left_m", 3),
+    ("max right", "m", "max_right_m", 3),
+    ("imbalance", "m", "imbalance_m", 3),
+    ("mean |left + right|", "m", "mean_abs_imbalance_m", 3),
+    ("expected half width", "m", "expected_half_width_m", 3),
+    ("needed half width", "m", "needed_half_width_m", 3),
+    ("min clearance", "m", "min_clearance_m", 3),
+    ("limit violation", "m", "limit_violation_m", 3),
+)
+_COMPUTED = (
+    ("objective", "", "objective", None),
+    ("scheme", "", "scheme", None),
+    ("solver", "", "solver", None),
+    ("planning steps", "", "plans", None),
+    ("SQP iterations, mean", "", "sqp_iterations_mean", 2),
+    ("SQP iterations, max", "", "sqp_iterations_max", None),
+    ("step time, mean", "ms", "time_ms.mean", 3),
+    ("step time, p50", "ms", "time_ms.p50", 3),
+    ("step time, p95", "ms", "time_ms.p95", 3),
+    ("step time, p99", "ms", "time_ms.p99", 3),
+    ("step time, max", "ms", "time_ms.max", 3),
+)
+
+
+def write_report(
+    directories: Sequence[Path], path: Path, *, title: str = "Swept path report", on_progress: Callable[[float], None] | None = None
+) -> int:
+    """Write the page about the plans in ``directories`` and return its size in bytes; ``on_progress`` receives 0 to 1.
+
+    Raises:
+        OptionError: a folder holds no plan, or a damaged one.
+        OSError: the file cannot be written.
+
+    """
+    plans = []
+    for number, directory in enumerate(directories):
+        plans.append(read_plan(directory))
+        if on_progress is not None:
+            on_progress((number + 1) / (len(directories) + 1))
+    page = report_html(plans, title).encode()
+    write_atomically(path, page)
+    return len(page)
+
+
+def report_html(plans: Sequence[PlanFiles], title: str) -> str:
+    """Return the page that shows ``plans`` side by side: summary, maps, diagrams, tables, step times."""
+    environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    edges = _edges([plan.steps["total_ms"].to_numpy() for plan in plans])
+    return environment.from_string(_page("report.html.j2")).render(
+        title=title,
+        version=__version__,
+        style=_page("report.css"),
+        script=_page("report.js"),
+        summary=[[_row(plans, *row) for row in group] for group in (_DRIVEN, _COMPUTED)],
+        plans=[_panel(plan, short, edges) for plan, short in zip(plans, short_labels(plans), strict=True)],
+        data=_script_json([payload_of(plan) for plan in plans]),
+        directories=", ".join(str(plan.directory) for plan in plans),
+    )
+
+
+def short_labels(plans: Sequence[PlanFiles]) -> list[str]:
+    """Return what tells these plans apart: only what differs, or the vehicle; folders where nothing does."""
+    keys = ("vehicle", "road", "objective", "scheme", "solver")
+    differing = [key for key in keys if len({plan.summary[key] for plan in plans}) > 1] or ["vehicle"]
+    labels = [", ".join(str(plan.summary[key]) for key in differing) for plan in plans]
+    if len(set(labels)) < len(labels):
+        labels = [f"{label} ({plan.directory.name})" for label, plan in zip(labels, plans, strict=True)]
+    return labels
+
+
+def _row(plans: Sequence[PlanFiles], name: str, unit: str, key: str, digits: int | None) -> Json:
+    return {"name": name, "unit": unit, "cells": [_cell(plan.summary, key, digits) for plan in plans]}
+
+
+def _cell(summary: Json, key: str, digits: int | None) -> Json:
+    value: Any = summary
+    for part in key.split("."):
+        value = None if value is None else value.get(part)
+    bad = (key == "status" and value != "ok") or (key == "limit_violation_m" and (value or 0.0) > 0.0)
+    text = "-" if value is None else str(value) if digits is None else f"{value:.{digits}f}"
+    return {"text": text, "bad": bad}
+
+
+def _panel(plan: PlanFiles, short: str, edges: FloatArray) -> Json:
+    summary, data = plan.summary, payload_of(plan)
+    breaches = sorted(summary["breaches"], key=lambda breach: -breach["depth_m"])
+    rows = [
+        {
+            "s": breach["s_deepest"],
+            "begin": f"{breach['s_from']:.1f}",
+            "end": f"{breach['s_to']:.1f}",
+            "depth": f"{breach['depth_m']:.3f}",
+            "side": breach["side"],
+            "body": breach["unit"],
+            "region": breach["region"],
+        }
+        for breach in breaches[:MOST_BREACHES]
+    ]
+    return {
+        "label": label_of(summary),
+        "short": short,
+        "broken": bool(breaches),
+        "bodies": [body["name"] for body in summary["bodies"]],
+        "breaches": rows,
+        "more_breaches": len(breaches) - len(rows),
+        "places": [place | {"at": f"{place['s']:.1f}", "value": f"{place['value']:.3f}"} for place in data["places"]],
+        "times": _histogram(plan.steps["total_ms"].to_numpy(), edges),
+        "notice": summary.get("notice"),
+    }
+
+
+def _edges(times: Sequence[FloatArray]) -> FloatArray:
+    """Return the bins that all histograms share, equally wide on a logarithmic axis [ms]."""
+    every = np.concatenate(times)
+    low, high = max(float(np.min(every)), 1e-6), max(float(np.max(every)), 2e-6)
+    edges: FloatArray = np.geomspace(0.95 * low, 1.05 * high, _BINS + 1)
+    return edges
+
+
+def _histogram(times: FloatArray, edges: FloatArray) -> Json:
+    """Return bars and ticks in the units of the page's drawing."""
+    left, right, top, bottom = _PLOT
+    counts, _ = np.histogram(times, edges)
+    width, most = (right - left) / _BINS, max(1, int(np.max(counts)))
+    bars = [
+        {
+            "x": f"{left + width * number:.1f}",
+            "width": f"{0.9 * width:.1f}",
+            "height": f"{(bottom - top) * count / most:.1f}",
+            "y": f"{bottom - (bottom - top) * count / most:.1f}",
+            "title": f"{edges[number]:.3g} to {edges[number + 1]:.3g} ms: {count} steps",
+        }
+        for number, count in enumerate(counts)
+        if count
+    ]
+    span = float(np.log(edges[-1] / edges[0]))
+    nice = [digit * 10.0**power for power in range(-4, 6) for digit in (1, 2, 5)]
+    ticks = [
+        {"x": f"{left + (right - left) * np.log(value / edges[0]) / span:.1f}", "text": f"{value:g}"}
+        for value in nice
+        if edges[0] <= value <= edges[-1]
+    ]
+    return {"bars": bars, "ticks": ticks, "count": len(times)}
+
+
+def _script_json(value: object) -> str:
+    """Return JSON that cannot end the script element which carries it."""
+    return json.dumps(value, separators=(",", ":"), ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
+
+
+def _page(name: str) -> str:
+    return (resources.files("hdvplan.report") / "page" / name).read_text(encoding="utf-8")

@@ -1,0 +1,71 @@
+"""How every picture of a plan looks: colours, lines and type, for print, slides and colour-blind readers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import BytesIO
+
+import matplotlib as mpl
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+
+from hdvplan.report.colours import BODY_COLOURS, FAINT, INK, MUTED
+
+DPI = 150  # of PNG
+SLIDE_IN = (16.0, 9.0)
+
+_PALE = 0.4
+_STYLE = {
+    "axes.axisbelow": True,
+    "axes.edgecolor": MUTED,
+    "axes.grid": False,
+    "axes.labelcolor": INK,
+    "axes.labelsize": "small",
+    "axes.linewidth": 0.7,
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "figure.constrained_layout.h_pad": 0.06,
+    "figure.constrained_layout.w_pad": 0.06,
+    "figure.facecolor": "white",
+    "font.size": 11.0,
+    "grid.color": FAINT,
+    "grid.linewidth": 0.7,
+    "hatch.linewidth": 0.7,
+    "legend.fontsize": "small",
+    "legend.frameon": False,
+    "pdf.fonttype": 42,  # text stays text
+    "svg.fonttype": "none",
+    "svg.hashsalt": "hdvplan",  # the same plan gives the same file
+    "xtick.color": MUTED,
+    "xtick.labelsize": "small",
+    "ytick.color": MUTED,
+    "ytick.labelsize": "small",
+}
+
+
+@contextmanager
+def styled() -> Iterator[None]:
+    """Apply the style to figures made and saved inside the block; Matplotlib's settings outside stay as they are."""
+    with mpl.rc_context(_STYLE):  # type: ignore[arg-type] # Matplotlib types the keys as literals
+        yield
+
+
+def body_colour(unit: int) -> str:
+    """Return the colour of body number ``unit``; colours repeat in long chains."""
+    return BODY_COLOURS[unit % len(BODY_COLOURS)]
+
+
+def body_fill(unit: int) -> tuple[float, float, float]:
+    """Return the opaque pale version of a body's colour: overlaps must not mix to a third one."""
+    red, green, blue = (1.0 - _PALE * (1.0 - part) for part in to_rgb(body_colour(unit)))
+    return red, green, blue
+
+
+def figure_bytes(figure: Figure, kind: str) -> bytes:
+    """Return a figure as a file of ``kind``, an extension that Matplotlib knows, without the time of day in it."""
+    buffer = BytesIO()
+    metadata = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(kind, {})
+    with styled():
+        figure.savefig(buffer, format=kind, dpi=DPI, metadata=metadata)
+    return buffer.getvalue()

@@ -1,0 +1,320 @@
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from hdvplan.bench.compare import Comparison, Side, compare, compare_counters, read_side, times_of
+from hdvplan.bench.counters import Tolerance, counters_of, read_counters, write_counters
+from hdvplan.bench.gate import Rule, Verdict
+from hdvplan.bench.samples import FAILED, OVER_BUDGET, Measurement
+from hdvplan.bench.stats import samples_of, tables_of
+from hdvplan.bench.suite import Cell
+from hdvplan.errors import OptionError
+from hdvplan.planning.settings import Scheme
+from tests.bench.conftest import TINY, Cli, made_up
+
+CELLS = (Cell("bend", "bus", Scheme.RTI, "riccati"), Cell("bend", "bus", Scheme.SQP, "riccati"))
+KEY = ("bend", "bus", "rti", "riccati")
+STEPS = [2e-3, 1e-3, 1.2e-3, 0.8e-3, 1.1e-3]
+Change = Callable[[Measurement], Measurement]
+
+
+def side(*, slow: float = 1.0, processes: int = 3, rounds: int = 3, change: Change = lambda measured: measured) -> Side:
+    """Return a side of two cells; ``slow`` and ``change`` concern the first."""
+    random = np.random.default_rng(int(1000 * slow) + processes)
+    found = []
+    for _ in range(processes):
+        measured: list[list[Measurement]] = []
+        for factor in (slow, 1.0):
+            drives = [made_up([factor * t * (1.0 + 0.02 * random.random()) for t in STEPS], iterations=3) for _ in range(rounds)]
+            measured.append([change(drive) for drive in drives] if factor is slow and not measured else drives)
+        found.append(measured)
+    first = tables_of(CELLS, found[0])
+    counters = counters_of(first.samples, first.timing, first.envelope)
+    return Side(counters, tuple(times_of(samples_of(CELLS, measured)) for measured in found))
+
+
+def held(base: Side, new: Side, *, expect_changes: bool = False) -> Comparison:
+    return compare(base, new, Rule(), Tolerance(), expect_changes=expect_changes)
+
+
+def more_iterations(measured: Measurement) -> Measurement:
+    steps = measured.steps.copy()
+    steps[3, 6] += 1
+    return replace(measured, steps=steps)
+
+
+def swept(measured: Measurement, **lengths: float) -> Measurement:
+    assert measured.judgement is not None
+    return replace(measured, judgement=replace(measured.judgement, **lengths))  # type: ignore[arg-type] # lengths only
+
+
+def test_the_same_twice_is_fine_and_slower_cells_are_told_apart() -> None:
+    assert held(side(), side(processes=6)).verdict is Verdict.FINE
+    slower = held(side(), side(slow=1.3))
+    assert slower.verdict is Verdict.REGRESSED
+    assert not slower.changes
+    verdicts = [entry.decision.verdict for entry in slower.times if entry.decision]
+    assert verdicts == [Verdict.REGRESSED, Verdict.FINE]
+    assert held(side(slow=1.3), side()).verdict is Verdict.FINE
+
+
+def test_the_cold_start_does_not_count() -> None:
+    def cold(measured: Measurement) -> Measurement:
+        steps = measured.steps.copy()
+        steps[0, 4] *= 10.0
+        return replace(measured, steps=steps)
+
+    assert held(side(), side(change=cold)).verdict is Verdict.FINE
+
+
+def test_one_iteration_more_is_reported_by_cell_and_red() -> None:
+    comparison = held(side(), side(change=more_iterations))
+    assert comparison.verdict is Verdict.REGRESSED
+    (change,) = comparison.changes
+    assert (change.cell, change.counter, change.base, change.new) == (KEY, "iterations", "15", "16")
+    assert held(side(), side(change=more_iterations), expect_changes=True).verdict is Verdict.FINE
+    assert held(side(change=more_iterations), side()).verdict is Verdict.REGRESSED  # fewer may be less well solved
+
+
+def test_the_same_sum_in_other_steps_is_a_change() -> None:
+    def moved(measured: Measurement) -> Measurement:
+        steps = more_iterations(measured).steps
+        steps[1, 6] -= 1
+        return replace(measured, steps=steps)
+
+    (change,) = held(side(), side(change=moved)).changes
+    assert (change.cell, change.counter) == (KEY, "step by step")
+
+
+@pytest.mark.parametrize(
+    ("change", "counters"),
+    [
+        (lambda m: replace(m, nonzeros=101), {"nonzeros"}),
+        (lambda m: replace(m, statuses=("solved",) * 4 + ("max_iterations",)), {"unsolved"}),
+        (lambda m: replace(m, outcome=FAILED, message="lost"), {"status"}),
+        (lambda m: swept(m, max_left=2.0002), {"max_left_m"}),
+        (lambda m: swept(m, min_clearance=0.3), {"min_clearance_m"}),
+        (lambda m: replace(m, judgement=None), {"max_left_m", "max_right_m", "mean_abs_imbalance_m", "limit_violation_m"}),
+        (lambda m: replace(m, steps=m.steps[:4], statuses=m.statuses[:4]), {"steps", "qps", "iterations"}),
+    ],
+)
+def test_every_counter_is_watched(change: Change, counters: set[str]) -> None:
+    comparison = held(side(), side(change=change))
+    assert {found.counter for found in comparison.changes} == counters
+    assert {found.cell for found in comparison.changes} == {KEY}
+    assert comparison.verdict is Verdict.REGRESSED
+
+
+def test_an_envelope_that_moved_by_less_than_the_tolerance_is_the_same() -> None:
+    new = side(change=lambda m: swept(m, max_left=2.00005))
+    assert not held(side(), new).changes  # 0.05 mm of 0.1 mm
+
+
+def test_steps_that_do_not_match_are_not_timed_against_each_other() -> None:
+    shorter = side(change=lambda m: replace(m, steps=m.steps[:4], statuses=m.statuses[:4]))
+    comparison = held(side(), shorter, expect_changes=True)
+    assert [entry.decision is None for entry in comparison.times] == [True, False]
+    assert comparison.verdict is Verdict.UNMEASURABLE
+
+
+def test_a_cell_that_fails_at_once_on_both_sides_has_not_changed() -> None:
+    failed = side(change=lambda m: replace(m, steps=m.steps[:0], statuses=(), outcome=FAILED, judgement=None))
+    comparison = held(failed, failed)
+    assert not comparison.changes
+    assert [entry.cell[2] for entry in comparison.times] == ["sqp"]
+    assert next(change.counter for change in held(side(), failed).changes) == "status"
+
+
+def test_how_far_a_cell_came_within_its_budget_is_no_counter() -> None:
+    def ended(steps: int) -> Side:
+        return side(change=lambda m: replace(m, steps=m.steps[:steps], statuses=m.statuses[:steps], outcome=OVER_BUDGET, judgement=None))
+
+    comparison = held(ended(4), ended(3))
+    assert not comparison.changes
+    assert comparison.verdict is Verdict.UNMEASURABLE  # its steps cannot be paired
+    assert held(side(), ended(3)).verdict is Verdict.REGRESSED  # it used to reach the end
+
+
+def test_a_cell_that_one_side_lacks_is_a_change() -> None:
+    whole = side()
+    without = Side(whole.counters.iloc[:1], tuple({KEY: process[KEY]} for process in whole.processes))
+    (change,) = held(whole, without).changes
+    assert (change.cell[2], change.counter, change.base, change.new) == ("sqp", "cell", "measured", "missing")
+    assert held(whole, without).verdict is Verdict.REGRESSED
+
+
+def test_of_one_process_a_side_the_rounds_count_and_three_are_needed() -> None:
+    assert held(side(processes=1), side(processes=1, slow=1.0001)).verdict is Verdict.FINE
+    assert held(side(processes=1), side(processes=1, slow=1.3)).verdict is Verdict.REGRESSED
+    assert held(side(processes=1, rounds=2), side(processes=1, rounds=2, slow=1.3)).verdict is Verdict.UNMEASURABLE
+
+
+def test_a_baseline_leaves_room_for_another_machine_but_not_for_more_work(tmp_path: Path) -> None:
+    counters = side().counters
+    write_counters(counters, tmp_path / "counters.csv")
+    baseline = read_counters(tmp_path / "counters.csv")
+    assert "step by step" not in baseline
+    assert compare_counters(baseline, counters).verdict is Verdict.FINE
+    for iterations, verdict in ((1020, Verdict.FINE), (980, Verdict.FINE), (1021, Verdict.REGRESSED), (979, Verdict.REGRESSED)):
+        old, new = baseline.assign(iterations=1000), counters.assign(iterations=iterations)
+        assert compare_counters(old, new).verdict is verdict  # 2 %
+    assert compare_counters(baseline.assign(nonzeros=99), counters).verdict is Verdict.REGRESSED
+
+
+@pytest.mark.parametrize("content", [None, "", "road,vehicle\nbend,bus\n", "\xff"])
+def test_a_baseline_that_is_none_is_refused_with_a_hint(tmp_path: Path, content: str | None) -> None:
+    if content is not None:
+        (tmp_path / "counters.csv").write_bytes(content.encode("latin-1"))
+    with pytest.raises(OptionError, match=r"counters\.csv") as caught:
+        read_counters(tmp_path / "counters.csv")
+    assert "--renew" in str(caught.value.hint)
+
+
+@pytest.fixture
+def two_runs(tmp_path: Path, finished_run: Path) -> tuple[Path, Path]:
+    """Return two runs of which the second has the first's times, so that nothing depends on the machine's mood."""
+    for name in ("base", "new"):
+        shutil.copytree(finished_run, tmp_path / name)
+    return tmp_path / "base", tmp_path / "new"
+
+
+def rewrite(folder: Path, change: Callable[[pd.DataFrame], pd.DataFrame]) -> None:
+    file = folder / "samples.csv.gz"
+    change(pd.read_csv(file)).to_csv(file, index=False)
+
+
+def slowed(samples: pd.DataFrame) -> pd.DataFrame:
+    return samples.assign(total_s=samples["total_s"].where(samples["solver"] != "piqp", 1.3 * samples["total_s"]))
+
+
+def iterated(samples: pd.DataFrame) -> pd.DataFrame:
+    return samples.assign(iterations=samples["iterations"] + (samples["solver"] == "piqp") * (samples["step"] == 3))
+
+
+def test_two_runs_are_compared_in_one_line_with_their_exit_code(cli: Cli, two_runs: tuple[Path, Path]) -> None:
+    outcome = cli("compare", "base", "new")
+    assert (outcome.code, outcome.err) == (0, "")
+    assert outcome.out.splitlines()[-1] == "fine: no cell of 2 is slower by more than a factor of 1.08"
+    assert max(len(line) for line in outcome.out.splitlines()) <= 80 + len(str(two_runs[0]))  # the road's name is a path here
+    assert cli("compare", "base", "new", "--quiet").out == "fine: no cell of 2 is slower by more than a factor of 1.08\n"
+
+    rewrite(two_runs[1], slowed)
+    outcome = cli("compare", "base", "new")
+    assert outcome.code == 1
+    assert outcome.out.splitlines()[-1].startswith("regressed: 1 of 2 cells slower, most ")
+    assert outcome.out.splitlines()[-1].endswith("bus rti piqp: 1.30 times as long")
+    assert "slower" in outcome.out
+    assert cli("compare", "base", "new", "--factor", "1.5").code == 0
+    assert cli("compare", "base", "new", "--floor", "100").code == 0
+    assert cli("compare", "new", "base").code == 0
+
+    rewrite(two_runs[1], lambda samples: samples[samples["round"] < 2])
+    outcome = cli("compare", "base", "new")
+    assert outcome.code == 3
+    assert outcome.out.splitlines()[-1] == "could not measure: times need at least 3 rounds or processes a side, not 2"
+
+
+def test_changed_counters_are_red_in_every_format(
+    cli: Cli, tmp_path: Path, two_runs: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rewrite(two_runs[1], iterated)
+    outcome = cli("compare", "base", "new")
+    assert outcome.code == 1
+    assert "counters changed" in outcome.out
+    assert outcome.out.splitlines()[-1].startswith("regressed: counters changed in 1 cell; no cell of 2 is slower")
+    assert cli("compare", "base", "new", "--expect-changes").code == 0
+
+    answer = json.loads(cli("compare", "base", "new", "--json").out)
+    assert answer["verdict"] == "regressed"
+    assert [(change["solver"], change["counter"]) for change in answer["changes"]] == [("piqp", "iterations")]
+    assert {"base_ms", "new_ms", "ratio", "low", "high", "noise", "pairs", "verdict"} <= set(answer["times"][0])
+
+    summary = tmp_path / "summary.md"
+    monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(summary))
+    outcome = cli("compare", "base", "new", "--format", "github")
+    assert outcome.code == 1
+    lines = outcome.out.splitlines()
+    assert len(lines) == 2
+    assert all(line.startswith("::error title=planning time::") for line in lines)
+    text = summary.read_text(encoding="utf-8")
+    assert text.startswith("**regressed: counters changed in 1 cell")
+    assert text.count("| piqp") == 2  # among the changes and among the times
+    cli("compare", "base", "base", "--format", "github")
+    assert "**fine: " in summary.read_text(encoding="utf-8")  # appended: other steps write there as well
+    monkeypatch.delenv("GITHUB_STEP_SUMMARY")
+    outcome = cli("compare", "base", "base", "--format", "github")
+    assert outcome.out.startswith("::notice title=planning time::fine: ")
+    assert "**fine: " in outcome.out
+
+
+def test_several_runs_in_a_folder_are_processes_of_one_side(cli: Cli, tmp_path: Path, two_runs: tuple[Path, Path]) -> None:
+    for number in range(4):
+        for name in ("base", "new"):
+            shutil.copytree(two_runs[0], tmp_path / f"{name}s" / f"{number:02d}")
+    assert len(read_side(tmp_path / "bases").processes) == 4
+    outcome = cli("compare", "bases", "news")
+    assert outcome.code == 0
+    assert "from 4 pairs of processes" in " ".join(outcome.out.split())
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (shutil.rmtree, "is no directory of hdvplan bench"),
+        (lambda folder: (folder / "run.json").unlink(), "holds no benchmark"),
+        (lambda folder: (folder / "samples.csv.gz").unlink(), "is without samples.csv.gz"),
+        (lambda folder: (folder / "samples.csv.gz").write_bytes(b"\x1f\x8bnonsense"), "cannot be read"),
+        (lambda folder: ((folder / "parts").mkdir(), (folder / "timing.csv").unlink()), "is not finished"),
+    ],
+)
+def test_what_is_no_run_is_refused(cli: Cli, two_runs: tuple[Path, Path], spoil: Callable[[Path], object], words: str) -> None:
+    spoil(two_runs[1])
+    outcome = cli("compare", "base", "new")
+    assert (outcome.code, outcome.out) == (2, "")
+    assert outcome.err.startswith("error: new")
+    assert words in outcome.err
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [("--factor", "0.9"), ("--floor", "-1"), ("--envelope-tolerance", "-1"), ("--envelope-tolerance", "nan"), ("--format", "tap")],
+)
+def test_wrong_options_end_in_2(cli: Cli, two_runs: tuple[Path, Path], arguments: tuple[str, ...]) -> None:
+    outcome = cli("compare", *(path.name for path in two_runs), *arguments)
+    assert (outcome.code, outcome.out) == (2, "")
+    assert outcome.err.startswith("error: ")
+
+
+def test_cells_without_a_single_timed_step_could_not_be_measured(cli: Cli, short_road: str) -> None:
+    for name in ("base", "new"):
+        assert cli("bench", "--roads", short_road, *TINY, "--budget", "1e-9", "--out", name).code == 0
+    outcome = cli("compare", "base", "new")
+    assert outcome.code == 3
+    assert outcome.out.splitlines()[-1].startswith("could not measure: ")
+
+
+def test_a_run_is_held_to_committed_counters_and_renews_them_with_one_command(cli: Cli, tmp_path: Path, short_road: str) -> None:
+    command = ("bench", "--roads", short_road, *TINY, "--rounds", "1", "--out", "run", "--counters", "counters.csv")
+    missing = cli(*command)
+    assert missing.code == 2
+    assert "--renew" in missing.err
+    assert cli(*command, "--renew").code == 0
+    outcome = cli(*command)
+    assert outcome.code == 0
+    assert outcome.out == "fine: no counter changed\n"
+    table = pd.read_csv(tmp_path / "counters.csv")
+    table.assign(qps=table["qps"] + 1).to_csv(tmp_path / "counters.csv", index=False)
+    outcome = cli(*command)
+    assert outcome.code == 1
+    assert outcome.out.splitlines()[-1] == "regressed: counters changed in 4 cells"
+    assert len(json.loads(cli(*command, "--json").out)["changes"]) == 4
+    assert cli(*command, "--renew").code == 0
+    assert cli(*command).code == 0

@@ -1,0 +1,192 @@
+"""The decision on simulated samples. Seeds are fixed: a test either fails always or never."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hdvplan.bench.gate import Decision, Rule, Verdict, decide, judge, median_rank
+from hdvplan.errors import OptionError
+from hdvplan.jit import FloatArray
+
+STEPS = 100
+REPEATS = 100
+PROCESS = 0.013  # standard deviation of a process's statistic, as a share of it: what was measured on a shared machine
+RULE = Rule()
+FINE, REGRESSED, UNMEASURABLE = Verdict.FINE, Verdict.REGRESSED, Verdict.UNMEASURABLE
+
+Samples = tuple[FloatArray, FloatArray]
+
+
+def times(random: np.random.Generator, pairs: int, slow: float = 1.0, process: float = PROCESS) -> Samples:
+    """Return the times of two programs [s]: steps of other length each, processes of other speed, small noise upwards."""
+    true = random.uniform(1e-4, 4e-4, STEPS)
+
+    def side(factor: float) -> FloatArray:
+        speed = np.exp(random.normal(0.0, process, (pairs, 1)))
+        return factor * true * speed * np.exp(np.abs(random.normal(0.0, 0.02, (pairs, STEPS))))
+
+    return side(1.0), side(slow)
+
+
+def share(verdict: Verdict, samples: list[Samples], rule: Rule = RULE) -> float:
+    return float(np.mean([judge(base, new, rule).verdict is verdict for base, new in samples]))
+
+
+def many(seed: int, pairs: int, slow: float = 1.0, process: float = PROCESS) -> list[Samples]:
+    random = np.random.default_rng(seed)
+    return [times(random, pairs, slow, process) for _ in range(REPEATS)]
+
+
+@pytest.mark.parametrize("pairs", [5, 10])
+def test_the_same_program_is_fine(pairs: int) -> None:
+    assert share(FINE, many(1, pairs)) == 1.0
+
+
+# The factor is 1.08: with 1.3 % of noise a process, the median of five ratios has 1 %, so that 20 % are far beyond and 10 %
+# two standard deviations. This is one cell by itself; a comparison has eight to find it in.
+@pytest.mark.parametrize(("slow", "at_least"), [(1.2, 1.0), (1.1, 0.75)])
+@pytest.mark.parametrize("pairs", [5, 10])
+def test_a_slowdown_is_found(pairs: int, slow: float, at_least: float) -> None:
+    assert share(REGRESSED, many(2, pairs, slow)) >= at_least
+
+
+def test_a_faster_program_is_fine_however_much() -> None:
+    for slow in (0.95, 0.8, 0.5):
+        assert share(FINE, many(3, 5, slow)) == 1.0
+
+
+def test_drift_of_the_machine_is_not_taken_for_the_program() -> None:
+    drift = np.exp(np.linspace(0.0, 0.5, 20))[:, None]  # by 65 % over the whole measurement, the sides in turns
+    for base, new in many(4, 10):
+        alternating = np.arange(10) % 2
+        first, second = drift[::2], drift[1::2]
+        mine, other = np.where(alternating[:, None] == 0, first, second), np.where(alternating[:, None] == 0, second, first)
+        assert judge(base * mine, new * other, RULE).verdict is not REGRESSED
+
+
+def test_a_slowdown_is_found_in_spite_of_drift() -> None:
+    drift = np.exp(np.linspace(0.0, 0.3, 10))[:, None]
+    drifting = [(base * drift, new * drift) for base, new in many(5, 10, 1.2)]
+    assert share(REGRESSED, drifting) >= 0.95
+
+
+def test_bursts_that_hit_single_steps_and_whole_processes_are_no_regression() -> None:
+    random = np.random.default_rng(6)
+    for base, new in many(6, 5):
+        hit = random.random(new.shape) < 0.05  # steps interrupted for milliseconds
+        new[hit] += 3e-3
+        base[random.random(base.shape) < 0.05] += 3e-3
+        new[random.integers(5)] *= 3.0  # and one process under load all of its time
+        assert judge(base, new, RULE).verdict is not REGRESSED
+
+
+def test_a_process_out_of_five_that_was_slow_throughout_does_not_hide_a_slowdown_after_the_repeat() -> None:
+    random = np.random.default_rng(7)
+    samples = many(7, 10, 1.2)
+    for base, _ in samples:
+        base[random.integers(10)] *= 2.0  # makes one pair look fast
+    assert share(REGRESSED, samples) >= 0.95
+
+
+def test_one_sided_outliers_on_the_new_side_only_are_no_regression() -> None:
+    random = np.random.default_rng(8)
+    for base, new in many(8, 10):
+        new[random.permutation(10)[:4]] *= 1.5  # four of ten processes, all of their steps
+        assert judge(base, new, RULE).verdict is not REGRESSED
+
+
+def test_bimodal_processes_are_no_regression_and_never_a_slowdown_of_their_difference() -> None:
+    random = np.random.default_rng(9)
+    reds = 0
+    for base, new in many(9, 10):
+        modes = (np.where(random.random((10, 1)) < 0.5, 1.15, 1.0) for _ in "ab")  # each process fast or slow by chance
+        reds += judge(base * next(modes), new * next(modes), RULE).verdict is REGRESSED
+    assert reds == 0
+
+
+@pytest.mark.parametrize("pairs", [5, 10])
+@pytest.mark.parametrize("process", [0.15, 0.3])
+def test_noise_too_large_for_the_threshold_could_not_be_measured(process: float, pairs: int) -> None:
+    samples = many(10, pairs, process=process)
+    assert share(UNMEASURABLE, samples) >= 0.8
+    assert share(REGRESSED, samples) <= 0.01  # the acceptance's false reds, on processes that differ by 15 to 30 %
+
+
+def test_a_coarser_threshold_can_be_measured_in_the_same_noise() -> None:
+    samples = many(11, 10, process=0.08)
+    assert share(UNMEASURABLE, samples) >= 0.3
+    assert share(FINE, samples, Rule(factor=1.5)) == 1.0
+    slow = many(11, 10, 2.0, process=0.08)
+    assert share(REGRESSED, slow, Rule(factor=1.5)) >= 0.95
+
+
+def test_differences_below_the_floor_do_not_count() -> None:
+    base, new = times(np.random.default_rng(12), 5, 1.3)
+    assert judge(base, new, RULE).verdict is REGRESSED
+    assert judge(base / 100.0, new / 100.0, RULE).verdict is FINE  # 30 % of 2.5 us
+    assert judge(base, new, Rule(floor=2e-4)).verdict is FINE
+
+
+def test_a_half_that_does_not_show_the_slowdown_acquits() -> None:
+    base, new = times(np.random.default_rng(13), 10)
+    new[:5] *= 1.25  # the machine was slow for one side during the first batch; the repeat is the same program again
+    assert decide(base[:5], new[:5], RULE).verdict is REGRESSED
+    assert judge(base, new, RULE).verdict is not REGRESSED
+
+
+def test_the_decision_tells_the_numbers_it_rests_on() -> None:
+    base = np.full((5, 4), 2e-4)
+    new = np.array([1.2, 1.3, 1.25, 1.4, 1.3])[:, None] * base
+    decision = decide(base, new, RULE)
+    # Fastest of all: 1.2; median: 1.3; the smaller counts. Exact but for rounding.
+    assert (decision.verdict, decision.pairs) == (REGRESSED, 5)
+    assert [decision.base, decision.new, decision.ratio, decision.low, decision.high] == pytest.approx([2e-4, 2.4e-4, 1.2, 1.2, 1.4])
+    assert decision.noise == pytest.approx(1.3 / 1.2)
+
+
+@pytest.mark.parametrize(
+    ("base", "new"),
+    [
+        (np.ones((2, 5)), np.ones((2, 5))),  # too few pairs
+        (np.ones((5, 0)), np.ones((5, 0))),  # no step
+        (np.zeros((0, 5)), np.zeros((0, 5))),
+        (np.ones((5, 3)), np.full((5, 3), np.nan)),
+        (np.zeros((5, 3)), np.ones((5, 3))),  # a clock that stands still
+    ],
+)
+def test_samples_that_say_nothing_could_not_be_measured(base: FloatArray, new: FloatArray) -> None:
+    decision = judge(base, new, RULE)
+    assert decision.verdict is UNMEASURABLE
+    assert np.isnan(decision.low)
+
+
+def test_times_of_other_steps_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"\(5, 3\) and \(5, 4\)"):
+        judge(np.ones((5, 3)), np.ones((5, 4)), RULE)
+
+
+@pytest.mark.parametrize(("factor", "floor"), [(1.0, 0.0), (0.9, 0.0), (float("nan"), 0.0), (1.1, -1e-3), (1.1, float("inf"))])
+def test_thresholds_that_mean_nothing_are_refused(factor: float, floor: float) -> None:
+    with pytest.raises(OptionError):
+        Rule(factor, floor)
+
+
+def test_the_interval_of_the_median_holds_it_as_often_as_is_said() -> None:
+    random = np.random.default_rng(14)
+    for pairs in (5, 6, 8, 10, 15):
+        sample = np.sort(random.normal(size=(20_000, pairs)), axis=1)
+        rank = median_rank(pairs)
+        held = np.mean((sample[:, rank] < 0.0) & (sample[:, -1 - rank] > 0.0))
+        assert held >= 0.75 - 0.01  # 20 000 draws: a standard error of 0.3 %
+        if rank + 1 < pairs // 2:  # and no rank further in does
+            assert np.mean((sample[:, rank + 1] < 0.0) & (sample[:, -2 - rank] > 0.0)) < 0.75
+
+
+def test_a_decision_is_a_value() -> None:
+    base, new = times(np.random.default_rng(15), 5)
+    kept = base.copy(), new.copy()
+    assert judge(base, new, RULE) == judge(base, new, RULE)
+    assert isinstance(judge(base, new, RULE), Decision)
+    np.testing.assert_array_equal(base, kept[0])
+    np.testing.assert_array_equal(new, kept[1])

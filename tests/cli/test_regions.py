@@ -1,0 +1,92 @@
+"""Obstacles, kerbs, lanes and the fit check, from the command line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from tests.cli.conftest import Cli
+
+QUICK = ("--vehicle", "bus", "--horizon", "40", "--no-plot")
+
+
+def row(file: Path, s: float) -> dict[str, float]:
+    table = pd.read_csv(file)
+    return {str(name): float(value) for name, value in table[table["s"] == s].iloc[0].items()}
+
+
+def test_a_passage_too_narrow_is_said_before_planning_and_planned_all_the_same(cli: Cli, tmp_path: Path) -> None:
+    outcome = cli("plan", "parked_van_tight", *QUICK)
+    assert outcome.code == 1
+    first = outcome.err.splitlines()[0]
+    assert first == "warning: too narrow for the bus from s = 77.7 to 83.8 m: limits are 2.39 m apart, needs 2.54 m"
+    summary = json.loads((tmp_path / "parked_van_tight.bus" / "summary.json").read_text(encoding="utf-8"))
+    (finding,) = summary["fit"]
+    assert (finding["trouble"], round(finding["needed"] - finding["available"], 2)) == ("width", 0.15)
+    assert summary["obstacles"][0]["name"] == "parked van"
+    assert summary["limit_violation_m"] > 0.05  # at best, half of the missing 0.15 m on either side
+    features = json.loads((tmp_path / "parked_van_tight.bus" / "swept.geojson").read_text(encoding="utf-8"))["features"]
+    van = features[-1]
+    assert (van["properties"]["kind"], van["properties"]["region"], van["properties"]["name"]) == ("region", "obstacle", "parked van")
+    lon, lat = van["geometry"]["coordinates"][0][0]
+    assert (round(lon, 2), round(lat, 2)) == (15.0, 60.0)
+
+
+def test_quiet_warns_of_nothing_and_a_fitting_vehicle_neither(cli: Cli) -> None:
+    assert "warning" not in cli("plan", "parked_van_tight", *QUICK, "--quiet").err
+    assert "warning" not in cli("plan", "parked_van", *QUICK).err
+
+
+def test_widths_from_options_replace_the_file_s_and_obstacles_still_cut(cli: Cli, tmp_path: Path) -> None:
+    assert cli("plan", "parked_van_tight", *QUICK, "--left", "3.6", "--right", "2").code in {0, 1}
+    file = tmp_path / "parked_van_tight.bus" / "envelope.csv"
+    assert (row(file, 40.0)["left_limit"], row(file, 40.0)["right_limit"]) == (3.6, -2.0)
+    assert row(file, 80.0)["right_limit"] == pytest.approx(0.5, abs=1e-3)  # the file's digits
+    assert row(file, 80.0)["needed_width"] == pytest.approx(2.54, abs=1e-3)  # straight but for rounding
+
+
+def test_a_plan_is_made_beside_the_line_and_the_other_way(cli: Cli, tmp_path: Path) -> None:
+    assert cli("plan", "parked_van", *QUICK, "--reverse", "--offset", "0.2").code in {0, 1}
+    file = tmp_path / "parked_van.bus" / "envelope.csv"
+    # going back, left is the van's side: 3.0 m - 0.2 m; its 0.5 m over the centre are to the right of the reference now
+    assert row(file, 40.0)["left_limit"] == pytest.approx(2.8, abs=1e-3)
+    assert row(file, 80.0)["left_limit"] == pytest.approx(-0.7, abs=1e-3)
+    assert row(file, 80.0)["right_limit"] == pytest.approx(-3.39, abs=1e-3)
+    assert cli("plan", "parked_van", *QUICK, "--offset", "5").err.startswith("error: an offset of 5 m lies beyond the left limit")
+    assert cli("plan", "uturn", *QUICK, "--offset", "nan").code == 2
+
+
+def test_info_lists_where_each_vehicle_does_not_fit(cli: Cli) -> None:
+    outcome = cli("roads", "info", "kerb_bend_wall")
+    assert (outcome.code, outcome.err) == (0, "")
+    assert "no: 1 place, see below" in outcome.out
+    assert "where geometry says no" in outcome.out
+    assert max(len(line) for line in outcome.out.splitlines()) <= 80
+    vehicles = json.loads(cli("roads", "info", "kerb_bend", "--json").out)["vehicles"]
+    bus = next(vehicle for vehicle in vehicles if vehicle["vehicle"] == "bus")
+    assert (bus["fits"], bus["findings"]) == (True, [])
+    assert "fits everywhere" in cli("roads", "info", "kerb_bend").out
+
+
+def test_info_writes_the_needed_widths_as_csv(cli: Cli, tmp_path: Path) -> None:
+    assert cli("roads", "info", "uturn", "--half-width", "3.5", "--csv", "needs.csv").code == 0
+    table = pd.read_csv(tmp_path / "needs.csv")
+    assert table["needed_width_bus"].max() == pytest.approx(2.0 * 2.486, abs=2e-3)  # the published expectation's digits
+    assert (table["left"] == 3.5).all()
+    assert cli("roads", "info", "uturn", "--csv", "no/such/folder.csv").code == 2
+
+
+def test_info_of_a_lane_judges_the_lane(cli: Cli) -> None:
+    drawn = json.loads(cli("roads", "info", "uturn", "--json").out)
+    lane = json.loads(cli("roads", "info", "uturn", "--offset", "-1.75", "--json").out)
+    assert lane["max_curvature_per_m"] == pytest.approx(1.0 / (1.0 / drawn["max_curvature_per_m"] + 1.75), rel=1e-3)
+    assert lane["narrowest_m"] == pytest.approx(drawn["narrowest_m"])  # the edges stay
+
+
+def test_the_examples_are_listed(cli: Cli) -> None:
+    roads = {road["name"]: road for road in json.loads(cli("roads", "list", "--json").out)}
+    assert roads["parked_van"]["source"] == "example"
+    assert roads["parked_van"]["min_radius_m"] is None

@@ -1,0 +1,103 @@
+"""A user's own vehicle, from its file to a plan."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from tests.cli.conftest import Cli
+
+FIVE = """
+name = "road train"
+source = "mine"
+
+[[unit]]
+wheelbase = 4.2
+front_overhang = 1.4
+rear_overhang = 1.0
+width = 2.5
+hitch_offset = -0.4
+
+[[unit]]
+wheelbase = 7.0
+front_overhang = 1.2
+rear_overhang = 2.0
+width = 2.5
+hitch_offset = 1.5
+steering_ratio = 0.4
+max_steering_angle = 0.3
+
+[[unit]]
+name = "dolly"
+wheelbase = 3.5
+front_overhang = -2.4
+length = 2.0
+width = 2.4
+
+[[unit]]
+wheelbase = 6.0
+front_overhang = 1.2
+rear_overhang = 2.0
+width = 2.5
+hitch_offset = 1.5
+
+[[unit]]
+wheelbase = 5.0
+front_overhang = -0.5
+rear_overhang = 1.5
+width = 2.3
+steered = true
+steering_ratio = 1.0
+"""
+
+
+@pytest.fixture
+def five(tmp_path: Path) -> str:
+    (tmp_path / "five.toml").write_text(FIVE, encoding="utf-8")
+    return "five.toml"
+
+
+def test_five_units_are_planned_drawn_and_described(cli: Cli, five: str, tmp_path: Path) -> None:
+    outcome = cli("plan", "roundabout", "--vehicle", five, "--half-width", "6", "--out", "plan", "--json")
+    assert outcome.code == 0, outcome.err
+    summary = json.loads(outcome.out)
+    assert summary["status"] == "ok"
+    assert summary["vehicle"] == "road train"
+    path = pd.read_csv(tmp_path / "plan" / "path.csv")
+    assert list(path.columns) == ["s", "x", "y", "heading", "e_y", "e_psi", "beta1", "beta2", "beta3", "beta4", "kappa", "K"]
+    assert (tmp_path / "plan" / "plan.png").is_file()
+    swept = json.loads((tmp_path / "plan" / "swept.geojson").read_text(encoding="utf-8"))
+    swept_by = [feature["properties"]["unit"] for feature in swept["features"] if feature["properties"]["kind"] == "swept area"]
+    assert swept_by == ["unit 1", "unit 2", "dolly", "unit 4", "unit 5"]
+    described = json.loads(cli("vehicles", "show", five, "--json").out)
+    assert described["length_m"] == pytest.approx(5.6 - 0.4 + 7.0 + 1.5 + 3.5 + 6.0 + 1.5 + 5.0 + 1.5)
+    assert described["units"][4]["steering_ratio"] == 1.0
+    assert cli("vehicles", "show", five, "--plot").code == 0
+
+
+@pytest.mark.parametrize(
+    ("wrong", "right", "words"),
+    [
+        ("steering_ratio = 0.4", "steering_ratio = 4.0", "unit 2: steering_ratio = 4 must lie between 0 and 2"),
+        ("max_steering_angle = 0.3", "max_steering_angle = 17", "unit 2: max_steering_angle = 17 rad"),
+        ("steered = true\nsteering_ratio = 1.0", "steered = true", "unit 5: steered = true needs a steering_ratio"),
+        ("front_overhang = -2.4", "front_overhang = -3.6", "unit 3: front_overhang = -3.6 m must lie between -3.5"),
+        ("wheelbase = 6.0", "wheelbase = 6000", "unit 4: wheelbase = 6000 m must lie between 0.5 and 50 m"),
+        ("hitch_offset = -0.4", "hitch_offset = -5", "unit 1: hitch_offset = -5 m must lie between -4.2 and 50 m"),
+        ("length = 2.0", "length = 0.5", "unit 3: length = 0.5 m contradicts"),
+        ("length = 2.0", "lenght = 2.0", "unit 3: unknown entry 'lenght'"),
+        ("width = 2.3", "width = '2.3'", "unit 5: width must be a number"),
+        ("width = 2.3", "", "unit 5: width is missing"),
+    ],
+)
+def test_nonsense_in_a_unit_is_refused_by_its_name_and_number(cli: Cli, tmp_path: Path, wrong: str, right: str, words: str) -> None:
+    assert wrong in FIVE
+    (tmp_path / "five.toml").write_text(FIVE.replace(wrong, right), encoding="utf-8")
+    outcome = cli("plan", "roundabout", "--vehicle", "five.toml")
+    assert (outcome.code, outcome.out) == (2, "")
+    assert outcome.err.startswith("error: vehicle 'road train', ")
+    assert words in outcome.err.splitlines()[0]
+    assert len(outcome.err.splitlines()) <= 2

@@ -1,0 +1,36 @@
+from __future__ import annotations
+
+from io import BytesIO
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from hdvplan.jit import FloatArray
+from hdvplan.report.animation import _film, film_bytes
+from hdvplan.report.result import Result
+from hdvplan.report.windows import Window
+
+
+def close_to(image: FloatArray, colour: tuple[int, int, int]) -> int:
+    """Return the number of pixels of a colour; the film's palette is coarse."""
+    return int(np.sum(np.max(np.abs(image - np.array(colour)), axis=-1) < 30.0))
+
+
+def test_the_film_shows_the_bodies_driving_and_what_they_sweep(trailer: Result) -> None:
+    frames = _film(trailer, Window(90.0, 120.0))
+    assert abs(len(frames) - 30.0 / 0.75) < 2.0  # a frame every 0.75 m
+    seen = [np.asarray(frames[number].convert("RGB"), dtype=float) for number in (0, 20, -1)]
+    swept = [close_to(image, (153, 199, 224)) for image in seen]
+    assert swept[0] < swept[1] < swept[2]  # it grows
+    for image in seen:
+        assert close_to(image, (0, 114, 178)) > 20  # the tractor's outline
+        assert close_to(image, (230, 159, 0)) > 20  # the trailer's
+        assert tuple(image[-40, 400]) == (255.0, 255.0, 255.0)  # the paper is white
+
+
+@pytest.mark.slow
+def test_a_long_road_s_film_shows_its_tightest_places_only(long: Result) -> None:
+    film = Image.open(BytesIO(film_bytes(long)))
+    assert film.format == "GIF"
+    assert abs(int(getattr(film, "n_frames", 1)) - 2 * 50.0 / 0.75) < 4.0  # two stretches of 50 m

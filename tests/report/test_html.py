@@ -1,0 +1,130 @@
+from __future__ import annotations
+
+import base64
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hdvplan
+from hdvplan.errors import OptionError
+from hdvplan.jit import FloatArray
+from hdvplan.report.files import write_plan
+from hdvplan.report.html import report_html, short_labels, write_report
+from hdvplan.report.payload import packed, payload_of, road_frame, tight_places
+from hdvplan.report.planfiles import PlanFiles, read_plan
+from hdvplan.report.result import Result
+
+
+@pytest.fixture(scope="module")
+def plan(kerbed: Result, tmp_path_factory: pytest.TempPathFactory) -> PlanFiles:
+    folder = tmp_path_factory.mktemp("kerbed")
+    write_plan(kerbed, folder)
+    return read_plan(folder)
+
+
+def unpacked(column: dict[str, object]) -> FloatArray:
+    """Return what the page makes of a packed column."""
+    whole = np.frombuffer(base64.b64decode(str(column["data"])), "<i2").astype(float)
+    whole[whole == -32768] = np.nan
+    return whole * float(str(column["scale"]))
+
+
+def test_numbers_survive_packing_to_a_part_in_65000() -> None:
+    values = np.array([0.0, 4.0, -3.999, np.nan, 1e-3])
+    np.testing.assert_allclose(unpacked(packed(values)), values, atol=4.0 / 65534.0)  # half a scale
+    np.testing.assert_array_equal(unpacked(packed(np.zeros(3))), np.zeros(3))
+
+
+def test_the_road_is_found_again_beside_the_driven_path(plan: PlanFiles, kerbed: Result) -> None:
+    s = np.arange(0.0, kerbed.drive.road.path.length, 0.5)
+    x, y, heading = road_frame(plan, s)
+    road = kerbed.drive.road.path.at(s)
+    np.testing.assert_allclose(np.column_stack([x, y]), np.column_stack([road.x, road.y]), atol=1e-9)  # rounding
+    np.testing.assert_allclose(np.cos(heading), np.cos(road.heading), atol=1e-9)
+
+
+def test_plans_of_one_road_are_known_by_their_origin(plan: PlanFiles) -> None:
+    assert payload_of(plan)["origin"] == [0.0, 0.0]  # whatever rounding of the path beside it left
+    shifted = replace(plan, path=plan.path.assign(x=plan.path["x"] + 600000.0))
+    page = payload_of(shifted)
+    assert page["origin"] == [600000.0, 0.0]
+    start = np.frombuffer(base64.b64decode(page["columns"]["x"]["data"]), "<f4")
+    assert start[0] == 0.0  # coordinates of a map are too large for single precision
+
+
+def test_the_tightest_places_begin_with_the_deepest_breach(plan: PlanFiles, kerbed: Result) -> None:
+    first, *others = tight_places(plan)
+    assert first["kind"] == "clearance"
+    assert first["value"] == pytest.approx(kerbed.balance.min_clearance, abs=1e-4)  # rounded in the file
+    assert all(first["value"] <= other["value"] for other in others)
+
+
+def test_the_page_asks_for_nothing_from_outside(plan: PlanFiles) -> None:
+    page = report_html([plan], "A report")
+    assert "default-src 'none'" in page
+    assert not re.search(r"(src|href)=[\"'](?!data:)", page)
+    assert not re.search(r"https?://|@import|url\(", page)
+
+
+def test_names_from_files_cannot_become_markup(plan: PlanFiles) -> None:
+    hostile = "</script><script>alert(1)</script>"
+    summary = plan.summary | {"road": hostile, "notice": hostile}
+    page = report_html([replace(plan, summary=summary)], hostile)
+    assert "<script>alert" not in page
+    data = re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.DOTALL)
+    assert data is not None
+    assert json.loads(data[1])[0]["road"] == hostile  # and are still what they were
+
+
+def test_plans_are_told_apart_by_what_differs(plan: PlanFiles) -> None:
+    other = replace(plan, summary=plan.summary | {"solver": "osqp"})
+    assert short_labels([plan, other]) == ["piqp", "osqp"]
+    assert short_labels([plan]) == ["bus"]
+    twin = replace(plan, directory=Path("again"))
+    assert short_labels([plan, twin]) == [f"bus ({plan.directory.name})", "bus (again)"]
+
+
+def test_the_page_shows_the_summary_s_numbers(plan: PlanFiles, kerbed: Result) -> None:
+    page = report_html([plan], "A report")
+    assert f"<td>{kerbed.balance.max_left:.3f}</td>" in page
+    assert f'<td class="bad">{kerbed.balance.violation:.3f}</td>' in page
+    counted = sum(int(count) for count in re.findall(r"ms: (\d+) steps", page))
+    assert counted == len(kerbed.drive.plans)  # the histogram loses no step
+
+
+@pytest.mark.parametrize("missing", ["summary.json", "path.csv", "profile.csv", "steps.csv"])
+def test_a_folder_without_a_whole_plan_is_refused(kerbed: Result, tmp_path: Path, missing: str) -> None:
+    write_plan(kerbed, tmp_path)
+    (tmp_path / missing).unlink()
+    with pytest.raises(OptionError, match=missing):
+        read_plan(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("summary.json", "{"),
+        ("summary.json", "{}"),
+        ("steps.csv", "s,total_ms\n"),
+        ("envelope.csv", "s,left,right,left_limit,right_limit,expected_left\n0,1,-1,2,-2,1\n"),
+        ("path.csv", "s,x\n0,1\n"),
+    ],
+)
+def test_a_damaged_plan_is_refused(kerbed: Result, tmp_path: Path, name: str, text: str) -> None:
+    write_plan(kerbed, tmp_path)
+    (tmp_path / name).write_text(text, encoding="utf-8")
+    with pytest.raises(OptionError, match="cannot be read"):
+        write_report([tmp_path], tmp_path / "report.html")
+    assert not (tmp_path / "report.html").exists()
+
+
+@pytest.mark.slow
+def test_a_report_on_twelve_kilometres_stays_below_five_megabytes(tmp_path: Path) -> None:
+    road = hdvplan.load_road("liechtenstein_schaan_balzers").with_limits(4.5, 4.5)
+    write_plan(hdvplan.plan(road, hdvplan.load_vehicle("tractor-trailer")), tmp_path)
+    assert road.path.length > 11.8e3
+    assert write_report([tmp_path, tmp_path, tmp_path], tmp_path / "report.html") < 5e6  # even three beside each other

@@ -1,0 +1,126 @@
+"""Driving beside the drawn line and the other way: the same road in the plane."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+
+from hdvplan.errors import RoadError
+from hdvplan.jit import FloatArray
+from hdvplan.road.lane import offset_road, reversed_road
+from hdvplan.road.load import RoadOptions, load_road
+from hdvplan.road.path import ReferencePath, from_curvature
+from hdvplan.road.regions import Kind, Region
+from hdvplan.road.road import Limits, Road
+
+S_BEND = from_curvature(np.array([0.0, 30.0, 45.0, 70.0, 100.0, 130.0]), np.array([0.0, 0.0, 0.08, 0.08, -0.1, 0.0]))
+
+
+def limited() -> Road:
+    s = np.array([0.0, 20.0, 60.0, 130.0])
+    left, right = np.array([3.0, 4.0, 3.5, 5.0]), np.array([-6.0, -5.0, -6.0, -4.0])
+    return Road("bend", S_BEND, Limits(s, left, right, left + 0.5, right - 0.2))
+
+
+def edges(road: Road) -> list[FloatArray]:
+    """Return the four limits as lines in the plane, shape (n, 2)."""
+    assert road.limits is not None
+    s = np.union1d(road.limits.s, np.linspace(0.0, road.path.length, 2000))
+    return [np.stack(road.path.to_plane(s, offset), axis=1) for offset in road.limits.table(s)]
+
+
+@pytest.mark.parametrize("offset", [1.75, -1.75, 0.3])
+def test_an_offset_moves_the_reference_and_leaves_the_edges_where_they_are(offset: float) -> None:
+    road = limited()
+    moved = offset_road(road, offset)
+    s = np.linspace(0.0, moved.path.length, 500)
+    here = moved.path.at(s)
+    foot, e = road.path.extended(1.0, 1.0).project(here.x, here.y, s)
+    # knots of the moved line lie on the parallel; between them its quintics stray where k / (1 - offset k) bends
+    np.testing.assert_allclose(e, offset, atol=1e-4)
+    k = road.path.at(np.clip(foot, 0.0, road.path.length)).curvature
+    np.testing.assert_allclose(here.curvature, k / (1.0 - offset * k), atol=1e-3)  # the ramps' ends lie between knots
+    assert np.max(np.abs(np.diff(here.curvature))) < 0.01  # 0.26 m apart; the ramps' slope is 0.008 1/m^2 at most
+    for old, new in zip(edges(road), edges(moved), strict=True):
+        assert shapely.hausdorff_distance(shapely.LineString(old), shapely.LineString(new)) < 2e-3  # both drawn in pieces of 7 cm
+
+
+def test_moving_there_and_back_is_no_change() -> None:
+    road = offset_road(offset_road(limited(), 1.5), -1.5)
+    assert road.path.length == pytest.approx(S_BEND.length, abs=1e-4)
+    s = np.linspace(0.0, S_BEND.length - 1e-3, 300)
+    np.testing.assert_allclose(np.stack(road.path.to_plane(s, 0.0)), np.stack(S_BEND.to_plane(s, 0.0)), atol=1e-3)
+
+
+def test_an_offset_beyond_the_centre_of_curvature_is_refused_with_its_place() -> None:
+    with pytest.raises(RoadError, match=r"offset of -9 m comes too near the centre of the bend at s = 100\.0 m, .* 10\.00 m") as caught:
+        offset_road(replace(limited(), limits=None), -9.0)  # leaves 1 m of radius
+    assert caught.value.s_m == pytest.approx(100.0)
+    with pytest.raises(RoadError, match="too near the centre"):
+        offset_road(replace(limited(), limits=None), -15.0)
+
+
+def test_an_offset_beyond_a_limit_is_refused_with_its_place() -> None:
+    with pytest.raises(RoadError, match=r"offset of 3.2 m lies beyond the left limit at s = 0\.0 m"):
+        offset_road(limited(), 3.2)
+
+
+def test_the_other_way_left_is_right() -> None:
+    road = limited()
+    back = reversed_road(road)
+    length = road.path.length
+    s = np.linspace(0.0, length, 400)
+    there, here = road.path.at(length - s), back.path.at(s)
+    np.testing.assert_allclose([here.x, here.y, here.curvature], [there.x, there.y, -there.curvature], atol=1e-9)
+    np.testing.assert_allclose(np.cos(here.heading - there.heading), -1.0, atol=1e-12)
+    assert road.limits is not None
+    assert back.limits is not None
+    left, right, left_sweep, right_sweep = road.limits.table(length - s)
+    np.testing.assert_allclose(back.limits.table(s), [-right, -left, -right_sweep, -left_sweep], atol=1e-9)
+
+
+def test_a_closed_road_stays_closed() -> None:
+    ring = load_road("neubrandenburg_ring")
+    turned = load_road("neubrandenburg_ring", RoadOptions(reverse=True, offset=-1.75))
+    assert turned.path.closed
+    ends = turned.path.at(np.array([0.0, turned.path.length]))
+    np.testing.assert_allclose(ends.x[0], ends.x[1], atol=1e-6)
+    np.testing.assert_allclose(ends.curvature[0], ends.curvature[1], atol=1e-6)
+    # once round, a line 1.75 m outside is 2 pi 1.75 m longer, one inside shorter
+    assert abs(turned.path.length - ring.path.length) == pytest.approx(2.0 * np.pi * 1.75, abs=1e-3)
+
+
+def test_the_offset_is_to_the_left_of_the_driving_direction() -> None:
+    lane = offset_road(reversed_road(limited()), -1.5)  # driving west, right is north
+    assert float(lane.path.at(lane.path.length).y) == pytest.approx(1.5, abs=1e-4)
+
+
+def test_regions_stay_where_they_are_and_are_cut_anew() -> None:
+    van = Region(Kind.OBSTACLE, shapely.box(40.0, -3.0, 45.0, -1.0))
+    road = Road("straight", from_curvature(np.array([0.0, 100.0]), np.zeros(2)), regions=(van,)).with_limits(3.5, 3.5)
+    lane = offset_road(road, -1.75)  # the van now stands on the reference: it is passed on the left
+    assert lane.regions == road.regions
+    assert lane.limits is not None
+    np.testing.assert_allclose(lane.limits.table(np.array([20.0, 42.0]))[:2], [[5.25, 5.25], [-1.75, 0.75]], atol=1e-6)
+    back = reversed_road(road)
+    assert back.limits is not None
+    np.testing.assert_allclose(back.limits.table(np.array([20.0, 58.0]))[:2], [[3.5, 1.0], [-3.5, -3.5]], atol=1e-6)
+
+
+def test_what_smoothing_did_is_told_at_its_new_place() -> None:
+    drawn, turned = load_road("street_corner"), load_road("street_corner", RoadOptions(reverse=True, offset=1.0))
+    assert drawn.smoothing is not None
+    assert turned.smoothing is not None
+    assert turned.smoothing.max_curvature == pytest.approx(
+        np.max(np.abs(turned.path.at(samples(turned.path)).curvature)), rel=2e-3
+    )  # knots lie elsewhere
+    place = turned.path.at(turned.smoothing.max_deviation_s)
+    there = drawn.path.at(drawn.smoothing.max_deviation_s)
+    assert np.hypot(place.x - there.x, place.y - there.y) == pytest.approx(1.0, abs=0.01)  # the offset
+
+
+def samples(path: ReferencePath) -> FloatArray:
+    return np.linspace(0.0, path.length, 4000)

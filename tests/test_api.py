@@ -1,0 +1,58 @@
+"""The Python interface: what ``import hdvplan`` promises."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+import hdvplan
+
+
+def test_ten_lines_lead_from_a_road_to_a_report(tmp_path: Path) -> None:
+    road = hdvplan.load_road("uturn").with_limits(2.6, 2.6)
+    vehicle = hdvplan.load_vehicle("bus")
+    settings = hdvplan.PlannerSettings(horizon=60.0)
+    result = hdvplan.plan(road, vehicle, settings)
+    print(result.balance.max_left, result.balance.max_right, result.balance.min_clearance)  # noqa: T201 - as users do
+    for breach in result.balance.breaches:
+        print(breach.side, breach.s_deepest, breach.depth)  # noqa: T201 - as users do
+    hdvplan.write_plan(result, tmp_path / "uturn", pictures=["png"])
+    hdvplan.plan_figure(result).savefig(tmp_path / "plan.pdf")
+    hdvplan.write_report([tmp_path / "uturn"], tmp_path / "report.html")
+
+    assert result.status == "ok"
+    assert result.balance.min_clearance == pytest.approx(2.6 - 2.48, abs=0.01)  # the published reach's digits
+    assert hdvplan.summary_of(result)["plans"] == len(result.drive.plans)
+    assert all((tmp_path / name).stat().st_size > 0 for name in ("uturn/plan.png", "plan.pdf", "report.html"))
+
+
+def test_a_plan_takes_the_command_line_s_names_and_tells_how_far_it_is() -> None:
+    shares: list[float] = []
+    settings = hdvplan.PlannerSettings(horizon=50.0)
+    result = hdvplan.plan(
+        hdvplan.load_road("sturn"), hdvplan.load_vehicle("bus"), settings, objective="lead-axle", solver="piqp", on_progress=shares.append
+    )
+    assert (result.objective, result.solver) == ("lead-axle", "piqp")
+    assert shares[-1] == 1.0
+    with pytest.raises(hdvplan.HdvplanError, match="unknown solver"):
+        hdvplan.plan(hdvplan.load_road("sturn"), hdvplan.load_vehicle("bus"), solver="none")
+
+
+def test_importing_it_loads_nothing_heavy() -> None:
+    code = "import sys, hdvplan; dir(hdvplan); print([m for m in ('numpy', 'numba', 'pandas', 'matplotlib') if m in sys.modules])"
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)  # noqa: S603 - our own
+    assert ended.stdout == "[]\n"
+
+
+def test_every_public_name_is_there_and_is_what_its_home_has() -> None:
+    assert sorted(hdvplan.__all__) == dir(hdvplan)
+    for name in hdvplan.__all__:
+        assert getattr(hdvplan, name) is not None
+        if name != "__version__":
+            assert getattr(import_module(getattr(hdvplan, name).__module__), name) is getattr(hdvplan, name)
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        _ = hdvplan.nothing  # type: ignore[attr-defined] # that is the point
