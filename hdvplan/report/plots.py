@@ -138,7 +138,7 @@ def _within(s: FloatArray, window: Window) -> BoolArray:
 def _finish_whole(axes: Axes, result: Result, windows: tuple[Window, ...], *, named: bool) -> None:
     axes.grid(visible=True)
     axes.set_xlim(0.0, result.drive.road.path.length)
-    _legend_above(axes, columns=5)
+    _legend_above(axes, columns=4)
     for window in windows:
         axes.axvspan(window.s_from, window.s_to, color=_SHADE, linewidth=0.0, zorder=0)
         if named:
