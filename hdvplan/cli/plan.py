@@ -216,13 +216,19 @@ def _print(result: Result, directory: Path) -> None:
 
 
 def _verdict(result: Result) -> ExitCode:
-    """Return the exit code; a broken limit is an error that names the deepest place."""
-    from hdvplan.report.result import breach_text
+    """Return the exit code; a broken limit or an obstacle that was hit is an error that names the deepest place."""
+    from hdvplan.report.result import breach_text, entered_text
     from hdvplan.report.summary import needed_half_width
 
     breaches = result.balance.breaches
     if not breaches:
-        return ExitCode.OK
+        if not result.entered:
+            return ExitCode.OK
+        report_error(
+            entered_text(result, min(result.entered, key=lambda approach: approach.distance)),
+            "limits hold along the road; this obstacle lies before its start or beyond its end",
+        )
+        return ExitCode.BROKEN
     deepest = max(breaches, key=lambda breach: breach.depth)
     report_error(
         breach_text(result, deepest),
