@@ -15,6 +15,7 @@ from hdvplan.jit import FloatArray
 from hdvplan.report.geojson import swept_geojson
 from hdvplan.report.result import Result
 from hdvplan.report.summary import summary_of
+from hdvplan.road.road import Road
 
 PICTURES = ("png", "pdf", "svg")
 FILM = "drive.gif"
@@ -47,6 +48,7 @@ def write_plan(
         "envelope.csv": lambda: csv_bytes(envelope_table(result)),
         "profile.csv": lambda: csv_bytes(profile_table(result)),
         "steps.csv": lambda: csv_bytes(steps_table(result)),
+        "regions.json": lambda: json_bytes(regions_json(result.drive.road), indent=None),
         "swept.geojson": lambda: json_bytes(swept_geojson(result), indent=None),
     }
     contents |= {f"plan.{kind}": partial(picture_bytes, result, kind) for kind in pictures}
@@ -137,6 +139,18 @@ def steps_table(result: Result) -> pd.DataFrame:
         for plan in drive.plans
     ]
     return pd.DataFrame(rows).round({name: 6 for name in rows[0] if name.endswith("_ms")})
+
+
+def regions_json(road: Road) -> list[dict[str, object]]:
+    """Return the road's obstacles and sweepable regions with their rings, holes after the outline, in path.csv's plane to 1 mm."""
+    return [
+        {
+            "region": str(region.kind),
+            "name": region.label,
+            "rings": [np.round(ring.coords, 3).tolist() for ring in (region.polygon.exterior, *region.polygon.interiors)],
+        }
+        for region in road.regions
+    ]
 
 
 def csv_bytes(table: pd.DataFrame) -> bytes:
