@@ -111,7 +111,7 @@ def plan(
     from hdvplan.solvers.registry import DEFAULT, solver_named
     from hdvplan.vehicle.load import load_vehicle
 
-    pictures = [choice("--format", kind.strip(), PICTURES) for kind in formats.split(",")] if plot else []
+    pictures = [choice("--format", kind.strip(), PICTURES) for kind in formats.split(",")]
     settings = PlannerSettings(
         scheme=Scheme(choice("--scheme", scheme, list(Scheme))),
         horizon=horizon,
@@ -142,7 +142,7 @@ def plan(
         )
     directory = out or Path(f"{file_name(track.name)}.{file_name(driven.name)}")
     with progress(f"writing {directory}/", quiet=quiet) as on_progress:
-        _write(result, directory, pictures, animate, on_progress)
+        _write(result, directory, pictures if plot else [], animate, on_progress)
     if json:
         from hdvplan.report.summary import summary_of
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 from collections.abc import Callable, Collection
@@ -189,6 +190,8 @@ def write_atomically(path: Path, content: bytes) -> None:
         OSError: the file cannot be written.
 
     """
+    if path.is_dir():  # "." has no name to begin with
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         part.write_bytes(content)
