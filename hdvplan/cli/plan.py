@@ -129,6 +129,7 @@ def plan(
     if reaches is not None:
         track = track.with_limits(*reaches)
     check_fits(track, driven, reaches)
+    _warn_far_regions(track, quiet=quiet)
     _warn_misfits(track, driven, quiet=quiet)
     aim = NONE if bias is None else bias_named(bias, track.limits)
     if not compiled:
@@ -167,6 +168,17 @@ def check_fits(road: Road, vehicle: Vehicle, reaches: tuple[float, float] | None
     if reaches is not None and sum(reaches) < vehicle.width:
         msg = f"limits are {sum(reaches):.2f} m apart; the {vehicle.name} is {vehicle.width:.2f} m wide"
         raise OptionError(msg, hint="widen them with --half-width or --left and --right")
+
+
+def _warn_far_regions(road: Road, *, quiet: bool) -> None:
+    """Say which regions do not count: coordinates that are swapped, or of another system, would go unnoticed."""
+    from hdvplan.road.regions import OPEN_M, distances
+
+    apart = distances(road.path, road.regions)
+    far = apart[apart > OPEN_M]
+    if len(far):
+        nearest = f"the nearest of them {far.min():.0f} m"
+        warn(f"{len(far)} of {len(apart)} regions lie further than {OPEN_M:.0f} m from the road and do not count, {nearest}", quiet=quiet)
 
 
 def _warn_misfits(road: Road, vehicle: Vehicle, *, quiet: bool) -> None:

@@ -131,6 +131,13 @@ def region_limits(
     return nodes, np.concatenate([table[:, own], values[:, keep]], axis=1)[:, first]
 
 
+def distances(path: ReferencePath, regions: tuple[Region, ...]) -> FloatArray:
+    """Return how far each region lies from the road's centre line [m]; those beyond ``OPEN_M`` do not count."""
+    s = np.linspace(0.0, path.length, int(np.ceil(path.length / _OPEN_SPACING_M)) + 1)
+    centre = shapely.LineString(np.stack(path.to_plane(s, 0.0), axis=1))
+    return np.array([shapely.distance(centre, region.polygon) for region in regions])
+
+
 def _sided(rows: FloatArray) -> list[tuple[FloatArray, bool]]:
     """Return the rows of a limit table with whether each is a left one."""
     return [(row, number % 2 == 0) for number, row in enumerate(rows)]

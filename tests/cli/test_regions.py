@@ -36,6 +36,22 @@ def test_a_passage_too_narrow_is_said_before_planning_and_planned_all_the_same(c
     assert (round(lon, 2), round(lat, 2)) == (15.0, 60.0)
 
 
+def test_a_region_too_far_away_to_count_is_said(cli: Cli, tmp_path: Path) -> None:
+    road = {
+        "type": "Feature",
+        "properties": {"width_m": 9.0},
+        "geometry": {"type": "LineString", "coordinates": [[12.0, 57.0], [12.002, 57.0]]},
+    }
+    corners = [[57.0, 12.0], [57.001, 12.0], [57.001, 12.001], [57.0, 12.0]]  # swapped
+    van = {"type": "Feature", "properties": {"region": "obstacle"}, "geometry": {"type": "Polygon", "coordinates": [corners]}}
+    (tmp_path / "far.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": [road, van]}), encoding="utf-8")
+    outcome = cli("plan", "far.geojson", *QUICK)
+    assert outcome.code == 0
+    assert outcome.err.startswith("warning: 1 of 1 regions lie further than 20 m from the road and do not count, the nearest of them ")
+    (region,) = json.loads(cli("roads", "info", "far.geojson", "--json").out)["regions"]
+    assert region["distance_m"] > 1e6
+
+
 @pytest.mark.parametrize("x", [-30.0, 78.0])
 def test_an_obstacle_hit_before_the_start_or_beyond_the_end_of_the_road_is_an_error(cli: Cli, tmp_path: Path, x: float) -> None:
     corners = [[x, 0.5], [x + 4.0, 0.5], [x + 4.0, 3.0], [x, 3.0], [x, 0.5]]
