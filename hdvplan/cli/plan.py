@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdvplan.cli import completion
-from hdvplan.cli.console import ExitCode, note, print_json, print_tables, progress, report_error, warn
+from hdvplan.cli.console import COMPILING, ExitCode, note, print_json, print_tables, progress, report_error, warn
 from hdvplan.cli.options import (
     CrsOption,
     FeatureOption,
@@ -133,7 +133,7 @@ def plan(
     _warn_misfits(track, driven, quiet=quiet)
     aim = NONE if bias is None else bias_named(bias, track.limits)
     if not compiled:
-        note("compiling the planning kernels, once per installation: about 20 s", quiet=quiet)
+        note(COMPILING, quiet=quiet)
     with progress(f"planning {driven.name} along {track.name}", quiet=quiet) as on_progress:
         warm_up(driven, centring, make_workspace, settings)
         result = result_of(
