@@ -180,6 +180,11 @@ def test_a_file_that_cannot_be_written_is_refused_in_a_line(cli: Cli, arguments:
     )
 
 
+@pytest.mark.parametrize("lengths", [("--step", "1e-9"), ("--horizon", "1e6", "--step", "0.05")])
+def test_steps_that_no_memory_holds_are_refused(cli: Cli, lengths: tuple[str, ...]) -> None:
+    refused(cli("plan", "uturn", *BUS, *lengths), "a step has at least 0.01 m, a horizon at most 20000 steps")
+
+
 def test_a_picture_format_is_checked_whether_it_is_drawn_or_not(cli: Cli) -> None:
     outcome = cli("plan", "uturn", "--vehicle", "bus", "--no-plot", "--format", "bmp")
     assert (outcome.code, outcome.out) == (2, "")
