@@ -73,6 +73,10 @@ def _check_summary(summary: object) -> None:
         if not isinstance(entries.get(name), kind):
             msg = f"summary.json says no {name}"
             raise ValueError(msg)  # noqa: TRY004 - of a file's content
+    for name, value in entries.items():
+        if name.endswith("_m") and not isinstance(value, int | float | None):
+            msg = f"{name} of summary.json must be a number, not {value!r}"
+            raise ValueError(msg)
     for name, needed in _LISTS.items():
         _check_list(entries.get(name), needed, f"{name} of summary.json")
 

@@ -119,6 +119,14 @@ def test_a_summary_without_what_the_page_needs_is_refused(kerbed: Result, tmp_pa
         write_report([tmp_path], tmp_path / "report.html")
 
 
+def test_a_summary_with_words_for_numbers_is_refused(kerbed: Result, tmp_path: Path) -> None:
+    write_plan(kerbed, tmp_path)
+    summary = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
+    (tmp_path / "summary.json").write_text(json.dumps(summary | {"max_left_m": "x"}), encoding="utf-8")
+    with pytest.raises(OptionError, match=r"max_left_m of .* must be a number"):
+        write_report([tmp_path], tmp_path / "report.html")
+
+
 def test_obstacles_and_kerbs_come_with_their_distances_and_where_they_lie(straight: Result, tmp_path: Path) -> None:
     van, kerb = shapely.box(40.0, 2.0, 42.0, 3.0), shapely.box(60.0, -4.0, 70.0, -2.0)
     road = replace(straight.drive.road, regions=(Region(Kind.OBSTACLE, van, "van"), Region(Kind.SWEEPABLE, kerb)))
