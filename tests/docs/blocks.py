@@ -5,7 +5,7 @@ The word after the fence is the language; words after it say what the block is f
     ```sh                   commands; ``hdvplan ... > file`` and a last ``# exit code 1`` are understood
     ```python               a program; all of a document share their names
     ```json file=a.geojson  a file that later blocks read, whatever the language
-    ```text output          what the block before prints: each line must be in it, ... stands for anything
+    ```text output          what the block before prints: each line is part of one of its lines, ... stands for anything
     ```sh no-run            not run here: installation, measurements of minutes
     ```sh slow              run with the slow tests only
 """
@@ -61,9 +61,10 @@ class Reader:
         if block.file is not None:
             Path(block.file).write_text(block.body, encoding="utf-8")
         elif "output" in block.words:
+            printed = [_plain(line) for line in self._printed.splitlines()]
             for line in filter(None, map(_plain, block.body.splitlines())):
-                pattern = ".*".join(re.escape(part) for part in line.split("..."))
-                assert re.search(pattern, _plain(self._printed)), f"line {block.line}: nothing printed reads {line!r} in:\n{self._printed}"
+                pattern = re.compile(".*".join(re.escape(part) for part in line.split("...")))
+                assert any(map(pattern.search, printed)), f"line {block.line}: no printed line reads {line!r} in:\n{self._printed}"
         elif block.language == "python":
             with contextlib.redirect_stdout(io.StringIO()) as out:
                 exec(compile(block.body, f"block at line {block.line}", "exec"), self._names)  # noqa: S102 - our own documents

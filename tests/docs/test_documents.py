@@ -112,7 +112,7 @@ def test_a_block_that_does_not_do_what_it_says_is_noticed() -> None:
     assert Path("list.json").read_text(encoding="utf-8").startswith("[")
     reader.run(Block("sh", (), "hdvplan --version\n", 1))
     reader.run(Block("text", ("output",), "hdvplan   0...\n", 1))
-    with pytest.raises(AssertionError, match="nothing printed reads"):
+    with pytest.raises(AssertionError, match="no printed line reads"):
         reader.run(Block("text", ("output",), "hdvplan 99\n", 1))
     with pytest.raises(AssertionError, match="exits with 2"):
         reader.run(Block("sh", (), "hdvplan vehicles show rocket\n", 1))
