@@ -9,6 +9,7 @@ from urllib.parse import unquote
 
 import pytest
 
+import hdvplan
 from hdvplan.report.summary import summary_of
 from tests.docs.blocks import Block, Reader, blocks_of, runnable
 
@@ -97,6 +98,12 @@ def test_every_link_leads_to_a_file_and_a_heading_that_exist(path: Path) -> None
             assert heading in anchors, f"{target}: no such heading"
 
 
+def test_the_citation_names_this_version_and_the_paper() -> None:
+    cited = pytest.importorskip("yaml").safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert cited["version"] == hdvplan.__version__
+    assert any("Geometric Approach" in reference["title"] for reference in cited["references"])
+
+
 def test_every_document_is_in_the_index() -> None:
     index = (ROOT / "docs" / "README.md").read_text(encoding="utf-8")
     for path in (ROOT / "docs").glob("*.md"):
@@ -127,8 +134,6 @@ def test_a_block_that_does_not_do_what_it_says_is_noticed() -> None:
 
 
 def test_the_summary_s_fields_are_those_that_the_documents_explain() -> None:
-    import hdvplan  # noqa: PLC0415 - what a reader of the documents writes
-
     road = hdvplan.load_road("sturn")
     summary = summary_of(hdvplan.plan(road, hdvplan.load_vehicle("bus"), hdvplan.PlannerSettings(horizon=50.0)))
     explained = (ROOT / "docs" / "tables.md").read_text(encoding="utf-8")
