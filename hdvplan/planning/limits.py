@@ -15,6 +15,7 @@ from hdvplan.vehicle.kinematics import place, point_gradient
 
 CLEAR_M = 0.25  # a body that stays this far inside the limits by a safe bound needs no rows of its own
 _BULGING = 0.5  # curvature times reach up to which a body is screened
+WALL = 1.0  # slope of a limit from which on it is a wall: turning away from one must not look better than passing it
 ROWS_PER_EDGE = 2  # the tightest points of each edge that enter the QP; all points are checked after the solve
 
 
@@ -124,7 +125,7 @@ def _look(
     s, e, cos, sin, k = project(coefficients, s_first, spacing, x, y, near)
     limit, slope = limit_at(limits, limit_first, limit_spacing, row, s)
     seen[AHEAD], seen[X], seen[Y], seen[FOOT], seen[OFFSET], seen[COS], seen[SIN] = ahead, x, y, s, e, cos, sin
-    seen[CURVATURE], seen[SLOPE], seen[GAP] = k, slope, limit - e if across > 0.0 else e - limit
+    seen[CURVATURE], seen[SLOPE], seen[GAP] = k, slope if abs(slope) < WALL else 0.0, limit - e if across > 0.0 else e - limit
     return not np.isnan(e)
 
 
