@@ -9,7 +9,7 @@ import numpy as np
 from hdvplan.centering.weights import CenteringTable
 from hdvplan.drive import Drive
 from hdvplan.evaluation.contact import contact
-from hdvplan.evaluation.envelope import Envelope, envelope_of
+from hdvplan.evaluation.envelope import SPACING_M, Envelope, envelope_of
 from hdvplan.jit import FloatArray
 
 KEPT_M = 0.01  # a limit counts as kept when broken by no more than this, as simulated
@@ -93,7 +93,17 @@ def _clearance(drive: Drive, envelope: Envelope) -> tuple[float | None, tuple[Br
         return None, ()
     breaches = [breach for (side, region), gap in gaps.items() for breach in _breaches(drive, envelope.s, gap, side, region)]
     lowest = min(float(np.nanmin(gap)) for gap in gaps.values())
-    return lowest, tuple(sorted(breaches, key=lambda breach: breach.s_from))
+    return lowest, tuple(sorted((breach for breach in breaches if not _told(breach, breaches)), key=lambda breach: breach.s_from))
+
+
+def _told(breach: Breach, breaches: list[Breach]) -> bool:
+    """Return whether a breach of the overhangs' limit is the wheels' own, where both limits coincide."""
+    return breach.region == "sweepable" and any(
+        other.region == "drivable"
+        and (other.side, other.unit, other.part) == (breach.side, breach.unit, breach.part)
+        and abs(other.s_deepest - breach.s_deepest) <= SPACING_M
+        for other in breaches
+    )
 
 
 def _breaches(drive: Drive, s: FloatArray, gaps: FloatArray, side: str, region: str) -> list[Breach]:

@@ -79,8 +79,9 @@ def stations_of(road: Road, vehicle: Vehicle, table: CenteringTable, *, step: fl
     limits = limit_table(road, path, step)
     around = _around(path, limits, s, vehicle)
     margin = _margin(around, vehicle, step)
-    offset = bias.at(s)
+    offset, halfway = (bias.at(np.asarray(np.mod(at, road.path.length)) if path.closed else at) for at in (s, s + 0.5 * step))
     balanced = table.at(shifted(at_stations[4], offset, s))
+    shifted(between, halfway, s)  # refused now rather than when the drive is judged
     centering = replace(balanced, e_y=balanced.e_y + offset, e_aux=balanced.e_aux + offset)
     return Stations(path, step, s, at_stations, between, centering, limits, around, margin, offset)
 

@@ -29,6 +29,7 @@ def summary_of(result: Result) -> Json:
         "objective": result.objective,
         "status": result.status,
         "length_m": drive.road.path.length,
+        "mean_bias_m": float(np.mean(result.aim)),
         "plans": len(drive.plans),
         "max_left_m": balance.max_left,
         "max_right_m": balance.max_right,

@@ -164,4 +164,8 @@ def _number(table: dict[str, object], key: str, where: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
         msg = f"{where}: {key} must be a number, not {value!r}"
         raise VehicleError(msg, field=key)
-    return float(value)
+    try:
+        return float(value)
+    except OverflowError as error:  # TOML's integers have no end
+        msg = f"{where}: {key} is too large a number"
+        raise VehicleError(msg, field=key) from error

@@ -78,7 +78,7 @@ class Vehicle:
 
     def _check_unit(self, number: int, unit: Unit) -> None:
         drawbar = unit.wheelbase if number > 1 else 0.0  # a body begins ahead of its axle
-        lowest = {"wheelbase": 0.5, "front_overhang": -drawbar, "rear_overhang": 0.0, "width": 0.5, "hitch_offset": -unit.wheelbase}
+        lowest = {"wheelbase": 0.5, "front_overhang": 0.0 - drawbar, "rear_overhang": 0.0, "width": 0.5, "hitch_offset": -unit.wheelbase}
         highest = {"width": 5.0}
         for field, low in lowest.items():
             value, high = getattr(unit, field), highest.get(field, MAX_DIMENSION_M)

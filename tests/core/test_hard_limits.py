@@ -140,3 +140,11 @@ def test_a_wall_in_a_bend_is_passed_and_not_turned_away_from() -> None:
     left, right = np.full(6, FAR_M), np.array([-FAR_M, -FAR_M, -0.8, -0.8, -FAR_M, -FAR_M])
     road = replace(base, limits=Limits(s, left, right, left, right))
     assert judged(drive(road, BUS, geometric, RiccatiWorkspace, PlannerSettings())).breaches == ()
+
+
+def test_a_breach_of_both_limits_where_they_coincide_is_told_once() -> None:
+    road = load_road("street_corner", RoadOptions(max_curvature=0.125))
+    breaches = judged(drive(road, TRAILER, geometric, RiccatiWorkspace, PlannerSettings())).breaches
+    assert {breach.region for breach in breaches} == {"drivable", "sweepable"}
+    places = [(breach.unit, breach.side, breach.part, round(breach.s_deepest)) for breach in breaches]
+    assert len(set(places)) == len(places)

@@ -226,3 +226,14 @@ def test_sampled_edge_points_hold_corners_and_axles_and_know_their_overhangs(veh
             assert np.min(np.abs(ahead - wanted)) < 2e-6  # points closer than this count as one
         inner = (ahead >= -1e-6) & (ahead <= unit.wheelbase + 1e-6)
         assert np.array_equal(overhang == 0.0, inner)
+
+
+def test_a_number_without_end_is_refused_by_name() -> None:
+    text = f"[[unit]]\nwheelbase = {'9' * 400}\nwidth = 2.5\n"
+    with pytest.raises(VehicleError, match="wheelbase is too large a number"):
+        parse_vehicle(text, default_name="endless")
+
+
+def test_an_overhang_is_bounded_by_zero_and_not_by_minus_zero() -> None:
+    with pytest.raises(VehicleError, match="must lie between 0 and 50 m"):
+        parse_vehicle("[[unit]]\nwheelbase = 5\nwidth = 2.5\nfront_overhang = -1\n", default_name="short")
