@@ -83,7 +83,7 @@ def drive(
     keep = int(np.ceil(settings.step / POSE_SPACING_M))
     total = int(np.ceil(road.path.length / settings.step - 1e-9))
     geometry = stations.centering
-    z = geometry.states()[0]
+    z = geometry.states[0]
     kappa_before = float(np.clip(geometry.kappa[0], -vehicle.max_curvature, vehicle.max_curvature))
     fine, executed, plans, error = [z[None]], [], [], 0.0
     at = 0

@@ -42,7 +42,6 @@ class Stationary:
     target: FloatArray  # [m]
     axle: int  # which axle the auxiliary one is, see ``auxiliary_axle``
     steering: FloatArray  # wheel angles of the axles that the plan steers, which aim at their law, shape (n, active) [rad]
-    e_active: FloatArray  # those axles' offsets, shape (n, active) [m]
     saturated: BoolArray  # no balanced circle is this tight: the tightest one is given
 
     @property
@@ -154,17 +153,14 @@ def stationary(vehicle: Vehicle, road_curvature: FloatArray) -> Stationary:
     axle = auxiliary_axle(vehicle)
     e_y, e_aux = middle - circle.lead, middle - circle.axles[axle]
     lead, aux, target = coefficients(e_y, e_aux)
-    active = vehicle.active
-    steering = np.empty((*k.shape, len(active)))
-    e_active = np.empty_like(steering)
-    for column, unit in enumerate(active):
+    steering = np.empty((*k.shape, len(vehicle.active)))
+    for column, unit in enumerate(vehicle.active):
         steering[:, column] = -_steered(vehicle.units[unit], circle.beta[:, unit - 1])
-        e_active[:, column] = middle - circle.axles[unit]
     part = k / bent  # 1, or how much gentler the road is than the gentlest circle solved
     return Stationary(
         k, part * kappa, part * e_y, part * e_aux, part * circle.e_psi, part[:, None] * circle.beta,
         0.5 * (circle.outer - circle.inner), lead, aux, part * target, axle, part[:, None] * steering,
-        part[:, None] * e_active, saturated,
+        saturated,
     )  # fmt: skip
 
 

@@ -7,6 +7,7 @@ would cost more than the whole planning step.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -31,7 +32,6 @@ class Centering:
     e_psi: FloatArray  # [rad]
     beta: FloatArray  # shape (n, couplings) [rad]
     steering: FloatArray  # of the axles that the plan steers, shape (n, active) [rad]
-    e_active: FloatArray  # those axles' offsets, shape (n, active) [m]
     half_width: FloatArray  # [m]
     saturated: BoolArray  # the road is tighter than any balanced circle
 
@@ -40,8 +40,9 @@ class Centering:
         """K, the lead axle's coefficient per auxiliary axle's; held at +-1000 where the lead axle alone is centred."""
         return ratio(self.lead, self.aux)
 
+    @cached_property
     def states(self) -> FloatArray:
-        """Return the vehicle's road-aligned states, shape (n, states)."""
+        """The vehicle's road-aligned states, shape (n, states)."""
         return np.column_stack([self.e_y, self.e_psi, self.beta, self.steering])
 
 
@@ -78,7 +79,6 @@ class CenteringTable:
             e_psi=sign * column(grid.e_psi),
             beta=columns(grid.beta),
             steering=columns(grid.steering),
-            e_active=columns(grid.e_active),
             half_width=column(grid.half_width),
             saturated=k >= self.tightest_road,
         )

@@ -86,7 +86,7 @@ class Planner:
         self._residual = centred if isinstance(centred, Residual) else centred.beside
         self._reach_points, self._reach_half = watched_points(vehicle, centred)
         self._balancing = Balancing.of(vehicle, stations, centred, settings.stages) if isinstance(centred, Balanced) else None
-        self._steering = Steering.of(vehicle, stations, settings.stages) if vehicle.active else None
+        self._steering = Steering.of(vehicle, stations) if vehicle.active else None
         self._rounds = min(settings.sqp_iterations, centred.rounds) if isinstance(centred, Balanced) else settings.sqp_iterations
         self._motion = Motion.empty(vehicle, settings.stages, self._reach_points, axle=self._residual.axle)
         self._midpoint = settings.discretisation is Discretisation.MIDPOINT
@@ -105,11 +105,10 @@ class Planner:
         self._workspace = make_workspace(qp.shape)
         self._guess = StageSolution.empty(qp.shape) if self._workspace.starts_warm else None
         multipliers = self._guess.multipliers() if self._guess else ()
-        steered = self._steering.by_stage() if self._steering else ()
-        self._moving = self._motion.by_stage() + steered + flat_stages((qp.A, qp.B, qp.c, qp.Q, qp.q, qp.G, qp.h, *multipliers))
+        self._moving = self._motion.by_stage() + flat_stages((qp.A, qp.B, qp.c, qp.Q, qp.q, qp.G, qp.h, *multipliers))
         self._last: int | None = None  # the last plan's first station
         self._fixed = 0
-        self._before, self._prices = (np.empty_like(self._motion.z), np.empty_like(self._motion.kappa)), np.empty(n)
+        self._before, self._prices = (np.empty_like(self._motion.z), np.empty_like(self._motion.kappa)), np.empty(vehicle.rigid_states)
 
     def plan(self, first: int, z_start: FloatArray, kappa_before: float) -> Plan:
         """Plan from state ``z_start`` at station ``first``; ``kappa_before`` is the curvature held until there [1/m].
@@ -141,7 +140,7 @@ class Planner:
         keep_steering(motion.kappa, kappa_before, max(kept - 1, 0), self._vehicle.max_curvature, self._max_change)
         motion.z[0] = z_start
         if self._steering is not None:
-            self._steering.guess(first, kept, motion.z)
+            self._steering.keep(motion.z, max(kept, 1))
         self._linearise(first, max(kept, 1))
         linearising += perf_counter() - began
         while qp_count < self._rounds:
@@ -151,7 +150,7 @@ class Planner:
                 qp.x_high, qp.u_low, qp.u_high,
             )  # fmt: skip
             if self._steering is not None:
-                self._steering.write_inputs(motion.z, qp)
+                self._steering.write(first, motion.z, qp)
             result = self._workspace.solve(qp, self._guess)
             updating += perf_counter() - mark - result.solve_time
             solving += result.solve_time
@@ -164,7 +163,7 @@ class Planner:
                 break
             mark = perf_counter()
             defect_prices(result.point.dynamics, self._prices)
-            worth = self._merit(kappa_before)
+            worth = self._merit(first, kappa_before)
             moved, value, halved = self._step(first, result.point.x, k, kappa_before, worth)
             halvings += halved
             if self._guess is not None:  # the QP is in deviations from the motion: the next solution is near zero
@@ -194,7 +193,7 @@ class Planner:
         while True:
             moved = take_step(motion.z, motion.kappa, x, k, 0.5**halvings)
             self._linearise(first, 1)
-            value = self._merit(kappa_before)
+            value = self._merit(first, kappa_before)
             if value <= worth or moved < settings.sqp_tolerance or 0.5**halvings <= _SHORTEST_STEP:
                 return moved, value, halvings
             halvings += 1
@@ -203,11 +202,11 @@ class Planner:
     def _violation(self) -> float:
         return max(0.0, -float(np.min(self._motion.gaps[1:])))
 
-    def _merit(self, kappa_before: float) -> float:
+    def _merit(self, first: int, kappa_before: float) -> float:
         qp, balancing, steering = self._qp, self._balancing, self._steering
         measured, stages = (0.0, 0) if balancing is None else (float(balancing.value[0]), balancing.stages)
         if steering is not None:
-            measured, stages = measured + float(np.sum(steering.squares[1:])), self._settings.stages
+            measured += steering.cost(first, self._motion.z)
         return merit(
             qp.Q, qp.q, qp.c, qp.h, qp.linear, qp.quadratic, self._limit_rows[1].shape[1], self._motion.kappa, kappa_before,
             self._settings.smoothness, self._prices, measured, stages,
@@ -232,9 +231,6 @@ class Planner:
         )  # fmt: skip
         if lost < 0 and begin == 1 and self._balancing is not None:
             self._balancing.write(first, self._fixed, motion.z, qp.Q, qp.q)
-        if lost < 0 and self._steering is not None:
-            measured = 0 if self._balancing is None else self._balancing.stages
-            lost = self._steering.write(first, begin, measured, motion.z, qp.Q, qp.q)
         if lost < 0 and self._reach_points.size:
             lost = linearise_reach(
                 self._units, self._reach_points, self._reach_half, path.coefficients, path.s_first, path.spacing,

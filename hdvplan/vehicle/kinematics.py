@@ -32,17 +32,6 @@ def wheels(units: FloatArray, unit: int, angle: float) -> tuple[float, float]:
 
 
 @compiled
-def trailer_wheels(units: FloatArray, unit: int, z: FloatArray) -> tuple[float, float, int]:
-    """Return tan(delta) of a trailer's axle, its derivative by the state that steers it, and which state that is."""
-    state = int(units[unit, 7])
-    if state > 0:
-        tan = np.tan(z[state])
-        return tan, 1.0 + tan * tan, state
-    tan, slope = wheels(units, unit, z[1 + unit])
-    return tan, slope, 1 + unit
-
-
-@compiled
 def rear_wheels(units: FloatArray, kappa: float) -> tuple[float, float]:
     """Return tan(delta) of the lead rear axle and its derivative by ``kappa`` [1/m]."""
     if units[0, 5] == 0.0:
@@ -65,7 +54,7 @@ def derivative(units: FloatArray, road_curvature: float, z: FloatArray, kappa: f
         beta, length = z[1 + i], units[i, 0]
         cos_b, sin_b = np.cos(beta), np.sin(beta)
         across = sideways - units[i - 1, 1] * turn  # of the coupling, in the axes of the body ahead
-        tan, _, _ = trailer_wheels(units, i, z)
+        tan, _ = wheels(units, i, z[int(units[i, 7])])
         forward_behind = forward * cos_b - across * sin_b
         turn_behind = (forward * sin_b + across * cos_b - forward_behind * tan) / length
         f[1 + i] = travelled * (turn - turn_behind)
@@ -110,7 +99,8 @@ def jacobian(
         cos_b, sin_b = np.cos(z[j]), np.sin(z[j])
         across = sideways - hitch * turn
         forward_behind, across_behind = forward * cos_b - across * sin_b, forward * sin_b + across * cos_b
-        tan, by_angle, steers = trailer_wheels(units, i, z)
+        steers = int(units[i, 7])
+        tan, by_angle = wheels(units, i, z[steers])
         turn_behind = (across_behind - forward_behind * tan) / length
         f[j] = travelled * (turn - turn_behind)
         a[j, 0] = by_e_y * (turn - turn_behind)

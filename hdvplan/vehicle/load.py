@@ -15,7 +15,7 @@ _STEERING_KEYS = ("max_curvature", "max_curvature_rate")
 _DIMENSION_KEYS = ("wheelbase", "front_overhang", "rear_overhang", "width", "hitch_offset", "length")
 _AXLE_KEYS = ("steering_ratio", "max_steering_angle", "max_steering_rate")
 _ACTIVE, _ACTIVELY = "active", 'steered = "active"'
-_AIM = 0.5  # of an active axle's angle to the articulation on constant curves, where a file does not say
+_AIM = 0.6  # of an active axle's angle to the articulation on constant curves, where a file does not say
 _UNIT_KEYS = ("name", *_DIMENSION_KEYS, *_STEERING_KEYS, "steered", *_AXLE_KEYS)
 _LENGTH_TOLERANCE_M = 0.01
 

@@ -163,14 +163,15 @@ class Vehicle:
     def table(self) -> FloatArray:
         """Return the dimensions for the kernels, a row per unit.
 
-        Columns: wheelbase, hitch offset, front, rear, half width [m], steering ratio, largest steering angle [rad], and which
-        state an active axle's wheel angle is, or 0.
+        Columns: wheelbase, hitch offset, front, rear, half width [m], steering ratio, largest steering angle [rad], and the number of
+        the state that steers a trailer's axle: its coupling's angle; or its wheels' own, with a ratio that passes it on.
         """
-        states = np.zeros(len(self.units))
+        states = np.arange(1.0, 1.0 + len(self.units))
         states[list(self.active)] = np.arange(self.rigid_states, self.states)
+        laws = [(-1.0, 0.5 * np.pi) if u.active else (u.steering_ratio, u.max_steering_angle) for u in self.units]
         return np.array(
             [
-                [u.wheelbase, u.hitch_offset, u.front, u.rear_overhang, 0.5 * u.width, u.steering_ratio, u.max_steering_angle, state]
-                for u, state in zip(self.units, states, strict=True)
+                [u.wheelbase, u.hitch_offset, u.front, u.rear_overhang, 0.5 * u.width, *law, state]
+                for u, law, state in zip(self.units, laws, states, strict=True)
             ]
         )
