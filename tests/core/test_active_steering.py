@@ -123,7 +123,8 @@ def next_state(vehicle: Vehicle, k: float, between: float, v: FloatArray, *, mid
     slope = rates(vehicle, k, z, kappa)
     if midpoint:
         slope = rates(vehicle, between, z + 0.5 * STEP * slope + 0.5 * change, kappa)
-    return z + STEP * slope + change
+    following: FloatArray = z + STEP * slope + change
+    return following
 
 
 @pytest.mark.parametrize("midpoint", [True, False])
