@@ -51,7 +51,7 @@ class Plan:
     """One planned motion over a horizon that starts at station ``first``."""
 
     first: int
-    z: FloatArray  # (N+1, n) predicted states; of the angles of wheels that the plan steers, what they are at the stations
+    z: FloatArray  # (N+1, n) predicted states
     kappa: FloatArray  # (N,) [1/m], each held from its station to the next
     kappa_before: float
     status: Status  # of the last QP, as claimed by the solver
