@@ -71,7 +71,11 @@ def read_side(path: Path) -> Side:
             msg = f"{folder} cannot be read: {error}"
             raise OptionError(msg, hint="measure it again") from error
     timing, envelope, samples = tables[0]
-    return Side(counters_of(samples, timing, envelope), tuple(times_of(samples) for _, _, samples in tables))
+    try:
+        return Side(counters_of(samples, timing, envelope), tuple(times_of(samples) for _, _, samples in tables))
+    except KeyError as error:
+        msg = f"{path} cannot be read: its tables are not those of hdvplan bench"
+        raise OptionError(msg, hint="measure it again") from error
 
 
 def times_of(samples: pd.DataFrame) -> dict[Name, FloatArray]:

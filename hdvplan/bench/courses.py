@@ -65,7 +65,7 @@ def with_limits(road: Road, vehicle: Vehicle, suite: Suite) -> Road:
     away = np.abs(s - _bend(s, np.abs(curvature), tightest)) - 0.5 * PINCH_LENGTH_M
     pinched = reach - suite.pinch * np.clip(1.0 - away / PINCH_RAMP_M, 0.0, 1.0)
     left, right = (free, pinched) if curvature[tightest] >= 0.0 else (pinched, free)
-    return replace(road, limits=Limits(s, left, -right, left, -right))
+    return road.within(Limits(s, left, -right, left, -right))
 
 
 def _bend(s: FloatArray, curvature: FloatArray, tightest: int) -> float:

@@ -36,12 +36,15 @@ def recorded(suite: Suite, directory: Path) -> Json | None:
 
     """
     try:
-        before: Json = json.loads((directory / "run.json").read_text(encoding="utf-8"))
+        before = json.loads((directory / "run.json").read_text(encoding="utf-8"))
     except OSError:
         return None
     except ValueError as error:
         msg = f"{directory / 'run.json'} cannot be read: {error}"
         raise OptionError(msg, hint=_OTHERWISE) from error
+    if not isinstance(before, dict) or not {"sessions", "finished"} <= set(before):
+        msg = f"{directory / 'run.json'} is not of a benchmark"
+        raise OptionError(msg, hint=_OTHERWISE)
     for part, now in _conditions(suite).items():
         if before.get(part) != now:
             msg = f"{directory} holds a run with other {part}: {_difference(before.get(part), now)}"
@@ -93,8 +96,17 @@ def finish(suite: Suite, directory: Path) -> None:
 
 
 def read_table(directory: Path, name: str) -> pd.DataFrame:
-    """Return a finished run's table."""
-    return pd.read_csv(directory / f"{name}.csv")
+    """Return a finished run's table.
+
+    Raises:
+        OptionError: it is not there any more, or damaged.
+
+    """
+    try:
+        return pd.read_csv(directory / f"{name}.csv")
+    except (OSError, ValueError) as error:
+        msg = f"{directory / f'{name}.csv'} cannot be read: {error.strerror if isinstance(error, OSError) else error}"
+        raise OptionError(msg, hint=_OTHERWISE) from error
 
 
 def discard(directory: Path) -> None:

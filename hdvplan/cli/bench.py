@@ -9,7 +9,7 @@ import typer
 
 from hdvplan.cli import completion
 from hdvplan.cli.compare import FORMATS, ExpectChangesOption, FactorOption, FloorOption, FormatOption, rule_of, show
-from hdvplan.cli.console import ExitCode, note, print_json, print_tables, progress
+from hdvplan.cli.console import COMPILING, ExitCode, note, print_json, print_tables, progress
 from hdvplan.cli.options import JsonOption, QuietOption, choice
 from hdvplan.errors import OptionError
 
@@ -118,7 +118,7 @@ def bench(
         note(f"{out} holds this run, finished; --fresh measures again", quiet=quiet)
     else:
         if not is_compiled():
-            note("compiling the planning kernels, once per installation: about 20 s", quiet=quiet)
+            note(COMPILING, quiet=quiet)
         courses, makers = courses_of(wanted), {name: solver_named(name) for name in wanted.solvers}
         try:
             if fresh:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 
 def roads(incomplete: str) -> list[str]:
-    """Return the shipped roads and scenarios that begin so."""
-    from hdvplan.road.library import road_names
+    """Return the shipped roads, examples and scenarios that begin so."""
+    from hdvplan.road.library import example_names, road_names
     from hdvplan.road.scenarios import SCENARIOS
 
-    return _beginning(incomplete, [*road_names(), *SCENARIOS])
+    return _beginning(incomplete, [*road_names(), *example_names(), *SCENARIOS])
 
 
 def vehicles(incomplete: str) -> list[str]:

@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 
+COMPILING = "compiling the planning kernels, once per installation: about 20 s"
+
+
 class ExitCode(IntEnum):
     """What a command's exit status means."""
 

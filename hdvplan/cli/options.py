@@ -32,7 +32,7 @@ FeatureOption = Annotated[
 ]
 OffsetOption = Annotated[
     float,
-    typer.Option("--offset", metavar="M", help="Drive this far left of the line, negative: right [m]; the road's edges stay."),
+    typer.Option("--offset", metavar="M", help="Drive this far left of the line, negative: right [m]; the file's edges stay."),
 ]
 ReverseOption = Annotated[bool, typer.Option("--reverse", help="Drive the line from its end to its start; before --offset.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Write JSON to stdout, and nothing else.")]

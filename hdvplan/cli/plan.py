@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdvplan.cli import completion
-from hdvplan.cli.console import ExitCode, note, print_json, print_tables, progress, report_error, warn
+from hdvplan.cli.console import COMPILING, ExitCode, note, print_json, print_tables, progress, report_error, warn
 from hdvplan.cli.options import (
     CrsOption,
     FeatureOption,
@@ -111,7 +111,7 @@ def plan(
     from hdvplan.solvers.registry import DEFAULT, solver_named
     from hdvplan.vehicle.load import load_vehicle
 
-    pictures = [choice("--format", kind.strip(), PICTURES) for kind in formats.split(",")] if plot else []
+    pictures = [choice("--format", kind.strip(), PICTURES) for kind in formats.split(",")]
     settings = PlannerSettings(
         scheme=Scheme(choice("--scheme", scheme, list(Scheme))),
         horizon=horizon,
@@ -129,10 +129,11 @@ def plan(
     if reaches is not None:
         track = track.with_limits(*reaches)
     check_fits(track, driven, reaches)
+    _warn_far_regions(track, quiet=quiet)
     _warn_misfits(track, driven, quiet=quiet)
     aim = NONE if bias is None else bias_named(bias, track.limits)
     if not compiled:
-        note("compiling the planning kernels, once per installation: about 20 s", quiet=quiet)
+        note(COMPILING, quiet=quiet)
     with progress(f"planning {driven.name} along {track.name}", quiet=quiet) as on_progress:
         warm_up(driven, centring, make_workspace, settings)
         result = result_of(
@@ -142,7 +143,7 @@ def plan(
         )
     directory = out or Path(f"{file_name(track.name)}.{file_name(driven.name)}")
     with progress(f"writing {directory}/", quiet=quiet) as on_progress:
-        _write(result, directory, pictures, animate, on_progress)
+        _write(result, directory, pictures if plot else [], animate, on_progress)
     if json:
         from hdvplan.report.summary import summary_of
 
@@ -167,6 +168,17 @@ def check_fits(road: Road, vehicle: Vehicle, reaches: tuple[float, float] | None
     if reaches is not None and sum(reaches) < vehicle.width:
         msg = f"limits are {sum(reaches):.2f} m apart; the {vehicle.name} is {vehicle.width:.2f} m wide"
         raise OptionError(msg, hint="widen them with --half-width or --left and --right")
+
+
+def _warn_far_regions(road: Road, *, quiet: bool) -> None:
+    """Say which regions do not count: coordinates that are swapped, or of another system, would go unnoticed."""
+    from hdvplan.road.regions import OPEN_M, distances
+
+    apart = distances(road.path, road.regions)
+    far = apart[apart > OPEN_M]
+    if len(far):
+        nearest = f"the nearest of them {far.min():.0f} m"
+        warn(f"{len(far)} of {len(apart)} regions lie further than {OPEN_M:.0f} m from the road and do not count, {nearest}", quiet=quiet)
 
 
 def _warn_misfits(road: Road, vehicle: Vehicle, *, quiet: bool) -> None:
@@ -216,13 +228,19 @@ def _print(result: Result, directory: Path) -> None:
 
 
 def _verdict(result: Result) -> ExitCode:
-    """Return the exit code; a broken limit is an error that names the deepest place."""
-    from hdvplan.report.result import breach_text
+    """Return the exit code; a broken limit or an obstacle that was hit is an error that names the deepest place."""
+    from hdvplan.report.result import breach_text, entered_text
     from hdvplan.report.summary import needed_half_width
 
     breaches = result.balance.breaches
     if not breaches:
-        return ExitCode.OK
+        if not result.entered:
+            return ExitCode.OK
+        report_error(
+            entered_text(result, min(result.entered, key=lambda approach: approach.distance)),
+            "limits hold along the road; this obstacle lies before its start or beyond its end",
+        )
+        return ExitCode.BROKEN
     deepest = max(breaches, key=lambda breach: breach.depth)
     report_error(
         breach_text(result, deepest),

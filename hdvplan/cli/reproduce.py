@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hdvplan.cli.console import ExitCode, note, print_json, print_tables, progress
+from hdvplan.cli.console import COMPILING, ExitCode, note, print_json, print_tables, progress
 from hdvplan.cli.options import JsonOption, QuietOption, choice
 from hdvplan.errors import OptionError
 
@@ -54,7 +54,7 @@ def reproduce(
     from hdvplan.jit import is_compiled
 
     if not is_compiled():
-        note("compiling the planning kernels, once per installation: about 20 s", quiet=quiet)
+        note(COMPILING, quiet=quiet)
     with progress("reproducing", quiet=quiet, undisturbed=True) as on_progress:
         studies = _run(chosen, out, on_progress)
     if json:

@@ -78,6 +78,7 @@ def road_info(
     from hdvplan.report.fit_tables import facts_table, findings_table, fits_table
     from hdvplan.report.summary import smoothing_of
     from hdvplan.road.load import load_road
+    from hdvplan.road.regions import distances
     from hdvplan.vehicle.load import load_vehicle, preset_names
 
     with progress(f"reading {road}", quiet=False):
@@ -103,7 +104,10 @@ def road_info(
                 "point_spacing_m": facts.point_spacing,
                 "narrowest_m": facts.narrowest,
                 "narrowest_s_m": facts.narrowest_s,
-                "regions": [{"region": str(region.kind), "name": region.label} for region in track.regions],
+                "regions": [
+                    {"region": str(region.kind), "name": region.label, "distance_m": float(apart)}
+                    for region, apart in zip(track.regions, distances(track.path, track.regions), strict=True)
+                ],
                 "smoothing": smoothing_of(track),
                 "notice": track.notice,
                 "vehicles": [_fit_json(fit) for fit in fits],

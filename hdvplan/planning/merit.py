@@ -9,14 +9,24 @@ from __future__ import annotations
 
 from hdvplan.jit import FloatArray, compiled
 
+_BINDING = 1e-6  # multiplier from which on a row counts as binding; solvers leave less on the others
+
 
 @compiled
-def defect_prices(dynamics: FloatArray, prices: FloatArray) -> None:
-    """Write the largest multiplier of each state's dynamics, ``dynamics`` (N+1, >= n) of a QP's solution, into ``prices`` (n,)."""
+def defect_prices(dynamics: FloatArray, rows: FloatArray, prices: FloatArray) -> bool:
+    """Write the largest multiplier of each state's dynamics into ``prices`` (n,); return whether any row has a multiplier.
+
+    ``dynamics`` (N+1, >= n) and ``rows`` (N, rows) are multipliers of a QP's solution.
+    """
     for j in range(prices.size):
         prices[j] = 0.0
         for i in range(1, dynamics.shape[0]):
             prices[j] = max(prices[j], abs(dynamics[i, j]))
+    for i in range(rows.shape[0]):
+        for row in range(rows.shape[1]):
+            if rows[i, row] > _BINDING:
+                return True
+    return False
 
 
 @compiled

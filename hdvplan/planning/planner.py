@@ -108,7 +108,7 @@ class Planner:
         self._moving = self._motion.by_stage() + flat_stages((qp.A, qp.B, qp.c, qp.Q, qp.q, qp.G, qp.h, *multipliers))
         self._last: int | None = None  # the last plan's first station
         self._fixed = 0
-        self._before, self._prices = (np.empty_like(self._motion.z), np.empty_like(self._motion.kappa)), np.empty(vehicle.rigid_states)
+        self._before, self._prices = (np.empty_like(self._motion.z), np.empty_like(self._motion.kappa)), np.zeros(vehicle.rigid_states)
 
     def plan(self, first: int, z_start: FloatArray, kappa_before: float) -> Plan:
         """Plan from state ``z_start`` at station ``first``; ``kappa_before`` is the curvature held until there [1/m].
@@ -126,7 +126,7 @@ class Planner:
         iterate = settings.scheme is Scheme.SQP or by is None  # the first plan has no predecessor to lean on
         self._last = None  # until this plan has succeeded
         linearising, updating, solving, checking = 0.0, 0.0, 0.0, 0.0  # [s]
-        qp_count, qp_iterations, moved, value, halvings = 0, 0, np.inf, np.inf, 0
+        qp_count, qp_iterations, moved, halvings, violation = 0, 0, np.inf, 0, 0.0
         k = self._stations.road[4, first : first + settings.stages + 1]
         kept = 0 if by is None else max(settings.stages + 1 - by, 0)  # stages that the last plan still covers
         if by and kept:
@@ -160,17 +160,18 @@ class Planner:
             usable = bool(judged.primal <= USABLE_RESIDUAL)  # False for NaN too
             checking += perf_counter() - mark
             if not usable:
+                violation = self._violation()
                 break
             mark = perf_counter()
-            defect_prices(result.point.dynamics, self._prices)
-            worth = self._merit(first, kappa_before)
+            held = defect_prices(result.point.dynamics, result.point.rows, self._prices)
+            worth = self._merit(first, kappa_before) if held else np.inf
             moved, value, halved = self._step(first, result.point.x, k, kappa_before, worth)
-            halvings += halved
+            halvings, violation = halvings + halved, self._violation()
             if self._guess is not None:  # the QP is in deviations from the motion: the next solution is near zero
                 for mine, solved in zip(self._guess.multipliers(), result.point.multipliers(), strict=True):
                     mine[:] = solved
             linearising += perf_counter() - mark
-            iterating = iterate or (qp_count <= settings.rti_repairs and self._violation() > _REPAIRED_M)
+            iterating = iterate or (qp_count <= settings.rti_repairs and violation > _REPAIRED_M)
             if not iterating or moved < settings.sqp_tolerance or (halved and worth - value < _STALLED * worth):
                 break
         if not usable and by is None and qp_count == 1:
@@ -179,15 +180,21 @@ class Planner:
         self._last = first
         return Plan(
             first, motion.z.copy(), motion.kappa.copy(), kappa_before, result.status, usable, qp_count, qp_iterations, judged,
-            self._violation(), moved, value, halvings, StepTimes(linearising, updating, solving, checking, perf_counter() - began),
+            violation, moved, self._merit(first, kappa_before), halvings,
+            StepTimes(linearising, updating, solving, checking, perf_counter() - began),
         )  # fmt: skip
 
     def _step(self, first: int, x: FloatArray, k: FloatArray, kappa_before: float, worth: float) -> tuple[float, float, int]:
         """Move by a QP's solution ``x``, halved until the merit is no larger than ``worth``; return the move, merit and halvings.
 
-        Linearises at the motion that it leaves: that judges all body edges, and is the next QP's data.
+        Linearises at the motion that it leaves: that judges all body edges, and is the next QP's data. With ``worth`` infinite,
+        where no limit holds the motion, the step is taken whole.
         """
         motion, settings, halvings = self._motion, self._settings, 0
+        if np.isinf(worth):
+            moved = take_step(motion.z, motion.kappa, x, k, 1.0)
+            self._linearise(first, 1)
+            return moved, worth, 0
         for kept, array in zip(self._before, (motion.z, motion.kappa), strict=True):
             kept[:] = array
         while True:
@@ -200,7 +207,7 @@ class Planner:
             motion.z[:], motion.kappa[:] = self._before
 
     def _violation(self) -> float:
-        return max(0.0, -float(np.min(self._motion.gaps[1:])))
+        return max(0.0, -float(np.min(self._motion.gaps[1:]))) if self._limited else 0.0
 
     def _merit(self, first: int, kappa_before: float) -> float:
         qp, balancing, steering = self._qp, self._balancing, self._steering

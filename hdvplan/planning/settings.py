@@ -9,6 +9,9 @@ import numpy as np
 
 from hdvplan.errors import OptionError
 
+SHORTEST_STEP_M = 0.01  # below the accuracy that limits are judged with; a road has a station every step
+MOST_STAGES = 20_000  # of one horizon: ten times what was ever measured, and what memory holds
+
 
 class Scheme(StrEnum):
     """How often a planning step linearises and solves."""
@@ -64,6 +67,10 @@ class PlannerSettings:
             if abs(ratio - round(ratio)) > 1e-6 or round(ratio) < 1:  # noqa: PLR2004 - rounding of decimal inputs
                 msg = f"{name} {getattr(self, name):g} m is not a whole number of steps of {self.step:g} m"
                 raise OptionError(msg, hint="choose a step that divides both the horizon and the replanning distance")
+        if self.step < SHORTEST_STEP_M or self.stages > MOST_STAGES:
+            least = f"a step has at least {SHORTEST_STEP_M:g} m, a horizon at most {MOST_STAGES} steps"
+            msg = f"steps of {self.step:g} m over {self.horizon:g} m: {least}"
+            raise OptionError(msg, hint="choose a larger --step or a shorter --horizon")
         if self.replan > self.horizon:
             msg = f"the replanning distance {self.replan:g} m is longer than the horizon {self.horizon:g} m"
             raise OptionError(msg)

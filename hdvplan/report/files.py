@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 from collections.abc import Callable, Collection
@@ -15,6 +16,7 @@ from hdvplan.jit import FloatArray
 from hdvplan.report.geojson import swept_geojson
 from hdvplan.report.result import Result
 from hdvplan.report.summary import summary_of
+from hdvplan.road.road import Road
 
 PICTURES = ("png", "pdf", "svg")
 FILM = "drive.gif"
@@ -47,6 +49,7 @@ def write_plan(
         "envelope.csv": lambda: csv_bytes(envelope_table(result)),
         "profile.csv": lambda: csv_bytes(profile_table(result)),
         "steps.csv": lambda: csv_bytes(steps_table(result)),
+        "regions.json": lambda: json_bytes(regions_json(result.drive.road), indent=None),
         "swept.geojson": lambda: json_bytes(swept_geojson(result), indent=None),
     }
     contents |= {f"plan.{kind}": partial(picture_bytes, result, kind) for kind in pictures}
@@ -141,6 +144,18 @@ def steps_table(result: Result) -> pd.DataFrame:
     return pd.DataFrame(rows).round({name: 6 for name in rows[0] if name.endswith("_ms")})
 
 
+def regions_json(road: Road) -> list[dict[str, object]]:
+    """Return the road's obstacles and sweepable regions with their rings, holes after the outline, in path.csv's plane to 1 mm."""
+    return [
+        {
+            "region": str(region.kind),
+            "name": region.label,
+            "rings": [np.round(ring.coords, 3).tolist() for ring in (region.polygon.exterior, *region.polygon.interiors)],
+        }
+        for region in road.regions
+    ]
+
+
 def csv_bytes(table: pd.DataFrame) -> bytes:
     """Return a table as CSV whose numbers read back exactly; missing ones are empty."""
     return table.to_csv(index=False, lineterminator="\n").encode()
@@ -177,6 +192,8 @@ def write_atomically(path: Path, content: bytes) -> None:
         OSError: the file cannot be written.
 
     """
+    if path.is_dir():  # "." has no name to begin with
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         part.write_bytes(content)

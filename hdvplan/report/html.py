@@ -14,10 +14,11 @@ from jinja2 import Environment
 from hdvplan import __version__
 from hdvplan.jit import FloatArray
 from hdvplan.report.files import write_atomically
-from hdvplan.report.payload import label_of, payload_of
+from hdvplan.report.payload import label_of, payload_of, tight_places
 from hdvplan.report.planfiles import PlanFiles, read_plan
 
 MOST_BREACHES = 20  # listed; the summary file holds all
+MOST_OBSTACLES = 20  # listed, nearest first
 _BINS = 40
 _PLOT = (10.0, 310.0, 8.0, 120.0)  # of the histogram: left, right, top, bottom
 
@@ -113,7 +114,7 @@ def _cell(summary: Json, key: str, digits: int | None) -> Json:
 
 
 def _panel(plan: PlanFiles, short: str, edges: FloatArray) -> Json:
-    summary, data = plan.summary, payload_of(plan)
+    summary = plan.summary
     breaches = sorted(summary["breaches"], key=lambda breach: -breach["depth_m"])
     rows = [
         {
@@ -134,7 +135,13 @@ def _panel(plan: PlanFiles, short: str, edges: FloatArray) -> Json:
         "bodies": [body["name"] for body in summary["bodies"]],
         "breaches": rows,
         "more_breaches": len(breaches) - len(rows),
-        "places": [place | {"at": f"{place['s']:.1f}", "value": f"{place['value']:.3f}"} for place in data["places"]],
+        "places": [place | {"at": f"{place['s']:.1f}", "value": f"{place['value']:.3f}"} for place in tight_places(plan)],
+        "obstacles": [
+            {"s": near["s_m"], "name": near["name"] or "obstacle", "distance": f"{near['distance_m']:.3f}", "body": near["unit"]}
+            | {"hit": near["distance_m"] < 0.0}
+            for near in sorted(summary["obstacles"], key=lambda near: float(near["distance_m"]))[:MOST_OBSTACLES]
+        ],
+        "regions": sorted({region["region"] for region in plan.regions}),
         "times": _histogram(plan.steps["total_ms"].to_numpy(), edges),
         "notice": summary.get("notice"),
     }

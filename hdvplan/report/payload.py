@@ -21,7 +21,7 @@ Json = dict[str, Any]
 
 
 def payload_of(plan: PlanFiles) -> Json:
-    """Return one plan for the page: names, bodies, packed columns at equal arclengths, planning steps, broken limits."""
+    """Return one plan for the page: names, bodies, packed columns at equal arclengths, planning steps, broken limits, regions."""
     envelope, profile, summary = plan.envelope, plan.profile, plan.summary
     stride = max(1, round(SPACING_M / float(envelope["s"][1] - envelope["s"][0])))
     thin = slice(None, None, stride)
@@ -30,8 +30,7 @@ def payload_of(plan: PlanFiles) -> Json:
     columns: dict[str, Json] = {"x": _exact(x - x[0]), "y": _exact(y - y[0]), "heading": _exact(heading)}  # map coordinates are too large
     for name in ("e_y", "e_psi", "kappa", *(f"beta{number}" for number in range(1, len(summary["bodies"])))):
         columns[name] = packed(np.interp(s, plan.path["s"], plan.path[name]))
-    columns["half_width"] = packed(envelope["expected_left"].to_numpy()[thin])
-    for table in (envelope[["left_limit", "right_limit"]], profile.drop(columns="s")):
+    for table in (envelope[["expected_left", "expected_right", "left_limit", "right_limit"]], profile.drop(columns="s")):
         columns |= {str(name): packed(table[name].to_numpy(float)[thin]) for name in table if table[name].notna().any()}
     for side in ("left", "right"):  # limits of overhangs only where they have their own
         wheels, overhangs = envelope[f"{side}_limit"], profile.get(f"{side}_sweep_limit")
@@ -48,6 +47,7 @@ def payload_of(plan: PlanFiles) -> Json:
         "steps": {"s": plan.steps["s"].round(2).tolist(), "ms": plan.steps["total_ms"].round(4).tolist()},
         "breaches": summary["breaches"],
         "places": tight_places(plan),
+        "regions": [{"region": item["region"], "rings": _beside(item["rings"], float(x[0]), float(y[0]))} for item in plan.regions],
         "notice": summary.get("notice"),
     }
 
@@ -85,6 +85,11 @@ def packed(values: FloatArray) -> Json:
     scale = max(float(np.max(np.abs(values), where=finite, initial=0.0)) / 32767.0, _HIDDEN_BELOW)
     whole = np.where(finite, np.round(np.where(finite, values, 0.0) / scale), _MISSING).astype("<i2")
     return {"scale": scale, "data": base64.b64encode(whole.tobytes()).decode()}
+
+
+def _beside(rings: list[list[list[float]]], x: float, y: float) -> list[list[list[float]]]:
+    """Return rings with their coordinates less the origin's, to 1 cm."""
+    return [np.round(np.array(ring) - [x, y], 2).tolist() for ring in rings]
 
 
 def _exact(values: FloatArray) -> Json:

@@ -8,15 +8,23 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from pandas.api.types import is_numeric_dtype
 
 from hdvplan.errors import OptionError
 
 _TABLES = ("path", "envelope", "profile", "steps")
+_ENTRIES = dict.fromkeys(("road", "vehicle", "scheme", "solver", "objective", "status"), str) | {"time_ms": dict}
+_LISTS = {
+    "bodies": ("name", "wheelbase_m", "hitch_offset_m", "front_m", "rear_m", "width_m"),
+    "breaches": ("s_from", "s_to", "s_deepest", "depth_m", "side", "unit", "region"),
+    "obstacles": ("name", "distance_m", "s_m", "unit"),
+}
+_REGION = ("region", "rings")
 
 
 @dataclass(frozen=True)
 class PlanFiles:
-    """One plan as ``hdvplan plan`` wrote it: the summary, and the tables of the files of the same names."""
+    """One plan as ``hdvplan plan`` wrote it: the summary, the regions, and the tables of the files of the same names."""
 
     directory: Path
     summary: dict[str, Any]
@@ -24,6 +32,7 @@ class PlanFiles:
     envelope: pd.DataFrame
     profile: pd.DataFrame
     steps: pd.DataFrame
+    regions: list[dict[str, Any]]
 
 
 def read_plan(directory: Path) -> PlanFiles:
@@ -37,40 +46,71 @@ def read_plan(directory: Path) -> PlanFiles:
         what = f"{directory} holds no plan: it has no summary.json" if directory.is_dir() else f"{directory} is no folder"
         raise OptionError(what, hint="give folders that `hdvplan plan` has written")
     try:
-        summary = json.loads((directory / "summary.json").read_text(encoding="utf-8"))
+        summary, regions = (json.loads((directory / f"{name}.json").read_text(encoding="utf-8")) for name in ("summary", "regions"))
+        _check_summary(summary)
+        _check_list(regions, _REGION, "regions.json")
         tables = {name: pd.read_csv(directory / f"{name}.csv") for name in _TABLES}
-        plan = PlanFiles(directory, summary, **tables)
-        _check(plan)
+        plan = PlanFiles(directory, summary, **tables, regions=regions)
+        _check_tables(plan)
     except FileNotFoundError as error:
         msg = f"the plan in {directory} has no {Path(error.filename).name}"
         raise OptionError(msg, hint="plan again: a run that was stopped, or an older version, wrote it") from error
-    except (OSError, ValueError, KeyError) as error:
+    except (OSError, ValueError) as error:
         msg = f"the plan in {directory} cannot be read: {error}"
         raise OptionError(msg, hint="plan again") from error
     return plan
 
 
-def _check(plan: PlanFiles) -> None:
+def _check_summary(summary: object) -> None:
+    """Refuse what is no summary of a plan, or an older one.
+
+    Raises:
+        ValueError: an entry is missing, or something else than it should be.
+
+    """
+    entries = summary if isinstance(summary, dict) else {}
+    for name, kind in _ENTRIES.items():
+        if not isinstance(entries.get(name), kind):
+            msg = f"summary.json says no {name}"
+            raise ValueError(msg)  # noqa: TRY004 - of a file's content
+    for name, value in entries.items():
+        if name.endswith("_m") and not isinstance(value, int | float | None):
+            msg = f"{name} of summary.json must be a number, not {value!r}"
+            raise ValueError(msg)
+    for name, needed in _LISTS.items():
+        _check_list(entries.get(name), needed, f"{name} of summary.json")
+
+
+def _check_list(items: object, needed: tuple[str, ...], where: str) -> None:
+    if not isinstance(items, list) or not all(isinstance(item, dict) and set(needed) <= set(item) for item in items):
+        msg = f"{where} must be a list of entries with {', '.join(needed)}"
+        raise ValueError(msg)
+
+
+def _check_tables(plan: PlanFiles) -> None:
     """Refuse tables that do not belong together.
 
     Raises:
-        KeyError: a column or entry is missing.
-        ValueError: tables differ in length, or have no rows.
+        ValueError: a column is missing or holds no numbers; tables differ in length, or have no rows.
 
     """
     bodies = len(plan.summary["bodies"])
     for table, needed in (
         (plan.path, ["s", "x", "y", "heading", "e_y", "e_psi", "kappa", *(f"beta{number}" for number in range(1, bodies))]),
-        (plan.envelope, ["s", "left", "right", "left_limit", "right_limit", "expected_left"]),
+        (plan.envelope, ["s", "left", "right", "left_limit", "right_limit", "expected_left", "expected_right"]),
         (plan.profile, ["s", "clearance", *(f"{side}{number}" for number in range(1, bodies + 1) for side in ("left", "right"))]),
         (plan.steps, ["s", "total_ms"]),
     ):
         missing = [column for column in needed if column not in table]
         if missing:
             msg = f"column {missing[0]} is missing"
-            raise KeyError(msg)
+            raise ValueError(msg)
         if table.empty:
             msg = "a table has no rows"
+            raise ValueError(msg)
+        words = [column for column in needed if not is_numeric_dtype(table[column])]
+        if words:
+            msg = f"column {words[0]} holds something else than numbers"
             raise ValueError(msg)
     if len(plan.envelope) != len(plan.profile):
         msg = "envelope.csv and profile.csv differ in length"

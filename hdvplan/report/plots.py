@@ -138,7 +138,7 @@ def _within(s: FloatArray, window: Window) -> BoolArray:
 def _finish_whole(axes: Axes, result: Result, windows: tuple[Window, ...], *, named: bool) -> None:
     axes.grid(visible=True)
     axes.set_xlim(0.0, result.drive.road.path.length)
-    _legend_above(axes, columns=5)
+    _legend_above(axes, columns=4)
     for window in windows:
         axes.axvspan(window.s_from, window.s_to, color=_SHADE, linewidth=0.0, zorder=0)
         if named:
@@ -186,7 +186,7 @@ def _draw_limits(axes: Axes, result: Result, shown: BoolArray, window: Window) -
     label: str | None = "limits" if np.any(np.isfinite(table)) else "limits (further out)"
     for wheels, overhangs in ((table[0], table[2]), (table[1], table[3])):
         axes.plot(s, wheels, color=INK, linewidth=1.2, label=label)
-        if np.any(overhangs != wheels):
+        if np.any(np.abs(overhangs - wheels) > 0.0):  # False where both lie too far out to be drawn
             axes.plot(s, overhangs, color=INK, linewidth=1.1, linestyle=(0, (1, 1.5)), label="of overhangs" if label else None)
         label = None
     here = [breach for breach in result.balance.breaches if window.s_from <= breach.s_deepest <= window.s_to]

@@ -9,12 +9,13 @@ import numpy as np
 
 from hdvplan.centering.weights import Centering, CenteringTable
 from hdvplan.drive import Drive
-from hdvplan.evaluation.balance import Balance, Breach, balance_of, gaps_of
+from hdvplan.evaluation.balance import KEPT_M, Balance, Breach, balance_of, gaps_of
 from hdvplan.evaluation.envelope import Envelope, envelope_of
 from hdvplan.jit import FloatArray
 from hdvplan.planning.bias import shifted
 from hdvplan.planning.planner import Plan
 from hdvplan.report.fit import Fit, fit_of
+from hdvplan.report.obstacles import Approach, approaches
 from hdvplan.vehicle.model import Vehicle
 
 _PAIR = ("tractor", "trailer")
@@ -45,6 +46,16 @@ class Result:
         least: FloatArray = np.nanmin(np.concatenate(list(self.gaps.values())), axis=0)
         return least
 
+    @cached_property
+    def approaches(self) -> tuple[Approach, ...]:
+        """Where the drive came nearest to each obstacle."""
+        return approaches(self.drive)
+
+    @property
+    def entered(self) -> tuple[Approach, ...]:
+        """The obstacles that a body entered. Limits along s know nothing of those before the road's start and beyond its end."""
+        return tuple(approach for approach in self.approaches if approach.distance < -KEPT_M)
+
     @property
     def failed(self) -> tuple[Plan, ...]:
         """The planning steps whose QP solution was refused by its recomputed residual: the last plan was driven on."""
@@ -63,9 +74,11 @@ class Result:
 
     @property
     def status(self) -> str:
-        """``ok``, ``limits broken`` or ``some steps not solved``; a broken limit outweighs an unsolved step."""
+        """``limits broken``, ``obstacle entered``, ``some steps not solved`` or ``ok``: the first of these that holds."""
         if self.balance.breaches:
             return "limits broken"
+        if self.entered:
+            return "obstacle entered"
         return "some steps not solved" if self.failed else "ok"
 
 
@@ -87,6 +100,13 @@ def breach_text(result: Result, breach: Breach) -> str:
     limit = f"{breach.region} {breach.side}" if result.two_regions else breach.side
     name = body_name(result.drive.vehicle, breach.unit)
     return f"the {breach.part} of the {name} breaks the {limit} limit by {breach.depth:.3f} m at s = {breach.s_deepest:.1f} m"
+
+
+def entered_text(result: Result, approach: Approach) -> str:
+    """Return a sentence that says which body enters which obstacle, by how much and where."""
+    named = f"the obstacle {approach.obstacle.label!r}" if approach.obstacle.label else "an obstacle"
+    name = body_name(result.drive.vehicle, approach.unit)
+    return f"the {name} enters {named} by {-approach.distance:.3f} m at s = {approach.s:.1f} m"
 
 
 def body_name(vehicle: Vehicle, unit: int) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from hdvplan import __version__
 from hdvplan.evaluation.balance import Breach
 from hdvplan.report.fit import finding_json
-from hdvplan.report.obstacles import Approach, approaches
+from hdvplan.report.obstacles import Approach
 from hdvplan.report.result import Result, body_name
 from hdvplan.road.road import Road
 from hdvplan.vehicle.model import Vehicle
@@ -42,7 +42,7 @@ def summary_of(result: Result) -> Json:
         "limit_violation_m": balance.violation if balance.breaches else 0.0,
         "breaches": [_breach(breach, drive.vehicle) for breach in balance.breaches],
         "fit": [finding_json(finding) for finding in result.fit.findings],
-        "obstacles": [_approach(approach, drive.vehicle) for approach in approaches(drive)],
+        "obstacles": [_approach(approach, drive.vehicle) for approach in result.approaches],
         "failed_steps": [float(drive.stations.s[plan.first]) for plan in result.failed],
         "prediction_error_m": drive.prediction_error,
         "sqp_iterations_mean": float(np.mean(counts)),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -41,7 +42,7 @@ def read_geojson(text: str, name: str, *, crs: str | None = None, feature: str |
     """
     try:
         document = json.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         msg = f"{name} is not valid JSON: {error}"
         raise RoadError(msg) from error
     if not isinstance(document, dict) or not isinstance(document.get("type"), str):
@@ -65,7 +66,7 @@ def _member_crs(document: Json, name: str) -> str:
     member = document.get("crs")
     if member is None:
         return LONLAT
-    system = member.get("properties", {}).get("name") if isinstance(member, dict) else None
+    system = _object(member.get("properties")).get("name") if isinstance(member, dict) else None
     if not isinstance(system, str):
         msg = f"{name}: the 'crs' member names no coordinate reference system"
         raise RoadError(msg, hint="name it, such as --crs EPSG:3006")
@@ -89,7 +90,7 @@ def _lines(features: list[Json], name: str) -> list[_Line]:
     """Return every line feature."""
     found: list[_Line] = []
     for item in features:
-        properties = item.get("properties") or {}
+        properties = _object(item.get("properties"))
         labels = tuple(str(source[key]) for source in (properties, item) for key in _IDS if source.get(key) is not None)
         for geometry in _flat(item.get("geometry")):
             if geometry["type"] in {"LineString", "MultiLineString"}:
@@ -106,7 +107,7 @@ def _regions(features: list[Json], plane: Plane, name: str) -> tuple[Region, ...
     """Return the polygons that have a region, in the road's plane."""
     found: list[Region] = []
     for item in features:
-        properties = item.get("properties") or {}
+        properties = _object(item.get("properties"))
         if properties.get("region") is None:
             continue
         label = next((str(source[key]) for source in (properties, item) for key in _IDS if source.get(key) is not None), "")
@@ -114,12 +115,12 @@ def _regions(features: list[Json], plane: Plane, name: str) -> tuple[Region, ...
         if properties["region"] not in list(Kind):
             msg = f"{where} is {properties['region']!r}; a region is obstacle or sweepable"
             raise RoadError(msg)
-        for geometry in _flat(item.get("geometry")) or [{"type": "no geometry"}]:
+        for geometry in _flat(item.get("geometry")) or [{"type": "feature without geometry"}]:
             if geometry["type"] not in {"Polygon", "MultiPolygon"}:
                 msg = f"{where} is a {geometry['type']}, not a Polygon or MultiPolygon"
                 raise RoadError(msg, hint="draw a fence or a wall as a narrow polygon")
             given = geometry.get("coordinates")
-            for rings in [given] if geometry["type"] == "Polygon" else given or [None]:
+            for rings in given if geometry["type"] == "MultiPolygon" and isinstance(given, list) and given else [given]:
                 found += [Region(Kind(properties["region"]), polygon, label) for polygon in _polygons(rings, plane, where)]
     return tuple(found)
 
@@ -141,11 +142,22 @@ def _polygons(rings: object, plane: Plane, where: str) -> list[shapely.Polygon]:
     return parts
 
 
+def _object(member: object) -> Json:
+    """Return a member that should be an object; an empty one where it is something else."""
+    return member if isinstance(member, dict) else {}
+
+
+def _is_finite(value: object) -> bool:
+    """Tell a number from everything else that JSON can say, and from integers that no float can hold."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
+
+
 def _flat(geometry: object) -> list[Json]:
     if not isinstance(geometry, dict) or not isinstance(geometry.get("type"), str):
         return []
     if geometry["type"] == "GeometryCollection":
-        return [inner for member in geometry.get("geometries") or [] for inner in _flat(member)]
+        members = geometry.get("geometries")
+        return [inner for member in members for inner in _flat(member)] if isinstance(members, list) else []
     return [geometry]
 
 
@@ -174,10 +186,7 @@ def _coordinates(part: object, name: str, *, fewest: int = 2) -> FloatArray:
         msg = f"{name}: {what}, this one has {len(part) if isinstance(part, list) else 0}"
         raise RoadError(msg)
     for number, position in enumerate(part, start=1):
-        numeric = isinstance(position, list) and all(
-            isinstance(value, int | float) and not isinstance(value, bool) for value in position[:2]
-        )
-        if not numeric or len(position) < 2 or not np.all(np.isfinite(np.array(position[:2], dtype=float))):  # noqa: PLR2004
+        if not isinstance(position, list) or len(position) < 2 or not all(_is_finite(value) for value in position[:2]):  # noqa: PLR2004
             msg = f"{name}: point {number} is not a pair of finite numbers: {json.dumps(position)[:60]}"
             raise RoadError(msg)
     return np.array([position[:2] for position in part], dtype=float)
@@ -216,7 +225,7 @@ def _reaches(properties: Json, count: int, name: str) -> FloatArray | None:
         raise RoadError(msg)
     for key in given:
         value = properties[key]
-        if isinstance(value, bool) or not isinstance(value, int | float) or not (np.isfinite(value) and value > 0.0):
+        if not (_is_finite(value) and value > 0.0):
             msg = f"{name}: property {key} must be a positive number of metres, not {value!r}"
             raise RoadError(msg)
     left, right = (0.5 * properties["width_m"],) * 2 if given == ["width_m"] else (properties["left_m"], properties["right_m"])

@@ -124,12 +124,18 @@ def region_limits(
         drive = np.minimum(sign * band[side], _cautious(sign * wheels[side], cells))
         values[side], values[2 + side] = sign * np.minimum(drive, sweep), sign * sweep
     changed = np.any(values != band, axis=0)
-    keep = changed | np.roll(changed, 1) | np.roll(changed, -1)
+    keep = maximum_filter1d(changed, 3)  # and its neighbours, where the given limits hold again
     cell = np.clip(np.searchsorted(cells.s, s, side="right") - 1, 0, len(keep) - 2)
     own = (s < cells.s[keep].min(initial=np.inf)) | (s > cells.s[keep].max(initial=-np.inf)) | ~(keep[cell] & keep[cell + 1])
-    nodes = np.concatenate([s[own], cells.s[keep]])
-    order = np.argsort(nodes, kind="stable")
-    return nodes[order], np.concatenate([table[:, own], values[:, keep]], axis=1)[:, order]
+    nodes, first = np.unique(np.concatenate([s[own], cells.s[keep]]), return_index=True)
+    return nodes, np.concatenate([table[:, own], values[:, keep]], axis=1)[:, first]
+
+
+def distances(path: ReferencePath, regions: tuple[Region, ...]) -> FloatArray:
+    """Return how far each region lies from the road's centre line [m]; those beyond ``OPEN_M`` do not count."""
+    s = np.linspace(0.0, path.length, int(np.ceil(path.length / _OPEN_SPACING_M)) + 1)
+    centre = shapely.LineString(np.stack(path.to_plane(s, 0.0), axis=1))
+    return np.array([shapely.distance(centre, region.polygon) for region in regions])
 
 
 def _sided(rows: FloatArray) -> list[tuple[FloatArray, bool]]:

@@ -10,12 +10,13 @@ chatter: it is given a few passes, and where it has not settled by then it says 
 from __future__ import annotations
 
 from hdvplan.jit import FloatArray, IntArray, compiled
-from hdvplan.solvers.recursion import factorise, sweep_ahead, sweep_back
+from hdvplan.solvers.recursion import adjoint, factorise, imbalance, sweep_ahead, sweep_back
 
 FREE, HELD, BROKEN = range(3)  # the sides of an inequality
 STIFF = 1e9  # of a held inequality [1/m^2]: an error of its multiplier by 100 leaves 1e-7 m
 PASSES = 5
 KEPT = 1e-7  # of a held or free inequality [m, 1/m]
+_BALANCED = 1e-6  # of the Lagrangian's gradient by the inputs, relative: stiff quadratics turn rounding into multipliers
 CARRIED = 1e-4  # a guess's multiplier beyond this means that its inequality was held
 
 
@@ -131,34 +132,7 @@ def _look(
 
 
 @compiled
-def settle(
-    A: FloatArray, B: FloatArray, c: FloatArray, Q: FloatArray, q: FloatArray, R: FloatArray, r: FloatArray, G: FloatArray, h: FloatArray,
-    linear: FloatArray, quadratic: FloatArray, bounded: IntArray, x_low: FloatArray, x_high: FloatArray, u_low: FloatArray,
-    u_high: FloatArray, x: FloatArray, u: FloatArray, gain: FloatArray, root: FloatArray, value: FloatArray, slope: FloatArray,
-    feed: FloatArray, hessian_x: FloatArray, hessian_u: FloatArray, slope_x: FloatArray, slope_u: FloatArray, side: IntArray,
-    prices: FloatArray,
-) -> tuple[bool, int]:  # fmt: skip
-    """Solve a program from guessed sides and multipliers; return whether they settled, and the number of factorisations."""
-    stages, n = B.shape[0], B.shape[1]
-    for iteration in range(PASSES):
-        _weigh(
-            Q, q, R, r, G, h, linear, quadratic, bounded, x_low, x_high, u_low, u_high, side, prices, hessian_x, hessian_u, slope_x, slope_u
-        )
-        for j in range(n):
-            slope[stages, j] = slope_x[stages, j]
-            for k in range(j + 1):
-                value[stages, j, k] = value[stages, k, j] = hessian_x[stages, j, k]
-        if not factorise(A, B, stages, hessian_x, hessian_u, gain, root, value):
-            return False, iteration + 1
-        sweep_back(A, B, c, True, stages, gain, root, value, slope_x, slope_u, slope, feed)
-        sweep_ahead(A, B, c, True, 0, stages, gain, feed, x, u)
-        if _look(G, h, linear, bounded, x_low, x_high, u_low, u_high, x, u, side, prices):
-            return True, iteration + 1
-    return False, PASSES
-
-
-@compiled
-def publish_sides(
+def _publish(
     G: FloatArray, h: FloatArray, linear: FloatArray, quadratic: FloatArray, x: FloatArray, side: IntArray, prices: FloatArray,
     sigma: FloatArray, rows: FloatArray, x_bounds: FloatArray, u_bounds: FloatArray,
 ) -> None:  # fmt: skip
@@ -178,3 +152,35 @@ def publish_sides(
                 x_bounds[i, bound] = price
             else:
                 u_bounds[i, bound - nb] = price
+
+
+@compiled
+def settle(
+    A: FloatArray, B: FloatArray, c: FloatArray, Q: FloatArray, q: FloatArray, R: FloatArray, r: FloatArray, G: FloatArray, h: FloatArray,
+    linear: FloatArray, quadratic: FloatArray, bounded: IntArray, x_low: FloatArray, x_high: FloatArray, u_low: FloatArray,
+    u_high: FloatArray, x: FloatArray, u: FloatArray, sigma: FloatArray, dynamics: FloatArray, rows: FloatArray, x_bounds: FloatArray,
+    u_bounds: FloatArray, gain: FloatArray, root: FloatArray, value: FloatArray, slope: FloatArray, feed: FloatArray,
+    hessian_x: FloatArray, hessian_u: FloatArray, slope_x: FloatArray, slope_u: FloatArray, side: IntArray, prices: FloatArray,
+) -> tuple[bool, int]:  # fmt: skip
+    """Solve a program from guessed sides and multipliers; return whether they settled, and the number of factorisations.
+
+    Only then are multipliers and elastic variables written.
+    """
+    stages, n = B.shape[0], B.shape[1]
+    for iteration in range(PASSES):
+        _weigh(
+            Q, q, R, r, G, h, linear, quadratic, bounded, x_low, x_high, u_low, u_high, side, prices, hessian_x, hessian_u, slope_x, slope_u
+        )
+        for j in range(n):
+            slope[stages, j] = slope_x[stages, j]
+            for k in range(j + 1):
+                value[stages, j, k] = value[stages, k, j] = hessian_x[stages, j, k]
+        if not factorise(A, B, stages, hessian_x, hessian_u, gain, root, value):
+            return False, iteration + 1
+        sweep_back(A, B, c, True, stages, gain, root, value, slope_x, slope_u, slope, feed)
+        sweep_ahead(A, B, c, True, 0, stages, gain, feed, x, u)
+        if _look(G, h, linear, bounded, x_low, x_high, u_low, u_high, x, u, side, prices):
+            _publish(G, h, linear, quadratic, x, side, prices, sigma, rows, x_bounds, u_bounds)
+            adjoint(A, Q, q, G, bounded, x, rows, x_bounds, dynamics)
+            return bool(imbalance(B, R, r, u, u_bounds, dynamics) < _BALANCED), iteration + 1
+    return False, PASSES

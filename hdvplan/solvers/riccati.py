@@ -21,7 +21,7 @@ import numpy as np
 
 from hdvplan.jit import BoolArray, FloatArray, IntArray, compiled
 from hdvplan.planning.qp import StageQp, StageShape, StageSolution
-from hdvplan.solvers.active_set import publish_sides, settle, sides_of
+from hdvplan.solvers.active_set import settle, sides_of
 from hdvplan.solvers.interior import FIELDS, join, mean_after, move, newton_step, objective, publish, weigh, worst
 from hdvplan.solvers.recursion import adjoint, factorise, imbalance, sweep_ahead, sweep_back
 from hdvplan.solvers.workspace import QpResult, Status
@@ -30,7 +30,6 @@ TOLERANCE = 1e-8  # of products or slacks, and of broken inequalities [m]
 _ITERATIONS = 100
 _START = 100.0  # complementarity of every pair at the start; the penalty of broken rows is 1e4, so less starts too near a wall
 _BALANCED = 1e-7  # of the Lagrangian's gradient by the inputs, relative to the largest multiplier
-_STIFFLY_BALANCED = 1e-6  # the same after a warm start: stiff quadratics turn rounding into multipliers
 _EXTRA = 3  # iterations that may go into balancing the inputs once all inequalities are settled
 _STATUS = (Status.SOLVED, Status.ITERATION_LIMIT, Status.NUMERICAL, Status.INACCURATE)
 
@@ -61,19 +60,27 @@ class RiccatiWorkspace:
         started = perf_counter()
         qp.check()
         checked = perf_counter()
-        point, held = self._point, False
-        if guess is not None:
-            held = sides_of(qp.linear, guess.rows, guess.sigma, guess.x_bounds, guess.u_bounds, self._side, self._prices)
+        point, spent = self._point, 0
+        point.x[0] = qp.x_first
+        if guess is not None and sides_of(qp.linear, guess.rows, guess.sigma, guess.x_bounds, guess.u_bounds, self._side, self._prices):
+            settled, spent = settle(
+                qp.A, qp.B, qp.c, qp.Q, qp.q, qp.R, qp.r, qp.G, qp.h, qp.linear, qp.quadratic, self._bounded, qp.x_low, qp.x_high,
+                qp.u_low, qp.u_high, point.x, point.u, point.sigma, point.dynamics, point.rows, point.x_bounds, point.u_bounds,
+                self._gain, self._root, self._value, self._slope, self._feed, self._hessian_x, self._hessian_u, self._step_x,
+                self._slope_u, self._side, self._prices,
+            )  # fmt: skip
+            if settled:
+                return QpResult(Status.SOLVED, point, spent, checked - started, perf_counter() - checked)
         for array in (point.sigma, point.rows, point.x_bounds, point.u_bounds, self._member):
             array.fill(0)
-        point.x[0], self._value[-1], self._slope[-1] = qp.x_first, qp.Q[-1], qp.q[-1]
+        self._value[-1], self._slope[-1] = qp.Q[-1], qp.q[-1]
         code, iterations = _solve(
             qp.A, qp.B, qp.c, qp.Q, qp.q, qp.R, qp.r, qp.G, qp.h, qp.linear, qp.quadratic, self._bounded,
             qp.x_low, qp.x_high, qp.u_low, qp.u_high, point.x, point.u, point.sigma, point.dynamics, point.rows, point.x_bounds,
             point.u_bounds, self._gain, self._root, self._value, self._slope, self._hessian_x, self._hessian_u, self._step_x,
-            self._step_u, self._slope_u, self._feed, self._member, self._chosen, self._pairs, held, self._side, self._prices,
+            self._step_u, self._slope_u, self._feed, self._member, self._chosen, self._pairs,
         )  # fmt: skip
-        return QpResult(_STATUS[code], point, iterations, checked - started, perf_counter() - checked)
+        return QpResult(_STATUS[code], point, spent + iterations, checked - started, perf_counter() - checked)
 
 
 @compiled
@@ -83,37 +90,17 @@ def _solve(
     u_low: FloatArray, u_high: FloatArray, x: FloatArray, u: FloatArray, sigma: FloatArray, dynamics: FloatArray, rows: FloatArray,
     x_bounds: FloatArray, u_bounds: FloatArray, gain: FloatArray, root: FloatArray, value: FloatArray, slope: FloatArray,
     hessian_x: FloatArray, hessian_u: FloatArray, step_x: FloatArray, step_u: FloatArray, slope_u: FloatArray, feed: FloatArray,
-    member: BoolArray, chosen: IntArray, pairs: FloatArray, held: bool, side: IntArray, prices: FloatArray,
+    member: BoolArray, chosen: IntArray, pairs: FloatArray,
 ) -> tuple[int, int]:  # fmt: skip
-    """Solve a program; return the place of its status in ``_STATUS`` and the number of factorisations.
-
-    With ``held`` the guess in ``side`` and ``prices`` is tried first.
-    """
+    """Solve a program; return the place of its status in ``_STATUS`` and the number of factorisations."""
     stages, n, m = B.shape
-    spent = 0
-    if held:
-        settled, spent = settle(
-            A, B, c, Q, q, R, r, G, h, linear, quadratic, bounded, x_low, x_high, u_low, u_high, x, u, gain, root, value, slope, feed,
-            hessian_x, hessian_u, step_x, slope_u, side, prices,
-        )  # fmt: skip
-        if settled:
-            publish_sides(G, h, linear, quadratic, x, side, prices, sigma, rows, x_bounds, u_bounds)
-            adjoint(A, Q, q, G, bounded, x, rows, x_bounds, dynamics)
-            if imbalance(B, R, r, u, u_bounds, dynamics) < _STIFFLY_BALANCED:
-                return 0, spent
-            for array in (sigma, rows, x_bounds, u_bounds):
-                array[:] = 0.0
-        for j in range(n):
-            slope[stages, j] = q[stages, j]
-            for k in range(n):
-                value[stages, j, k] = Q[stages, j, k]
     if not factorise(A, B, stages, Q, R, gain, root, value):
-        return 2, spent
+        return 2, 0
     sweep_back(A, B, c, True, stages, gain, root, value, q, r, slope, feed)
     sweep_ahead(A, B, c, True, 0, stages, gain, feed, x, u)
     if worst(G, h, bounded, x_low, x_high, u_low, u_high, x, u) <= 0.0:
         adjoint(A, Q, q, G, bounded, x, rows, x_bounds, dynamics)
-        return 0, spent + 1
+        return 0, 1
 
     tail_value, tail_slope = np.empty((n, n)), np.empty(n)
     gradient_x, gradient_u, slope_x = np.empty((stages + 1, n)), np.empty((stages, m)), np.empty((stages + 1, n))
@@ -141,7 +128,7 @@ def _solve(
             balanced = imbalance(B, R, r, u, u_bounds, dynamics) < _BALANCED
             refined += 1
             if balanced or refined > _EXTRA:
-                return 0 if balanced else 3, spent + iterations
+                return 0 if balanced else 3, iterations
         for j in range(n):
             for k in range(j + 1):
                 value[end, j, k] = value[end, k, j] = hessian_x[end, j, k]
@@ -175,4 +162,4 @@ def _solve(
 
     publish(chosen, pairs, count, sigma, rows, x_bounds, u_bounds)
     adjoint(A, Q, q, G, bounded, x, rows, x_bounds, dynamics)
-    return code, spent + iterations
+    return code, iterations

@@ -122,6 +122,28 @@ def test_an_interrupted_run_says_how_to_go_on_and_does_not_repeat_what_it_has(
 
 
 @pytest.mark.parametrize(
+    ("file", "text", "words"),
+    [
+        ("run.json", "[]", "is not of a benchmark"),
+        ("run.json", "{}", "is not of a benchmark"),
+        ("timing.csv", "", "timing.csv cannot be read"),
+        ("summary.csv", None, "summary.csv cannot be read"),
+    ],
+)
+def test_a_damaged_run_is_refused(cli: Cli, tmp_path: Path, short_road: str, file: str, text: str | None, words: str) -> None:
+    command = ("bench", "--roads", short_road, *SHORTEST, "--out", "run", "--quiet", "--json")
+    assert cli(*command).code == 0
+    if text is None:
+        (tmp_path / "run" / file).unlink()
+    else:
+        (tmp_path / "run" / file).write_text(text, encoding="utf-8")
+    outcome = cli(*command)
+    assert (outcome.code, outcome.out) == (2, "")
+    assert words in outcome.err
+    assert "hint: start over with --fresh" in outcome.err
+
+
+@pytest.mark.parametrize(
     ("change", "words"), [(("--rounds", "3"), "rounds was 1, is 3"), (("--solvers", "piqp"), "solvers was riccati,piqp")]
 )
 def test_a_folder_with_another_run_is_not_mixed_up(cli: Cli, short_road: str, change: tuple[str, str], words: str) -> None:

@@ -272,6 +272,7 @@ def test_several_runs_in_a_folder_are_processes_of_one_side(cli: Cli, tmp_path: 
         (lambda folder: (folder / "run.json").unlink(), "holds no benchmark"),
         (lambda folder: (folder / "samples.csv.gz").unlink(), "is without samples.csv.gz"),
         (lambda folder: (folder / "samples.csv.gz").write_bytes(b"\x1f\x8bnonsense"), "cannot be read"),
+        (lambda folder: (folder / "timing.csv").write_text("a,b\n1,2\n"), "are not those of hdvplan bench"),
         (lambda folder: ((folder / "parts").mkdir(), (folder / "timing.csv").unlink()), "is not finished"),
     ],
 )

@@ -4,11 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import shapely
 
 from hdvplan.bench.courses import PINCH_LENGTH_M, PINCH_RAMP_M, courses_of, with_limits
 from hdvplan.bench.suite import Suite
 from hdvplan.errors import RoadError
 from hdvplan.road.path import from_curvature
+from hdvplan.road.regions import Kind, Region
 from hdvplan.road.road import Limits, Road
 from hdvplan.road.scenarios import SCENARIOS
 from hdvplan.vehicle.load import load_vehicle
@@ -53,6 +55,13 @@ def test_a_pinch_narrows_the_outer_side_in_the_middle_of_the_tightest_bend(turn:
     assert np.ptp(deep) == pytest.approx(PINCH_LENGTH_M, abs=0.5)
     touched = found.s[outer < 3.0]
     assert np.ptp(touched) == pytest.approx(PINCH_LENGTH_M + 2 * PINCH_RAMP_M, abs=1.0)
+
+
+def test_obstacles_cut_pinched_limits_too() -> None:
+    road = replace(SCENARIOS["uturn"](), regions=(Region(Kind.OBSTACLE, shapely.box(20.0, 1.5, 25.0, 4.0)),))
+    for pinch in (None, 1.0):
+        found = limits(road, replace(SUITE, half_width=3.0, pinch=pinch))
+        assert found.table(np.array([22.0]))[0, 0] == pytest.approx(1.5, abs=1e-6)  # a foot on a quintic is exact to 1e-9 m
 
 
 def test_a_pinch_that_closes_the_road_is_refused() -> None:

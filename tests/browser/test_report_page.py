@@ -6,17 +6,20 @@ import json
 import re
 import shutil
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
+import shapely
 
 from hdvplan.report.files import write_plan
 from hdvplan.report.html import write_report
 from hdvplan.report.result import Result
-from tests.report.conftest import bus, kerbed, trailer  # noqa: F401 - fixtures
+from hdvplan.road.regions import Kind, Region
+from tests.report.conftest import bus, kerbed, straight, trailer  # noqa: F401 - fixtures
 
 pytest.importorskip("selenium", reason="the extra 'test' installs selenium")
 from selenium import webdriver
@@ -208,3 +211,28 @@ def test_the_drive_plays_and_stops(page: webdriver.Chrome) -> None:
     stopped = reading(plan)["s"]
     settled(page)
     assert reading(plan)["s"] == stopped
+
+
+def test_obstacles_are_drawn_and_their_table_leads_to_them(
+    browser: webdriver.Chrome,
+    straight: Result,  # noqa: F811
+    tmp_path: Path,
+) -> None:
+    van, kerb = Region(Kind.OBSTACLE, shapely.box(60.0, 2.0, 66.0, 4.0), "van"), Region(Kind.SWEEPABLE, shapely.box(50.0, -5.0, 70.0, -3.0))
+    drawn = []
+    for name, regions in (("none", ()), ("kerb", (kerb,)), ("van", (van,))):
+        write_plan(replace(straight, drive=replace(straight.drive, road=replace(straight.drive.road, regions=regions))), tmp_path / name)
+        write_report([tmp_path / name], tmp_path / f"{name}.html")
+        browser.get((tmp_path / f"{name}.html").as_uri())
+        settled(browser)
+        canvas = browser.find_element(By.CSS_SELECTOR, ".plane")
+        drawn.append(pixels(browser, canvas))
+    assert len(set(drawn)) == 3
+    row = browser.find_element(By.XPATH, "//tr[td='van']")
+    browser.execute_script("arguments[0].scrollIntoView({block: 'center'});", row)
+    row.click()
+    settled(browser)
+    nearest = json.loads((tmp_path / "van" / "summary.json").read_text(encoding="utf-8"))["obstacles"][0]
+    (plan,) = shown(browser)
+    assert reading(plan)["s"] == pytest.approx(nearest["s_m"], abs=0.25)  # the nearest sample
+    assert logged(browser, "browser") == []

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -161,3 +162,30 @@ def test_an_interrupt_is_reported_as_shells_do(cli: Cli, monkeypatch: pytest.Mon
 
     monkeypatch.setattr("hdvplan.vehicle.load.load_vehicle", interrupt)
     refused(cli("plan", "uturn", *BUS), "interrupted", code=130)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("roads", "make", "uturn", "--out", "."),
+        ("roads", "info", "uturn", "--csv", "."),
+        ("roads", "info", "uturn", "--csv", "missing/needs.csv"),
+    ],
+)
+def test_a_file_that_cannot_be_written_is_refused_in_a_line(cli: Cli, arguments: tuple[str, ...]) -> None:
+    outcome = cli(*arguments)
+    assert (outcome.code, outcome.out) == (2, "")
+    assert re.fullmatch(
+        rf"error: cannot write {re.escape(arguments[-1])}: .*\nhint: choose another file with {arguments[-2]}\n", outcome.err
+    )
+
+
+@pytest.mark.parametrize("lengths", [("--step", "1e-9"), ("--horizon", "1e6", "--step", "0.05")])
+def test_steps_that_no_memory_holds_are_refused(cli: Cli, lengths: tuple[str, ...]) -> None:
+    refused(cli("plan", "uturn", *BUS, *lengths), "a step has at least 0.01 m, a horizon at most 20000 steps")
+
+
+def test_a_picture_format_is_checked_whether_it_is_drawn_or_not(cli: Cli) -> None:
+    outcome = cli("plan", "uturn", "--vehicle", "bus", "--no-plot", "--format", "bmp")
+    assert (outcome.code, outcome.out) == (2, "")
+    assert outcome.err.startswith("error: --format must be png, pdf or svg, not 'bmp'")

@@ -31,6 +31,7 @@ def test_a_plan_writes_every_file_and_prints_the_balance(cli: Cli, tmp_path: Pat
         "path.csv",
         "plan.png",
         "profile.csv",
+        "regions.json",
         "steps.csv",
         "summary.json",
         "swept.geojson",

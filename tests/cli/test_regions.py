@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pandas as pd
@@ -33,6 +34,43 @@ def test_a_passage_too_narrow_is_said_before_planning_and_planned_all_the_same(c
     assert (van["properties"]["kind"], van["properties"]["region"], van["properties"]["name"]) == ("region", "obstacle", "parked van")
     lon, lat = van["geometry"]["coordinates"][0][0]
     assert (round(lon, 2), round(lat, 2)) == (15.0, 60.0)
+
+
+def test_a_region_too_far_away_to_count_is_said(cli: Cli, tmp_path: Path) -> None:
+    road = {
+        "type": "Feature",
+        "properties": {"width_m": 9.0},
+        "geometry": {"type": "LineString", "coordinates": [[12.0, 57.0], [12.002, 57.0]]},
+    }
+    corners = [[57.0, 12.0], [57.001, 12.0], [57.001, 12.001], [57.0, 12.0]]  # swapped
+    van = {"type": "Feature", "properties": {"region": "obstacle"}, "geometry": {"type": "Polygon", "coordinates": [corners]}}
+    (tmp_path / "far.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": [road, van]}), encoding="utf-8")
+    outcome = cli("plan", "far.geojson", *QUICK)
+    assert outcome.code == 0
+    assert outcome.err.startswith("warning: 1 of 1 regions lie further than 20 m from the road and do not count, the nearest of them ")
+    (region,) = json.loads(cli("roads", "info", "far.geojson", "--json").out)["regions"]
+    assert region["distance_m"] > 1e6
+
+
+@pytest.mark.parametrize("x", [-30.0, 78.0])
+def test_an_obstacle_hit_before_the_start_or_beyond_the_end_of_the_road_is_an_error(cli: Cli, tmp_path: Path, x: float) -> None:
+    corners = [[x, 0.5], [x + 4.0, 0.5], [x + 4.0, 3.0], [x, 3.0], [x, 0.5]]
+    features = [
+        {"type": "Feature", "properties": {"width_m": 9.0}, "geometry": {"type": "LineString", "coordinates": [[-25.0, 0.0], [75.0, 0.0]]}},
+        {
+            "type": "Feature",
+            "properties": {"region": "obstacle", "name": "wall"},
+            "geometry": {"type": "Polygon", "coordinates": [corners]},
+        },
+    ]
+    (tmp_path / "ends.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": features}), encoding="utf-8")
+    outcome = cli("plan", "ends.geojson", *QUICK, "--crs", "EPSG:3006", "--quiet")
+    assert outcome.code == 1
+    assert re.match(
+        r"error: the bus enters the obstacle 'wall' by 0\.77\d m at s = [\d.]+ m\n", outcome.err
+    )  # 1.27 m to the side, less 0.5 m
+    summary = json.loads((tmp_path / "ends.bus" / "summary.json").read_text(encoding="utf-8"))
+    assert (summary["status"], summary["breaches"]) == ("obstacle entered", [])
 
 
 def test_quiet_warns_of_nothing_and_a_fitting_vehicle_neither(cli: Cli) -> None:

@@ -10,6 +10,7 @@ from hdvplan.evaluation.balance import KEPT_M, Balance, balance_of
 from hdvplan.evaluation.envelope import envelope_of
 from hdvplan.planning.objectives import geometric, lead_axle
 from hdvplan.planning.settings import PlannerSettings, Scheme
+from hdvplan.road.load import RoadOptions, load_road
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Limits, Road
 from hdvplan.road.scenarios import uturn, uturn_profile
@@ -130,3 +131,12 @@ def test_a_breach_names_the_part_of_the_body_that_is_deepest() -> None:
     balance = judged(drive(uturn().with_limits(2.2, 2.2), BUS, geometric, RiccatiWorkspace, PlannerSettings()))
     parts = {breach.side: breach.part for breach in balance.breaches}
     assert parts == {"left": "rear axle", "right": "front corner"}  # a left turn: the rear axle cuts in, the front swings out
+
+
+def test_a_wall_in_a_bend_is_passed_and_not_turned_away_from() -> None:
+    """A vehicle askew draws its corner back from a wall by turning towards it: a trap for whoever follows the wall's slope."""
+    base = load_road("goteborg_tuvevagen_brunnsbo", RoadOptions(max_curvature=0.125))
+    s = np.array([0.0, 720.0, 720.0, 726.0, 726.0, base.path.length])
+    left, right = np.full(6, FAR_M), np.array([-FAR_M, -FAR_M, -0.8, -0.8, -FAR_M, -FAR_M])
+    road = replace(base, limits=Limits(s, left, right, left, right))
+    assert judged(drive(road, BUS, geometric, RiccatiWorkspace, PlannerSettings())).breaches == ()

@@ -8,15 +8,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
 
 import hdvplan
 from hdvplan.errors import OptionError
 from hdvplan.jit import FloatArray
+from hdvplan.planning.bias import Bias
 from hdvplan.report.files import write_plan
 from hdvplan.report.html import report_html, short_labels, write_report
 from hdvplan.report.payload import packed, payload_of, road_frame, tight_places
 from hdvplan.report.planfiles import PlanFiles, read_plan
 from hdvplan.report.result import Result
+from hdvplan.road.regions import Kind, Region
 
 
 @pytest.fixture(scope="module")
@@ -45,6 +48,14 @@ def test_the_road_is_found_again_beside_the_driven_path(plan: PlanFiles, kerbed:
     road = kerbed.drive.road.path.at(s)
     np.testing.assert_allclose(np.column_stack([x, y]), np.column_stack([road.x, road.y]), atol=1e-9)  # rounding
     np.testing.assert_allclose(np.cos(heading), np.cos(road.heading), atol=1e-9)
+
+
+def test_what_geometry_expects_beside_the_centre_is_shown_beside_the_centre(straight: Result, tmp_path: Path) -> None:
+    write_plan(replace(straight, drive=replace(straight.drive, bias=Bias.constant(0.5))), tmp_path)
+    columns = payload_of(read_plan(tmp_path))["columns"]
+    # A bus is 2.54 m wide; packing keeps 1e-4 of the largest.
+    np.testing.assert_allclose(unpacked(columns["expected_left"]), 1.77, atol=1e-4)
+    np.testing.assert_allclose(unpacked(columns["expected_right"]), -0.77, atol=1e-4)
 
 
 def test_plans_of_one_road_are_known_by_their_origin(plan: PlanFiles) -> None:
@@ -96,7 +107,40 @@ def test_the_page_shows_the_summary_s_numbers(plan: PlanFiles, kerbed: Result) -
     assert counted == len(kerbed.drive.plans)  # the histogram loses no step
 
 
-@pytest.mark.parametrize("missing", ["summary.json", "path.csv", "profile.csv", "steps.csv"])
+@pytest.mark.parametrize(
+    "entry", ["road", "vehicle", "scheme", "solver", "objective", "status", "bodies", "breaches", "obstacles", "time_ms"]
+)
+def test_a_summary_without_what_the_page_needs_is_refused(kerbed: Result, tmp_path: Path, entry: str) -> None:
+    write_plan(kerbed, tmp_path)
+    summary = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
+    del summary[entry]
+    (tmp_path / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
+    with pytest.raises(OptionError, match=entry):
+        write_report([tmp_path], tmp_path / "report.html")
+
+
+def test_a_summary_with_words_for_numbers_is_refused(kerbed: Result, tmp_path: Path) -> None:
+    write_plan(kerbed, tmp_path)
+    summary = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
+    (tmp_path / "summary.json").write_text(json.dumps(summary | {"max_left_m": "x"}), encoding="utf-8")
+    with pytest.raises(OptionError, match=r"max_left_m of .* must be a number"):
+        write_report([tmp_path], tmp_path / "report.html")
+
+
+def test_obstacles_and_kerbs_come_with_their_distances_and_where_they_lie(straight: Result, tmp_path: Path) -> None:
+    van, kerb = shapely.box(40.0, 2.0, 42.0, 3.0), shapely.box(60.0, -4.0, 70.0, -2.0)
+    road = replace(straight.drive.road, regions=(Region(Kind.OBSTACLE, van, "van"), Region(Kind.SWEEPABLE, kerb)))
+    write_plan(replace(straight, drive=replace(straight.drive, road=road)), tmp_path)
+    plan = read_plan(tmp_path)
+    shown = payload_of(replace(plan, path=plan.path.assign(x=plan.path["x"] + 100.0)))["regions"]
+    assert [region["region"] for region in shown] == ["obstacle", "sweepable"]
+    assert shapely.Polygon(shown[0]["rings"][0]).equals(shapely.box(-60.0, 2.0, -58.0, 3.0))  # from the road's start
+    page = report_html([plan], "obstacles")
+    assert re.search(r'<td class="text">van</td><td>0\.730</td><td class="text">bus</td>', page)  # 2 m less half of 2.54 m
+    assert '<span class="swatch sweepable"></span>' in page
+
+
+@pytest.mark.parametrize("missing", ["summary.json", "path.csv", "profile.csv", "steps.csv", "regions.json"])
 def test_a_folder_without_a_whole_plan_is_refused(kerbed: Result, tmp_path: Path, missing: str) -> None:
     write_plan(kerbed, tmp_path)
     (tmp_path / missing).unlink()
@@ -109,8 +153,13 @@ def test_a_folder_without_a_whole_plan_is_refused(kerbed: Result, tmp_path: Path
     [
         ("summary.json", "{"),
         ("summary.json", "{}"),
+        ("summary.json", "[]"),
+        ("summary.json", '{"bodies": 3}'),
+        ("regions.json", "{}"),
+        ("regions.json", "[1]"),
+        ("steps.csv", "s,total_ms\n0,x\n"),
         ("steps.csv", "s,total_ms\n"),
-        ("envelope.csv", "s,left,right,left_limit,right_limit,expected_left\n0,1,-1,2,-2,1\n"),
+        ("envelope.csv", "s,left,right,left_limit,right_limit,expected_left,expected_right\n0,1,-1,2,-2,1,-1\n"),
         ("path.csv", "s,x\n0,1\n"),
     ],
 )

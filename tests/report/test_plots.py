@@ -58,6 +58,17 @@ def test_limits_far_away_shrink_neither_map_nor_envelope(bus: Result) -> None:
     figure.draw_without_rendering()
     reach = next(axes for axes in figure.axes if axes.get_ylabel().startswith("reach"))
     assert np.ptp(reach.get_ylim()) < 10.0
+    assert "of overhangs" not in reach.get_legend_handles_labels()[1]  # they have no limits of their own
+
+
+def test_names_of_many_bodies_and_limits_stay_inside_the_picture(kerbed: Result) -> None:
+    figure = plan_figure(driven(kerbed.drive.road, "truck-dolly-semitrailer"))
+    figure.draw_without_rendering()
+    reach = next(axes for axes in figure.axes if axes.get_ylabel().startswith("reach"))
+    legend = reach.get_legend()
+    assert legend is not None
+    assert len(legend.get_texts()) >= 7
+    assert legend.get_window_extent().x1 <= figure.bbox.x1
     assert np.ptp(figure.axes[0].get_xlim()) < 200.0  # the U-turn is 80 m long, and the panel about square
 
 

@@ -156,3 +156,24 @@ def test_the_notice_is_the_attribution_with_the_licence() -> None:
     raw = read_geojson(json.dumps(feature(attribution="© Some City. Contains data.", licence="CC-BY-4.0")), "f")
     assert raw.notice == "© Some City, CC BY 4.0"
     assert read_geojson(json.dumps(feature()), "f").notice is None
+
+
+@pytest.mark.parametrize(
+    ("document", "message"),
+    [
+        ("[" * 100_000, "is not valid JSON"),
+        (json.dumps({"type": "Feature", "properties": 5, "geometry": geometry(LINE[:1])}), "a line needs at least two points"),
+        (json.dumps({"type": "GeometryCollection", "geometries": 7}), "no LineString"),
+        (json.dumps(geometry() | {"crs": {"properties": 5}}), "names no coordinate reference system"),
+        (json.dumps(geometry([[10**400, 57.7], [11.9, 57.7]])), "point 1 is not a pair of finite numbers"),
+        (json.dumps(feature(left_m=10**400, right_m=4)), "left_m must be a positive number of metres"),
+        (collection(feature(), feature(geometry(5, "MultiPolygon"), region="obstacle")), "region 1 has no coordinates"),
+        (
+            collection(feature(), feature({"type": "GeometryCollection", "geometries": 7}, region="obstacle")),
+            "region 1 is a feature without geometry",
+        ),
+    ],
+)
+def test_members_of_the_wrong_kind_are_refused_by_name(document: str, message: str) -> None:
+    with pytest.raises(RoadError, match=message):
+        read_geojson(document, "f")

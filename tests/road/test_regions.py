@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hdvplan.jit import FloatArray
+from hdvplan.planning.bias import Bias
 from hdvplan.planning.stations import limit_table
 from hdvplan.road.path import ReferencePath, from_curvature, project_many
 from hdvplan.road.regions import OPEN_M, Kind, Region
@@ -43,6 +44,15 @@ def test_an_obstacle_cuts_the_side_where_it_lies_a_little_longer_than_it_is() ->
     # 1e-6 m: the foot of a point is exact to 1e-9 m, a quintic's normals to 1e-9
     np.testing.assert_allclose(at(road, *inside), np.tile([[1.0], [-2.0]] * 2, 5), atol=1e-6)
     np.testing.assert_array_equal(at(road, *outside), np.tile([[3.0], [-2.0]] * 2, 4))  # the jump takes a cell of 5 cm
+
+
+@pytest.mark.parametrize(("first", "last"), [(-5.0, 5.0), (95.0, 105.0), (40.0, 46.0)])
+def test_the_middle_between_the_limits_is_known_wherever_the_obstacle_lies(first: float, last: float) -> None:
+    limits = straight(box(first, 1, last, 5)).with_limits(3.0, 2.0).limits
+    assert limits is not None
+    assert np.all(np.diff(limits.s) > 0.0)
+    within = 0.5 * (max(first, 0.0) + min(last, 100.0))
+    assert Bias.between(limits).at(np.array([within]))[0] == pytest.approx(-0.5, abs=1e-6)  # of limits 1 and -2; 1e-6 m as above
 
 
 @pytest.mark.parametrize(("low", "high", "cut"), [(-3.0, 0.5, [3.0, 0.5]), (-0.5, 5.0, [-0.5, -2.0]), (-1.8, 2.9, [-1.8, -2.0])])

@@ -145,7 +145,14 @@
       pen.setLineDash([]);
     };
     line(() => 0, css("--muted"), view.scale > 1 ? 1 : 2, view.scale > 1 ? [8, 5] : []);
-    // What else a road has in the plane, such as obstacles, belongs here: below the limits, above what was swept.
+    for (const { region, rings } of plan.regions) {
+      pen.beginPath();
+      for (const ring of rings) { trace(ring); pen.closePath(); }
+      pen.fillStyle = region === "obstacle" ? css("--muted") : hatching(pen);
+      pen.globalAlpha = 0.6;
+      pen.fill("evenodd");
+      pen.globalAlpha = 1;
+    }
     for (const side of ["left", "right"]) {
       const own = at[`${side}_limit`], wide = at[`${side}_sweep_limit`];
       if (own && view.scale > 0.3) line((i) => own[i], css("--ink"), 1.4, []);
@@ -191,6 +198,16 @@
       pen.stroke();
     }
     drawScale(pen, view.scale, height);
+  }
+
+  function hatching(pen) {
+    const tile = document.createElement("canvas"), line = tile.getContext("2d"), side = 7;
+    tile.width = tile.height = side;
+    line.strokeStyle = css("--ink");
+    line.beginPath();
+    for (const shift of [-side, 0, side]) { line.moveTo(shift - 1, side + 1); line.lineTo(shift + side + 1, -1); }
+    line.stroke();
+    return pen.createPattern(tile, "repeat");
   }
 
   function drawBodies(panel, i, pen, px, py, strength) {
@@ -245,9 +262,9 @@
     for (const chart of charts) {
       const high = (whole * chart.share) / shares, series = [];
       if (chart.reach) {
-        series.push(run.map((i) => panel.left[i]), run.map((i) => panel.right[i]), run.map((i) => at.half_width[i]), run.map((i) => -at.half_width[i]));
+        series.push(run.map((i) => panel.left[i]), run.map((i) => panel.right[i]), run.map((i) => at.expected_left[i]), run.map((i) => at.expected_right[i]));
         const seen = 2 * Math.max(...series.map((one) => Math.max(...extremes(one).map(Math.abs))));
-        for (const name of ["left_limit", "right_limit"]) if (at[name]) series.push(run.map((i) => (Math.abs(at[name][i]) < seen ? at[name][i] : NaN)));
+        for (const name of ["left_limit", "right_limit", "left_sweep_limit", "right_sweep_limit"]) if (at[name]) series.push(run.map((i) => (Math.abs(at[name][i]) < seen ? at[name][i] : NaN)));
       } else if (chart.steps) {
         series.push([0, ...plan.steps.ms.filter((_, k) => plan.steps.s[k] >= from && plan.steps.s[k] <= to)]);
       } else {
@@ -295,8 +312,8 @@
           pen.fill();
         }
         plan.bodies.forEach((_, unit) => ["left", "right"].forEach((side) => draw((i) => at[side + (unit + 1)][i], `--body${unit % 4}`, 1)));
-        draw((i) => at.half_width[i], "--ink", 1.2, [2, 2]);
-        draw((i) => -at.half_width[i], "--ink", 1.2, [2, 2]);
+        draw((i) => at.expected_left[i], "--ink", 1.2, [2, 2]);
+        draw((i) => at.expected_right[i], "--ink", 1.2, [2, 2]);
         for (const side of ["left", "right"]) {
           if (at[`${side}_limit`]) draw((i) => at[`${side}_limit`][i], "--ink", 1.4);
           if (at[`${side}_sweep_limit`]) draw((i) => at[`${side}_sweep_limit`][i], "--ink", 1.2, [2, 4]);

@@ -1,0 +1,141 @@
+"""The documents are true: their code runs, their links lead somewhere, their files of other kinds are well-formed."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+from urllib.parse import unquote
+
+import pytest
+
+import hdvplan
+from hdvplan.report.summary import summary_of
+from tests.docs.blocks import Block, Reader, blocks_of, runnable
+
+ROOT = Path(__file__).parents[2]
+RUN = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+LINKED = [
+    *RUN,
+    *(ROOT / name for name in ("CHANGELOG.md", "CONTRIBUTING.md", "benchmarks/README.md", "results/README.md", "roads/README.md")),
+]
+_LINK = re.compile(r"!?\[[^\]]*\]\((?P<target>[^)\s]+)\)")
+_KNOWN = {"no-run", "slow", "output"}
+
+
+def _name(path: Path) -> str:
+    return str(path.relative_to(ROOT))
+
+
+def _prose(text: str) -> str:
+    """Return a document without its code."""
+    return re.sub(r"`[^`\n]*`", "", re.sub(r"^```.*?^```$", "", text, flags=re.DOTALL | re.MULTILINE))
+
+
+def _has(words: tuple[str, ...], path: Path) -> bool:
+    return any(word in block.words for block in blocks_of(path.read_text(encoding="utf-8")) for word in words)
+
+
+def _run(path: Path, *, slow: bool) -> int:
+    reader, count = Reader(), 0
+    skipping = False  # the output of a block that was not run
+    for block in blocks_of(path.read_text(encoding="utf-8")):
+        if "output" not in block.words:
+            skipping = "slow" in block.words and not slow
+        if runnable(block) and not skipping:
+            reader.run(block)
+            count += 1
+    return count
+
+
+@pytest.fixture(autouse=True)
+def _in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setattr("hdvplan.jit.is_compiled", lambda: True)  # the first run of an installation says one line more
+
+
+@pytest.mark.parametrize("path", RUN, ids=_name)
+def test_every_block_runs_in_its_order(path: Path) -> None:
+    _run(path, slow=False)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", [path for path in RUN if _has(("slow",), path)], ids=_name)
+def test_slow_blocks_run_among_the_others(path: Path) -> None:
+    assert _run(path, slow=True)
+
+
+@pytest.mark.parametrize("path", RUN, ids=_name)
+def test_every_block_says_what_it_is(path: Path) -> None:
+    for block in blocks_of(path.read_text(encoding="utf-8")):
+        assert block.language, f"line {block.line}: a fence without a language"
+        unknown = [word for word in block.words if word not in _KNOWN and not word.startswith("file=")]
+        assert not unknown, f"line {block.line}: nobody knows what {unknown} means"
+
+
+@pytest.mark.parametrize("path", RUN, ids=_name)
+def test_blocks_of_other_languages_are_well_formed(path: Path) -> None:
+    for block in blocks_of(path.read_text(encoding="utf-8")):
+        if block.language == "toml":
+            tomllib.loads(block.body)
+        elif block.language == "yaml":
+            assert pytest.importorskip("yaml").safe_load(block.body)
+
+
+@pytest.mark.parametrize("path", LINKED, ids=_name)
+def test_every_link_leads_to_a_file_and_a_heading_that_exist(path: Path) -> None:
+    for match in _LINK.finditer(_prose(path.read_text(encoding="utf-8"))):
+        target = unquote(match["target"])
+        if re.match(r"[a-z]+:", target):
+            continue  # the network is not asked
+        file, _, heading = target.partition("#")
+        found = (path.parent / file).resolve() if file else path
+        assert found.exists(), f"{target} does not exist"
+        if heading:
+            headings = re.findall(r"^#+ (.+)$", found.read_text(encoding="utf-8"), flags=re.MULTILINE)
+            anchors = {re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-") for title in headings}
+            assert heading in anchors, f"{target}: no such heading"
+
+
+def test_the_citation_names_this_version_and_the_paper() -> None:
+    cited = pytest.importorskip("yaml").safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert cited["version"] == hdvplan.__version__
+    assert any("Geometric Approach" in reference["title"] for reference in cited["references"])
+
+
+def test_every_document_is_in_the_index() -> None:
+    index = (ROOT / "docs" / "README.md").read_text(encoding="utf-8")
+    for path in (ROOT / "docs").glob("*.md"):
+        assert path.name == "README.md" or f"({path.name})" in index, f"docs/README.md does not name {path.name}"
+
+
+def test_every_module_that_the_documents_point_at_exists() -> None:
+    for path in RUN:
+        for module in re.findall(r"`((?:hdvplan|benchmarks|tests)/[\w/]+\.(?:py|toml|csv))`", path.read_text(encoding="utf-8")):
+            assert (ROOT / module).is_file(), f"{_name(path)} points at {module}"
+
+
+def test_a_block_that_does_not_do_what_it_says_is_noticed() -> None:
+    reader = Reader()
+    reader.run(Block("sh", (), "hdvplan solvers --json > list.json\n", 1))
+    assert Path("list.json").read_text(encoding="utf-8").startswith("[")
+    reader.run(Block("sh", (), "hdvplan --version\n", 1))
+    reader.run(Block("text", ("output",), "hdvplan   0...\n", 1))
+    with pytest.raises(AssertionError, match="no printed line reads"):
+        reader.run(Block("text", ("output",), "hdvplan 99\n", 1))
+    with pytest.raises(AssertionError, match="exits with 2"):
+        reader.run(Block("sh", (), "hdvplan vehicles show rocket\n", 1))
+    reader.run(Block("sh", (), "hdvplan vehicles show rocket  # exit code 1 or 2\n", 1))
+    with pytest.raises(AssertionError, match="no command of ours"):
+        reader.run(Block("sh", (), "pip install hdvplan\n", 1))
+    with pytest.raises(ZeroDivisionError):
+        reader.run(Block("python", (), "1 / 0\n", 1))
+
+
+def test_the_summary_s_fields_are_those_that_the_documents_explain() -> None:
+    road = hdvplan.load_road("sturn")
+    summary = summary_of(hdvplan.plan(road, hdvplan.load_vehicle("bus"), hdvplan.PlannerSettings(horizon=50.0)))
+    explained = (ROOT / "docs" / "tables.md").read_text(encoding="utf-8")
+    missing = [name for name in summary if f"`{name}`" not in explained]
+    assert not missing, f"docs/tables.md does not explain {missing}"
