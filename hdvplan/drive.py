@@ -43,6 +43,11 @@ class Drive:
     prediction_error: float  # largest difference of planned and simulated position over the executed parts [m]
     bias: Bias = NONE  # where the middle of the swept envelope was wanted
 
+    @property
+    def steering(self) -> FloatArray:
+        """Angles of the wheels that the plan steers, at the stations, changing evenly between them, (samples, active) [rad]."""
+        return self.z[:, self.vehicle.rigid_states :]
+
 
 def drive(
     road: Road,
@@ -78,7 +83,7 @@ def drive(
     keep = int(np.ceil(settings.step / POSE_SPACING_M))
     total = int(np.ceil(road.path.length / settings.step - 1e-9))
     geometry = stations.centering
-    z = np.concatenate([[geometry.e_y[0], geometry.e_psi[0]], geometry.beta[0]])
+    z = geometry.states[0]
     kappa_before = float(np.clip(geometry.kappa[0], -vehicle.max_curvature, vehicle.max_curvature))
     fine, executed, plans, error = [z[None]], [], [], 0.0
     at = 0
@@ -87,7 +92,8 @@ def drive(
         if on_plan is not None:
             on_plan(plan)
         count = min(settings.executed, total - at)
-        part = simulate(units, stations.path, float(stations.s[at]), settings.step, z, plan.kappa[:count], keep)
+        wheels = plan.z[: count + 1, vehicle.rigid_states :]
+        part = simulate(units, stations.path, float(stations.s[at]), settings.step, z, plan.kappa[:count], keep, wheels)
         if not np.all(np.isfinite(part)):
             s = float(stations.s[at] + settings.step / keep * np.argmin(np.isfinite(part[:, 0])))
             msg = f"at s = {s:.1f} m the executed motion leaves the road-aligned model's domain"

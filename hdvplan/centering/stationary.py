@@ -41,6 +41,7 @@ class Stationary:
     aux: FloatArray
     target: FloatArray  # [m]
     axle: int  # which axle the auxiliary one is, see ``auxiliary_axle``
+    steering: FloatArray  # wheel angles of the axles that the plan steers, which aim at their law, shape (n, active) [rad]
     saturated: BoolArray  # no balanced circle is this tight: the tightest one is given
 
     @property
@@ -152,10 +153,14 @@ def stationary(vehicle: Vehicle, road_curvature: FloatArray) -> Stationary:
     axle = auxiliary_axle(vehicle)
     e_y, e_aux = middle - circle.lead, middle - circle.axles[axle]
     lead, aux, target = coefficients(e_y, e_aux)
+    steering = np.empty((*k.shape, len(vehicle.active)))
+    for column, unit in enumerate(vehicle.active):
+        steering[:, column] = -_steered(vehicle.units[unit], circle.beta[:, unit - 1])
     part = k / bent  # 1, or how much gentler the road is than the gentlest circle solved
     return Stationary(
         k, part * kappa, part * e_y, part * e_aux, part * circle.e_psi, part[:, None] * circle.beta,
-        0.5 * (circle.outer - circle.inner), lead, aux, part * target, axle, saturated,
+        0.5 * (circle.outer - circle.inner), lead, aux, part * target, axle, part[:, None] * steering,
+        saturated,
     )  # fmt: skip
 
 

@@ -7,6 +7,7 @@ would cost more than the whole planning step.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -30,6 +31,7 @@ class Centering:
     e_aux: FloatArray  # [m]
     e_psi: FloatArray  # [rad]
     beta: FloatArray  # shape (n, couplings) [rad]
+    steering: FloatArray  # of the axles that the plan steers, shape (n, active) [rad]
     half_width: FloatArray  # [m]
     saturated: BoolArray  # the road is tighter than any balanced circle
 
@@ -37,6 +39,11 @@ class Centering:
     def weight(self) -> FloatArray:
         """K, the lead axle's coefficient per auxiliary axle's; held at +-1000 where the lead axle alone is centred."""
         return ratio(self.lead, self.aux)
+
+    @cached_property
+    def states(self) -> FloatArray:
+        """The vehicle's road-aligned states, shape (n, states)."""
+        return np.column_stack([self.e_y, self.e_psi, self.beta, self.steering])
 
 
 @dataclass(frozen=True)
@@ -58,7 +65,9 @@ class CenteringTable:
         def column(values: FloatArray) -> FloatArray:
             return np.interp(k, grid.road_curvature, values)
 
-        beta = np.stack([sign * column(angle) for angle in grid.beta.T], axis=-1) if grid.beta.size else np.empty((len(k), 0))
+        def columns(values: FloatArray) -> FloatArray:
+            return np.stack([sign * column(one) for one in values.T], axis=-1) if values.size else np.empty((len(k), 0))
+
         return Centering(
             lead=column(grid.lead),
             aux=column(grid.aux),
@@ -68,7 +77,8 @@ class CenteringTable:
             axle=grid.axle,
             e_aux=sign * column(grid.e_aux),
             e_psi=sign * column(grid.e_psi),
-            beta=beta,
+            beta=columns(grid.beta),
+            steering=columns(grid.steering),
             half_width=column(grid.half_width),
             saturated=k >= self.tightest_road,
         )

@@ -1,7 +1,8 @@
-"""Drive a planned curvature exactly: the independent judge of every plan.
+"""Drive planned steering exactly: the independent judge of every plan.
 
 The continuous road-aligned kinematics are integrated with the classical Runge-Kutta method at a fine step, with the
-curvature held over each interval between stations. Nothing of the planner's discretisation or linearisation enters.
+curvature held over each interval between stations, and wheels that the plan steers turning evenly. Nothing of the planner's
+discretisation or linearisation enters.
 """
 
 from __future__ import annotations
@@ -16,33 +17,40 @@ SUBSTEP_M = 0.05  # the integration error of 100 m is then below 1e-6 m (tested 
 
 
 def simulate(
-    units: FloatArray, path: ReferencePath, s_start: float, step: float, z_start: FloatArray, kappa: FloatArray, keep: int
-) -> FloatArray:
+    units: FloatArray, path: ReferencePath, s_start: float, step: float, z_start: FloatArray, kappa: FloatArray, keep: int,
+    steering: FloatArray | None = None,
+) -> FloatArray:  # fmt: skip
     """Return the states while driving ``kappa`` [1/m], each value held over ``step`` [m] of road; shape (len(kappa) * keep + 1, n).
 
+    ``steering`` (len(kappa) + 1, active) are the angles of active wheels at the ends of the steps; without it they are held [rad].
     ``keep`` states are returned for every step. NaN from where the model leaves its domain (1 - e_y k <= 0, or the lead rear axle
     no longer moves forward along the road).
     """
+    if steering is None:
+        steering = np.tile(z_start[1 + len(units) :], (len(kappa) + 1, 1))
     return _simulate(
         units, path.coefficients, path.s_first, path.spacing, s_start, step, np.ascontiguousarray(z_start),
         np.ascontiguousarray(kappa), keep, int(np.ceil(step / keep / SUBSTEP_M)),
+        np.ascontiguousarray(steering),
     )  # fmt: skip
 
 
 @compiled
 def _simulate(
     units: FloatArray, coefficients: FloatArray, s_first: float, spacing: float, s_start: float, step: float, z_start: FloatArray,
-    kappa: FloatArray, keep: int, substeps: int,
+    kappa: FloatArray, keep: int, substeps: int, steering: FloatArray,
 ) -> FloatArray:  # fmt: skip
-    n = z_start.size
+    n, active = z_start.size, steering.shape[1]
     out = np.full((kappa.size * keep + 1, n), np.nan)
     for j in range(n):
         out[0, j] = z_start[j]
     z, probe = z_start.copy(), np.empty(n)
-    f = np.empty((4, n))
+    f, turn = np.empty((4, n)), np.empty(active)
     h = step / (keep * substeps)
     for i in range(kappa.size):
         off = np.arctan(rear_wheels(units, kappa[i])[0])
+        for k in range(active):
+            turn[k] = (steering[i + 1, k] - steering[i, k]) / step
         for j in range(keep):
             for part in range(substeps):
                 s = s_start + i * step + (j * substeps + part) * h
@@ -50,19 +58,32 @@ def _simulate(
                 k_half = evaluate(coefficients, s_first, spacing, s + 0.5 * h)[4]
                 k_next = evaluate(coefficients, s_first, spacing, s + h)[4]
                 derivative(units, k_here, z, kappa[i], f[0])
+                _turn(f[0], turn)
                 _along(z, 0.5 * h, f[0], probe)
                 derivative(units, k_half, probe, kappa[i], f[1])
+                _turn(f[1], turn)
                 _along(z, 0.5 * h, f[1], probe)
                 derivative(units, k_half, probe, kappa[i], f[2])
+                _turn(f[2], turn)
                 _along(z, h, f[2], probe)
                 derivative(units, k_next, probe, kappa[i], f[3])
+                _turn(f[3], turn)
                 for k in range(n):
                     z[k] += h / 6.0 * (f[0, k] + 2.0 * f[1, k] + 2.0 * f[2, k] + f[3, k])
                 if not (1.0 - z[0] * k_next > 0.0 and abs(z[1] + off) < 0.5 * np.pi):
                     return out
             for k in range(n):
                 out[i * keep + j + 1, k] = z[k]
+        for k in range(active):  # no rounding may carry the wheels off the plan
+            z[n - active + k] = out[(i + 1) * keep, n - active + k] = steering[i + 1, k]
     return out
+
+
+@compiled
+def _turn(f: FloatArray, turn: FloatArray) -> None:
+    """Write the rates of the wheels' angles, which are the last states."""
+    for j in range(turn.size):
+        f[f.size - turn.size + j] = turn[j]
 
 
 @compiled

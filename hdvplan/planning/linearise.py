@@ -20,7 +20,7 @@ def advance(
     units: FloatArray, k: float, k_between: float, step: float, midpoint: bool, z: FloatArray, kappa: float, out: FloatArray,
     work: FloatArray,
 ) -> None:  # fmt: skip
-    """Write the state one station ahead into ``out`` (n,): explicit midpoint rule, or Euler as in [GEO].
+    """Write the state one station ahead into ``out`` (n,), active wheels held: explicit midpoint rule, or Euler as in [GEO].
 
     ``work`` has shape (2, n).
     """
@@ -41,9 +41,10 @@ def linearise_dynamics(
 ) -> None:  # fmt: skip
     """Write A, B, c of the first interval and of those from ``begin`` on.
 
-    They say dz_{i+1} = A dz_i + B d kappa_i + defect, with kappa_i = kappa_{i-1} + u_i as the last state.
+    They say dz_{i+1} = A dz_i + B d kappa_i + defect, with kappa_i = kappa_{i-1} + u_i as the last state. An active axle's wheels turn
+    evenly between stations, by the motion's change of their angle and an input of their own.
     """
-    n = z.shape[1]
+    n, rigid = z.shape[1], 1 + units.shape[0]
     f, a, b = np.empty(n), np.empty((n, n)), np.empty(n)
     a_first, b_first, middle = np.empty((n, n)), np.empty(n), np.empty(n)
     scratch = np.empty((3, n + 1))
@@ -54,6 +55,8 @@ def linearise_dynamics(
         if midpoint:
             for j in range(n):
                 middle[j] = z[i, j] + 0.5 * step * f[j]
+            for j in range(rigid, n):
+                middle[j] = 0.5 * (z[i, j] + z[i + 1, j])
             for j in range(n):  # loops: numba takes seconds to compile each slice assignment
                 b_first[j] = b[j]
                 for k in range(n):
@@ -72,6 +75,10 @@ def linearise_dynamics(
             A[i, j, n] = step * b_total
             B[i, j, 0] = step * b_total
             c[i, j] = z[i, j] + step * f[j] - z[i + 1, j]
+        for wheel in range(rigid, n):
+            for j in range(rigid):
+                B[i, j, 1 + wheel - rigid] = 0.5 * step * a[j, wheel] if midpoint else 0.0
+            c[i, wheel] = 0.0
 
 
 @compiled

@@ -46,8 +46,10 @@ def merit(
 ) -> float:  # fmt: skip
     """Return the merit of the motion at which a QP's values were linearised.
 
-    The objective of the first ``stages`` stages is ``measured``; that of another stage is the square of one residual, see
-    ``residual_squared``. Rows from number ``limit_rows`` on are those of the largest reach t, whose cost is N t^2.
+    ``prices`` (n,) are those of the states that say where the bodies are, which come first; no other's dynamics are ever broken.
+    The objective of the first ``stages`` stages is ``measured``, with what else there is at any stage; that of another stage is the
+    square of one residual, see ``residual_squared``. Rows from number ``limit_rows`` on are those of the largest reach t, whose cost
+    is N t^2.
     """
     n, total, before, reach = prices.size, measured, kappa_before, 0.0
     for i in range(kappa.size):

@@ -68,7 +68,7 @@ class Motion:
         end = first + len(self.kappa)
         horizon, held = slice(first + begin, end + 1), max(begin - 1, 0)
         geometry, s = stations.centering, stations.s[horizon]
-        self.z[begin:, 0], self.z[begin:, 1], self.z[begin:, 2:] = geometry.e_y[horizon], geometry.e_psi[horizon], geometry.beta[horizon]
+        self.z[begin:] = geometry.states[horizon]
         self.kappa[held:] = geometry.kappa[first + held : end]
         self.aux_feet[begin:] = s + self.aux_ahead
         self.axis_feet[begin:] = s[:, None, None] + self.axis_ahead

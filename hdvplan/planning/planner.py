@@ -24,6 +24,7 @@ from hdvplan.planning.qp import Residuals, StageQp, StageShape, StageSolution, r
 from hdvplan.planning.reach import linearise_reach, watched_points, write_epigraph
 from hdvplan.planning.settings import Discretisation, PlannerSettings, Scheme
 from hdvplan.planning.stations import Stations
+from hdvplan.planning.steering import Steering
 from hdvplan.solvers.workspace import QpWorkspace, Status
 from hdvplan.vehicle.body import axis_points, edge_points
 from hdvplan.vehicle.model import Vehicle
@@ -85,6 +86,7 @@ class Planner:
         self._residual = centred if isinstance(centred, Residual) else centred.beside
         self._reach_points, self._reach_half = watched_points(vehicle, centred)
         self._balancing = Balancing.of(vehicle, stations, centred, settings.stages) if isinstance(centred, Balanced) else None
+        self._steering = Steering.of(vehicle, stations) if vehicle.active else None
         self._rounds = min(settings.sqp_iterations, centred.rounds) if isinstance(centred, Balanced) else settings.sqp_iterations
         self._motion = Motion.empty(vehicle, settings.stages, self._reach_points, axle=self._residual.axle)
         self._midpoint = settings.discretisation is Discretisation.MIDPOINT
@@ -93,6 +95,8 @@ class Planner:
         qp = self._qp = StageQp.empty(qp_shape(vehicle, settings, rows_per_edge=rows, watched=watched))
         n, own = vehicle.states, qp.shape.rows - 2 * watched  # rows of limits come first
         qp.A[:, n, n] = qp.B[:, n, 0] = 1.0
+        for wheel in range(len(vehicle.active)):
+            qp.B[:, vehicle.rigid_states + wheel, 1 + wheel] = 1.0
         for row in range(own):
             soft = row % rows >= ROWS_PER_EDGE
             qp.linear[:, row] = 0.0 if soft else settings.elastic_weight
@@ -104,7 +108,7 @@ class Planner:
         self._moving = self._motion.by_stage() + flat_stages((qp.A, qp.B, qp.c, qp.Q, qp.q, qp.G, qp.h, *multipliers))
         self._last: int | None = None  # the last plan's first station
         self._fixed = 0
-        self._before, self._prices = (np.empty_like(self._motion.z), np.empty_like(self._motion.kappa)), np.zeros(n)
+        self._before, self._prices = (np.empty_like(self._motion.z), np.empty_like(self._motion.kappa)), np.zeros(vehicle.rigid_states)
 
     def plan(self, first: int, z_start: FloatArray, kappa_before: float) -> Plan:
         """Plan from state ``z_start`` at station ``first``; ``kappa_before`` is the curvature held until there [1/m].
@@ -135,6 +139,8 @@ class Planner:
         motion.guess(self._stations, first, kept)
         keep_steering(motion.kappa, kappa_before, max(kept - 1, 0), self._vehicle.max_curvature, self._max_change)
         motion.z[0] = z_start
+        if self._steering is not None:
+            self._steering.keep(motion.z, max(kept, 1))
         self._linearise(first, max(kept, 1))
         linearising += perf_counter() - began
         while qp_count < self._rounds:
@@ -143,6 +149,8 @@ class Planner:
                 motion.kappa, kappa_before, self._vehicle.max_curvature, self._max_change, settings.smoothness, qp.R, qp.r, qp.x_low,
                 qp.x_high, qp.u_low, qp.u_high,
             )  # fmt: skip
+            if self._steering is not None:
+                self._steering.write(first, motion.z, qp)
             result = self._workspace.solve(qp, self._guess)
             updating += perf_counter() - mark - result.solve_time
             solving += result.solve_time
@@ -156,7 +164,7 @@ class Planner:
                 break
             mark = perf_counter()
             held = defect_prices(result.point.dynamics, result.point.rows, self._prices)
-            worth = self._merit(kappa_before) if held else np.inf
+            worth = self._merit(first, kappa_before) if held else np.inf
             moved, value, halved = self._step(first, result.point.x, k, kappa_before, worth)
             halvings, violation = halvings + halved, self._violation()
             if self._guess is not None:  # the QP is in deviations from the motion: the next solution is near zero
@@ -172,7 +180,7 @@ class Planner:
         self._last = first
         return Plan(
             first, motion.z.copy(), motion.kappa.copy(), kappa_before, result.status, usable, qp_count, qp_iterations, judged,
-            violation, moved, self._merit(kappa_before), halvings,
+            violation, moved, self._merit(first, kappa_before), halvings,
             StepTimes(linearising, updating, solving, checking, perf_counter() - began),
         )  # fmt: skip
 
@@ -192,7 +200,7 @@ class Planner:
         while True:
             moved = take_step(motion.z, motion.kappa, x, k, 0.5**halvings)
             self._linearise(first, 1)
-            value = self._merit(kappa_before)
+            value = self._merit(first, kappa_before)
             if value <= worth or moved < settings.sqp_tolerance or 0.5**halvings <= _SHORTEST_STEP:
                 return moved, value, halvings
             halvings += 1
@@ -201,11 +209,14 @@ class Planner:
     def _violation(self) -> float:
         return max(0.0, -float(np.min(self._motion.gaps[1:]))) if self._limited else 0.0
 
-    def _merit(self, kappa_before: float) -> float:
-        qp, balancing = self._qp, self._balancing
+    def _merit(self, first: int, kappa_before: float) -> float:
+        qp, balancing, steering = self._qp, self._balancing, self._steering
+        measured, stages = (0.0, 0) if balancing is None else (float(balancing.value[0]), balancing.stages)
+        if steering is not None:
+            measured += steering.cost(first, self._motion.z)
         return merit(
             qp.Q, qp.q, qp.c, qp.h, qp.linear, qp.quadratic, self._limit_rows[1].shape[1], self._motion.kappa, kappa_before,
-            self._settings.smoothness, self._prices, *((0.0, 0) if balancing is None else (float(balancing.value[0]), balancing.stages)),
+            self._settings.smoothness, self._prices, measured, stages,
         )  # fmt: skip
 
     def _linearise(self, first: int, begin: int) -> None:
@@ -248,14 +259,21 @@ def rows_per_edge(settings: PlannerSettings, *, limited: bool, two_regions: bool
 def qp_shape(vehicle: Vehicle, settings: PlannerSettings, *, rows_per_edge: int, watched: int = 0) -> StageShape:
     """Return the sizes and zero pattern of a vehicle's QP: states (dz, d kappa_{i-1}), one input, rows per body edge.
 
-    With ``watched`` points there is one state more, their largest reach t, one input more that sets it, and two rows a point.
+    Every axle that the plan steers has one input more, the change of its wheels' angle, which is a bounded state. With ``watched``
+    points there is one state more, their largest reach t, one input more that sets it, and two rows a point.
     """
-    n, more = vehicle.states, int(watched > 0)
+    n, rigid, more = vehicle.states, vehicle.rigid_states, int(watched > 0)
     size = n + 1 + more
     a, q = np.zeros((size, size), bool), np.zeros((size, size), bool)
-    a[:n, :n] = np.tril(np.ones((n, n), bool))  # an articulation angle depends on itself and what is ahead of it
+    a[:rigid, :rigid] = np.tril(np.ones((rigid, rigid), bool))  # an articulation angle depends on itself and what is ahead of it
     a[0, 1] = a[n, n] = a[-1, -1] = True
-    a[:n, n] = q[:n, :n] = True
+    a[:rigid, n] = q[:rigid, :rigid] = True
+    wheels = np.arange(rigid, n)
+    for unit, wheel in zip(vehicle.active, wheels, strict=True):
+        a[1 + unit : rigid, wheel] = a[wheel, wheel] = q[wheel, wheel] = True
     g = np.arange(size) != n
+    g[wheels] = False
     rows = 2 * rows_per_edge * len(vehicle.units)
-    return StageShape(settings.stages, size, 1 + more, rows + 2 * watched, (n,), a_pattern=a, q_pattern=q, g_pattern=g)
+    return StageShape(
+        settings.stages, size, 1 + len(wheels) + more, rows + 2 * watched, (n, *map(int, wheels)), a_pattern=a, q_pattern=q, g_pattern=g
+    )

@@ -1,6 +1,6 @@
 """The largest reach as an objective: an epigraph variable t >= |offset| of every watched point at every stage of the horizon.
 
-t is one state more, which the first stage's second input sets and all others keep: its rows then look like those of any limit,
+t is one state more, which the first stage's last input sets and all others keep: its rows then look like those of any limit,
 and every solver takes the program as it is.
 """
 
@@ -28,17 +28,17 @@ def watched_points(vehicle: Vehicle, centred: Residual | Furthest | Balanced) ->
 
 
 def write_epigraph(qp: StageQp, t: int, rows: FloatArray) -> None:
-    """Write what is constant about the state number ``t``: the first stage's second input sets it, all others keep it.
+    """Write what is constant about the state number ``t``: the first stage's last input sets it, all others keep it.
 
     ``rows`` (N, p, n) are the rows whose limit at 0 it moves outwards. Their multipliers add up to 2 N t, so the price at which they
     are elastic makes them exact.
     """
     stages = qp.shape.stages
-    qp.A[:, t, t], qp.B[:, t, 1] = 1.0, 0.0
-    qp.A[0, t, t], qp.B[0, t, 1] = 0.0, 1.0
+    qp.A[:, t, t], qp.B[:, t, -1] = 1.0, 0.0
+    qp.A[0, t, t], qp.B[0, t, -1] = 0.0, 1.0
     qp.Q[:, t, t], qp.Q[-1, t, t] = 0.0, 2.0 * stages
-    qp.R[:, 1, 1] = 1.0  # the other stages' second inputs do nothing, and are 0
-    qp.u_low[:, 1], qp.u_high[:, 1] = -_FURTHEST_M, _FURTHEST_M
+    qp.R[:, -1, -1] = 1.0  # the other stages' last inputs do nothing, and are 0
+    qp.u_low[:, -1], qp.u_high[:, -1] = -_FURTHEST_M, _FURTHEST_M
     rows[:, :, t] = -1.0
     qp.linear[:, qp.shape.rows - rows.shape[1] :] = 2.0 * stages * _FURTHEST_M
 

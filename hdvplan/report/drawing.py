@@ -124,6 +124,7 @@ def _legend(vehicle: Vehicle) -> list[tuple[str, str]]:
         if unit.steering_ratio > 0.0:
             of = "the front wheels'" if number == 0 else "the articulation"
             most = np.rad2deg(unit.max_steering_angle)
-            entries += f"; axle steered by {unit.steering_ratio:.2f} of {of} angle, to {most:.0f}°"
+            how = "axle steered by the plan, aiming at" if unit.active else "axle steered by"
+            entries += f"; {how} {unit.steering_ratio:.2f} of {of} angle, to {most:.0f}°"
         lines.append((entries, body_colour(number)))
     return [*lines, (f"metres; {vehicle.source}" if vehicle.source else "metres", "0.35")]

@@ -63,10 +63,11 @@ def write_plan(
 
 
 def path_table(result: Result) -> pd.DataFrame:
-    """Return the executed path, one row a station: s, x, y, heading, e_y, e_psi, beta1, ..., kappa, K [m, rad, 1/m].
+    """Return the executed path, one row a station: s, x, y, heading, e_y, e_psi, beta1, ..., steering1, ..., kappa, K [m, rad, 1/m].
 
     x, y and heading (continuous) are the lead unit's rear axle in the plane; row i's kappa is held to row i + 1, and the
-    last row repeats the last one. K is the geometric weight of the road's curvature there.
+    last row repeats the last one. The steering columns, one for every axle that the plan steers, are the angles of its wheels off its
+    body (left positive), which change evenly to the next row. K is the geometric weight of the road's curvature there.
     """
     drive = result.drive
     n = len(drive.z)
@@ -74,7 +75,8 @@ def path_table(result: Result) -> pd.DataFrame:
     x, y = drive.stations.path.to_plane(s, drive.z[:, 0])
     heading = np.unwrap(drive.stations.path.at(s).heading) + drive.z[:, 1]
     columns = {"s": s, "x": x, "y": y, "heading": heading, "e_y": drive.z[:, 0], "e_psi": drive.z[:, 1]}
-    columns |= {f"beta{i}": beta for i, beta in enumerate(drive.z[:, 2:].T, start=1)}
+    columns |= {f"beta{i}": beta for i, beta in enumerate(drive.z[:, 2 : drive.vehicle.rigid_states].T, start=1)}
+    columns |= {f"steering{i}": angle for i, angle in enumerate(drive.steering.T, start=1)}
     columns |= {"kappa": np.append(drive.kappa, drive.kappa[-1]), "K": drive.stations.centering.weight[:n]}
     return pd.DataFrame(columns)
 

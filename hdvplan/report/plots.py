@@ -224,7 +224,7 @@ def _draw_articulation(axes: Axes, result: Result, window: Window) -> None:
     drive = result.drive
     s, expected_s = drive.stations.s[: len(drive.z)], result.envelope.s
     shown, expected_shown = _within(s, window), _within(expected_s, window)
-    couplings = drive.z.shape[1] - 2
+    couplings = len(drive.vehicle.units) - 1
     for coupling in range(couplings):
         label = "driven" if couplings == 1 else f"coupling {coupling + 1}"
         driven, geometric = np.rad2deg(drive.z[:, 2 + coupling]), np.rad2deg(result.expected.beta[:, coupling])

@@ -1,10 +1,11 @@
 """The road-aligned kinematics of a lead unit with any number of trailers, with exact derivatives.
 
-State z = (e_y, e_psi, beta_1, ...): lateral error of the lead unit's rear axle, heading error of its body, then the
-articulation angle at every coupling (heading ahead minus heading behind). Input: kappa = tan(front angle) / wheelbase, which
-is the curvature of the lead rear axle's path unless that axle is steered. ``units`` is ``Vehicle.table()``.
+State z = (e_y, e_psi, beta_1, ..., delta_1, ...): lateral error of the lead unit's rear axle, heading error of its body, then the
+articulation angle at every coupling (heading ahead minus heading behind), then, of every axle that the plan steers, the angle of its
+wheels off its body (left positive); how fast that turns is the plan's to choose, and zero here. Input: kappa = tan(front angle) /
+wheelbase, which is the curvature of the lead rear axle's path unless that axle is steered. ``units`` is ``Vehicle.table()``.
 
-Every axle moves along its wheels, at an angle delta off its body: delta = -ratio * (front angle or beta), held at
+Every axle moves along its wheels, at an angle delta off its body: a state, or delta = -ratio * (front angle or beta), held at
 +-max_steering_angle. With velocities per metre that the lead body moves forward at its axle, a unit's axle moves (forward,
 forward tan(delta)) in the body's axes, and the coupling behind it (forward, forward tan(delta) - hitch turn). Turned by beta
 these are the velocities at the coupling of the next unit, whose wheels then decide how fast that turns.
@@ -53,11 +54,13 @@ def derivative(units: FloatArray, road_curvature: float, z: FloatArray, kappa: f
         beta, length = z[1 + i], units[i, 0]
         cos_b, sin_b = np.cos(beta), np.sin(beta)
         across = sideways - units[i - 1, 1] * turn  # of the coupling, in the axes of the body ahead
-        tan, _ = wheels(units, i, beta)
+        tan, _ = wheels(units, i, z[int(units[i, 7])])
         forward_behind = forward * cos_b - across * sin_b
         turn_behind = (forward * sin_b + across * cos_b - forward_behind * tan) / length
         f[1 + i] = travelled * (turn - turn_behind)
         forward, sideways, turn = forward_behind, forward_behind * tan, turn_behind
+    for i in range(1 + units.shape[0], z.size):
+        f[i] = 0.0
 
 
 @compiled
@@ -96,13 +99,14 @@ def jacobian(
         cos_b, sin_b = np.cos(z[j]), np.sin(z[j])
         across = sideways - hitch * turn
         forward_behind, across_behind = forward * cos_b - across * sin_b, forward * sin_b + across * cos_b
-        tan, by_beta = wheels(units, i, z[j])
+        steers = int(units[i, 7])
+        tan, by_angle = wheels(units, i, z[steers])
         turn_behind = (across_behind - forward_behind * tan) / length
         f[j] = travelled * (turn - turn_behind)
         a[j, 0] = by_e_y * (turn - turn_behind)
         a[j, 1] = by_e_psi * (turn - turn_behind)
         for column in range(2, n + 1):
-            if j < column < n:  # the couplings behind
+            if j < column <= units.shape[0]:  # the couplings behind
                 continue
             d_forward, d_across, d_turn = scratch[0, column], scratch[1, column] - hitch * scratch[2, column], scratch[2, column]
             d_forward_behind, d_across_behind = d_forward * cos_b - d_across * sin_b, d_forward * sin_b + d_across * cos_b
@@ -110,7 +114,8 @@ def jacobian(
             if column == j:
                 d_forward_behind -= across_behind
                 d_across_behind += forward_behind
-                d_tan = by_beta
+            if column == steers:
+                d_tan = by_angle
             d_sideways = d_forward_behind * tan + forward_behind * d_tan
             d_turn_behind = (d_across_behind - d_sideways) / length
             if column < n:
@@ -119,6 +124,8 @@ def jacobian(
                 b[j] = travelled * (d_turn - d_turn_behind) + by_wheels * (turn - turn_behind)
             scratch[0, column], scratch[1, column], scratch[2, column] = d_forward_behind, d_sideways, d_turn_behind
         forward, sideways, turn = forward_behind, forward_behind * tan, turn_behind
+    for i in range(1 + units.shape[0], n):
+        f[i] = b[i] = 0.0
 
 
 @compiled

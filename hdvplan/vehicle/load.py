@@ -13,7 +13,9 @@ from hdvplan.vehicle.model import Unit, Vehicle
 _TOP_KEYS = ("name", "source", "unit")
 _STEERING_KEYS = ("max_curvature", "max_curvature_rate")
 _DIMENSION_KEYS = ("wheelbase", "front_overhang", "rear_overhang", "width", "hitch_offset", "length")
-_AXLE_KEYS = ("steering_ratio", "max_steering_angle")
+_AXLE_KEYS = ("steering_ratio", "max_steering_angle", "max_steering_rate")
+_ACTIVE, _ACTIVELY = "active", 'steered = "active"'
+_AIM = 0.6  # of an active axle's angle to the articulation on constant curves, where a file does not say
 _UNIT_KEYS = ("name", *_DIMENSION_KEYS, *_STEERING_KEYS, "steered", *_AXLE_KEYS)
 _LENGTH_TOLERANCE_M = 0.01
 
@@ -113,6 +115,8 @@ def _unit(table: dict[str, object], number: int, name: str) -> Unit:
         if key not in values:
             msg = f"{where}: {key} is missing"
             raise VehicleError(msg, field=key, hint=f"entries of a unit: {', '.join(_UNIT_KEYS)}")
+    if table.get("steered") == _ACTIVE:
+        values.setdefault("steering_ratio", _AIM)
     length = values.pop("length", None)
     front = values.setdefault("front_overhang", 0.0)
     if length is None:
@@ -134,9 +138,15 @@ def _unit(table: dict[str, object], number: int, name: str) -> Unit:
 
 def _check_steered(table: dict[str, object], number: int, where: str) -> None:
     """Refuse entries about steering that contradict each other: ``steered`` is the front axle of unit 1, the axle of others."""
+    if table.get("steered") == _ACTIVE:
+        _check_active(table, number, where)
+        return
+    if "max_steering_rate" in table:
+        msg = f"{where}: max_steering_rate needs {_ACTIVELY}"
+        raise VehicleError(msg, field="max_steering_rate", hint="it limits how fast the plan turns a trailer's wheels")
     steered = table.get("steered", number == 1 or "steering_ratio" in table)
     if not isinstance(steered, bool):
-        msg = f"{where}: steered must be true or false, not {steered!r}"
+        msg = f"{where}: steered must be true, false or 'active', not {steered!r}"
         raise VehicleError(msg, field="steered")
     if number == 1 and not steered:
         msg = f"{where}: steered = false is not supported; the first unit steers, the others follow"
@@ -148,6 +158,20 @@ def _check_steered(table: dict[str, object], number: int, where: str) -> None:
     if "max_steering_angle" in table and "steering_ratio" not in table:
         msg = f"{where}: max_steering_angle needs a steering_ratio"
         raise VehicleError(msg, field="max_steering_angle", hint="it stops this unit's own axle; the front wheels have max_curvature")
+
+
+def _check_active(table: dict[str, object], number: int, where: str) -> None:
+    """Refuse an axle that the plan is to steer where it cannot, or without saying what its wheels can do."""
+    if number == 1:
+        msg = f"{where}: {_ACTIVELY} is not supported; only a trailer's axle can be steered actively"
+        raise VehicleError(msg, field="steered", hint="the rear axle of unit 1 takes a steering_ratio alone")
+    for key in ("max_steering_angle", "max_steering_rate"):
+        if key not in table:
+            msg = f"{where}: {_ACTIVELY} needs {key}"
+            raise VehicleError(msg, field=key, hint="max_steering_angle is in radians, max_steering_rate in radians per metre travelled")
+    if _number(table, "max_steering_rate", where) == 0.0:
+        msg = f"{where}: max_steering_rate = 0 rad/m must lie above 0"
+        raise VehicleError(msg, field="max_steering_rate", hint="wheels that never turn need no steered axle")
 
 
 def _check_keys(table: dict[str, object], known: tuple[str, ...], where: str) -> None:

@@ -6,6 +6,8 @@ further unit is coupled to the one ahead of it: ``wheelbase`` is then the distan
 Any unit's axle may be steered by a fixed law, as vehicles are built: by ``steering_ratio`` times the front wheels' angle
 (first unit) or times the articulation angle at the unit's own coupling (others), up to ``max_steering_angle``. The sign is
 such that a positive ratio improves off-tracking: the axle turns its wheels out of the bend.
+
+A trailer's axle with a ``max_steering_rate`` is active: the plan steers it, and the law is only what it aims at on constant curves.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ from hdvplan.jit import FloatArray
 MAX_DIMENSION_M = 50.0  # no single road unit is longer; catches millimetres and feet
 MAX_RATIO = 2.0  # of steering: an axle that follows its coupling's track exactly has 1
 MAX_ANGLE = 0.25 * np.pi  # of an axle's wheels [rad]; catches degrees
+MAX_RATE = 1.0  # of an active axle's wheels [rad/m]; catches degrees
 
 
 @dataclass(frozen=True)
@@ -33,6 +36,7 @@ class Unit:
     hitch_offset: float = 0.0  # coupling of the next unit behind the axle; negative: ahead of it [m]
     steering_ratio: float = 0.0  # of the axle's steering angle to the front wheels' or to the articulation; 0: not steered
     max_steering_angle: float = MAX_ANGLE  # of this axle [rad]
+    max_steering_rate: float = 0.0  # of an axle that the plan steers, per metre travelled [rad/m]; 0: by the law
     name: str = ""  # what messages and pictures call it
 
     @property
@@ -44,6 +48,11 @@ class Unit:
     def length(self) -> float:
         """Length of the body [m]."""
         return self.front + self.rear_overhang
+
+    @property
+    def active(self) -> bool:
+        """Whether the plan steers the axle, not the law."""
+        return self.max_steering_rate > 0.0
 
 
 @dataclass(frozen=True)
@@ -93,6 +102,20 @@ class Vehicle:
             where = f"vehicle {self.name!r}, unit {number}"
             msg = f"{where}: max_steering_angle = {angle:g} rad must lie above 0 and be at most {MAX_ANGLE:.3f}"
             raise VehicleError(msg, field="max_steering_angle", hint=f"it is in radians: 20 degrees are {np.deg2rad(20.0):.3f}")
+        self._check_rate(f"vehicle {self.name!r}, unit {number}", unit, lead=number == 1)
+
+    @staticmethod
+    def _check_rate(where: str, unit: Unit, *, lead: bool) -> None:
+        rate = unit.max_steering_rate
+        if not (np.isfinite(rate) and 0.0 <= rate <= MAX_RATE):
+            msg = f"{where}: max_steering_rate = {rate:g} rad/m must lie between 0 and {MAX_RATE:g}"
+            raise VehicleError(msg, field="max_steering_rate", hint="it is in radians per metre travelled")
+        if unit.active and lead:
+            msg = f"{where}: max_steering_rate = {rate:g} rad/m, but only a trailer's axle can be steered actively"
+            raise VehicleError(msg, field="max_steering_rate", hint="the rear axle of unit 1 takes a steering_ratio alone")
+        if unit.active and not unit.steering_ratio > 0.0:
+            msg = f"{where}: an active axle needs a steering_ratio above 0, to aim at on constant curves"
+            raise VehicleError(msg, field="steering_ratio")
 
     @property
     def lead(self) -> Unit:
@@ -101,8 +124,18 @@ class Vehicle:
 
     @property
     def states(self) -> int:
-        """Number of road-aligned states: e_y, e_psi and one articulation angle a coupling."""
+        """Number of road-aligned states: e_y, e_psi, one articulation angle a coupling, one wheel angle an active axle."""
+        return self.rigid_states + len(self.active)
+
+    @property
+    def rigid_states(self) -> int:
+        """Number of the states that say where the bodies are: all but the active axles' wheel angles, which come last."""
         return 1 + len(self.units)
+
+    @property
+    def active(self) -> tuple[int, ...]:
+        """The units, from 0, whose axles the plan steers."""
+        return tuple(number for number, unit in enumerate(self.units) if unit.active)
 
     @property
     def width(self) -> float:
@@ -130,11 +163,15 @@ class Vehicle:
     def table(self) -> FloatArray:
         """Return the dimensions for the kernels, a row per unit.
 
-        Columns: wheelbase, hitch offset, front, rear, half width [m], steering ratio, largest steering angle [rad].
+        Columns: wheelbase, hitch offset, front, rear, half width [m], steering ratio, largest steering angle [rad], and the number of
+        the state that steers a trailer's axle: its coupling's angle; or its wheels' own, with a ratio that passes it on.
         """
+        states = np.arange(1.0, 1.0 + len(self.units))
+        states[list(self.active)] = np.arange(self.rigid_states, self.states)
+        laws = [(-1.0, 0.5 * np.pi) if u.active else (u.steering_ratio, u.max_steering_angle) for u in self.units]
         return np.array(
             [
-                [u.wheelbase, u.hitch_offset, u.front, u.rear_overhang, 0.5 * u.width, u.steering_ratio, u.max_steering_angle]
-                for u in self.units
+                [u.wheelbase, u.hitch_offset, u.front, u.rear_overhang, 0.5 * u.width, *law, state]
+                for u, law, state in zip(self.units, laws, states, strict=True)
             ]
         )

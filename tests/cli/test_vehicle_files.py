@@ -78,12 +78,30 @@ def test_five_units_are_planned_drawn_and_described(cli: Cli, five: str, tmp_pat
     assert cli("vehicles", "show", five, "--plot").code == 0
 
 
+def test_wheels_that_the_plan_steers_are_written_with_the_path(cli: Cli, tmp_path: Path) -> None:
+    """The dolly by the plan, the trailer behind it by a law, the last one by the plan again."""
+    active = 'steered = "active"\nmax_steering_angle = 0.3\nmax_steering_rate = 0.05\n'
+    text = FIVE.replace("width = 2.4\n", "width = 2.4\n" + active).replace("steered = true\nsteering_ratio = 1.0\n", active)
+    (tmp_path / "active.toml").write_text(text, encoding="utf-8")
+    outcome = cli("plan", "roundabout", "--vehicle", "active.toml", "--half-width", "6", "--out", "plan", "--json")
+    assert outcome.code == 0, outcome.err
+    path = pd.read_csv(tmp_path / "plan" / "path.csv")
+    assert list(path.columns)[6:] == ["beta1", "beta2", "beta3", "beta4", "steering1", "steering2", "kappa", "K"]
+    steering = path[["steering1", "steering2"]]
+    assert (steering.abs().max() <= 0.3 + 1e-6).all()  # a solver may leave 1e-7 of a bound
+    assert (steering.diff().abs().max() <= 0.05 * 0.5 + 1e-6).all()
+    assert (steering.abs().max() > 0.05).all()
+    assert cli("report", "plan").code == 0
+
+
 @pytest.mark.parametrize(
     ("wrong", "right", "words"),
     [
         ("steering_ratio = 0.4", "steering_ratio = 4.0", "unit 2: steering_ratio = 4 must lie between 0 and 2"),
         ("max_steering_angle = 0.3", "max_steering_angle = 17", "unit 2: max_steering_angle = 17 rad"),
         ("steered = true\nsteering_ratio = 1.0", "steered = true", "unit 5: steered = true needs a steering_ratio"),
+        ("steered = true", 'steered = "active"', 'unit 5: steered = "active" needs max_steering_angle'),
+        ("steered = true", "max_steering_rate = 0.1", 'unit 5: max_steering_rate needs steered = "active"'),
         ("front_overhang = -2.4", "front_overhang = -3.6", "unit 3: front_overhang = -3.6 m must lie between -3.5"),
         ("wheelbase = 6.0", "wheelbase = 6000", "unit 4: wheelbase = 6000 m must lie between 0.5 and 50 m"),
         ("hitch_offset = -0.4", "hitch_offset = -5", "unit 1: hitch_offset = -5 m must lie between -4.2 and 50 m"),

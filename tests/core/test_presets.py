@@ -43,7 +43,8 @@ def test_on_constant_radius_a_preset_settles_in_its_stationary_circle(name: str)
     here = (s > SETTLED[0]) & (s < SETTLED[1])
     geometry = run.stations.centering
     for found, expected, tolerance in (
-        (run.z[:, 2:], geometry.beta[: len(s)], 1e-3),  # demanded
+        (run.z[:, 2 : run.vehicle.rigid_states], geometry.beta[: len(s)], 1e-3),  # demanded
+        (run.steering, geometry.steering[: len(s)], 1e-3),
         (run.z[:, 0], geometry.e_y[: len(s)], 0.01),
         (run.z[:, 1], geometry.e_psi[: len(s)], 1e-3),
     ):
@@ -88,10 +89,13 @@ def slides(run: Drive, at: int) -> FloatArray:
         return np.append(poses[:, :2].ravel(), poses[0, :2] + vehicle.lead.wheelbase * poses[0, 2:4])
 
     moves = differences(axles, np.zeros(1))[:, 0].reshape(-1, 2)
-    headings = psi + z[1] - np.concatenate([[0.0], np.cumsum(z[2:])])
+    beta, wheels = np.split(z[2:], [len(vehicle.units) - 1])
+    headings = psi + z[1] - np.concatenate([[0.0], np.cumsum(beta)])
     front = np.arctan(vehicle.lead.wheelbase * kappa)
-    turns = np.append(front, z[2:])
+    turns = np.append(front, beta)
     off = [-np.clip(u.steering_ratio * t, -u.max_steering_angle, u.max_steering_angle) for u, t in zip(vehicle.units, turns, strict=True)]
+    for unit, angle in zip(vehicle.active, wheels, strict=True):
+        off[unit] = angle
     along = np.append(headings + off, headings[0] + front)
     across: FloatArray = np.cos(along) * moves[:, 1] - np.sin(along) * moves[:, 0]
     return np.abs(across)

@@ -108,12 +108,14 @@ def test_no_axle_slides_off_the_direction_of_its_wheels(vehicle: Vehicle, draw: 
     assert np.max(np.abs(slides)) < 1e-8  # the five-point rule at 30 m; the demand is 1e-6
 
 
-def plane_rates(vehicle: Vehicle, q: FloatArray, road: FloatArray, kappa: float) -> FloatArray:
+def plane_rates(vehicle: Vehicle, q: FloatArray, road: FloatArray, kappa: float, wheels: FloatArray | None = None) -> FloatArray:
     """Return the rates of (x, y, headings) per metre of road of a chain on wheels that do not slide.
 
     As many linear conditions as unknown rates: no velocity across the front wheels, nor across any axle's wheels, and the
     lead axle stays abreast of the road point: ``road`` holds that point's direction and the rate that the axle must have along it.
+    ``wheels`` are every axle's angles off its body where no law gives them.
     """
+    off = wheel_angles(vehicle, q[2:], kappa) if wheels is None else wheels
     count = len(vehicle.units)
     body = np.stack([-np.sin(q[2:]), np.cos(q[2:])], axis=1)  # d(along)/d(heading)
     moves = np.zeros((count + 1, 2, count + 2))  # of every axle and the front wheels by every coordinate
@@ -123,7 +125,7 @@ def plane_rates(vehicle: Vehicle, q: FloatArray, road: FloatArray, kappa: float)
         moves[i, :, 1 + i] -= vehicle.units[i - 1].hitch_offset * body[i - 1]
         moves[i, :, 2 + i] -= vehicle.units[i].wheelbase * body[i]
     moves[count, :, 2] = vehicle.lead.wheelbase * body[0]
-    along = np.append(q[2:] + wheel_angles(vehicle, q[2:], kappa), q[2] + np.arctan(vehicle.lead.wheelbase * kappa))
+    along = np.append(q[2:] + off, q[2] + np.arctan(vehicle.lead.wheelbase * kappa))
     conditions, wanted = np.zeros((count + 2, count + 2)), np.zeros(count + 2)
     for i in range(count + 1):
         conditions[i] = np.array([-np.sin(along[i]), np.cos(along[i])]) @ moves[i]

@@ -27,6 +27,12 @@ width = 2.5
 """
 
 
+ACTIVE = """steered = "active"
+max_steering_angle = 0.3
+max_steering_rate = 0.1
+"""
+
+
 @pytest.mark.parametrize("name", sorted(PUBLISHED))
 def test_a_preset_has_the_published_dimensions(name: str) -> None:
     wheelbase, front, rear, width, hitch, trailer, trailer_rear = PUBLISHED[name]
@@ -49,6 +55,7 @@ LENGTHS = {  # overall, as named in each preset's description; the laws' and the
     "rear-steered-bus": 12.0,
     "rigid-truck": 10.0,
     "tractor-semitrailer": 16.5,
+    "semitrailer-active": 16.5,
     "semitrailer-steered": 16.5,
     "truck-dolly-semitrailer": 25.25,
 }
@@ -151,7 +158,20 @@ def test_a_file_is_read_and_named_after_itself(tmp_path: Path) -> None:
         (BUS + BUS + "steered = false\nsteering_ratio = 0.5", "steered", "contradicts its steering_ratio"),
         (BUS + "name = 3", "name", "unit 1: name must be a word, not 3"),
         (BUS + "name = ' '", "name", "unit 1: name must be a word"),
-        (BUS + BUS + "steered = 'active'", "steered", "true or false, not 'active'"),
+        (BUS + BUS + "steered = 'actively'", "steered", "true, false or 'active', not 'actively'"),
+        (BUS + "steered = 'active'" + BUS, "steered", 'unit 1: steered = "active" is not supported; only a trailer\'s axle'),
+        (BUS + BUS + "steered = 'active'", "max_steering_angle", 'unit 2: steered = "active" needs max_steering_angle'),
+        (
+            BUS + BUS + "steered = 'active'\nmax_steering_angle = 0.3",
+            "max_steering_rate",
+            'unit 2: steered = "active" needs max_steering_rate',
+        ),
+        (BUS + BUS + ACTIVE.replace("0.1", "0.0"), "max_steering_rate", "max_steering_rate = 0 rad/m must lie above 0"),
+        (BUS + BUS + ACTIVE.replace("0.1", "5.0"), "max_steering_rate", "max_steering_rate = 5 rad/m must lie between 0 and 1"),
+        (BUS + BUS + ACTIVE.replace("0.1", "nan"), "max_steering_rate", "max_steering_rate = nan rad/m must lie between"),
+        (BUS + BUS + ACTIVE.replace("0.1", "'fast'"), "max_steering_rate", "must be a number, not 'fast'"),
+        (BUS + BUS + ACTIVE + "steering_ratio = 0.0", "steering_ratio", "unit 2: an active axle needs a steering_ratio above 0"),
+        (BUS + BUS + "steering_ratio = 0.5\nmax_steering_rate = 0.1", "max_steering_rate", 'max_steering_rate needs steered = "active"'),
         (BUS + BUS + "steering_ratio = -0.5", "steering_ratio", "unit 2: steering_ratio = -0.5 must lie between 0 and 2"),
         (BUS + "steering_ratio = nan", "steering_ratio", "unit 1: steering_ratio = nan must lie"),
         (BUS + BUS + "steering_ratio = 'half'", "steering_ratio", "must be a number, not 'half'"),

@@ -43,3 +43,5 @@ def test_what_steers_is_said_in_words() -> None:
     legend = " ".join(text.get_text() for text in figure.texts)
     assert "steered by 0.50 of the articulation angle, to 20°" in legend
     assert "Directive 96/53/EC" in legend
+    active = " ".join(text.get_text() for text in vehicle_figure(load_vehicle("semitrailer-active")).texts)
+    assert "axle steered by the plan, aiming at 0.60 of the articulation angle, to 20°" in active
