@@ -65,7 +65,7 @@ def exact_nlp(
     vehicle: Vehicle, stations: Stations, residual: Residual, settings: PlannerSettings, kappa_before: float, *, tolerance: float
 ) -> ExactNlp:
     """Return the program of a drive's first plan; it starts in the stationary geometry at station 0."""
-    if settings.discretisation is not Discretisation.MIDPOINT:
+    if settings.discretisation is not Discretisation.MIDPOINT or any(unit.active for unit in vehicle.units):
         raise NotImplementedError
     stages, n = settings.stages, vehicle.states
     ahead, geometry = slice(1, stages + 1), stations.centering
