@@ -89,8 +89,9 @@ def stations_of(road: Road, vehicle: Vehicle, table: CenteringTable, *, step: fl
 def _margin(around: FloatArray, vehicle: Vehicle, step: float) -> FloatArray:
     """Return how far a point's track can bow out between two stations, shape (n,) [m].
 
-    Between stations the curvature is held: a point's track bends no more than the lead axle's, or than wheels turn, and the road beside
-    it no more than ``around`` says. Over a chord of length l their difference k bows by k l^2 / 8; so does the road between entries of the table.
+    Between stations the curvature is held: a point's track bends no more than the lead axle's, or than wheels turn, and the road
+    beside it no more than ``around`` says. Over a chord of length l their difference k bows by k l^2 / 8; so does the road between
+    entries of the table.
     """
     turning = max(unit.max_steering_rate for unit in vehicle.units)  # of an actively steered axle's wheels
     bend = vehicle.max_curvature + turning + np.max(np.abs(around[2:4]), axis=0)
