@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 
-COMPILING = "compiling the planning kernels, once per installation: about 20 s"
+COMPILING = "compiling the planning kernels, once per installation: about half a minute"
 
 
 class ExitCode(IntEnum):
