@@ -81,7 +81,9 @@ def test_an_earlier_comparison_is_replaced_but_nothing_else_is_deleted(finished_
 
 
 def test_a_program_that_fails_is_no_regression(finished_run: Path, tmp_path: Path) -> None:
-    broken = Program("broken", Path(sys.executable), tmp_path)  # no package there
+    (tmp_path / "hdvplan").mkdir()
+    (tmp_path / "hdvplan" / "__init__.py").write_text("raise SystemExit('nothing here')\n", encoding="utf-8")  # before an installed one
+    broken = Program("broken", Path(sys.executable), tmp_path)
     with pytest.raises(MeasurementError, match="broken ended with 1 and says: "):
         measured(Recorded("base", Path(sys.executable), run=finished_run), broken, tmp_path / "out")
 
