@@ -61,7 +61,7 @@ def begin(suite: Suite, directory: Path, record: Json | None, *, one_thread: boo
         OSError: the directory cannot be written.
 
     """
-    session = {"started": _time(), "command": sys.argv, "one_thread": one_thread, "load_average": load_average()}
+    session = {"started": _time(), "command": ["hdvplan", *sys.argv[1:]], "one_thread": one_thread, "load_average": load_average()}
     earlier = record["sessions"] if record else []
     opened = _conditions(suite) | {"commit": commit(), "sessions": [*earlier, session], "finished": None}
     directory.mkdir(parents=True, exist_ok=True)
