@@ -20,16 +20,16 @@ from scipy.ndimage import gaussian_filter1d
 from hdvplan.bench.courses import with_limits
 from hdvplan.bench.machine import use_one_thread
 from hdvplan.bench.suite import ROADS, Suite
-from hdvplan.drive import drive, warm_up
+from hdvplan.driving.drive import drive, warm_up
 from hdvplan.errors import HdvplanError
-from hdvplan.evaluation.envelope import envelope_of
+from hdvplan.fileio import csv_bytes, write_atomically
 from hdvplan.jit import FloatArray
+from hdvplan.judging.envelope import envelope_of
 from hdvplan.planning.balanced import Balancing
 from hdvplan.planning.objectives import Balanced, Objective, Residual, balanced, geometric
 from hdvplan.planning.planner import Plan
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import Stations
-from hdvplan.report.files import csv_bytes, write_atomically
 from hdvplan.reproduce.swept import Swept, road_of, swept, whole_manoeuvre
 from hdvplan.road.load import load_road
 from hdvplan.road.road import Road

@@ -68,7 +68,7 @@ def exact_nlp(
     if settings.discretisation is not Discretisation.MIDPOINT or any(unit.active for unit in vehicle.units):
         raise NotImplementedError
     stages, n = settings.stages, vehicle.states
-    ahead, geometry = slice(1, stages + 1), stations.centering
+    ahead, geometry = slice(1, stages + 1), stations.centring
     states = np.column_stack([geometry.e_y, geometry.e_psi, geometry.beta])[: stages + 1]
     z_start = states[0]
     project = _projection(stations.path, float(stations.s[stages]))

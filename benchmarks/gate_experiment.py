@@ -30,7 +30,7 @@ from hdvplan.bench.environment import Program
 from hdvplan.bench.gate import BATCH, Rule, Verdict
 from hdvplan.bench.machine import load_average, machine_facts
 from hdvplan.bench.suite import suite_of
-from hdvplan.report.files import csv_bytes, write_atomically
+from hdvplan.fileio import csv_bytes, write_atomically
 
 ROOT = Path(__file__).resolve().parents[1]
 BASE, COUNTED = "base", "more SQP iterations"

@@ -19,9 +19,9 @@ from hdvplan.bench.run import measure
 from hdvplan.bench.samples import Measurement
 from hdvplan.bench.stats import tables_of
 from hdvplan.bench.suite import Cell, Suite
-from hdvplan.drive import warm_up
+from hdvplan.driving.drive import warm_up
+from hdvplan.fileio import csv_bytes, write_atomically
 from hdvplan.planning.objectives import geometric
-from hdvplan.report.files import csv_bytes, write_atomically
 from hdvplan.solvers.registry import solver_named
 
 STAGES = (100, 200, 400, 800, 1600)

@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from hdvplan.drive import drive
-from hdvplan.evaluation.balance import balance_of
-from hdvplan.evaluation.envelope import envelope_of
+from hdvplan.driving.drive import drive
+from hdvplan.judging.balance import balance_of
+from hdvplan.judging.envelope import envelope_of
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.road.load import RoadOptions, load_road

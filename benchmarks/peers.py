@@ -19,13 +19,13 @@ from exact_nlp import Optimum, exact_nlp
 from hdvplan.bench.courses import with_limits
 from hdvplan.bench.machine import machine_facts, use_one_thread
 from hdvplan.bench.suite import Suite
-from hdvplan.centering.weights import CenteringTable
-from hdvplan.drive import warm_up
+from hdvplan.centring.weights import CentringTable
+from hdvplan.driving.drive import warm_up
+from hdvplan.fileio import csv_bytes, write_atomically
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.planner import Plan, Planner
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import stations_of
-from hdvplan.report.files import csv_bytes, write_atomically
 from hdvplan.road.load import load_road
 from hdvplan.solvers.registry import solver_named
 from hdvplan.vehicle.load import load_vehicle
@@ -44,11 +44,11 @@ def compare(road: str, vehicle: str, case: str, repeats: int) -> dict[str, objec
     """Return one row: optimum against optimum, and the times of both, alternating; the fastest of ``repeats`` counts."""
     units = load_vehicle(vehicle)
     stations = stations_of(
-        with_limits(load_road(road), units, CASES[case]), units, CenteringTable.of(units), step=USER.step, horizon=USER.horizon
+        with_limits(load_road(road), units, CASES[case]), units, CentringTable.of(units), step=USER.step, horizon=USER.horizon
     )
     residual, make = geometric(stations), solver_named("riccati")
-    z_start = np.concatenate([[stations.centering.e_y[0], 0.0], stations.centering.beta[0]])
-    kappa_before = float(stations.centering.kappa[0])
+    z_start = np.concatenate([[stations.centring.e_y[0], 0.0], stations.centring.beta[0]])
+    kappa_before = float(stations.centring.kappa[0])
 
     def planned(settings: PlannerSettings) -> Plan:
         return Planner(units, stations, residual, settings, make).plan(0, z_start, kappa_before)

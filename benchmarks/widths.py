@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from hdvplan.drive import drive
+from hdvplan.driving.drive import drive
 from hdvplan.errors import HdvplanError
+from hdvplan.judging.result import Result, breach_text, result_of
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.settings import PlannerSettings
-from hdvplan.report.result import Result, breach_text, result_of
 from hdvplan.road.library import road_names
 from hdvplan.road.load import RoadOptions, load_road
 from hdvplan.road.road import Road

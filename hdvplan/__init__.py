@@ -19,11 +19,11 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from hdvplan.api import plan
     from hdvplan.errors import HdvplanError
+    from hdvplan.judging.result import Result
     from hdvplan.planning.settings import PlannerSettings
     from hdvplan.report.files import write_plan
     from hdvplan.report.html import write_report
     from hdvplan.report.plots import plan_figure
-    from hdvplan.report.result import Result
     from hdvplan.report.summary import summary_of
     from hdvplan.road.load import RoadOptions, load_road
     from hdvplan.road.road import Limits, Road
@@ -34,7 +34,7 @@ _HOMES = {
     "HdvplanError": "hdvplan.errors",
     "Limits": "hdvplan.road.road",
     "PlannerSettings": "hdvplan.planning.settings",
-    "Result": "hdvplan.report.result",
+    "Result": "hdvplan.judging.result",
     "Road": "hdvplan.road.road",
     "RoadOptions": "hdvplan.road.load",
     "Unit": "hdvplan.vehicle.model",

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from hdvplan.drive import drive, warm_up
+from hdvplan.driving.drive import drive, warm_up
+from hdvplan.judging.result import Result, result_of
 from hdvplan.planning.bias import NONE, Bias
 from hdvplan.planning.objectives import objective_named
 from hdvplan.planning.settings import PlannerSettings
-from hdvplan.report.result import Result, result_of
 from hdvplan.road.road import Road
 from hdvplan.solvers.registry import DEFAULT, solver_named
 from hdvplan.vehicle.model import Vehicle

@@ -13,7 +13,7 @@ import pandas as pd
 from hdvplan.bench.samples import OVER_BUDGET
 from hdvplan.bench.stats import KEY
 from hdvplan.errors import OptionError
-from hdvplan.report.files import csv_bytes, write_atomically
+from hdvplan.fileio import csv_bytes, write_atomically
 
 COUNTS = ("steps", "failures", "unsolved", "nonzeros")
 WORK = ("qps", "iterations")  # sums over all planning steps of a drive

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hdvplan.bench.suite import Suite
-from hdvplan.centering.weights import CenteringTable
+from hdvplan.centring.weights import CentringTable
 from hdvplan.errors import RoadError
 from hdvplan.jit import FloatArray
 from hdvplan.road.load import load_road
@@ -54,7 +54,7 @@ def with_limits(road: Road, vehicle: Vehicle, suite: Suite) -> Road:
     s = np.linspace(0.0, road.path.length, int(np.ceil(road.path.length / _SPACING_M)) + 1)
     curvature = road.path.at(s).curvature
     tightest = int(np.argmax(np.abs(curvature)))
-    geometric = float(CenteringTable.of(vehicle).at(curvature[[tightest]]).half_width[0])
+    geometric = float(CentringTable.of(vehicle).at(curvature[[tightest]]).half_width[0])
     reach = geometric + suite.slack if suite.half_width is None else suite.half_width
     if suite.pinch is None:
         return road.with_limits(reach, reach)

@@ -18,9 +18,9 @@ from hdvplan.bench.machine import commit, load_average, machine_facts, software
 from hdvplan.bench.samples import part_file, read_part
 from hdvplan.bench.stats import tables_of
 from hdvplan.bench.suite import Suite
+from hdvplan.bench.timing import LAYOUTS, captions, latex, markdown
 from hdvplan.errors import OptionError
-from hdvplan.report.files import csv_bytes, json_bytes, write_atomically
-from hdvplan.report.timing import LAYOUTS, captions, latex, markdown
+from hdvplan.fileio import csv_bytes, json_bytes, write_atomically
 
 _SAMPLE_DIGITS = "%.7g"  # a sample's time to the nanosecond, in a third of the space
 _OTHERWISE = "start over with --fresh, or choose another folder with --out"

@@ -11,14 +11,14 @@ import numpy as np
 from hdvplan.bench.courses import Course
 from hdvplan.bench.samples import FAILED, NUMBERS, OK, OVER_BUDGET, Judgement, Measurement, numbers_of, part_file, write_part
 from hdvplan.bench.suite import Suite, visits
-from hdvplan.drive import Drive, drive, warm_up
+from hdvplan.driving.drive import Drive, drive, warm_up
 from hdvplan.errors import HdvplanError
-from hdvplan.evaluation.balance import balance_of
-from hdvplan.evaluation.envelope import envelope_of
+from hdvplan.judging.balance import balance_of
+from hdvplan.judging.envelope import envelope_of
 from hdvplan.planning.objectives import Objective, geometric, objective_named
 from hdvplan.planning.planner import Plan, qp_shape, rows_per_edge
 from hdvplan.planning.settings import PlannerSettings
-from hdvplan.solvers.registry import WorkspaceMaker
+from hdvplan.qp.workspace import WorkspaceMaker
 from hdvplan.solvers.sparse import SparseQp
 
 

@@ -11,9 +11,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from hdvplan.fileio import json_bytes, write_atomically
 from hdvplan.jit import FloatArray
 from hdvplan.planning.planner import Plan
-from hdvplan.report.files import json_bytes, write_atomically
 
 NUMBERS = (
     "linearise_s", "update_s", "solve_s", "check_s", "total_s", "qp_count", "iterations", "usable", "primal", "dual", "gap", "violation_m",

@@ -15,7 +15,7 @@ import pandas as pd
 
 from hdvplan.bench.samples import FAILED, OK, Judgement, Measurement
 from hdvplan.bench.suite import Cell
-from hdvplan.solvers.workspace import Status
+from hdvplan.qp.workspace import Status
 
 KEY = ["road", "vehicle", "scheme", "solver"]
 SOME_UNSOLVED = "some steps not solved"

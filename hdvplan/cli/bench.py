@@ -98,8 +98,8 @@ def bench(
     from hdvplan.bench.directory import begin, discard, finish, read_table, recorded
     from hdvplan.bench.run import remaining, run
     from hdvplan.bench.suite import read_suite, suite_of
+    from hdvplan.bench.timing import LAYOUTS, summary_tables
     from hdvplan.jit import is_compiled
-    from hdvplan.report.timing import LAYOUTS, summary_tables
     from hdvplan.solvers.registry import solver_named
 
     given = {

@@ -84,8 +84,8 @@ def rule_of(factor: float | None, floor_ms: float | None) -> Rule:
 
 def show(comparison: Comparison, rule: Rule, *, format_: str, json: bool, quiet: bool) -> ExitCode:
     """Write a comparison as asked for and return its exit code."""
+    from hdvplan.bench.comparison import comparison_json, comparison_markdown, comparison_tables, github_annotations, verdict_line
     from hdvplan.bench.gate import Verdict
-    from hdvplan.report.comparison import comparison_json, comparison_markdown, comparison_tables, github_annotations, verdict_line
 
     if json:
         print_json(comparison_json(comparison, rule))

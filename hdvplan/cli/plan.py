@@ -28,7 +28,7 @@ from hdvplan.errors import OptionError, RoadError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from hdvplan.report.result import Result
+    from hdvplan.judging.result import Result
     from hdvplan.road.road import Road
     from hdvplan.vehicle.model import Vehicle
 
@@ -100,13 +100,13 @@ def plan(
     if out is not None and out.exists() and not out.is_dir():
         msg = f"--out {out} is a file, not a folder"
         raise OptionError(msg)
-    from hdvplan.drive import drive, warm_up
+    from hdvplan.driving.drive import drive, warm_up
     from hdvplan.jit import is_compiled
+    from hdvplan.judging.result import result_of
     from hdvplan.planning.bias import NONE, bias_named
     from hdvplan.planning.objectives import objective_named
     from hdvplan.planning.settings import Discretisation, PlannerSettings, Scheme
     from hdvplan.report.files import PICTURES
-    from hdvplan.report.result import result_of
     from hdvplan.road.load import load_road
     from hdvplan.solvers.registry import DEFAULT, solver_named
     from hdvplan.vehicle.load import load_vehicle
@@ -183,7 +183,7 @@ def _warn_far_regions(road: Road, *, quiet: bool) -> None:
 
 def _warn_misfits(road: Road, vehicle: Vehicle, *, quiet: bool) -> None:
     """Say where geometry expects the vehicle not to fit; the plan is made all the same."""
-    from hdvplan.report.fit import finding_text, fit_of
+    from hdvplan.judging.fit import finding_text, fit_of
 
     findings = fit_of(road, vehicle).findings
     for finding in findings[:_MOST_WARNINGS]:
@@ -229,7 +229,7 @@ def _print(result: Result, directory: Path) -> None:
 
 def _verdict(result: Result) -> ExitCode:
     """Return the exit code; a broken limit or an obstacle that was hit is an error that names the deepest place."""
-    from hdvplan.report.result import breach_text, entered_text
+    from hdvplan.judging.result import breach_text, entered_text
     from hdvplan.report.summary import needed_half_width
 
     breaches = result.balance.breaches

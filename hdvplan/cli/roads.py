@@ -24,7 +24,7 @@ from hdvplan.cli.options import (
 from hdvplan.errors import OptionError
 
 if TYPE_CHECKING:
-    from hdvplan.report.fit import Fit
+    from hdvplan.judging.fit import Fit
     from hdvplan.road.scenarios import Profile
 
 _STRAIGHT = 1e-4  # curvature that drawing a straight line leaves [1/m]
@@ -73,8 +73,8 @@ def road_info(
 
     A vehicle fits where the band that it sweeps evenly, in a circle as tight as the road is there, lies between the limits.
     """
-    from hdvplan.report.files import csv_bytes, write_atomically
-    from hdvplan.report.fit import facts_of, fit_of, fit_table
+    from hdvplan.fileio import csv_bytes, write_atomically
+    from hdvplan.judging.fit import facts_of, fit_of, fit_table
     from hdvplan.report.fit_tables import facts_table, findings_table, fits_table
     from hdvplan.report.summary import smoothing_of
     from hdvplan.road.load import load_road
@@ -137,7 +137,7 @@ def make_road(
 
     The file is a curvature profile (CSV: s,kappa). Without options it is the published scenario of that name.
     """
-    from hdvplan.report.files import write_atomically
+    from hdvplan.fileio import write_atomically
     from hdvplan.road.road import Limits
 
     if json and out == Path("-"):
@@ -181,7 +181,7 @@ def _shipped() -> list[dict[str, object]]:
 
 
 def _examples() -> list[dict[str, object]]:
-    from hdvplan.report.fit import facts_of
+    from hdvplan.judging.fit import facts_of
     from hdvplan.road.library import example_names
     from hdvplan.road.load import load_road
 
@@ -195,7 +195,7 @@ def _examples() -> list[dict[str, object]]:
 
 
 def _scenarios() -> list[dict[str, object]]:
-    from hdvplan.report.fit import facts_of
+    from hdvplan.judging.fit import facts_of
     from hdvplan.road.scenarios import SCENARIOS
 
     scenarios = []
@@ -207,7 +207,7 @@ def _scenarios() -> list[dict[str, object]]:
 
 
 def _fit_json(fit: Fit) -> dict[str, object]:
-    from hdvplan.report.fit import finding_json
+    from hdvplan.judging.fit import finding_json
 
     return {
         "vehicle": fit.vehicle,

@@ -78,8 +78,8 @@ def _draw(vehicle: Vehicle, file: Path) -> Path:
         OptionError: the file's ending names no picture, or it cannot be written.
 
     """
+    from hdvplan.fileio import write_atomically
     from hdvplan.report.drawing import vehicle_figure
-    from hdvplan.report.files import write_atomically
     from hdvplan.report.style import figure_bytes
 
     kind = choice("the drawing's ending", file.suffix.lower().removeprefix("."), ("png", "pdf", "svg"))

@@ -67,7 +67,7 @@ class Motion:
         """
         end = first + len(self.kappa)
         horizon, held = slice(first + begin, end + 1), max(begin - 1, 0)
-        geometry, s = stations.centering, stations.s[horizon]
+        geometry, s = stations.centring, stations.s[horizon]
         self.z[begin:] = geometry.states[horizon]
         self.kappa[held:] = geometry.kappa[first + held : end]
         self.aux_feet[begin:] = s + self.aux_ahead

@@ -58,7 +58,7 @@ class Balanced:
 
 def geometric(stations: Stations) -> Residual:
     """Balance the swept area with the weight K of each station's curvature ([GEO] sec. IV)."""
-    balanced = stations.centering
+    balanced = stations.centring
     return Residual(balanced.lead, balanced.aux, balanced.target, balanced.axle)
 
 
@@ -66,7 +66,7 @@ def geometric_fixed(stations: Stations) -> Residual:
     """Balance with one K, that of the road's largest curvature (the alternative that [GEO] compares with)."""
     on_road = stations.s <= stations.path.length
     tightest = int(np.argmax(np.abs(stations.road[4]) * on_road))
-    balanced, one = stations.centering, np.ones(len(stations.s))
+    balanced, one = stations.centring, np.ones(len(stations.s))
     lead, aux = balanced.lead[tightest] * one, balanced.aux[tightest] * one
     aimed = balanced.target[tightest] != 0.0  # then the pair does not balance by itself
     target = lead * (balanced.e_y - stations.bias) + aux * (balanced.e_aux - stations.bias)  # the bias is added where it belongs

@@ -20,12 +20,13 @@ from hdvplan.planning.linearise import linearise, write_inputs
 from hdvplan.planning.merit import defect_prices, merit
 from hdvplan.planning.motion import Motion, flat_stages, keep_steering, shift_stages, take_step
 from hdvplan.planning.objectives import Balanced, Furthest, Residual
-from hdvplan.planning.qp import Residuals, StageQp, StageShape, StageSolution, residuals
 from hdvplan.planning.reach import linearise_reach, watched_points, write_epigraph
 from hdvplan.planning.settings import Discretisation, PlannerSettings, Scheme
 from hdvplan.planning.stations import Stations
 from hdvplan.planning.steering import Steering
-from hdvplan.solvers.workspace import QpWorkspace, Status
+from hdvplan.qp.program import StageQp, StageShape, StageSolution
+from hdvplan.qp.residuals import Residuals, residuals
+from hdvplan.qp.workspace import QpWorkspace, Status
 from hdvplan.vehicle.body import axis_points, edge_points
 from hdvplan.vehicle.model import Vehicle
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from hdvplan.jit import FloatArray, compiled
 from hdvplan.planning.objectives import Balanced, Furthest, Residual
-from hdvplan.planning.qp import StageQp
+from hdvplan.qp.program import StageQp
 from hdvplan.road.path import project
 from hdvplan.vehicle.body import axle_points, edge_points
 from hdvplan.vehicle.kinematics import place, point_gradient

@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
-from hdvplan.centering.weights import Centering, CenteringTable
+from hdvplan.centring.weights import Centring, CentringTable
 from hdvplan.jit import FloatArray
 from hdvplan.planning.bias import NONE, Bias, shifted
 from hdvplan.road.path import ReferencePath, evaluate_many
@@ -55,14 +55,14 @@ class Stations:
     s: FloatArray  # (n,)
     road: FloatArray  # (5, n)
     curvature_between: FloatArray  # half-way to the next station, (n,) [1/m]
-    centering: Centering
+    centring: Centring
     limits: LimitTable
     around: FloatArray
     margin: FloatArray
-    bias: FloatArray  # wanted middle of the swept envelope, (n,) [m]; ``centering`` is that of the line there
+    bias: FloatArray  # wanted middle of the swept envelope, (n,) [m]; ``centring`` is that of the line there
 
 
-def stations_of(road: Road, vehicle: Vehicle, table: CenteringTable, *, step: float, horizon: float, bias: Bias = NONE) -> Stations:
+def stations_of(road: Road, vehicle: Vehicle, table: CentringTable, *, step: float, horizon: float, bias: Bias = NONE) -> Stations:
     """Sample ``road`` for driving ``vehicle`` along all of it with the given step and horizon [m], balanced about ``bias``.
 
     Raises:
@@ -82,8 +82,8 @@ def stations_of(road: Road, vehicle: Vehicle, table: CenteringTable, *, step: fl
     offset, halfway = (bias.at(np.asarray(np.mod(at, road.path.length)) if path.closed else at) for at in (s, s + 0.5 * step))
     balanced = table.at(shifted(at_stations[4], offset, s))
     shifted(between, halfway, s)  # refused now rather than when the drive is judged
-    centering = replace(balanced, e_y=balanced.e_y + offset, e_aux=balanced.e_aux + offset)
-    return Stations(path, step, s, at_stations, between, centering, limits, around, margin, offset)
+    centring = replace(balanced, e_y=balanced.e_y + offset, e_aux=balanced.e_aux + offset)
+    return Stations(path, step, s, at_stations, between, centring, limits, around, margin, offset)
 
 
 def _margin(around: FloatArray, vehicle: Vehicle, step: float) -> FloatArray:

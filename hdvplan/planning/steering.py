@@ -16,8 +16,8 @@ import numpy as np
 
 from hdvplan.jit import FloatArray, compiled
 from hdvplan.planning.motion import aux_ahead
-from hdvplan.planning.qp import StageQp
 from hdvplan.planning.stations import Stations
+from hdvplan.qp.program import StageQp
 from hdvplan.vehicle.model import Vehicle
 
 CHANGE_WEIGHT = 20.0  # of the square of a change between stations: as smooth for 7 m of trailer as 1e3 is for curvature [m^2]
@@ -37,7 +37,7 @@ class Steering:
         """Return the wishes for driving ``vehicle`` along all ``stations``."""
         s, axles = stations.s, [vehicle.units[axle] for axle in vehicle.active]
         beside = [s + aux_ahead(vehicle, axle) for axle in vehicle.active]
-        angles = [np.interp(at, s, wanted) for at, wanted in zip(beside, stations.centering.steering.T, strict=True)]
+        angles = [np.interp(at, s, wanted) for at, wanted in zip(beside, stations.centring.steering.T, strict=True)]
         return cls(
             np.stack(angles, axis=1),
             np.array([unit.max_steering_angle for unit in axles]),

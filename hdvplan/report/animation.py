@@ -16,10 +16,10 @@ from matplotlib.figure import Figure
 from PIL import Image, ImageDraw
 
 from hdvplan.jit import FloatArray
-from hdvplan.report.bodies import corners
+from hdvplan.judging.bodies import corners
+from hdvplan.judging.result import Result
 from hdvplan.report.colours import MUTED
 from hdvplan.report.maps import draw_surroundings, frame, reach_within
-from hdvplan.report.result import Result
 from hdvplan.report.style import body_colour, body_fill, styled
 from hdvplan.report.windows import LONG_ROAD_M, Window, tightest_windows
 

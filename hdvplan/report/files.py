@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import errno
-import json
-import os
 from collections.abc import Callable, Collection
 from functools import partial
 from pathlib import Path
@@ -12,9 +9,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from hdvplan.fileio import csv_bytes, json_bytes, write_atomically
 from hdvplan.jit import FloatArray
+from hdvplan.judging.result import Result
 from hdvplan.report.geojson import swept_geojson
-from hdvplan.report.result import Result
 from hdvplan.report.summary import summary_of
 from hdvplan.road.road import Road
 
@@ -77,7 +75,7 @@ def path_table(result: Result) -> pd.DataFrame:
     columns = {"s": s, "x": x, "y": y, "heading": heading, "e_y": drive.z[:, 0], "e_psi": drive.z[:, 1]}
     columns |= {f"beta{i}": beta for i, beta in enumerate(drive.z[:, 2 : drive.vehicle.rigid_states].T, start=1)}
     columns |= {f"steering{i}": angle for i, angle in enumerate(drive.steering.T, start=1)}
-    columns |= {"kappa": np.append(drive.kappa, drive.kappa[-1]), "K": drive.stations.centering.weight[:n]}
+    columns |= {"kappa": np.append(drive.kappa, drive.kappa[-1]), "K": drive.stations.centring.weight[:n]}
     return pd.DataFrame(columns)
 
 
@@ -156,21 +154,6 @@ def regions_json(road: Road) -> list[dict[str, object]]:
     ]
 
 
-def csv_bytes(table: pd.DataFrame) -> bytes:
-    """Return a table as CSV whose numbers read back exactly; missing ones are empty."""
-    return table.to_csv(index=False, lineterminator="\n").encode()
-
-
-def json_bytes(value: object, *, indent: int | None = 2) -> bytes:
-    """Return JSON in UTF-8 with a newline at its end.
-
-    Raises:
-        ValueError: a number is not finite, which JSON cannot say.
-
-    """
-    return (json.dumps(value, indent=indent, ensure_ascii=False, allow_nan=False) + "\n").encode()
-
-
 def picture_bytes(result: Result, kind: str) -> bytes:
     """Return the picture of a plan as a file of one of ``PICTURES``."""
     from hdvplan.report.plots import plan_figure  # noqa: PLC0415 - Matplotlib takes half a second to import
@@ -183,21 +166,3 @@ def _film(result: Result) -> bytes:
     from hdvplan.report.animation import film_bytes  # noqa: PLC0415 - as above
 
     return film_bytes(result)
-
-
-def write_atomically(path: Path, content: bytes) -> None:
-    """Replace ``path`` by ``content`` at once, so that no reader and no crash sees half a file.
-
-    Raises:
-        OSError: the file cannot be written.
-
-    """
-    if path.is_dir():  # "." has no name to begin with
-        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        part.write_bytes(content)
-        part.replace(path)
-    except BaseException:
-        part.unlink(missing_ok=True)
-        raise

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rich.table import Table
 
-from hdvplan.report.fit import Fit, RoadFacts
+from hdvplan.judging.fit import Fit, RoadFacts
 from hdvplan.report.tables import grid, smoothing_remark
 from hdvplan.road.road import Road
 

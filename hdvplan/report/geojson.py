@@ -10,10 +10,10 @@ from shapely.geometry import mapping
 from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
-from hdvplan.evaluation.balance import Breach
 from hdvplan.jit import FloatArray
+from hdvplan.judging.balance import Breach
+from hdvplan.judging.result import Result, body_name
 from hdvplan.report.colours import BODY_COLOURS, BREACH, INK, MUTED
-from hdvplan.report.result import Result, body_name
 from hdvplan.road.path import ReferencePath
 from hdvplan.road.road import Limits, Road
 

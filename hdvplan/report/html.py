@@ -12,8 +12,8 @@ import numpy as np
 from jinja2 import Environment
 
 from hdvplan import __version__
+from hdvplan.fileio import write_atomically
 from hdvplan.jit import FloatArray
-from hdvplan.report.files import write_atomically
 from hdvplan.report.payload import label_of, payload_of, tight_places
 from hdvplan.report.planfiles import PlanFiles, read_plan
 

@@ -12,12 +12,12 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 from shapely.geometry.base import BaseGeometry
 
-from hdvplan.evaluation.balance import KEPT_M, Breach
 from hdvplan.jit import BoolArray, FloatArray
-from hdvplan.report.bodies import corners, pose_at
+from hdvplan.judging.balance import KEPT_M, Breach
+from hdvplan.judging.bodies import corners, pose_at
+from hdvplan.judging.result import Result, body_name
 from hdvplan.report.colours import BREACH, INK, MUTED
 from hdvplan.report.geojson import swept_area
-from hdvplan.report.result import Result, body_name
 from hdvplan.report.style import body_colour, body_fill
 from hdvplan.report.windows import Window
 from hdvplan.road.regions import Kind

@@ -12,9 +12,9 @@ from matplotlib.legend import Legend
 from matplotlib.ticker import MaxNLocator, NullFormatter
 
 from hdvplan.jit import BoolArray, FloatArray
+from hdvplan.judging.result import Result, body_name
 from hdvplan.report.colours import BREACH, INK, MUTED
 from hdvplan.report.maps import breach_offset, draw_map, draw_overview, edge_beyond
-from hdvplan.report.result import Result, body_name
 from hdvplan.report.style import SLIDE_IN, body_colour, body_fill, styled
 from hdvplan.report.summary import step_times_ms
 from hdvplan.report.windows import FEW_BELOW_M, LONG_ROAD_M, Window, tightest_windows

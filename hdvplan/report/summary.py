@@ -7,10 +7,10 @@ from dataclasses import asdict
 import numpy as np
 
 from hdvplan import __version__
-from hdvplan.evaluation.balance import Breach
-from hdvplan.report.fit import finding_json
-from hdvplan.report.obstacles import Approach
-from hdvplan.report.result import Result, body_name
+from hdvplan.judging.balance import Breach
+from hdvplan.judging.fit import finding_json
+from hdvplan.judging.obstacles import Approach
+from hdvplan.judging.result import Result, body_name
 from hdvplan.road.road import Road
 from hdvplan.vehicle.model import Vehicle
 

@@ -8,7 +8,7 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from hdvplan.report.result import Result, body_name
+from hdvplan.judging.result import Result, body_name
 from hdvplan.report.summary import needed_half_width, step_times_ms
 from hdvplan.road.road import Smoothing
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hdvplan.evaluation.balance import KEPT_M
 from hdvplan.jit import FloatArray
-from hdvplan.report.result import Result
+from hdvplan.judging.balance import KEPT_M
+from hdvplan.judging.result import Result
 
 _LABELS = "ABCD"  # of a long road's enlargements; a shorter one gets the first two
 LONG_ROAD_M = 300.0  # beyond it a body is a speck on a map of the whole

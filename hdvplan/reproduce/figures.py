@@ -17,7 +17,7 @@ from matplotlib.path import Path as Outline
 from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped] # Matplotlib types only its core
 
 from hdvplan.jit import FloatArray
-from hdvplan.report.bodies import corners, pose_at
+from hdvplan.judging.bodies import corners, pose_at
 from hdvplan.report.geojson import swept_area
 from hdvplan.reproduce.published import StepTime
 from hdvplan.reproduce.swept import Swept

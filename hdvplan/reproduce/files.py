@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
 
-from hdvplan.report.files import csv_bytes, write_atomically
+from hdvplan.fileio import csv_bytes, write_atomically
 from hdvplan.report.style import DPI
 from hdvplan.reproduce.study import Study, markdown, shown, summary_of
 

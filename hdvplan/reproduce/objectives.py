@@ -9,9 +9,9 @@ from time import perf_counter
 import numpy as np
 import pandas as pd
 
-from hdvplan.centering.stationary import stationary
-from hdvplan.centering.weights import CenteringTable
-from hdvplan.drive import warm_up
+from hdvplan.centring.stationary import stationary
+from hdvplan.centring.weights import CentringTable
+from hdvplan.driving.drive import warm_up
 from hdvplan.jit import FloatArray
 from hdvplan.planning.objectives import (
     Balanced,
@@ -126,7 +126,7 @@ def search(vehicle: Vehicle, curvatures: tuple[float, ...] = CURVATURES) -> Sear
             scores[number] += abs(swept(road, vehicle, art_weighted_by(float(share)), PlannerSettings()).area_difference)
     searched = perf_counter()
     sharpest = np.array([max(curvatures)])
-    table = CenteringTable.of(vehicle)
+    table = CentringTable.of(vehicle)
     solving = perf_counter()
     weight = float(stationary(vehicle, sharpest).weight[0])
     solved = perf_counter()

@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 import pandas as pd
 
-from hdvplan.centering.stationary import stationary
+from hdvplan.centring.stationary import stationary
 from hdvplan.planning.objectives import geometric, geometric_fixed
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.reproduce import published

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hdvplan.centering.weights import Centering, CenteringTable
-from hdvplan.drive import Drive, drive
-from hdvplan.evaluation.envelope import Envelope, envelope_of
+from hdvplan.centring.weights import Centring, CentringTable
+from hdvplan.driving.drive import Drive, drive
 from hdvplan.jit import FloatArray
+from hdvplan.judging.envelope import Envelope, envelope_of
 from hdvplan.planning.objectives import Objective
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.road.path import from_curvature
@@ -49,9 +49,9 @@ class Swept:
         return float(np.trapezoid(self.left - self.right, self.envelope.s))
 
     @property
-    def expected(self) -> Centering:
+    def expected(self) -> Centring:
         """The balanced geometry at the envelope's arclengths."""
-        return CenteringTable.of(self.drive.vehicle).at(self.drive.road.path.at(self.envelope.s).curvature)
+        return CentringTable.of(self.drive.vehicle).at(self.drive.road.path.at(self.envelope.s).curvature)
 
 
 def swept(road: Road, vehicle: Vehicle, objective: Objective, settings: PlannerSettings, solver: str = DEFAULT) -> Swept:

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 
 from hdvplan.bench.machine import machine_facts
-from hdvplan.centering.weights import CenteringTable
-from hdvplan.drive import drive, warm_up
+from hdvplan.centring.weights import CentringTable
+from hdvplan.driving.drive import drive, warm_up
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.reproduce import published
@@ -72,7 +72,7 @@ def timed_steps(road: Road, vehicle: Vehicle, scheme: Scheme, solver: str) -> pd
     The drive is repeated and every step counts with its fastest round: what planning takes, not what else the machine does.
     """
     curvature = road.path.at(np.linspace(0.0, road.path.length, int(2.0 * road.path.length))).curvature
-    reach = max(HALF_WIDTH_M, float(CenteringTable.of(vehicle).at(curvature).half_width.max()) + _SPARE_M)
+    reach = max(HALF_WIDTH_M, float(CentringTable.of(vehicle).at(curvature).half_width.max()) + _SPARE_M)
     settings, maker = PlannerSettings(scheme=scheme), solver_named(solver)
     warm_up(vehicle, geometric, maker, settings)
     rounds = [drive(road.with_limits(reach, reach), vehicle, geometric, maker, settings).plans[1:] for _ in range(_ROUNDS)]

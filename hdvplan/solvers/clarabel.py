@@ -13,9 +13,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from hdvplan.errors import SolverError
-from hdvplan.planning.qp import StageQp, StageShape, StageSolution
+from hdvplan.qp.program import StageQp, StageShape, StageSolution
+from hdvplan.qp.workspace import QpResult, Status
 from hdvplan.solvers.sparse import SparseQp, stack
-from hdvplan.solvers.workspace import QpResult, Status
 
 _STATUS = {
     "Solved": Status.SOLVED,

@@ -12,10 +12,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from hdvplan.planning.qp import StageQp, StageShape, StageSolution, residuals
-from hdvplan.solvers.workspace import QpResult, QpWorkspace, Status
+from hdvplan.qp.program import StageQp, StageShape, StageSolution
+from hdvplan.qp.residuals import residuals
+from hdvplan.qp.workspace import QpResult, QpWorkspace, Status, WorkspaceMaker
 
-WorkspaceMaker = Callable[[StageShape], QpWorkspace]
 _KEPT = 1e-3  # primal residual up to which a solution of the hard program is believed [m]
 
 

@@ -9,9 +9,9 @@ import numpy as np
 import qpsolvers
 import scipy.sparse as sp
 
-from hdvplan.planning.qp import StageQp, StageShape, StageSolution
+from hdvplan.qp.program import StageQp, StageShape, StageSolution
+from hdvplan.qp.workspace import QpResult, Status
 from hdvplan.solvers.sparse import SparseQp
-from hdvplan.solvers.workspace import QpResult, Status
 
 # Tolerances that bring each solver to the same accuracy in metres, as ``path difference`` of a bench shows.
 OPTIONS: dict[str, dict[str, float | int | bool]] = {

@@ -15,9 +15,9 @@ import osqp
 import scipy.sparse as sp
 
 from hdvplan.errors import SolverError
-from hdvplan.planning.qp import StageQp, StageShape, StageSolution
+from hdvplan.qp.program import StageQp, StageShape, StageSolution
+from hdvplan.qp.workspace import QpResult, Status
 from hdvplan.solvers.sparse import SparseQp, stack
-from hdvplan.solvers.workspace import QpResult, Status
 
 _STATUS = {
     osqp.SolverStatus.OSQP_SOLVED: Status.SOLVED,

@@ -11,9 +11,9 @@ from time import perf_counter
 import numpy as np
 import piqp
 
-from hdvplan.planning.qp import StageQp, StageShape, StageSolution
+from hdvplan.qp.program import StageQp, StageShape, StageSolution
+from hdvplan.qp.workspace import QpResult, Status
 from hdvplan.solvers.sparse import SparseQp
-from hdvplan.solvers.workspace import QpResult, Status
 
 _STATUS = {
     piqp.PIQP_SOLVED: Status.SOLVED,

@@ -9,10 +9,10 @@ from importlib.util import find_spec
 
 from hdvplan import __version__
 from hdvplan.errors import SolverError
-from hdvplan.solvers.elastic import WorkspaceMaker, hard_first
+from hdvplan.qp.workspace import WorkspaceMaker
+from hdvplan.solvers.elastic import hard_first
 
 DEFAULT = "riccati"
-__all__ = ["DEFAULT", "SolverInfo", "WorkspaceMaker", "solver_infos", "solver_named", "tolerance_of"]
 
 
 @dataclass(frozen=True)

@@ -20,11 +20,11 @@ from time import perf_counter
 import numpy as np
 
 from hdvplan.jit import BoolArray, FloatArray, IntArray, compiled
-from hdvplan.planning.qp import StageQp, StageShape, StageSolution
+from hdvplan.qp.program import StageQp, StageShape, StageSolution
+from hdvplan.qp.workspace import QpResult, Status
 from hdvplan.solvers.active_set import settle, sides_of
 from hdvplan.solvers.interior import FIELDS, join, mean_after, move, newton_step, objective, publish, weigh, worst
 from hdvplan.solvers.recursion import adjoint, factorise, imbalance, sweep_ahead, sweep_back
-from hdvplan.solvers.workspace import QpResult, Status
 
 TOLERANCE = 1e-8  # of products or slacks, and of broken inequalities [m]
 _ITERATIONS = 100

@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from hdvplan.jit import BoolArray, FloatArray, IntArray
-from hdvplan.planning.qp import StageQp, StageShape, StageSolution
+from hdvplan.qp.program import StageQp, StageShape, StageSolution
 
 _ONE, _MINUS_ONE = -1, -2  # codes of constant entries
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdvplan.centering.weights import CenteringTable
+from hdvplan.centring.weights import CentringTable
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.planner import Planner
 from hdvplan.planning.settings import PlannerSettings, Scheme
@@ -48,7 +48,7 @@ def test_sqp_ends_in_the_optimum_of_the_exact_program(vehicle: str, right: float
     from exact_nlp import exact_nlp  # noqa: PLC0415 - on the path only here
 
     units = load_vehicle(vehicle)
-    stations = stations_of(bend(right), units, CenteringTable.of(units), step=SETTINGS.step, horizon=SETTINGS.horizon)
+    stations = stations_of(bend(right), units, CentringTable.of(units), step=SETTINGS.step, horizon=SETTINGS.horizon)
     centred = geometric(stations)
     exact = exact_nlp(units, stations, centred, SETTINGS, 0.0, tolerance=1e-10).solve()
     start = np.zeros(units.states)
@@ -58,7 +58,7 @@ def test_sqp_ends_in_the_optimum_of_the_exact_program(vehicle: str, right: float
     np.testing.assert_allclose(plan.z, exact.z, atol=1e-5)
     if right == TIGHT_M:
         free = Planner(
-            units, stations_of(bend(SLACK_M), units, CenteringTable.of(units), step=SETTINGS.step, horizon=SETTINGS.horizon),
+            units, stations_of(bend(SLACK_M), units, CentringTable.of(units), step=SETTINGS.step, horizon=SETTINGS.horizon),
             centred, SETTINGS, solver_named("riccati"),
         ).plan(0, start, 0.0)  # fmt: skip
         assert np.max(np.abs(free.z[:, 0] - plan.z[:, 0])) > 0.01  # the limit does bind

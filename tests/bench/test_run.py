@@ -12,10 +12,10 @@ from hdvplan.bench.run import measure, remaining, run
 from hdvplan.bench.samples import FAILED, OK, OVER_BUDGET, Measurement, part_file, read_part, write_part
 from hdvplan.bench.stats import tables_of
 from hdvplan.bench.suite import Suite
-from hdvplan.planning.qp import StageQp, StageShape, StageSolution
 from hdvplan.planning.settings import PlannerSettings
-from hdvplan.solvers.registry import WorkspaceMaker, solver_named
-from hdvplan.solvers.workspace import QpResult, QpWorkspace, Status
+from hdvplan.qp.program import StageQp, StageShape, StageSolution
+from hdvplan.qp.workspace import QpResult, QpWorkspace, Status, WorkspaceMaker
+from hdvplan.solvers.registry import solver_named
 
 BRIEF = PlannerSettings(horizon=30.0)
 RICCATI = solver_named("riccati")

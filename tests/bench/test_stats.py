@@ -10,8 +10,8 @@ import pytest
 from hdvplan.bench.samples import FAILED, OVER_BUDGET, Measurement
 from hdvplan.bench.stats import SOME_UNSOLVED, reference_solver, status_of, tables_of
 from hdvplan.bench.suite import Cell
+from hdvplan.bench.timing import accuracy
 from hdvplan.planning.settings import Scheme
-from hdvplan.report.timing import accuracy
 from tests.bench.conftest import made_up
 
 RTI, SQP = Scheme.RTI, Scheme.SQP

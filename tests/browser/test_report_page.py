@@ -15,9 +15,9 @@ import pandas as pd
 import pytest
 import shapely
 
+from hdvplan.judging.result import Result
 from hdvplan.report.files import write_plan
 from hdvplan.report.html import write_report
-from hdvplan.report.result import Result
 from hdvplan.road.regions import Kind, Region
 from tests.report.conftest import bus, kerbed, straight, trailer  # noqa: F401 - fixtures
 

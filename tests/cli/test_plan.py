@@ -144,7 +144,7 @@ def test_a_road_that_cannot_be_planned_ends_in_1(cli: Cli, monkeypatch: pytest.M
     def fail(*_: object, **__: object) -> None:
         raise error
 
-    monkeypatch.setattr("hdvplan.drive.drive", fail)
+    monkeypatch.setattr("hdvplan.driving.drive.drive", fail)
     outcome = cli("plan", short_road, "--vehicle", "bus", *QUICK)
     assert (outcome.code, outcome.out) == (1, "")
     assert outcome.err == f"error: {error}\n"

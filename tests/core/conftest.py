@@ -3,7 +3,7 @@ from functools import cache
 
 import pytest
 
-from hdvplan.drive import Drive, drive
+from hdvplan.driving.drive import Drive, drive
 from hdvplan.planning.objectives import Objective, geometric
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.road.scenarios import SCENARIOS

@@ -7,7 +7,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from hdvplan.jit import FloatArray
-from hdvplan.planning.qp import StageQp, StageShape, StageSolution
+from hdvplan.qp.program import StageQp, StageShape, StageSolution
 
 
 def shape(*, rows: int = 3, stages: int = 6) -> StageShape:

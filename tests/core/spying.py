@@ -2,8 +2,8 @@
 
 from collections.abc import Callable
 
-from hdvplan.planning.qp import StageQp, StageShape, StageSolution
-from hdvplan.solvers.workspace import QpResult, QpWorkspace, Status
+from hdvplan.qp.program import StageQp, StageShape, StageSolution
+from hdvplan.qp.workspace import QpResult, QpWorkspace, Status
 
 Answer = Callable[[StageQp], StageSolution | None]
 

@@ -9,10 +9,10 @@ import pytest
 
 from hdvplan.bench.courses import with_limits
 from hdvplan.bench.suite import Suite
-from hdvplan.centering.weights import CenteringTable
-from hdvplan.drive import drive
-from hdvplan.evaluation.envelope import envelope_of
+from hdvplan.centring.weights import CentringTable
+from hdvplan.driving.drive import drive
 from hdvplan.jit import FloatArray
+from hdvplan.judging.envelope import envelope_of
 from hdvplan.planning.balanced import Balancing, tracing_points
 from hdvplan.planning.objectives import Balanced, Objective, balanced, geometric
 from hdvplan.planning.settings import PlannerSettings, Scheme
@@ -51,7 +51,7 @@ def whole(vehicle: Vehicle) -> tuple[Swept, Balancing, FloatArray]:
     """Return the geometric plan of the whole S-turn, a memory that balances all of it, and the plan's states."""
     settings = whole_manoeuvre(ROAD, 0.5)
     found = swept(ROAD, vehicle, geometric, settings)
-    stations = stations_of(ROAD, vehicle, CenteringTable.of(vehicle), step=settings.step, horizon=settings.horizon)
+    stations = stations_of(ROAD, vehicle, CentringTable.of(vehicle), step=settings.step, horizon=settings.horizon)
     wanted = with_fields(ahead=np.inf, share=0.0, relaxation=1.0)(stations)
     assert isinstance(wanted, Balanced)
     memory = Balancing.of(vehicle, stations, wanted, settings.stages)
@@ -132,7 +132,7 @@ def test_the_program_never_underrates_what_a_step_costs(vehicle: Vehicle) -> Non
 def test_a_circle_is_swept_as_the_stationary_geometry_says(vehicle: Vehicle) -> None:
     road = road_of("circle", turn_profile(0.04, 10.0, 150.0, lead_in=20.0, lead_out=20.0))
     found = swept(road, vehicle, balanced, RTI)
-    expected = CenteringTable.of(vehicle).at(np.array([0.04]))
+    expected = CentringTable.of(vehicle).at(np.array([0.04]))
     middle = (found.envelope.s > 100.0) & (found.envelope.s < 130.0)
     # tracks 0.5 m apart cut the corner's circle by 1.3 mm, and the plan balances what it measures
     assert np.max(np.abs(found.left[middle] - expected.half_width[0])) < 0.005

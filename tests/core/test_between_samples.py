@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hdvplan.drive import Drive, drive
-from hdvplan.evaluation.simulate import simulate
+from hdvplan.driving.drive import Drive, drive
+from hdvplan.driving.simulate import simulate
 from hdvplan.jit import FloatArray
 from hdvplan.planning.limits import ROWS_PER_EDGE, linearise_limits
 from hdvplan.planning.motion import axles_behind

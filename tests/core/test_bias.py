@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdvplan.centering.weights import CenteringTable
-from hdvplan.drive import Drive, drive
+from hdvplan.centring.weights import CentringTable
+from hdvplan.driving.drive import Drive, drive
 from hdvplan.errors import OptionError
-from hdvplan.evaluation.envelope import Envelope, envelope_of
+from hdvplan.judging.envelope import Envelope, envelope_of
 from hdvplan.planning.bias import Bias, bias_named, shifted
 from hdvplan.planning.objectives import Objective, balanced, body_max, geometric, geometric_fixed, lead_axle
 from hdvplan.planning.settings import PlannerSettings
@@ -54,7 +54,7 @@ def test_on_a_circle_both_reaches_move_by_the_bias(name: str, curvature: float) 
 def test_a_vehicle_about_a_biased_circle_drives_the_circle_of_that_radius(name: str) -> None:
     curvature, bias = 0.04, 0.5
     driven, envelope = run(constant_road(curvature), name, Bias.constant(bias))
-    circle = CenteringTable.of(load_vehicle(name)).at(np.array([1.0 / (1.0 / curvature - bias)]))
+    circle = CentringTable.of(load_vehicle(name)).at(np.array([1.0 / (1.0 / curvature - bias)]))
     at = slice(120, 180)
     assert np.max(np.abs(driven.kappa[at] - circle.kappa[0])) < 1e-6
     assert np.max(np.abs(driven.z[at, 0] - (circle.e_y[0] + bias))) < 1e-5  # the table's interpolation

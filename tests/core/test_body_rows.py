@@ -4,7 +4,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from hdvplan.centering.weights import CenteringTable
+from hdvplan.centring.weights import CentringTable
 from hdvplan.jit import FloatArray
 from hdvplan.planning.limits import ROWS_PER_EDGE, WALL, limit_at, linearise_limits
 from hdvplan.planning.motion import axles_behind
@@ -34,7 +34,7 @@ def varying_limits() -> Limits:
 
 
 def prepared(vehicle: Vehicle) -> Stations:
-    return stations_of(Road("winding", winding(), varying_limits()), vehicle, CenteringTable.of(vehicle), step=STEP, horizon=20.0)
+    return stations_of(Road("winding", winding(), varying_limits()), vehicle, CentringTable.of(vehicle), step=STEP, horizon=20.0)
 
 
 def motion(vehicle: Vehicle, seed: int = 0) -> FloatArray:

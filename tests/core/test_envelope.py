@@ -3,13 +3,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hdvplan.centering.stationary import stationary
-from hdvplan.centering.weights import CenteringTable
-from hdvplan.drive import Drive
+from hdvplan.centring.stationary import stationary
+from hdvplan.centring.weights import CentringTable
+from hdvplan.driving.drive import Drive
 from hdvplan.errors import PlanError
-from hdvplan.evaluation.balance import KEPT_M, balance_of
-from hdvplan.evaluation.envelope import envelope_of
 from hdvplan.jit import FloatArray
+from hdvplan.judging.balance import KEPT_M, balance_of
+from hdvplan.judging.envelope import envelope_of
 from hdvplan.planning.motion import axles_behind
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.settings import PlannerSettings
@@ -24,7 +24,7 @@ from tests.core.chains import arc, on_road, three_units, winding
 def executed(path: ReferencePath, vehicle: Vehicle, state: FloatArray, limits: Limits | None = None) -> Drive:
     """Return a drive that holds one road-aligned state, or goes through one a pose, over all of the road."""
     road = Road("road", path, limits)
-    stations = stations_of(road, vehicle, CenteringTable.of(vehicle), step=0.5, horizon=20.0)
+    stations = stations_of(road, vehicle, CentringTable.of(vehicle), step=0.5, horizon=20.0)
     poses_s = np.asarray(0.25 * np.arange(round(path.length / 0.25) + 1), float)
     poses = np.ascontiguousarray(np.broadcast_to(state, (len(poses_s), vehicle.states)))
     kappa = np.zeros((len(poses_s) - 1) // 2)

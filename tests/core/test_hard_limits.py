@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hdvplan.drive import Drive, drive
-from hdvplan.evaluation.balance import KEPT_M, Balance, balance_of
-from hdvplan.evaluation.envelope import envelope_of
+from hdvplan.driving.drive import Drive, drive
+from hdvplan.judging.balance import KEPT_M, Balance, balance_of
+from hdvplan.judging.envelope import envelope_of
 from hdvplan.planning.objectives import geometric, lead_axle
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.road.load import RoadOptions, load_road

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from hdvplan.evaluation.simulate import simulate
+from hdvplan.driving.simulate import simulate
 from hdvplan.jit import FloatArray
 from hdvplan.road.path import from_curvature
 from hdvplan.vehicle.kinematics import derivative, jacobian, place, point_gradient

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hdvplan.centering.weights import CenteringTable
+from hdvplan.centring.weights import CentringTable
 from hdvplan.jit import FloatArray
 from hdvplan.planning.linearise import advance, linearise_dynamics, linearise_objective, write_inputs
 from hdvplan.planning.stations import Stations, stations_of
@@ -25,7 +25,7 @@ each_rule = pytest.mark.parametrize("midpoint", [True, False], ids=["midpoint", 
 
 
 def prepared(vehicle: Vehicle) -> Stations:
-    return stations_of(Road("winding", winding()), vehicle, CenteringTable.of(vehicle), step=STEP, horizon=20.0)
+    return stations_of(Road("winding", winding()), vehicle, CentringTable.of(vehicle), step=STEP, horizon=20.0)
 
 
 def motion(vehicle: Vehicle, seed: int = 0) -> tuple[FloatArray, FloatArray]:

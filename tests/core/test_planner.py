@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.optimize import LinearConstraint, NonlinearConstraint, minimize
 
-from hdvplan.centering.weights import CenteringTable
+from hdvplan.centring.weights import CentringTable
 from hdvplan.errors import OptionError, PlanError, SolverError
 from hdvplan.jit import FloatArray
 from hdvplan.planning.limits import ROWS_PER_EDGE
@@ -10,9 +10,9 @@ from hdvplan.planning.linearise import advance, linearise, write_inputs
 from hdvplan.planning.motion import axles_behind, take_step
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.planner import Plan, Planner, qp_shape
-from hdvplan.planning.qp import StageQp, StageSolution
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import Stations, stations_of
+from hdvplan.qp.program import StageQp, StageSolution
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
 from hdvplan.solvers.riccati import RiccatiWorkspace
@@ -31,7 +31,7 @@ each_vehicle = pytest.mark.parametrize("vehicle", VEHICLES, ids=lambda v: v.name
 def stations_for(vehicle: Vehicle, settings: PlannerSettings, limit: float | None = LIMIT) -> Stations:
     road = Road("winding", winding())
     road = road if limit is None else road.with_limits(limit, limit)
-    return stations_of(road, vehicle, CenteringTable.of(vehicle), step=settings.step, horizon=settings.horizon)
+    return stations_of(road, vehicle, CentringTable.of(vehicle), step=settings.step, horizon=settings.horizon)
 
 
 def start(vehicle: Vehicle, e_y: float = 0.1) -> FloatArray:
@@ -79,7 +79,7 @@ def test_a_shifted_program_equals_a_fresh_linearisation_at_the_same_motion(vehic
     asked = len(spy.programs)
     z_start = plan.z[by] + 0.01
     planner.plan(first + by, z_start, before)
-    geometry, N = stations.centering, settings.stages
+    geometry, N = stations.centring, settings.stages
     new = slice(first + N + 1, first + by + N + 1)  # stations that the last plan did not reach
     z = np.concatenate([plan.z[by:], np.column_stack([geometry.e_y[new], np.zeros(by), geometry.beta[new]])])
     kappa = np.concatenate([plan.kappa[by:], geometry.kappa[first + N : first + by + N]])
@@ -143,7 +143,7 @@ def cost_and_gaps(
     vehicle: Vehicle, stations: Stations, settings: PlannerSettings, first: int, z0: FloatArray, limit: float, kappa: FloatArray
 ) -> FloatArray:
     """Return the objective and then every edge point's clearance of the motion that ``kappa`` drives, all from geometry."""
-    weight, edges, z = stations.centering.weight, edge_points(vehicle), z0.copy()
+    weight, edges, z = stations.centring.weight, edge_points(vehicle), z0.copy()
     aux = vehicle.lead.wheelbase if len(vehicle.units) == 1 else 0.0
     out, work = np.empty(z.size), np.empty((2, z.size))
     cost, gaps = settings.smoothness * float(np.sum(np.diff(kappa, prepend=0.0) ** 2)), []
@@ -349,7 +349,7 @@ def test_a_place_where_no_plan_exists_is_named() -> None:
     vehicle = VEHICLES[1]
     sharp = from_curvature(np.array([0.0, 40.0, 42.0, 52.0, 54.0, 90.0]), np.array([0.0, 0.0, 0.45, 0.45, 0.0, 0.0]))
     settings = PlannerSettings(horizon=25.0)
-    stations = stations_of(Road("sharp", sharp).with_limits(3.0, 3.0), vehicle, CenteringTable.of(vehicle), step=0.5, horizon=25.0)
+    stations = stations_of(Road("sharp", sharp).with_limits(3.0, 3.0), vehicle, CentringTable.of(vehicle), step=0.5, horizon=25.0)
     planner = Planner(vehicle, stations, geometric(stations), settings, RiccatiWorkspace)
     with pytest.raises(PlanError) as caught:
         planner.plan(70, start(vehicle), 0.0)

@@ -6,9 +6,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from hdvplan.drive import Drive, drive
-from hdvplan.evaluation.envelope import envelope_of
+from hdvplan.driving.drive import Drive, drive
 from hdvplan.jit import FloatArray
+from hdvplan.judging.envelope import envelope_of
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.road.load import RoadOptions, load_road
@@ -41,7 +41,7 @@ def test_on_constant_radius_a_preset_settles_in_its_stationary_circle(name: str)
     run = round_and_round(name)
     s = run.stations.s[: len(run.z)]
     here = (s > SETTLED[0]) & (s < SETTLED[1])
-    geometry = run.stations.centering
+    geometry = run.stations.centring
     for found, expected, tolerance in (
         (run.z[:, 2 : run.vehicle.rigid_states], geometry.beta[: len(s)], 1e-3),  # demanded
         (run.steering, geometry.steering[: len(s)], 1e-3),
@@ -57,7 +57,7 @@ def test_on_constant_radius_a_preset_sweeps_both_sides_alike(name: str) -> None:
     envelope = envelope_of(run)
     here = (envelope.s > SETTLED[0]) & (envelope.s < SETTLED[1])
     left, right = envelope.reach_left[here], -envelope.reach_right[here]
-    expected = float(np.max(run.stations.centering.half_width))
+    expected = float(np.max(run.stations.centring.half_width))
     assert abs(np.max(left) - np.max(right)) < 0.03  # demanded
     assert np.max(np.abs(left - expected)) < 0.02
     assert np.max(np.abs(right - expected)) < 0.02
@@ -67,7 +67,7 @@ def test_a_bus_whose_axles_run_on_one_circle_is_balanced_by_its_target() -> None
     """Both axles lie equally far inside the centre: no weighted sum of theirs vanishes, so the residual aims at its stationary value."""
     crab = Vehicle("crab", (Unit(6.0, 2.7, 3.3, 2.55, 0.0, 1.0),))
     run = driven(Road("circle", from_curvature(*turn_profile(1.0 / 17.88, RAMP, CONSTANT))), crab)
-    assert np.max(np.abs(run.stations.centering.target)) > 0.1
+    assert np.max(np.abs(run.stations.centring.target)) > 0.1
     envelope = envelope_of(run)
     here = (envelope.s > SETTLED[0]) & (envelope.s < SETTLED[1])
     assert abs(np.max(envelope.reach_left[here]) + np.min(envelope.reach_right[here])) < 0.03
@@ -112,7 +112,7 @@ def test_no_axle_of_a_driven_preset_slides(name: str) -> None:
 @each_preset
 def test_every_preset_drives_the_papers_scenarios(name: str, scenario: str) -> None:
     run = driven(SCENARIOS[scenario](), load_vehicle(name))
-    envelope, expected = envelope_of(run), float(np.max(run.stations.centering.half_width))
+    envelope, expected = envelope_of(run), float(np.max(run.stations.centring.half_width))
     assert all(plan.usable for plan in run.plans)
     assert len(run.kappa) * SETTINGS.step >= run.road.path.length - 1e-6
     # transients of combinations of more than 25 m reach up to 0.25 m further than their circle, those of all others 0.1 m

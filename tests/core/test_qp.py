@@ -3,15 +3,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hdvplan.centering.weights import CenteringTable
+from hdvplan.centring.weights import CentringTable
 from hdvplan.errors import QpDataError
 from hdvplan.jit import FloatArray
 from hdvplan.planning.limits import ROWS_PER_EDGE
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.planner import Planner, qp_shape
-from hdvplan.planning.qp import StageQp, StageShape, StageSolution, residuals
 from hdvplan.planning.settings import Discretisation, PlannerSettings
 from hdvplan.planning.stations import stations_of
+from hdvplan.qp.program import StageQp, StageShape, StageSolution
+from hdvplan.qp.residuals import residuals
 from hdvplan.road.road import Road
 from hdvplan.solvers.registry import solver_named
 from hdvplan.solvers.sparse import SparseQp
@@ -167,7 +168,7 @@ def test_a_shape_without_stages_is_refused() -> None:
 def test_the_zero_pattern_of_planning_covers_every_value_that_is_not_zero(vehicle: Vehicle, discretisation: Discretisation) -> None:
     settings = PlannerSettings(horizon=20.0, discretisation=discretisation)
     road = Road("winding", winding()).with_limits(3.5, 3.5)
-    stations = stations_of(road, vehicle, CenteringTable.of(vehicle), step=0.5, horizon=20.0)
+    stations = stations_of(road, vehicle, CentringTable.of(vehicle), step=0.5, horizon=20.0)
     spy = Spy(solver_named("piqp"))
     z = np.concatenate([[0.2, 0.05], np.full(vehicle.states - 2, 0.1)])
     Planner(vehicle, stations, geometric(stations), settings, spy).plan(30, z, 0.01)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hdvplan.centering.weights import CenteringTable
+from hdvplan.centring.weights import CentringTable
 from hdvplan.errors import OptionError
 from hdvplan.jit import FloatArray
 from hdvplan.planning.motion import axles_behind
@@ -31,7 +31,7 @@ FIRST = 40  # a station in front of the first bend
 def stations_for(vehicle: Vehicle, settings: PlannerSettings, limit: float | None = None) -> Stations:
     road = Road("winding", winding())
     road = road if limit is None else road.with_limits(limit, limit)
-    return stations_of(road, vehicle, CenteringTable.of(vehicle), step=settings.step, horizon=settings.horizon)
+    return stations_of(road, vehicle, CentringTable.of(vehicle), step=settings.step, horizon=settings.horizon)
 
 
 def offsets(vehicle: Vehicle, stations: Stations, at: int, z: FloatArray, points: FloatArray, half: FloatArray) -> FloatArray:

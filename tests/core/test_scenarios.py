@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from hdvplan.drive import Drive, drive
+from hdvplan.driving.drive import Drive, drive
 from hdvplan.errors import OptionError, PlanError, RoadError
-from hdvplan.evaluation.balance import Balance, balance_of
-from hdvplan.evaluation.envelope import envelope_of
+from hdvplan.judging.balance import Balance, balance_of
+from hdvplan.judging.envelope import envelope_of
 from hdvplan.planning.objectives import Residual, geometric, lead_axle, objective_named, trail_axle
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import Stations

@@ -4,8 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from hdvplan.centering.stationary import coefficients, stationary, tightest_kappa, tightest_road
-from hdvplan.centering.weights import CenteringTable
+from hdvplan.centring.stationary import coefficients, stationary, tightest_kappa, tightest_road
+from hdvplan.centring.weights import CentringTable
 from hdvplan.jit import FloatArray
 from hdvplan.vehicle.load import load_vehicle, preset_names
 from hdvplan.vehicle.model import Unit, Vehicle
@@ -127,10 +127,10 @@ def test_the_tightest_circle_puts_an_inner_edge_on_the_centre() -> None:
 def test_the_tightest_road_is_where_saturation_begins(name: str) -> None:
     vehicle = load_vehicle(name)
     tightest = tightest_road(vehicle)
-    assert CenteringTable.of(vehicle).tightest_road == tightest
+    assert CentringTable.of(vehicle).tightest_road == tightest
     found = stationary(vehicle, tightest * np.array([1.0 - 1e-6, 1.0 + 1e-6]))
     assert found.saturated.tolist() == [False, True]
-    at = CenteringTable.of(vehicle).at(tightest * np.array([-1.0 - 1e-6, -1.0 + 1e-6, 1.0 - 1e-6, 1.0 + 1e-6]))
+    at = CentringTable.of(vehicle).at(tightest * np.array([-1.0 - 1e-6, -1.0 + 1e-6, 1.0 - 1e-6, 1.0 + 1e-6]))
     assert at.saturated.tolist() == [True, False, False, True]
 
 
@@ -171,7 +171,7 @@ def test_a_chain_of_three_is_balanced_and_in_steady_motion_by_brute_force(vehicl
 def test_the_table_agrees_with_the_circle_itself_on_roads_that_can_be_driven(name: str) -> None:
     vehicle = load_vehicle(name)
     k = np.random.default_rng(1).uniform(-0.1, 0.1, 200)
-    found, exact = CenteringTable.of(vehicle).at(k), stationary(vehicle, k)
+    found, exact = CentringTable.of(vehicle).at(k), stationary(vehicle, k)
     # linear between curvatures 2.5e-4 1/m apart: K'' h^2 / 8; the same for the offsets, whose curvature is some 100 m^3. Where
     # another body's corner becomes the outermost, slopes jump by up to 2 m per 1/m, and h times that is lost
     sharp = name in {"a-double", "tractor-semitrailer"}
@@ -184,7 +184,7 @@ def test_the_table_agrees_with_the_circle_itself_on_roads_that_can_be_driven(nam
 
 
 def test_the_table_holds_and_marks_what_lies_beyond_its_end() -> None:
-    table = CenteringTable.of(load_vehicle("bus"))
+    table = CentringTable.of(load_vehicle("bus"))
     found = table.at(np.array([0.0, 0.1, 0.4, 3.0, -3.0]))
     assert found.saturated.tolist() == [False, False, True, True, True]
     assert found.weight[2] == found.weight[3] == found.weight[4]
@@ -193,7 +193,7 @@ def test_the_table_holds_and_marks_what_lies_beyond_its_end() -> None:
 
 def test_the_weight_is_finite_for_a_truck_whose_trailer_is_as_long_as_its_front() -> None:
     drawbar = Vehicle("drawbar", (Unit(5.0, 1.5, 2.5, 2.55, 0.0), Unit(6.5, 0.0, 2.0, 2.55)))
-    assert np.all(np.isfinite(CenteringTable.of(drawbar).at(np.linspace(0.0, 0.1, 101)).weight))
+    assert np.all(np.isfinite(CentringTable.of(drawbar).at(np.linspace(0.0, 0.1, 101)).weight))
 
 
 @given(angle=st.floats(-3.14, 3.14), size=st.floats(1e-6, 3.0))

@@ -8,8 +8,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from hdvplan.centering.stationary import stationary, tightest_kappa
-from hdvplan.evaluation.simulate import simulate
+from hdvplan.centring.stationary import stationary, tightest_kappa
+from hdvplan.driving.simulate import simulate
 from hdvplan.jit import FloatArray
 from hdvplan.road.path import from_curvature
 from hdvplan.vehicle.kinematics import derivative, jacobian, place

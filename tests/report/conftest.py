@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hdvplan.drive import drive
+from hdvplan.driving.drive import drive
+from hdvplan.judging.result import Result, result_of
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.settings import PlannerSettings
-from hdvplan.report.result import Result, result_of
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Limits, Road
 from hdvplan.road.scenarios import SCENARIOS

@@ -7,8 +7,8 @@ import pytest
 from PIL import Image
 
 from hdvplan.jit import FloatArray
+from hdvplan.judging.result import Result
 from hdvplan.report.animation import _film, film_bytes
-from hdvplan.report.result import Result
 from hdvplan.report.windows import Window
 
 

@@ -7,18 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdvplan.report.files import (
-    csv_bytes,
-    envelope_table,
-    json_bytes,
-    path_table,
-    picture_bytes,
-    profile_table,
-    steps_table,
-    write_atomically,
-    write_plan,
-)
-from hdvplan.report.result import Result
+from hdvplan.fileio import csv_bytes, json_bytes, write_atomically
+from hdvplan.judging.result import Result
+from hdvplan.report.files import envelope_table, path_table, picture_bytes, profile_table, steps_table, write_plan
 
 
 def test_the_summary_is_written_last(bus: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

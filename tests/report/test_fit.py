@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hdvplan.centering.stationary import swept_band
-from hdvplan.report.fit import Trouble, finding_text, fit_of, fit_table, needs_of
+from hdvplan.centring.stationary import swept_band
+from hdvplan.judging.fit import Trouble, finding_text, fit_of, fit_table, needs_of
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Limits, Road
 from hdvplan.road.scenarios import turn_profile

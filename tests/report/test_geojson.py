@@ -10,10 +10,10 @@ import pytest
 import shapely
 from shapely.geometry import shape
 
+from hdvplan.fileio import json_bytes
 from hdvplan.jit import FloatArray
-from hdvplan.report.files import json_bytes
+from hdvplan.judging.result import Result
 from hdvplan.report.geojson import swept_area, swept_geojson
-from hdvplan.report.result import Result
 from hdvplan.road.path import from_curvature
 
 

@@ -13,12 +13,12 @@ import shapely
 import hdvplan
 from hdvplan.errors import OptionError
 from hdvplan.jit import FloatArray
+from hdvplan.judging.result import Result
 from hdvplan.planning.bias import Bias
 from hdvplan.report.files import write_plan
 from hdvplan.report.html import report_html, short_labels, write_report
 from hdvplan.report.payload import packed, payload_of, road_frame, tight_places
 from hdvplan.report.planfiles import PlanFiles, read_plan
-from hdvplan.report.result import Result
 from hdvplan.road.regions import Kind, Region
 
 

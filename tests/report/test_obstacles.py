@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 import shapely
 
-from hdvplan.report.obstacles import approaches
-from hdvplan.report.result import Result
+from hdvplan.judging.obstacles import approaches
+from hdvplan.judging.result import Result
 from hdvplan.road.regions import Kind, Region
 
 

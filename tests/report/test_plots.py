@@ -8,9 +8,9 @@ import pytest
 import shapely
 from matplotlib.figure import Figure
 
-from hdvplan.report.bodies import corners, pose_at
+from hdvplan.judging.bodies import corners, pose_at
+from hdvplan.judging.result import Result, result_of
 from hdvplan.report.plots import plan_figure
-from hdvplan.report.result import Result, result_of
 from hdvplan.report.windows import tightest_windows
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road

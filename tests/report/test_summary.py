@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hdvplan.report.fit import facts_of, fit_of
-from hdvplan.report.result import Result, body_name
+from hdvplan.judging.fit import facts_of, fit_of
+from hdvplan.judging.result import Result, body_name
 from hdvplan.report.summary import needed_half_width, step_times_ms, summary_of
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Limits, Road

@@ -7,8 +7,8 @@ import pytest
 from rich.console import Console
 from rich.table import Table
 
-from hdvplan.evaluation.balance import Breach
-from hdvplan.report.result import Result, breach_text
+from hdvplan.judging.balance import Breach
+from hdvplan.judging.result import Result, breach_text
 from hdvplan.report.tables import MOST_BREACHES, balance_table, breach_table, grid
 
 

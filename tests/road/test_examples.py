@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hdvplan.report.fit import Trouble, fit_of
+from hdvplan.judging.fit import Trouble, fit_of
 from hdvplan.road.library import example_names
 from hdvplan.road.load import load_road
 from hdvplan.vehicle.load import load_vehicle

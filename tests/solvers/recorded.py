@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from hdvplan.drive import drive
+from hdvplan.driving.drive import drive
 from hdvplan.errors import PlanError
 from hdvplan.planning.objectives import geometric
-from hdvplan.planning.qp import StageQp
 from hdvplan.planning.settings import PlannerSettings
+from hdvplan.qp.program import StageQp
 from hdvplan.road.road import Limits, Road
 from hdvplan.road.scenarios import SCENARIOS
 from hdvplan.solvers.riccati import RiccatiWorkspace

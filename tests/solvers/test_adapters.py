@@ -8,7 +8,9 @@ import osqp
 import piqp
 import pytest
 
-from hdvplan.planning.qp import StageQp, StageShape, StageSolution, residuals
+from hdvplan.qp.program import StageQp, StageShape, StageSolution
+from hdvplan.qp.residuals import residuals
+from hdvplan.qp.workspace import QpResult, QpWorkspace, Status
 from hdvplan.solvers import clarabel as clarabel_adapter
 from hdvplan.solvers import osqp as osqp_adapter
 from hdvplan.solvers import piqp as piqp_adapter
@@ -16,7 +18,6 @@ from hdvplan.solvers.clarabel import ClarabelWorkspace
 from hdvplan.solvers.elastic import hard_first
 from hdvplan.solvers.osqp import OsqpWorkspace
 from hdvplan.solvers.piqp import PiqpWorkspace
-from hdvplan.solvers.workspace import QpResult, QpWorkspace, Status
 from tests.core.programs import random_program, shape
 from tests.solvers.workspaces import distance, optimum
 

@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hdvplan.jit import FloatArray
-from hdvplan.planning.qp import StageQp, StageShape, StageSolution, residuals
+from hdvplan.qp.program import StageQp, StageShape, StageSolution
+from hdvplan.qp.residuals import residuals
 from hdvplan.solvers.recursion import adjoint, factorise, sweep_ahead, sweep_back
 from tests.core.chains import few
 from tests.core.programs import dense, random_program, shape

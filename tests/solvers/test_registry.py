@@ -6,9 +6,9 @@ import sys
 import pytest
 
 from hdvplan.errors import SolverError
+from hdvplan.qp.workspace import Status
 from hdvplan.solvers import registry
 from hdvplan.solvers.registry import DEFAULT, solver_infos, solver_named
-from hdvplan.solvers.workspace import Status
 from tests.core.programs import random_program, shape
 
 

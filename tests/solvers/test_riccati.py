@@ -7,14 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hdvplan.planning.qp import StageQp, StageShape, residuals
 from hdvplan.planning.settings import PlannerSettings
+from hdvplan.qp.program import StageQp, StageShape
+from hdvplan.qp.residuals import residuals
+from hdvplan.qp.workspace import Status
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
 from hdvplan.solvers.clarabel import ClarabelWorkspace
 from hdvplan.solvers.piqp import PiqpWorkspace
 from hdvplan.solvers.riccati import RiccatiWorkspace
-from hdvplan.solvers.workspace import Status
 from tests.core.programs import random_program, shape
 from tests.solvers.recorded import COURSES, PINCHED, pinched, record, uturn
 from tests.solvers.test_recursion import free_program, linear_quadratic

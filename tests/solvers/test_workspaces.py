@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hdvplan.errors import QpDataError
-from hdvplan.planning.qp import StageQp, StageShape, StageSolution, residuals, view_shapes
-from hdvplan.solvers.workspace import Status
+from hdvplan.qp.program import StageQp, StageShape, StageSolution, view_shapes
+from hdvplan.qp.residuals import residuals
+from hdvplan.qp.workspace import Status
 from tests.core.chains import few
 from tests.core.programs import dense, random_program, shape
 from tests.solvers.workspaces import GENERIC, NATIVE, REFUSING, distance, generic, native, optimum

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import pytest
 
 from hdvplan.jit import FloatArray
-from hdvplan.planning.qp import StageQp, StageSolution
-from hdvplan.solvers.registry import WorkspaceMaker, solver_infos, solver_named
+from hdvplan.qp.program import StageQp, StageSolution
+from hdvplan.qp.workspace import WorkspaceMaker
+from hdvplan.solvers.registry import solver_infos, solver_named
 from tests.core.programs import dense, staged
 
 

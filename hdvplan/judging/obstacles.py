@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from hdvplan.drive import Drive
-from hdvplan.report.bodies import corners
+from hdvplan.driving.drive import Drive
+from hdvplan.judging.bodies import corners
 from hdvplan.road.regions import Kind, Region
 
 

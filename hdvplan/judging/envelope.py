@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hdvplan.drive import Drive
+from hdvplan.driving.drive import Drive
 from hdvplan.errors import PlanError
 from hdvplan.jit import FloatArray, compiled
 from hdvplan.road.path import evaluate, project

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol
 
-from hdvplan.planning.qp import StageQp, StageSolution
+from hdvplan.qp.program import StageQp, StageShape, StageSolution
 
 
 class Status(StrEnum):
@@ -52,3 +53,6 @@ class QpWorkspace(Protocol):
             QpDataError: the program's values are not finite or its bounds cross.
 
         """
+
+
+WorkspaceMaker = Callable[[StageShape], QpWorkspace]

@@ -8,18 +8,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hdvplan.centering.weights import CenteringTable
+from hdvplan.centring.weights import CentringTable
+from hdvplan.driving.simulate import simulate
 from hdvplan.errors import HdvplanError, PlanError, RoadError
-from hdvplan.evaluation.simulate import simulate
 from hdvplan.jit import FloatArray
 from hdvplan.planning.bias import NONE, Bias
 from hdvplan.planning.objectives import Balanced, Furthest, Objective, Residual, aimed
 from hdvplan.planning.planner import Plan, Planner
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations, stations_of
+from hdvplan.qp.workspace import WorkspaceMaker
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
-from hdvplan.solvers.registry import WorkspaceMaker
 from hdvplan.vehicle.model import Vehicle
 
 POSE_SPACING_M = 0.25  # simulated poses are kept at least this densely
@@ -76,13 +76,13 @@ def drive(
     if road.path.length < length:
         msg = f"the road is {road.path.length:.1f} m long, shorter than the vehicle ({length:.1f} m)"
         raise RoadError(msg)
-    stations = stations_of(road, vehicle, CenteringTable.of(vehicle), step=settings.step, horizon=settings.horizon, bias=bias)
+    stations = stations_of(road, vehicle, CentringTable.of(vehicle), step=settings.step, horizon=settings.horizon, bias=bias)
     centred = aimed(objective(stations), stations, vehicle)
     planner = Planner(vehicle, stations, centred, settings, make_workspace)
     units = vehicle.table()
     keep = int(np.ceil(settings.step / POSE_SPACING_M))
     total = int(np.ceil(road.path.length / settings.step - 1e-9))
-    geometry = stations.centering
+    geometry = stations.centring
     z = geometry.states[0]
     kappa_before = float(np.clip(geometry.kappa[0], -vehicle.max_curvature, vehicle.max_curvature))
     fine, executed, plans, error = [z[None]], [], [], 0.0

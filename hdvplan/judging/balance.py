@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hdvplan.centering.weights import CenteringTable
-from hdvplan.drive import Drive
-from hdvplan.evaluation.contact import contact
-from hdvplan.evaluation.envelope import SPACING_M, Envelope, envelope_of
+from hdvplan.centring.weights import CentringTable
+from hdvplan.driving.drive import Drive
 from hdvplan.jit import FloatArray
+from hdvplan.judging.contact import contact
+from hdvplan.judging.envelope import SPACING_M, Envelope, envelope_of
 
 KEPT_M = 0.01  # a limit counts as kept when broken by no more than this, as simulated
 
@@ -56,7 +56,7 @@ def balance_of(drive: Drive, envelope: Envelope) -> Balance:
     """Reduce a drive's envelope to the numbers that the tables show."""
     left, right = envelope.reach_left, envelope.reach_right
     k = drive.road.path.at(envelope.s).curvature
-    tightest = CenteringTable.of(drive.vehicle).at(np.array([np.max(np.abs(k))]))
+    tightest = CentringTable.of(drive.vehicle).at(np.array([np.max(np.abs(k))]))
     clearance, breaches = _clearance(drive, envelope)
     return Balance(
         float(np.max(left)),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hdvplan.drive import Drive
+from hdvplan.driving.drive import Drive
 from hdvplan.jit import FloatArray
 from hdvplan.vehicle.kinematics import place
 

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from hdvplan.centering.stationary import Stationary, ratio, stationary, tightest_road
+from hdvplan.centring.stationary import Stationary, ratio, stationary, tightest_road
 from hdvplan.jit import BoolArray, FloatArray
 from hdvplan.vehicle.model import Vehicle
 
@@ -19,7 +19,7 @@ _GRID = np.linspace(0.0, 0.5, 2001)  # road curvatures [1/m]; linear interpolati
 
 
 @dataclass(frozen=True)
-class Centering:
+class Centring:
     """Balanced driving at every point of a road, signed: positive curvature turns left. Shape (n,) each."""
 
     lead: FloatArray  # coefficients of the residual to centre, see ``coefficients``
@@ -47,18 +47,18 @@ class Centering:
 
 
 @dataclass(frozen=True)
-class CenteringTable:
+class CentringTable:
     """One vehicle's stationary geometry over curvature."""
 
     grid: Stationary
     tightest_road: float  # [1/m]
 
     @classmethod
-    def of(cls, vehicle: Vehicle) -> CenteringTable:
+    def of(cls, vehicle: Vehicle) -> CentringTable:
         """Tabulate the balanced circles of ``vehicle``."""
         return cls(stationary(vehicle, _GRID), tightest_road(vehicle))
 
-    def at(self, road_curvature: FloatArray) -> Centering:
+    def at(self, road_curvature: FloatArray) -> Centring:
         """Return the geometry at signed road curvatures [1/m]; beyond the tightest circle it is held."""
         grid, sign, k = self.grid, np.sign(road_curvature), np.abs(road_curvature)
 
@@ -68,7 +68,7 @@ class CenteringTable:
         def columns(values: FloatArray) -> FloatArray:
             return np.stack([sign * column(one) for one in values.T], axis=-1) if values.size else np.empty((len(k), 0))
 
-        return Centering(
+        return Centring(
             lead=column(grid.lead),
             aux=column(grid.aux),
             target=sign * column(grid.target),

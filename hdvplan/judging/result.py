@@ -7,15 +7,15 @@ from functools import cached_property
 
 import numpy as np
 
-from hdvplan.centering.weights import Centering, CenteringTable
-from hdvplan.drive import Drive
-from hdvplan.evaluation.balance import KEPT_M, Balance, Breach, balance_of, gaps_of
-from hdvplan.evaluation.envelope import Envelope, envelope_of
+from hdvplan.centring.weights import Centring, CentringTable
+from hdvplan.driving.drive import Drive
 from hdvplan.jit import FloatArray
+from hdvplan.judging.balance import KEPT_M, Balance, Breach, balance_of, gaps_of
+from hdvplan.judging.envelope import Envelope, envelope_of
+from hdvplan.judging.fit import Fit, fit_of
+from hdvplan.judging.obstacles import Approach, approaches
 from hdvplan.planning.bias import shifted
 from hdvplan.planning.planner import Plan
-from hdvplan.report.fit import Fit, fit_of
-from hdvplan.report.obstacles import Approach, approaches
 from hdvplan.vehicle.model import Vehicle
 
 _PAIR = ("tractor", "trailer")
@@ -28,7 +28,7 @@ class Result:
     drive: Drive
     envelope: Envelope
     balance: Balance
-    expected: Centering
+    expected: Centring
     solver: str
     objective: str
     fit: Fit  # what geometry said before planning
@@ -91,7 +91,7 @@ def result_of(drive: Drive, *, solver: str, objective: str) -> Result:
     """
     envelope = envelope_of(drive)
     curvature = shifted(drive.road.path.at(envelope.s).curvature, drive.bias.at(envelope.s), envelope.s)
-    expected = CenteringTable.of(drive.vehicle).at(curvature)
+    expected = CentringTable.of(drive.vehicle).at(curvature)
     return Result(drive, envelope, balance_of(drive, envelope), expected, solver, objective, fit_of(drive.road, drive.vehicle))
 
 

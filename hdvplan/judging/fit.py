@@ -12,8 +12,8 @@ from enum import StrEnum
 import numpy as np
 import pandas as pd
 
-from hdvplan.centering.stationary import swept_band
-from hdvplan.centering.weights import CenteringTable
+from hdvplan.centring.stationary import swept_band
+from hdvplan.centring.weights import CentringTable
 from hdvplan.jit import BoolArray, FloatArray
 from hdvplan.road.road import Road
 from hdvplan.vehicle.model import Vehicle
@@ -145,7 +145,7 @@ def needs_of(road: Road, vehicle: Vehicle, s: FloatArray) -> Needs:
     In a balanced circle the outermost point belongs to an overhang, the innermost to an axle.
     """
     curvature = road.path.at(s).curvature
-    balanced = CenteringTable.of(vehicle).at(curvature)
+    balanced = CentringTable.of(vehicle).at(curvature)
     kappa = np.abs(balanced.kappa)
     outer, inner = swept_band(vehicle, kappa)
     outer_axle, inner_axle = swept_band(vehicle, kappa, axles_only=True)

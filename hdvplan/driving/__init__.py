@@ -1,0 +1,1 @@
+"""Driving: plan, execute a few metres as an exact simulation, plan again."""

@@ -1,1 +1,0 @@
-"""Judging what was planned: exact simulation, swept envelope, balance."""

@@ -1,0 +1,1 @@
+"""Judging: what an executed drive swept, and whether it kept what it had to keep."""

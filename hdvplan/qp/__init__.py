@@ -1,0 +1,1 @@
+"""The quadratic program in stages, what a point of it is worth, and what a solver must offer."""
