@@ -13,7 +13,7 @@ from hdvplan.driving.simulate import simulate
 from hdvplan.errors import HdvplanError, PlanError, RoadError
 from hdvplan.jit import FloatArray
 from hdvplan.planning.bias import NONE, Bias
-from hdvplan.planning.objectives import Balanced, Furthest, Objective, Residual, aimed
+from hdvplan.planning.objectives import Goal, Objective
 from hdvplan.planning.planner import Plan, Planner
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations, stations_of
@@ -34,7 +34,7 @@ class Drive:
     vehicle: Vehicle
     settings: PlannerSettings
     stations: Stations
-    centred: Residual | Furthest | Balanced
+    goal: Goal
     z: FloatArray  # (samples, n), simulated states at the stations
     kappa: FloatArray  # (samples - 1,), executed curvature [1/m]
     poses_s: FloatArray  # (poses,), arclengths of the finer simulated states [m]
@@ -77,8 +77,8 @@ def drive(
         msg = f"the road is {road.path.length:.1f} m long, shorter than the vehicle ({length:.1f} m)"
         raise RoadError(msg)
     stations = stations_of(road, vehicle, CentringTable.of(vehicle), step=settings.step, horizon=settings.horizon, bias=bias)
-    centred = aimed(objective(stations), stations, vehicle)
-    planner = Planner(vehicle, stations, centred, settings, make_workspace)
+    goal = objective(stations, vehicle)
+    planner = Planner(vehicle, stations, goal, settings, make_workspace)
     units = vehicle.table()
     keep = int(np.ceil(settings.step / POSE_SPACING_M))
     total = int(np.ceil(road.path.length / settings.step - 1e-9))
@@ -108,7 +108,7 @@ def drive(
     poses = np.concatenate(fine)
     poses_s = settings.step / keep * np.arange(len(poses), dtype=np.float64)
     return Drive(
-        road, vehicle, settings, stations, centred, poses[::keep], np.concatenate(executed), poses_s, poses, tuple(plans), error, bias
+        road, vehicle, settings, stations, goal, poses[::keep], np.concatenate(executed), poses_s, poses, tuple(plans), error, bias
     )  # fmt: skip
 
 

@@ -9,15 +9,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from hdvplan.jit import FloatArray, compiled
-from hdvplan.road.path import ReferencePath, evaluate
+from hdvplan.jit import FloatArray, Records, compiled
+from hdvplan.road.path import Curve, ReferencePath, evaluate
 from hdvplan.vehicle.kinematics import derivative, rear_wheels
 
 SUBSTEP_M = 0.05  # the integration error of 100 m is then below 1e-6 m (tested against an adaptive integrator)
 
 
 def simulate(
-    units: FloatArray, path: ReferencePath, s_start: float, step: float, z_start: FloatArray, kappa: FloatArray, keep: int,
+    units: Records, path: ReferencePath, s_start: float, step: float, z_start: FloatArray, kappa: FloatArray, keep: int,
     steering: FloatArray | None = None,
 ) -> FloatArray:  # fmt: skip
     """Return the states while driving ``kappa`` [1/m], each value held over ``step`` [m] of road; shape (len(kappa) * keep + 1, n).
@@ -29,7 +29,7 @@ def simulate(
     if steering is None:
         steering = np.tile(z_start[1 + len(units) :], (len(kappa) + 1, 1))
     return _simulate(
-        units, path.coefficients, path.s_first, path.spacing, s_start, step, np.ascontiguousarray(z_start),
+        units, path.curve, s_start, step, np.ascontiguousarray(z_start),
         np.ascontiguousarray(kappa), keep, int(np.ceil(step / keep / SUBSTEP_M)),
         np.ascontiguousarray(steering),
     )  # fmt: skip
@@ -37,7 +37,7 @@ def simulate(
 
 @compiled
 def _simulate(
-    units: FloatArray, coefficients: FloatArray, s_first: float, spacing: float, s_start: float, step: float, z_start: FloatArray,
+    units: Records, curve: Curve, s_start: float, step: float, z_start: FloatArray,
     kappa: FloatArray, keep: int, substeps: int, steering: FloatArray,
 ) -> FloatArray:  # fmt: skip
     n, active = z_start.size, steering.shape[1]
@@ -54,9 +54,9 @@ def _simulate(
         for j in range(keep):
             for part in range(substeps):
                 s = s_start + i * step + (j * substeps + part) * h
-                k_here = evaluate(coefficients, s_first, spacing, s)[4]
-                k_half = evaluate(coefficients, s_first, spacing, s + 0.5 * h)[4]
-                k_next = evaluate(coefficients, s_first, spacing, s + h)[4]
+                k_here = evaluate(curve, s)[4]
+                k_half = evaluate(curve, s + 0.5 * h)[4]
+                k_next = evaluate(curve, s + h)[4]
                 derivative(units, k_here, z, kappa[i], f[0])
                 _turn(f[0], turn)
                 _along(z, 0.5 * h, f[0], probe)

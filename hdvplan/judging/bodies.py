@@ -6,19 +6,21 @@ import numpy as np
 
 from hdvplan.driving.drive import Drive
 from hdvplan.jit import FloatArray
-from hdvplan.vehicle.kinematics import place
+from hdvplan.vehicle.kinematics import POSE, place
 
 
 def corners(drive: Drive, pose: int) -> FloatArray:
     """Return the corners of every body at simulated pose number ``pose``, shape (units, 4, 2), x, y [m]."""
     path, units = drive.stations.path, drive.vehicle.table()
     point = path.at(drive.poses_s[pose])
-    poses = np.empty((len(units), 6))
+    poses = np.empty(len(units), POSE)
     place(units, float(point.x), float(point.y), float(np.cos(point.heading)), float(np.sin(point.heading)), drive.poses_z[pose], poses)
     outlines = np.empty((len(units), 4, 2))
-    for outline, (front, rear, half), (x, y, cos, sin, _, _) in zip(outlines, units[:, 2:5], poses, strict=True):
-        along, across = np.array([front, front, -rear, -rear]), np.array([half, -half, -half, half])
-        outline[:, 0], outline[:, 1] = x + along * cos - across * sin, y + along * sin + across * cos
+    for outline, unit, own in zip(outlines, units, poses, strict=True):
+        along = np.array([unit["front"], unit["front"], -unit["rear_overhang"], -unit["rear_overhang"]])
+        across = unit["half_width"] * np.array([1.0, -1.0, -1.0, 1.0])
+        outline[:, 0] = own["x"] + along * own["cos"] - across * own["sin"]
+        outline[:, 1] = own["y"] + along * own["sin"] + across * own["cos"]
     return outlines
 
 

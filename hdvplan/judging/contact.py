@@ -6,8 +6,8 @@ import numpy as np
 
 from hdvplan.driving.drive import Drive
 from hdvplan.jit import FloatArray
-from hdvplan.planning.motion import axles_behind
-from hdvplan.vehicle.kinematics import place
+from hdvplan.vehicle.body import axles_behind
+from hdvplan.vehicle.kinematics import POSE, place
 
 _SPACING_M = 0.1  # of the places on an edge that are looked at
 _NEAR_M = 0.2  # a place this near to a corner or an axle bears its name
@@ -27,12 +27,12 @@ def contact(drive: Drive, unit: int, side: str, s: float, *, axles_only: bool) -
     behind = float(axles_behind(drive.vehicle)[unit])
     first, last = np.searchsorted(drive.poses_s, [s + behind - front - _ROOM_M, s + behind - rear + _ROOM_M])
     furthest, where = -np.inf, 0.0
-    poses = np.empty((len(units), 6))
+    poses = np.empty(len(units), POSE)
     for pose in range(first, min(int(last) + 1, len(drive.poses_s))):
         at = float(drive.poses_s[pose])
         road = path.at(at)
         place(units, float(road.x), float(road.y), float(np.cos(road.heading)), float(np.sin(road.heading)), drive.poses_z[pose], poses)
-        x, y, cos, sin = poses[unit, :4]
+        x, y, cos, sin = (float(poses[unit][name]) for name in ("x", "y", "cos", "sin"))
         foot, offset = path.project(x + ahead * cos - across * sin, y + ahead * sin + across * cos, at - behind + ahead)
         reach: FloatArray = np.where(np.abs(foot - s) <= _SPACING_M, np.sign(across) * offset, -np.inf)
         best = int(np.argmax(reach))

@@ -13,9 +13,9 @@ import numpy as np
 
 from hdvplan.driving.drive import Drive
 from hdvplan.errors import PlanError
-from hdvplan.jit import FloatArray, compiled
-from hdvplan.road.path import evaluate, project
-from hdvplan.vehicle.kinematics import place
+from hdvplan.jit import FloatArray, Records, compiled
+from hdvplan.road.path import Curve, evaluate, project
+from hdvplan.vehicle.kinematics import POSE, body_point, place
 
 SPACING_M = 0.25  # of outline points and of the envelope's stations
 
@@ -53,7 +53,7 @@ def envelope_of(drive: Drive, *, axles_only: bool = False) -> Envelope:
     path, units = drive.stations.path, drive.vehicle.table()
     stations = SPACING_M * np.arange(int(np.floor(drive.road.path.length / SPACING_M + 1e-9)) + 1, dtype=np.float64)
     low, high, lost = _sweep(
-        units, _outlines(units, axles_only=axles_only), path.coefficients, path.s_first, path.spacing,
+        units, _outlines(units, axles_only=axles_only), path.curve,
         drive.poses_s, np.ascontiguousarray(drive.poses_z), stations,
     )  # fmt: skip
     if lost >= 0:
@@ -63,14 +63,14 @@ def envelope_of(drive: Drive, *, axles_only: bool = False) -> Envelope:
     return Envelope(stations, np.where(np.isfinite(high), high, np.nan), np.where(np.isfinite(low), low, np.nan))
 
 
-def _outlines(units: FloatArray, *, axles_only: bool) -> FloatArray:
+def _outlines(units: Records, *, axles_only: bool) -> FloatArray:
     """Return closed outlines in body axes, shape (units, points, 2); every body gets as many points as the longest needs."""
-    rear = np.zeros(len(units)) if axles_only else units[:, 3]
-    front = np.minimum(units[:, 0], units[:, 2]) if axles_only else units[:, 2]
+    rear = np.zeros(len(units)) if axles_only else units["rear_overhang"]
+    front = np.minimum(units["wheelbase"], units["front"]) if axles_only else units["front"]
     along = int(np.ceil(np.max(front + rear) / SPACING_M)) + 1
-    across = int(np.ceil(2.0 * np.max(units[:, 4]) / SPACING_M)) + 1
+    across = int(np.ceil(2.0 * np.max(units["half_width"]) / SPACING_M)) + 1
     outlines = []
-    for behind, ahead, half in zip(rear, front, units[:, 4], strict=True):
+    for behind, ahead, half in zip(rear, front, units["half_width"], strict=True):
         x, y = np.linspace(-behind, ahead, along), np.linspace(half, -half, across)
         left, end = np.column_stack([x, np.full(along, half)]), np.column_stack([np.full(across, ahead), y])
         right, back = np.column_stack([x[::-1], np.full(along, -half)]), np.column_stack([np.full(across, -behind), y[::-1]])
@@ -80,28 +80,26 @@ def _outlines(units: FloatArray, *, axles_only: bool) -> FloatArray:
 
 @compiled
 def _sweep(
-    units: FloatArray, outlines: FloatArray, coefficients: FloatArray, s_first: float, spacing: float, poses_s: FloatArray,
+    units: Records, outlines: FloatArray, curve: Curve, poses_s: FloatArray,
     poses_z: FloatArray, stations: FloatArray,
 ) -> tuple[FloatArray, FloatArray, int]:  # fmt: skip
     """Return lowest and highest offset per unit and station (infinite where never), and a pose without foot or -1."""
-    low = np.full((units.shape[0], stations.size), np.inf)
-    high = np.full((units.shape[0], stations.size), -np.inf)
-    poses = np.empty((units.shape[0], 6))
-    before = np.empty((units.shape[0], outlines.shape[1], 2))  # (s, offset) of the outline at the previous pose
+    low = np.full((units.size, stations.size), np.inf)
+    high = np.full((units.size, stations.size), -np.inf)
+    poses = np.empty(units.size, POSE)
+    before = np.empty((units.size, outlines.shape[1], 2))  # (s, offset) of the outline at the previous pose
     for i in range(poses_s.size):
-        x, y, cos, sin, _ = evaluate(coefficients, s_first, spacing, poses_s[i])
+        x, y, cos, sin, _ = evaluate(curve, poses_s[i])
         place(units, x, y, cos, sin, poses_z[i], poses)
         behind = 0.0
-        for unit in range(units.shape[0]):
+        for unit in range(units.size):
             if unit > 0:
-                behind += units[unit - 1, 1] + units[unit, 0]
+                behind += units[unit - 1].hitch_offset + units[unit].wheelbase
             near = poses_s[i] - behind + outlines[unit, 0, 0]
             last_s, last_e = 0.0, 0.0
             for point in range(outlines.shape[1]):
-                u, v = outlines[unit, point, 0], outlines[unit, point, 1]
-                px = poses[unit, 0] + u * poses[unit, 2] - v * poses[unit, 3]
-                py = poses[unit, 1] + u * poses[unit, 3] + v * poses[unit, 2]
-                s, e, _, _, _ = project(coefficients, s_first, spacing, px, py, near)
+                px, py = body_point(poses[unit], outlines[unit, point, 0], outlines[unit, point, 1])
+                s, e, _, _, _ = project(curve, px, py, near)
                 if np.isnan(e):
                     return low, high, i
                 near = s

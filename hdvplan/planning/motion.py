@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from hdvplan.jit import FloatArray, compiled
-from hdvplan.planning.stations import Stations
-from hdvplan.vehicle.body import POINTS_PER_EDGE, axis_points, edge_points
+from hdvplan.jit import FloatArray, Records, compiled
+from hdvplan.vehicle.kinematics import POSE
 from hdvplan.vehicle.model import Vehicle
 
 _STEEPEST = 1.3  # largest heading error a plan may reach: the model's domain ends at pi/2 [rad]
@@ -19,81 +17,36 @@ _SHORTEST = 1e-3  # share of a step below which it is not taken at all
 
 @dataclass(frozen=True)
 class Motion:
-    """States and curvatures over one horizon, and the feet of all points that were last projected (warm starts)."""
+    """States and curvatures over one horizon, and the poses that they put the bodies in."""
 
-    z: FloatArray  # (N+1, n)
-    kappa: FloatArray  # (N,) [1/m]
-    aux_feet: FloatArray  # (N+1,) of the auxiliary axle [m]
-    axis_feet: FloatArray  # (N+1, units, 4) of the points that screen a body
-    feet: FloatArray  # (N+1, units, points, 2) of the points of both edges
-    gaps: FloatArray  # same shape: every point's clearance to its limit, or a lower bound of it [m]
-    reach_feet: FloatArray  # (N+1, units, points, 2) of the points whose furthest reach is the objective; points may be 0
-    aux_ahead: float  # where these points lie ahead of the lead rear axle on a straight [m]
-    axis_ahead: FloatArray  # (units, 4)
-    points_ahead: FloatArray  # (units, points, 1)
-    reach_ahead: FloatArray  # (units, points, 1)
+    stages: Records  # (N+1,): z (n,), and kappa, held until the next stage [1/m]; the last one's kappa is not used
+    poses: Records  # (N+1, units) of ``POSE``, where the motion was last linearised
 
     @classmethod
-    def empty(cls, vehicle: Vehicle, stages: int, reach_points: FloatArray, *, axle: int = -1) -> Motion:
-        """Return the memory for a horizon of ``stages`` intervals; ``reach_points`` (units, points, 2) as ``edge_points``.
+    def empty(cls, vehicle: Vehicle, stages: int) -> Motion:
+        """Return the memory for a horizon of ``stages`` intervals."""
+        record = np.dtype([("z", float, (vehicle.states,)), ("kappa", float)])
+        return cls(np.zeros(stages + 1, record), np.zeros((stages + 1, len(vehicle.units)), POSE))
 
-        ``axle`` as in ``Residual``.
-        """
-        units = len(vehicle.units)
-        feet = (stages + 1, units, POINTS_PER_EDGE, 2)
-        behind = axles_behind(vehicle)
-        return cls(
-            np.zeros((stages + 1, vehicle.states)),
-            np.zeros(stages),
-            np.zeros(stages + 1),
-            np.zeros((stages + 1, units, 4)),
-            np.zeros(feet),
-            np.full(feet, np.inf),
-            np.zeros((stages + 1, *reach_points.shape[:2], 2)),
-            aux_ahead(vehicle, axle),
-            axis_points(vehicle) - behind[:, None],
-            edge_points(vehicle)[:, :, :1] - behind[:, None, None],
-            reach_points[:, :, :1] - behind[:, None, None],
-        )
+    @property
+    def z(self) -> FloatArray:
+        """The states, (N+1, n)."""
+        return self.stages["z"]
 
-    def by_stage(self) -> tuple[FloatArray, ...]:
-        """Return every array as a view of shape (stages, values)."""
-        return flat_stages((self.z, self.kappa, self.aux_feet, self.axis_feet, self.feet, self.gaps, self.reach_feet))
-
-    def guess(self, stations: Stations, first: int, begin: int) -> None:
-        """Set the motion from stage ``begin`` on, and the curvature that leads there, to the road's stationary geometry.
-
-        ``first`` is the station of stage 0.
-        """
-        end = first + len(self.kappa)
-        horizon, held = slice(first + begin, end + 1), max(begin - 1, 0)
-        geometry, s = stations.centring, stations.s[horizon]
-        self.z[begin:] = geometry.states[horizon]
-        self.kappa[held:] = geometry.kappa[first + held : end]
-        self.aux_feet[begin:] = s + self.aux_ahead
-        self.axis_feet[begin:] = s[:, None, None] + self.axis_ahead
-        self.feet[begin:] = s[:, None, None, None] + self.points_ahead
-        self.reach_feet[begin:] = s[:, None, None, None] + self.reach_ahead
+    @property
+    def kappa(self) -> FloatArray:
+        """The curvatures, (N,) [1/m]."""
+        return self.stages["kappa"][:-1]
 
 
-def axles_behind(vehicle: Vehicle) -> FloatArray:
-    """Return every axle's distance behind the lead rear axle on a straight, shape (units,) [m]."""
-    steps = [ahead.hitch_offset + unit.wheelbase for ahead, unit in zip(vehicle.units, vehicle.units[1:], strict=False)]
-    return np.concatenate([[0.0], np.cumsum(steps)])
-
-
-def aux_ahead(vehicle: Vehicle, axle: int) -> float:
-    """Return how far the auxiliary axle lies ahead of the lead rear axle on a straight [m]; ``axle`` as in ``Residual``."""
-    return vehicle.lead.wheelbase if axle % len(vehicle.units) == 0 else -float(axles_behind(vehicle)[axle])
-
-
-def flat_stages(arrays: tuple[FloatArray, ...]) -> tuple[FloatArray, ...]:
-    """Return views of shape (stages, values) of arrays whose first axis counts stages."""
-    return tuple(array.reshape(len(array), math.prod(array.shape[1:])) for array in arrays)
+def by_stage(array: Records | FloatArray) -> FloatArray:
+    """Return a view of shape (stages, numbers) of numbers, or records of numbers, whose first axis counts stages."""
+    flat = array.view(np.float64)
+    return flat.reshape(len(array), flat.size // len(array))
 
 
 @compiled
-def shift_stages(arrays: tuple[FloatArray, ...], by: int) -> None:
+def shift(arrays: tuple[FloatArray, ...], by: int) -> None:
     """Move every array ``by`` stages towards its beginning; its last ``by`` stages keep their values."""
     for array in arrays:
         for i in range(array.shape[0] - by):
@@ -102,38 +55,63 @@ def shift_stages(arrays: tuple[FloatArray, ...], by: int) -> None:
 
 
 @compiled
-def keep_steering(kappa: FloatArray, kappa_before: float, begin: int, most: float, change: float) -> None:
-    """Bring the curvatures from number ``begin`` on within what steering allows: at most ``most``, changing by at most ``change``.
-
-    A motion that keeps these bounds keeps them after any share of a QP's step.
-    """
-    for i in range(begin, kappa.size):
-        before = kappa[i - 1] if i > 0 else kappa_before
-        kappa[i] = max(min(kappa[i], before + change, most), before - change, -most)
+def shift_rows(stages: Records, rows: Records, by: int) -> None:
+    """Move a program's rows ``by`` stages towards the beginning, before its stages; rows that never bind look all alike."""
+    for i in range(stages.size - by):
+        if stages[i].live > 0.0 or stages[i + by].live > 0.0:
+            for row in range(rows.shape[1]):
+                rows[i, row] = rows[i + by, row]
 
 
 @compiled
-def take_step(z: FloatArray, kappa: FloatArray, x: FloatArray, road_curvature: FloatArray, share: float) -> float:
-    """Move a motion by ``share`` of a QP's solution ``x`` (N+1, n + 1), less where it would leave the model's domain.
+def guess(
+    motion: Records, z_start: FloatArray, states: FloatArray, curvatures: FloatArray, kept: int, kappa_before: float, most: FloatArray,
+    change: FloatArray,
+) -> None:  # fmt: skip
+    """Extend a motion of which ``kept`` stages are known, and let it begin at ``z_start``.
+
+    From stage ``kept`` on, and for the curvature that leads there, it takes the road's stationary geometry ``states`` (N+1, n) and
+    ``curvatures`` (N+1,), brought within what can be steered: at most ``most``, changing by at most ``change`` a station; of the
+    curvature first, then of the wheels that the plan steers. A motion that keeps these bounds keeps them after any share of a QP's step.
+    """
+    for j in range(z_start.size):
+        motion[0].z[j] = z_start[j]
+    for i in range(max(kept, 1), motion.size):
+        z, before = motion[i].z, motion[i - 1].z
+        for j in range(z_start.size):
+            z[j] = states[i, j]
+        for wheel in range(1, most.size):
+            j = z.size - most.size + wheel
+            z[j] = max(min(z[j], before[j] + change[wheel], most[wheel]), before[j] - change[wheel], -most[wheel])
+    for i in range(max(kept - 1, 0), motion.size):
+        held = motion[i - 1].kappa if i > 0 else kappa_before
+        motion[i].kappa = max(min(curvatures[i], held + change[0], most[0]), held - change[0], -most[0])
+
+
+@compiled
+def take_step(motion: Records, points: Records, road: Records, share: float) -> float:
+    """Move a motion by ``share`` of a QP's solution, less where it would leave the model's domain.
 
     The first state is given: a solver's residual must not move it. Returns the largest change of a state, or infinity
     where no part of the step could be taken.
     """
-    n, length, inside = z.shape[1], 2.0 * share, False
+    n, length, inside = motion[0].z.size, 2.0 * share, False
     while not inside and length > _SHORTEST:
         length *= 0.5
         inside = True
-        for i in range(1, z.shape[0]):
-            e_y, e_psi = z[i, 0] + length * x[i, 0], z[i, 1] + length * x[i, 1]
-            if not (abs(e_psi) < _STEEPEST and 1.0 - e_y * road_curvature[i] > _INSIDE):
+        for i in range(1, motion.size):
+            z, x = motion[i].z, points[i].x
+            e_y, e_psi = z[0] + length * x[0], z[1] + length * x[1]
+            if not (abs(e_psi) < _STEEPEST and 1.0 - e_y * road[i].curvature > _INSIDE):
                 inside = False
                 break
     if not inside:
         return np.inf
     largest = 0.0
-    for i in range(1, z.shape[0]):
+    for i in range(1, motion.size):
+        z, x = motion[i].z, points[i].x
         for j in range(n):
-            z[i, j] += length * x[i, j]
-            largest = max(largest, length * abs(x[i, j]))
-        kappa[i - 1] += length * x[i, n]
+            z[j] += length * x[j]
+            largest = max(largest, length * abs(x[j]))
+        motion[i - 1].kappa += length * x[n]
     return largest

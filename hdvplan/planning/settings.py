@@ -8,6 +8,7 @@ from enum import StrEnum
 import numpy as np
 
 from hdvplan.errors import OptionError
+from hdvplan.planning.discretisation import Discretisation
 
 SHORTEST_STEP_M = 0.01  # below the accuracy that limits are judged with; a road has a station every step
 MOST_STAGES = 20_000  # of one horizon: ten times what was ever measured, and what memory holds
@@ -16,15 +17,8 @@ MOST_STAGES = 20_000  # of one horizon: ten times what was ever measured, and wh
 class Scheme(StrEnum):
     """How often a planning step linearises and solves."""
 
-    RTI = "rti"  # once, from the shifted last plan; again only where a limit would be broken
-    SQP = "sqp"  # until the plan stands still
-
-
-class Discretisation(StrEnum):
-    """How a planned curvature is turned into predicted states."""
-
-    MIDPOINT = "midpoint"  # explicit midpoint rule: agrees with the simulation to millimetres at 0.5 m
-    EULER = "euler"  # as in [GEO]
+    RTI = "rti"  # real-time iteration: once, from the shifted last plan; again only where a limit would be broken
+    SQP = "sqp"  # to convergence
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from hdvplan.centring.weights import Centring, CentringTable
-from hdvplan.jit import FloatArray
+from hdvplan.jit import FloatArray, Records
 from hdvplan.planning.bias import NONE, Bias, shifted
 from hdvplan.road.path import ReferencePath, evaluate_many
 from hdvplan.road.road import Road
@@ -27,12 +28,28 @@ _SLACK_M = 1.0  # of rounding to the grid, and of corners of a body askew
 _STRETCH = 1.25  # a body point moves at most this much further than the lead axle's station, along the road
 
 
-@dataclass(frozen=True)
-class LimitTable:
+# What planning knows of the road at one station: the road itself, and what the vehicle can meet anywhere along its length when its lead
+# axle is there.
+STATION = np.dtype(
+    [
+        ("s", float),  # [m]
+        *((name, float) for name in ("x", "y", "cos", "sin", "curvature")),  # [m, 1/m]
+        ("curvature_between", float),  # half-way to the next station [1/m]
+        ("room_left", float),  # the narrowest reach that limits leave [m]; infinite without limits
+        ("room_right", float),
+        ("k_low", float),  # smallest and largest signed curvature [1/m]
+        ("k_high", float),
+        ("varies", float),  # 1 where limits vary, 0 where they are constant
+        ("margin", float),  # what a body may reach beyond the limits between stations when it keeps them at every station [m]
+    ]
+)
+
+
+class LimitTable(NamedTuple):
     """Signed limits on a uniform grid: rows left, right, left_sweep, right_sweep; shape (4, n) or (4, 0) without limits.
 
     Every entry, and every line between two, is the narrowest of the road's limits that a body point can meet between the station
-    where it is there and the next one. What changes suddenly is so never met unawares between stations.
+    where it is there and the next one: a sudden narrowing between stations cannot be missed.
     """
 
     values: FloatArray
@@ -43,23 +60,24 @@ class LimitTable:
 
 @dataclass(frozen=True)
 class Stations:
-    """The stations of a drive. ``road`` has rows x, y, cos(psi), sin(psi), curvature; shape (5, n).
-
-    ``around`` bounds what the vehicle can meet anywhere along its length when its lead axle is at a station; rows narrowest
-    left and right reach [m], smallest and largest signed curvature [1/m], and whether limits vary (1) or not (0); shape (5, n).
-    ``margin`` is what a body may reach beyond the limits between stations when it keeps them at every station (n,) [m].
-    """
+    """The stations of a drive, ``step`` metres apart."""
 
     path: ReferencePath
     step: float  # [m]
-    s: FloatArray  # (n,)
-    road: FloatArray  # (5, n)
-    curvature_between: FloatArray  # half-way to the next station, (n,) [1/m]
+    points: Records  # (n,) of ``STATION``
     centring: Centring
     limits: LimitTable
-    around: FloatArray
-    margin: FloatArray
     bias: FloatArray  # wanted middle of the swept envelope, (n,) [m]; ``centring`` is that of the line there
+
+    @property
+    def s(self) -> FloatArray:
+        """Arclengths, (n,) [m]."""
+        return self.points["s"]
+
+    @property
+    def curvature(self) -> FloatArray:
+        """The road's curvature, (n,) [1/m]."""
+        return self.points["curvature"]
 
 
 def stations_of(road: Road, vehicle: Vehicle, table: CentringTable, *, step: float, horizon: float, bias: Bias = NONE) -> Stations:
@@ -74,49 +92,53 @@ def stations_of(road: Road, vehicle: Vehicle, table: CentringTable, *, step: flo
     before, after = vehicle.reach_behind + _ROOM_M, last - road.path.length + vehicle.reach_ahead + _ROOM_M
     path = road.path.extended(before, after)
     s = step * np.arange(count, dtype=np.float64)
-    at_stations = evaluate_many(path.coefficients, path.s_first, path.spacing, s)
-    between = evaluate_many(path.coefficients, path.s_first, path.spacing, s + 0.5 * step)[4]
+    points = np.zeros(count, STATION)
+    points["s"] = s
+    for name, row in zip(("x", "y", "cos", "sin", "curvature"), evaluate_many(path.curve, s), strict=True):
+        points[name] = row
+    points["curvature_between"] = evaluate_many(path.curve, s + 0.5 * step)[4]
     limits = limit_table(road, path, step)
-    around = _around(path, limits, s, vehicle)
-    margin = _margin(around, vehicle, step)
+    for name, row in zip(("room_left", "room_right", "k_low", "k_high", "varies"), _around(path, limits, s, vehicle), strict=True):
+        points[name] = row
+    points["margin"] = _margin(points, vehicle, step)
     offset, halfway = (bias.at(np.asarray(np.mod(at, road.path.length)) if path.closed else at) for at in (s, s + 0.5 * step))
-    balanced = table.at(shifted(at_stations[4], offset, s))
-    shifted(between, halfway, s)  # refused now rather than when the drive is judged
+    balanced = table.at(shifted(points["curvature"], offset, s))
+    shifted(points["curvature_between"], halfway, s)  # refused now rather than when the drive is judged
     centring = replace(balanced, e_y=balanced.e_y + offset, e_aux=balanced.e_aux + offset)
-    return Stations(path, step, s, at_stations, between, centring, limits, around, margin, offset)
+    return Stations(path, step, points, centring, limits, offset)
 
 
-def _margin(around: FloatArray, vehicle: Vehicle, step: float) -> FloatArray:
+def _margin(points: Records, vehicle: Vehicle, step: float) -> FloatArray:
     """Return how far a point's track can bow out between two stations, shape (n,) [m].
 
     Between stations the curvature is held: a point's track bends no more than the lead axle's, or than wheels turn, and the road
-    beside it no more than ``around`` says. Over a chord of length l their difference k bows by k l^2 / 8; so does the road between
+    beside it no more than ``points`` say. Over a chord of length l their difference k bows by k l^2 / 8; so does the road between
     entries of the table.
     """
     turning = max(unit.max_steering_rate for unit in vehicle.units)  # of an actively steered axle's wheels
-    bend = vehicle.max_curvature + turning + np.max(np.abs(around[2:4]), axis=0)
+    bend = vehicle.max_curvature + turning + np.maximum(np.abs(points["k_low"]), np.abs(points["k_high"]))
     bow: FloatArray = bend * (_STRETCH * step) ** 2 / 8.0
     return bow
 
 
 def _around(path: ReferencePath, limits: LimitTable, s: FloatArray, vehicle: Vehicle) -> FloatArray:
-    """Return the extremes of limits and curvature over the length of road beside the vehicle, see ``Stations``.
+    """Return the extremes of limits and curvature over the length of road beside the vehicle: ``STATION`` from room_left to varies.
 
     Beside an offset e the road is 1 / (1 - k e) times as long as a body. Screening trusts no more than twice, and needs no more than
     ``_STRAIGHT`` where the road is nearly straight: fewer stations then meet a narrow place.
     """
     grid = np.arange(path.s_first, path.s_last, LIMIT_SPACING_M)
-    k = evaluate_many(path.coefficients, path.s_first, path.spacing, grid)[4]
+    k = evaluate_many(path.curve, grid)[4]
     nearest = np.clip(np.round((s - path.s_first) / LIMIT_SPACING_M).astype(int), 0, len(grid) - 1)
     values = limits.values[:, : len(grid)] if limits.values.size else np.tile([[np.inf], [-np.inf]] * 2, len(grid))
     bent, straight = (_beside(values, k, factor, vehicle)[:, nearest] for factor in (2.0, _STRAIGHT))
     room, bend = np.maximum(straight[0], straight[1]), np.maximum(np.abs(bent[2]), np.abs(bent[3]))
     room[np.isinf(room)] = 0.0  # without limits nothing is screened
-    return np.ascontiguousarray(np.where(bend * room <= 1.0 - 1.0 / _STRAIGHT, straight, bent))
+    return np.where(bend * room <= 1.0 - 1.0 / _STRAIGHT, straight, bent)
 
 
 def _beside(values: FloatArray, k: FloatArray, factor: float, vehicle: Vehicle) -> FloatArray:
-    """Return the rows of ``around`` on the table's grid, over ``factor`` times the vehicle's length to both sides of its lead axle."""
+    """Return the rows of ``_around`` on the table's grid, over ``factor`` times the vehicle's length to both sides of its lead axle."""
     ahead, behind = (int(np.ceil((factor * reach + _SLACK_M) / LIMIT_SPACING_M)) for reach in (vehicle.reach_ahead, vehicle.reach_behind))
     size, origin = ahead + behind + 1, (ahead + behind) // 2 - ahead
     low, high = (partial(run, size=size, origin=origin, mode="nearest") for run in (minimum_filter1d, maximum_filter1d))

@@ -6,7 +6,11 @@
                 x_low <= x_i <= x_high (some states),  u_low <= u_i <= u_high
 
 with penalty = linear * sigma + 1/2 quadratic * sigma^2 for each row: a large ``linear`` makes it an exact penalty, zero
-whenever the row can be kept. All values of all stages live in one buffer; the named arrays are views into it, so that a
+whenever the row can be kept.
+
+Kernels read and write records: one of ``stage_dtype`` for every stage 0..N, which holds what leaves the stage (A, B, c, R, r, bounds of
+u) and what the stage itself costs and may be (Q, q, bounds of x), and one of ``row_dtype`` for each of its rows. The first
+state is given, so its rows and bounds are not used. All values lie in one buffer; the named arrays are views into it, so that a
 solver can gather its own matrices from fixed places.
 """
 
@@ -17,7 +21,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hdvplan.errors import QpDataError
-from hdvplan.jit import BoolArray, FloatArray, compiled
+from hdvplan.jit import BoolArray, FloatArray, IntArray, Records, compiled
 
 
 @dataclass(frozen=True)
@@ -40,41 +44,128 @@ class StageShape:
             raise QpDataError(msg)
 
 
+def stage_dtype(states: int, inputs: int, bounded: int) -> np.dtype[np.void]:
+    """Return the record of one stage: all numbers of a program but its rows."""
+    n, m, b = states, inputs, bounded
+    sizes = {"A": (n, n), "B": (n, m), "c": (n,), "Q": (n, n), "q": (n,), "R": (m, m), "r": (m,), "x_low": (b,), "x_high": (b,),
+             "u_low": (m,), "u_high": (m,)}  # fmt: skip
+    return np.dtype([*((name, float, size) for name, size in sizes.items()), ("live", float)])
+
+
+def row_dtype(states: int) -> np.dtype[np.void]:
+    """Return the record of one row g'x - sigma <= h, with the price of sigma."""
+    return np.dtype([("g", float, (states,)), ("h", float), ("linear", float), ("quadratic", float)])
+
+
 @dataclass(frozen=True)
 class StageQp:
-    """The values of one program, written in place; see the module's formula for the names."""
+    """The values of one program, written in place; see the module's formula for the names.
+
+    ``live`` of a stage is 1 where any of its rows may bind; at 0 all of them have g = 0 and h > 0, and solvers may pass them over.
+    """
 
     shape: StageShape
     buffer: FloatArray
-    A: FloatArray = field(init=False)  # (N, n, n)
-    B: FloatArray = field(init=False)  # (N, n, m)
-    c: FloatArray = field(init=False)  # (N, n)
+    stages: Records = field(init=False)  # (N+1,) of ``stage_dtype``
+    rows: Records = field(init=False)  # (N+1, p) of ``row_dtype``
     x_first: FloatArray = field(init=False)  # (n,)
-    Q: FloatArray = field(init=False)  # (N+1, n, n)
-    q: FloatArray = field(init=False)  # (N+1, n)
-    R: FloatArray = field(init=False)  # (N, m, m)
-    r: FloatArray = field(init=False)  # (N, m)
-    G: FloatArray = field(init=False)  # (N, p, n); entry i belongs to stage i+1
-    h: FloatArray = field(init=False)  # (N, p)
-    linear: FloatArray = field(init=False)  # (N, p)
-    quadratic: FloatArray = field(init=False)  # (N, p)
-    x_low: FloatArray = field(init=False)  # (N, bounded)
-    x_high: FloatArray = field(init=False)  # (N, bounded)
-    u_low: FloatArray = field(init=False)  # (N, m)
-    u_high: FloatArray = field(init=False)  # (N, m)
+    bounded: IntArray = field(init=False)  # indices of the bounded states
 
     def __post_init__(self) -> None:
-        """Lay the named views over the buffer."""
-        start = 0
-        for name, shape in view_shapes(self.shape).items():
-            size = int(np.prod(shape))
-            object.__setattr__(self, name, self.buffer[start : start + size].reshape(shape))
-            start += size
+        """Lay the records over the buffer."""
+        shape = self.shape
+        stage, row = stage_dtype(shape.states, shape.inputs, len(shape.bounded_states)), row_dtype(shape.states)
+        count = shape.stages + 1
+        first = count * stage.itemsize // 8
+        last = first + count * shape.rows * row.itemsize // 8
+        object.__setattr__(self, "stages", self.buffer[:first].view(stage))
+        object.__setattr__(self, "rows", self.buffer[first:last].view(row).reshape(count, shape.rows))
+        object.__setattr__(self, "x_first", self.buffer[last:])
+        object.__setattr__(self, "bounded", np.asarray(shape.bounded_states, np.int64))
 
     @classmethod
     def empty(cls, shape: StageShape) -> StageQp:
-        """Return a program of zeros."""
-        return cls(shape, np.zeros(sum(int(np.prod(s)) for s in view_shapes(shape).values())))
+        """Return a program of zeros, with all rows live."""
+        stage, row = stage_dtype(shape.states, shape.inputs, len(shape.bounded_states)), row_dtype(shape.states)
+        size = (shape.stages + 1) * (stage.itemsize + shape.rows * row.itemsize) // 8 + shape.states
+        qp = cls(shape, np.zeros(size))
+        qp.stages["live"] = 1.0
+        return qp
+
+    @property
+    def A(self) -> FloatArray:  # noqa: N802 - the field's name
+        """The dynamics, (N, n, n)."""
+        return self.stages["A"][:-1]
+
+    @property
+    def B(self) -> FloatArray:  # noqa: N802 - the field's name
+        """What the inputs move, (N, n, m)."""
+        return self.stages["B"][:-1]
+
+    @property
+    def c(self) -> FloatArray:
+        """What the dynamics add, (N, n)."""
+        return self.stages["c"][:-1]
+
+    @property
+    def Q(self) -> FloatArray:  # noqa: N802 - the field's name
+        """The states' Hessians, (N+1, n, n)."""
+        return self.stages["Q"]
+
+    @property
+    def q(self) -> FloatArray:
+        """The states' gradients, (N+1, n)."""
+        return self.stages["q"]
+
+    @property
+    def R(self) -> FloatArray:  # noqa: N802 - the field's name
+        """The inputs' Hessians, (N, m, m)."""
+        return self.stages["R"][:-1]
+
+    @property
+    def r(self) -> FloatArray:
+        """The inputs' gradients, (N, m)."""
+        return self.stages["r"][:-1]
+
+    @property
+    def G(self) -> FloatArray:  # noqa: N802 - the field's name
+        """The rows, (N, p, n); entry i belongs to stage i + 1."""
+        return self.rows["g"][1:]
+
+    @property
+    def h(self) -> FloatArray:
+        """The rows' right-hand sides, (N, p)."""
+        return self.rows["h"][1:]
+
+    @property
+    def linear(self) -> FloatArray:
+        """The l1 weights of the rows' elastic variables, (N, p)."""
+        return self.rows["linear"][1:]
+
+    @property
+    def quadratic(self) -> FloatArray:
+        """The squares' weights of the rows' elastic variables, (N, p)."""
+        return self.rows["quadratic"][1:]
+
+    @property
+    def x_low(self) -> FloatArray:
+        """Lower bounds of the bounded states, (N, bounded); entry i belongs to stage i + 1."""
+        return self.stages["x_low"][1:]
+
+    @property
+    def x_high(self) -> FloatArray:
+        """Upper bounds of the bounded states, (N, bounded)."""
+        return self.stages["x_high"][1:]
+
+    @property
+    def u_low(self) -> FloatArray:
+        """Lower bounds of the inputs, (N, m)."""
+        return self.stages["u_low"][:-1]
+
+    @property
+    def u_high(self) -> FloatArray:
+        """Upper bounds of the inputs, (N, m)."""
+        return self.stages["u_high"][:-1]
 
     def check(self) -> None:
         """Refuse non-finite values and crossed bounds before any solver sees them.
@@ -83,67 +174,99 @@ class StageQp:
             QpDataError: with the name of the array at fault.
 
         """
-        if not np.isfinite(self.buffer.sum()):  # one pass; a value that is not finite makes the sum so
-            for name in view_shapes(self.shape):
+        finite, crossed = _check(self.buffer, self.stages)
+        if not finite:
+            for name in NAMES:
                 if not np.isfinite(getattr(self, name)).all():
                     msg = f"the QP holds a value that is not finite in {name!r}"
                     raise QpDataError(msg)
-        if _crossed(self.x_low, self.x_high) or _crossed(self.u_low, self.u_high):
+        if crossed:
             msg = "the QP holds a lower bound above its upper bound"
             raise QpDataError(msg)
 
 
+# Every named array of a program.
+NAMES = ("A", "B", "c", "x_first", "Q", "q", "R", "r", "G", "h", "linear", "quadratic", "x_low", "x_high", "u_low", "u_high")
+
+
 @compiled
-def _crossed(low: FloatArray, high: FloatArray) -> bool:
-    for i in range(low.shape[0]):
-        for j in range(low.shape[1]):
-            if low[i, j] > high[i, j]:
-                return True
-    return False
+def _check(buffer: FloatArray, stages: Records) -> tuple[bool, bool]:
+    """Return whether all values are finite, which their sum then is, and whether any bounds cross."""
+    a, b, c, d, last = 0.0, 0.0, 0.0, 0.0, stages.size - 1  # four sums: each addition waits for the one before
+    for i in range(0, buffer.size - 3, 4):
+        a += buffer[i]
+        b += buffer[i + 1]
+        c += buffer[i + 2]
+        d += buffer[i + 3]
+    for i in range(buffer.size - buffer.size % 4, buffer.size):
+        a += buffer[i]
+    crossed = False
+    for i in range(last + 1):
+        stage = stages[i]
+        if i > 0:
+            for bound in range(stage.x_low.size):
+                crossed |= stage.x_low[bound] > stage.x_high[bound]
+        if i < last:
+            for j in range(stage.u_low.size):
+                crossed |= stage.u_low[j] > stage.u_high[j]
+    return abs(a + b + c + d) < np.inf, crossed
 
 
-def view_shapes(shape: StageShape) -> dict[str, tuple[int, ...]]:
-    """Return the shape of every named array of a ``StageQp``, in the order of its buffer."""
-    stages, n, m, p, b = shape.stages, shape.states, shape.inputs, shape.rows, len(shape.bounded_states)
-    return {
-        "A": (stages, n, n),
-        "B": (stages, n, m),
-        "c": (stages, n),
-        "x_first": (n,),
-        "Q": (stages + 1, n, n),
-        "q": (stages + 1, n),
-        "R": (stages, m, m),
-        "r": (stages, m),
-        "G": (stages, p, n),
-        "h": (stages, p),
-        "linear": (stages, p),
-        "quadratic": (stages, p),
-        "x_low": (stages, b),
-        "x_high": (stages, b),
-        "u_low": (stages, m),
-        "u_high": (stages, m),
-    }
+def point_dtype(states: int, inputs: int, bounded: int) -> np.dtype[np.void]:
+    """Return the record of one stage of a primal-dual point."""
+    n, m, b = (states,), (inputs,), (bounded,)
+    return np.dtype([("x", float, n), ("u", float, m), ("dynamics", float, n), ("x_bounds", float, b), ("u_bounds", float, m)])
+
+
+ROW_POINT = np.dtype([("sigma", float), ("multiplier", float)])  # of one row of a primal-dual point
 
 
 @dataclass(frozen=True)
 class StageSolution:
     """A primal-dual point of a ``StageQp``. Multipliers of inequalities are >= 0; those of bounds are upper less lower."""
 
-    x: FloatArray  # (N+1, n)
-    u: FloatArray  # (N, m)
-    sigma: FloatArray  # (N, p)
-    dynamics: FloatArray  # (N+1, n): of x_0 given, then of each x_{i+1} = ...
-    rows: FloatArray  # (N, p)
-    x_bounds: FloatArray  # (N, bounded)
-    u_bounds: FloatArray  # (N, m)
+    stages: Records  # (N+1,) of ``point_dtype``
+    row_points: Records  # (N+1, p) of ``ROW_POINT``
 
     @classmethod
     def empty(cls, shape: StageShape) -> StageSolution:
         """Return a point of zeros."""
-        stages, n, m, p, b = shape.stages, shape.states, shape.inputs, shape.rows, len(shape.bounded_states)
-        shapes = ((stages + 1, n), (stages, m), (stages, p), (stages + 1, n), (stages, p), (stages, b), (stages, m))
-        return cls(*(np.zeros(s) for s in shapes))
+        count = shape.stages + 1
+        return cls(
+            np.zeros(count, point_dtype(shape.states, shape.inputs, len(shape.bounded_states))), np.zeros((count, shape.rows), ROW_POINT)
+        )
 
-    def multipliers(self) -> tuple[FloatArray, ...]:
-        """Return the arrays of multipliers, and of the elastic variables that go with them."""
-        return self.sigma, self.dynamics, self.rows, self.x_bounds, self.u_bounds
+    @property
+    def x(self) -> FloatArray:
+        """The states, (N+1, n)."""
+        return self.stages["x"]
+
+    @property
+    def u(self) -> FloatArray:
+        """The inputs, (N, m)."""
+        return self.stages["u"][:-1]
+
+    @property
+    def sigma(self) -> FloatArray:
+        """The rows' elastic variables, (N, p); entry i belongs to stage i + 1."""
+        return self.row_points["sigma"][1:]
+
+    @property
+    def dynamics(self) -> FloatArray:
+        """Multipliers of x_0 given, then of each x_{i+1} = ..., (N+1, n)."""
+        return self.stages["dynamics"]
+
+    @property
+    def rows(self) -> FloatArray:
+        """Multipliers of the rows, (N, p)."""
+        return self.row_points["multiplier"][1:]
+
+    @property
+    def x_bounds(self) -> FloatArray:
+        """Multipliers of the bounded states' bounds, (N, bounded); entry i belongs to stage i + 1."""
+        return self.stages["x_bounds"][1:]
+
+    @property
+    def u_bounds(self) -> FloatArray:
+        """Multipliers of the inputs' bounds, (N, m)."""
+        return self.stages["u_bounds"][:-1]

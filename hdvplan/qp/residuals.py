@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hdvplan.jit import FloatArray, IntArray, compiled
+from hdvplan.jit import FloatArray, IntArray, Records, compiled
 from hdvplan.qp.program import StageQp, StageSolution
 
 
@@ -21,67 +21,73 @@ class Residuals:
 
 def residuals(qp: StageQp, point: StageSolution) -> Residuals:
     """Return the residuals of ``point``; NaN where anything in it is not finite. They judge every solver alike."""
-    primal, dual, gap = _residuals(
-        qp.A, qp.B, qp.c, qp.x_first, qp.Q, qp.q, qp.R, qp.r, qp.G, qp.h, qp.linear, qp.quadratic,
-        np.asarray(qp.shape.bounded_states, np.int64), qp.x_low, qp.x_high, qp.u_low, qp.u_high,
-        point.x, point.u, point.sigma, point.dynamics, point.rows, point.x_bounds, point.u_bounds,
-    )  # fmt: skip
-    return Residuals(primal, dual, gap)
+    return Residuals(*_residuals(qp.stages, qp.rows, qp.x_first, qp.bounded, point.stages, point.row_points))
 
 
 @compiled
 def _residuals(
-    A: FloatArray, B: FloatArray, c: FloatArray, x_first: FloatArray, Q: FloatArray, q: FloatArray, R: FloatArray, r: FloatArray,
-    G: FloatArray, h: FloatArray, linear: FloatArray, quadratic: FloatArray, bounded: IntArray, x_low: FloatArray, x_high: FloatArray,
-    u_low: FloatArray, u_high: FloatArray, x: FloatArray, u: FloatArray, sigma: FloatArray, dynamics: FloatArray, rows: FloatArray,
-    x_bounds: FloatArray, u_bounds: FloatArray,
-) -> tuple[float, float, float]:  # fmt: skip
-    stages, n, m = B.shape
-    primal, dual, gap, finite = 0.0, 0.0, 0.0, True  # max() would drop a NaN
+    stages: Records, rows: Records, x_first: FloatArray, bounded: IntArray, points: Records, row_points: Records
+) -> tuple[float, float, float]:
+    last, n, m = stages.size - 1, stages[0].c.size, stages[0].r.size
+    primal, dual, gap, total = 0.0, 0.0, 0.0, 0.0  # max() would drop a NaN, ``total`` keeps it
     for j in range(n):
-        primal = max(primal, abs(x[0, j] - x_first[j]))
-    for i in range(stages + 1):
+        primal = max(primal, abs(points[0].x[j] - x_first[j]))
+    for i in range(last + 1):
+        stage, point = stages[i], points[i]
+        x = point.x
         for j in range(n):
-            slope = q[i, j] + dynamics[i, j]
+            slope = stage.q[j] + point.dynamics[j]
             for k in range(n):
-                slope += Q[i, j, k] * x[i, k]
-                if i < stages:
-                    slope -= A[i, k, j] * dynamics[i + 1, k]
+                slope += stage.Q[j, k] * x[k]
+            if i < last:
+                dynamics = points[i + 1].dynamics
+                for k in range(n):
+                    slope -= stage.A[k, j] * dynamics[k]
             if i > 0:
-                for row in range(G.shape[1]):
-                    slope += G[i - 1, row, j] * rows[i - 1, row]
                 for b in range(bounded.size):
                     if bounded[b] == j:
-                        slope += x_bounds[i - 1, b]
-            dual, finite = max(dual, abs(slope)), finite and abs(slope) < np.inf
-    for i in range(stages):
-        for j in range(n):
-            ahead = c[i, j] - x[i + 1, j]
-            for k in range(n):
-                ahead += A[i, j, k] * x[i, k]
-            for k in range(m):
-                ahead += B[i, j, k] * u[i, k]
-            primal, finite = max(primal, abs(ahead)), finite and abs(ahead) < np.inf
-        for j in range(m):
-            slope = r[i, j] + u_bounds[i, j]
-            for k in range(m):
-                slope += R[i, j, k] * u[i, k]
-            for k in range(n):
-                slope -= B[i, k, j] * dynamics[i + 1, k]
-            dual, finite = max(dual, abs(slope)), finite and abs(slope) < np.inf
-            over, under = u[i, j] - u_high[i, j], u_low[i, j] - u[i, j]
-            primal = max(primal, over, under)
-            gap += abs(max(u_bounds[i, j], 0.0) * over) + abs(max(-u_bounds[i, j], 0.0) * under)
-        for row in range(G.shape[1]):
-            value = -h[i, row] - sigma[i, row]
-            for k in range(n):
-                value += G[i, row, k] * x[i + 1, k]
-            primal, finite = max(primal, value, -sigma[i, row]), finite and abs(value) < np.inf
-            slack_price = linear[i, row] + quadratic[i, row] * sigma[i, row] - rows[i, row]  # multiplier of sigma >= 0
-            dual = max(dual, -rows[i, row], -slack_price)
-            gap += abs(max(rows[i, row], 0.0) * value) + abs(max(slack_price, 0.0) * sigma[i, row])
-        for b in range(bounded.size):
-            over, under = x[i + 1, bounded[b]] - x_high[i, b], x_low[i, b] - x[i + 1, bounded[b]]
-            primal = max(primal, over, under)
-            gap += abs(max(x_bounds[i, b], 0.0) * over) + abs(max(-x_bounds[i, b], 0.0) * under)
-    return (primal, dual, gap) if finite else (np.nan, np.nan, np.nan)
+                        slope += point.x_bounds[b]
+                if stage.live > 0.0:
+                    for row in range(rows.shape[1]):
+                        slope += rows[i, row].g[j] * row_points[i, row].multiplier
+            dual = max(dual, abs(slope))
+            total += slope
+        if i > 0:
+            for row in range(rows.shape[1]):
+                own, of_row = rows[i, row], row_points[i, row]
+                sigma, multiplier = of_row.sigma, of_row.multiplier
+                value = -own.h - sigma
+                if stage.live > 0.0:
+                    for k in range(n):
+                        value += own.g[k] * x[k]
+                primal = max(primal, value, -sigma)
+                of_sigma = own.linear + own.quadratic * sigma - multiplier  # multiplier of sigma >= 0
+                dual = max(dual, -multiplier, -of_sigma)
+                gap += abs(max(multiplier, 0.0) * value) + abs(max(of_sigma, 0.0) * sigma)
+                total += value + of_sigma
+            for b in range(bounded.size):
+                over, under = x[bounded[b]] - stage.x_high[b], stage.x_low[b] - x[bounded[b]]
+                primal = max(primal, over, under)
+                gap += abs(max(point.x_bounds[b], 0.0) * over) + abs(max(-point.x_bounds[b], 0.0) * under)
+        if i < last:
+            dynamics, u = points[i + 1].dynamics, point.u
+            for j in range(n):
+                ahead = stage.c[j] - points[i + 1].x[j]
+                for k in range(n):
+                    ahead += stage.A[j, k] * x[k]
+                for k in range(m):
+                    ahead += stage.B[j, k] * u[k]
+                primal = max(primal, abs(ahead))
+                total += ahead
+            for j in range(m):
+                slope = stage.r[j] + point.u_bounds[j]
+                for k in range(m):
+                    slope += stage.R[j, k] * u[k]
+                for k in range(n):
+                    slope -= stage.B[k, j] * dynamics[k]
+                dual = max(dual, abs(slope))
+                total += slope
+                over, under = u[j] - stage.u_high[j], stage.u_low[j] - u[j]
+                primal = max(primal, over, under)
+                gap += abs(max(point.u_bounds[j], 0.0) * over) + abs(max(-point.u_bounds[j], 0.0) * under)
+    return (primal, dual, gap) if abs(total) < np.inf else (np.nan, np.nan, np.nan)

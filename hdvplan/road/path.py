@@ -8,6 +8,7 @@ counter-clockwise from x; lateral offset positive to the left.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import PPoly
@@ -20,6 +21,14 @@ _BEYOND = 0.05  # 1 - curvature * offset below which Newton steps would overshoo
 _LOCAL_M = 15.0  # a foot further from where the search began is another part of the road
 _LAST_STEP_M = 2e-5  # a Newton step this small leaves errors of its square
 _BLEND_M = 10.0  # an open road's curvature fades to zero over this length beyond its ends [m]
+
+
+class Curve(NamedTuple):
+    """A path as kernels take it; see ``ReferencePath``."""
+
+    coefficients: FloatArray  # (segments, 12)
+    s_first: float  # [m]
+    spacing: float  # [m]
 
 
 @dataclass(frozen=True)
@@ -48,6 +57,11 @@ class ReferencePath:
     closed: bool
 
     @property
+    def curve(self) -> Curve:
+        """The path as kernels take it."""
+        return Curve(self.coefficients, self.s_first, self.spacing)
+
+    @property
     def s_last(self) -> float:
         """The arclength at which the table ends [m]."""
         return self.s_first + self.spacing * len(self.coefficients)
@@ -65,7 +79,7 @@ class ReferencePath:
             at = float(s[outside].flat[0])
             msg = f"s = {at:.2f} m lies outside the path, which reaches from {self.s_first:.2f} to {self.s_last:.2f} m"
             raise RoadError(msg, s_m=at)
-        table = evaluate_many(self.coefficients, self.s_first, self.spacing, s.ravel())
+        table = evaluate_many(self.curve, s.ravel())
         shaped = table.reshape(5, *s.shape)
         return PathPoint(shaped[0], shaped[1], np.arctan2(shaped[3], shaped[2]), shaped[4])
 
@@ -79,7 +93,7 @@ class ReferencePath:
 
         """
         x, y, near = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float), np.asarray(near, float))
-        s, offset = project_many(self.coefficients, self.s_first, self.spacing, x.ravel(), y.ravel(), near.ravel())
+        s, offset = project_many(self.curve, x.ravel(), y.ravel(), near.ravel())
         if not np.all(np.isfinite(offset)):
             at = int(np.argmin(np.isfinite(offset)))
             start = float(np.clip(near.ravel()[at], self.s_first, self.s_last))
@@ -188,11 +202,12 @@ def _fade(path: ReferencePath, end: float, distance: float) -> FloatArray:
 
 
 @compiled
-def evaluate(coefficients: FloatArray, s_first: float, spacing: float, s: float) -> tuple[float, float, float, float, float]:
+def evaluate(curve: Curve, s: float) -> tuple[float, float, float, float, float]:
     """Return x, y, cos(psi), sin(psi), curvature at arclength ``s``; beyond the table its last segment goes on."""
-    index = int((s - s_first) / spacing)
+    coefficients = curve.coefficients
+    index = int((s - curve.s_first) / curve.spacing)
     index = min(max(index, 0), coefficients.shape[0] - 1)
-    u = s - s_first - index * spacing
+    u = s - curve.s_first - index * curve.spacing
     c0, c1, c2 = coefficients[index, 0], coefficients[index, 1], coefficients[index, 2]
     c3, c4, c5 = coefficients[index, 3], coefficients[index, 4], coefficients[index, 5]
     c6, c7, c8 = coefficients[index, 6], coefficients[index, 7], coefficients[index, 8]
@@ -210,17 +225,15 @@ def evaluate(coefficients: FloatArray, s_first: float, spacing: float, s: float)
 
 
 @compiled
-def project(
-    coefficients: FloatArray, s_first: float, spacing: float, x: float, y: float, near: float
-) -> tuple[float, float, float, float, float]:
+def project(curve: Curve, x: float, y: float, near: float) -> tuple[float, float, float, float, float]:
     """Return foot arclength, offset, cos(psi), sin(psi), curvature at the foot of (x, y); offset NaN without a foot.
 
     Newton on the tangential distance, whose derivative along s is -(1 - curvature * offset). The last step is not looked
     up again: its effect on offset and heading is added to second and first order, exact to 1e-12 m for steps this small.
     """
-    s = near
+    s, s_last = near, curve.s_first + curve.spacing * curve.coefficients.shape[0]
     for _ in range(30):
-        px, py, cos, sin, curvature = evaluate(coefficients, s_first, spacing, s)
+        px, py, cos, sin, curvature = evaluate(curve, s)
         ahead = (x - px) * cos + (y - py) * sin
         offset = (y - py) * cos - (x - px) * sin
         slope = 1.0 - curvature * offset
@@ -228,7 +241,7 @@ def project(
             slope = 1.0
         step = min(max(ahead / slope, -5.0), 5.0)
         s += step
-        if abs(s - near) > _LOCAL_M or not s_first - 1e-9 <= s <= s_first + spacing * coefficients.shape[0] + 1e-9:
+        if abs(s - near) > _LOCAL_M or not curve.s_first - 1e-9 <= s <= s_last + 1e-9:
             break
         if abs(step) < _LAST_STEP_M:
             if 1.0 - curvature * offset <= 0.0:
@@ -239,20 +252,18 @@ def project(
 
 
 @compiled
-def evaluate_many(coefficients: FloatArray, s_first: float, spacing: float, s: FloatArray) -> FloatArray:
+def evaluate_many(curve: Curve, s: FloatArray) -> FloatArray:
     """Return rows x, y, cos(psi), sin(psi), curvature at arclengths ``s``; shape (5, len(s))."""
     out = np.empty((5, s.size))
     for i in range(s.size):
-        out[0, i], out[1, i], out[2, i], out[3, i], out[4, i] = evaluate(coefficients, s_first, spacing, s[i])
+        out[0, i], out[1, i], out[2, i], out[3, i], out[4, i] = evaluate(curve, s[i])
     return out
 
 
 @compiled
-def project_many(
-    coefficients: FloatArray, s_first: float, spacing: float, x: FloatArray, y: FloatArray, near: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def project_many(curve: Curve, x: FloatArray, y: FloatArray, near: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return foot arclengths and offsets of points; offset NaN where there is no foot."""
     s, offset = np.empty(x.size), np.empty(x.size)
     for i in range(x.size):
-        s[i], offset[i], _, _, _ = project(coefficients, s_first, spacing, x[i], y[i], near[i])
+        s[i], offset[i], _, _, _ = project(curve, x[i], y[i], near[i])
     return s, offset

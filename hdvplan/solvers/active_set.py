@@ -1,186 +1,199 @@
 """A warm start for stage QPs: which inequalities the last plan held tells nearly always which ones this plan holds.
 
-A primal-dual active set method (Hintermüller, Ito, Kunisch 2003): held inequalities are equalities, kept by a stiff quadratic whose
+A primal-dual active set method (Hintermüller, Ito, Kunisch 2003): active inequalities are equalities, kept by a stiff quadratic whose
 centre moves by their multipliers (augmented Lagrangian), so that a Riccati pass solves for everything at once; then every inequality
-is looked at, and those on the wrong side change sides. Elastic rows have a third side, broken, where their penalty is a plain
+is looked at, and those of the wrong status change it. Elastic rows have a third status, violated, where their penalty is a plain
 quadratic. With the right guess one or two passes do what an interior point method needs twenty for. With a wrong one the method may
 chatter: it is given a few passes, and where it has not settled by then it says so.
 """
 
 from __future__ import annotations
 
-from hdvplan.jit import FloatArray, IntArray, compiled
-from hdvplan.solvers.recursion import adjoint, factorise, imbalance, sweep_ahead, sweep_back
+import numpy as np
 
-FREE, HELD, BROKEN = range(3)  # the sides of an inequality
-STIFF = 1e9  # of a held inequality [1/m^2]: an error of its multiplier by 100 leaves 1e-7 m
+from hdvplan.jit import IntArray, Records, compiled
+from hdvplan.qp.program import StageShape
+from hdvplan.solvers.recursion import adjoint, end_at, factorise, imbalance, load, sweep_ahead, sweep_back
+
+INACTIVE, ACTIVE, VIOLATED = range(3)
+STIFF = 1e9  # of an active inequality [1/m^2]: an error of its multiplier by 100 leaves 1e-7 m
 PASSES = 5
-KEPT = 1e-7  # of a held or free inequality [m, 1/m]
+KEPT = 1e-7  # of an active or inactive inequality [m, 1/m]
 _BALANCED = 1e-6  # of the Lagrangian's gradient by the inputs, relative: stiff quadratics turn rounding into multipliers
-CARRIED = 1e-4  # a guess's multiplier beyond this means that its inequality was held
+CARRIED = 1e-4  # a guess's multiplier beyond this means that its inequality was active
+INEQUALITY = np.dtype([("status", np.int64), ("multiplier", float)])
 
 
-@compiled
-def sides_of(
-    linear: FloatArray, rows: FloatArray, sigma: FloatArray, x_bounds: FloatArray, u_bounds: FloatArray, side: IntArray, prices: FloatArray
-) -> bool:
-    """Write the guessed side and multiplier of every inequality, shape (N, rows + 2 bounded + 2 inputs); return whether any is not free.
+def inequalities(shape: StageShape) -> Records:
+    """Return the memory for the statuses of all inequalities, (N+1, rows + 2 bounds): rows, then every bound's upper and lower side.
 
-    A row without a linear price is never held: it costs nothing to begin with. Bounds are upper, then lower.
+    Bounds of the states come first. A bound of an input belongs to the stage that the input leaves, all others to their own stage.
     """
-    any_held, p, nb = False, rows.shape[1], x_bounds.shape[1]
-    for i in range(rows.shape[0]):
-        for row in range(p):
-            side[i, row], prices[i, row] = FREE, 0.0
-            if rows[i, row] > CARRIED:
-                broken = sigma[i, row] > KEPT or not linear[i, row] > 0.0
-                side[i, row], prices[i, row], any_held = BROKEN if broken else HELD, rows[i, row], True
-        for bound in range(nb + u_bounds.shape[1]):
-            price = x_bounds[i, bound] if bound < nb else u_bounds[i, bound - nb]
-            for lower in range(2):
-                place, one = p + 2 * bound + lower, -price if lower else price
-                side[i, place], prices[i, place] = FREE, 0.0
-                if one > CARRIED:
-                    side[i, place], prices[i, place], any_held = HELD, one, True
-    return any_held
+    return np.zeros((shape.stages + 1, shape.rows + 2 * (len(shape.bounded_states) + shape.inputs)), INEQUALITY)
 
 
 @compiled
-def _weigh(
-    Q: FloatArray, q: FloatArray, R: FloatArray, r: FloatArray, G: FloatArray, h: FloatArray, linear: FloatArray, quadratic: FloatArray,
-    bounded: IntArray, x_low: FloatArray, x_high: FloatArray, u_low: FloatArray, u_high: FloatArray, side: IntArray, prices: FloatArray,
-    hessian_x: FloatArray, hessian_u: FloatArray, slope_x: FloatArray, slope_u: FloatArray,
-) -> None:  # fmt: skip
-    """Write the objective with the quadratics of all inequalities that are not free; Hessians in their lower triangles."""
-    n, m, p, nb = Q.shape[1], R.shape[1], G.shape[1], bounded.size
-    for i in range(Q.shape[0]):
-        for j in range(n):
-            slope_x[i, j] = q[i, j]
-            for k in range(j + 1):
-                hessian_x[i, j, k] = Q[i, j, k]
-    for i in range(R.shape[0]):
-        for j in range(m):
-            slope_u[i, j] = r[i, j]
-            for k in range(j + 1):
-                hessian_u[i, j, k] = R[i, j, k]
-        for row in range(p):
-            if side[i, row] == FREE:
-                continue
-            weight, price = (STIFF, prices[i, row]) if side[i, row] == HELD else (quadratic[i, row], linear[i, row])
-            for j in range(n):
-                slope_x[i + 1, j] += (price - weight * h[i, row]) * G[i, row, j]
-                for k in range(j + 1):
-                    hessian_x[i + 1, j, k] += weight * G[i, row, j] * G[i, row, k]
-        for bound in range(nb + m):
-            for lower in range(2):
-                place = p + 2 * bound + lower
-                if side[i, place] == FREE:
-                    continue
-                sign = -1.0 if lower else 1.0
-                if bound < nb:
-                    limit = x_low[i, bound] if lower else x_high[i, bound]
-                    slope_x[i + 1, bounded[bound]] += sign * prices[i, place] - STIFF * limit
-                    hessian_x[i + 1, bounded[bound], bounded[bound]] += STIFF
-                else:
-                    limit = u_low[i, bound - nb] if lower else u_high[i, bound - nb]
-                    slope_u[i, bound - nb] += sign * prices[i, place] - STIFF * limit
-                    hessian_u[i, bound - nb, bound - nb] += STIFF
+def _guess_bound(inequality: Records, i: int, first: int, multiplier: float) -> bool:
+    """Write the guessed statuses of a bound's two sides; return whether one is active."""
+    for lower in range(2):
+        own, one = inequality[i, first + lower], -multiplier if lower else multiplier
+        own.status, own.multiplier = (ACTIVE, one) if one > CARRIED else (INACTIVE, 0.0)
+    return abs(multiplier) > CARRIED
 
 
 @compiled
-def _look(
-    G: FloatArray, h: FloatArray, linear: FloatArray, bounded: IntArray, x_low: FloatArray, x_high: FloatArray, u_low: FloatArray,
-    u_high: FloatArray, x: FloatArray, u: FloatArray, side: IntArray, prices: FloatArray,
-) -> bool:  # fmt: skip
-    """Move multipliers by what held inequalities lack, change wrong sides; return whether all were right and are kept."""
-    settled, p, nb = True, G.shape[1], bounded.size
-    for i in range(u.shape[0]):
-        for row in range(p):
-            over, priced = -h[i, row], linear[i, row] > 0.0
-            for j in range(x.shape[1]):
-                over += G[i, row, j] * x[i + 1, j]
-            if side[i, row] == FREE:
-                if over > KEPT:
-                    side[i, row], prices[i, row], settled = HELD if priced else BROKEN, 0.0, False
-            elif side[i, row] == HELD:
-                settled = settled and abs(over) <= KEPT
-                prices[i, row] += STIFF * over
-                if prices[i, row] < 0.0:
-                    side[i, row], prices[i, row], settled = FREE, 0.0, False
-                elif prices[i, row] > linear[i, row]:
-                    side[i, row], settled = BROKEN, False
-            elif over < 0.0:
-                side[i, row], prices[i, row], settled = HELD if priced else FREE, linear[i, row], False
-        for bound in range(nb + u.shape[1]):
-            for lower in range(2):
-                if bound < nb:
-                    v = x[i + 1, bounded[bound]]
-                    over = x_low[i, bound] - v if lower else v - x_high[i, bound]
-                else:
-                    v = u[i, bound - nb]
-                    over = u_low[i, bound - nb] - v if lower else v - u_high[i, bound - nb]
-                place = p + 2 * bound + lower
-                if side[i, place] == FREE:
+def guess_statuses(stages: Records, rows: Records, guess: Records, row_guess: Records, inequality: Records) -> bool:
+    """Write the guessed status and multiplier of every inequality; return whether any is not inactive.
+
+    A row without a linear price is never active: it costs nothing to begin with.
+    """
+    any_active, p, nb, last = False, rows.shape[1], guess[0].x_bounds.size, guess.size - 1
+    for i in range(last + 1):
+        if i > 0:
+            for row in range(p):
+                own, multiplier = inequality[i, row], row_guess[i, row].multiplier
+                own.status, own.multiplier = INACTIVE, 0.0
+                if multiplier > CARRIED and stages[i].live > 0.0:
+                    violated = row_guess[i, row].sigma > KEPT or not rows[i, row].linear > 0.0
+                    own.status, own.multiplier, any_active = VIOLATED if violated else ACTIVE, multiplier, True
+            for b in range(nb):
+                any_active |= _guess_bound(inequality, i, p + 2 * b, guess[i].x_bounds[b])
+        if i < last:
+            for j in range(guess[0].u.size):
+                any_active |= _guess_bound(inequality, i, p + 2 * (nb + j), guess[i].u_bounds[j])
+    return any_active
+
+
+@compiled
+def _weigh(stages: Records, rows: Records, bounded: IntArray, inequality: Records, work: Records) -> None:
+    """Write the objective with the quadratics of all inequalities that are not inactive; Hessians in their lower triangles."""
+    load(stages, work)
+    p, nb, last = rows.shape[1], bounded.size, stages.size - 1
+    for i in range(last + 1):
+        stage, own = stages[i], work[i]
+        if i > 0:
+            if stage.live > 0.0:
+                for row in range(p):
+                    status = inequality[i, row].status
+                    if status == INACTIVE:
+                        continue
+                    one, active = rows[i, row], status == ACTIVE
+                    weight = STIFF if active else one.quadratic
+                    slope = (inequality[i, row].multiplier if active else one.linear) - weight * one.h
+                    for j in range(own.q.size):
+                        own.q[j] += slope * one.g[j]
+                        for k in range(j + 1):
+                            own.Q[j, k] += weight * one.g[j] * one.g[k]
+            for b in range(nb):
+                for lower in range(2):
+                    side = inequality[i, p + 2 * b + lower]
+                    if side.status == ACTIVE:
+                        own.q[bounded[b]] += side.multiplier * (-1.0 if lower else 1.0) - STIFF * (
+                            stage.x_low[b] if lower else stage.x_high[b]
+                        )
+                        own.Q[bounded[b], bounded[b]] += STIFF
+        if i < last:
+            for j in range(own.r.size):
+                for lower in range(2):
+                    side = inequality[i, p + 2 * (nb + j) + lower]
+                    if side.status == ACTIVE:
+                        own.r[j] += side.multiplier * (-1.0 if lower else 1.0) - STIFF * (stage.u_low[j] if lower else stage.u_high[j])
+                        own.R[j, j] += STIFF
+
+
+@compiled
+def _review_bound(inequality: Records, i: int, at: int, over: float) -> bool:
+    """Move a bound's multiplier by what it lacks, change a wrong status; return whether it was right and is kept."""
+    own = inequality[i, at]
+    if own.status == INACTIVE:
+        if over > KEPT:
+            own.status, own.multiplier = ACTIVE, 0.0
+            return False
+        return True
+    own.multiplier += STIFF * over
+    if own.multiplier < 0.0:
+        own.status, own.multiplier = INACTIVE, 0.0
+        return False
+    return abs(over) <= KEPT
+
+
+@compiled
+def _review(stages: Records, rows: Records, bounded: IntArray, points: Records, inequality: Records) -> bool:
+    """Move multipliers by what active inequalities lack, change wrong statuses; return whether all were right and are kept."""
+    settled, p, nb, last = True, rows.shape[1], bounded.size, stages.size - 1
+    for i in range(last + 1):
+        stage, x = stages[i], points[i].x
+        if i > 0:
+            for row in range(p if stage.live > 0.0 else 0):
+                own, one = inequality[i, row], rows[i, row]
+                over, priced = -one.h, one.linear > 0.0
+                for j in range(x.size):
+                    over += one.g[j] * x[j]
+                if own.status == INACTIVE:
                     if over > KEPT:
-                        side[i, place], prices[i, place], settled = HELD, 0.0, False
-                else:
+                        own.status, own.multiplier, settled = ACTIVE if priced else VIOLATED, 0.0, False
+                elif own.status == ACTIVE:
                     settled = settled and abs(over) <= KEPT
-                    prices[i, place] += STIFF * over
-                    if prices[i, place] < 0.0:
-                        side[i, place], prices[i, place], settled = FREE, 0.0, False
+                    own.multiplier += STIFF * over
+                    if own.multiplier < 0.0:
+                        own.status, own.multiplier, settled = INACTIVE, 0.0, False
+                    elif own.multiplier > one.linear:
+                        own.status, settled = VIOLATED, False
+                elif over < 0.0:
+                    own.status, own.multiplier, settled = ACTIVE if priced else INACTIVE, one.linear, False
+            for b in range(nb):
+                v = x[bounded[b]]
+                settled &= _review_bound(inequality, i, p + 2 * b, v - stage.x_high[b])
+                settled &= _review_bound(inequality, i, p + 2 * b + 1, stage.x_low[b] - v)
+        if i < last:
+            for j in range(stage.r.size):
+                v = points[i].u[j]
+                settled &= _review_bound(inequality, i, p + 2 * (nb + j), v - stage.u_high[j])
+                settled &= _review_bound(inequality, i, p + 2 * (nb + j) + 1, stage.u_low[j] - v)
     return settled
 
 
 @compiled
-def _publish(
-    G: FloatArray, h: FloatArray, linear: FloatArray, quadratic: FloatArray, x: FloatArray, side: IntArray, prices: FloatArray,
-    sigma: FloatArray, rows: FloatArray, x_bounds: FloatArray, u_bounds: FloatArray,
-) -> None:  # fmt: skip
+def _publish(stages: Records, rows: Records, inequality: Records, points: Records, row_points: Records) -> None:
     """Write elastic variables and multipliers to where the program has them."""
-    p, nb = G.shape[1], x_bounds.shape[1]
-    for i in range(rows.shape[0]):
-        for row in range(p):
-            sigma[i, row], rows[i, row] = 0.0, prices[i, row]
-            if side[i, row] == BROKEN:
-                over = -h[i, row]
-                for j in range(x.shape[1]):
-                    over += G[i, row, j] * x[i + 1, j]
-                sigma[i, row], rows[i, row] = over, linear[i, row] + quadratic[i, row] * over
-        for bound in range(nb + u_bounds.shape[1]):
-            price = prices[i, p + 2 * bound] - prices[i, p + 2 * bound + 1]
-            if bound < nb:
-                x_bounds[i, bound] = price
-            else:
-                u_bounds[i, bound - nb] = price
+    p, nb, last = rows.shape[1], points[0].x_bounds.size, stages.size - 1
+    for i in range(last + 1):
+        point = points[i]
+        if i > 0:
+            for row in range(p):
+                own, one, to = inequality[i, row], rows[i, row], row_points[i, row]
+                to.sigma, to.multiplier = 0.0, own.multiplier
+                if own.status == VIOLATED:
+                    over = -one.h
+                    for j in range(point.x.size):
+                        over += one.g[j] * point.x[j]
+                    to.sigma, to.multiplier = over, one.linear + one.quadratic * over
+            for b in range(nb):
+                point.x_bounds[b] = inequality[i, p + 2 * b].multiplier - inequality[i, p + 2 * b + 1].multiplier
+        if i < last:
+            for j in range(point.u.size):
+                at = p + 2 * (nb + j)
+                point.u_bounds[j] = inequality[i, at].multiplier - inequality[i, at + 1].multiplier
 
 
 @compiled
 def settle(
-    A: FloatArray, B: FloatArray, c: FloatArray, Q: FloatArray, q: FloatArray, R: FloatArray, r: FloatArray, G: FloatArray, h: FloatArray,
-    linear: FloatArray, quadratic: FloatArray, bounded: IntArray, x_low: FloatArray, x_high: FloatArray, u_low: FloatArray,
-    u_high: FloatArray, x: FloatArray, u: FloatArray, sigma: FloatArray, dynamics: FloatArray, rows: FloatArray, x_bounds: FloatArray,
-    u_bounds: FloatArray, gain: FloatArray, root: FloatArray, value: FloatArray, slope: FloatArray, feed: FloatArray,
-    hessian_x: FloatArray, hessian_u: FloatArray, slope_x: FloatArray, slope_u: FloatArray, side: IntArray, prices: FloatArray,
-) -> tuple[bool, int]:  # fmt: skip
-    """Solve a program from guessed sides and multipliers; return whether they settled, and the number of factorisations.
+    stages: Records, rows: Records, bounded: IntArray, points: Records, row_points: Records, work: Records, inequality: Records
+) -> tuple[bool, int]:
+    """Solve a program from guessed statuses and multipliers; return whether they settled, and the number of factorisations.
 
     Only then are multipliers and elastic variables written.
     """
-    stages, n = B.shape[0], B.shape[1]
+    last = stages.size - 1
     for iteration in range(PASSES):
-        _weigh(
-            Q, q, R, r, G, h, linear, quadratic, bounded, x_low, x_high, u_low, u_high, side, prices, hessian_x, hessian_u, slope_x, slope_u
-        )
-        for j in range(n):
-            slope[stages, j] = slope_x[stages, j]
-            for k in range(j + 1):
-                value[stages, j, k] = value[stages, k, j] = hessian_x[stages, j, k]
-        if not factorise(A, B, stages, hessian_x, hessian_u, gain, root, value):
+        _weigh(stages, rows, bounded, inequality, work)
+        end_at(work, last)
+        if not factorise(stages, work, last):
             return False, iteration + 1
-        sweep_back(A, B, c, True, stages, gain, root, value, slope_x, slope_u, slope, feed)
-        sweep_ahead(A, B, c, True, 0, stages, gain, feed, x, u)
-        if _look(G, h, linear, bounded, x_low, x_high, u_low, u_high, x, u, side, prices):
-            _publish(G, h, linear, quadratic, x, side, prices, sigma, rows, x_bounds, u_bounds)
-            adjoint(A, Q, q, G, bounded, x, rows, x_bounds, dynamics)
-            return bool(imbalance(B, R, r, u, u_bounds, dynamics) < _BALANCED), iteration + 1
+        sweep_back(stages, work, last, True)
+        sweep_ahead(stages, work, points, 0, last, True)
+        if _review(stages, rows, bounded, points, inequality):
+            _publish(stages, rows, inequality, points, row_points)
+            adjoint(stages, rows, bounded, points, row_points)
+            return bool(imbalance(stages, points) < _BALANCED), iteration + 1
     return False, PASSES

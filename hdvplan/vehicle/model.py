@@ -17,12 +17,25 @@ from dataclasses import dataclass
 import numpy as np
 
 from hdvplan.errors import VehicleError
-from hdvplan.jit import FloatArray
+from hdvplan.jit import Records
 
 MAX_DIMENSION_M = 50.0  # no single road unit is longer; catches millimetres and feet
 MAX_RATIO = 2.0  # of steering: an axle that follows its coupling's track exactly has 1
 MAX_ANGLE = 0.25 * np.pi  # of an axle's wheels [rad]; catches degrees
 MAX_RATE = 1.0  # of an active axle's wheels [rad/m]; catches degrees
+
+UNIT = np.dtype(
+    [
+        ("wheelbase", float),  # [m]
+        ("hitch_offset", float),  # coupling of the next unit behind the axle [m]
+        ("front", float),  # of the body, ahead of the axle [m]
+        ("rear_overhang", float),  # [m]
+        ("half_width", float),  # [m]
+        ("steering_ratio", float),  # of the axle; an axle that the plan steers has -1, which passes its state on
+        ("max_steering_angle", float),  # [rad]
+        ("steered_by", np.int64),  # number of the state that steers a trailer's axle: its coupling's angle, or its wheels' own
+    ]
+)
 
 
 @dataclass(frozen=True)
@@ -160,18 +173,15 @@ class Vehicle:
             behind = max(behind, axle + unit.rear_overhang)
         return behind
 
-    def table(self) -> FloatArray:
-        """Return the dimensions for the kernels, a row per unit.
-
-        Columns: wheelbase, hitch offset, front, rear, half width [m], steering ratio, largest steering angle [rad], and the number of
-        the state that steers a trailer's axle: its coupling's angle; or its wheels' own, with a ratio that passes it on.
-        """
-        states = np.arange(1.0, 1.0 + len(self.units))
-        states[list(self.active)] = np.arange(self.rigid_states, self.states)
-        laws = [(-1.0, 0.5 * np.pi) if u.active else (u.steering_ratio, u.max_steering_angle) for u in self.units]
-        return np.array(
-            [
-                [u.wheelbase, u.hitch_offset, u.front, u.rear_overhang, 0.5 * u.width, *law, state]
-                for u, law, state in zip(self.units, laws, states, strict=True)
-            ]
-        )
+    def table(self) -> Records:
+        """Return the dimensions for the kernels, one record of ``UNIT`` per unit."""
+        table = np.zeros(len(self.units), UNIT)
+        table["steered_by"] = 1 + np.arange(len(self.units))
+        table["steered_by"][list(self.active)] = np.arange(self.rigid_states, self.states)
+        for record, unit in zip(table, self.units, strict=True):
+            for name in ("wheelbase", "hitch_offset", "front", "rear_overhang"):
+                record[name] = getattr(unit, name)
+            record["half_width"] = 0.5 * unit.width
+            law = (-1.0, 0.5 * np.pi) if unit.active else (unit.steering_ratio, unit.max_steering_angle)
+            record["steering_ratio"], record["max_steering_angle"] = law
+        return table

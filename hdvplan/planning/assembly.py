@@ -1,0 +1,62 @@
+"""The program of a drive: which columns and rows it has, and the terms in their places."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from hdvplan.planning.motion import Motion
+from hdvplan.planning.objectives import Goal
+from hdvplan.planning.settings import PlannerSettings
+from hdvplan.planning.stations import Stations
+from hdvplan.planning.terms.dynamics import Dynamics
+from hdvplan.planning.terms.limits import limits_of
+from hdvplan.planning.terms.smoothness import Smoothness
+from hdvplan.planning.terms.steering import Steering
+from hdvplan.planning.terms.term import Part, Place, Scene, Term
+from hdvplan.qp.program import StageQp, StageShape
+from hdvplan.vehicle.model import Vehicle
+
+
+def terms_of(vehicle: Vehicle, stations: Stations, goal: Goal, settings: PlannerSettings) -> tuple[Term, ...]:
+    """Return all terms of a drive's programs, in the order in which they are linearised: the dynamics clear what others add to."""
+    limits = limits_of(stations, settings)
+    steering = (Steering(),) if vehicle.active else ()
+    return (Dynamics(), Smoothness(), *goal.terms, *steering, *((limits,) if limits else ()))
+
+
+def qp_shape(vehicle: Vehicle, stages: int, terms: Sequence[Term]) -> StageShape:
+    """Return the sizes and zero pattern of a vehicle's QP: states (dz, d kappa_{i-1}), one input, and what the terms need.
+
+    Every axle that the plan steers has one input more, the change of its wheels' angle, which is a bounded state. States and inputs of
+    the terms stand behind the vehicle's own.
+    """
+    needs = [term.needs(vehicle) for term in terms]
+    n, rigid, more = vehicle.states, vehicle.rigid_states, sum(need.states for need in needs)
+    size = n + 1 + more
+    a, q = np.zeros((size, size), bool), np.zeros((size, size), bool)
+    a[:rigid, :rigid] = np.tril(np.ones((rigid, rigid), bool))  # an articulation angle depends on itself and what is ahead of it
+    a[0, 1] = True
+    a[range(n, size), range(n, size)] = True
+    a[:rigid, n] = q[:rigid, :rigid] = True
+    wheels = np.arange(rigid, n)
+    for unit, wheel in zip(vehicle.active, wheels, strict=True):
+        a[1 + unit : rigid, wheel] = a[wheel, wheel] = q[wheel, wheel] = True
+    g = np.arange(size) != n
+    g[wheels] = False
+    inputs, rows = 1 + len(wheels) + sum(need.inputs for need in needs), sum(need.rows for need in needs)
+    return StageShape(stages, size, inputs, rows, (n, *map(int, wheels)), a_pattern=a, q_pattern=q, g_pattern=g)
+
+
+def assemble(vehicle: Vehicle, stations: Stations, goal: Goal, settings: PlannerSettings) -> tuple[Scene, tuple[Part, ...]]:
+    """Lay out the program of a drive; return its memory and the terms in their places."""
+    terms = terms_of(vehicle, stations, goal, settings)
+    qp = StageQp.empty(qp_shape(vehicle, settings.stages, terms))
+    scene = Scene(vehicle, stations, settings, vehicle.table(), qp, Motion.empty(vehicle, settings.stages))
+    parts, place = [], Place(vehicle.states + 1, 1 + len(vehicle.active), 0)
+    for term in terms:
+        need = term.needs(vehicle)
+        parts.append(term.part(scene, place))
+        place = Place(place.state + need.states, place.input + need.inputs, place.row + need.rows)
+    return scene, tuple(parts)

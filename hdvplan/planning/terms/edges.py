@@ -1,0 +1,103 @@
+"""The places of a body's edges that come nearest to a limit, and the rows that keep them from it.
+
+Of every edge the sampled points are looked at and, where limits change or the road bends, the tightest place between them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hdvplan.jit import FloatArray, Record, Records, compiled
+from hdvplan.planning.stations import LimitTable
+from hdvplan.road.path import Curve, project
+from hdvplan.vehicle.kinematics import body_point, point_gradient
+
+WALL = 1.0  # slope of a limit from which on it is a wall: turning away from one must not look better than passing it
+# What is kept of a place on an edge while its rows are chosen: where it is on the body [m], in the plane and on the road, and its limit.
+PLACE = np.dtype([(name, float) for name in ("ahead", "x", "y", "foot", "offset", "cos", "sin", "curvature", "slope", "gap")])
+
+
+@compiled
+def limit_at(table: LimitTable, row: int, s: float) -> tuple[float, float]:
+    """Return a limit and its slope along s: linear between the table's entries, constant beyond them."""
+    place = (s - table.s_first) / table.spacing
+    index = min(max(int(place), 0), table.values.shape[1] - 2)
+    low, high = table.values[row, index], table.values[row, index + 1]
+    part = place - index
+    if part <= 0.0:
+        return low, 0.0 if part < 0.0 else (high - low) / table.spacing
+    if part > 1.0:
+        return high, 0.0
+    return low + part * (high - low), (high - low) / table.spacing
+
+
+@compiled
+def look(curve: Curve, table: LimitTable, pose: Record, ahead: float, left: float, row: int, near: float, place: Record) -> bool:
+    """Write all about the place of an edge ``ahead`` of the axle and ``left`` of its axis; False where it has no foot."""
+    x, y = body_point(pose, ahead, left)
+    s, e, cos, sin, k = project(curve, x, y, near)
+    limit, slope = limit_at(table, row, s)
+    place.ahead, place.x, place.y, place.foot, place.offset, place.cos, place.sin = ahead, x, y, s, e, cos, sin
+    place.curvature, place.slope, place.gap = k, slope if abs(slope) < WALL else 0.0, limit - e if left > 0.0 else e - limit
+    return not np.isnan(e)
+
+
+@compiled
+def tightest_between(table: LimitTable, points: Records, side: int, steady: bool, seen: Records) -> tuple[int, float, int]:
+    """Return the sampled point behind an edge's tightest place between two of them, how far ahead of the axle that lies, and its entry.
+
+    Between two points a straight edge runs along their chord and, by the road's curvature, beside it. ``steady`` limits leave the
+    middle of that bow to look at, which belongs to no entry of the table: -1. Other limits are tightest at one of their entries. The
+    point is -1 where no place between is tighter than both its neighbours.
+    """
+    sign = 1.0 - 2.0 * side
+    found, ahead, nearest, tightest = -1, 0.0, -1, np.inf
+    for number in range(points.size - 1):
+        point, ahead_of_it, own, following = points[number], points[number + 1], seen[number], seen[number + 1]
+        along, rise, length = following.foot - own.foot, following.offset - own.offset, ahead_of_it.ahead - point.ahead
+        k = 0.5 * (own.curvature + following.curvature)
+        bow = 0.5 * k / (1.0 - k * own.offset) * length * length
+        ends = min(own.gap, following.gap)
+        row = side + 2 * max(point.overhang, ahead_of_it.overhang)
+        if steady:
+            if sign * bow > abs(rise):  # the bow's summit lies between the points
+                part = 0.5 + 0.5 * rise / bow
+                gap = own.gap - sign * (part * rise + part * (1.0 - part) * bow)
+                if gap < min(tightest, ends):
+                    found, ahead, tightest = number, point.ahead + part * length, gap
+            continue
+        first = int(np.ceil((own.foot - table.s_first) / table.spacing))
+        last = int(np.floor((following.foot - table.s_first) / table.spacing))
+        for entry in range(max(first, 0), min(last, table.values.shape[1] - 1) + 1):
+            part = (table.s_first + entry * table.spacing - own.foot) / along
+            gap = sign * (table.values[row, entry] - own.offset - part * rise - part * (1.0 - part) * bow)
+            if gap < min(tightest, ends):
+                found, ahead, nearest, tightest = number, point.ahead + part * length, entry, gap
+    return found, ahead, nearest
+
+
+@compiled
+def write_row(
+    poses: Records, unit: int, sign: float, at: Record, place: Record, slope: float, gap: float, gradients: FloatArray, row: Record
+) -> None:
+    """Write the row that keeps the offset of a place at least ``gap`` inside its limit, which has ``slope`` along s there.
+
+    ``gradients`` (2, n) is memory.
+    """
+    across, along = gradients[0], gradients[1]
+    point_gradient(poses, unit, place.x, place.y, at, -place.sin, place.cos, across)
+    point_gradient(poses, unit, place.x, place.y, at, place.cos, place.sin, along)
+    per_t = slope / (1.0 - place.curvature * place.offset)
+    for j in range(across.size):
+        row.g[j] = sign * (across[j] - per_t * along[j])
+    row.h = gap
+
+
+@compiled
+def never(rows: Records, begin: int, end: int, clear: float) -> None:
+    """Write rows that never bind."""
+    for number in range(begin, end):
+        row = rows[number]
+        for j in range(row.g.size):
+            row.g[j] = 0.0
+        row.h = clear
