@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
@@ -11,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hdvplan.errors import OptionError
+from hdvplan.errors import OptionError, did_you_mean
 from hdvplan.planning.objectives import objective_named
 from hdvplan.planning.settings import PlannerSettings, Scheme
 
@@ -159,9 +158,8 @@ def suite_of(entries: Mapping[str, object]) -> Suite:
     values: dict[str, object] = {}
     for name, value in entries.items():
         if name not in kinds:
-            close = difflib.get_close_matches(name, kinds, n=1)
             msg = f"unknown entry {name!r} in the suite"
-            raise OptionError(msg, hint=f"did you mean {close[0]!r}?" if close else f"entries: {', '.join(kinds)}")
+            raise OptionError(msg, hint=did_you_mean(name, kinds, f"entries: {', '.join(kinds)}"))
         values[name] = _entry(name, value, kinds[name])
     return Suite(**values)  # type: ignore[arg-type] # every value was brought to its field's type
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
-from hdvplan.errors import OptionError
+from hdvplan.errors import OptionError, did_you_mean
 from hdvplan.jit import FloatArray
 from hdvplan.planning.motion import aux_ahead
 from hdvplan.planning.stations import Stations
@@ -102,12 +102,12 @@ def art_weighted_by(share: float) -> Objective:
     if not 0.0 <= share <= 1.0:
         msg = f"the weight of {_WEIGHTED!r} must be a number from 0 to 1, not {share:g}"
         raise OptionError(msg)
+    return partial(_weighted_by, share)
 
-    def objective(stations: Stations) -> Residual:
-        one = np.ones(len(stations.s))
-        return Residual((1.0 - share) * one, share * one, 0.0 * one)
 
-    return objective
+def _weighted_by(share: float, stations: Stations) -> Residual:
+    one = np.ones(len(stations.s))
+    return Residual((1.0 - share) * one, share * one, 0.0 * one)
 
 
 def axle_max(stations: Stations) -> Furthest:
@@ -188,9 +188,8 @@ def objective_named(name: str) -> Objective:
     if known == _WEIGHTED and share:
         return art_weighted_by(_number(share))
     if name not in OBJECTIVES:
-        close = difflib.get_close_matches(name, OBJECTIVES, n=1)
         msg = f"unknown objective {name!r}"
-        raise OptionError(msg, hint=f"did you mean {close[0]!r}?" if close else f"objectives: {', '.join(OBJECTIVES)}")
+        raise OptionError(msg, hint=did_you_mean(name, OBJECTIVES, f"objectives: {', '.join(OBJECTIVES)}"))
     return OBJECTIVES[name]
 
 

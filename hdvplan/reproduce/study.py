@@ -9,9 +9,11 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from hdvplan.report.markdown import markdown_table
 from hdvplan.reproduce.published import Number
 
 Progress = Callable[[float], None]
+WORDS = ("study", "quantity", "unit", "remark")  # the columns of tables that hold no numbers
 
 
 @dataclass(frozen=True)
@@ -84,9 +86,7 @@ def shown(table: pd.DataFrame) -> pd.DataFrame:
 
 def markdown(study: Study) -> str:
     """Return a study's table as Markdown, with its title, source and set-up above and its figure below."""
-    table = shown(study.table()).to_markdown(
-        index=False, disable_numparse=True, colalign=("left", "left", "right", "right", "right", "left")
-    )
+    table = markdown_table(shown(study.table()), text=WORDS)
     return f"# {study.title}\n\n{study.source}. {study.note}\n\n{table}\n\n![{study.title}]({study.name}.png)\n"
 
 
