@@ -18,13 +18,13 @@ import pandas as pd
 from scipy.ndimage import gaussian_filter1d
 
 from hdvplan.bench.courses import with_limits
-from hdvplan.bench.machine import use_one_thread
 from hdvplan.bench.suite import ROADS, Suite
 from hdvplan.driving.drive import drive, warm_up
 from hdvplan.errors import HdvplanError
 from hdvplan.fileio import csv_bytes, write_atomically
 from hdvplan.jit import FloatArray
 from hdvplan.judging.envelope import envelope_of
+from hdvplan.machine import use_one_thread
 from hdvplan.planning.balanced import Balancing
 from hdvplan.planning.objectives import Balanced, Objective, Residual, balanced, geometric
 from hdvplan.planning.planner import Plan

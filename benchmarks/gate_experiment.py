@@ -28,9 +28,9 @@ from hdvplan.bench.compare import Comparison, Side, compare, read_side
 from hdvplan.bench.counters import Tolerance
 from hdvplan.bench.environment import Program
 from hdvplan.bench.gate import BATCH, Rule, Verdict
-from hdvplan.bench.machine import load_average, machine_facts
 from hdvplan.bench.suite import suite_of
 from hdvplan.fileio import csv_bytes, write_atomically
+from hdvplan.machine import load_average, machine_facts
 
 ROOT = Path(__file__).resolve().parents[1]
 BASE, COUNTED = "base", "more SQP iterations"

@@ -17,11 +17,11 @@ import pandas as pd
 from exact_nlp import Optimum, exact_nlp
 
 from hdvplan.bench.courses import with_limits
-from hdvplan.bench.machine import machine_facts, use_one_thread
 from hdvplan.bench.suite import Suite
 from hdvplan.centring.weights import CentringTable
 from hdvplan.driving.drive import warm_up
 from hdvplan.fileio import csv_bytes, write_atomically
+from hdvplan.machine import machine_facts, use_one_thread
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.planner import Plan, Planner
 from hdvplan.planning.settings import PlannerSettings, Scheme

@@ -28,7 +28,6 @@ ROADS = (
     "goteborg_lindholmsallen_uturn",
 )
 _LISTS = ("roads", "vehicles", "schemes", "solvers")
-_WATCHED = ("axle-max", "body-max")
 _KINDS = {tuple: "a list of names", bool: "true or false", str: "a name"}
 _OPTIONAL = ("half_width", "pinch")
 
@@ -81,9 +80,6 @@ class Suite:
             if scheme not in list(Scheme):
                 msg = f"unknown scheme {scheme!r}"
                 raise OptionError(msg, hint=f"schemes: {', '.join(Scheme)}")
-        if self.objective in _WATCHED:
-            msg = f"objective {self.objective!r} cannot be timed here: its program has rows of its own for every watched point"
-            raise OptionError(msg, hint="choose geometric or balanced")
         objective_named(self.objective)
         if self.rounds < 1:
             msg = f"rounds must be a positive number, not {self.rounds}"

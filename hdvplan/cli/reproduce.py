@@ -48,7 +48,7 @@ def reproduce(
     if out.exists() and not out.is_dir():
         msg = f"--out {out} is a file, not a folder"
         raise OptionError(msg)
-    from hdvplan.bench.machine import use_one_thread
+    from hdvplan.machine import use_one_thread
 
     use_one_thread()  # before anything imports NumPy
     from hdvplan.jit import is_compiled

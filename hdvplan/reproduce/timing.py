@@ -8,9 +8,9 @@ from itertools import product
 import numpy as np
 import pandas as pd
 
-from hdvplan.bench.machine import machine_facts
 from hdvplan.centring.weights import CentringTable
 from hdvplan.driving.drive import drive, warm_up
+from hdvplan.machine import machine_facts
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.reproduce import published

@@ -32,6 +32,7 @@ def test_a_plan_writes_every_file_and_prints_the_balance(cli: Cli, tmp_path: Pat
         "plan.png",
         "profile.csv",
         "regions.json",
+        "run.json",
         "steps.csv",
         "summary.json",
         "swept.geojson",
