@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from hdvplan.case import Case
 from hdvplan.report.markdown import markdown_table
 from hdvplan.reproduce.published import Number
 
@@ -44,12 +45,13 @@ class Row:
 
 @dataclass(frozen=True)
 class Study:
-    """One reproduced experiment; ``note`` says how it was set up, ``figure`` draws it when asked."""
+    """One reproduced experiment; ``note`` says how it was set up, ``cases`` what was driven, ``figure`` draws it when asked."""
 
     name: str
     title: str
     source: str
     note: str
+    cases: tuple[Case, ...]
     rows: tuple[Row, ...]
     data: pd.DataFrame
     figure: Callable[[], Figure]
