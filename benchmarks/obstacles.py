@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from hdvplan.api import drive_case
+from hdvplan.api import drive_case, prepare
 from hdvplan.case import Case
 from hdvplan.judging.balance import balance_of
 from hdvplan.judging.envelope import envelope_of
@@ -75,6 +75,7 @@ def with_vans(road: Road, half_width: float, apart: float) -> tuple[Road, int]:
 
 def compared(free: Case, parked: Case, rounds: int) -> dict[str, object]:
     """Return of one row both mean steps, their ratio, and whether the vans were passed."""
+    prepare(parked)
     times: dict[Case, list[list[float]]] = {free: [], parked: []}
     for _ in range(rounds):
         for case, found in times.items():
