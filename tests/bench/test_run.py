@@ -169,3 +169,13 @@ def test_a_kept_measurement_reads_back_exactly(case: Case, tmp_path: Path) -> No
 def test_the_counters_of_all_rounds_are_the_same(case: Case) -> None:
     first, second = (measure(case, solver_named("osqp"), budget=60.0, judged=False) for _ in range(2))
     assert list(first.table()["iterations"]) == list(second.table()["iterations"])
+
+
+@pytest.mark.parametrize("objective", ["balanced", "axle-max", "body-max"])
+def test_every_kind_of_objective_is_timed_and_its_own_columns_and_rows_are_counted(tiny: Suite, objective: str) -> None:
+    case, usual = (cases_of(replace(tiny, objective=name))[0] for name in (objective, "geometric"))
+    measured = measure(case, RICCATI, budget=60.0, judged=True)
+    assert (measured.outcome, len(measured.steps)) == (OK, 12)
+    assert measured.table()["usable"].all()
+    rows = measured.nonzeros - measure(usual, RICCATI, budget=60.0, judged=False).nonzeros
+    assert (rows > 0) == (objective != "balanced")  # a largest reach has rows of its own for every watched point
