@@ -1,6 +1,6 @@
 """What balancing the measured envelope gains over the stationary weight, and what it costs: S-turns, convergence, real roads.
 
-Writes its tables (csv, md) and figures into results/balanced. All numbers are of the exact simulation of the executed motion.
+Writes its tables (csv, md), figures and run.json into results/balanced. All numbers are of the exact simulation of the executed motion.
 """
 
 from __future__ import annotations
@@ -8,8 +8,9 @@ from __future__ import annotations
 import argparse
 import gc
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from itertools import product
 from pathlib import Path
 
@@ -17,24 +18,26 @@ import numpy as np
 import pandas as pd
 from scipy.ndimage import gaussian_filter1d
 
+from hdvplan.api import drive_case, prepare
 from hdvplan.bench.courses import with_limits
-from hdvplan.bench.machine import use_one_thread
 from hdvplan.bench.suite import ROADS, Suite
-from hdvplan.driving.drive import drive, warm_up
+from hdvplan.case import Case
 from hdvplan.errors import HdvplanError
 from hdvplan.fileio import csv_bytes, write_atomically
 from hdvplan.jit import FloatArray
 from hdvplan.judging.envelope import envelope_of
+from hdvplan.machine import use_one_thread
 from hdvplan.planning.balanced import Balancing
 from hdvplan.planning.objectives import Balanced, Objective, Residual, balanced, geometric
 from hdvplan.planning.planner import Plan
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import Stations
+from hdvplan.record import write_record
+from hdvplan.report.markdown import markdown_table
 from hdvplan.reproduce.swept import Swept, road_of, swept, whole_manoeuvre
 from hdvplan.road.load import load_road
 from hdvplan.road.road import Road
 from hdvplan.road.scenarios import sturn_profile
-from hdvplan.solvers.registry import DEFAULT, solver_named
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 
@@ -43,6 +46,7 @@ CURVATURES = (0.03, 0.045, 0.06, 0.08)  # [1/m]
 SHARPNESSES = (0.005, 0.01, 0.02)  # [1/m^2]
 EXAMPLE = (0.06, 0.01)
 FINE = {"sharpness", "mean_abs_imbalance_m", "geometric_m", "balanced_m"}  # columns that need a tenth of a millimetre
+WORDS = {"vehicle", "objective", "rule", "road", "limits"}  # columns that hold no numbers
 ROUNDS = (1, 2, 3, 4, 6, 8, 10, 15, 20, 30, 50)
 TIMED_ROUNDS = 8  # every step counts with the fastest: a busy machine only ever adds time
 RTI, SQP = PlannerSettings(), PlannerSettings(scheme=Scheme.SQP)
@@ -54,11 +58,25 @@ CRUDE_LOW_PASS_M = 2.0
 
 def balanced_with(**changes: float) -> Objective:
     """Return the objective with other values in the place of its defaults."""
+    return partial(_changed, changes)
 
-    def objective(stations: Stations) -> Balanced:
-        return replace(balanced(stations), **changes)  # type: ignore[arg-type] # names of fields that are numbers
 
-    return objective
+def _changed(changes: Mapping[str, float], stations: Stations) -> Balanced:
+    return replace(balanced(stations), **changes)  # type: ignore[arg-type] # names of fields that are numbers
+
+
+def case_of(road: Road, vehicle: Vehicle, objective: Objective, settings: PlannerSettings) -> Case:
+    """Return a run by an objective that need not have a name that users know."""
+    if not isinstance(objective, partial):
+        return Case(road, vehicle, getattr(objective, "__name__", "unnamed"), settings=settings)
+    changes = ", ".join(f"{name}={value:g}" for name, value in objective.args[0].items())
+    return Case(road, vehicle, f"balanced: {changes}", settings=settings)
+
+
+def run(road: Road, vehicle: Vehicle, objective: Objective, settings: PlannerSettings, driven: list[Case]) -> Swept:
+    """Drive and measure; what was driven is added to ``driven``."""
+    driven.append(case_of(road, vehicle, objective, settings))
+    return swept(driven[-1], objective)
 
 
 def case_road(curvature: float, sharpness: float) -> Road:
@@ -106,32 +124,33 @@ class Deferred:
         self._residual.target[stage[inside]] -= CRUDE_GAIN * 0.5 * (1.0 + weight) * smooth[inside]
 
 
-def deferred(road: Road, vehicle: Vehicle, settings: PlannerSettings) -> Swept:
+def deferred(road: Road, vehicle: Vehicle, settings: PlannerSettings, driven: list[Case]) -> Swept:
     """Drive with the crude rule."""
     rule = Deferred(vehicle, settings)
-    driven = drive(road, vehicle, rule.objective, solver_named(DEFAULT), settings, on_plan=rule.correct)
-    return Swept(driven, envelope_of(driven))
+    driven.append(Case(road, vehicle, "deferred correction", settings=settings))
+    done = drive_case(driven[-1], rule.objective, on_plan=rule.correct)
+    return Swept(driven[-1], done, envelope_of(done))
 
 
-def family() -> pd.DataFrame:
+def family(driven: list[Case]) -> pd.DataFrame:
     """Return every S-turn driven with every candidate."""
     ways: dict[str, Callable[[Road, Vehicle], Swept]] = {
-        "geometric": lambda road, vehicle: swept(road, vehicle, geometric, RTI),
-        "deferred correction": lambda road, vehicle: deferred(road, vehicle, RTI),
-        "balanced": lambda road, vehicle: swept(road, vehicle, balanced, RTI),
-        "balanced, SQP": lambda road, vehicle: swept(road, vehicle, balanced, SQP),
-        "no stationary share": lambda road, vehicle: swept(road, vehicle, balanced_with(share=0.0), RTI),
-        "squares": lambda road, vehicle: swept(road, vehicle, balanced_with(rounding=1e3, share=0.1), RTI),
-        "squares, no share": lambda road, vehicle: swept(road, vehicle, balanced_with(rounding=1e3, share=0.0), RTI),
-        "step not relaxed": lambda road, vehicle: swept(road, vehicle, balanced_with(relaxation=1.0), RTI),
-        "35 m ahead": lambda road, vehicle: swept(road, vehicle, balanced_with(ahead=35.0), RTI),
-        "80 m ahead": lambda road, vehicle: swept(road, vehicle, balanced_with(ahead=80.0), RTI),
+        "geometric": lambda road, vehicle: run(road, vehicle, geometric, RTI, driven),
+        "deferred correction": lambda road, vehicle: deferred(road, vehicle, RTI, driven),
+        "balanced": lambda road, vehicle: run(road, vehicle, balanced, RTI, driven),
+        "balanced, SQP": lambda road, vehicle: run(road, vehicle, balanced, SQP, driven),
+        "no stationary share": lambda road, vehicle: run(road, vehicle, balanced_with(share=0.0), RTI, driven),
+        "squares": lambda road, vehicle: run(road, vehicle, balanced_with(rounding=1e3, share=0.1), RTI, driven),
+        "squares, no share": lambda road, vehicle: run(road, vehicle, balanced_with(rounding=1e3, share=0.0), RTI, driven),
+        "step not relaxed": lambda road, vehicle: run(road, vehicle, balanced_with(relaxation=1.0), RTI, driven),
+        "35 m ahead": lambda road, vehicle: run(road, vehicle, balanced_with(ahead=35.0), RTI, driven),
+        "80 m ahead": lambda road, vehicle: run(road, vehicle, balanced_with(ahead=80.0), RTI, driven),
     }
     rows = []
     for name, curvature, sharpness in product(VEHICLES, CURVATURES, SHARPNESSES):
         road, vehicle = case_road(curvature, sharpness), load_vehicle(name)
         case = {"vehicle": name, "curvature": curvature, "sharpness": sharpness}
-        rows += [case | {"objective": way} | numbers(run(road, vehicle)) for way, run in ways.items()]
+        rows += [case | {"objective": way} | numbers(drive(road, vehicle)) for way, drive in ways.items()]
         print(f"{name}, {curvature:g} 1/m, {sharpness:g} 1/m^2", file=sys.stderr)
     return pd.DataFrame(rows)
 
@@ -164,7 +183,7 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def trade_off() -> pd.DataFrame:
+def trade_off(driven: list[Case]) -> pd.DataFrame:
     """Return gain against growth of the largest reach, for shares of the stationary residual with and without rounding."""
     rows = []
     for name, rounding, share in product(VEHICLES, (0.05, 1e3), (0.0, 0.005, 0.01, 0.015, 0.03, 0.1, 0.3)):
@@ -172,7 +191,8 @@ def trade_off() -> pd.DataFrame:
         for curvature, sharpness in product(CURVATURES, SHARPNESSES):
             road = case_road(curvature, sharpness)
             base, mine = (
-                numbers(swept(road, vehicle, objective, RTI)) for objective in (geometric, balanced_with(rounding=rounding, share=share))
+                numbers(run(road, vehicle, objective, RTI, driven))
+                for objective in (geometric, balanced_with(rounding=rounding, share=share))
             )
             gains.append((mine["mean_abs_imbalance_m"], base["mean_abs_imbalance_m"]))
             reaches.append(mine["furthest_m"] / base["furthest_m"])
@@ -189,35 +209,36 @@ def trade_off() -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def convergence() -> pd.DataFrame:
+def convergence(driven: list[Case]) -> pd.DataFrame:
     """Return the imbalance that so many programs leave when the whole example is planned in one horizon, from the geometric plan on."""
     rows = []
     for name in VEHICLES:
         vehicle, road = load_vehicle(name), case_road(*EXAMPLE)
         settings = whole_manoeuvre(road, RTI.step)
         settings = replace(settings, horizon=settings.horizon + 50.0, replan=settings.horizon)
-        start = numbers(swept(road, vehicle, geometric, settings))
+        start = numbers(run(road, vehicle, geometric, settings, driven))
         for relaxation, rounds in product((1.0, 4.0 / 3.0), ROUNDS):
             objective = balanced_with(ahead=np.inf, rounds=rounds, relaxation=relaxation)
-            found = numbers(swept(road, vehicle, objective, settings))
+            found = numbers(run(road, vehicle, objective, settings, driven))
             rows.append({"vehicle": name, "rule": f"balanced, step x {relaxation:.2f}", "rounds": rounds} | found)
         rows.append({"vehicle": name, "rule": "geometric", "rounds": 0} | start)
         target: FloatArray | None = None
         for rounds in range(1, max(ROUNDS) + 1):
-            found_c, target = _corrected(road, vehicle, settings, target)
+            found_c, target = _corrected(Case(road, vehicle, f"geometric, target corrected {rounds - 1} times", settings=settings), target)
+            driven.append(found_c.case)
             if rounds in ROUNDS:
                 rows.append({"vehicle": name, "rule": "deferred correction", "rounds": rounds} | numbers(found_c))
     return pd.DataFrame(rows)
 
 
-def _corrected(road: Road, vehicle: Vehicle, settings: PlannerSettings, target: FloatArray | None) -> tuple[Swept, FloatArray]:
+def _corrected(case: Case, target: FloatArray | None) -> tuple[Swept, FloatArray]:
     """Plan the whole manoeuvre to convergence with the target c, and return the next one by the crude rule."""
 
     def objective(stations: Stations) -> Residual:
         residual = geometric(stations)
         return residual if target is None else replace(residual, target=target)
 
-    found = swept(road, vehicle, objective, settings)
+    found, vehicle = swept(case, objective), case.vehicle
     stations = found.drive.stations
     middle = 0.5 * (vehicle.reach_ahead - vehicle.reach_behind)
     smooth = gaussian_filter1d(found.left - found.right, CRUDE_LOW_PASS_M / 0.25, mode="nearest")
@@ -226,7 +247,7 @@ def _corrected(road: Road, vehicle: Vehicle, settings: PlannerSettings, target: 
     return found, residual.target - CRUDE_GAIN * 0.5 * (1.0 + residual.lead) * seen
 
 
-def real_roads() -> pd.DataFrame:
+def real_roads(driven: list[Case]) -> pd.DataFrame:
     """Return both objectives on the benchmark's real roads, with its limits."""
     rows = []
     suite = Suite()
@@ -235,7 +256,7 @@ def real_roads() -> pd.DataFrame:
         road = with_limits(load_road(road_name), vehicle, suite)
         for way, objective in (("geometric", geometric), ("balanced", balanced)):
             try:
-                found = swept(road, vehicle, objective, RTI)
+                found = run(road, vehicle, objective, RTI, driven)
             except HdvplanError as error:
                 print(f"{road_name}, {name}, {way}: {error}", file=sys.stderr)
                 continue
@@ -246,23 +267,25 @@ def real_roads() -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def step_times() -> pd.DataFrame:
+def step_times(driven: list[Case]) -> pd.DataFrame:
     """Return the mean RTI step of both objectives [ms] on the example, without limits and within the benchmark's; rounds alternate."""
     rows = []
     for name in VEHICLES:
         vehicle, free = load_vehicle(name), case_road(*EXAMPLE)
         for limits, road in (("none", free), ("0.5 m beyond", with_limits(free, vehicle, Suite()))):
             fastest: dict[str, FloatArray] = {}
-            for objective in (geometric, balanced):
-                warm_up(vehicle, objective, solver_named(DEFAULT), RTI)
+            cases = [Case(road, vehicle, objective, settings=RTI) for objective in ("geometric", "balanced")]
+            driven += cases
+            for case in cases:
+                prepare(case)
             for _ in range(TIMED_ROUNDS):
-                for way, objective in (("geometric", geometric), ("balanced", balanced)):
+                for case in cases:
                     gc.collect()
                     gc.disable()
-                    plans = drive(road, vehicle, objective, solver_named(DEFAULT), RTI).plans[1:]
+                    plans = drive_case(case).plans[1:]
                     gc.enable()
                     times = 1e3 * np.array([plan.times.total for plan in plans])
-                    fastest[way] = np.minimum(fastest.get(way, np.full(len(times), np.inf)), times)
+                    fastest[case.objective] = np.minimum(fastest.get(case.objective, np.full(len(times), np.inf)), times)
             means = {f"{way}_ms": float(np.mean(times)) for way, times in fastest.items()}
             rows.append({"vehicle": name, "limits": limits} | means | {"ratio": means["balanced_ms"] / means["geometric_ms"]})
     return pd.DataFrame(rows)
@@ -271,7 +294,7 @@ def step_times() -> pd.DataFrame:
 def example(name: str) -> dict[str, Swept]:
     """Return the example S-turn driven with both objectives."""
     road, vehicle = case_road(*EXAMPLE), load_vehicle(name)
-    return {way: swept(road, vehicle, objective, RTI) for way, objective in (("geometric", geometric), ("balanced", balanced))}
+    return {objective: swept(Case(road, vehicle, objective, settings=RTI)) for objective in ("geometric", "balanced")}
 
 
 def draw_examples(path: Path) -> None:
@@ -372,7 +395,7 @@ def write(out: Path, name: str, table: pd.DataFrame) -> None:
         if text[column].dtype == float:
             digits = 1 if column.endswith("percent") else 6 if column == "sum_squared_changes" else 4 if column in FINE else 3
             text[column] = text[column].map(f"{{:.{digits}f}}".format)
-    write_atomically(out / f"{name}.md", f"{text.to_markdown(index=False, disable_numparse=True)}\n".encode())
+    write_atomically(out / f"{name}.md", f"{markdown_table(text, text=WORDS)}\n".encode())
 
 
 def main() -> None:
@@ -381,18 +404,20 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("results/balanced"), metavar="DIR")
     out = parser.parse_args().out
     out.mkdir(parents=True, exist_ok=True)
-    cases = family()
+    driven: list[Case] = []
+    cases = family(driven)
     write(out, "s-turns", cases)
     write(out, "summary", summary(cases))
-    rounds, trades = convergence(), trade_off()
+    rounds, trades = convergence(driven), trade_off(driven)
     write(out, "convergence", rounds)
     write(out, "trade-off", trades)
-    write(out, "step-times", step_times())
-    roads = real_roads()
+    write(out, "step-times", step_times(driven))
+    roads = real_roads(driven)
     write(out, "roads", road_gains(roads))
     draw_examples(out / "example.png")
     draw_convergence(rounds, trades, out / "convergence.png")
     draw_roads(roads, out / "roads.png")
+    write_record(out, driven)
     print((out / "summary.md").read_text())
 
 

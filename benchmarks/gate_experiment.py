@@ -6,7 +6,7 @@ turns in a new order each time. Half of them run while another process keeps the
 then drawn from what was recorded, each with neighbours in time as the gate would have measured them: five pairs, ten where
 the first five are not fine. At last the real command is run end to end, `hdvplan bench --against`.
 
-Writes gate.csv and gate.md. What was recorded is kept in --record; the same command goes on from there.
+Writes gate.csv, gate.md and run.json. What was recorded is kept in --record; the same command goes on from there.
 """
 
 from __future__ import annotations
@@ -26,11 +26,14 @@ import pandas as pd
 from hdvplan.bench.against import SUITE, options_of
 from hdvplan.bench.compare import Comparison, Side, compare, read_side
 from hdvplan.bench.counters import Tolerance
+from hdvplan.bench.courses import cases_of
 from hdvplan.bench.environment import Program
 from hdvplan.bench.gate import BATCH, Rule, Verdict
-from hdvplan.bench.machine import load_average, machine_facts
 from hdvplan.bench.suite import suite_of
 from hdvplan.fileio import csv_bytes, write_atomically
+from hdvplan.machine import load_average, machine_facts
+from hdvplan.record import write_record
+from hdvplan.report.markdown import markdown_table
 
 ROOT = Path(__file__).resolve().parents[1]
 BASE, COUNTED = "base", "more SQP iterations"
@@ -256,13 +259,13 @@ def markdown(table: pd.DataFrame, noise: str) -> str:
         f"{facts['processor']}, {facts['usable_cores']} cores, {facts['python']}; load average at the end "
         f"{', '.join(f'{value:.1f}' for value in load_average() or [])}."
     )
-    return f"{caption}\n\n{text.to_markdown(index=False, disable_numparse=True)}\n"
+    return f"{caption}\n\n{markdown_table(text, text=('how', 'program', 'situation'))}\n"
 
 
 def main() -> None:
     """Record, draw, run end to end, and write the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=Path("results"), metavar="DIR")
+    parser.add_argument("--out", type=Path, default=Path("results/gate"), metavar="DIR")
     parser.add_argument("--record", type=Path, default=Path("gate-record"), metavar="DIR", help="where runs are kept")
     parser.add_argument("--processes", type=int, default=60, metavar="N", help="of every program, half of them under load")
     parser.add_argument("--draws", type=int, default=100, metavar="N", help="comparisons of every program, half of them under load")
@@ -286,6 +289,7 @@ def main() -> None:
     asked.out.mkdir(parents=True, exist_ok=True)
     write_atomically(asked.out / "gate.csv", csv_bytes(table))
     write_atomically(asked.out / "gate.md", markdown(table, noise_of(folder, rounds)).encode())
+    write_record(asked.out, cases_of(suite_of(SUITE)))
     print(markdown(table, noise_of(folder, rounds)))
 
 

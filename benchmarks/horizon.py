@@ -1,27 +1,30 @@
 """How the cost of one planning step grows with the horizon: 100 to 1600 stages of 0.5 m, every solver, limits inactive.
 
-Writes horizon.csv, horizon.md and horizon.png. The growth that a line of slope 1 in the picture stands for is linear.
+Writes horizon.csv, horizon.md, horizon.png and run.json. The growth that a line of slope 1 in the picture stands for is linear.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from hdvplan.bench.courses import courses_of
-from hdvplan.bench.machine import machine_facts, use_one_thread
+from hdvplan.api import prepare
+from hdvplan.bench.courses import cases_of
 from hdvplan.bench.run import measure
 from hdvplan.bench.samples import Measurement
 from hdvplan.bench.stats import tables_of
-from hdvplan.bench.suite import Cell, Suite
-from hdvplan.driving.drive import warm_up
+from hdvplan.bench.suite import Suite
+from hdvplan.case import Case
 from hdvplan.fileio import csv_bytes, write_atomically
-from hdvplan.planning.objectives import geometric
+from hdvplan.machine import machine_facts, use_one_thread
+from hdvplan.record import write_record
+from hdvplan.report.markdown import markdown_table
 from hdvplan.solvers.registry import solver_named
 
 STAGES = (100, 200, 400, 800, 1600)
@@ -30,24 +33,26 @@ STEP_M = 0.5
 BUDGET_S = 60.0  # of one drive
 
 
-def table_of(road: str, vehicle: str, rounds: int) -> pd.DataFrame:
-    """Return the mean step of every solver and horizon, each step counted with its fastest round; rounds alternate all."""
+def suites_of(road: str, vehicle: str, rounds: int) -> dict[int, Suite]:
+    """Return what is measured for every number of stages."""
     base = Suite(roads=(road,), vehicles=(vehicle,), schemes=("rti",), solvers=SOLVERS, rounds=rounds, step=STEP_M, budget=BUDGET_S)
-    suites = {stages: replace(base, horizon=stages * STEP_M) for stages in STAGES}
-    (course,) = courses_of(base)
-    makers = {name: solver_named(name) for name in SOLVERS}
-    for make in makers.values():
-        warm_up(course.vehicle, geometric, make, base.settings(base.cells()[0].scheme))
-    measured: dict[tuple[int, Cell], list[Measurement]] = {}
-    for round_ in range(rounds):
+    return {stages: replace(base, horizon=stages * STEP_M) for stages in STAGES}
+
+
+def table_of(suites: Mapping[int, Suite], cases: Mapping[int, Sequence[Case]]) -> pd.DataFrame:
+    """Return the mean step of every solver and horizon, each step counted with its fastest round; rounds alternate all."""
+    for case in cases[STAGES[0]]:
+        prepare(case)
+    measured: dict[Case, list[Measurement]] = {}
+    for round_ in range(suites[STAGES[0]].rounds):
         for stages, suite in suites.items():
-            for cell in suite.cells():
-                print(f"round {round_ + 1}: {vehicle}, {stages} stages, {cell.solver}", file=sys.stderr)
-                drive = measure(course, suite.settings(cell.scheme), makers[cell.solver], budget=suite.budget, judged=False)
-                measured.setdefault((stages, cell), []).append(drive)
+            for case in cases[stages]:
+                print(f"round {round_ + 1}: {case.vehicle.name}, {stages} stages, {case.solver}", file=sys.stderr)
+                drive = measure(case, solver_named(case.solver), budget=suite.budget, judged=False)
+                measured.setdefault(case, []).append(drive)
     rows = []
     for stages, suite in suites.items():
-        timing = tables_of(suite.cells(), [measured[stages, cell] for cell in suite.cells()]).timing
+        timing = tables_of(suite.cells(), [measured[case] for case in cases[stages]]).timing
         rows.append(timing.assign(stages=stages))
     columns = [
         "vehicle", "solver", "stages", "status", "steps", "fastest_mean_ms", "fastest_max_ms", "p99_ms", "iterations_mean", "failures"
@@ -74,7 +79,7 @@ def markdown(table: pd.DataFrame, road: str, rounds: int) -> str:
         f"Mean RTI step [ms] against stages of {STEP_M:g} m on {road}, limits inactive, each step with the fastest of {rounds} rounds; "
         f"exponent: of time over stages, 1 is linear. One thread, {facts['processor']}, {facts['python']}."
     )
-    return f"{caption}\n\n{text.to_markdown(index=False, disable_numparse=True)}\n"
+    return f"{caption}\n\n{markdown_table(text, text=('vehicle', 'solver'))}\n"
 
 
 def draw(table: pd.DataFrame, path: Path) -> None:
@@ -100,16 +105,23 @@ def draw(table: pd.DataFrame, path: Path) -> None:
 def main() -> None:
     """Measure and write the table and the picture."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=Path("results"), metavar="DIR")
+    parser.add_argument("--out", type=Path, default=Path("results/horizon"), metavar="DIR")
     parser.add_argument("--road", default="goteborg_nya_allen", metavar="ROAD")
     parser.add_argument("--vehicles", default="bus,tractor-trailer", metavar="A,B")
     parser.add_argument("--rounds", type=int, default=3, metavar="N")
     asked = parser.parse_args()
-    table = pd.concat([table_of(asked.road, vehicle, asked.rounds) for vehicle in asked.vehicles.split(",")])
+    tables, driven = [], []
+    for vehicle in asked.vehicles.split(","):
+        suites = suites_of(asked.road, vehicle, asked.rounds)
+        cases = {stages: cases_of(suite) for stages, suite in suites.items()}
+        tables.append(table_of(suites, cases))
+        driven += [case for some in cases.values() for case in some]
+    table = pd.concat(tables)
     asked.out.mkdir(parents=True, exist_ok=True)
     write_atomically(asked.out / "horizon.csv", csv_bytes(table))
     write_atomically(asked.out / "horizon.md", markdown(table, asked.road, asked.rounds).encode())
     draw(table, asked.out / "horizon.png")
+    write_record(asked.out, driven)
     print(markdown(table, asked.road, asked.rounds))
 
 

@@ -1,6 +1,8 @@
-"""What obstacles cost: mean planning step on real roads with parked vans every so many metres, and without. Writes ``obstacles.*``.
+"""What obstacles cost: mean planning step on real roads with parked vans every so many metres, and without.
 
-python benchmarks/obstacles.py [--out results] [--rounds 5]
+Writes obstacles.csv, obstacles.md and run.json.
+
+python benchmarks/obstacles.py [--out results/obstacles] [--rounds 5]
 """
 
 from __future__ import annotations
@@ -13,16 +15,15 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from hdvplan.driving.drive import drive
+from hdvplan.api import drive_case, prepare
+from hdvplan.case import Case
 from hdvplan.judging.balance import balance_of
 from hdvplan.judging.envelope import envelope_of
-from hdvplan.planning.objectives import geometric
-from hdvplan.planning.settings import PlannerSettings
+from hdvplan.record import write_record
+from hdvplan.report.markdown import markdown_table
 from hdvplan.road.load import RoadOptions, load_road
 from hdvplan.road.road import Limits, Road
-from hdvplan.solvers.registry import DEFAULT, solver_named
 from hdvplan.vehicle.load import load_vehicle
-from hdvplan.vehicle.model import Vehicle
 
 ROADS = {"goteborg_nya_allen": 3.0, "goteborg_tuvevagen_brunnsbo": 3.5}  # with their half widths [m]
 VEHICLES = ("bus", "tractor-trailer")
@@ -39,20 +40,26 @@ FIRST_M, LAST_M = 120.0, 50.0  # from the road's start, and before its end
 def main(arguments: Sequence[str] | None = None) -> None:
     """Drive every combination in turns and write the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, default=Path("results"))
+    parser.add_argument("--out", type=Path, default=Path("results/obstacles"))
     parser.add_argument("--rounds", type=int, default=5)
     options = parser.parse_args(arguments)
-    rows = []
+    rows: list[dict[str, object]] = []
+    driven: list[Case] = []
     for name, half_width in ROADS.items():
         for vehicle in map(load_vehicle, VEHICLES):
             road = load_road(name, RoadOptions(max_curvature=1.25 * vehicle.max_curvature)).with_limits(half_width, half_width)
             for apart in APART_M:
-                rows.append(compared(road, vehicle, half_width, apart, options.rounds))
+                parked, vans = with_vans(road, half_width, apart)
+                pair = Case(road, vehicle), Case(parked, vehicle)
+                rows.append({"road": name, "vehicle": vehicle.name, "apart_m": apart, "vans": vans} | compared(*pair, options.rounds))
+                driven += pair
                 print(*rows[-1].values(), sep="  ", flush=True)
     table = pd.DataFrame(rows)
     options.out.mkdir(parents=True, exist_ok=True)
     table.to_csv(options.out / "obstacles.csv", index=False, float_format="%.4f", lineterminator="\n")
-    (options.out / "obstacles.md").write_text(TITLE + table.to_markdown(index=False, floatfmt=".3f") + "\n", encoding="utf-8")
+    text = table.assign(**{str(name): table[name].map("{:.3f}".format) for name in table.select_dtypes("float")})
+    (options.out / "obstacles.md").write_text(f"{TITLE}{markdown_table(text, text=('road', 'vehicle'))}\n", encoding="utf-8")
+    write_record(options.out, driven)
 
 
 def with_vans(road: Road, half_width: float, apart: float) -> tuple[Road, int]:
@@ -66,20 +73,16 @@ def with_vans(road: Road, half_width: float, apart: float) -> tuple[Road, int]:
     return replace(road, limits=Limits(s, left, edge, left, edge)), len(vans)
 
 
-def compared(road: Road, vehicle: Vehicle, half_width: float, apart: float, rounds: int) -> dict[str, object]:
-    """Return one row: both mean steps, their ratio, and whether the vans were passed."""
-    parked, count = with_vans(road, half_width, apart)
-    times: dict[str, list[list[float]]] = {"free": [], "parked": []}
+def compared(free: Case, parked: Case, rounds: int) -> dict[str, object]:
+    """Return of one row both mean steps, their ratio, and whether the vans were passed."""
+    prepare(parked)
+    times: dict[Case, list[list[float]]] = {free: [], parked: []}
     for _ in range(rounds):
-        for key, track in (("free", road), ("parked", parked)):
-            done = drive(track, vehicle, geometric, solver_named(DEFAULT), PlannerSettings())
-            times[key].append([1e3 * plan.times.total for plan in done.plans])
-    without, with_them = (float(np.mean(np.min(times[key], axis=0))) for key in ("free", "parked"))
+        for case, found in times.items():
+            done = drive_case(case)
+            found.append([1e3 * plan.times.total for plan in done.plans])
+    without, with_them = (float(np.mean(np.min(found, axis=0))) for found in times.values())
     return {
-        "road": road.name,
-        "vehicle": vehicle.name,
-        "apart_m": apart,
-        "vans": count,
         "free_ms": without,
         "parked_ms": with_them,
         "ratio": with_them / without,

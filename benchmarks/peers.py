@@ -1,6 +1,6 @@
 """Hold hdvplan's SQP against CasADi + IPOPT on the same planning problem: the optimum's distance, and the time to it.
 
-The first plan of a drive, from nothing: horizon 100 m, step 0.5 m. Writes peers.csv and peers.md.
+The first plan of a drive, from nothing: horizon 100 m, step 0.5 m. Writes peers.csv, peers.md and run.json.
 Needs the extra ``peers``: pip install -e .[peers]
 """
 
@@ -16,16 +16,19 @@ import numpy as np
 import pandas as pd
 from exact_nlp import Optimum, exact_nlp
 
+from hdvplan.api import prepare
 from hdvplan.bench.courses import with_limits
-from hdvplan.bench.machine import machine_facts, use_one_thread
 from hdvplan.bench.suite import Suite
+from hdvplan.case import Case
 from hdvplan.centring.weights import CentringTable
-from hdvplan.driving.drive import warm_up
 from hdvplan.fileio import csv_bytes, write_atomically
+from hdvplan.machine import machine_facts, use_one_thread
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.planner import Plan, Planner
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import stations_of
+from hdvplan.record import write_record
+from hdvplan.report.markdown import markdown_table
 from hdvplan.road.load import load_road
 from hdvplan.solvers.registry import solver_named
 from hdvplan.vehicle.load import load_vehicle
@@ -40,13 +43,11 @@ CONVERGED = replace(USER, sqp_tolerance=1e-9)
 SAME_TOLERANCE, CONVERGED_TOLERANCE = 1e-4, 1e-10  # IPOPT's, for the comparison of times and of optima
 
 
-def compare(road: str, vehicle: str, case: str, repeats: int) -> dict[str, object]:
-    """Return one row: optimum against optimum, and the times of both, alternating; the fastest of ``repeats`` counts."""
-    units = load_vehicle(vehicle)
-    stations = stations_of(
-        with_limits(load_road(road), units, CASES[case]), units, CentringTable.of(units), step=USER.step, horizon=USER.horizon
-    )
-    residual, make = geometric(stations), solver_named("riccati")
+def compare(case: Case, repeats: int) -> dict[str, object]:
+    """Return of one row optimum against optimum, and the times of both, alternating; the fastest of ``repeats`` counts."""
+    units = case.vehicle
+    stations = stations_of(case.road, units, CentringTable.of(units), step=USER.step, horizon=USER.horizon)
+    residual, make = geometric(stations), solver_named(case.solver)
     z_start = np.concatenate([[stations.centring.e_y[0], 0.0], stations.centring.beta[0]])
     kappa_before = float(stations.centring.kappa[0])
 
@@ -56,15 +57,12 @@ def compare(road: str, vehicle: str, case: str, repeats: int) -> dict[str, objec
     def solved(tolerance: float) -> Callable[[], Optimum]:
         return exact_nlp(units, stations, residual, USER, kappa_before, tolerance=tolerance).solve
 
-    warm_up(units, geometric, make, USER)
+    prepare(case)
     exact, plan = solved(CONVERGED_TOLERANCE)(), planned(CONVERGED)
     again = solved(SAME_TOLERANCE)
     plans, optima = zip(*((planned(USER), again()) for _ in range(repeats)), strict=True)
     sqp, ipopt = min(one.times.total for one in plans), min(one.seconds for one in optima)
     return {
-        "road": road,
-        "vehicle": vehicle,
-        "case": case,
         "sqp_ms": 1e3 * sqp,
         "sqp_max_ms": 1e3 * max(one.times.total for one in plans),
         "sqp_qps": plans[0].qp_count,
@@ -93,27 +91,30 @@ def markdown(table: pd.DataFrame) -> str:
     forms |= dict.fromkeys(("optima_differ_m", "sqp_off_m", "violation_m"), "{:.1e}")
     text = pd.DataFrame({str(name): table[name].map(forms.get(str(name), "{:.3f}").format) for name in table}, dtype=str)
     text.columns = pd.Index([name.replace("_", " ") for name in text.columns])
-    return f"{caption}\n\n{text.to_markdown(index=False, disable_numparse=True)}\n"
+    return f"{caption}\n\n{markdown_table(text, text=('road', 'vehicle', 'case'))}\n"
 
 
 def main() -> None:
     """Compare on the papers' scenarios and write the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=Path("results"), metavar="DIR")
+    parser.add_argument("--out", type=Path, default=Path("results/peers"), metavar="DIR")
     parser.add_argument("--roads", default="uturn,sturn", metavar="A,B")  # bends within the first horizon
     parser.add_argument("--vehicles", default="bus,tractor-trailer", metavar="A,B")
     parser.add_argument("--repeats", type=int, default=5, metavar="N")
     asked = parser.parse_args()
-    rows = []
+    rows, cases = [], []
     for road in asked.roads.split(","):
         for vehicle in asked.vehicles.split(","):
-            for case in CASES:
+            for case, suite in CASES.items():
                 print(f"{road}, {vehicle}, {case}", file=sys.stderr)
-                rows.append(compare(road, vehicle, case, asked.repeats))
+                units = load_vehicle(vehicle)
+                cases.append(Case(with_limits(load_road(road), units, suite), units, settings=USER))
+                rows.append({"road": road, "vehicle": vehicle, "case": case} | compare(cases[-1], asked.repeats))
     table = pd.DataFrame(rows)
     asked.out.mkdir(parents=True, exist_ok=True)
     write_atomically(asked.out / "peers.csv", csv_bytes(table))
     write_atomically(asked.out / "peers.md", markdown(table).encode())
+    write_record(asked.out, cases)
     print(markdown(table))
 
 

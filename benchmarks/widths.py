@@ -1,6 +1,6 @@
-"""Every shipped road at several widths: which vehicles fit, and where not. Writes ``widths.csv`` and ``widths.md``.
+"""Every shipped road at several widths: which vehicles fit, and where not. Writes ``widths.csv``, ``widths.md``, run.json.
 
-python benchmarks/widths.py [--out results] [--roads a,b] [--vehicles a,b] [--half-widths 1.75,3]
+python benchmarks/widths.py [--out results/widths] [--roads a,b] [--vehicles a,b] [--half-widths 1.75,3]
 """
 
 from __future__ import annotations
@@ -12,17 +12,15 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from hdvplan.driving.drive import drive
+from hdvplan.api import plan
+from hdvplan.case import Case
 from hdvplan.errors import HdvplanError
-from hdvplan.judging.result import Result, breach_text, result_of
-from hdvplan.planning.objectives import geometric
-from hdvplan.planning.settings import PlannerSettings
+from hdvplan.judging.result import Result, breach_text
+from hdvplan.record import write_record
+from hdvplan.report.markdown import markdown_table
 from hdvplan.road.library import road_names
 from hdvplan.road.load import RoadOptions, load_road
-from hdvplan.road.road import Road
-from hdvplan.solvers.registry import DEFAULT, solver_named
 from hdvplan.vehicle.load import load_vehicle
-from hdvplan.vehicle.model import Vehicle
 
 VEHICLES = ("bus", "tractor-trailer", "tractor-trailer-24m")
 HALF_WIDTHS_M = (1.75, 2.25, 3.0, 3.5, 4.5, 6.0)  # roads 3.5, 4.5 and 6 m wide, and limits that far to each side
@@ -32,29 +30,31 @@ _SLACK = 1.25  # the reference may bend more than the vehicle, as in `hdvplan pl
 def main(arguments: Sequence[str] | None = None) -> None:
     """Drive every combination and write the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, default=Path("results"))
+    parser.add_argument("--out", type=Path, default=Path("results/widths"))
     parser.add_argument("--roads", type=lambda text: text.split(","), default=road_names())
     parser.add_argument("--vehicles", type=lambda text: text.split(","), default=list(VEHICLES))
     parser.add_argument("--half-widths", type=lambda text: [float(part) for part in text.split(",")], default=list(HALF_WIDTHS_M))
     options = parser.parse_args(arguments)
-    rows = []
+    rows, cases = [], []
     for name in options.roads:
         for vehicle in map(load_vehicle, options.vehicles):
             road = load_road(name, RoadOptions(max_curvature=_SLACK * vehicle.max_curvature))
             for half_width in options.half_widths:
-                rows.append(driven(road.with_limits(half_width, half_width), vehicle, half_width))
+                cases.append(Case(road.with_limits(half_width, half_width), vehicle))
+                rows.append(driven(cases[-1], half_width))
                 print(*rows[-1].values(), sep="  ", flush=True)
     table = pd.DataFrame(rows)
     options.out.mkdir(parents=True, exist_ok=True)
     table.to_csv(options.out / "widths.csv", index=False, float_format="%.4f", lineterminator="\n")
     (options.out / "widths.md").write_text(markdown(table), encoding="utf-8")
+    write_record(options.out, cases)
 
 
-def driven(road: Road, vehicle: Vehicle, half_width: float) -> dict[str, object]:
+def driven(case: Case, half_width: float) -> dict[str, object]:
     """Return one row: the verdict, what the plan swept and broke, and how the planner fared."""
-    row: dict[str, object] = {"road": road.name, "vehicle": vehicle.name, "half_width": half_width}
+    row: dict[str, object] = {"road": case.road.name, "vehicle": case.vehicle.name, "half_width": half_width}
     try:
-        result = result_of(drive(road, vehicle, geometric, solver_named(DEFAULT), PlannerSettings()), solver=DEFAULT, objective="geometric")
+        result = plan(case)
     except HdvplanError as error:
         return row | {"verdict": "refused", "message": str(error)}
     return row | _numbers(result)
@@ -92,7 +92,7 @@ def markdown(table: pd.DataFrame) -> str:
         counts = group["verdict"].value_counts()
         total = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
         parts.append(f"## {name}\n\n{len(group)} runs: {total}; {int(group['failed_steps'].sum())} planning steps failed.\n")
-        parts.append(cells.to_markdown(colalign=["left", *["right"] * cells.shape[1]], disable_numparse=True) + "\n")
+        parts.append(markdown_table(cells.reset_index(), text=("road",)) + "\n")
     return "\n".join(parts)
 
 

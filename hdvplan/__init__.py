@@ -4,7 +4,8 @@ The Python interface, in the order of use; everything else may change::
 
     road = hdvplan.load_road("monaco_fairmont_hairpin").with_limits(4.2, 4.2)  # a file, or a name that ships
     vehicle = hdvplan.load_vehicle("tractor-trailer")                          # a preset, or a TOML file
-    result = hdvplan.plan(road, vehicle)                                       # receding horizon, judged by simulation
+    case = hdvplan.Case(road, vehicle)                                         # a run as a value: it pickles, and has a key
+    result = hdvplan.plan(case)                                                # receding horizon, judged by simulation
     result.balance.max_left, result.balance.min_clearance, result.balance.breaches
     hdvplan.write_plan(result, Path("out"), pictures=["png"])                  # what `hdvplan plan` writes
 
@@ -18,8 +19,10 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from hdvplan.api import plan
+    from hdvplan.case import Case
     from hdvplan.errors import HdvplanError
     from hdvplan.judging.result import Result
+    from hdvplan.planning.bias import Bias
     from hdvplan.planning.settings import PlannerSettings
     from hdvplan.report.files import write_plan
     from hdvplan.report.html import write_report
@@ -31,6 +34,8 @@ if TYPE_CHECKING:
     from hdvplan.vehicle.model import Unit, Vehicle
 
 _HOMES = {
+    "Bias": "hdvplan.planning.bias",
+    "Case": "hdvplan.case",
     "HdvplanError": "hdvplan.errors",
     "Limits": "hdvplan.road.road",
     "PlannerSettings": "hdvplan.planning.settings",
@@ -49,6 +54,8 @@ _HOMES = {
 }
 
 __all__ = [
+    "Bias",
+    "Case",
     "HdvplanError",
     "Limits",
     "PlannerSettings",

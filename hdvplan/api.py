@@ -1,36 +1,26 @@
-"""The whole way from a road and a vehicle to a judged plan, in one call."""
+"""The whole way from a case to a judged plan, in one call; and the first half of it, the drive alone."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cache
 
-from hdvplan.driving.drive import drive, warm_up
+from hdvplan.case import Case
+from hdvplan.driving.drive import Drive, drive, warm_up
 from hdvplan.judging.result import Result, result_of
-from hdvplan.planning.bias import NONE, Bias
-from hdvplan.planning.objectives import objective_named
-from hdvplan.planning.settings import PlannerSettings
-from hdvplan.road.road import Road
-from hdvplan.solvers.registry import DEFAULT, solver_named
+from hdvplan.planning.discretisation import Discretisation
+from hdvplan.planning.objectives import Objective, objective_named
+from hdvplan.planning.planner import Plan
+from hdvplan.planning.settings import PlannerSettings, Scheme
+from hdvplan.solvers.registry import solver_named
 from hdvplan.vehicle.model import Vehicle
 
-_DEFAULTS = PlannerSettings()
 
+def plan(case: Case, *, on_progress: Callable[[float], None] | None = None) -> Result:
+    """Plan ``case.vehicle`` along all of ``case.road`` in receding horizon and judge what an exact simulation of it sweeps.
 
-def plan(
-    road: Road,
-    vehicle: Vehicle,
-    settings: PlannerSettings = _DEFAULTS,
-    *,
-    objective: str = "geometric",
-    solver: str = DEFAULT,
-    bias: Bias = NONE,
-    on_progress: Callable[[float], None] | None = None,
-) -> Result:
-    """Plan ``vehicle`` along all of ``road`` in receding horizon and judge what an exact simulation of it sweeps.
-
-    ``objective`` and ``solver`` are the command line's names; ``bias`` is where the middle of the swept area should lie, see
-    ``hdvplan.planning.bias.bias_named``; ``on_progress`` receives the driven share, 0 to 1. Loads and
-    compiles everything before the first timed step.
+    ``on_progress`` receives the driven share, 0 to 1. Loads and compiles everything before the first timed step.
 
     Raises:
         OptionError: no such objective, or a bias that the road or the objective has no room for.
@@ -39,7 +29,61 @@ def plan(
         PlanError: the vehicle cannot be planned further, or a body reaches beyond the road's centre of curvature.
 
     """
-    centred, make_workspace = objective_named(objective), solver_named(solver)
-    warm_up(vehicle, centred, make_workspace, settings)
-    driven = drive(road, vehicle, centred, make_workspace, settings, bias=bias, on_progress=on_progress)
-    return result_of(driven, solver=solver, objective=objective)
+    prepare(case)
+    return result_of(drive_case(case, on_progress=on_progress), solver=case.solver, objective=case.objective)
+
+
+def drive_case(
+    case: Case,
+    objective: Objective | None = None,
+    *,
+    on_progress: Callable[[float], None] | None = None,
+    on_plan: Callable[[Plan], None] | None = None,
+) -> Drive:
+    """Plan and execute a case without judging it; see ``drive``, and ``plan`` for the errors.
+
+    ``objective`` is what ``case.objective`` calls it where that is no name that users know.
+    """
+    return drive(
+        case.road,
+        case.vehicle,
+        objective or objective_named(case.objective),
+        solver_named(case.solver),
+        case.settings,
+        bias=case.bias,
+        on_progress=on_progress,
+        on_plan=on_plan,
+    )
+
+
+def prepare(case: Case) -> None:
+    """Load and compile what driving a case takes; nothing is left to do where this process has driven one of its kind.
+
+    Raises:
+        OptionError: no such objective.
+        SolverError: no such solver, or not installed.
+
+    """
+    settings, vehicle = case.settings, case.vehicle
+    objective_named(case.objective), solver_named(case.solver)
+    kind = case.objective.partition(":")[0]  # a weight given as a number changes no code
+    _prepared(_Kind(len(vehicle.units), vehicle.active, kind, case.solver, settings.scheme, settings.discretisation, vehicle, settings))
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """What decides which code and libraries a drive needs, with one vehicle and settings that need them."""
+
+    units: int
+    active: tuple[int, ...]
+    objective: str
+    solver: str
+    scheme: Scheme
+    discretisation: Discretisation
+    vehicle: Vehicle = field(compare=False)
+    settings: PlannerSettings = field(compare=False)
+
+
+@cache
+def _prepared(kind: _Kind) -> None:
+    warm_up(kind.vehicle, objective_named(kind.objective), solver_named(kind.solver), kind.settings)

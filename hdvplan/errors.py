@@ -7,6 +7,9 @@ parse text.
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Iterable
+
 
 class HdvplanError(Exception):
     """Anything that hdvplan refuses to do, with the reason and, if known, the next step."""
@@ -66,3 +69,9 @@ class PlanError(HdvplanError):
 
 class MeasurementError(HdvplanError):
     """Two programs could not be measured against each other: one of them cannot be installed, started or run to its end."""
+
+
+def did_you_mean(name: str, known: Iterable[str], otherwise: str, *, most: int = 1) -> str:
+    """Return the hint for a name that nobody knows: up to ``most`` known ones that are spelled alike; ``otherwise`` where none is."""
+    close = difflib.get_close_matches(name, list(known), n=most)
+    return f"did you mean {' or '.join(map(repr, close))}?" if close else otherwise

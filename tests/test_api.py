@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
 import pytest
 
 import hdvplan
+from hdvplan import api
+from hdvplan.centring.stationary import Stationary, stationary
+from hdvplan.driving.drive import warm_up
+from hdvplan.jit import FloatArray
 
 
 def test_ten_lines_lead_from_a_road_to_a_report(tmp_path: Path) -> None:
     road = hdvplan.load_road("uturn").with_limits(2.6, 2.6)
     vehicle = hdvplan.load_vehicle("bus")
-    settings = hdvplan.PlannerSettings(horizon=60.0)
-    result = hdvplan.plan(road, vehicle, settings)
+    case = hdvplan.Case(road, vehicle, settings=hdvplan.PlannerSettings(horizon=60.0))
+    result = hdvplan.plan(case)
     print(result.balance.max_left, result.balance.max_right, result.balance.min_clearance)  # noqa: T201 - as users do
     for breach in result.balance.breaches:
         print(breach.side, breach.s_deepest, breach.depth)  # noqa: T201 - as users do
@@ -33,13 +38,39 @@ def test_ten_lines_lead_from_a_road_to_a_report(tmp_path: Path) -> None:
 def test_a_plan_takes_the_command_line_s_names_and_tells_how_far_it_is() -> None:
     shares: list[float] = []
     settings = hdvplan.PlannerSettings(horizon=50.0)
-    result = hdvplan.plan(
-        hdvplan.load_road("sturn"), hdvplan.load_vehicle("bus"), settings, objective="lead-axle", solver="piqp", on_progress=shares.append
-    )
+    case = hdvplan.Case(hdvplan.load_road("sturn"), hdvplan.load_vehicle("bus"), "lead-axle", "piqp", settings)
+    result = hdvplan.plan(case, on_progress=shares.append)
     assert (result.objective, result.solver) == ("lead-axle", "piqp")
+    assert result.case == case
     assert shares[-1] == 1.0
-    with pytest.raises(hdvplan.HdvplanError, match="unknown solver"):
-        hdvplan.plan(hdvplan.load_road("sturn"), hdvplan.load_vehicle("bus"), solver="none")
+    for wrong, words in ((replace(case, solver="none"), "unknown solver"), (replace(case, objective="none"), "unknown objective")):
+        with pytest.raises(hdvplan.HdvplanError, match=words):
+            hdvplan.plan(wrong)
+
+
+def test_a_second_plan_of_its_kind_warms_nothing_up_and_tabulates_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    warmed: list[str] = []
+    tabulated: list[str] = []
+
+    def warm(vehicle: hdvplan.Vehicle, *rest: object) -> None:
+        warmed.append(vehicle.name)
+        warm_up(vehicle, *rest)  # type: ignore[arg-type] # as they came
+
+    def tabulate(vehicle: hdvplan.Vehicle, curvature: FloatArray) -> Stationary:
+        tabulated.append(vehicle.name)
+        return stationary(vehicle, curvature)
+
+    api._prepared.cache_clear()
+    monkeypatch.setattr("hdvplan.api.warm_up", warm)
+    monkeypatch.setattr("hdvplan.centring.weights.stationary", tabulate)
+    unit = hdvplan.Unit(wheelbase=6.0, front_overhang=2.7, rear_overhang=3.3, width=2.55)
+    first, second = hdvplan.Vehicle("first", (unit,)), hdvplan.Vehicle("second", (unit, replace(unit, front_overhang=0.0)))
+    case = hdvplan.Case(hdvplan.load_road("sturn"), first, settings=hdvplan.PlannerSettings(horizon=50.0))
+    for again in (case, case, replace(case, objective="art-weighted:0.3"), replace(case, objective="art-weighted:0.4")):
+        hdvplan.plan(again)
+    assert (warmed, tabulated) == (["first", "first"], ["first"])
+    hdvplan.plan(replace(case, vehicle=second))
+    assert (warmed[2:], tabulated[1:]) == (["second"], ["second"])
 
 
 def test_importing_it_loads_nothing_heavy() -> None:

@@ -13,6 +13,7 @@ from hdvplan.bench.compare import CellTimes, Comparison
 from hdvplan.bench.counters import IN_STEPS, Change
 from hdvplan.bench.gate import FEWEST_PAIRS, Rule, Verdict
 from hdvplan.bench.stats import KEY
+from hdvplan.report.markdown import markdown_table
 from hdvplan.report.tables import grid
 
 _CHANGES = (*KEY, "counter", "base", "new")
@@ -136,8 +137,7 @@ def _caption(comparison: Comparison) -> str:
 
 
 def _markdown(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    sides = ["left" if column in _TEXT else "right" for column in columns]
-    return pd.DataFrame(rows, columns=list(columns), dtype=str).to_markdown(index=False, disable_numparse=True, colalign=sides)
+    return markdown_table(pd.DataFrame(rows, columns=list(columns), dtype=str), text=_TEXT)
 
 
 def _sentence(change: Change) -> str:

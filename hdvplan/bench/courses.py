@@ -1,12 +1,13 @@
-"""The courses of a benchmark: each vehicle's road with the limits that the suite asks for."""
+"""The cases of a benchmark: each vehicle's road with the limits that the suite asks for, by every scheme and solver."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from hdvplan.bench.suite import Suite
+from hdvplan.case import Case
 from hdvplan.centring.weights import CentringTable
 from hdvplan.errors import RoadError
 from hdvplan.jit import FloatArray
@@ -21,16 +22,8 @@ _SPACING_M = 0.25
 _PLATEAU = 0.99  # of the largest curvature: the pinch lies in the middle of a bend, not where it begins
 
 
-@dataclass(frozen=True)
-class Course:
-    """A vehicle and its road; limits as they stand in the QP."""
-
-    road: Road
-    vehicle: Vehicle
-
-
-def courses_of(suite: Suite) -> list[Course]:
-    """Load all roads and vehicles of a suite; in the order of ``Suite.courses``.
+def cases_of(suite: Suite) -> list[Case]:
+    """Load all roads and vehicles of a suite and return a case for each of ``Suite.cells``; limits as they stand in the QP.
 
     Raises:
         RoadError: a road that cannot be read, or a pinch that closes it.
@@ -39,7 +32,11 @@ def courses_of(suite: Suite) -> list[Course]:
     """
     roads = {name: load_road(name) for name in suite.roads}
     vehicles = {name: load_vehicle(name) for name in suite.vehicles}
-    return [Course(with_limits(roads[road], vehicles[vehicle], suite), vehicles[vehicle]) for road, vehicle in suite.courses()]
+    limited = {(road, vehicle): with_limits(roads[road], vehicles[vehicle], suite) for road, vehicle in suite.courses()}
+    return [
+        Case(limited[cell.road, cell.vehicle], vehicles[cell.vehicle], suite.objective, cell.solver, suite.settings(cell.scheme))
+        for cell in suite.cells()
+    ]
 
 
 def with_limits(road: Road, vehicle: Vehicle, suite: Suite) -> Road:

@@ -5,22 +5,22 @@ from __future__ import annotations
 import gzip
 import json
 import shutil
-import sys
-from collections.abc import Sequence
-from datetime import UTC, datetime
+from collections.abc import Iterable, Sequence
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-from hdvplan.bench.machine import commit, load_average, machine_facts, software
 from hdvplan.bench.samples import part_file, read_part
 from hdvplan.bench.stats import tables_of
 from hdvplan.bench.suite import Suite
 from hdvplan.bench.timing import LAYOUTS, captions, latex, markdown
+from hdvplan.case import Case
 from hdvplan.errors import OptionError
 from hdvplan.fileio import csv_bytes, json_bytes, write_atomically
+from hdvplan.machine import commit, load_average, machine_facts, software
+from hdvplan.record import NAME, command, now
 
 _SAMPLE_DIGITS = "%.7g"  # a sample's time to the nanosecond, in a third of the space
 _OTHERWISE = "start over with --fresh, or choose another folder with --out"
@@ -36,7 +36,7 @@ def recorded(suite: Suite, directory: Path) -> Json | None:
 
     """
     try:
-        before = json.loads((directory / "run.json").read_text(encoding="utf-8"))
+        before = json.loads((directory / NAME).read_text(encoding="utf-8"))
     except OSError:
         return None
     except ValueError as error:
@@ -45,15 +45,15 @@ def recorded(suite: Suite, directory: Path) -> Json | None:
     if not isinstance(before, dict) or not {"sessions", "finished"} <= set(before):
         msg = f"{directory / 'run.json'} is not of a benchmark"
         raise OptionError(msg, hint=_OTHERWISE)
-    for part, now in _conditions(suite).items():
-        if before.get(part) != now:
-            msg = f"{directory} holds a run with other {part}: {_difference(before.get(part), now)}"
+    for part, present in _conditions(suite).items():
+        if before.get(part) != present:
+            msg = f"{directory} holds a run with other {part}: {_difference(before.get(part), present)}"
             raise OptionError(msg, hint=_OTHERWISE)
     return before
 
 
-def begin(suite: Suite, directory: Path, record: Json | None, *, one_thread: bool) -> None:
-    """Make ``directory`` and note that a session begins; ``record`` is that of the earlier ones.
+def begin(suite: Suite, cases: Iterable[Case], directory: Path, record: Json | None, *, one_thread: bool) -> None:
+    """Make ``directory`` and note that a session begins; ``cases`` are the suite's, ``record`` is that of the earlier sessions.
 
     ``one_thread``: the libraries' threads were bound before the libraries were loaded.
 
@@ -61,13 +61,14 @@ def begin(suite: Suite, directory: Path, record: Json | None, *, one_thread: boo
         OSError: the directory cannot be written.
 
     """
-    session = {"started": _time(), "command": ["hdvplan", *sys.argv[1:]], "one_thread": one_thread, "load_average": load_average()}
+    session = {"started": now(), "command": command(), "one_thread": one_thread, "load_average": load_average()}
     earlier = record["sessions"] if record else []
-    opened = _conditions(suite) | {"commit": commit(), "sessions": [*earlier, session], "finished": None}
+    told = [case.brief() for case in cases]
+    opened = _conditions(suite) | {"cases": told, "commit": commit(), "sessions": [*earlier, session], "finished": None}
     directory.mkdir(parents=True, exist_ok=True)
     if record is None and (directory / "parts").is_dir():
         shutil.rmtree(directory / "parts")  # nothing says what they were measured with
-    write_atomically(directory / "run.json", json_bytes(opened))
+    write_atomically(directory / NAME, json_bytes(opened))
 
 
 def finish(suite: Suite, directory: Path) -> None:
@@ -81,7 +82,7 @@ def finish(suite: Suite, directory: Path) -> None:
     tables = tables_of(
         cells, [[read_part(part_file(directory, cell, round_)) for round_ in range(suite.rounds)] for cell in range(len(cells))]
     )
-    record = json.loads((directory / "run.json").read_text(encoding="utf-8"))
+    record = json.loads((directory / NAME).read_text(encoding="utf-8"))
     packed = tables.samples.to_csv(index=False, lineterminator="\n", float_format=_SAMPLE_DIGITS).encode()
     write_atomically(directory / "samples.csv.gz", gzip.compress(packed, mtime=0))
     caption = captions(suite, record["machine"], tables)
@@ -90,8 +91,8 @@ def finish(suite: Suite, directory: Path) -> None:
         write_atomically(directory / f"{name}.csv", csv_bytes(table))
         write_atomically(directory / f"{name}.md", markdown(table, name, caption[name]).encode())
         write_atomically(directory / f"{name}.tex", latex(table, name, caption[name]).encode())
-    record |= {"finished": _time(), "load_average_at_end": load_average()}
-    write_atomically(directory / "run.json", json_bytes(record))
+    record |= {"finished": now(), "load_average_at_end": load_average()}
+    write_atomically(directory / NAME, json_bytes(record))
     shutil.rmtree(directory / "parts")
 
 
@@ -111,7 +112,7 @@ def read_table(directory: Path, name: str) -> pd.DataFrame:
 
 def discard(directory: Path) -> None:
     """Delete what a benchmark writes into its directory, and nothing else."""
-    for name in ("run.json", "samples.csv.gz", *(f"{table}.{kind}" for table in LAYOUTS for kind in ("csv", "md", "tex"))):
+    for name in (NAME, "samples.csv.gz", *(f"{table}.{kind}" for table in LAYOUTS for kind in ("csv", "md", "tex"))):
         (directory / name).unlink(missing_ok=True)
     if (directory / "parts").is_dir():
         shutil.rmtree(directory / "parts")
@@ -122,10 +123,6 @@ def _conditions(suite: Suite) -> Json:
     files = [Path(name) for name in (*suite.roads, *suite.vehicles) if Path(name).is_file()]
     digests = {str(path): sha256(path.read_bytes()).hexdigest()[:16] for path in files}
     return {"settings": suite.to_dict(), "files": digests, "software": software(suite.solvers), "machine": machine_facts()}
-
-
-def _time() -> str:
-    return datetime.now(UTC).isoformat(timespec="seconds")
 
 
 def _difference(before: object, now: object) -> str:

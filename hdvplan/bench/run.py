@@ -8,17 +8,17 @@ from pathlib import Path
 
 import numpy as np
 
-from hdvplan.bench.courses import Course
 from hdvplan.bench.samples import FAILED, NUMBERS, OK, OVER_BUDGET, Judgement, Measurement, numbers_of, part_file, write_part
 from hdvplan.bench.suite import Suite, visits
+from hdvplan.case import Case
 from hdvplan.driving.drive import Drive, drive, warm_up
 from hdvplan.errors import HdvplanError
 from hdvplan.judging.balance import balance_of
 from hdvplan.judging.envelope import envelope_of
-from hdvplan.planning.objectives import Objective, geometric, objective_named
-from hdvplan.planning.planner import Plan, qp_shape, rows_per_edge
-from hdvplan.planning.settings import PlannerSettings
-from hdvplan.qp.workspace import WorkspaceMaker
+from hdvplan.planning.objectives import objective_named
+from hdvplan.planning.planner import Plan
+from hdvplan.qp.program import StageShape
+from hdvplan.qp.workspace import QpWorkspace, WorkspaceMaker
 from hdvplan.solvers.sparse import SparseQp
 
 
@@ -28,38 +28,37 @@ class _OverBudgetError(Exception):
 
 def run(
     suite: Suite,
-    courses: Sequence[Course],
+    cases: Sequence[Case],
     makers: Mapping[str, WorkspaceMaker],
     directory: Path,
     on_progress: Callable[[float], None],
 ) -> None:
     """Measure every cell and round whose part is not yet in ``directory``; ``on_progress`` receives the done share.
 
-    ``courses`` as ``courses_of(suite)`` returns them, ``makers`` by the solvers' names. A cell that cannot be planned is
+    ``cases`` as ``cases_of(suite)`` returns them, ``makers`` by the solvers' names. A cell that cannot be planned is
     measured as far as it goes and noted as such; it does not end the run.
 
     Raises:
         OSError: a part cannot be written.
 
     """
-    cells = suite.cells()
-    entrants = len(cells) // len(courses)
+    courses = len(suite.courses())
     order = [
         (part, index, round_ == 0)
-        for round_, index in visits(len(courses), entrants, suite.rounds)
+        for round_, index in visits(courses, len(cases) // courses, suite.rounds)
         if not (part := part_file(directory, index, round_)).exists()
     ]
-    lengths = np.array([courses[index // entrants].road.path.length for _, index, _ in order])
-    warm, objective = set(), objective_named(suite.objective)
+    lengths = np.array([cases[index].road.path.length for _, index, _ in order])
+    warm = set()
     gc.freeze()  # what the imports left is not garbage: looking at it before every drive takes longer than a short drive
     try:
         for number, (part, index, judged) in enumerate(order):
-            course, cell = courses[index // entrants], cells[index]
-            settings, make = suite.settings(cell.scheme), makers[cell.solver]
-            if (cell.vehicle, cell.solver) not in warm:
-                warm_up(course.vehicle, objective, make, settings)
-                warm.add((cell.vehicle, cell.solver))
-            write_part(part, measure(course, settings, make, objective, budget=suite.budget, judged=judged))
+            case = cases[index]
+            make = makers[case.solver]
+            if (case.vehicle, case.solver) not in warm:
+                warm_up(case.vehicle, objective_named(case.objective), make, case.settings)
+                warm.add((case.vehicle, case.solver))
+            write_part(part, measure(case, make, budget=suite.budget, judged=judged))
             on_progress(float(np.sum(lengths[: number + 1]) / np.sum(lengths)))
     finally:
         gc.unfreeze()
@@ -70,24 +69,18 @@ def remaining(suite: Suite, directory: Path) -> int:
     return sum(not part_file(directory, cell, round_).exists() for cell in range(len(suite.cells())) for round_ in range(suite.rounds))
 
 
-def measure(
-    course: Course,
-    settings: PlannerSettings,
-    make_workspace: WorkspaceMaker,
-    objective: Objective = geometric,
-    *,
-    budget: float,
-    judged: bool,
-) -> Measurement:
-    """Drive a course once and return every planning step; what was swept only if it is to be ``judged``.
+def measure(case: Case, make_workspace: WorkspaceMaker, *, budget: float, judged: bool) -> Measurement:
+    """Drive a case once with the solver of ``make_workspace`` and return every planning step; what was swept only if ``judged``.
 
     The first plan sets the solver up and iterates to convergence, which warms the processor's caches for the others. A
     drive ends early when its planning time exceeds ``budget`` [s] or it fails; its steps so far are kept.
     """
-    road, vehicle = course.road, course.vehicle
-    rows = rows_per_edge(settings, limited=road.limits is not None, two_regions=road.limits is not None and road.limits.two_regions)
-    form = SparseQp.of(qp_shape(vehicle, settings, rows_per_edge=rows), elastic=False)
-    nonzeros = int(form.P.nnz + form.E.nnz + form.G.nnz)
+    shapes: list[StageShape] = []
+
+    def make(shape: StageShape) -> QpWorkspace:
+        shapes.append(shape)
+        return make_workspace(shape)
+
     steps, statuses, spent = [], [], 0.0
 
     def keep(plan: Plan) -> None:
@@ -102,7 +95,7 @@ def measure(
     gc.collect()
     gc.disable()
     try:
-        driven = drive(road, vehicle, objective, make_workspace, settings, on_plan=keep)
+        driven = drive(case.road, case.vehicle, objective_named(case.objective), make, case.settings, bias=case.bias, on_plan=keep)
         gc.enable()
         judgement = judge(driven) if judged else None
     except _OverBudgetError:
@@ -112,7 +105,15 @@ def measure(
     finally:
         gc.enable()
     numbers = np.array(steps) if steps else np.empty((0, len(NUMBERS)))
-    return Measurement(numbers, tuple(statuses), outcome, message, nonzeros, judgement)
+    return Measurement(numbers, tuple(statuses), outcome, message, _nonzeros(shapes), judgement)
+
+
+def _nonzeros(shapes: Sequence[StageShape]) -> int:
+    """Return the non-zeros of the program that a drive asked its solver for; 0 where it ended before."""
+    if not shapes:
+        return 0
+    form = SparseQp.of(shapes[0], elastic=False)
+    return int(form.P.nnz + form.E.nnz + form.G.nnz)
 
 
 def judge(driven: Drive) -> Judgement:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
@@ -11,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hdvplan.errors import OptionError
+from hdvplan.errors import OptionError, did_you_mean
 from hdvplan.planning.objectives import objective_named
 from hdvplan.planning.settings import PlannerSettings, Scheme
 
@@ -29,7 +28,6 @@ ROADS = (
     "goteborg_lindholmsallen_uturn",
 )
 _LISTS = ("roads", "vehicles", "schemes", "solvers")
-_WATCHED = ("axle-max", "body-max")
 _KINDS = {tuple: "a list of names", bool: "true or false", str: "a name"}
 _OPTIONAL = ("half_width", "pinch")
 
@@ -82,9 +80,6 @@ class Suite:
             if scheme not in list(Scheme):
                 msg = f"unknown scheme {scheme!r}"
                 raise OptionError(msg, hint=f"schemes: {', '.join(Scheme)}")
-        if self.objective in _WATCHED:
-            msg = f"objective {self.objective!r} cannot be timed here: its program has rows of its own for every watched point"
-            raise OptionError(msg, hint="choose geometric or balanced")
         objective_named(self.objective)
         if self.rounds < 1:
             msg = f"rounds must be a positive number, not {self.rounds}"
@@ -159,9 +154,8 @@ def suite_of(entries: Mapping[str, object]) -> Suite:
     values: dict[str, object] = {}
     for name, value in entries.items():
         if name not in kinds:
-            close = difflib.get_close_matches(name, kinds, n=1)
             msg = f"unknown entry {name!r} in the suite"
-            raise OptionError(msg, hint=f"did you mean {close[0]!r}?" if close else f"entries: {', '.join(kinds)}")
+            raise OptionError(msg, hint=did_you_mean(name, kinds, f"entries: {', '.join(kinds)}"))
         values[name] = _entry(name, value, kinds[name])
     return Suite(**values)  # type: ignore[arg-type] # every value was brought to its field's type
 

@@ -11,6 +11,7 @@ from rich.text import Text
 
 from hdvplan.bench.stats import Tables, reference_solver
 from hdvplan.bench.suite import Suite
+from hdvplan.report.markdown import markdown_table
 from hdvplan.report.tables import grid
 from hdvplan.solvers.registry import tolerance_of
 
@@ -116,9 +117,7 @@ def shown(table: pd.DataFrame, name: str) -> pd.DataFrame:
 
 def markdown(table: pd.DataFrame, name: str, caption: str) -> str:
     """Return a table with its caption above as Markdown."""
-    text = shown(table, name)
-    sides = ["left" if column in _TEXT else "right" for column in text.columns]
-    return f"{caption}\n\n{text.to_markdown(index=False, disable_numparse=True, colalign=sides)}\n"
+    return f"{caption}\n\n{markdown_table(shown(table, name), text=_TEXT)}\n"
 
 
 def latex(table: pd.DataFrame, name: str, caption: str) -> str:

@@ -7,7 +7,7 @@ would cost more than the whole planning step.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from hdvplan.jit import BoolArray, FloatArray
 from hdvplan.vehicle.model import Vehicle
 
 _GRID = np.linspace(0.0, 0.5, 2001)  # road curvatures [1/m]; linear interpolation errs by less than 1e-6 in K up to 0.1 1/m
+_KEPT = 64  # tables of some 200 kB
 
 
 @dataclass(frozen=True)
@@ -54,8 +55,9 @@ class CentringTable:
     tightest_road: float  # [1/m]
 
     @classmethod
+    @lru_cache(maxsize=_KEPT)
     def of(cls, vehicle: Vehicle) -> CentringTable:
-        """Tabulate the balanced circles of ``vehicle``."""
+        """Tabulate the balanced circles of ``vehicle``; the last vehicles' tables are kept."""
         return cls(stationary(vehicle, _GRID), tightest_road(vehicle))
 
     def at(self, road_curvature: FloatArray) -> Centring:

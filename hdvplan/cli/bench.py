@@ -90,11 +90,11 @@ def bench(
     if against is not None and counters is not None:
         msg = "--against compares counters with those of REV, not with a file"
         raise OptionError(msg, hint="leave out --counters")
-    from hdvplan.bench.machine import use_one_thread
+    from hdvplan.machine import use_one_thread
 
     one_thread = use_one_thread()  # before anything imports NumPy
     from hdvplan.bench.against import SUITE
-    from hdvplan.bench.courses import courses_of
+    from hdvplan.bench.courses import cases_of
     from hdvplan.bench.directory import begin, discard, finish, read_table, recorded
     from hdvplan.bench.run import remaining, run
     from hdvplan.bench.suite import read_suite, suite_of
@@ -119,13 +119,13 @@ def bench(
     else:
         if not is_compiled():
             note(COMPILING, quiet=quiet)
-        courses, makers = courses_of(wanted), {name: solver_named(name) for name in wanted.solvers}
+        cases, makers = cases_of(wanted), {name: solver_named(name) for name in wanted.solvers}
         try:
             if fresh:
                 discard(out)
-            begin(wanted, out, record, one_thread=one_thread)
+            begin(wanted, cases, out, record, one_thread=one_thread)
             with progress("measuring", quiet=quiet, undisturbed=True) as on_progress:
-                run(wanted, courses, makers, out, on_progress)
+                run(wanted, cases, makers, out, on_progress)
             finish(wanted, out)
         except OSError as error:
             msg = f"cannot write to {out}: {error.strerror or error}"
@@ -147,11 +147,11 @@ def bench(
 
 def _measure_against(against: str, suite: Suite, rule: Rule, out: Path, expect_changes: bool, *, quiet: bool) -> Comparison:
     from hdvplan.bench.against import measure_against
-    from hdvplan.bench.courses import courses_of
+    from hdvplan.bench.courses import cases_of
     from hdvplan.bench.environment import base_program, working_tree
     from hdvplan.solvers.registry import solver_named
 
-    courses_of(suite)  # a road or vehicle that cannot be read is the user's mistake, not a failed measurement;
+    cases_of(suite)  # a road or vehicle that cannot be read is the user's mistake, not a failed measurement;
     for name in suite.solvers:  # so is a solver that is not there
         solver_named(name)
     new = working_tree()

@@ -100,12 +100,13 @@ def plan(
     if out is not None and out.exists() and not out.is_dir():
         msg = f"--out {out} is a file, not a folder"
         raise OptionError(msg)
-    from hdvplan.driving.drive import drive, warm_up
+    from hdvplan import api
+    from hdvplan.case import Case
     from hdvplan.jit import is_compiled
-    from hdvplan.judging.result import result_of
     from hdvplan.planning.bias import NONE, bias_named
+    from hdvplan.planning.discretisation import Discretisation
     from hdvplan.planning.objectives import objective_named
-    from hdvplan.planning.settings import Discretisation, PlannerSettings, Scheme
+    from hdvplan.planning.settings import PlannerSettings, Scheme
     from hdvplan.report.files import PICTURES
     from hdvplan.road.load import load_road
     from hdvplan.solvers.registry import DEFAULT, solver_named
@@ -120,7 +121,7 @@ def plan(
         smoothness=smoothness,
         discretisation=Discretisation(choice("--discretisation", discretisation, list(Discretisation))),
     )
-    centring, make_workspace = objective_named(objective), solver_named(solver or DEFAULT)
+    objective_named(objective), solver_named(solver or DEFAULT)  # refuse a wrong name before the road is read
     driven = load_vehicle(vehicle)
     compiled = is_compiled()  # asked before reading the road compiles a part
     wanted = road_options(smooth, crs, name, _REFERENCE_SLACK * driven.max_curvature, offset=offset, reverse=reverse)
@@ -131,16 +132,11 @@ def plan(
     check_fits(track, driven, reaches)
     _warn_far_regions(track, quiet=quiet)
     _warn_misfits(track, driven, quiet=quiet)
-    aim = NONE if bias is None else bias_named(bias, track.limits)
+    case = Case(track, driven, objective, solver or DEFAULT, settings, NONE if bias is None else bias_named(bias, track.limits))
     if not compiled:
         note(COMPILING, quiet=quiet)
     with progress(f"planning {driven.name} along {track.name}", quiet=quiet) as on_progress:
-        warm_up(driven, centring, make_workspace, settings)
-        result = result_of(
-            drive(track, driven, centring, make_workspace, settings, bias=aim, on_progress=on_progress),
-            solver=solver or DEFAULT,
-            objective=objective,
-        )
+        result = api.plan(case, on_progress=on_progress)
     directory = out or Path(f"{file_name(track.name)}.{file_name(driven.name)}")
     with progress(f"writing {directory}/", quiet=quiet) as on_progress:
         _write(result, directory, pictures if plot else [], animate, on_progress)

@@ -41,14 +41,14 @@ def reproduce(
     """Repeat the papers' experiments and set the published numbers beside ours.
 
     Writes NAME.md and NAME.csv (the table), NAME.png (the figure in the paper's layout) and NAME-data.csv for every study,
-    and for all of them a summary. Where they differ by more than can be read a remark says why,
-    or that it is not explained.
+    for all of them a summary, and run.json: what was driven, with which versions, on which machine. Where they differ by more than can
+    be read a remark says why, or that it is not explained.
     """
     chosen = NAMES if choice("NAME", name, [*NAMES, _ALL]) == _ALL else (name,)
     if out.exists() and not out.is_dir():
         msg = f"--out {out} is a file, not a folder"
         raise OptionError(msg)
-    from hdvplan.bench.machine import use_one_thread
+    from hdvplan.machine import use_one_thread
 
     use_one_thread()  # before anything imports NumPy
     from hdvplan.jit import is_compiled
@@ -71,6 +71,7 @@ def _run(names: Sequence[str], out: Path, on_progress: Progress) -> list[Study]:
         OptionError: the folder or a file cannot be written.
 
     """
+    from hdvplan.record import write_record
     from hdvplan.reproduce.files import write_study, write_summary
     from hdvplan.reproduce.studies import STUDIES
 
@@ -83,6 +84,7 @@ def _run(names: Sequence[str], out: Path, on_progress: Progress) -> list[Study]:
             done += part
         if len(studies) > 1:
             write_summary(studies, out)
+        write_record(out, [case for study in studies for case in study.cases])
     except OSError as error:
         msg = f"cannot write to {out}: {error.strerror or error}"
         raise OptionError(msg, hint="choose another folder with --out") from error

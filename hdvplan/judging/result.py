@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from hdvplan.case import Case
 from hdvplan.centring.weights import Centring, CentringTable
 from hdvplan.driving.drive import Drive
 from hdvplan.jit import FloatArray
@@ -23,15 +24,24 @@ _PAIR = ("tractor", "trailer")
 
 @dataclass(frozen=True)
 class Result:
-    """A drive with its evaluation; ``expected`` is the balanced driving at the envelope's arclengths."""
+    """A case's drive with its evaluation; ``expected`` is the balanced driving at the envelope's arclengths."""
 
+    case: Case
     drive: Drive
     envelope: Envelope
     balance: Balance
     expected: Centring
-    solver: str
-    objective: str
     fit: Fit  # what geometry said before planning
+
+    @property
+    def solver(self) -> str:
+        """What users call the solver."""
+        return self.case.solver
+
+    @property
+    def objective(self) -> str:
+        """What users call the objective."""
+        return self.case.objective
 
     @cached_property
     def gaps(self) -> dict[tuple[str, str], FloatArray]:
@@ -83,7 +93,7 @@ class Result:
 
 
 def result_of(drive: Drive, *, solver: str, objective: str) -> Result:
-    """Evaluate an executed drive.
+    """Evaluate an executed drive; ``solver`` and ``objective`` are what its case calls them.
 
     Raises:
         PlanError: a body reached beyond the road's centre of curvature.
@@ -92,7 +102,8 @@ def result_of(drive: Drive, *, solver: str, objective: str) -> Result:
     envelope = envelope_of(drive)
     curvature = shifted(drive.road.path.at(envelope.s).curvature, drive.bias.at(envelope.s), envelope.s)
     expected = CentringTable.of(drive.vehicle).at(curvature)
-    return Result(drive, envelope, balance_of(drive, envelope), expected, solver, objective, fit_of(drive.road, drive.vehicle))
+    case = Case(drive.road, drive.vehicle, objective, solver, drive.settings, drive.bias)
+    return Result(case, drive, envelope, balance_of(drive, envelope), expected, fit_of(drive.road, drive.vehicle))
 
 
 def breach_text(result: Result, breach: Breach) -> str:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
-from hdvplan.errors import OptionError
+from hdvplan.errors import OptionError, did_you_mean
 from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.balance import EnvelopeBalance
 from hdvplan.planning.terms.centring import Centring, Residual
@@ -140,9 +139,8 @@ def objective_named(name: str) -> Objective:
     if known == _WEIGHTED and share:
         return partial(art_weighted, share=_share(share))
     if name not in OBJECTIVES:
-        close = difflib.get_close_matches(name, OBJECTIVES, n=1)
         msg = f"unknown objective {name!r}"
-        raise OptionError(msg, hint=f"did you mean {close[0]!r}?" if close else f"objectives: {', '.join(OBJECTIVES)}")
+        raise OptionError(msg, hint=did_you_mean(name, OBJECTIVES, f"objectives: {', '.join(OBJECTIVES)}"))
     return OBJECTIVES[name]
 
 

@@ -12,6 +12,7 @@ import pandas as pd
 from hdvplan.fileio import csv_bytes, json_bytes, write_atomically
 from hdvplan.jit import FloatArray
 from hdvplan.judging.result import Result
+from hdvplan.record import NAME, record_of
 from hdvplan.report.geojson import swept_geojson
 from hdvplan.report.summary import summary_of
 from hdvplan.road.road import Road
@@ -49,6 +50,7 @@ def write_plan(
         "steps.csv": lambda: csv_bytes(steps_table(result)),
         "regions.json": lambda: json_bytes(regions_json(result.drive.road), indent=None),
         "swept.geojson": lambda: json_bytes(swept_geojson(result), indent=None),
+        NAME: lambda: json_bytes(record_of([result.case])),
     }
     contents |= {f"plan.{kind}": partial(picture_bytes, result, kind) for kind in pictures}
     if animate:

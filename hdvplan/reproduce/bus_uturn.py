@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import pandas as pd
 
-from hdvplan.planning.objectives import geometric, lead_axle
-from hdvplan.planning.settings import PlannerSettings
+from hdvplan.case import Case
 from hdvplan.reproduce import published
 from hdvplan.reproduce.figures import uturn_figure
 from hdvplan.reproduce.study import Progress, Row, Study
@@ -23,16 +23,17 @@ _LEFT = "a curvature of 0.058 instead of 0.060 1/m gives 2.44 m; their 3 cm betw
 
 def bus_uturn(on_progress: Progress) -> Study:
     """Drive the bus through the U-turn with limits at +-3.0 m by both methods."""
-    road, bus, settings = uturn(), load_vehicle("bus"), PlannerSettings()
-    previous = swept(road, bus, lead_axle, settings)
+    case = Case(uturn(), load_vehicle("bus"))
+    previous = swept(replace(case, objective="lead-axle"))
     on_progress(0.5)
-    proposed = swept(road, bus, geometric, settings)
+    proposed = swept(case)
     on_progress(1.0)
     return Study(
         "bus-uturn",
         "Bus in a U-turn",
         f"{published.GEO} fig. 7",
         "Limits at +-3.0 m, curvature up to 0.060 1/m; receding horizon (RTI), envelope of the exact simulation.",
+        (previous.case, proposed.case),
         _rows(previous, proposed),
         _data(previous, proposed),
         partial(uturn_figure, previous, proposed),

@@ -7,8 +7,9 @@ from io import BytesIO
 from pathlib import Path
 
 from hdvplan.fileio import csv_bytes, write_atomically
+from hdvplan.report.markdown import markdown_table
 from hdvplan.report.style import DPI
-from hdvplan.reproduce.study import Study, markdown, shown, summary_of
+from hdvplan.reproduce.study import WORDS, Study, markdown, shown, summary_of
 
 
 def write_study(study: Study, directory: Path) -> None:
@@ -35,8 +36,6 @@ def write_summary(studies: Sequence[Study], directory: Path) -> None:
 
     """
     table = summary_of(studies)
-    text = shown(table).to_markdown(
-        index=False, disable_numparse=True, colalign=("left", "left", "left", "right", "right", "right", "left")
-    )
+    text = markdown_table(shown(table), text=WORDS)
     write_atomically(directory / "summary.md", f"# Published and reproduced\n\n{text}\n".encode())
     write_atomically(directory / "summary.csv", csv_bytes(table))

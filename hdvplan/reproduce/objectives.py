@@ -2,41 +2,31 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from time import perf_counter
 
 import numpy as np
 import pandas as pd
 
+from hdvplan.api import prepare
+from hdvplan.case import Case
 from hdvplan.centring.stationary import stationary
 from hdvplan.centring.weights import CentringTable
-from hdvplan.driving.drive import warm_up
 from hdvplan.jit import FloatArray
-from hdvplan.planning.objectives import (
-    Balanced,
-    Furthest,
-    Objective,
-    Residual,
-    art_weighted,
-    art_weighted_by,
-    axle_max,
-    body_max,
-    lead_axle,
-    trail_axle,
-)
+from hdvplan.planning.objectives import Goal, Objective, axle_max
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations
+from hdvplan.planning.terms.reach import Reach
 from hdvplan.reproduce import published
 from hdvplan.reproduce.figures import objectives_figure
 from hdvplan.reproduce.study import Progress, Row, Study
 from hdvplan.reproduce.swept import REFERENCE_STEP_M, Swept, road_of, swept, whole_manoeuvre
 from hdvplan.road.scenarios import uturn_articulated, uturn_profile
-from hdvplan.solvers.registry import DEFAULT, solver_named
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 
-OBJECTIVES: dict[str, Objective] = {"J1": lead_axle, "J2": trail_axle, "J3": art_weighted, "J4": axle_max, "J5": body_max}
+OBJECTIVES = {"J1": "lead-axle", "J2": "trail-axle", "J3": "art-weighted", "J4": "axle-max", "J5": "body-max"}
 WORDS = {"J1": "tractor axle", "J2": "trailer axle", "J3": "both axles, weighted", "J4": "furthest axle", "J5": "furthest body side"}
 PUBLISHED_STEP_M = 0.1
 SHARES = np.linspace(0.0, 1.0, 21)
@@ -66,8 +56,9 @@ _LAPTOP = "this machine and solver, not their laptop and MATLAB; linearising and
 
 @dataclass(frozen=True)
 class Search:
-    """The exhaustive search for one vehicle's K: the score of every share, and what both ways cost to compute [s]."""
+    """The exhaustive search for one vehicle's K: what was driven, the score of every share, what both ways cost to compute [s]."""
 
+    cases: tuple[Case, ...]
     vehicle: str
     scores: FloatArray  # (shares,), |aL - aR| summed over the U-turns [m^2]
     geometric: float  # 1 / (1 + weight) at the sharpest U-turn
@@ -84,12 +75,13 @@ class Search:
 def objectives(on_progress: Progress) -> Study:
     """Plan the U-turn by all five objectives, and search K for both vehicles."""
     vehicle, road = load_vehicle("tractor-trailer-24m"), uturn_articulated()
-    planned, coarse, fine = {}, {}, {}
+    planned, coarse, finer, fine = {}, {}, {}, {}
     for number, (name, objective) in enumerate(OBJECTIVES.items()):
         planned[name], coarse[name] = plan_whole(vehicle, objective, REFERENCE_STEP_M)
-        _, fine[name] = plan_whole(vehicle, objective, PUBLISHED_STEP_M)
+        finer[name], fine[name] = plan_whole(vehicle, objective, PUBLISHED_STEP_M)
         on_progress(0.06 * (number + 1))
-    free = swept(road, vehicle, _alone(axle_max), whole_manoeuvre(road, REFERENCE_STEP_M))
+    alone = Case(road, vehicle, "axle-max, nothing beside it", settings=whole_manoeuvre(road, REFERENCE_STEP_M))
+    free = swept(alone, partial(_alone, axle_max))
     searches = []
     for number, name in enumerate(published.SEARCHED):
         searches.append(search(load_vehicle(name)))
@@ -101,29 +93,31 @@ def objectives(on_progress: Progress) -> Study:
         "Curvature 0.065 1/m over 134.2 m, planned in one horizon to convergence, no limits; envelopes at 0.5 m steps, measured on the "
         "exact simulation. J4 and J5 keep the largest reach over the horizon small, as we read the max-norm. "
         "Times are of one whole plan.",
+        (*(found.case for found in (*planned.values(), *finer.values(), free)), *(case for found in searches for case in found.cases)),
         (*_reach_rows(planned, free), *_time_rows(coarse, fine), *_search_rows(searches)),
         _data(planned),
         partial(objectives_figure, planned, WORDS, searches, SHARES),
     )
 
 
-def plan_whole(vehicle: Vehicle, objective: Objective, step: float) -> tuple[Swept, float]:
+def plan_whole(vehicle: Vehicle, objective: str, step: float) -> tuple[Swept, float]:
     """Return the whole U-turn planned in one horizon, and the time that planning took at its fastest [s]."""
     road = uturn_articulated()
-    settings = whole_manoeuvre(road, step)
-    warm_up(vehicle, objective, solver_named(DEFAULT), PlannerSettings())
-    runs = [swept(road, vehicle, objective, settings) for _ in range(_FINEST_ROUNDS)]
+    case = Case(road, vehicle, objective, settings=whole_manoeuvre(road, step))
+    prepare(replace(case, settings=PlannerSettings(scheme=case.settings.scheme)))  # a short horizon warms up as well
+    runs = [swept(case) for _ in range(_FINEST_ROUNDS)]
     return runs[0], min(run.drive.plans[0].times.total for run in runs)
 
 
 def search(vehicle: Vehicle, curvatures: tuple[float, ...] = CURVATURES) -> Search:
     """Score every share of the trailer axle on U-turns of several curvatures, and time that and the geometric weight."""
     began = perf_counter()
-    scores = np.zeros(len(SHARES))
+    scores, cases = np.zeros(len(SHARES)), []
     for curvature in curvatures:
         road = road_of("uturn", uturn_profile(curvature, 1.0))
         for number, share in enumerate(SHARES):
-            scores[number] += abs(swept(road, vehicle, art_weighted_by(float(share)), PlannerSettings()).area_difference)
+            cases.append(Case(road, vehicle, f"art-weighted:{float(share)!r}"))
+            scores[number] += abs(swept(cases[-1]).area_difference)
     searched = perf_counter()
     sharpest = np.array([max(curvatures)])
     table = CentringTable.of(vehicle)
@@ -131,20 +125,13 @@ def search(vehicle: Vehicle, curvatures: tuple[float, ...] = CURVATURES) -> Sear
     weight = float(stationary(vehicle, sharpest).weight[0])
     solved = perf_counter()
     table.at(sharpest)
-    return Search(vehicle.name, scores, 1.0 / (1.0 + weight), searched - began, solved - solving, perf_counter() - solved)
+    return Search(tuple(cases), vehicle.name, scores, 1.0 / (1.0 + weight), searched - began, solved - solving, perf_counter() - solved)
 
 
-def _alone(objective: Objective) -> Objective:
+def _alone(objective: Objective, stations: Stations, vehicle: Vehicle) -> Goal:
     """Return a largest-reach objective with nothing beside it but smoothness."""
-
-    def alone(stations: Stations) -> Residual | Furthest | Balanced:
-        aim = objective(stations)
-        if not isinstance(aim, Furthest):
-            return aim
-        zero = np.zeros(len(stations.s))
-        return Furthest(aim.bodies, Residual(zero, zero, zero))
-
-    return alone
+    goal = objective(stations, vehicle)
+    return replace(goal, terms=tuple(term for term in goal.terms if isinstance(term, Reach)))
 
 
 def _reach_rows(planned: dict[str, Swept], free: Swept) -> list[Row]:

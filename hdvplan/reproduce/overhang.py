@@ -8,9 +8,9 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
+from hdvplan.case import Case
 from hdvplan.jit import FloatArray
 from hdvplan.judging.balance import balance_of
-from hdvplan.planning.objectives import lead_axle
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.reproduce import published
 from hdvplan.reproduce.figures import overhang_figure
@@ -37,9 +37,9 @@ def overhang(on_progress: Progress) -> Study:
     half, wide = 0.5 * _LANE_M, 0.5 * _SWEEPABLE_M
     found = []
     for wheels, settings in ((wide, free), (half, free), (half, PlannerSettings())):
-        found.append(swept(with_regions(road, wheels, wide), bus, lead_axle, settings))
+        found.append(swept(Case(with_regions(road, wheels, wide), bus, "lead-axle", settings=settings)))
         on_progress(0.3 * len(found))
-    touching = swept(uturn(), bus, lead_axle, PlannerSettings())
+    touching = swept(Case(uturn(), bus, "lead-axle"))
     on_progress(1.0)
     kept = balance_of(touching.drive, touching.envelope).min_clearance
     return Study(
@@ -47,6 +47,7 @@ def overhang(on_progress: Progress) -> Study:
         "Overhangs outside the lane",
         f"{published.BUS} figs. 6-9",
         f"{_ROAD}. The rear axle is centred; receding horizon (RTI), envelope of the exact simulation.",
+        tuple(one.case for one in (*found, touching)),
         (
             *_rows(found),
             Row("kept from a hard limit", "m", published.KEPT_FROM_LIMIT, np.nan if kept is None else kept, _KEPT, headline=True),

@@ -8,9 +8,10 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
+from hdvplan.case import Case
 from hdvplan.jit import FloatArray
-from hdvplan.planning.objectives import geometric
-from hdvplan.planning.settings import Discretisation, PlannerSettings
+from hdvplan.planning.discretisation import Discretisation
+from hdvplan.planning.settings import PlannerSettings
 from hdvplan.reproduce import published
 from hdvplan.reproduce.figures import roundabout_figure
 from hdvplan.reproduce.published import Number
@@ -28,10 +29,10 @@ _SAMPLED = "not explained: on the constant part theirs is 2.26 m right and 2.20 
 def roundabout(on_progress: Progress) -> Study:
     """Drive the tractor-trailer through the roundabout with limits at +-3.56 m."""
     settings = PlannerSettings(step=0.25, discretisation=Discretisation.EULER)
-    planned = swept(scenarios.roundabout(), load_vehicle("tractor-trailer-paper"), geometric, settings)
+    planned = swept(Case(scenarios.roundabout(), load_vehicle("tractor-trailer-paper"), settings=settings))
     on_progress(0.5)
     whole = replace(whole_manoeuvre(planned.drive.road, settings.step), smoothness=settings.smoothness, discretisation=Discretisation.EULER)
-    believed = predicted(swept(planned.drive.road, planned.drive.vehicle, geometric, whole))
+    believed = predicted(swept(replace(planned.case, settings=whole)))
     curves = published.curves()
     on_progress(1.0)
     return Study(
@@ -40,6 +41,7 @@ def roundabout(on_progress: Progress) -> Study:
         f"{published.GEO} figs. 8-10",
         "Limits at +-3.56 m, radius 17.88 m, step 0.25 m, Euler prediction as in the paper; receding horizon (RTI), envelope of the "
         "exact simulation. The vehicle is the one that fits the paper's figures, not the one that its text names.",
+        (planned.case, believed.case),
         _rows(planned, believed, curves),
         _data(planned, curves),
         partial(roundabout_figure, planned, curves),

@@ -8,9 +8,8 @@ from itertools import product
 import numpy as np
 import pandas as pd
 
+from hdvplan.case import Case
 from hdvplan.centring.stationary import stationary
-from hdvplan.planning.objectives import geometric, geometric_fixed
-from hdvplan.planning.settings import PlannerSettings
 from hdvplan.reproduce import published
 from hdvplan.reproduce.figures import s_turns_figure
 from hdvplan.reproduce.study import Progress, Row, Study
@@ -30,12 +29,14 @@ _SIGNED = "in size; per cent of a sum that cancels to nearly nothing mean little
 
 def s_turns(on_progress: Progress, curvatures: tuple[float, ...] = CURVATURES, sharpnesses: tuple[float, ...] = SHARPNESSES) -> Study:
     """Drive every vehicle through every S-turn with a fixed and a varying K; curvatures in 1/m, sharpnesses in 1/m^2."""
-    cases = list(product(VEHICLES, curvatures, sharpnesses))
+    grid = list(product(VEHICLES, curvatures, sharpnesses))
     vehicles = {name: load_vehicle(name) for name in VEHICLES}
-    rows = []
-    for number, (name, curvature, sharpness) in enumerate(cases):
-        rows.append({"vehicle": name, "curvature": curvature, "sharpness": sharpness} | compare(vehicles[name], curvature, sharpness))
-        on_progress((number + 1) / len(cases))
+    rows, driven = [], []
+    for number, (name, curvature, sharpness) in enumerate(grid):
+        pair = pair_of(vehicles[name], curvature, sharpness)
+        rows.append({"vehicle": name, "curvature": curvature, "sharpness": sharpness} | compare(pair))
+        driven += pair
+        on_progress((number + 1) / len(grid))
     data = pd.DataFrame(rows)
     return Study(
         "s-turns",
@@ -44,23 +45,31 @@ def s_turns(on_progress: Progress, curvatures: tuple[float, ...] = CURVATURES, s
         "Receding horizon (RTI), no limits, 10 m at the largest curvature. D sums left less right reach every 0.25 m of the exact "
         "simulation's envelope: signed as printed, and its absolute values, as the two halves of an S cancel. "
         "Left out: curvatures whose balanced circle is tighter than the vehicle steers.",
+        tuple(driven),
         _rows(data),
         data,
         partial(s_turns_figure, data),
     )
 
 
-def compare(vehicle: Vehicle, curvature: float, sharpness: float) -> dict[str, float]:
+def pair_of(vehicle: Vehicle, curvature: float, sharpness: float) -> list[Case]:
+    """Return one S-turn with a fixed and with a varying K; none where the vehicle cannot drive its tightest balanced circle."""
+    circle = stationary(vehicle, np.array([curvature]))
+    if circle.saturated[0] or circle.kappa[0] > vehicle.max_curvature:
+        return []
+    road = road_of("sturn", sturn_profile(curvature, sharpness))
+    return [Case(road, vehicle, objective) for objective in ("geometric-fixed", "geometric")]
+
+
+def compare(cases: list[Case]) -> dict[str, float]:
     """Return sums of d and of |d| [m] for a fixed and a varying K, and how much the varying one improves sum |d| [%].
 
-    All NaN where the vehicle cannot drive the balanced circle of the largest curvature.
+    All NaN without cases.
     """
-    circle = stationary(vehicle, np.array([curvature]))
     names = ("fixed_sum", "varying_sum", "fixed_abs", "varying_abs", "improvement")
-    if circle.saturated[0] or circle.kappa[0] > vehicle.max_curvature:
+    if not cases:
         return dict.fromkeys(names, np.nan)
-    road = road_of("sturn", sturn_profile(curvature, sharpness))
-    fixed, varying = (_unevenness(swept(road, vehicle, objective, PlannerSettings())) for objective in (geometric_fixed, geometric))
+    fixed, varying = (_unevenness(swept(case)) for case in cases)
     return dict(zip(names, (fixed[0], varying[0], fixed[1], varying[1], 100.0 * (fixed[1] - varying[1]) / fixed[1]), strict=True))
 
 

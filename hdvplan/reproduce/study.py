@@ -9,9 +9,12 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from hdvplan.case import Case
+from hdvplan.report.markdown import markdown_table
 from hdvplan.reproduce.published import Number
 
 Progress = Callable[[float], None]
+WORDS = ("study", "quantity", "unit", "remark")  # the columns of tables that hold no numbers
 
 
 @dataclass(frozen=True)
@@ -42,12 +45,13 @@ class Row:
 
 @dataclass(frozen=True)
 class Study:
-    """One reproduced experiment; ``note`` says how it was set up, ``figure`` draws it when asked."""
+    """One reproduced experiment; ``note`` says how it was set up, ``cases`` what was driven, ``figure`` draws it when asked."""
 
     name: str
     title: str
     source: str
     note: str
+    cases: tuple[Case, ...]
     rows: tuple[Row, ...]
     data: pd.DataFrame
     figure: Callable[[], Figure]
@@ -84,9 +88,7 @@ def shown(table: pd.DataFrame) -> pd.DataFrame:
 
 def markdown(study: Study) -> str:
     """Return a study's table as Markdown, with its title, source and set-up above and its figure below."""
-    table = shown(study.table()).to_markdown(
-        index=False, disable_numparse=True, colalign=("left", "left", "right", "right", "right", "left")
-    )
+    table = markdown_table(shown(study.table()), text=WORDS)
     return f"# {study.title}\n\n{study.source}. {study.note}\n\n{table}\n\n![{study.title}]({study.name}.png)\n"
 
 

@@ -6,8 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hdvplan.api import drive_case
+from hdvplan.case import Case
 from hdvplan.centring.weights import Centring, CentringTable
-from hdvplan.driving.drive import Drive, drive
+from hdvplan.driving.drive import Drive
 from hdvplan.jit import FloatArray
 from hdvplan.judging.envelope import Envelope, envelope_of
 from hdvplan.planning.objectives import Objective
@@ -15,16 +17,15 @@ from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
 from hdvplan.road.scenarios import Profile
-from hdvplan.solvers.registry import DEFAULT, solver_named
-from hdvplan.vehicle.model import Vehicle
 
 REFERENCE_STEP_M = 0.5  # [GEO]'s
 
 
 @dataclass(frozen=True)
 class Swept:
-    """A drive, and its envelope measured on the exact simulation."""
+    """A case's drive, and its envelope measured on the exact simulation."""
 
+    case: Case
     drive: Drive
     envelope: Envelope
 
@@ -54,10 +55,13 @@ class Swept:
         return CentringTable.of(self.drive.vehicle).at(self.drive.road.path.at(self.envelope.s).curvature)
 
 
-def swept(road: Road, vehicle: Vehicle, objective: Objective, settings: PlannerSettings, solver: str = DEFAULT) -> Swept:
-    """Drive ``vehicle`` along ``road`` and measure what it sweeps; see ``drive`` and ``envelope_of`` for the errors."""
-    driven = drive(road, vehicle, objective, solver_named(solver), settings)
-    return Swept(driven, envelope_of(driven))
+def swept(case: Case, objective: Objective | None = None) -> Swept:
+    """Drive a case and measure what it sweeps; see ``drive_case`` and ``envelope_of`` for the errors.
+
+    ``objective`` is what ``case.objective`` calls it where that is no name that users know.
+    """
+    driven = drive_case(case, objective)
+    return Swept(case, driven, envelope_of(driven))
 
 
 def predicted(planned: Swept) -> Swept:
@@ -67,7 +71,7 @@ def predicted(planned: Swept) -> Swept:
     """
     plan, driven = planned.drive.plans[0], planned.drive
     believed = replace(driven, z=plan.z, poses_s=driven.stations.s[: len(plan.z)], poses_z=plan.z)
-    return Swept(believed, envelope_of(believed))
+    return Swept(planned.case, believed, envelope_of(believed))
 
 
 def whole_manoeuvre(road: Road, step: float) -> PlannerSettings:

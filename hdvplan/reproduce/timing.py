@@ -8,17 +8,17 @@ from itertools import product
 import numpy as np
 import pandas as pd
 
-from hdvplan.bench.machine import machine_facts
+from hdvplan.api import drive_case, prepare
+from hdvplan.case import Case
 from hdvplan.centring.weights import CentringTable
-from hdvplan.driving.drive import drive, warm_up
-from hdvplan.planning.objectives import geometric
+from hdvplan.machine import machine_facts
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.reproduce import published
 from hdvplan.reproduce.figures import timing_figure
 from hdvplan.reproduce.study import Progress, Row, Study
 from hdvplan.road.load import load_road
 from hdvplan.road.road import Road
-from hdvplan.solvers.registry import DEFAULT, solver_named
+from hdvplan.solvers.registry import DEFAULT
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 
@@ -43,13 +43,16 @@ _MACHINE = "other machine, compiled Python for MATLAB, other roads"
 def timing(on_progress: Progress, roads: tuple[str, ...] = ROADS) -> Study:
     """Drive both vehicles along ``roads`` by both schemes and with both solvers, and time every planning step."""
     tracks, vehicles = [load_road(name) for name in roads], {name: load_vehicle(name) for name in VEHICLES}
-    cases = list(product(VEHICLES, Scheme, SOLVERS, tracks))
+    cases = [
+        Case(limited(road, vehicles[name]), vehicles[name], solver=solver, settings=PlannerSettings(scheme=scheme))
+        for name, scheme, solver, road in product(VEHICLES, Scheme, SOLVERS, tracks)
+    ]
     samples, driven = [], 0.0
-    for name, scheme, solver, road in cases:
-        steps = timed_steps(road, vehicles[name], scheme, solver)
-        samples.append(steps.assign(road=road.name, vehicle=name, scheme=str(scheme), solver=solver))
-        driven += road.path.length
-        on_progress(driven / sum(case[3].path.length for case in cases))
+    for case in cases:
+        names = {"road": case.road.name, "vehicle": case.vehicle.name, "scheme": str(case.settings.scheme), "solver": case.solver}
+        samples.append(timed_steps(case).assign(**names))
+        driven += case.road.path.length
+        on_progress(driven / sum(case.road.path.length for case in cases))
     data = pd.concat(samples, ignore_index=True)
     length, facts = sum(road.path.length for road in tracks), machine_facts()
     return Study(
@@ -60,24 +63,29 @@ def timing(on_progress: Progress, roads: tuple[str, ...] = ROADS) -> Study:
         "+-4.5 m or 0.5 m beyond the balanced circle where that is more. "
         "Whole planning steps, without each drive's first, the faster of two drives. "
         f"Here: {facts['processor']}, {facts['python']}; published: laptop with an i7-6820HQ, MATLAB and OSQP.",
+        tuple(cases),
         _rows(data),
         data,
         partial(timing_figure, data, published.TIMES),
     )
 
 
-def timed_steps(road: Road, vehicle: Vehicle, scheme: Scheme, solver: str) -> pd.DataFrame:
+def limited(road: Road, vehicle: Vehicle) -> Road:
+    """Return the road with the study's limits for ``vehicle``."""
+    curvature = road.path.at(np.linspace(0.0, road.path.length, int(2.0 * road.path.length))).curvature
+    reach = max(HALF_WIDTH_M, float(CentringTable.of(vehicle).at(curvature).half_width.max()) + _SPARE_M)
+    return road.with_limits(reach, reach)
+
+
+def timed_steps(case: Case) -> pd.DataFrame:
     """Return of every planning step but the first, which starts from nothing, its s [m], time [ms] and number of QPs.
 
     The drive is repeated and every step counts with its fastest round: what planning takes, not what else the machine does.
     """
-    curvature = road.path.at(np.linspace(0.0, road.path.length, int(2.0 * road.path.length))).curvature
-    reach = max(HALF_WIDTH_M, float(CentringTable.of(vehicle).at(curvature).half_width.max()) + _SPARE_M)
-    settings, maker = PlannerSettings(scheme=scheme), solver_named(solver)
-    warm_up(vehicle, geometric, maker, settings)
-    rounds = [drive(road.with_limits(reach, reach), vehicle, geometric, maker, settings).plans[1:] for _ in range(_ROUNDS)]
+    prepare(case)
+    rounds = [drive_case(case).plans[1:] for _ in range(_ROUNDS)]
     times = np.min([[plan.times.total for plan in plans] for plans in rounds], axis=0)
-    s = [settings.step * plan.first for plan in rounds[0]]
+    s = [case.settings.step * plan.first for plan in rounds[0]]
     return pd.DataFrame({"s": s, "time_ms": 1e3 * times, "qps": [plan.qp_count for plan in rounds[0]]})
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from pyproj import CRS, Transformer
@@ -14,8 +14,32 @@ from hdvplan.jit import FloatArray
 
 LONLAT = "OGC:CRS84"
 _LARGEST_LON, _LARGEST_LAT = 180.0, 90.0  # [deg]
-ToLonLat = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
-IntoPlane = Callable[[FloatArray], FloatArray]
+
+
+@dataclass(frozen=True)
+class ToLonLat:
+    """The way from x, y [m] in the plane of the system ``plane`` to longitude and latitude [deg]; any shape."""
+
+    plane: str  # what pyproj calls it: a code, or a PROJ string
+
+    def __call__(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return longitudes and latitudes [deg]."""
+        lon, lat = _transformer(self.plane, LONLAT).transform(x, y)
+        return np.asarray(lon, dtype=float), np.asarray(lat, dtype=float)
+
+
+@dataclass(frozen=True)
+class IntoPlane:
+    """The way from points of the system ``given``, shape (n, 2), into the plane of the system ``plane``, x, y [m]."""
+
+    given: str
+    plane: str
+
+    def __call__(self, points: FloatArray) -> FloatArray:
+        """Return the points in the plane, shape (n, 2)."""
+        if self.given == self.plane:
+            return points
+        return _transformed(LONLAT, self.plane, _lonlat(self.given, points))
 
 
 @dataclass(frozen=True)
@@ -68,34 +92,13 @@ def to_plane(points: FloatArray, name: str = LONLAT) -> Plane:
         RoadError: an unusable system, or points outside the area where it is defined.
 
     """
-    crs = parse_crs(name)
-    if crs.is_projected:
-        back = Transformer.from_crs(crs, LONLAT, always_xy=True)
-
-        def into(more: FloatArray) -> FloatArray:
-            return more
-    else:
-        from_given = None if name == LONLAT else Transformer.from_crs(crs, LONLAT, always_xy=True)
-        lonlat = points if from_given is None else _transformed(from_given, points)
-        lon = np.unwrap(lonlat[:, 0], period=360.0)  # a road may cross the antimeridian
-        lon_0, lat_0 = 0.5 * (lon.min() + lon.max()), 0.5 * (lonlat[:, 1].min() + lonlat[:, 1].max())
-        local = CRS.from_proj4(f"+proj=tmerc +lat_0={lat_0:.9f} +lon_0={lon_0:.9f} +k=1 +x_0=0 +y_0=0 +ellps=WGS84 +units=m")
-        back = Transformer.from_crs(local, LONLAT, always_xy=True)
-        forth = Transformer.from_crs(LONLAT, local, always_xy=True)
-
-        def into(more: FloatArray) -> FloatArray:
-            return _transformed(forth, more if from_given is None else _transformed(from_given, more))
-
-    plane = into(points)
-    if not np.all(np.isfinite(_transformed(back, plane))):
+    plane = name if parse_crs(name).is_projected else _local(_lonlat(name, points))
+    to_lonlat, into = ToLonLat(plane), IntoPlane(name, plane)
+    placed = into(points)
+    if not np.all(np.isfinite(to_lonlat(placed[:, 0], placed[:, 1]))):
         msg = f"the coordinates lie outside the area of {name}"
         raise RoadError(msg, hint="check --crs and that the order is easting, northing (or longitude, latitude)")
-
-    def to_lonlat(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        lon, lat = back.transform(x, y)
-        return np.asarray(lon, dtype=float), np.asarray(lat, dtype=float)
-
-    return Plane(plane, to_lonlat, into)
+    return Plane(placed, to_lonlat, into)
 
 
 def is_geographic(name: str) -> bool:
@@ -126,5 +129,22 @@ def check_lonlat(points: FloatArray, where: str) -> None:
     raise RoadError(msg, hint="if the coordinates are metres, name their system, such as --crs EPSG:3006")
 
 
-def _transformed(transformer: Transformer, points: FloatArray) -> FloatArray:
-    return np.stack(transformer.transform(points[:, 0], points[:, 1]), axis=1)
+def _local(lonlat: FloatArray) -> str:
+    """Return the transverse Mercator at the middle of the points' extent, as a PROJ string."""
+    lon = np.unwrap(lonlat[:, 0], period=360.0)  # a road may cross the antimeridian
+    lon_0, lat_0 = 0.5 * (lon.min() + lon.max()), 0.5 * (lonlat[:, 1].min() + lonlat[:, 1].max())
+    return f"+proj=tmerc +lat_0={lat_0:.9f} +lon_0={lon_0:.9f} +k=1 +x_0=0 +y_0=0 +ellps=WGS84 +units=m"
+
+
+def _lonlat(name: str, points: FloatArray) -> FloatArray:
+    return points if name == LONLAT else _transformed(name, LONLAT, points)
+
+
+def _transformed(source: str, target: str, points: FloatArray) -> FloatArray:
+    return np.stack(_transformer(source, target).transform(points[:, 0], points[:, 1]), axis=1)
+
+
+@lru_cache(maxsize=32)
+def _transformer(source: str, target: str) -> Transformer:
+    """Return PROJ's transformer between two systems: the values above hold names alone, so that they pickle."""
+    return Transformer.from_crs(source, target, always_xy=True)

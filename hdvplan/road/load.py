@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from hdvplan.errors import OptionError, RoadError
+from hdvplan.errors import OptionError, RoadError, did_you_mean
 from hdvplan.jit import FloatArray
 from hdvplan.road.lane import offset_road, reversed_road
 from hdvplan.road.library import NOTICE, example_file, example_names, road_file, road_names
@@ -90,15 +89,13 @@ def _unknown(source: str | Path) -> RoadError:
     path = Path(source)
     if path.is_dir():
         return RoadError(f"{path} is a folder, not a road file")
-    names = [*road_names(), *example_names(), *SCENARIOS]
-    close = difflib.get_close_matches(str(source), names, n=3, cutoff=0.5)
     if path.suffix or len(path.parts) > 1:
-        close = close or difflib.get_close_matches(path.stem, names, n=3, cutoff=0.5)
         msg = f"road file {path} does not exist"
     else:
         msg = f"no road file, shipped road or scenario is called {str(source)!r}"
-    hint = f"did you mean {' or '.join(close)}?" if close else "give a .csv or .geojson file, or a name from `hdvplan roads list`"
-    return RoadError(msg, hint=hint)
+    names = (*road_names(), *example_names(), *SCENARIOS)
+    otherwise = "give a .csv or .geojson file, or a name from `hdvplan roads list`"
+    return RoadError(msg, hint=did_you_mean(path.stem, names, otherwise, most=3))
 
 
 def _read(path: Path, options: RoadOptions) -> Road:

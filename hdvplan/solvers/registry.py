@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 from dataclasses import dataclass
 from importlib import metadata
 from importlib.util import find_spec
 
 from hdvplan import __version__
-from hdvplan.errors import SolverError
+from hdvplan.errors import SolverError, did_you_mean
 from hdvplan.qp.workspace import WorkspaceMaker
 from hdvplan.solvers.elastic import hard_first
 
@@ -91,9 +90,8 @@ def solver_named(name: str) -> WorkspaceMaker:
 
             return hard_first(lambda shape, elastic: OsqpWorkspace(shape, elastic=elastic))
     known = [info.name for info in solver_infos()]
-    close = difflib.get_close_matches(name, known, n=1)
     msg = f"unknown solver {name!r}"
-    raise SolverError(msg, hint=f"did you mean {close[0]!r}?" if close else f"solvers: {', '.join(known)}")
+    raise SolverError(msg, hint=did_you_mean(name, known, f"solvers: {', '.join(known)}"))
 
 
 def tolerance_of(name: str) -> float | None:

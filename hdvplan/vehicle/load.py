@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
 import tomllib
 from importlib import resources
 from pathlib import Path
 
-from hdvplan.errors import VehicleError
+from hdvplan.errors import VehicleError, did_you_mean
 from hdvplan.vehicle.model import Unit, Vehicle
 
 _TOP_KEYS = ("name", "source", "unit")
@@ -33,10 +32,8 @@ def preset_text(name: str) -> str:
 
     """
     if name not in preset_names():
-        close = difflib.get_close_matches(name, preset_names(), n=1)
-        hint = f"did you mean {close[0]!r}?" if close else f"presets: {', '.join(preset_names())}; or give a TOML file"
         msg = f"unknown vehicle {name!r}"
-        raise VehicleError(msg, hint=hint)
+        raise VehicleError(msg, hint=did_you_mean(name, preset_names(), f"presets: {', '.join(preset_names())}; or give a TOML file"))
     return (_presets() / f"{name}.toml").read_text(encoding="utf-8")
 
 
@@ -177,10 +174,8 @@ def _check_active(table: dict[str, object], number: int, where: str) -> None:
 def _check_keys(table: dict[str, object], known: tuple[str, ...], where: str) -> None:
     for key in table:
         if key not in known:
-            close = difflib.get_close_matches(key, known, n=1)
-            hint = f"did you mean {close[0]!r}?" if close else f"known entries: {', '.join(known)}"
             msg = f"{where}: unknown entry {key!r}"
-            raise VehicleError(msg, field=key, hint=hint)
+            raise VehicleError(msg, field=key, hint=did_you_mean(key, known, f"known entries: {', '.join(known)}"))
 
 
 def _number(table: dict[str, object], key: str, where: str) -> float:

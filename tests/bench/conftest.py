@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdvplan.bench.machine import use_one_thread
 from hdvplan.bench.samples import OK, Judgement, Measurement
 from hdvplan.bench.suite import Suite
 from hdvplan.cli.app import run
+from hdvplan.machine import use_one_thread
 from tests.cli.conftest import Cli, cli
 
 __all__ = ["Cli", "cli"]

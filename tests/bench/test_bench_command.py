@@ -12,6 +12,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from hdvplan.bench.courses import cases_of
+from hdvplan.bench.suite import suite_of
 from tests.bench.conftest import TINY, Cli
 
 SHORTEST = (*TINY, "--rounds", "1", "--schemes", "rti")
@@ -70,6 +72,8 @@ def test_run_json_says_what_was_measured_with_what_and_where(cli: Cli, tmp_path:
     assert {"hdvplan", "source", "packages"} <= set(record["software"])
     assert {"numpy", "piqp", "osqp"} <= set(record["software"]["packages"])
     assert {"processor", "cores", "governor", "python", "system"} <= set(record["machine"])
+    cases = cases_of(suite_of(record["settings"]))
+    assert record["cases"] == [json.loads(json.dumps(case.brief())) for case in cases]
     (session,) = record["sessions"]
     assert session["one_thread"] is True
     assert record["finished"] >= session["started"]

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import shapely
 
-from hdvplan.bench.courses import PINCH_LENGTH_M, PINCH_RAMP_M, courses_of, with_limits
-from hdvplan.bench.suite import Suite
+from hdvplan.bench.courses import PINCH_LENGTH_M, PINCH_RAMP_M, cases_of, with_limits
+from hdvplan.bench.suite import Cell, Suite
 from hdvplan.errors import RoadError
 from hdvplan.road.path import from_curvature
 from hdvplan.road.regions import Kind, Region
@@ -69,7 +69,8 @@ def test_a_pinch_that_closes_the_road_is_refused() -> None:
         with_limits(SCENARIOS["uturn"](), BUS, replace(SUITE, pinch=6.0))
 
 
-def test_courses_come_in_the_order_of_the_suite() -> None:
-    suite = Suite(roads=("uturn", "sturn"), vehicles=("tractor-trailer", "bus"))
-    found = [(course.road.name, course.vehicle.name) for course in courses_of(suite)]
-    assert found == suite.courses()
+def test_cases_come_in_the_order_of_the_suite_s_cells() -> None:
+    suite = Suite(roads=("uturn", "sturn"), vehicles=("tractor-trailer", "bus"), objective="balanced", horizon=30.0)
+    found = [Cell(case.road.name, case.vehicle.name, case.settings.scheme, case.solver) for case in cases_of(suite)]
+    assert found == suite.cells()
+    assert {(case.objective, case.settings.horizon) for case in cases_of(suite)} == {("balanced", 30.0)}

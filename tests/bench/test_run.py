@@ -7,17 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdvplan.bench.courses import Course, courses_of
+from hdvplan.bench.courses import cases_of
 from hdvplan.bench.run import measure, remaining, run
 from hdvplan.bench.samples import FAILED, OK, OVER_BUDGET, Measurement, part_file, read_part, write_part
 from hdvplan.bench.stats import tables_of
 from hdvplan.bench.suite import Suite
-from hdvplan.planning.settings import PlannerSettings
+from hdvplan.case import Case
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 from hdvplan.qp.workspace import QpResult, QpWorkspace, Status, WorkspaceMaker
 from hdvplan.solvers.registry import solver_named
 
-BRIEF = PlannerSettings(horizon=30.0)
 RICCATI = solver_named("riccati")
 
 
@@ -63,12 +62,12 @@ def fails_after(solves: int) -> WorkspaceMaker:
 
 
 @pytest.fixture
-def course(tiny: Suite) -> Course:
-    return courses_of(tiny)[0]
+def case(tiny: Suite) -> Case:
+    return cases_of(tiny)[0]
 
 
-def test_a_drive_leaves_every_step_with_its_parts_and_what_it_swept(course: Course) -> None:
-    measured = measure(course, BRIEF, RICCATI, budget=60.0, judged=True)
+def test_a_drive_leaves_every_step_with_its_parts_and_what_it_swept(case: Case) -> None:
+    measured = measure(case, RICCATI, budget=60.0, judged=True)
     table = measured.table()
     assert (measured.outcome, len(table)) == (OK, 12)  # 60 m, 5 m at a time
     parts = table[["linearise_s", "update_s", "solve_s", "check_s"]].sum(axis=1)
@@ -83,23 +82,23 @@ def test_a_drive_leaves_every_step_with_its_parts_and_what_it_swept(course: Cour
     assert gc.isenabled()
 
 
-def test_a_drive_over_its_budget_stops_and_keeps_its_steps(course: Course) -> None:
-    measured = measure(course, BRIEF, RICCATI, budget=1e-9, judged=True)
+def test_a_drive_over_its_budget_stops_and_keeps_its_steps(case: Case) -> None:
+    measured = measure(case, RICCATI, budget=1e-9, judged=True)
     assert (measured.outcome, len(measured.steps), measured.judgement) == (OVER_BUDGET, 1, None)
     assert "of planning" in measured.message
     assert gc.isenabled()
 
 
-def test_a_solver_that_cannot_even_begin_is_a_row_with_its_reason(course: Course) -> None:
-    measured = measure(course, BRIEF, fails_after(0), budget=60.0, judged=True)
+def test_a_solver_that_cannot_even_begin_is_a_row_with_its_reason(case: Case) -> None:
+    measured = measure(case, fails_after(0), budget=60.0, judged=True)
     assert (measured.outcome, measured.statuses, measured.judgement) == (FAILED, (), None)
     assert "the first plan could not be solved" in measured.message
     assert measured.table().empty
     assert gc.isenabled()
 
 
-def test_a_solver_that_fails_on_the_way_keeps_driving_and_every_failure_counts(course: Course, tiny: Suite) -> None:
-    measured = measure(course, BRIEF, fails_after(6), budget=60.0, judged=True)
+def test_a_solver_that_fails_on_the_way_keeps_driving_and_every_failure_counts(case: Case, tiny: Suite) -> None:
+    measured = measure(case, fails_after(6), budget=60.0, judged=True)
     refused = int((~measured.table()["usable"]).sum())
     assert 0 < refused < 12
     row = tables_of(tiny.cells()[:1], [[measured]]).timing.iloc[0]
@@ -110,7 +109,7 @@ def test_a_solver_that_fails_on_the_way_keeps_driving_and_every_failure_counts(c
 
 def test_a_wrong_solver_that_is_sure_of_itself_shows_in_the_path_it_drives(tiny: Suite, tmp_path: Path) -> None:
     suite = replace(tiny, solvers=("riccati", "osqp"), schemes=("rti",), rounds=1)
-    run(suite, courses_of(suite), {"riccati": RICCATI, "osqp": Wrong}, tmp_path, lambda _: None)
+    run(suite, cases_of(suite), {"riccati": RICCATI, "osqp": Wrong}, tmp_path, lambda _: None)
     tables = tables_of(suite.cells(), [[read_part(part_file(tmp_path, cell, 0))] for cell in range(2)])
     assert (tables.timing["failures"] == 0).all()  # it keeps dynamics and limits, and says that it has solved
     differences = tables.envelope.set_index("solver")["path_difference_m"]
@@ -121,7 +120,7 @@ def test_a_wrong_solver_that_is_sure_of_itself_shows_in_the_path_it_drives(tiny:
 
 def test_a_failing_solver_does_not_end_the_run(tiny: Suite, tmp_path: Path) -> None:
     shares: list[float] = []
-    run(tiny, courses_of(tiny), {"riccati": RICCATI, "piqp": fails_after(0)}, tmp_path, shares.append)
+    run(tiny, cases_of(tiny), {"riccati": RICCATI, "piqp": fails_after(0)}, tmp_path, shares.append)
     assert remaining(tiny, tmp_path) == 0
     assert shares == sorted(shares)
     assert shares[-1] == pytest.approx(1.0)  # rounding of a sum
@@ -132,7 +131,7 @@ def test_a_failing_solver_does_not_end_the_run(tiny: Suite, tmp_path: Path) -> N
 def test_only_what_is_missing_is_measured(tiny: Suite, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     suite = replace(tiny, schemes=("rti",))
     makers = {name: solver_named(name) for name in suite.solvers}
-    run(suite, courses_of(suite), makers, tmp_path, lambda _: None)
+    run(suite, cases_of(suite), makers, tmp_path, lambda _: None)
     kept = part_file(tmp_path, 0, 1).read_bytes()
     part_file(tmp_path, 1, 0).unlink()
     assert remaining(suite, tmp_path) == 1
@@ -143,15 +142,15 @@ def test_only_what_is_missing_is_measured(tiny: Suite, tmp_path: Path, monkeypat
         write_part(path, measured)
 
     monkeypatch.setattr("hdvplan.bench.run.write_part", write)
-    run(suite, courses_of(suite), makers, tmp_path, lambda _: None)
+    run(suite, cases_of(suite), makers, tmp_path, lambda _: None)
     assert seen == [part_file(tmp_path, 1, 0)]
     assert part_file(tmp_path, 0, 1).read_bytes() == kept
 
 
-def test_a_kept_measurement_reads_back_exactly(course: Course, tmp_path: Path) -> None:
+def test_a_kept_measurement_reads_back_exactly(case: Case, tmp_path: Path) -> None:
     for measured in (
-        measure(course, BRIEF, RICCATI, budget=60.0, judged=True),
-        measure(course, BRIEF, fails_after(0), budget=60.0, judged=True),
+        measure(case, RICCATI, budget=60.0, judged=True),
+        measure(case, fails_after(0), budget=60.0, judged=True),
     ):
         file = part_file(tmp_path, 3, 1)
         write_part(file, measured)
@@ -167,6 +166,16 @@ def test_a_kept_measurement_reads_back_exactly(course: Course, tmp_path: Path) -
     assert [path.name for path in (tmp_path / "parts").iterdir()] == [file.name]  # nothing half-written is left
 
 
-def test_the_counters_of_all_rounds_are_the_same(course: Course) -> None:
-    first, second = (measure(course, BRIEF, solver_named("osqp"), budget=60.0, judged=False) for _ in range(2))
+def test_the_counters_of_all_rounds_are_the_same(case: Case) -> None:
+    first, second = (measure(case, solver_named("osqp"), budget=60.0, judged=False) for _ in range(2))
     assert list(first.table()["iterations"]) == list(second.table()["iterations"])
+
+
+@pytest.mark.parametrize("objective", ["balanced", "axle-max", "body-max"])
+def test_every_kind_of_objective_is_timed_and_its_own_columns_and_rows_are_counted(tiny: Suite, objective: str) -> None:
+    case, usual = (cases_of(replace(tiny, objective=name))[0] for name in (objective, "geometric"))
+    measured = measure(case, RICCATI, budget=60.0, judged=True)
+    assert (measured.outcome, len(measured.steps)) == (OK, 12)
+    assert measured.table()["usable"].all()
+    rows = measured.nonzeros - measure(usual, RICCATI, budget=60.0, judged=False).nonzeros
+    assert (rows > 0) == (objective != "balanced")  # a largest reach has rows of its own for every watched point

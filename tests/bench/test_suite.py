@@ -6,6 +6,7 @@ import pytest
 
 from hdvplan.bench.suite import Suite, read_suite, suite_of, visits
 from hdvplan.errors import OptionError
+from hdvplan.planning.objectives import OBJECTIVES
 from hdvplan.planning.settings import Scheme
 from hdvplan.solvers.registry import tolerance_of
 
@@ -54,14 +55,14 @@ def test_a_suite_is_read_from_toml(tmp_path: Path) -> None:
 
 
 def test_the_committed_suites_are_valid_and_name_what_ships() -> None:
-    from hdvplan.bench.courses import courses_of  # noqa: PLC0415 - reads ten roads
+    from hdvplan.bench.courses import cases_of  # noqa: PLC0415 - reads ten roads
 
     folder = Path(__file__).parents[2] / "benchmarks"
     files = sorted(folder.glob("*.toml"))
     assert files
     for file in files:
         suite = suite_of(read_suite(file))
-        assert len(courses_of(suite)) == len(suite.roads) * len(suite.vehicles)
+        assert len(cases_of(suite)) == len(suite.cells())
 
 
 @pytest.mark.parametrize(
@@ -100,10 +101,13 @@ def test_every_native_solver_tells_the_tolerance_it_runs_with() -> None:
     assert tolerance_of("qpsolvers/daqp") is None  # at its own default
 
 
-def test_a_suite_has_one_objective_and_refuses_what_it_cannot_time() -> None:
-    assert suite_of({"objective": "balanced"}).objective == "balanced"
-    for name, words in (("body-max", "rows of its own"), ("balance", "unknown objective")):
-        with pytest.raises(OptionError, match=words):
-            Suite(objective=name)
+@pytest.mark.parametrize("name", [*OBJECTIVES, "art-weighted:0.45"])
+def test_a_suite_has_any_one_objective(name: str) -> None:
+    assert suite_of({"objective": name}).objective == name
+
+
+def test_a_suite_refuses_an_objective_that_nobody_knows() -> None:
+    with pytest.raises(OptionError, match="unknown objective"):
+        Suite(objective="balance")
     with pytest.raises(OptionError, match="must be a name"):
         suite_of({"objective": 3})

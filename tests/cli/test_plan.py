@@ -8,9 +8,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from hdvplan.case import Case
 from hdvplan.cli.plan import plan
 from hdvplan.errors import PlanError, SolverError
+from hdvplan.planning.bias import Bias
 from hdvplan.planning.settings import PlannerSettings
+from hdvplan.road.load import RoadOptions, load_road
+from hdvplan.vehicle.load import load_vehicle
 from tests.cli.conftest import Cli
 
 QUICK = ("--horizon", "30", "--no-plot")
@@ -32,6 +36,7 @@ def test_a_plan_writes_every_file_and_prints_the_balance(cli: Cli, tmp_path: Pat
         "plan.png",
         "profile.csv",
         "regions.json",
+        "run.json",
         "steps.csv",
         "summary.json",
         "swept.geojson",
@@ -97,6 +102,17 @@ def test_without_limits_the_plan_says_which_half_width_it_needs(cli: Cli, tmp_pa
     assert f"half width of {max(summary['max_left_m'], summary['max_right_m']):.2f} m" in " ".join(outcome.out.split())
 
 
+def test_the_record_beside_the_summary_holds_the_case_that_was_planned(cli: Cli, tmp_path: Path, short_road: str) -> None:
+    options = ("--half-width", "3", "--objective", "balanced", "--bias", "0.2", "--solver", "piqp")
+    assert cli("plan", short_road, "--vehicle", "bus", *QUICK, *options).code == 0
+    record = json.loads((tmp_path / "short.bus" / "run.json").read_text(encoding="utf-8"))
+    bus = load_vehicle("bus")
+    road = load_road(short_road, RoadOptions(max_curvature=1.25 * bus.max_curvature)).with_limits(3.0, 3.0)
+    case = Case(road, bus, "balanced", "piqp", PlannerSettings(horizon=30.0), Bias.constant(0.2))
+    assert record["cases"] == [json.loads(json.dumps(case.described()))]
+    assert record["software"]["packages"].keys() >= {"numpy", "numba", "piqp"}
+
+
 def test_json_is_the_summary_and_nothing_else(cli: Cli, tmp_path: Path, short_road: str) -> None:
     outcome = cli("plan", short_road, "--vehicle", "bus", *QUICK, "--json")
     assert outcome.err == ""
@@ -144,7 +160,7 @@ def test_a_road_that_cannot_be_planned_ends_in_1(cli: Cli, monkeypatch: pytest.M
     def fail(*_: object, **__: object) -> None:
         raise error
 
-    monkeypatch.setattr("hdvplan.driving.drive.drive", fail)
+    monkeypatch.setattr("hdvplan.api.drive", fail)
     outcome = cli("plan", short_road, "--vehicle", "bus", *QUICK)
     assert (outcome.code, outcome.out) == (1, "")
     assert outcome.err == f"error: {error}\n"

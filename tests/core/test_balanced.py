@@ -9,6 +9,7 @@ import pytest
 
 from hdvplan.bench.courses import with_limits
 from hdvplan.bench.suite import Suite
+from hdvplan.case import Case
 from hdvplan.centring.weights import CentringTable
 from hdvplan.driving.drive import drive
 from hdvplan.jit import FloatArray
@@ -17,7 +18,8 @@ from hdvplan.planning.balanced import Balancing, tracing_points
 from hdvplan.planning.objectives import Balanced, Objective, balanced, geometric
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import Stations, stations_of
-from hdvplan.reproduce.swept import Swept, predicted, road_of, swept, whole_manoeuvre
+from hdvplan.reproduce.swept import Swept, predicted, road_of, whole_manoeuvre
+from hdvplan.reproduce.swept import swept as swept_by
 from hdvplan.road.road import Road
 from hdvplan.road.scenarios import sturn_profile, turn_profile
 from hdvplan.solvers.riccati import RiccatiWorkspace
@@ -29,6 +31,10 @@ VEHICLES = [load_vehicle("bus"), load_vehicle("tractor-trailer"), three_units()]
 each_vehicle = pytest.mark.parametrize("vehicle", VEHICLES, ids=lambda v: v.name)
 ROAD = road_of("sturn", sturn_profile(0.05, 0.01))
 RTI = PlannerSettings()
+
+
+def swept(road: Road, vehicle: Vehicle, objective: Objective, settings: PlannerSettings) -> Swept:
+    return swept_by(Case(road, vehicle, "mine", settings=settings), objective)
 
 
 def with_fields(**changes: float) -> Objective:

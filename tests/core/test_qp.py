@@ -9,7 +9,8 @@ from hdvplan.jit import FloatArray
 from hdvplan.planning.limits import ROWS_PER_EDGE
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.planner import Planner, qp_shape
-from hdvplan.planning.settings import Discretisation, PlannerSettings
+from hdvplan.planning.discretisation import Discretisation
+from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import stations_of
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 from hdvplan.qp.residuals import residuals

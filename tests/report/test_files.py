@@ -17,7 +17,7 @@ def test_the_summary_is_written_last(bus: Result, tmp_path: Path, monkeypatch: p
     monkeypatch.setattr("hdvplan.report.files.write_atomically", lambda path, _content: written.append(path.name))
     write_plan(bus, tmp_path)
     assert written[-1] == "summary.json"
-    assert len(written) == 7
+    assert len(written) == 8
 
 
 def test_a_failing_run_leaves_no_summary_of_a_former_plan(bus: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -113,7 +113,7 @@ def test_writing_tells_how_far_it_is(bus: Result, tmp_path: Path) -> None:
     shares: list[float] = []
     write_plan(bus, tmp_path, on_progress=shares.append)
     assert shares == sorted(shares)
-    assert len(shares) == 6
+    assert len(shares) == 7
     assert 0.0 < shares[0] < shares[-1] < 1.0  # the summary is still to come
 
 

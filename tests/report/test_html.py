@@ -174,6 +174,6 @@ def test_a_damaged_plan_is_refused(kerbed: Result, tmp_path: Path, name: str, te
 @pytest.mark.slow
 def test_a_report_on_twelve_kilometres_stays_below_five_megabytes(tmp_path: Path) -> None:
     road = hdvplan.load_road("liechtenstein_schaan_balzers").with_limits(4.5, 4.5)
-    write_plan(hdvplan.plan(road, hdvplan.load_vehicle("tractor-trailer")), tmp_path)
+    write_plan(hdvplan.plan(hdvplan.Case(road, hdvplan.load_vehicle("tractor-trailer"))), tmp_path)
     assert road.path.length > 11.8e3
     assert write_report([tmp_path, tmp_path, tmp_path], tmp_path / "report.html") < 5e6  # even three beside each other

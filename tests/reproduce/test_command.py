@@ -19,8 +19,10 @@ COMMAND = (sys.executable, "-m", "hdvplan", "reproduce")
 def test_a_study_writes_its_files_and_prints_a_table_that_fits_a_terminal(cli: Cli, tmp_path: Path) -> None:  # noqa: F811 - the fixture
     outcome = cli("reproduce", "bus-uturn")
     assert (outcome.code, outcome.err) == (0, "")
-    names = {"bus-uturn.md", "bus-uturn.csv", "bus-uturn.png", "bus-uturn-data.csv"}
+    names = {"bus-uturn.md", "bus-uturn.csv", "bus-uturn.png", "bus-uturn-data.csv", "run.json"}
     assert {path.name for path in (tmp_path / "results").iterdir()} == names
+    record = json.loads((tmp_path / "results" / "run.json").read_text(encoding="utf-8"))
+    assert [case["objective"] for case in record["cases"]] == ["lead-axle", "geometric"]
     assert "proposed method, max right [m]" in outcome.out
     assert max(len(line) for line in outcome.out.splitlines()) <= 80
 
@@ -62,6 +64,7 @@ def test_all_writes_every_study_and_a_summary(cli: Cli, tmp_path: Path) -> None:
     outcome = cli("reproduce", "all", "--out", "all")
     assert (outcome.code, outcome.err) == (0, "")
     written = {path.name for path in (tmp_path / "all").iterdir()}
-    assert written == {f"{name}{end}" for name in NAMES for end in (".md", ".csv", ".png", "-data.csv")} | {"summary.md", "summary.csv"}
+    tables = {f"{name}{end}" for name in NAMES for end in (".md", ".csv", ".png", "-data.csv")}
+    assert written == tables | {"summary.md", "summary.csv", "run.json"}
     assert set(pd.read_csv(tmp_path / "all" / "summary.csv")["study"]) == set(NAMES)
     assert max(len(line) for line in outcome.out.splitlines()) <= 80

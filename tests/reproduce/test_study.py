@@ -15,7 +15,7 @@ from tests.reproduce.conftest import silent
 
 
 def made_up(name: str, *rows: Row) -> Study:
-    return Study(name, name.title(), "[GEO] fig. 0", "Made up.", rows, pd.DataFrame({"s": [0.0, 1.0]}), Figure)
+    return Study(name, name.title(), "[GEO] fig. 0", "Made up.", (), rows, pd.DataFrame({"s": [0.0, 1.0]}), Figure)
 
 
 ROWS = (

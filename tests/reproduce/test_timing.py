@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from hdvplan.planning.settings import Scheme
+from hdvplan.case import Case
 from hdvplan.reproduce.study import Study
-from hdvplan.reproduce.timing import ROADS, timed_steps, timing
+from hdvplan.reproduce.timing import ROADS, limited, timed_steps, timing
 from hdvplan.road.load import load_road
 from hdvplan.vehicle.load import load_vehicle
 from tests.reproduce.conftest import by_name, silent
@@ -17,8 +17,9 @@ def short() -> Study:
 
 
 def test_every_planning_step_but_the_first_is_timed() -> None:
-    road = load_road("goteborg_lindholmsallen_uturn")
-    steps = timed_steps(road, load_vehicle("bus"), Scheme.RTI, "riccati")
+    bus = load_vehicle("bus")
+    road = limited(load_road("goteborg_lindholmsallen_uturn"), bus)
+    steps = timed_steps(Case(road, bus))
     assert len(steps) == int(np.ceil(road.path.length / 5.0)) - 1
     assert steps["s"].iloc[0] == 5.0
     assert (steps["time_ms"] > 0.0).all()

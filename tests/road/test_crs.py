@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -49,3 +51,14 @@ def test_another_geographic_system_is_projected_too() -> None:
 def test_points_outside_a_systems_area_are_refused() -> None:
     with pytest.raises(RoadError, match="outside the area"):
         to_plane(np.array([[1e12, 1e12], [1e12, 2e12]]), "EPSG:3006")
+
+
+@pytest.mark.parametrize("name", ["OGC:CRS84", "EPSG:4258", "EPSG:3006"])
+def test_the_ways_into_the_plane_and_back_pickle(name: str) -> None:
+    points = np.array([[674000.0, 6580000.0], [674100.0, 6580200.0]] if name == "EPSG:3006" else [[11.97, 57.70], [11.98, 57.71]])
+    plane = to_plane(points, name)
+    again = pickle.loads(pickle.dumps(plane))  # noqa: S301 - our own bytes
+    assert (again.to_lonlat, again.into) == (plane.to_lonlat, plane.into)
+    x, y = plane.points.T
+    np.testing.assert_array_equal(again.to_lonlat(x, y), plane.to_lonlat(x, y))
+    np.testing.assert_array_equal(again.into(points), plane.points)

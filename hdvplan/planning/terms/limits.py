@@ -171,9 +171,10 @@ def linearise_limits(
     """Write the rows g dz <= h of the tightest places of every edge at stages i >= ``begin`` >= 1; the first state is given.
 
     Returns -1, or a stage with a point that has no foot. ``seen`` is warm start and result; nothing is known of the stages where they
-    are ``fresh``. While limits are ``binding``, every edge that no bound clears has its rows: large steps need them. Row order within a stage: unit, left then right edge; then the tightest place of the edge's rear half and of its front
-    half; then, where there are rows for them, what its rear and its front corner reach beyond the wheels' limit, if they belong to
-    overhangs.
+    are ``fresh``. While limits are ``binding``, every edge that no bound clears has its rows: large steps need them.
+
+    Row order within a stage: unit, left then right edge; then the tightest place of the edge's rear half and of its front half; then,
+    where there are rows for them, what its rear and its front corner reach beyond the wheels' limit, if they belong to overhangs.
     """
     places, gradients = np.empty(POINTS_PER_EDGE + 1, PLACE), np.empty((2, motion[0].z.size))
     each, last = rows.shape[1] // (2 * bodies.units.size), bodies.units.size - 1
@@ -245,7 +246,7 @@ def _write_edge(
 ) -> None:  # fmt: skip
     """Write the rows of one edge, and its clearances; these are NaN where a point has no foot."""
     curve, table, points, pose = bodies.curve, bodies.table, bodies.points[number], poses[number]
-    sign, count, tightest = 1.0 - 2.0 * side, bodies.points.shape[1], np.inf
+    sign, count, tightest = 1.0 - 2.0 * side, POINTS_PER_EDGE, np.inf
     edge.gap = edge.clear = np.nan
     left, margin = sign * bodies.units[number].half_width, at.margin + bodies.margin
     for point in range(count):

@@ -8,14 +8,15 @@ import platform
 import shutil
 import subprocess
 import sys
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 
 from hdvplan import __version__
 
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "RAYON_NUM_THREADS", "NUMBA_NUM_THREADS")
-_PACKAGES = ("numpy", "scipy", "numba", "pandas", "piqp", "clarabel", "osqp", "qpsolvers")
-_PACKAGE = Path(__file__).parents[1]
+_PACKAGES = ("numpy", "scipy", "numba", "pandas", "piqp", "clarabel", "osqp", "qpsolvers", "casadi")
+_PACKAGE = Path(__file__).parent
 
 
 def use_one_thread() -> bool:
@@ -43,6 +44,7 @@ def load_average() -> list[float] | None:
     return list(os.getloadavg()) if hasattr(os, "getloadavg") else None
 
 
+@cache
 def software(solvers: tuple[str, ...]) -> dict[str, object]:
     """Return hdvplan's version and a digest of its source, and the versions of the libraries that ``solvers`` use."""
     digest = hashlib.sha256()
@@ -52,8 +54,9 @@ def software(solvers: tuple[str, ...]) -> dict[str, object]:
     return {"hdvplan": __version__, "source": digest.hexdigest()[:16], "packages": _versions(solvers)}
 
 
+@cache
 def commit() -> str | None:
-    """Return hdvplan's git commit, with ``+`` where files differ from it; None outside its own repository."""
+    """Return hdvplan's git commit, with ``+`` where its modules differ from it; None outside its own repository."""
     git = shutil.which("git")
     if git is None or _git(git, "ls-files", "--error-unmatch", "__init__.py") is None:
         return None

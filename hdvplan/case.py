@@ -1,0 +1,130 @@
+"""A run as a value: everything that decides a plan, to keep, compare, send to another process and plan there."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, fields, is_dataclass
+from functools import cached_property
+from hashlib import sha256
+
+import numpy as np
+import shapely
+
+from hdvplan.planning.bias import NONE, Bias
+from hdvplan.planning.settings import PlannerSettings
+from hdvplan.road.road import Road
+from hdvplan.solvers.registry import DEFAULT
+from hdvplan.vehicle.model import Vehicle
+
+FORMAT = 1  # of the key: raise it when the same content gets another key
+_DEFAULTS = PlannerSettings()
+_DIGITS = 32  # of a digest in hexadecimal: 128 bits
+_UNPLANNED = {"name", "source", "label", "notice", "smoothing", "band", "to_lonlat"}  # fields that say where a value came from
+
+Json = dict[str, object]
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """One run: ``vehicle`` along ``road`` by the objective, solver and settings that the command line knows by the same names.
+
+    ``bias`` is where the middle of the swept area should lie, left positive. A case pickles, and gives the identical plan in another
+    process with the same versions on the same kind of machine. Cases are equal where their keys are. Names are looked up when the case
+    is planned: a case may name a solver that only another machine has.
+    """
+
+    road: Road
+    vehicle: Vehicle
+    objective: str = "geometric"
+    solver: str = DEFAULT
+    settings: PlannerSettings = _DEFAULTS
+    bias: Bias = NONE
+
+    @cached_property
+    def key(self) -> str:
+        """A digest of everything that changes the plan, 32 hexadecimal digits; the same in every process and on every platform.
+
+        Names and origins of road and vehicle are not in it. A road's geometry is, to its last bit: a file that another platform
+        smooths may differ there, a case that was pickled does not.
+        """
+        return _digest({"format": FORMAT, "case": _content(self)})
+
+    def __eq__(self, other: object) -> bool:
+        """Tell whether both lead to the same plan."""
+        return self.key == other.key if isinstance(other, Case) else NotImplemented
+
+    def __hash__(self) -> int:
+        """Return the key's hash."""
+        return hash(self.key)
+
+    def __getstate__(self) -> Json:
+        """Return the fields alone: a key belongs to the version that computes it."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+    def described(self) -> Json:
+        """Return the case for readers, ready for ``json.dumps``: road, vehicle with dimensions [m, rad], settings, names and key."""
+        path, limits = self.road.path, self.road.limits
+        road: Json = {"name": self.road.name, "length_m": path.length, "closed": path.closed, "limits": limits is not None}
+        return {
+            "key": self.key,
+            "road": road | {"regions": len(self.road.regions), "digest": self.road_digest},
+            "vehicle": asdict(self.vehicle),
+            "objective": self.objective,
+            "solver": self.solver,
+            "settings": _settings(self.settings),
+            "bias_m": _bias(self.bias),
+        }
+
+    def brief(self) -> Json:
+        """Return the case as one of many: names, key, and of the settings and the bias what differs from the defaults."""
+        usual = _settings(_DEFAULTS)
+        other = {name: value for name, value in _settings(self.settings).items() if value != usual[name]}
+        return {
+            "key": self.key,
+            "road": self.road.name,
+            "road_digest": self.road_digest,
+            "vehicle": self.vehicle.name,
+            "objective": self.objective,
+            "solver": self.solver,
+            **({"settings": other} if other else {}),
+            **({"bias_m": _bias(self.bias)} if np.any(self.bias.offset) else {}),
+        }
+
+    @property
+    def road_digest(self) -> str:
+        """A digest of what of the road changes a plan: geometry, limits and regions."""
+        return _digest(_content(self.road))
+
+
+def _digest(content: object) -> str:
+    return sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:_DIGITS]
+
+
+def _content(value: object) -> object:
+    """Return what of a value changes a plan, for JSON: every number as a float, arrays as their digest."""
+    match value:
+        case None | str():
+            return value
+        case int() | float() | np.number():
+            return float(value) + 0.0  # -0 is 0
+        case np.ndarray():
+            plain = np.asarray(value, dtype=np.float64) + 0.0
+            return [*value.shape, sha256(plain.astype("<f8").tobytes()).hexdigest()]
+        case shapely.Polygon():
+            return [_content(np.asarray(ring.coords)) for ring in (value.exterior, *value.interiors)]
+        case tuple():
+            return [_content(one) for one in value]
+    if is_dataclass(value):
+        return {field.name: _content(getattr(value, field.name)) for field in fields(value) if field.name not in _UNPLANNED}
+    msg = f"a case cannot hold a {type(value).__name__}"
+    raise TypeError(msg)
+
+
+def _settings(settings: PlannerSettings) -> Json:
+    return {name: str(value) if isinstance(value, str) else value for name, value in asdict(settings).items()}
+
+
+def _bias(bias: Bias) -> float | Json:
+    if len(bias.s) == 1:
+        return float(bias.offset[0])
+    return {"points": len(bias.s), "least": float(bias.offset.min()), "most": float(bias.offset.max()), "digest": _digest(_content(bias))}
