@@ -67,7 +67,10 @@ def prepare(case: Case) -> None:
     settings, vehicle = case.settings, case.vehicle
     objective_named(case.objective), solver_named(case.solver)
     kind = case.objective.partition(":")[0]  # a weight given as a number changes no code
-    _prepared(_Kind(len(vehicle.units), vehicle.active, kind, case.solver, settings.scheme, settings.discretisation, vehicle, settings))
+    limited = case.road.limits is not None
+    _prepared(
+        _Kind(len(vehicle.units), vehicle.active, kind, case.solver, settings.scheme, settings.discretisation, limited, vehicle, settings)
+    )
 
 
 @dataclass(frozen=True)
@@ -80,10 +83,11 @@ class _Kind:
     solver: str
     scheme: Scheme
     discretisation: Discretisation
+    limited: bool
     vehicle: Vehicle = field(compare=False)
     settings: PlannerSettings = field(compare=False)
 
 
 @cache
 def _prepared(kind: _Kind) -> None:
-    warm_up(kind.vehicle, objective_named(kind.objective), solver_named(kind.solver), kind.settings)
+    warm_up(kind.vehicle, objective_named(kind.objective), solver_named(kind.solver), kind.settings, limited=kind.limited)

@@ -55,9 +55,10 @@ def run(
         for number, (part, index, judged) in enumerate(order):
             case = cases[index]
             make = makers[case.solver]
-            if (case.vehicle, case.solver) not in warm:
-                warm_up(case.vehicle, objective_named(case.objective), make, case.settings)
-                warm.add((case.vehicle, case.solver))
+            limited = case.road.limits is not None
+            if (case.vehicle, case.solver, limited) not in warm:
+                warm_up(case.vehicle, objective_named(case.objective), make, case.settings, limited=limited)
+                warm.add((case.vehicle, case.solver, limited))
             write_part(part, measure(case, make, budget=suite.budget, judged=judged))
             on_progress(float(np.sum(lengths[: number + 1]) / np.sum(lengths)))
     finally:

@@ -112,15 +112,16 @@ def drive(
     )  # fmt: skip
 
 
-def warm_up(vehicle: Vehicle, objective: Objective, make_workspace: WorkspaceMaker, settings: PlannerSettings) -> None:
-    """Plan a few metres of a bend within wide and within tight limits, so that no timed step loads or compiles anything.
+def warm_up(vehicle: Vehicle, objective: Objective, make_workspace: WorkspaceMaker, settings: PlannerSettings, *, limited: bool) -> None:
+    """Plan a few metres of a bend, within limits where the road has some, so that no timed step loads or compiles anything.
 
-    Whether these plans succeed does not matter: a solver that cannot plan will say so on the user's road.
+    What only binding limits need is loaded when they first bind, outside of the step's time. Whether the plan succeeds does not matter:
+    a solver that cannot plan will say so on the user's road.
     """
     length = vehicle.reach_ahead + vehicle.reach_behind + settings.replan
     bend = Road("bend", from_curvature(np.array([0.0, length]), np.array([0.0, _WARM_UP_CURVATURE])))
     horizon = settings.replan * float(np.ceil(length / settings.replan) + 2.0)  # long enough for objectives that watch the whole vehicle
     brief = replace(settings, horizon=horizon, sqp_iterations=2)
-    for half_width in (2.0 * vehicle.width, 0.51 * vehicle.width):  # the tight ones make rows bind
-        with suppress(HdvplanError):
-            drive(bend.with_limits(half_width, half_width), vehicle, objective, make_workspace, brief)
+    room = 2.0 * vehicle.width
+    with suppress(HdvplanError):
+        drive(bend.with_limits(room, room) if limited else bend, vehicle, objective, make_workspace, brief)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hdvplan.jit import FloatArray, Records, compiled
+from hdvplan.jit import FloatArray, Records, compiled, inner
 from hdvplan.road.path import Curve, ReferencePath, evaluate
 from hdvplan.vehicle.kinematics import derivative, rear_wheels
 
@@ -79,14 +79,14 @@ def _simulate(
     return out
 
 
-@compiled
+@inner
 def _turn(f: FloatArray, turn: FloatArray) -> None:
     """Write the rates of the wheels' angles, which are the last states."""
     for j in range(turn.size):
         f[f.size - turn.size + j] = turn[j]
 
 
-@compiled
+@inner
 def _along(z: FloatArray, h: float, f: FloatArray, out: FloatArray) -> None:
     for j in range(z.size):
         out[j] = z[j] + h * f[j]

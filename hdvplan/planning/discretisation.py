@@ -10,8 +10,8 @@ from enum import StrEnum
 
 import numpy as np
 
-from hdvplan.jit import FloatArray, Record, Records, compiled
-from hdvplan.vehicle.kinematics import derivative, jacobian
+from hdvplan.jit import FloatArray, Record, Records, compiled, inner
+from hdvplan.vehicle.kinematics import derivative, jacobian, turn
 
 
 class Discretisation(StrEnum):
@@ -54,36 +54,46 @@ def advance(
         out[j] = z[j] + step * work.f[j]
 
 
-@compiled
+@inner
 def linearise_interval(
-    rule: int, units: Records, k: float, k_between: float, step: float, z: FloatArray, ahead: FloatArray, kappa: float, stage: Record,
-    work: Record,
+    rule: int, units: Records, at: Record, step: float, motion: Record, ahead: FloatArray, poses: Records, stage: Record, work: Record,
+    probe: Records,
 ) -> None:  # fmt: skip
-    """Write A, B, c of one interval into its ``stage``: dz_next = A dz + B d kappa + defect, at the motion from ``z`` to ``ahead``.
+    """Write A, B, c of one interval into its ``stage``: dz_next = A dz + B d kappa + defect, at the motion from a stage to ``ahead``.
+
+    ``at`` is the station, ``poses`` are the stage's, ``probe`` (units,) is memory for others.
 
     The last state of the vehicle's own block is kappa of the interval before, and the first input its change: kappa's column of A is
     B's. An active axle's wheels turn evenly between stations, by the motion's change of their angle and an input of their own.
     """
+    z, kappa = motion.z, motion.kappa
     n, rigid, f, a, b = z.size, 1 + units.size, work.f, work.a, work.b
-    jacobian(units, k, z, kappa, f, a, b, work.chain)
+    jacobian(units, at.curvature, z, kappa, poses, f, a, b, work.chain)
     if rule == _MIDPOINT:
+        half = 0.5 * step
         for j in range(n):
-            work.middle[j] = z[j] + 0.5 * step * f[j] if j < rigid else 0.5 * (z[j] + ahead[j])
+            work.middle[j] = z[j] + half * f[j] if j < rigid else 0.5 * (z[j] + ahead[j])
             work.b_first[j] = b[j]
             for t in range(n):
                 work.a_first[j, t] = a[j, t]
-        jacobian(units, k_between, work.middle, kappa, f, a, b, work.chain)
-    for j in range(n):
-        by_kappa = b[j]
-        for t in range(n):
-            total = a[j, t]
-            if rule == _MIDPOINT:
+        turn(units, work.middle, probe)
+        jacobian(units, at.curvature_between, work.middle, kappa, probe, f, a, b, work.chain)
+        for j in range(n):  # the middle depends on z and kappa: a += step / 2 a a_first, b += step / 2 a b_first
+            by_kappa = b[j]
+            for t in range(n):
+                total = a[j, t]
                 for m in range(n):
-                    total += 0.5 * step * a[j, m] * work.a_first[m, t]
-                by_kappa += 0.5 * step * a[j, t] * work.b_first[t]
-            stage.A[j, t] = step * total
+                    total += half * a[j, m] * work.a_first[m, t]
+                by_kappa += half * a[j, t] * work.b_first[t]
+                stage.A[j, t] = step * total
+            stage.A[j, n] = stage.B[j, 0] = step * by_kappa
+    else:
+        for j in range(n):
+            for t in range(n):
+                stage.A[j, t] = step * a[j, t]
+            stage.A[j, n] = stage.B[j, 0] = step * b[j]
+    for j in range(n):
         stage.A[j, j] += 1.0
-        stage.A[j, n] = stage.B[j, 0] = step * by_kappa
         stage.c[j] = z[j] + step * f[j] - ahead[j]
     for wheel in range(rigid, n):
         for j in range(rigid):

@@ -40,7 +40,8 @@ class StepTimes:
     update: float = 0.0
     solve: float = 0.0
     check: float = 0.0
-    total: float = 0.0
+    total: float = 0.0  # of the step; without loading
+    loading: float = 0.0  # code that a solver needed for the first time in this process
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,7 @@ class Planner:
         qp, motion = self._scene.qp, self._scene.motion
         self._workspace = make_workspace(qp.shape)
         self._guess = StageSolution.empty(qp.shape) if self._workspace.starts_warm else None
-        multipliers = () if self._guess is None else (by_stage(self._guess.stages), by_stage(self._guess.row_points))
+        multipliers = () if self._guess is None else self._guess.numbers
         memory = (array for part in self._parts for array in part.memory)
         self._moving = (by_stage(motion.stages), by_stage(qp.stages), *multipliers, *memory)
         wheels = [vehicle.units[axle] for axle in vehicle.active]
@@ -122,7 +123,7 @@ class Planner:
             moved, merit, halved = self._step(horizon, result.point, worth)
             halvings, violation = halvings + halved, self._violation()
             if self._guess is not None:  # the QP is in deviations from the motion: the next solution is near zero
-                self._guess.stages[:], self._guess.row_points[:] = result.point.stages, result.point.row_points
+                self._guess.copy_from(result.point)
             times.linearise += perf_counter() - mark
             iterating = iterate or (qp_count <= settings.rti_repairs and violation > _REPAIRED_M)
             stalled = worth is not None and merit is not None and halved and worth - merit < _STALLED * worth
@@ -133,7 +134,7 @@ class Planner:
             raise SolverError(msg, status=str(result.status), hint="try another --solver")
         self._last = first
         z, kappa = motion.z.copy(), motion.kappa.copy()
-        times.total = perf_counter() - began
+        times.total = perf_counter() - began - times.loading
         return Plan(
             first, z, kappa, kappa_before, status=result.status, usable=usable, qp_count=qp_count, qp_iterations=qp_iterations,
             residuals=judged, violation=violation, moved=moved, merit=merit, halvings=halvings, times=times,
@@ -169,8 +170,9 @@ class Planner:
     def _solve(self, times: StepTimes) -> QpResult:
         mark = perf_counter()
         result = self._workspace.solve(self._scene.qp, self._guess)
-        times.update += perf_counter() - mark - result.solve_time
+        times.update += perf_counter() - mark - result.solve_time - result.loading_time
         times.solve += result.solve_time
+        times.loading += result.loading_time
         return result
 
     def _step(self, horizon: Horizon, point: StageSolution, worth: float | None) -> tuple[float, float | None, int]:

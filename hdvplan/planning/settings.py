@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cached_property
 
 import numpy as np
 
@@ -72,12 +73,12 @@ class PlannerSettings:
             msg = f"a horizon of {self.horizon:g} m has only one step of {self.step:g} m"
             raise OptionError(msg)
 
-    @property
+    @cached_property
     def stages(self) -> int:
         """Intervals in one horizon, N."""
         return round(self.horizon / self.step)
 
-    @property
+    @cached_property
     def executed(self) -> int:
         """Intervals executed before the next plan."""
         return round(self.replan / self.step)

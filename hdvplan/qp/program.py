@@ -17,6 +17,7 @@ solver can gather its own matrices from fixed places.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -192,13 +193,13 @@ NAMES = ("A", "B", "c", "x_first", "Q", "q", "R", "r", "G", "h", "linear", "quad
 @compiled
 def _check(buffer: FloatArray, stages: Records) -> tuple[bool, bool]:
     """Return whether all values are finite, which their sum then is, and whether any bounds cross."""
-    a, b, c, d, last = 0.0, 0.0, 0.0, 0.0, stages.size - 1  # four sums: each addition waits for the one before
-    for i in range(0, buffer.size - 3, 4):
-        a += buffer[i]
-        b += buffer[i + 1]
-        c += buffer[i + 2]
-        d += buffer[i + 3]
-    for i in range(buffer.size - buffer.size % 4, buffer.size):
+    last, sums = stages.size - 1, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # eight sums: each addition waits for the one before
+    a, b, c, d, e, f, g, h = sums
+    whole = buffer.size - buffer.size % 8
+    for i in range(0, whole, 8):
+        a, b, c, d = a + buffer[i], b + buffer[i + 1], c + buffer[i + 2], d + buffer[i + 3]
+        e, f, g, h = e + buffer[i + 4], f + buffer[i + 5], g + buffer[i + 6], h + buffer[i + 7]
+    for i in range(whole, buffer.size):
         a += buffer[i]
     crossed = False
     for i in range(last + 1):
@@ -209,7 +210,7 @@ def _check(buffer: FloatArray, stages: Records) -> tuple[bool, bool]:
         if i < last:
             for j in range(stage.u_low.size):
                 crossed |= stage.u_low[j] > stage.u_high[j]
-    return abs(a + b + c + d) < np.inf, crossed
+    return abs(a + b + c + d + e + f + g + h) < np.inf, crossed
 
 
 def point_dtype(states: int, inputs: int, bounded: int) -> np.dtype[np.void]:
@@ -235,6 +236,18 @@ class StageSolution:
         return cls(
             np.zeros(count, point_dtype(shape.states, shape.inputs, len(shape.bounded_states))), np.zeros((count, shape.rows), ROW_POINT)
         )
+
+    @cached_property
+    def numbers(self) -> tuple[FloatArray, FloatArray]:
+        """All numbers of the point, (N+1, numbers a stage), and of its rows."""
+        count = len(self.stages)
+        stages, rows = self.stages.view(np.float64), self.row_points.view(np.float64)
+        return stages.reshape(count, stages.size // count), rows.reshape(count, rows.size // count)
+
+    def copy_from(self, other: StageSolution) -> None:
+        """Take over another point of the same shape."""
+        for mine, theirs in zip(self.numbers, other.numbers, strict=True):
+            mine[:] = theirs
 
     @property
     def x(self) -> FloatArray:

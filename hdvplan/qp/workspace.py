@@ -30,6 +30,7 @@ class QpResult:
     iterations: int
     update_time: float  # handing the values over [s]
     solve_time: float  # the solver's call and reading the result [s]
+    loading_time: float = 0.0  # compiling or loading code, once in a process: no part of a planning step [s]
 
 
 class QpWorkspace(Protocol):

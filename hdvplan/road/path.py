@@ -14,12 +14,13 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from hdvplan.errors import ProjectionError, RoadError
-from hdvplan.jit import FloatArray, compiled
+from hdvplan.jit import FloatArray, compiled, inlined
 
 KNOT_SPACING_M = 0.5  # the quintic's position error is below 1e-9 m at a curvature of 0.2 1/m
 _BEYOND = 0.05  # 1 - curvature * offset below which Newton steps would overshoot
 _LOCAL_M = 15.0  # a foot further from where the search began is another part of the road
-_LAST_STEP_M = 2e-5  # a Newton step this small leaves errors of its square
+LAST_STEP_M = 2e-5  # a Newton step this small leaves errors of its square
+PLANNING_STEP_M = 1e-3  # the same for linearisation: the offset is then good to 1e-10 m, the foot to 1e-7 m
 _BLEND_M = 10.0  # an open road's curvature fades to zero over this length beyond its ends [m]
 
 
@@ -201,7 +202,7 @@ def _fade(path: ReferencePath, end: float, distance: float) -> FloatArray:
     return from_samples(x[order], y[order], heading[order], piece.curvature[order], path.spacing).coefficients
 
 
-@compiled
+@inlined
 def evaluate(curve: Curve, s: float) -> tuple[float, float, float, float, float]:
     """Return x, y, cos(psi), sin(psi), curvature at arclength ``s``; beyond the table its last segment goes on."""
     coefficients = curve.coefficients
@@ -225,11 +226,11 @@ def evaluate(curve: Curve, s: float) -> tuple[float, float, float, float, float]
 
 
 @compiled
-def project(curve: Curve, x: float, y: float, near: float) -> tuple[float, float, float, float, float]:
+def project(curve: Curve, x: float, y: float, near: float, last_step: float = LAST_STEP_M) -> tuple[float, float, float, float, float]:
     """Return foot arclength, offset, cos(psi), sin(psi), curvature at the foot of (x, y); offset NaN without a foot.
 
     Newton on the tangential distance, whose derivative along s is -(1 - curvature * offset). The last step is not looked
-    up again: its effect on offset and heading is added to second and first order, exact to 1e-12 m for steps this small.
+    up again: its effect on offset and heading is added to second and first order, exact to 1e-12 m for the usual ``last_step``.
     """
     s, s_last = near, curve.s_first + curve.spacing * curve.coefficients.shape[0]
     for _ in range(30):
@@ -243,7 +244,7 @@ def project(curve: Curve, x: float, y: float, near: float) -> tuple[float, float
         s += step
         if abs(s - near) > _LOCAL_M or not curve.s_first - 1e-9 <= s <= s_last + 1e-9:
             break
-        if abs(step) < _LAST_STEP_M:
+        if abs(step) < last_step:
             if 1.0 - curvature * offset <= 0.0:
                 break
             turn = curvature * step

@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from hdvplan.jit import IntArray, Records, compiled
+from hdvplan.jit import IntArray, Records, compiled, inner
 from hdvplan.qp.program import StageShape
-from hdvplan.solvers.recursion import adjoint, end_at, factorise, imbalance, load, sweep_ahead, sweep_back
+from hdvplan.solvers.recursion import adjoint, end_at, factorise, imbalance, load_weights, sweep_ahead, sweep_back
 
 INACTIVE, ACTIVE, VIOLATED = range(3)
 STIFF = 1e9  # of an active inequality [1/m^2]: an error of its multiplier by 100 leaves 1e-7 m
@@ -32,7 +32,7 @@ def inequalities(shape: StageShape) -> Records:
     return np.zeros((shape.stages + 1, shape.rows + 2 * (len(shape.bounded_states) + shape.inputs)), INEQUALITY)
 
 
-@compiled
+@inner
 def _guess_bound(inequality: Records, i: int, first: int, multiplier: float) -> bool:
     """Write the guessed statuses of a bound's two sides; return whether one is active."""
     for lower in range(2):
@@ -64,10 +64,10 @@ def guess_statuses(stages: Records, rows: Records, guess: Records, row_guess: Re
     return any_active
 
 
-@compiled
+@inner
 def _weigh(stages: Records, rows: Records, bounded: IntArray, inequality: Records, work: Records) -> None:
     """Write the objective with the quadratics of all inequalities that are not inactive; Hessians in their lower triangles."""
-    load(stages, work)
+    load_weights(stages, work)
     p, nb, last = rows.shape[1], bounded.size, stages.size - 1
     for i in range(last + 1):
         stage, own = stages[i], work[i]
@@ -101,7 +101,7 @@ def _weigh(stages: Records, rows: Records, bounded: IntArray, inequality: Record
                         own.R[j, j] += STIFF
 
 
-@compiled
+@inner
 def _review_bound(inequality: Records, i: int, at: int, over: float) -> bool:
     """Move a bound's multiplier by what it lacks, change a wrong status; return whether it was right and is kept."""
     own = inequality[i, at]
@@ -117,7 +117,7 @@ def _review_bound(inequality: Records, i: int, at: int, over: float) -> bool:
     return abs(over) <= KEPT
 
 
-@compiled
+@inner
 def _review(stages: Records, rows: Records, bounded: IntArray, points: Records, inequality: Records) -> bool:
     """Move multipliers by what active inequalities lack, change wrong statuses; return whether all were right and are kept."""
     settled, p, nb, last = True, rows.shape[1], bounded.size, stages.size - 1
@@ -153,7 +153,7 @@ def _review(stages: Records, rows: Records, bounded: IntArray, points: Records, 
     return settled
 
 
-@compiled
+@inner
 def _publish(stages: Records, rows: Records, inequality: Records, points: Records, row_points: Records) -> None:
     """Write elastic variables and multipliers to where the program has them."""
     p, nb, last = rows.shape[1], points[0].x_bounds.size, stages.size - 1

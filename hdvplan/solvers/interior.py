@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hdvplan.jit import BoolArray, IntArray, Record, Records, compiled
+from hdvplan.jit import BoolArray, IntArray, Record, Records, compiled, inner
 from hdvplan.solvers.recursion import sweep_ahead, sweep_back
 
 NEAR_ROWS = 0.3  # rows closer than this are chosen [m]
@@ -34,7 +34,7 @@ PAIR = np.dtype(
 )
 
 
-@compiled
+@inner
 def worst(stages: Records, rows: Records, bounded: IntArray, points: Records) -> float:
     """Return how far the point breaks its tightest inequality; negative or zero when it keeps all.
 
@@ -59,7 +59,7 @@ def worst(stages: Records, rows: Records, bounded: IntArray, points: Records) ->
     return deepest
 
 
-@compiled
+@inner
 def _join_bound(v: float, low: float, high: float, lower: bool, product: float, pair: Record) -> bool:
     """Write the pair of a bound's upper or lower side; return whether ``v`` has come near it."""
     width = min(high - low, 1.0)
@@ -71,7 +71,7 @@ def _join_bound(v: float, low: float, high: float, lower: bool, product: float, 
     return True
 
 
-@compiled
+@inner
 def join(
     stages: Records, rows: Records, bounded: IntArray, points: Records, product: float, member: BoolArray, pairs: Records, count: int
 ) -> tuple[int, int]:
@@ -122,7 +122,7 @@ def join(
     return count, end
 
 
-@compiled
+@inner
 def objective(stages: Records, points: Records, work: Records, end: int) -> None:
     """Write the objective's derivatives at the stages before ``end``."""
     for i in range(end):  # element by element: numba takes seconds to compile a slice assignment
@@ -141,7 +141,7 @@ def objective(stages: Records, points: Records, work: Records, end: int) -> None
             own.gradient_u[j] = total
 
 
-@compiled
+@inner
 def weigh(rows: Records, bounded: IntArray, points: Records, pairs: Records, work: Records) -> tuple[float, float]:
     """Add the weights of the chosen inequalities ``pairs`` to the lower triangles of the Hessians.
 
@@ -189,7 +189,7 @@ def weigh(rows: Records, bounded: IntArray, points: Records, pairs: Records, wor
     return total / products, largest
 
 
-@compiled
+@inner
 def _aim(rows: Records, bounded: IntArray, pairs: Records, target: float, second_order: bool, work: Records, end: int) -> None:
     """Write the linear terms of the Newton step towards complementarity ``target``."""
     for i in range(end + 1):
@@ -272,7 +272,7 @@ def newton_step(
     return length
 
 
-@compiled
+@inner
 def mean_after(pairs: Records, length: float) -> float:
     """Return the mean product that ``length`` of the step would leave."""
     products, total = 0, 0.0
@@ -286,7 +286,7 @@ def mean_after(pairs: Records, length: float) -> float:
     return total / products
 
 
-@compiled
+@inner
 def move(pairs: Records, length: float) -> None:
     """Take ``length`` of the step in all pairs."""
     for item in range(pairs.size):
@@ -298,7 +298,7 @@ def move(pairs: Records, length: float) -> None:
             pair.nu += length * pair.d_nu
 
 
-@compiled
+@inner
 def clear(points: Records, row_points: Records) -> None:
     """Write zeros for elastic variables and multipliers of inequalities."""
     for i in range(points.size):

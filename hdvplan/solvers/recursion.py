@@ -25,7 +25,7 @@ def workspace(shape: StageShape) -> Records:
 
 
 @compiled
-def load(stages: Records, work: Records) -> None:
+def load_weights(stages: Records, work: Records) -> None:
     """Write the program's own weights into the memory of a solve."""
     for i in range(stages.size):
         stage, own = stages[i], work[i]

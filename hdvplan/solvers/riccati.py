@@ -15,16 +15,17 @@ pass's cost-to-go stands for it exactly.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from time import perf_counter
 
 import numpy as np
 
-from hdvplan.jit import BoolArray, IntArray, Records, compiled
+from hdvplan.jit import BoolArray, IntArray, Records, compiled, load
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 from hdvplan.qp.workspace import QpResult, Status
 from hdvplan.solvers.active_set import guess_statuses, inequalities, settle
 from hdvplan.solvers.interior import PAIR, clear, join, mean_after, move, newton_step, objective, publish, weigh, worst
-from hdvplan.solvers.recursion import adjoint, end_at, factorise, imbalance, load, sweep_ahead, sweep_back, workspace
+from hdvplan.solvers.recursion import adjoint, end_at, factorise, imbalance, load_weights, sweep_ahead, sweep_back, workspace
 
 TOLERANCE = 1e-8  # of products or slacks, and of broken inequalities [m]
 _ITERATIONS = 100
@@ -46,23 +47,34 @@ class RiccatiWorkspace:
         self._work, self._inequality = workspace(shape), inequalities(shape)
         self._member = np.zeros(self._inequality.shape, np.bool_)
         self._pairs = np.zeros(self._member.size + 1, PAIR)  # one more to try the next inequality in
+        self._loaded: set[str] = set()
 
     def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
         """Solve ``qp``; see ``QpWorkspace``. Of ``guess`` only multipliers and elastic variables matter."""
         started = perf_counter()
         qp.check()
         checked = perf_counter()
-        stages, rows, bounded = qp.stages, qp.rows, qp.bounded
+        stages, rows, bounded, loading = qp.stages, qp.rows, qp.bounded, 0.0
         point, row_point, spent = self._point.stages, self._point.row_points, 0
         point[0]["x"] = qp.x_first
         if guess is not None and guess_statuses(stages, rows, guess.stages, guess.row_points, self._inequality):
+            loading += self._load(settle, stages, rows, bounded, point, row_point, self._work, self._inequality)
             settled, spent = settle(stages, rows, bounded, point, row_point, self._work, self._inequality)
             if settled:
-                return QpResult(Status.SOLVED, self._point, spent, checked - started, perf_counter() - checked)
+                return QpResult(Status.SOLVED, self._point, spent, checked - started, perf_counter() - checked - loading, loading)
         code, more = _screen(stages, rows, bounded, point, row_point, self._work)
         if code == _BINDING:
+            loading += self._load(_solve, stages, rows, bounded, point, row_point, self._work, self._member, self._pairs)
             code, more = _solve(stages, rows, bounded, point, row_point, self._work, self._member, self._pairs)
-        return QpResult(_STATUS[code], self._point, spent + more, checked - started, perf_counter() - checked)
+        spent, solving = spent + more, perf_counter() - checked - loading
+        return QpResult(_STATUS[code], self._point, spent, checked - started, solving, loading)
+
+    def _load(self, kernel: Callable[..., object], *arguments: object) -> float:
+        """Load a kernel that only some roads need, when it is first needed; return the time that took [s]."""
+        if kernel.__name__ in self._loaded:
+            return 0.0
+        self._loaded.add(kernel.__name__)
+        return load(kernel, *arguments)
 
 
 _BINDING = -1
@@ -72,7 +84,7 @@ _BINDING = -1
 def _screen(stages: Records, rows: Records, bounded: IntArray, points: Records, row_points: Records, work: Records) -> tuple[int, int]:
     """Solve a program without its inequalities; return ``_BINDING`` where that breaks one, else as ``_solve``."""
     last = stages.size - 1
-    load(stages, work)
+    load_weights(stages, work)
     end_at(work, last)
     if not factorise(stages, work, last):
         return 2, 0

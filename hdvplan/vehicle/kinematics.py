@@ -16,14 +16,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from hdvplan.jit import FloatArray, Record, Records, compiled
+from hdvplan.jit import FloatArray, Record, Records, compiled, inlined, inner
 
 # Where a unit is in the plane: its axle, its heading, and its coupling to the unit ahead [m]. The lead unit turns about its own axle,
-# so its "coupling" is that axle.
-POSE = np.dtype([("x", float), ("y", float), ("cos", float), ("sin", float), ("coupling_x", float), ("coupling_y", float)])
+# so its "coupling" is that axle. And how it stands to what is ahead: to the road, or by its articulation angle.
+POSE = np.dtype([(name, float) for name in ("x", "y", "cos", "sin", "coupling_x", "coupling_y", "turned_cos", "turned_sin")])
 
 
-@compiled
+@inner
 def wheels(unit: Record, angle: float) -> tuple[float, float]:
     """Return tan(delta) of a unit's axle and its derivative by the ``angle`` [rad] that steers it."""
     ratio, most = unit.steering_ratio, unit.max_steering_angle
@@ -35,7 +35,7 @@ def wheels(unit: Record, angle: float) -> tuple[float, float]:
     return tan, -ratio * (1.0 + tan * tan)
 
 
-@compiled
+@inlined
 def rear_wheels(units: Records, kappa: float) -> tuple[float, float]:
     """Return tan(delta) of the lead rear axle and its derivative by ``kappa`` [1/m]."""
     lead = units[0]
@@ -68,17 +68,19 @@ def derivative(units: Records, road_curvature: float, z: FloatArray, kappa: floa
         f[i] = 0.0
 
 
-@compiled
+@inlined
 def jacobian(
-    units: Records, road_curvature: float, z: FloatArray, kappa: float, f: FloatArray, a: FloatArray, b: FloatArray, chain: FloatArray
-) -> None:
+    units: Records, road_curvature: float, z: FloatArray, kappa: float, poses: Records, f: FloatArray, a: FloatArray, b: FloatArray,
+    chain: FloatArray,
+) -> None:  # fmt: skip
     """Write dz/ds into ``f`` (n,), its derivatives by z into ``a`` (n, n) and by kappa into ``b`` (n,).
 
-    ``chain`` (3, n + 1) is memory: gradients of forward and sideways velocity and turn rate of the unit ahead by z and kappa.
+    ``poses`` hold the sines and cosines of z, see ``turn``: they cost as much as the rest. ``chain`` (3, n + 1) is memory: gradients of
+    forward and sideways velocity and turn rate of the unit ahead by z and kappa.
     """
     n = z.size
     inside = 1.0 - z[0] * road_curvature
-    cos, sin = np.cos(z[1]), np.sin(z[1])
+    cos, sin = poses[0].turned_cos, poses[0].turned_sin
     sideways, by_kappa = rear_wheels(units, kappa)
     along, off = cos - sin * sideways, sin + cos * sideways  # the lead rear axle's velocity along and across the road
     travelled = inside / along
@@ -101,7 +103,7 @@ def jacobian(
     chain[0, n], chain[1, n], chain[2, n] = 0.0, by_kappa, d_kappa
     for i in range(1, units.size):
         j, unit, hitch = 1 + i, units[i], units[i - 1].hitch_offset
-        cos_b, sin_b = np.cos(z[j]), np.sin(z[j])
+        cos_b, sin_b = poses[i].turned_cos, poses[i].turned_sin
         across = sideways - hitch * turn
         forward_behind, across_behind = forward * cos_b - across * sin_b, forward * sin_b + across * cos_b
         tan, by_angle = wheels(unit, z[unit.steered_by])
@@ -132,34 +134,42 @@ def jacobian(
         f[i] = b[i] = 0.0
 
 
-@compiled
+@inner
+def turn(units: Records, z: FloatArray, poses: Records) -> None:
+    """Write the sine and cosine of e_psi, and of every articulation angle, into ``poses`` (units,)."""
+    for i in range(units.size):
+        pose, angle = poses[i], z[1 + i]
+        pose.turned_cos, pose.turned_sin = np.cos(angle), np.sin(angle)
+
+
+@inlined
 def place(units: Records, x: float, y: float, heading_cos: float, heading_sin: float, z: FloatArray, poses: Records) -> None:
     """Write every unit's pose into ``poses`` (units,), records of ``POSE``.
 
     (x, y) and (cos, sin) belong to the road's point at the lead rear axle's s.
     """
-    cos_e, sin_e = np.cos(z[1]), np.sin(z[1])
-    cos = heading_cos * cos_e - heading_sin * sin_e
-    sin = heading_sin * cos_e + heading_cos * sin_e
+    turn(units, z, poses)
+    cos = heading_cos * poses[0].turned_cos - heading_sin * poses[0].turned_sin
+    sin = heading_sin * poses[0].turned_cos + heading_cos * poses[0].turned_sin
     axle_x, axle_y = x - z[0] * heading_sin, y + z[0] * heading_cos
     hitch_x, hitch_y = axle_x, axle_y
     for i in range(units.size):
         if i > 0:
             hitch_x, hitch_y = axle_x - units[i - 1].hitch_offset * cos, axle_y - units[i - 1].hitch_offset * sin
-            cos_b, sin_b = np.cos(z[1 + i]), np.sin(z[1 + i])
+            cos_b, sin_b = poses[i].turned_cos, poses[i].turned_sin
             cos, sin = cos * cos_b + sin * sin_b, sin * cos_b - cos * sin_b
             axle_x, axle_y = hitch_x - units[i].wheelbase * cos, hitch_y - units[i].wheelbase * sin
         pose = poses[i]
         pose.x, pose.y, pose.cos, pose.sin, pose.coupling_x, pose.coupling_y = axle_x, axle_y, cos, sin, hitch_x, hitch_y
 
 
-@compiled
+@inlined
 def body_point(pose: Record, ahead: float, left: float) -> tuple[float, float]:
     """Return x, y [m] of the point of a body that lies ``ahead`` of its axle and ``left`` of its axis [m]."""
     return pose.x + ahead * pose.cos - left * pose.sin, pose.y + ahead * pose.sin + left * pose.cos
 
 
-@compiled
+@inlined
 def point_gradient(
     poses: Records, unit: int, x: float, y: float, road: Record, along_x: float, along_y: float, gradient: FloatArray
 ) -> None:

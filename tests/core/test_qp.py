@@ -1,15 +1,15 @@
 import numpy as np
 import pytest
+from hdvplan.planning.limits import ROWS_PER_EDGE
 from hypothesis import given
 from hypothesis import strategies as st
 
 from hdvplan.centring.weights import CentringTable
 from hdvplan.errors import QpDataError
 from hdvplan.jit import FloatArray
-from hdvplan.planning.limits import ROWS_PER_EDGE
+from hdvplan.planning.discretisation import Discretisation
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.planner import Planner, qp_shape
-from hdvplan.planning.discretisation import Discretisation
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import stations_of
 from hdvplan.qp.program import StageQp, StageShape, StageSolution

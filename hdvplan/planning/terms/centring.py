@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hdvplan.jit import FloatArray, Record, Records, compiled
+from hdvplan.jit import FloatArray, Record, Records, compiled, inner
 from hdvplan.planning.motion import by_stage
 from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.term import Horizon, Needs, Place, Scene
-from hdvplan.road.path import Curve, project
+from hdvplan.road.path import PLANNING_STEP_M, Curve, project
 from hdvplan.vehicle.body import auxiliary_ahead
 from hdvplan.vehicle.kinematics import body_point, point_gradient
 from hdvplan.vehicle.model import Vehicle
@@ -121,7 +121,7 @@ def linearise_centring(
     for i in range(begin, motion.size):
         own, at, stage, z = coefficients[i], road[i], stages[i], motion[i].z
         x, y = body_point(poses[i, axle], ahead, 0.0)
-        foot, offset, cos, sin, _ = project(curve, x, y, memory[i].foot)
+        foot, offset, cos, sin, _ = project(curve, x, y, memory[i].foot, PLANNING_STEP_M)
         if np.isnan(offset):
             return i
         point_gradient(poses[i], axle, x, y, at, -sin, cos, gradient)
@@ -134,7 +134,7 @@ def linearise_centring(
     return -1
 
 
-@compiled
+@inner
 def add_square(gradient: FloatArray, residual: float, weight: float, stage: Record) -> None:
     """Add Q, q of weight * residual^2 with the given derivative of the residual by the stage's first states."""
     for j in range(gradient.size):

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from hdvplan.jit import FloatArray, Records, compiled
 from hdvplan.planning.discretisation import linearise_interval, memory
 from hdvplan.planning.terms.term import Horizon, Needs, Place, Scene
-from hdvplan.vehicle.kinematics import place
+from hdvplan.vehicle.kinematics import POSE, place
 from hdvplan.vehicle.model import Vehicle
 
 
@@ -52,16 +54,14 @@ def linearise_dynamics(
     rule: int, units: Records, road: Records, step: float, motion: Records, poses: Records, begin: int, stages: Records, work: Records
 ) -> None:
     """Write A, B, c of the first interval and of those that lead to stage ``begin`` >= 1 and on; and poses of the stages they join."""
-    last = motion.size - 1
+    last, probe = motion.size - 1, np.empty(units.size, POSE)
     for i in range(last + 1):
         if 0 < i < begin - 1:
             continue
         stage, at = stages[i], road[i]
         place(units, at.x, at.y, at.cos, at.sin, motion[i].z, poses[i])
         if i < last:
-            linearise_interval(
-                rule, units, at.curvature, at.curvature_between, step, motion[i].z, motion[i + 1].z, motion[i].kappa, stage, work[0]
-            )
+            linearise_interval(rule, units, at, step, motion[i], motion[i + 1].z, poses[i], stage, work[0], probe)
         if i >= begin:
             stage.live = 0.0
             for j in range(stage.q.size):

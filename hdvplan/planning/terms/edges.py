@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from hdvplan.jit import FloatArray, Record, Records, compiled
+from hdvplan.jit import FloatArray, Record, Records, inlined, inner
 from hdvplan.planning.stations import LimitTable
-from hdvplan.road.path import Curve, project
+from hdvplan.road.path import PLANNING_STEP_M, Curve, project
 from hdvplan.vehicle.kinematics import body_point, point_gradient
 
 WALL = 1.0  # slope of a limit from which on it is a wall: turning away from one must not look better than passing it
@@ -17,7 +17,7 @@ WALL = 1.0  # slope of a limit from which on it is a wall: turning away from one
 PLACE = np.dtype([(name, float) for name in ("ahead", "x", "y", "foot", "offset", "cos", "sin", "curvature", "slope", "gap")])
 
 
-@compiled
+@inlined
 def limit_at(table: LimitTable, row: int, s: float) -> tuple[float, float]:
     """Return a limit and its slope along s: linear between the table's entries, constant beyond them."""
     place = (s - table.s_first) / table.spacing
@@ -31,18 +31,18 @@ def limit_at(table: LimitTable, row: int, s: float) -> tuple[float, float]:
     return low + part * (high - low), (high - low) / table.spacing
 
 
-@compiled
+@inner
 def look(curve: Curve, table: LimitTable, pose: Record, ahead: float, left: float, row: int, near: float, place: Record) -> bool:
     """Write all about the place of an edge ``ahead`` of the axle and ``left`` of its axis; False where it has no foot."""
     x, y = body_point(pose, ahead, left)
-    s, e, cos, sin, k = project(curve, x, y, near)
+    s, e, cos, sin, k = project(curve, x, y, near, PLANNING_STEP_M)
     limit, slope = limit_at(table, row, s)
     place.ahead, place.x, place.y, place.foot, place.offset, place.cos, place.sin = ahead, x, y, s, e, cos, sin
     place.curvature, place.slope, place.gap = k, slope if abs(slope) < WALL else 0.0, limit - e if left > 0.0 else e - limit
     return not np.isnan(e)
 
 
-@compiled
+@inner
 def tightest_between(table: LimitTable, points: Records, side: int, steady: bool, seen: Records) -> tuple[int, float, int]:
     """Return the sampled point behind an edge's tightest place between two of them, how far ahead of the axle that lies, and its entry.
 
@@ -76,7 +76,7 @@ def tightest_between(table: LimitTable, points: Records, side: int, steady: bool
     return found, ahead, nearest
 
 
-@compiled
+@inner
 def write_row(
     poses: Records, unit: int, sign: float, at: Record, place: Record, slope: float, gap: float, gradients: FloatArray, row: Record
 ) -> None:
@@ -93,7 +93,7 @@ def write_row(
     row.h = gap
 
 
-@compiled
+@inner
 def never(rows: Records, begin: int, end: int, clear: float) -> None:
     """Write rows that never bind."""
     for number in range(begin, end):

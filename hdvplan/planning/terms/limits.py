@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hdvplan.jit import FloatArray, Record, Records, compiled
+from hdvplan.jit import FloatArray, Record, Records, compiled, inner
 from hdvplan.planning.motion import by_stage
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import LimitTable, Stations
@@ -55,6 +55,7 @@ class Seen(NamedTuple):
     edges: Records  # (N+1, units, 2) of ``EDGE``, left and right
     axis_feet: FloatArray  # (N+1, units, 4) [m]
     feet: FloatArray  # (N+1, units, points, 2), of the points of both edges [m]
+    least: FloatArray  # (1,), the least gap of all edges [m]
 
 
 @dataclass(frozen=True)
@@ -78,9 +79,8 @@ class Limits:
         points, axis = edge_points(vehicle), axis_points(vehicle)
         seen = Seen(
             np.zeros((count, vehicle.states)), np.zeros((count, units, 2), EDGE), np.zeros((count, *axis.shape)),
-            np.zeros((count, *points.shape, 2)),
+            np.zeros((count, *points.shape, 2)), np.full(1, np.inf),
         )  # fmt: skip
-        seen.edges["gap"] = np.inf
         path, limits = scene.stations.path, scene.stations.limits
         bodies = Bodies(scene.units, points, axis, axles_behind(vehicle), _furthest(vehicle), path.curve, limits, settings.margin)
         return LimitsPart(scene, bodies, rows, seen)
@@ -115,7 +115,7 @@ class LimitsPart:
     @property
     def memory(self) -> tuple[FloatArray, ...]:
         """What was seen."""
-        return tuple(by_stage(array) for array in self.seen)
+        return tuple(by_stage(array) for array in self.seen[:-1])
 
     def extend(self, horizon: Horizon, begin: int) -> int:
         """See ``Part``."""
@@ -132,7 +132,7 @@ class LimitsPart:
     @property
     def violation(self) -> float:
         """The deepest breach of a limit at any stage of the motion that was last linearised at; 0 when all are kept [m]."""
-        return max(0.0, -float(np.min(self.seen.edges["gap"][1:])))
+        return max(0.0, -float(self.seen.least[0]))
 
     def _linearise(self, horizon: Horizon, begin: int, *, fresh: bool) -> int:
         motion = self.scene.motion
@@ -177,7 +177,7 @@ def linearise_limits(
     where there are rows for them, what its rear and its front corner reach beyond the wheels' limit, if they belong to overhangs.
     """
     places, gradients = np.empty(POINTS_PER_EDGE + 1, PLACE), np.empty((2, motion[0].z.size))
-    each, last = rows.shape[1] // (2 * bodies.units.size), bodies.units.size - 1
+    each, last, least = rows.shape[1] // (2 * bodies.units.size), bodies.units.size - 1, np.inf
     for i in range(begin, motion.size):
         z, at = motion[i].z, road[i]
         margin = at.margin + bodies.margin
@@ -214,16 +214,21 @@ def linearise_limits(
                         edge.never = 1.0
                 else:
                     stages[i].live = 1.0
+                least = min(least, edge.gap)
+    for i in range(1, begin):
+        for number in range(last + 1):
+            least = min(least, seen.edges[i, number, 0].gap, seen.edges[i, number, 1].gap)
+    seen.least[0] = least
     return -1
 
 
-@compiled
+@inner
 def _is_clear(edge: Record, margin: float, binding: bool) -> bool:
     """Return whether an edge needs no rows."""
     return edge.clear - margin > CLEAR_M and not (binding and edge.looked > 0.0)
 
 
-@compiled
+@inner
 def _begin(bodies: Bodies, at: Record, z: FloatArray, i: int, seen: Seen) -> None:
     """Write what is known of a stage that nothing has been seen of: feet as on a straight, clearances by a bound from the state."""
     clear = clear_by_state(bodies.units, at, z)
@@ -239,7 +244,7 @@ def _begin(bodies: Bodies, at: Record, z: FloatArray, i: int, seen: Seen) -> Non
         seen.z[i, j] = z[j]
 
 
-@compiled
+@inner
 def _write_edge(
     bodies: Bodies, at: Record, poses: Records, number: int, side: int, edge: Record, feet: FloatArray, rows: Records, places: Records,
     gradients: FloatArray,

@@ -13,7 +13,7 @@ import numpy as np
 from hdvplan.jit import FloatArray, Records, compiled
 from hdvplan.planning.motion import by_stage
 from hdvplan.planning.terms.term import Horizon, Needs, Place, Scene
-from hdvplan.road.path import Curve, project
+from hdvplan.road.path import PLANNING_STEP_M, Curve, project
 from hdvplan.vehicle.body import axle_points, axles_behind, edge_points
 from hdvplan.vehicle.kinematics import body_point, point_gradient
 from hdvplan.vehicle.model import Vehicle
@@ -112,7 +112,7 @@ def linearise_reach(
                 sign = 1.0 - 2.0 * side
                 for point in range(points.shape[1]):
                     x, y = body_point(poses[i, unit], points[unit, point].ahead, sign * half_widths[unit])
-                    foot, e, cos, sin, _ = project(curve, x, y, feet[i, unit, point, side])
+                    foot, e, cos, sin, _ = project(curve, x, y, feet[i, unit, point, side], PLANNING_STEP_M)
                     if np.isnan(e):
                         return i
                     feet[i, unit, point, side] = foot

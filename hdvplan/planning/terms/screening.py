@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from hdvplan.jit import FloatArray, Record, Records, compiled
-from hdvplan.road.path import Curve, project
+from hdvplan.jit import FloatArray, Record, Records, inner
+from hdvplan.road.path import PLANNING_STEP_M, Curve, project
 from hdvplan.vehicle.kinematics import body_point
 
 CLEAR_M = 0.25  # a body that stays this far inside the limits by a safe bound needs no rows of its own
 _BULGING = 0.5  # curvature times reach up to which a body is screened
 
 
-@compiled
+@inner
 def _highest(e: float, slope: float, bend: float, x: float) -> float:
     """Return the maximum of e + slope t + bend t^2 / 2 over t between 0 and x."""
     highest = max(e, e + x * (slope + 0.5 * bend * x))
@@ -21,7 +21,7 @@ def _highest(e: float, slope: float, bend: float, x: float) -> float:
     return highest
 
 
-@compiled
+@inner
 def clear_by_state(units: Records, at: Record, z: FloatArray) -> float:
     """Return a lower bound of all bodies' clearance from the state alone, or -inf where the bound says nothing.
 
@@ -60,7 +60,7 @@ def clear_by_state(units: Records, at: Record, z: FloatArray) -> float:
     return clearance
 
 
-@compiled
+@inner
 def clear_by_axis(unit: Record, axis: FloatArray, curve: Curve, at: Record, pose: Record, feet: FloatArray) -> tuple[float, float]:
     """Return lower bounds of a body's clearance left and right; NaN where a point of its axis has no foot.
 
@@ -70,7 +70,7 @@ def clear_by_axis(unit: Record, axis: FloatArray, curve: Curve, at: Record, pose
     high, low, longest = -np.inf, np.inf, 0.0
     for point in range(axis.size):
         x, y = body_point(pose, axis[point], 0.0)
-        feet[point], e, _, _, _ = project(curve, x, y, feet[point])
+        feet[point], e, _, _, _ = project(curve, x, y, feet[point], PLANNING_STEP_M)
         if np.isnan(e):
             return e, e
         high, low = max(high, e), min(low, e)

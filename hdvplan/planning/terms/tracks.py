@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hdvplan.jit import Records, compiled
+from hdvplan.jit import Records, compiled, inner
 from hdvplan.road.path import Curve, project
 from hdvplan.vehicle.kinematics import POSE, body_point
 from hdvplan.vehicle.model import Vehicle
@@ -72,7 +72,7 @@ def empty_tracks(vehicle: Vehicle, stages: int) -> Tracks:
     return Tracks(np.zeros((stages + 1, units), POSE), np.zeros((stages + 1, units, 6), TRACK))
 
 
-@compiled
+@inner
 def trace(bodies: Bodies, poses: Records, first: int, end: int, tracks: Tracks) -> None:
     """Write the tracks of stages 0 <= i < end, which begin at station ``first``, from their poses.
 
@@ -142,7 +142,7 @@ def cover(bodies: Bodies, tracks: Tracks, first: int, end: int, reached: Records
                 _cover_edges(bodies, tracks, i - 1, unit, former > 0.0, first, reached)
 
 
-@compiled
+@inner
 def _cover_edges(bodies: Bodies, tracks: Tracks, i: int, unit: int, left: bool, first: int, reached: Records) -> None:
     """Widen ``reached`` by a body's edges at stage i, where it has turned left if ``left`` and turns right from there on, or vice versa.
 
