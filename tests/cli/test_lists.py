@@ -36,7 +36,7 @@ def test_every_shipped_road_and_scenario_is_listed_whole(cli: Cli) -> None:
 
 
 def test_a_preset_is_shown_verbatim(cli: Cli) -> None:
-    preset = resources.files("hdvplan.vehicle") / "presets" / "bus.toml"
+    preset = resources.files("hdvplan.vehicle") / "presets" / "papers" / "bus.toml"
     assert cli("vehicles", "show", "bus").out == preset.read_text(encoding="utf-8")
     assert json.loads(cli("vehicles", "show", "bus", "--json").out)["units"][0]["wheelbase"] == 6.0
     outcome = cli("vehicles", "show", "buss")
