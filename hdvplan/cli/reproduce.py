@@ -34,9 +34,7 @@ _SHARE = {
 
 
 def reproduce(
-    name: Annotated[
-        str, typer.Argument(metavar="NAME", help=f"{', '.join(NAMES)} or all.")
-    ] = _ALL,
+    name: Annotated[str, typer.Argument(metavar="NAME", help=f"{', '.join(NAMES)} or all.")] = _ALL,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where to write.")] = Path("results"),
     json: JsonOption = False,
     quiet: QuietOption = False,

@@ -14,17 +14,17 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 from shapely.geometry.base import BaseGeometry
 
-from hdvplan.jit import FloatArray
 from hdvplan.judging.result import body_name
 from hdvplan.report.colours import BREACH, INK, MUTED
 from hdvplan.report.style import body_colour, body_fill, styled
 from hdvplan.report.turns import swept_area, verdict, wheel_tracks
 from hdvplan.turning.follow import Followed
-from hdvplan.turning.swept import band_of, chart_of, places
+from hdvplan.turning.swept import band_of, chart_of, front_track
 from hdvplan.turning.turn import Turn
 
 _ROOM_M = 2.0
 _SHOWN_M = 25.0  # of the straights beside a compared turn
+_AROUND_M = 12.0  # the circle of a compared turn, in the plane
 _TITLE = 110  # characters a line
 
 
@@ -57,9 +57,11 @@ def draw_turn(axes: Axes, turn: Turn) -> None:
     for unit, side, track in wheel_tracks(driven):
         label = "wheel tracks" if unit == 0 and side == "left" else ""
         axes.plot(*track.T, color=body_colour(unit), linewidth=0.6, label=label or None)
-    axes.plot(*driven.guide[:, :2].T, color=INK, linewidth=1.0, linestyle=(0, (7, 3)), label=f"path of the {driven.manoeuvre.point}")
+    axes.plot(*driven.guide[:, :2].T, color=INK, linewidth=1.0, linestyle=(0, (7, 3)), label=f"path of the {_words(driven)}")
     for pose in _shown_poses(driven):
-        axes.add_collection(PolyCollection(_bodies(driven, pose), facecolors="none", edgecolors=INK, linewidths=0.9, zorder=3))
+        axes.add_collection(
+            PolyCollection([driven.corners(unit)[pose] for unit in units], facecolors="none", edgecolors=INK, linewidths=0.9, zorder=3)
+        )
     axes.plot(*chart.centre, marker="+", color=INK, markersize=9)
     for limit in turn.limits:
         if limit.name.endswith("radius"):
@@ -76,7 +78,7 @@ def compared_figure(first: Followed, second: Followed, names: tuple[str, str], t
     Only the second one's area is filled; ``first`` has driven the line with its guided point.
     """
     chart, colours = chart_of(first), (body_colour(1), body_colour(0))
-    t_line, e_line = (values[:, 0] for values in places(first, chart, 0, np.array([first.vehicle.lead.wheelbase]), np.zeros(1)))
+    t_line, e_line = front_track(first, chart)
     with styled():
         figure = Figure(figsize=(12.0, 5.6), layout="constrained")
         plane, reach = figure.subplots(1, 2, width_ratios=(1.0, 1.1))
@@ -93,7 +95,7 @@ def compared_figure(first: Followed, second: Followed, names: tuple[str, str], t
         plane.set_aspect("equal")
         plane.set_axis_off()
         plane.legend(loc="upper left", bbox_to_anchor=(0.0, 0.0), ncols=2, borderaxespad=0.2)
-        low, high = chart.centre - first.manoeuvre.radius - _SHOWN_M, chart.centre + first.manoeuvre.radius + _SHOWN_M
+        low, high = chart.centre - first.manoeuvre.radius - _AROUND_M, chart.centre + first.manoeuvre.radius + _AROUND_M
         plane.set_xlim(low[0], high[0])
         plane.set_ylim(low[1], high[1])
         _scale_bar(plane)
@@ -152,9 +154,14 @@ def _draw_angles(axes: Axes, driven: Followed) -> None:
     names = [body_name(driven.vehicle, unit) for unit in range(len(driven.vehicle.units))]
     for number, beta in enumerate(driven.beta.T):
         axes.plot(driven.s, np.rad2deg(beta), color=body_colour(number + 1), linewidth=1.6, label=f"{names[number]} to {names[number + 1]}")
-    axes.set_xlabel(f"along the path of the {driven.manoeuvre.point} [m]")
+    axes.set_xlabel(f"along the path of the {_words(driven)} [m]")
     axes.set_title("angles [degrees]", loc="left", fontsize="small")
     axes.legend(loc="best")
+
+
+def _words(driven: Followed) -> str:
+    """Return what the guided point is called."""
+    return str(driven.manoeuvre.point).replace("-", " ")
 
 
 def _shown_poses(driven: Followed) -> list[int]:
@@ -165,16 +172,8 @@ def _shown_poses(driven: Followed) -> list[int]:
     return [0, int(driven.s.searchsorted(out)), len(driven.s) - 1]
 
 
-def _bodies(driven: Followed, pose: int) -> list[FloatArray]:
-    bodies = []
-    for number, unit in enumerate(driven.vehicle.units):
-        along, half = np.array([unit.front, unit.front, -unit.rear_overhang, -unit.rear_overhang]), 0.5 * unit.width
-        bodies.append(driven.points(number, along, np.array([half, -half, -half, half]))[pose])
-    return bodies
-
-
 def _outline(area: BaseGeometry) -> Outline:
-    polygons = [area] if area.geom_type == "Polygon" else list(getattr(area, "geoms", []))
+    polygons = [part for part in shapely.get_parts(area) if isinstance(part, shapely.Polygon)]
     rings = [ring for polygon in polygons for ring in (polygon.exterior, *polygon.interiors)]
     return Outline.make_compound_path(*(Outline(np.asarray(ring.coords), closed=True) for ring in rings))
 

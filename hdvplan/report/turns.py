@@ -38,13 +38,15 @@ def verdict(turn: Turn) -> str:
     if turn.template is None or not turn.limits:
         return f"NEEDS {turn.figures.swept_width:.2f} m of width: {name}, {words}"
     demands = "; ".join(_demand_words(limit, turn) for limit in turn.limits)
-    return f"{'YES' if turn.complies else 'NO'}: {name} {'complies' if turn.complies else 'does not comply'} with {turn.template.name}: {demands}"
+    answer = f"YES: {name} complies" if turn.complies else f"NO: {name} does not comply"
+    return f"{answer} with {turn.template.name}: {demands}"
 
 
 def broken_words(limit: Limit, turn: Turn) -> str:
     """Return which demand is not met, and by how much."""
     found, which = figure(limit.name, turn.figures), "below" if limit.least else "above"
-    return f"the {limit.words} of the {turn.driven.vehicle.name} is {found:.3f} m, {-limit.spare(turn.figures):.3f} m {which} {limit.value:.3f} m"
+    off = f"{-limit.spare(turn.figures):.3f} m {which} {limit.value:.3f} m"
+    return f"the {limit.words} of the {turn.driven.vehicle.name} is {found:.3f} m, {off}"
 
 
 def turn_json(turn: Turn) -> Json:
@@ -100,7 +102,9 @@ def turn_table(turn: Turn, directory: str) -> Table:
         ("steering", f"{np.rad2deg(figures.steering):.1f}", "deg", "front wheels, largest"),
     ]
     if figures.frontal_swing is not None:
-        rows.insert(-1 - len(figures.articulation), ("frontal swing", f"{figures.frontal_swing:.3f}", "m", "beyond its side in line with the exit"))
+        rows.insert(
+            -1 - len(figures.articulation), ("frontal swing", f"{figures.frontal_swing:.3f}", "m", "beyond its side in line with the exit")
+        )
     source = "" if turn.template is None else f"{turn.template.source}; "
     title = f"{vehicle.name}, {_manoeuvre_words(turn)}"
     return grid(title, ("", "value", "unit", "remark"), rows, text=("", "unit", "remark"), caption=f"{source}written to {directory}")
@@ -145,12 +149,11 @@ def turn_geojson(turn: Turn) -> Json:
 
 
 def swept_area(driven: Followed, unit: int) -> BaseGeometry:
-    """Return the plane area that a body sweeps, joined from pose to pose [m]."""
-    body = driven.vehicle.units[unit]
-    ahead, half = np.array([body.front, body.front, -body.rear_overhang, -body.rear_overhang]), 0.5 * body.width
-    corners = driven.points(unit, ahead, np.array([half, -half, -half, half]))[every(driven, _AREA_M)]
-    pairs = np.concatenate([corners[:-1], corners[1:]], axis=1)
-    return shapely.union_all(shapely.convex_hull(shapely.multipoints(list(pairs))))
+    """Return the plane area that a body sweeps: its outlines, and from pose to pose what its front and its rear edge sweep [m]."""
+    corners = driven.corners(unit)[every(driven, _AREA_M)]
+    front, rear = (np.concatenate([corners[:-1, edge], corners[1:, edge]], axis=1) for edge in (slice(0, 2), slice(2, 4)))
+    moved = shapely.convex_hull(shapely.multipoints(list(np.concatenate([front, rear]))))  # hulls of whole bodies would fill bends
+    return shapely.union_all(np.concatenate([shapely.polygons(corners), moved]))
 
 
 def wheel_tracks(driven: Followed) -> list[tuple[int, str, FloatArray]]:

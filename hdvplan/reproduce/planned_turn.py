@@ -10,7 +10,6 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from hdvplan.driving.drive import Drive
-from hdvplan.jit import FloatArray
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.report.turn_plots import compared_figure
@@ -19,7 +18,7 @@ from hdvplan.reproduce.swept import road_of, swept
 from hdvplan.road.scenarios import uturn_profile
 from hdvplan.turning.follow import Followed, follow, tightest
 from hdvplan.turning.manoeuvre import GuidePoint, Manoeuvre, guide_offsets
-from hdvplan.turning.swept import band_of, chart_of, places
+from hdvplan.turning.swept import band_of, chart_of, front_track
 from hdvplan.vehicle.kinematics import place
 from hdvplan.vehicle.load import load_vehicle
 
@@ -51,7 +50,7 @@ def planned_turn(on_progress: Progress) -> Study:
     for number, (name, degrees) in enumerate(_TURNS, start=1):
         line, planned = drives(name, np.deg2rad(degrees))
         rooms = room_of(line, line), room_of(planned, line)
-        rows += _rows(f"{name}, {degrees:g} degrees", *rooms, headline=(name, degrees) == _DRAWN)
+        rows += _rows(f"{name}, {degrees:g} deg", *rooms, headline=(name, degrees) == _DRAWN)
         data.append({"vehicle": name, "angle_deg": degrees, "radius_m": line.manoeuvre.radius} | _columns(*rooms))
         if (name, degrees) == _DRAWN:
             drawn = line, planned
@@ -82,12 +81,8 @@ def drives(name: str, angle: float) -> tuple[Followed, Followed]:
 def room_of(driven: Followed, line: Followed) -> Room:
     """Return what ``driven`` sweeps about the path of the front axle of ``line``."""
     band = band_of(driven)
-    offset = np.interp(band.t, *(values[:, 0] for values in _front(line)))
+    offset = np.interp(band.t, *front_track(line, chart_of(line)))
     return Room(float(np.nanmax(band.inner - offset)), float(np.nanmax(offset - band.outer)), float(np.nanmax(band.width)))
-
-
-def _front(driven: Followed) -> tuple[FloatArray, FloatArray]:
-    return places(driven, chart_of(driven), 0, np.array([driven.vehicle.lead.wheelbase]), np.zeros(1))
 
 
 def _as_followed(drive: Drive, line: Followed) -> Followed:
@@ -101,7 +96,9 @@ def _as_followed(drive: Drive, line: Followed) -> Followed:
     s = drive.poses_s + drive.vehicle.lead.wheelbase
     beta = drive.poses_z[:, 2 : drive.vehicle.rigid_states]
     kappa = drive.kappa[np.clip(np.searchsorted(drive.stations.s, drive.poses_s, side="right") - 1, 0, len(drive.kappa) - 1)]
-    return replace(line, s=s, guide=line.path.at(np.clip(s, 0.0, line.s[-1])), kappa=kappa, beta=beta, axles=poses[:, :, :2], headings=headings)
+    return replace(
+        line, s=s, guide=line.path.at(np.clip(s, 0.0, line.s[-1])), kappa=kappa, beta=beta, axles=poses[:, :, :2], headings=headings
+    )
 
 
 def _rows(what: str, line: Room, planned: Room, *, headline: bool) -> list[Row]:
@@ -110,9 +107,9 @@ def _rows(what: str, line: Room, planned: Room, *, headline: bool) -> list[Row]:
 
     gain = line.even - planned.even
     return [
-        Row(f"{what}: even half width, axle on the line", "m", None, line.even, reaches(line), headline=headline),
-        Row(f"{what}: even half width, planned", "m", None, planned.even, f"{reaches(planned)}; saves {gain:.2f} m", headline=headline),
-        Row(f"{what}: swept width, axle on the line", "m", None, line.width, headline=headline),
+        Row(f"{what}: half width, axle on line", "m", None, line.even, reaches(line), headline=headline),
+        Row(f"{what}: half width, planned", "m", None, planned.even, f"{reaches(planned)}; saves {gain:.2f} m", headline=headline),
+        Row(f"{what}: swept width, axle on line", "m", None, line.width, headline=headline),
         Row(f"{what}: swept width, planned", "m", None, planned.width, headline=headline),
     ]
 

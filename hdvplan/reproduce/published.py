@@ -110,11 +110,11 @@ def curves() -> dict[str, FloatArray]:
     text = (resources.files("hdvplan.reproduce") / "paper_fig8_10.json").read_text(encoding="utf-8")
     return {name: np.array(points, dtype=np.float64) for name, points in json.loads(text).items()}
 
+
 # Turning figures of highway manuals; only what was read in the source named. Feet and inches as printed.
 FOOT_M, INCH_M = 0.3048, 0.0254
 GREEN_BOOK = "AASHTO Green Book 2018, figs. 2-23, 2-24"
 SDDC = "SDDC/TEA, Turning characteristics"
-SECOND_HAND = "AASHTO, second hand"
 
 
 def _feet(value: float, last_digit: float = 0.1) -> Number:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -26,10 +27,10 @@ _INNER_M, _OUTER_M = 5.30, 12.50
 _CORNER_M = 2.04  # from the kingpin to the furthest front corner of a semitrailer
 _DRAWN = ("P", "CITY-BUS", "WB-40", "WB-62")
 
-_RAMPED = "ours with the wheels turned at once, in its tightest part; AASHTO's turns the wheels gradually, which takes the outer wheel further out"
-_P_OUTSIDE = "not explained: P's wheels may run narrower than its body, which its inside radius does not show"
+_UNEXPLAINED = "not explained"
+_SECOND_HAND = ("SU-30", "SU-40", "S-BUS-36")  # whose outer radius was read in a vehicle library, not in the manual
 _CORNER = "not reproduced: with a square front the corner runs here; a cab with rounded or cut corners is the likely cause"
-_ANGLE = "not reproduced, though the inside radius is: the angle at the end of a turn that is not long enough to settle; not explained"
+_ANGLE = "not reproduced, though the inside radius is, and both follow from the same wheelbases; not explained"
 _RECALLED = "no figure that could be read in a source"
 _WHEELBASE = "the abstract gives no wheelbase: ours is"
 _CLOSED = "closed form, not published:"
@@ -63,7 +64,7 @@ def deemed_wheelbase(width: float) -> float:
         alone = Vehicle("semitrailer", (Unit(wheelbase, _CORNER_M, 12.0 - wheelbase, width),), max_curvature=1.0)
         return turn(alone, Manoeuvre(_OUTER_M - _CORNER_M, None)).figures.bodies.inside - _INNER_M
 
-    return float(brentq(excess, 7.0, 9.0, xtol=1e-7))
+    return float(brentq(excess, 7.0, 9.0, xtol=1e-6))
 
 
 def outer_wheel(driven: Followed) -> float:
@@ -79,12 +80,11 @@ def _aashto(turns: dict[str, Turn]) -> list[Row]:
         figures = found.figures
         inside = published.TURN_INSIDE.get(name)
         remark = "" if inside else _RECALLED
-        rows.append(Row(f"{name}: inside radius of the wheels", "m", inside, figures.wheels.inside, remark, headline=inside is not None))
+        rows.append(Row(f"{name}: inside radius", "m", inside, figures.wheels.inside, remark, headline=inside is not None))
         if name in published.TURN_OUTSIDE:
-            remark = {"P": _P_OUTSIDE}.get(name, _RAMPED)
-            rows.append(Row(f"{name}: radius of the outer front wheel", "m", published.TURN_OUTSIDE[name], outer_wheel(found.driven), remark))
+            rows.append(_outside(name, found))
         if name in published.TURN_OVERHANG:
-            rows.append(Row(f"{name}: radius of the front overhang", "m", published.TURN_OVERHANG[name], figures.bodies.outside, _CORNER))
+            rows.append(Row(f"{name}: outside radius, front overhang", "m", published.TURN_OVERHANG[name], figures.bodies.outside, _CORNER))
         if name in published.TURN_ARTICULATION:
             angle, remark = float(np.rad2deg(figures.articulation[0])), _ANGLE if name == "WB-67" else ""
             rows.append(Row(f"{name}: articulation", "deg", published.TURN_ARTICULATION[name], angle, remark, headline=True))
@@ -93,6 +93,19 @@ def _aashto(turns: dict[str, Turn]) -> list[Row]:
             steering, remark = float(np.rad2deg(figures.steering)), f"at the end of the half turn; the settled circle has {settled:.1f}"
             rows.append(Row(f"{name}: steering angle", "deg", published.TURN_STEERING[name], steering, remark))
     return rows
+
+
+def _outside(name: str, found: Turn) -> Row:
+    """Return the outer front wheel's radius; where wheels that turn at once decide, with what they give at the begin of the arc."""
+    value, ours, begin = published.TURN_OUTSIDE[name], outer_wheel(found.driven), found.figures.wheels.outside
+    between = (
+        f"between ours where the wheels are turned most and at the begin of the arc, {begin:.2f} m: how fast AASHTO's turn was not read"
+    )
+    row = Row(f"{name}: outside radius, front wheel", "m", value, ours)
+    remark = (between if ours <= value.value <= begin else _UNEXPLAINED) if row.differs else ""
+    return replace(
+        row, remark="; ".join([*(["published value second hand"] if name in _SECOND_HAND else []), *([remark] if remark else [])])
+    )
 
 
 def _circles() -> dict[str, Turn | TurnError]:
@@ -111,16 +124,16 @@ def _europe(circles: dict[str, Turn | TurnError]) -> list[Row]:
     for width in (2.55, 2.60):
         closed = np.sqrt((_OUTER_M - _CORNER_M) ** 2 - (_INNER_M + 0.5 * width) ** 2)
         remark = f"{_CLOSED} sqrt((12.50 - 2.04)^2 - (5.30 + width / 2)^2) = {closed:.4f}"
-        name = f"EU semitrailer {width:.2f} m wide: wheelbase deemed to comply"
+        name = f"EU: deemed wheelbase, {width:.2f} m wide"
         rows.append(Row(name, "m", None, deemed_wheelbase(width), remark, headline=True))
     for name, found in circles.items():
         if isinstance(found, TurnError):
             least = np.nan if found.least_radius_m is None else found.least_radius_m
-            rows.append(Row(f"EU circle, {name}: least outside radius", "m", None, least, "it cannot drive 12.50 m: does not comply"))
+            rows.append(Row(f"EU, {name}: least radius", "m", None, least, "it cannot drive 12.50 m: does not comply"))
         else:
             spare = found.figures.bodies.inside - _INNER_M
             remark = f"complies, {spare:.3f} m to spare" if found.complies else f"does not comply, {-spare:.3f} m short"
-            rows.append(Row(f"EU circle, {name}: inside radius", "m", None, found.figures.bodies.inside, remark))
+            rows.append(Row(f"EU, {name}: inside radius", "m", None, found.figures.bodies.inside, remark))
     return rows
 
 
@@ -129,7 +142,7 @@ def _tail_swing() -> list[Row]:
     for wheelbase, overhang in ((4.5, 3.7), (6.0, 7.0)):
         rigid = Vehicle("rigid", (Unit(wheelbase, 1.2, overhang, 2.5),), max_curvature=0.2)
         swing = turn(rigid, template).figures.tail_swing[0]
-        words = f"PBS tail swing, rear overhang {overhang:g} m"
+        words = f"PBS tail swing, overhang {overhang:g} m"
         rows.append(Row(words, "m", published.TAIL_SWING[overhang], swing, f"{_WHEELBASE} {wheelbase:g} m", headline=True))
     return rows
 
@@ -144,7 +157,7 @@ def _map21() -> list[Row]:
     remark = f"the study's wheelbases could not be read; ours is WB-67's. 18.6 and 44 ft give {inches[0]:.0f} and {inches[1]:.0f} inches"
     words = ("drive axles", "trailer axles")
     return [
-        Row(f"MAP-21 control vehicle: off-tracking of {what}", "m", value, ours, remark)
+        Row(f"MAP-21 off-tracking, {what}", "m", value, ours, remark)
         for what, value, ours in zip(words, published.MAP21_OFF_TRACKING, found, strict=True)
     ]
 

@@ -37,16 +37,17 @@ def turn_accuracy(on_progress: Progress) -> Study:
             data.append({"vehicle": name, "spacing_m": spacing, "joined_mm": joined, "outlines_mm": outlines})
             stated = AUTOTURN_MM if spacing == 0.1 else None  # noqa: PLR2004 - its spacing
             remark = _STATED if stated else _PLAN if spacing == 0.25 else ""  # noqa: PLR2004 - the plan's
-            rows.append(Row(f"{name}: poses every {spacing:g} m, joined", "mm", stated, joined, remark, headline=stated is not None))
-            rows.append(Row(f"{name}: poses every {spacing:g} m, outlines alone", "mm", None, outlines))
+            rows.append(Row(f"{name}: every {spacing:g} m, joined", "mm", stated, joined, remark, headline=stated is not None))
+            rows.append(Row(f"{name}: every {spacing:g} m, outlines alone", "mm", None, outlines))
         on_progress(number / len(_VEHICLES))
     table = pd.DataFrame(data)
     return Study(
         "turn-accuracy",
         "Accuracy of the swept envelope",
-        "https://helpdesk.transoftsolutions.com/hc/en-us/articles/31417619910291 (AutoTURN)",
+        "AutoTURN: helpdesk.transoftsolutions.com, article 31417619910291",
         "Largest difference of either edge of the swept band, over the turn, from poses "
-        f"every {1e3 * _EXACT_M:g} mm; AASHTO's half turn. The motion itself is integrated in steps of 12.5 mm throughout, exact to 1e-10 rad.",
+        f"every {1e3 * _EXACT_M:g} mm; AASHTO's half turn, outline points 0.1 m apart. The motion itself is integrated in steps "
+        "of 12.5 mm throughout, exact to 1e-10 rad.",
         tuple(rows),
         table,
         partial(accuracy_figure, table),

@@ -8,7 +8,7 @@ import numpy as np
 
 from hdvplan.jit import BoolArray, FloatArray
 from hdvplan.turning.follow import Followed
-from hdvplan.turning.swept import Band, Chart, band_of, chart_of, counted, places
+from hdvplan.turning.swept import Band, Chart, band_of, chart_of, counted, front_track, places
 
 
 @dataclass(frozen=True)
@@ -62,9 +62,7 @@ def _extreme(radii: list[Radii]) -> Radii:
     return Radii(min(one.inside for one in radii), max(one.outside for one in radii))
 
 
-def _radii(
-    driven: Followed, chart: Chart, poses: BoolArray, unit: int, outer: FloatArray, inner: FloatArray | None, half: float
-) -> Radii:
+def _radii(driven: Followed, chart: Chart, poses: BoolArray, unit: int, outer: FloatArray, inner: FloatArray | None, half: float) -> Radii:
     """Return the radii of points ``outer`` ahead of the axle on the outer side, and of ``inner`` ones, or of the whole inner side."""
     t, e = places(driven, chart, unit, outer, np.full(len(outer), -half))
     passing = chart.within(t) & poses[:, None]
@@ -79,12 +77,12 @@ def _radii(
 
 def _off_tracking(driven: Followed, chart: Chart, poses: BoolArray) -> tuple[float, ...]:
     zero = np.zeros(1)
-    front_t, front_e = places(driven, chart, 0, np.array([driven.vehicle.lead.wheelbase]), zero)
+    front_t, front_e = front_track(driven, chart)
     found = []
     for unit in range(len(driven.vehicle.units)):
         t, e = places(driven, chart, unit, zero, zero)
-        passed = poses & (t[:, 0] >= front_t[0, 0])
-        inside = e[passed, 0] - np.interp(t[passed, 0], front_t[:, 0], front_e[:, 0])
+        passed = poses & (t[:, 0] >= front_t[0])
+        inside = e[passed, 0] - np.interp(t[passed, 0], front_t, front_e)
         found.append(float(inside.max(initial=0.0)))
     return tuple(found)
 

@@ -1,8 +1,9 @@
 """Drive a manoeuvre exactly: the guided point stays on its path, and the kinematics that judge plans turn all bodies.
 
 The guided point's velocity fixes how the lead unit turns: its direction off the body decides the front wheels' angle. Everything
-else comes from ``vehicle.kinematics``: with the lead rear axle on a straight road, in line with it, ``derivative`` is the motion per metre that
-the lead body moves forward. It is integrated over the guided point's arclength by the classical Runge-Kutta method, piece by piece.
+else comes from ``vehicle.kinematics``: with the lead rear axle on a straight road, in line with it, ``derivative`` is the motion per
+metre that the lead body moves forward. It is integrated over the guided point's arclength by the classical Runge-Kutta method,
+piece by piece.
 """
 
 from __future__ import annotations
@@ -54,6 +55,12 @@ class Followed:
         cos, sin = np.cos(self.headings[:, unit, None]), np.sin(self.headings[:, unit, None])
         x, y = self.axles[:, unit, :1], self.axles[:, unit, 1:]
         return np.stack([x + ahead * cos - left * sin, y + ahead * sin + left * cos], axis=-1)
+
+    def corners(self, unit: int) -> FloatArray:
+        """Return the corners of a body at all poses, around it, (n, 4, 2) [m]."""
+        body, half = self.vehicle.units[unit], 0.5 * self.vehicle.units[unit].width
+        ahead = np.array([body.front, body.front, -body.rear_overhang, -body.rear_overhang])
+        return self.points(unit, ahead, np.array([half, -half, -half, half]))
 
 
 def follow(vehicle: Vehicle, manoeuvre: Manoeuvre, *, spacing: float = POSE_M) -> Followed:
@@ -246,7 +253,7 @@ def _rates(
         if attempt == 0:
             last_miss = miss
             continue
-        if miss == last_miss or miss == 0.0:
+        if miss == last_miss or miss == 0.0:  # noqa: PLR1714 - numba compiles no set here
             break
         step = miss * (kappa - last) / (miss - last_miss)
         if abs(step) < 1e-15:  # noqa: PLR2004 - rounding of a curvature [1/m]

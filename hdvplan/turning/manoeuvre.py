@@ -92,7 +92,7 @@ def guide_offsets(point: GuidePoint, vehicle: Vehicle) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class GuidePath:
-    """The path of the guided point: ``pieces`` (n, 3) of length [m] and curvature at begin and end [1/m], from the origin at ``heading``."""
+    """The path of the guided point, from the origin: ``pieces`` (n, 3) of length [m] and curvature at begin and end [1/m]."""
 
     pieces: FloatArray
     heading: float  # at the begin [rad]

@@ -8,6 +8,7 @@ smoothly over the borders, where the cross-sections through the centre lie.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -51,7 +52,14 @@ class Chart:
 
     def within(self, t: FloatArray) -> BoolArray:
         """Tell which places lie between the cross-sections where the turn begins and ends."""
-        return (t >= 0.0) & (t <= (np.inf if self.angle is None else self.radius * self.angle))
+        inside: BoolArray = (t >= 0.0) & (t <= (np.inf if self.angle is None else self.radius * self.angle))
+        return inside
+
+    def metres(self, t: FloatArray, share: FloatArray) -> FloatArray:
+        """Return ``t`` as metres in the plane at ``share`` radii from the centre: in between, t is the length of the arc itself."""
+        total = np.inf if self.angle is None else self.radius * self.angle
+        inside: FloatArray = np.clip(t, 0.0, total)
+        return t - inside + share * inside
 
 
 @dataclass(frozen=True)
@@ -82,18 +90,24 @@ def chart_of(driven: Followed) -> Chart:
 
 def counted(driven: Followed) -> BoolArray:
     """Tell which poses the figures are taken from: all, or in a full circle those of the last quarter turn, when it is steady."""
-    if driven.manoeuvre.angle is not None:
-        return np.full(len(driven.s), True)
-    return driven.s >= driven.s[-1] - 0.5 * np.pi * driven.manoeuvre.radius
+    first = 0.0 if driven.manoeuvre.angle is not None else driven.s[-1] - 0.5 * np.pi * driven.manoeuvre.radius
+    late: BoolArray = driven.s >= first
+    return late
 
 
 def places(driven: Followed, chart: Chart, unit: int, ahead: FloatArray, left: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return t and e of body points of ``unit`` at all poses, (n, len(ahead)) each [m]."""
     begun = driven.path.starts[int(np.argmax(np.max(driven.path.pieces[:, 1:], axis=1) > 0.0))]
     units = driven.vehicle.units
-    behind = sum(front.hitch_offset + unit_.wheelbase for front, unit_ in zip(units[:unit], units[1 : unit + 1], strict=True))
+    behind = sum(front.hitch_offset + back.wheelbase for front, back in pairwise(units[: unit + 1]))
     near = driven.s[:, None] - begun + ahead - behind - units[0].wheelbase
     return chart.seen(driven.points(unit, ahead, left), near)
+
+
+def front_track(driven: Followed, chart: Chart) -> tuple[FloatArray, FloatArray]:
+    """Return t and e of the middle of the front axle at all poses, (n,) each [m]."""
+    t, e = places(driven, chart, 0, np.array([driven.vehicle.lead.wheelbase]), np.zeros(1))
+    return t[:, 0], e[:, 0]
 
 
 def band_of(driven: Followed, *, joined: bool = True) -> Band:
@@ -119,9 +133,9 @@ def band_of(driven: Followed, *, joined: bool = True) -> Band:
     inner, outer = np.full(count, -np.inf), np.full(count, np.inf)
     for t, e in tracks:
         closed_t, closed_e = np.append(t, t[:, :1], axis=1), np.append(e, e[:, :1], axis=1)
-        _widen(closed_t[:, :-1], closed_e[:, :-1], closed_t[:, 1:], closed_e[:, 1:], stations, inner, outer)
+        _widen(chart, closed_t[:, :-1], closed_e[:, :-1], closed_t[:, 1:], closed_e[:, 1:], stations, inner, outer)
         if joined:
-            _widen(t[:-1], e[:-1], t[1:], e[1:], stations, inner, outer)
+            _widen(chart, t[:-1], e[:-1], t[1:], e[1:], stations, inner, outer)
     seen = np.isfinite(inner)
     return Band(stations, np.where(seen, inner, np.nan), np.where(seen, outer, np.nan))
 
@@ -140,20 +154,22 @@ def _steady_part(driven: Followed) -> Followed:
 
 
 def _widen(
-    t_from: FloatArray, e_from: FloatArray, t_to: FloatArray, e_to: FloatArray, stations: FloatArray, inner: FloatArray, outer: FloatArray
-) -> None:
-    """Widen the band by straight pieces in the (t, e) plane."""
+    chart: Chart, t_from: FloatArray, e_from: FloatArray, t_to: FloatArray, e_to: FloatArray, stations: FloatArray, inner: FloatArray,
+    outer: FloatArray,
+) -> None:  # fmt: skip
+    """Widen the band by pieces of outlines and tracks, straight in (t, e) and, across the borders of the turn, in the plane."""
     swap = t_to < t_from
     t0, e0 = np.where(swap, t_to, t_from).ravel(), np.where(swap, e_to, e_from).ravel()
     t1, e1 = np.where(swap, t_from, t_to).ravel(), np.where(swap, e_from, e_to).ravel()
-    begin = np.ceil((t0 - stations[0]) / STATION_M - 1e-9).astype(np.int64)
-    end = np.floor((t1 - stations[0]) / STATION_M + 1e-9).astype(np.int64)
+    begin = np.maximum(np.ceil((t0 - stations[0]) / STATION_M - 1e-9).astype(np.int64), 0)
+    end = np.minimum(np.floor((t1 - stations[0]) / STATION_M + 1e-9).astype(np.int64), len(stations) - 1)
     count = np.where(t1 - t0 > _JUMP_M, 0, np.maximum(end - begin + 1, 0))
     piece = np.repeat(np.arange(len(count)), count)
     station = begin[piece] + np.arange(len(piece)) - np.repeat(np.cumsum(count) - count, count)
-    piece, station = piece[(station >= 0) & (station < len(stations))], station[(station >= 0) & (station < len(stations))]
-    length = t1[piece] - t0[piece]
-    part = np.clip((stations[station] - t0[piece]) / np.where(length > 0.0, length, 1.0), 0.0, 1.0)
+    share = 1.0 - 0.5 * (e0 + e1)[piece] / chart.radius
+    first, last = chart.metres(t0[piece], share), chart.metres(t1[piece], share)
+    length = last - first
+    part = np.clip((chart.metres(stations[station], share) - first) / np.where(length > 0.0, length, 1.0), 0.0, 1.0)
     offset = e0[piece] + part * (e1[piece] - e0[piece])
     np.maximum.at(inner, station, np.where(length > 0.0, offset, np.maximum(e0, e1)[piece]))
     np.minimum.at(outer, station, np.where(length > 0.0, offset, np.minimum(e0, e1)[piece]))

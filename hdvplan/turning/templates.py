@@ -22,6 +22,7 @@ _LENGTH_KEYS = ("radius", "ramp", "lead_in", "lead_out")
 _MANOEUVRE_KEYS = ("guide", "angle", "standstill", *_LENGTH_KEYS)
 STEADY, OF_VEHICLE = "steady", "vehicle"
 _ROUNDING_M = 1e-6
+_LARGEST = 1e6  # of any entry
 
 
 @dataclass(frozen=True)
@@ -134,7 +135,7 @@ def parse_template(text: str, *, default_name: str) -> Template:
     where = f"template {name!r}"
     _check_keys(document, _TOP_KEYS, where)
     unit = document.get("length_unit", "m")
-    if unit not in METRES:
+    if not isinstance(unit, str) or unit not in METRES:
         msg = f"{where}: length_unit must be 'm' or 'ft', not {unit!r}"
         raise OptionError(msg)
     given, limits = (_table(document, key, where) for key in ("manoeuvre", "limits"))
@@ -193,7 +194,7 @@ def _check_keys(table: dict[str, object], known: tuple[str, ...], where: str) ->
 
 def _number(table: dict[str, object], key: str, where: str) -> float:
     value = table[key]
-    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < _LARGEST:
         words = {"radius": f" or '{OF_VEHICLE}'", "angle": f" of degrees or '{STEADY}'"}.get(key, "")
         msg = f"{where}: {key} must be a number{words}, not {value!r}"
         raise OptionError(msg)
