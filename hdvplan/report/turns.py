@@ -149,11 +149,20 @@ def turn_geojson(turn: Turn) -> Json:
 
 
 def swept_area(driven: Followed, unit: int) -> BaseGeometry:
-    """Return the plane area that a body sweeps: its outlines, and from pose to pose what its front and its rear edge sweep [m]."""
-    corners = driven.corners(unit)[every(driven, _AREA_M)]
-    front, rear = (np.concatenate([corners[:-1, edge], corners[1:, edge]], axis=1) for edge in (slice(0, 2), slice(2, 4)))
-    moved = shapely.convex_hull(shapely.multipoints(list(np.concatenate([front, rear]))))  # hulls of whole bodies would fill bends
-    return shapely.union_all(np.concatenate([shapely.polygons(corners), moved]))
+    """Return the plane area that a body sweeps [m]. Of a full circle those of its first and last round: the others lie in between."""
+    spaced, around = every(driven, _AREA_M), 2.0 * np.pi * driven.manoeuvre.radius
+    corners, s = driven.corners(unit)[spaced], driven.s[spaced]
+    if driven.manoeuvre.angle is not None or s[-1] < 2.0 * around:
+        return _swept(corners)
+    return shapely.union(_swept(corners[s < driven.manoeuvre.lead_in + around]), _swept(corners[s > s[-1] - around]))
+
+
+def _swept(corners: FloatArray) -> BaseGeometry:
+    """Return the outlines (n, 4, 2), and what their edges sweep from one to the next."""
+    ends = np.roll(corners, -1, axis=1)
+    moved = np.stack([corners[:-1], ends[:-1], ends[1:], corners[1:]], axis=2).reshape(-1, 4, 2)
+    areas = shapely.make_valid(shapely.polygons(moved))  # an edge that turns about a point of its own sweeps two triangles
+    return shapely.union_all(np.concatenate([shapely.polygons(corners), areas]))
 
 
 def wheel_tracks(driven: Followed) -> list[tuple[int, str, FloatArray]]:

@@ -9,9 +9,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from hdvplan.driving.drive import Drive
-from hdvplan.planning.objectives import geometric
-from hdvplan.planning.settings import PlannerSettings
+from hdvplan.case import Case
 from hdvplan.report.turn_plots import compared_figure
 from hdvplan.reproduce.study import Progress, Row, Study
 from hdvplan.reproduce.swept import road_of, swept
@@ -19,7 +17,7 @@ from hdvplan.road.scenarios import uturn_profile
 from hdvplan.turning.follow import Followed, follow, tightest
 from hdvplan.turning.manoeuvre import GuidePoint, Manoeuvre, guide_offsets
 from hdvplan.turning.swept import band_of, chart_of, front_track
-from hdvplan.vehicle.kinematics import place
+from hdvplan.vehicle.kinematics import POSE, place
 from hdvplan.vehicle.load import load_vehicle
 
 _TURNS = (("SU-30", 90.0), ("CITY-BUS", 90.0), ("A-BUS", 90.0), ("WB-40", 90.0), ("WB-62", 90.0), ("WB-62", 180.0))
@@ -45,10 +43,12 @@ class Room:
 def planned_turn(on_progress: Progress) -> Study:
     """Drive design vehicles through their minimum turns by their front axle, and as planned by the geometric objective."""
     rows: list[Row] = []
-    data = []
+    cases, data = [], []
     drawn: tuple[Followed, Followed] | None = None
     for number, (name, degrees) in enumerate(_TURNS, start=1):
-        line, planned = drives(name, np.deg2rad(degrees))
+        case, line = turn_of(name, np.deg2rad(degrees))
+        planned = planned_along(case, line)
+        cases.append(case)
         rooms = room_of(line, line), room_of(planned, line)
         rows += _rows(f"{name}, {degrees:g} deg", *rooms, headline=(name, degrees) == _DRAWN)
         data.append({"vehicle": name, "angle_deg": degrees, "radius_m": line.manoeuvre.radius} | _columns(*rooms))
@@ -63,19 +63,36 @@ def planned_turn(on_progress: Progress) -> Study:
         "The line is the vehicle's own minimum turn with ramps of 2 m. Planned: geometric objective, receding horizon (RTI), no limits. "
         "Even half width: what a road needs whose kerbs stand equally far from the line, which is what the objective asks for. Planning "
         "moves reach from the inside kerb to the outside one; the band itself narrows only where the turn is long.",
+        tuple(cases),
         tuple(rows),
         pd.DataFrame(data),
         partial(_figure, *drawn),
     )
 
 
-def drives(name: str, angle: float) -> tuple[Followed, Followed]:
-    """Return a design vehicle in its minimum turn by ``angle`` [rad]: its front axle on the line, and as planned along the line."""
+def turn_of(name: str, angle: float) -> tuple[Case, Followed]:
+    """Return a design vehicle's minimum turn by ``angle`` [rad]: to be planned along the line, and with its front axle on it."""
     vehicle = load_vehicle(name)
     radius = tightest(vehicle, guide_offsets(GuidePoint.FRONT_AXLE, vehicle))
     line = follow(vehicle, Manoeuvre(radius, angle, ramp=_RAMP_M, lead_in=_LEAD_M, lead_out=_LEAD_M))
-    road = road_of(f"{name}-turn", uturn_profile(1.0 / radius, _RAMP_M, angle=angle, lead_in=_LEAD_M, lead_out=_LEAD_M))
-    return line, _as_followed(swept(road, vehicle, geometric, PlannerSettings()).drive, line)
+    profile = uturn_profile(1.0 / radius, _RAMP_M, angle=angle, lead_in=_LEAD_M, lead_out=_LEAD_M)
+    return Case(road_of(f"{name}-turn", profile), vehicle), line
+
+
+def planned_along(case: Case, line: Followed) -> Followed:
+    """Return a case's drive as if it were a driven manoeuvre along ``line``: measured and drawn is where its bodies were."""
+    drive = swept(case).drive
+    units, path, count = drive.vehicle.table(), drive.stations.path, len(drive.vehicle.units)
+    poses = np.empty((len(drive.poses_s), count), POSE)
+    points = path.at(drive.poses_s)
+    for pose, z, x, y, psi in zip(poses, drive.poses_z, points.x, points.y, points.heading, strict=True):
+        place(units, x, y, np.cos(psi), np.sin(psi), z, pose)
+    headings = np.unwrap(np.arctan2(poses["sin"], poses["cos"]), axis=0)
+    axles = np.stack([poses["x"], poses["y"]], axis=-1)
+    s = drive.poses_s + drive.vehicle.lead.wheelbase
+    beta = drive.poses_z[:, 2 : drive.vehicle.rigid_states]
+    kappa = drive.kappa[np.clip(np.searchsorted(drive.stations.s, drive.poses_s, side="right") - 1, 0, len(drive.kappa) - 1)]
+    return replace(line, s=s, guide=line.path.at(np.clip(s, 0.0, line.s[-1])), kappa=kappa, beta=beta, axles=axles, headings=headings)
 
 
 def room_of(driven: Followed, line: Followed) -> Room:
@@ -83,22 +100,6 @@ def room_of(driven: Followed, line: Followed) -> Room:
     band = band_of(driven)
     offset = np.interp(band.t, *front_track(line, chart_of(line)))
     return Room(float(np.nanmax(band.inner - offset)), float(np.nanmax(offset - band.outer)), float(np.nanmax(band.width)))
-
-
-def _as_followed(drive: Drive, line: Followed) -> Followed:
-    """Return a planned drive as if it were a driven manoeuvre: what is measured and drawn of it is where its bodies were."""
-    units, path, count = drive.vehicle.table(), drive.stations.path, len(drive.vehicle.units)
-    poses = np.empty((len(drive.poses_s), count, 6))
-    points = path.at(drive.poses_s)
-    for pose, z, x, y, psi in zip(poses, drive.poses_z, points.x, points.y, points.heading, strict=True):
-        place(units, x, y, np.cos(psi), np.sin(psi), z, pose)
-    headings = np.unwrap(np.arctan2(poses[:, :, 3], poses[:, :, 2]), axis=0)
-    s = drive.poses_s + drive.vehicle.lead.wheelbase
-    beta = drive.poses_z[:, 2 : drive.vehicle.rigid_states]
-    kappa = drive.kappa[np.clip(np.searchsorted(drive.stations.s, drive.poses_s, side="right") - 1, 0, len(drive.kappa) - 1)]
-    return replace(
-        line, s=s, guide=line.path.at(np.clip(s, 0.0, line.s[-1])), kappa=kappa, beta=beta, axles=poses[:, :, :2], headings=headings
-    )
 
 
 def _rows(what: str, line: Room, planned: Room, *, headline: bool) -> list[Row]:

@@ -51,6 +51,7 @@ def standards(on_progress: Progress) -> Study:
         "Turning figures of standards",
         f"{published.GREEN_BOOK}; {published.SDDC}; {published.PBS}; {published.MAP21}; Directives 97/27/EC and 96/53/EC",
         "A point of the vehicle follows the prescribed path exactly; a value stands under published only where it was read in the source.",
+        (),
         tuple(rows),
         data,
         partial(_figure, {name: turns[name] for name in _DRAWN}),

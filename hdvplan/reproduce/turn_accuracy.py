@@ -48,6 +48,7 @@ def turn_accuracy(on_progress: Progress) -> Study:
         "Largest difference of either edge of the swept band, over the turn, from poses "
         f"every {1e3 * _EXACT_M:g} mm; AASHTO's half turn, outline points 0.1 m apart. The motion itself is integrated in steps "
         "of 12.5 mm throughout, exact to 1e-10 rad.",
+        (),
         tuple(rows),
         table,
         partial(accuracy_figure, table),

@@ -14,9 +14,9 @@ import numpy as np
 from scipy.optimize import brentq
 
 from hdvplan.errors import TurnError
-from hdvplan.jit import FloatArray, IntArray, compiled
+from hdvplan.jit import FloatArray, IntArray, Records, compiled
 from hdvplan.turning.manoeuvre import GuidePath, Manoeuvre, guide_offsets, guide_path
-from hdvplan.vehicle.kinematics import derivative, place
+from hdvplan.vehicle.kinematics import POSE, derivative, place
 from hdvplan.vehicle.model import Vehicle
 
 POSE_M = 0.05  # between the poses that figures are measured on
@@ -137,7 +137,9 @@ def _once(
         return _stop(vehicle)
     s = np.concatenate([[0.0], *(a + b * np.arange(1, n + 1) / n for a, b, n in zip(path.starts, path.pieces[:, 0], counts, strict=False))])
     guide = path.at(s)
-    axles = _axles(units, *point, guide, states)
+    poses = np.empty((len(s), count), POSE)
+    _place_all(units, *point, guide, states, poses)
+    axles = np.stack([poses["x"], poses["y"]], axis=-1)
     headings = states[:, :1] - np.concatenate([np.zeros((len(s), 1)), np.cumsum(states[:, 1:], axis=1)], axis=1)
     driven = Followed(vehicle, manoeuvre, path, angle, s, guide, kappas, states[:, 1:], axles, headings)
     middle = 0.5 * (headings[1:] + headings[:-1])
@@ -170,26 +172,26 @@ def _least_radius(vehicle: Vehicle, manoeuvre: Manoeuvre) -> float | None:
     return float(np.ceil(100.0 * high) / 100.0)
 
 
-def _motion(units: FloatArray, kappa: float) -> tuple[float, float]:
+def _motion(units: Records, kappa: float) -> tuple[float, float]:
     """Return how far the lead unit's axle moves sideways and the unit turns per metre forward [-, rad/m]."""
     f = np.empty(1 + len(units))
     derivative(units, 0.0, np.zeros(1 + len(units)), kappa, f)
     return float(f[0]), float(f[1])
 
 
-def _radius(units: FloatArray, point: tuple[float, float], kappa: float) -> float:
+def _radius(units: Records, point: tuple[float, float], kappa: float) -> float:
     """Return the radius of a point's circle at constant ``kappa`` [1/m]."""
     sideways, turn = _motion(units, kappa)
     return float(np.hypot(1.0 - point[1] * turn, sideways + point[0] * turn) / turn)
 
 
-def _direction(units: FloatArray, point: tuple[float, float], kappa: float) -> float:
+def _direction(units: Records, point: tuple[float, float], kappa: float) -> float:
     """Return the direction in which a point moves, off the lead body [rad]."""
     sideways, turn = _motion(units, kappa)
     return float(np.arctan2(sideways + point[0] * turn, 1.0 - point[1] * turn))
 
 
-def _steady_kappa(units: FloatArray, point: tuple[float, float], radius: float, most: float) -> float | None:
+def _steady_kappa(units: Records, point: tuple[float, float], radius: float, most: float) -> float | None:
     """Return the ``kappa`` at which a point runs on ``radius``, or None where the wheels do not turn that far."""
     if _radius(units, point, most * _SLACK) > radius:
         return None
@@ -198,7 +200,7 @@ def _steady_kappa(units: FloatArray, point: tuple[float, float], radius: float, 
 
 @compiled
 def _integrate(
-    units: FloatArray, ahead: float, left: float, pieces: FloatArray, counts: IntArray, substeps: int, heading: float, most: float,
+    units: Records, ahead: float, left: float, pieces: FloatArray, counts: IntArray, substeps: int, heading: float, most: float,
     state: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
     """Return the lead unit's heading and the articulation angles at every pose (n, units), and kappa (n,).
@@ -237,7 +239,7 @@ def _integrate(
 
 @compiled
 def _rates(
-    units: FloatArray, ahead: float, left: float, heading: float, y: FloatArray, kappa: float, z: FloatArray, f: FloatArray, out: FloatArray
+    units: Records, ahead: float, left: float, heading: float, y: FloatArray, kappa: float, z: FloatArray, f: FloatArray, out: FloatArray
 ) -> float:
     """Write dy/ds of the lead heading and the articulations into ``out``; return the kappa that moves the guided point along ``heading``.
 
@@ -268,15 +270,12 @@ def _rates(
 
 
 @compiled
-def _axles(units: FloatArray, ahead: float, left: float, guide: FloatArray, states: FloatArray) -> FloatArray:
-    """Return the axles of all units in the plane (n, units, 2) from the guided point's places and the angles."""
+def _place_all(units: Records, ahead: float, left: float, guide: FloatArray, states: FloatArray, poses: Records) -> None:
+    """Write where all units are into ``poses`` (n, units), from the guided point's places and the angles."""
     n = states.shape[1]
-    z, poses, out = np.zeros(1 + n), np.empty((n, 6)), np.empty((states.shape[0], n, 2))
+    z = np.zeros(1 + n)
     for i in range(states.shape[0]):
         cos, sin = np.cos(states[i, 0]), np.sin(states[i, 0])
         for j in range(1, n):
             z[1 + j] = states[i, j]
-        place(units, guide[i, 0] - ahead * cos + left * sin, guide[i, 1] - ahead * sin - left * cos, cos, sin, z, poses)
-        for unit in range(n):
-            out[i, unit, 0], out[i, unit, 1] = poses[unit, 0], poses[unit, 1]
-    return out
+        place(units, guide[i, 0] - ahead * cos + left * sin, guide[i, 1] - ahead * sin - left * cos, cos, sin, z, poses[i])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import tomllib
 from dataclasses import dataclass
 from importlib import resources
@@ -10,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hdvplan.errors import OptionError
+from hdvplan.errors import OptionError, did_you_mean
 from hdvplan.turning.figures import Figures
 from hdvplan.turning.follow import tightest
 from hdvplan.turning.manoeuvre import GuidePoint, Manoeuvre, guide_offsets
@@ -112,10 +111,8 @@ def load_template(source: str | Path) -> Template:
             msg = f"template file {source} cannot be read: {reason}"
             raise OptionError(msg, hint=f"templates: {', '.join(template_names())}") from error
     if source not in template_names():
-        close = difflib.get_close_matches(str(source), template_names(), n=1)
-        hint = f"did you mean {close[0]!r}?" if close else f"templates: {', '.join(template_names())}; or give a TOML file"
-        msg = f"unknown template {str(source)!r}"
-        raise OptionError(msg, hint=hint)
+        msg, names = f"unknown template {str(source)!r}", template_names()
+        raise OptionError(msg, hint=did_you_mean(str(source), names, f"templates: {', '.join(names)}; or give a TOML file"))
     return parse_template((_shipped() / f"{source}.toml").read_text(encoding="utf-8"), default_name=str(source))
 
 
@@ -187,9 +184,8 @@ def _table(document: dict[str, object], key: str, where: str) -> dict[str, objec
 def _check_keys(table: dict[str, object], known: tuple[str, ...], where: str) -> None:
     for key in table:
         if key not in known:
-            close = difflib.get_close_matches(key, known, n=1)
             msg = f"{where}: unknown entry {key!r}"
-            raise OptionError(msg, hint=f"did you mean {close[0]!r}?" if close else f"known entries: {', '.join(known)}")
+            raise OptionError(msg, hint=did_you_mean(key, known, f"known entries: {', '.join(known)}"))
 
 
 def _number(table: dict[str, object], key: str, where: str) -> float:

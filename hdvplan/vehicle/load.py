@@ -42,8 +42,7 @@ def preset_text(name: str) -> str:
     known = {preset.lower(): (group, preset) for group, presets in preset_groups().items() for preset in presets}
     if name.lower() not in known:
         msg, presets = f"unknown vehicle {name!r}", preset_names()
-        alike = name if name in name.lower() else name.upper()  # those of AASHTO are in capitals
-        raise VehicleError(msg, hint=did_you_mean(alike, presets, f"presets: {', '.join(presets)}; or give a TOML file"))
+        raise VehicleError(msg, hint=did_you_mean(name, presets, f"presets: {', '.join(presets)}; or give a TOML file"))
     group, preset = known[name.lower()]
     return (_presets() / group / f"{preset}.toml").read_text(encoding="utf-8")
 

@@ -96,7 +96,7 @@ def test_presets_are_grouped_by_where_they_come_from() -> None:
 def test_capitals_do_not_matter_in_a_preset_s_name() -> None:
     assert load_vehicle("wb-62") == load_vehicle("WB-62")
     with pytest.raises(VehicleError) as caught:
-        load_vehicle("wb-6")
+        load_vehicle("WB-6")
     assert caught.value.hint is not None
     assert "did you mean 'WB-6" in caught.value.hint
 

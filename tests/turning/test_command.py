@@ -10,7 +10,7 @@ import shapely
 from shapely.geometry import shape
 
 from hdvplan.report.turn_plots import compared_figure, turn_figure
-from hdvplan.reproduce.planned_turn import drives, room_of
+from hdvplan.reproduce.planned_turn import planned_along, room_of, turn_of
 from hdvplan.turning.templates import load_template
 from hdvplan.turning.turn import turn
 from hdvplan.vehicle.load import load_vehicle
@@ -166,7 +166,8 @@ def test_the_picture_is_to_scale_and_its_title_is_the_verdict() -> None:
 
 
 def test_planning_needs_less_room_than_the_front_axle_on_the_line() -> None:
-    line, planned = drives("WB-40", 0.5 * np.pi)
+    case, line = turn_of("WB-40", 0.5 * np.pi)
+    planned = planned_along(case, line)
     axle, plan = room_of(line, line), room_of(planned, line)
     assert plan.even < axle.even - 1.0
     assert abs(plan.inside - plan.outside) < 0.05  # what the objective is for
