@@ -26,7 +26,7 @@ from hdvplan.turning.turn import Turn
 
 Json = dict[str, object]
 PICTURES = ("png", "pdf", "svg")
-_AREA_M = 0.1  # between the poses that a swept area is joined from: short by 0.1 mm at a radius of 12 m
+_AREA_M = 0.2  # between the poses that a swept area is joined from: short by 0.7 mm at a radius of 7 m
 _TRACK_M = 0.25
 _SIMPLER_M = 1e-3
 _LIMIT_DIGITS = 3

@@ -31,6 +31,7 @@ _UNEXPLAINED = "not explained"
 _SECOND_HAND = ("SU-30", "SU-40", "S-BUS-36")  # whose outer radius was read in a vehicle library, not in the manual
 _CORNER = "not reproduced: with a square front the corner runs here; a cab with rounded or cut corners is the likely cause"
 _ANGLE = "not reproduced, though the inside radius is, and both follow from the same wheelbases; not explained"
+_PRINTED = {"WB-67": "the figure prints 0.59 m beside 1.9 ft"}
 _RECALLED = "no figure that could be read in a source"
 _WHEELBASE = "the abstract gives no wheelbase: ours is"
 _CLOSED = "closed form, not published:"
@@ -80,7 +81,7 @@ def _aashto(turns: dict[str, Turn]) -> list[Row]:
     for name, found in turns.items():
         figures = found.figures
         inside = published.TURN_INSIDE.get(name)
-        remark = "" if inside else _RECALLED
+        remark = _PRINTED.get(name, "") if inside else _RECALLED
         rows.append(Row(f"{name}: inside radius", "m", inside, figures.wheels.inside, remark, headline=inside is not None))
         if name in published.TURN_OUTSIDE:
             rows.append(_outside(name, found))

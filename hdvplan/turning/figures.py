@@ -65,11 +65,11 @@ def _extreme(radii: list[Radii]) -> Radii:
 def _radii(driven: Followed, chart: Chart, poses: BoolArray, unit: int, outer: FloatArray, inner: FloatArray | None, half: float) -> Radii:
     """Return the radii of points ``outer`` ahead of the axle on the outer side, and of ``inner`` ones, or of the whole inner side."""
     t, e = places(driven, chart, unit, outer, np.full(len(outer), -half))
-    passing = chart.within(t) & poses[:, None]
-    outside = float(np.max(np.where(passing, chart.radius - e, -np.inf)))
-    apart = chart.centre - driven.axles[:, unit]
+    apart = np.where(poses[:, None], np.abs(t - chart.within(t)), np.inf)
+    outside = float(np.max((chart.radius - e)[apart <= apart.min()]))  # a turn of a step or less: where it comes nearest to it
+    centre = chart.centre - driven.axles[:, unit]
     cos, sin = np.cos(driven.headings[:, unit]), np.sin(driven.headings[:, unit])
-    ahead, left = apart[:, 0] * cos + apart[:, 1] * sin, apart[:, 1] * cos - apart[:, 0] * sin - half
+    ahead, left = centre[:, 0] * cos + centre[:, 1] * sin, centre[:, 1] * cos - centre[:, 0] * sin - half
     nearest = np.clip(ahead, outer.min(), outer.max())[:, None] if inner is None else inner
     distance = np.copysign(np.hypot(ahead[:, None] - nearest, left[:, None]), left[:, None])
     return Radii(float(distance[poses].min()), outside)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import brentq
 
-from hdvplan.errors import TurnError
+from hdvplan.errors import OptionError, TurnError
 from hdvplan.jit import FloatArray, IntArray, Records, compiled
 from hdvplan.turning.manoeuvre import GuidePath, Manoeuvre, guide_offsets, guide_path
 from hdvplan.vehicle.kinematics import POSE, derivative, place
@@ -23,7 +23,8 @@ POSE_M = 0.05  # between the poses that figures are measured on
 SUBSTEP_M = 0.0125  # of the integration: angles are then exact to 1e-10 rad (tested against the closed form)
 _SETTLED_RAD = 1e-10  # off its last angles a circle is steady
 _MOST_TURNS = 64.0  # before a circle that does not settle is given up
-_LARGEST_M = 1000.0  # radius up to which one that can be followed is searched
+_LARGEST_M = 300.0  # radius up to which one that can be followed is searched
+_LONGEST_M = 5000.0  # path that is driven; more takes minutes and shows nothing
 _FOUND_M = 1e-3  # to which the least radius is found
 _SEARCH_M = 0.1  # between poses, and of the integration, while it is searched
 _SLACK = 1.0 + 1e-9  # on the largest curvature: rounding
@@ -71,14 +72,23 @@ def follow(vehicle: Vehicle, manoeuvre: Manoeuvre, *, spacing: float = POSE_M) -
     Raises:
         TurnError: the front wheels cannot turn far enough, or a trailer would be pushed backwards; it names the least radius that can
             be followed.
+        OptionError: the path is longer than 5 km.
 
     """
+    length = manoeuvre.lead_in + manoeuvre.radius * (manoeuvre.angle or 4.0 * np.pi) + manoeuvre.lead_out_of(vehicle)
+    if length > _LONGEST_M:
+        msg = f"the path would be {1e-3 * length:.1f} km long; at most {1e-3 * _LONGEST_M:g} km are driven"
+        raise OptionError(msg)
     driven = _driven(vehicle, manoeuvre, spacing, SUBSTEP_M)
     if isinstance(driven, Followed):
         return driven
     least = _least_radius(vehicle, manoeuvre)
     turn, angle = ("a full circle", "steady") if manoeuvre.angle is None else (f"{np.rad2deg(manoeuvre.angle):g} degrees",) * 2
-    more = "no radius up to 1 km is possible" if least is None else f"least radius {least:.2f} m, {least - manoeuvre.radius:.2f} m more"
+    more = (
+        f"no radius up to {_LARGEST_M:.0f} m is possible"
+        if least is None
+        else f"least radius {least:.2f} m, {least - manoeuvre.radius:.2f} m more"
+    )
     msg = f"the {vehicle.name} cannot drive {turn} with its {manoeuvre.point} on a radius of {manoeuvre.radius:.2f} m: {driven}; {more}"
     hint = None if least is None else f"what it can: --radius {least:.2f} --angle {angle.split()[0]} --guide {manoeuvre.point}"
     raise TurnError(msg, radius_m=manoeuvre.radius, least_radius_m=least, hint=hint)

@@ -17,6 +17,7 @@ from hdvplan.turning.follow import Followed
 
 STATION_M = 0.1  # between the cross-sections
 _OUTLINE_M = 0.1  # between outline points: a body's straight side is then off its true offset by 0.2 mm at a radius of 6 m
+_AT_ONCE = 2000
 _JUMP_M = 5.0  # a piece of outline or track this long crosses from one leg of the turn to another
 
 
@@ -37,28 +38,31 @@ class Chart:
         polar = np.arctan2(before, -inside)
         around = self.radius * (polar + 2.0 * np.pi * np.round((near / self.radius - polar) / (2.0 * np.pi)))
         t, e = around, self.radius - np.hypot(x, y)
-        total = np.inf if self.angle is None else self.radius * self.angle
-        unlikely = np.where((around >= 0.0) & (around <= total), np.abs(around - near), np.inf)
+        unlikely = np.where((around >= 0.0) & (around <= self.length), np.abs(around - near), np.inf)
         candidates = [(before, self.radius + inside, before <= 0.0)]
         if self.angle is not None:
             cos, sin = np.cos(self.heading + self.angle), np.sin(self.heading + self.angle)
             after = x * cos + y * sin
-            candidates.append((total + after, self.radius + y * cos - x * sin, after >= 0.0))
+            candidates.append((self.length + after, self.radius + y * cos - x * sin, after >= 0.0))
         for along, across, possible in candidates:
             apart = np.where(possible, np.abs(along - near), np.inf)
             better = apart < unlikely
             t, e, unlikely = np.where(better, along, t), np.where(better, across, e), np.where(better, apart, unlikely)
         return t, e
 
-    def within(self, t: FloatArray) -> BoolArray:
-        """Tell which places lie between the cross-sections where the turn begins and ends."""
-        inside: BoolArray = (t >= 0.0) & (t <= (np.inf if self.angle is None else self.radius * self.angle))
+    @property
+    def length(self) -> float:
+        """The arc's length [m]: t where the turn ends."""
+        return np.inf if self.angle is None else self.radius * self.angle
+
+    def within(self, t: FloatArray) -> FloatArray:
+        """Return the nearest places between the cross-sections where the turn begins and ends."""
+        inside: FloatArray = np.clip(t, 0.0, self.length)
         return inside
 
     def metres(self, t: FloatArray, share: FloatArray) -> FloatArray:
         """Return ``t`` as metres in the plane at ``share`` radii from the centre: in between, t is the length of the arc itself."""
-        total = np.inf if self.angle is None else self.radius * self.angle
-        inside: FloatArray = np.clip(t, 0.0, total)
+        inside = self.within(t)
         return t - inside + share * inside
 
 
@@ -133,9 +137,12 @@ def band_of(driven: Followed, *, joined: bool = True) -> Band:
     inner, outer = np.full(count, -np.inf), np.full(count, np.inf)
     for t, e in tracks:
         closed_t, closed_e = np.append(t, t[:, :1], axis=1), np.append(e, e[:, :1], axis=1)
-        _widen(chart, closed_t[:, :-1], closed_e[:, :-1], closed_t[:, 1:], closed_e[:, 1:], stations, inner, outer)
-        if joined:
-            _widen(chart, t[:-1], e[:-1], t[1:], e[1:], stations, inner, outer)
+        for some in range(0, len(t), _AT_ONCE):  # poses: memory
+            own, next_ = slice(some, some + _AT_ONCE), slice(some + 1, some + 1 + _AT_ONCE)
+            _widen(chart, closed_t[own, :-1], closed_e[own, :-1], closed_t[own, 1:], closed_e[own, 1:], stations, inner, outer)
+            if joined:
+                last = len(t[next_])
+                _widen(chart, t[own][:last], e[own][:last], t[next_], e[next_], stations, inner, outer)
     seen = np.isfinite(inner)
     return Band(stations, np.where(seen, inner, np.nan), np.where(seen, outer, np.nan))
 

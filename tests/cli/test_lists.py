@@ -54,6 +54,14 @@ def test_the_list_of_vehicles_tells_units_length_and_what_steers(cli: Cli) -> No
     assert row.split() == ["semitrailer-steered", "2", "16.50", "2.55", "3.7+7.7*", "10.0"]
 
 
+def test_vehicles_are_listed_in_groups(cli: Cli) -> None:
+    groups = {vehicle["name"]: vehicle["group"] for vehicle in json.loads(cli("vehicles", "list", "--json").out)}
+    assert (groups["bus"], groups["citaro"], groups["WB-62"]) == ("papers", "europe", "aashto")
+    table = cli("vehicles", "list").out
+    places = [table.index(words) for words in ("papers", " bus ", "Europe", " citaro ", "AASHTO", " WB-62 ")]
+    assert places == sorted(places)
+
+
 def test_a_vehicle_is_drawn_where_asked_or_under_its_name(cli: Cli, tmp_path: Path) -> None:
     outcome = cli("vehicles", "show", "a-double", "--plot")
     assert (outcome.code, outcome.out) == (0, "")

@@ -139,6 +139,14 @@ def test_a_front_corner_on_the_line_never_swings_beyond_it_and_a_front_axle_lets
     assert figures_of(follow(bus, Manoeuvre(15.0, None))).frontal_swing is None
 
 
+@pytest.mark.parametrize("angle", [1e-4, 0.01, 0.3])
+def test_the_slightest_turn_has_the_radii_of_the_straight_beside_its_centre(angle: float) -> None:
+    figures = figures_of(follow(load_vehicle("WB-40"), Manoeuvre(15.0, angle)))
+    half = 0.5 * load_vehicle("WB-40").width
+    assert figures.bodies.outside == pytest.approx(15.0 + half, abs=angle)  # 0.9 m of overhang, turned
+    assert figures.bodies.inside == pytest.approx(15.0 - half, abs=4.0 * angle)
+
+
 def test_an_inside_radius_is_negative_where_the_body_reaches_over_the_centre() -> None:
     needle = Vehicle("needle", (Unit(5.0, 0.0, 0.5, 2.5),), max_curvature=1.0)
     figures = figures_of(follow(needle, Manoeuvre(5.2, None)))
