@@ -67,6 +67,17 @@ class PlanError(HdvplanError):
         self.s_m = s_m
 
 
+class TurnError(HdvplanError):
+    """A prescribed manoeuvre that the vehicle cannot drive; ``least_radius_m`` is the least radius that it can, if one was found."""
+
+    def __init__(
+        self, message: str, *, radius_m: float | None = None, least_radius_m: float | None = None, hint: str | None = None
+    ) -> None:
+        super().__init__(message, hint=hint)
+        self.radius_m = radius_m
+        self.least_radius_m = least_radius_m
+
+
 class MeasurementError(HdvplanError):
     """Two programs could not be measured against each other: one of them cannot be installed, started or run to its end."""
 

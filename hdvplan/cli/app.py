@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdvplan import __version__
-from hdvplan.cli import bench, compare, plan, report, reproduce, roads, solvers, vehicles
+from hdvplan.cli import bench, compare, plan, report, reproduce, roads, solvers, turn, vehicles
 from hdvplan.cli.console import ExitCode, one_line, report_error
-from hdvplan.errors import HdvplanError, MeasurementError, PlanError, QpDataError, SolverError
+from hdvplan.errors import HdvplanError, MeasurementError, PlanError, QpDataError, SolverError, TurnError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,6 +28,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command("plan")(plan.plan)
+app.command("turn")(turn.turn)
 app.command("report")(report.report)
 app.command("bench")(bench.bench)
 app.command("compare")(compare.compare)
@@ -99,7 +100,7 @@ def _report(error: Exception) -> ExitCode:
 
 def _is_failed_plan(error: HdvplanError) -> bool:
     """Tell a plan that could not be made from an input that cannot be used; only a solver that ran has a status."""
-    return isinstance(error, PlanError | QpDataError) or (isinstance(error, SolverError) and error.status is not None)
+    return isinstance(error, PlanError | QpDataError | TurnError) or (isinstance(error, SolverError) and error.status is not None)
 
 
 def _uncapitalised(message: str) -> str:

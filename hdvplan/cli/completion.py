@@ -18,6 +18,13 @@ def vehicles(incomplete: str) -> list[str]:
     return _beginning(incomplete, preset_names())
 
 
+def templates(incomplete: str) -> list[str]:
+    """Return the shipped templates of manoeuvres that begin so."""
+    from hdvplan.turning.templates import template_names
+
+    return _beginning(incomplete, template_names())
+
+
 def solvers(incomplete: str) -> list[str]:
     """Return the installed solvers that begin so."""
     from hdvplan.solvers.registry import solver_infos

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(help="List and show the preset vehicles.", rich_markup_mode=None)
 
+_TITLES = {"papers": "vehicles of the papers", "europe": "Europe", "aashto": "design vehicles of AASHTO (USA)"}
 _CAPTION = "*: the axle steers too; radius: the tightest that the front wheels alone set"
 
 
@@ -25,26 +26,28 @@ _CAPTION = "*: the axle steers too; radius: the tightest that the front wheels a
 def list_vehicles(json: JsonOption = False) -> int:
     """List the preset vehicles with their dimensions."""
     from hdvplan.report.tables import grid
-    from hdvplan.vehicle.load import load_vehicle, preset_names
+    from hdvplan.vehicle.load import load_vehicle, preset_groups
 
-    presets = [load_vehicle(name) for name in preset_names()]
+    groups = {group: [load_vehicle(name) for name in names] for group, names in preset_groups().items()}
     if json:
-        print_json([_described(vehicle) for vehicle in presets])
+        print_json([{"group": group} | _described(vehicle) for group, vehicles in groups.items() for vehicle in vehicles])
         return ExitCode.OK
-    rows = [
-        (
-            vehicle.name,
-            f"{len(vehicle.units)}",
-            f"{vehicle.reach_ahead + vehicle.reach_behind:.2f}",
-            f"{vehicle.width:.2f}",
-            "+".join(f"{unit.wheelbase:.1f}{'*' if unit.steering_ratio else ''}" for unit in vehicle.units),
-            f"{1 / vehicle.max_curvature:.1f}",
-        )
-        for vehicle in presets
-    ]
     columns = ("vehicle", "units", "length [m]", "width [m]", "wheelbases [m]", "radius [m]")
-    print_tables(grid("preset vehicles", columns, rows, text=("vehicle",), caption=_CAPTION))
+    tables = [grid(_TITLES[group], columns, map(_row, vehicles), text=("vehicle",)) for group, vehicles in groups.items()]
+    tables[-1].caption, tables[-1].caption_justify = _CAPTION, "left"
+    print_tables(*tables)
     return ExitCode.OK
+
+
+def _row(vehicle: Vehicle) -> tuple[str, ...]:
+    return (
+        vehicle.name,
+        f"{len(vehicle.units)}",
+        f"{vehicle.reach_ahead + vehicle.reach_behind:.2f}",
+        f"{vehicle.width:.2f}",
+        "+".join(f"{unit.wheelbase:.1f}{'*' if unit.steering_ratio else ''}" for unit in vehicle.units),
+        f"{1 / vehicle.max_curvature:.1f}",
+    )
 
 
 @app.command("show")

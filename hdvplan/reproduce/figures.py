@@ -251,3 +251,14 @@ def _finish(axes: Axes, x: str, y: str, title: str) -> None:
     axes.set_title(title, loc="left", fontsize="medium")
     axes.grid(visible=True, color="0.9", linewidth=0.6)
     axes.legend(fontsize="small", loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
+
+
+def accuracy_figure(table: pd.DataFrame) -> Figure:
+    """Return the error of the swept envelope over the distance between poses, a vehicle a colour."""
+    figure = Figure(figsize=(7.5, 4.8), layout="constrained")
+    axes = figure.subplots()
+    for (name, rows), colour in zip(table.groupby("vehicle"), (BLUE, YELLOW), strict=True):
+        axes.loglog(rows["spacing_m"], rows["joined_mm"], color=colour, marker="o", label=f"{name}, poses joined")
+        axes.loglog(rows["spacing_m"], rows["outlines_mm"], color=colour, marker="s", linestyle="--", label=f"{name}, outlines alone")
+    _finish(axes, "between poses [m]", "largest error of an edge [mm]", "swept envelope")
+    return figure

@@ -109,3 +109,32 @@ def curves() -> dict[str, FloatArray]:
     """
     text = (resources.files("hdvplan.reproduce") / "paper_fig8_10.json").read_text(encoding="utf-8")
     return {name: np.array(points, dtype=np.float64) for name, points in json.loads(text).items()}
+
+
+# Turning figures of highway manuals; only what was read in the source named. Feet and inches as printed.
+FOOT_M, INCH_M = 0.3048, 0.0254
+GREEN_BOOK = "AASHTO Green Book 2018, figs. 2-23, 2-24"
+SDDC = "SDDC/TEA, Turning characteristics"
+
+
+def _feet(value: float, last_digit: float = 0.1) -> Number:
+    return Number(value * FOOT_M, 0.5 * last_digit * FOOT_M * (1.0 + 1e-9))
+
+
+# Least inside radius of the wheel tracks in the minimum turn of 180 degrees [m].
+TURN_INSIDE = {"P": _feet(14.4), "CITY-BUS": _feet(24.5), "WB-40": _feet(19.3), "WB-62": _feet(7.4), "WB-67": _feet(1.9)}
+# Radius of the outer front wheel, and of the front overhang [m].
+TURN_OUTSIDE = {
+    "P": _feet(23.8), "CITY-BUS": _feet(41.6), "WB-40": _feet(39.9), "WB-62": _feet(44.8), "WB-67": _feet(44.8),
+    "SU-30": _feet(41.8), "SU-40": _feet(51.2), "S-BUS-36": _feet(38.6),
+}  # fmt: skip
+TURN_OVERHANG = {"WB-62": _feet(46.3), "WB-67": _feet(46.3)}
+TURN_ARTICULATION = {"WB-62": _printed(65.0, 1.0), "WB-67": _printed(68.5, 0.5)}  # [degrees]
+TURN_STEERING = {"WB-62": _printed(28.4, 0.1)}  # [degrees]
+# De Saxe, Kienhofer, Nordengen, HVTT12 2012: tail swing for rear overhangs of 3.7 and 7 m [m].
+PBS = "De Saxe et al., HVTT12 2012"
+TAIL_SWING = {3.7: _printed(0.30, 0.01), 7.0: _printed(1.25, 0.01)}
+# FHWA MAP-21, 2015: low-speed off-tracking of the control vehicle with a trailer of 53 ft, axles of the tractor and of the trailer [m].
+MAP21 = "FHWA MAP-21, 2015"
+MAP21_OFF_TRACKING = (Number(50.0 * INCH_M, 1.0 * INCH_M), Number(244.0 * INCH_M, 1.0 * INCH_M))
+AUTOTURN_MM = Number(2.5, 0.5)  # "2-3 mm difference depending on the vehicle", poses every 100 mm

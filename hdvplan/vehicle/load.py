@@ -9,32 +9,42 @@ from pathlib import Path
 from hdvplan.errors import VehicleError, did_you_mean
 from hdvplan.vehicle.model import Unit, Vehicle
 
-_TOP_KEYS = ("name", "source", "unit")
+_TOP_KEYS = ("name", "source", "length_unit", "unit")
 _STEERING_KEYS = ("max_curvature", "max_curvature_rate")
 _DIMENSION_KEYS = ("wheelbase", "front_overhang", "rear_overhang", "width", "hitch_offset", "length")
+_RADIUS_KEY = "turning_radius"  # another way to say max_curvature
+METRES = {"m": 1.0, "ft": 0.3048}  # exactly: the international foot
 _AXLE_KEYS = ("steering_ratio", "max_steering_angle", "max_steering_rate")
 _ACTIVE, _ACTIVELY = "active", 'steered = "active"'
 _AIM = 0.6  # of an active axle's angle to the articulation on constant curves, where a file does not say
-_UNIT_KEYS = ("name", *_DIMENSION_KEYS, *_STEERING_KEYS, "steered", *_AXLE_KEYS)
+_UNIT_KEYS = ("name", *_DIMENSION_KEYS, *_STEERING_KEYS, _RADIUS_KEY, "steered", *_AXLE_KEYS)
 _LENGTH_TOLERANCE_M = 0.01
+_GROUPS = ("papers", "europe", "aashto")
+
+
+def preset_groups() -> dict[str, list[str]]:
+    """Return the names of the shipped vehicles by where they come from: papers, europe, aashto; each list sorted."""
+    return {group: sorted(Path(entry.name).stem for entry in (_presets() / group).iterdir()) for group in _GROUPS}
 
 
 def preset_names() -> list[str]:
     """Return the names of the shipped vehicles, sorted."""
-    return sorted(Path(entry.name).stem for entry in _presets().iterdir() if entry.name.endswith(".toml"))
+    return sorted(name for names in preset_groups().values() for name in names)
 
 
 def preset_text(name: str) -> str:
-    """Return the TOML of a shipped vehicle, ready to copy and edit.
+    """Return the TOML of a shipped vehicle, ready to copy and edit. Capitals do not matter.
 
     Raises:
         VehicleError: no such preset.
 
     """
-    if name not in preset_names():
-        msg = f"unknown vehicle {name!r}"
-        raise VehicleError(msg, hint=did_you_mean(name, preset_names(), f"presets: {', '.join(preset_names())}; or give a TOML file"))
-    return (_presets() / f"{name}.toml").read_text(encoding="utf-8")
+    known = {preset.lower(): (group, preset) for group, presets in preset_groups().items() for preset in presets}
+    if name.lower() not in known:
+        msg, presets = f"unknown vehicle {name!r}", preset_names()
+        raise VehicleError(msg, hint=did_you_mean(name, presets, f"presets: {', '.join(presets)}; or give a TOML file"))
+    group, preset = known[name.lower()]
+    return (_presets() / group / f"{preset}.toml").read_text(encoding="utf-8")
 
 
 def load_vehicle(source: str | Path) -> Vehicle:
@@ -73,6 +83,8 @@ def _is_file(source: str | Path) -> bool:
 def parse_vehicle(text: str, *, default_name: str) -> Vehicle:
     """Return the vehicle described by a TOML text: one [[unit]] table per body, from the front.
 
+    ``length_unit = "ft"`` says that all lengths in the text are in feet; they are converted here, exactly, and nowhere else.
+
     Raises:
         VehicleError: not TOML, an unknown, missing or impossible entry.
 
@@ -88,26 +100,51 @@ def parse_vehicle(text: str, *, default_name: str) -> Vehicle:
     if not (isinstance(tables, list) and all(isinstance(table, dict) for table in tables)):
         msg = f"vehicle {name!r}: 'unit' must be [[unit]] tables, one per body from the front"
         raise VehicleError(msg, field="unit")
-    units = tuple(_unit(table, number, name) for number, table in enumerate(tables, start=1))
+    metres = _metres(document, name)
+    units = tuple(_unit(table, number, name, metres) for number, table in enumerate(tables, start=1))
     lead = tables[0] if tables else {}
     steering = {key: _number(lead, key, f"vehicle {name!r}, unit 1") for key in _STEERING_KEYS if key in lead}
+    if _RADIUS_KEY in lead:
+        steering["max_curvature"] = _curvature(lead, units[0], f"vehicle {name!r}, unit 1", metres)
     return Vehicle(name, units, source=str(document.get("source", "")), **steering)
+
+
+def _metres(document: dict[str, object], name: str) -> float:
+    """Return how long the file's unit of length is [m]."""
+    given = document.get("length_unit", "m")
+    if not isinstance(given, str) or given not in METRES:
+        msg = f"vehicle {name!r}: length_unit must be 'm' or 'ft', not {given!r}"
+        raise VehicleError(msg, field="length_unit", hint="it is the unit of all lengths; curvatures are 1/m, angles radians")
+    return METRES[given]
+
+
+def _curvature(lead: dict[str, object], unit: Unit, where: str, metres: float) -> float:
+    """Return the largest curvature from the least radius of the front axle's middle."""
+    if "max_curvature" in lead or unit.steering_ratio > 0.0:
+        msg = f"{where}: {_RADIUS_KEY} contradicts {'max_curvature' if 'max_curvature' in lead else 'a steered rear axle'}"
+        raise VehicleError(msg, field=_RADIUS_KEY, hint="give max_curvature alone: tan(front wheels' angle) / wheelbase [1/m]")
+    radius = metres * _number(lead, _RADIUS_KEY, where)
+    if not unit.wheelbase < radius < float("inf"):
+        msg = f"{where}: {_RADIUS_KEY} = {radius:g} m must be larger than the wheelbase of {unit.wheelbase:g} m"
+        raise VehicleError(msg, field=_RADIUS_KEY, hint="it is the least radius of the middle of the front axle")
+    return float(1.0 / (radius**2 - unit.wheelbase**2) ** 0.5)
 
 
 def _presets() -> resources.abc.Traversable:
     return resources.files("hdvplan.vehicle") / "presets"
 
 
-def _unit(table: dict[str, object], number: int, name: str) -> Unit:
+def _unit(table: dict[str, object], number: int, name: str, metres: float) -> Unit:
     where = f"vehicle {name!r}, unit {number}"
     _check_keys(table, _UNIT_KEYS, where)
     if number > 1:
-        for key in _STEERING_KEYS:
+        for key in (*_STEERING_KEYS, _RADIUS_KEY):
             if key in table:
                 msg = f"{where}: {key} belongs to unit 1, whose axle the steering moves"
                 raise VehicleError(msg, field=key)
     _check_steered(table, number, where)
-    values = {key: _number(table, key, where) for key in (*_DIMENSION_KEYS, *_AXLE_KEYS) if key in table}
+    values = {key: _number(table, key, where) for key in _AXLE_KEYS if key in table}
+    values |= {key: metres * _number(table, key, where) for key in _DIMENSION_KEYS if key in table}
     for key in ("wheelbase", "width"):
         if key not in values:
             msg = f"{where}: {key} is missing"

@@ -36,7 +36,7 @@ def test_every_shipped_road_and_scenario_is_listed_whole(cli: Cli) -> None:
 
 
 def test_a_preset_is_shown_verbatim(cli: Cli) -> None:
-    preset = resources.files("hdvplan.vehicle") / "presets" / "bus.toml"
+    preset = resources.files("hdvplan.vehicle") / "presets" / "papers" / "bus.toml"
     assert cli("vehicles", "show", "bus").out == preset.read_text(encoding="utf-8")
     assert json.loads(cli("vehicles", "show", "bus", "--json").out)["units"][0]["wheelbase"] == 6.0
     outcome = cli("vehicles", "show", "buss")
@@ -52,6 +52,14 @@ def test_the_list_of_vehicles_tells_units_length_and_what_steers(cli: Cli) -> No
     assert all(name in table for name in listed)
     row = next(line for line in table.splitlines() if "semitrailer-steered" in line)
     assert row.split() == ["semitrailer-steered", "2", "16.50", "2.55", "3.7+7.7*", "10.0"]
+
+
+def test_vehicles_are_listed_in_groups(cli: Cli) -> None:
+    groups = {vehicle["name"]: vehicle["group"] for vehicle in json.loads(cli("vehicles", "list", "--json").out)}
+    assert (groups["bus"], groups["citaro"], groups["WB-62"]) == ("papers", "europe", "aashto")
+    table = cli("vehicles", "list").out
+    places = [table.index(words) for words in ("papers", " bus ", "Europe", " citaro ", "AASHTO", " WB-62 ")]
+    assert places == sorted(places)
 
 
 def test_a_vehicle_is_drawn_where_asked_or_under_its_name(cli: Cli, tmp_path: Path) -> None:

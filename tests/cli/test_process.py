@@ -44,6 +44,7 @@ def test_help_is_there_at_once(tmp_path: Path) -> None:
     [
         (),
         ("plan",),
+        ("turn",),
         ("report",),
         ("bench",),
         ("compare",),

@@ -173,8 +173,9 @@ def test_the_table_agrees_with_the_circle_itself_on_roads_that_can_be_driven(nam
     k = np.random.default_rng(1).uniform(-0.1, 0.1, 200)
     found, exact = CentringTable.of(vehicle).at(k), stationary(vehicle, k)
     # linear between curvatures 2.5e-4 1/m apart: K'' h^2 / 8; the same for the offsets, whose curvature is some 100 m^3. Where
-    # another body's corner becomes the outermost, slopes jump by up to 2 m per 1/m, and h times that is lost
-    sharp = name in {"a-double", "tractor-semitrailer"}
+    # another body's corner becomes the outermost, or a coefficient comes to its largest value, slopes jump by up to 2 m per 1/m, and
+    # h times that is lost
+    sharp = name in {"a-double", "tractor-semitrailer", "WB-40"}
     assert np.max(np.abs(found.lead - exact.lead)) < (2e-4 if sharp else 5e-6)
     assert np.max(np.abs(found.aux - exact.aux)) < (2e-4 if sharp else 1e-6)
     for values, circle in ((found.e_y, exact.e_y), (found.e_aux, exact.e_aux), (found.kappa, exact.kappa), (found.e_psi, exact.e_psi)):

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from hdvplan.errors import VehicleError
 from hdvplan.vehicle.body import POINTS_PER_EDGE, edge_points
-from hdvplan.vehicle.load import load_vehicle, parse_vehicle, preset_names, preset_text
+from hdvplan.vehicle.load import load_vehicle, parse_vehicle, preset_groups, preset_names, preset_text
 from hdvplan.vehicle.model import Unit, Vehicle
 from tests.core.chains import few, three_units, vehicles
 
@@ -51,9 +51,14 @@ LENGTHS = {  # overall, as named in each preset's description; the laws' and the
     "a-double": 32.0,
     "articulated-bus": 18.125,
     "b-double": 25.25,
+    "citaro": 11.95,
+    "citaro-k": 10.533,
+    "citaro-le-mu": 13.187,
+    "citaro-le-u": 12.17,
     "double-articulated-bus": 24.0,
     "rear-steered-bus": 12.0,
     "rigid-truck": 10.0,
+    "road-train": 18.75,
     "tractor-semitrailer": 16.5,
     "semitrailer-active": 16.5,
     "semitrailer-steered": 16.5,
@@ -61,8 +66,68 @@ LENGTHS = {  # overall, as named in each preset's description; the laws' and the
 }
 
 
+FEET = {  # overall length and width of the AASHTO design vehicles, as the Green Book's tables print them
+    "A-BUS": (60.0, 8.5),
+    "BUS-40": (40.5, 8.5),
+    "CITY-BUS": (40.0, 8.5),
+    "P": (19.0, 7.0),
+    "S-BUS-36": (35.8, 8.0),
+    "S-BUS-40": (40.0, 8.0),
+    "SU-30": (30.0, 8.0),
+    "SU-40": (39.5, 8.0),
+    "WB-40": (45.5, 8.0),
+    "WB-62": (69.0, 8.5),
+    "WB-67": (73.5, 8.5),
+    "WB-67D": (72.3, 8.5),
+}
+
+
+@pytest.mark.parametrize("name", sorted(FEET))
+def test_a_design_vehicle_is_as_long_and_wide_as_the_standard_says(name: str) -> None:
+    vehicle, (length, width) = load_vehicle(name), FEET[name]
+    assert vehicle.reach_ahead + vehicle.reach_behind == pytest.approx(length * 0.3048, abs=1e-9)  # rounding of the sum
+    assert vehicle.width == width * 0.3048
+
+
+def test_presets_are_grouped_by_where_they_come_from() -> None:
+    assert preset_groups() == {"papers": sorted(PUBLISHED), "europe": sorted(LENGTHS), "aashto": sorted(FEET)}
+
+
+def test_capitals_do_not_matter_in_a_preset_s_name() -> None:
+    assert load_vehicle("wb-62") == load_vehicle("WB-62")
+    with pytest.raises(VehicleError) as caught:
+        load_vehicle("WB-6")
+    assert caught.value.hint is not None
+    assert "did you mean 'WB-6" in caught.value.hint
+
+
+def test_a_file_in_feet_says_the_same_as_one_in_metres() -> None:
+    feet = parse_vehicle('length_unit = "ft"' + BUS + "turning_radius = 10\nmax_curvature_rate = 0.2", default_name="x")
+    assert feet.lead == Unit(6.0 * 0.3048, 2.5 * 0.3048, 3.0 * 0.3048, 2.5 * 0.3048)
+    assert feet.max_curvature == pytest.approx(1.0 / np.sqrt((10.0 * 0.3048) ** 2 - (6.0 * 0.3048) ** 2), rel=1e-15)
+    assert feet.max_curvature_rate == 0.2  # a rate is not a length
+
+
+@pytest.mark.parametrize(
+    ("text", "field"),
+    [
+        ('length_unit = "in"' + BUS, "length_unit"),
+        ("length_unit = 1" + BUS, "length_unit"),
+        (BUS + "turning_radius = 6.0", "turning_radius"),
+        (BUS + "turning_radius = inf", "turning_radius"),
+        (BUS + "turning_radius = 11.0\nmax_curvature = 0.1", "turning_radius"),
+        (BUS + "turning_radius = 11.0\nsteering_ratio = 0.2", "turning_radius"),
+        (BUS + BUS + "turning_radius = 11.0", "turning_radius"),
+    ],
+)
+def test_units_and_radii_that_make_no_sense_are_refused(text: str, field: str) -> None:
+    with pytest.raises(VehicleError) as caught:
+        parse_vehicle(text, default_name="x")
+    assert caught.value.field == field
+
+
 def test_every_preset_names_its_source_and_its_text_parses_to_it() -> None:
-    assert preset_names() == sorted([*PUBLISHED, *LENGTHS])
+    assert preset_names() == sorted([*PUBLISHED, *LENGTHS, *FEET])
     for name in preset_names():
         vehicle = load_vehicle(name)
         assert vehicle.source

@@ -1,0 +1,175 @@
+"""``hdvplan turn``: drive a prescribed manoeuvre and print its swept figures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hdvplan.cli import completion
+from hdvplan.cli.console import ExitCode, print_json, print_tables, report_error
+from hdvplan.cli.options import JsonOption, QuietOption, choice, file_name
+from hdvplan.errors import OptionError
+
+if TYPE_CHECKING:
+    from hdvplan.turning.manoeuvre import Manoeuvre
+    from hdvplan.turning.templates import Template
+    from hdvplan.turning.turn import Turn
+
+_STEADY = "steady"
+_GUIDE = "front-axle"
+
+
+def turn(
+    vehicle: Annotated[
+        str | None,
+        typer.Option("--vehicle", metavar="NAME|FILE.toml", help="A preset or a vehicle file.", autocompletion=completion.vehicles),
+    ] = None,
+    template: Annotated[
+        str | None,
+        typer.Option(
+            "--template", metavar="NAME|FILE.toml", help="A manoeuvre of a standard, or a file.", autocompletion=completion.templates
+        ),
+    ] = None,
+    radius: Annotated[float | None, typer.Option("--radius", metavar="M", help="Of the guided point's path [m]; needs --angle.")] = None,
+    angle: Annotated[
+        str | None, typer.Option("--angle", metavar="DEG|steady", help="Of the turn [degrees]; steady: in the circle until it settles.")
+    ] = None,
+    guide: Annotated[
+        str | None,
+        typer.Option(
+            "--guide", metavar="POINT", help="What follows the path: front-axle (default), outer-front-wheel, front-corner or kingpin."
+        ),
+    ] = None,
+    ramp: Annotated[float | None, typer.Option("--ramp", metavar="M", help="Path over which its curvature grows, and falls [m].")] = None,
+    standstill: Annotated[bool, typer.Option("--standstill", help="Turn the front wheels before the vehicle moves.")] = False,
+    list_: Annotated[bool, typer.Option("--list", help="Name the templates.")] = False,
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Where to write [default: <template>.<vehicle>/].")] = None,
+    json: JsonOption = False,
+    plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw the picture turn.png.")] = True,
+    formats: Annotated[str, typer.Option("--format", metavar="A,B", help="Of the picture: png, pdf, svg or several.")] = "png",
+    quiet: QuietOption = False,
+) -> int:
+    """Drive a prescribed turn exactly and print what it sweeps: radii, width, off-tracking, swing, angles.
+
+    A point of the vehicle follows line, arc and line; all turns are to the left, those to the right are their mirror images.
+
+    Exit code 0: driven, and what the template demands is met. 1: it is not, or the vehicle cannot drive it. 2: bad input.
+    """
+    if list_:
+        return _list(json=json)
+    if vehicle is None:
+        msg = "missing option '--vehicle'"
+        raise OptionError(msg, hint="`hdvplan vehicles list` names the presets, `hdvplan turn --list` the templates")
+    if out is not None and out.exists() and not out.is_dir():
+        msg = f"--out {out} is a file, not a folder"
+        raise OptionError(msg)
+    from hdvplan.report.turns import PICTURES, broken_words, turn_json, turn_table, verdict, write_turn
+    from hdvplan.turning.turn import turn as drive
+    from hdvplan.vehicle.load import load_vehicle
+
+    pictures = [choice("--format", kind, PICTURES) for kind in formats.split(",")] if plot else []
+    wanted = _wanted(template, radius, angle, guide, ramp, standstill=standstill)
+    found = drive(load_vehicle(vehicle), wanted)
+    directory = out or Path(_folder(found))
+    try:
+        write_turn(found, directory, pictures=pictures)
+    except OSError as error:
+        msg = f"cannot write to {directory}: {error.strerror or error}"
+        raise OptionError(msg, hint="choose another folder with --out") from error
+    if json:
+        print_json(turn_json(found))
+    elif not quiet:
+        typer.echo(verdict(found))
+        print_tables(turn_table(found, f"{directory}/"))
+    broken = [limit for limit in found.limits if not limit.kept(found.figures)]
+    for limit in broken:
+        report_error(broken_words(limit, found))
+    return ExitCode.BROKEN if broken else ExitCode.OK
+
+
+def _wanted(
+    template: str | None, radius: float | None, angle: str | None, guide: str | None, ramp: float | None, *, standstill: bool
+) -> Manoeuvre | Template:
+    """Return the manoeuvre that the options describe.
+
+    Raises:
+        OptionError: they describe none, or two.
+
+    """
+    from math import radians
+
+    from hdvplan.turning.manoeuvre import Manoeuvre
+    from hdvplan.turning.templates import guide_point, load_template
+
+    if template is not None:
+        given = {"--radius": radius, "--angle": angle, "--guide": guide, "--ramp": ramp, "--standstill": standstill or None}
+        for option, value in given.items():
+            if value is not None:
+                msg = f"{option} contradicts --template, which says it already"
+                raise OptionError(msg, hint="copy the template to a file of your own and edit it")
+        return load_template(template)
+    if radius is None or angle is None:
+        msg = "a manoeuvre needs --template, or --radius and --angle"
+        raise OptionError(msg, hint="`hdvplan turn --list` names the templates")
+    if angle == _STEADY:
+        turned = None
+    else:
+        try:
+            turned = radians(float(angle))
+        except ValueError as error:
+            msg = f"--angle must be a number of degrees or {_STEADY}, not {angle!r}"
+            raise OptionError(msg) from error
+    return Manoeuvre(radius, turned, guide_point(guide or _GUIDE, "--guide"), ramp or 0.0, standstill=standstill)
+
+
+def _folder(found: Turn) -> str:
+    """Return the default folder's name."""
+    from math import degrees
+
+    manoeuvre = found.driven.manoeuvre
+    angle = _STEADY if manoeuvre.angle is None else f"{degrees(manoeuvre.angle):g}"
+    name = f"turn-{manoeuvre.radius:g}m-{angle}" if found.template is None else found.template.name
+    return file_name(f"{name}.{found.driven.vehicle.name}")
+
+
+def _list(*, json: bool) -> int:
+    """Print the shipped templates."""
+    from math import degrees
+
+    from hdvplan.report.tables import grid
+    from hdvplan.turning.templates import load_template, template_names
+
+    templates = [load_template(name) for name in template_names()]
+    angles = [None if template.angle is None else degrees(template.angle) for template in templates]
+    if json:
+        print_json(
+            [
+                {
+                    "name": template.name,
+                    "source": template.source,
+                    "guide": str(template.point),
+                    "radius_m": template.radius,
+                    "angle_deg": angle,
+                    "standstill": template.standstill,
+                    "limits": {limit.name: limit.value for limit in template.limits},
+                }
+                for template, angle in zip(templates, angles, strict=True)
+            ]
+        )
+        return ExitCode.OK
+    rows = [
+        (
+            template.name,
+            "own" if template.radius is None else f"{template.radius:.2f}",
+            "circle" if angle is None else f"{angle:g}",
+            str(template.point),
+            ", ".join(f"{limit.words} {'>=' if limit.least else '<='} {limit.value:g}" for limit in template.limits) or "-",
+        )
+        for template, angle in zip(templates, angles, strict=True)
+    ]
+    columns = ("template", "radius [m]", "angle [deg]", "guided point", "limits [m]")
+    caption = "own: the least radius of the vehicle's front wheels; --json names the sources"
+    print_tables(grid("templates", columns, rows, text=("template", "guided point", "limits [m]"), caption=caption))
+    return ExitCode.OK

@@ -1,0 +1,228 @@
+"""A driven manoeuvre as verdict, table, JSON, CSV and GeoJSON, and the folder with all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import shapely
+from rich.table import Table
+from shapely.geometry import mapping
+from shapely.geometry.base import BaseGeometry
+from shapely.geometry.polygon import orient
+
+from hdvplan.fileio import csv_bytes, json_bytes, write_atomically
+from hdvplan.jit import FloatArray
+from hdvplan.judging.result import body_name
+from hdvplan.report.colours import INK, MUTED
+from hdvplan.report.style import body_colour, figure_bytes
+from hdvplan.report.tables import grid
+from hdvplan.turning.follow import Followed
+from hdvplan.turning.swept import chart_of
+from hdvplan.turning.templates import Limit, figure
+from hdvplan.turning.turn import Turn
+
+Json = dict[str, object]
+PICTURES = ("png", "pdf", "svg")
+_AREA_M = 0.2  # between the poses that a swept area is joined from: short by 0.7 mm at a radius of 7 m
+_TRACK_M = 0.25
+_SIMPLER_M = 1e-3
+_LIMIT_DIGITS = 3
+
+
+def verdict(turn: Turn) -> str:
+    """Return one line: whether the vehicle complies, or what width the turn needs."""
+    name, words = turn.driven.vehicle.name, _manoeuvre_words(turn)
+    if turn.template is None or not turn.limits:
+        return f"NEEDS {turn.figures.swept_width:.2f} m of width: {name}, {words}"
+    demands = "; ".join(_demand_words(limit, turn) for limit in turn.limits)
+    answer = f"YES: {name} complies" if turn.complies else f"NO: {name} does not comply"
+    return f"{answer} with {turn.template.name}: {demands}"
+
+
+def broken_words(limit: Limit, turn: Turn) -> str:
+    """Return which demand is not met, and by how much."""
+    found, which = figure(limit.name, turn.figures), "below" if limit.least else "above"
+    off = f"{-limit.spare(turn.figures):.3f} m {which} {limit.value:.3f} m"
+    return f"the {limit.words} of the {turn.driven.vehicle.name} is {found:.3f} m, {off}"
+
+
+def turn_json(turn: Turn) -> Json:
+    """Return the figures under the command line's names; metres and degrees, lists by unit or coupling from the front."""
+    figures, manoeuvre = turn.figures, turn.driven.manoeuvre
+    return {
+        "vehicle": turn.driven.vehicle.name,
+        "template": None if turn.template is None else turn.template.name,
+        "source": None if turn.template is None else turn.template.source,
+        "guide": str(manoeuvre.point),
+        "radius_m": manoeuvre.radius,
+        "angle_deg": None if manoeuvre.angle is None else float(np.rad2deg(manoeuvre.angle)),
+        "ramp_m": manoeuvre.ramp,
+        "standstill": manoeuvre.standstill,
+        "min_inside_radius_m": figures.bodies.inside,
+        "max_outside_radius_m": figures.bodies.outside,
+        "min_inside_radius_wheels_m": figures.wheels.inside,
+        "max_outside_radius_wheels_m": figures.wheels.outside,
+        "swept_width_m": figures.swept_width,
+        "off_tracking_m": max(figures.off_tracking),
+        "off_tracking_axles_m": list(figures.off_tracking),
+        "tail_swing_m": max(figures.tail_swing),
+        "tail_swing_units_m": list(figures.tail_swing),
+        "frontal_swing_m": figures.frontal_swing,
+        "articulation_deg": [float(np.rad2deg(angle)) for angle in figures.articulation],
+        "steering_deg": float(np.rad2deg(figures.steering)),
+        "complies": turn.complies,
+        "limits": [_limit_json(limit, turn) for limit in turn.limits],
+    }
+
+
+def turn_table(turn: Turn, directory: str) -> Table:
+    """Return the figures: a quantity, its value and unit, and a remark a row."""
+    figures, vehicle, manoeuvre = turn.figures, turn.driven.vehicle, turn.driven.manoeuvre
+    names = [body_name(vehicle, unit) for unit in range(len(vehicle.units))]
+    steady = "in the steady circle" if manoeuvre.angle is None else "largest along the turn"
+    rows = [
+        ("inside radius", f"{figures.bodies.inside:.3f}", "m", f"bodies; wheels {figures.wheels.inside:.3f}"),
+        ("outside radius", f"{figures.bodies.outside:.3f}", "m", f"bodies; wheels {figures.wheels.outside:.3f}"),
+        ("swept width", f"{figures.swept_width:.3f}", "m", steady),
+        *(
+            ("off-tracking", f"{off:.3f}", "m", f"axle of the {name}, inside the front axle's track")
+            for name, off in zip(names, figures.off_tracking, strict=True)
+        ),
+        *(
+            ("tail swing", f"{swing:.3f}", "m", f"{name}, beyond its side before the turn")
+            for name, swing in zip(names, figures.tail_swing, strict=True)
+        ),
+        *(
+            ("articulation", f"{np.rad2deg(angle):.1f}", "deg", f"{ahead} to {behind}, largest")
+            for ahead, behind, angle in zip(names, names[1:], figures.articulation, strict=False)
+        ),
+        ("steering", f"{np.rad2deg(figures.steering):.1f}", "deg", "front wheels, largest"),
+    ]
+    if figures.frontal_swing is not None:
+        rows.insert(
+            -1 - len(figures.articulation), ("frontal swing", f"{figures.frontal_swing:.3f}", "m", "beyond its side in line with the exit")
+        )
+    source = "" if turn.template is None else f"{turn.template.source}; "
+    title = f"{vehicle.name}, {_manoeuvre_words(turn)}"
+    return grid(title, ("", "value", "unit", "remark"), rows, text=("", "unit", "remark"), caption=f"{source}written to {directory}")
+
+
+def poses_table(driven: Followed) -> pd.DataFrame:
+    """Return the drive, one row a pose: s and place of the guided point, lead rear axle, angles [m, rad, 1/m]."""
+    columns = {"s": driven.s, "guide_x": driven.guide[:, 0], "guide_y": driven.guide[:, 1]}
+    columns |= {"x": driven.axles[:, 0, 0], "y": driven.axles[:, 0, 1], "heading": driven.headings[:, 0]}
+    columns |= {f"beta{number}": beta for number, beta in enumerate(driven.beta.T, start=1)}
+    return pd.DataFrame(columns | {"kappa": driven.kappa, "steering": driven.steering}).round(9)
+
+
+def width_table(turn: Turn) -> pd.DataFrame:
+    """Return the swept band along the turn: t, offsets of its edges from the arc and its tangents (inside positive), width [m]."""
+    band = turn.figures.band
+    return pd.DataFrame({"t": band.t, "inner": band.inner, "outer": band.outer, "width": band.width}).round(6)
+
+
+def turn_geojson(turn: Turn) -> Json:
+    """Return a FeatureCollection in plane coordinates [m]: swept areas, wheel tracks, the guided path, the arc's centre, limits."""
+    driven, chart = turn.driven, chart_of(turn.driven)
+    vehicle = driven.vehicle
+    common: Json = {"vehicle": vehicle.name, "note": "planar coordinates in metres"}
+    if turn.template is not None:
+        common |= {"template": turn.template.name, "source": turn.template.source}
+    features = []
+    for unit in range(len(vehicle.units)):
+        colour = body_colour(unit)
+        style = {"stroke": colour, "stroke-width": 1, "fill": colour, "fill-opacity": 0.35}
+        features.append(_feature(swept_area(driven, unit), common | {"kind": "swept area", "unit": body_name(vehicle, unit)} | style))
+    for unit, side, track in wheel_tracks(driven):
+        named = {"kind": "wheel track", "unit": body_name(vehicle, unit), "side": side}
+        features.append(_feature(shapely.LineString(track), common | named | _stroke(body_colour(unit))))
+    features.append(_feature(shapely.LineString(driven.guide[:, :2]), common | {"kind": "guided path"} | _stroke(MUTED)))
+    features.append(_feature(shapely.Point(chart.centre), common | {"kind": "centre"}))
+    for limit in turn.limits:
+        if limit.name.endswith("radius"):
+            ring = shapely.Point(chart.centre).buffer(limit.value, quad_segs=64).exterior
+            features.append(_feature(ring, common | {"kind": limit.words, "limit_m": limit.value} | _stroke(INK)))
+    return {"type": "FeatureCollection", "features": features}
+
+
+def swept_area(driven: Followed, unit: int) -> BaseGeometry:
+    """Return the plane area that a body sweeps [m]. Of a full circle those of its first and last round: the others lie in between."""
+    spaced, around = every(driven, _AREA_M), 2.0 * np.pi * driven.manoeuvre.radius
+    corners, s = driven.corners(unit)[spaced], driven.s[spaced]
+    if driven.manoeuvre.angle is not None or s[-1] < 2.0 * around:
+        return _swept(corners)
+    return shapely.union(_swept(corners[s < driven.manoeuvre.lead_in + around]), _swept(corners[s > s[-1] - around]))
+
+
+def _swept(corners: FloatArray) -> BaseGeometry:
+    """Return the outlines (n, 4, 2), and what their edges sweep from one to the next."""
+    ends = np.roll(corners, -1, axis=1)
+    moved = np.stack([corners[:-1], ends[:-1], ends[1:], corners[1:]], axis=2).reshape(-1, 4, 2)
+    areas = shapely.make_valid(shapely.polygons(moved))  # an edge that turns about a point of its own sweeps two triangles
+    return shapely.union_all(np.concatenate([shapely.polygons(corners), areas]))
+
+
+def wheel_tracks(driven: Followed) -> list[tuple[int, str, FloatArray]]:
+    """Return the tracks of all wheels: unit, side (front left, left, ...), points (n, 2) [m]."""
+    kept, tracks = every(driven, _TRACK_M), []
+    for number, unit in enumerate(driven.vehicle.units):
+        for front, ahead in ((True, unit.wheelbase), (False, 0.0)) if number == 0 else ((False, 0.0),):
+            for side, left in (("left", 0.5 * unit.width), ("right", -0.5 * unit.width)):
+                points = driven.points(number, np.array([ahead]), np.array([left]))[kept, 0]
+                tracks.append((number, f"front {side}" if front else side, points))
+    return tracks
+
+
+def every(driven: Followed, spacing: float) -> slice:
+    """Return the poses about ``spacing`` apart [m]."""
+    return slice(None, None, max(1, round(spacing / float(np.median(np.diff(driven.s))))))
+
+
+def write_turn(turn: Turn, directory: Path, *, pictures: Collection[str] = ()) -> None:
+    """Write ``turn.json``, ``poses.csv``, ``width.csv``, ``turn.geojson`` and the pictures, of ``PICTURES``, into ``directory``.
+
+    Raises:
+        OSError: the folder or a file cannot be written.
+
+    """
+    directory.mkdir(parents=True, exist_ok=True)
+    write_atomically(directory / "poses.csv", csv_bytes(poses_table(turn.driven)))
+    write_atomically(directory / "width.csv", csv_bytes(width_table(turn)))
+    write_atomically(directory / "turn.geojson", json_bytes(turn_geojson(turn), indent=None))
+    for kind in pictures:
+        from hdvplan.report.turn_plots import turn_figure  # noqa: PLC0415 - Matplotlib takes half a second to import
+
+        write_atomically(directory / f"turn.{kind}", figure_bytes(turn_figure(turn), kind))
+    write_atomically(directory / "turn.json", json_bytes(turn_json(turn)))
+
+
+def _manoeuvre_words(turn: Turn) -> str:
+    manoeuvre = turn.driven.manoeuvre
+    angle = "full circle" if manoeuvre.angle is None else f"{np.rad2deg(manoeuvre.angle):g} degrees"
+    ramp = f", ramps of {manoeuvre.ramp:g} m" if manoeuvre.ramp > 0.0 else ""
+    return f"{angle}, {str(manoeuvre.point).replace('-', ' ')} on a radius of {manoeuvre.radius:.2f} m{ramp}"
+
+
+def _demand_words(limit: Limit, turn: Turn) -> str:
+    spare = limit.spare(turn.figures)
+    kept = f"{max(spare, 0.0):.3f} m to spare" if limit.kept(turn.figures) else f"{-spare:.3f} m {'short' if limit.least else 'too much'}"
+    return f"{limit.words} {figure(limit.name, turn.figures):.3f} m ({'at least' if limit.least else 'at most'} {limit.value:.2f}), {kept}"
+
+
+def _limit_json(limit: Limit, turn: Turn) -> Json:
+    spare = limit.spare(turn.figures)
+    bound = "least" if limit.least else "most"
+    return {"figure": limit.name, f"{bound}_m": limit.value, "spare_m": spare, "kept": limit.kept(turn.figures)}
+
+
+def _stroke(colour: str) -> Json:
+    return {"stroke": colour, "stroke-width": 1}
+
+
+def _feature(geometry: BaseGeometry, properties: Json) -> Json:
+    simple = shapely.set_precision(shapely.simplify(geometry, _SIMPLER_M), _SIMPLER_M) if geometry.area > 0.0 else geometry
+    wound = shapely.multipolygons([orient(part) for part in shapely.get_parts(simple)]) if geometry.area > 0.0 else simple
+    return {"type": "Feature", "properties": properties, "geometry": mapping(shapely.transform(wound, lambda points: np.round(points, 3)))}

@@ -1,0 +1,127 @@
+"""What planning gains over a template: a design vehicle in its own minimum turn, its front axle on the line, or planned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from hdvplan.case import Case
+from hdvplan.report.turn_plots import compared_figure
+from hdvplan.reproduce.study import Progress, Row, Study
+from hdvplan.reproduce.swept import road_of, swept
+from hdvplan.road.scenarios import uturn_profile
+from hdvplan.turning.follow import Followed, follow, tightest
+from hdvplan.turning.manoeuvre import GuidePoint, Manoeuvre, guide_offsets
+from hdvplan.turning.swept import band_of, chart_of, front_track
+from hdvplan.vehicle.kinematics import POSE, place
+from hdvplan.vehicle.load import load_vehicle
+
+_TURNS = (("SU-30", 90.0), ("CITY-BUS", 90.0), ("A-BUS", 90.0), ("WB-40", 90.0), ("WB-62", 90.0), ("WB-62", 180.0))
+_DRAWN = ("WB-62", 90.0)
+_RAMP_M = 2.0  # of the road's curvature, which must be continuous; the front axle drives the same line
+_LEAD_M = 50.0  # straight before and after
+
+
+@dataclass(frozen=True)
+class Room:
+    """What a drive sweeps about the line [m]: largest reach inside and outside it, and the largest width at one place."""
+
+    inside: float
+    outside: float
+    width: float
+
+    @property
+    def even(self) -> float:
+        """The half width that a road with the line in its middle needs."""
+        return max(self.inside, self.outside)
+
+
+def planned_turn(on_progress: Progress) -> Study:
+    """Drive design vehicles through their minimum turns by their front axle, and as planned by the geometric objective."""
+    rows: list[Row] = []
+    cases, data = [], []
+    drawn: tuple[Followed, Followed] | None = None
+    for number, (name, degrees) in enumerate(_TURNS, start=1):
+        case, line = turn_of(name, np.deg2rad(degrees))
+        planned = planned_along(case, line)
+        cases.append(case)
+        rooms = room_of(line, line), room_of(planned, line)
+        rows += _rows(f"{name}, {degrees:g} deg", *rooms, headline=(name, degrees) == _DRAWN)
+        data.append({"vehicle": name, "angle_deg": degrees, "radius_m": line.manoeuvre.radius} | _columns(*rooms))
+        if (name, degrees) == _DRAWN:
+            drawn = line, planned
+        on_progress(number / len(_TURNS))
+    assert drawn is not None  # noqa: S101 - it is one of the turns
+    return Study(
+        "planned-turn",
+        "A turn as planned, and with the front axle on the line",
+        "AASHTO's minimum turns",
+        "The line is the vehicle's own minimum turn with ramps of 2 m. Planned: geometric objective, receding horizon (RTI), no limits. "
+        "Even half width: what a road needs whose kerbs stand equally far from the line, which is what the objective asks for. Planning "
+        "moves reach from the inside kerb to the outside one; the band itself narrows only where the turn is long.",
+        tuple(cases),
+        tuple(rows),
+        pd.DataFrame(data),
+        partial(_figure, *drawn),
+    )
+
+
+def turn_of(name: str, angle: float) -> tuple[Case, Followed]:
+    """Return a design vehicle's minimum turn by ``angle`` [rad]: to be planned along the line, and with its front axle on it."""
+    vehicle = load_vehicle(name)
+    radius = tightest(vehicle, guide_offsets(GuidePoint.FRONT_AXLE, vehicle))
+    line = follow(vehicle, Manoeuvre(radius, angle, ramp=_RAMP_M, lead_in=_LEAD_M, lead_out=_LEAD_M))
+    profile = uturn_profile(1.0 / radius, _RAMP_M, angle=angle, lead_in=_LEAD_M, lead_out=_LEAD_M)
+    return Case(road_of(f"{name}-turn", profile), vehicle), line
+
+
+def planned_along(case: Case, line: Followed) -> Followed:
+    """Return a case's drive as if it were a driven manoeuvre along ``line``: measured and drawn is where its bodies were."""
+    drive = swept(case).drive
+    units, path, count = drive.vehicle.table(), drive.stations.path, len(drive.vehicle.units)
+    poses = np.empty((len(drive.poses_s), count), POSE)
+    points = path.at(drive.poses_s)
+    for pose, z, x, y, psi in zip(poses, drive.poses_z, points.x, points.y, points.heading, strict=True):
+        place(units, x, y, np.cos(psi), np.sin(psi), z, pose)
+    headings = np.unwrap(np.arctan2(poses["sin"], poses["cos"]), axis=0)
+    axles = np.stack([poses["x"], poses["y"]], axis=-1)
+    s = drive.poses_s + drive.vehicle.lead.wheelbase
+    beta = drive.poses_z[:, 2 : drive.vehicle.rigid_states]
+    kappa = drive.kappa[np.clip(np.searchsorted(drive.stations.s, drive.poses_s, side="right") - 1, 0, len(drive.kappa) - 1)]
+    return replace(line, s=s, guide=line.path.at(np.clip(s, 0.0, line.s[-1])), kappa=kappa, beta=beta, axles=axles, headings=headings)
+
+
+def room_of(driven: Followed, line: Followed) -> Room:
+    """Return what ``driven`` sweeps about the path of the front axle of ``line``."""
+    band = band_of(driven)
+    offset = np.interp(band.t, *front_track(line, chart_of(line)))
+    return Room(float(np.nanmax(band.inner - offset)), float(np.nanmax(offset - band.outer)), float(np.nanmax(band.width)))
+
+
+def _rows(what: str, line: Room, planned: Room, *, headline: bool) -> list[Row]:
+    def reaches(room: Room) -> str:
+        return f"{room.inside:.2f} m inside the line, {room.outside:.2f} m outside"
+
+    gain = line.even - planned.even
+    return [
+        Row(f"{what}: half width, axle on line", "m", None, line.even, reaches(line), headline=headline),
+        Row(f"{what}: half width, planned", "m", None, planned.even, f"{reaches(planned)}; saves {gain:.2f} m", headline=headline),
+        Row(f"{what}: swept width, axle on line", "m", None, line.width, headline=headline),
+        Row(f"{what}: swept width, planned", "m", None, planned.width, headline=headline),
+    ]
+
+
+def _columns(line: Room, planned: Room) -> dict[str, float]:
+    return {
+        f"{how}_{what}_m": getattr(room, what)
+        for how, room in (("line", line), ("planned", planned))
+        for what in ("inside", "outside", "width", "even")
+    }
+
+
+def _figure(line: Followed, planned: Followed) -> Figure:
+    return compared_figure(line, planned, ("front axle on the line", "planned"), f"{line.vehicle.name}, {np.rad2deg(line.angle):g} degrees")

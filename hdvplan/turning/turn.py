@@ -1,0 +1,48 @@
+"""A manoeuvre driven, measured and held against what a standard demands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from hdvplan.turning.figures import Figures, figures_of
+from hdvplan.turning.follow import Followed, follow
+from hdvplan.turning.manoeuvre import Manoeuvre
+from hdvplan.turning.templates import Limit, Template
+from hdvplan.vehicle.model import Vehicle
+
+
+@dataclass(frozen=True)
+class Turn:
+    """A driven manoeuvre with its figures; ``template`` is the standard that it follows, if it does."""
+
+    driven: Followed
+    figures: Figures
+    template: Template | None
+
+    @property
+    def limits(self) -> tuple[Limit, ...]:
+        """What the standard demands."""
+        return () if self.template is None else self.template.limits
+
+    @property
+    def complies(self) -> bool | None:
+        """Whether all demands are met; None where there are none."""
+        return all(limit.kept(self.figures) for limit in self.limits) if self.limits else None
+
+    @property
+    def tightest(self) -> Limit | None:
+        """The demand that is met with the least to spare, or broken most."""
+        return min(self.limits, key=lambda limit: limit.spare(self.figures), default=None)
+
+
+def turn(vehicle: Vehicle, manoeuvre: Manoeuvre | Template) -> Turn:
+    """Drive ``vehicle`` through a manoeuvre, or a standard's, and measure it.
+
+    Raises:
+        TurnError: the vehicle cannot drive it.
+        OptionError: the standard's ramps are too long for the vehicle's radius.
+
+    """
+    template = manoeuvre if isinstance(manoeuvre, Template) else None
+    driven = follow(vehicle, manoeuvre.manoeuvre(vehicle) if isinstance(manoeuvre, Template) else manoeuvre)
+    return Turn(driven, figures_of(driven), template)

@@ -1,0 +1,179 @@
+"""``hdvplan turn`` as users run it."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import shapely
+from shapely.geometry import shape
+
+from hdvplan.report.turn_plots import compared_figure, turn_figure
+from hdvplan.reproduce.planned_turn import planned_along, room_of, turn_of
+from hdvplan.turning.templates import load_template
+from hdvplan.turning.turn import turn
+from hdvplan.vehicle.load import load_vehicle
+from tests.cli.conftest import Cli, cli  # noqa: F401 - a fixture
+
+KEYS = {
+    "vehicle", "template", "radius_m", "angle_deg", "min_inside_radius_m", "max_outside_radius_m", "swept_width_m", "off_tracking_m",
+    "tail_swing_m", "frontal_swing_m", "articulation_deg",
+}  # fmt: skip
+TEMPLATE = """
+name = "depot gate"
+source = "our own"
+length_unit = "ft"
+[manoeuvre]
+radius = 45
+angle = 90
+ramp = 10
+[limits]
+swept_width = 20
+"""
+VEHICLE = """
+name = "mine"
+length_unit = "ft"
+[[unit]]
+wheelbase = 20
+front_overhang = 4
+rear_overhang = 6
+width = 8
+turning_radius = 38
+"""
+
+
+def test_a_vehicle_that_complies_ends_in_0_with_its_figures(cli: Cli, tmp_path: Path) -> None:  # noqa: F811 - the fixture
+    outcome = cli("turn", "--vehicle", "tractor-semitrailer", "--template", "eu-circle")
+    assert (outcome.code, outcome.err) == (0, "")
+    assert outcome.out.startswith("YES: tractor-semitrailer complies with eu-circle: ")
+    assert "inside radius 5.346 m (at least 5.30), 0.046 m to spare" in outcome.out.splitlines()[0]
+    assert max(len(line) for line in outcome.out.splitlines()[1:]) <= 80
+    folder = tmp_path / "eu-circle.tractor-semitrailer"
+    assert {path.name for path in folder.iterdir()} == {"poses.csv", "width.csv", "turn.geojson", "turn.json", "turn.png"}
+
+
+def test_a_vehicle_that_does_not_comply_ends_in_1_and_says_by_how_much(cli: Cli) -> None:  # noqa: F811
+    outcome = cli("turn", "--vehicle", "citaro-le-mu", "--template", "eu-circle", "--no-plot")
+    assert outcome.code == 1
+    assert outcome.out.startswith("NO: citaro-le-mu does not comply")
+    assert outcome.err == "error: the inside radius of the citaro-le-mu is 5.137 m, 0.163 m below 5.300 m\n"
+
+
+def test_a_radius_that_cannot_be_driven_ends_in_1_with_the_least_one(cli: Cli, tmp_path: Path) -> None:  # noqa: F811
+    outcome = cli("turn", "--vehicle", "bus", "--template", "eu-circle")
+    assert (outcome.code, outcome.out) == (1, "")
+    assert "least radius 14.64 m, 2.14 m more" in outcome.err.splitlines()[0]
+    options = outcome.err.splitlines()[1].split(": ")[2].split()
+    assert not list(tmp_path.iterdir())
+    assert cli("turn", "--vehicle", "bus", *options, "--no-plot", "--quiet").code == 0
+
+
+def test_json_has_the_agreed_names_and_nothing_else_is_said(cli: Cli) -> None:  # noqa: F811
+    outcome = cli("turn", "--vehicle", "wb-62", "--radius", "15", "--angle", "90", "--json", "--no-plot")
+    assert (outcome.code, outcome.err) == (0, "")
+    found = json.loads(outcome.out)
+    assert set(found) >= KEYS
+    assert (found["vehicle"], found["template"], found["radius_m"], found["angle_deg"]) == ("WB-62", None, 15.0, 90.0)
+    assert len(found["articulation_deg"]) == 1
+    assert found["swept_width_m"] < found["max_outside_radius_m"] - found["min_inside_radius_m"]
+    assert found["off_tracking_m"] == max(found["off_tracking_axles_m"])
+
+
+def test_a_template_and_a_vehicle_of_one_s_own_run_from_files(cli: Cli, tmp_path: Path) -> None:  # noqa: F811
+    (tmp_path / "gate.toml").write_text(TEMPLATE, encoding="utf-8")
+    (tmp_path / "mine.toml").write_text(VEHICLE, encoding="utf-8")
+    outcome = cli("turn", "--vehicle", "mine.toml", "--template", "gate.toml", "--json", "--format", "svg")
+    assert outcome.code == 0
+    found = json.loads(outcome.out)
+    assert (found["template"], found["radius_m"], found["complies"]) == ("depot gate", 45.0 * 0.3048, True)
+    assert (tmp_path / "depot-gate.mine" / "turn.svg").is_file()
+
+
+def test_the_list_names_every_template_in_a_terminal_s_width(cli: Cli) -> None:  # noqa: F811
+    table = cli("turn", "--list").out
+    assert max(len(line) for line in table.splitlines()) <= 80
+    listed = json.loads(cli("turn", "--list", "--json").out)
+    assert all(template["name"] in table and template["source"] for template in listed)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ((), "--vehicle"),
+        (("--vehicle", "bus"), "--template, or --radius and --angle"),
+        (("--vehicle", "bus", "--radius", "12"), "--template, or --radius and --angle"),
+        (("--vehicle", "bus", "--radius", "12", "--angle", "right"), "--angle must be a number"),
+        (("--vehicle", "bus", "--radius", "12", "--angle", "nan"), "angle = nan"),
+        (("--vehicle", "bus", "--radius", "-12", "--angle", "90"), "radius = -12"),
+        (("--vehicle", "bus", "--radius", "1e6", "--angle", "90"), "km long"),
+        (("--vehicle", "bus", "--radius", "1e6", "--angle", "steady"), "km long"),
+        (("--vehicle", "bus", "--radius", "12", "--angle", "1e9"), "km long"),
+        (("--vehicle", "bus", "--radius", "12", "--angle", "90", "--guide", "rear"), "guide must be"),
+        (("--vehicle", "bus", "--radius", "12", "--template", "eu-circle"), "--radius contradicts --template"),
+        (("--vehicle", "bus", "--template", "none"), "unknown template"),
+        (("--vehicle", "none", "--template", "eu-circle"), "unknown vehicle"),
+        (("--vehicle", "bus", "--template", "aashto-90", "--format", "bmp"), "--format"),
+        (("--vehicle", "bus", "--template", "aashto-90", "--out", "file"), "is a file"),
+    ],
+)
+def test_what_cannot_be_driven_as_asked_is_refused_in_one_line(
+    cli: Cli,  # noqa: F811
+    tmp_path: Path,
+    arguments: tuple[str, ...],
+    words: str,
+) -> None:
+    (tmp_path / "file").write_text("taken", encoding="utf-8")
+    outcome = cli("turn", *arguments)
+    assert (outcome.code, outcome.out) == (2, "")
+    assert words in outcome.err.splitlines()[0]
+
+
+def test_a_kingpin_that_a_vehicle_has_not_ends_in_1(cli: Cli) -> None:  # noqa: F811
+    outcome = cli("turn", "--vehicle", "bus", "--radius", "12", "--angle", "90", "--guide", "kingpin")
+    assert outcome.code == 1
+    assert "kingpin" in outcome.err
+
+
+def test_the_files_hold_the_drive_and_its_areas(cli: Cli, tmp_path: Path) -> None:  # noqa: F811
+    assert cli("turn", "--vehicle", "WB-40", "--template", "aashto-90", "--no-plot", "--quiet").out == ""
+    folder = tmp_path / "aashto-90.WB-40"
+    summary = json.loads((folder / "turn.json").read_text(encoding="utf-8"))
+    width = pd.read_csv(folder / "width.csv")
+    assert width["width"].max() == pytest.approx(summary["swept_width_m"], abs=1e-6)  # the file's digits
+    poses = pd.read_csv(folder / "poses.csv")
+    assert np.rad2deg(poses["beta1"].abs().max()) == pytest.approx(summary["articulation_deg"][0], abs=1e-6)
+    features = json.loads((folder / "turn.geojson").read_text(encoding="utf-8"))["features"]
+    areas = [shape(feature["geometry"]) for feature in features if feature["properties"]["kind"] == "swept area"]
+    assert len(areas) == 2
+    assert all(area.is_valid for area in areas)
+    kinds = [feature["properties"]["kind"] for feature in features]
+    assert kinds.count("wheel track") == 6
+    centre = next(shape(feature["geometry"]) for feature in features if feature["properties"]["kind"] == "centre")
+    nearest = min(area.distance(centre) for area in areas)
+    assert nearest == pytest.approx(summary["min_inside_radius_m"], abs=2e-3)  # rounded and simplified to 1 mm
+    tracks = [shape(feature["geometry"]) for feature in features if feature["properties"]["kind"] == "wheel track"]
+    assert shapely.union_all(areas).buffer(0.01).covers(shapely.union_all(tracks))  # wheels run inside the body's outline
+
+
+def test_the_picture_is_to_scale_and_its_title_is_the_verdict() -> None:
+    figure = turn_figure(turn(load_vehicle("tractor-semitrailer"), load_template("eu-circle")))
+    assert figure.get_suptitle().replace("\n", " ").startswith("YES: tractor-semitrailer complies with eu-circle")
+    plane = figure.axes[0]
+    assert plane.get_aspect() == 1.0
+    legend = plane.get_legend()
+    assert legend is not None
+    words = {text.get_text() for text in legend.get_texts()}
+    assert {"outside radius 12.50 m, at most", "inside radius 5.30 m, at least", "path of the front corner"} <= words
+    assert any(text.get_text().endswith(" m") for text in plane.texts)  # the scale bar's length
+
+
+def test_planning_needs_less_room_than_the_front_axle_on_the_line() -> None:
+    case, line = turn_of("WB-40", 0.5 * np.pi)
+    planned = planned_along(case, line)
+    axle, plan = room_of(line, line), room_of(planned, line)
+    assert plan.even < axle.even - 1.0
+    assert abs(plan.inside - plan.outside) < 0.05  # what the objective is for
+    assert axle.outside == pytest.approx(1.45, abs=0.1)  # half the body, and the corner's swing
+    reach = compared_figure(line, planned, ("axle", "planned"), "WB-40").axes[1]
+    assert len(reach.get_lines()) == 5

@@ -1,0 +1,146 @@
+"""Driving a manoeuvre exactly: against closed forms and against an independent integration."""
+
+import numpy as np
+import pytest
+
+from hdvplan.errors import OptionError, TurnError
+from hdvplan.turning.follow import follow, tightest
+from hdvplan.turning.manoeuvre import GuidePoint, Manoeuvre, guide_offsets
+from hdvplan.vehicle.load import load_vehicle
+from hdvplan.vehicle.model import Unit, Vehicle
+from tests.turning.plane import rolled
+
+POINTS = [GuidePoint.FRONT_AXLE, GuidePoint.OUTER_FRONT_WHEEL, GuidePoint.FRONT_CORNER]
+
+
+def chain(*wheelbases: float, hitches: tuple[float, ...] = ()) -> Vehicle:
+    offsets = (*hitches, *[0.0] * (len(wheelbases) - len(hitches)))
+    units = tuple(Unit(length, 0.0, 1.0, 2.5, offset) for length, offset in zip(wheelbases, offsets, strict=True))
+    return Vehicle("chain", units, max_curvature=1.0)
+
+
+@pytest.mark.parametrize(("radius", "wheelbase"), [(41.0 * 0.3048, 19.5 * 0.3048), (12.5, 6.0), (6.4, 3.35), (50.0, 2.0)])
+def test_the_transient_of_one_unit_meets_its_closed_form(radius: float, wheelbase: float) -> None:
+    driven = follow(chain(wheelbase), Manoeuvre(radius, 2.0 * np.pi, lead_in=0.0, lead_out=0.0))
+    k = radius / wheelbase
+    w, faded = np.sqrt(k**2 - 1.0), np.exp(-driven.s / radius * np.sqrt(k**2 - 1.0))
+    phi = 2.0 * np.arctan2(1.0 - faded, (k + w) - (k - w) * faded)
+    assert np.max(np.abs(driven.guide[:, 2] - driven.headings[:, 0] - phi)) < 1e-9  # demanded [rad]
+
+
+def test_the_closed_form_itself_has_the_values_that_were_checked_by_hand() -> None:
+    driven = follow(chain(19.5), Manoeuvre(41.0, np.pi, lead_in=0.0, lead_out=0.0))
+    phi = np.rad2deg(np.interp([20.5, 41.0, 20.5 * np.pi, 41.0 * np.pi], driven.s, driven.guide[:, 2] - driven.headings[:, 0]))
+    np.testing.assert_allclose(phi, [17.8060905, 24.3110492, 26.9938001, 28.3226163], atol=2e-6)  # read between poses 0.05 m apart
+
+
+@pytest.mark.parametrize(
+    ("wheelbases", "hitches"), [((6.0,), ()), ((3.7, 7.7), ()), ((3.7, 7.7), (-0.6,)), ((5.3, 4.6, 7.7), (1.95, 0.0)), ((4.0,) * 5, ())]
+)
+def test_steady_off_tracking_of_a_chain_meets_its_closed_form(wheelbases: tuple[float, ...], hitches: tuple[float, ...]) -> None:
+    radius = 20.0
+    driven = follow(chain(*wheelbases, hitches=hitches), Manoeuvre(radius, None))
+    centre = np.array([5.0, radius])  # after 5 m of straight
+    radii = np.hypot(*(driven.axles[-1] - centre).T)
+    lengths, offsets = np.square(wheelbases), np.square([*hitches, *[0.0] * (len(wheelbases) - len(hitches))])
+    expected = np.sqrt(radius**2 - np.cumsum(lengths) + np.append(0.0, np.cumsum(offsets)[:-1]))
+    np.testing.assert_allclose(radii, expected, atol=1e-9)  # demanded [m]
+
+
+@pytest.mark.parametrize("point", POINTS)
+def test_the_guided_point_stays_on_its_path(point: GuidePoint) -> None:
+    vehicle = load_vehicle("rear-steered-bus")
+    driven = follow(vehicle, Manoeuvre(15.0, 2.0, point, ramp=6.0))
+    ahead, left = guide_offsets(point, vehicle)
+    moved = np.diff(driven.points(0, np.array([ahead]), np.array([left]))[:, 0], axis=0)
+    middle = 0.5 * (driven.guide[1:, 2] + driven.guide[:-1, 2])
+    across = moved[:, 1] * np.cos(middle) - moved[:, 0] * np.sin(middle)
+    assert np.max(np.abs(across)) < 1e-6  # a ramp's chord of 0.05 m turns off the mean heading by 0.05^2 / 12 * k' = 2e-6 rad
+
+
+def test_a_path_with_ramps_ends_in_the_right_direction_and_where_quadrature_says() -> None:
+    driven = follow(chain(6.0), Manoeuvre(12.5, 2.0, ramp=10.0, lead_out=7.0))
+    assert driven.guide[-1, 2] == pytest.approx(2.0, abs=1e-12)  # rounding
+    s = np.linspace(0.0, driven.s[-1], 200_001)
+    curvature = np.interp(s, driven.path.starts, [0.0, 0.0, 0.08, 0.08, 0.0, 0.0])
+    heading = np.concatenate([[0.0], np.cumsum(0.5 * (curvature[1:] + curvature[:-1]) * np.diff(s))])
+    end = np.trapezoid(np.cos(heading), s), np.trapezoid(np.sin(heading), s)
+    np.testing.assert_allclose(driven.guide[-1, :2], end, atol=1e-6)  # the trapezoidal rule's own error at 0.2 mm is 1e-8 m
+
+
+@pytest.mark.parametrize(
+    ("name", "point", "radius"),
+    [
+        ("tractor-semitrailer", GuidePoint.FRONT_CORNER, 12.5),
+        ("truck-dolly-semitrailer", GuidePoint.FRONT_AXLE, 13.0),
+        ("semitrailer-steered", GuidePoint.FRONT_CORNER, 12.5),
+        ("rear-steered-bus", GuidePoint.FRONT_CORNER, 12.5),
+        ("rear-steered-bus", GuidePoint.OUTER_FRONT_WHEEL, 14.0),
+        ("tractor-semitrailer", GuidePoint.KINGPIN, 12.0),
+        ("WB-67D", GuidePoint.FRONT_AXLE, 13.0),
+    ],
+)
+def test_every_pose_agrees_with_an_independent_integration(name: str, point: GuidePoint, radius: float) -> None:
+    vehicle = load_vehicle(name)
+    driven = follow(vehicle, Manoeuvre(radius, 0.75 * np.pi, point, lead_in=3.0, lead_out=20.0), spacing=0.25)
+    found = rolled(vehicle, *guide_offsets(point, vehicle), radius, 3.0, driven.s, 3.0 + 0.75 * np.pi * radius)
+    np.testing.assert_allclose(driven.headings, found.headings, atol=1e-7)  # laws have corners at their stops: RK4 steps over them
+    np.testing.assert_allclose(driven.axles, found.axles, atol=1e-6)
+
+
+def test_from_standstill_the_lead_unit_is_in_its_circle_at_once() -> None:
+    vehicle = load_vehicle("citaro-le-u")
+    driven = follow(vehicle, Manoeuvre(12.5, 0.5 * np.pi, GuidePoint.FRONT_CORNER, standstill=True, lead_out=0.0))
+    assert np.ptp(driven.kappa) < 1e-9  # steady from the first pose
+    assert driven.headings[0, 0] == 0.0
+    ahead, left = guide_offsets(GuidePoint.FRONT_CORNER, vehicle)
+    np.testing.assert_allclose(driven.points(0, np.array([ahead]), np.array([left]))[0, 0], [0.0, 0.0], atol=1e-12)
+
+
+def test_a_radius_beyond_the_steering_is_refused_with_the_least_one_that_can_be_driven() -> None:
+    bus = load_vehicle("bus")
+    with pytest.raises(TurnError, match="front wheels turn to 31") as caught:
+        follow(bus, Manoeuvre(8.0, None))
+    least = caught.value.least_radius_m
+    assert least == pytest.approx(tightest(bus, (6.0, 0.0)), abs=0.01)  # given in whole centimetres, rounded up
+    assert least is not None
+    follow(bus, Manoeuvre(least, None))
+    with pytest.raises(TurnError):
+        follow(bus, Manoeuvre(least - 0.02, None))
+
+
+def test_a_short_turn_may_be_tighter_than_a_circle() -> None:
+    bus = load_vehicle("bus")
+    with pytest.raises(TurnError, match="cannot drive 90 degrees") as caught:
+        follow(bus, Manoeuvre(5.0, 0.5 * np.pi))
+    assert caught.value.least_radius_m is not None
+    assert 5.0 < caught.value.least_radius_m < tightest(bus, (6.0, 0.0)) - 0.2
+
+
+def test_a_trailer_that_would_be_pushed_backwards_is_refused_with_the_radius_at_which_it_just_follows() -> None:
+    vehicle = chain(3.0, 10.0)
+    with pytest.raises(TurnError, match="unit 2 would be pushed backwards") as caught:
+        follow(vehicle, Manoeuvre(8.0, None))
+    assert caught.value.least_radius_m == pytest.approx(np.hypot(3.0, 10.0), abs=0.03)  # closer to it, settling takes over 64 rounds
+
+
+def test_a_kingpin_behind_the_axle_or_missing_cannot_guide() -> None:
+    for name in ("bus", "truck-dolly-semitrailer"):
+        with pytest.raises(TurnError, match="kingpin"):
+            guide_offsets(GuidePoint.KINGPIN, load_vehicle(name))
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"radius": 0.0}, "above 0"),
+        ({"radius": float("nan")}, "radius = nan"),
+        ({"radius": -3.0}, "radius = -3"),
+        ({"angle": 0.0}, "above 0"),
+        ({"angle": 0.5, "ramp": 6.0}, "5.00 m long"),
+        ({"ramp": 1.0, "standstill": True}, "standstill"),
+    ],
+)
+def test_what_is_no_turn_is_refused(values: dict[str, float], words: str) -> None:
+    with pytest.raises(OptionError, match=words):
+        Manoeuvre(**({"radius": 10.0, "angle": 1.0} | values))  # type: ignore[arg-type] # mypy takes the floats for the Boolean too

@@ -1,0 +1,81 @@
+"""Templates and vehicles as data: those that ship, users' own, and what is refused."""
+
+import numpy as np
+import pytest
+
+from hdvplan.errors import OptionError
+from hdvplan.turning.manoeuvre import GuidePoint
+from hdvplan.turning.templates import load_template, parse_template, template_names
+from hdvplan.vehicle.load import load_vehicle
+
+NAMES = {"aashto-180", "aashto-90", "be-1968", "eu-circle", "eu-kingpin", "map21", "pbs-90", "se-25m", "swing-out"}
+
+
+def test_every_shipped_template_names_its_source() -> None:
+    assert set(template_names()) == NAMES
+    for name in template_names():
+        template = load_template(name)
+        assert template.name == name
+        assert template.source
+
+
+def test_the_european_circle_is_the_directive_s() -> None:
+    template = load_template("eu-circle")
+    assert (template.radius, template.angle, template.point) == (12.5, None, GuidePoint.FRONT_CORNER)
+    assert {limit.name: limit.value for limit in template.limits} == {"outside_radius": 12.5, "inside_radius": 5.3}
+
+
+def test_feet_become_metres_once_and_exactly() -> None:
+    template = load_template("map21")
+    assert template.radius == 41.0 * 0.3048
+    assert (template.lead_in, template.lead_out) == (60.0 * 0.3048, 105.0 * 0.3048)
+
+
+def test_the_vehicle_s_own_radius_is_the_standard_s() -> None:
+    for name, feet in (("P", 21.0), ("WB-62", 41.0), ("CITY-BUS", 37.8)):
+        manoeuvre = load_template("aashto-180").manoeuvre(load_vehicle(name))
+        assert manoeuvre.radius == pytest.approx(feet * 0.3048, abs=1e-12)  # there and back through a curvature
+
+
+def test_a_template_of_one_s_own_needs_a_radius_and_an_angle_alone() -> None:
+    template = parse_template("[manoeuvre]\nradius = 15\nangle = 120\n[limits]\nswept_width = 6.5\n", default_name="mine")
+    assert (template.name, template.radius, template.point) == ("mine", 15.0, GuidePoint.FRONT_AXLE)
+    assert template.angle == pytest.approx(2.0 * np.pi / 3.0)
+    assert template.limits[0].value == 6.5
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("radius", "not valid TOML"),
+        ("[manoeuvre]\nangle = 90", "radius is missing"),
+        ("[manoeuvre]\nradius = 12", "angle is missing"),
+        ("[manoeuvre]\nradius = 'own'\nangle = 90", "a number or 'vehicle'"),
+        ("[manoeuvre]\nradius = 12\nangle = 'round'", "a number of degrees or 'steady'"),
+        ("[manoeuvre]\nradius = true\nangle = 90", "radius must be a number"),
+        ("[manoeuvre]\nradius = -1\nangle = 90", "radius = -1"),
+        ("[manoeuvre]\nradius = inf\nangle = 90", "radius must be a number"),
+        (f"[manoeuvre]\nradius = 1{'0' * 400}\nangle = 90", "radius must be a number"),
+        ("[manoeuvre]\nradius = 12\nangle = 90\nguide = 'rear'", "front-axle"),
+        ("[manoeuvre]\nradius = 12\nangle = 90\nguide = ['front-axle']", "front-axle"),
+        ("[manoeuvre]\nradius = 12\nangle = 90\nramps = 2", "unknown entry 'ramps'"),
+        ("[manoeuvre]\nradius = 12\nangle = 90\nstandstill = 1", "true or false"),
+        ("[manoeuvre]\nradius = 12\nangle = 90\n[limits]\ninside = 5", "unknown entry 'inside'"),
+        ("[manoeuvre]\nradius = 12\nangle = 90\n[limits]\ninside_radius = '5'", "inside_radius must be a number"),
+        ("length_unit = 'yd'\n[manoeuvre]\nradius = 12\nangle = 90", "'m' or 'ft'"),
+        ("length_unit = ['ft']\n[manoeuvre]\nradius = 12\nangle = 90", "'m' or 'ft'"),
+        ("manoeuvre = 3", "must be a table"),
+        ("[turn]\nradius = 3", "unknown entry 'turn'"),
+    ],
+)
+def test_a_template_that_cannot_be_used_says_why(text: str, words: str) -> None:
+    with pytest.raises(OptionError, match=words):
+        parse_template(text, default_name="mine")
+
+
+def test_an_unknown_template_suggests_the_nearest() -> None:
+    with pytest.raises(OptionError) as caught:
+        load_template("eu-circel")
+    assert caught.value.hint == "did you mean 'eu-circle'?"
+    with pytest.raises(OptionError, match="cannot be read"):
+        load_template("none.toml")
