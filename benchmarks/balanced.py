@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from hdvplan.planning.balanced import Balancing
 from scipy.ndimage import gaussian_filter1d
 
 from hdvplan.api import drive_case, prepare
@@ -27,7 +28,6 @@ from hdvplan.fileio import csv_bytes, write_atomically
 from hdvplan.jit import FloatArray
 from hdvplan.judging.envelope import envelope_of
 from hdvplan.machine import use_one_thread
-from hdvplan.planning.balanced import Balancing
 from hdvplan.planning.objectives import Balanced, Objective, Residual, balanced, geometric
 from hdvplan.planning.planner import Plan
 from hdvplan.planning.settings import PlannerSettings, Scheme

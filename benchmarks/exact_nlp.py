@@ -16,8 +16,8 @@ import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
 from hdvplan.jit import FloatArray
-from hdvplan.planning.objectives import Residual
 from hdvplan.planning.discretisation import Discretisation
+from hdvplan.planning.objectives import Residual
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations
 from hdvplan.road.path import ReferencePath, evaluate_many

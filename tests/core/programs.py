@@ -9,6 +9,8 @@ import scipy.sparse as sp
 from hdvplan.jit import FloatArray
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 
+PARTS = ("x", "u", "sigma", "dynamics", "rows", "x_bounds", "u_bounds")  # of a primal-dual point
+
 
 def shape(*, rows: int = 3, stages: int = 6) -> StageShape:
     """Return sizes that share no number: four states, two inputs, the second and the last state bounded."""

@@ -5,6 +5,8 @@ from functools import cache
 
 import numpy as np
 import pytest
+from hdvplan.planning.linearise import linearise_dynamics
+from hdvplan.planning.steering import Steering
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
@@ -14,11 +16,9 @@ from hdvplan.driving.drive import Drive, drive
 from hdvplan.driving.simulate import simulate
 from hdvplan.jit import FloatArray
 from hdvplan.judging.envelope import envelope_of
-from hdvplan.planning.linearise import linearise_dynamics
 from hdvplan.planning.objectives import Objective, body_max, geometric
 from hdvplan.planning.planner import qp_shape
 from hdvplan.planning.settings import PlannerSettings
-from hdvplan.planning.steering import Steering
 from hdvplan.qp.program import StageQp
 from hdvplan.road.path import from_curvature
 from hdvplan.road.scenarios import SCENARIOS

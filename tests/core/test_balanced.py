@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from hdvplan.planning.balanced import Balancing, tracing_points
 
 from hdvplan.bench.courses import with_limits
 from hdvplan.bench.suite import Suite
@@ -14,7 +15,6 @@ from hdvplan.centring.weights import CentringTable
 from hdvplan.driving.drive import drive
 from hdvplan.jit import FloatArray
 from hdvplan.judging.envelope import envelope_of
-from hdvplan.planning.balanced import Balancing, tracing_points
 from hdvplan.planning.objectives import Balanced, Objective, balanced, geometric
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import Stations, stations_of

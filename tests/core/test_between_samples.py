@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from hdvplan.planning.limits import ROWS_PER_EDGE, linearise_limits
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hdvplan.driving.drive import Drive, drive
 from hdvplan.driving.simulate import simulate
 from hdvplan.jit import FloatArray
-from hdvplan.planning.limits import ROWS_PER_EDGE, linearise_limits
 from hdvplan.planning.motion import axles_behind
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.settings import PlannerSettings

@@ -3,10 +3,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from hdvplan.planning.limits import ROWS_PER_EDGE, WALL, limit_at, linearise_limits
 
 from hdvplan.centring.weights import CentringTable
 from hdvplan.jit import FloatArray
-from hdvplan.planning.limits import ROWS_PER_EDGE, WALL, limit_at, linearise_limits
 from hdvplan.planning.motion import axles_behind
 from hdvplan.planning.stations import LIMIT_SPACING_M, Stations, limit_table, stations_of
 from hdvplan.road.path import from_curvature

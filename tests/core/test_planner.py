@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
+from hdvplan.planning.limits import ROWS_PER_EDGE
+from hdvplan.planning.linearise import advance, linearise, write_inputs
 from scipy.optimize import LinearConstraint, NonlinearConstraint, minimize
 
 from hdvplan.centring.weights import CentringTable
 from hdvplan.errors import OptionError, PlanError, SolverError
 from hdvplan.jit import FloatArray
-from hdvplan.planning.limits import ROWS_PER_EDGE
-from hdvplan.planning.linearise import advance, linearise, write_inputs
 from hdvplan.planning.motion import axles_behind, take_step
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.planner import Plan, Planner, qp_shape

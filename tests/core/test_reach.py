@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from hdvplan.planning.reach import linearise_reach
 
 from hdvplan.centring.weights import CentringTable
 from hdvplan.errors import OptionError
@@ -9,7 +10,6 @@ from hdvplan.jit import FloatArray
 from hdvplan.planning.motion import axles_behind
 from hdvplan.planning.objectives import Objective, art_weighted, axle_max, body_max, geometric, objective_named
 from hdvplan.planning.planner import Plan, Planner
-from hdvplan.planning.reach import linearise_reach
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import Stations, stations_of
 from hdvplan.road.road import Road
