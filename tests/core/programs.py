@@ -39,6 +39,16 @@ def random_program(sizes: StageShape, seed: int, *, tightness: float = 1.0) -> S
     return qp
 
 
+def copied(point: StageSolution) -> StageSolution:
+    """Return a point that nobody overwrites."""
+    return StageSolution(point.stages.copy(), point.row_points.copy())
+
+
+def same(one: StageSolution, other: StageSolution) -> bool:
+    """Tell whether two points agree in every number."""
+    return all(np.array_equal(getattr(one, part), getattr(other, part)) for part in PARTS)
+
+
 @dataclass(frozen=True)
 class Dense:
     """minimise 1/2 v'Pv + q'v subject to E v = b, G v <= h; all states first, then all inputs, then all slacks."""
