@@ -16,7 +16,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from hdvplan.planning.balanced import Balancing
 from scipy.ndimage import gaussian_filter1d
 
 from hdvplan.api import drive_case, prepare
@@ -28,10 +27,14 @@ from hdvplan.fileio import csv_bytes, write_atomically
 from hdvplan.jit import FloatArray
 from hdvplan.judging.envelope import envelope_of
 from hdvplan.machine import use_one_thread
-from hdvplan.planning.objectives import Balanced, Objective, Residual, balanced, geometric
+from hdvplan.planning.assembly import assemble
+from hdvplan.planning.objectives import Goal, Objective, balanced, geometric
 from hdvplan.planning.planner import Plan
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import Stations
+from hdvplan.planning.terms.balance import BalancePart, EnvelopeBalance
+from hdvplan.planning.terms.centring import Centring, CentringPart, Residual
+from hdvplan.planning.terms.term import Horizon, Needs, Place, Scene
 from hdvplan.record import write_record
 from hdvplan.report.markdown import markdown_table
 from hdvplan.reproduce.swept import Swept, road_of, swept, whole_manoeuvre
@@ -61,8 +64,20 @@ def balanced_with(**changes: float) -> Objective:
     return partial(_changed, changes)
 
 
-def _changed(changes: Mapping[str, float], stations: Stations) -> Balanced:
-    return replace(balanced(stations), **changes)  # type: ignore[arg-type] # names of fields that are numbers
+def _changed(changes: Mapping[str, float], stations: Stations, vehicle: Vehicle) -> Goal:
+    goal, of_term = balanced(stations, vehicle), {name: value for name, value in changes.items() if name != "rounds"}
+    term = replace(_balance_of(goal), **of_term)  # type: ignore[arg-type] # names of fields that are numbers
+    return Goal((term,), int(changes["rounds"]) if "rounds" in changes else goal.rounds)
+
+
+def _balance_of(goal: Goal) -> EnvelopeBalance:
+    (term,) = (term for term in goal.terms if isinstance(term, EnvelopeBalance))
+    return term
+
+
+def _residual_of(goal: Goal) -> Residual:
+    (term,) = (term for term in goal.terms if isinstance(term, Centring))
+    return term.residual
 
 
 def case_of(road: Road, vehicle: Vehicle, objective: Objective, settings: PlannerSettings) -> Case:
@@ -98,30 +113,45 @@ def numbers(found: Swept) -> dict[str, float]:
 
 
 class Deferred:
-    """The crude rule in receding horizon: every plan corrects the target c of the next ones, in place."""
+    """The crude rule in receding horizon: a term like centring, whose target c every plan corrects for the next ones."""
 
     def __init__(self, vehicle: Vehicle, settings: PlannerSettings) -> None:
-        self._vehicle, self._settings = vehicle, settings
+        self._settings = settings
         self._middle = round(0.5 * (vehicle.reach_ahead - vehicle.reach_behind) / settings.step)
 
-    def objective(self, stations: Stations) -> Residual:
+    def objective(self, stations: Stations, vehicle: Vehicle) -> Goal:
         """Return the geometric residual with a target that ``correct`` changes."""
-        self._residual = geometric(stations)
-        self._memory = Balancing.of(self._vehicle, stations, replace(balanced(stations), ahead=np.inf), self._settings.stages)
-        return self._residual
+        self._residual = _residual_of(geometric(stations, vehicle))
+        measured = Goal((replace(_balance_of(balanced(stations, vehicle)), ahead=np.inf),))
+        self._measured, (self._dynamics, *others) = assemble(vehicle, stations, measured, self._settings)
+        (self._balance,) = (part for part in others if isinstance(part, BalancePart))
+        return Goal((self,))
+
+    def needs(self, vehicle: Vehicle) -> Needs:
+        """Return nothing: see ``Term``."""
+        return Centring(self._residual).needs(vehicle)
+
+    def part(self, scene: Scene, place: Place) -> CentringPart:
+        """Return centring in its place: see ``Term``."""
+        self._centring = Centring(self._residual).part(scene, place)
+        return self._centring
 
     def correct(self, plan: Plan) -> None:
         """Lower c by the gain times the low-passed imbalance of this plan, taken at the middle of the vehicle."""
-        memory, n = self._memory, self._vehicle.states
-        scratch = np.zeros((self._settings.stages + 1, n + 1, n + 1)), np.zeros((self._settings.stages + 1, n + 1))
-        memory.write(plan.first, 0, plan.z, *scratch)
-        here = np.arange(max(plan.first - memory.before, 0), plan.first + memory.places)
-        measured = memory.reach[0, here] - memory.reach[1, here]
+        scene, balance, targets = self._measured, self._balance, self._centring.coefficients["target"]
+        horizon = Horizon(plan.first, scene.stations.points[plan.first : plan.first + self._settings.stages + 1], 0.0, 0, binding=True)
+        scene.motion.z[:], scene.motion.kappa[:] = plan.z, plan.kappa
+        self._dynamics.extend(horizon, 1)
+        balance.centring.extend(horizon, 1)
+        balance.linearise(horizon)
+        reach = balance.measured.reached["reach"]
+        here = np.arange(max(plan.first - balance.window.before, 0), plan.first + balance.window.places)
+        measured = reach[0, here] - reach[1, here]
         smooth = gaussian_filter1d(np.where(np.isfinite(measured), measured, 0.0), CRUDE_LOW_PASS_M / self._settings.step, mode="nearest")
         stage = here - self._middle
-        inside = (stage >= plan.first) & (stage < len(self._residual.target))
+        inside = (stage >= plan.first) & (stage < len(targets))
         weight = self._residual.lead[stage[inside]]
-        self._residual.target[stage[inside]] -= CRUDE_GAIN * 0.5 * (1.0 + weight) * smooth[inside]
+        targets[stage[inside]] -= CRUDE_GAIN * 0.5 * (1.0 + weight) * smooth[inside]
 
 
 def deferred(road: Road, vehicle: Vehicle, settings: PlannerSettings, driven: list[Case]) -> Swept:
@@ -234,16 +264,16 @@ def convergence(driven: list[Case]) -> pd.DataFrame:
 def _corrected(case: Case, target: FloatArray | None) -> tuple[Swept, FloatArray]:
     """Plan the whole manoeuvre to convergence with the target c, and return the next one by the crude rule."""
 
-    def objective(stations: Stations) -> Residual:
-        residual = geometric(stations)
-        return residual if target is None else replace(residual, target=target)
+    def objective(stations: Stations, vehicle: Vehicle) -> Goal:
+        residual = _residual_of(geometric(stations, vehicle))
+        return Goal((Centring(residual if target is None else replace(residual, target=target)),))
 
     found, vehicle = swept(case, objective), case.vehicle
     stations = found.drive.stations
     middle = 0.5 * (vehicle.reach_ahead - vehicle.reach_behind)
     smooth = gaussian_filter1d(found.left - found.right, CRUDE_LOW_PASS_M / 0.25, mode="nearest")
     seen = np.interp(stations.s + middle, found.envelope.s, smooth, right=0.0)
-    residual = objective(stations)
+    residual = _residual_of(objective(stations, vehicle))
     return found, residual.target - CRUDE_GAIN * 0.5 * (1.0 + residual.lead) * seen
 
 

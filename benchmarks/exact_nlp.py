@@ -15,13 +15,14 @@ import casadi as ca
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
-from hdvplan.jit import FloatArray
+from hdvplan.jit import FloatArray, Records
 from hdvplan.planning.discretisation import Discretisation
-from hdvplan.planning.objectives import Residual
+from hdvplan.planning.objectives import Goal
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations
+from hdvplan.planning.terms.centring import Centring
 from hdvplan.road.path import ReferencePath, evaluate_many
-from hdvplan.vehicle.body import edge_points
+from hdvplan.vehicle.body import axles_behind, edge_points
 from hdvplan.vehicle.model import Unit, Vehicle
 
 _DEGREE = 5
@@ -63,11 +64,18 @@ class ExactNlp:
 
 
 def exact_nlp(
-    vehicle: Vehicle, stations: Stations, residual: Residual, settings: PlannerSettings, kappa_before: float, *, tolerance: float
+    vehicle: Vehicle, stations: Stations, goal: Goal, settings: PlannerSettings, kappa_before: float, *, tolerance: float
 ) -> ExactNlp:
-    """Return the program of a drive's first plan; it starts in the stationary geometry at station 0."""
-    if settings.discretisation is not Discretisation.MIDPOINT or any(unit.active for unit in vehicle.units):
+    """Return the program of a drive's first plan; it starts in the stationary geometry at station 0.
+
+    Raises:
+        NotImplementedError: another rule than the midpoint's, axles that the plan steers, or another goal than centring.
+
+    """
+    (term,) = goal.terms
+    if settings.discretisation is not Discretisation.MIDPOINT or vehicle.active or not isinstance(term, Centring):
         raise NotImplementedError
+    residual = term.residual
     stages, n = settings.stages, vehicle.states
     ahead, geometry = slice(1, stages + 1), stations.centring
     states = np.column_stack([geometry.e_y, geometry.e_psi, geometry.beta])[: stages + 1]
@@ -75,17 +83,18 @@ def exact_nlp(
     project = _projection(stations.path, float(stations.s[stages]))
     z, kappa = ca.MX.sym("z", n, stages), ca.MX.sym("kappa", 1, stages)
     aux_feet = ca.MX.sym("aux_feet", 1, stages)
-    k, between = stations.road[4, :stages], stations.curvature_between[:stages]
+    points = stations.points
+    k, between = points["curvature"][:stages], points["curvature_between"][:stages]
     before = ca.horzcat(ca.DM(z_start), z[:, :-1])
     dynamics = _advance(vehicle, settings.step).map(stages)(before, kappa, ca.DM(k).T, ca.DM(between).T) - z
     axle = residual.axle % len(vehicle.units)
-    placed = _placement(vehicle, axle).map(stages)(z, ca.DM(stations.road[:4, ahead]))
+    placed = _placement(vehicle, axle).map(stages)(z, ca.DM(np.stack([points[name][ahead] for name in ("x", "y", "cos", "sin")])))
     aux_along, aux_offset = project.map(stages)(aux_feet, placed[:2, :])
     centred = ca.DM(residual.lead[ahead]).T * z[0, :] + ca.DM(residual.aux[ahead]).T * aux_offset - ca.DM(residual.target[ahead]).T
     change = kappa - ca.horzcat(ca.DM(kappa_before), kappa[:, :-1])
     cost = settings.smoothness * ca.sumsqr(change) + ca.sumsqr(centred)
     limit, rate = vehicle.max_curvature, vehicle.max_curvature_rate * settings.step
-    behind = _axles_behind(vehicle)
+    behind = axles_behind(vehicle)
     s = stations.s[ahead]
     parts = [
         # variable, its start, its bound; then constraint, lower and upper bound
@@ -95,14 +104,14 @@ def exact_nlp(
     ]
     rows = [(ca.vec(dynamics), 0.0, 0.0), (ca.vec(aux_along), 0.0, 0.0), (ca.vec(change), -rate, rate)]
     if stations.limits.values.size:
-        points = edge_points(vehicle)
-        starts = (s[:, None, None] + points[None, :, :, 0] - behind[None, :, None]).reshape(stages, -1)
+        edges = edge_points(vehicle)
+        starts = (s[:, None, None] + edges["ahead"][None] - behind[None, :, None]).reshape(stages, -1)
         starts = np.repeat(starts, 2, axis=1)  # left edge, right edge
         feet = ca.MX.sym("feet", starts.shape[1], stages)
         along, offset = project.map(starts.size)(ca.reshape(feet, 1, -1), ca.reshape(placed[2:, :], 2, -1))
-        clearance = _clearance(stations, points).map(stages)(feet, ca.reshape(offset, starts.shape[1], stages))
+        clearance = _clearance(stations, edges).map(stages)(feet, ca.reshape(offset, starts.shape[1], stages))
         parts.append((ca.vec(feet), starts.ravel(), np.inf))
-        margin = np.repeat(settings.margin + stations.margin[ahead], starts.shape[1])
+        margin = np.repeat(settings.margin + points["margin"][ahead], starts.shape[1])
         rows += [(ca.vec(along), 0.0, 0.0), (ca.vec(clearance) - ca.DM(margin), 0.0, np.inf)]
     program = {"x": ca.vertcat(*(part[0] for part in parts)), "f": cost, "g": ca.vertcat(*(row[0] for row in rows))}
     options = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False, "ipopt.tol": tolerance}
@@ -130,10 +139,10 @@ def road_spline(path: ReferencePath, first: float, last: float) -> BSpline:
     knots = np.concatenate([np.repeat(breaks[0], 6), np.repeat(breaks[1:-1], 3), np.repeat(breaks[-1], 6)])
     sites = np.array([np.mean(knots[i + 1 : i + 1 + _DEGREE]) for i in range(len(knots) - _DEGREE - 1)])
     sites = np.clip(sites, breaks[0], breaks[-1])  # the mean of equal numbers may differ from them in the last bit
-    xy = evaluate_many(path.coefficients, path.s_first, path.spacing, sites)[:2].T
+    xy = evaluate_many(path.curve, sites)[:2].T
     spline = make_interp_spline(sites, xy, k=_DEGREE, t=knots)
     probes = np.linspace(breaks[0], breaks[-1], 7 * len(breaks))
-    error = np.max(np.abs(spline(probes) - evaluate_many(path.coefficients, path.s_first, path.spacing, probes)[:2].T))
+    error = np.max(np.abs(spline(probes) - evaluate_many(path.curve, probes)[:2].T))
     if not error < _SAME_M:
         msg = f"the road's B-spline is off by {error:.1e} m"
         raise ArithmeticError(msg)
@@ -154,14 +163,14 @@ def _casadi_spline(spline: BSpline, s: ca.MX) -> ca.MX:
     return ca.bspline(s, ca.DM(coefficients.ravel()), [spline.t.tolist()], [spline.k], 2, {"lookup_mode": ["binary"]})
 
 
-def _clearance(stations: Stations, points: FloatArray) -> ca.Function:
+def _clearance(stations: Stations, points: Records) -> ca.Function:
     """Return (feet, offsets) of one stage's points -> their clearance to the limits [m]; points as unit, point, edge."""
     table = stations.limits
     grid = (table.s_first + table.spacing * np.arange(table.values.shape[1])).tolist()
     limits = [ca.interpolant(f"limit{row}", "linear", [grid], values.tolist()) for row, values in enumerate(table.values)]
-    count = 2 * points.shape[0] * points.shape[1]
+    count = 2 * points.size
     feet, offsets = ca.MX.sym("feet", count), ca.MX.sym("offsets", count)
-    overhang = np.repeat(points[:, :, 1].ravel(), 2).astype(int)
+    overhang = np.repeat(points["overhang"].ravel(), 2)
     gaps = [(1 - 2 * (i % 2)) * (limits[i % 2 + 2 * overhang[i]](feet[i]) - offsets[i]) for i in range(count)]
     return ca.Function("clearance", [feet, offsets], [ca.vertcat(*gaps)])
 
@@ -211,11 +220,5 @@ def _placement(vehicle: Vehicle, auxiliary: int) -> ca.Function:
         along, left = ca.vertcat(ca.cos(heading), ca.sin(heading)), ca.vertcat(-ca.sin(heading), ca.cos(heading))
         if i == auxiliary:
             aux = axle + (vehicle.lead.wheelbase if i == 0 else 0.0) * along
-        bodies += [axle + ahead * along + side * 0.5 * unit.width * left for ahead in points[i, :, 0] for side in (1, -1)]
+        bodies += [axle + ahead * along + side * 0.5 * unit.width * left for ahead in points["ahead"][i] for side in (1, -1)]
     return ca.Function("place", [z, road], [ca.vertcat(aux, *bodies)])
-
-
-def _axles_behind(vehicle: Vehicle) -> FloatArray:
-    """Return every axle's distance behind the lead rear axle on a straight, shape (units,) [m]."""
-    steps = [ahead.hitch_offset + unit.wheelbase for ahead, unit in zip(vehicle.units, vehicle.units[1:], strict=False)]
-    return np.concatenate([[0.0], np.cumsum(steps)])

@@ -47,15 +47,15 @@ def compare(case: Case, repeats: int) -> dict[str, object]:
     """Return of one row optimum against optimum, and the times of both, alternating; the fastest of ``repeats`` counts."""
     units = case.vehicle
     stations = stations_of(case.road, units, CentringTable.of(units), step=USER.step, horizon=USER.horizon)
-    residual, make = geometric(stations), solver_named(case.solver)
+    goal, make = geometric(stations, units), solver_named(case.solver)
     z_start = np.concatenate([[stations.centring.e_y[0], 0.0], stations.centring.beta[0]])
     kappa_before = float(stations.centring.kappa[0])
 
     def planned(settings: PlannerSettings) -> Plan:
-        return Planner(units, stations, residual, settings, make).plan(0, z_start, kappa_before)
+        return Planner(units, stations, goal, settings, make).plan(0, z_start, kappa_before)
 
     def solved(tolerance: float) -> Callable[[], Optimum]:
-        return exact_nlp(units, stations, residual, USER, kappa_before, tolerance=tolerance).solve
+        return exact_nlp(units, stations, goal, USER, kappa_before, tolerance=tolerance).solve
 
     prepare(case)
     exact, plan = solved(CONVERGED_TOLERANCE)(), planned(CONVERGED)

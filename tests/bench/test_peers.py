@@ -49,7 +49,7 @@ def test_sqp_ends_in_the_optimum_of_the_exact_program(vehicle: str, right: float
 
     units = load_vehicle(vehicle)
     stations = stations_of(bend(right), units, CentringTable.of(units), step=SETTINGS.step, horizon=SETTINGS.horizon)
-    centred = geometric(stations)
+    centred = geometric(stations, units)
     exact = exact_nlp(units, stations, centred, SETTINGS, 0.0, tolerance=1e-10).solve()
     start = np.zeros(units.states)
     plan = Planner(units, stations, centred, SETTINGS, solver_named("riccati")).plan(0, start, 0.0)
@@ -70,7 +70,7 @@ def test_the_road_is_a_b_spline_without_loss() -> None:
     path = bend(SLACK_M).path.extended(30.0, 60.0)
     spline = road_spline(path, -20.0, 90.0)
     s = np.linspace(-20.0, 90.0, 1001)
-    table = evaluate_many(path.coefficients, path.s_first, path.spacing, s)
+    table = evaluate_many(path.curve, s)
     np.testing.assert_allclose(spline(s).T, table[:2], atol=1e-11)  # rounding of coordinates of 100 m, solved for in a banded system
     tangent = spline.derivative()(s).T
     np.testing.assert_allclose(np.arctan2(tangent[1], tangent[0]), np.arctan2(table[3], table[2]), atol=1e-9)  # the same, per spacing

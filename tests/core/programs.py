@@ -9,6 +9,8 @@ import scipy.sparse as sp
 from hdvplan.jit import FloatArray
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 
+PARTS = ("x", "u", "sigma", "dynamics", "rows", "x_bounds", "u_bounds")  # of a primal-dual point
+
 
 def shape(*, rows: int = 3, stages: int = 6) -> StageShape:
     """Return sizes that share no number: four states, two inputs, the second and the last state bounded."""
@@ -35,6 +37,16 @@ def random_program(sizes: StageShape, seed: int, *, tightness: float = 1.0) -> S
     qp.x_low[:], qp.x_high[:] = -3.0 - random.uniform(size=qp.x_low.shape), 3.0 + random.uniform(size=qp.x_high.shape)
     qp.u_low[:], qp.u_high[:] = -random.uniform(0.2, 1.0, qp.u_low.shape), random.uniform(0.2, 1.0, qp.u_high.shape)
     return qp
+
+
+def copied(point: StageSolution) -> StageSolution:
+    """Return a point that nobody overwrites."""
+    return StageSolution(point.stages.copy(), point.row_points.copy())
+
+
+def same(one: StageSolution, other: StageSolution) -> bool:
+    """Tell whether two points agree in every number."""
+    return all(np.array_equal(getattr(one, part), getattr(other, part)) for part in PARTS)
 
 
 @dataclass(frozen=True)

@@ -10,17 +10,21 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from hdvplan.centring.stationary import stationary
+from hdvplan.centring.weights import CentringTable
 from hdvplan.driving.drive import Drive, drive
 from hdvplan.driving.simulate import simulate
 from hdvplan.jit import FloatArray
 from hdvplan.judging.envelope import envelope_of
-from hdvplan.planning.linearise import linearise_dynamics
-from hdvplan.planning.objectives import Objective, body_max, geometric
-from hdvplan.planning.planner import qp_shape
+from hdvplan.planning.assembly import assemble
+from hdvplan.planning.discretisation import Discretisation
+from hdvplan.planning.motion import Motion, guess
+from hdvplan.planning.objectives import Goal, Objective, body_max, geometric
 from hdvplan.planning.settings import PlannerSettings
-from hdvplan.planning.steering import Steering
-from hdvplan.qp.program import StageQp
+from hdvplan.planning.stations import Stations, stations_of
+from hdvplan.planning.terms.steering import Steering
+from hdvplan.planning.terms.term import Place
 from hdvplan.road.path import from_curvature
+from hdvplan.road.road import Road
 from hdvplan.road.scenarios import SCENARIOS
 from hdvplan.solvers.registry import solver_named
 from hdvplan.vehicle.kinematics import derivative, jacobian
@@ -28,6 +32,7 @@ from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 from tests.core.chains import few, three_units
 from tests.core.differences import differences
+from tests.core.scenes import extended, horizon_at, move
 from tests.core.test_steering import PROFILE_K, PROFILE_S, plane_rates
 
 STEP = 0.5
@@ -127,21 +132,23 @@ def next_state(vehicle: Vehicle, k: float, between: float, v: FloatArray, *, mid
     return following
 
 
-@pytest.mark.parametrize("midpoint", [True, False])
+@pytest.mark.parametrize("rule", list(Discretisation))
 @each_chain
-def test_linearised_dynamics_are_the_derivatives_by_state_curvature_and_change_of_angle(vehicle: Vehicle, midpoint: bool) -> None:
+def test_linearised_dynamics_are_the_derivatives_by_state_curvature_and_change_of_angle(vehicle: Vehicle, rule: Discretisation) -> None:
     stages, n, rigid, random = 9, vehicle.states, vehicle.rigid_states, np.random.default_rng(3)
     z = 0.3 * np.array([scaled(vehicle, random.uniform(-1.0, 1.0, 6)) for _ in range(stages + 1)])
     kappa, bends = random.uniform(-0.02, 0.02, stages), random.uniform(-0.05, 0.05, (2, stages + 1))
-    road = np.zeros((5, 2 * stages))[:, : stages + 1]
-    road[4] = bends[0]
-    qp = StageQp.empty(qp_shape(vehicle, PlannerSettings(horizon=STEP * stages, replan=STEP), rows_per_edge=0))
-    linearise_dynamics(vehicle.table(), road, bends[1], STEP, midpoint, z, kappa, 0, qp.A, qp.B, qp.c)
+    settings = PlannerSettings(horizon=STEP * stages, replan=STEP, discretisation=rule)
+    scene, parts = assemble(vehicle, straight_stations(vehicle, settings), Goal(()), settings)
+    qp, horizon = scene.qp, horizon_at(scene, 0)
+    horizon.road["curvature"], horizon.road["curvature_between"] = bends
+    move(scene, z, kappa)
+    extended(parts, horizon)
     for i in range(stages):
         at = np.concatenate([z[i], z[i + 1, rigid:] - z[i, rigid:], [kappa[i]]])
 
         def ahead(v: FloatArray, i: int = i) -> FloatArray:
-            return next_state(vehicle, bends[0, i], bends[1, i], v, midpoint=midpoint)
+            return next_state(vehicle, bends[0, i], bends[1, i], v, midpoint=rule is Discretisation.MIDPOINT)
 
         slope = differences(ahead, at)
         assert np.allclose(qp.A[i, :n, :n], slope[:, :n], rtol=0.0, atol=1e-10)  # five-point rule on smooth functions of size one
@@ -154,30 +161,66 @@ def test_linearised_dynamics_are_the_derivatives_by_state_curvature_and_change_o
         assert not np.any(qp.A[i][~pattern])  # general solvers see no other entries
 
 
+def straight_stations(vehicle: Vehicle, settings: PlannerSettings) -> Stations:
+    road = Road("straight", from_curvature(np.array([0.0, 60.0]), np.zeros(2)))
+    return stations_of(road, vehicle, CentringTable.of(vehicle), step=settings.step, horizon=settings.horizon)
+
+
 def test_the_wheels_part_of_the_program_is_its_cost_and_its_bounds() -> None:
-    vehicle, settings = active(), PlannerSettings(horizon=10.0)
+    lead, dolly, last = active().units
+    vehicle = Vehicle("unlike", (lead, dolly, replace(last, max_steering_angle=0.4, max_steering_rate=0.08)))
+    settings = PlannerSettings(horizon=10.0)
     stages, n, rigid, random, first = settings.stages, vehicle.states, vehicle.rigid_states, np.random.default_rng(5), 7
-    steering = Steering(random.uniform(-0.3, 0.3, (60, 2)), np.array([0.5, 0.4]), np.array([0.05, 0.04]))
-    qp, z = StageQp.empty(qp_shape(vehicle, settings, rows_per_edge=0)), random.uniform(-0.2, 0.2, (stages + 1, n))
-    steering.write(first, z, qp)
+    most, largest = np.array([0.6, 0.4]), np.array([0.05, 0.04])
+    scene, _ = assemble(vehicle, straight_stations(vehicle, settings), Goal(()), settings)
+    part, horizon, qp, z = Steering().part(scene, Place(0, 0, 0)), horizon_at(scene, first), scene.qp, np.empty((stages + 1, n))
+    part.aim[:] = random.uniform(-0.3, 0.3, part.aim.shape)
+    z[:] = random.uniform(-0.2, 0.2, z.shape)
+    move(scene, z)
+    extended([part], horizon)
     d = np.zeros_like(z)
     d[1:, rigid:] = random.uniform(-0.1, 0.1, (stages, 2))
     u = np.diff(d[:, rigid:], axis=0)
     model = np.sum(qp.q[:, :n] * d) + 0.5 * np.einsum("ij,ijk,ik", d, qp.Q[:, :n, :n], d)
     model += np.sum(qp.r[:, 1:] * u) + 0.5 * np.einsum("ij,ijk,ik", u, qp.R[:, 1:, 1:], u)
-    assert model == pytest.approx(steering.cost(first, z + d) - steering.cost(first, z), rel=1e-12)  # a quadratic is its own model
+    before = part.price(horizon)
+    move(scene, z + d)
+    assert model == pytest.approx(part.price(horizon) - before, rel=1e-12)  # a quadratic is its own model
     for bound, sign in ((qp.x_low, -1.0), (qp.x_high, 1.0)):
-        assert np.allclose(z[1:, rigid:] + bound[:, 1:], sign * steering.most, rtol=0.0, atol=1e-15)
+        assert np.allclose(z[1:, rigid:] + bound[:, 1:], sign * most, rtol=0.0, atol=1e-15)
     for bound, sign in ((qp.u_low, -1.0), (qp.u_high, 1.0)):
-        assert np.allclose(np.diff(z[:, rigid:], axis=0) + bound[:, 1:], sign * steering.largest, rtol=0.0, atol=1e-15)
+        assert np.allclose(np.diff(z[:, rigid:], axis=0) + bound[:, 1:], sign * largest, rtol=0.0, atol=1e-15)
+
+
+def test_wheels_are_wanted_at_the_angles_of_the_road_beside_their_axles() -> None:
+    vehicle, settings = active(), PlannerSettings(horizon=10.0)
+    road = Road("bend", from_curvature(np.array([0.0, 30.0, 40.0, 80.0]), np.array([0.0, 0.0, 0.03, 0.03])))
+    stations = stations_of(road, vehicle, CentringTable.of(vehicle), step=STEP, horizon=settings.horizon)
+    scene, _ = assemble(vehicle, stations, Goal(()), settings)
+    aim, wanted = Steering().part(scene, Place(0, 0, 0)).aim, stations.centring.steering
+    for axle, behind in enumerate((6.2, 14.1)):  # the chain's own lengths
+        at = np.arange(40, 140)
+        assert np.allclose(aim[at, axle], np.interp(stations.s[at] - behind, stations.s, wanted[:, axle]), rtol=0.0, atol=1e-12)
+    assert np.max(np.abs(aim)) > 0.05
 
 
 def test_guessed_angles_are_brought_within_what_the_wheels_can_do() -> None:
-    steering = Steering(np.zeros((9, 1)), np.array([0.2]), np.array([0.05]))
-    z = np.zeros((9, 4))
-    z[:, 3] = [0.1, 0.12, 0.9, 0.9, 0.9, -0.9, -0.9, 0.03, 0.0]
-    steering.keep(z, 2)
-    assert np.allclose(z[:, 3], [0.1, 0.12, 0.17, 0.2, 0.2, 0.15, 0.1, 0.05, 0.0], rtol=0.0, atol=1e-15)
+    vehicle = load_vehicle("semitrailer-active")
+    motion, states = Motion.empty(vehicle, 8), np.zeros((9, 4))
+    motion.z[:2, 3] = [0.1, 0.12]
+    states[:, 3] = [0.0, 0.0, 0.9, 0.9, 0.9, -0.9, -0.9, 0.03, 0.0]
+    guess(motion.stages, np.array([0.0, 0.0, 0.0, 0.1]), states, np.zeros(9), 2, 0.0, np.array([0.1, 0.2]), np.array([0.01, 0.05]))
+    assert np.allclose(motion.z[:, 3], [0.1, 0.12, 0.17, 0.2, 0.2, 0.15, 0.1, 0.05, 0.0], rtol=0.0, atol=1e-15)
+
+
+def test_guessed_curvatures_are_brought_within_what_can_be_steered() -> None:
+    motion, states = Motion.empty(load_vehicle("bus"), 8), np.zeros((9, 2))
+    motion.kappa[:2] = [0.01, 0.03]
+    wanted = np.array([0.0, 0.0, 0.9, 0.9, 0.9, -0.9, -0.9, 0.03, 0.0])
+    guess(motion.stages, np.zeros(2), states, wanted, 3, 0.0, np.array([0.1]), np.array([0.04]))
+    assert np.allclose(motion.kappa, [0.01, 0.03, 0.07, 0.1, 0.1, 0.06, 0.02, 0.03], rtol=0.0, atol=1e-15)
+    guess(motion.stages, np.zeros(2), states, wanted, 0, -0.05, np.array([0.1]), np.array([0.04]))
+    assert np.allclose(motion.kappa[:3], [-0.01, 0.0, 0.04], rtol=0.0, atol=1e-15)  # from what was held before
 
 
 @cache

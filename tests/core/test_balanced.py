@@ -1,12 +1,11 @@
 """Balancing the measured envelope: what it measures, its derivative, its optimum, and what it gains as driven."""
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
 import pytest
-from hdvplan.planning.balanced import Balancing, tracing_points
 
 from hdvplan.bench.courses import with_limits
 from hdvplan.bench.suite import Suite
@@ -15,17 +14,23 @@ from hdvplan.centring.weights import CentringTable
 from hdvplan.driving.drive import drive
 from hdvplan.jit import FloatArray
 from hdvplan.judging.envelope import envelope_of
-from hdvplan.planning.objectives import Balanced, Objective, balanced, geometric
+from hdvplan.planning.assembly import assemble
+from hdvplan.planning.objectives import Goal, Objective, balanced, geometric
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import Stations, stations_of
+from hdvplan.planning.terms.balance import BalancePart, EnvelopeBalance
+from hdvplan.planning.terms.term import Part, Scene
+from hdvplan.planning.terms.tracks import tracing_points
 from hdvplan.reproduce.swept import Swept, predicted, road_of, whole_manoeuvre
 from hdvplan.reproduce.swept import swept as swept_by
 from hdvplan.road.road import Road
 from hdvplan.road.scenarios import sturn_profile, turn_profile
 from hdvplan.solvers.riccati import RiccatiWorkspace
+from hdvplan.vehicle.body import axles_behind
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 from tests.core.chains import three_units
+from tests.core.scenes import extended, horizon_at, linearised, move, part_of
 
 VEHICLES = [load_vehicle("bus"), load_vehicle("tractor-trailer"), three_units()]
 each_vehicle = pytest.mark.parametrize("vehicle", VEHICLES, ids=lambda v: v.name)
@@ -37,9 +42,11 @@ def swept(road: Road, vehicle: Vehicle, objective: Objective, settings: PlannerS
     return swept_by(Case(road, vehicle, "mine", settings=settings), objective)
 
 
-def with_fields(**changes: float) -> Objective:
-    def objective(stations: Stations) -> Balanced:
-        return replace(balanced(stations), **changes)  # type: ignore[arg-type] # names of fields that are numbers
+def with_fields(rounds: int = 10, **changes: float) -> Objective:
+    def objective(stations: Stations, vehicle: Vehicle) -> Goal:
+        (term,) = balanced(stations, vehicle).terms
+        assert isinstance(term, EnvelopeBalance)
+        return Goal((replace(term, **changes),), rounds)  # type: ignore[arg-type] # names of fields that are numbers
 
     return objective
 
@@ -53,25 +60,52 @@ def mean_imbalance(found: Swept) -> float:
     return float(np.mean(np.abs(found.left - found.right)))
 
 
-def whole(vehicle: Vehicle) -> tuple[Swept, Balancing, FloatArray]:
+@dataclass(frozen=True)
+class Memory:
+    """A program that balances all of a road, and the plan that was made of it."""
+
+    scene: Scene
+    parts: tuple[Part, ...]
+
+    @property
+    def balance(self) -> BalancePart:
+        """Return the term."""
+        return part_of(self.parts, BalancePart)
+
+    @property
+    def reach(self) -> FloatArray:
+        """Return the measured reach to the left and to the right at every place, outwards."""
+        reach: FloatArray = self.balance.measured.reached["reach"]
+        return reach
+
+    @property
+    def places(self) -> int:
+        """Return the last place that is balanced."""
+        return self.balance.window.places
+
+    @property
+    def stages(self) -> int:
+        """Return the last stage whose cost is the balance."""
+        return self.balance.window.stages
+
+
+def whole(vehicle: Vehicle) -> tuple[Swept, Memory, FloatArray]:
     """Return the geometric plan of the whole S-turn, a memory that balances all of it, and the plan's states."""
     settings = whole_manoeuvre(ROAD, 0.5)
     found = swept(ROAD, vehicle, geometric, settings)
     stations = stations_of(ROAD, vehicle, CentringTable.of(vehicle), step=settings.step, horizon=settings.horizon)
-    wanted = with_fields(ahead=np.inf, share=0.0, relaxation=1.0)(stations)
-    assert isinstance(wanted, Balanced)
-    memory = Balancing.of(vehicle, stations, wanted, settings.stages)
-    memory.begin()
-    return found, memory, found.drive.plans[0].z.copy()
+    goal = with_fields(ahead=np.inf, share=0.0, relaxation=1.0)(stations, vehicle)
+    scene, parts = assemble(vehicle, stations, goal, settings)
+    return found, Memory(scene, parts), found.drive.plans[0].z.copy()
 
 
-def measure(memory: Balancing, z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the measured imbalance, NaN where a side was not swept, and the program's Q and q."""
-    n = z.shape[1]
-    Q, q = np.zeros((len(z), n + 1, n + 1)), np.zeros((len(z), n + 1))
-    memory.write(0, 0, z, Q, q)
+def measure(memory: Memory, z: FloatArray, *, fixed: int = 0) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the measured imbalance of a first plan, NaN where a side was not swept, and the program's Q and q."""
+    scene, horizon = memory.scene, horizon_at(memory.scene, 0, fixed=fixed)
+    move(scene, z)
+    extended(memory.parts, horizon)
     left, right = np.where(np.isfinite(memory.reach), memory.reach, np.nan)
-    return left - right, Q, q
+    return left - right, scene.qp.Q.copy(), scene.qp.q.copy()
 
 
 def penalty(imbalance: FloatArray, rounding: float) -> float:
@@ -87,10 +121,12 @@ def smooth_change(z: FloatArray, size: float) -> FloatArray:
 
 @each_vehicle
 def test_the_points_that_trace_are_each_bodys_corners_and_its_edges_beside_the_axle(vehicle: Vehicle) -> None:
-    for points, unit in zip(tracing_points(vehicle), vehicle.units, strict=True):
-        assert sorted(set(points[:, 0])) == sorted({-unit.rear_overhang, 0.0, unit.front})
-        assert set(np.abs(points[:, 1])) == {0.5 * unit.width}
-        assert np.all(points[::2, 1] > 0.0)  # the kernels tell the sides by the point's number
+    behind = axles_behind(vehicle)
+    for points, unit, axle in zip(tracing_points(vehicle, behind, 0.5), vehicle.units, behind, strict=True):
+        assert sorted(set(points["ahead"])) == sorted({-unit.rear_overhang, 0.0, unit.front})
+        assert set(np.abs(points["left"])) == {0.5 * unit.width}
+        assert np.all(np.abs(0.5 * points["start"] - (points["ahead"] - axle)) <= 0.25)  # the nearest station
+        assert np.all(points["left"][::2] > 0.0)  # the kernels tell the sides by the point's number
 
 
 @each_vehicle
@@ -101,13 +137,13 @@ def test_the_planner_measures_what_the_evaluation_measures(vehicle: Vehicle) -> 
     at = np.arange(30, memory.places)  # places that the body covers at the start are not traced by its points
     for mine, theirs in ((memory.reach[0], envelope.reach_left), (-memory.reach[1], envelope.reach_right)):
         # tracks 0.5 m apart are straight between stages: 0.5^2 / 8 times a relative curvature below 0.15 1/m
-        assert np.max(np.abs(mine[at] - np.interp(memory.step * at, envelope.s, theirs))) < 0.005
+        assert np.max(np.abs(mine[at] - np.interp(0.5 * at, envelope.s, theirs))) < 0.005
 
 
 @each_vehicle
 def test_the_gradient_is_that_of_the_measured_imbalance(vehicle: Vehicle) -> None:
     _, memory, z = whole(vehicle)
-    wanted = memory.wanted
+    rounding = memory.balance.wish.rounding
     window = slice(0, memory.places)
     _, _, q = measure(memory, z)
     change = smooth_change(z, 1.0)
@@ -115,7 +151,7 @@ def test_the_gradient_is_that_of_the_measured_imbalance(vehicle: Vehicle) -> Non
     change[0] = change[memory.stages - 40 :] = 0.0
     expected = float(np.sum(q[:, : z.shape[1]] * change))
     size = 1e-4
-    found = [penalty(measure(memory, z + sign * size * change)[0][window], wanted.rounding) for sign in (1.0, -1.0)]
+    found = [penalty(measure(memory, z + sign * size * change)[0][window], rounding) for sign in (1.0, -1.0)]
     # each place's reach belongs to the stage nearest to it instead of to the two around it: up to a quarter of a metre of a wave of 60 m
     assert (found[0] - found[1]) / (2.0 * size) == pytest.approx(expected, rel=0.05)
 
@@ -125,12 +161,13 @@ def test_the_program_never_underrates_what_a_step_costs(vehicle: Vehicle) -> Non
     _, memory, z = whole(vehicle)
     before, Q, q = measure(memory, z)
     window = slice(0, memory.places)
-    level, n = penalty(before[window], memory.wanted.rounding), z.shape[1]
+    rounding, n = memory.balance.wish.rounding, z.shape[1]
+    level = penalty(before[window], rounding)
     for size in (0.05, 0.2, 0.5):
         change = smooth_change(z, size)
         change[0] = change[memory.stages - 40 :] = 0.0
         modelled = float(np.sum(q[:, :n] * change) + 0.5 * np.einsum("ij,ijk,ik", change, Q[:, :n, :n], change))
-        actual = penalty(measure(memory, z + change)[0][window], memory.wanted.rounding) - level
+        actual = penalty(measure(memory, z + change)[0][window], rounding) - level
         assert actual <= modelled + 0.02 * (abs(modelled) + level)  # points take places over, which linear tracks do not know
 
 
@@ -188,10 +225,14 @@ def test_a_planner_that_starts_again_forgets_what_was_driven() -> None:
     vehicle = VEHICLES[1]
     found, memory, z = whole(vehicle)
     here = slice(0, memory.places)
-    fresh = measure(memory, z)[0][here]
-    memory.write(100, 0, z, np.zeros((len(z), 4, 4)), np.zeros((len(z), 4)))
-    assert np.any(np.isfinite(memory.driven))
-    memory.begin()
+    fresh, reach = measure(memory, z)[0][here], memory.reach[:, here].copy()
+    feet = memory.balance.centring.stages["foot"]
+    feet += 50.0
+    linearised(memory.parts, horizon_at(memory.scene, 100))  # a plan 50 m on: so much was driven
+    assert np.any(np.isfinite(memory.balance.measured.driven["reach"]))
+    feet -= 50.0
+    linearised(memory.parts, horizon_at(memory.scene, 0))
+    assert not np.array_equal(memory.reach[:, here], reach)
     assert np.array_equal(measure(memory, z)[0][here], fresh, equal_nan=True)
     assert found.furthest > 0.0
 
@@ -199,9 +240,7 @@ def test_a_planner_that_starts_again_forgets_what_was_driven() -> None:
 def test_what_was_driven_is_left_to_the_other_side_to_match() -> None:
     _, memory, z = whole(VEHICLES[1])
     imbalance, _, q = measure(memory, z)
-    n = z.shape[1]
-    Q, fixed = np.zeros((len(z), n + 1, n + 1)), np.zeros((len(z), n + 1))
-    memory.write(0, len(z), z, Q, fixed)  # every stage is about to be driven: no side can share with another
+    _, Q, fixed = measure(memory, z, fixed=len(z))  # every stage is about to be driven: no side can share with another
     _, free, _ = measure(memory, z)
     rows = slice(60, memory.stages - 40)  # places whose other side lies at a stage with a row of its own
     assert np.allclose(fixed[rows], q[rows])  # the same slope of the same imbalance

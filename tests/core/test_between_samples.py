@@ -1,5 +1,7 @@
 """The planner looks at places on edges and at stations; what a body sweeps between them is bounded."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -8,16 +10,17 @@ from hypothesis import strategies as st
 from hdvplan.driving.drive import Drive, drive
 from hdvplan.driving.simulate import simulate
 from hdvplan.jit import FloatArray
-from hdvplan.planning.limits import ROWS_PER_EDGE, linearise_limits
-from hdvplan.planning.motion import axles_behind
-from hdvplan.planning.objectives import geometric
+from hdvplan.planning.assembly import assemble
+from hdvplan.planning.objectives import Goal, geometric
 from hdvplan.planning.settings import PlannerSettings
+from hdvplan.planning.terms.limits import LimitsPart
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Limits, Road
 from hdvplan.solvers.riccati import RiccatiWorkspace
-from hdvplan.vehicle.body import axis_points, edge_points
-from hdvplan.vehicle.kinematics import place
+from hdvplan.vehicle.body import axles_behind
+from hdvplan.vehicle.kinematics import POSE, place
 from hdvplan.vehicle.load import load_vehicle
+from tests.core.scenes import extended, horizon_at, move, part_of
 
 VEHICLES = {name: load_vehicle(name) for name in ("bus", "tractor-trailer")}
 KEEP, EDGE_M = 10, 0.05  # simulated poses a station, and metres between the places of an edge that are looked at
@@ -38,20 +41,14 @@ def drawn(seed: int) -> Road:
 
 def gaps_at_stations(done: Drive) -> FloatArray:
     """Return what the planner's kernel finds at every executed station, shape (stations, units, 2)."""
-    vehicle, stations, z = done.vehicle, done.stations, np.ascontiguousarray(done.z)
-    points, axis, count, path, limits = edge_points(vehicle), axis_points(vehicle), len(z), stations.path, stations.limits
-    s, behind, here = stations.s[:count], axles_behind(vehicle), slice(0, count)
-    feet = s[:, None, None, None] + points[:, :, :1] - behind[:, None, None] + np.zeros((count, 1, 1, 2))
-    gaps, rows = np.full(feet.shape, np.inf), 2 * ROWS_PER_EDGE * len(vehicle.units)
-    around = stations.around[:, here].copy()
-    around[:2] = -np.inf  # nothing is screened out
-    lost = linearise_limits(
-        vehicle.table(), points, axis, path.coefficients, path.s_first, path.spacing, stations.road[:, here], limits.values,
-        limits.s_first, limits.spacing, around, np.zeros(count), z, s[:, None, None] + axis - behind[:, None], feet, gaps, 1, count,
-        np.empty((count - 1, rows, vehicle.states + 1)), np.empty((count - 1, rows)),
-    )  # fmt: skip
-    assert lost == -1
-    found: FloatArray = gaps.min(axis=2)
+    points = done.stations.points.copy()
+    points["margin"], points["room_left"], points["room_right"] = 0.0, -np.inf, -np.inf  # nothing is screened out
+    length, step = len(done.z) - 1, done.settings.step
+    brief = PlannerSettings(horizon=length * step, step=step, replan=step)
+    scene, parts = assemble(done.vehicle, replace(done.stations, points=points), Goal(()), brief)
+    move(scene, done.z)
+    extended(parts, horizon_at(scene, 0))
+    found: FloatArray = part_of(parts, LimitsPart).seen.edges["gap"]
     return found
 
 
@@ -61,7 +58,7 @@ def true_gaps(done: Drive) -> FloatArray:
     assert limits is not None
     path, units, count = stations.path, vehicle.table(), len(done.kappa)
     found = np.empty((count, len(units), 2))
-    poses = np.empty((len(units), 6))
+    poses = np.empty(len(units), POSE)
     for i in range(count):
         states = simulate(units, path, float(stations.s[i]), done.settings.step, done.z[i], done.kappa[i : i + 1], KEEP)
         low = np.full((len(units), 2), np.inf)
@@ -71,7 +68,7 @@ def true_gaps(done: Drive) -> FloatArray:
             place(units, float(road.x), float(road.y), float(np.cos(road.heading)), float(np.sin(road.heading)), z, poses)
             for unit, (body, behind) in enumerate(zip(vehicle.units, axles_behind(vehicle), strict=True)):
                 ahead = np.arange(-body.rear_overhang, body.front, EDGE_M)
-                x, y, cos, sin = poses[unit, :4]
+                x, y, cos, sin = (float(poses[unit][name]) for name in ("x", "y", "cos", "sin"))
                 for side, sign in enumerate((1.0, -1.0)):
                     across = sign * 0.5 * body.width
                     foot, e = path.project(x + ahead * cos - across * sin, y + ahead * sin + across * cos, s - behind + ahead)
@@ -89,7 +86,7 @@ def true_gaps(done: Drive) -> FloatArray:
 def test_between_stations_and_sampled_points_a_body_reaches_no_further_than_the_margin(name: str, seed: int) -> None:
     done = drive(drawn(seed), VEHICLES[name], geometric, RiccatiWorkspace, PlannerSettings(horizon=50.0))
     seen, true = gaps_at_stations(done), true_gaps(done)
-    margin = done.stations.margin[: len(seen)]
+    margin = done.stations.points["margin"][: len(seen)]
     bound = np.minimum(seen[:-1], seen[1:]) - np.maximum(margin[:-1], margin[1:])[:, None, None]
     assert np.all(true[1:] >= bound[1:])
     assert np.max(margin) < 0.01  # and the bound is worth something: a limit counts as kept to a centimetre

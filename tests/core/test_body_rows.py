@@ -1,21 +1,24 @@
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from hdvplan.centring.weights import CentringTable
 from hdvplan.jit import FloatArray
-from hdvplan.planning.limits import ROWS_PER_EDGE, WALL, limit_at, linearise_limits
-from hdvplan.planning.motion import axles_behind
-from hdvplan.planning.stations import LIMIT_SPACING_M, Stations, limit_table, stations_of
+from hdvplan.planning.assembly import assemble
+from hdvplan.planning.objectives import Goal
+from hdvplan.planning.settings import PlannerSettings
+from hdvplan.planning.stations import LIMIT_SPACING_M, LimitTable, Stations, limit_table, stations_of
+from hdvplan.planning.terms.edges import WALL, limit_at
+from hdvplan.planning.terms.limits import ROWS_PER_EDGE, LimitsPart
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Limits, Road
-from hdvplan.vehicle.body import axis_points, edge_points
+from hdvplan.vehicle.body import axles_behind, edge_points
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 from tests.core.chains import on_road, three_units, winding
 from tests.core.differences import differences
+from tests.core.scenes import extended, horizon_at, move, part_of
 
 STEP = 0.5
 STAGES = 40
@@ -45,29 +48,20 @@ def motion(vehicle: Vehicle, seed: int = 0) -> FloatArray:
     return states
 
 
-def rows(
-    vehicle: Vehicle, stations: Stations, z: FloatArray, parts: list[int], *, wide: float | None = None, each: int = ROWS_PER_EDGE
-) -> list[FloatArray]:
-    """Return G, h, feet, gaps; bodies are screened only with limits that are ``wide`` metres wider."""
-    path, limits, points, axis = stations.path, stations.limits, edge_points(vehicle), axis_points(vehicle)
-    horizon = slice(FIRST, FIRST + STAGES + 1)
-    count, s = 2 * each * len(vehicle.units), stations.s[horizon]
-    around, values = stations.around[:, horizon].copy(), limits.values
-    around[:2] = -np.inf if wide is None else around[:2] + wide
-    if wide is not None:
-        values = values + wide * np.array([[1.0], [-1.0], [1.0], [-1.0]])
-    G, h = np.full((STAGES, count, vehicle.states + 1), 0.0), np.full((STAGES, count), np.nan)
-    axis_feet = s[:, None, None] + axis - axles_behind(vehicle)[:, None]
-    feet = s[:, None, None, None] + (points[:, :, :1] - axles_behind(vehicle)[:, None, None])
-    feet = np.ascontiguousarray(np.broadcast_to(feet, (STAGES + 1, *points.shape[:2], 2)))
-    gaps = np.full(feet.shape, np.inf)
-    for begin, end in pairwise(parts):
-        lost = linearise_limits(
-            vehicle.table(), points, axis, path.coefficients, path.s_first, path.spacing, stations.road[:, horizon], values,
-            limits.s_first, limits.spacing, around, np.full(STAGES + 1, MARGIN), z, axis_feet, feet, gaps, begin, end, G, h,
-        )  # fmt: skip
-        assert lost == -1
-    return [G, h, feet, gaps]
+def looked(
+    vehicle: Vehicle, stations: Stations, z: FloatArray, begin: int = 1, *, wide: float | None = None, each: int = ROWS_PER_EDGE
+) -> LimitsPart:
+    """Return the limits linearised from ``begin`` on; bodies are screened only with limits that are ``wide`` metres wider."""
+    points, limits = stations.points.copy(), stations.limits
+    points["margin"] = 0.0
+    for room in ("room_left", "room_right"):
+        points[room] = -np.inf if wide is None else points[room] + wide
+    values = limits.values + (wide or 0.0) * np.array([[1.0], [-1.0], [1.0], [-1.0]])
+    stations = replace(stations, points=points, limits=limits._replace(values=values, two_regions=each > ROWS_PER_EDGE))
+    scene, parts = assemble(vehicle, stations, Goal(()), PlannerSettings(horizon=STAGES * STEP, margin=MARGIN))
+    move(scene, z)
+    extended(parts, horizon_at(scene, FIRST), begin)
+    return part_of(parts, LimitsPart)
 
 
 def clearances(vehicle: Vehicle, stations: Stations, i: int, z: FloatArray, unit: int, ahead: FloatArray, over: FloatArray) -> FloatArray:
@@ -89,33 +83,35 @@ def clearances(vehicle: Vehicle, stations: Stations, i: int, z: FloatArray, unit
 def point_gaps(vehicle: Vehicle, stations: Stations, i: int, z: FloatArray) -> FloatArray:
     """Return the clearance of every sampled point, shape (units, points, 2)."""
     return np.stack(
-        [clearances(vehicle, stations, i, z, unit, row[:, 0], row[:, 1] > 0.0) for unit, row in enumerate(edge_points(vehicle))]
+        [clearances(vehicle, stations, i, z, unit, row["ahead"], row["overhang"] > 0) for unit, row in enumerate(edge_points(vehicle))]
     )
 
 
 def dense(vehicle: Vehicle, stations: Stations, i: int, z: FloatArray, unit: int) -> tuple[FloatArray, FloatArray]:
     """Return places every 5 mm along a unit, and the clearances there."""
     points = edge_points(vehicle)[unit]
-    ahead = np.arange(points[0, 0], points[-1, 0] + 1e-9, 0.005)
-    before = np.clip(np.searchsorted(points[:, 0], ahead, side="right") - 1, 0, len(points) - 2)
-    over = (points[before, 1] > 0.0) | (points[before + 1, 1] > 0.0)
+    ahead = np.arange(points["ahead"][0], points["ahead"][-1] + 1e-9, 0.005)
+    before = np.clip(np.searchsorted(points["ahead"], ahead, side="right") - 1, 0, len(points) - 2)
+    over = (points["overhang"][before] > 0) | (points["overhang"][before + 1] > 0)
     return ahead, clearances(vehicle, stations, i, z, unit, ahead, over)
 
 
 @each_vehicle
-def test_the_gap_of_every_piece_of_an_edge_is_that_of_its_tightest_place(vehicle: Vehicle) -> None:
+def test_the_gap_of_every_edge_is_that_of_its_tightest_place(vehicle: Vehicle) -> None:
     stations, z = prepared(vehicle), motion(vehicle)
-    gaps = rows(vehicle, stations, z, [1, STAGES + 1])[3]
-    assert np.all(np.isinf(gaps[0]))  # the first stage is given
+    edges = looked(vehicle, stations, z).seen.edges
+    assert np.all(np.isinf(edges["gap"][0]))  # the first stage is given
     between = 0
     for i in range(1, STAGES + 1, 2):
         own = point_gaps(vehicle, stations, i, z[i])
-        assert np.all(gaps[i] <= own + 1e-9)  # accuracy of projection
+        assert np.all(edges["gap"][i] <= own.min(axis=1) + 1e-9)  # accuracy of projection
+        assert np.array_equal(edges["clear"][i], edges["gap"][i])  # of all limits, where overhangs may reach no further than wheels
+        assert np.all(edges["looked"][i] == 1.0)
         for unit in range(len(vehicle.units)):
             _, places = dense(vehicle, stations, i, z[i], unit)
             # The table's entries are looked at between points, and the bow is a parabola: both are good to the road's bend over
             # 0.2 m and to its change of curvature over 3 m.
-            assert np.allclose(gaps[i, unit].min(axis=0), places.min(axis=0), rtol=0.0, atol=0.01)
+            assert np.allclose(edges["gap"][i, unit], places.min(axis=0), rtol=0.0, atol=0.01)
             between += int(np.sum(places.min(axis=0) < own[unit].min(axis=0) - 0.02))
     assert between > 2  # the wall's corner is met between sampled points
 
@@ -123,7 +119,7 @@ def test_the_gap_of_every_piece_of_an_edge_is_that_of_its_tightest_place(vehicle
 @each_vehicle
 def test_rows_hold_the_tightest_place_of_both_halves_of_every_edge(vehicle: Vehicle) -> None:
     stations, z = prepared(vehicle), motion(vehicle)
-    _, h, _, _ = rows(vehicle, stations, z, [1, STAGES + 1])
+    h = looked(vehicle, stations, z).rows["h"][1:]
     for i in EVERY:
         row = 0
         for unit in range(len(vehicle.units)):
@@ -141,7 +137,8 @@ def test_rows_hold_the_tightest_place_of_both_halves_of_every_edge(vehicle: Vehi
 @each_vehicle
 def test_a_row_of_a_sampled_point_is_the_derivative_of_its_gap(vehicle: Vehicle) -> None:
     stations, z, n = prepared(vehicle), motion(vehicle), vehicle.states
-    G, h, feet, _ = rows(vehicle, stations, z, [1, STAGES + 1])
+    part = looked(vehicle, stations, z)
+    G, h, feet = part.rows["g"][1:], part.rows["h"][1:], part.seen.feet
     compared = 0
     for i in EVERY:
         gaps = point_gaps(vehicle, stations, i, z[i])
@@ -154,9 +151,8 @@ def test_a_row_of_a_sampled_point_is_the_derivative_of_its_gap(vehicle: Vehicle)
             unit, side = row // (2 * ROWS_PER_EDGE), row // ROWS_PER_EDGE % 2
             point = int(np.argmin(np.abs(gaps[unit, :, side] - MARGIN - h[i - 1, row])))
             entry = (feet[i, unit, point, side] - stations.limits.s_first) / LIMIT_SPACING_M
-            over = int(edge_points(vehicle)[unit, point, 1])
-            table, foot = stations.limits, feet[i, unit, point, side]
-            _, steepness = limit_at(table.values, table.s_first, table.spacing, side + 2 * over, foot)
+            over = int(edge_points(vehicle)["overhang"][unit, point])
+            _, steepness = limit_at(stations.limits, side + 2 * over, feet[i, unit, point, side])
             sampled = abs(gaps[unit, point, side] - MARGIN - h[i - 1, row]) < 1e-9 and abs(steepness) < WALL  # a wall's is left out
             if sampled and abs(entry - np.round(entry)) > 0.05:  # the table's corners have no derivative
                 # the road's third derivative jumps a little at its knots, some of them inside the stencil
@@ -169,7 +165,8 @@ def test_a_row_of_a_sampled_point_is_the_derivative_of_its_gap(vehicle: Vehicle)
 @each_vehicle
 def test_a_row_between_sampled_points_foretells_how_the_edges_clearance_changes(vehicle: Vehicle) -> None:
     stations, z, n = prepared(vehicle), motion(vehicle), vehicle.states
-    G, h, _, _ = rows(vehicle, stations, z, [1, STAGES + 1])
+    rows = looked(vehicle, stations, z).rows
+    G, h = rows["g"][1:], rows["h"][1:]
     random, compared, moved = np.random.default_rng(5), 0, 0.0
     for i in range(1, STAGES + 1):
         own = point_gaps(vehicle, stations, i, z[i])
@@ -190,18 +187,19 @@ def test_a_row_between_sampled_points_foretells_how_the_edges_clearance_changes(
 def test_the_slope_of_a_limit_matters_to_its_row() -> None:
     vehicle = VEHICLES[0]
     stations, z = prepared(vehicle), motion(vehicle)
-    with_slope = rows(vehicle, stations, z, [1, STAGES + 1])[0]
+    with_slope = looked(vehicle, stations, z).rows["g"]
     values = stations.limits.values.copy()
     values[:] = values[:, :1]
-    without = rows(vehicle, replace(stations, limits=replace(stations.limits, values=values)), z, [1, STAGES + 1])[0]
+    without = looked(vehicle, replace(stations, limits=stations.limits._replace(values=values)), z).rows["g"]
     assert np.max(np.abs(with_slope - without)) > 0.05
 
 
 @each_vehicle
 def test_rows_for_overhangs_measure_their_corners_from_the_wheels_limit(vehicle: Vehicle) -> None:
     stations, z, each = prepared(vehicle), motion(vehicle), 2 * ROWS_PER_EDGE
-    _, h, _, _ = rows(vehicle, stations, z, [1, STAGES + 1], each=each)
-    wheels = replace(stations, limits=replace(stations.limits, values=stations.limits.values[[0, 1, 0, 1]]))
+    part = looked(vehicle, stations, z, each=each)
+    h, edges = part.rows["h"][1:], part.seen.edges
+    wheels = replace(stations, limits=stations.limits._replace(values=stations.limits.values[[0, 1, 0, 1]]))
     points = edge_points(vehicle)
     for i in EVERY:
         gaps = point_gaps(vehicle, wheels, i, z[i])
@@ -209,8 +207,9 @@ def test_rows_for_overhangs_measure_their_corners_from_the_wheels_limit(vehicle:
             for side in range(2):
                 for row, corner in ((2, 0), (3, -1)):
                     found = h[i - 1, (2 * unit + side) * each + row]
-                    if points[unit, corner, 1] > 0.0:
+                    if points["overhang"][unit, corner] > 0:
                         assert found == pytest.approx(gaps[unit, corner, side], abs=1e-9)  # accuracy of projection
+                        assert edges["clear"][i, unit, side] <= found  # an edge is clear of the wheels' limit, too
                     else:
                         assert found > 0.0  # no overhang: never binds
 
@@ -218,33 +217,38 @@ def test_rows_for_overhangs_measure_their_corners_from_the_wheels_limit(vehicle:
 @each_vehicle
 def test_a_range_of_stages_gives_what_the_whole_horizon_gives(vehicle: Vehicle) -> None:
     stations, z = prepared(vehicle), motion(vehicle)
-    for one, other in zip(rows(vehicle, stations, z, [1, STAGES + 1]), rows(vehicle, stations, z, [1, 2, 30, STAGES + 1]), strict=True):
-        assert np.array_equal(one, other)
+    whole, part = (looked(vehicle, stations, z, begin) for begin in (1, 17))
+    assert np.array_equal(whole.rows[17:], part.rows[17:])
+    for one, other in zip(whole.seen, part.seen, strict=True):
+        assert np.array_equal(one[17:], other[17:])
+    assert np.all(part.rows["h"][:17] == 0.0)
 
 
 def test_a_limit_is_linear_between_its_entries_and_held_beyond_them() -> None:
-    table = np.array([[1.0, 2.0, 0.0], [5.0, 5.0, 5.0]])
+    table = LimitTable(np.array([[1.0, 2.0, 0.0], [5.0, 5.0, 5.0]]), 10.0, 0.25)
     for s, value, slope in ((10.0, 1.0, 4.0), (10.125, 1.5, 4.0), (10.25, 2.0, -8.0), (10.375, 1.0, -8.0)):
-        assert limit_at(table, 10.0, 0.25, 0, s) == pytest.approx((value, slope), abs=1e-12)
-    assert limit_at(table, 10.0, 0.25, 0, 9.0)[0] == 1.0
-    assert limit_at(table, 10.0, 0.25, 0, 30.0)[0] == 0.0
+        assert limit_at(table, 0, s) == pytest.approx((value, slope), abs=1e-12)
+    assert limit_at(table, 0, 9.0)[0] == 1.0
+    assert limit_at(table, 0, 30.0)[0] == 0.0
 
 
 def test_a_limit_that_is_held_has_no_slope() -> None:
-    table = np.array([[1.0, 2.0, 0.0]])
-    assert limit_at(table, 10.0, 0.25, 0, 9.0)[1] == 0.0
-    assert limit_at(table, 10.0, 0.25, 0, 30.0)[1] == 0.0
+    table = LimitTable(np.array([[1.0, 2.0, 0.0]]), 10.0, 0.25)
+    assert limit_at(table, 0, 9.0)[1] == 0.0
+    assert limit_at(table, 0, 30.0)[1] == 0.0
 
 
 @each_vehicle
 def test_a_body_is_screened_only_where_every_point_keeps_its_distance(vehicle: Vehicle) -> None:
     stations, z, screened = prepared(vehicle), motion(vehicle), 0
     for wide in (0.0, 2.0, 6.0):  # metres of room added: nothing, some and everything is screened
-        G, _, _, bounds = rows(vehicle, stations, z, [1, STAGES + 1], wide=wide)
+        part = looked(vehicle, stations, z, wide=wide)
         for i in range(1, STAGES + 1):
             # limits are tabulated and interpolated; the road's own bend between the table's entries by < 1e-3 m
-            assert np.all(bounds[i] <= point_gaps(vehicle, stations, i, z[i]) + wide + 1e-3)
-        screened += int(np.sum(np.all(G == 0.0, axis=2)))
+            true = point_gaps(vehicle, stations, i, z[i]).min(axis=1) + wide
+            assert np.all(part.seen.edges["gap"][i] <= true + 1e-3)
+            assert np.all(part.seen.edges["clear"][i] <= true + 1e-3)
+        screened += int(np.sum(np.all(part.rows["g"][1:] == 0.0, axis=2)))
     assert screened > 0
 
 
@@ -263,7 +267,7 @@ def test_tabulated_limits_are_the_narrowest_within_a_stations_reach(seed: int) -
     for at in random.uniform(0.0, 60.0, 200):
         within, wider = np.abs(places - at) <= STEP, np.abs(places - at) <= 1.25 * STEP + 3 * LIMIT_SPACING_M
         for row, narrowest in zip(range(4), (np.min, np.max) * 2, strict=True):
-            found, sign = limit_at(table.values, table.s_first, table.spacing, row, at)[0], 1.0 - 2.0 * (row % 2)
+            found, sign = limit_at(table, row, at)[0], 1.0 - 2.0 * (row % 2)
             assert sign * found <= sign * narrowest(exact[row, within]) + 1e-9  # rounding
             assert sign * found >= sign * narrowest(exact[row, wider]) - 1e-9
 

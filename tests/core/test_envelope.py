@@ -10,12 +10,12 @@ from hdvplan.errors import PlanError
 from hdvplan.jit import FloatArray
 from hdvplan.judging.balance import KEPT_M, balance_of
 from hdvplan.judging.envelope import envelope_of
-from hdvplan.planning.motion import axles_behind
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import stations_of
 from hdvplan.road.path import ReferencePath
 from hdvplan.road.road import Limits, Road
+from hdvplan.vehicle.body import axles_behind
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 from tests.core.chains import arc, on_road, three_units, winding
@@ -28,7 +28,9 @@ def executed(path: ReferencePath, vehicle: Vehicle, state: FloatArray, limits: L
     poses_s = np.asarray(0.25 * np.arange(round(path.length / 0.25) + 1), float)
     poses = np.ascontiguousarray(np.broadcast_to(state, (len(poses_s), vehicle.states)))
     kappa = np.zeros((len(poses_s) - 1) // 2)
-    return Drive(road, vehicle, PlannerSettings(horizon=20.0), stations, geometric(stations), poses[::2], kappa, poses_s, poses, (), 0.0)
+    return Drive(
+        road, vehicle, PlannerSettings(horizon=20.0), stations, geometric(stations, vehicle), poses[::2], kappa, poses_s, poses, (), 0.0
+    )
 
 
 def straight(length: float = 60.0) -> ReferencePath:

@@ -6,8 +6,9 @@ from scipy.integrate import solve_ivp
 
 from hdvplan.driving.simulate import simulate
 from hdvplan.jit import FloatArray
+from hdvplan.planning.stations import STATION
 from hdvplan.road.path import from_curvature
-from hdvplan.vehicle.kinematics import derivative, jacobian, place, point_gradient
+from hdvplan.vehicle.kinematics import POSE, derivative, jacobian, place, point_gradient
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 from tests.core.chains import body_points, few, three_units, vehicles
@@ -63,12 +64,12 @@ def test_the_kinematic_jacobian_is_the_derivative_by_state_and_curvature(
 @few
 def test_every_unit_is_placed_where_its_couplings_put_it(vehicle: Vehicle, draw: list[float], heading: float) -> None:
     z = states(vehicle, draw)
-    poses = np.empty((len(vehicle.units), 6))
+    poses = np.empty(len(vehicle.units), POSE)
     place(vehicle.table(), 3.0, -7.0, np.cos(heading), np.sin(heading), z, poses)
     axle = np.array([3.0 - z[0] * np.sin(heading), -7.0 + z[0] * np.cos(heading)])
     local = [np.array([[0.0, 0.0], [1.0, 0.0], [u.wheelbase if i else 0.0, 0.0]]) for i, u in enumerate(vehicle.units)]
     for pose, (own, ahead, coupling) in zip(poses, body_points(vehicle, axle, heading + z[1], z[2:], local), strict=True):
-        assert np.allclose(pose, [*own, *(ahead - own), *coupling], rtol=0.0, atol=1e-12)  # rounding at 30 m
+        assert np.allclose(pose.tolist(), [*own, *(ahead - own), *coupling], rtol=0.0, atol=1e-12)  # rounding at 30 m
 
 
 @given(
@@ -87,10 +88,11 @@ def test_the_point_gradient_is_the_derivative_of_a_body_points_motion(
         axle = np.array([-v[0] * np.sin(heading), v[0] * np.cos(heading)])
         return np.asarray(body_points(vehicle, axle, heading + v[1], v[2:], local)[unit][0], float)
 
-    poses, gradient = np.empty((len(vehicle.units), 6)), np.full(vehicle.states, np.nan)
+    poses, gradient, road = np.empty(len(vehicle.units), POSE), np.full(vehicle.states, np.nan), np.zeros(1, STATION)
+    road["cos"], road["sin"] = np.cos(heading), np.sin(heading)
     place(vehicle.table(), 0.0, 0.0, np.cos(heading), np.sin(heading), z, poses)
     x, y = where(z)
-    point_gradient(poses, unit, x, y, np.cos(heading), np.sin(heading), along[0], along[1], gradient)
+    point_gradient(poses, unit, x, y, road[0], along[0], along[1], gradient)
     # lever arms up to 60 m: rounding of 1e-14 m over a step of 1e-3
     assert np.allclose(gradient, differences(lambda v: float(where(v) @ along), z), rtol=0.0, atol=1e-9)
 

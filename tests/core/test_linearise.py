@@ -1,4 +1,4 @@
-from itertools import pairwise
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -7,25 +7,34 @@ from hypothesis import strategies as st
 
 from hdvplan.centring.weights import CentringTable
 from hdvplan.jit import FloatArray
-from hdvplan.planning.linearise import advance, linearise_dynamics, linearise_objective, write_inputs
+from hdvplan.planning.assembly import assemble
+from hdvplan.planning.discretisation import Discretisation, advance, memory
+from hdvplan.planning.objectives import Goal
+from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations, stations_of
+from hdvplan.planning.terms.centring import Centring, Residual
+from hdvplan.planning.terms.dynamics import Dynamics
+from hdvplan.planning.terms.smoothness import Smoothness
+from hdvplan.planning.terms.term import Place, Scene
 from hdvplan.road.road import Road
 from hdvplan.vehicle.kinematics import derivative
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 from tests.core.chains import few, on_road, three_units, vehicles, winding
 from tests.core.differences import differences
+from tests.core.scenes import extended, horizon_at, move
 
 STEP = 0.5
 STAGES = 40
 FIRST = 40  # the first station of the linearised horizon: s = 20 m, where the road begins to bend
 VEHICLES = [load_vehicle("bus"), load_vehicle("tractor-trailer"), three_units()]
 each_vehicle = pytest.mark.parametrize("vehicle", VEHICLES, ids=lambda v: v.name)
-each_rule = pytest.mark.parametrize("midpoint", [True, False], ids=["midpoint", "euler"])
+NOWHERE = Place(0, 0, 0)  # of terms without columns and rows of their own
+each_rule = pytest.mark.parametrize("rule", list(Discretisation))
 
 
 def prepared(vehicle: Vehicle) -> Stations:
-    return stations_of(Road("winding", winding()), vehicle, CentringTable.of(vehicle), step=STEP, horizon=20.0)
+    return stations_of(Road("winding", winding()), vehicle, CentringTable.of(vehicle), step=STEP, horizon=STAGES * STEP)
 
 
 def motion(vehicle: Vehicle, seed: int = 0) -> tuple[FloatArray, FloatArray]:
@@ -35,39 +44,26 @@ def motion(vehicle: Vehicle, seed: int = 0) -> tuple[FloatArray, FloatArray]:
     return scale * random.uniform(-1.0, 1.0, (STAGES + 1, vehicle.states)), random.uniform(-0.1, 0.1, STAGES)
 
 
-def horizon(stations: Stations) -> FloatArray:
-    return stations.road[:, FIRST : FIRST + STAGES + 1]
-
-
-def next_state(vehicle: Vehicle, k: float, k_between: float, z: FloatArray, kappa: float, *, midpoint: bool) -> FloatArray:
+def next_state(vehicle: Vehicle, k: float, k_between: float, z: FloatArray, kappa: float, rule: Discretisation) -> FloatArray:
     out = np.empty(z.size)
-    advance(vehicle.table(), k, k_between, STEP, midpoint, z, kappa, out, np.empty((2, z.size)))
+    advance(rule.code, vehicle.table(), k, k_between, STEP, z, kappa, out, memory(z.size)[0])
     return out
 
 
-def dynamics(
-    vehicle: Vehicle, stations: Stations, z: FloatArray, kappa: FloatArray, *, midpoint: bool, parts: list[int]
-) -> list[FloatArray]:
-    n = vehicle.states
-    A, B, c = np.zeros((STAGES, n + 1, n + 1)), np.zeros((STAGES, n + 1, 1)), np.zeros((STAGES, n + 1))
-    A[:, n, n] = B[:, n, 0] = 1.0
-    for begin in parts[-2::-1]:
-        between = stations.curvature_between[FIRST : FIRST + STAGES + 1]
-        linearise_dynamics(vehicle.table(), horizon(stations), between, STEP, midpoint, z, kappa, begin, A, B, c)
-    return [A, B, c]
+def settings(rule: Discretisation = Discretisation.MIDPOINT) -> PlannerSettings:
+    return PlannerSettings(horizon=STAGES * STEP, step=STEP, discretisation=rule)
 
 
-def objective(vehicle: Vehicle, stations: Stations, z: FloatArray, weights: FloatArray, parts: list[int]) -> list[FloatArray]:
-    n, path, (lead, aux, target) = vehicle.states, stations.path, weights
-    Q, q = np.zeros((STAGES + 1, n + 1, n + 1)), np.zeros((STAGES + 1, n + 1))
-    feet = stations.s[FIRST : FIRST + STAGES + 1].copy()
-    for begin, end in pairwise(parts):
-        lost = linearise_objective(
-            vehicle.table(), -1, path.coefficients, path.s_first, path.spacing, horizon(stations), z, lead, aux, target, feet,
-            begin, end, Q, q,
-        )  # fmt: skip
-        assert lost == -1
-    return [Q, q, feet]
+def laid_out(vehicle: Vehicle, seed: int = 0, rule: Discretisation = Discretisation.MIDPOINT) -> tuple[Scene, Dynamics, Centring]:
+    """Return the memory of a program at ``motion``, not yet linearised, and two terms, the second with coefficients of no meaning."""
+    weights = np.random.default_rng(3).uniform(-2.0, 2.0, (3, len(prepared(vehicle).s)))
+    centring = Centring(Residual(*weights))
+    scene, _ = assemble(vehicle, prepared(vehicle), Goal((centring,)), settings(rule))
+    move(scene, *motion(vehicle, seed))
+    return scene, Dynamics(), centring
+
+
+STATIONS = prepared(VEHICLES[0])
 
 
 @given(vehicle=vehicles(), k=st.floats(-0.1, 0.1), bend=st.floats(-0.01, 0.01), kappa=st.floats(-0.1, 0.1), draw=st.integers(0, 10**6))
@@ -77,106 +73,123 @@ def test_advance_is_the_midpoint_rule_written_out(vehicle: Vehicle, k: float, be
     first, second = np.empty(z.size), np.empty(z.size)
     derivative(vehicle.table(), k, z, kappa, first)
     derivative(vehicle.table(), k + bend, z + 0.25 * first, kappa, second)
-    assert np.allclose(next_state(vehicle, k, k + bend, z, kappa, midpoint=True), z + 0.5 * second, rtol=0.0, atol=1e-14)
-    assert np.allclose(next_state(vehicle, k, k + bend, z, kappa, midpoint=False), z + 0.5 * first, rtol=0.0, atol=1e-14)
+    assert np.allclose(next_state(vehicle, k, k + bend, z, kappa, Discretisation.MIDPOINT), z + 0.5 * second, rtol=0.0, atol=1e-14)
+    assert np.allclose(next_state(vehicle, k, k + bend, z, kappa, Discretisation.EULER), z + 0.5 * first, rtol=0.0, atol=1e-14)
 
 
 @each_rule
 @each_vehicle
-def test_linearised_dynamics_are_the_derivatives_of_advance(vehicle: Vehicle, midpoint: bool) -> None:
-    stations, (z, kappa), n = prepared(vehicle), motion(vehicle), vehicle.states
-    A, B, c = dynamics(vehicle, stations, z, kappa, midpoint=midpoint, parts=[0, STAGES])
+def test_linearised_dynamics_are_the_derivatives_of_advance(vehicle: Vehicle, rule: Discretisation) -> None:
+    scene, term, _ = laid_out(vehicle, rule=rule)
+    (z, kappa), n, stations, qp = motion(vehicle), vehicle.states, scene.stations, scene.qp
+    extended([term.part(scene, NOWHERE)], horizon_at(scene, FIRST))
     for i in (0, 7, 19, STAGES - 1):
-        k, between = float(stations.road[4, FIRST + i]), float(stations.curvature_between[FIRST + i])
+        k, between = (float(stations.points[name][FIRST + i]) for name in ("curvature", "curvature_between"))
 
         def ahead(v: FloatArray, k: float = k, between: float = between) -> FloatArray:
-            return next_state(vehicle, k, between, v[:n], float(v[n]), midpoint=midpoint)
+            return next_state(vehicle, k, between, v[:n], float(v[n]), rule)
 
         slope = differences(ahead, np.append(z[i], kappa[i]))
-        assert np.allclose(A[i, :n], slope, rtol=0.0, atol=1e-10)  # five-point rule on smooth functions of size one
-        assert np.allclose(B[i, :n, 0], slope[:, n], rtol=0.0, atol=1e-10)
-        assert np.array_equal(A[i, n], np.eye(n + 1)[n])
-        assert np.allclose(c[i, :n], ahead(np.append(z[i], kappa[i])) - z[i + 1], rtol=0.0, atol=1e-14)
+        assert np.allclose(qp.A[i, :n], slope, rtol=0.0, atol=1e-10)  # five-point rule on smooth functions of size one
+        assert np.allclose(qp.B[i, :n, 0], slope[:, n], rtol=0.0, atol=1e-10)
+        assert np.array_equal(qp.A[i, n], np.eye(n + 1)[n])
+        assert np.allclose(qp.c[i, :n], ahead(np.append(z[i], kappa[i])) - z[i + 1], rtol=0.0, atol=1e-14)
 
 
 def test_the_midpoint_uses_the_roads_curvature_half_way() -> None:
     stations = prepared(VEHICLES[0])
     half_way = winding().at(stations.s[:150] + 0.25).curvature
-    assert np.max(np.abs(stations.curvature_between[:150] - half_way)) < 1e-12  # same coefficients, other offsets
+    assert np.max(np.abs(stations.points["curvature_between"][:150] - half_way)) < 1e-12  # same coefficients, other offsets
 
 
 @each_vehicle
 def test_the_objective_is_the_square_of_the_projected_offset_to_first_order(vehicle: Vehicle) -> None:
-    stations, (z, _), n = prepared(vehicle), motion(vehicle), vehicle.states
-    weights = np.random.default_rng(3).uniform(-2.0, 2.0, (3, STAGES + 1))
-    Q, q, feet = objective(vehicle, stations, z, weights, [0, STAGES + 1])
+    scene, dynamics, centring = laid_out(vehicle)
+    (z, _), n, stations, qp = motion(vehicle), vehicle.states, scene.stations, scene.qp
+    part = centring.part(scene, NOWHERE)
+    extended([dynamics.part(scene, NOWHERE), part], horizon_at(scene, FIRST))
     aux_point = [np.zeros((1, 2)) for _ in vehicle.units]
     if len(vehicle.units) == 1:
         aux_point = [np.array([[vehicle.lead.wheelbase, 0.0]])]  # a bus's front axle
-    for i in (0, 11, 26, STAGES):
+    cost = 0.0
+    for i in range(1, STAGES + 1):
         s = float(stations.s[FIRST + i])
 
         def foot_and_offset(v: FloatArray, s: float = s) -> FloatArray:
             x, y = on_road(vehicle, stations.path, s, v, aux_point)[-1][0]
             return np.array(stations.path.project(x, y, s))
 
-        lead, aux, target = weights[:, i]
-        gradient = aux * differences(foot_and_offset, z[i])[1] + lead * np.eye(n)[0]
+        lead, aux, target = (float(values[FIRST + i]) for values in vars(centring.residual).values() if isinstance(values, np.ndarray))
         residual = lead * z[i, 0] + aux * foot_and_offset(z[i])[1] - target
-        assert abs(feet[i] - foot_and_offset(z[i])[0]) < 1e-9
+        cost += residual**2
+        if i not in {1, 11, 26, STAGES}:
+            continue
+        gradient = aux * differences(foot_and_offset, z[i])[1] + lead * np.eye(n)[0]
+        assert abs(part.stages["foot"][i] - foot_and_offset(z[i])[0]) < 1e-9
         # offsets are exact to 1e-12 m by up to 20 m of lever arm, over a step of 1e-3
-        assert np.allclose(q[i, :n], 2.0 * residual * gradient, rtol=0.0, atol=1e-7)
-        assert np.allclose(Q[i, :n, :n], 2.0 * np.outer(gradient, gradient), rtol=0.0, atol=1e-7)
-        assert np.all(Q[i, n] == 0.0)
-        assert np.all(Q[i, :, n] == 0.0)
-        assert q[i, n] == 0.0
+        assert np.allclose(qp.q[i, :n], 2.0 * residual * gradient, rtol=0.0, atol=1e-7)
+        assert np.allclose(qp.Q[i, :n, :n], 2.0 * np.outer(gradient, gradient), rtol=0.0, atol=1e-7)
+        assert np.all(qp.Q[i, n] == 0.0)
+        assert np.all(qp.Q[i, :, n] == 0.0)
+        assert qp.q[i, n] == 0.0
+    assert part.price(horizon_at(scene, FIRST)) == pytest.approx(cost, rel=1e-9)  # projection's accuracy
 
 
 @each_vehicle
-def test_a_range_of_stages_gives_what_the_whole_horizon_gives(vehicle: Vehicle) -> None:
-    stations, (z, kappa) = prepared(vehicle), motion(vehicle)
-    weights = np.random.default_rng(3).uniform(-2.0, 2.0, (3, STAGES + 1))
-    for whole, split in (
-        (
-            dynamics(vehicle, stations, z, kappa, midpoint=True, parts=[0, STAGES]),
-            dynamics(vehicle, stations, z, kappa, midpoint=True, parts=[0, 1, 17, STAGES]),
-        ),
-        (objective(vehicle, stations, z, weights, [1, STAGES + 1]), objective(vehicle, stations, z, weights, [1, 2, 30, STAGES + 1])),
-    ):
-        for one, other in zip(whole, split, strict=True):
-            assert np.array_equal(one, other)
+@pytest.mark.parametrize("begin", [2, 17, STAGES])
+def test_a_range_of_stages_gives_what_the_whole_horizon_gives(vehicle: Vehicle, begin: int) -> None:
+    programs, untouched = [], 7.0
+    for first in (1, begin):
+        scene, dynamics, centring = laid_out(vehicle)
+        scene.qp.stages["q"] = scene.qp.stages["c"] = untouched
+        extended([dynamics.part(scene, NOWHERE), centring.part(scene, NOWHERE)], horizon_at(scene, FIRST), first)
+        programs.append(scene.qp)
+    whole, part = programs
+    written = np.r_[0, begin - 1 : STAGES]  # of the first stage the state is new, too
+    for name in ("A", "B", "c"):
+        assert np.array_equal(getattr(whole, name)[written], getattr(part, name)[written])
+    for name in ("Q", "q"):
+        assert np.array_equal(getattr(whole, name)[begin:], getattr(part, name)[begin:])
+    assert np.all(part.q[:begin] == untouched)
+    assert np.all(part.c[1 : begin - 1] == untouched)
 
 
 def test_a_stage_whose_body_lies_beyond_the_centre_of_curvature_is_named() -> None:
     vehicle = VEHICLES[0]
-    stations, (z, _) = prepared(vehicle), motion(vehicle)
-    z[35] = 1.0 / 0.06 - 5.7, 0.5 * np.pi  # the front axle 0.3 m beyond the centre of the arc
-    path, feet = stations.path, stations.s[FIRST : FIRST + STAGES + 1].copy()
-    one = np.ones(STAGES + 1)
-    lost = linearise_objective(
-        vehicle.table(), -1, path.coefficients, path.s_first, path.spacing, horizon(stations), z, one, one, one, feet,
-        1, STAGES + 1, np.zeros((STAGES + 1, 3, 3)), np.zeros((STAGES + 1, 3)),
-    )  # fmt: skip
-    assert lost == 35
+    scene, dynamics, _ = laid_out(vehicle)
+    one = np.ones(len(scene.stations.s))
+    (z, kappa), horizon = motion(vehicle), horizon_at(scene, FIRST)
+    z[28] = 1.0 / 0.06 - 5.7, 0.5 * np.pi  # the front axle 0.3 m beyond the centre of the arc
+    move(scene, z, kappa)
+    extended([dynamics.part(scene, NOWHERE)], horizon)
+    part = Centring(Residual(one, one, one)).part(scene, NOWHERE)
+    assert (part.extend(horizon, 1), part.linearise(horizon)) == (28, 28)
 
 
 @given(seed=st.integers(0, 10**6))
 @few
 def test_inputs_bound_and_weigh_the_curvature_and_its_change(seed: int) -> None:
-    random = np.random.default_rng(seed)
-    kappa, before, weight, most, change = random.uniform(-0.1, 0.1, 8), float(random.uniform(-0.1, 0.1)), 700.0, 0.1, 0.05
-    R, r, x_low, x_high, u_low, u_high = (np.full(shape, np.nan) for shape in ((8, 1, 1), (8, 1), (8, 1), (8, 1), (8, 1), (8, 1)))
-    write_inputs(kappa, before, most, change, weight, R, r, x_low, x_high, u_low, u_high)
-    u = random.uniform(-0.05, 0.05, 8)  # moves of the changes; those of kappa are their sums
+    random, vehicle, weight = np.random.default_rng(seed), VEHICLES[0], 700.0
+    before, most, change = float(random.uniform(-0.1, 0.1)), 0.1, 0.05
+    scene, _ = assemble(
+        replace(vehicle, max_curvature=most, max_curvature_rate=change / STEP), STATIONS, Goal(()), replace(settings(), smoothness=weight)
+    )  # fmt: skip
+    scene.qp.buffer[:] = np.nan
+    qp, part, horizon = scene.qp, Smoothness().part(scene, NOWHERE), horizon_at(scene, FIRST, before=before)
+    kappa, z = random.uniform(-0.1, 0.1, STAGES), np.zeros((STAGES + 1, vehicle.states))
+    move(scene, z, kappa)
+    extended([part], horizon)
+    u = random.uniform(-0.05, 0.05, STAGES)  # moves of the changes; those of kappa are their sums
     moved = kappa + np.cumsum(u)
 
     def cost(values: FloatArray) -> float:
         return weight * float(np.sum(np.diff(np.concatenate([[before], values])) ** 2))
 
-    quadratic = float(0.5 * np.sum(R[:, 0, 0] * u**2) + r[:, 0] @ u)
-    assert abs(quadratic - (cost(moved) - cost(kappa))) < 1e-11  # rounding at cost 100
-    assert np.allclose(x_low[:, 0] + kappa, -most, rtol=0.0, atol=1e-15)
-    assert np.allclose(x_high[:, 0] + kappa, most, rtol=0.0, atol=1e-15)
+    quadratic = float(0.5 * np.sum(qp.R[:, 0, 0] * u**2) + qp.r[:, 0] @ u)
+    assert abs(quadratic - (cost(moved) - cost(kappa))) < 1e-10  # rounding at cost 500
+    assert part.price(horizon) == pytest.approx(cost(kappa), rel=1e-12)
+    assert np.allclose(qp.x_low[:, 0] + kappa, -most, rtol=0.0, atol=1e-15)
+    assert np.allclose(qp.x_high[:, 0] + kappa, most, rtol=0.0, atol=1e-15)
     changes = np.diff(np.concatenate([[before], kappa]))
-    assert np.allclose(u_low[:, 0] + changes, -change, rtol=0.0, atol=1e-15)
-    assert np.allclose(u_high[:, 0] + changes, change, rtol=0.0, atol=1e-15)
+    assert np.allclose(qp.u_low[:, 0] + changes, -change, rtol=0.0, atol=1e-15)
+    assert np.allclose(qp.u_high[:, 0] + changes, change, rtol=0.0, atol=1e-15)

@@ -4,26 +4,29 @@ from scipy.optimize import LinearConstraint, NonlinearConstraint, minimize
 
 from hdvplan.centring.weights import CentringTable
 from hdvplan.errors import OptionError, PlanError, SolverError
-from hdvplan.jit import FloatArray
-from hdvplan.planning.limits import ROWS_PER_EDGE
-from hdvplan.planning.linearise import advance, linearise, write_inputs
-from hdvplan.planning.motion import axles_behind, take_step
+from hdvplan.jit import FloatArray, Records
+from hdvplan.planning.assembly import assemble
+from hdvplan.planning.discretisation import advance, memory
+from hdvplan.planning.motion import Motion, take_step
 from hdvplan.planning.objectives import geometric
-from hdvplan.planning.planner import Plan, Planner, qp_shape
+from hdvplan.planning.planner import Plan, Planner
 from hdvplan.planning.settings import PlannerSettings, Scheme
-from hdvplan.planning.stations import Stations, stations_of
-from hdvplan.qp.program import StageQp, StageSolution
+from hdvplan.planning.stations import STATION, Stations, stations_of
+from hdvplan.qp.program import StageQp, StageShape, StageSolution
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
 from hdvplan.solvers.riccati import RiccatiWorkspace
-from hdvplan.vehicle.body import axis_points, edge_points
+from hdvplan.vehicle.body import axles_behind, edge_points
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Unit, Vehicle
 from tests.core.chains import on_road, winding
 from tests.core.differences import differences
+from tests.core.programs import PARTS
+from tests.core.scenes import assert_same_rows, extended, horizon_at, move
 from tests.core.spying import Spy
 
 LIMIT = 3.4
+TIGHT = {"bus": 2.19, "tractor-trailer": 1.84}  # 0.1 and 0.2 m less than the free plan's reach
 VEHICLES = [load_vehicle("bus"), load_vehicle("tractor-trailer")]
 each_vehicle = pytest.mark.parametrize("vehicle", VEHICLES, ids=lambda v: v.name)
 
@@ -40,39 +43,25 @@ def start(vehicle: Vehicle, e_y: float = 0.1) -> FloatArray:
 
 def planned(vehicle: Vehicle, settings: PlannerSettings, limit: float | None = LIMIT) -> tuple[Planner, Spy, Stations]:
     spy, stations = Spy(RiccatiWorkspace), stations_for(vehicle, settings, limit)
-    return Planner(vehicle, stations, geometric(stations), settings, spy), spy, stations
+    return Planner(vehicle, stations, geometric(stations, vehicle), settings, spy), spy, stations
 
 
 def fresh_program(
     vehicle: Vehicle, stations: Stations, settings: PlannerSettings, first: int, z: FloatArray, kappa: FloatArray, before: float
 ) -> StageQp:
     """Linearise everything at a motion without any memory of earlier plans."""
-    N, n, points, part = settings.stages, vehicle.states, edge_points(vehicle), geometric(stations)
-    path, limits = stations.path, stations.limits
-    qp = StageQp.empty(qp_shape(vehicle, settings, rows_per_edge=ROWS_PER_EDGE))
-    qp.A[:, n, n] = qp.B[:, n, 0] = 1.0
-    qp.linear[:], qp.quadratic[:] = settings.elastic_weight, settings.elastic_growth
-    here = slice(first, first + N + 1)
-    units, road, s = vehicle.table(), stations.road[:, here], stations.s[here]
-    feet = s[:, None, None, None] + np.zeros((1, *points.shape[:2], 2))
-    axis = axis_points(vehicle)
-    lost = linearise(
-        units, part.axle, points, axis, path.coefficients, path.s_first, path.spacing, road, stations.curvature_between[here],
-        stations.around[:, here], settings.step, True, part.lead[here], part.aux[here], part.target[here], limits.values,
-        limits.s_first, limits.spacing, stations.margin[here] + settings.margin, z, kappa, s.copy(),
-        s[:, None, None] + np.zeros((1, *axis.shape)), feet, np.zeros(feet.shape), 1, qp.A, qp.B, qp.c, qp.Q, qp.q, qp.G, qp.h,
-    )  # fmt: skip
-    assert lost == -1
-    change = vehicle.max_curvature_rate * settings.step
-    write_inputs(kappa, before, vehicle.max_curvature, change, settings.smoothness, qp.R, qp.r, qp.x_low, qp.x_high, qp.u_low, qp.u_high)
-    return qp
+    scene, parts = assemble(vehicle, stations, geometric(stations, vehicle), settings)
+    move(scene, z, kappa)
+    extended(parts, horizon_at(scene, first, before=before))
+    return scene.qp
 
 
 @each_vehicle
+@pytest.mark.parametrize("tight", [False, True])
 @pytest.mark.parametrize("by", [1, 10, 47])
-def test_a_shifted_program_equals_a_fresh_linearisation_at_the_same_motion(vehicle: Vehicle, by: int) -> None:
+def test_a_shifted_program_equals_a_fresh_linearisation_at_the_same_motion(vehicle: Vehicle, by: int, tight: bool) -> None:
     settings = PlannerSettings(horizon=25.0)
-    planner, spy, stations = planned(vehicle, settings)
+    planner, spy, stations = planned(vehicle, settings, TIGHT[vehicle.name] if tight else LIMIT)
     first = 30
     plan = planner.plan(first, start(vehicle), 0.0)
     before = float(plan.kappa[by - 1])
@@ -91,8 +80,8 @@ def test_a_shifted_program_equals_a_fresh_linearisation_at_the_same_motion(vehic
         assert np.max(np.abs(getattr(shifted, name)[1:] - getattr(fresh, name)[1:])) < 1e-8
     # Feet found from another start: exact to 1e-11, by lever arms of 10 m. Where an edge bows past a limit its tightest place is as
     # flat as the bow, and so found to 1e-6 m only: the clearance there does not feel it, its derivative does.
-    assert np.max(np.abs(shifted.h - fresh.h)) < 1e-8
-    assert np.max(np.abs(shifted.G - fresh.G)) < 1e-5
+    assert_same_rows(shifted, fresh, 1e-8, 1e-5)
+    assert np.any(shifted.G) is np.bool_(tight)
 
 
 @each_vehicle
@@ -115,11 +104,9 @@ def test_sequential_programs_end_at_a_motion_that_follows_the_model_and_moves_no
     assert plan.moved < 1e-8
     assert plan.usable
     assert plan.violation < 1e-6
-    out, work = np.empty(vehicle.states), np.empty((2, vehicle.states))
     for i in range(settings.stages):
-        k, between = float(stations.road[4, 30 + i]), float(stations.curvature_between[30 + i])
-        advance(vehicle.table(), k, between, settings.step, True, plan.z[i], float(plan.kappa[i]), out, work)
-        assert np.max(np.abs(out - plan.z[i + 1])) < 1e-9
+        ahead = next_state(vehicle, stations, settings, 30 + i, plan.z[i], float(plan.kappa[i]))
+        assert np.max(np.abs(ahead - plan.z[i + 1])) < 1e-9
     assert np.max(np.abs(plan.z[0] - start(vehicle))) < 1e-12  # given, up to what the solver leaves of zero
     assert np.max(np.abs(plan.kappa)) <= vehicle.max_curvature + 1e-9
     assert np.max(np.abs(np.diff(plan.kappa, prepend=0.0))) <= vehicle.max_curvature_rate * settings.step + 1e-9
@@ -139,23 +126,28 @@ def test_sequential_programs_find_one_optimum_from_different_guesses(vehicle: Ve
         assert np.max(np.abs(plan.kappa - plans[0].kappa)) < 1e-6
 
 
+def next_state(vehicle: Vehicle, stations: Stations, settings: PlannerSettings, at: int, z: FloatArray, kappa: float) -> FloatArray:
+    """Return the state that the model predicts one station after ``at``."""
+    point, out = stations.points[at], np.empty(z.size)
+    k, between = float(point["curvature"]), float(point["curvature_between"])
+    advance(settings.discretisation.code, vehicle.table(), k, between, settings.step, z, kappa, out, memory(z.size)[0])
+    return out
+
+
 def cost_and_gaps(
     vehicle: Vehicle, stations: Stations, settings: PlannerSettings, first: int, z0: FloatArray, limit: float, kappa: FloatArray
 ) -> FloatArray:
     """Return the objective and then every edge point's clearance of the motion that ``kappa`` drives, all from geometry."""
     weight, edges, z = stations.centring.weight, edge_points(vehicle), z0.copy()
     aux = vehicle.lead.wheelbase if len(vehicle.units) == 1 else 0.0
-    out, work = np.empty(z.size), np.empty((2, z.size))
     cost, gaps = settings.smoothness * float(np.sum(np.diff(kappa, prepend=0.0) ** 2)), []
     for i in range(settings.stages):
         at = first + i
-        k, between = float(stations.road[4, at]), float(stations.curvature_between[at])
-        advance(vehicle.table(), k, between, settings.step, True, z, float(kappa[i]), out, work)
-        z = out.copy()
+        z = next_state(vehicle, stations, settings, at, z, float(kappa[i]))
         s = float(stations.s[at + 1])
         local, near = [], []
         for unit, row, behind in zip(vehicle.units, edges, axles_behind(vehicle), strict=True):
-            ahead = np.concatenate([row[:, 0], row[:, 0], [aux]])
+            ahead = np.concatenate([row["ahead"], row["ahead"], [aux]])
             near.append(s - behind + ahead)
             local.append(np.column_stack([ahead, np.repeat([0.5 * unit.width, -0.5 * unit.width, 0.0], [len(row), len(row), 1])]))
         places = np.concatenate(on_road(vehicle, stations.path, s, z, local))
@@ -172,15 +164,13 @@ def cost_and_gaps(
 def test_the_plan_is_the_optimum_of_the_nonlinear_program(vehicle: Vehicle, limit: float | None) -> None:
     settings = PlannerSettings(scheme=Scheme.SQP, horizon=10.0, sqp_tolerance=1e-9)
     binds = limit is None
-    limit = (
-        {"bus": 2.19, "tractor-trailer": 1.84}[vehicle.name] if limit is None else limit
-    )  # 0.1 and 0.2 m less than the free plan's reach
+    limit = TIGHT[vehicle.name] if limit is None else limit
     planner, _, stations = planned(vehicle, settings, limit)
     first, z0 = 40, start(vehicle, 0.3)
     plan = planner.plan(first, z0, 0.0)
     assert plan.violation < 1e-6
 
-    margin = stations.margin[first + 1 : first + 1 + settings.stages]  # what sampling needs
+    margin = stations.points["margin"][first + 1 : first + 1 + settings.stages]  # what sampling needs
 
     def both(kappa: FloatArray) -> FloatArray:
         found = cost_and_gaps(vehicle, stations, settings, first, z0, limit, kappa)
@@ -243,7 +233,7 @@ def test_a_step_that_leaves_the_models_domain_is_shortened() -> None:
     step = asked[0].x
     assert np.max(np.abs(plan.z[:, 1] + step[:, 1])) > 0.5 * np.pi  # the whole step would turn the vehicle round
     assert bold.usable
-    here = stations.road[4, first : first + settings.stages + 1]
+    here = stations.curvature[first : first + settings.stages + 1]
     assert np.all(np.abs(bold.z[:, 1]) < 0.5 * np.pi)
     assert np.all(1.0 - bold.z[:, 0] * here > 0.0)
     part = np.linalg.norm(bold.z - plan.z) / np.linalg.norm(step[:, :2])
@@ -288,8 +278,8 @@ def test_a_solver_that_returns_nan_is_not_driven() -> None:
 
     def nothing(qp: StageQp) -> StageSolution:
         point = StageSolution.empty(qp.shape)
-        for values in vars(point).values():
-            values[:] = np.nan
+        for name in PARTS:
+            getattr(point, name)[:] = np.nan
         return point
 
     spy.answer = nothing
@@ -326,23 +316,37 @@ def test_after_an_error_the_next_plan_is_a_first_plan() -> None:
     assert np.max(np.abs(again.z - fresh.z)) < 1e-9  # feet found from another start
 
 
+def still(vehicle: Vehicle) -> tuple[Motion, StageSolution, Records]:
+    """Return a motion of zeros over three intervals of a straight, and a step of zeros."""
+    sizes = StageShape(3, vehicle.states + 1, 1, 0, (vehicle.states,))
+    return Motion.empty(vehicle, 3), StageSolution.empty(sizes), np.zeros(4, STATION)
+
+
 def test_a_step_that_cannot_be_taken_in_any_part_is_refused() -> None:
-    z, kappa, step = np.zeros((4, 2)), np.zeros(3), np.ones((4, 3))
-    z[2, 1] = 1.4  # already steeper than a plan may be, and the step turns on
-    before = z.copy()
-    assert take_step(z, kappa, step, np.zeros(4), 1.0) == np.inf
-    assert np.array_equal(z, before)
-    assert not np.any(kappa)
+    motion, step, road = still(VEHICLES[0])
+    step.x[:] = 1.0
+    motion.z[2, 1] = 1.4  # already steeper than a plan may be, and the step turns on
+    before = motion.stages.copy()
+    assert take_step(motion.stages, step.stages, road, 1.0) == np.inf
+    assert np.array_equal(motion.stages, before)
 
 
 def test_a_step_leaves_the_given_state_where_it_is() -> None:
-    z, kappa = np.zeros((4, 2)), np.zeros(3)
-    step = np.full((4, 3), 0.01)
-    step[0] = 5.0  # a residual of the solver
-    assert take_step(z, kappa, step, np.zeros(4), 1.0) == 0.01
-    assert not np.any(z[0])
-    assert np.all(z[1:] == 0.01)
-    assert np.all(kappa == 0.01)
+    motion, step, road = still(VEHICLES[0])
+    step.x[:] = 0.01
+    step.x[0] = 5.0  # a residual of the solver
+    assert take_step(motion.stages, step.stages, road, 1.0) == 0.01
+    assert not np.any(motion.z[0])
+    assert np.all(motion.z[1:] == 0.01)
+    assert np.all(motion.kappa == 0.01)
+
+
+def test_a_share_of_a_step_is_taken() -> None:
+    motion, step, road = still(VEHICLES[0])
+    step.x[:] = 0.5
+    assert take_step(motion.stages, step.stages, road, 0.25) == 0.125
+    assert np.all(motion.z[1:] == 0.125)
+    assert np.all(motion.kappa == 0.125)
 
 
 def test_a_place_where_no_plan_exists_is_named() -> None:
@@ -350,7 +354,7 @@ def test_a_place_where_no_plan_exists_is_named() -> None:
     sharp = from_curvature(np.array([0.0, 40.0, 42.0, 52.0, 54.0, 90.0]), np.array([0.0, 0.0, 0.45, 0.45, 0.0, 0.0]))
     settings = PlannerSettings(horizon=25.0)
     stations = stations_of(Road("sharp", sharp).with_limits(3.0, 3.0), vehicle, CentringTable.of(vehicle), step=0.5, horizon=25.0)
-    planner = Planner(vehicle, stations, geometric(stations), settings, RiccatiWorkspace)
+    planner = Planner(vehicle, stations, geometric(stations, vehicle), settings, RiccatiWorkspace)
     with pytest.raises(PlanError) as caught:
         planner.plan(70, start(vehicle), 0.0)
     assert 35.0 <= caught.value.s_m <= 60.0
@@ -371,7 +375,7 @@ def test_a_margin_keeps_that_much_further_from_the_limit() -> None:
         planner, _, stations = planned(vehicle, settings, 2.25)
         plans.append(planner.plan(40, start(vehicle), 0.0))
         gaps = cost_and_gaps(vehicle, stations, settings, 40, start(vehicle), 2.25, plans[-1].kappa)[1:]
-        own = stations.margin[40:61]  # what sampling needs, on top
+        own = stations.points["margin"][40:61]  # what sampling needs, on top
         assert np.min(own) - 1e-5 < np.min(gaps) - margin < np.max(own) + 1e-5  # it binds; the solver's tolerance on an active row
     assert plans[0].violation < 1e-5
 

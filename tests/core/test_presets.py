@@ -16,7 +16,7 @@ from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
 from hdvplan.road.scenarios import SCENARIOS, turn_profile
 from hdvplan.solvers.riccati import RiccatiWorkspace
-from hdvplan.vehicle.kinematics import derivative, place
+from hdvplan.vehicle.kinematics import POSE, body_point, derivative, place
 from hdvplan.vehicle.load import load_vehicle, preset_names
 from hdvplan.vehicle.model import Unit, Vehicle
 from tests.core.differences import differences
@@ -83,10 +83,10 @@ def slides(run: Drive, at: int) -> FloatArray:
     def axles(ahead: FloatArray) -> FloatArray:
         turned = k * ahead[0]
         chord, towards = ahead[0] * np.sinc(0.5 * turned / np.pi), psi + 0.5 * turned
-        poses = np.empty((len(vehicle.units), 6))
+        poses = np.empty(len(vehicle.units), POSE)
         x, y = float(point.x) + chord * np.cos(towards), float(point.y) + chord * np.sin(towards)
         place(vehicle.table(), x, y, np.cos(psi + turned), np.sin(psi + turned), z + ahead[0] * f, poses)
-        return np.append(poses[:, :2].ravel(), poses[0, :2] + vehicle.lead.wheelbase * poses[0, 2:4])
+        return np.concatenate([(pose["x"], pose["y"]) for pose in poses] + [body_point(poses[0], vehicle.lead.wheelbase, 0.0)])
 
     moves = differences(axles, np.zeros(1))[:, 0].reshape(-1, 2)
     beta, wheels = np.split(z[2:], [len(vehicle.units) - 1])

@@ -5,21 +5,23 @@ import pytest
 
 from hdvplan.centring.weights import CentringTable
 from hdvplan.errors import OptionError
-from hdvplan.jit import FloatArray
-from hdvplan.planning.motion import axles_behind
-from hdvplan.planning.objectives import Objective, art_weighted, axle_max, body_max, geometric, objective_named
+from hdvplan.jit import FloatArray, Records
+from hdvplan.planning.assembly import assemble
+from hdvplan.planning.objectives import Goal, Objective, art_weighted, axle_max, body_max, geometric, objective_named
 from hdvplan.planning.planner import Plan, Planner
-from hdvplan.planning.reach import linearise_reach
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import Stations, stations_of
+from hdvplan.planning.terms.centring import Centring, Residual
+from hdvplan.planning.terms.reach import Reach, ReachPart
 from hdvplan.road.road import Road
 from hdvplan.solvers.registry import solver_named
 from hdvplan.solvers.riccati import RiccatiWorkspace
-from hdvplan.vehicle.body import axle_points, edge_points
+from hdvplan.vehicle.body import axle_points, axles_behind, edge_points
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 from tests.core.chains import on_road, three_units, winding
 from tests.core.differences import differences
+from tests.core.scenes import extended, horizon_at, move, part_of
 from tests.core.spying import Spy
 
 VEHICLES = [load_vehicle("bus"), load_vehicle("tractor-trailer"), three_units()]
@@ -34,10 +36,10 @@ def stations_for(vehicle: Vehicle, settings: PlannerSettings, limit: float | Non
     return stations_of(road, vehicle, CentringTable.of(vehicle), step=settings.step, horizon=settings.horizon)
 
 
-def offsets(vehicle: Vehicle, stations: Stations, at: int, z: FloatArray, points: FloatArray, half: FloatArray) -> FloatArray:
+def offsets(vehicle: Vehicle, stations: Stations, at: int, z: FloatArray, points: Records, half: FloatArray) -> FloatArray:
     """Return the offsets of the watched points: by unit, left edge before right, point by point."""
     local = [
-        np.concatenate([np.column_stack([row[:, 0], np.full(len(row), side * width)]) for side in (1.0, -1.0)])
+        np.concatenate([np.column_stack([row["ahead"], np.full(len(row), side * width)]) for side in (1.0, -1.0)])
         for row, width in zip(points, half, strict=True)
     ]
     s = float(stations.s[at])
@@ -47,8 +49,8 @@ def offsets(vehicle: Vehicle, stations: Stations, at: int, z: FloatArray, points
     return found
 
 
-def watched(vehicle: Vehicle, objective: Objective) -> tuple[FloatArray, FloatArray]:
-    half = vehicle.table()[:, 4]
+def watched(vehicle: Vehicle, objective: Objective) -> tuple[Records, FloatArray]:
+    half: FloatArray = vehicle.table()["half_width"]
     return (edge_points(vehicle), half) if objective is body_max else (axle_points(vehicle), 0.0 * half)
 
 
@@ -59,28 +61,23 @@ def reach(vehicle: Vehicle, stations: Stations, plan: Plan, objective: Objective
 
 def planned(vehicle: Vehicle, objective: Objective, settings: PlannerSettings, solver: str = "riccati") -> tuple[Plan, Stations]:
     stations = stations_for(vehicle, settings)
-    planner = Planner(vehicle, stations, objective(stations), settings, solver_named(solver))
+    planner = Planner(vehicle, stations, objective(stations, vehicle), settings, solver_named(solver))
     return planner.plan(FIRST, np.zeros(vehicle.states), 0.0), stations
 
 
 @each_vehicle
 @each_objective
 def test_the_rows_are_the_offsets_and_their_derivatives(vehicle: Vehicle, objective: Objective) -> None:
-    stages = 12
     settings = PlannerSettings(horizon=6.0)
     stations, (points, half) = stations_for(vehicle, settings), watched(vehicle, objective)
-    count = points.shape[0] * points.shape[1]
-    z = 0.1 * np.random.default_rng(1).uniform(-1.0, 1.0, (stages + 1, vehicle.states))
-    path = stations.path
-    here = slice(FIRST, FIRST + stages + 1)
-    G, h = np.zeros((stages, 2 * count, vehicle.states + 2)), np.zeros((stages, 2 * count))
-    feet = stations.s[here, None, None, None] + (points[:, :, :1] - axles_behind(vehicle)[:, None, None]) + np.zeros(2)
-    lost = linearise_reach(
-        vehicle.table(), points, half, path.coefficients, path.s_first, path.spacing, stations.road[:, here], z, feet, 1, stages + 1, G, h
-    )
-    assert lost == -1
+    scene, parts = assemble(vehicle, stations, Goal((Reach(bodies=objective is body_max),)), settings)
+    z = 0.1 * np.random.default_rng(1).uniform(-1.0, 1.0, (settings.stages + 1, vehicle.states))
+    move(scene, z)
+    extended(parts, horizon_at(scene, FIRST))
+    G, h, t = scene.qp.G, scene.qp.h, vehicle.states + 1
+    assert G.shape[1] == 2 * points.size
     sides = np.repeat(np.tile([1.0, -1.0], points.shape[0]), points.shape[1])
-    for i in range(1, stages + 1):
+    for i in range(1, settings.stages + 1):
 
         def outwards(state: FloatArray, at: int = FIRST + i) -> FloatArray:
             return sides * offsets(vehicle, stations, at, state, points, half)
@@ -88,7 +85,10 @@ def test_the_rows_are_the_offsets_and_their_derivatives(vehicle: Vehicle, object
         assert np.max(np.abs(h[i - 1] + outwards(z[i]))) < 1e-9  # both projections are exact to that
         # five-point differences of a projection: its 1e-9 over a step of 1e-3
         assert np.max(np.abs(G[i - 1, :, : vehicle.states] - differences(outwards, z[i]))) < 1e-5
-        assert np.all(G[i - 1, :, vehicle.states :] == 0.0)  # the columns of curvature and t are not the kernel's
+        assert np.all(G[i - 1, :, vehicle.states] == 0.0)  # curvature moves nobody
+        assert np.all(G[i - 1, :, t] == -1.0)  # t moves both limits outwards
+    furthest = max(float(np.max(np.abs(offsets(vehicle, stations, FIRST + i, z[i], points, half)))) for i in range(1, len(z)))
+    assert part_of(parts, ReachPart).price(horizon_at(scene, FIRST)) == pytest.approx(settings.stages * furthest**2, rel=1e-8)
 
 
 @each_vehicle
@@ -119,7 +119,7 @@ def test_every_solver_finds_the_same_plan(objective: Objective, solver: str) -> 
 def test_the_extra_state_is_the_largest_reach_and_the_rows_give_way_nowhere(objective: Objective) -> None:
     vehicle, settings = VEHICLES[1], PlannerSettings(scheme=Scheme.SQP, horizon=40.0, sqp_tolerance=1e-7)
     stations, spy = stations_for(vehicle, settings), Spy(RiccatiWorkspace)
-    planner = Planner(vehicle, stations, objective(stations), settings, spy)
+    planner = Planner(vehicle, stations, objective(stations, vehicle), settings, spy)
     plan = planner.plan(FIRST, np.zeros(vehicle.states), 0.0)
     program = spy.programs[-1]
     point = RiccatiWorkspace(program.shape).solve(program, None).point
@@ -137,7 +137,7 @@ def test_limits_hold_beside_the_largest_reach(objective: Objective) -> None:
     stations = stations_for(vehicle, settings)
     reached = reach(vehicle, stations, free, body_max)
     tight = stations_for(vehicle, settings, max(reached - 0.02, 2.0) if objective is axle_max else reached + 0.05)
-    plan = Planner(vehicle, tight, objective(tight), settings, solver_named("riccati")).plan(FIRST, np.zeros(vehicle.states), 0.0)
+    plan = Planner(vehicle, tight, objective(tight, vehicle), settings, solver_named("riccati")).plan(FIRST, np.zeros(vehicle.states), 0.0)
     assert plan.usable
     assert plan.violation < 1e-5  # rows bind to the solver's tolerance
 
@@ -147,33 +147,41 @@ def test_limits_hold_beside_the_largest_reach(objective: Objective) -> None:
 def test_one_program_a_step_ends_where_a_fresh_start_does(vehicle: Vehicle, objective: Objective) -> None:
     settings = PlannerSettings(horizon=40.0)
     stations = stations_for(vehicle, settings)
-    planner = Planner(vehicle, stations, objective(stations), settings, solver_named("riccati"))
+    planner = Planner(vehicle, stations, objective(stations, vehicle), settings, solver_named("riccati"))
     plan = planner.plan(FIRST, np.zeros(vehicle.states), 0.0)
     for step in range(1, 4):
         plan = planner.plan(FIRST + 2 * step, plan.z[2], float(plan.kappa[1]))
         assert plan.qp_count == 1
-    fresh = Planner(vehicle, stations, objective(stations), settings, solver_named("riccati"))
+    fresh = Planner(vehicle, stations, objective(stations, vehicle), settings, solver_named("riccati"))
     again = fresh.plan(plan.first, plan.z[0], plan.kappa_before)
     assert abs(reach(vehicle, stations, plan, objective) - reach(vehicle, stations, again, objective)) < 0.01  # one QP against many
 
 
 def test_the_axles_of_a_bus_are_two_and_of_a_chain_one_a_unit() -> None:
-    assert axle_points(VEHICLES[0])[:, :, 0].tolist() == [[0.0, 6.0]]
-    assert axle_points(three_units())[:, :, 0].tolist() == [[0.0], [0.0], [0.0]]
+    assert axle_points(VEHICLES[0])["ahead"].tolist() == [[0.0, 6.0]]
+    assert axle_points(three_units())["ahead"].tolist() == [[0.0], [0.0], [0.0]]
+
+
+def residual(goal: Goal) -> Residual:
+    """Return what a goal of one term centres."""
+    (term,) = goal.terms
+    assert isinstance(term, Centring)
+    return term.residual
 
 
 def test_the_weighted_objective_is_the_geometric_one_scaled_at_the_tightest_place() -> None:
     stations = stations_for(VEHICLES[1], PlannerSettings())
-    found, balanced = art_weighted(stations), geometric(stations)
+    found, balanced = residual(art_weighted(stations, VEHICLES[1])), residual(geometric(stations, VEHICLES[1]))
     assert np.allclose(found.lead + found.aux, 1.0)
-    tightest = int(np.argmax(np.abs(stations.road[4])))
+    tightest = int(np.argmax(np.abs(stations.curvature)))
     assert found.lead[0] / found.aux[0] == pytest.approx(balanced.lead[tightest])
 
 
 def test_a_weight_can_be_given_with_the_name() -> None:
     stations = stations_for(VEHICLES[1], PlannerSettings())
-    found = objective_named("art-weighted:0.3")(stations)
-    assert np.all(getattr(found, "aux") == 0.3)  # noqa: B009 - a residual, which the type does not tell
+    found = residual(objective_named("art-weighted:0.3")(stations, VEHICLES[1]))
+    assert np.all(found.aux == 0.3)
+    assert np.all(found.lead == 0.7)
     assert objective_named("art-weighted") is art_weighted
 
 

@@ -7,14 +7,16 @@ from hdvplan.driving.drive import Drive, drive
 from hdvplan.errors import OptionError, PlanError, RoadError
 from hdvplan.judging.balance import Balance, balance_of
 from hdvplan.judging.envelope import envelope_of
-from hdvplan.planning.objectives import Residual, geometric, lead_axle, objective_named, trail_axle
+from hdvplan.planning.objectives import Goal, geometric, lead_axle, objective_named, trail_axle
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import Stations
+from hdvplan.planning.terms.centring import Centring, Residual
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
 from hdvplan.road.scenarios import roundabout, sturn_profile, turn_profile, uturn_articulated, uturn_profile
 from hdvplan.solvers.riccati import RiccatiWorkspace
 from hdvplan.vehicle.load import load_vehicle
+from hdvplan.vehicle.model import Vehicle
 from tests.core.conftest import Driven
 
 each_scheme = pytest.mark.parametrize("scheme", list(Scheme))
@@ -24,10 +26,10 @@ def balance(driven: Drive) -> Balance:
     return balance_of(driven, envelope_of(driven))
 
 
-def searched(stations: Stations) -> Residual:
+def searched(stations: Stations, vehicle: Vehicle) -> Goal:  # noqa: ARG001 - every objective is told both
     """Weigh the axles as found by exhaustive search: (1 - K) e_y + K e_trailer with K = 0.45."""
     one = np.ones(len(stations.s))
-    return Residual(0.55 * one, 0.45 * one, 0.0 * one)
+    return Goal((Centring(Residual(0.55 * one, 0.45 * one, 0.0 * one)),))
 
 
 def test_the_published_roads_have_their_published_lengths_and_angles() -> None:

@@ -12,7 +12,7 @@ from hdvplan.centring.stationary import stationary, tightest_kappa
 from hdvplan.driving.simulate import simulate
 from hdvplan.jit import FloatArray
 from hdvplan.road.path import from_curvature
-from hdvplan.vehicle.kinematics import derivative, jacobian, place
+from hdvplan.vehicle.kinematics import POSE, body_point, derivative, jacobian, place
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Unit, Vehicle
 from tests.core.chains import body_points, few, three_units, vehicles
@@ -94,12 +94,12 @@ def test_no_axle_slides_off_the_direction_of_its_wheels(vehicle: Vehicle, draw: 
 
     def axles(s: FloatArray) -> FloatArray:
         """Return x, y of every axle and of the front wheels when the road point has moved on by ``s`` on its circle."""
-        turned, poses = k * s[0], np.empty((len(vehicle.units), 6))
+        turned, poses = k * s[0], np.empty(len(vehicle.units), POSE)
         chord = s[0] * np.sinc(0.5 * turned / np.pi)
         x, y = chord * np.cos(0.5 * turned), chord * np.sin(0.5 * turned)
         place(vehicle.table(), x, y, np.cos(turned), np.sin(turned), z + s[0] * f, poses)
-        front = poses[0, :2] + vehicle.lead.wheelbase * poses[0, 2:4]
-        return np.concatenate([poses[:, :2].ravel(), front])
+        places = [(pose["x"], pose["y"]) for pose in poses] + [body_point(poses[0], vehicle.lead.wheelbase, 0.0)]
+        return np.concatenate(places)
 
     moves = differences(axles, np.zeros(1))[:, 0].reshape(-1, 2)  # metres per metre of road
     headings = z[1] - np.concatenate([[0.0], np.cumsum(z[2:])])

@@ -159,7 +159,7 @@ def test_a_steered_axle_is_read_whether_or_not_it_is_called_so() -> None:
 def test_a_body_may_begin_behind_its_bare_drawbar() -> None:
     dolly = load_vehicle("truck-dolly-semitrailer").units[1]
     assert dolly.front < dolly.wheelbase
-    points = edge_points(load_vehicle("truck-dolly-semitrailer"))[1, :, 0]
+    points = edge_points(load_vehicle("truck-dolly-semitrailer"))["ahead"][1]
     assert (points.min(), points.max()) == (-dolly.rear_overhang, pytest.approx(dolly.front))
 
 
@@ -182,7 +182,8 @@ def test_lengths_and_reaches_add_up_along_the_chain() -> None:
     assert vehicle.reach_ahead == pytest.approx(6.2, abs=1e-12)
     assert vehicle.reach_behind == pytest.approx(0.7 + 5.5 - 0.2 + 8.1 + 3.3, abs=1e-12)
     assert vehicle.lead.length == pytest.approx(7.3, abs=1e-12)
-    assert np.allclose(vehicle.table()[1, :5], [5.5, -0.2, 5.8, 0.6, 1.2], rtol=0.0, atol=1e-12)
+    dolly = [float(vehicle.table()[name][1]) for name in ("wheelbase", "hitch_offset", "front", "rear_overhang", "half_width")]
+    assert np.allclose(dolly, [5.5, -0.2, 5.8, 0.6, 1.2], rtol=0.0, atol=1e-12)
 
 
 def test_a_long_rear_overhang_may_reach_further_back_than_the_trailer() -> None:
@@ -303,14 +304,14 @@ def test_impossible_steering_is_refused_by_name(value: float, rate: bool) -> Non
 @few
 def test_sampled_edge_points_hold_corners_and_axles_and_know_their_overhangs(vehicle: Vehicle) -> None:
     points = edge_points(vehicle)
-    assert points.shape == (len(vehicle.units), POINTS_PER_EDGE, 2)
+    assert points.shape == (len(vehicle.units), POINTS_PER_EDGE)
     for unit, row in zip(vehicle.units, points, strict=True):
-        ahead, overhang = row[:, 0], row[:, 1]
+        ahead, overhang = row["ahead"], row["overhang"]
         assert np.all(np.diff(ahead) > 0.0)
         for wanted in (-unit.rear_overhang, 0.0, unit.wheelbase, unit.front):
             assert np.min(np.abs(ahead - wanted)) < 2e-6  # points closer than this count as one
         inner = (ahead >= -1e-6) & (ahead <= unit.wheelbase + 1e-6)
-        assert np.array_equal(overhang == 0.0, inner)
+        assert np.array_equal(overhang == 0, inner)
 
 
 def test_a_number_without_end_is_refused_by_name() -> None:

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from hdvplan.jit import FloatArray
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 from hdvplan.qp.residuals import residuals
-from hdvplan.solvers.recursion import adjoint, factorise, sweep_ahead, sweep_back
+from hdvplan.solvers.recursion import adjoint, end_at, factorise, load, sweep_ahead, sweep_back, workspace
 from tests.core.chains import few
-from tests.core.programs import dense, random_program, shape
+from tests.core.programs import PARTS, dense, random_program, shape
 
 WIDE = 1e6  # bounds that are never met
 
@@ -40,26 +40,35 @@ class Passes:
 
     def __init__(self, qp: StageQp) -> None:
         """Set up the last stage's cost-to-go."""
-        N, n, m = qp.shape.stages, qp.shape.states, qp.shape.inputs
-        self.gain, self.root = np.zeros((N, m, n)), np.zeros((N, m, m))
-        self.value, self.slope, self.feed = np.zeros((N + 1, n, n)), np.zeros((N + 1, n)), np.zeros((N, m))
-        self.value[N], self.slope[N] = qp.Q[N], qp.q[N]
-        self.x, self.u = np.zeros((N + 1, n)), np.zeros((N, m))
-        self.x[0] = qp.x_first
+        self.work, self.point = workspace(qp.shape), StageSolution.empty(qp.shape)
+        load(qp.stages, self.work)
+        end_at(self.work, qp.shape.stages)
+        self.point.x[0] = qp.x_first
+
+    @property
+    def x(self) -> FloatArray:
+        """Return the states."""
+        return self.point.x
+
+    @property
+    def u(self) -> FloatArray:
+        """Return the inputs."""
+        return self.point.u
 
     def run(self, qp: StageQp) -> bool:
         """Solve the program without inequalities."""
-        N = qp.shape.stages
-        if not factorise(qp.A, qp.B, N, qp.Q, qp.R, self.gain, self.root, self.value):
+        last = qp.shape.stages
+        if not factorise(qp.stages, self.work, last):
             return False
-        sweep_back(qp.A, qp.B, qp.c, True, N, self.gain, self.root, self.value, qp.q, qp.r, self.slope, self.feed)
-        sweep_ahead(qp.A, qp.B, qp.c, True, 0, N, self.gain, self.feed, self.x, self.u)
+        sweep_back(qp.stages, self.work, last, True)
+        sweep_ahead(qp.stages, self.work, self.point.stages, 0, last, True)
         return True
 
 
-@given(states=st.integers(1, 6), inputs=st.integers(1, 3), stages=st.integers(1, 12), seed=st.integers(0, 10**6))
+@given(size=st.sampled_from([(1, 1), (1, 2), (3, 1), (4, 2), (6, 3)]), stages=st.integers(1, 12), seed=st.integers(0, 10**6))
 @few
-def test_the_passes_solve_the_optimality_conditions(states: int, inputs: int, stages: int, seed: int) -> None:
+def test_the_passes_solve_the_optimality_conditions(size: tuple[int, int], stages: int, seed: int) -> None:
+    states, inputs = size  # of few sizes, for each of which kernels are compiled
     qp = random_program(StageShape(stages, states, inputs, 0), seed) if states > 1 else one_state(stages, inputs, seed)
     passes = Passes(qp)
     assert passes.run(qp)
@@ -68,10 +77,8 @@ def test_the_passes_solve_the_optimality_conditions(states: int, inputs: int, st
     near = 1e-8 * (1.0 + float(np.max(np.abs(dynamics))))
     assert np.max(np.abs(passes.x - x)) < near
     assert np.max(np.abs(passes.u - u)) < near
-    found = np.zeros_like(dynamics)
-    none, nothing = np.empty((stages, 0)), np.empty((stages, 0, states))
-    adjoint(qp.A, qp.Q, qp.q, nothing, np.empty(0, np.int64), passes.x, none, none, found)
-    assert np.max(np.abs(found - dynamics)) < near
+    adjoint(qp.stages, qp.rows, qp.bounded, passes.point.stages, passes.point.row_points)
+    assert np.max(np.abs(passes.point.dynamics - dynamics)) < near
 
 
 def one_state(stages: int, inputs: int, seed: int) -> StageQp:
@@ -98,7 +105,7 @@ def test_the_cost_to_go_is_the_cost_of_the_best_rest() -> None:
         )
 
     def promised(first: FloatArray) -> float:
-        return float(0.5 * first @ passes.value[3] @ first + passes.slope[3] @ first)
+        return float(0.5 * first @ passes.work["P"][3] @ first + passes.work["p"][3] @ first)
 
     zero = rest(np.zeros(3))
     for first in np.random.default_rng(1).normal(size=(5, 3)):
@@ -109,9 +116,9 @@ def test_sweeps_go_on_from_where_they_are_told_to() -> None:
     qp = free_program(shape(), 9)
     whole, parts = Passes(qp), Passes(qp)
     assert whole.run(qp)
-    parts.gain, parts.feed = whole.gain, whole.feed
+    parts.work[:] = whole.work
     for begin, end in ((0, 2), (2, 2), (2, 6)):
-        sweep_ahead(qp.A, qp.B, qp.c, True, begin, end, parts.gain, parts.feed, parts.x, parts.u)
+        sweep_ahead(qp.stages, parts.work, parts.point.stages, begin, end, True)
     assert np.array_equal(parts.x, whole.x)
     assert np.array_equal(parts.u, whole.u)
 
@@ -120,11 +127,11 @@ def test_a_head_ends_in_the_cost_to_go_of_the_tail() -> None:
     qp = free_program(shape(), 9)
     whole, head = Passes(qp), Passes(qp)
     assert whole.run(qp)
-    head.value[4], head.slope[4] = whole.value[4], whole.slope[4]
-    assert factorise(qp.A, qp.B, 4, qp.Q, qp.R, head.gain, head.root, head.value)
-    sweep_back(qp.A, qp.B, qp.c, True, 4, head.gain, head.root, head.value, qp.q, qp.r, head.slope, head.feed)
-    for name in ("gain", "feed", "value", "slope"):
-        assert np.array_equal(getattr(head, name)[:4], getattr(whole, name)[:4])
+    head.work["P"][4], head.work["p"][4] = whole.work["P"][4], whole.work["p"][4]
+    assert factorise(qp.stages, head.work, 4)
+    sweep_back(qp.stages, head.work, 4, True)
+    for name in ("K", "k", "P", "p"):
+        assert np.array_equal(head.work[name][:4], whole.work[name][:4])
 
 
 def test_without_the_affine_part_the_dynamics_are_homogeneous() -> None:
@@ -133,10 +140,13 @@ def test_without_the_affine_part_the_dynamics_are_homogeneous() -> None:
     still.c[:] = 0.0
     plain = Passes(still)
     assert plain.run(still)
-    assert factorise(qp.A, qp.B, 6, qp.Q, qp.R, passes.gain, passes.root, passes.value)
-    sweep_back(qp.A, qp.B, qp.c, False, 6, passes.gain, passes.root, passes.value, qp.q, qp.r, passes.slope, passes.feed)
-    sweep_ahead(qp.A, qp.B, qp.c, False, 0, 6, passes.gain, passes.feed, passes.x, passes.u)
-    assert np.array_equal(passes.x, plain.x)
+    assert factorise(qp.stages, passes.work, 6)
+    sweep_back(qp.stages, passes.work, 6, False)
+    passes.work["x"][0] = qp.x_first
+    sweep_ahead(qp.stages, passes.work, passes.point.stages, 0, 6, False)
+    assert np.array_equal(passes.work["x"], plain.x)
+    assert np.array_equal(passes.work["u"][:-1], plain.u)
+    assert not np.any(passes.x[1:])  # the step is the memory's
 
 
 def test_an_input_without_curvature_is_refused() -> None:
@@ -163,9 +173,9 @@ def test_two_inputs_that_do_the_same_share_the_work() -> None:
 def test_the_adjoint_makes_every_state_stationary() -> None:
     qp, random = random_program(shape(), 8), np.random.default_rng(2)
     point = StageSolution.empty(qp.shape)
-    for values in vars(point).values():
-        values[:] = random.uniform(0.0, 1.0, values.shape)
-    adjoint(qp.A, qp.Q, qp.q, qp.G, np.array(qp.shape.bounded_states), point.x, point.rows, point.x_bounds, point.dynamics)
+    for part in PARTS:
+        getattr(point, part)[:] = random.uniform(0.0, 1.0, getattr(point, part).shape)
+    adjoint(qp.stages, qp.rows, qp.bounded, point.stages, point.row_points)
     inputs = qp.r + np.einsum("ijk,ik->ij", qp.R, point.u) + point.u_bounds - np.einsum("ikj,ik->ij", qp.B, point.dynamics[1:])
     qp.linear[:] = 1e3  # the rows' own condition is of no matter here
     assert residuals(qp, point).dual == pytest.approx(np.max(np.abs(inputs)), rel=1e-12)  # only inputs are left unbalanced
@@ -175,8 +185,11 @@ def test_compiled_kernels_do_what_their_python_says() -> None:
     qp = free_program(StageShape(3, 3, 2, 2, (1,)), 6)
     fast, slow = Passes(qp), Passes(qp)
     assert fast.run(qp)
-    assert factorise.py_func(qp.A, qp.B, 3, qp.Q, qp.R, slow.gain, slow.root, slow.value)  # type: ignore[attr-defined] # numba adds it
-    sweep_back.py_func(qp.A, qp.B, qp.c, True, 3, slow.gain, slow.root, slow.value, qp.q, qp.r, slow.slope, slow.feed)  # type: ignore[attr-defined]
-    sweep_ahead.py_func(qp.A, qp.B, qp.c, True, 0, 3, slow.gain, slow.feed, slow.x, slow.u)  # type: ignore[attr-defined]
-    for name in ("gain", "root", "value", "slope", "feed", "x", "u"):
-        assert np.allclose(getattr(fast, name), getattr(slow, name), rtol=1e-12, atol=1e-12)  # contracted multiply-adds
+    stages, work, points = (array.view(np.recarray) for array in (qp.stages, slow.work, slow.point.stages))
+    assert factorise.py_func(stages, work, 3)  # type: ignore[attr-defined] # numba adds it
+    sweep_back.py_func(stages, work, 3, True)  # type: ignore[attr-defined]
+    sweep_ahead.py_func(stages, work, points, 0, 3, True)  # type: ignore[attr-defined]
+    for name in ("K", "L", "P", "p", "k"):
+        assert np.allclose(fast.work[name], slow.work[name], rtol=1e-12, atol=1e-12)  # contracted multiply-adds
+    assert np.allclose(fast.x, slow.x, rtol=1e-12, atol=1e-12)
+    assert np.allclose(fast.u, slow.u, rtol=1e-12, atol=1e-12)

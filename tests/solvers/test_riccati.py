@@ -19,7 +19,7 @@ from hdvplan.solvers.riccati import RiccatiWorkspace
 from tests.core.programs import random_program, shape
 from tests.solvers.recorded import COURSES, PINCHED, pinched, record, uturn
 from tests.solvers.test_recursion import free_program, linear_quadratic
-from tests.solvers.test_workspaces import shapes
+from tests.solvers.test_workspaces import MORE_SIZES, shapes
 from tests.solvers.workspaces import distance, optimum
 
 many = settings(max_examples=150, deadline=None, derandomize=True)
@@ -65,6 +65,17 @@ def test_one_broken_row_anywhere_leaves_the_rest_of_the_horizon_to_the_first_pas
 @given(sizes=shapes(), seed=st.integers(0, 10**6), tightness=st.floats(-0.5, 1.0), price=st.floats(-1.0, 5.0))
 @many
 def test_random_programs_are_solved_as_by_another_solver(sizes: StageShape, seed: int, tightness: float, price: float) -> None:
+    solved_as_by_another(sizes, seed, tightness, price)
+
+
+@pytest.mark.slow
+@given(sizes=shapes(MORE_SIZES), seed=st.integers(0, 10**6), tightness=st.floats(-0.5, 1.0), price=st.floats(-1.0, 5.0))
+@many
+def test_programs_of_more_sizes_are_solved_as_by_another_solver(sizes: StageShape, seed: int, tightness: float, price: float) -> None:
+    solved_as_by_another(sizes, seed, tightness, price)
+
+
+def solved_as_by_another(sizes: StageShape, seed: int, tightness: float, price: float) -> None:
     qp = random_program(sizes, seed, tightness=tightness)
     qp.linear[:] *= 10.0**price
     qp.x_low[:], qp.x_high[:] = -30.0, 30.0

@@ -8,21 +8,26 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hdvplan.errors import QpDataError
-from hdvplan.qp.program import StageQp, StageShape, StageSolution, view_shapes
+from hdvplan.qp.program import NAMES, StageQp, StageShape
 from hdvplan.qp.residuals import residuals
 from hdvplan.qp.workspace import Status
 from tests.core.chains import few
-from tests.core.programs import dense, random_program, shape
+from tests.core.programs import PARTS, copied, dense, random_program, same, shape
 from tests.solvers.workspaces import GENERIC, NATIVE, REFUSING, distance, generic, native, optimum
 
 each_native = pytest.mark.parametrize("name", NATIVE)
 
 
+# States, inputs and how many states have bounds: kernels are compiled for each of them, in seconds.
+SIZES = ((3, 1, 1), (4, 2, 2), (6, 3, 0))
+MORE_SIZES = ((2, 1, 2), (5, 2, 5), (5, 3, 2), (6, 1, 3))
+
+
 @st.composite
-def shapes(draw: st.DrawFn) -> StageShape:
-    states = draw(st.integers(2, 6))
-    bounded = draw(st.sets(st.integers(0, states - 1)))
-    return StageShape(draw(st.integers(1, 6)), states, draw(st.integers(1, 3)), draw(st.integers(0, 6)), tuple(sorted(bounded)))
+def shapes(draw: st.DrawFn, sizes: tuple[tuple[int, int, int], ...] = SIZES) -> StageShape:
+    states, inputs, bounds = draw(st.sampled_from(sizes))
+    bounded = draw(st.permutations(range(states)))[:bounds]
+    return StageShape(draw(st.integers(1, 6)), states, inputs, draw(st.integers(0, 6)), tuple(sorted(bounded)))
 
 
 @each_native
@@ -134,11 +139,11 @@ def test_updating_a_workspace_equals_making_it_anew(name: str) -> None:
 def test_a_program_and_a_guess_are_left_as_they_were(name: str) -> None:
     solver, qp = native(name), random_program(shape(), 7, tightness=0.1)
     workspace, guess = solver.make(shape()), optimum(qp)
-    before = qp.buffer.copy(), {part: values.copy() for part, values in vars(guess).items()}
+    before = qp.buffer.copy(), copied(guess)
     for _ in range(2):
         workspace.solve(qp, guess)
     assert np.array_equal(qp.buffer, before[0])
-    assert all(np.array_equal(values, before[1][part]) for part, values in vars(guess).items())
+    assert same(guess, before[1])
 
 
 @each_native
@@ -146,15 +151,17 @@ def test_a_guess_changes_the_way_and_not_the_end(name: str) -> None:
     solver, qp = native(name), random_program(shape(), 7, tightness=0.1)
     qp.linear[:], qp.quadratic[:] = 50.0, 0.0
     cold = solver.make(shape()).solve(qp, None)
-    kept = StageSolution(**{part: values.copy() for part, values in vars(cold.point).items()})
+    kept, off = copied(cold.point), copied(cold.point)
+    for part in PARTS:
+        getattr(off, part)[:] += 1.0
     warm = solver.make(shape()).solve(qp, kept)
-    wrong = solver.make(shape()).solve(qp, StageSolution(**{part: 1.0 + values for part, values in vars(kept).items()}))
+    wrong = solver.make(shape()).solve(qp, off)
     assert (warm.iterations < cold.iterations) is solver.make(shape()).starts_warm
     assert max(distance(warm.point, kept), distance(wrong.point, kept)) < solver.agree
 
 
 @each_native
-@pytest.mark.parametrize("part", sorted(view_shapes(shape())))
+@pytest.mark.parametrize("part", NAMES)
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_values_that_are_not_finite_are_refused_by_name_and_the_next_program_is_solved(name: str, part: str, value: float) -> None:
     solver, good, wrong = native(name), random_program(shape(), 1), random_program(shape(), 2)
@@ -193,14 +200,14 @@ def test_a_result_stays_as_it_is_until_the_next_solve_and_no_longer(name: str) -
     make, qp = native(name).make, random_program(shape(), 1)
     workspace = make(shape())
     result = workspace.solve(qp, None)
-    kept = {part: values.copy() for part, values in vars(result.point).items()}
+    kept = copied(result.point)
     qp.buffer[:] = 0.0
     for seed in range(2, 4):
         make(shape()).solve(random_program(shape(), seed), None)
-    assert all(np.array_equal(values, kept[part]) for part, values in vars(result.point).items())
+    assert same(result.point, kept)
     again = workspace.solve(random_program(shape(), 2), None)
     assert again.point is result.point  # the workspace's own memory: who wants to keep it copies it
-    assert not np.array_equal(result.point.x, kept["x"])
+    assert not np.array_equal(result.point.x, kept.x)
 
 
 @each_native

@@ -1,0 +1,59 @@
+"""Terms of a program in their places, linearised at a motion of the test's own."""
+
+from collections.abc import Iterable
+from typing import TypeVar
+
+import numpy as np
+
+from hdvplan.jit import FloatArray
+from hdvplan.planning.terms.screening import CLEAR_M
+from hdvplan.planning.terms.term import Horizon, Part, Scene
+from hdvplan.qp.program import StageQp
+
+P = TypeVar("P")
+
+
+def horizon_at(scene: Scene, first: int, *, before: float = 0.0, fixed: int = 0, binding: bool = True) -> Horizon:
+    """Return the horizon of a scene that begins at station ``first``."""
+    road = scene.stations.points[first : first + scene.settings.stages + 1]
+    return Horizon(first, road, before, fixed, binding)
+
+
+def move(scene: Scene, z: FloatArray, kappa: FloatArray | None = None) -> None:
+    """Write the motion that is linearised at; without ``kappa`` its curvatures are zero."""
+    scene.motion.z[:] = z
+    scene.motion.kappa[:] = np.zeros(len(z) - 1) if kappa is None else kappa
+
+
+def extended(parts: Iterable[Part], horizon: Horizon, begin: int = 1) -> None:
+    """Linearise at stages from ``begin`` on, of which nothing is known; no point may be without a foot."""
+    for part in parts:
+        assert part.extend(horizon, begin) == -1
+
+
+def linearised(parts: Iterable[Part], horizon: Horizon) -> None:
+    """Linearise at the whole motion, from what is known of it; no point may be without a foot."""
+    for part in parts:
+        assert part.linearise(horizon) == -1
+
+
+def assert_same_rows(one: StageQp, other: StageQp, near_h: float, near_g: float) -> None:
+    """Compare the rows of two programs that differ in what they know of edges that are clear.
+
+    A row that only one of them carries must be clear in the other, by a bound of its true clearance.
+    """
+    carried, others = (np.any(qp.G != 0.0, axis=2) for qp in (one, other))
+    both = carried & others
+    assert np.all(np.abs(one.h - other.h)[both] < near_h)
+    assert np.all(np.abs(one.G - other.G)[both] < near_g)
+    for true, bound, only in ((one, other, carried & ~others), (other, one, others & ~carried)):
+        assert np.all(bound.h[only] <= true.h[only] + near_h)
+    for qp, rows in ((one, carried), (other, others)):
+        assert np.all(qp.h[~rows] > CLEAR_M)
+        assert np.all(qp.stages["live"][1:][np.any(rows, axis=1)] == 1.0)
+
+
+def part_of(parts: Iterable[Part], kind: type[P]) -> P:
+    """Return the one part of a kind."""
+    (found,) = (part for part in parts if isinstance(part, kind))
+    return found
