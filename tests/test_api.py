@@ -52,9 +52,9 @@ def test_a_second_plan_of_its_kind_warms_nothing_up_and_tabulates_nothing(monkey
     warmed: list[str] = []
     tabulated: list[str] = []
 
-    def warm(vehicle: hdvplan.Vehicle, *rest: object) -> None:
+    def warm(vehicle: hdvplan.Vehicle, *rest: object, limited: bool) -> None:
         warmed.append(vehicle.name)
-        warm_up(vehicle, *rest)  # type: ignore[arg-type] # as they came
+        warm_up(vehicle, *rest, limited=limited)  # type: ignore[arg-type] # as they came
 
     def tabulate(vehicle: hdvplan.Vehicle, curvature: FloatArray) -> Stationary:
         tabulated.append(vehicle.name)

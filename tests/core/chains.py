@@ -4,8 +4,9 @@ import numpy as np
 from hypothesis import settings
 from hypothesis import strategies as st
 
-from hdvplan.jit import FloatArray
+from hdvplan.jit import FloatArray, Records
 from hdvplan.road.path import ReferencePath, from_curvature
+from hdvplan.vehicle.kinematics import POSE, place
 from hdvplan.vehicle.model import Unit, Vehicle
 
 few = settings(max_examples=25, deadline=None, derandomize=True)  # the same examples on every run; the first call compiles
@@ -66,3 +67,10 @@ def winding() -> ReferencePath:
 def arc(curvature: float, length: float) -> ReferencePath:
     """Return a circular arc."""
     return from_curvature(np.array([0.0, length]), np.array([curvature, curvature]))
+
+
+def placed(vehicle: Vehicle, z: FloatArray) -> Records:
+    """Return the poses of a vehicle in state ``z`` at the origin of a road eastwards; kernels take the sines of its angles from them."""
+    poses = np.zeros(len(vehicle.units), POSE)
+    place(vehicle.table(), 0.0, 0.0, 1.0, 0.0, z, poses)
+    return poses

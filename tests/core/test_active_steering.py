@@ -30,7 +30,7 @@ from hdvplan.solvers.registry import solver_named
 from hdvplan.vehicle.kinematics import derivative, jacobian
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
-from tests.core.chains import few, three_units
+from tests.core.chains import few, placed, three_units
 from tests.core.differences import differences
 from tests.core.scenes import extended, horizon_at, move
 from tests.core.test_steering import PROFILE_K, PROFILE_S, plane_rates
@@ -76,7 +76,7 @@ def test_the_jacobian_is_the_derivative_by_wheel_angles_too(vehicle: Vehicle, dr
     if vehicle.name == "one active":
         z[3] *= 0.9 * 0.6 / 0.5 / SCALE[3]  # within the stops of the last axle's law
     f, a, b = np.empty(n), np.full((n, n), np.nan), np.full(n, np.nan)
-    jacobian(vehicle.table(), k, z, kappa, f, a, b, np.full((3, n + 1), np.nan))
+    jacobian(vehicle.table(), k, z, kappa, placed(vehicle, z), f, a, b, np.full((3, n + 1), np.nan))
     assert np.allclose(f, rates(vehicle, k, z, kappa), rtol=0.0, atol=1e-13)
     # fifth derivatives of tan reach a few thousand at 1.2 rad of heading and wheels: 1e-12 / 30 times that
     assert np.allclose(a, differences(lambda v: rates(vehicle, k, v, kappa), z), rtol=0.0, atol=1e-8)

@@ -11,7 +11,7 @@ from hdvplan.road.path import from_curvature
 from hdvplan.vehicle.kinematics import POSE, derivative, jacobian, place, point_gradient
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
-from tests.core.chains import body_points, few, three_units, vehicles
+from tests.core.chains import body_points, few, placed, three_units, vehicles
 from tests.core.differences import differences
 
 PROFILE_S = np.array([0.0, 10.0, 20.0, 30.0, 45.0, 60.0])
@@ -53,7 +53,7 @@ def test_the_kinematic_jacobian_is_the_derivative_by_state_and_curvature(
 ) -> None:
     z, n = states(vehicle, draw), vehicle.states
     f, a, b = np.empty(n), np.full((n, n), np.nan), np.full(n, np.nan)
-    jacobian(vehicle.table(), k, z, kappa, f, a, b, np.full((3, n + 1), np.nan))
+    jacobian(vehicle.table(), k, z, kappa, placed(vehicle, z), f, a, b, np.full((3, n + 1), np.nan))
     assert np.allclose(f, rates(vehicle, k, z, kappa), rtol=0.0, atol=1e-14)
     # fifth derivatives of tan reach a few hundred at 0.9 rad: 1e-12 / 30 times that
     assert np.allclose(a, differences(lambda v: rates(vehicle, k, v, kappa), z), rtol=0.0, atol=1e-9)

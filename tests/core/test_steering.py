@@ -15,7 +15,7 @@ from hdvplan.road.path import from_curvature
 from hdvplan.vehicle.kinematics import POSE, body_point, derivative, jacobian, place
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Unit, Vehicle
-from tests.core.chains import body_points, few, three_units, vehicles
+from tests.core.chains import body_points, few, placed, three_units, vehicles
 from tests.core.differences import STEP, differences
 
 PROFILE_S = np.array([0.0, 10.0, 20.0, 30.0, 45.0, 60.0])
@@ -78,7 +78,7 @@ def test_the_jacobian_of_steered_axles_is_the_derivative_by_state_and_control(
     z, n = np.array([2.0, 0.5, 1.2, 1.2, 1.2])[: vehicle.states] * draw[: vehicle.states], vehicle.states
     assume(not near_a_stop(vehicle, z, kappa))
     f, a, b = np.empty(n), np.full((n, n), np.nan), np.full(n, np.nan)
-    jacobian(vehicle.table(), k, z, kappa, f, a, b, np.full((3, n + 1), np.nan))
+    jacobian(vehicle.table(), k, z, kappa, placed(vehicle, z), f, a, b, np.full((3, n + 1), np.nan))
     assert np.allclose(f, rates(vehicle, k, z, kappa), rtol=0.0, atol=1e-13)
     # fifth derivatives of tan reach a few thousand at 1.2 rad of heading and wheels: 1e-12 / 30 times that
     assert np.allclose(a, differences(lambda v: rates(vehicle, k, v, kappa), z), rtol=0.0, atol=1e-8)

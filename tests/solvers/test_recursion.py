@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hdvplan.jit import FloatArray
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 from hdvplan.qp.residuals import residuals
-from hdvplan.solvers.recursion import adjoint, end_at, factorise, load, sweep_ahead, sweep_back, workspace
+from hdvplan.solvers.recursion import adjoint, end_at, factorise, load_weights, sweep_ahead, sweep_back, workspace
 from tests.core.chains import few
 from tests.core.programs import PARTS, dense, random_program, shape
 
@@ -41,7 +41,7 @@ class Passes:
     def __init__(self, qp: StageQp) -> None:
         """Set up the last stage's cost-to-go."""
         self.work, self.point = workspace(qp.shape), StageSolution.empty(qp.shape)
-        load(qp.stages, self.work)
+        load_weights(qp.stages, self.work)
         end_at(self.work, qp.shape.stages)
         self.point.x[0] = qp.x_first
 
