@@ -14,6 +14,8 @@ from hdvplan.jit import FloatArray
 
 LONLAT = "OGC:CRS84"
 _LARGEST_LON, _LARGEST_LAT = 180.0, 90.0  # [deg]
+_DEGREES_SPACING = 1e-2  # of points
+_DEGREES_LENGTH = 5.0  # no road is this short in metres, or this long in degrees
 
 
 @dataclass(frozen=True)
@@ -109,6 +111,13 @@ def is_geographic(name: str) -> bool:
 
     """
     return not parse_crs(name).is_projected
+
+
+def looks_like_degrees(points: FloatArray) -> bool:
+    """Tell whether coordinates without a system, shape (n, 2), can only be degrees: in metres the road would be shorter than any."""
+    spacing = np.hypot(*np.diff(points, axis=0).T)
+    in_range = bool(np.all(np.abs(points) <= np.array([_LARGEST_LON, _LARGEST_LAT])))
+    return in_range and bool(np.median(spacing) < _DEGREES_SPACING) and 0.0 < float(np.sum(spacing)) < _DEGREES_LENGTH
 
 
 def check_lonlat(points: FloatArray, where: str) -> None:

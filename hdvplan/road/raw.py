@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from hdvplan.jit import FloatArray
 from hdvplan.road.crs import ToLonLat
+from hdvplan.road.path import ReferencePath
 from hdvplan.road.regions import Region
 
 
@@ -13,7 +14,10 @@ from hdvplan.road.regions import Region
 class RawRoad:
     """A road as given: ``points`` of shape (n, 2) are x, y [m], or s [m], kappa [1/m] when ``is_profile``.
 
-    ``reaches`` are the widths at the points, shape (4, n): left, right, left_sweep, right_sweep, all positive [m].
+    ``reaches`` are the widths at the points, shape (4, n): left, right, left_sweep, right_sweep, all positive [m]. ``edges``
+    are lines beside the road, each of shape (m, 2), x, y [m], that no vehicle may cross. ``lines`` are the lines of the points
+    in their file, where it has some; ``notes`` what the reader has to say to the user. ``path`` is the reference path itself,
+    where the file gives one that needs no smoothing.
     """
 
     points: FloatArray
@@ -22,3 +26,7 @@ class RawRoad:
     to_lonlat: ToLonLat | None = None
     notice: str | None = None
     regions: tuple[Region, ...] = ()
+    edges: tuple[FloatArray, ...] = ()
+    lines: tuple[int, ...] | None = None
+    notes: tuple[str, ...] = ()
+    path: ReferencePath | None = None

@@ -44,7 +44,7 @@ def geojson(coordinates: object, kind: str = "LineString") -> str:
         ("nan.csv", "x,y\n0,0\nnan,0\n60,0\n", ("line 3", "column x", "finite")),
         ("nan.geojson", geojson([[11.9, 57.7], [float("nan"), 57.7]]), ("point 2", "finite")),
         ("word.csv", "x,y\n0,0\n30,wide\n60,0\n", ("line 3", "column y", "'wide'")),
-        ("columns.csv", "easting,northing\n0,0\n60,0\n", ("unknown column", "easting")),
+        ("columns.csv", "east,kilometre\n0,0\n60,0\n", ("column y is missing", "east")),
         ("negative.csv", "s,kappa,left,right\n0,0,3,3\n60,0,-3,3\n", ("line 3", "left", "negative")),
         ("short.csv", HEADER + "0,0\n10,0\n", ("10.0 m long", "12.0 m")),
         ("dot.csv", "x,y\n0,0\n0,0\n", ("error",)),

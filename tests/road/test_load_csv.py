@@ -47,10 +47,11 @@ def test_longitude_and_latitude_are_projected_with_true_lengths() -> None:
     [
         ("", "is empty"),
         ("0,0\n1,1\n", "line 1: the first line must name the columns"),
-        ("x,y,z\n0,0,0\n", "line 1: unknown column 'z'"),
         ("x,y\n0,0\n", "at least two points, this one has 1"),
         ("x,y\n0,0\n1,a\n", "line 3, column y: 'a' is not a number"),
-        ("x;y\n0;0\n1,5;2\n", "line 3, column x: '1,5' is not a number"),
+        ("x;y\n0;0\n1,5;2\n2.5;3\n", "line 4, column x: '2.5' is not a number"),
+        ("x;y\n0;0\n1.234,5;2\n", "line 3, column x: '1.234,5' is not a number"),
+        ("x,y\n0,0\n1,5,2,5\n", "line 3: 4 values for 2 columns"),
         ("x,y\n0,0\n1,nan\n", "line 3, column y: nan is not a finite number"),
         ("x,y\n0,0\ninf,1\n", "line 3, column x: inf is not a finite number"),
         ("x,y\n0,0\n1\n", "line 3: 1 values for 2 columns"),
@@ -66,7 +67,8 @@ def test_longitude_and_latitude_are_projected_with_true_lengths() -> None:
         ("s,kappa\n0,0\n5,0.9\n", "line 3, column kappa: 0.9 1/m is a radius below 2 m"),
         ("lon,lat\n11,57\n12,97\n", "point 2 has longitude 12, latitude 97"),
         ("x,y\n0,0\n1e9,0\n", "line 3, column x: 1e\\+09 m is too large"),
-        ("x,y\n11.97,57.70\n11.971,57.701\n11.972,57.702\n", "look like degrees"),
+        ("x_m,y_m\n11.97,57.70\n11.971,57.701\n11.972,57.702\n", "look like degrees"),
+        ("x,y\n0,0.1250\n10,0.1250\n20,0.", "line 4, column y: '0.' has lost digits"),
     ],
 )
 def test_each_mistake_is_named_in_one_line(text: str, message: str) -> None:
