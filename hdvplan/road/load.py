@@ -10,7 +10,7 @@ import numpy as np
 
 from hdvplan.errors import OptionError, RoadError
 from hdvplan.jit import FloatArray
-from hdvplan.road.edges import edge_reaches
+from hdvplan.road.edges import edge_reaches, side_reaches
 from hdvplan.road.features import Choice, roles_of
 from hdvplan.road.lane import offset_road, reversed_road
 from hdvplan.road.library import NOTICE, example_file, example_names, road_file, road_names
@@ -24,7 +24,7 @@ from hdvplan.road.raw import RawRoad
 from hdvplan.road.regions import TABLE_M
 from hdvplan.road.road import Limits, Road
 from hdvplan.road.scenarios import SCENARIOS
-from hdvplan.road.smooth import MAX_LENGTH_M, MIN_LENGTH_M, smooth_line
+from hdvplan.road.smooth import MAX_LENGTH_M, MIN_LENGTH_M, path_through, smooth_line
 from hdvplan.road.steps import refuse_outliers
 from hdvplan.road.texts import refuse_unreadable, text_of
 
@@ -159,11 +159,16 @@ def _road(name: str, raw: RawRoad, options: RoadOptions) -> Road:
             msg = f"{name}: the profile is {s[-1]:g} m long; {MIN_LENGTH_M:g} m to {MAX_LENGTH_M / 1e3:g} km can be used"
             raise RoadError(msg)
         return Road(name, from_curvature(s, kappa), _limits(s, raw.reaches))
-    path, smoothing, s, reaches = raw.path, None, None, raw.reaches
-    if path is None:
+    unmoved = path_through(raw.points, options.max_curvature) if raw.is_smooth else None
+    smoothing, reaches = None, raw.reaches
+    if unmoved is None:
         refuse_outliers(raw.points, raw.lines, name)
         line = smooth_line(raw.points, closed=is_closed(raw.points), max_deviation=options.smooth, max_curvature=options.max_curvature)
         path, smoothing, s = line.path, line.smoothing, line.s_points
+    else:
+        path, s = unmoved
+    if raw.sides is not None:
+        reaches = side_reaches(path, s, raw.sides)
     notes = raw.notes
     if raw.edges:
         if reaches is not None:
@@ -172,7 +177,7 @@ def _road(name: str, raw: RawRoad, options: RoadOptions) -> Road:
         s, reaches, more = edge_reaches(path, raw.edges)
         notes = (*notes, *(f"{name}: {note}" for note in more))
     road = Road(name, path, None, smoothing, raw.to_lonlat, raw.notice, raw.regions, notes=notes)
-    return road.within(None if s is None else _limits(s, reaches))
+    return road.within(_limits(s, reaches))
 
 
 def is_closed(points: FloatArray) -> bool:

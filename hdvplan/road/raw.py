@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 from hdvplan.jit import FloatArray
 from hdvplan.road.crs import ToLonLat
-from hdvplan.road.path import ReferencePath
 from hdvplan.road.regions import Region
 
 
@@ -14,10 +13,11 @@ from hdvplan.road.regions import Region
 class RawRoad:
     """A road as given: ``points`` of shape (n, 2) are x, y [m], or s [m], kappa [1/m] when ``is_profile``.
 
-    ``reaches`` are the widths at the points, shape (4, n): left, right, left_sweep, right_sweep, all positive [m]. ``edges``
-    are lines beside the road, each of shape (m, 2), x, y [m], that no vehicle may cross. ``lines`` are the lines of the points
-    in their file, where it has some; ``notes`` what the reader has to say to the user. ``path`` is the reference path itself,
-    where the file gives one that needs no smoothing.
+    ``reaches`` are the widths at the points, shape (4, n): left, right, left_sweep, right_sweep, all positive [m]. Or
+    ``sides`` are the edges left and right of each point, shape (2, n, 2), or ``edges`` lines somewhere beside the road, each of
+    shape (m, 2), x, y [m]. ``lines`` are the lines of the points in their file, where it has some; ``notes`` what the reader
+    has to say to the user. ``is_smooth`` tells that the points are dense samples of a line without gaps or kinks: it may stay
+    as it is.
     """
 
     points: FloatArray
@@ -27,6 +27,7 @@ class RawRoad:
     notice: str | None = None
     regions: tuple[Region, ...] = ()
     edges: tuple[FloatArray, ...] = ()
+    sides: FloatArray | None = None
     lines: tuple[int, ...] | None = None
     notes: tuple[str, ...] = ()
-    path: ReferencePath | None = None
+    is_smooth: bool = False

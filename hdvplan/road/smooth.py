@@ -26,6 +26,7 @@ MIN_LENGTH_M = 5.0
 MAX_LENGTH_M = 200e3
 _DUPLICATE_M = 0.02
 _STATION_M = 1.0  # the unknown offsets stand this far apart: a spline knot a metre holds a radius of 8 m to 0.2 %
+_EXACT_M = 0.25  # knots of a line that is not smoothed
 _FEWEST_CELLS = 8  # of a very short road
 _DENSE_M = 1.0  # longer segments of the given line are sampled: the points between are as good as the given ones
 _WIDEST_SIGMA_M = 10.0  # of the Gaussian that makes the first line; else as wide as the tightest radius
@@ -112,6 +113,28 @@ def smooth_line(points: FloatArray, *, closed: bool, max_deviation: float, max_c
         max_curvature_s=float(fine[tightest]),
     )
     return SmoothedLine(path, smoothing, np.interp(chord, u, s)[vertex])
+
+
+def path_through(points: FloatArray, max_curvature: float) -> tuple[ReferencePath, FloatArray] | None:
+    """Return the path through dense points of a line without kinks, which stays where it is, and their arclengths on it.
+
+    ``points`` has shape (n, 2) [m]. None: somewhere the line is tighter than ``max_curvature`` [1/m].
+
+    Raises:
+        RoadError: the line is too short or too long.
+
+    """
+    chord = _chord(points)
+    _check_length(float(chord[-1]))
+    kept = np.unique(np.append(np.searchsorted(chord, np.arange(0.0, chord[-1] - 0.5 * _EXACT_M, _EXACT_M)), len(points) - 1))
+    spline = _spline(chord[kept], points[kept], closed=False)
+    parameters, s = _equal_arclengths(spline, _EXACT_M)
+    (x, y), (dx, dy), (ddx, ddy) = (spline(parameters, order).T for order in range(3))
+    curvature = (dx * ddy - dy * ddx) / np.hypot(dx, dy) ** 3
+    if np.max(np.abs(curvature)) > max_curvature:
+        return None
+    path = from_samples(x, y, np.arctan2(dy, dx), curvature, float(s[-1]) / (len(parameters) - 1))
+    return path, np.interp(chord, chord[kept], s)
 
 
 def _vertex_of(points: FloatArray) -> IntArray:
