@@ -31,6 +31,7 @@ _SPELLINGS = {
 }
 _MEANINGS = {name: meaning for meaning, names in _SPELLINGS.items() for name in names.split()}
 _ONLY_TOGETHER = {("e", "n"): ("x", "y"), ("lange", "breite"): ("lon", "lat"), ("est", "nord"): ("x", "y")}  # else they mean something else
+_LIKELY = 0.9  # similarity of a misspelt name
 _POSITIONS = (("x", "y"), ("lon", "lat"), ("s", "kappa"))
 _PAIRS = (*_POSITIONS, ("left", "right"), ("left_sweep", "right_sweep"))
 _GEOMETRY = {"wkt", "geom", "geometry", "the_geom", "wkt_geom", "wkb_geometry"}
@@ -113,7 +114,7 @@ def unread_note(columns: Columns, name: str) -> tuple[str, ...]:
     """Return a note on the columns that are not read, none without any; with what a misspelt one may have meant."""
     if not columns.unread:
         return ()
-    near = [(title, difflib.get_close_matches(folded(title), _MEANINGS, n=1, cutoff=0.85)) for title in columns.unread[:20]]
+    near = [(title, difflib.get_close_matches(folded(title), _MEANINGS, n=1, cutoff=_LIKELY)) for title in columns.unread[:20]]
     meant = "".join(f"; did you mean {match[0]} by {title}?" for title, match in near if match)
     several = "columns" if len(columns.unread) > 1 else "column"
     return (f"{name}: {several} {', '.join(columns.unread)[:200]} not read{meant}",)

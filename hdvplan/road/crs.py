@@ -113,6 +113,30 @@ def is_geographic(name: str) -> bool:
     return not parse_crs(name).is_projected
 
 
+def into_lonlat(name: str) -> IntoPlane | None:
+    """Return what brings points, shape (n, 2), of a system that is not fit for planning to longitude and latitude [deg].
+
+    A file may say that it is in Web Mercator or in feet, which ``parse_crs`` refuses: no lengths are taken from them then.
+    None: the system ``name`` can be used as it is.
+
+    Raises:
+        RoadError: an unknown system, or one of no place on earth.
+
+    """
+    try:
+        parse_crs(name)
+    except RoadError:
+        try:
+            crs = CRS.from_user_input(name)
+        except CRSError:
+            crs = None
+        if crs is None or not (crs.is_projected or crs.is_geographic or crs.is_compound):
+            raise
+        transformer = Transformer.from_crs(crs, LONLAT, always_xy=True)
+        return lambda points: _transformed(transformer, points)
+    return None
+
+
 def looks_like_degrees(points: FloatArray) -> bool:
     """Tell whether coordinates without a system, shape (n, 2), can only be degrees: in metres the road would be shorter than any."""
     spacing = np.hypot(*np.diff(points, axis=0).T)

@@ -32,7 +32,7 @@ _CLOSED_M = 0.01  # how near the last point must come to the first for a closed 
 _CLOSED_TURN = np.deg2rad(100.0)  # a road that returns to its start at a sharper angle merely crosses itself there
 _JUMP_M = 1e-6  # a limit's jump takes this long
 _TEXTS = {".csv", ".tsv", ".txt", ".dat", ".asc", ""}  # and what these hold is told by their text
-_SAME_FILE, _SAME_NAME = 0.7, 0.85  # similarity of a name that may have been meant
+_SIMILAR, _SAME_FILE, _SAME_NAME = 0.6, 0.7, 0.85  # similarity of a name that may have been meant
 _TIGHTEST = 0.5  # smoothing stations 1 m apart cannot represent a radius below 2 m [1/m]
 
 
@@ -113,7 +113,7 @@ def _unknown(source: str | Path) -> RoadError:
         close = close or difflib.get_close_matches(path.stem, names, n=1, cutoff=_SAME_NAME)
     else:
         msg = f"no road file, shipped road or scenario is called {str(source)!r}"
-        close = difflib.get_close_matches(str(source), names, n=3, cutoff=0.5)
+        close = difflib.get_close_matches(str(source), names, n=3, cutoff=_SIMILAR)
     hint = f"did you mean {' or '.join(close)}?" if close else "give a road file, or a name from `hdvplan roads list`"
     return RoadError(msg, hint=hint)
 
@@ -125,6 +125,8 @@ def _read(path: Path, options: RoadOptions) -> Road:
     except OSError as error:
         msg = f"road file {path} cannot be read: {error.strerror or error}"
         raise RoadError(msg) from error
+    if not raw.is_profile:
+        refuse_outliers(raw.points, raw.lines, path.name)
     return _road(path.stem, raw, options)
 
 
@@ -142,6 +144,8 @@ def _raw(path: Path, options: RoadOptions) -> RawRoad:
         document = json_object(text or text_of(path), path.name)
         if "elements" in document:
             return read_overpass(document, path.name, choice=choice)
+        if document.get("type") == "Topology" or "geometryType" in document:
+            return read_vector(path, crs=crs, choice=choice)
         return read_geojson(document, path.name, crs=crs, choice=choice)
     if text is None or text.lstrip().startswith("<") or has_wkt(text):
         return read_vector(path, crs=crs, choice=choice)
@@ -162,7 +166,6 @@ def _road(name: str, raw: RawRoad, options: RoadOptions) -> Road:
     unmoved = path_through(raw.points, options.max_curvature) if raw.is_smooth else None
     smoothing, reaches = None, raw.reaches
     if unmoved is None:
-        refuse_outliers(raw.points, raw.lines, name)
         line = smooth_line(raw.points, closed=is_closed(raw.points), max_deviation=options.smooth, max_curvature=options.max_curvature)
         path, smoothing, s = line.path, line.smoothing, line.s_points
     else:

@@ -168,8 +168,8 @@ def _route(pieces: list[_Piece], stops: list[_Stop], lane: int | None, name: str
     starts = [piece for piece in pieces if stops[0].holds(piece) and _is_first(piece)]
     wanted = [piece for piece in starts if lane is None or piece.lane == lane]
     if not wanted:
-        there = ", ".join(str(piece.lane) for piece in starts) or "none that is driven this way"
-        msg = f"{name}: road {stops[0].road} has no lane {lane if lane is not None else 'to drive'}; there are {there}"
+        there = f"; there are {', '.join(str(piece.lane) for piece in starts)}" if starts else " that is driven this way"
+        msg = f"{name}: road {stops[0].road} has no lane{'' if lane is None else f' {lane}'}{there}"
         raise RoadError(msg)
     after = _continuations(pieces)
     for start in sorted(wanted, key=lambda piece: (not piece.forward if len(stops) == 1 else False, -abs(piece.lane))):

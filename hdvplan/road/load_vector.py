@@ -15,6 +15,7 @@ import shapely
 from numpy.typing import NDArray
 
 from hdvplan.errors import RoadError
+from hdvplan.road.crs import LONLAT, into_lonlat
 from hdvplan.road.features import Choice, Feature, road_of
 from hdvplan.road.library import NOTICE
 from hdvplan.road.load_csv import Table, read_table
@@ -96,6 +97,9 @@ def _features(pyogrio: ModuleType, path: Path, layer: str, system: str | None, d
     if shapes is None:
         return []
     geometries = _geometries(shapes, path.name, layer)
+    turned = None if system is None else into_lonlat(system)
+    if turned is not None:
+        system, geometries = LONLAT, list(shapely.transform(geometries, turned))
     titles = [str(title).casefold() for title in meta["fields"]]
     found: list[Feature] = []
     for number, geometry, *values in zip(numbers, geometries, *columns, strict=True):
@@ -189,6 +193,8 @@ def _unreadable(path: Path, reason: str) -> RoadError:
     plain = plain.partition("; It might help")[0].rstrip(". ")
     if "not recognized" in plain:
         msg = f"{path.name} is no vector file that can be read; it may be cut off, encrypted or of another kind"
+    elif "malformed" in plain:
+        msg = f"{path.name} is damaged or cut off"
     else:
         msg = f"{path.name} cannot be read: {plain}"
     return RoadError(msg, hint=f"convert it where it opens, such as: {_CONVERT.format(name=path.name)}")
