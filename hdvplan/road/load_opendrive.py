@@ -207,9 +207,12 @@ def _goes_on(piece: _Piece, other: _Piece) -> bool:
     """Tell whether the file says that a lane goes on in one of the road's next section."""
     if other.road is not piece.road or other.forward is not piece.forward:
         return False
+    if other.section.start != piece.section.end if piece.forward else other.section.end != piece.section.start:
+        return False
+    if piece.lane == 0:
+        return True
     lane = piece.section.lanes[piece.lane]
-    meets = other.section.start - piece.section.end if piece.forward else piece.section.start - other.section.end
-    return meets == 0.0 and other.lane in {0, lane.after if piece.forward else lane.before}
+    return other.lane == (lane.after if piece.forward else lane.before)
 
 
 def _shortest(pieces: list[_Piece], after: list[list[int]], start: _Piece, stops: list[_Stop]) -> list[_Piece] | None:

@@ -91,3 +91,75 @@ def test_a_system_gives_map_coordinates_their_longitude_and_latitude() -> None:
     assert lon[0] == pytest.approx(15.0, abs=1e-9)  # SWEREF 99 TM's central meridian
     with pytest.raises(RoadError, match="degrees, but EPSG:3006 is projected"):
         read_csv("lon,lat\n11,57\n11,58\n", "f", crs="EPSG:3006")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "X,Y\n0.5,0\n10,1\n",
+        "easting;northing\n0,5;0\n10;1\n",
+        "Rechtswert [m]\tHochwert [m]\n0,5\t0\n10\t1\n",
+        "N|E\n0|0.5\n1|10\n",
+        "sep=;\nX;Y;\n0,5;0;\n10;1;\n;;\n",
+        '"X" , "Y"\r\n"0,5","0"\r\n"10","1"\r\n',
+        "point_x,point_y\n0.5,0\n10,1",
+    ],
+)
+def test_tables_are_read_as_spreadsheets_write_them(text: str) -> None:
+    raw = read_csv(text, "f")
+    np.testing.assert_array_equal(raw.points, [[0.5, 0.0], [10.0, 1.0]])
+    assert not raw.notes
+
+
+@pytest.mark.parametrize(
+    "header",
+    ["Längengrad;Breitengrad", "Longitude;Latitude", "LON;LAT", "lng;lat", "Länge;Breite", "Longitud;Latitud", "Longitudine;Latitudine"],
+)
+def test_longitude_and_latitude_have_many_names(header: str) -> None:
+    raw = read_csv(f"{header}\n11,95;57,7\n11,951;57,7\n", "f")
+    assert np.hypot(*np.diff(raw.points, axis=0)[0]) == pytest.approx(59.6, abs=0.1)  # a thousandth of a degree there
+
+
+@pytest.mark.parametrize(
+    ("header", "cells", "sides"),
+    [
+        ("left_m,right_m", "3,2", (3.0, 2.0)),
+        ("Breite rechts,Breite links", "2,3", (3.0, 2.0)),
+        ("Vänster,Höger", "3,2", (3.0, 2.0)),
+        ("width_m", "7", (3.5, 3.5)),
+        ("Bredd", "7", (3.5, 3.5)),
+        ("Breite", "7", (3.5, 3.5)),
+        ("largeur (m)", "7", (3.5, 3.5)),
+    ],
+)
+def test_widths_have_many_names(header: str, cells: str, sides: tuple[float, float]) -> None:
+    raw = read_csv(f"lon,lat,{header}\n11.95,57.7,{cells}\n11.951,57.7,{cells}\n", "f")
+    assert raw.reaches is not None
+    np.testing.assert_allclose(raw.reaches[:, 1], [*sides, *sides])
+    assert not raw.notes
+
+
+def test_other_columns_are_not_read_but_noted_with_what_may_have_been_meant() -> None:
+    raw = read_csv("x,y,name,left_swep\n0,0,A,\n10,0,B,x\n", "f")
+    assert raw.notes == ("f: columns name, left_swep not read; did you mean left_sweep by left_swep?",)
+
+
+def test_coordinates_that_can_only_be_degrees_are_read_as_such_with_a_note() -> None:
+    raw = read_csv("X,Y\n11.97,57.70\n11.971,57.701\n11.972,57.702\n", "f")
+    assert raw.to_lonlat is not None
+    assert raw.notes == ("f: columns X, Y are read as longitude and latitude, for metres they are too close together",)
+    np.testing.assert_allclose(read_csv("X,Y\n11.97,57.70\n11.971,57.701\n11.972,57.702\n", "f", crs="EPSG:4326").points, raw.points)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("x,y,width,left,right\n0,0,7,3,3\n1,1,7,3,3\n", "columns left, right and width contradict each other"),
+        ("x,easting,y\n0,0,0\n1,1,1\n", "columns x and easting contradict each other"),
+        ("lon,lat\n11,950;57,7\n11,951;57,7\n", "line 2: 3 values for 2 columns"),
+        ("x,y\n0,0\n1," + 200_000 * "1" + "\n", "line 3: field larger than field limit"),
+    ],
+)
+def test_tables_that_cannot_be_meant_are_refused(text: str, message: str) -> None:
+    with pytest.raises(RoadError, match=message):
+        read_csv(text, "f")
