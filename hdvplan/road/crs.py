@@ -113,11 +113,10 @@ def is_geographic(name: str) -> bool:
     return not parse_crs(name).is_projected
 
 
-def into_lonlat(name: str) -> IntoPlane | None:
-    """Return what brings points, shape (n, 2), of a system that is not fit for planning to longitude and latitude [deg].
+def needs_lonlat(name: str) -> bool:
+    """Tell whether points of a system are fit for planning only after they are brought to longitude and latitude.
 
-    A file may say that it is in Web Mercator or in feet, which ``parse_crs`` refuses: no lengths are taken from them then.
-    None: the system ``name`` can be used as it is.
+    A file may say that it is in Web Mercator or in feet, which ``parse_crs`` refuses: no lengths are taken from such a plane.
 
     Raises:
         RoadError: an unknown system, or one of no place on earth.
@@ -130,11 +129,15 @@ def into_lonlat(name: str) -> IntoPlane | None:
             crs = CRS.from_user_input(name)
         except CRSError:
             crs = None
-        if crs is None or not (crs.is_projected or crs.is_geographic or crs.is_compound):
+        if crs is None or not (crs.is_projected or crs.is_geographic):
             raise
-        transformer = Transformer.from_crs(crs, LONLAT, always_xy=True)
-        return lambda points: _transformed(transformer, points)
-    return None
+        return True
+    return False
+
+
+def lonlat_of(name: str, points: FloatArray) -> FloatArray:
+    """Return longitude and latitude [deg] of points of any system, shape (n, 2)."""
+    return _lonlat(name, points)
 
 
 def looks_like_degrees(points: FloatArray) -> bool:

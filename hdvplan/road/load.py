@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hdvplan.errors import OptionError, RoadError
+from hdvplan.errors import OptionError, RoadError, did_you_mean
 from hdvplan.jit import FloatArray
 from hdvplan.road.edges import edge_reaches, side_reaches
 from hdvplan.road.features import Choice, roles_of
@@ -32,7 +32,7 @@ _CLOSED_M = 0.01  # how near the last point must come to the first for a closed 
 _CLOSED_TURN = np.deg2rad(100.0)  # a road that returns to its start at a sharper angle merely crosses itself there
 _JUMP_M = 1e-6  # a limit's jump takes this long
 _TEXTS = {".csv", ".tsv", ".txt", ".dat", ".asc", ""}  # and what these hold is told by their text
-_SIMILAR, _SAME_FILE, _SAME_NAME = 0.6, 0.7, 0.85  # similarity of a name that may have been meant
+_SAME_FILE, _SAME_NAME = 0.8, 0.85  # similarity of the name of a file that may have been meant
 _TIGHTEST = 0.5  # smoothing stations 1 m apart cannot represent a radius below 2 m [1/m]
 
 
@@ -106,16 +106,16 @@ def _unknown(source: str | Path) -> RoadError:
     if path.is_dir():
         return RoadError(f"{path} is a folder, not a road file")
     names = [*road_names(), *example_names(), *SCENARIOS]
-    if path.suffix or len(path.parts) > 1:
-        msg = f"road file {path} does not exist"
-        beside = [file.name for file in path.parent.iterdir() if file.is_file()] if path.parent.is_dir() else []
-        close = [str(path.parent / name) for name in difflib.get_close_matches(path.name, beside, n=3, cutoff=_SAME_FILE)]
-        close = close or difflib.get_close_matches(path.stem, names, n=1, cutoff=_SAME_NAME)
-    else:
+    otherwise = "give a road file, or a name from `hdvplan roads list`"
+    if not path.suffix and len(path.parts) == 1:
         msg = f"no road file, shipped road or scenario is called {str(source)!r}"
-        close = difflib.get_close_matches(str(source), names, n=3, cutoff=_SIMILAR)
-    hint = f"did you mean {' or '.join(close)}?" if close else "give a road file, or a name from `hdvplan roads list`"
-    return RoadError(msg, hint=hint)
+        return RoadError(msg, hint=did_you_mean(path.name, names, otherwise, most=3))
+    beside = [file.name for file in path.parent.iterdir() if file.is_file()] if path.parent.is_dir() else []
+    close = difflib.get_close_matches(path.name, beside, cutoff=_SAME_FILE) or difflib.get_close_matches(
+        path.stem, names, cutoff=_SAME_NAME
+    )
+    hint = f"did you mean {' or '.join(map(repr, close))}?" if close else otherwise
+    return RoadError(f"road file {path} does not exist", hint=hint)
 
 
 def _read(path: Path, options: RoadOptions) -> Road:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import warnings
 from dataclasses import replace
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -15,7 +16,7 @@ import shapely
 from numpy.typing import NDArray
 
 from hdvplan.errors import RoadError
-from hdvplan.road.crs import LONLAT, into_lonlat
+from hdvplan.road.crs import LONLAT, lonlat_of, needs_lonlat
 from hdvplan.road.features import Choice, Feature, road_of
 from hdvplan.road.library import NOTICE
 from hdvplan.road.load_csv import Table, read_table
@@ -97,9 +98,8 @@ def _features(pyogrio: ModuleType, path: Path, layer: str, system: str | None, d
     if shapes is None:
         return []
     geometries = _geometries(shapes, path.name, layer)
-    turned = None if system is None else into_lonlat(system)
-    if turned is not None:
-        system, geometries = LONLAT, list(shapely.transform(geometries, turned))
+    if system is not None and needs_lonlat(system):
+        geometries, system = list(shapely.transform(geometries, partial(lonlat_of, system))), LONLAT
     titles = [str(title).casefold() for title in meta["fields"]]
     found: list[Feature] = []
     for number, geometry, *values in zip(numbers, geometries, *columns, strict=True):
