@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -31,6 +31,7 @@ _REACHES = {"left_m", "right_m", "width_m"}
 _NETWORK = ("<OGRVRTDataSource", "<OGRWFSDataSource", "<OGRCSWDataSource", "gdal_streamed_alg")  # files that name other sources to open
 _HEADER_BYTES = 65536  # of a drawing, which hold its settings
 _UNITS = {1: "inches", 2: "feet", 4: "millimetres", 5: "centimetres", 7: "kilometres"}
+_OLD = "cp1252"  # texts that are no UTF-8
 _CONVERT = "ogr2ogr road.gpkg {name}"
 
 
@@ -51,16 +52,13 @@ def read_vector(path: Path, *, crs: str | None = None, choice: Choice) -> RawRoa
         msg = f"{name} names other data instead of holding any"
         raise RoadError(msg, hint=f"make it a file of its own first: {_CONVERT.format(name=name)}")
     pyogrio = _pyogrio(name)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # GDAL's remarks on fields that no road needs
-        try:
-            layers = _layers(pyogrio, path)
-            driver = layers[0][2] if layers else ""
-            if driver in _SHEETS:
-                return read_table(_sheet(pyogrio, path, layers, choice), name, crs=crs)
-            features = [feature for layer, system, _ in layers for feature in _features(pyogrio, path, layer, crs or system, driver)]
-        except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError, pyogrio.errors.FeatureError) as error:
-            raise _unreadable(path, str(error)) from error
+    try:
+        content = _content(_Source(pyogrio, path), crs, choice)
+    except UnicodeDecodeError:
+        content = _content(_Source(pyogrio, path, _OLD), crs, choice)
+    if isinstance(content, Table):
+        return read_table(content, name, crs=crs)
+    driver, features = content
     if not features:
         msg = f"{name} holds no lines"
         raise RoadError(msg, hint="a road is a line feature; a file that was cut off may have lost its own")
@@ -77,30 +75,75 @@ def _pyogrio(name: str) -> ModuleType:
         raise RoadError(msg, hint="pip install pyogrio, or convert the file where it opens: ogr2ogr road.geojson FILE") from error
 
 
-def _layers(pyogrio: ModuleType, path: Path) -> list[tuple[str, str | None, str]]:
+@dataclass(frozen=True)
+class _Source:
+    """A file that GDAL reads, and the encoding of its texts where that is not what the file says."""
+
+    pyogrio: ModuleType
+    path: Path
+    encoding: str | None = None
+
+    def info(self, layer: str) -> dict[str, Any]:
+        """Return what GDAL says about a layer."""
+        said: dict[str, Any] = self.pyogrio.read_info(self.path, layer=layer, force_feature_count=True, encoding=self.encoding)
+        return said
+
+    def read(self, layer: str) -> tuple[list[str], Any, Any, list[Any]]:
+        """Return the names of a layer's columns, the features' numbers, their shapes and the columns."""
+        meta, numbers, shapes, columns = self.pyogrio.raw.read(self.path, layer=layer, return_fids=True, encoding=self.encoding)
+        return [str(title) for title in meta["fields"]], numbers, shapes, columns
+
+
+def _content(source: _Source, crs: str | None, choice: Choice) -> Table | tuple[str, list[Feature]]:
+    """Return the table in a spreadsheet, or of other files the driver and the lines and polygons.
+
+    Raises:
+        RoadError: GDAL cannot read the file.
+        UnicodeDecodeError: its texts are in another encoding.
+
+    """
+    errors = source.pyogrio.errors
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # GDAL's remarks on fields that no road needs
+        try:
+            layers = _layers(source)
+            driver = layers[0][2] if layers else ""
+            if driver in _SHEETS:
+                return _sheet(source, layers, choice)
+            return driver, [feature for layer, system, _ in layers for feature in _features(source, layer, crs or system, driver)]
+        except UnicodeDecodeError as error:
+            if source.encoding is None:
+                raise
+            raise _unreadable(source.path, "its texts are in no known encoding") from error
+        except (errors.DataSourceError, errors.DataLayerError, errors.FeatureError) as error:
+            raise _unreadable(source.path, str(error)) from error
+
+
+def _layers(source: _Source) -> list[tuple[str, str | None, str]]:
     """Return the name, the system and the driver of every layer that may hold lines, polygons or rows of a table."""
+    name = source.path.name
     found: list[tuple[str, str | None, str]] = []
-    for layer, geometry in pyogrio.list_layers(path):
+    for layer, geometry in source.pyogrio.list_layers(source.path):
         if geometry in _POINTS_ONLY:
             continue
-        info = pyogrio.read_info(path, layer=layer, force_feature_count=True)
+        info = source.info(layer)
         if info["features"] > _MOST_FEATURES:
-            msg = f"{path.name}: layer {layer!r} has {info['features']} features; at most {_MOST_FEATURES} are read"
-            raise RoadError(msg, hint=f"take out the road's surroundings first: ogr2ogr -spat XMIN YMIN XMAX YMAX road.gpkg {path.name}")
+            msg = f"{name}: layer {layer!r} has {info['features']} features; at most {_MOST_FEATURES} are read"
+            raise RoadError(msg, hint=f"take out the road's surroundings first: ogr2ogr -spat XMIN YMIN XMAX YMAX road.gpkg {name}")
         if geometry is not None or info["driver"] in _SHEETS:
             found.append((layer, info["crs"], info["driver"]))
     return found
 
 
-def _features(pyogrio: ModuleType, path: Path, layer: str, system: str | None, driver: str) -> list[Feature]:
+def _features(source: _Source, layer: str, system: str | None, driver: str) -> list[Feature]:
     """Return the lines and polygons of a layer."""
-    meta, numbers, shapes, columns = pyogrio.raw.read(path, layer=layer, return_fids=True)
+    titles, numbers, shapes, columns = source.read(layer)
     if shapes is None:
         return []
-    geometries = _geometries(shapes, path.name, layer)
+    geometries = _geometries(shapes, source.path.name, layer)
     if system is not None and needs_lonlat(system):
         geometries, system = list(shapely.transform(geometries, partial(lonlat_of, system))), LONLAT
-    titles = [str(title).casefold() for title in meta["fields"]]
+    titles = [title.casefold() for title in titles]
     found: list[Feature] = []
     for number, geometry, *values in zip(numbers, geometries, *columns, strict=True):
         if geometry is None or geometry.geom_type in {"Point", "MultiPoint"}:
@@ -147,7 +190,7 @@ def _value(value: Any, title: str) -> object:  # noqa: ANN401 - whatever a datab
     return plain
 
 
-def _sheet(pyogrio: ModuleType, path: Path, layers: list[tuple[str, str | None, str]], choice: Choice) -> Table:
+def _sheet(source: _Source, layers: list[tuple[str, str | None, str]], choice: Choice) -> Table:
     """Return the table in a spreadsheet: its only sheet, or the one that ``choice`` calls for.
 
     Raises:
@@ -158,13 +201,13 @@ def _sheet(pyogrio: ModuleType, path: Path, layers: list[tuple[str, str | None, 
     wanted = [sheet for sheet in sheets if choice.layer in {None, sheet}]
     if len(wanted) != 1:
         what = "none is chosen" if choice.layer is None else f"none is called {choice.layer!r}"
-        msg = f"{path.name}: {len(sheets)} sheets, and {what}: {', '.join(map(repr, sheets))[:200]}"
+        msg = f"{source.path.name}: {len(sheets)} sheets, and {what}: {', '.join(map(repr, sheets))[:200]}"
         raise RoadError(msg, hint="choose one with --layer")
-    meta, numbers, _, columns = pyogrio.raw.read(path, layer=wanted[0], return_fids=True)
+    titles, numbers, _, columns = source.read(wanted[0])
     cells = [["" if _value(value, "") is None else str(_value(value, "")) for value in column] for column in columns]
     rows = [list(row) for row in zip(*cells, strict=True)]
     kept = [(int(number) + 1, row) for number, row in zip(numbers, rows, strict=True) if any(row)]  # line 1 is the header
-    return Table([str(title) for title in meta["fields"]], [line for line, _ in kept], [row for _, row in kept])
+    return Table(titles, [line for line, _ in kept], [row for _, row in kept])
 
 
 def _drawing_notes(path: Path) -> tuple[str, ...]:

@@ -48,7 +48,7 @@ def _refuse_archive(path: Path) -> None:
     try:
         with zipfile.ZipFile(path) as archive:
             members = archive.infolist()
-    except zipfile.BadZipFile as error:
+    except (zipfile.BadZipFile, NotImplementedError, ValueError) as error:
         msg = f"{path.name} is a damaged or cut-off archive"
         raise RoadError(msg, hint="fetch the file again") from error
     if any(member.flag_bits & 1 for member in members):

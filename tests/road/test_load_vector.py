@@ -128,6 +128,14 @@ def test_well_known_text_in_a_csv_is_read_and_its_degrees_are_noticed(tmp_path: 
     assert "read as longitude and latitude" in road.notes[0]
 
 
+def test_texts_in_an_old_encoding_are_read_and_those_in_none_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_bytes(f'WKT,name\n"{LINE.wkt}",Hafenstra\xdfe\n"{LINE.wkt}",Kai\n'.encode("latin-1"))
+    assert load_road(tmp_path / "a.csv", RoadOptions(feature="Hafenstraße")).path.length > 0.0
+    (tmp_path / "b.csv").write_bytes(f'WKT,name\n"{LINE.wkt}",\x81\n'.encode("latin-1"))
+    with pytest.raises(RoadError, match=r"b\.csv cannot be read"):
+        load_road(tmp_path / "b.csv")
+
+
 def test_spreadsheets_are_tables_of_points_with_a_sheet_to_choose(tmp_path: Path) -> None:
     for layer in ("Blatt1", "Blatt2"):
         pyogrio.raw.write(
