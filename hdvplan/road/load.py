@@ -22,9 +22,9 @@ from hdvplan.road.load_vector import read_vector
 from hdvplan.road.path import from_curvature
 from hdvplan.road.raw import RawRoad
 from hdvplan.road.regions import TABLE_M
-from hdvplan.road.road import Limits, Road
+from hdvplan.road.road import Limits, Road, Smoothing
 from hdvplan.road.scenarios import SCENARIOS
-from hdvplan.road.smooth import MAX_LENGTH_M, MIN_LENGTH_M, path_through, smooth_line
+from hdvplan.road.smooth import MAX_LENGTH_M, MIN_LENGTH_M, path_through, smooth_line, smoothing_of
 from hdvplan.road.steps import refuse_outliers
 from hdvplan.road.texts import refuse_unreadable, text_of
 
@@ -163,13 +163,15 @@ def _road(name: str, raw: RawRoad, options: RoadOptions) -> Road:
             msg = f"{name}: the profile is {s[-1]:g} m long; {MIN_LENGTH_M:g} m to {MAX_LENGTH_M / 1e3:g} km can be used"
             raise RoadError(msg)
         return Road(name, from_curvature(s, kappa), _limits(s, raw.reaches))
-    unmoved = path_through(raw.points, options.max_curvature) if raw.is_smooth else None
-    smoothing, reaches = None, raw.reaches
-    if unmoved is None:
+    dense = None if raw.rounded is None else path_through(raw.rounded, options.max_curvature)
+    smoothing: Smoothing | None
+    if dense is None:
         line = smooth_line(raw.points, closed=is_closed(raw.points), max_deviation=options.smooth, max_curvature=options.max_curvature)
         path, smoothing, s = line.path, line.smoothing, line.s_points
     else:
-        path, s = unmoved
+        path, s = dense
+        smoothing = None if raw.rounded is raw.points else smoothing_of(path, raw.points, s)
+    reaches = raw.reaches
     if raw.sides is not None:
         reaches = side_reaches(path, s, raw.sides)
     notes = raw.notes

@@ -11,6 +11,7 @@ import numpy as np
 
 from hdvplan.errors import RoadError
 from hdvplan.jit import FloatArray
+from hdvplan.road.blend import rounded, wrapped
 from hdvplan.road.crs import to_plane
 from hdvplan.road.opendrive import DRIVEN, SAME_M, OdrRoad, Section, read_roads
 from hdvplan.road.raw import RawRoad
@@ -19,8 +20,7 @@ _SPACING_M = 0.25  # of the points on lanes and edges
 _MEET_M = 0.3  # lanes whose ends are this close, and
 _LINKED_M = 1.0  # where the file links two lanes of one road
 _MEET_TURN = 0.2  # this parallel [rad] go on in each other: files drawn by hand have such gaps, and links that are wrong
-_GAP_M = 2e-3  # within which two points are one place
-_KINK = 4e-3  # [rad]
+_CUT_M = 2e-3  # records that begin this close together begin at one place
 _LISTED = 12
 _NOWHERE = ("+lat_0=0 +lon_0=0",)  # the projection that editors write when nobody placed the map
 
@@ -34,12 +34,12 @@ class _Piece:
     lane: int
     forward: bool
 
-    def lines(self) -> tuple[FloatArray, FloatArray]:
-        """Return points of the middle, of the left and of the right edge, shape (3, n, 2) [m], and the middle's heading there."""
+    def lines(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return points of the middle, of the left and of the right edge, shape (3, n, 2) [m], and the middle's heading and curvature."""
         section, road = self.section, self.road
         starts = [*(item.s for item in road.geometries), *road.offset.rows[:, 0]]
         starts += [section.start + row[0] for lane in section.lanes.values() for row in lane.width.rows]
-        ends = sorted({section.start, section.end, *(start for start in starts if section.start + _GAP_M < start < section.end - _GAP_M)})
+        ends = sorted({section.start, section.end, *(start for start in starts if section.start + _CUT_M < start < section.end - _CUT_M)})
         cells = [np.linspace(lo, hi, max(1, int(np.ceil((hi - lo) / _SPACING_M))) + 1) for lo, hi in pairwise(ends)]
         s = np.unique(np.concatenate(cells))
         s[-1] -= 2.0 * SAME_M  # still in the section
@@ -47,8 +47,13 @@ class _Piece:
         here = road.reference(s)
         normal = np.stack([-np.sin(here.heading), np.cos(here.heading)], axis=1)
         points: FloatArray = np.stack([here.x, here.y], axis=1) + t[:, 0, :, None] * normal
-        heading = here.heading + np.arctan2(t[0, 1], 1.0 - here.curvature * t[0, 0])
-        return (points, heading) if self.forward else (points[[0, 2, 1], ::-1], heading[::-1] + np.pi)
+        (offset, slope, bend), stretch = t[0], 1.0 - here.curvature * t[0, 0]
+        heading = here.heading + np.arctan2(slope, stretch)
+        turned = stretch * (here.curvature * stretch + bend) + slope * (here.sharpness * offset + 2.0 * here.curvature * slope)
+        curvature = turned / np.hypot(stretch, slope) ** 3
+        if self.forward:
+            return points, heading, curvature
+        return points[[0, 2, 1], ::-1], heading[::-1] + np.pi, -curvature[::-1]
 
     def offsets(self, s: FloatArray) -> FloatArray:
         """Return t of the middle, and of the edges left and right of it, with two derivatives at ``s``; shape (3, 3, n)."""
@@ -60,7 +65,7 @@ class _Piece:
 
     def ends(self) -> tuple[FloatArray, FloatArray]:
         """Return x, y, heading where the middle begins and where it ends in its driving direction."""
-        points, heading = self.lines()
+        points, heading, _ = self.lines()
         return np.append(points[0, 0], heading[0]), np.append(points[0, -1], heading[-1])
 
 
@@ -92,26 +97,13 @@ def read_opendrive(path: Path, *, road_ids: str | None, lane: int | None) -> Raw
     pieces = _pieces(roads, reference=lane == 0)
     route = _route(pieces, stops, lane, name)
     lines = [piece.lines() for piece in route]
-    middle, heading = np.concatenate([points[0] for points, _ in lines]), np.concatenate([heading for _, heading in lines])
-    sides = np.concatenate([points[1:] for points, _ in lines], axis=1)
+    points, heading, curvature = (np.concatenate([line[part] for line in lines], axis=axis) for part, axis in ((0, 1), (1, 0), (2, 0)))
+    middle = points[0]
     driven = ", ".join(f"{'' if piece.forward else '-'}{piece.road.number} lane {piece.lane}" for piece in _first_of_each(route))
-    raw = RawRoad(middle, sides=sides, is_smooth=_is_smooth(middle, heading), notes=(f"{name}: over roads {driven}",))
+    raw = RawRoad(middle, sides=points[1:], rounded=rounded(middle, heading, curvature), notes=(f"{name}: over roads {driven}",))
     if projection is None or any(words in projection for words in _NOWHERE):
         return raw
     return replace(raw, to_lonlat=to_plane(middle, projection.strip()).to_lonlat)
-
-
-def _is_smooth(points: FloatArray, heading: FloatArray) -> bool:
-    """Tell whether a line of given headings has neither gaps nor kinks."""
-    chord, change = np.diff(points, axis=0), _wrapped(np.diff(heading))
-    apart = np.hypot(*chord.T) > _GAP_M
-    turn = np.abs(_wrapped(np.arctan2(chord[:, 1], chord[:, 0]) - heading[:-1] - 0.5 * change))
-    return not (np.any(turn[apart] > _KINK) or np.any(np.abs(change[~apart]) > _KINK))
-
-
-def _wrapped(angle: FloatArray) -> FloatArray:
-    """Return angles between -pi and pi."""
-    return (angle + np.pi) % (2.0 * np.pi) - np.pi
 
 
 def _stops(roads: dict[str, OdrRoad], road_ids: str | None, name: str) -> list[_Stop]:
@@ -198,7 +190,7 @@ def _continuations(pieces: list[_Piece]) -> list[list[int]]:
         apart = np.hypot(*(starts[:, :2] - end[:2]).T)
         linked = np.array([_goes_on(pieces[number], other) for other in pieces])
         near = apart <= np.where(linked, _LINKED_M, _MEET_M)
-        turn = np.abs(_wrapped(starts[:, 2] - end[2]))
+        turn = np.abs(wrapped(starts[:, 2] - end[2]))
         found.append([other for other in np.flatnonzero(near & (turn <= _MEET_TURN)).tolist() if other != number])
     return found
 

@@ -16,8 +16,8 @@ class RawRoad:
     ``reaches`` are the widths at the points, shape (4, n): left, right, left_sweep, right_sweep, all positive [m]. Or
     ``sides`` are the edges left and right of each point, shape (2, n, 2), or ``edges`` lines somewhere beside the road, each of
     shape (m, 2), x, y [m]. ``lines`` are the lines of the points in their file, where it has some; ``notes`` what the reader
-    has to say to the user. ``is_smooth`` tells that the points are dense samples of a line without gaps or kinks: it may stay
-    as it is.
+    has to say to the user. ``rounded`` are the points moved as little as it takes for a line without gaps and kinks, where
+    that is known: it needs no smoothing.
     """
 
     points: FloatArray
@@ -30,4 +30,4 @@ class RawRoad:
     sides: FloatArray | None = None
     lines: tuple[int, ...] | None = None
     notes: tuple[str, ...] = ()
-    is_smooth: bool = False
+    rounded: FloatArray | None = None

@@ -100,19 +100,29 @@ def smooth_line(points: FloatArray, *, closed: bool, max_deviation: float, max_c
         msg = f"the line turns back on itself near s = {error.s_m:.0f} m"
         raise RoadError(msg, s_m=error.s_m, hint="remove the points that go back, or cut the road there") from error
     s = np.maximum.accumulate(np.clip(s, 0.0, path.length))
+    smoothing = _smoothing(path, s, e, _shares(u), len(points), len(points) - len(kept))
+    return SmoothedLine(path, smoothing, np.interp(chord, u, s)[vertex])
+
+
+def smoothing_of(path: ReferencePath, points: FloatArray, near: FloatArray) -> Smoothing:
+    """Return how far ``path`` lies from ``points``, shape (n, 2) [m], whose arclengths are about ``near`` [m]."""
+    s, e = path.extended(_MARGIN_M, _MARGIN_M).project(points[:, 0], points[:, 1], near)
+    return _smoothing(path, np.clip(s, 0.0, path.length), e, np.ones(len(points)), len(points), 0)
+
+
+def _smoothing(path: ReferencePath, s: FloatArray, e: FloatArray, weights: FloatArray, points: int, duplicates: int) -> Smoothing:
     fine = np.linspace(0.0, path.length, 4 * len(path.coefficients) + 1)
     curvature = np.abs(path.at(fine).curvature)
     farthest, tightest = int(np.argmax(np.abs(e))), int(np.argmax(curvature))
-    smoothing = Smoothing(
-        points=len(points),
-        duplicates=len(points) - len(kept),
+    return Smoothing(
+        points=points,
+        duplicates=duplicates,
         max_deviation=float(abs(e[farthest])),
         max_deviation_s=float(s[farthest]),
-        rms_deviation=float(np.sqrt(np.average(e**2, weights=_shares(u)))),
+        rms_deviation=float(np.sqrt(np.average(e**2, weights=weights))),
         max_curvature=float(curvature[tightest]),
         max_curvature_s=float(fine[tightest]),
     )
-    return SmoothedLine(path, smoothing, np.interp(chord, u, s)[vertex])
 
 
 def path_through(points: FloatArray, max_curvature: float) -> tuple[ReferencePath, FloatArray] | None:

@@ -191,6 +191,8 @@ def test_a_turn_at_a_real_junction_keeps_to_the_lane_that_leads_there() -> None:
     raw = read_opendrive(FILES / "bendplatz.xodr", road_ids="2,1", lane=None)
     assert road.smoothing is not None  # the file's roads meet with gaps of centimetres
     assert road.smoothing.max_deviation < 0.05
+    s, moved = road.path.project(raw.points[:, 0], raw.points[:, 1], np.linspace(0.0, road.path.length, len(raw.points)))
+    assert np.mean(np.abs(moved) < 1e-4) > 0.9  # elsewhere the middle is where the file has it
     assert raw.sides is not None
     along = np.linspace(0.0, road.path.length, len(raw.points))
     for row, sign in enumerate((1.0, -1.0)):  # the limits are the lane's edges, wherever smoothing moved the middle
