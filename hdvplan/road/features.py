@@ -131,10 +131,11 @@ def labels_of(item: Json) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class _Line:
-    """A line feature's parts: their raw coordinates."""
+    """A line feature's parts: their raw coordinates. Those of a drawing run in any direction: it knows none."""
 
     feature: Feature
     parts: list[Any]
+    directed: bool = True
 
 
 def road_of(features: list[Feature], name: str, choice: Choice) -> RawRoad:
@@ -158,7 +159,7 @@ def road_of(features: list[Feature], name: str, choice: Choice) -> RawRoad:
         check_lonlat(everything, name)
     plane = None if system is None else to_plane(everything, system)
     placed = parts if plane is None else np.split(plane.points, np.cumsum([len(part) for part in parts])[:-1])
-    points = _joined(placed, name)
+    points = _joined(placed, name, directed=line.directed)
     beside = _Beside(name, system, plane, choice, line.feature.geometry)
     regions: list[Region] = []
     for feature in features:
@@ -319,6 +320,8 @@ def _chosen(lines: list[_Line], choice: Choice, name: str) -> _Line:
         matching = [line for line in there if choice.feature in line.feature.labels]
     if len(matching) == 1:
         return matching[0]
+    if choice.layer is not None and choice.feature is None and all(line.feature.drawn for line in matching):
+        return _Line(matching[0].feature, [part for line in matching for part in line.parts], directed=False)
     listed = _listed(matching or there)
     if choice.feature is None:
         msg = f"{name}: {len(matching)} lines, and none is chosen: {listed}"
@@ -355,8 +358,8 @@ def _coordinates(part: object, name: str, *, fewest: int = 2) -> FloatArray:
     return np.array([position[:2] for position in part], dtype=float)
 
 
-def _joined(parts: list[FloatArray], name: str) -> FloatArray:
-    """Return one line from parts that join end to start, in their own direction, whatever their order."""
+def _joined(parts: list[FloatArray], name: str, *, directed: bool) -> FloatArray:
+    """Return one line from parts that join end to start, in their own direction, or else the first one's; whatever their order."""
     in_order = all(np.hypot(*(after[0] - before[-1])) <= _SNAP_M for before, after in pairwise(parts))
     if in_order:
         return np.concatenate(parts)
@@ -365,14 +368,15 @@ def _joined(parts: list[FloatArray], name: str) -> FloatArray:
         for row in (0, -1):
             near = int(np.argmax(np.hypot(*(ends - part[row]).T) <= _SNAP_M))
             parts[i][row] = ends[near]
-    merged = shapely.line_merge(shapely.MultiLineString(parts), directed=True)
+    merged = shapely.line_merge(shapely.MultiLineString(parts), directed=directed)
     if isinstance(merged, shapely.LineString):
-        return np.asarray(merged.coords, dtype=float)
+        start, end = (merged.project(shapely.Point(parts[0][row])) for row in (0, -1))
+        return np.asarray(merged.coords if directed or start < end else merged.reverse().coords, dtype=float)
     pieces = [np.asarray(piece.coords, dtype=float) for piece in merged.geoms]
     gaps = [min(float(np.hypot(*(other[0] - piece[-1]))) for j, other in enumerate(pieces) if j != i) for i, piece in enumerate(pieces)]
     listed = ", ".join(f"{gap:.2f} m" for gap in sorted(gaps)[: len(pieces) - 1][:10])
     msg = f"{name}: the line's {len(parts)} parts do not join to one; from an end to the next start there are gaps of {listed}"
-    raise RoadError(msg, hint="join the parts, or turn the ones that run backwards")
+    raise RoadError(msg, hint="join the parts, or turn the ones that run backwards" if directed else "join them, or choose one with --id")
 
 
 def _reaches(properties: Json, count: int, name: str) -> FloatArray | None:

@@ -26,7 +26,7 @@ def refuse_outliers(points: FloatArray, lines: tuple[int, ...] | None, name: str
     for at in np.flatnonzero(steps > _SHORTEST_M).tolist():
         around = np.concatenate([steps[max(0, at - _AROUND) : at], steps[at + 1 : at + 1 + _AROUND]])
         around = around[around > _SAME_M]
-        usual = float(np.sort(around)[(len(around) - 1) // 2]) if len(around) > 1 else np.inf  # the lower median
+        usual = float(np.sort(around)[(len(around) - 1) // 2]) if len(around) else np.inf  # the lower median
         if steps[at] > _RATIO * usual:
             first, second = (at + 1, at + 2) if lines is None else (lines[at], lines[at + 1])
             what = "points" if lines is None else "lines"

@@ -199,6 +199,20 @@ def test_a_closed_line_of_a_drawing_is_an_area(tmp_path: Path) -> None:
     assert region.polygon.area == pytest.approx(12.0, abs=1e-6)
 
 
+def test_the_pieces_of_a_drawing_s_layer_are_one_line_whichever_way_they_run(tmp_path: Path) -> None:
+    pieces = [shapely.LineString(METRES[rows]) for rows in (slice(0, 3), slice(4, 1, -1), slice(4, None))]
+    drawing = write(tmp_path / "a.dxf", pieces, crs=None, Layer=["AXIS"] * 3)
+    with pytest.raises(RoadError, match="3 lines, and none is chosen"):
+        load_road(drawing)
+    path = load_road(drawing, RoadOptions(layer="AXIS")).path
+    assert (float(path.at(0.0).x), float(path.at(0.0).y)) == pytest.approx(tuple(METRES[0]), abs=1e-6)
+    assert path.length == pytest.approx(load_road(write(tmp_path / "b.dxf", [GRID_LINE], crs=None)).path.length, abs=1e-6)
+    apart = write(tmp_path / "c.dxf", [pieces[0], pieces[2]], crs=None, Layer=["AXIS"] * 2)
+    with pytest.raises(RoadError, match="2 parts do not join") as caught:
+        load_road(apart, RoadOptions(layer="AXIS"))
+    assert caught.value.hint == "join them, or choose one with --id"
+
+
 def test_lines_beside_the_road_are_its_edges_whichever_way_they_are_drawn(tmp_path: Path) -> None:
     centre = shapely.LineString([(0.0, 0.0), (100.0, 0.0)])
     left, right = shapely.LineString([(120.0, 3.0), (50.0, 3.0), (-20.0, 4.0)]), shapely.LineString([(-20.0, -2.5), (120.0, -2.5)])
