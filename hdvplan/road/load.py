@@ -24,9 +24,10 @@ from hdvplan.road.raw import RawRoad
 from hdvplan.road.regions import TABLE_M
 from hdvplan.road.road import Limits, Road, Smoothing
 from hdvplan.road.scenarios import SCENARIOS
-from hdvplan.road.smooth import MAX_LENGTH_M, MIN_LENGTH_M, path_through, smooth_line, smoothing_of
+from hdvplan.road.smooth import smooth_line, smoothing_of
 from hdvplan.road.steps import refuse_outliers
 from hdvplan.road.texts import refuse_unreadable, text_of
+from hdvplan.road.through import MAX_LENGTH_M, MIN_LENGTH_M, path_through
 
 _CLOSED_M = 0.01  # how near the last point must come to the first for a closed road
 _CLOSED_TURN = np.deg2rad(100.0)  # a road that returns to its start at a sharper angle merely crosses itself there

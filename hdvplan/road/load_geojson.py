@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 
 from hdvplan.errors import RoadError
+from hdvplan.road.assemble import road_of
 from hdvplan.road.crs import LONLAT
-from hdvplan.road.features import Choice, Feature, Json, as_object, labels_of, road_of
+from hdvplan.road.features import Choice, Feature, Json, as_object, labels_of
 from hdvplan.road.raw import RawRoad
 
 _ANY = Choice()

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from hdvplan.errors import RoadError
+from hdvplan.road.assemble import road_of
 from hdvplan.road.crs import LONLAT
-from hdvplan.road.features import Choice, Feature, Json, as_object, road_of
+from hdvplan.road.features import Choice, Feature, Json, as_object
 from hdvplan.road.library import NOTICE
 from hdvplan.road.raw import RawRoad
 

@@ -16,8 +16,9 @@ import shapely
 from numpy.typing import NDArray
 
 from hdvplan.errors import RoadError
+from hdvplan.road.assemble import road_of
 from hdvplan.road.crs import LONLAT, lonlat_of, needs_lonlat
-from hdvplan.road.features import Choice, Feature, road_of
+from hdvplan.road.features import Choice, Feature
 from hdvplan.road.library import NOTICE
 from hdvplan.road.load_csv import Table, read_table
 from hdvplan.road.raw import RawRoad

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +34,7 @@ KML = '<kml xmlns="http://www.opengis.net/kml/2.2"><Document>' + PLACEMARK + "</
 
 def write(
     path: Path,
-    geometries: list[BaseGeometry],
+    geometries: Sequence[BaseGeometry],
     *,
     crs: str | None = "EPSG:4326",
     layer: str | None = None,
