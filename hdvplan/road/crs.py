@@ -20,14 +20,18 @@ _DEGREES_LENGTH = 5.0  # no road is this short in metres, or this long in degree
 
 @dataclass(frozen=True)
 class ToLonLat:
-    """The way from x, y [m] in the plane of the system ``plane`` to longitude and latitude [deg]; any shape."""
+    """The way from x, y [m] in the plane of the system ``plane`` to longitude and latitude [deg]; any shape.
+
+    Longitudes are those nearest to the plane's meridian: across the antimeridian they go on beyond 180 degrees.
+    """
 
     plane: str  # what pyproj calls it: a code, or a PROJ string
 
     def __call__(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return longitudes and latitudes [deg]."""
-        lon, lat = _transformer(self.plane, LONLAT).transform(x, y)
-        return np.asarray(lon, dtype=float), np.asarray(lat, dtype=float)
+        lon, lat = (np.asarray(value, dtype=float) for value in _transformer(self.plane, LONLAT).transform(x, y))
+        turns = np.round((np.where(np.isfinite(lon), lon, 0.0) - _meridian(self.plane)) / 360.0)  # infinite outside the system's area
+        return lon - 360.0 * turns, lat
 
 
 @dataclass(frozen=True)
@@ -178,6 +182,14 @@ def _lonlat(name: str, points: FloatArray) -> FloatArray:
 
 def _transformed(source: str, target: str, points: FloatArray) -> FloatArray:
     return np.stack(_transformer(source, target).transform(points[:, 0], points[:, 1]), axis=1)
+
+
+@lru_cache(maxsize=32)
+def _meridian(plane: str) -> float:
+    """Return the longitude of a projection's origin [deg]."""
+    operation = CRS.from_user_input(plane).coordinate_operation
+    values = {} if operation is None else {parameter.name: float(parameter.value) for parameter in operation.params}
+    return next((value for name, value in values.items() if name.startswith("Longitude of")), 0.0)
 
 
 @lru_cache(maxsize=32)
