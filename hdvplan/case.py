@@ -19,7 +19,7 @@ from hdvplan.vehicle.model import Vehicle
 FORMAT = 1  # of the key: raise it when the same content gets another key
 _DEFAULTS = PlannerSettings()
 _DIGITS = 32  # of a digest in hexadecimal: 128 bits
-_UNPLANNED = {"name", "source", "label", "notice", "smoothing", "band", "to_lonlat"}  # fields that say where a value came from
+_UNPLANNED = {"name", "source", "label", "notice", "notes", "smoothing", "band", "to_lonlat"}  # fields that say where a value came from
 
 Json = dict[str, object]
 

@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 RoadArgument = Annotated[
     str,
     typer.Argument(
-        metavar="ROAD", help="A road file (.csv, .geojson), or a name from `hdvplan roads list`.", autocompletion=completion.roads
+        metavar="ROAD",
+        help="A road file (CSV, GeoJSON, OpenDRIVE, or what GDAL reads), or a name from `hdvplan roads list`.",
+        autocompletion=completion.roads,
     ),
 ]
 SmoothOption = Annotated[
@@ -28,7 +30,23 @@ SmoothOption = Annotated[
 ]
 CrsOption = Annotated[str | None, typer.Option("--crs", metavar="EPSG:N", help="Coordinate reference system of the road file.")]
 FeatureOption = Annotated[
-    str | None, typer.Option("--name", "--id", metavar="NAME", help="Which feature of a GeoJSON file, by its name or id.")
+    str | None, typer.Option("--name", "--id", metavar="NAME", help="Which line of the road file, by its name or id.")
+]
+LayerOption = Annotated[str | None, typer.Option("--layer", metavar="LAYER", help="Which layer of the road file, or sheet.")]
+RoleOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--role",
+        metavar="NAME=obstacle|sweepable|edge",
+        help="What a layer or a feature of the road file is; may be repeated.",
+    ),
+]
+RoadIdsOption = Annotated[
+    str | None,
+    typer.Option("--road-ids", metavar="A,B,...", help="Roads of an OpenDRIVE file, in driving order; -A: from its end; gaps are filled."),
+]
+LaneOption = Annotated[
+    int | None, typer.Option("--lane", metavar="N", help="Lane of the first road; 0: along the reference line of all roads.")
 ]
 OffsetOption = Annotated[
     float,
@@ -48,6 +66,10 @@ def road_options(
     *,
     offset: float = 0.0,
     reverse: bool = False,
+    layer: str | None = None,
+    roles: Sequence[str] | None = None,
+    road_ids: str | None = None,
+    lane: int | None = None,
 ) -> RoadOptions:
     """Return how to read a road file, with the library's defaults where the user gave nothing.
 
@@ -68,6 +90,10 @@ def road_options(
         max_curvature=options.max_curvature if max_curvature is None else max_curvature,
         offset=offset,
         reverse=reverse,
+        layer=layer,
+        roles=tuple(roles or ()),
+        road_ids=road_ids,
+        lane=lane,
     )
 
 

@@ -13,11 +13,15 @@ from hdvplan.cli.options import (
     CrsOption,
     FeatureOption,
     JsonOption,
+    LaneOption,
+    LayerOption,
     OffsetOption,
     OutOption,
     QuietOption,
     ReverseOption,
     RoadArgument,
+    RoadIdsOption,
+    RoleOption,
     SmoothOption,
     choice,
     file_name,
@@ -81,6 +85,10 @@ def plan(
     smooth: SmoothOption = None,
     crs: CrsOption = None,
     name: FeatureOption = None,
+    layer: LayerOption = None,
+    role: RoleOption = None,
+    road_ids: RoadIdsOption = None,
+    lane: LaneOption = None,
     offset: OffsetOption = 0.0,
     reverse: ReverseOption = False,
     out: OutOption = None,
@@ -124,11 +132,24 @@ def plan(
     objective_named(objective), solver_named(solver or DEFAULT)  # refuse a wrong name before the road is read
     driven = load_vehicle(vehicle)
     compiled = is_compiled()  # asked before reading the road compiles a part
-    wanted = road_options(smooth, crs, name, _REFERENCE_SLACK * driven.max_curvature, offset=offset, reverse=reverse)
+    wanted = road_options(
+        smooth,
+        crs,
+        name,
+        _REFERENCE_SLACK * driven.max_curvature,
+        offset=offset,
+        reverse=reverse,
+        layer=layer,
+        roles=role,
+        road_ids=road_ids,
+        lane=lane,
+    )
     with progress(f"reading {road}", quiet=quiet):
         track = load_road(road, wanted)
     if reaches is not None:
         track = track.with_limits(*reaches)
+    for remark in track.notes:
+        note(remark, quiet=quiet)
     check_fits(track, driven, reaches)
     _warn_far_regions(track, quiet=quiet)
     _warn_misfits(track, driven, quiet=quiet)

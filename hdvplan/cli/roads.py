@@ -14,9 +14,13 @@ from hdvplan.cli.options import (
     CrsOption,
     FeatureOption,
     JsonOption,
+    LaneOption,
+    LayerOption,
     OffsetOption,
     ReverseOption,
     RoadArgument,
+    RoadIdsOption,
+    RoleOption,
     SmoothOption,
     choice,
     road_options,
@@ -62,6 +66,10 @@ def road_info(
     smooth: SmoothOption = None,
     crs: CrsOption = None,
     name: FeatureOption = None,
+    layer: LayerOption = None,
+    role: RoleOption = None,
+    road_ids: RoadIdsOption = None,
+    lane: LaneOption = None,
     offset: OffsetOption = 0.0,
     reverse: ReverseOption = False,
     csv: Annotated[
@@ -82,7 +90,10 @@ def road_info(
     from hdvplan.vehicle.load import load_vehicle, preset_names
 
     with progress(f"reading {road}", quiet=False):
-        track = load_road(road, road_options(smooth, crs, name, offset=offset, reverse=reverse))
+        chosen = road_options(smooth, crs, name, offset=offset, reverse=reverse, layer=layer, roles=role, road_ids=road_ids, lane=lane)
+        track = load_road(road, chosen)
+    for remark in track.notes:
+        note(remark)
     if half_width is not None:
         track = track.with_limits(half_width, half_width)
     vehicles = [load_vehicle(preset) for preset in preset_names()]
@@ -110,6 +121,7 @@ def road_info(
                 ],
                 "smoothing": smoothing_of(track),
                 "notice": track.notice,
+                "notes": list(track.notes),
                 "vehicles": [_fit_json(fit) for fit in fits],
             }
         )

@@ -57,6 +57,7 @@ def summary_of(result: Result) -> Json:
         "smoothing": smoothing_of(drive.road),
         "settings": {name: str(value) if isinstance(value, str) else value for name, value in asdict(settings).items()},
         "notice": drive.road.notice,
+        "notes": list(drive.road.notes),
         "version": __version__,
     }
 

@@ -14,18 +14,24 @@ from hdvplan.jit import FloatArray
 
 LONLAT = "OGC:CRS84"
 _LARGEST_LON, _LARGEST_LAT = 180.0, 90.0  # [deg]
+_DEGREES_SPACING = 1e-2  # of points
+_DEGREES_LENGTH = 5.0  # no road is this short in metres, or this long in degrees
 
 
 @dataclass(frozen=True)
 class ToLonLat:
-    """The way from x, y [m] in the plane of the system ``plane`` to longitude and latitude [deg]; any shape."""
+    """The way from x, y [m] in the plane of the system ``plane`` to longitude and latitude [deg]; any shape.
+
+    Longitudes are those nearest to the plane's meridian: across the antimeridian they go on beyond 180 degrees.
+    """
 
     plane: str  # what pyproj calls it: a code, or a PROJ string
 
     def __call__(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return longitudes and latitudes [deg]."""
-        lon, lat = _transformer(self.plane, LONLAT).transform(x, y)
-        return np.asarray(lon, dtype=float), np.asarray(lat, dtype=float)
+        lon, lat = (np.asarray(value, dtype=float) for value in _transformer(self.plane, LONLAT).transform(x, y))
+        turns = np.round((np.where(np.isfinite(lon), lon, 0.0) - _meridian(self.plane)) / 360.0)  # infinite outside the system's area
+        return lon - 360.0 * turns, lat
 
 
 @dataclass(frozen=True)
@@ -111,6 +117,40 @@ def is_geographic(name: str) -> bool:
     return not parse_crs(name).is_projected
 
 
+def needs_lonlat(name: str) -> bool:
+    """Tell whether points of a system are fit for planning only after they are brought to longitude and latitude.
+
+    A file may say that it is in Web Mercator or in feet, which ``parse_crs`` refuses: no lengths are taken from such a plane.
+
+    Raises:
+        RoadError: an unknown system, or one of no place on earth.
+
+    """
+    try:
+        parse_crs(name)
+    except RoadError:
+        try:
+            crs = CRS.from_user_input(name)
+        except CRSError:
+            crs = None
+        if crs is None or not (crs.is_projected or crs.is_geographic):
+            raise
+        return True
+    return False
+
+
+def lonlat_of(name: str, points: FloatArray) -> FloatArray:
+    """Return longitude and latitude [deg] of points of any system, shape (n, 2)."""
+    return _lonlat(name, points)
+
+
+def looks_like_degrees(points: FloatArray) -> bool:
+    """Tell whether coordinates without a system, shape (n, 2), can only be degrees: in metres the road would be shorter than any."""
+    spacing = np.hypot(*np.diff(points, axis=0).T)
+    in_range = bool(np.all(np.abs(points) <= np.array([_LARGEST_LON, _LARGEST_LAT])))
+    return in_range and bool(np.median(spacing) < _DEGREES_SPACING) and 0.0 < float(np.sum(spacing)) < _DEGREES_LENGTH
+
+
 def check_lonlat(points: FloatArray, where: str) -> None:
     """Refuse longitudes and latitudes [deg], shape (n, 2), that cannot be any; ``where`` begins the message.
 
@@ -142,6 +182,14 @@ def _lonlat(name: str, points: FloatArray) -> FloatArray:
 
 def _transformed(source: str, target: str, points: FloatArray) -> FloatArray:
     return np.stack(_transformer(source, target).transform(points[:, 0], points[:, 1]), axis=1)
+
+
+@lru_cache(maxsize=32)
+def _meridian(plane: str) -> float:
+    """Return the longitude of a projection's origin [deg]."""
+    operation = CRS.from_user_input(plane).coordinate_operation
+    values = {} if operation is None else {parameter.name: float(parameter.value) for parameter in operation.params}
+    return next((value for name, value in values.items() if name.startswith("Longitude of")), 0.0)
 
 
 @lru_cache(maxsize=32)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -9,20 +10,30 @@ import numpy as np
 
 from hdvplan.errors import OptionError, RoadError, did_you_mean
 from hdvplan.jit import FloatArray
+from hdvplan.road.edges import edge_reaches, side_reaches
+from hdvplan.road.features import Choice, roles_of
 from hdvplan.road.lane import offset_road, reversed_road
 from hdvplan.road.library import NOTICE, example_file, example_names, road_file, road_names
-from hdvplan.road.load_csv import read_csv
-from hdvplan.road.load_geojson import read_geojson
+from hdvplan.road.load_csv import has_wkt, read_csv
+from hdvplan.road.load_geojson import json_object, read_geojson
+from hdvplan.road.load_opendrive import read_opendrive
+from hdvplan.road.load_overpass import read_overpass
+from hdvplan.road.load_vector import read_vector
 from hdvplan.road.path import from_curvature
 from hdvplan.road.raw import RawRoad
 from hdvplan.road.regions import TABLE_M
-from hdvplan.road.road import Limits, Road
+from hdvplan.road.road import Limits, Road, Smoothing
 from hdvplan.road.scenarios import SCENARIOS
-from hdvplan.road.smooth import MAX_LENGTH_M, MIN_LENGTH_M, smooth_line
+from hdvplan.road.smooth import smooth_line, smoothing_of
+from hdvplan.road.steps import refuse_outliers
+from hdvplan.road.texts import refuse_unreadable, text_of
+from hdvplan.road.through import MAX_LENGTH_M, MIN_LENGTH_M, path_through
 
 _CLOSED_M = 0.01  # how near the last point must come to the first for a closed road
 _CLOSED_TURN = np.deg2rad(100.0)  # a road that returns to its start at a sharper angle merely crosses itself there
 _JUMP_M = 1e-6  # a limit's jump takes this long
+_TEXTS = {".csv", ".tsv", ".txt", ".dat", ".asc", ""}  # and what these hold is told by their text
+_SAME_FILE, _SAME_NAME = 0.8, 0.85  # similarity of the name of a file that may have been meant
 _TIGHTEST = 0.5  # smoothing stations 1 m apart cannot represent a radius below 2 m [1/m]
 
 
@@ -31,9 +42,11 @@ class RoadOptions:
     """How to read a road file; each has a command-line option of the same name.
 
     ``smooth`` is the largest allowed deviation from the given line [m], ``crs`` the coordinate reference system of the
-    file's coordinates, ``feature`` the name or id of the GeoJSON feature, ``max_curvature`` the tightest reference
-    curvature that the caller's vehicle can follow [1/m]. ``reverse`` drives the line the other way; ``offset`` moves the
-    reference to the left of the driving direction [m], such as -1.75 to the middle of the right lane.
+    file's coordinates, ``feature`` the name or id of the line, ``layer`` the layer that holds it, ``max_curvature`` the
+    tightest reference curvature that the caller's vehicle can follow [1/m]. ``reverse`` drives the line the other way;
+    ``offset`` moves the reference to the left of the driving direction [m], such as -1.75 to the middle of the right lane.
+    ``roles`` say what layers or features beside the line are, such as ``hoarding=obstacle``. ``road_ids`` are the roads of
+    an OpenDRIVE file to drive over, such as ``3,12,-5``, and ``lane`` the lane on the first of them.
     """
 
     smooth: float = 5.0
@@ -42,6 +55,10 @@ class RoadOptions:
     max_curvature: float = 0.125
     offset: float = 0.0
     reverse: bool = False
+    layer: str | None = None
+    roles: tuple[str, ...] = ()
+    road_ids: str | None = None
+    lane: int | None = None
 
     def __post_init__(self) -> None:
         """Refuse values that no road can be read with."""
@@ -89,30 +106,54 @@ def _unknown(source: str | Path) -> RoadError:
     path = Path(source)
     if path.is_dir():
         return RoadError(f"{path} is a folder, not a road file")
-    if path.suffix or len(path.parts) > 1:
-        msg = f"road file {path} does not exist"
-    else:
+    names = [*road_names(), *example_names(), *SCENARIOS]
+    otherwise = "give a road file, or a name from `hdvplan roads list`"
+    if not path.suffix and len(path.parts) == 1:
         msg = f"no road file, shipped road or scenario is called {str(source)!r}"
-    names = (*road_names(), *example_names(), *SCENARIOS)
-    otherwise = "give a .csv or .geojson file, or a name from `hdvplan roads list`"
-    return RoadError(msg, hint=did_you_mean(path.stem, names, otherwise, most=3))
+        return RoadError(msg, hint=did_you_mean(path.name, names, otherwise, most=3))
+    beside = [file.name for file in path.parent.iterdir() if file.is_file()] if path.parent.is_dir() else []
+    close = difflib.get_close_matches(path.name, beside, cutoff=_SAME_FILE) or difflib.get_close_matches(
+        path.stem, names, cutoff=_SAME_NAME
+    )
+    hint = f"did you mean {' or '.join(map(repr, close))}?" if close else otherwise
+    return RoadError(f"road file {path} does not exist", hint=hint)
 
 
 def _read(path: Path, options: RoadOptions) -> Road:
     try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        msg = f"road file {path} cannot be read: {error}"
+        refuse_unreadable(path)
+        raw = _raw(path, options)
+    except OSError as error:
+        msg = f"road file {path} cannot be read: {error.strerror or error}"
         raise RoadError(msg) from error
-    suffix = path.suffix.lower()
-    if suffix in {".geojson", ".json"} or (suffix != ".csv" and text.lstrip().startswith("{")):
-        raw = read_geojson(text, path.name, crs=options.crs, feature=options.feature)
-    else:
-        if options.feature is not None:
-            msg = f"{path.name}: a CSV file has no features to choose {options.feature!r} from"
-            raise RoadError(msg)
-        raw = read_csv(text, path.name, crs=options.crs)
+    if not raw.is_profile:
+        refuse_outliers(raw.points, raw.lines, path.name)
     return _road(path.stem, raw, options)
+
+
+def _raw(path: Path, options: RoadOptions) -> RawRoad:
+    """Return what the file says; its name says what kind it is, and where that says nothing, its text."""
+    choice = Choice(options.feature, options.layer, roles_of(options.roles))
+    suffix, crs = path.suffix.lower(), options.crs
+    if suffix == ".xodr":
+        return read_opendrive(path, road_ids=options.road_ids, lane=options.lane)
+    if options.road_ids is not None or options.lane is not None:
+        msg = f"{path.name} has no road ids and lanes to choose; OpenDRIVE files (.xodr) have"
+        raise RoadError(msg)
+    text = text_of(path) if suffix in _TEXTS else None
+    if suffix in {".json", ".geojson"} or (text is not None and text.lstrip().startswith("{")):
+        document = json_object(text or text_of(path), path.name)
+        if "elements" in document:
+            return read_overpass(document, path.name, choice=choice)
+        if document.get("type") == "Topology" or "geometryType" in document:
+            return read_vector(path, crs=crs, choice=choice)
+        return read_geojson(document, path.name, crs=crs, choice=choice)
+    if text is None or text.lstrip().startswith("<") or has_wkt(text):
+        return read_vector(path, crs=crs, choice=choice)
+    if options.feature is not None:
+        msg = f"{path.name}: a CSV file has no features to choose {options.feature!r} from"
+        raise RoadError(msg)
+    return read_csv(text, path.name, crs=crs)
 
 
 def _road(name: str, raw: RawRoad, options: RoadOptions) -> Road:
@@ -123,9 +164,26 @@ def _road(name: str, raw: RawRoad, options: RoadOptions) -> Road:
             msg = f"{name}: the profile is {s[-1]:g} m long; {MIN_LENGTH_M:g} m to {MAX_LENGTH_M / 1e3:g} km can be used"
             raise RoadError(msg)
         return Road(name, from_curvature(s, kappa), _limits(s, raw.reaches))
-    line = smooth_line(raw.points, closed=is_closed(raw.points), max_deviation=options.smooth, max_curvature=options.max_curvature)
-    road = Road(name, line.path, None, line.smoothing, raw.to_lonlat, raw.notice, raw.regions)
-    return road.within(_limits(line.s_points, raw.reaches))
+    dense = None if raw.rounded is None else path_through(raw.rounded, options.max_curvature)
+    smoothing: Smoothing | None
+    if dense is None:
+        line = smooth_line(raw.points, closed=is_closed(raw.points), max_deviation=options.smooth, max_curvature=options.max_curvature)
+        path, smoothing, s = line.path, line.smoothing, line.s_points
+    else:
+        path, s = dense
+        smoothing = None if raw.rounded is raw.points else smoothing_of(path, raw.points, s)
+    reaches = raw.reaches
+    if raw.sides is not None:
+        reaches = side_reaches(path, s, raw.sides)
+    notes = raw.notes
+    if raw.edges:
+        if reaches is not None:
+            msg = f"{name}: the line has widths, and edges are drawn beside it"
+            raise RoadError(msg, hint="keep one of the two: take the widths out of the file, or the edges")
+        s, reaches, more = edge_reaches(path, raw.edges)
+        notes = (*notes, *(f"{name}: {note}" for note in more))
+    road = Road(name, path, None, smoothing, raw.to_lonlat, raw.notice, raw.regions, notes=notes)
+    return road.within(_limits(s, reaches))
 
 
 def is_closed(points: FloatArray) -> bool:

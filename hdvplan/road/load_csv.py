@@ -1,108 +1,163 @@
-"""Read a road from CSV: columns are known by their names, never by their number."""
+"""Read a road from a table of points: columns are known by their names, never by their number, as spreadsheets write them."""
 
 from __future__ import annotations
+
+import csv
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hdvplan.errors import RoadError
 from hdvplan.jit import FloatArray
-from hdvplan.road.crs import LONLAT, check_lonlat, is_geographic, to_plane
+from hdvplan.road.columns import LAYOUTS, Columns, columns_of, has_geometry, is_header, unread_note
+from hdvplan.road.crs import LONLAT, check_lonlat, is_geographic, looks_like_degrees, to_plane
 from hdvplan.road.raw import RawRoad
 
-_POSITIONS = (("x_m", "y_m"), ("x", "y"), ("lon", "lat"), ("s", "kappa"))
-_WIDTHS = (("w_tr_left_m", "w_tr_right_m"), ("left", "right"))  # left, right; the order in the file is free
-_SWEEPS = (("left_sweep", "right_sweep"),)
-_KNOWN = {name for pair in (*_POSITIONS, *_WIDTHS, *_SWEEPS) for name in pair}
-_LAYOUTS = "known columns: x_m,y_m or x,y or lon,lat or s,kappa; with w_tr_right_m,w_tr_left_m or left,right; with left_sweep,right_sweep"
+_SEPARATORS = ("\t", ";", "|", ",")  # the first that the header has; decimal commas cannot occur in a header
 _LARGEST_M = 1e8  # beyond it a double's rounding of a position shows in the curvature
-_DEGREES_SPACING = 1e-2
 _TIGHTEST_PROFILE = 0.5  # [1/m]
+_LOST_DECIMALS = 3  # fewer than in any other row: one or two may be trailing zeros
+
+
+@dataclass(frozen=True)
+class Table:
+    """The cells of a table of points: every row as long as ``titles``, and the line of each row in its file.
+
+    ``open_ended`` tells that nothing ends the last line: the file may have been cut off there.
+    """
+
+    titles: list[str]
+    lines: list[int]
+    rows: list[list[str]]
+    open_ended: bool = False
 
 
 def read_csv(text: str, name: str, *, crs: str | None = None) -> RawRoad:
     """Return the road in a CSV text; ``name`` begins the messages, ``crs`` is the system of x, y.
 
+    Values are separated by what the header has: tabs, semicolons, bars or commas. Beside all but commas, and in quotes, a
+    comma is a decimal point.
+
     Raises:
-        RoadError: no header, unknown or contradicting columns, or an impossible value, with its line and column.
+        RoadError: no header, contradicting columns, or an impossible value, with its line and column.
 
     """
-    header, lines, values = _table(text, name)
-    column = dict(zip(header, values.T, strict=True))
-    pair = _one_of(_POSITIONS, column, name)
-    if pair is None:
-        msg = f"{name}: no position columns among {', '.join(header)}"
-        raise RoadError(msg, hint=_LAYOUTS)
-    points = np.stack([column[pair[0]], column[pair[1]]], axis=1)
+    return read_table(_table(text, name), name, crs=crs)
+
+
+def has_wkt(text: str) -> bool:
+    """Tell whether a CSV text has a column of well-known text."""
+    header = next((line for line in text.splitlines() if line.strip() and not line.startswith("#") and not _is_excel_hint(line)), "")
+    return has_geometry(_fields(header, _separator(header)))
+
+
+def read_table(table: Table, name: str, *, crs: str | None = None) -> RawRoad:
+    """Return the road in a table of points; as ``read_csv``.
+
+    Raises:
+        RoadError: contradicting columns, or an impossible value, with its line and column.
+
+    """
+    columns = columns_of(table.titles, name)
+    values = _numbers(table, columns, name)
+    points = np.stack([values[key] for key in columns.position], axis=1)
     if len(points) < 2:  # noqa: PLR2004
         msg = f"{name}: a road needs at least two points, this one has {len(points)}"
         raise RoadError(msg)
-    reaches = _reaches(column, lines, name)
-    if pair == ("s", "kappa"):
-        _check_profile(points, lines, name)
+    raw = RawRoad(points, _reaches(values, columns, table.lines, name), lines=tuple(table.lines), notes=unread_note(columns, name))
+    if columns.position == ("s", "kappa"):
+        _check_profile(points, columns, table.lines, name)
         if crs is not None:
             msg = f"{name}: a curvature profile has no coordinates, so no coordinate reference system"
             raise RoadError(msg)
-        return RawRoad(points, reaches, is_profile=True)
-    if pair == ("lon", "lat"):
+        return replace(raw, is_profile=True)
+    if columns.position == ("lon", "lat"):
         check_lonlat(points, name)
         if crs is not None and not is_geographic(crs):
-            msg = f"{name}: columns lon, lat are degrees, but {crs} is projected"
+            msg = f"{name}: columns {_titles(columns)} are degrees, but {crs} is projected"
             raise RoadError(msg, hint="call the columns x, y if they are metres")
-        plane = to_plane(points, crs or LONLAT)
-        return RawRoad(plane.points, reaches, to_lonlat=plane.to_lonlat)
-    if crs is not None:
+        crs = crs or LONLAT
+    elif crs is not None:
         if is_geographic(crs):
             check_lonlat(points, name)
-        plane = to_plane(points, crs)
-        return RawRoad(plane.points, reaches, to_lonlat=plane.to_lonlat)
-    _check_metres(points, lines, pair, name)
-    return RawRoad(points, reaches)
+    else:
+        _check_metres(points, columns, table.lines, name)
+        if looks_like_degrees(points):
+            note = f"{name}: columns {_titles(columns)} are read as longitude and latitude, for metres they are too close together"
+            crs, raw = LONLAT, replace(raw, notes=(*raw.notes, note))
+    if crs is None:
+        return raw
+    plane = to_plane(points, crs)
+    return replace(raw, points=plane.points, to_lonlat=plane.to_lonlat)
 
 
-def _table(text: str, name: str) -> tuple[list[str], list[int], FloatArray]:
-    """Return the header, the line number of every row, and the values, shape (rows, columns)."""
-    header: list[str] = []
-    separator = ","
+def _table(text: str, name: str) -> Table:
+    """Return the cells of a CSV text without comments and empty rows.
+
+    Raises:
+        RoadError: no header, or rows that do not fit it.
+
+    """
+    titles: list[str] = []
+    separator = ""
     lines: list[int] = []
-    rows: list[list[float]] = []
-    for number, line in enumerate(text.splitlines(), start=1):
+    rows: list[list[str]] = []
+    numbered = enumerate(text.splitlines(), start=1)
+    number = 0
+    for number, line in numbered:
         content = line.strip()
-        if content.startswith("#"):
-            fields = _fields(content.lstrip("#"))
-            if not header and len(fields) > 1 and _KNOWN.issuperset(fields):
-                header, separator = fields, _separator(content)
-        elif content and not header:
-            header, separator = _header(content, name, number), _separator(content)
+        if _is_excel_hint(content):
+            separator = content[4:]
+        elif content.startswith("#"):
+            comment = content.lstrip("#").strip()
+            fields = _fields(comment, _separator(comment))
+            if is_header(fields):
+                titles, separator = fields, _separator(comment)
+                break
         elif content:
-            lines.append(number)
-            rows.append(_row(content.split(separator), header, f"{name}, line {number}"))
-    if not header:
+            separator = separator or _separator(line)
+            titles = _header(_fields(content, separator), name, number)
+            break
+    if not titles:
         msg = f"{name} is empty"
-        raise RoadError(msg, hint=_LAYOUTS)
-    repeated = {field for field in header if header.count(field) > 1}
-    if repeated:
-        msg = f"{name}: column {min(repeated)} occurs twice"
-        raise RoadError(msg)
-    return header, lines, np.array(rows, dtype=float).reshape(len(rows), len(header))
+        raise RoadError(msg, hint=LAYOUTS)
+    body = csv.reader(_uncommented(numbered), delimiter=separator, skipinitialspace=True)
+    skipped = number  # lines up to the header
+    try:
+        for row in body:
+            cells = [cell.strip() for cell in row]
+            if any(cells):
+                lines.append(skipped + body.line_num)
+                rows.append(_fitted(cells, titles, separator, f"{name}, line {lines[-1]}"))
+    except csv.Error as error:
+        msg = f"{name}, line {skipped + body.line_num}: {error}"
+        raise RoadError(msg, hint="is this a CSV file?") from error
+    return Table(titles, lines, rows, open_ended=not text.endswith(("\n", "\r")))
+
+
+def _uncommented(numbered: Iterator[tuple[int, str]]) -> Iterator[str]:
+    for _, line in numbered:
+        yield "" if line.lstrip().startswith("#") else line
+
+
+def _is_excel_hint(line: str) -> bool:
+    """Tell Excel's first line that names the separator."""
+    return len(line) == 5 and line.lower().startswith("sep=")  # noqa: PLR2004
 
 
 def _separator(line: str) -> str:
-    return ";" if ";" in line else ","
+    return next((sign for sign in _SEPARATORS if sign in line), ",")
 
 
-def _fields(line: str) -> list[str]:
-    return [field.strip().strip('"') for field in line.split(_separator(line))]
+def _fields(line: str, separator: str) -> list[str]:
+    return [field.strip().strip('"').strip() for field in line.strip().split(separator)]
 
 
-def _header(line: str, name: str, number: int) -> list[str]:
-    fields = _fields(line)
-    if all(_is_number(field) for field in fields):
+def _header(fields: list[str], name: str, number: int) -> list[str]:
+    if all(_is_number(field.replace(",", ".")) for field in fields):
         msg = f"{name}, line {number}: the first line must name the columns, found numbers"
-        raise RoadError(msg, hint=_LAYOUTS)
-    for field in fields:
-        if field not in _KNOWN:
-            msg = f"{name}, line {number}: unknown column {field!r}"
-            raise RoadError(msg, hint=_LAYOUTS)
+        raise RoadError(msg, hint=LAYOUTS)
     return fields
 
 
@@ -114,81 +169,105 @@ def _is_number(field: str) -> bool:
     return True
 
 
-def _row(fields: list[str], header: list[str], where: str) -> list[float]:
-    if len(fields) != len(header):
-        msg = f"{where}: {len(fields)} values for {len(header)} columns"
-        raise RoadError(msg)
-    values = []
-    for field, column in zip(fields, header, strict=True):
-        text = field.strip().strip('"')
-        if not _is_number(text):
-            msg = f"{where}, column {column}: {text!r} is not a number"
-            raise RoadError(msg, hint="use a decimal point" if "," in text else None)
-        if not np.isfinite(float(text)):
-            msg = f"{where}, column {column}: {text} is not a finite number"
+def _fitted(cells: list[str], titles: list[str], separator: str, where: str) -> list[str]:
+    """Return a row as long as the header: empty cells at its end may be more or fewer."""
+    given = len(cells)
+    while len(cells) > len(titles) and not cells[-1]:
+        cells = cells[:-1]
+    if len(cells) != len(titles):
+        msg = f"{where}: {given} values for {len(titles)} columns"
+        decimal = separator == "," and len(cells) > len(titles)
+        raise RoadError(msg, hint="numbers with a decimal comma need another separator: a semicolon or a tab" if decimal else None)
+    return cells
+
+
+def _numbers(table: Table, columns: Columns, name: str) -> dict[str, FloatArray]:
+    """Return the columns that have a meaning as numbers; one decimal sign holds for the whole table."""
+    cells = {key: [row[number] for row in table.rows] for key, number in columns.at.items()}
+    comma = any("," in cell for column in cells.values() for cell in column)
+    values: dict[str, FloatArray] = {}
+    for key, column in cells.items():
+        if comma:
+            odd = next((row for row, cell in enumerate(column) if "." in cell or cell.count(",") > 1), None)
+            if odd is not None:
+                msg = f"{name}, line {table.lines[odd]}, column {columns.titles[key]}: {column[odd]!r} is not a number"
+                raise RoadError(msg, hint="use one decimal sign throughout, and nothing between thousands")
+            column = [cell.replace(",", ".") for cell in column]  # noqa: PLW2901
+        bad = next((row for row, cell in enumerate(column) if not _is_number(cell)), None)
+        if bad is not None:
+            msg = f"{name}, line {table.lines[bad]}, column {columns.titles[key]}: {column[bad]!r} is not a number"
             raise RoadError(msg)
-        values.append(float(text))
+        values[key] = np.array(column, dtype=float)
+        endless = np.flatnonzero(~np.isfinite(values[key]))
+        if endless.size:
+            msg = f"{name}, line {table.lines[endless[0]]}, column {columns.titles[key]}: {column[endless[0]]} is not a finite number"
+            raise RoadError(msg)
+        if table.open_ended and columns.at[key] == len(table.titles) - 1 and _is_cut_off(column):
+            msg = f"{name}, line {table.lines[-1]}, column {columns.titles[key]}: {column[-1]!r} has lost digits, and the file ends there"
+            raise RoadError(msg, hint="the file looks cut off: fetch it again, or remove its last line")
     return values
 
 
-def _one_of(pairs: tuple[tuple[str, str], ...], column: dict[str, FloatArray], name: str) -> tuple[str, str] | None:
-    """Return the one pair of columns that the file has, None if it has none of them."""
-    present = [pair for pair in pairs if pair[0] in column or pair[1] in column]
-    if not present:
-        return None
-    if len(present) > 1:
-        msg = f"{name}: columns {', '.join(present[0])} and {', '.join(present[1])} contradict each other"
-        raise RoadError(msg, hint=_LAYOUTS)
-    for own, other in (present[0], present[0][::-1]):
-        if own not in column:
-            msg = f"{name}: column {own} is missing beside {other}"
-            raise RoadError(msg, hint=_LAYOUTS)
-    return present[0]
+def _is_cut_off(column: list[str]) -> bool:
+    """Tell whether the last of several numbers has lost decimals that all others have."""
+    decimals = [len(cell.partition(".")[2]) for cell in column]
+    return len(column) > 2 and decimals[-1] + _LOST_DECIMALS <= min(decimals[:-1])  # noqa: PLR2004
 
 
-def _reaches(column: dict[str, FloatArray], lines: list[int], name: str) -> FloatArray | None:
+def _titles(columns: Columns) -> str:
+    return ", ".join(columns.titles[key] for key in columns.position)
+
+
+def _reaches(values: dict[str, FloatArray], columns: Columns, lines: list[int], name: str) -> FloatArray | None:
     """Return left, right, left_sweep, right_sweep as positive reaches, shape (4, rows)."""
-    widths, sweeps = _one_of(_WIDTHS, column, name), _one_of(_SWEEPS, column, name)
-    if widths is None:
-        if sweeps is not None:
-            msg = f"{name}: {sweeps[0]} and {sweeps[1]} need left and right beside them"
-            raise RoadError(msg, hint=_LAYOUTS)
+    if "width" in values:
+        _check_positive(values, "width", columns, lines, name)
+        return np.tile(0.5 * values["width"], (4, 1))
+    if "left" not in values:
         return None
-    for side in widths:
-        bad = np.flatnonzero(column[side] < 0.0)
-        if bad.size:
-            msg = f"{name}, line {lines[bad[0]]}, column {side}: {column[side][bad[0]]:g} m is negative"
-            raise RoadError(msg, hint="both widths are reaches from the centre line, positive to either side")
-    for inner, outer in zip(widths, sweeps or widths, strict=True):
-        bad = np.flatnonzero(column[outer] < column[inner])
+    for side in ("left", "right"):
+        _check_positive(values, side, columns, lines, name)
+    sweeps = ("left_sweep", "right_sweep") if "left_sweep" in values else ("left", "right")
+    for inner, outer in zip(("left", "right"), sweeps, strict=True):
+        bad = np.flatnonzero(values[outer] < values[inner])
         if bad.size:
             at = bad[0]
-            msg = f"{name}, line {lines[at]}, column {outer}: {column[outer][at]:g} m is less than {inner}, {column[inner][at]:g} m"
+            msg = (
+                f"{name}, line {lines[at]}, column {columns.titles[outer]}: {values[outer][at]:g} m is less than"
+                f" {columns.titles[inner]}, {values[inner][at]:g} m"
+            )
             raise RoadError(msg)
-    return np.stack([column[side] for side in (*widths, *(sweeps or widths))])
+    return np.stack([values[side] for side in ("left", "right", *sweeps)])
 
 
-def _check_profile(points: FloatArray, lines: list[int], name: str) -> None:
+def _check_positive(values: dict[str, FloatArray], side: str, columns: Columns, lines: list[int], name: str) -> None:
+    bad = np.flatnonzero(values[side] < 0.0)
+    if bad.size:
+        msg = f"{name}, line {lines[bad[0]]}, column {columns.titles[side]}: {values[side][bad[0]]:g} m is negative"
+        raise RoadError(msg, hint="both widths are reaches from the centre line, positive to either side")
+
+
+def _check_profile(points: FloatArray, columns: Columns, lines: list[int], name: str) -> None:
+    s, kappa = (columns.titles[key] for key in columns.position)
     back = np.flatnonzero(np.diff(points[:, 0]) <= 0.0)
     if back.size:
         at = back[0] + 1
-        msg = f"{name}, line {lines[at]}, column s: {points[at, 0]:g} m does not exceed the {points[at - 1, 0]:g} m before it"
+        msg = f"{name}, line {lines[at]}, column {s}: {points[at, 0]:g} m does not exceed the {points[at - 1, 0]:g} m before it"
         raise RoadError(msg, s_m=float(points[at, 0]))
     tight = np.flatnonzero(np.abs(points[:, 1]) > _TIGHTEST_PROFILE)
     if tight.size:
         at = tight[0]
-        msg = f"{name}, line {lines[at]}, column kappa: {points[at, 1]:g} 1/m is a radius below {1 / _TIGHTEST_PROFILE:g} m"
+        msg = f"{name}, line {lines[at]}, column {kappa}: {points[at, 1]:g} 1/m is a radius below {1 / _TIGHTEST_PROFILE:g} m"
         raise RoadError(msg, s_m=float(points[at, 0]))
 
 
-def _check_metres(points: FloatArray, lines: list[int], pair: tuple[str, str], name: str) -> None:
+def _check_metres(points: FloatArray, columns: Columns, lines: list[int], name: str) -> None:
     large = np.argwhere(np.abs(points) > _LARGEST_M)
     if large.size:
         row, axis = large[0]
-        msg = f"{name}, line {lines[row]}, column {pair[axis]}: {points[row, axis]:g} m is too large for a position"
+        title = columns.titles[columns.position[axis]]
+        msg = f"{name}, line {lines[row]}, column {title}: {points[row, axis]:g} m is too large for a position"
         raise RoadError(msg)
-    spacing = np.hypot(*np.diff(points, axis=0).T)
-    looks_like_degrees = np.all(np.abs(points) <= np.array([180.0, 90.0])) and np.median(spacing) < _DEGREES_SPACING
-    if looks_like_degrees and np.any(spacing > 0.0):
-        msg = f"{name}: columns {pair[0]}, {pair[1]} look like degrees (points {np.median(spacing):.2g} apart), not metres"
+    if all(columns.titles[key].lower().endswith("_m") for key in columns.position) and looks_like_degrees(points):
+        msg = f"{name}: columns {_titles(columns)} look like degrees, not metres"
         raise RoadError(msg, hint="call the columns lon,lat if they are longitude and latitude")

@@ -89,6 +89,7 @@ class Road:
     notice: str | None = None  # attribution that figures made from this road must carry
     regions: tuple[Region, ...] = ()
     band: Limits | None = None
+    notes: tuple[str, ...] = ()  # what the reader of its file has to say to the user
 
     def within(self, band: Limits | None) -> Road:
         """Return the road with the limits ``band``, or open without one, as its regions cut and widen them."""

@@ -13,7 +13,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline, CubicSpline
+from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from hdvplan.errors import ProjectionError, RoadError
@@ -21,12 +21,10 @@ from hdvplan.jit import FloatArray, IntArray
 from hdvplan.road.offsets import Stations, solve_offsets
 from hdvplan.road.path import KNOT_SPACING_M, ReferencePath, from_samples
 from hdvplan.road.road import Smoothing
+from hdvplan.road.through import FEWEST_CELLS, check_length, chord_of, equal_arclengths, spline_through
 
-MIN_LENGTH_M = 5.0
-MAX_LENGTH_M = 200e3
 _DUPLICATE_M = 0.02
 _STATION_M = 1.0  # the unknown offsets stand this far apart: a spline knot a metre holds a radius of 8 m to 0.2 %
-_FEWEST_CELLS = 8  # of a very short road
 _DENSE_M = 1.0  # longer segments of the given line are sampled: the points between are as good as the given ones
 _WIDEST_SIGMA_M = 10.0  # of the Gaussian that makes the first line; else as wide as the tightest radius
 _SPACING_SHARE = 1.25  # smoothing length over the points' spacing
@@ -85,8 +83,8 @@ def smooth_line(points: FloatArray, *, closed: bool, max_deviation: float, max_c
     vertices = points[kept]
     if closed:
         vertices[-1] = vertices[0]
-    chord = _chord(vertices)
-    _check_length(float(chord[-1]))
+    chord = chord_of(vertices)
+    check_length(float(chord[-1]))
     u = _densified(chord)
     data = np.stack([np.interp(u, chord, column) for column in vertices.T], axis=1)
     line, s = _first_line(data, u, min(1.0 / max_curvature, _WIDEST_SIGMA_M), closed=closed)
@@ -99,19 +97,29 @@ def smooth_line(points: FloatArray, *, closed: bool, max_deviation: float, max_c
         msg = f"the line turns back on itself near s = {error.s_m:.0f} m"
         raise RoadError(msg, s_m=error.s_m, hint="remove the points that go back, or cut the road there") from error
     s = np.maximum.accumulate(np.clip(s, 0.0, path.length))
+    smoothing = _smoothing(path, s, e, _shares(u), len(points), len(points) - len(kept))
+    return SmoothedLine(path, smoothing, np.interp(chord, u, s)[vertex])
+
+
+def smoothing_of(path: ReferencePath, points: FloatArray, near: FloatArray) -> Smoothing:
+    """Return how far ``path`` lies from ``points``, shape (n, 2) [m], whose arclengths are about ``near`` [m]."""
+    s, e = path.extended(_MARGIN_M, _MARGIN_M).project(points[:, 0], points[:, 1], near)
+    return _smoothing(path, np.clip(s, 0.0, path.length), e, np.ones(len(points)), len(points), 0)
+
+
+def _smoothing(path: ReferencePath, s: FloatArray, e: FloatArray, weights: FloatArray, points: int, duplicates: int) -> Smoothing:
     fine = np.linspace(0.0, path.length, 4 * len(path.coefficients) + 1)
     curvature = np.abs(path.at(fine).curvature)
     farthest, tightest = int(np.argmax(np.abs(e))), int(np.argmax(curvature))
-    smoothing = Smoothing(
-        points=len(points),
-        duplicates=len(points) - len(kept),
+    return Smoothing(
+        points=points,
+        duplicates=duplicates,
         max_deviation=float(abs(e[farthest])),
         max_deviation_s=float(s[farthest]),
-        rms_deviation=float(np.sqrt(np.average(e**2, weights=_shares(u)))),
+        rms_deviation=float(np.sqrt(np.average(e**2, weights=weights))),
         max_curvature=float(curvature[tightest]),
         max_curvature_s=float(fine[tightest]),
     )
-    return SmoothedLine(path, smoothing, np.interp(chord, u, s)[vertex])
 
 
 def _vertex_of(points: FloatArray) -> IntArray:
@@ -128,19 +136,6 @@ def _vertex_of(points: FloatArray) -> IntArray:
     if last > 0:
         stands[stands == last] = len(points) - 1
     return stands
-
-
-def _chord(points: FloatArray) -> FloatArray:
-    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
-
-
-def _check_length(length: float) -> None:
-    if length < MIN_LENGTH_M:
-        msg = f"the road is {length:.2f} m long; at least {MIN_LENGTH_M:g} m are needed"
-        raise RoadError(msg)
-    if length > MAX_LENGTH_M:
-        msg = f"the road is {length / 1e3:.0f} km long; at most {MAX_LENGTH_M / 1e3:.0f} km can be smoothed at once"
-        raise RoadError(msg, hint="are the coordinates metres? otherwise cut the road into parts")
 
 
 def _densified(chord: FloatArray) -> FloatArray:
@@ -181,7 +176,7 @@ def _smoothing_lengths(vertices: FloatArray, chord: FloatArray, u: FloatArray, *
 
 def _first_line(data: FloatArray, u: FloatArray, sigma: float, *, closed: bool) -> tuple[_Line, FloatArray]:
     """Return the Gaussian-filtered line and roughly the data's arclengths on it."""
-    cells = max(_FEWEST_CELLS, round(float(u[-1]) / _STATION_M))
+    cells = max(FEWEST_CELLS, round(float(u[-1]) / _STATION_M))
     uniform = np.linspace(0.0, float(u[-1]), cells + 1)
     raw = np.stack([np.interp(uniform, u, column) for column in data.T], axis=1)
     sigma /= float(uniform[1])
@@ -199,33 +194,18 @@ def _first_line(data: FloatArray, u: FloatArray, sigma: float, *, closed: bool) 
 
 def _resampled(points: FloatArray, spacing: float, *, closed: bool) -> tuple[_Line, FloatArray]:
     """Return the spline through ``points`` with stations at equal arclengths, and the arclengths of the points."""
-    chord = _chord(points)
+    chord = chord_of(points)
     if not np.all(np.diff(chord) > _SETTLED_M):
         at = float(chord[np.argmin(np.diff(chord))])
         msg = f"the line turns back on itself near s = {at:.0f} m"
         raise RoadError(msg, s_m=at, hint="remove the points that go back, or cut the road there")
-    spline = _spline(chord, points, closed=closed)
-    parameters, s = _equal_arclengths(spline, spacing)
+    spline = spline_through(chord, points, closed=closed)
+    parameters, s = equal_arclengths(spline, spacing)
     stations = spline(parameters)
     stations[-1] = stations[0] if closed else points[-1]
     cells = len(parameters) - 1
-    line = _spline(np.linspace(0.0, float(s[-1]), cells + 1), stations, closed=closed)
+    line = spline_through(np.linspace(0.0, float(s[-1]), cells + 1), stations, closed=closed)
     return _Line(line, Stations(cells if closed else cells + 1, float(s[-1]) / cells, closed)), s
-
-
-def _spline(knots: FloatArray, points: FloatArray, *, closed: bool) -> CubicSpline[np.float64]:
-    return CubicSpline(knots, points, bc_type="periodic") if closed else CubicSpline(knots, points, bc_type="not-a-knot")
-
-
-def _equal_arclengths(spline: CubicSpline[np.float64], spacing: float) -> tuple[FloatArray, FloatArray]:
-    """Return a plane spline's parameters at equal arclengths of about ``spacing``, and the arclengths of its knots [m]."""
-    nodes, weights = np.polynomial.legendre.leggauss(4)
-    half = 0.5 * np.diff(spline.x)
-    velocity = spline(spline.x[:-1, None] + half[:, None] * (nodes + 1.0), 1)
-    s = np.concatenate([[0.0], np.cumsum(np.hypot(velocity[..., 0], velocity[..., 1]) @ weights * half)])
-    uniform = np.linspace(0.0, float(s[-1]), max(_FEWEST_CELLS, round(float(s[-1]) / spacing)) + 1)
-    inverse = CubicHermiteSpline(s, spline.x, 1.0 / np.hypot(*spline(spline.x, 1).T))
-    return np.clip(inverse(uniform), 0.0, spline.x[-1]), s
 
 
 def _settled(
@@ -299,7 +279,7 @@ def _sharp_corner(at: float, max_deviation: float, needed: float, max_curvature:
 
 def _finished(line: _Line) -> ReferencePath:
     """Return the line at the usual knot spacing, every sample from its one spline."""
-    parameters, s = _equal_arclengths(line.spline, KNOT_SPACING_M)
+    parameters, s = equal_arclengths(line.spline, KNOT_SPACING_M)
     here = line.path().at(parameters)
     spacing = float(s[-1]) / (len(parameters) - 1)
     return from_samples(here.x, here.y, here.heading, here.curvature, spacing, closed=line.stations.closed)

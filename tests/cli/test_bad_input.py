@@ -44,10 +44,15 @@ def geojson(coordinates: object, kind: str = "LineString") -> str:
         ("nan.csv", "x,y\n0,0\nnan,0\n60,0\n", ("line 3", "column x", "finite")),
         ("nan.geojson", geojson([[11.9, 57.7], [float("nan"), 57.7]]), ("point 2", "finite")),
         ("word.csv", "x,y\n0,0\n30,wide\n60,0\n", ("line 3", "column y", "'wide'")),
-        ("columns.csv", "easting,northing\n0,0\n60,0\n", ("unknown column", "easting")),
+        ("columns.csv", "east,kilometre\n0,0\n60,0\n", ("column y is missing", "east")),
         ("negative.csv", "s,kappa,left,right\n0,0,3,3\n60,0,-3,3\n", ("line 3", "left", "negative")),
         ("short.csv", HEADER + "0,0\n10,0\n", ("10.0 m long", "12.0 m")),
         ("dot.csv", "x,y\n0,0\n0,0\n", ("error",)),
+        ("zip.gpkg", "PK\x03\x04", ("zip.gpkg", "archive", "hint")),
+        ("page.csv", "<!DOCTYPE html><html></html>", ("page.csv", "hint")),
+        ("cut.kml", "<kml><Document><Placemark>", ("cut.kml", "ogr2ogr")),
+        ("cut.xodr", "<OpenDRIVE><road", ("cut.xodr", "cut off")),
+        ("mixed.csv", "x,y\n318248,6399401\n318260,6399401\n11.95,57.7\n318290,6399401\n", ("mixed.csv", "lines 3 and 4")),
     ],
 )
 def test_an_unusable_road_file_is_named_with_its_fault(
@@ -136,6 +141,7 @@ def test_output_into_a_file_is_refused_before_planning(cli: Cli, tmp_path: Path)
 def test_unknown_names_come_with_a_suggestion(cli: Cli) -> None:
     refused(cli("plna", "uturn"), "no such command 'plna'", "plan")
     refused(cli("plan", "goteborg_nya_alen", *BUS), "goteborg_nya_allen")
+    refused(cli("plan", "excel_lower.csv", *BUS), "excel_lower.csv does not exist", "give a road file")
     refused(cli("roads"), "missing command", "hdvplan roads --help")
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-HEAVY = ("numpy", "numba", "scipy", "pandas", "matplotlib", "shapely", "pyproj", "rich.table")
+HEAVY = ("numpy", "numba", "scipy", "pandas", "matplotlib", "shapely", "pyproj", "pyogrio", "rich.table")
 COMMAND = (sys.executable, "-m", "hdvplan")
 
 

@@ -48,6 +48,18 @@ def test_another_geographic_system_is_projected_too() -> None:
     assert float(np.hypot(*(plane.points[1] - plane.points[0]))) == pytest.approx(1113.7, abs=0.5)  # meridian arc at 57.7 degrees
 
 
+@pytest.mark.parametrize("lon", [179.999, -179.999])
+def test_longitudes_go_on_across_the_antimeridian_so_that_areas_do_not_wrap(lon: float) -> None:
+    points = np.array([[lon, -17.0], [-lon, -17.0]])
+    plane = to_plane(points)
+    east, _ = plane.to_lonlat(plane.points[:, 0], plane.points[:, 1])
+    assert np.diff(east)[0] == pytest.approx(0.002 * np.sign(lon), abs=1e-9)  # not 359.998
+    utm = to_plane(np.array([[816400.0, 8118000.0], [816700.0, 8118000.0]]), "EPSG:32760")  # zone 60, to either side of 180 degrees
+    east, _ = utm.to_lonlat(utm.points[:, 0], utm.points[:, 1])
+    assert 179.9 < east[0] < 180.1
+    assert 0.0 < east[1] - east[0] < 0.01
+
+
 def test_points_outside_a_systems_area_are_refused() -> None:
     with pytest.raises(RoadError, match="outside the area"):
         to_plane(np.array([[1e12, 1e12], [1e12, 2e12]]), "EPSG:3006")

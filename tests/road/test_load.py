@@ -100,7 +100,7 @@ def test_a_missing_file_and_a_folder_are_named(tmp_path: Path) -> None:
 
 
 def test_a_file_that_is_no_text_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "road.csv").write_bytes(b"\xff\xfe\x00x")
+    (tmp_path / "road.csv").write_bytes(b"\x89PNG\r\n\x1a\n\x00\x00")
     with pytest.raises(RoadError, match="cannot be read"):
         load_road(tmp_path / "road.csv")
 

@@ -47,10 +47,11 @@ def test_longitude_and_latitude_are_projected_with_true_lengths() -> None:
     [
         ("", "is empty"),
         ("0,0\n1,1\n", "line 1: the first line must name the columns"),
-        ("x,y,z\n0,0,0\n", "line 1: unknown column 'z'"),
         ("x,y\n0,0\n", "at least two points, this one has 1"),
         ("x,y\n0,0\n1,a\n", "line 3, column y: 'a' is not a number"),
-        ("x;y\n0;0\n1,5;2\n", "line 3, column x: '1,5' is not a number"),
+        ("x;y\n0;0\n1,5;2\n2.5;3\n", "line 4, column x: '2.5' is not a number"),
+        ("x;y\n0;0\n1.234,5;2\n", "line 3, column x: '1.234,5' is not a number"),
+        ("x,y\n0,0\n1,5,2,5\n", "line 3: 4 values for 2 columns"),
         ("x,y\n0,0\n1,nan\n", "line 3, column y: nan is not a finite number"),
         ("x,y\n0,0\ninf,1\n", "line 3, column x: inf is not a finite number"),
         ("x,y\n0,0\n1\n", "line 3: 1 values for 2 columns"),
@@ -66,7 +67,8 @@ def test_longitude_and_latitude_are_projected_with_true_lengths() -> None:
         ("s,kappa\n0,0\n5,0.9\n", "line 3, column kappa: 0.9 1/m is a radius below 2 m"),
         ("lon,lat\n11,57\n12,97\n", "point 2 has longitude 12, latitude 97"),
         ("x,y\n0,0\n1e9,0\n", "line 3, column x: 1e\\+09 m is too large"),
-        ("x,y\n11.97,57.70\n11.971,57.701\n11.972,57.702\n", "look like degrees"),
+        ("x_m,y_m\n11.97,57.70\n11.971,57.701\n11.972,57.702\n", "look like degrees"),
+        ("x,y\n0,0.1250\n10,0.1250\n20,0.", "line 4, column y: '0.' has lost digits"),
     ],
 )
 def test_each_mistake_is_named_in_one_line(text: str, message: str) -> None:
@@ -89,3 +91,75 @@ def test_a_system_gives_map_coordinates_their_longitude_and_latitude() -> None:
     assert lon[0] == pytest.approx(15.0, abs=1e-9)  # SWEREF 99 TM's central meridian
     with pytest.raises(RoadError, match="degrees, but EPSG:3006 is projected"):
         read_csv("lon,lat\n11,57\n11,58\n", "f", crs="EPSG:3006")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "X,Y\n0.5,0\n10,1\n",
+        "easting;northing\n0,5;0\n10;1\n",
+        "Rechtswert [m]\tHochwert [m]\n0,5\t0\n10\t1\n",
+        "N|E\n0|0.5\n1|10\n",
+        "sep=;\nX;Y;\n0,5;0;\n10;1;\n;;\n",
+        '"X" , "Y"\r\n"0,5","0"\r\n"10","1"\r\n',
+        "point_x,point_y\n0.5,0\n10,1",
+    ],
+)
+def test_tables_are_read_as_spreadsheets_write_them(text: str) -> None:
+    raw = read_csv(text, "f")
+    np.testing.assert_array_equal(raw.points, [[0.5, 0.0], [10.0, 1.0]])
+    assert not raw.notes
+
+
+@pytest.mark.parametrize(
+    "header",
+    ["Längengrad;Breitengrad", "Longitude;Latitude", "LON;LAT", "lng;lat", "Länge;Breite", "Longitud;Latitud", "Longitudine;Latitudine"],
+)
+def test_longitude_and_latitude_have_many_names(header: str) -> None:
+    raw = read_csv(f"{header}\n11,95;57,7\n11,951;57,7\n", "f")
+    assert np.hypot(*np.diff(raw.points, axis=0)[0]) == pytest.approx(59.6, abs=0.1)  # a thousandth of a degree there
+
+
+@pytest.mark.parametrize(
+    ("header", "cells", "sides"),
+    [
+        ("left_m,right_m", "3,2", (3.0, 2.0)),
+        ("Breite rechts,Breite links", "2,3", (3.0, 2.0)),
+        ("Vänster,Höger", "3,2", (3.0, 2.0)),
+        ("width_m", "7", (3.5, 3.5)),
+        ("Bredd", "7", (3.5, 3.5)),
+        ("Breite", "7", (3.5, 3.5)),
+        ("largeur (m)", "7", (3.5, 3.5)),
+    ],
+)
+def test_widths_have_many_names(header: str, cells: str, sides: tuple[float, float]) -> None:
+    raw = read_csv(f"lon,lat,{header}\n11.95,57.7,{cells}\n11.951,57.7,{cells}\n", "f")
+    assert raw.reaches is not None
+    np.testing.assert_allclose(raw.reaches[:, 1], [*sides, *sides])
+    assert not raw.notes
+
+
+def test_other_columns_are_not_read_but_noted_with_what_may_have_been_meant() -> None:
+    raw = read_csv("x,y,name,left_swep\n0,0,A,\n10,0,B,x\n", "f")
+    assert raw.notes == ("f: columns name, left_swep not read; did you mean left_sweep by left_swep?",)
+
+
+def test_coordinates_that_can_only_be_degrees_are_read_as_such_with_a_note() -> None:
+    raw = read_csv("X,Y\n11.97,57.70\n11.971,57.701\n11.972,57.702\n", "f")
+    assert raw.to_lonlat is not None
+    assert raw.notes == ("f: columns X, Y are read as longitude and latitude, for metres they are too close together",)
+    np.testing.assert_allclose(read_csv("X,Y\n11.97,57.70\n11.971,57.701\n11.972,57.702\n", "f", crs="EPSG:4326").points, raw.points)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("x,y,width,left,right\n0,0,7,3,3\n1,1,7,3,3\n", "columns left, right and width contradict each other"),
+        ("x,easting,y\n0,0,0\n1,1,1\n", "columns x and easting contradict each other"),
+        ("lon,lat\n11,950;57,7\n11,951;57,7\n", "line 2: 3 values for 2 columns"),
+        ("x,y\n0,0\n1," + 200_000 * "1" + "\n", "line 3: field larger than field limit"),
+    ],
+)
+def test_tables_that_cannot_be_meant_are_refused(text: str, message: str) -> None:
+    with pytest.raises(RoadError, match=message):
+        read_csv(text, "f")

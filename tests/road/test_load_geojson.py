@@ -10,10 +10,18 @@ import pytest
 import shapely
 
 from hdvplan.errors import RoadError
-from hdvplan.road.load_geojson import read_geojson
+from hdvplan.road.features import Choice
+from hdvplan.road.load_geojson import json_object
+from hdvplan.road.load_geojson import read_geojson as read_document
+from hdvplan.road.raw import RawRoad
 from hdvplan.road.regions import Kind
 
+ANY = Choice()
 LINE = [[11.97, 57.70], [11.971, 57.701], [11.972, 57.7015]]
+
+
+def read_geojson(text: str, name: str, crs: str | None = None, choice: Choice = ANY) -> RawRoad:
+    return read_document(json_object(text, name), name, crs=crs, choice=choice)
 
 
 def geometry(coordinates: Any = LINE, kind: str = "LineString") -> dict[str, Any]:  # noqa: ANN401
@@ -45,12 +53,12 @@ def test_points_return_to_their_longitude_and_latitude() -> None:
 
 def test_one_of_several_lines_is_chosen_by_name_or_id() -> None:
     text = collection(feature(name="north"), feature(geometry(LINE[::-1]), name="south", id=7))
-    north, south = read_geojson(text, "f", feature="north"), read_geojson(text, "f", feature="7")
+    north, south = read_geojson(text, "f", choice=Choice(feature="north")), read_geojson(text, "f", choice=Choice(feature="7"))
     np.testing.assert_allclose(north.points, south.points[::-1], atol=1e-9)  # the same line backwards
     with pytest.raises(RoadError, match="2 lines, and none is chosen: 'north', 'south'"):
         read_geojson(text, "f")
     with pytest.raises(RoadError, match="no line is called 'west'; there are 'north', 'south'"):
-        read_geojson(text, "f", feature="west")
+        read_geojson(text, "f", choice=Choice(feature="west"))
 
 
 def test_parts_are_joined_in_their_direction_whatever_their_order() -> None:
@@ -149,7 +157,7 @@ def test_a_polygon_that_crosses_itself_keeps_its_areas() -> None:
 def test_a_region_that_is_none_is_named(shape: dict[str, Any], region: str, message: str) -> None:
     document = collection(feature(name="road"), feature(shape, region=region, name="van"))
     with pytest.raises(RoadError, match=message):
-        read_geojson(document, "f", feature="road" if shape["type"] == "LineString" else None)
+        read_geojson(document, "f", choice=Choice(feature="road" if shape["type"] == "LineString" else None))
 
 
 def test_the_notice_is_the_attribution_with_the_licence() -> None:

@@ -1,0 +1,158 @@
+"""From the features of a vector file to a road: one line that is chosen and joined, with its widths and what is beside it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import shapely
+
+from hdvplan.errors import RoadError
+from hdvplan.jit import FloatArray
+from hdvplan.road.beside import Beside
+from hdvplan.road.crs import LONLAT, check_lonlat, is_geographic, looks_like_degrees, to_plane
+from hdvplan.road.features import LINES, Choice, Feature, Json, coordinates_of, flat, is_finite, parts_of, role_of
+from hdvplan.road.raw import RawRoad
+from hdvplan.road.regions import Region
+
+_SNAP_M = 0.01
+_LISTED = 20  # lines that a question names
+
+
+@dataclass(frozen=True)
+class _Line:
+    """A line feature's parts: their raw coordinates. Those of a drawing run in any direction: it knows none."""
+
+    feature: Feature
+    parts: list[Any]
+    directed: bool = True
+
+
+def road_of(features: list[Feature], name: str, choice: Choice) -> RawRoad:
+    """Return the road among ``features``; ``name`` begins the messages.
+
+    Raises:
+        RoadError: no line, several lines and none chosen, parts that do not join, impossible coordinates, or several
+            coordinate reference systems.
+
+    """
+    line = _chosen(_lines(features, name), choice, name)
+    parts = [coordinates_of(part, name) for part in line.parts]
+    system = line.feature.system
+    everything = np.concatenate(parts)
+    notes: tuple[str, ...] = ()
+    if system is None and looks_like_degrees(everything):
+        notes = (f"{name}: coordinates are read as longitude and latitude, for metres they are too close together",)
+        system = LONLAT
+        features = [replace(feature, system=feature.system or LONLAT) for feature in features]
+    if system is not None and is_geographic(system):
+        check_lonlat(everything, name)
+    plane = None if system is None else to_plane(everything, system)
+    placed = parts if plane is None else np.split(plane.points, np.cumsum([len(part) for part in parts])[:-1])
+    points = _joined(placed, name, directed=line.directed)
+    beside = Beside(name, system, plane, choice, line.feature.geometry)
+    regions: list[Region] = []
+    for feature in features:
+        regions += beside.regions(feature, len(regions) + 1)
+    return RawRoad(
+        points,
+        _reaches(line.feature.properties, len(points), name),
+        to_lonlat=None if plane is None else plane.to_lonlat,
+        notice=_notice(line.feature.properties),
+        regions=tuple(regions),
+        edges=tuple(edge for feature in features for edge in beside.edges(feature)),
+        notes=notes,
+    )
+
+
+def _lines(features: list[Feature], name: str) -> list[_Line]:
+    """Return every line feature."""
+    return [
+        _Line(feature, parts_of(geometry, name)) for feature in features for geometry in flat(feature.geometry) if geometry["type"] in LINES
+    ]
+
+
+def _chosen(lines: list[_Line], choice: Choice, name: str) -> _Line:
+    if not lines:
+        msg = f"{name}: no LineString or MultiLineString in it"
+        raise RoadError(msg, hint="a road is a line feature; simplified map edges may have lost theirs")
+    there = lines if choice.layer is None else [line for line in lines if line.feature.layer == choice.layer]
+    if not there:
+        layers = sorted({line.feature.layer for line in lines if line.feature.layer})
+        msg = f"{name}: no line in a layer called {choice.layer!r}; there are {', '.join(map(repr, layers)) or 'no layers'}"
+        raise RoadError(msg)
+    if choice.feature is None:
+        without = [line for line in there if role_of(line.feature, choice) is None]
+        matching = without if choice.layer is None and without else there
+    else:
+        matching = [line for line in there if choice.feature in line.feature.labels]
+    if len(matching) == 1:
+        return matching[0]
+    if choice.layer is not None and choice.feature is None and all(line.feature.drawn for line in matching):
+        return _Line(matching[0].feature, [part for line in matching for part in line.parts], directed=False)
+    listed = _listed(matching or there)
+    if choice.feature is None:
+        msg = f"{name}: {len(matching)} lines, and none is chosen: {listed}"
+        several = len({line.feature.layer for line in matching}) > 1
+        raise RoadError(msg, hint="choose one with --name or --id" + (" or --layer" if several else ""))
+    if matching:
+        msg = f"{name}: {len(matching)} lines are called {choice.feature!r}"
+        raise RoadError(msg, hint="choose by a unique --id")
+    msg = f"{name}: no line is called {choice.feature!r}; there are {listed}"
+    raise RoadError(msg)
+
+
+def _listed(lines: list[_Line]) -> str:
+    """Return the names of lines, with their layers where there are several."""
+    several = len({line.feature.layer for line in lines}) > 1
+    names = [
+        (repr(line.feature.labels[0]) if line.feature.labels else "(unnamed)") + (f" in {line.feature.layer!r}" if several else "")
+        for line in lines[:_LISTED]
+    ]
+    return ", ".join(names) + (", ..." if len(lines) > _LISTED else "")
+
+
+def _joined(parts: list[FloatArray], name: str, *, directed: bool) -> FloatArray:
+    """Return one line from parts that join end to start, in their own direction, or else the first one's; whatever their order."""
+    in_order = all(np.hypot(*(after[0] - before[-1])) <= _SNAP_M for before, after in pairwise(parts))
+    if in_order:
+        return np.concatenate(parts)
+    ends = np.array([point for part in parts for point in (part[0], part[-1])])
+    for i, part in enumerate(parts):
+        for row in (0, -1):
+            near = int(np.argmax(np.hypot(*(ends - part[row]).T) <= _SNAP_M))
+            parts[i][row] = ends[near]
+    merged = shapely.line_merge(shapely.MultiLineString(parts), directed=directed)
+    if isinstance(merged, shapely.LineString):
+        start, end = (merged.project(shapely.Point(parts[0][row])) for row in (0, -1))
+        return np.asarray(merged.coords if directed or start < end else merged.reverse().coords, dtype=float)
+    pieces = [np.asarray(piece.coords, dtype=float) for piece in merged.geoms]
+    gaps = [min(float(np.hypot(*(other[0] - piece[-1]))) for j, other in enumerate(pieces) if j != i) for i, piece in enumerate(pieces)]
+    listed = ", ".join(f"{gap:.2f} m" for gap in sorted(gaps)[: len(pieces) - 1][:10])
+    msg = f"{name}: the line's {len(parts)} parts do not join to one; from an end to the next start there are gaps of {listed}"
+    raise RoadError(msg, hint="join the parts, or turn the ones that run backwards" if directed else "join them, or choose one with --id")
+
+
+def _reaches(properties: Json, count: int, name: str) -> FloatArray | None:
+    given = [key for key in ("left_m", "right_m", "width_m") if properties.get(key) is not None]
+    if not given:
+        return None
+    if set(given) not in ({"left_m", "right_m"}, {"width_m"}):
+        msg = f"{name}: properties {', '.join(given)} do not give the width: left_m with right_m, or width_m alone"
+        raise RoadError(msg)
+    for key in given:
+        value = properties[key]
+        if not (is_finite(value) and value > 0.0):
+            msg = f"{name}: property {key} must be a positive number of metres, not {value!r}"
+            raise RoadError(msg)
+    left, right = (0.5 * properties["width_m"],) * 2 if given == ["width_m"] else (properties["left_m"], properties["right_m"])
+    return np.tile(np.array([[left], [right], [left], [right]], dtype=float), count)
+
+
+def _notice(properties: Json) -> str | None:
+    """Return the short attribution: its first sentence and the licence."""
+    attribution = str(properties.get("attribution") or "").split(". ")[0].rstrip(".")
+    licence = str(properties.get("licence") or properties.get("license") or "").replace("-", " ")
+    return ", ".join(part for part in (attribution, licence) if part) or None

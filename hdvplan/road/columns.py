@@ -1,0 +1,130 @@
+"""What the columns of a table of points are called, in the spellings and languages that spreadsheets have them."""
+
+from __future__ import annotations
+
+import difflib
+import re
+import unicodedata
+from dataclasses import dataclass
+
+from hdvplan.errors import RoadError
+
+LAYOUTS = "known columns: x,y or lon,lat or s,kappa; with left_m,right_m or width_m; with left_sweep,right_sweep"
+
+# Every spelling is folded: lower case, no accents, no units in brackets, words joined by "_".
+_SPELLINGS = {
+    "x": "x x_m easting east rechtswert ostwert ost este utm_e utm_x x_coord xcoord coord_x point_x e_koordinat x_koordinat",
+    "y": "y y_m northing north hochwert nordwert nord norte utm_n utm_y y_coord ycoord coord_y point_y n_koordinat y_koordinat",
+    "lon": "lon long lng longitude longitud longitudine langengrad laengengrad geographische_lange lengdegrad laengdegrad lengtegraad"
+    " pituusaste dlugosc dlugosc_geograficzna lon_deg longitude_deg gps_longitude",
+    "lat": "lat latitude latitud latitudine breitengrad geographische_breite breddegrad breedtegraad leveysaste szerokosc"
+    " szerokosc_geograficzna lat_deg latitude_deg gps_latitude",
+    "s": "s s_m",
+    "kappa": "kappa curvature krummung kurvatur courbure kromning",
+    "left": "left left_m w_tr_left_m w_tr_left width_left left_width breite_links links vanster bredd_vanster vanster_bredd vansterbredd"
+    " gauche largeur_gauche izquierda ancho_izquierda sinistra larghezza_sinistra venstre bredde_venstre breedte_links",
+    "right": "right right_m w_tr_right_m w_tr_right width_right right_width breite_rechts rechts hoger bredd_hoger hoger_bredd hogerbredd"
+    " droite largeur_droite derecha ancho_derecha destra larghezza_destra hoyre bredde_hoyre breedte_rechts",
+    "width": "width width_m road_width breite fahrbahnbreite bredd vagbredd largeur ancho larghezza bredde breedte szerokosc_drogi",
+    "left_sweep": "left_sweep left_sweep_m",
+    "right_sweep": "right_sweep right_sweep_m",
+}
+_MEANINGS = {name: meaning for meaning, names in _SPELLINGS.items() for name in names.split()}
+_ONLY_TOGETHER = {("e", "n"): ("x", "y"), ("lange", "breite"): ("lon", "lat"), ("est", "nord"): ("x", "y")}  # else they mean something else
+_LIKELY = 0.9  # similarity of a misspelt name
+_POSITIONS = (("x", "y"), ("lon", "lat"), ("s", "kappa"))
+_PAIRS = (*_POSITIONS, ("left", "right"), ("left_sweep", "right_sweep"))
+_GEOMETRY = {"wkt", "geom", "geometry", "the_geom", "wkt_geom", "wkb_geometry"}
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Where a table has what: ``at`` is the number of each column by its meaning, ``position`` the pair that says where.
+
+    ``titles`` are the names as the table has them, by meaning; ``unread`` those of no meaning here.
+    """
+
+    at: dict[str, int]
+    titles: dict[str, str]
+    position: tuple[str, str]
+    unread: tuple[str, ...]
+
+
+def folded(title: str) -> str:
+    """Return a name without case, accents, units in brackets and punctuation: ``Längengrad [°]`` is ``langengrad``."""
+    plain = unicodedata.normalize("NFKD", title.replace("ø", "o").replace("Ø", "o").casefold())
+    plain = re.sub(r"[\[(].*?[\])]", "", "".join(sign for sign in plain if not unicodedata.combining(sign)))
+    return re.sub(r"\W+", "_", plain).strip("_")
+
+
+def is_header(titles: list[str]) -> bool:
+    """Tell whether every one of several names has a meaning: a comment of such names is a header."""
+    return len(titles) > 1 and None not in _meanings(titles)
+
+
+def has_geometry(titles: list[str]) -> bool:
+    """Tell whether a column holds whole geometries (well-known text)."""
+    return any(folded(title) in _GEOMETRY for title in titles)
+
+
+def columns_of(titles: list[str], where: str) -> Columns:
+    """Return what the columns called ``titles`` are; ``where`` begins the messages.
+
+    Raises:
+        RoadError: no position, half of a pair, or two columns of the same meaning.
+
+    """
+    at: dict[str, int] = {}
+    unread: list[str] = []
+    for number, (title, meaning) in enumerate(zip(titles, _meanings(titles), strict=True)):
+        if meaning is None:
+            unread += [title] if title else []
+        elif meaning not in at:
+            at[meaning] = number
+        elif title == titles[at[meaning]]:
+            msg = f"{where}: column {title} occurs twice"
+            raise RoadError(msg)
+        else:
+            msg = f"{where}: columns {titles[at[meaning]]} and {title} contradict each other"
+            raise RoadError(msg, hint=LAYOUTS)
+    names = {meaning: titles[number] for meaning, number in at.items()}
+    present = [pair for pair in _POSITIONS if pair[0] in at or pair[1] in at]
+    if not present:
+        msg = f"{where}: no position columns among {', '.join(titles)[:200]}"
+        raise RoadError(msg, hint=LAYOUTS)
+    if len(present) > 1:
+        first, second = ([names[key] for key in pair if key in names] for pair in present[:2])
+        msg = f"{where}: columns {', '.join(first)} and {', '.join(second)} contradict each other"
+        raise RoadError(msg, hint=LAYOUTS)
+    for pair in _PAIRS:
+        for own, other in (pair, pair[::-1]):
+            if other in at and own not in at:
+                msg = f"{where}: column {own} is missing beside {names[other]}"
+                raise RoadError(msg, hint=LAYOUTS)
+    if "width" in at and "left" in at:
+        msg = f"{where}: columns {names['left']}, {names['right']} and {names['width']} contradict each other"
+        raise RoadError(msg, hint=LAYOUTS)
+    if "left_sweep" in at and "left" not in at:
+        msg = f"{where}: {names['left_sweep']} and {names['right_sweep']} need left and right beside them"
+        raise RoadError(msg, hint=LAYOUTS)
+    return Columns(at, names, present[0], tuple(unread))
+
+
+def unread_note(columns: Columns, name: str) -> tuple[str, ...]:
+    """Return a note on the columns that are not read, none without any; with what a misspelt one may have meant."""
+    if not columns.unread:
+        return ()
+    near = [(title, difflib.get_close_matches(folded(title), _MEANINGS, n=1, cutoff=_LIKELY)) for title in columns.unread[:20]]
+    meant = "".join(f"; did you mean {match[0]} by {title}?" for title, match in near if match)
+    several = "columns" if len(columns.unread) > 1 else "column"
+    return (f"{name}: {several} {', '.join(columns.unread)[:200]} not read{meant}",)
+
+
+def _meanings(titles: list[str]) -> list[str | None]:
+    names = [folded(title) for title in titles]
+    meanings = [_MEANINGS.get(name) for name in names]
+    for pair, together in _ONLY_TOGETHER.items():
+        others = {meaning for name, meaning in zip(names, meanings, strict=True) if name not in pair}
+        if set(pair) <= set(names) and not others & {"x", "y", "lon", "lat"}:
+            meanings = [dict(zip(pair, together, strict=True)).get(name, meaning) for name, meaning in zip(names, meanings, strict=True)]
+    return meanings

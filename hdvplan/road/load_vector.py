@@ -1,0 +1,244 @@
+"""Read a road from any vector file that GDAL knows: GeoPackage, Shapefile, DXF, KML, GPX, FlatGeobuf, spreadsheets and more."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from dataclasses import dataclass, replace
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from hdvplan.errors import RoadError
+from hdvplan.road.assemble import road_of
+from hdvplan.road.crs import LONLAT, lonlat_of, needs_lonlat
+from hdvplan.road.features import Choice, Feature
+from hdvplan.road.library import NOTICE
+from hdvplan.road.load_csv import Table, read_table
+from hdvplan.road.raw import RawRoad
+from hdvplan.road.regions import Kind
+
+_MOST_FEATURES = 200_000
+_POINTS_ONLY = {"Point", "MultiPoint", "2.5D Point", "Point Z", "Point M", "Point ZM", "MultiPoint Z", "3D Point", "3D MultiPoint"}
+_SHEETS = {"XLSX", "ODS", "XLS"}
+_DRAWINGS = {"DXF", "DGN", "CAD"}
+_REACHES = {"left_m", "right_m", "width_m"}
+_NETWORK = ("<OGRVRTDataSource", "<OGRWFSDataSource", "<OGRCSWDataSource", "gdal_streamed_alg")  # files that name other sources to open
+_HEADER_BYTES = 65536  # of a drawing, which hold its settings
+_UNITS = {1: "inches", 2: "feet", 4: "millimetres", 5: "centimetres", 7: "kilometres"}
+_OLD = "cp1252"  # texts that are no UTF-8
+_CONVERT = "ogr2ogr road.gpkg {name}"
+
+
+def read_vector(path: Path, *, crs: str | None = None, choice: Choice) -> RawRoad:
+    """Return the road in the vector file ``path``; ``choice`` says which line.
+
+    The file says its coordinate reference system, layer by layer; ``crs`` overrides it. Without either, as in drawings,
+    coordinates are metres.
+
+    Raises:
+        RoadError: GDAL is missing or cannot read the file, or what ``road_of`` refuses.
+
+    """
+    name = path.name
+    with path.open("rb") as file:
+        head = file.read(4096).decode("latin-1")
+    if any(word in head for word in _NETWORK):
+        msg = f"{name} names other data instead of holding any"
+        raise RoadError(msg, hint=f"make it a file of its own first: {_CONVERT.format(name=name)}")
+    pyogrio = _pyogrio(name)
+    try:
+        content = _content(_Source(pyogrio, path), crs, choice)
+    except UnicodeDecodeError:
+        content = _content(_Source(pyogrio, path, _OLD), crs, choice)
+    if isinstance(content, Table):
+        return read_table(content, name, crs=crs)
+    driver, features = content
+    if not features:
+        msg = f"{name} holds no lines"
+        raise RoadError(msg, hint="a road is a line feature; a file that was cut off may have lost its own")
+    raw = road_of(features, name, choice)
+    return replace(raw, notes=(*raw.notes, *_drawing_notes(path))) if driver == "DXF" else raw
+
+
+def _pyogrio(name: str) -> ModuleType:
+    """Load GDAL: it takes half a second, which CSV and GeoJSON files do not need."""
+    try:
+        return import_module("pyogrio")
+    except ImportError as error:  # its wheel does not exist for every machine
+        msg = f"{name} needs GDAL to be read, and pyogrio cannot be loaded: {error}"
+        raise RoadError(msg, hint="pip install pyogrio, or convert the file where it opens: ogr2ogr road.geojson FILE") from error
+
+
+@dataclass(frozen=True)
+class _Source:
+    """A file that GDAL reads, and the encoding of its texts where that is not what the file says."""
+
+    pyogrio: ModuleType
+    path: Path
+    encoding: str | None = None
+
+    def info(self, layer: str) -> dict[str, Any]:
+        """Return what GDAL says about a layer."""
+        said: dict[str, Any] = self.pyogrio.read_info(self.path, layer=layer, force_feature_count=True, encoding=self.encoding)
+        return said
+
+    def read(self, layer: str) -> tuple[list[str], Any, Any, list[Any]]:
+        """Return the names of a layer's columns, the features' numbers, their shapes and the columns."""
+        meta, numbers, shapes, columns = self.pyogrio.raw.read(self.path, layer=layer, return_fids=True, encoding=self.encoding)
+        return [str(title) for title in meta["fields"]], numbers, shapes, columns
+
+
+def _content(source: _Source, crs: str | None, choice: Choice) -> Table | tuple[str, list[Feature]]:
+    """Return the table in a spreadsheet, or of other files the driver and the lines and polygons.
+
+    Raises:
+        RoadError: GDAL cannot read the file.
+        UnicodeDecodeError: its texts are in another encoding.
+
+    """
+    errors = source.pyogrio.errors
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # GDAL's remarks on fields that no road needs
+        try:
+            layers = _layers(source)
+            driver = layers[0][2] if layers else ""
+            if driver in _SHEETS:
+                return _sheet(source, layers, choice)
+            return driver, [feature for layer, system, _ in layers for feature in _features(source, layer, crs or system, driver)]
+        except UnicodeDecodeError as error:
+            if source.encoding is None:
+                raise
+            raise _unreadable(source.path, "its texts are in no known encoding") from error
+        except (errors.DataSourceError, errors.DataLayerError, errors.FeatureError) as error:
+            raise _unreadable(source.path, str(error)) from error
+
+
+def _layers(source: _Source) -> list[tuple[str, str | None, str]]:
+    """Return the name, the system and the driver of every layer that may hold lines, polygons or rows of a table."""
+    name = source.path.name
+    found: list[tuple[str, str | None, str]] = []
+    for layer, geometry in source.pyogrio.list_layers(source.path):
+        if geometry in _POINTS_ONLY:
+            continue
+        info = source.info(layer)
+        if info["features"] > _MOST_FEATURES:
+            msg = f"{name}: layer {layer!r} has {info['features']} features; at most {_MOST_FEATURES} are read"
+            raise RoadError(msg, hint=f"take out the road's surroundings first: ogr2ogr -spat XMIN YMIN XMAX YMAX road.gpkg {name}")
+        if geometry is not None or info["driver"] in _SHEETS:
+            found.append((layer, info["crs"], info["driver"]))
+    return found
+
+
+def _features(source: _Source, layer: str, system: str | None, driver: str) -> list[Feature]:
+    """Return the lines and polygons of a layer."""
+    titles, numbers, shapes, columns = source.read(layer)
+    if shapes is None:
+        return []
+    geometries = _geometries(shapes, source.path.name, layer)
+    if system is not None and needs_lonlat(system):
+        geometries, system = list(shapely.transform(geometries, partial(lonlat_of, system))), LONLAT
+    titles = [title.casefold() for title in titles]
+    found: list[Feature] = []
+    for number, geometry, *values in zip(numbers, geometries, *columns, strict=True):
+        if geometry is None or geometry.geom_type in {"Point", "MultiPoint"}:
+            continue
+        properties = {title: _value(value, title) for title, value in zip(titles, values, strict=True)}
+        properties = {title: value for title, value in properties.items() if value is not None}
+        labels = [str(properties[key]) for key in ("name", "id", "osm_id", "osm_way_id", "ref", "entityhandle") if key in properties]
+        if driver == "OSM":
+            properties = {"attribution": NOTICE}
+        elif "region" in properties:
+            region = str(properties.pop("region")).casefold()
+            properties |= {"region": region} if geometry.geom_type in {"Polygon", "MultiPolygon"} or region in list(Kind) else {}
+        drawn = driver in _DRAWINGS
+        shown = str(properties.get("layer", layer)) if drawn else layer
+        found.append(Feature(shapely.geometry.mapping(geometry), properties, (*labels, str(number)), shown, system, drawn))
+    return found
+
+
+def _geometries(shapes: NDArray[np.object_], name: str, layer: str) -> list[Any]:
+    missing = sum(shape is None for shape in shapes)
+    if missing and missing == len(shapes):
+        msg = f"{name}: no feature of layer {layer!r} has a geometry"
+        raise RoadError(msg, hint="is the file complete? it may have been cut off, or be encrypted")
+    try:
+        geometries = shapely.from_wkb(shapes)
+    except shapely.errors.ShapelyError as error:
+        msg = f"{name}: layer {layer!r} has a geometry that cannot be used: {error}"
+        raise RoadError(
+            msg, hint=f"make it plain first: ogr2ogr -nlt CONVERT_TO_LINEAR {_CONVERT.format(name=name).partition(' ')[2]}"
+        ) from error
+    return list(geometries)
+
+
+def _value(value: Any, title: str) -> object:  # noqa: ANN401 - whatever a database holds
+    """Return a field's value as JSON would have it, None where it is missing; widths as numbers."""
+    if value is None or value != value:  # noqa: PLR0124 - NaN and NaT mean missing
+        return None
+    plain = value.item() if isinstance(value, np.generic) else value
+    if title in _REACHES and isinstance(plain, str):
+        try:
+            return float(plain.replace(",", "."))
+        except ValueError:
+            return plain
+    return plain
+
+
+def _sheet(source: _Source, layers: list[tuple[str, str | None, str]], choice: Choice) -> Table:
+    """Return the table in a spreadsheet: its only sheet, or the one that ``choice`` calls for.
+
+    Raises:
+        RoadError: several sheets and none chosen, or none of that name.
+
+    """
+    sheets = [layer for layer, _, _ in layers]
+    wanted = [sheet for sheet in sheets if choice.layer in {None, sheet}]
+    if len(wanted) != 1:
+        what = "none is chosen" if choice.layer is None else f"none is called {choice.layer!r}"
+        msg = f"{source.path.name}: {len(sheets)} sheets, and {what}: {', '.join(map(repr, sheets))[:200]}"
+        raise RoadError(msg, hint="choose one with --layer")
+    titles, numbers, _, columns = source.read(wanted[0])
+    cells = [["" if _value(value, "") is None else str(_value(value, "")) for value in column] for column in columns]
+    rows = [list(row) for row in zip(*cells, strict=True)]
+    kept = [(int(number) + 1, row) for number, row in zip(numbers, rows, strict=True) if any(row)]  # line 1 is the header
+    return Table(titles, [line for line, _ in kept], [row for _, row in kept])
+
+
+def _drawing_notes(path: Path) -> tuple[str, ...]:
+    """Return a note if a drawing says that its unit is not the metre; many programs write one without meaning it.
+
+    Raises:
+        RoadError: the drawing was cut off.
+
+    """
+    with path.open("rb") as file:
+        head = file.read(_HEADER_BYTES).decode("latin-1")
+        file.seek(max(0, path.stat().st_size - 64))
+        tail = file.read().decode("latin-1")
+    if "EOF" not in tail:
+        msg = f"{path.name} is cut off: it lacks the end that drawings have"
+        raise RoadError(msg, hint="fetch the file again")
+    unit = re.search(r"\$INSUNITS\s+70\s+(\d+)", head)
+    if unit is None or int(unit[1]) not in _UNITS:
+        return ()
+    return (f"{path.name} says that it is drawn in {_UNITS[int(unit[1])]} (INSUNITS {unit[1]}); its coordinates are read as metres",)
+
+
+def _unreadable(path: Path, reason: str) -> RoadError:
+    """Return the refusal of a file that GDAL cannot read, without its source files and our folders."""
+    plain = re.sub(r"\S+\.(cpp|h), \d+: ", "", reason.splitlines()[0] if reason else "").replace(str(path), path.name)
+    plain = plain.partition("; It might help")[0].rstrip(". ")
+    if "not recognized" in plain:
+        msg = f"{path.name} is no vector file that can be read; it may be cut off, encrypted or of another kind"
+    elif "malformed" in plain:
+        msg = f"{path.name} is damaged or cut off"
+    else:
+        msg = f"{path.name} cannot be read: {plain}"
+    return RoadError(msg, hint=f"convert it where it opens, such as: {_CONVERT.format(name=path.name)}")

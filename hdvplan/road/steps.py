@@ -1,0 +1,37 @@
+"""A point that lies impossibly far from its neighbours: a slip of the pen, or a coordinate that lost its digits."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hdvplan.errors import RoadError
+from hdvplan.jit import FloatArray
+
+_RATIO = 1000.0  # of a step to the median of those around it
+_SHORTEST_M = 1000.0  # a long straight may well have one step of hundreds of metres between dense bends
+_SAME_M = 0.02  # points this close repeat their neighbour
+_AROUND = 3  # steps looked at before and after
+
+
+def refuse_outliers(points: FloatArray, lines: tuple[int, ...] | None, name: str) -> None:
+    """Refuse a line, shape (n, 2) [m], one of whose steps is thousands of times as long as those around it.
+
+    ``lines`` are the lines of the points in their file, without which the message counts points.
+
+    Raises:
+        RoadError: such a step; says between which points.
+
+    """
+    steps = np.hypot(*np.diff(points, axis=0).T)
+    for at in np.flatnonzero(steps > _SHORTEST_M).tolist():
+        around = np.concatenate([steps[max(0, at - _AROUND) : at], steps[at + 1 : at + 1 + _AROUND]])
+        around = around[around > _SAME_M]
+        usual = float(np.sort(around)[(len(around) - 1) // 2]) if len(around) else np.inf  # the lower median
+        if steps[at] > _RATIO * usual:
+            first, second = (at + 1, at + 2) if lines is None else (lines[at], lines[at + 1])
+            what = "points" if lines is None else "lines"
+            msg = (
+                f"{name}: {what} {first} and {second} are {steps[at] / 1e3:.3g} km apart,"
+                f" {steps[at] / usual:.0f} times the steps around them"
+            )
+            raise RoadError(msg, hint="correct or remove the point that is wrong; on a long straight, add points between")

@@ -1,0 +1,61 @@
+"""Road files of other programs at the command line: what is chosen, what is noted, and what is not loaded."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+from tests.cli.conftest import Cli
+
+OPENDRIVE = Path(__file__).parents[1] / "road" / "files" / "bendplatz.xodr"
+KML = """<kml xmlns="http://www.opengis.net/kml/2.2"><Document>
+<Folder><name>streets</name><Placemark><name>A</name><LineString><coordinates>11.95,57.7 11.951,57.7</coordinates></LineString></Placemark>
+<Placemark><name>B</name><LineString><coordinates>11.95,57.71 11.952,57.71</coordinates></LineString></Placemark></Folder>
+<Folder><name>site</name><Placemark><name>kerb</name><LineString><coordinates>11.95,57.70003 11.951,57.70003</coordinates></LineString>
+</Placemark></Folder></Document></kml>"""
+
+
+def test_layer_name_and_role_choose_in_a_file(cli: Cli, tmp_path: Path) -> None:
+    (tmp_path / "a.kml").write_text(KML, encoding="utf-8")
+    asked = cli("roads", "info", "a.kml")
+    assert asked.code == 2
+    assert "2 lines, and none is chosen: 'A', 'B'" in asked.err
+    found = cli("roads", "info", "a.kml", "--layer", "streets", "--name", "A", "--json")
+    assert found.code == 0
+    assert json.loads(found.out)["narrowest_m"] is not None
+    other = cli("roads", "info", "a.kml", "--name", "B", "--role", "kerb=sweepable", "--json")
+    assert json.loads(other.out)["narrowest_m"] is None  # a line is no sweepable area
+    refused = cli("roads", "info", "a.kml", "--role", "kerb")
+    assert (refused.code, refused.out) == (2, "")
+
+
+def test_notes_go_to_stderr_and_into_the_summary(cli: Cli, tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("X,Y,name\n0,0,A\n60,0,B\n", encoding="utf-8")
+    note = "a.csv: column name not read"
+    planned = cli("plan", "a.csv", "--vehicle", "bus", "--no-plot", "--json")
+    assert planned.code == 0
+    assert note in planned.err.splitlines()
+    assert json.loads(planned.out)["notes"] == [note]
+    assert note not in cli("plan", "a.csv", "--vehicle", "bus", "--no-plot", "--quiet").err
+
+
+def test_a_lane_of_an_opendrive_file_is_planned_within_its_edges_or_says_where_not(cli: Cli) -> None:
+    refused = cli("roads", "info", str(OPENDRIVE))
+    assert refused.code == 2
+    assert "16 roads, and none is chosen" in refused.err
+    planned = cli("plan", str(OPENDRIVE), "--road-ids", "2,1", "--vehicle", "bus", "--no-plot", "--json")
+    summary = json.loads(planned.out)
+    assert planned.code == 1  # 2.5 to 3.6 m of lane are too narrow for a bus in a turn
+    assert summary["limit_violation_m"] > 0.1
+    straight = cli("plan", str(OPENDRIVE), "--road-ids=-1", "--vehicle", "bus", "--no-plot", "--json")
+    assert straight.code == 0
+
+
+def test_tables_and_geojson_do_without_gdal(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("x,y\n0,0\n50,0\n", encoding="utf-8")
+    (tmp_path / "a.geojson").write_text('{"type": "LineString", "coordinates": [[11.95, 57.7], [11.951, 57.7]]}', encoding="utf-8")
+    code = "import sys; from hdvplan import load_road; load_road('a.csv'); load_road('a.geojson'); print('pyogrio' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)  # noqa: S603 - our own words
+    assert done.stdout == "False\n"

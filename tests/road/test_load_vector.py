@@ -1,0 +1,279 @@
+"""Vector files of other programs: the same street from every format, and what is beside it."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyogrio
+import pytest
+import shapely
+from pyproj import Transformer
+from shapely.geometry.base import BaseGeometry
+
+from hdvplan.errors import OptionError, RoadError
+from hdvplan.road.load import RoadOptions, load_road
+from hdvplan.road.regions import Kind
+
+LONLAT = np.array([[11.950, 57.700], [11.9505, 57.700], [11.951, 57.700], [11.9513, 57.70005], [11.95138, 57.7002], [11.95138, 57.7008]])
+METRES = np.stack(Transformer.from_crs("OGC:CRS84", "EPSG:3006", always_xy=True).transform(*LONLAT.T), axis=1)
+LINE, GRID_LINE = shapely.LineString(LONLAT), shapely.LineString(METRES)
+HOARDING = shapely.box(11.95131, 57.70023, 11.95136, 57.70036)
+SAME_M = 1e-3  # GML and MapInfo files round to 1e-9 degrees or a like share of their extent
+GRID_M = 0.05  # SWEREF 99 TM and the local projection differ in scale by 1e-5, and in direction
+
+TRACK = "<trk><name>A</name><trkseg>{}</trkseg></trk>"
+GPX = '<gpx version="1.1" creator="g" xmlns="http://www.topografix.com/GPX/1/1"><wpt lat="57.6" lon="11.9"/>' + TRACK + "</gpx>"
+PLACEMARK = "<Placemark><name>A</name><LineString><coordinates>{}</coordinates></LineString></Placemark>"
+KML = '<kml xmlns="http://www.opengis.net/kml/2.2"><Document>' + PLACEMARK + "</Document></kml>"
+
+
+def write(
+    path: Path,
+    geometries: Sequence[BaseGeometry],
+    *,
+    crs: str | None = "EPSG:4326",
+    layer: str | None = None,
+    driver: str | None = None,
+    **columns: list[Any],
+) -> Path:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # writing is not under test: a missing system and short field names are meant
+        pyogrio.raw.write(
+            path,
+            geometry=shapely.to_wkb(np.array(geometries, dtype=object)),
+            field_data=[np.array(values, dtype=object if isinstance(values[0], str) else float) for values in columns.values()],
+            fields=list(columns),
+            geometry_type=geometries[0].geom_type,
+            crs=crs,
+            layer=layer,
+            driver=driver,
+            append=path.exists(),
+        )
+    return path
+
+
+def reference(tmp_path: Path, **properties: object) -> Path:
+    document = {"type": "Feature", "properties": properties, "geometry": shapely.geometry.mapping(LINE)}
+    path = tmp_path / "reference.geojson"
+    path.write_text(json.dumps(document), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("name", "driver"),
+    [
+        ("road.gpkg", None),
+        ("road.shp", None),
+        ("road.fgb", None),
+        ("road.kml", "KML"),
+        ("road.gml", None),
+        ("road.sqlite", None),
+        ("ROAD.GPKG", None),
+        ("road.tab", "MapInfo File"),
+        ("road.geojsonl", "GeoJSONSeq"),
+    ],
+)
+def test_every_format_gives_the_road_that_geojson_gives(tmp_path: Path, name: str, driver: str | None) -> None:
+    expected = load_road(reference(tmp_path)).path
+    road = load_road(write(tmp_path / name, [LINE], driver=driver))
+    assert road.path.length == pytest.approx(expected.length, abs=SAME_M)
+    assert road.to_lonlat is not None
+    assert not road.notes
+
+
+def test_tracks_and_placemarks_are_roads_and_waypoints_are_not(tmp_path: Path) -> None:
+    points = "".join(f'<trkpt lat="{lat}" lon="{lon}"/>' for lon, lat in LONLAT)
+    (tmp_path / "a.gpx").write_text(GPX.format(points), encoding="utf-8")
+    (tmp_path / "a.kml").write_text(KML.format(" ".join(f"{lon},{lat},0" for lon, lat in LONLAT)), encoding="utf-8")
+    expected = load_road(reference(tmp_path)).path.length
+    for name in ("a.gpx", "a.kml"):
+        assert load_road(tmp_path / name).path.length == pytest.approx(expected, abs=SAME_M)
+
+
+def test_projected_files_keep_their_own_coordinates(tmp_path: Path) -> None:
+    road = load_road(write(tmp_path / "grid.gpkg", [GRID_LINE], crs="EPSG:3006"))
+    assert (float(road.path.at(0.0).x), float(road.path.at(0.0).y)) == pytest.approx(tuple(METRES[0]), abs=1e-6)
+    assert road.path.length == pytest.approx(load_road(reference(tmp_path)).path.length, abs=GRID_M)
+
+
+@pytest.mark.parametrize("system", ["EPSG:3857", "EPSG:2263"])
+def test_systems_without_true_metres_are_brought_to_longitude_and_latitude_first(tmp_path: Path, system: str) -> None:
+    turn = Transformer.from_crs("OGC:CRS84", system, always_xy=True)
+    shift = np.array([-74.0 - 11.95, 40.7 - 57.7])  # EPSG:2263 is New York, in feet
+    there = shapely.LineString(np.stack(turn.transform(*(LONLAT + shift).T), axis=1))
+    plain = write(tmp_path / "plain.gpkg", [shapely.LineString(LONLAT + shift)])
+    road = load_road(write(tmp_path / "there.gpkg", [there], crs=system))
+    assert road.path.length == pytest.approx(load_road(plain).path.length, abs=SAME_M)
+
+
+def test_a_drawing_without_a_system_is_in_metres_and_crs_places_it(tmp_path: Path) -> None:
+    drawing = write(tmp_path / "a.dxf", [GRID_LINE], crs=None)
+    road = load_road(drawing)
+    assert road.to_lonlat is None
+    assert "drawn in inches" in road.notes[0]  # GDAL writes this unit without meaning it, as other programs do
+    placed = load_road(drawing, RoadOptions(crs="EPSG:3006"))
+    assert placed.to_lonlat is not None
+    lon, lat = placed.to_lonlat(*(np.array([value]) for value in METRES[0]))
+    assert (lon[0], lat[0]) == pytest.approx(tuple(LONLAT[0]), abs=1e-8)
+
+
+def test_well_known_text_in_a_csv_is_read_and_its_degrees_are_noticed(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(f'WKT,name\n"{LINE.wkt}",A\n', encoding="utf-8")
+    road = load_road(tmp_path / "a.csv")
+    assert road.path.length == pytest.approx(load_road(reference(tmp_path)).path.length, abs=SAME_M)
+    assert "read as longitude and latitude" in road.notes[0]
+
+
+def test_texts_in_an_old_encoding_are_read_and_those_in_none_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_bytes(f'WKT,name\n"{LINE.wkt}",Hafenstra\xdfe\n"{LINE.wkt}",Kai\n'.encode("latin-1"))
+    assert load_road(tmp_path / "a.csv", RoadOptions(feature="Hafenstraße")).path.length > 0.0
+    (tmp_path / "b.csv").write_bytes(f'WKT,name\n"{LINE.wkt}",\x81\n'.encode("latin-1"))
+    with pytest.raises(RoadError, match=r"b\.csv cannot be read"):
+        load_road(tmp_path / "b.csv")
+
+
+def test_spreadsheets_are_tables_of_points_with_a_sheet_to_choose(tmp_path: Path) -> None:
+    for layer in ("Blatt1", "Blatt2"):
+        pyogrio.raw.write(
+            tmp_path / "a.xlsx",
+            geometry=None,
+            field_data=[*LONLAT.T.copy(), np.full(len(LONLAT), 7.0)],
+            fields=["Längengrad", "Breitengrad", "Breite"],
+            geometry_type=None,
+            layer=layer,
+            append=(tmp_path / "a.xlsx").exists(),
+        )
+    with pytest.raises(RoadError, match="2 sheets, and none is chosen: 'Blatt1', 'Blatt2'"):
+        load_road(tmp_path / "a.xlsx")
+    road = load_road(tmp_path / "a.xlsx", RoadOptions(layer="Blatt2"))
+    assert road.path.length == pytest.approx(load_road(reference(tmp_path)).path.length, abs=SAME_M)
+    assert road.limits is not None
+    assert road.limits.left[0] == pytest.approx(3.5)
+
+
+def test_widths_come_from_columns_in_any_case(tmp_path: Path) -> None:
+    shape = load_road(write(tmp_path / "a.shp", [LINE], WIDTH_M=[7.0]))
+    text = load_road(write(tmp_path / "a.gpkg", [LINE], Left_m=["3,5"], RIGHT_M=["3.5"]))
+    for road in (shape, text):
+        assert road.limits is not None
+        assert (road.limits.left[0], road.limits.right[0]) == pytest.approx((3.5, -3.5))
+
+
+def test_one_of_several_lines_is_asked_for_and_chosen_by_name_layer_or_number(tmp_path: Path) -> None:
+    other = shapely.LineString(LONLAT + 0.01)
+    file = write(tmp_path / "a.gpkg", [LINE, other], layer="streets", name=["North", "South"])
+    write(file, [other], layer="paths", name=["West"])
+    with pytest.raises(RoadError, match="3 lines, and none is chosen: 'North' in 'streets', 'South' in 'streets', 'West'") as caught:
+        load_road(file)
+    assert caught.value.hint == "choose one with --name or --id or --layer"
+    start = [load_road(file, options).to_lonlat is not None for options in (RoadOptions(feature="South"), RoadOptions(layer="paths"))]
+    assert start == [True, True]
+    assert load_road(file, RoadOptions(feature="2", layer="streets")).path.length > 0.0
+    with pytest.raises(RoadError, match="no line in a layer called 'lanes'; there are 'paths', 'streets'"):
+        load_road(file, RoadOptions(layer="lanes"))
+
+
+def test_polygons_are_regions_by_property_by_layer_and_by_role(tmp_path: Path) -> None:
+    by_property = write(tmp_path / "a.gpkg", [LINE], layer="road")
+    write(by_property, [HOARDING], layer="things", region=["Obstacle"])
+    by_layer = write(tmp_path / "b.gpkg", [LINE], layer="road")
+    write(by_layer, [HOARDING], layer="Obstacles", name=["hoarding"])
+    by_role = write(tmp_path / "c.gpkg", [LINE], layer="road")
+    write(by_role, [HOARDING], layer="buildings", name=["hoarding"])
+    for file, roles in ((by_property, ()), (by_layer, ()), (by_role, ("buildings=obstacle",)), (by_role, ("hoarding=obstacle",))):
+        (region,) = load_road(file, RoadOptions(roles=roles)).regions
+        assert region.kind is Kind.OBSTACLE
+    assert not load_road(by_role).regions
+    with pytest.raises(OptionError, match="a role is obstacle, sweepable or edge"):
+        load_road(by_role, RoadOptions(roles=("hoarding=wall",)))
+
+
+def test_a_closed_line_of_a_drawing_is_an_area(tmp_path: Path) -> None:
+    van = shapely.LineString(shapely.box(METRES[0, 0] + 20.0, METRES[0, 1] - 3.0, METRES[0, 0] + 26.0, METRES[0, 1] - 1.0).exterior)
+    drawing = write(tmp_path / "a.dxf", [GRID_LINE, van], crs=None, Layer=["ROAD", "HINDER"])
+    (region,) = load_road(drawing, RoadOptions(layer="ROAD")).regions
+    assert region.polygon.area == pytest.approx(12.0, abs=1e-6)
+
+
+def test_the_pieces_of_a_drawing_s_layer_are_one_line_whichever_way_they_run(tmp_path: Path) -> None:
+    pieces = [shapely.LineString(METRES[rows]) for rows in (slice(0, 3), slice(4, 1, -1), slice(4, None))]
+    drawing = write(tmp_path / "a.dxf", pieces, crs=None, Layer=["AXIS"] * 3)
+    with pytest.raises(RoadError, match="3 lines, and none is chosen"):
+        load_road(drawing)
+    path = load_road(drawing, RoadOptions(layer="AXIS")).path
+    assert (float(path.at(0.0).x), float(path.at(0.0).y)) == pytest.approx(tuple(METRES[0]), abs=1e-6)
+    assert path.length == pytest.approx(load_road(write(tmp_path / "b.dxf", [GRID_LINE], crs=None)).path.length, abs=1e-6)
+    apart = write(tmp_path / "c.dxf", [pieces[0], pieces[2]], crs=None, Layer=["AXIS"] * 2)
+    with pytest.raises(RoadError, match="2 parts do not join") as caught:
+        load_road(apart, RoadOptions(layer="AXIS"))
+    assert caught.value.hint == "join them, or choose one with --id"
+
+
+def test_lines_beside_the_road_are_its_edges_whichever_way_they_are_drawn(tmp_path: Path) -> None:
+    centre = shapely.LineString([(0.0, 0.0), (100.0, 0.0)])
+    left, right = shapely.LineString([(120.0, 3.0), (50.0, 3.0), (-20.0, 4.0)]), shapely.LineString([(-20.0, -2.5), (120.0, -2.5)])
+    by_layer = write(tmp_path / "a.dxf", [centre, left, right], crs=None, Layer=["CL", "LEFT_EDGE", "RIGHT_EDGE"])
+    by_role = write(tmp_path / "b.dxf", [centre, left, right], crs=None, Layer=["CL", "W1", "W2"])
+    for file, roles in ((by_layer, ()), (by_role, ("W1=edge", "W2=edge"))):
+        limits = load_road(file, RoadOptions(roles=roles)).limits
+        assert limits is not None
+        np.testing.assert_allclose(limits.table(np.array([0.0, 25.0, 75.0]))[0], [3.0 + 50 / 70, 3.0 + 25 / 70, 3.0], atol=1e-6)
+        np.testing.assert_allclose(limits.right, -2.5, atol=1e-6)
+
+
+def test_regions_in_another_system_are_refused(tmp_path: Path) -> None:
+    file = write(tmp_path / "a.gpkg", [GRID_LINE], crs="EPSG:3006", layer="road")
+    write(file, [HOARDING], layer="obstacles", name=["hoarding"])
+    with pytest.raises(RoadError, match="region 'hoarding' has EPSG:4326, the road has EPSG:3006") as caught:
+        load_road(file)
+    assert "ogr2ogr" in str(caught.value.hint)
+
+
+@pytest.mark.parametrize("share", [0.3, 0.6, 0.9])
+@pytest.mark.parametrize("name", ["a.gpkg", "a.fgb", "a.kml", "a.gml", "a.dxf", "a.shp"])
+def test_a_file_that_was_cut_off_is_refused_in_one_line(tmp_path: Path, name: str, share: float) -> None:
+    file = write(tmp_path / name, [LINE], crs=None if name == "a.dxf" else "EPSG:4326", driver="KML" if name == "a.kml" else None)
+    content = file.read_bytes()
+    file.write_bytes(content[: int(share * len(content))])
+    with pytest.raises(RoadError) as caught:
+        load_road(file)
+    assert "\n" not in str(caught.value)
+    assert str(tmp_path) not in str(caught.value)
+    assert caught.value.hint is not None
+
+
+def test_what_no_driver_reads_names_the_command_that_converts_it(tmp_path: Path) -> None:
+    (tmp_path / "a.dwg").write_bytes(b"AC1032" + bytes(200))
+    with pytest.raises(RoadError, match=r"a\.dwg is no vector file that can be read") as caught:
+        load_road(tmp_path / "a.dwg")
+    assert "ogr2ogr road.gpkg a.dwg" in str(caught.value.hint)
+
+
+def test_a_file_that_points_to_other_data_is_not_followed(tmp_path: Path) -> None:
+    source = write(tmp_path / "a.gpkg", [LINE])
+    text = f"<OGRVRTDataSource><OGRVRTLayer name='a'><SrcDataSource>{source}</SrcDataSource></OGRVRTLayer></OGRVRTDataSource>"
+    (tmp_path / "a.vrt").write_text(text, encoding="utf-8")
+    with pytest.raises(RoadError, match="names other data"):
+        load_road(tmp_path / "a.vrt")
+
+
+def test_points_alone_are_no_road(tmp_path: Path) -> None:
+    with pytest.raises(RoadError, match="holds no lines"):
+        load_road(write(tmp_path / "a.gpkg", [shapely.Point(11.95, 57.7)]))
+
+
+def test_without_gdal_the_refusal_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = write(tmp_path / "a.gpkg", [LINE])
+
+    def missing(name: str) -> None:
+        raise ImportError(name)
+
+    monkeypatch.setattr("hdvplan.road.load_vector.import_module", missing)
+    with pytest.raises(RoadError, match="needs GDAL") as caught:
+        load_road(file)
+    assert "pip install pyogrio" in str(caught.value.hint)
