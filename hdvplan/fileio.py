@@ -6,8 +6,10 @@ import errno
 import json
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import pandas as pd
+if TYPE_CHECKING:  # files of other kinds need no pandas
+    import pandas as pd
 
 
 def csv_bytes(table: pd.DataFrame) -> bytes:
