@@ -86,6 +86,8 @@ def _compile(function: Function, *, forceinline: bool = False, no_cpython_wrappe
 
 def load(kernel: Callable[..., object], *arguments: object) -> float:
     """Compile a kernel for such arguments, or load what an earlier run has compiled, without calling it; return the time it took [s]."""
+    import numba  # noqa: PLC0415 - as above
+
     started = perf_counter()
     cast("Any", kernel).compile(tuple(map(numba.typeof, arguments)))
     return perf_counter() - started

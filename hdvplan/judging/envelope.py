@@ -14,11 +14,10 @@ import numpy as np
 from hdvplan.driving.drive import Drive
 from hdvplan.errors import PlanError
 from hdvplan.jit import FloatArray, Record, Records, compiled, inlined
-from hdvplan.road.path import Curve, evaluate, project
+from hdvplan.road.path import LAST_STEP_M, Curve, evaluate, project
 from hdvplan.vehicle.kinematics import POSE, body_point, place
 
 SPACING_M = 0.25  # of outline points and of the envelope's stations
-_LAST_STEP_M = 2e-5  # a Newton step this small leaves errors of its square, see ``project``
 _WITHIN = 0.9  # curvature times offset up to which a few such steps can be trusted
 
 # The foot of an outline's point on the road: at this pose, and where it was at the two before [m].
@@ -131,9 +130,9 @@ def _follow(curve: Curve, pose: Record, outline: FloatArray, feet: Records, know
             turned = curvature * offset
             step = ahead / (1.0 - turned)
             s += step
-            if abs(step) < _LAST_STEP_M:
+            if abs(step) < LAST_STEP_M:
                 break
-        near = known and abs(step) < _LAST_STEP_M and turned < _WITHIN
+        near = known and abs(step) < LAST_STEP_M and turned < _WITHIN
         foot.s, foot.offset = s, offset - 0.5 * ahead * curvature * step if near else np.nan
 
 
