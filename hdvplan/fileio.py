@@ -5,9 +5,48 @@ from __future__ import annotations
 import errno
 import json
 import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-import pandas as pd
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:  # files of other kinds need no pandas
+    import pandas as pd
+
+_ROWS_AT_ONCE = 1000
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of a long table, and the ``printf`` format that says how exactly they are written."""
+
+    content: NDArray[Any]
+    form: str = "%s"  # words, whole numbers, truth values
+
+
+def table_bytes(table: Mapping[str, Column]) -> bytes:
+    """Return columns of equal length as CSV; missing numbers are empty.
+
+    Formats for many rows at once take a fifth of the time of numbers that read back to their last bit.
+    """
+    cells, forms = [], []
+    for column in table.values():
+        values, form = column.content.tolist(), column.form
+        missing = np.isnan(column.content) if column.content.dtype.kind == "f" else np.zeros(len(values), bool)
+        if np.any(missing):
+            values, form = ["" if none else form % value for none, value in zip(missing, values, strict=True)], "%s"
+        cells.append(values)
+        forms.append(form)
+    row, rows = ",".join(forms) + "\n", list(zip(*cells, strict=True))
+    parts = [",".join(table) + "\n"]
+    for begin in range(0, len(rows), _ROWS_AT_ONCE):
+        some = rows[begin : begin + _ROWS_AT_ONCE]
+        parts.append((row * len(some)) % tuple(chain.from_iterable(some)))
+    return "".join(parts).encode()
 
 
 def csv_bytes(table: pd.DataFrame) -> bytes:

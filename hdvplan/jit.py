@@ -18,7 +18,6 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any, TypeAlias, TypeVar, cast
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -35,6 +34,8 @@ _PACKAGE = Path(__file__).parent
 @cache
 def cache_directory() -> Path:
     """Return where compiled kernels of exactly this source and numba version are kept."""
+    import numba  # noqa: PLC0415 - modules that only name the types below must load without it
+
     digest = hashlib.sha256(numba.__version__.encode())
     for source in sorted(_PACKAGE.rglob("*.py")):
         text = source.read_bytes()
@@ -68,6 +69,8 @@ def _compile(function: Function, *, forceinline: bool = False, no_cpython_wrappe
     Numba reads its cache directory when a function is decorated: it is put back at once, so that other users of numba in the process
     keep theirs.
     """
+    import numba  # noqa: PLC0415 - as above
+
     former = numba.config.CACHE_DIR  # type: ignore[attr-defined] # numba fills its configuration at run time
     numba.config.CACHE_DIR = str(cache_directory())  # type: ignore[attr-defined]
     try:
@@ -83,6 +86,8 @@ def _compile(function: Function, *, forceinline: bool = False, no_cpython_wrappe
 
 def load(kernel: Callable[..., object], *arguments: object) -> float:
     """Compile a kernel for such arguments, or load what an earlier run has compiled, without calling it; return the time it took [s]."""
+    import numba  # noqa: PLC0415 - as above
+
     started = perf_counter()
     cast("Any", kernel).compile(tuple(map(numba.typeof, arguments)))
     return perf_counter() - started

@@ -13,8 +13,8 @@ from hdvplan.bench.compare import CellTimes, Comparison
 from hdvplan.bench.counters import IN_STEPS, Change
 from hdvplan.bench.gate import FEWEST_PAIRS, Rule, Verdict
 from hdvplan.bench.stats import KEY
+from hdvplan.report.grid import grid
 from hdvplan.report.markdown import markdown_table
-from hdvplan.report.tables import grid
 
 _CHANGES = (*KEY, "counter", "base", "new")
 _TIMES = (*KEY, "base [ms]", "new [ms]", "new/base", "interval", "verdict")

@@ -11,8 +11,8 @@ from rich.text import Text
 
 from hdvplan.bench.stats import Tables, reference_solver
 from hdvplan.bench.suite import Suite
+from hdvplan.report.grid import grid
 from hdvplan.report.markdown import markdown_table
-from hdvplan.report.tables import grid
 from hdvplan.solvers.registry import tolerance_of
 
 _TEXT = ("road", "vehicle", "scheme", "solver", "status")

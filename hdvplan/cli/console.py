@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from contextlib import contextmanager
 from enum import IntEnum
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 
+_UNCUT = 1000  # columns: wider than any table
 COMPILING = "compiling the planning kernels, once per installation: about half a minute"
 
 
@@ -48,10 +50,12 @@ def warn(message: str, *, quiet: bool = False) -> None:
 
 
 def print_tables(*tables: Table) -> None:
-    """Write tables to stdout, in colour where it is a terminal and NO_COLOR is not set."""
+    """Write tables to stdout, in colour where it is a terminal and NO_COLOR is not set; only there are they made to fit its width."""
     from rich.console import Console
 
     console = Console(highlight=False, soft_wrap=False)
+    if not console.is_terminal and "COLUMNS" not in os.environ:
+        console.width = _UNCUT
     for table in tables:
         console.print(table)
 

@@ -108,6 +108,17 @@ def plan(
     if out is not None and out.exists() and not out.is_dir():
         msg = f"--out {out} is a file, not a folder"
         raise OptionError(msg)
+    from hdvplan.road.load import find_road
+    from hdvplan.solvers.registry import DEFAULT, check_solver
+    from hdvplan.vehicle.load import load_vehicle
+
+    check_solver(solver or DEFAULT)
+    driven = load_vehicle(vehicle)
+    wanted = road_options(
+        smooth, crs, name, _REFERENCE_SLACK * driven.max_curvature, offset=offset, reverse=reverse, layer=layer, roles=role,
+        road_ids=road_ids, lane=lane,
+    )  # fmt: skip
+    found = find_road(road, wanted)  # what the files have wrong is said before more is loaded
     from hdvplan import api
     from hdvplan.case import Case
     from hdvplan.jit import is_compiled
@@ -116,9 +127,6 @@ def plan(
     from hdvplan.planning.objectives import objective_named
     from hdvplan.planning.settings import PlannerSettings, Scheme
     from hdvplan.report.files import PICTURES
-    from hdvplan.road.load import load_road
-    from hdvplan.solvers.registry import DEFAULT, solver_named
-    from hdvplan.vehicle.load import load_vehicle
 
     pictures = [choice("--format", kind.strip(), PICTURES) for kind in formats.split(",")]
     settings = PlannerSettings(
@@ -129,23 +137,10 @@ def plan(
         smoothness=smoothness,
         discretisation=Discretisation(choice("--discretisation", discretisation, list(Discretisation))),
     )
-    objective_named(objective), solver_named(solver or DEFAULT)  # refuse a wrong name before the road is read
-    driven = load_vehicle(vehicle)
-    compiled = is_compiled()  # asked before reading the road compiles a part
-    wanted = road_options(
-        smooth,
-        crs,
-        name,
-        _REFERENCE_SLACK * driven.max_curvature,
-        offset=offset,
-        reverse=reverse,
-        layer=layer,
-        roles=role,
-        road_ids=road_ids,
-        lane=lane,
-    )
-    with progress(f"reading {road}", quiet=quiet):
-        track = load_road(road, wanted)
+    objective_named(objective)  # refuses a wrong name before the road is smoothed
+    compiled = is_compiled()  # asked before smoothing compiles a part
+    with progress(f"smoothing {road}", quiet=quiet):
+        track = found()
     if reaches is not None:
         track = track.with_limits(*reaches)
     for remark in track.notes:

@@ -94,7 +94,7 @@ def _run(names: Sequence[str], out: Path, on_progress: Progress) -> list[Study]:
 
 def _print(studies: list[Study], out: Path) -> None:
     """Print a study's table; of several the headline rows."""
-    from hdvplan.report.tables import grid
+    from hdvplan.report.grid import grid
     from hdvplan.reproduce.study import shown, summary_of
 
     several = len(studies) > 1

@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from hdvplan.judging.fit import Fit
     from hdvplan.road.scenarios import Profile
 
-_STRAIGHT = 1e-4  # curvature that drawing a straight line leaves [1/m]
-
 app = typer.Typer(help="List, examine and make roads.", rich_markup_mode=None)
 
 
@@ -47,7 +45,7 @@ class Shape(StrEnum):
 @app.command("list")
 def list_roads(json: JsonOption = False) -> int:
     """List the shipped roads and the scenarios."""
-    from hdvplan.report.tables import grid
+    from hdvplan.report.grid import grid
 
     listed = [*_shipped(), *_examples(), *_scenarios()]
     if json:
@@ -81,17 +79,19 @@ def road_info(
 
     A vehicle fits where the band that it sweeps evenly, in a circle as tight as the road is there, lies between the limits.
     """
+    from hdvplan.road.load import find_road
+
+    chosen = road_options(smooth, crs, name, offset=offset, reverse=reverse, layer=layer, roles=role, road_ids=road_ids, lane=lane)
+    found = find_road(road, chosen)  # bad files are told before more is loaded
     from hdvplan.fileio import csv_bytes, write_atomically
     from hdvplan.judging.fit import facts_of, fit_of, fit_table
     from hdvplan.report.fit_tables import facts_table, findings_table, fits_table
     from hdvplan.report.summary import smoothing_of
-    from hdvplan.road.load import load_road
     from hdvplan.road.regions import distances
     from hdvplan.vehicle.load import load_vehicle, preset_names
 
-    with progress(f"reading {road}", quiet=False):
-        chosen = road_options(smooth, crs, name, offset=offset, reverse=reverse, layer=layer, roles=role, road_ids=road_ids, lane=lane)
-        track = load_road(road, chosen)
+    with progress(f"smoothing {road}", quiet=False):
+        track = found()
     for remark in track.notes:
         note(remark)
     if half_width is not None:
@@ -193,28 +193,29 @@ def _shipped() -> list[dict[str, object]]:
 
 
 def _examples() -> list[dict[str, object]]:
-    from hdvplan.judging.fit import facts_of
-    from hdvplan.road.library import example_names
-    from hdvplan.road.load import load_road
+    """Return the made-up places, likewise."""
+    import json
+
+    from hdvplan.road.library import example_file, example_names
 
     examples = []
     for name in example_names():
-        facts = facts_of(load_road(name))
-        radius = 1.0 / facts.max_curvature if facts.max_curvature > _STRAIGHT else None
-        given: dict[str, object] = {"length_m": facts.length, "min_radius_m": radius, "kind": "made-up place with obstacles"}
+        file = example_file(name)
+        assert file is not None  # noqa: S101 - its name was listed
+        properties = json.loads(file.read_text(encoding="utf-8"))["features"][0]["properties"]
+        given = {name: properties[name] for name in ("length_m", "min_radius_m")} | {"kind": "made-up place with obstacles"}
         examples.append({"name": name, "place": None, "source": "example"} | given)
     return examples
 
 
 def _scenarios() -> list[dict[str, object]]:
-    from hdvplan.judging.fit import facts_of
     from hdvplan.road.scenarios import SCENARIOS
 
     scenarios = []
-    for name, make in SCENARIOS.items():
-        facts = facts_of(make())
-        given = {"length_m": facts.length, "min_radius_m": 1.0 / facts.max_curvature, "kind": "scenario"}
-        scenarios.append({"name": name, "place": None, "source": "scenario"} | given)
+    for scenario in SCENARIOS.values():
+        s, curvature = scenario.profile
+        given = {"length_m": float(s[-1]), "min_radius_m": float(1.0 / abs(curvature).max()), "kind": "scenario"}
+        scenarios.append({"name": scenario.name, "place": None, "source": "scenario"} | given)
     return scenarios
 
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 from hdvplan.cli.console import ExitCode, print_json, print_tables
 from hdvplan.cli.options import JsonOption
 
+_CAPTION = "n: native workspace; w: starts warm; i: detects infeasibility; version -: not installed"
+
 
 def solvers(json: JsonOption = False) -> int:
     """List every QP solver and what it supports."""
     from dataclasses import asdict
 
-    from hdvplan.report.tables import grid
+    from hdvplan.report.grid import grid
     from hdvplan.solvers.registry import DEFAULT, solver_infos
 
     infos = solver_infos()
@@ -20,18 +22,15 @@ def solvers(json: JsonOption = False) -> int:
     rows = [
         (
             f"{info.name} (default)" if info.name == DEFAULT else info.name,
-            info.version or "not installed",
-            _yes(info.native),
-            _yes(info.warm_start),
-            _yes(info.detects_infeasible),
+            info.version or "-",
+            " ".join(
+                letter if supported else "-"
+                for letter, supported in (("n", info.native), ("w", info.warm_start), ("i", info.detects_infeasible))
+            ),
             info.note,
         )
         for info in infos
     ]
-    columns = ("solver", "version", "native", "warm\nstart", "infeasible", "note")
-    print_tables(grid("QP solvers", columns, rows, text=columns))
+    columns = ("solver", "version", "can", "method")
+    print_tables(grid("QP solvers", columns, rows, text=columns, caption=_CAPTION))
     return ExitCode.OK
-
-
-def _yes(flag: bool) -> str:
-    return "yes" if flag else "no"

@@ -138,7 +138,7 @@ def _list(*, json: bool) -> int:
     """Print the shipped templates."""
     from math import degrees
 
-    from hdvplan.report.tables import grid
+    from hdvplan.report.grid import grid
     from hdvplan.turning.templates import load_template, template_names
 
     templates = [load_template(name) for name in template_names()]

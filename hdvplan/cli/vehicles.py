@@ -25,7 +25,7 @@ _CAPTION = "*: the axle steers too; radius: the tightest that the front wheels a
 @app.command("list")
 def list_vehicles(json: JsonOption = False) -> int:
     """List the preset vehicles with their dimensions."""
-    from hdvplan.report.tables import grid
+    from hdvplan.report.grid import grid
     from hdvplan.vehicle.load import load_vehicle, preset_groups
 
     groups = {group: [load_vehicle(name) for name in names] for group, names in preset_groups().items()}

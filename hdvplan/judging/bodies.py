@@ -5,23 +5,27 @@ from __future__ import annotations
 import numpy as np
 
 from hdvplan.driving.drive import Drive
-from hdvplan.jit import FloatArray
+from hdvplan.jit import FloatArray, IntArray, Records
 from hdvplan.vehicle.kinematics import POSE, place
 
 
-def corners(drive: Drive, pose: int) -> FloatArray:
-    """Return the corners of every body at simulated pose number ``pose``, shape (units, 4, 2), x, y [m]."""
-    path, units = drive.stations.path, drive.vehicle.table()
-    point = path.at(drive.poses_s[pose])
-    poses = np.empty(len(units), POSE)
-    place(units, float(point.x), float(point.y), float(np.cos(point.heading)), float(np.sin(point.heading)), drive.poses_z[pose], poses)
-    outlines = np.empty((len(units), 4, 2))
-    for outline, unit, own in zip(outlines, units, poses, strict=True):
-        along = np.array([unit["front"], unit["front"], -unit["rear_overhang"], -unit["rear_overhang"]])
-        across = unit["half_width"] * np.array([1.0, -1.0, -1.0, 1.0])
-        outline[:, 0] = own["x"] + along * own["cos"] - across * own["sin"]
-        outline[:, 1] = own["y"] + along * own["sin"] + across * own["cos"]
-    return outlines
+def placed(drive: Drive, numbers: IntArray) -> Records:
+    """Return where all bodies are at the simulated poses of the given ``numbers``, shape (poses, units) of ``POSE``."""
+    units, road = drive.vehicle.table(), drive.stations.path.at(drive.poses_s[numbers])
+    poses = np.empty((len(numbers), len(units)), POSE)
+    z = np.ascontiguousarray(drive.poses_z[numbers])
+    for i, (x, y, heading) in enumerate(zip(road.x, road.y, road.heading, strict=True)):
+        place(units, x, y, np.cos(heading), np.sin(heading), z[i], poses[i])
+    return poses
+
+
+def corners(drive: Drive, numbers: IntArray) -> FloatArray:
+    """Return the corners of every body at the simulated poses of the given ``numbers``, shape (poses, units, 4, 2), x, y [m]."""
+    units, poses = drive.vehicle.table(), placed(drive, numbers)[..., None]
+    along = np.stack([units["front"], units["front"], -units["rear_overhang"], -units["rear_overhang"]], axis=1)
+    across = units["half_width"][:, None] * np.array([1.0, -1.0, -1.0, 1.0])
+    x = poses["x"] + along * poses["cos"] - across * poses["sin"]
+    return np.stack([x, poses["y"] + along * poses["sin"] + across * poses["cos"]], axis=-1)
 
 
 def pose_at(drive: Drive, s: float) -> int:

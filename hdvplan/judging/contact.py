@@ -6,8 +6,8 @@ import numpy as np
 
 from hdvplan.driving.drive import Drive
 from hdvplan.jit import FloatArray
+from hdvplan.judging.bodies import placed
 from hdvplan.vehicle.body import axles_behind
-from hdvplan.vehicle.kinematics import POSE, place
 
 _SPACING_M = 0.1  # of the places on an edge that are looked at
 _NEAR_M = 0.2  # a place this near to a corner or an axle bears its name
@@ -20,25 +20,18 @@ def contact(drive: Drive, unit: int, side: str, s: float, *, axles_only: bool) -
     One of "front corner", "front overhang", "front axle", "side between the axles", "rear axle", "rear overhang", "rear corner". The front
     "axle" of a trailer is its coupling. ``axles_only`` looks at the part between them.
     """
-    body, path, units = drive.vehicle.units[unit], drive.stations.path, drive.vehicle.table()
+    body = drive.vehicle.units[unit]
     front, rear = (min(body.wheelbase, body.front), 0.0) if axles_only else (body.front, -body.rear_overhang)
     ahead = np.linspace(rear, front, int(np.ceil((front - rear) / _SPACING_M)) + 1)
     across = 0.5 * body.width * (1.0 if side == "left" else -1.0)
     behind = float(axles_behind(drive.vehicle)[unit])
     first, last = np.searchsorted(drive.poses_s, [s + behind - front - _ROOM_M, s + behind - rear + _ROOM_M])
-    furthest, where = -np.inf, 0.0
-    poses = np.empty(len(units), POSE)
-    for pose in range(first, min(int(last) + 1, len(drive.poses_s))):
-        at = float(drive.poses_s[pose])
-        road = path.at(at)
-        place(units, float(road.x), float(road.y), float(np.cos(road.heading)), float(np.sin(road.heading)), drive.poses_z[pose], poses)
-        x, y, cos, sin = (float(poses[unit][name]) for name in ("x", "y", "cos", "sin"))
-        foot, offset = path.project(x + ahead * cos - across * sin, y + ahead * sin + across * cos, at - behind + ahead)
-        reach: FloatArray = np.where(np.abs(foot - s) <= _SPACING_M, np.sign(across) * offset, -np.inf)
-        best = int(np.argmax(reach))
-        if reach[best] > furthest:
-            furthest, where = float(reach[best]), float(ahead[best])
-    return _name(where, body.front, body.wheelbase, -body.rear_overhang)
+    near = np.arange(first, min(int(last) + 1, len(drive.poses_s)))
+    poses = placed(drive, near)[:, unit, None]
+    x, y = poses["x"] + ahead * poses["cos"] - across * poses["sin"], poses["y"] + ahead * poses["sin"] + across * poses["cos"]
+    foot, offset = drive.stations.path.project(x, y, drive.poses_s[near, None] - behind + ahead)
+    reach: FloatArray = np.where(np.abs(foot - s) <= _SPACING_M, np.sign(across) * offset, -np.inf)
+    return _name(float(ahead[int(np.argmax(reach)) % len(ahead)]), body.front, body.wheelbase, -body.rear_overhang)
 
 
 def _name(ahead: float, front: float, wheelbase: float, rear: float) -> str:

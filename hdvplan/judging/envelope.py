@@ -13,11 +13,15 @@ import numpy as np
 
 from hdvplan.driving.drive import Drive
 from hdvplan.errors import PlanError
-from hdvplan.jit import FloatArray, Records, compiled
-from hdvplan.road.path import Curve, evaluate, project
+from hdvplan.jit import FloatArray, Record, Records, compiled, inlined
+from hdvplan.road.path import LAST_STEP_M, Curve, evaluate, project
 from hdvplan.vehicle.kinematics import POSE, body_point, place
 
 SPACING_M = 0.25  # of outline points and of the envelope's stations
+_WITHIN = 0.9  # curvature times offset up to which a few such steps can be trusted
+
+# The foot of an outline's point on the road: at this pose, and where it was at the two before [m].
+_FOOT = np.dtype([(name, float) for name in ("s", "offset", "s_before", "offset_before", "s_earlier")])
 
 
 @dataclass(frozen=True)
@@ -86,8 +90,8 @@ def _sweep(
     """Return lowest and highest offset per unit and station (infinite where never), and a pose without foot or -1."""
     low = np.full((units.size, stations.size), np.inf)
     high = np.full((units.size, stations.size), -np.inf)
-    poses = np.empty(units.size, POSE)
-    before = np.empty((units.size, outlines.shape[1], 2))  # (s, offset) of the outline at the previous pose
+    poses, feet = np.empty(units.size, POSE), np.zeros(outlines.shape[:2], _FOOT)
+    spacing = stations[1] - stations[0]
     for i in range(poses_s.size):
         x, y, cos, sin, _ = evaluate(curve, poses_s[i])
         place(units, x, y, cos, sin, poses_z[i], poses)
@@ -95,32 +99,69 @@ def _sweep(
         for unit in range(units.size):
             if unit > 0:
                 behind += units[unit - 1].hitch_offset + units[unit].wheelbase
-            near = poses_s[i] - behind + outlines[unit, 0, 0]
-            last_s, last_e = 0.0, 0.0
+            first = poses_s[i] - behind + outlines[unit, 0, 0]
+            _follow(curve, poses[unit], outlines[unit], feet[unit], i > 1)
+            if not _search(curve, poses[unit], outlines[unit], feet[unit], first):
+                return low, high, i
             for point in range(outlines.shape[1]):
-                px, py = body_point(poses[unit], outlines[unit, point, 0], outlines[unit, point, 1])
-                s, e, _, _, _ = project(curve, px, py, near)
-                if np.isnan(e):
-                    return low, high, i
-                near = s
+                foot = feet[unit, point]
                 if point > 0:
-                    _cover(last_s, last_e, s, e, stations, low[unit], high[unit])
+                    last = feet[unit, point - 1]
+                    _cover(last.s, last.offset, foot.s, foot.offset, stations, spacing, unit, low, high)
                 if i > 0:
-                    _cover(before[unit, point, 0], before[unit, point, 1], s, e, stations, low[unit], high[unit])
-                last_s, last_e = s, e
-                before[unit, point, 0], before[unit, point, 1] = s, e
+                    _cover(foot.s_before, foot.offset_before, foot.s, foot.offset, stations, spacing, unit, low, high)
     return low, high, -1
 
 
 @compiled
-def _cover(s_from: float, e_from: float, s_to: float, e_to: float, stations: FloatArray, low: FloatArray, high: FloatArray) -> None:
-    """Widen the envelope by a straight piece in the (s, offset) plane."""
+def _follow(curve: Curve, pose: Record, outline: FloatArray, feet: Records, known: bool) -> None:
+    """Move the feet of an outline's points to their next pose, from where their last two places lead; offset NaN where that is too far off.
+
+    Two Newton steps do but for sudden turns, and until two places are ``known``. Separate from ``_search``, this loop takes half the time.
+    """
+    for point in range(feet.size):
+        foot = feet[point]
+        foot.s_earlier, foot.s_before, foot.offset_before = foot.s_before, foot.s, foot.offset
+        x, y = body_point(pose, outline[point, 0], outline[point, 1])
+        s, step, turned = 2.0 * foot.s_before - foot.s_earlier, 0.0, 0.0
+        for _ in range(2):
+            px, py, cos, sin, curvature = evaluate(curve, s)
+            ahead, offset = (x - px) * cos + (y - py) * sin, (y - py) * cos - (x - px) * sin
+            turned = curvature * offset
+            step = ahead / (1.0 - turned)
+            s += step
+            if abs(step) < LAST_STEP_M:
+                break
+        near = known and abs(step) < LAST_STEP_M and turned < _WITHIN
+        foot.s, foot.offset = s, offset - 0.5 * ahead * curvature * step if near else np.nan
+
+
+@compiled
+def _search(curve: Curve, pose: Record, outline: FloatArray, feet: Records, first: float) -> bool:
+    """Find the feet that are still missing, each from its neighbour, the first from arclength ``first``; return whether all have one."""
+    near = first
+    for point in range(feet.size):
+        foot = feet[point]
+        if np.isnan(foot.offset):
+            x, y = body_point(pose, outline[point, 0], outline[point, 1])
+            foot.s, foot.offset, _, _, _ = project(curve, x, y, near)
+            if np.isnan(foot.offset):
+                return False
+        near = foot.s
+    return True
+
+
+@inlined
+def _cover(
+    s_from: float, e_from: float, s_to: float, e_to: float, stations: FloatArray, spacing: float,
+    unit: int, low: FloatArray, high: FloatArray,
+) -> None:  # fmt: skip
+    """Widen the envelope of ``unit`` by a straight piece in the (s, offset) plane."""
     if s_to < s_from or (s_to == s_from and e_to < e_from):
         s_from, e_from, s_to, e_to = s_to, e_to, s_from, e_from
-    pitch = stations[1] - stations[0]
-    begin = max(0, int(np.ceil((s_from - stations[0]) / pitch)))
-    end = min(stations.size - 1, int(np.floor((s_to - stations[0]) / pitch)))
+    begin = max(0, int(np.ceil((s_from - stations[0]) / spacing)))
+    end = min(stations.size - 1, int(np.floor((s_to - stations[0]) / spacing)))
     for j in range(begin, end + 1):
         part = (stations[j] - s_from) / (s_to - s_from) if s_to > s_from else 0.0
         offset = e_from + part * (e_to - e_from)
-        low[j], high[j] = min(low[j], offset), max(high[j], e_to if s_to == s_from else offset)
+        low[unit, j], high[unit, j] = min(low[unit, j], offset), max(high[unit, j], e_to if s_to == s_from else offset)

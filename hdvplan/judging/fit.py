@@ -8,15 +8,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from hdvplan.centring.stationary import swept_band
 from hdvplan.centring.weights import CentringTable
 from hdvplan.jit import BoolArray, FloatArray
 from hdvplan.road.road import Road
 from hdvplan.vehicle.model import Vehicle
+
+if TYPE_CHECKING:  # plans are judged without tables
+    import pandas as pd
 
 _SPACING_M = 0.5  # a curvature ramp of 0.1 1/m^2 changes by 0.05 1/m over it at most
 
@@ -160,6 +163,8 @@ def needs_of(road: Road, vehicle: Vehicle, s: FloatArray) -> Needs:
 
 def fit_table(road: Road, vehicles: list[Vehicle]) -> pd.DataFrame:
     """Return a road's curvature [1/m] and limits over s [m], and the width that each vehicle needs there [m]."""
+    import pandas as pd  # noqa: PLC0415 - see above
+
     s = _stations(road)
     none = np.full((4, len(s)), np.nan)
     limits = none if road.limits is None else road.limits.table(s)

@@ -27,7 +27,7 @@ def approaches(drive: Drive) -> tuple[Approach, ...]:
     obstacles = [region for region in drive.road.regions if region.kind is Kind.OBSTACLE]
     if not obstacles:
         return ()
-    outlines = np.stack([corners(drive, pose) for pose in range(len(drive.poses_s))])
+    outlines = corners(drive, np.arange(len(drive.poses_s)))
     units = outlines.shape[1]
     bodies = np.asarray(shapely.polygons(outlines.reshape(-1, 4, 2)))
     tree = shapely.STRtree(bodies)

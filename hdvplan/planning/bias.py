@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from hdvplan.errors import OptionError
 from hdvplan.jit import FloatArray
@@ -92,6 +91,8 @@ def shifted(curvature: FloatArray, offset: FloatArray, s: FloatArray) -> FloatAr
 
 
 def _read(path: Path) -> Bias:
+    import pandas as pd  # noqa: PLC0415 - few runs have such a file
+
     try:
         table = pd.read_csv(path, comment="#", skipinitialspace=True)
     except OSError as error:

@@ -65,7 +65,7 @@ def _film(result: Result, window: Window) -> list[Image.Image]:
     stride = max(1, round(_PACE_M / float(drive.poses_s[1] - drive.poses_s[0])))
     frames, before = list[Image.Image](), list[Pixels]()
     for pose in poses:
-        bodies = [_pixels(axes, outline) for outline in corners(drive, int(pose))]
+        bodies = [_pixels(axes, outline) for outline in corners(drive, np.array([pose]))[0]]
         _sweep(ground, swept, overlay, (before or bodies, bodies), inside)
         before = bodies
         if drive.poses_s[pose] >= window.s_from and (poses[-1] - pose) % stride == 0:

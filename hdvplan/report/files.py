@@ -7,9 +7,8 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
-from hdvplan.fileio import csv_bytes, json_bytes, write_atomically
+from hdvplan.fileio import Column, json_bytes, table_bytes, write_atomically
 from hdvplan.jit import FloatArray
 from hdvplan.judging.result import Result
 from hdvplan.record import NAME, record_of
@@ -19,6 +18,10 @@ from hdvplan.road.road import Road
 
 PICTURES = ("png", "pdf", "svg")
 FILM = "drive.gif"
+_COARSE = ("%.4f", "%.6f")  # of what only drawings need: metres, angles and curvatures
+_COUNTS = {"qps": "qp_count", "qp_iterations": "qp_iterations", "status": "status", "usable": "usable"}
+
+Table = dict[str, Column]
 
 
 def write_plan(
@@ -44,10 +47,10 @@ def write_plan(
     for former in (*(directory / f"plan.{kind}" for kind in PICTURES), directory / FILM):
         former.unlink(missing_ok=True)
     contents: dict[str, Callable[[], bytes]] = {
-        "path.csv": lambda: csv_bytes(path_table(result)),
-        "envelope.csv": lambda: csv_bytes(envelope_table(result)),
-        "profile.csv": lambda: csv_bytes(profile_table(result)),
-        "steps.csv": lambda: csv_bytes(steps_table(result)),
+        "path.csv": lambda: table_bytes(path_table(result)),
+        "envelope.csv": lambda: table_bytes(envelope_table(result)),
+        "profile.csv": lambda: table_bytes(profile_table(result)),
+        "steps.csv": lambda: table_bytes(steps_table(result)),
         "regions.json": lambda: json_bytes(regions_json(result.drive.road), indent=None),
         "swept.geojson": lambda: json_bytes(swept_geojson(result), indent=None),
         NAME: lambda: json_bytes(record_of([result.case])),
@@ -62,7 +65,7 @@ def write_plan(
     write_atomically(summary, json_bytes(summary_of(result)))
 
 
-def path_table(result: Result) -> pd.DataFrame:
+def path_table(result: Result) -> Table:
     """Return the executed path, one row a station: s, x, y, heading, e_y, e_psi, beta1, ..., steering1, ..., kappa, K [m, rad, 1/m].
 
     x, y and heading (continuous) are the lead unit's rear axle in the plane; row i's kappa is held to row i + 1, and the
@@ -74,34 +77,34 @@ def path_table(result: Result) -> pd.DataFrame:
     s = drive.stations.s[:n]
     x, y = drive.stations.path.to_plane(s, drive.z[:, 0])
     heading = np.unwrap(drive.stations.path.at(s).heading) + drive.z[:, 1]
-    columns = {"s": s, "x": x, "y": y, "heading": heading, "e_y": drive.z[:, 0], "e_psi": drive.z[:, 1]}
-    columns |= {f"beta{i}": beta for i, beta in enumerate(drive.z[:, 2 : drive.vehicle.rigid_states].T, start=1)}
-    columns |= {f"steering{i}": angle for i, angle in enumerate(drive.steering.T, start=1)}
-    columns |= {"kappa": np.append(drive.kappa, drive.kappa[-1]), "K": drive.stations.centring.weight[:n]}
-    return pd.DataFrame(columns)
+    table = {"s": _metres(s), "x": _metres(x), "y": _metres(y), "heading": _radians(heading)}
+    table |= {"e_y": _metres(drive.z[:, 0]), "e_psi": _radians(drive.z[:, 1])}
+    table |= {f"beta{i}": _radians(beta) for i, beta in enumerate(drive.z[:, 2 : drive.vehicle.rigid_states].T, start=1)}
+    table |= {f"steering{i}": _radians(angle) for i, angle in enumerate(drive.steering.T, start=1)}
+    kappa = Column(np.append(drive.kappa, drive.kappa[-1]), "%.12f")  # finer: whoever drives it again adds up its rounding
+    return table | {"kappa": kappa, "K": Column(drive.stations.centring.weight[:n], "%.9f")}
 
 
-def envelope_table(result: Result) -> pd.DataFrame:
+def envelope_table(result: Result) -> Table:
     """Return signed reaches over s [m]: s, left, right, their limits (empty without), the geometric expectation, and its width."""
     envelope, limits = result.envelope, result.drive.road.limits
     none = np.full(len(envelope.s), np.nan)
     left_limit, right_limit = (none, none) if limits is None else limits.table(envelope.s)[:2]
-    return pd.DataFrame(
-        {
-            "s": envelope.s,
-            "left": envelope.reach_left,
-            "right": envelope.reach_right,
-            "left_limit": left_limit,
-            "right_limit": right_limit,
-            "expected_left": result.aim + result.expected.half_width,
-            "expected_right": result.aim - result.expected.half_width,
-            "needed_width": 2.0 * result.expected.half_width,
-        }
-    )
+    columns = {
+        "s": envelope.s,
+        "left": envelope.reach_left,
+        "right": envelope.reach_right,
+        "left_limit": left_limit,
+        "right_limit": right_limit,
+        "expected_left": result.aim + result.expected.half_width,
+        "expected_right": result.aim - result.expected.half_width,
+        "needed_width": 2.0 * result.expected.half_width,
+    }
+    return {name: _metres(values) for name, values in columns.items()}
 
 
-def profile_table(result: Result) -> pd.DataFrame:
-    """Return what a drawing needs over the envelope's arclengths and the envelope's table has not, rounded to 1e-4 m, 1e-6 1/m.
+def profile_table(result: Result) -> Table:
+    """Return what a drawing needs over the envelope's arclengths and the envelope's table has not, to 1e-4 m, 1e-6 rad or 1/m.
 
     s, least clearance to any limit and the limits of overhangs (empty without) [m], curvature of the road and of the balanced
     driving [1/m], its articulations expected_beta1, ... [rad], left and right reach of each body: left1, right1, left2, ...
@@ -117,31 +120,28 @@ def profile_table(result: Result) -> pd.DataFrame:
     reaches: dict[str, FloatArray] = {}
     for number, (left, right) in enumerate(zip(envelope.left, envelope.right, strict=True), start=1):
         reaches |= {f"left{number}": left, f"right{number}": right}
-    return pd.concat([pd.DataFrame(metres).round(4), pd.DataFrame(bends).round(6), pd.DataFrame(reaches).round(4)], axis=1)
+    return {name: Column(values, _COARSE[name in bends]) for name, values in (metres | bends | reaches).items()}
 
 
-def steps_table(result: Result) -> pd.DataFrame:
+def steps_table(result: Result) -> Table:
     """Return the planning steps in their order: where, their times [ms], iterations, status and recomputed residuals."""
-    drive = result.drive
-    rows = [
-        {
-            "s": drive.stations.s[plan.first],
-            "total_ms": 1e3 * plan.times.total,
-            "linearise_ms": 1e3 * plan.times.linearise,
-            "update_ms": 1e3 * plan.times.update,
-            "solve_ms": 1e3 * plan.times.solve,
-            "check_ms": 1e3 * plan.times.check,
-            "qps": plan.qp_count,
-            "qp_iterations": plan.qp_iterations,
-            "status": str(plan.status),
-            "usable": plan.usable,
-            "primal_residual": plan.residuals.primal,
-            "dual_residual": plan.residuals.dual,
-            "predicted_violation_m": plan.violation,
-        }
-        for plan in drive.plans
-    ]
-    return pd.DataFrame(rows).round({name: 6 for name in rows[0] if name.endswith("_ms")})
+    plans = result.drive.plans
+    times = {name: np.array([getattr(plan.times, name) for plan in plans]) for name in ("total", "linearise", "update", "solve", "check")}
+    table = {"s": _metres(result.drive.stations.s[[plan.first for plan in plans]])}
+    table |= {f"{name}_ms": Column(1e3 * seconds, "%.6f") for name, seconds in times.items()}
+    table |= {name: Column(np.array([getattr(plan, of) for plan in plans])) for name, of in _COUNTS.items()}
+    table |= {
+        f"{side}_residual": Column(np.array([getattr(plan.residuals, side) for plan in plans]), "%.3e") for side in ("primal", "dual")
+    }
+    return table | {"predicted_violation_m": _metres(np.array([plan.violation for plan in plans]))}
+
+
+def _metres(values: FloatArray) -> Column:
+    return Column(np.round(values, 6) + 0.0, "%.6f")  # -0 is 0
+
+
+def _radians(values: FloatArray) -> Column:
+    return Column(np.round(values, 9) + 0.0, "%.9f")
 
 
 def regions_json(road: Road) -> list[dict[str, object]]:

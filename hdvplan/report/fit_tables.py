@@ -5,7 +5,8 @@ from __future__ import annotations
 from rich.table import Table
 
 from hdvplan.judging.fit import Fit, RoadFacts
-from hdvplan.report.tables import grid, smoothing_remark
+from hdvplan.report.grid import grid
+from hdvplan.report.tables import smoothing_remark
 from hdvplan.road.road import Road
 
 _MOST_FINDINGS = 5  # of each vehicle in the table

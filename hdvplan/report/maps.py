@@ -106,7 +106,7 @@ def _draw_bodies(axes: Axes, result: Result, window: Window) -> None:
     apart = 1.2 * (drive.vehicle.reach_ahead + drive.vehicle.reach_behind)
     count = max(1, int((window.s_to - window.s_from) / apart))
     places = np.linspace(window.s_from, window.s_to, count + 2)[1:-1]
-    outlines: list[FloatArray] = [body for s in places for body in corners(drive, pose_at(drive, float(s)))]
+    outlines = list(corners(drive, np.array([pose_at(drive, float(s)) for s in places])).reshape(-1, 4, 2))
     colours = [body_colour(unit) for unit in range(len(drive.vehicle.units))] * len(places)
     axes.add_collection(PolyCollection(outlines, facecolors="white", edgecolors=colours, linewidths=1.3, alpha=0.85, zorder=3))
 

@@ -21,6 +21,7 @@ def summary_of(result: Result) -> Json:
     """Return the summary, ready for ``json.dumps``: units are in the names, numbers without a value are None."""
     drive, balance, settings = result.drive, result.balance, result.drive.settings
     counts = np.array([plan.qp_count for plan in drive.plans])
+    merits = [plan.merit for plan in drive.plans if plan.usable and plan.merit is not None]
     return {
         "road": drive.road.name,
         "vehicle": drive.vehicle.name,
@@ -50,8 +51,8 @@ def summary_of(result: Result) -> Json:
         "sqp_iterations_max": int(np.max(counts)),
         "converged_plans": int(sum(plan.moved < settings.sqp_tolerance for plan in drive.plans)),
         "steps_halved": int(sum(plan.halvings for plan in drive.plans)),
-        "merit_mean": float(np.mean([plan.merit for plan in drive.plans if plan.usable] or [0.0])),
-        "merit_max": float(np.max([plan.merit for plan in drive.plans if plan.usable] or [0.0])),
+        "merit_mean": float(np.mean(merits)) if merits else None,
+        "merit_max": max(merits, default=None),
         "time_ms": step_times_ms(result),
         "bodies": [_body(drive.vehicle, unit) for unit in range(len(drive.vehicle.units))],
         "smoothing": smoothing_of(drive.road),
@@ -99,14 +100,14 @@ def smoothing_of(road: Road) -> Json | None:
 
 def _body(vehicle: Vehicle, unit: int) -> Json:
     """Return what drawing a body at its pose needs; lengths ahead of, and behind, its axle."""
-    wheelbase, hitch, front, rear, half = (float(value) for value in vehicle.table()[unit, :5])
+    body = vehicle.units[unit]
     return {
         "name": body_name(vehicle, unit),
-        "wheelbase_m": wheelbase,
-        "hitch_offset_m": hitch,
-        "front_m": front,
-        "rear_m": rear,
-        "width_m": 2.0 * half,
+        "wheelbase_m": body.wheelbase,
+        "hitch_offset_m": body.hitch_offset,
+        "front_m": body.front,
+        "rear_m": body.rear_overhang,
+        "width_m": body.width,
     }
 
 

@@ -17,8 +17,8 @@ from hdvplan.fileio import csv_bytes, json_bytes, write_atomically
 from hdvplan.jit import FloatArray
 from hdvplan.judging.result import body_name
 from hdvplan.report.colours import INK, MUTED
+from hdvplan.report.grid import grid
 from hdvplan.report.style import body_colour, figure_bytes
-from hdvplan.report.tables import grid
 from hdvplan.turning.follow import Followed
 from hdvplan.turning.swept import chart_of
 from hdvplan.turning.templates import Limit, figure

@@ -207,7 +207,7 @@ def _draw_area(axes: Axes, found: Swept, colour: str, label: str, *, unit: int |
 def _draw_bodies(axes: Axes, found: Swept, apart: float, colour: str) -> None:
     """Draw outlines of the bodies every ``apart`` [m] of road."""
     places = np.arange(apart, found.drive.road.path.length, apart)
-    outlines: list[FloatArray] = [body for s in places for body in corners(found.drive, pose_at(found.drive, float(s)))]
+    outlines = list(corners(found.drive, np.array([pose_at(found.drive, float(s)) for s in places])).reshape(-1, 4, 2))
     axes.add_collection(PolyCollection(outlines, facecolors="none", edgecolors=colour, linewidths=0.9, zorder=3))
 
 

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
-from pyproj import CRS, Transformer
-from pyproj.exceptions import CRSError
 
 from hdvplan.errors import RoadError
 from hdvplan.jit import FloatArray
+
+if TYPE_CHECKING:  # many roads are in metres, and need no PROJ
+    from pyproj import CRS, Transformer
 
 LONLAT = "OGC:CRS84"
 _LARGEST_LON, _LARGEST_LAT = 180.0, 90.0  # [deg]
@@ -67,6 +69,9 @@ def parse_crs(name: str) -> CRS:
         RoadError: unknown, Web Mercator, not in metres or degrees, or neither projected nor geographic.
 
     """
+    from pyproj import CRS  # noqa: PLC0415 - see above
+    from pyproj.exceptions import CRSError  # noqa: PLC0415 - see above
+
     try:
         crs = CRS.from_user_input(name)
     except CRSError as error:
@@ -195,4 +200,6 @@ def _meridian(plane: str) -> float:
 @lru_cache(maxsize=32)
 def _transformer(source: str, target: str) -> Transformer:
     """Return PROJ's transformer between two systems: the values above hold names alone, so that they pickle."""
+    from pyproj import Transformer  # noqa: PLC0415 - see above
+
     return Transformer.from_crs(source, target, always_xy=True)

@@ -3,31 +3,29 @@
 from __future__ import annotations
 
 import difflib
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hdvplan.errors import OptionError, RoadError, did_you_mean
 from hdvplan.jit import FloatArray
-from hdvplan.road.edges import edge_reaches, side_reaches
 from hdvplan.road.features import Choice, roles_of
-from hdvplan.road.lane import offset_road, reversed_road
 from hdvplan.road.library import NOTICE, example_file, example_names, road_file, road_names
 from hdvplan.road.load_csv import has_wkt, read_csv
 from hdvplan.road.load_geojson import json_object, read_geojson
-from hdvplan.road.load_opendrive import read_opendrive
 from hdvplan.road.load_overpass import read_overpass
 from hdvplan.road.load_vector import read_vector
-from hdvplan.road.path import from_curvature
 from hdvplan.road.raw import RawRoad
-from hdvplan.road.regions import TABLE_M
-from hdvplan.road.road import Limits, Road, Smoothing
 from hdvplan.road.scenarios import SCENARIOS
-from hdvplan.road.smooth import smooth_line, smoothing_of
 from hdvplan.road.steps import refuse_outliers
 from hdvplan.road.texts import refuse_unreadable, text_of
-from hdvplan.road.through import MAX_LENGTH_M, MIN_LENGTH_M, path_through
+
+if TYPE_CHECKING:  # a file is read, and refused, without the kernels that smooth it
+    from hdvplan.road.road import Limits, Road
 
 _CLOSED_M = 0.01  # how near the last point must come to the first for a closed road
 _CLOSED_TURN = np.deg2rad(100.0)  # a road that returns to its start at a sharper angle merely crosses itself there
@@ -80,26 +78,40 @@ def load_road(source: str | Path, options: RoadOptions = RoadOptions()) -> Road:
         RoadError: no such file or name, an unusable file, or a line that cannot be smoothed within the options or moved.
 
     """
-    road = _found(source, options)
+    return find_road(source, options)()
+
+
+def find_road(source: str | Path, options: RoadOptions = RoadOptions()) -> Callable[[], Road]:
+    """Read what ``load_road`` would load, and return what makes the road of it: that takes longer.
+
+    Raises:
+        RoadError: no such file or name, or an unusable file.
+
+    """
+    path = Path(source)
+    shipped, example = road_file(str(source)), example_file(str(source))
+    if path.is_file():
+        make: Callable[[], Road] = partial(_road, path.stem, _read(path, options), options)
+    elif shipped is not None:
+        raw = _read(shipped, options)
+        make = partial(_road, shipped.stem, replace(raw, notice=raw.notice or NOTICE), options)
+    elif example is not None:
+        make = partial(_road, example.stem, _read(example, options), options)
+    elif str(source) in SCENARIOS:
+        make = SCENARIOS[str(source)]
+    else:
+        raise _unknown(source)
+    return partial(_driven, make, options)
+
+
+def _driven(make: Callable[[], Road], options: RoadOptions) -> Road:
+    """Return the road in the direction and at the offset at which it is driven."""
+    from hdvplan.road.lane import offset_road, reversed_road  # noqa: PLC0415 - see above
+
+    road = make()
     if options.reverse:
         road = reversed_road(road)
     return offset_road(road, options.offset) if options.offset else road
-
-
-def _found(source: str | Path, options: RoadOptions) -> Road:
-    path = Path(source)
-    if path.is_file():
-        return _read(path, options)
-    shipped = road_file(str(source))
-    if shipped is not None:
-        road = _read(shipped, options)
-        return road if road.notice else replace(road, notice=NOTICE)
-    example = example_file(str(source))
-    if example is not None:
-        return _read(example, options)
-    if str(source) in SCENARIOS:
-        return SCENARIOS[str(source)]()
-    raise _unknown(source)
 
 
 def _unknown(source: str | Path) -> RoadError:
@@ -119,7 +131,7 @@ def _unknown(source: str | Path) -> RoadError:
     return RoadError(f"road file {path} does not exist", hint=hint)
 
 
-def _read(path: Path, options: RoadOptions) -> Road:
+def _read(path: Path, options: RoadOptions) -> RawRoad:
     try:
         refuse_unreadable(path)
         raw = _raw(path, options)
@@ -128,7 +140,7 @@ def _read(path: Path, options: RoadOptions) -> Road:
         raise RoadError(msg) from error
     if not raw.is_profile:
         refuse_outliers(raw.points, raw.lines, path.name)
-    return _road(path.stem, raw, options)
+    return raw
 
 
 def _raw(path: Path, options: RoadOptions) -> RawRoad:
@@ -136,6 +148,8 @@ def _raw(path: Path, options: RoadOptions) -> RawRoad:
     choice = Choice(options.feature, options.layer, roles_of(options.roles))
     suffix, crs = path.suffix.lower(), options.crs
     if suffix == ".xodr":
+        from hdvplan.road.load_opendrive import read_opendrive  # noqa: PLC0415 - few files need it
+
         return read_opendrive(path, road_ids=options.road_ids, lane=options.lane)
     if options.road_ids is not None or options.lane is not None:
         msg = f"{path.name} has no road ids and lanes to choose; OpenDRIVE files (.xodr) have"
@@ -157,6 +171,12 @@ def _raw(path: Path, options: RoadOptions) -> RawRoad:
 
 
 def _road(name: str, raw: RawRoad, options: RoadOptions) -> Road:
+    from hdvplan.road.edges import edge_reaches, side_reaches  # noqa: PLC0415 - see above
+    from hdvplan.road.path import from_curvature  # noqa: PLC0415 - see above
+    from hdvplan.road.road import Road, Smoothing  # noqa: PLC0415 - see above
+    from hdvplan.road.smooth import smooth_line, smoothing_of  # noqa: PLC0415 - see above
+    from hdvplan.road.through import MAX_LENGTH_M, MIN_LENGTH_M, path_through  # noqa: PLC0415 - see above
+
     if raw.is_profile:
         s, kappa = raw.points.T
         s = s - s[0]
@@ -203,6 +223,9 @@ def _limits(s: FloatArray, reaches: FloatArray | None) -> Limits | None:
     Next to a jump, or a change steeper than 45 degrees, the narrower value holds ``TABLE_M`` further: tables of the limits
     are linear between their entries.
     """
+    from hdvplan.road.regions import TABLE_M  # noqa: PLC0415 - see above
+    from hdvplan.road.road import Limits  # noqa: PLC0415 - see above
+
     if reaches is None:
         return None
     first = np.append(True, np.diff(s) > 0.0)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import PPoly
+import scipy  # its subpackages load when they are first used
 
 from hdvplan.errors import ProjectionError, RoadError
 from hdvplan.jit import FloatArray, compiled, inlined
@@ -171,7 +171,7 @@ def from_curvature(s: FloatArray, curvature: FloatArray, *, spacing: float = KNO
     cells = max(1, round(float(s[-1] - s[0]) / spacing))
     step = float(s[-1] - s[0]) / cells
     knots = s[0] + step * np.arange(cells + 1)
-    profile = PPoly(np.stack([np.diff(curvature) / np.diff(s), curvature[:-1]]), s)
+    profile = scipy.interpolate.PPoly(np.stack([np.diff(curvature) / np.diff(s), curvature[:-1]]), s)
     turned = profile.antiderivative()
     nodes, weights = np.polynomial.legendre.leggauss(5)
     inner = turned(knots[:-1, None] + 0.5 * step * (nodes + 1.0))

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from hdvplan.jit import FloatArray
-from hdvplan.road.crs import ToLonLat
-from hdvplan.road.regions import Region
+
+if TYPE_CHECKING:  # a file is read, and refused, before anything is made of it
+    from hdvplan.road.crs import ToLonLat
+    from hdvplan.road.regions import Region
 
 
 @dataclass(frozen=True)

@@ -10,15 +10,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy  # its subpackages load when they are first used
 import shapely
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from shapely.geometry.base import BaseGeometry
 
 from hdvplan.jit import BoolArray, FloatArray, IntArray
-from hdvplan.road.path import ReferencePath
+
+if TYPE_CHECKING:  # files that name regions are read without kernels
+    from hdvplan.road.path import ReferencePath
 
 Shapes = NDArray[np.object_]
 
@@ -124,7 +127,7 @@ def region_limits(
         drive = np.minimum(sign * band[side], _cautious(sign * wheels[side], cells))
         values[side], values[2 + side] = sign * np.minimum(drive, sweep), sign * sweep
     changed = np.any(values != band, axis=0)
-    keep = maximum_filter1d(changed, 3)  # and its neighbours, where the given limits hold again
+    keep = scipy.ndimage.maximum_filter1d(changed, 3)  # and its neighbours, where the given limits hold again
     cell = np.clip(np.searchsorted(cells.s, s, side="right") - 1, 0, len(keep) - 2)
     own = (s < cells.s[keep].min(initial=np.inf)) | (s > cells.s[keep].max(initial=-np.inf)) | ~(keep[cell] & keep[cell + 1])
     nodes, first = np.unique(np.concatenate([s[own], cells.s[keep]]), return_index=True)
@@ -146,7 +149,7 @@ def _sided(rows: FloatArray) -> list[tuple[FloatArray, bool]]:
 def _open_band(path: ReferencePath) -> tuple[FloatArray, FloatArray]:
     s = np.linspace(0.0, path.length, int(np.ceil(path.length / _OPEN_SPACING_M)) + 1)
     k = path.at(s).curvature
-    k_left, k_right = (maximum_filter1d(np.maximum(sign * k, 1e-9), 5) for sign in (1.0, -1.0))  # a metre around
+    k_left, k_right = (scipy.ndimage.maximum_filter1d(np.maximum(sign * k, 1e-9), 5) for sign in (1.0, -1.0))  # a metre around
     left, right = (np.minimum(OPEN_M, _OPEN_FOLD / bend) for bend in (k_left, k_right))
     return s, np.stack([left, -right, left, -right])
 
@@ -257,5 +260,5 @@ def _cautious(reach: FloatArray, cells: _Cells) -> FloatArray:
     length = cells.s[1] - cells.s[0]
     count = int(np.ceil((length + TABLE_M) / length))
     around = np.pad(reach, count, mode="wrap" if cells.path.closed else "edge")
-    least: FloatArray = minimum_filter1d(around, 2 * count)[count : count + len(reach) + 1]  # even: from i - count to i + count - 1
-    return least
+    least: FloatArray = scipy.ndimage.minimum_filter1d(around, 2 * count)  # even: from i - count to i + count - 1
+    return least[count : count + len(reach) + 1]

@@ -6,15 +6,18 @@ positive. ``[GEO]``, ``[ART]``: see the README's references.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from dataclasses import dataclass
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hdvplan.errors import OptionError
 from hdvplan.jit import FloatArray
-from hdvplan.road.path import from_curvature
-from hdvplan.road.road import Road
+
+if TYPE_CHECKING:  # profiles are made, and listed, without the kernels of a path
+    from hdvplan.road.road import Road
 
 Profile = tuple[FloatArray, FloatArray]
 
@@ -64,34 +67,6 @@ def sturn_profile(
     return _profile(lengths, [0.0, 0.0, curvature, curvature, -curvature, -curvature, 0.0, 0.0])
 
 
-def uturn() -> Road:
-    """Return the bus's U-turn of [GEO] fig. 7 with limits at +-3.0 m."""
-    return _road("uturn", uturn_profile()).with_limits(3.0, 3.0)
-
-
-def uturn_articulated() -> Road:
-    """Return the U-turn of [ART] table 2: curvature 0.065 1/m, 134.2 m in all, sharp ramps, no limits."""
-    curvature, ramp = 0.065, 1.0
-    turning = np.pi / curvature + ramp
-    profile = uturn_profile(curvature, ramp, lead_in=_ART_LEAD_IN_M, lead_out=_ART_HORIZON_M - _ART_LEAD_IN_M - turning)
-    return _road("uturn_articulated", profile)
-
-
-def roundabout() -> Road:
-    """Return the roundabout of [GEO] figs. 8-10: radius 17.88 m, 135 m long, limits at +-3.56 m."""
-    return _road("roundabout", turn_profile(1.0 / 17.88, 5.5, 135.0)).with_limits(3.56, 3.56)
-
-
-def sturn() -> Road:
-    """Return an S-turn from the middle of [GEO] fig. 11's range; no limits are published."""
-    return _road("sturn", sturn_profile())
-
-
-SCENARIOS: Mapping[str, Callable[[], Road]] = MappingProxyType(
-    {"roundabout": roundabout, "sturn": sturn, "uturn": uturn, "uturn_articulated": uturn_articulated}
-)
-
-
 def _profile(lengths: list[float], curvature: list[float]) -> Profile:
     """Return the profile of pieces of the given lengths; pieces of constant curvature may have length zero."""
     pieces, kappa = np.array(lengths), np.array(curvature)
@@ -104,5 +79,32 @@ def _profile(lengths: list[float], curvature: list[float]) -> Profile:
     return np.concatenate([[0.0], np.cumsum(pieces)])[keep], kappa[keep]
 
 
-def _road(name: str, profile: Profile) -> Road:
-    return Road(name, from_curvature(*profile))
+def _uturn_articulated() -> Profile:
+    curvature, ramp = 0.065, 1.0
+    turning = np.pi / curvature + ramp
+    return uturn_profile(curvature, ramp, lead_in=_ART_LEAD_IN_M, lead_out=_ART_HORIZON_M - _ART_LEAD_IN_M - turning)
+
+
+@dataclass(frozen=True, eq=False)
+class Scenario:
+    """A published road, made when it is called; its profile is there at once."""
+
+    name: str
+    profile: Profile
+    half_width: float | None = None  # of its limits [m]
+
+    def __call__(self) -> Road:
+        """Return the road."""
+        from hdvplan.road.path import from_curvature  # noqa: PLC0415 - see above
+        from hdvplan.road.road import Road  # noqa: PLC0415 - see above
+
+        road = Road(self.name, from_curvature(*self.profile))
+        return road if self.half_width is None else road.with_limits(self.half_width, self.half_width)
+
+
+uturn = Scenario("uturn", uturn_profile(), 3.0)  # the bus's of [GEO] fig. 7
+uturn_articulated = Scenario("uturn_articulated", _uturn_articulated())  # of [ART] table 2: 134.2 m in all, sharp ramps, no limits
+roundabout = Scenario("roundabout", turn_profile(1.0 / 17.88, 5.5, 135.0), 3.56)  # of [GEO] figs. 8-10: radius 17.88 m, 135 m long
+sturn = Scenario("sturn", sturn_profile())  # from the middle of [GEO] fig. 11's range; no limits are published
+
+SCENARIOS: Mapping[str, Scenario] = MappingProxyType({road.name: road for road in (roundabout, sturn, uturn, uturn_articulated)})

@@ -5,13 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from importlib import metadata
 from importlib.util import find_spec
+from typing import TYPE_CHECKING
 
 from hdvplan import __version__
 from hdvplan.errors import SolverError, did_you_mean
-from hdvplan.qp.workspace import WorkspaceMaker
-from hdvplan.solvers.elastic import hard_first
+
+if TYPE_CHECKING:  # names are listed and refused without loading the QP's kernels
+    from hdvplan.qp.workspace import WorkspaceMaker
 
 DEFAULT = "riccati"
+_NATIVE = ("riccati", "piqp", "clarabel", "osqp")
+_THROUGH = "qpsolvers/"
 
 
 @dataclass(frozen=True)
@@ -38,13 +42,13 @@ _GENERIC = {
     "clarabel": _Generic("clarabel", "clarabel", "interior point"),
     "cvxopt": _Generic("cvxopt", "cvxopt", "interior point"),
     "daqp": _Generic("daqp", "daqp", "dual active set, dense"),
-    "ecos": _Generic("ecos", "ecos", "interior point, as a cone program; refuses absent bounds"),
+    "ecos": _Generic("ecos", "ecos", "interior point; refuses absent bounds"),
     "highs": _Generic("highspy", "highspy", "active set"),
     "osqp": _Generic("osqp", "osqp", "operator splitting"),
     "piqp": _Generic("piqp", "piqp", "proximal interior point"),
     "proxqp": _Generic("proxsuite", "proxsuite", "augmented Lagrangian"),
     "qpalm": _Generic("qpalm", "qpalm", "augmented Lagrangian"),
-    "quadprog": _Generic("quadprog", "quadprog", "dual active set; refuses sparse matrices"),
+    "quadprog": _Generic("quadprog", "quadprog", "dual active set; dense matrices only"),
     "scs": _Generic("scs", "scs", "operator splitting, as a cone program"),
 }
 
@@ -52,13 +56,13 @@ _GENERIC = {
 def solver_infos() -> list[SolverInfo]:
     """Return every solver that hdvplan knows, installed or not; the default first."""
     native = [
-        SolverInfo("riccati", __version__, True, True, False, "Riccati: warm active set, interior point; our own"),
+        SolverInfo("riccati", __version__, True, True, False, "active set and interior point; our own"),
         SolverInfo("piqp", _version("piqp"), True, False, True, "proximal interior point, sparse"),
         SolverInfo("clarabel", _version("clarabel"), True, False, True, "interior point, sparse"),
         SolverInfo("osqp", _version("osqp"), True, True, True, "operator splitting, sparse"),
     ]
     generic = [
-        SolverInfo(f"qpsolvers/{name}", _version(entry.distribution), False, False, True, entry.note) for name, entry in _GENERIC.items()
+        SolverInfo(f"{_THROUGH}{name}", _version(entry.distribution), False, False, True, entry.note) for name, entry in _GENERIC.items()
     ]
     return native + generic
 
@@ -70,28 +74,54 @@ def solver_named(name: str) -> WorkspaceMaker:
         SolverError: unknown, or not installed.
 
     """
-    if name.startswith("qpsolvers/"):
-        return _generic_maker(name)
+    check_solver(name)
     match name:
         case "riccati":
             from hdvplan.solvers.riccati import RiccatiWorkspace  # noqa: PLC0415 - only the chosen solver is loaded
 
             return RiccatiWorkspace
         case "piqp":
+            from hdvplan.solvers.elastic import hard_first  # noqa: PLC0415
             from hdvplan.solvers.piqp import PiqpWorkspace  # noqa: PLC0415
 
             return hard_first(lambda shape, elastic: PiqpWorkspace(shape, elastic=elastic))
         case "clarabel":
             from hdvplan.solvers.clarabel import ClarabelWorkspace  # noqa: PLC0415
+            from hdvplan.solvers.elastic import hard_first  # noqa: PLC0415
 
             return hard_first(lambda shape, elastic: ClarabelWorkspace(shape, elastic=elastic))
         case "osqp":
+            from hdvplan.solvers.elastic import hard_first  # noqa: PLC0415
             from hdvplan.solvers.osqp import OsqpWorkspace  # noqa: PLC0415
 
             return hard_first(lambda shape, elastic: OsqpWorkspace(shape, elastic=elastic))
-    known = [info.name for info in solver_infos()]
-    msg = f"unknown solver {name!r}"
-    raise SolverError(msg, hint=did_you_mean(name, known, f"solvers: {', '.join(known)}"))
+    from hdvplan.solvers.elastic import hard_first  # noqa: PLC0415
+    from hdvplan.solvers.generic import GenericWorkspace  # noqa: PLC0415 - qpsolvers imports every solver it finds
+
+    solver = name.removeprefix(_THROUGH)
+    return hard_first(lambda shape, elastic: GenericWorkspace(shape, solver, elastic=elastic))
+
+
+def check_solver(name: str) -> None:
+    """Refuse what ``solver_named`` would, without loading anything.
+
+    Raises:
+        SolverError: unknown, or not installed.
+
+    """
+    solver = name.removeprefix(_THROUGH)
+    if name in _NATIVE:
+        return
+    if not name.startswith(_THROUGH):
+        known = [info.name for info in solver_infos()]
+        msg = f"unknown solver {name!r}"
+        raise SolverError(msg, hint=did_you_mean(name, known, f"solvers: {', '.join(known)}"))
+    if solver not in _GENERIC:
+        msg = f"unknown solver {name!r}"
+        raise SolverError(msg, hint=f"through qpsolvers: {', '.join(_GENERIC)}")
+    if find_spec(_GENERIC[solver].module) is None:
+        msg = f"solver {name!r} is not installed"
+        raise SolverError(msg, hint=f"pip install {_GENERIC[solver].distribution}")
 
 
 def tolerance_of(name: str) -> float | None:
@@ -111,21 +141,8 @@ def tolerance_of(name: str) -> float | None:
         case _:
             from hdvplan.solvers.generic import OPTIONS  # noqa: PLC0415
 
-            return OPTIONS.get(name.removeprefix("qpsolvers/"), {}).get("eps_abs")
+            return OPTIONS.get(name.removeprefix(_THROUGH), {}).get("eps_abs")
     return tolerance
-
-
-def _generic_maker(name: str) -> WorkspaceMaker:
-    solver = name.removeprefix("qpsolvers/")
-    if solver not in _GENERIC:
-        msg = f"unknown solver {name!r}"
-        raise SolverError(msg, hint=f"through qpsolvers: {', '.join(_GENERIC)}")
-    if find_spec(_GENERIC[solver].module) is None:
-        msg = f"solver {name!r} is not installed"
-        raise SolverError(msg, hint=f"pip install {_GENERIC[solver].distribution}")
-    from hdvplan.solvers.generic import GenericWorkspace  # noqa: PLC0415 - qpsolvers imports every solver it finds
-
-    return hard_first(lambda shape, elastic: GenericWorkspace(shape, solver, elastic=elastic))
 
 
 def _version(distribution: str) -> str | None:

@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hdvplan.judging.fit import facts_of
+from hdvplan.road.library import example_names
 from hdvplan.road.load import load_road
 from hdvplan.road.scenarios import SCENARIOS
 from tests.cli.conftest import Cli
@@ -15,7 +17,8 @@ LISTS = [("vehicles", "list"), ("solvers",), ("roads", "list"), ("roads", "info"
 
 
 @pytest.mark.parametrize("arguments", LISTS)
-def test_a_list_is_a_table_that_fits_a_terminal(cli: Cli, arguments: tuple[str, ...]) -> None:
+def test_a_list_is_a_table_that_fits_a_terminal(cli: Cli, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...]) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
     outcome = cli(*arguments)
     assert (outcome.code, outcome.err) == (0, "")
     assert max(len(line) for line in outcome.out.splitlines()) <= 80
@@ -33,6 +36,26 @@ def test_every_shipped_road_and_scenario_is_listed_whole(cli: Cli) -> None:
     assert names >= {"goteborg_nya_allen", *SCENARIOS}
     table = cli("roads", "list").out
     assert all(name in table for name in names)
+
+
+def test_nothing_is_cut_or_broken_where_no_terminal_limits_the_width(cli: Cli) -> None:
+    listed, table = json.loads(cli("roads", "list", "--json").out), cli("roads", "list").out
+    assert all(road["kind"] in table for road in listed)
+    lines = cli("solvers").out.splitlines()
+    for solver in json.loads(cli("solvers", "--json").out):
+        assert any(line.split()[0] == solver["name"] and solver["note"] in line for line in lines if line.strip())
+
+
+def test_the_listed_sizes_of_examples_and_scenarios_are_those_of_their_roads(cli: Cli) -> None:
+    listed = [road for road in json.loads(cli("roads", "list", "--json").out) if road["source"] != "OpenStreetMap"]
+    assert len(listed) == len(example_names()) + len(SCENARIOS)
+    for road in listed:
+        facts = facts_of(load_road(road["name"]))
+        assert road["length_m"] == pytest.approx(facts.length, abs=0.05)  # a decimetre is listed
+        if road["min_radius_m"] is None:
+            assert facts.max_curvature < 1e-4  # what drawing a straight line leaves
+        else:
+            assert road["min_radius_m"] == pytest.approx(1.0 / facts.max_curvature, abs=0.05)
 
 
 def test_a_preset_is_shown_verbatim(cli: Cli) -> None:

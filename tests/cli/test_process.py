@@ -30,6 +30,33 @@ def test_help_imports_nothing_heavy() -> None:
     assert ended.stdout.splitlines()[-1] == "[]"
 
 
+@pytest.mark.parametrize(
+    ("arguments", "code"),
+    [
+        (("roads", "list"), 0),
+        (("vehicles", "list"), 0),
+        (("solvers",), 0),
+        (("plan", "nowhere.csv", "--vehicle", "bus"), 2),
+        (("plan", "nowhere", "--vehicle", "bus"), 2),
+        (("plan", "uturn", "--vehicle", "bsu"), 2),
+        (("plan", "uturn", "--vehicle", "bus", "--solver", "ricatti"), 2),
+        (("plan", "header.csv", "--vehicle", "bus"), 2),
+        (("plan", "text.geojson", "--vehicle", "bus"), 2),
+        (("roads", "info", "header.csv"), 2),
+    ],
+)
+def test_lists_and_refusals_wait_for_nothing_that_is_slow_to_load(tmp_path: Path, arguments: tuple[str, ...], code: int) -> None:
+    (tmp_path / "header.csv").write_text("easting,northing\n1,2\n", encoding="utf-8")
+    (tmp_path / "text.geojson").write_text("no JSON", encoding="utf-8")
+    slow = ("numba", "scipy.interpolate", "scipy.ndimage", "scipy.optimize", "pandas", "matplotlib", "qpsolvers", "pyproj.crs")
+    script = (
+        f"import sys; from hdvplan.cli.app import run; code = run({list(arguments)}); print(code, [m for m in {slow} if m in sys.modules])"
+    )
+    command = [sys.executable, "-c", script]
+    ended = subprocess.run(command, cwd=tmp_path, env=_environment(), capture_output=True, text=True, check=True)  # noqa: S603 - our own
+    assert ended.stdout.splitlines()[-1] == f"{code} []"
+
+
 def test_help_is_there_at_once(tmp_path: Path) -> None:
     def seconds() -> float:
         began = time.perf_counter()

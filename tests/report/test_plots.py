@@ -118,7 +118,7 @@ def test_with_limits_the_tightest_place_is_the_one_of_least_clearance(long: Resu
 def test_drawn_bodies_have_their_size_and_lie_in_what_was_swept(name: str, request: pytest.FixtureRequest) -> None:
     result: Result = request.getfixturevalue(name)
     drive = result.drive
-    bodies = corners(drive, pose_at(drive, 100.0))
+    (bodies,) = corners(drive, np.array([pose_at(drive, 100.0)]))
     assert bodies.shape == (len(drive.vehicle.units), 4, 2)
     for unit, body in zip(drive.vehicle.units, bodies, strict=True):
         assert shapely.Polygon(body).area == pytest.approx(unit.length * unit.width)

@@ -9,7 +9,8 @@ from rich.table import Table
 
 from hdvplan.judging.balance import Breach
 from hdvplan.judging.result import Result, breach_text
-from hdvplan.report.tables import MOST_BREACHES, balance_table, breach_table, grid
+from hdvplan.report.grid import grid
+from hdvplan.report.tables import MOST_BREACHES, balance_table, breach_table
 
 
 def printed(table: Table, width: int = 80) -> list[str]:

@@ -1,0 +1,42 @@
+"""A table for the terminal from ready strings. It imports Rich alone: lists are there at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from rich import box
+from rich.table import Table
+from rich.text import Text
+
+
+def grid(
+    title: str,
+    columns: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    *,
+    text: Sequence[str] = (),
+    one_line: Sequence[str] = (),
+    caption: str | None = None,
+) -> Table:
+    """Return a table of ready strings; columns are right-aligned as numbers are, but for those named in ``text``.
+
+    Where space is short, text is broken or, in columns named in ``one_line``, cut; numbers and the first column, which
+    names the row, stay whole.
+    """
+    table = Table(title=Text(title), title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False)
+    if caption is not None:
+        table.caption, table.caption_justify, table.caption_style = Text(caption), "left", ""
+    for number, column in enumerate(columns):
+        table.add_column(
+            Text(column.replace(" [", "\n[")),  # units on a line of their own; Text, as square brackets are markup in a string
+            justify="left" if column in text else "right",
+            overflow="fold",
+            no_wrap=number == 0 or column not in text,
+        )
+    for row in rows:
+        table.add_row(*(_cut(cell) if column in one_line else Text(cell) for column, cell in zip(columns, row, strict=True)))
+    return table
+
+
+def _cut(cell: str) -> Text:
+    return Text(cell, no_wrap=True, overflow="ellipsis")
