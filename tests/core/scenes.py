@@ -49,7 +49,7 @@ def assert_same_rows(one: StageQp, other: StageQp, near_h: float, near_g: float)
     for true, bound, only in ((one, other, carried & ~others), (other, one, others & ~carried)):
         assert np.all(bound.h[only] <= true.h[only] + near_h)
     for qp, rows in ((one, carried), (other, others)):
-        assert np.all(qp.h[~rows] > CLEAR_M)
+        assert np.all(qp.h[~rows] >= CLEAR_M)
         assert np.all(qp.stages["live"][1:][np.any(rows, axis=1)] == 1.0)
 
 

@@ -1,0 +1,130 @@
+"""What is remembered of an edge that was clear: a bound that must hold however the vehicle has moved since, and along the road too."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hdvplan.centring.weights import CentringTable
+from hdvplan.jit import FloatArray
+from hdvplan.planning.assembly import assemble
+from hdvplan.planning.motion import by_stage, shift, shift_rows
+from hdvplan.planning.objectives import Goal
+from hdvplan.planning.settings import PlannerSettings
+from hdvplan.planning.stations import Stations, stations_of
+from hdvplan.planning.terms.limits import LimitsPart
+from hdvplan.planning.terms.screening import CLEAR_M
+from hdvplan.road.path import from_curvature
+from hdvplan.road.road import Limits, Road
+from hdvplan.vehicle.body import axles_behind, edge_points
+from hdvplan.vehicle.load import load_vehicle
+from hdvplan.vehicle.model import Vehicle
+from tests.core.chains import on_road, three_units, winding
+from tests.core.scenes import extended, horizon_at, linearised, move, part_of
+
+STEP, STAGES, FIRST = 0.5, 12, 30
+VEHICLES = [load_vehicle("bus"), load_vehicle("tractor-trailer"), three_units()]
+each_vehicle = pytest.mark.parametrize("vehicle", VEHICLES, ids=lambda v: v.name)
+PLACES_M = 0.05  # between the places of an edge that are looked at
+NEAR_M = 0.01  # the tightest place of an edge is found to this: see the tests of rows
+
+
+def walled(random: np.random.Generator, *, varying: bool) -> Limits:
+    """Return limits that are constant, or that jump by up to 2.5 m at random places."""
+    corners = np.sort(random.uniform(5.0, 80.0, 12))
+    s = np.concatenate([[0.0], np.repeat(corners, 2) + np.tile([0.0, 1e-6], 12), [110.0]])
+    left, right = (np.repeat(random.uniform(3.0, 5.5, 13) if varying else np.full(13, random.uniform(2.5, 4.5)), 2) for _ in range(2))
+    more = np.repeat(random.choice([0.0, 0.6], 13), 2) if varying else np.full(26, 0.4)
+    return Limits(s, left, -right, left + more, -right - more)
+
+
+def clearances(vehicle: Vehicle, stations: Stations, at: int, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return every edge's clearance to what it must keep, and to the wheels' limits alone, shape (units, 2) each."""
+    s, table = float(stations.s[at]), stations.limits
+    grid = table.s_first + table.spacing * np.arange(table.values.shape[1])
+    own, wheels = np.empty((len(vehicle.units), 2)), np.empty((len(vehicle.units), 2))
+    for unit, (body, points, behind) in enumerate(zip(vehicle.units, edge_points(vehicle), axles_behind(vehicle), strict=True)):
+        ahead = np.append(np.arange(points["ahead"][0], points["ahead"][-1], PLACES_M), points["ahead"][-1])
+        before = np.clip(np.searchsorted(points["ahead"], ahead, side="right") - 1, 0, len(points) - 2)
+        over = (points["overhang"][before] > 0) | (points["overhang"][before + 1] > 0)
+        for side, sign in enumerate((1.0, -1.0)):
+            local = [np.empty((0, 2)) for _ in vehicle.units]
+            local[unit] = np.column_stack([ahead, np.full(len(ahead), sign * 0.5 * body.width)])
+            place = on_road(vehicle, stations.path, s, z, local)[unit]
+            foot, offset = stations.path.project(place[:, 0], place[:, 1], s - behind + ahead)
+            limit, sweep = (np.interp(foot, grid, table.values[row]) for row in (side, side + 2))
+            own[unit, side] = np.min(sign * (np.where(over, sweep, limit) - offset))
+            wheels[unit, side] = np.min(sign * (limit - offset))
+    return own, wheels
+
+
+def check(vehicle: Vehicle, stations: Stations, first: int, z: FloatArray, part: LimitsPart) -> None:
+    """Hold what is recorded against dense places at a few stages, and the rows against what is recorded."""
+    edges, live = part.seen.edges, part.scene.qp.stages["live"]
+    carried = np.any(part.rows["g"] != 0.0, axis=2).reshape(len(edges), len(vehicle.units), 2, -1)
+    for i in (1, 5, STAGES):
+        own, _ = clearances(vehicle, stations, first + i, z[i])
+        assert np.all(edges["gap"][i] <= own + NEAR_M)
+        assert np.all(edges["clear"][i] <= edges["gap"][i])
+        bare = ~carried[i].any(axis=2)  # edges without rows
+        assert np.all(own[bare] > CLEAR_M - NEAR_M)
+        assert np.all(edges["never"][i][bare] == 1.0)
+        assert live[i] == float(np.any(~bare))
+
+
+@each_vehicle
+@pytest.mark.parametrize("varying", [False, True])
+@given(seed=st.integers(0, 10**6))
+@settings(max_examples=40, deadline=None, derandomize=True)
+def test_what_is_remembered_of_an_edge_never_promises_too_much(vehicle: Vehicle, varying: bool, seed: int) -> None:
+    random = np.random.default_rng(seed)
+    limits = walled(random, varying=varying)
+    road, table = Road("winding", winding(), limits), CentringTable.of(vehicle)
+    stations = stations_of(road, vehicle, table, step=STEP, horizon=STAGES * STEP)
+    cost = float(random.choice([0.0, 1.0]))
+    scene, parts = assemble(vehicle, stations, Goal(()), PlannerSettings(horizon=STAGES * STEP, replan=STEP, overhang_cost=cost))
+    part, scale = part_of(parts, LimitsPart), np.array([0.4, 0.1, 0.3, 0.3])[: vehicle.states]
+    z, first = scale * random.uniform(-1.0, 1.0, (STAGES + 1, vehicle.states)), FIRST
+    move(scene, z)
+    extended(parts, horizon_at(scene, first))
+    check(vehicle, stations, first, z, part)
+    for _ in range(6):
+        binding = bool(random.choice([False, False, True]))
+        if random.uniform() < 0.4:  # as the planner does
+            by = int(random.integers(1, 5))
+            shift_rows(scene.qp.stages, scene.qp.rows, by)
+            shift((by_stage(scene.motion.stages), by_stage(scene.qp.stages), *(array for one in parts for array in one.memory)), by)
+            first += by
+            z = np.concatenate([scene.motion.z[: STAGES + 1 - by], scale * random.uniform(-1.0, 1.0, (by, vehicle.states))])
+            move(scene, z)
+            extended(parts, horizon_at(scene, first, binding=binding), STAGES + 1 - by)
+        else:
+            z = z + 10.0 ** random.uniform(-4.0, 0.0) * scale * random.uniform(-1.0, 1.0, z.shape)
+            z[:, 1:] = np.clip(z[:, 1:], -0.5, 0.5)
+            move(scene, z)
+            linearised(parts, horizon_at(scene, first, binding=binding))
+        check(vehicle, stations, first, z, part)
+
+
+def test_an_edge_that_was_clear_is_looked_at_again_when_it_turns_towards_a_wall() -> None:
+    """A corner far ahead of the axle moves forwards, too, when the vehicle turns: past a wall, where it was clear of the limit before."""
+    vehicle, heading, turn, stage = VEHICLES[0], 0.45, 0.02, 5
+    settings = PlannerSettings(horizon=STAGES * STEP, replan=STEP)
+    corner = (FIRST + stage) * STEP + vehicle.lead.front * np.cos(heading) - 0.5 * vehicle.width * np.sin(heading)
+    path, unseen = from_curvature(np.array([0.0, 110.0]), np.zeros(2)), 0
+    for wall in corner + np.arange(0.0, 1.5, 0.05):
+        left = np.array([8.0, 8.0, 4.8, 4.8])
+        limits = Limits(np.array([0.0, wall, wall + 1e-6, 110.0]), left, np.full(4, -8.0), left, np.full(4, -8.0))
+        road = Road("wall", path, limits)
+        stations = stations_of(road, vehicle, CentringTable.of(vehicle), step=STEP, horizon=STAGES * STEP)
+        scene, parts = assemble(vehicle, stations, Goal(()), settings)
+        z = np.tile([0.0, heading], (STAGES + 1, 1))
+        move(scene, z)
+        extended(parts, horizon_at(scene, FIRST, binding=False))
+        part = part_of(parts, LimitsPart)
+        unseen += part.seen.edges["clear"][stage, 0, 0] > 1.0
+        z[:, 1] -= turn
+        move(scene, z)
+        linearised(parts, horizon_at(scene, FIRST, binding=False))
+        check(vehicle, stations, FIRST, z, part)
+    assert unseen > 5  # before it turned the wall was ahead of the corner

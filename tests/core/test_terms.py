@@ -1,0 +1,303 @@
+"""What every term of a program owes the others: its own columns and rows and no more, sums, and updates that equal a fresh start."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hdvplan.centring.weights import CentringTable
+from hdvplan.jit import FloatArray
+from hdvplan.planning.assembly import assemble
+from hdvplan.planning.merit import defect_price
+from hdvplan.planning.motion import Motion
+from hdvplan.planning.objectives import OBJECTIVES, Goal, axle_max, balanced, body_max, geometric
+from hdvplan.planning.planner import Planner
+from hdvplan.planning.settings import PlannerSettings
+from hdvplan.planning.stations import Stations, stations_of
+from hdvplan.planning.terms.balance import BalancePart, EnvelopeBalance
+from hdvplan.planning.terms.centring import Centring, Residual
+from hdvplan.planning.terms.dynamics import Dynamics
+from hdvplan.planning.terms.limits import ROWS_PER_EDGE, Limits
+from hdvplan.planning.terms.reach import Reach
+from hdvplan.planning.terms.smoothness import Smoothness
+from hdvplan.planning.terms.steering import Steering
+from hdvplan.planning.terms.term import Horizon, Part, Place, Scene, Term
+from hdvplan.qp.program import StageQp, StageShape, row_dtype
+from hdvplan.road.road import Limits as RoadLimits
+from hdvplan.road.road import Road
+from hdvplan.solvers.riccati import RiccatiWorkspace
+from hdvplan.vehicle.load import load_vehicle
+from hdvplan.vehicle.model import Vehicle
+from tests.core.chains import winding
+from tests.core.scenes import assert_same_rows, extended, horizon_at, linearised, move, part_of
+
+STEP, STAGES, FIRST = 0.5, 60, 30
+SETTINGS = PlannerSettings(horizon=STAGES * STEP, step=STEP)
+ACTIVE, TRAILER = load_vehicle("semitrailer-active"), load_vehicle("tractor-trailer")
+ROAD = Road("winding", winding())
+
+
+def prepared(vehicle: Vehicle, half_width: float = 2.0) -> Stations:
+    """Return stations on a road with a narrow strip for wheels and some more for overhangs."""
+    ends, wheels = np.array([0.0, ROAD.path.length]), np.full(2, half_width)
+    limits = RoadLimits(ends, wheels, -wheels, wheels + 0.3, -wheels - 0.3)
+    return stations_of(replace(ROAD, limits=limits), vehicle, CentringTable.of(vehicle), step=STEP, horizon=SETTINGS.horizon)
+
+
+def residual(stations: Stations) -> Residual:
+    return Residual(*np.random.default_rng(3).uniform(0.5, 2.0, (3, len(stations.s))))
+
+
+def terms_for(stations: Stations) -> dict[str, Term]:
+    """Return one of each kind."""
+    return {
+        "dynamics": Dynamics(), "smoothness": Smoothness(), "centring": Centring(residual(stations)),
+        "balance": EnvelopeBalance(residual(stations), stations.bias), "reach of bodies": Reach(bodies=True),
+        "reach of axles": Reach(bodies=False), "steering": Steering(), "limits": Limits(ROWS_PER_EDGE),
+        "limits and overhangs": Limits(2 * ROWS_PER_EDGE),
+    }  # fmt: skip
+
+
+TERMS = tuple(terms_for(prepared(ACTIVE)))
+each_term = pytest.mark.parametrize("name", TERMS)
+
+
+def random_motion(vehicle: Vehicle, seed: int) -> tuple[FloatArray, FloatArray]:
+    random = np.random.default_rng(seed)
+    scale = np.array([0.5, 0.1, 0.15, 0.1])[: vehicle.states]
+    return scale * random.uniform(-1.0, 1.0, (STAGES + 1, vehicle.states)), random.uniform(-0.05, 0.05, STAGES)
+
+
+def scene_of(shape: StageShape, vehicle: Vehicle = ACTIVE, seed: int = 1) -> Scene:
+    """Return the memory of a program full of numbers that nobody wrote, at a random motion."""
+    scene = Scene(vehicle, prepared(vehicle), SETTINGS, vehicle.table(), StageQp.empty(shape), Motion.empty(vehicle, STAGES))
+    scene.qp.buffer[:] = np.random.default_rng(7).uniform(1.0, 2.0, scene.qp.buffer.size)
+    move(scene, *random_motion(vehicle, seed))
+    extended([Dynamics().part(scene, Place(0, 0, 0))], horizon_at(scene, FIRST))  # terms find poses, and cleared costs
+    scene.qp.stages["Q"] = scene.qp.stages["q"] = 0.0
+    return scene
+
+
+@each_term
+def test_a_term_writes_the_columns_and_rows_that_it_declares_and_no_others(name: str) -> None:
+    term, before, beyond = terms_for(prepared(ACTIVE))[name], 1, 1  # others' states, inputs and rows to both sides
+    need, n, m = term.needs(ACTIVE), ACTIVE.states + 1, 1 + len(ACTIVE.active)
+    more = before + beyond
+    scene = scene_of(StageShape(STAGES, n + more + need.states, m + more + need.inputs, more + need.rows, (n - 1, n - 2)))
+    place = Place(n + before, m + before, before)
+    untouched = scene.qp.buffer.copy()
+    part = term.part(scene, place)
+    extended([part], horizon_at(scene, FIRST))
+    linearised([part], horizon_at(scene, FIRST))
+    now, then = scene.qp, StageQp(scene.qp.shape, untouched)
+    own_states = [*range(n), *range(place.state, place.state + need.states)]
+    own_inputs = [*range(m), *range(place.input, place.input + need.inputs)]
+    states, inputs = (np.isin(np.arange(count), own) for count, own in ((now.shape.states, own_states), (now.shape.inputs, own_inputs)))
+    for array, owners in (("A", (states, states)), ("B", (states, inputs)), ("c", (states,)), ("Q", (states, states)), ("q", (states,)),
+                          ("R", (inputs, inputs)), ("r", (inputs,)), ("u_low", (inputs,)), ("u_high", (inputs,))):  # fmt: skip
+        changed = np.any(getattr(now, array) != getattr(then, array), axis=0)
+        mine = owners[0] if len(owners) == 1 else np.outer(*owners)
+        if name != "dynamics" or array not in {"Q", "q"}:  # which it clears for all
+            assert not np.any(changed & ~mine), array
+    own_rows = slice(place.row, place.row + need.rows)
+    others = np.ones(now.shape.rows, bool)
+    others[own_rows] = False
+    for column in row_dtype(now.shape.states).names or ():
+        assert np.array_equal(now.rows[column][:, others], then.rows[column][:, others])
+    assert np.all(now.rows["h"][1:, own_rows] != then.rows["h"][1:, own_rows])
+    assert np.all(now.rows["linear"][:, own_rows] != then.rows["linear"][:, own_rows])
+    for state in range(place.state, place.state + need.states):  # what is declared is used
+        assert np.any(now.A[:, state] != then.A[:, state])
+    for own in range(place.input, place.input + need.inputs):
+        assert np.any(now.B[:, :, own] != then.B[:, :, own])
+        assert np.all(now.R[:, own, own] > 0.0)
+
+
+def goal_of(*names: str) -> Callable[[Stations], Goal]:
+    return lambda stations: Goal(tuple(terms_for(stations)[name] for name in names))
+
+
+def program(vehicle: Vehicle, goal: Callable[[Stations], Goal], *, limited: bool = True) -> tuple[Scene, tuple[Part, ...], Horizon]:
+    """Return an assembled program, linearised at a random motion."""
+    stations = prepared(vehicle)
+    stations = stations if limited else replace(stations, limits=stations.limits._replace(values=np.empty((4, 0))))
+    scene, parts = assemble(vehicle, stations, goal(stations), SETTINGS)
+    move(scene, *random_motion(vehicle, 1))
+    horizon = horizon_at(scene, FIRST)
+    extended(parts, horizon)
+    return scene, parts, horizon
+
+
+@pytest.mark.parametrize("vehicle", [TRAILER, ACTIVE], ids=lambda v: v.name)
+def test_a_program_is_the_sum_of_its_terms(vehicle: Vehicle) -> None:
+    names = ("balance", "centring", "reach of axles")  # the balance comes first: it weighs the residual that it has written itself
+    whole, parts, horizon = program(vehicle, goal_of(*names))
+    bare, bare_parts, _ = program(vehicle, goal_of(), limited=False)
+    n, size = vehicle.states + 1, whole.qp.shape.states
+    total_Q, total_q, price = np.zeros_like(whole.qp.Q), np.zeros_like(whole.qp.q), sum(part.price(horizon) for part in bare_parts)
+    total_Q[:, :n, :n], total_q[:, :n] = bare.qp.Q, bare.qp.q
+    row = 0
+    for name in names:
+        alone, alone_parts, _ = program(vehicle, goal_of(name), limited=False)
+        own = alone.qp.shape.states
+        total_Q[:, :own, :own] += alone.qp.Q
+        total_q[:, :own] += alone.qp.q
+        total_Q[:, :n, :n] -= bare.qp.Q
+        total_q[:, :n] -= bare.qp.q
+        rows = slice(row, row + alone.qp.shape.rows)
+        assert np.array_equal(whole.qp.rows["h"][1:, rows], alone.qp.rows["h"][1:])
+        assert np.array_equal(whole.qp.rows["g"][1:, rows, :own], alone.qp.rows["g"][1:])
+        assert not np.any(whole.qp.rows["g"][1:, rows, own:])
+        row, price = rows.stop, price + sum(part.price(horizon) for part in alone_parts) - sum(part.price(horizon) for part in bare_parts)
+    limited, limited_parts, _ = program(vehicle, goal_of())
+    assert np.array_equal(whole.qp.rows["h"][1:, row:], limited.qp.rows["h"][1:])
+    assert np.array_equal(whole.qp.rows["g"][1:, row:, :n], limited.qp.rows["g"][1:])
+    assert not np.any(whole.qp.rows["g"][1:, row:, n:])
+    price += sum(part.price(horizon) for part in limited_parts) - sum(part.price(horizon) for part in bare_parts)
+    assert size == n + 1
+    assert np.allclose(whole.qp.Q[1:], total_Q[1:], rtol=1e-12, atol=1e-12)  # rounding, in another order of sums
+    assert np.allclose(whole.qp.q[1:], total_q[1:], rtol=1e-12, atol=1e-12)
+    assert sum(part.price(horizon) for part in parts) == pytest.approx(price, rel=1e-12)
+
+
+@pytest.mark.parametrize("objective", OBJECTIVES)
+@pytest.mark.parametrize("vehicle", [TRAILER, ACTIVE], ids=lambda v: v.name)
+def test_every_value_of_an_assembled_program_lies_in_its_pattern(vehicle: Vehicle, objective: str) -> None:
+    scene, _, _ = program(vehicle, lambda stations: OBJECTIVES[objective](stations, vehicle))
+    shape = scene.qp.shape
+    assert shape.a_pattern is not None
+    assert shape.q_pattern is not None
+    assert shape.g_pattern is not None
+    assert not np.any(scene.qp.A[:, ~shape.a_pattern])
+    assert not np.any(scene.qp.Q[1:, ~(shape.q_pattern | np.eye(shape.states, dtype=bool))])  # whose diagonal solvers always keep
+    assert not np.any(scene.qp.G[:, :, ~shape.g_pattern])
+
+
+SAME = 1e-12  # of programs at one motion, linearised until their feet no longer move
+GOALS = {"geometric": geometric, "balanced": balanced, "body-max": body_max, "axle-max": axle_max}
+each_goal = pytest.mark.parametrize("objective", GOALS)
+
+
+def assert_same_program(one: StageQp, other: StageQp, stages: slice = slice(None)) -> None:
+    """Compare what matters of two programs at some of the stages 1..N; the first state is given, so its cost does not."""
+    for name in ("A", "B", "c", "R", "r", "u_low", "u_high", "linear", "quadratic", "x_low", "x_high"):
+        assert np.allclose(getattr(one, name)[stages], getattr(other, name)[stages], rtol=0.0, atol=SAME), name
+    for name in ("Q", "q"):
+        mine, theirs = (getattr(qp, name)[1:][stages] for qp in (one, other))
+        assert np.allclose(mine, theirs, rtol=SAME, atol=SAME), name
+
+
+def driven(vehicle: Vehicle, objective: str, steps: int) -> tuple[Planner, Stations, Horizon]:
+    """Return a planner after some steps of a drive whose limits bind, and the horizon of its last plan."""
+    stations = prepared(vehicle, HALF_WIDTH[vehicle.name])
+    planner = Planner(vehicle, stations, GOALS[objective](stations, vehicle), SETTINGS, RiccatiWorkspace)
+    plan = planner.plan(FIRST, stations.centring.states[FIRST], float(stations.centring.kappa[FIRST]))
+    for step in range(1, steps):
+        plan = planner.plan(FIRST + 10 * step, plan.z[10], float(plan.kappa[9]))
+    assert plan.usable
+    return planner, stations, horizon_at(planner._scene, plan.first, before=plan.kappa_before, fixed=SETTINGS.executed)
+
+
+HALF_WIDTH = {"tractor-trailer": 1.9, "semitrailer-active": 1.9}
+each_driven = pytest.mark.parametrize("vehicle", [TRAILER, ACTIVE], ids=lambda v: v.name)
+
+
+def settle_feet(parts: tuple[Part, ...], horizon: Horizon) -> None:
+    """Linearise until no foot moves any more."""
+    for _ in range(3):
+        linearised(parts, horizon)
+
+
+def fresh_at(planner: Planner, stations: Stations, objective: str, horizon: Horizon) -> tuple[StageQp, tuple[Part, ...]]:
+    """Return a program that knows nothing, at the planner's motion."""
+    vehicle = planner._scene.vehicle
+    scene, parts = assemble(vehicle, stations, GOALS[objective](stations, vehicle), SETTINGS)
+    move(scene, planner._scene.motion.z, planner._scene.motion.kappa)
+    extended(parts, horizon)
+    return scene.qp, parts
+
+
+@each_goal
+@each_driven
+def test_a_planner_s_program_is_that_of_a_fresh_one_at_its_motion(vehicle: Vehicle, objective: str) -> None:
+    planner, stations, horizon = driven(vehicle, objective, steps=4)
+    settle_feet(planner._parts, horizon)
+    fresh, parts = fresh_at(planner, stations, objective, horizon)
+    if objective == "balanced":  # what was driven is the one thing that no motion tells
+        mine, theirs = (part_of(of, BalancePart).measured for of in (parts, planner._parts))
+        mine.driven[:], mine.since[:] = theirs.driven, theirs.since
+        assert np.any(np.isfinite(theirs.driven["reach"]))
+    settle_feet(parts, horizon)
+    assert_same_program(planner._scene.qp, fresh)
+    assert_same_rows(planner._scene.qp, fresh, SAME, SAME)
+    assert np.any(fresh.G)
+
+
+@pytest.mark.parametrize("by", [1, 10, STAGES - 3])
+@pytest.mark.parametrize("objective", [name for name in GOALS if name != "balanced"])  # its places are measured over the whole plan
+@each_driven
+def test_a_shifted_program_is_that_of_a_fresh_one_at_its_motion(vehicle: Vehicle, objective: str, by: int) -> None:
+    planner, stations, horizon = driven(vehicle, objective, steps=2)
+    settle_feet(planner._parts, horizon)
+    motion = planner._scene.motion
+    z_start, before = motion.z[by] + 0.01, float(motion.kappa[by - 1])
+    moved = horizon_at(planner._scene, horizon.first + by, before=before, fixed=SETTINGS.executed)
+    planner._extend(moved, z_start, by)
+    fresh, parts = fresh_at(planner, stations, objective, moved)
+    new = slice(STAGES - by, STAGES)  # stages that the last plan did not reach, linearised once from feet as on a straight
+    assert_same_program(planner._scene.qp, fresh, new)
+    settle_feet(parts, moved)
+    kept = slice(0, STAGES - by)
+    assert_same_program(planner._scene.qp, fresh, kept)
+    assert np.array_equal(planner._scene.motion.z[0], z_start)
+    near = 1e-8  # of feet that were looked for once
+    assert_same_rows(planner._scene.qp, fresh, near, 1e-5)
+
+
+@each_goal
+def test_extending_and_linearising_comes_to_what_extending_all_comes_to(objective: str) -> None:
+    stations = prepared(TRAILER)
+    programs = []
+    for begin in (1, 2, 23, STAGES):
+        scene, parts = assemble(TRAILER, stations, GOALS[objective](stations, TRAILER), SETTINGS)
+        horizon = horizon_at(scene, FIRST)
+        move(scene, *random_motion(TRAILER, 5))
+        extended(parts, horizon)
+        move(scene, *random_motion(TRAILER, 6))
+        extended(parts, horizon, begin)
+        settle_feet(parts, horizon)
+        programs.append(scene.qp)
+    for other in programs[1:]:
+        assert_same_program(programs[0], other)
+        assert_same_rows(programs[0], other, SAME, SAME)
+
+
+def test_the_merit_is_the_prices_and_the_gaps_in_the_dynamics() -> None:
+    planner, _, horizon = driven(TRAILER, "geometric", steps=2)
+    settle_feet(planner._parts, horizon)
+    planner._weights[:] = 3.0, 5.0, 7.0
+    prices = [part.price(horizon) for part in planner._parts]
+    planner._scene.qp.c[4, :3] = 0.1, -0.2, 0.3
+    gaps = np.sum(np.abs(planner._scene.qp.c[:, :3]) @ [3.0, 5.0, 7.0])
+    assert planner._merit(horizon) == pytest.approx(sum(prices) + gaps, rel=1e-12)
+    assert defect_price(planner._scene.qp.stages, planner._weights) == pytest.approx(gaps, rel=1e-12)
+    assert gaps > 3.0
+
+
+@pytest.mark.parametrize("half_width", [1.9, 2.6, 4.0])
+def test_a_stage_that_is_not_live_has_rows_that_never_bind(half_width: float) -> None:
+    stations = prepared(TRAILER, half_width)
+    planner = Planner(TRAILER, stations, geometric(stations, TRAILER), SETTINGS, RiccatiWorkspace)
+    z, kappa, counts = stations.centring.states[FIRST], float(stations.centring.kappa[FIRST]), np.zeros(2, int)
+    for step in range(5):
+        plan = planner.plan(FIRST + 10 * step, z, kappa)
+        z, kappa = plan.z[10], float(plan.kappa[9])
+        qp = planner._scene.qp
+        live = qp.stages["live"][1:] > 0.0
+        assert not np.any(qp.G[~live])
+        assert np.all(qp.h[~live] > 0.0)
+        assert np.all(np.any(qp.G[live], axis=(1, 2)))
+        counts += [np.sum(live), np.sum(~live)]
+    assert bool(counts[0] > 0) is (half_width < 4.0)
+    assert bool(counts[1] > 0) is (half_width > 2.0)
