@@ -16,7 +16,8 @@ from hdvplan.jit import FloatArray
 from hdvplan.planning.planner import Plan
 
 NUMBERS = (
-    "linearise_s", "update_s", "solve_s", "check_s", "total_s", "loading_s", "qp_count", "iterations", "usable", "primal", "dual", "gap", "violation_m",
+    "linearise_s", "update_s", "solve_s", "check_s", "total_s", "loading_s", "qp_count", "iterations", "usable",
+    "primal", "dual", "gap", "violation_m",
 )  # fmt: skip
 COUNTS = ("qp_count", "iterations")
 OK, FAILED, OVER_BUDGET = "ok", "failed", "over budget"

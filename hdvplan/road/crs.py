@@ -131,11 +131,14 @@ def needs_lonlat(name: str) -> bool:
         RoadError: an unknown system, or one of no place on earth.
 
     """
+    from pyproj import CRS  # noqa: PLC0415 - see above
+    from pyproj.exceptions import CRSError  # noqa: PLC0415 - see above
+
     try:
         parse_crs(name)
     except RoadError:
         try:
-            crs = CRS.from_user_input(name)
+            crs: CRS | None = CRS.from_user_input(name)
         except CRSError:
             crs = None
         if crs is None or not (crs.is_projected or crs.is_geographic):
