@@ -23,10 +23,11 @@ class Discretisation(StrEnum):
     @property
     def code(self) -> int:
         """The rule as kernels take it."""
-        return tuple(Discretisation).index(self)
+        return _CODES[self]
 
 
-_MIDPOINT = Discretisation.MIDPOINT.code
+_CODES = {rule: code for code, rule in enumerate(Discretisation)}
+_MIDPOINT = _CODES[Discretisation.MIDPOINT]
 
 
 def memory(states: int) -> Records:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,8 +10,7 @@ from hdvplan.jit import FloatArray, IntArray, Records, compiled
 from hdvplan.qp.program import StageQp, StageSolution
 
 
-@dataclass(frozen=True)
-class Residuals:
+class Residuals(NamedTuple):
     """How far a point is from optimal, recomputed from the program and never taken from a solver."""
 
     primal: float  # largest violation of dynamics, rows and bounds [m, rad, 1/m]

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from enum import StrEnum
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 
@@ -21,8 +20,7 @@ class Status(StrEnum):
     FAILED = "failed"
 
 
-@dataclass(frozen=True)
-class QpResult:
+class QpResult(NamedTuple):
     """The outcome of one solve. ``point`` is the workspace's own memory: valid until its next solve."""
 
     status: Status

@@ -195,6 +195,8 @@ def _transformed(source: str, target: str, points: FloatArray) -> FloatArray:
 @lru_cache(maxsize=32)
 def _meridian(plane: str) -> float:
     """Return the longitude of a projection's origin [deg]."""
+    from pyproj import CRS  # noqa: PLC0415 - see above
+
     operation = CRS.from_user_input(plane).coordinate_operation
     values = {} if operation is None else {parameter.name: float(parameter.value) for parameter in operation.params}
     return next((value for name, value in values.items() if name.startswith("Longitude of")), 0.0)

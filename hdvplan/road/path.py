@@ -8,6 +8,7 @@ counter-clockwise from x; lateral offset positive to the left.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -57,7 +58,7 @@ class ReferencePath:
     length: float  # [m]
     closed: bool
 
-    @property
+    @cached_property
     def curve(self) -> Curve:
         """The path as kernels take it."""
         return Curve(self.coefficients, self.s_first, self.spacing)

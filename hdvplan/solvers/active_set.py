@@ -33,12 +33,11 @@ def inequalities(shape: StageShape) -> Records:
 
 
 @inner
-def _guess_bound(inequality: Records, i: int, first: int, multiplier: float) -> bool:
-    """Write the guessed statuses of a bound's two sides; return whether one is active."""
+def _guess_bound(inequality: Records, i: int, first: int, multiplier: float) -> None:
+    """Write the guessed statuses of a bound's two sides."""
     for lower in range(2):
         own, one = inequality[i, first + lower], -multiplier if lower else multiplier
         own.status, own.multiplier = (ACTIVE, one) if one > CARRIED else (INACTIVE, 0.0)
-    return abs(multiplier) > CARRIED
 
 
 @compiled
@@ -48,6 +47,15 @@ def guess_statuses(stages: Records, rows: Records, guess: Records, row_guess: Re
     A row without a linear price is never active: it costs nothing to begin with.
     """
     any_active, p, nb, last = False, rows.shape[1], guess[0].x_bounds.size, guess.size - 1
+    for i in range(last + 1):  # most plans hold none: that costs no more than a look
+        for b in range(nb):
+            any_active |= i > 0 and abs(guess[i].x_bounds[b]) > CARRIED
+        for j in range(guess[0].u.size):
+            any_active |= i < last and abs(guess[i].u_bounds[j]) > CARRIED
+        for row in range(p if i > 0 and stages[i].live > 0.0 else 0):
+            any_active |= row_guess[i, row].multiplier > CARRIED
+    if not any_active:
+        return False
     for i in range(last + 1):
         if i > 0:
             for row in range(p):
@@ -55,22 +63,22 @@ def guess_statuses(stages: Records, rows: Records, guess: Records, row_guess: Re
                 own.status, own.multiplier = INACTIVE, 0.0
                 if multiplier > CARRIED and stages[i].live > 0.0:
                     violated = row_guess[i, row].sigma > KEPT or not rows[i, row].linear > 0.0
-                    own.status, own.multiplier, any_active = VIOLATED if violated else ACTIVE, multiplier, True
+                    own.status, own.multiplier = VIOLATED if violated else ACTIVE, multiplier
             for b in range(nb):
-                any_active |= _guess_bound(inequality, i, p + 2 * b, guess[i].x_bounds[b])
+                _guess_bound(inequality, i, p + 2 * b, guess[i].x_bounds[b])
         if i < last:
             for j in range(guess[0].u.size):
-                any_active |= _guess_bound(inequality, i, p + 2 * (nb + j), guess[i].u_bounds[j])
-    return any_active
+                _guess_bound(inequality, i, p + 2 * (nb + j), guess[i].u_bounds[j])
+    return True
 
 
 @inner
-def _weigh(stages: Records, rows: Records, bounded: IntArray, inequality: Records, work: Records) -> None:
+def _weigh(stages: Records, rows: Records, bounded: IntArray, inequality: Records, weights: Records) -> None:
     """Write the objective with the quadratics of all inequalities that are not inactive; Hessians in their lower triangles."""
-    load_weights(stages, work)
+    load_weights(stages, weights)
     p, nb, last = rows.shape[1], bounded.size, stages.size - 1
     for i in range(last + 1):
-        stage, own = stages[i], work[i]
+        stage, own = stages[i], weights[i]
         if i > 0:
             if stage.live > 0.0:
                 for row in range(p):
@@ -178,19 +186,20 @@ def _publish(stages: Records, rows: Records, inequality: Records, points: Record
 
 @compiled
 def settle(
-    stages: Records, rows: Records, bounded: IntArray, points: Records, row_points: Records, work: Records, inequality: Records
-) -> tuple[bool, int]:
+    stages: Records, rows: Records, bounded: IntArray, points: Records, row_points: Records, weights: Records, work: Records,
+    inequality: Records,
+) -> tuple[bool, int]:  # fmt: skip
     """Solve a program from guessed statuses and multipliers; return whether they settled, and the number of factorisations.
 
     Only then are multipliers and elastic variables written.
     """
     last = stages.size - 1
     for iteration in range(PASSES):
-        _weigh(stages, rows, bounded, inequality, work)
-        end_at(work, last)
-        if not factorise(stages, work, last):
+        _weigh(stages, rows, bounded, inequality, weights)
+        end_at(weights, work, last)
+        if not factorise(stages, weights, work, last):
             return False, iteration + 1
-        sweep_back(stages, work, last, True)
+        sweep_back(stages, weights, work, last, True)
         sweep_ahead(stages, work, points, 0, last, True)
         if _review(stages, rows, bounded, points, inequality):
             _publish(stages, rows, inequality, points, row_points)

@@ -8,7 +8,6 @@ optimality conditions of both; only where that is not so is the elastic one solv
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
@@ -42,8 +41,7 @@ class _HardFirst:
         if not self._shape.rows or (believed and np.all(first.point.rows <= qp.linear)):
             return first
         second = self._with_columns().solve(qp, None)
-        return replace(
-            second,
+        return second._replace(
             iterations=first.iterations + second.iterations,
             update_time=first.update_time + second.update_time,
             solve_time=first.solve_time + second.solve_time,

@@ -13,12 +13,20 @@ from __future__ import annotations
 import numpy as np
 
 from hdvplan.jit import BoolArray, IntArray, Record, Records, compiled, inner
+from hdvplan.qp.program import StageShape
 from hdvplan.solvers.recursion import sweep_ahead, sweep_back
 
 NEAR_ROWS = 0.3  # rows closer than this are chosen [m]
 NEAR_BOUNDS = 0.3  # bounds closer than this share of their range are
 START_SLACK = 0.1  # least slack at the start, for rows [m] and as a share of a bound's range
 LEAST_PRICE = 0.1  # least multiplier of an elastic variable at the start
+
+
+def steps_of(shape: StageShape) -> Records:
+    """Return the memory for Newton steps x, u and the objective's gradients, (N+1,) records."""
+    n, m = (shape.states,), (shape.inputs,)
+    return np.zeros(shape.stages + 1, np.dtype([("x", float, n), ("u", float, m), ("gradient_x", float, n), ("gradient_u", float, m)]))
+
 
 # What an inequality is: a row's G x, or a bound's +-x or +-u.
 ROW, X_HIGH, X_LOW, U_HIGH, U_LOW = range(5)
@@ -123,26 +131,26 @@ def join(
 
 
 @inner
-def objective(stages: Records, points: Records, work: Records, end: int) -> None:
+def objective(stages: Records, points: Records, weights: Records, steps: Records, end: int) -> None:
     """Write the objective's derivatives at the stages before ``end``."""
     for i in range(end):  # element by element: numba takes seconds to compile a slice assignment
-        stage, own, x, u = stages[i], work[i], points[i].x, points[i].u
+        stage, own, step, x, u = stages[i], weights[i], steps[i], points[i].x, points[i].u
         for j in range(x.size):
             total = stage.q[j]
             for k in range(x.size):
                 own.Q[j, k] = stage.Q[j, k]
                 total += stage.Q[j, k] * x[k]
-            own.gradient_x[j] = total
+            step.gradient_x[j] = total
         for j in range(u.size):
             total = stage.r[j]
             for k in range(u.size):
                 own.R[j, k] = stage.R[j, k]
                 total += stage.R[j, k] * u[k]
-            own.gradient_u[j] = total
+            step.gradient_u[j] = total
 
 
 @inner
-def weigh(rows: Records, bounded: IntArray, points: Records, pairs: Records, work: Records) -> tuple[float, float]:
+def weigh(rows: Records, bounded: IntArray, points: Records, pairs: Records, weights: Records) -> tuple[float, float]:
     """Add the weights of the chosen inequalities ``pairs`` to the lower triangles of the Hessians.
 
     Returns the mean product and the largest error. A pair's error is its product or, where its multiplier is large, its slack: both
@@ -151,7 +159,7 @@ def weigh(rows: Records, bounded: IntArray, points: Records, pairs: Records, wor
     products, total, largest = 0, 0.0, 0.0
     for item in range(pairs.size):
         pair = pairs[item]
-        x, own = points[pair.stage].x, work[pair.stage]
+        x, own = points[pair.stage].x, weights[pair.stage]
         s, mu = pair.s, pair.mu
         residual = s - pair.limit
         products += 1
@@ -190,18 +198,20 @@ def weigh(rows: Records, bounded: IntArray, points: Records, pairs: Records, wor
 
 
 @inner
-def _aim(rows: Records, bounded: IntArray, pairs: Records, target: float, second_order: bool, work: Records, end: int) -> None:
+def _aim(
+    rows: Records, bounded: IntArray, pairs: Records, target: float, second_order: bool, weights: Records, steps: Records, end: int
+) -> None:
     """Write the linear terms of the Newton step towards complementarity ``target``."""
     for i in range(end + 1):
-        own = work[i]
+        own, step = weights[i], steps[i]
         for j in range(own.q.size):
-            own.q[j] = own.gradient_x[j]
+            own.q[j] = step.gradient_x[j]
         if i < end:
             for j in range(own.r.size):
-                own.r[j] = own.gradient_u[j]
+                own.r[j] = step.gradient_u[j]
     for item in range(pairs.size):
         pair = pairs[item]
-        own, mu = work[pair.stage], pair.mu
+        own, mu = weights[pair.stage], pair.mu
         over = mu * pair.s - target
         if second_order:
             over += pair.d_mu * pair.d_s
@@ -227,23 +237,23 @@ def _aim(rows: Records, bounded: IntArray, pairs: Records, target: float, second
 
 @compiled
 def newton_step(
-    stages: Records, rows: Records, bounded: IntArray, points: Records, pairs: Records, work: Records, end: int, target: float,
-    second_order: bool,
+    stages: Records, rows: Records, bounded: IntArray, pairs: Records, weights: Records, work: Records, steps: Records, end: int,
+    target: float, second_order: bool,
 ) -> float:  # fmt: skip
     """Write the Newton step towards complementarity ``target`` in the intervals before ``end``; return how far it may go.
 
     With ``second_order`` the last step's products are made up for.
     """
-    _aim(rows, bounded, pairs, target, second_order, work, end)
-    for j in range(work[0].q.size):
-        work[end].p[j], work[0].x[j] = work[end].q[j], 0.0
-    sweep_back(stages, work, end, False)
-    sweep_ahead(stages, work, points, 0, end, False)
+    _aim(rows, bounded, pairs, target, second_order, weights, steps, end)
+    for j in range(work[0].p.size):
+        work[end].p[j], steps[0].x[j] = weights[end].q[j], 0.0
+    sweep_back(stages, weights, work, end, False)
+    sweep_ahead(stages, work, steps, 0, end, False)
 
     length = 1.0  # divisions only where it shrinks
     for item in range(pairs.size):
         pair = pairs[item]
-        own, along = work[pair.stage], 0.0
+        own, along = steps[pair.stage], 0.0
         if pair.kind == ROW:
             g = rows[pair.stage, pair.index].g
             for j in range(own.x.size):

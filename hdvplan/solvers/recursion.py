@@ -1,8 +1,8 @@
 """Riccati recursion for the equality part of a stage QP: factorise once, then one backward and one forward sweep a solve.
 
-The cost-to-go of stage i is 1/2 x'P_i x + p_i'x, the optimal input u = -K_i x - k_i. Everything a solve needs of a stage lies in one
-record of ``work_dtype``: its own weights Q, q, R, r (the program's, or with what inequalities add), the recursion's P, p, K, k and L (the
-Cholesky factor of the input's Hessian), the step x, u that it leads to, and memory.
+The cost-to-go of stage i is 1/2 x'P_i x + p_i'x, the optimal input u = -K_i x - k_i. What the recursion keeps of a stage is one record:
+P, p, K, k and L, the Cholesky factor of the input's Hessian. The weights Q, q, R, r are those of any records with these columns: the
+program's own, or with what inequalities add. Memory that fits into the processor's first cache is what makes this fast.
 """
 
 from __future__ import annotations
@@ -15,20 +15,25 @@ from hdvplan.qp.program import StageShape
 _ROUNDING = 1e-14  # share of an input's curvature below which what the inputs before it leave is rounding
 
 
-def workspace(shape: StageShape) -> Records:
-    """Return the memory of a solve, (N+1,) records."""
+def recursion_of(shape: StageShape) -> Records:
+    """Return the memory of a recursion, (N+1,) records."""
     n, m = shape.states, shape.inputs
-    square, vector, inputs = ("Q", "P", "VA"), ("q", "p", "x", "gradient_x", "carried"), ("r", "k", "u", "gradient_u", "by_u")
-    sizes = dict.fromkeys(square, (n, n)) | dict.fromkeys(vector, (n,)) | dict.fromkeys(inputs, (m,))
-    sizes |= {"R": (m, m), "L": (m, m), "K": (m, n), "BVA": (m, n)}
+    sizes = {"P": (n, n), "p": (n,), "K": (m, n), "k": (m,), "L": (m, m)}
+    return np.zeros(shape.stages + 1, np.dtype([(name, float, size) for name, size in sizes.items()]))
+
+
+def weights_of(shape: StageShape) -> Records:
+    """Return the memory for weights of one's own, (N+1,) records."""
+    n, m = shape.states, shape.inputs
+    sizes = {"Q": (n, n), "q": (n,), "R": (m, m), "r": (m,)}
     return np.zeros(shape.stages + 1, np.dtype([(name, float, size) for name, size in sizes.items()]))
 
 
 @compiled
-def load_weights(stages: Records, work: Records) -> None:
-    """Write the program's own weights into the memory of a solve."""
+def load_weights(stages: Records, weights: Records) -> None:
+    """Copy the program's own weights."""
     for i in range(stages.size):
-        stage, own = stages[i], work[i]
+        stage, own = stages[i], weights[i]
         for j in range(own.q.size):
             own.q[j] = stage.q[j]
             for k in range(own.q.size):
@@ -40,25 +45,26 @@ def load_weights(stages: Records, work: Records) -> None:
 
 
 @compiled
-def end_at(work: Records, end: int) -> None:
+def end_at(weights: Records, work: Records, end: int) -> None:
     """Let the cost-to-go of stage ``end`` be its own weights, whose lower triangle counts."""
-    own = work[end]
-    for j in range(own.q.size):
-        own.p[j] = own.q[j]
+    weight, own = weights[end], work[end]
+    for j in range(own.p.size):
+        own.p[j] = weight.q[j]
         for k in range(j + 1):
-            own.P[j, k] = own.P[k, j] = own.Q[j, k]
+            own.P[j, k] = own.P[k, j] = weight.Q[j, k]
 
 
 @compiled
-def factorise(stages: Records, work: Records, end: int) -> bool:
+def factorise(stages: Records, weights: Records, work: Records, end: int) -> bool:
     """Run the Riccati recursion from stage ``end`` down, whose P is given; return False where an input has no curvature.
 
     Of Q and R the lower triangles count.
     """
-    n, m = work[0].q.size, work[0].r.size
+    n, m = work[0].p.size, work[0].k.size
+    VA, BVA = np.empty((n, n)), np.empty((m, n))
     for i in range(end - 1, -1, -1):
-        stage, own, P = stages[i], work[i], work[i + 1].P
-        A, B, VA, BVA, L, K = stage.A, stage.B, own.VA, own.BVA, own.L, own.K
+        stage, weight, own, P = stages[i], weights[i], work[i], work[i + 1].P
+        A, B, L, K = stage.A, stage.B, own.L, own.K
         for j in range(n):
             for k in range(n):
                 total = 0.0
@@ -72,7 +78,7 @@ def factorise(stages: Records, work: Records, end: int) -> bool:
                     total += B[t, j] * VA[t, k]
                 BVA[j, k] = total
             for k in range(j + 1):
-                total = own.R[j, k]
+                total = weight.R[j, k]
                 for t in range(n):
                     pb = 0.0
                     for w in range(n):
@@ -100,7 +106,7 @@ def factorise(stages: Records, work: Records, end: int) -> bool:
                 K[j, k] = total / L[j, j]
         for j in range(n):
             for k in range(j + 1):
-                total = own.Q[j, k]
+                total = weight.Q[j, k]
                 for t in range(n):
                     total += A[t, j] * VA[t, k]
                 for t in range(m):
@@ -110,12 +116,13 @@ def factorise(stages: Records, work: Records, end: int) -> bool:
 
 
 @compiled
-def sweep_back(stages: Records, work: Records, end: int, affine: bool) -> None:
+def sweep_back(stages: Records, weights: Records, work: Records, end: int, affine: bool) -> None:
     """Write p and k from stage ``end`` down, whose p is given. Without ``affine`` the dynamics are homogeneous."""
-    n, m = work[0].q.size, work[0].r.size
+    n, m = work[0].p.size, work[0].k.size
+    carried, by_u = np.empty(n), np.empty(m)
     for i in range(end - 1, -1, -1):
-        stage, own, behind = stages[i], work[i], work[i + 1]
-        carried, by_u, L, k = own.carried, own.by_u, own.L, own.k
+        stage, weight, own, behind = stages[i], weights[i], work[i], work[i + 1]
+        L, k = own.L, own.k
         for j in range(n):
             total = behind.p[j]
             if affine:
@@ -123,7 +130,7 @@ def sweep_back(stages: Records, work: Records, end: int, affine: bool) -> None:
                     total += behind.P[j, t] * stage.c[t]
             carried[j] = total
         for j in range(m):
-            total = own.r[j]
+            total = weight.r[j]
             for t in range(n):
                 total += stage.B[t, j] * carried[t]
             by_u[j] = total
@@ -136,7 +143,7 @@ def sweep_back(stages: Records, work: Records, end: int, affine: bool) -> None:
                 total -= L[t, j] * k[t]
             k[j] = total / L[j, j]
         for j in range(n):
-            total = own.q[j]
+            total = weight.q[j]
             for t in range(n):
                 total += stage.A[t, j] * carried[t]
             for t in range(m):
@@ -146,14 +153,14 @@ def sweep_back(stages: Records, work: Records, end: int, affine: bool) -> None:
 
 @compiled
 def sweep_ahead(stages: Records, work: Records, points: Records, begin: int, end: int, affine: bool) -> None:
-    """Roll the feedback out over the intervals begin <= i < end.
+    """Roll the feedback out over the intervals begin <= i < end: write x and u of ``points`` from its x at ``begin``.
 
-    With ``affine`` it writes x and u of ``points`` from its x at ``begin``; else the step x, u of ``work`` under homogeneous dynamics.
+    Without ``affine`` the dynamics are homogeneous. ``points`` are records with the columns x and u.
     """
-    n, m = work[0].q.size, work[0].r.size
+    n, m = work[0].p.size, work[0].k.size
     for i in range(begin, end):
         stage, own = stages[i], work[i]
-        x, u, ahead = (points[i].x, points[i].u, points[i + 1].x) if affine else (own.x, own.u, work[i + 1].x)
+        x, u, ahead = points[i].x, points[i].u, points[i + 1].x
         for j in range(m):
             total = -own.k[j]
             for t in range(n):

@@ -24,8 +24,8 @@ from hdvplan.jit import BoolArray, IntArray, Records, compiled, load
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 from hdvplan.qp.workspace import QpResult, Status
 from hdvplan.solvers.active_set import guess_statuses, inequalities, settle
-from hdvplan.solvers.interior import PAIR, clear, join, mean_after, move, newton_step, objective, publish, weigh, worst
-from hdvplan.solvers.recursion import adjoint, end_at, factorise, imbalance, load_weights, sweep_ahead, sweep_back, workspace
+from hdvplan.solvers.interior import PAIR, clear, join, mean_after, move, newton_step, objective, publish, steps_of, weigh, worst
+from hdvplan.solvers.recursion import adjoint, end_at, factorise, imbalance, recursion_of, sweep_ahead, sweep_back, weights_of
 
 TOLERANCE = 1e-8  # of products or slacks, and of broken inequalities [m]
 _ITERATIONS = 100
@@ -44,7 +44,8 @@ class RiccatiWorkspace:
     def __init__(self, shape: StageShape) -> None:
         """Allocate the factorisation and the iterates."""
         self._point = StageSolution.empty(shape)
-        self._work, self._inequality = workspace(shape), inequalities(shape)
+        self._work, self._weights, self._steps = recursion_of(shape), weights_of(shape), steps_of(shape)
+        self._inequality = inequalities(shape)
         self._member = np.zeros(self._inequality.shape, np.bool_)
         self._pairs = np.zeros(self._member.size + 1, PAIR)  # one more to try the next inequality in
         self._loaded: set[str] = set()
@@ -58,14 +59,16 @@ class RiccatiWorkspace:
         point, row_point, spent = self._point.stages, self._point.row_points, 0
         point[0]["x"] = qp.x_first
         if guess is not None and guess_statuses(stages, rows, guess.stages, guess.row_points, self._inequality):
-            loading += self._load(settle, stages, rows, bounded, point, row_point, self._work, self._inequality)
-            settled, spent = settle(stages, rows, bounded, point, row_point, self._work, self._inequality)
+            program = (stages, rows, bounded, point, row_point, self._weights, self._work, self._inequality)
+            loading += self._load(settle, *program)
+            settled, spent = settle(*program)
             if settled:
                 return QpResult(Status.SOLVED, self._point, spent, checked - started, perf_counter() - checked - loading, loading)
         code, more = _screen(stages, rows, bounded, point, row_point, self._work)
         if code == _BINDING:
-            loading += self._load(_solve, stages, rows, bounded, point, row_point, self._work, self._member, self._pairs)
-            code, more = _solve(stages, rows, bounded, point, row_point, self._work, self._member, self._pairs)
+            screened = (stages, rows, bounded, point, row_point, self._weights, self._work, self._steps, self._member, self._pairs)
+            loading += self._load(_solve, *screened)
+            code, more = _solve(*screened)
         spent, solving = spent + more, perf_counter() - checked - loading
         return QpResult(_STATUS[code], self._point, spent, checked - started, solving, loading)
 
@@ -84,11 +87,10 @@ _BINDING = -1
 def _screen(stages: Records, rows: Records, bounded: IntArray, points: Records, row_points: Records, work: Records) -> tuple[int, int]:
     """Solve a program without its inequalities; return ``_BINDING`` where that breaks one, else as ``_solve``."""
     last = stages.size - 1
-    load_weights(stages, work)
-    end_at(work, last)
-    if not factorise(stages, work, last):
+    end_at(stages, work, last)
+    if not factorise(stages, stages, work, last):
         return 2, 0
-    sweep_back(stages, work, last, True)
+    sweep_back(stages, stages, work, last, True)
     sweep_ahead(stages, work, points, 0, last, True)
     if worst(stages, rows, bounded, points) > 0.0:
         return _BINDING, 1
@@ -99,8 +101,8 @@ def _screen(stages: Records, rows: Records, bounded: IntArray, points: Records, 
 
 @compiled
 def _solve(
-    stages: Records, rows: Records, bounded: IntArray, points: Records, row_points: Records, work: Records, member: BoolArray,
-    pairs: Records,
+    stages: Records, rows: Records, bounded: IntArray, points: Records, row_points: Records, weights: Records, work: Records,
+    steps: Records, member: BoolArray, pairs: Records,
 ) -> tuple[int, int]:  # fmt: skip
     """Solve a screened program; return the place of its status in ``_STATUS`` and the number of factorisations."""
     last, n, m = stages.size - 1, stages[0].c.size, stages[0].r.size
@@ -119,15 +121,15 @@ def _solve(
                 tail_p[j] = work[end].p[j]
                 for k in range(n):
                     tail_P[j, k] = work[end].P[j, k]
-        objective(stages, points, work, end)
-        own = work[end]
+        objective(stages, points, weights, steps, end)
+        own, last_step = weights[end], steps[end]
         for j in range(n):
             total = tail_p[j]
             for k in range(n):
                 own.Q[j, k] = tail_P[j, k]
                 total += tail_P[j, k] * points[end].x[k]
-            own.gradient_x[j] = total
-        mean, error = weigh(rows, bounded, points, chosen, work)
+            last_step.gradient_x[j] = total
+        mean, error = weigh(rows, bounded, points, chosen, weights)
         if error < TOLERANCE and np.isfinite(mean):
             publish(chosen, points, row_points)
             adjoint(stages, rows, bounded, points, row_points)
@@ -137,15 +139,15 @@ def _solve(
                 return 0 if balanced else 3, iterations
         for j in range(n):
             for k in range(j + 1):
-                own.P[j, k] = own.P[k, j] = own.Q[j, k]
-        if not (np.isfinite(mean) and factorise(stages, work, end)):
+                work[end].P[j, k] = work[end].P[k, j] = own.Q[j, k]
+        if not (np.isfinite(mean) and factorise(stages, weights, work, end)):
             code = 2
             break
 
         # The predictor aims at complementarity 0; the corrector at ``target``, with the predictor's second-order term.
         target, length = 0.0, 1.0
         for phase in range(2):
-            length = newton_step(stages, rows, bounded, points, chosen, work, end, target, phase == 1)
+            length = newton_step(stages, rows, bounded, chosen, weights, work, steps, end, target, phase == 1)
             if phase == 0:
                 ahead = mean_after(chosen, length)
                 target = max(mean * (ahead / mean) ** 3, 0.01 * TOLERANCE)  # no pair may run far ahead of the others
@@ -154,7 +156,7 @@ def _solve(
         for i in range(end):  # states follow anew: the rounding of iterates far away must not stay
             stage, point = stages[i], points[i]
             for j in range(m):
-                point.u[j] += length * work[i].u[j]
+                point.u[j] += length * steps[i].u[j]
             for j in range(n):
                 total = stage.c[j]
                 for k in range(n):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -57,16 +58,23 @@ class Centring:
 
     def part(self, scene: Scene, place: Place) -> CentringPart:  # noqa: ARG002 - needs no column of its own
         """Return the term in its place: see ``Term``."""
-        residual = self.residual
+        residual, unit = self.residual, self.residual.axle % len(scene.vehicle.units)
         coefficients = np.zeros(len(residual.lead), COEFFICIENTS)
         coefficients["lead"], coefficients["aux"], coefficients["target"] = residual.lead, residual.aux, residual.target
         return CentringPart(
             scene,
-            residual.axle % len(scene.vehicle.units),
+            Axle(unit, scene.vehicle.lead.wheelbase if unit == 0 else 0.0),
             coefficients,
             auxiliary_ahead(scene.vehicle, residual.axle),
             np.zeros(scene.settings.stages + 1, _MEMORY),
         )
+
+
+class Axle(NamedTuple):
+    """Which axle the auxiliary one is."""
+
+    unit: int
+    ahead: float  # of its unit's axle: the front axle of the lead unit, else the unit's own [m]
 
 
 @dataclass(frozen=True)
@@ -74,7 +82,7 @@ class CentringPart:
     """Centring in its place; see ``Part``."""
 
     scene: Scene
-    axle: int
+    axle: Axle
     coefficients: Records  # (stations,) of ``COEFFICIENTS``
     ahead: float  # of the auxiliary axle, see ``auxiliary_ahead`` [m]
     stages: Records  # (N+1,)
@@ -86,45 +94,44 @@ class CentringPart:
 
     def extend(self, horizon: Horizon, begin: int) -> int:
         """See ``Part``."""
-        self.stages["foot"][begin:] = horizon.road["s"][begin:] + self.ahead
-        return self._linearise(horizon, begin)
+        return self._linearise(horizon, begin, self.ahead)
 
     def linearise(self, horizon: Horizon) -> int:
         """See ``Part``."""
-        return self._linearise(horizon, 1)
+        return self._linearise(horizon, 1, np.nan)
 
     def price(self, horizon: Horizon) -> float:  # noqa: ARG002 - a protocol's method
         """Return the sum of the squared residuals: see ``Part``."""
         return float(np.sum(np.square(self.stages["residual"][1:])))
 
-    def _linearise(self, horizon: Horizon, begin: int) -> int:
+    def _linearise(self, horizon: Horizon, begin: int, guessed: float) -> int:
         scene = self.scene
         coefficients = self.coefficients[horizon.first : horizon.first + len(horizon.road)]
         return linearise_centring(
-            scene.units, self.axle, scene.stations.path.curve, horizon.road, scene.motion.stages, scene.motion.poses, coefficients,
-            begin, self.stages, scene.qp.stages,
+            self.axle, guessed, scene.stations.path.curve, horizon.road, scene.motion.stages, scene.motion.poses,
+            coefficients, begin, self.stages, scene.qp.stages,
         )  # fmt: skip
 
 
 @compiled
 def linearise_centring(
-    units: Records, axle: int, curve: Curve, road: Records, motion: Records, poses: Records, coefficients: Records, begin: int,
+    axle: Axle, guessed: float, curve: Curve, road: Records, motion: Records, poses: Records, coefficients: Records, begin: int,
     memory: Records, stages: Records,
 ) -> int:  # fmt: skip
     """Add Q, q of the squared residual at stages i >= ``begin``; return -1, or the stage whose point has no foot.
 
-    ``axle`` is the auxiliary axle's unit. ``memory`` holds the last feet, and receives feet and residuals.
+    ``memory`` holds the last feet, and receives feet and residuals; without last feet they are ``guessed`` to lie so far ahead of each
+    station [m], else that is NaN.
     """
     n = motion[0].z.size
-    ahead = units[0].wheelbase if axle == 0 else 0.0  # front axle of the lead unit, own axle of a trailer
     gradient = np.empty(n)
     for i in range(begin, motion.size):
         own, at, stage, z = coefficients[i], road[i], stages[i], motion[i].z
-        x, y = body_point(poses[i, axle], ahead, 0.0)
-        foot, offset, cos, sin, _ = project(curve, x, y, memory[i].foot, PLANNING_STEP_M)
+        x, y = body_point(poses[i, axle.unit], axle.ahead, 0.0)
+        foot, offset, cos, sin, _ = project(curve, x, y, memory[i].foot if np.isnan(guessed) else at.s + guessed, PLANNING_STEP_M)
         if np.isnan(offset):
             return i
-        point_gradient(poses[i], axle, x, y, at, -sin, cos, gradient)
+        point_gradient(poses[i], axle.unit, x, y, at, -sin, cos, gradient)
         for j in range(n):
             gradient[j] *= own.aux
         gradient[0] += own.lead

@@ -27,19 +27,21 @@ class Dynamics:
         qp.stages["A"][:, n, n] = qp.stages["B"][:, n, 0] = 1.0
         for wheel in range(len(vehicle.active)):
             qp.stages["B"][:, vehicle.rigid_states + wheel, 1 + wheel] = 1.0
-        return _Part(scene, memory(n))
+        return _Part(scene, scene.settings.discretisation.code, memory(n))
 
 
 @dataclass(frozen=True)
 class _Part:
     scene: Scene
+    rule: int
     work: Records
     memory: tuple[FloatArray, ...] = ()
 
     def extend(self, horizon: Horizon, begin: int) -> int:
         scene, motion = self.scene, self.scene.motion
-        rule, step = scene.settings.discretisation.code, scene.settings.step
-        linearise_dynamics(rule, scene.units, horizon.road, step, motion.stages, motion.poses, begin, scene.qp.stages, self.work)
+        linearise_dynamics(
+            self.rule, scene.units, horizon.road, scene.settings.step, motion.stages, motion.poses, begin, scene.qp.stages, self.work
+        )
         return -1
 
     def linearise(self, horizon: Horizon) -> int:
