@@ -1,8 +1,9 @@
 """Riccati recursion for the equality part of a stage QP: factorise once, then one backward and one forward sweep a solve.
 
 The cost-to-go of stage i is 1/2 x'P_i x + p_i'x, the optimal input u = -K_i x - k_i. What the recursion keeps of a stage is one record:
-P, p, K, k and L, the Cholesky factor of the input's Hessian. The weights Q, q, R, r are those of any records with these columns: the
-program's own, or with what inequalities add. Memory that fits into the processor's first cache is what makes this fast.
+P, p, K, k and L, which holds the factors L D L' of the inputs' Hessian: L below the diagonal, the inverse of D on it. The weights
+Q, q, R, r are those of any records with these columns: the program's own, or with what inequalities add. Memory that fits into the
+processor's first cache is what makes this fast.
 """
 
 from __future__ import annotations
@@ -61,7 +62,7 @@ def factorise(stages: Records, weights: Records, work: Records, end: int) -> boo
     Of Q and R the lower triangles count.
     """
     n, m = work[0].p.size, work[0].k.size
-    VA, BVA = np.empty((n, n)), np.empty((m, n))
+    VA, BVA, D = np.empty((n, n)), np.empty((m, n)), np.empty(m)
     for i in range(end - 1, -1, -1):
         stage, weight, own, P = stages[i], weights[i], work[i], work[i + 1].P
         A, B, L, K = stage.A, stage.B, own.L, own.K
@@ -86,24 +87,25 @@ def factorise(stages: Records, weights: Records, work: Records, end: int) -> boo
                     total += B[t, j] * pb
                 whole = total
                 for t in range(k):
-                    total -= L[j, t] * L[k, t]
+                    total -= L[j, t] * D[t] * L[k, t]
                 if j == k:
                     if not whole > 0.0:
                         return False
-                    L[j, j] = np.sqrt(max(total, _ROUNDING * whole))
+                    D[j] = max(total, _ROUNDING * whole)
+                    L[j, j] = 1.0 / D[j]
                 else:
-                    L[j, k] = total / L[k, k]
-        for k in range(n):  # K = (L L')^-1 B'P A
+                    L[j, k] = total * L[k, k]
+        for k in range(n):  # K = (L D L')^-1 B'P A
             for j in range(m):
                 total = BVA[j, k]
                 for t in range(j):
                     total -= L[j, t] * K[t, k]
-                K[j, k] = total / L[j, j]
+                K[j, k] = total
             for j in range(m - 1, -1, -1):
-                total = K[j, k]
+                total = K[j, k] * L[j, j]
                 for t in range(j + 1, m):
                     total -= L[t, j] * K[t, k]
-                K[j, k] = total / L[j, j]
+                K[j, k] = total
         for j in range(n):
             for k in range(j + 1):
                 total = weight.Q[j, k]
@@ -136,12 +138,12 @@ def sweep_back(stages: Records, weights: Records, work: Records, end: int, affin
             by_u[j] = total
             for t in range(j):
                 total -= L[j, t] * k[t]
-            k[j] = total / L[j, j]
+            k[j] = total
         for j in range(m - 1, -1, -1):
-            total = k[j]
+            total = k[j] * L[j, j]
             for t in range(j + 1, m):
                 total -= L[t, j] * k[t]
-            k[j] = total / L[j, j]
+            k[j] = total
         for j in range(n):
             total = weight.q[j]
             for t in range(n):

@@ -34,7 +34,7 @@ class FailsAfter:
         self._left -= 1
         if self._left < 0:
             result.point.x[:] = np.nan
-            return replace(result, status=Status.SOLVED)
+            return result._replace(status=Status.SOLVED)
         return result
 
 

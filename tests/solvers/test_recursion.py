@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from hdvplan.jit import FloatArray
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 from hdvplan.qp.residuals import residuals
-from hdvplan.solvers.recursion import adjoint, end_at, factorise, load_weights, sweep_ahead, sweep_back, workspace
+from hdvplan.solvers.interior import steps_of
+from hdvplan.solvers.recursion import adjoint, end_at, factorise, load_weights, recursion_of, sweep_ahead, sweep_back, weights_of
 from tests.core.chains import few
 from tests.core.programs import PARTS, dense, random_program, shape
 
@@ -40,9 +41,9 @@ class Passes:
 
     def __init__(self, qp: StageQp) -> None:
         """Set up the last stage's cost-to-go."""
-        self.work, self.point = workspace(qp.shape), StageSolution.empty(qp.shape)
-        load_weights(qp.stages, self.work)
-        end_at(self.work, qp.shape.stages)
+        self.work, self.weights, self.point = recursion_of(qp.shape), weights_of(qp.shape), StageSolution.empty(qp.shape)
+        load_weights(qp.stages, self.weights)
+        end_at(self.weights, self.work, qp.shape.stages)
         self.point.x[0] = qp.x_first
 
     @property
@@ -58,9 +59,9 @@ class Passes:
     def run(self, qp: StageQp) -> bool:
         """Solve the program without inequalities."""
         last = qp.shape.stages
-        if not factorise(qp.stages, self.work, last):
+        if not factorise(qp.stages, self.weights, self.work, last):
             return False
-        sweep_back(qp.stages, self.work, last, True)
+        sweep_back(qp.stages, self.weights, self.work, last, True)
         sweep_ahead(qp.stages, self.work, self.point.stages, 0, last, True)
         return True
 
@@ -128,8 +129,8 @@ def test_a_head_ends_in_the_cost_to_go_of_the_tail() -> None:
     whole, head = Passes(qp), Passes(qp)
     assert whole.run(qp)
     head.work["P"][4], head.work["p"][4] = whole.work["P"][4], whole.work["p"][4]
-    assert factorise(qp.stages, head.work, 4)
-    sweep_back(qp.stages, head.work, 4, True)
+    assert factorise(qp.stages, qp.stages, head.work, 4)
+    sweep_back(qp.stages, qp.stages, head.work, 4, True)
     for name in ("K", "k", "P", "p"):
         assert np.array_equal(head.work[name][:4], whole.work[name][:4])
 
@@ -140,13 +141,13 @@ def test_without_the_affine_part_the_dynamics_are_homogeneous() -> None:
     still.c[:] = 0.0
     plain = Passes(still)
     assert plain.run(still)
-    assert factorise(qp.stages, passes.work, 6)
-    sweep_back(qp.stages, passes.work, 6, False)
-    passes.work["x"][0] = qp.x_first
-    sweep_ahead(qp.stages, passes.work, passes.point.stages, 0, 6, False)
-    assert np.array_equal(passes.work["x"], plain.x)
-    assert np.array_equal(passes.work["u"][:-1], plain.u)
-    assert not np.any(passes.x[1:])  # the step is the memory's
+    assert factorise(qp.stages, passes.weights, passes.work, 6)
+    sweep_back(qp.stages, passes.weights, passes.work, 6, False)
+    steps = steps_of(qp.shape)
+    steps["x"][0] = qp.x_first
+    sweep_ahead(qp.stages, passes.work, steps, 0, 6, False)
+    assert np.array_equal(steps["x"], plain.x)
+    assert np.array_equal(steps["u"][:-1], plain.u)
 
 
 def test_an_input_without_curvature_is_refused() -> None:
@@ -185,9 +186,9 @@ def test_compiled_kernels_do_what_their_python_says() -> None:
     qp = free_program(StageShape(3, 3, 2, 2, (1,)), 6)
     fast, slow = Passes(qp), Passes(qp)
     assert fast.run(qp)
-    stages, work, points = (array.view(np.recarray) for array in (qp.stages, slow.work, slow.point.stages))
-    assert factorise.py_func(stages, work, 3)  # type: ignore[attr-defined] # numba adds it
-    sweep_back.py_func(stages, work, 3, True)  # type: ignore[attr-defined]
+    stages, weights, work, points = (array.view(np.recarray) for array in (qp.stages, slow.weights, slow.work, slow.point.stages))
+    assert factorise.py_func(stages, weights, work, 3)  # type: ignore[attr-defined] # numba adds it
+    sweep_back.py_func(stages, weights, work, 3, True)  # type: ignore[attr-defined]
     sweep_ahead.py_func(stages, work, points, 0, 3, True)  # type: ignore[attr-defined]
     for name in ("K", "L", "P", "p", "k"):
         assert np.allclose(fast.work[name], slow.work[name], rtol=1e-12, atol=1e-12)  # contracted multiply-adds

@@ -38,10 +38,9 @@ class _Part:
     memory: tuple[FloatArray, ...] = ()
 
     def extend(self, horizon: Horizon, begin: int) -> int:
-        scene, motion = self.scene, self.scene.motion
-        linearise_dynamics(
-            self.rule, scene.units, horizon.road, scene.settings.step, motion.stages, motion.poses, begin, scene.qp.stages, self.work
-        )
+        scene, motion, qp = self.scene, self.scene.motion, self.scene.qp
+        step = scene.settings.step
+        linearise_dynamics(self.rule, scene.units, horizon.road, step, motion.stages, motion.poses, begin, qp.stages, self.work)
         return -1
 
     def linearise(self, horizon: Horizon) -> int:
