@@ -17,7 +17,7 @@ MOST = 10  # parameters of a function
 
 def functions() -> dict[str, ast.FunctionDef]:
     """Return every function of the package but the command line's, whose options are parameters, by its full name."""
-    found = {}
+    found: dict[str, ast.FunctionDef] = {}
     for file in sorted(PACKAGE.rglob("*.py")):
         inside = file.relative_to(PACKAGE).with_suffix("").parts
         nodes = ast.walk(ast.parse(file.read_text(encoding="utf-8"))) if inside[0] != "cli" else ()
