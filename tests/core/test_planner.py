@@ -76,11 +76,11 @@ def test_a_shifted_program_equals_a_fresh_linearisation_at_the_same_motion(vehic
     shifted, fresh = spy.programs[asked], fresh_program(vehicle, stations, settings, first + by, z, kappa, before)
     for name in ("A", "B", "c", "x_first", "R", "r", "linear", "quadratic", "x_low", "x_high", "u_low", "u_high"):
         assert np.max(np.abs(getattr(shifted, name) - getattr(fresh, name))) < 1e-12
-    for name in ("Q", "q"):  # the first state is given: its cost is a constant
-        assert np.max(np.abs(getattr(shifted, name)[1:] - getattr(fresh, name)[1:])) < 1e-8
-    # Feet found from another start: exact to 1e-11, by lever arms of 10 m. Where an edge bows past a limit its tightest place is as
-    # flat as the bow, and so found to 1e-6 m only: the clearance there does not feel it, its derivative does.
-    assert_same_rows(shifted, fresh, 1e-8, 1e-5)
+    for name in ("Q", "q"):  # the first state is given: its cost is a constant; feet are found to 1e-7 m, on curvatures of 0.06 1/m
+        assert np.max(np.abs(getattr(shifted, name)[1:] - getattr(fresh, name)[1:])) < 1e-7
+    # Feet found from another start, by lever arms of 10 m. Where an edge bows past a limit its tightest place is as flat as the bow, and
+    # so found to 1e-5 m only: the clearance there does not feel it, its derivative does. Settled feet agree to 1e-12: see the terms.
+    assert_same_rows(shifted, fresh, 1e-8, 1e-4)
     assert np.any(shifted.G) is np.bool_(tight)
 
 

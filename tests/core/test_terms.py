@@ -81,11 +81,12 @@ def scene_of(shape: StageShape, vehicle: Vehicle = ACTIVE, seed: int = 1) -> Sce
 
 @each_term
 def test_a_term_writes_the_columns_and_rows_that_it_declares_and_no_others(name: str) -> None:
-    term, before, beyond = terms_for(prepared(ACTIVE))[name], 1, 1  # others' states, inputs and rows to both sides
+    term = terms_for(prepared(ACTIVE))[name]
     need, n, m = term.needs(ACTIVE), ACTIVE.states + 1, 1 + len(ACTIVE.active)
-    more = before + beyond
-    scene = scene_of(StageShape(STAGES, n + more + need.states, m + more + need.inputs, more + need.rows, (n - 1, n - 2)))
-    place = Place(n + before, m + before, before)
+    # two states, inputs and rows of others, one to each side; and as many states and inputs for all terms: sizes are compiled
+    scene = scene_of(StageShape(STAGES, n + 3, m + 3, 2 + need.rows, (n - 1, n - 2)))
+    assert max(need.states, need.inputs) <= 1
+    place = Place(n + 1, m + 1, 1)
     untouched = scene.qp.buffer.copy()
     part = term.part(scene, place)
     extended([part], horizon_at(scene, FIRST))
@@ -247,12 +248,12 @@ def test_a_shifted_program_is_that_of_a_fresh_one_at_its_motion(vehicle: Vehicle
     fresh, parts = fresh_at(planner, stations, objective, moved)
     new = slice(STAGES - by, STAGES)  # stages that the last plan did not reach, linearised once from feet as on a straight
     assert_same_program(planner._scene.qp, fresh, new)
+    assert_same_rows(planner._scene.qp, fresh, SAME, SAME, new)
     settle_feet(parts, moved)
     kept = slice(0, STAGES - by)
     assert_same_program(planner._scene.qp, fresh, kept)
+    assert_same_rows(planner._scene.qp, fresh, SAME, SAME, kept)
     assert np.array_equal(planner._scene.motion.z[0], z_start)
-    near = 1e-8  # of feet that were looked for once
-    assert_same_rows(planner._scene.qp, fresh, near, 1e-5)
 
 
 @each_goal
@@ -300,4 +301,4 @@ def test_a_stage_that_is_not_live_has_rows_that_never_bind(half_width: float) ->
         assert np.all(np.any(qp.G[live], axis=(1, 2)))
         counts += [np.sum(live), np.sum(~live)]
     assert bool(counts[0] > 0) is (half_width < 4.0)
-    assert bool(counts[1] > 0) is (half_width > 2.0)
+    assert bool(counts[1] > 10) is (half_width > 2.0)

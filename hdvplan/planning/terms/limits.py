@@ -188,10 +188,11 @@ def linearise_limits(
             moved += bodies.reach * abs(z[j] - seen.z[i, j])
         for j in range(z.size):
             seen.z[i, j] = z[j]
+        slid = np.inf if moved > 0.0 and at.varies > 0.0 else moved  # the feet of an edge that was looked at have met other limits
         for number in range(last + 1):
             left, right = seen.edges[i, number, 0], seen.edges[i, number, 1]
-            left.clear -= moved
-            right.clear -= moved
+            left.clear -= slid if left.looked > 0.0 else moved
+            right.clear -= slid if right.looked > 0.0 else moved
             if not (_is_clear(left, margin, binding) and _is_clear(right, margin, binding)):
                 axis, feet = bodies.axis[number], seen.axis_feet[i, number]
                 clear_left, clear_right = clear_by_axis(bodies.units[number], axis, bodies.curve, at, poses[i, number], feet)
