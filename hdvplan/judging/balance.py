@@ -108,7 +108,7 @@ def _told(breach: Breach, breaches: list[Breach]) -> bool:
 
 def _breaches(drive: Drive, s: FloatArray, gaps: FloatArray, side: str, region: str) -> list[Breach]:
     """Return the stretches on which the tightest of ``gaps`` (units, n) lies below -KEPT_M."""
-    gap = np.nanmin(gaps, axis=0)
+    gap = np.fmin.reduce(gaps, axis=0)  # NaN where no body ever was: rounding may keep the first axle from s = 0
     edges = np.flatnonzero(np.diff(np.concatenate([[False], gap < -KEPT_M, [False]]).astype(int)))
     found = []
     for begin, end in zip(edges[::2], edges[1::2], strict=True):

@@ -35,13 +35,13 @@ class Envelope:
     @property
     def reach_left(self) -> FloatArray:
         """Furthest left reach of any body, shape (n,) [m]."""
-        reach: FloatArray = np.nanmax(self.left, axis=0)
+        reach: FloatArray = np.fmax.reduce(self.left, axis=0)
         return reach
 
     @property
     def reach_right(self) -> FloatArray:
         """Furthest right reach of any body, signed (negative), shape (n,) [m]."""
-        reach: FloatArray = np.nanmin(self.right, axis=0)
+        reach: FloatArray = np.fmin.reduce(self.right, axis=0)
         return reach
 
 

@@ -53,7 +53,7 @@ class Result:
         """Least room to any limit at the envelope's arclengths, negative where one is broken, shape (n,) [m]; None without limits."""
         if not self.gaps:
             return None
-        least: FloatArray = np.nanmin(np.concatenate(list(self.gaps.values())), axis=0)
+        least: FloatArray = np.fmin.reduce(np.concatenate(list(self.gaps.values())), axis=0)
         return least
 
     @cached_property

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import shapely
-from shapely.geometry import mapping
 from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
@@ -63,7 +63,7 @@ def swept_geojson(result: Result) -> Json:
     for region in road.regions:
         label = {"name": region.label} if region.label else {}
         named = common | {"kind": "region", "region": str(region.kind)} | label
-        features.append(_feature(region.polygon, road, named | _area_style(MUTED)))
+        features.append(_feature(shapely.simplify(region.polygon, _SIMPLER_M), road, named | _area_style(MUTED)))
     return {"type": "FeatureCollection", "features": features}
 
 
@@ -77,7 +77,7 @@ def swept_area(path: ReferencePath, s: FloatArray, left: FloatArray, right: Floa
         for first in range(begin, end - 1, length):
             part = slice(first, min(first + length + 1, end))  # neighbours share a cross-section
             outline = np.concatenate([_points(path, s[part], left[part]), _points(path, s[part], right[part])[::-1]])
-            pieces.append(shapely.make_valid(shapely.Polygon(outline)))
+            pieces.append(shapely.make_valid(shapely.simplify(shapely.Polygon(outline), _SIMPLER_M, preserve_topology=False)))
     return shapely.union_all(pieces)
 
 
@@ -100,7 +100,9 @@ def _line_style(colour: str, width: int) -> Json:
 
 
 def _line(path: ReferencePath, s: FloatArray, offset: FloatArray) -> shapely.LineString:
-    return shapely.LineString(_points(path, s, offset))
+    line = shapely.simplify(shapely.LineString(_points(path, s, offset)), _SIMPLER_M, preserve_topology=False)
+    assert isinstance(line, shapely.LineString)  # noqa: S101 - a line stays one
+    return line
 
 
 def _points(path: ReferencePath, s: FloatArray, offset: FloatArray) -> FloatArray:
@@ -109,18 +111,16 @@ def _points(path: ReferencePath, s: FloatArray, offset: FloatArray) -> FloatArra
 
 def _feature(geometry: BaseGeometry, road: Road, properties: Json) -> Json:
     """Return a feature in the road's own coordinates; polygons wind as RFC 7946 wants them."""
-    geometry = shapely.simplify(geometry, _SIMPLER_M)
     if road.to_lonlat is None:
         placed, grid, digits = geometry, _METRES_GRID, 3
     else:
         placed, grid, digits = shapely.transform(geometry, _lonlat(road.to_lonlat)), _DEGREES_GRID, 7
     if not isinstance(placed, shapely.LineString):
         placed = _polygons(shapely.set_precision(placed, grid))  # rounds and keeps the area valid
-    shape = mapping(placed)
     return {
         "type": "Feature",
         "properties": properties,
-        "geometry": {"type": shape["type"], "coordinates": _rounded(shape["coordinates"], digits)},
+        "geometry": {"type": placed.geom_type, "coordinates": _coordinates(placed, digits)},
     }
 
 
@@ -134,8 +134,11 @@ def _polygons(geometry: BaseGeometry) -> shapely.Polygon | shapely.MultiPolygon:
     return parts[0] if len(parts) == 1 else shapely.MultiPolygon(parts)
 
 
-def _rounded(coordinates: object, digits: int) -> object:
-    if isinstance(coordinates, float | int):
-        return round(float(coordinates), digits)
-    assert isinstance(coordinates, tuple | list)  # noqa: S101 - shapely nests nothing else
-    return [_rounded(inner, digits) for inner in coordinates]
+def _coordinates(geometry: BaseGeometry, digits: int) -> list[Any]:
+    """Return the nested coordinates of a line, or of one or several areas, rounded."""
+    if isinstance(geometry, shapely.MultiPolygon):
+        return [_coordinates(part, digits) for part in geometry.geoms]
+    if isinstance(geometry, shapely.Polygon):
+        return [_coordinates(ring, digits) for ring in (geometry.exterior, *geometry.interiors)]
+    rounded: list[Any] = np.round(shapely.get_coordinates(geometry), digits).tolist()
+    return rounded

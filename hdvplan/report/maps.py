@@ -119,7 +119,7 @@ def _draw_breaches(axes: Axes, result: Result, window: Window) -> None:
     shown = (s >= window.s_from) & (s <= window.s_to)
     label: str | None = "beyond a limit"
     for key, gaps in result.gaps.items():
-        limit, beyond = edge_beyond(limits, s, key, np.where(shown, np.nanmin(gaps, axis=0), 0.0))
+        limit, beyond = edge_beyond(limits, s, key, np.where(shown, np.fmin.reduce(gaps, axis=0), 0.0))
         if np.all(np.isnan(beyond)):
             continue
         outline = _outline(swept_area(path, s, np.fmax(limit, beyond), np.where(np.isnan(beyond), np.nan, np.fmin(limit, beyond))))

@@ -193,7 +193,7 @@ def _draw_limits(axes: Axes, result: Result, shown: BoolArray, window: Window) -
     if not here:
         return
     for key, gaps in result.gaps.items():
-        limit, beyond = edge_beyond(limits, s, key, np.nanmin(gaps[:, shown], axis=0))
+        limit, beyond = edge_beyond(limits, s, key, np.fmin.reduce(gaps[:, shown], axis=0))
         axes.fill_between(s, limit, beyond, color=BREACH, linewidth=0.0)
     at = [breach.s_deepest for breach in here]
     edges = [breach_offset(limits, breach) for breach in here]
