@@ -68,8 +68,10 @@ def test_every_unit_is_placed_where_its_couplings_put_it(vehicle: Vehicle, draw:
     place(vehicle.table(), 3.0, -7.0, np.cos(heading), np.sin(heading), z, poses)
     axle = np.array([3.0 - z[0] * np.sin(heading), -7.0 + z[0] * np.cos(heading)])
     local = [np.array([[0.0, 0.0], [1.0, 0.0], [u.wheelbase if i else 0.0, 0.0]]) for i, u in enumerate(vehicle.units)]
-    for pose, (own, ahead, coupling) in zip(poses, body_points(vehicle, axle, heading + z[1], z[2:], local), strict=True):
-        assert np.allclose(pose.tolist(), [*own, *(ahead - own), *coupling], rtol=0.0, atol=1e-12)  # rounding at 30 m
+    turned = z[1 : 1 + len(vehicle.units)]
+    for pose, angle, (own, ahead, coupling) in zip(poses, turned, body_points(vehicle, axle, heading + z[1], z[2:], local), strict=True):
+        expected = [*own, *(ahead - own), *coupling, np.cos(angle), np.sin(angle)]
+        assert np.allclose(pose.tolist(), expected, rtol=0.0, atol=1e-12)  # rounding at 30 m
 
 
 @given(
