@@ -403,6 +403,23 @@ def test_a_plan_that_breaks_a_limit_gets_as_many_programs_more_as_are_allowed() 
     assert counts == [1, 3, 4]
 
 
+def test_stages_that_are_driven_before_the_next_plan_count_as_fixed_once_there_is_one() -> None:
+    vehicle, settings = VEHICLES[0], PlannerSettings(horizon=25.0)
+    planner, _, _ = planned(vehicle, settings)
+    looked, linearise = [], planner._linearise
+
+    def watched(horizon: Horizon) -> None:
+        looked.append(horizon.fixed)
+        linearise(horizon)
+
+    planner._linearise = watched  # type: ignore[method-assign]
+    plan = planner.plan(50, start(vehicle), 0.0)
+    assert set(looked) == {0}  # the first plan of a drive iterates, and so does its every program
+    looked.clear()
+    planner.plan(60, plan.z[10], float(plan.kappa[9]))
+    assert looked == [settings.executed]
+
+
 @pytest.mark.parametrize(("multiplier", "live", "binds"), [(1e-4, 1.0, True), (1e-8, 1.0, False), (1e-4, 0.0, False)])
 def test_limits_bind_where_a_row_has_a_multiplier(multiplier: float, live: float, binds: bool) -> None:
     sizes = StageShape(5, 3, 1, 2, (2,))
