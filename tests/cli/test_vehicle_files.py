@@ -60,6 +60,7 @@ def five(tmp_path: Path) -> str:
     return "five.toml"
 
 
+@pytest.mark.slow  # kernels are compiled for five units
 def test_five_units_are_planned_drawn_and_described(cli: Cli, five: str, tmp_path: Path) -> None:
     outcome = cli("plan", "roundabout", "--vehicle", five, "--half-width", "6", "--out", "plan", "--json")
     assert outcome.code == 0, outcome.err
@@ -78,6 +79,7 @@ def test_five_units_are_planned_drawn_and_described(cli: Cli, five: str, tmp_pat
     assert cli("vehicles", "show", five, "--plot").code == 0
 
 
+@pytest.mark.slow  # kernels are compiled for five units and two of these wheels
 def test_wheels_that_the_plan_steers_are_written_with_the_path(cli: Cli, tmp_path: Path) -> None:
     """The dolly by the plan, the trailer behind it by a law, the last one by the plan again."""
     active = 'steered = "active"\nmax_steering_angle = 0.3\nmax_steering_rate = 0.05\n'

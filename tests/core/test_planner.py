@@ -7,11 +7,13 @@ from hdvplan.errors import OptionError, PlanError, SolverError
 from hdvplan.jit import FloatArray, Records
 from hdvplan.planning.assembly import assemble
 from hdvplan.planning.discretisation import advance, memory
+from hdvplan.planning.merit import l1_weights
 from hdvplan.planning.motion import Motion, take_step
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.planner import Plan, Planner
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import STATION, Stations, stations_of
+from hdvplan.planning.terms.term import Horizon
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
@@ -366,6 +368,66 @@ def test_limits_that_cannot_be_kept_are_broken_as_the_plan_admits(vehicle: Vehic
     plan = planner.plan(50, start(vehicle), 0.0)
     assert plan.usable
     assert plan.violation > 0.1
+
+
+@pytest.mark.parametrize(("name", "limit"), [("bus", 1.9), ("bus", 2.1), ("tractor-trailer", 1.3)])
+def test_where_limits_cannot_be_kept_steps_are_shortened_until_they_gain_nothing(name: str, limit: float) -> None:
+    vehicle, settings = load_vehicle(name), PlannerSettings(scheme=Scheme.SQP, horizon=25.0)
+    planner, _, _ = planned(vehicle, settings, limit)
+    steps, step = [], planner._step
+
+    def watched(horizon: Horizon, point: StageSolution, worth: float | None) -> tuple[float, float | None, int]:
+        moved, merit, halvings = step(horizon, point, worth)
+        steps.append((worth, merit, halvings, moved))
+        return moved, merit, halvings
+
+    planner._step = watched  # type: ignore[method-assign]
+    plan = planner.plan(50, start(vehicle), 0.0)
+    for worth, merit, halvings, moved in steps:
+        assert worth is not None
+        assert merit is not None
+        assert merit <= worth or moved < settings.sqp_tolerance or halvings == 5  # a step of 1/32 is taken whatever it does
+    assert plan.halvings == sum(halvings for _, _, halvings, _ in steps) > 0
+    assert plan.qp_count == len(steps) <= 10
+    assert plan.moved > settings.sqp_tolerance  # it would have gone on for long
+
+
+def test_a_plan_that_breaks_a_limit_gets_as_many_programs_more_as_are_allowed() -> None:
+    vehicle, counts = VEHICLES[1], []
+    for repairs in (0, 2, 3):
+        planner, _, _ = planned(vehicle, PlannerSettings(horizon=25.0, rti_repairs=repairs), 1.6)
+        plan = planner.plan(50, start(vehicle), 0.0)
+        plan = planner.plan(60, plan.z[10] + 0.05, float(plan.kappa[9]))
+        assert plan.violation > 0.1
+        counts.append(plan.qp_count)
+    assert counts == [1, 3, 4]
+
+
+def test_stages_that_are_driven_before_the_next_plan_count_as_fixed_once_there_is_one() -> None:
+    vehicle, settings = VEHICLES[0], PlannerSettings(horizon=25.0)
+    planner, _, _ = planned(vehicle, settings)
+    looked, linearise = [], planner._linearise
+
+    def watched(horizon: Horizon) -> None:
+        looked.append(horizon.fixed)
+        linearise(horizon)
+
+    planner._linearise = watched  # type: ignore[method-assign]
+    plan = planner.plan(50, start(vehicle), 0.0)
+    assert set(looked) == {0}  # the first plan of a drive iterates, and so does its every program
+    looked.clear()
+    planner.plan(60, plan.z[10], float(plan.kappa[9]))
+    assert looked == [settings.executed]
+
+
+@pytest.mark.parametrize(("multiplier", "live", "binds"), [(1e-4, 1.0, True), (1e-8, 1.0, False), (1e-4, 0.0, False)])
+def test_limits_bind_where_a_row_has_a_multiplier(multiplier: float, live: float, binds: bool) -> None:
+    sizes = StageShape(5, 3, 1, 2, (2,))
+    qp, point, weights = StageQp.empty(sizes), StageSolution.empty(sizes), np.full(2, np.nan)
+    qp.stages["live"] = live
+    point.rows[3, 1], point.dynamics[0], point.dynamics[2, :2] = multiplier, 9.0, (-3.0, 2.0)
+    assert l1_weights(qp.stages, point.stages, point.row_points, weights) is binds
+    assert weights.tolist() == [3.0, 2.0]  # the first state is given: its multipliers price nothing
 
 
 def test_a_margin_keeps_that_much_further_from_the_limit() -> None:

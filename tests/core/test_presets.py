@@ -24,7 +24,10 @@ from tests.core.differences import differences
 LEAD_IN, RAMP, CONSTANT = 50.0, 5.5, 320.0  # the roundabout of [GEO], driven three times round so that everything settles
 SETTLED = (LEAD_IN + RAMP + 180.0, LEAD_IN + RAMP + CONSTANT - 70.0)  # before the plan sees the end, some 30 m ahead
 SETTINGS = PlannerSettings()
-each_preset = pytest.mark.parametrize("name", preset_names())
+LONGEST = 3  # units; kernels are compiled for every number of them, which takes half a minute
+each_preset = pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (len(load_vehicle(name).units) > LONGEST)) for name in preset_names()]
+)
 
 
 def driven(road: Road, vehicle: Vehicle) -> Drive:

@@ -191,3 +191,11 @@ def test_an_unknown_objective_is_met_with_the_right_word() -> None:
     with pytest.raises(OptionError) as caught:
         objective_named("geometrical")
     assert caught.value.hint == "did you mean 'geometric'?"
+
+
+def test_a_drive_begins_with_no_more_curvature_than_the_vehicle_has() -> None:
+    road = Road("tight", from_curvature(np.array([0.0, 5.0, 10.0, 60.0]), np.array([0.14, 0.14, 0.0, 0.0])))
+    done = drive(road, load_vehicle("bus"), geometric, RiccatiWorkspace, PlannerSettings(horizon=30.0))
+    assert done.stations.centring.kappa[0] > 0.1
+    assert done.plans[0].kappa_before == 0.1
+    assert np.max(np.abs(done.kappa)) <= 0.1 + 1e-9  # the solver's tolerance

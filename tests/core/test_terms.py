@@ -223,7 +223,9 @@ def fresh_at(planner: Planner, stations: Stations, objective: str, horizon: Hori
 @each_driven
 def test_a_planner_s_program_is_that_of_a_fresh_one_at_its_motion(vehicle: Vehicle, objective: str) -> None:
     planner, stations, horizon = driven(vehicle, objective, steps=4)
+    left = planner._scene.qp.Q[1:].copy()
     settle_feet(planner._parts, horizon)
+    assert np.allclose(left, planner._scene.qp.Q[1:], rtol=1e-6, atol=1e-6)  # feet were found to 1e-7 m
     fresh, parts = fresh_at(planner, stations, objective, horizon)
     if objective == "balanced":  # what was driven is the one thing that no motion tells
         mine, theirs = (part_of(of, BalancePart).measured for of in (parts, planner._parts))

@@ -16,7 +16,7 @@ from hdvplan.road.road import Road
 from hdvplan.solvers.clarabel import ClarabelWorkspace
 from hdvplan.solvers.piqp import PiqpWorkspace
 from hdvplan.solvers.riccati import RiccatiWorkspace
-from tests.core.programs import random_program, shape
+from tests.core.programs import copied, random_program, shape
 from tests.solvers.recorded import COURSES, PINCHED, pinched, record, uturn
 from tests.solvers.test_recursion import free_program, linear_quadratic
 from tests.solvers.test_workspaces import MORE_SIZES, shapes
@@ -98,6 +98,45 @@ def test_large_multipliers_do_not_blunt_it(price: float) -> None:
     assert result.status is Status.SOLVED
     assert np.max(result.point.rows) == pytest.approx(price, rel=1e-6)
     assert distance(result.point, optimum(qp)) < 1e-5
+
+
+def test_a_warm_start_ends_in_a_point_as_balanced_as_it_promises() -> None:
+    quick = 0
+    for seed in range(30):
+        qp = random_program(shape(), seed, tightness=0.2)
+        qp.x_low[:], qp.x_high[:] = -30.0, 30.0
+        workspace = RiccatiWorkspace(qp.shape)
+        cold = workspace.solve(qp, None)
+        count, guess = cold.iterations, copied(cold.point)
+        warm = workspace.solve(qp, guess)
+        scale = max(1.0, float(np.max(np.abs(warm.point.dynamics))), float(np.max(np.abs(warm.point.u_bounds))))
+        # stiff quadratics turn rounding into multipliers: beyond a millionth the interior point must find them
+        assert residuals(qp, warm.point).dual < 1e-6 * scale
+        assert np.min(warm.point.rows) >= 0.0
+        quick += warm.iterations < count
+    assert quick > 20
+
+
+def test_a_wrong_guess_of_every_status_ends_in_the_same_point() -> None:
+    for seed in range(12):
+        qp = random_program(shape(), seed, tightness=0.3)
+        qp.x_low[:], qp.x_high[:], qp.linear[:] = -30.0, 30.0, 50.0
+        workspace, other = RiccatiWorkspace(qp.shape), optimum(qp)
+        guess = copied(workspace.solve(qp, None).point)
+        for rows, sigma, bounds in ((40.0, 0.0, 0.0), (60.0, 1.0, 0.0), (0.0, 0.0, 5.0), (40.0, 0.5, -5.0)):
+            guess.rows[:], guess.sigma[:], guess.u_bounds[:], guess.x_bounds[:] = rows, sigma, bounds, 0.0
+            found = workspace.solve(qp, guess)
+            assert found.status is Status.SOLVED
+            assert np.min(found.point.rows) >= 0.0
+            assert residuals(qp, found.point).dual < 1e-5
+            assert distance(found.point, other) < 1e-5
+
+
+def test_balancing_the_inputs_may_take_iterations_more() -> None:
+    sizes = StageShape(1, 6, 3, 6)
+    qp = random_program(sizes, 35, tightness=0.2)
+    qp.linear[:] *= 1e5
+    assert RiccatiWorkspace(sizes).solve(qp, None).status is Status.SOLVED  # and not merely inaccurate, after eleven iterations
 
 
 def test_a_free_row_is_no_row_at_all() -> None:
