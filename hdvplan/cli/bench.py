@@ -9,7 +9,8 @@ import typer
 
 from hdvplan.cli import completion
 from hdvplan.cli.compare import FORMATS, ExpectChangesOption, FactorOption, FloorOption, FormatOption, rule_of, show
-from hdvplan.cli.console import COMPILING, ExitCode, note, print_json, print_tables, progress
+from hdvplan.cli.compiling import note_compiling
+from hdvplan.cli.console import ExitCode, note, print_json, print_tables, progress
 from hdvplan.cli.options import JsonOption, QuietOption, choice
 from hdvplan.errors import OptionError
 
@@ -99,7 +100,6 @@ def bench(
     from hdvplan.bench.run import remaining, run
     from hdvplan.bench.suite import read_suite, suite_of
     from hdvplan.bench.timing import LAYOUTS, summary_tables
-    from hdvplan.jit import is_compiled
     from hdvplan.solvers.registry import solver_named
 
     given = {
@@ -117,8 +117,7 @@ def bench(
     if record is not None and record["finished"]:
         note(f"{out} holds this run, finished; --fresh measures again", quiet=quiet)
     else:
-        if not is_compiled():
-            note(COMPILING, quiet=quiet)
+        note_compiling(quiet=quiet)
         cases, makers = cases_of(wanted), {name: solver_named(name) for name in wanted.solvers}
         try:
             if fresh:

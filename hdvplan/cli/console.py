@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 import os
 import sys
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from enum import IntEnum
 from typing import TYPE_CHECKING
+
+from hdvplan.cli.compiling import compilation_shown
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -16,7 +18,6 @@ if TYPE_CHECKING:
 
 
 _UNCUT = 1000  # columns: wider than any table
-COMPILING = "compiling the planning kernels, once per installation: about half a minute"
 
 
 class ExitCode(IntEnum):
@@ -69,8 +70,8 @@ def print_json(value: object) -> None:
 def progress(task: str, *, quiet: bool, undisturbed: bool = False) -> Iterator[Callable[[float], None]]:
     """Show a bar with the time left on stderr while the block runs; it receives the done share, 0 to 1.
 
-    Silent where stderr is no terminal. ``undisturbed`` draws only when the share changes: no thread of its own runs beside
-    what is measured, and the time left is judged from the last hour.
+    A second one counts kernels while they compile. Silent where stderr is no terminal. ``undisturbed`` draws only when the share
+    changes: no thread of its own runs beside what is measured, and the time left is judged from the last hour.
     """
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
@@ -83,7 +84,8 @@ def progress(task: str, *, quiet: bool, undisturbed: bool = False) -> Iterator[C
         *columns, console=console, transient=True, disable=silent, auto_refresh=not undisturbed, speed_estimate_period=memory
     ) as bar:
         known = bar.add_task(task, total=1.0)
-        yield lambda share: bar.update(known, completed=share, refresh=undisturbed)
+        with nullcontext() if silent else compilation_shown(bar):
+            yield lambda share: bar.update(known, completed=share, refresh=undisturbed)
 
 
 def one_line(text: str) -> str:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdvplan.cli import completion
-from hdvplan.cli.console import COMPILING, ExitCode, note, print_json, print_tables, progress, report_error, warn
+from hdvplan.cli.compiling import note_compiling
+from hdvplan.cli.console import ExitCode, note, print_json, print_tables, progress, report_error, warn
 from hdvplan.cli.options import (
     CrsOption,
     FeatureOption,
@@ -121,7 +122,6 @@ def plan(
     found = find_road(road, wanted)  # what the files have wrong is said before more is loaded
     from hdvplan import api
     from hdvplan.case import Case
-    from hdvplan.jit import is_compiled
     from hdvplan.planning.bias import NONE, bias_named
     from hdvplan.planning.discretisation import Discretisation
     from hdvplan.planning.objectives import objective_named
@@ -138,7 +138,7 @@ def plan(
         discretisation=Discretisation(choice("--discretisation", discretisation, list(Discretisation))),
     )
     objective_named(objective)  # refuses a wrong name before the road is smoothed
-    compiled = is_compiled()  # asked before smoothing compiles a part
+    note_compiling(quiet=quiet)
     with progress(f"smoothing {road}", quiet=quiet):
         track = found()
     if reaches is not None:
@@ -149,8 +149,6 @@ def plan(
     _warn_far_regions(track, quiet=quiet)
     _warn_misfits(track, driven, quiet=quiet)
     case = Case(track, driven, objective, solver or DEFAULT, settings, NONE if bias is None else bias_named(bias, track.limits))
-    if not compiled:
-        note(COMPILING, quiet=quiet)
     with progress(f"planning {driven.name} along {track.name}", quiet=quiet) as on_progress:
         result = api.plan(case, on_progress=on_progress)
     directory = out or Path(f"{file_name(track.name)}.{file_name(driven.name)}")

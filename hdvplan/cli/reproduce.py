@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hdvplan.cli.console import COMPILING, ExitCode, note, print_json, print_tables, progress
+from hdvplan.cli.compiling import note_compiling
+from hdvplan.cli.console import ExitCode, print_json, print_tables, progress
 from hdvplan.cli.options import JsonOption, QuietOption, choice
 from hdvplan.errors import OptionError
 
@@ -52,10 +53,8 @@ def reproduce(
     from hdvplan.machine import use_one_thread
 
     use_one_thread()  # before anything imports NumPy
-    from hdvplan.jit import is_compiled
 
-    if not is_compiled():
-        note(COMPILING, quiet=quiet)
+    note_compiling(quiet=quiet)
     with progress("reproducing", quiet=quiet, undisturbed=True) as on_progress:
         studies = _run(chosen, out, on_progress)
     if json:

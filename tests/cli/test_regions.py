@@ -75,9 +75,8 @@ def test_an_obstacle_hit_before_the_start_or_beyond_the_end_of_the_road_is_an_er
 
 def test_a_station_that_no_axle_has_reached_is_no_reason_to_warn(cli: Cli) -> None:
     # Its rear axle starts at s = 0 but for rounding, and the wheels have limits of their own there.
-    outcome = cli("plan", "street_corner", "--reverse", "--vehicle", "bus", "--horizon", "40", "--quiet")
-    assert outcome.code == 1
-    assert all(line.startswith(("error: ", "hint: ")) for line in outcome.err.splitlines())
+    outcome = cli("plan", "street_corner", "--reverse", "--vehicle", "bus", "--horizon", "40", "--quiet")  # with its picture
+    assert (outcome.code, outcome.err) == (0, "")
 
 
 def test_quiet_warns_of_nothing_and_a_fitting_vehicle_neither(cli: Cli) -> None:
