@@ -30,7 +30,7 @@ VEHICLES = ("bus", "tractor-trailer")
 APART_M = (500.0, 300.0, 150.0)
 TITLE = """# What obstacles cost
 
-Mean planning step (RTI, riccati) in milliseconds, every step with its fastest of the rounds, with and without vans in turns.
+Mean planning step (RTI, riccati) in milliseconds, every step with its fastest of the rounds, with and without vans, interleaved.
 
 """
 VAN_LENGTH_M, VAN_EDGE_M = 6.0, -0.8  # from the right, to this offset: wheels must leave the middle of the road
@@ -38,7 +38,7 @@ FIRST_M, LAST_M = 120.0, 50.0  # from the road's start, and before its end
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Drive every combination in turns and write the tables."""
+    """Drive all combinations interleaved and write the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("results/obstacles"))
     parser.add_argument("--rounds", type=int, default=5)

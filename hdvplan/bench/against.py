@@ -1,4 +1,4 @@
-"""Measure two programs in the same job: fresh processes in turns, and a repeat before anything but a fine verdict."""
+"""Measure two programs in the same job: interleaved fresh processes, and a repeat before anything but a fine verdict."""
 
 from __future__ import annotations
 

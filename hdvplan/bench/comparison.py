@@ -142,7 +142,7 @@ def _markdown(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 def _sentence(change: Change) -> str:
     if change.counter == IN_STEPS:
-        return "the same sums, but other steps do the work"
+        return "totals unchanged, per-step counts differ"
     return f"{change.counter} was {change.base}, is {change.new}"
 
 

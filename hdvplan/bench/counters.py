@@ -140,9 +140,9 @@ def read_counters(path: Path) -> pd.DataFrame:
         raise OptionError(msg, hint="--renew writes them") from error
     except (ValueError, UnicodeDecodeError) as error:
         msg = f"counters {path} cannot be read: {error}"
-        raise OptionError(msg, hint="--renew writes them anew") from error
+        raise OptionError(msg, hint="--renew rewrites them") from error
     missing = [name for name in (*KEY, "status", *COUNTS, *WORK, *LENGTHS) if name not in table]
     if missing:
         msg = f"counters {path} have no column {missing[0]!r}"
-        raise OptionError(msg, hint="--renew writes them anew")
+        raise OptionError(msg, hint="--renew rewrites them")
     return table

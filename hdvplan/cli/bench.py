@@ -57,7 +57,9 @@ def bench(
     fresh: Annotated[bool, typer.Option("--fresh", help="Throw away what an earlier run has left in DIR.")] = False,
     against: Annotated[
         str | None,
-        typer.Option("--against", metavar="REV", help="Measure a revision, a release (hdvplan==X) or a PYTHON in turns, and compare."),
+        typer.Option(
+            "--against", metavar="REV", help="Measure a revision, a release (hdvplan==X) or another interpreter, interleaved, and compare."
+        ),
     ] = None,
     factor: FactorOption = None,
     floor: FloorOption = None,
@@ -78,7 +80,7 @@ def bench(
     Defaults: ten shipped roads, bus and tractor-trailer, both schemes, riccati, piqp, clarabel and osqp, three rounds, limits
     0.5 m beyond the geometric half width. A cell that cannot be planned is a row of the tables and ends nothing.
 
-    With --against: two roads, riccati and six rounds; five fresh processes a side in turns, ten where a repeat is needed.
+    With --against: two roads, riccati and six rounds; five fresh processes a side, interleaved, ten where a repeat is needed.
     Exit codes then: 0 fine; 1 a cell became slower, or counters changed; 2 bad input; 3 could not measure.
     """
     choice("--format", format_, FORMATS)

@@ -48,9 +48,7 @@ def plan(
     ],
     scheme: Annotated[
         str,
-        typer.Option(
-            "--scheme", metavar="rti|sqp", help="One QP a step, or until the plan stands still.", autocompletion=completion.schemes
-        ),
+        typer.Option("--scheme", metavar="rti|sqp", help="One QP a step, or QPs to convergence.", autocompletion=completion.schemes),
     ] = "rti",
     solver: Annotated[
         str | None, typer.Option("--solver", metavar="NAME", help="A name from `hdvplan solvers`.", autocompletion=completion.solvers)

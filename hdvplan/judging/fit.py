@@ -33,7 +33,7 @@ class Trouble(StrEnum):
 
     WIDTH = "width"  # more than there is between the limits
     CURVATURE = "curvature"  # more than the vehicle can steer
-    CIRCLE = "circle"  # none is both as tight as the road and swept evenly
+    CIRCLE = "circle"  # no balanced circle is as tight as the road
 
 
 @dataclass(frozen=True)
@@ -177,11 +177,11 @@ def finding_text(finding: Finding, vehicle: str) -> str:
     """Return a finding as one sentence."""
     place = f"from s = {finding.s_from:.1f} to {finding.s_to:.1f} m"
     if finding.trouble is Trouble.WIDTH:
-        return f"too narrow for the {vehicle} {place}: limits are {_apart(finding.available)}, needs {finding.needed:.2f} m"
+        return f"too narrow for the {vehicle} {place}: limits {_apart(finding.available)}, needs {finding.needed:.2f} m"
     if finding.trouble is Trouble.CURVATURE:
         evenly = f"sweeping it evenly needs a curvature of {finding.needed:.3f} 1/m, it can do {finding.available:.3f} 1/m"
         return f"too tight for the {vehicle} {place}: {evenly}"
-    return f"too tight for the {vehicle} {place}: it sweeps no circle as tight as that evenly"
+    return f"too tight for the {vehicle} {place}: no balanced circle is this tight"
 
 
 def finding_json(finding: Finding) -> dict[str, object]:
@@ -197,7 +197,7 @@ def finding_json(finding: Finding) -> dict[str, object]:
 
 
 def _apart(available: float) -> str:
-    return f"{available:.2f} m apart" if available >= 0.0 else f"blocked, {-available:.2f} m past each other"
+    return f"are {available:.2f} m apart" if available >= 0.0 else f"overlap by {-available:.2f} m"
 
 
 def _findings(needs: Needs, vehicle: Vehicle) -> tuple[Finding, ...]:

@@ -91,7 +91,7 @@ def _palette(ground: Image.Image, units: int) -> Image.Image:
 def _sweep(
     ground: Image.Image, swept: list[Image.Image], overlay: Image.Image, moved: tuple[list[Pixels], list[Pixels]], inside: Box
 ) -> None:
-    """Add the way from one pose to the next to what was swept, and paint ``ground`` around it anew, inside the axes."""
+    """Add the way from one pose to the next to what was swept, and repaint ``ground`` around it, inside the axes."""
     for mask, old, new in zip(swept, *moved, strict=True):
         draw = ImageDraw.Draw(mask)
         draw.polygon(new, fill=255)

@@ -123,9 +123,9 @@ def _smoothing(path: ReferencePath, s: FloatArray, e: FloatArray, weights: Float
 
 
 def _vertex_of(points: FloatArray) -> IntArray:
-    """Return the number of the point that stands for each: itself, or the last one from which it does not stand apart.
+    """Map near-duplicates to their representative: return for each point its own number, or that of the one that replaces it.
 
-    The end point always stands for itself.
+    The end point always represents itself.
     """
     stands = np.zeros(len(points), dtype=np.int64)
     places = points.tolist()

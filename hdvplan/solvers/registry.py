@@ -24,7 +24,7 @@ class SolverInfo:
 
     name: str
     version: str | None  # None: not installed
-    native: bool  # a workspace kept and updated in place, not built anew for every step
+    native: bool  # a workspace kept and updated in place, not rebuilt for every step
     warm_start: bool  # as used here
     detects_infeasible: bool
     note: str = ""

@@ -153,7 +153,7 @@ def _solve(
                 target = max(mean * (ahead / mean) ** 3, 0.01 * TOLERANCE)  # no pair may run far ahead of the others
         length = min(1.0, 0.995 * length)
         move(chosen, length)
-        for i in range(end):  # states follow anew: the rounding of iterates far away must not stay
+        for i in range(end):  # states are computed again: the rounding of iterates far away must not stay
             stage, point = stages[i], points[i]
             for j in range(m):
                 point.u[j] += length * steps[i].u[j]

@@ -58,7 +58,7 @@ def test_each_reason_has_its_sentence_with_place_and_numbers() -> None:
     none = fit_of(turn(4.0), load_vehicle("tractor-trailer-24m")).findings[0]
     assert none.trouble is Trouble.CIRCLE
     blocked = Limits(np.array([0.0, 150.0]), *(value * np.ones(2) for value in (-1.0, 1.0, -1.0, 1.0)))
-    assert "limits are blocked, 2.00 m past each other" in finding_text(fit_of(replace(turn(50.0), limits=blocked), BUS).findings[0], "bus")
+    assert "limits overlap by 2.00 m" in finding_text(fit_of(replace(turn(50.0), limits=blocked), BUS).findings[0], "bus")
 
 
 def test_neighbouring_places_are_one_finding_and_distant_ones_two() -> None:
