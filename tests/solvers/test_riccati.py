@@ -132,6 +132,39 @@ def test_a_wrong_guess_of_every_status_ends_in_the_same_point() -> None:
             assert distance(found.point, other) < 1e-5
 
 
+WRONG = ("row held", "row let go", "row broken", "broken row held", "held row broken", "input held")
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+def test_one_wrong_status_is_put_right(wrong: str) -> None:
+    random, tried, quick = np.random.default_rng(3), 0, 0
+    for seed in range(12):
+        qp = random_program(shape(), seed, tightness=0.2)
+        qp.x_low[:], qp.x_high[:] = -30.0, 30.0
+        workspace = RiccatiWorkspace(qp.shape)
+        right = copied(workspace.solve(qp, None).point)
+        held = (right.rows > 1e-3) & (right.sigma < 1e-9)
+        free, broken, loose = right.rows < 1e-6, right.sigma > 1e-3, np.abs(right.u_bounds) < 1e-6
+        where = {"row held": free, "row let go": held, "row broken": free, "broken row held": broken, "held row broken": held,
+                 "input held": loose}[wrong]  # fmt: skip
+        for i, j in random.permutation(np.argwhere(where))[:3]:
+            guess = copied(right)
+            if wrong == "input held":
+                guess.u_bounds[i, j] = 0.5
+            else:
+                guess.rows[i, j] = 0.0 if wrong == "row let go" else 0.5 * qp.linear[i, j]
+                guess.sigma[i, j] = 0.5 if wrong in {"row broken", "held row broken"} else 0.0
+            found, tried = workspace.solve(qp, guess), tried + 1
+            quick += found.iterations <= 5  # the active set's passes; else the interior point had to help
+            assert found.status is Status.SOLVED
+            assert np.min(found.point.rows) >= 0.0
+            judged = residuals(qp, found.point)
+            assert max(judged.primal, judged.dual) < 1e-5
+            assert distance(found.point, right) < 1e-5
+    assert tried > 4
+    assert quick > 0
+
+
 def test_balancing_the_inputs_may_take_iterations_more() -> None:
     sizes = StageShape(1, 6, 3, 6)
     qp = random_program(sizes, 35, tightness=0.2)
