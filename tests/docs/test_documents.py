@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 from urllib.parse import unquote
@@ -114,6 +116,22 @@ def test_every_module_that_the_documents_point_at_exists() -> None:
     for path in RUN:
         for module in re.findall(r"`((?:hdvplan|benchmarks|tests)/[\w/]+\.(?:py|toml|csv))`", path.read_text(encoding="utf-8")):
             assert (ROOT / module).is_file(), f"{_name(path)} points at {module}"
+
+
+MODULES = [block for block in blocks_of((ROOT / "docs" / "extending.md").read_text(encoding="utf-8")) if block.body.startswith('"""')]
+
+
+@pytest.mark.parametrize("command", [("check",), ("format", "--check")], ids=" ".join)
+@pytest.mark.parametrize("block", MODULES, ids=lambda block: f"line {block.line}")
+def test_modules_to_copy_pass_the_project_s_rules(block: Block, command: tuple[str, ...]) -> None:
+    arguments = [sys.executable, "-m", "ruff", *command, "--config", str(ROOT / "pyproject.toml"), "--no-cache"]
+    file = str(ROOT / "hdvplan" / "solvers" / "mine.py")  # as if it stood there
+    ran = subprocess.run([*arguments, "--stdin-filename", file, "-"], input=block.body, capture_output=True, text=True, check=False)  # noqa: S603
+    assert ran.returncode == 0, ran.stdout
+
+
+def test_both_modules_to_copy_are_found() -> None:
+    assert len(MODULES) == 2
 
 
 def test_a_block_that_does_not_do_what_it_says_is_noticed() -> None:
