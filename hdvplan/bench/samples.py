@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import astuple, dataclass, fields
+from dataclasses import dataclass, fields
 from io import BytesIO
 from pathlib import Path
 
@@ -16,8 +16,8 @@ from hdvplan.jit import FloatArray
 from hdvplan.planning.planner import Plan
 
 NUMBERS = (
-    "linearise_s", "update_s", "solve_s", "check_s", "total_s", "loading_s", "qp_count", "iterations", "usable",
-    "primal", "dual", "gap", "violation_m",
+    "linearise_s", "update_s", "solve_s", "check_s", "total_s", "qp_count", "iterations", "usable",
+    "primal", "dual", "gap", "violation_m", "loading_s",
 )  # fmt: skip
 COUNTS = ("qp_count", "iterations")
 OK, FAILED, OVER_BUDGET = "ok", "failed", "over budget"
@@ -60,9 +60,10 @@ class Measurement:
 
 def numbers_of(plan: Plan) -> tuple[float, ...]:
     """Return the numbers of one planning step in the order of a measurement's ``steps``."""
-    judged = plan.residuals
+    judged, times = plan.residuals, plan.times
+    measured = (times.linearise, times.update, times.solve, times.check, times.total)
     counts = (plan.qp_count, plan.qp_iterations, plan.usable)
-    return (*astuple(plan.times), *counts, judged.primal, judged.dual, judged.gap, plan.violation)
+    return (*measured, *counts, judged.primal, judged.dual, judged.gap, plan.violation, times.loading)
 
 
 def part_file(directory: Path, cell: int, round_: int) -> Path:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdvplan.bench.samples import OK, Judgement, Measurement
+from hdvplan.bench.samples import NUMBERS, OK, Judgement, Measurement
 from hdvplan.bench.suite import Suite
 from hdvplan.cli.app import run
 from hdvplan.machine import use_one_thread
@@ -51,7 +51,7 @@ def made_up(
     seconds: list[float], *, iterations: int = 1, usable: bool = True, outcome: str = OK, message: str = "", shift: float | None = 0.0
 ) -> Measurement:
     """Return a measurement of given total times [s]; ``shift`` moves the executed path and envelope, None: there is none."""
-    steps = np.zeros((len(seconds), 12))
+    steps = np.zeros((len(seconds), len(NUMBERS)))
     steps[:, 4] = seconds
     steps[:, 0] = 0.5 * np.array(seconds)
     steps[:, 5:7], steps[:, 7], steps[:, 8] = [1, iterations], usable, 1e-9
