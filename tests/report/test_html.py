@@ -46,8 +46,8 @@ def test_the_road_is_found_again_beside_the_driven_path(plan: PlanFiles, kerbed:
     s = np.arange(0.0, kerbed.drive.road.path.length, 0.5)
     x, y, heading = road_frame(plan, s)
     road = kerbed.drive.road.path.at(s)
-    np.testing.assert_allclose(np.column_stack([x, y]), np.column_stack([road.x, road.y]), atol=1e-9)  # rounding
-    np.testing.assert_allclose(np.cos(heading), np.cos(road.heading), atol=1e-9)
+    np.testing.assert_allclose(np.column_stack([x, y]), np.column_stack([road.x, road.y]), atol=2e-6)  # two numbers of six decimals
+    np.testing.assert_allclose(np.cos(heading), np.cos(road.heading), atol=2e-9)  # of nine
 
 
 def test_what_geometry_expects_beside_the_centre_is_shown_beside_the_centre(straight: Result, tmp_path: Path) -> None:
