@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
 ABOUT = 60  # kernels that a first plan compiles: fewer without limits, more where they bind
-COMPILING = "compiling the planning kernels, once per installation: about half a minute"
+COMPILING = "compiling the planning kernels, once per installation and kind of vehicle"
 
 
 def note_compiling(*, quiet: bool) -> None:

@@ -17,8 +17,7 @@ LISTS = [("vehicles", "list"), ("solvers",), ("roads", "list"), ("roads", "info"
 
 
 @pytest.mark.parametrize("arguments", LISTS)
-def test_a_list_is_a_table_that_fits_a_terminal(cli: Cli, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...]) -> None:
-    monkeypatch.setenv("COLUMNS", "80")
+def test_a_list_is_a_table_that_fits_a_terminal(cli: Cli, arguments: tuple[str, ...]) -> None:
     outcome = cli(*arguments)
     assert (outcome.code, outcome.err) == (0, "")
     assert max(len(line) for line in outcome.out.splitlines()) <= 80
@@ -38,7 +37,8 @@ def test_every_shipped_road_and_scenario_is_listed_whole(cli: Cli) -> None:
     assert all(name in table for name in names)
 
 
-def test_nothing_is_cut_or_broken_where_no_terminal_limits_the_width(cli: Cli) -> None:
+def test_nothing_is_cut_or_broken_where_no_terminal_limits_the_width(cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("COLUMNS")
     listed, table = json.loads(cli("roads", "list", "--json").out), cli("roads", "list").out
     assert all(road["kind"] in table for road in listed)
     lines = cli("solvers").out.splitlines()

@@ -169,7 +169,7 @@ def test_a_road_that_cannot_be_planned_ends_in_1(cli: Cli, monkeypatch: pytest.M
 def test_the_first_run_of_an_installation_says_that_it_compiles(cli: Cli, monkeypatch: pytest.MonkeyPatch, short_road: str) -> None:
     monkeypatch.setattr("hdvplan.jit.is_compiled", lambda: False)
     arguments = ("plan", short_road, "--vehicle", "bus", *QUICK)
-    assert cli(*arguments).err == "compiling the planning kernels, once per installation: about half a minute\n"
+    assert cli(*arguments).err == "compiling the planning kernels, once per installation and kind of vehicle\n"
     assert cli(*arguments, "--quiet").err == ""
 
 

@@ -106,7 +106,7 @@ def test_a_plan_ends_in_0_with_tables_on_stdout_and_silence_on_stderr(tmp_path: 
     assert ended.returncode == 0
     assert "expected half width" in ended.stdout
     assert "\x1b" not in ended.stdout  # no colour codes outside a terminal
-    assert ended.stderr.replace("compiling the planning kernels, once per installation: about half a minute\n", "") == ""
+    assert ended.stderr.replace("compiling the planning kernels, once per installation and kind of vehicle\n", "") == ""
 
 
 def test_a_broken_limit_ends_in_1_with_json_still_on_stdout(tmp_path: Path) -> None:
