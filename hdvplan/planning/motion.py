@@ -39,12 +39,6 @@ class Motion:
         return self.stages["kappa"][:-1]
 
 
-def by_stage(array: Records | FloatArray) -> FloatArray:
-    """Return a view of shape (stages, numbers) of numbers, or records of numbers, whose first axis counts stages."""
-    flat = array.view(np.float64)
-    return flat.reshape(len(array), flat.size // len(array))
-
-
 @compiled
 def shift(arrays: tuple[FloatArray, ...], by: int) -> None:
     """Move every array ``by`` stages towards its beginning; its last ``by`` stages keep their values."""

@@ -15,13 +15,13 @@ from hdvplan.errors import PlanError, SolverError
 from hdvplan.jit import FloatArray
 from hdvplan.planning.assembly import assemble
 from hdvplan.planning.merit import defect_price, l1_weights
-from hdvplan.planning.motion import by_stage, guess, shift, shift_rows, take_step
+from hdvplan.planning.motion import guess, shift, shift_rows, take_step
 from hdvplan.planning.objectives import Goal
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.limits import LimitsPart
 from hdvplan.planning.terms.term import Horizon
-from hdvplan.qp.program import StageSolution
+from hdvplan.qp.program import StageSolution, by_stage
 from hdvplan.qp.residuals import Residuals, residuals
 from hdvplan.qp.workspace import QpResult, Status, WorkspaceMaker
 from hdvplan.vehicle.model import Vehicle

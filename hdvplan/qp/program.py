@@ -222,6 +222,12 @@ def point_dtype(states: int, inputs: int, bounded: int) -> np.dtype[np.void]:
 ROW_POINT = np.dtype([("sigma", float), ("multiplier", float)])  # of one row of a primal-dual point
 
 
+def by_stage(array: Records | FloatArray) -> FloatArray:
+    """Return a view of shape (stages, numbers) of numbers, or records of numbers, whose first axis counts stages."""
+    flat = array.view(np.float64)
+    return flat.reshape(len(array), flat.size // len(array))
+
+
 @dataclass(frozen=True)
 class StageSolution:
     """A primal-dual point of a ``StageQp``. Multipliers of inequalities are >= 0; those of bounds are upper less lower."""
@@ -240,9 +246,7 @@ class StageSolution:
     @cached_property
     def numbers(self) -> tuple[FloatArray, FloatArray]:
         """All numbers of the point, (N+1, numbers a stage), and of its rows."""
-        count = len(self.stages)
-        stages, rows = self.stages.view(np.float64), self.row_points.view(np.float64)
-        return stages.reshape(count, stages.size // count), rows.reshape(count, rows.size // count)
+        return by_stage(self.stages), by_stage(self.row_points)
 
     def copy_from(self, other: StageSolution) -> None:
         """Take over another point of the same shape."""

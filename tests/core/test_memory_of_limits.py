@@ -8,12 +8,13 @@ from hypothesis import strategies as st
 from hdvplan.centring.weights import CentringTable
 from hdvplan.jit import FloatArray
 from hdvplan.planning.assembly import assemble
-from hdvplan.planning.motion import by_stage, shift, shift_rows
+from hdvplan.planning.motion import shift, shift_rows
 from hdvplan.planning.objectives import Goal
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations, stations_of
 from hdvplan.planning.terms.limits import LimitsPart
 from hdvplan.planning.terms.screening import CLEAR_M
+from hdvplan.qp.program import by_stage
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Limits, Road
 from hdvplan.vehicle.body import axles_behind, edge_points

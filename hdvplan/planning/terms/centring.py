@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from hdvplan.jit import FloatArray, Record, Records, compiled, inner
-from hdvplan.planning.motion import by_stage
 from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.term import Horizon, Needs, Place, Scene
+from hdvplan.qp.program import by_stage
 from hdvplan.road.path import PLANNING_STEP_M, Curve, project
 from hdvplan.vehicle.body import auxiliary_ahead
 from hdvplan.vehicle.kinematics import body_point, point_gradient

@@ -12,12 +12,12 @@ from typing import NamedTuple
 import numpy as np
 
 from hdvplan.jit import FloatArray, Record, Records, compiled, inner
-from hdvplan.planning.motion import by_stage
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import LimitTable, Stations
 from hdvplan.planning.terms.edges import PLACE, limit_at, look, never, tightest_between, write_row
 from hdvplan.planning.terms.screening import CLEAR_M, clear_by_axis, clear_by_state
 from hdvplan.planning.terms.term import Horizon, Needs, Place, Scene
+from hdvplan.qp.program import by_stage
 from hdvplan.road.path import Curve
 from hdvplan.vehicle.body import POINTS_PER_EDGE, axis_points, axles_behind, edge_points
 from hdvplan.vehicle.model import Vehicle

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hdvplan.jit import FloatArray, Records, compiled
-from hdvplan.planning.motion import by_stage
 from hdvplan.planning.terms.term import Horizon, Needs, Place, Scene
+from hdvplan.qp.program import by_stage
 from hdvplan.road.path import PLANNING_STEP_M, Curve, project
 from hdvplan.vehicle.body import axle_points, axles_behind, edge_points
 from hdvplan.vehicle.kinematics import body_point, point_gradient
