@@ -111,7 +111,7 @@ def exact_nlp(
         along, offset = project.map(starts.size)(ca.reshape(feet, 1, -1), ca.reshape(placed[2:, :], 2, -1))
         clearance = _clearance(stations, edges).map(stages)(feet, ca.reshape(offset, starts.shape[1], stages))
         parts.append((ca.vec(feet), starts.ravel(), np.inf))
-        margin = np.repeat(settings.margin + points["margin"][ahead], starts.shape[1])
+        margin = np.repeat(settings.clearance + points["margin"][ahead], starts.shape[1])
         rows += [(ca.vec(along), 0.0, 0.0), (ca.vec(clearance) - ca.DM(margin), 0.0, np.inf)]
     program = {"x": ca.vertcat(*(part[0] for part in parts)), "f": cost, "g": ca.vertcat(*(row[0] for row in rows))}
     options = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False, "ipopt.tol": tolerance}

@@ -50,6 +50,11 @@ def warn(message: str, *, quiet: bool = False) -> None:
     note(f"warning: {one_line(message)}", quiet=quiet)
 
 
+def print_line(text: str) -> None:
+    """Write an answer of one line to stdout; the terminal wraps it."""
+    sys.stdout.write(f"{one_line(text)}\n")
+
+
 def print_tables(*tables: Table) -> None:
     """Write tables to stdout, in colour where it is a terminal and NO_COLOR is not set; only there are they made to fit its width."""
     from rich.console import Console

@@ -9,7 +9,7 @@ import typer
 
 from hdvplan.cli import completion
 from hdvplan.cli.compiling import note_compiling
-from hdvplan.cli.console import ExitCode, note, print_json, print_tables, progress, report_error, warn
+from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error, warn
 from hdvplan.cli.options import (
     CrsOption,
     FeatureOption,
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from hdvplan.judging.result import Result
+    from hdvplan.judging.verdict import Verdict
     from hdvplan.road.road import Road
     from hdvplan.vehicle.model import Vehicle
 
@@ -74,6 +75,7 @@ def plan(
     half_width: Annotated[float | None, typer.Option("--half-width", metavar="M", help="Limits at +-M [m].")] = None,
     left: Annotated[float | None, typer.Option("--left", metavar="M", help="Left limit [m]; needs --right.")] = None,
     right: Annotated[float | None, typer.Option("--right", metavar="M", help="Right limit, positive [m]; needs --left.")] = None,
+    clearance: Annotated[float, typer.Option("--clearance", metavar="M", help="Room to keep from every limit and obstacle [m].")] = 0.0,
     horizon: Annotated[float, typer.Option("--horizon", metavar="M", help="How far each plan looks ahead [m].")] = 100.0,
     step: Annotated[float, typer.Option("--step", metavar="M", help="Distance between stations [m].")] = 0.5,
     replan: Annotated[float, typer.Option("--replan", metavar="M", help="Distance driven before the next plan [m].")] = 5.0,
@@ -133,6 +135,7 @@ def plan(
         step=step,
         replan=replan,
         smoothness=smoothness,
+        clearance=clearance,
         discretisation=Discretisation(choice("--discretisation", discretisation, list(Discretisation))),
     )
     objective_named(objective)  # refuses a wrong name before the road is smoothed
@@ -152,13 +155,19 @@ def plan(
     directory = out or Path(f"{file_name(track.name)}.{file_name(driven.name)}")
     with progress(f"writing {directory}/", quiet=quiet) as on_progress:
         _write(result, directory, pictures if plot else [], animate, on_progress)
+    from hdvplan.judging.manners import manners_of, manners_texts
+    from hdvplan.judging.verdict import verdict_of
+
+    verdict = verdict_of(result)
+    for text in manners_texts(result.drive, manners_of(result.drive)):
+        warn(text, quiet=quiet)
     if json:
         from hdvplan.report.summary import summary_of
 
         print_json(summary_of(result))
     elif not quiet:
-        _print(result, directory)
-    return _verdict(result)
+        _print(result, verdict, directory)
+    return _exit_code(result, verdict)
 
 
 def check_fits(road: Road, vehicle: Vehicle, reaches: tuple[float, float] | None) -> None:
@@ -226,32 +235,38 @@ def _write(result: Result, directory: Path, pictures: list[str], animate: bool, 
         raise OptionError(msg, hint="choose another folder with --out") from error
 
 
-def _print(result: Result, directory: Path) -> None:
-    from hdvplan.report.tables import balance_table, breach_table
+def _print(result: Result, verdict: Verdict, directory: Path) -> None:
+    """Print the answer first, then what the plan sweeps and breaks, last how it was planned."""
+    from hdvplan.judging.verdict import verdict_line
+    from hdvplan.report.tables import balance_table, breach_table, planning_table
 
-    tables = [balance_table(result, f"{directory}/")]
-    if result.balance.breaches:
-        tables.append(breach_table(result))
-    print_tables(*tables)
+    print_line(verdict_line(result, verdict))
+    broken = [breach_table(result)] if result.balance.breaches else []
+    print_tables(balance_table(result), *broken, planning_table(result, f"{directory}/"))
 
 
-def _verdict(result: Result) -> ExitCode:
-    """Return the exit code; a broken limit or an obstacle that was hit is an error that names the deepest place."""
+def _exit_code(result: Result, verdict: Verdict) -> ExitCode:
+    """Return the exit code; what is broken is an error that names the deepest place."""
     from hdvplan.judging.result import breach_text, entered_text
-    from hdvplan.report.summary import needed_half_width
 
+    if verdict.fits is not False:
+        return ExitCode.OK
     breaches = result.balance.breaches
-    if not breaches:
-        if not result.entered:
-            return ExitCode.OK
+    if breaches:
+        report_error(
+            breach_text(result, max(breaches, key=lambda breach: breach.depth)),
+            f"this plan sweeps a half width of {verdict.half_width:.2f} m; `hdvplan need ROAD` finds the least room that a plan exists for",
+        )
+    elif result.entered:
         report_error(
             entered_text(result, min(result.entered, key=lambda approach: approach.distance)),
             "limits hold along the road; this obstacle lies before its start or beyond its end",
         )
-        return ExitCode.BROKEN
-    deepest = max(breaches, key=lambda breach: breach.depth)
-    report_error(
-        breach_text(result, deepest),
-        f"this plan sweeps a half width of {needed_half_width(result):.2f} m; `hdvplan roads info ROAD` tells what each vehicle needs",
-    )
+    else:
+        kept = verdict.clearance_wanted + (verdict.spare or 0.0)
+        report_error(
+            f"only {kept:.3f} m of the wanted clearance of {verdict.clearance_wanted:.3f} m are kept "
+            f"from the {verdict.side} limit at s = {verdict.s:.1f} m",
+            "the vehicle fits without that clearance; `hdvplan need ROAD --clearance M` finds the room that it takes",
+        )
     return ExitCode.BROKEN

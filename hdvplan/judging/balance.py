@@ -78,13 +78,19 @@ def gaps_of(drive: Drive, envelope: Envelope) -> dict[tuple[str, str], FloatArra
     limits = drive.road.limits
     if limits is None:
         return {}
-    left, right, left_sweep, right_sweep = limits.table(envelope.s)
+    _, _, left_sweep, right_sweep = limits.table(envelope.s)
     region = "sweepable" if limits.two_regions else "drivable"
     gaps = {("left", region): left_sweep - envelope.left, ("right", region): envelope.right - right_sweep}
-    if limits.two_regions:
-        axles = envelope_of(drive, axles_only=True)
-        gaps |= {("left", "drivable"): left - axles.left, ("right", "drivable"): axles.right - right}
-    return gaps
+    return gaps | wheel_gaps_of(drive, envelope.s) if limits.two_regions else gaps
+
+
+def wheel_gaps_of(drive: Drive, s: FloatArray) -> dict[tuple[str, str], FloatArray]:
+    """Return ``gaps_of`` wheels and what lies between a body's axles alone, at the envelope's arclengths ``s`` [m]."""
+    if drive.road.limits is None:
+        return {}
+    left, right, _, _ = drive.road.limits.table(s)
+    axles = envelope_of(drive, axles_only=True)
+    return {("left", "drivable"): left - axles.left, ("right", "drivable"): axles.right - right}
 
 
 def _clearance(drive: Drive, envelope: Envelope) -> tuple[float | None, tuple[Breach, ...]]:

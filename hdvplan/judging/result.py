@@ -11,7 +11,7 @@ from hdvplan.case import Case
 from hdvplan.centring.weights import Centring, CentringTable
 from hdvplan.driving.drive import Drive
 from hdvplan.jit import FloatArray
-from hdvplan.judging.balance import KEPT_M, Balance, Breach, balance_of, gaps_of
+from hdvplan.judging.balance import KEPT_M, Balance, Breach, balance_of, gaps_of, wheel_gaps_of
 from hdvplan.judging.envelope import Envelope, envelope_of
 from hdvplan.judging.fit import Fit, fit_of
 from hdvplan.judging.obstacles import Approach, approaches
@@ -57,6 +57,12 @@ class Result:
         return least
 
     @cached_property
+    def wheel_room(self) -> float | None:
+        """Least room that wheels, and what lies between a body's axles, leave to their limits, negative beyond them [m]; None without."""
+        gaps = wheel_gaps_of(self.drive, self.envelope.s).values()
+        return min((float(np.nanmin(gap)) for gap in gaps), default=None)
+
+    @cached_property
     def approaches(self) -> tuple[Approach, ...]:
         """Where the drive came nearest to each obstacle."""
         return approaches(self.drive)
@@ -84,11 +90,14 @@ class Result:
 
     @property
     def status(self) -> str:
-        """``limits broken``, ``obstacle entered``, ``some steps not solved`` or ``ok``: the first of these that holds."""
+        """The first that holds: ``limits broken``, ``obstacle entered``, ``clearance not kept``, ``some steps not solved``, ``ok``."""
         if self.balance.breaches:
             return "limits broken"
         if self.entered:
             return "obstacle entered"
+        least, wanted = self.balance.min_clearance, self.case.settings.clearance
+        if least is not None and wanted > 0.0 and least < wanted - KEPT_M:
+            return "clearance not kept"
         return "some steps not solved" if self.failed else "ok"
 
 

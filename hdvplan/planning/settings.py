@@ -37,7 +37,7 @@ class PlannerSettings:
     replan: float = 5.0
     smoothness: float = 1e3  # w_kappa, the weight of (kappa_i - kappa_{i-1})^2 against squared metres [m^4]
     discretisation: Discretisation = Discretisation.MIDPOINT
-    margin: float = 0.0  # kept from every limit by the planner, beyond what sampling needs [m]
+    clearance: float = 0.0  # room to keep from every limit and obstacle [m]
     elastic_weight: float = 1e4  # exact penalty on a limit's violation [1/m]; above any multiplier seen on feasible roads
     elastic_growth: float = 1e5  # what it grows by with depth [1/m^2]: rather many shallow violations than a deep one
     overhang_cost: float = 1.0  # of an overhang's squared reach beyond the wheels' limit, against the centred error's square
@@ -52,7 +52,7 @@ class PlannerSettings:
             if not (np.isfinite(value) and value > 0.0):
                 msg = f"{name} must be a positive number, not {value:g}"
                 raise OptionError(msg)
-        for name in ("margin", "elastic_growth", "overhang_cost", "rti_repairs"):
+        for name in ("clearance", "elastic_growth", "overhang_cost", "rti_repairs"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0.0):
                 msg = f"{name} must be zero or a positive number, not {value:g}"

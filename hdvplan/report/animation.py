@@ -18,6 +18,7 @@ from PIL import Image, ImageDraw
 from hdvplan.jit import FloatArray
 from hdvplan.judging.bodies import corners
 from hdvplan.judging.result import Result
+from hdvplan.judging.verdict import verdict_of, verdict_title
 from hdvplan.report.colours import MUTED
 from hdvplan.report.maps import draw_surroundings, frame, reach_within
 from hdvplan.report.style import body_colour, body_fill, styled
@@ -129,7 +130,7 @@ def _map(result: Result, window: Window) -> tuple[Image.Image, Axes]:
         draw_surroundings(axes, drive.road, window)
         shown = (s >= window.s_from) & (s <= window.s_to)
         frame(axes, np.column_stack(drive.road.path.to_plane(s[shown], 0.0)), reach_within(result, shown))
-        axes.set_title(f"{drive.vehicle.name} on {drive.road.name}", loc="left", fontsize="medium", fontweight="bold")
+        axes.set_title(verdict_title(result, verdict_of(result)), loc="left", fontsize="medium", fontweight="bold")
         if drive.road.notice is not None:
             figure.supxlabel(drive.road.notice, fontsize="x-small", color=MUTED, x=0.01, ha="left")
         canvas.draw()  # type: ignore[no-untyped-call] # Matplotlib's back ends are not typed

@@ -13,6 +13,7 @@ from matplotlib.ticker import MaxNLocator, NullFormatter
 
 from hdvplan.jit import BoolArray, FloatArray
 from hdvplan.judging.result import Result, body_name
+from hdvplan.judging.verdict import verdict_of, verdict_title
 from hdvplan.report.colours import BREACH, INK, MUTED
 from hdvplan.report.maps import breach_offset, draw_map, draw_overview, edge_beyond
 from hdvplan.report.style import SLIDE_IN, body_colour, body_fill, styled
@@ -23,6 +24,7 @@ Panel = Callable[[Axes, Result, Window], None]
 _SHADE = "0.90"
 _ON_WHITE = {"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.7}
 _LOG_FROM = 10.0  # largest step time over the median: beyond it, a linear scale shows only the largest
+_NEAR_LIMIT = 3.0  # a curvature limit more than so many times the plan's largest would flatten the curve
 _FAR = 2.0  # limits this many reaches away would flatten the envelope
 
 
@@ -48,9 +50,9 @@ def _plan_figure(result: Result) -> Figure:
         _draw_long_profiles(profiles, result, windows)
     else:
         _draw_profiles(profiles, result, windows)
-    scheme = str(drive.settings.scheme).upper()
-    title = f"{drive.vehicle.name} on {drive.road.name}: {scheme}, {result.solver}, {result.objective}"
-    figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
+    figure.suptitle(verdict_title(result, verdict_of(result)), x=0.01, ha="left", fontweight="bold")
+    how = f"planned by {str(drive.settings.scheme).upper()}, {result.solver}, {result.objective}"
+    figure.text(0.99, 0.985, how, ha="right", va="top", fontsize="x-small", color=MUTED)
     if drive.road.notice is not None:
         figure.supxlabel(drive.road.notice, fontsize="x-small", color=MUTED, x=0.01, ha="left")
     return figure
@@ -217,7 +219,19 @@ def _draw_curvature(axes: Axes, result: Result, window: Window) -> None:
     held = np.flatnonzero(_within(edges[:-1], window))
     planned, edges = drive.kappa[held], edges[held[0] : held[-1] + 2]
     axes.stairs(planned, edges, baseline=None, color=body_colour(0), linewidth=1.3, label="planned")
+    _draw_curvature_limit(axes, drive.vehicle.max_curvature, planned)
     axes.set_ylabel("curvature [1/m]")
+
+
+def _draw_curvature_limit(axes: Axes, most: float, planned: FloatArray) -> None:
+    """Draw the vehicle's limit on the sides where the plan comes within reach of it; elsewhere it would flatten the curve."""
+    label: str | None = "vehicle's limit"
+    for sign in (1.0, -1.0):
+        if _NEAR_LIMIT * float(np.max(sign * planned)) > most:
+            axes.axhline(sign * most, color=BREACH, linestyle=(0, (4, 2)), linewidth=1.0, label=label)
+            label = None
+    if label:
+        axes.plot([], [], color=BREACH, linestyle=(0, (4, 2)), linewidth=1.0, label=f"{label} ({most:.3f}, further out)")
 
 
 def _draw_articulation(axes: Axes, result: Result, window: Window) -> None:

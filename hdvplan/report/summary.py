@@ -9,8 +9,10 @@ import numpy as np
 from hdvplan import __version__
 from hdvplan.judging.balance import Breach
 from hdvplan.judging.fit import finding_json
+from hdvplan.judging.manners import Use, manners_of
 from hdvplan.judging.obstacles import Approach
 from hdvplan.judging.result import Result, body_name
+from hdvplan.judging.verdict import Verdict, verdict_line, verdict_of
 from hdvplan.road.road import Road
 from hdvplan.vehicle.model import Vehicle
 
@@ -22,7 +24,10 @@ def summary_of(result: Result) -> Json:
     drive, balance, settings = result.drive, result.balance, result.drive.settings
     counts = np.array([plan.qp_count for plan in drive.plans])
     merits = [plan.merit for plan in drive.plans if plan.usable and plan.merit is not None]
+    verdict = verdict_of(result)
     return {
+        "verdict": verdict_json(result, verdict),
+        "clearance_wanted_m": settings.clearance,
         "road": drive.road.name,
         "vehicle": drive.vehicle.name,
         "scheme": str(settings.scheme),
@@ -43,6 +48,7 @@ def summary_of(result: Result) -> Json:
         "min_clearance_m": balance.min_clearance,
         "limit_violation_m": balance.violation if balance.breaches else 0.0,
         "breaches": [_breach(breach, drive.vehicle) for breach in balance.breaches],
+        "manners": _manners(result),
         "fit": [finding_json(finding) for finding in result.fit.findings],
         "obstacles": [_approach(approach, drive.vehicle) for approach in result.approaches],
         "failed_steps": [float(drive.stations.s[plan.first]) for plan in result.failed],
@@ -60,6 +66,29 @@ def summary_of(result: Result) -> Json:
         "notice": drive.road.notice,
         "notes": list(drive.road.notes),
         "version": __version__,
+    }
+
+
+def verdict_json(result: Result, verdict: Verdict) -> Json:
+    """Return a verdict under the names that other programs read; x and y in path.csv's plane [m]."""
+    lon, lat = verdict.lonlat or (None, None)
+    return {
+        "text": verdict_line(result, verdict),
+        "fits": verdict.fits,
+        "spare_m": verdict.spare,
+        "half_width_m": verdict.half_width,
+        "s_m": verdict.s,
+        "x": verdict.x,
+        "y": verdict.y,
+        "lon": lon,
+        "lat": lat,
+        "side": verdict.side,
+        "unit": body_name(result.drive.vehicle, verdict.unit),
+        "part": verdict.part,
+        "region": verdict.region,
+        "obstacle": verdict.obstacle,
+        "wheels_spare_m": verdict.wheels_spare,
+        "proved": None,
     }
 
 
@@ -96,6 +125,20 @@ def smoothing_of(road: Road) -> Json | None:
         "max_curvature_per_m": smoothing.max_curvature,
         "max_curvature_s_m": smoothing.max_curvature_s,
     }
+
+
+def _manners(result: Result) -> Json:
+    """Return how hard the plan steers; stretches are pairs of arclengths [m]."""
+    manners = manners_of(result.drive)
+    return {
+        "steering": _use(manners.curvature),
+        "steering_rate": _use(manners.rate),
+        "lock_to_lock": [list(swing) for swing in manners.swings],
+    }
+
+
+def _use(use: Use) -> Json:
+    return {"share": use.share, "s_m": use.s, "nearly_all": [list(stretch) for stretch in use.stretches]}
 
 
 def _body(vehicle: Vehicle, unit: int) -> Json:

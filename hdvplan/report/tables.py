@@ -10,12 +10,12 @@ from hdvplan.report.summary import needed_half_width, step_times_ms
 from hdvplan.road.road import Smoothing
 
 MOST_BREACHES = 10  # listed; the summary file holds all
+_COLUMNS = ("", "value", "unit", "remark")
 
 
-def balance_table(result: Result, directory: str) -> Table:
+def balance_table(result: Result) -> Table:
     """Return the envelope balance of one plan: a quantity, its value and unit, and a remark a row."""
     drive, balance = result.drive, result.balance
-    times = step_times_ms(result)
     tighter = (
         "the road is tighter than the vehicle's tightest balanced circle" if balance.saturated else "geometric, where the road is tightest"
     )
@@ -26,15 +26,24 @@ def balance_table(result: Result, directory: str) -> Table:
         ("mean |left + right|", f"{balance.mean_abs_imbalance:.3f}", "m", "over the whole road"),
         ("expected half width", f"{balance.expected_half_width:.3f}", "m", tighter),
         ("min clearance", "-" if balance.min_clearance is None else f"{balance.min_clearance:.3f}", "m", _limits_remark(result)),
-        ("prediction error", f"{1e3 * drive.prediction_error:.1f}", "mm", "planned against simulated position, largest"),
-        ("time per step", f"{times['mean']:.2f}", "ms", f"mean; p95 {times['p95']:.2f}, max {times['max']:.2f}"),
-        ("plans", f"{len(drive.plans)}", "", _plans_remark(result)),
     ]
     if drive.road.smoothing is not None:
         rows.insert(0, ("line moved by", f"{drive.road.smoothing.max_deviation:.2f}", "m", smoothing_remark(drive.road.smoothing)))
     rows.insert(0, ("road length", f"{drive.road.path.length:.1f}", "m", ""))
-    title = f"{drive.vehicle.name} on {drive.road.name} ({drive.settings.scheme}, {result.solver}, {result.objective})"
-    return grid(title, ("", "value", "unit", "remark"), rows, text=("", "unit", "remark"), caption=f"written to {directory}")
+    title = f"{drive.vehicle.name} on {drive.road.name}"
+    return grid(title, _COLUMNS, rows, text=("", "unit", "remark"))
+
+
+def planning_table(result: Result, directory: str) -> Table:
+    """Return how the plan was made: times of a step, iterations and how far the prediction was off; ``directory`` holds the files."""
+    drive, times = result.drive, step_times_ms(result)
+    rows = [
+        ("prediction error", f"{1e3 * drive.prediction_error:.1f}", "mm", "planned against simulated position, largest"),
+        ("time per step", f"{times['mean']:.2f}", "ms", f"mean; p95 {times['p95']:.2f}, max {times['max']:.2f}"),
+        ("plans", f"{len(drive.plans)}", "", _plans_remark(result)),
+    ]
+    title = f"planned by {drive.settings.scheme}, {result.solver}, {result.objective}"
+    return grid(title, _COLUMNS, rows, text=("", "unit", "remark"), caption=f"written to {directory}")
 
 
 def breach_table(result: Result) -> Table:

@@ -44,7 +44,9 @@ def test_a_plan_writes_every_file_and_prints_the_balance(cli: Cli, tmp_path: Pat
     assert (folder / "plan.png").read_bytes().startswith(b"\x89PNG")
     for words in ("max left", "mean |left + right|", "expected half width", "limits kept", "time per step", "short.bus/"):
         assert words in outcome.out
-    assert max(len(line) for line in outcome.out.splitlines()) <= 80
+    verdict, *tables = outcome.out.splitlines()
+    assert verdict.startswith("YES: ")
+    assert max(len(line) for line in tables) <= 80
 
 
 def test_the_summary_has_every_field_of_the_contract(cli: Cli, tmp_path: Path, short_road: str) -> None:
@@ -84,14 +86,29 @@ def test_a_broken_limit_ends_in_1_and_says_which_where_and_by_how_much(cli: Cli,
     deepest = max(summary["breaches"], key=lambda breach: breach["depth_m"])
     assert summary["status"] == "limits broken"
     assert summary["limit_violation_m"] == deepest["depth_m"] > 0.01
-    warning, first, hint = outcome.err.splitlines()
+    warning, *manners, first, hint = outcome.err.splitlines()
     assert warning.startswith("warning: too narrow for the tractor-trailer-24m from s = ")
+    assert all(line.startswith("warning: the plan ") for line in manners)
     assert first == (
         f"error: the {deepest['part']} of the {deepest['unit']} breaks the {deepest['side']} limit"
         f" by {deepest['depth_m']:.3f} m at s = {deepest['s_deepest']:.1f} m"
     )
     assert hint.startswith("hint: ")
     assert "broken limits" in outcome.out
+    verdict = summary["verdict"]
+    assert outcome.out.splitlines()[0] == verdict["text"]
+    assert verdict["text"].startswith(f"NO: {-verdict['spare_m']:.2f} m lacking at s = {verdict['s_m']:.1f} m (")
+    assert (verdict["fits"], -verdict["spare_m"]) == (False, deepest["depth_m"])
+
+
+def test_a_clearance_that_is_not_kept_ends_in_1_although_no_limit_is_broken(cli: Cli, tmp_path: Path, short_road: str) -> None:
+    outcome = cli("plan", short_road, "--vehicle", "bus", *QUICK, "--half-width", "2", "--clearance", "0.5")
+    assert outcome.code == 1
+    assert outcome.out.startswith("NO: ")
+    assert "error: only 0." in outcome.err
+    summary = json.loads((tmp_path / "short.bus" / "summary.json").read_text(encoding="utf-8"))
+    assert (summary["status"], summary["limit_violation_m"], summary["clearance_wanted_m"]) == ("clearance not kept", 0, 0.5)
+    assert cli("plan", short_road, "--vehicle", "bus", *QUICK, "--half-width", "3", "--clearance", "0.5").code == 0
 
 
 def test_without_limits_the_plan_says_which_half_width_it_needs(cli: Cli, tmp_path: Path, short_road: str) -> None:

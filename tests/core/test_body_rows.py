@@ -58,7 +58,7 @@ def looked(
         points[room] = -np.inf if wide is None else points[room] + wide
     values = limits.values + (wide or 0.0) * np.array([[1.0], [-1.0], [1.0], [-1.0]])
     stations = replace(stations, points=points, limits=limits._replace(values=values, two_regions=each > ROWS_PER_EDGE))
-    scene, parts = assemble(vehicle, stations, Goal(()), PlannerSettings(horizon=STAGES * STEP, margin=MARGIN))
+    scene, parts = assemble(vehicle, stations, Goal(()), PlannerSettings(horizon=STAGES * STEP, clearance=MARGIN))
     move(scene, z)
     extended(parts, horizon_at(scene, FIRST), begin)
     if begin == 1:

@@ -433,7 +433,7 @@ def test_limits_bind_where_a_row_has_a_multiplier(multiplier: float, live: float
 def test_a_margin_keeps_that_much_further_from_the_limit() -> None:
     vehicle, plans = VEHICLES[0], list[Plan]()
     for margin in (0.0, 0.1):
-        settings = PlannerSettings(scheme=Scheme.SQP, horizon=10.0, margin=margin, sqp_tolerance=1e-8)
+        settings = PlannerSettings(scheme=Scheme.SQP, horizon=10.0, clearance=margin, sqp_tolerance=1e-8)
         planner, _, stations = planned(vehicle, settings, 2.25)
         plans.append(planner.plan(40, start(vehicle), 0.0))
         gaps = cost_and_gaps(vehicle, stations, settings, 40, start(vehicle), 2.25, plans[-1].kappa)[1:]
@@ -445,7 +445,8 @@ def test_a_margin_keeps_that_much_further_from_the_limit() -> None:
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"horizon": 0.0}, {"step": float("nan")}, {"replan": -1.0}, {"smoothness": 0.0}, {"margin": -0.1}, {"elastic_weight": float("inf")},
+        {"horizon": 0.0}, {"step": float("nan")}, {"replan": -1.0}, {"smoothness": 0.0}, {"clearance": -0.1},
+        {"elastic_weight": float("inf")},
         {"horizon": 10.2}, {"replan": 5.3}, {"replan": 200.0}, {"horizon": 0.5, "replan": 0.5}, {"sqp_iterations": 0},
     ],
     ids=str,

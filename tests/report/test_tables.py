@@ -10,7 +10,7 @@ from rich.table import Table
 from hdvplan.judging.balance import Breach
 from hdvplan.judging.result import Result, breach_text
 from hdvplan.report.grid import grid
-from hdvplan.report.tables import MOST_BREACHES, balance_table, breach_table
+from hdvplan.report.tables import MOST_BREACHES, balance_table, breach_table, planning_table
 
 
 def printed(table: Table, width: int = 80) -> list[str]:
@@ -22,13 +22,20 @@ def printed(table: Table, width: int = 80) -> list[str]:
 
 @pytest.mark.parametrize("name", ["bus", "trailer", "kerbed", "straight"])
 def test_the_balance_fits_80_columns(name: str, request: pytest.FixtureRequest) -> None:
-    lines = printed(balance_table(request.getfixturevalue(name), "out/"))
+    lines = printed(balance_table(request.getfixturevalue(name)))
     assert all(len(line) <= 80 for line in lines)
     assert not any("…" in line for line in lines)
 
 
+def test_how_it_was_planned_fits_80_columns_and_says_where_the_files_are(bus: Result) -> None:
+    lines = printed(planning_table(bus, "out/"))
+    assert all(len(line) <= 80 for line in lines)
+    assert lines[0].strip() == "planned by rti, piqp, geometric"
+    assert lines[-1].strip() == "written to out/"
+
+
 def test_numbers_line_up_at_their_right(bus: Result) -> None:
-    ends = {line.index(" m ") for line in printed(balance_table(bus, "out/")) if line.startswith((" max", " min"))}
+    ends = {line.index(" m ") for line in printed(balance_table(bus)) if line.startswith((" max", " min"))}
     assert len(ends) == 1
 
 
@@ -51,7 +58,7 @@ def test_a_broken_limit_is_told_with_place_depth_side_and_body(kerbed: Result) -
     text = breach_text(kerbed, deepest)
     for word in ("the bus", deepest.side, deepest.region, f"{deepest.depth:.3f} m", f"s = {deepest.s_deepest:.1f} m"):
         assert word in text
-    assert "limits broken by" in " ".join(printed(balance_table(kerbed, "out/")))
+    assert "limits broken by" in " ".join(printed(balance_table(kerbed)))
 
 
 def test_the_region_is_told_only_where_overhangs_have_limits_of_their_own(kerbed: Result, bus: Result) -> None:

@@ -35,7 +35,7 @@ class Bodies(NamedTuple):
     reach: float  # furthest from the lead axle that any point of a body can be [m]
     curve: Curve
     table: LimitTable
-    margin: float  # kept from every limit beyond what sampling needs [m]
+    clearance: float  # to keep from every limit, beyond what sampling needs [m]
 
 
 EDGE = np.dtype(
@@ -82,7 +82,7 @@ class Limits:
             np.zeros((count, *points.shape, 2)), np.full(1, np.inf),
         )  # fmt: skip
         path, limits = scene.stations.path, scene.stations.limits
-        bodies = Bodies(scene.units, points, axis, axles_behind(vehicle), _furthest(vehicle), path.curve, limits, settings.margin)
+        bodies = Bodies(scene.units, points, axis, axles_behind(vehicle), _furthest(vehicle), path.curve, limits, settings.clearance)
         return LimitsPart(scene, bodies, rows, seen)
 
 
@@ -180,7 +180,7 @@ def linearise_limits(
     each, last, least = rows.shape[1] // (2 * bodies.units.size), bodies.units.size - 1, np.inf
     for i in range(begin, motion.size):
         z, at = motion[i].z, road[i]
-        margin = at.margin + bodies.margin
+        margin = at.margin + bodies.clearance
         if fresh:
             _begin(bodies, at, z, i, seen)
         moved = abs(z[0] - seen.z[i, 0])  # no offset of any point has changed by more than this
@@ -254,7 +254,7 @@ def _write_edge(
     curve, table, points, pose = bodies.curve, bodies.table, bodies.points[number], poses[number]
     sign, count, tightest = 1.0 - 2.0 * side, POINTS_PER_EDGE, np.inf
     edge.gap = edge.clear = np.nan
-    left, margin = sign * bodies.units[number].half_width, at.margin + bodies.margin
+    left, margin = sign * bodies.units[number].half_width, at.margin + bodies.clearance
     for point in range(count):
         place, own = places[point], points[point]
         if not look(curve, table, pose, own.ahead, left, side + 2 * own.overhang, feet[point, side], place):

@@ -1,0 +1,202 @@
+"""The answer that people ask for: does the vehicle fit, how much is to spare or lacking, where, and which part of it decides."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hdvplan.jit import FloatArray
+from hdvplan.judging.balance import KEPT_M
+from hdvplan.judging.contact import contact
+from hdvplan.judging.obstacles import Approach
+from hdvplan.judging.result import Result, body_name
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether a plan fits its road, judged on its simulation, and the place that decides it.
+
+    ``fits`` is None on a road without limits: then ``half_width`` is the answer. ``x``, ``y`` [m] and ``lonlat`` [deg] are the point of
+    the vehicle that decides; ``lonlat`` is None where the road has no geographic coordinates.
+    """
+
+    fits: bool | None
+    spare: float | None  # least room to a limit or an obstacle, less the clearance wanted; negative: lacking; None without limits [m]
+    clearance_wanted: float  # [m]
+    half_width: float  # of the swept area about the line [m]
+    s: float  # [m]
+    x: float
+    y: float
+    lonlat: tuple[float, float] | None
+    side: str | None  # of the vehicle, "left" or "right"; None where an obstacle before or beyond the road decides
+    unit: int  # index of the body
+    part: str | None  # of the body, see ``contact``; None as for ``side``
+    region: str | None  # of the limit, see ``Breach``; None without limits
+    obstacle: str | None  # what users call the obstacle that decides, "" for one without a name; None where a limit of the road does
+    wheels_spare: float | None  # least room of wheels and what lies between them on the whole road, without the clearance [m]
+
+    @property
+    def word(self) -> str:
+        """``YES``, ``NO`` or, without limits, ``NEEDS``."""
+        return "NEEDS" if self.fits is None else "YES" if self.fits else "NO"
+
+
+def verdict_of(result: Result) -> Verdict:
+    """Return the verdict on a judged plan.
+
+    A limit, or the clearance wanted from it, counts as kept when it is broken by no more than ``KEPT_M``.
+    """
+    wanted = result.case.settings.clearance
+    tightest, hit = _tightest(result), _worst_hit(result)
+    if tightest is None and hit is None:
+        return _needs(result)
+    room = np.inf if tightest is None else tightest.room
+    if hit is not None and hit.distance < room:
+        return _at_obstacle(result, hit, wanted)
+    assert tightest is not None  # noqa: S101 - for the type checker: there is no hit here
+    return _at_limit(result, tightest, wanted)
+
+
+def verdict_line(result: Result, verdict: Verdict) -> str:
+    """Return the verdict as one line that begins with its word."""
+    vehicle, name = result.drive.vehicle.name, body_name(result.drive.vehicle, verdict.unit)
+    place = f"at s = {verdict.s:.1f} m ({_coordinates(verdict)})"
+    if verdict.fits is None:
+        furthest = f"the {verdict.part} of the {name} reaches furthest, to the {verdict.side}, {place}"
+        return f"NEEDS {verdict.half_width:.2f} m to both sides of the line for the {vehicle}: {furthest}; the road has no limits"
+    assert verdict.spare is not None  # noqa: S101 - for the type checker: only NEEDS has none
+    amount = f"{abs(verdict.spare):.2f} m {'to spare' if verdict.spare >= 0.0 else 'lacking'}"
+    if verdict.clearance_wanted > 0.0:
+        amount += f" beyond the {verdict.clearance_wanted:.2f} m to keep" if verdict.spare >= 0.0 else (
+            f" of the {verdict.clearance_wanted:.2f} m to keep" if verdict.spare > -verdict.clearance_wanted else
+            f" with the {verdict.clearance_wanted:.2f} m to keep"
+        )  # fmt: skip
+    who = f"the {verdict.part} of the {name}" if verdict.part else f"the {name}"
+    against = _against(verdict, two_regions=result.two_regions)
+    if verdict.fits:
+        return f"YES: {amount}; tightest {place}, {who} beside {against}"
+    return f"NO: {amount} {place}, {who} {'beyond' if _broken(verdict) else 'beside'} {against}{_wheels(result, verdict)}"
+
+
+def verdict_title(result: Result, verdict: Verdict) -> str:
+    """Return the verdict as a short title: vehicle, word, amount and place."""
+    head = f"{result.drive.vehicle.name} on {result.drive.road.name}"
+    if verdict.fits is None or verdict.spare is None:
+        return f"{head}: NEEDS {verdict.half_width:.2f} m to both sides"
+    amount = f"{abs(verdict.spare):.2f} m {'to spare' if verdict.spare >= 0.0 else 'lacking'}"
+    return f"{head}: {verdict.word}, {amount} at s = {verdict.s:.0f} m"
+
+
+@dataclass(frozen=True)
+class _Tightest:
+    """Where a body comes nearest to a limit."""
+
+    room: float
+    s: float
+    side: str
+    region: str
+    unit: int
+
+
+def _tightest(result: Result) -> _Tightest | None:
+    found: _Tightest | None = None
+    for (side, region), gaps in result.gaps.items():
+        if np.all(np.isnan(gaps)):
+            continue
+        unit, at = (int(number) for number in np.unravel_index(np.nanargmin(gaps), gaps.shape))
+        room = float(gaps[unit, at])
+        if np.isfinite(room) and (found is None or room < found.room):
+            found = _Tightest(room, float(result.envelope.s[at]), side, region, unit)
+    return found
+
+
+def _worst_hit(result: Result) -> Approach | None:
+    """Return the obstacle that a body is deepest in, None where none is entered."""
+    return min(result.entered, key=lambda approach: approach.distance, default=None)
+
+
+def _needs(result: Result) -> Verdict:
+    envelope = result.envelope
+    left, right = envelope.left, -envelope.right
+    side = "left" if np.nanmax(left) >= np.nanmax(right) else "right"
+    reach = left if side == "left" else right
+    unit, at = (int(number) for number in np.unravel_index(np.nanargmax(reach), reach.shape))
+    half_width, s = float(reach[unit, at]), float(envelope.s[at])
+    x, y, lonlat = _point(result, unit, side, s)
+    part = contact(result.drive, unit, side, s, axles_only=False)
+    wanted = result.case.settings.clearance
+    return Verdict(None, None, wanted, half_width + wanted, s, x, y, lonlat, side, unit, part, None, None, None)
+
+
+def _at_limit(result: Result, tightest: _Tightest, wanted: float) -> Verdict:
+    spare = tightest.room - wanted
+    axles_only = tightest.region == "drivable" and result.two_regions
+    part = contact(result.drive, tightest.unit, tightest.side, tightest.s, axles_only=axles_only)
+    x, y, lonlat = _point(result, tightest.unit, tightest.side, tightest.s)
+    wheels = result.wheel_room if tightest.room < -KEPT_M else None
+    return Verdict(
+        spare >= -KEPT_M, spare, wanted, _half_width(result), tightest.s, x, y, lonlat, tightest.side, tightest.unit, part, tightest.region,
+        None, wheels,
+    )  # fmt: skip
+
+
+def _at_obstacle(result: Result, hit: Approach, wanted: float) -> Verdict:
+    at = result.drive.stations.path.at(hit.s)
+    lonlat = _lonlat(result, float(at.x), float(at.y))
+    return Verdict(
+        False, hit.distance - wanted, wanted, _half_width(result), hit.s, float(at.x), float(at.y), lonlat, None, hit.unit, None, None,
+        hit.obstacle.label or "", None,
+    )  # fmt: skip
+
+
+def _half_width(result: Result) -> float:
+    return max(result.balance.max_left, result.balance.max_right)
+
+
+def _point(result: Result, unit: int, side: str, s: float) -> tuple[float, float, tuple[float, float] | None]:
+    """Return the outermost point of a body at arclength ``s`` in the plane, and its longitude and latitude."""
+    envelope = result.envelope
+    offset = (envelope.left if side == "left" else envelope.right)[unit, int(np.argmin(np.abs(envelope.s - s)))]
+    x, y = result.drive.stations.path.to_plane(np.array([s]), np.array([offset]))
+    return float(x[0]), float(y[0]), _lonlat(result, float(x[0]), float(y[0]))
+
+
+def _lonlat(result: Result, x: float, y: float) -> tuple[float, float] | None:
+    to_lonlat = result.drive.road.to_lonlat
+    if to_lonlat is None:
+        return None
+    lon, lat = to_lonlat(_one(x), _one(y))
+    return float(lon[0]), float(lat[0])
+
+
+def _one(value: float) -> FloatArray:
+    return np.array([value])
+
+
+def _coordinates(verdict: Verdict) -> str:
+    if verdict.lonlat is None:
+        return f"x {verdict.x:.1f}, y {verdict.y:.1f}"
+    lon, lat = verdict.lonlat
+    return f"{abs(lat):.5f} {'N' if lat >= 0.0 else 'S'}, {abs(lon):.5f} {'E' if lon >= 0.0 else 'W'}"
+
+
+def _against(verdict: Verdict, *, two_regions: bool) -> str:
+    if verdict.obstacle is not None:
+        return f"the obstacle {verdict.obstacle!r}" if verdict.obstacle else "an obstacle"
+    if not two_regions:
+        return f"the {verdict.side} limit"
+    return f"the {verdict.side} limit of {'overhangs' if verdict.region == 'sweepable' else 'wheels'}"
+
+
+def _broken(verdict: Verdict) -> bool:
+    return verdict.spare is not None and verdict.spare + verdict.clearance_wanted < -KEPT_M
+
+
+def _wheels(result: Result, verdict: Verdict) -> str:
+    """Return what the wheels do where a limit is broken: an overhang over a kerb is another matter than a wheel on it."""
+    if verdict.wheels_spare is None:
+        return ""
+    if verdict.wheels_spare >= -KEPT_M:
+        return "; only overhangs pass over it, the wheels keep it"
+    return f"; wheels leave the {'drivable area' if result.two_regions else 'road'} by {-verdict.wheels_spare:.2f} m"

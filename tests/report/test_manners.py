@@ -1,0 +1,48 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hdvplan.jit import FloatArray
+from hdvplan.judging.manners import manners_of, manners_texts
+from hdvplan.judging.result import Result
+
+
+def steered(result: Result, kappa: FloatArray) -> list[str]:
+    drive = replace(result.drive, kappa=kappa)
+    return manners_texts(drive, manners_of(drive))
+
+
+def gentle(result: Result) -> FloatArray:
+    return np.zeros(len(result.drive.kappa))
+
+
+def test_a_gentle_plan_has_nothing_to_be_told(straight: Result) -> None:
+    assert steered(straight, gentle(straight)) == []
+
+
+def test_shares_are_those_of_the_vehicles_limits(straight: Result) -> None:
+    kappa, vehicle = gentle(straight), straight.drive.vehicle
+    kappa[40:] = 0.5 * vehicle.max_curvature_rate * straight.drive.settings.step
+    manners = manners_of(replace(straight.drive, kappa=kappa))
+    assert manners.rate.share == pytest.approx(0.5)
+    assert manners.rate.s == 20.0  # of the 40th step of half a metre
+    assert manners.curvature.share == pytest.approx(kappa[-1] / vehicle.max_curvature)
+
+
+def test_steering_that_is_used_up_is_told_with_its_place(straight: Result) -> None:
+    kappa = gentle(straight)
+    kappa[60:64] = 0.97 * straight.drive.vehicle.max_curvature
+    texts = steered(straight, kappa)
+    assert texts[0] == "the plan uses 97 % of the steering at s = 30.0 m, over 95 % along 2.0 m of road"
+    assert "of the steering rate at s = " in texts[1]
+
+
+@pytest.mark.parametrize(("apart", "told"), [(8.0, True), (30.0, False)])
+def test_a_swing_from_lock_to_lock_counts_within_the_vehicles_length(straight: Result, *, apart: float, told: bool) -> None:
+    kappa, most = gentle(straight), straight.drive.vehicle.max_curvature
+    kappa[40:44], kappa[40 + int(2 * apart) :][:4] = 0.9 * most, -0.9 * most  # the bus is 12 m long
+    texts = steered(straight, kappa)
+    assert any("from lock to lock" in text for text in texts) is told

@@ -1,0 +1,93 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+
+from hdvplan.judging.result import Result, result_of
+from hdvplan.judging.verdict import Verdict, verdict_line, verdict_of, verdict_title
+from hdvplan.report.summary import summary_of
+from hdvplan.road.regions import Kind, Region
+from hdvplan.road.road import Limits
+
+
+def judged(result: Result, **changes: object) -> Result:
+    """The same drive on a road of other limits or regions, or with another clearance wanted."""
+    clearance = changes.pop("clearance", 0.0)
+    drive = replace(result.drive, road=replace(result.drive.road, **changes), settings=replace(result.drive.settings, clearance=clearance))  # type: ignore[arg-type] # of a test
+    return result_of(drive, solver="piqp", objective="geometric")
+
+
+def line(result: Result) -> str:
+    return verdict_line(result, verdict_of(result))
+
+
+def test_a_plan_that_keeps_its_limits_says_yes_and_what_is_to_spare_where(bus: Result) -> None:
+    verdict = verdict_of(bus)
+    assert verdict.fits is True
+    assert verdict.spare == bus.balance.min_clearance
+    assert line(bus).startswith(f"YES: {verdict.spare:.2f} m to spare; tightest at s = {verdict.s:.1f} m (x ")
+    assert f"the {verdict.part} of the bus beside the {verdict.side} limit" in line(bus)
+
+
+def test_the_place_is_the_point_of_the_body_nearest_to_the_limit(bus: Result) -> None:
+    verdict = verdict_of(bus)
+    foot, offset = bus.drive.stations.path.project(np.array([verdict.x]), np.array([verdict.y]), np.array([verdict.s]))
+    assert foot[0] == pytest.approx(verdict.s, abs=1e-6)  # feet are good to a micrometre
+    assert abs(offset[0]) == pytest.approx(3.0 - (verdict.spare or 0.0), abs=1e-6)  # the U-turn's limits are 3 m off
+
+
+def test_a_road_without_limits_says_what_it_needs(trailer: Result) -> None:
+    verdict = verdict_of(trailer)
+    assert (verdict.fits, verdict.spare, verdict.wheels_spare) == (None, None, None)
+    assert verdict.half_width == max(trailer.balance.max_left, trailer.balance.max_right)
+    assert line(trailer).startswith(f"NEEDS {verdict.half_width:.2f} m to both sides of the line for the tractor-trailer: the ")
+
+
+def test_a_clearance_is_part_of_what_a_road_without_limits_needs(trailer: Result) -> None:
+    plain, kept = verdict_of(trailer), verdict_of(judged(trailer, clearance=0.25))
+    assert kept.half_width == plain.half_width + 0.25
+
+
+def test_wheels_on_the_wrong_side_are_told_from_an_overhang_over_the_kerb(bus: Result, kerbed: Result) -> None:
+    assert verdict_of(kerbed).wheels_spare == kerbed.wheel_room
+    assert "; wheels leave the drivable area by " in line(kerbed)
+    # In a left bend the bus's front corner is what reaches furthest to the right, over two metres ahead of its front axle.
+    road = judged(bus, limits=Limits.constant(3.0, bus.balance.max_right - 0.05, 200.0))
+    assert line(road).endswith("; only overhangs pass over it, the wheels keep it")
+
+
+def test_a_clearance_that_is_not_kept_is_a_no_although_no_limit_is_broken(bus: Result) -> None:
+    least = bus.balance.min_clearance or 0.0
+    enough, lacking = judged(bus, clearance=least - 0.1), judged(bus, clearance=least + 0.1)
+    assert line(enough).startswith(f"YES: 0.10 m to spare beyond the {least - 0.1:.2f} m to keep; ")
+    assert line(lacking).startswith(f"NO: 0.10 m lacking of the {least + 0.1:.2f} m to keep at s = ")
+    assert " beside the " in line(lacking)
+    assert (enough.status, lacking.status) == ("ok", "clearance not kept")
+    assert not lacking.balance.breaches
+
+
+def test_a_limit_counts_as_kept_to_a_centimetre(bus: Result) -> None:
+    least = bus.balance.min_clearance or 0.0
+    assert verdict_of(judged(bus, clearance=least + 0.009)).fits is True
+    assert verdict_of(judged(bus, clearance=least + 0.011)).fits is False
+
+
+def test_an_obstacle_beyond_the_limits_reach_decides_by_its_distance_in_the_plane(straight: Result) -> None:
+    tail = straight.drive.vehicle.reach_behind
+    behind = Region(Kind.OBSTACLE, shapely.box(-tail - 0.5, -0.5, -tail + 0.5, 0.5), "bin")  # before the road's start
+    verdict = verdict_of(judged(straight, regions=(behind,)))
+    assert verdict.fits is False
+    assert verdict.obstacle == "bin"
+    assert "beyond the obstacle 'bin'" in line(judged(straight, regions=(behind,)))
+
+
+def test_the_title_and_the_summary_say_the_same(bus: Result, kerbed: Result) -> None:
+    for result, word in ((bus, "YES"), (kerbed, "NO")):
+        verdict: Verdict = verdict_of(result)
+        told = summary_of(result)["verdict"]
+        assert isinstance(told, dict)
+        assert word in verdict_title(result, verdict)
+        assert (told["text"], told["fits"], told["spare_m"], told["s_m"]) == (line(result), verdict.fits, verdict.spare, verdict.s)
