@@ -81,7 +81,7 @@ def plan(
     replan: Annotated[float, typer.Option("--replan", metavar="M", help="Distance driven before the next plan [m].")] = 5.0,
     smoothness: Annotated[float, typer.Option("--smoothness", metavar="W", help="Weight of curvature changes.")] = 1e3,
     discretisation: Annotated[
-        str, typer.Option("--discretisation", metavar="midpoint|euler", help="How states are predicted.")
+        str, typer.Option("--discretisation", metavar="midpoint|euler|gauss", help="How states are predicted.")
     ] = "midpoint",
     smooth: SmoothOption = None,
     crs: CrsOption = None,

@@ -114,7 +114,7 @@ def test_an_unusable_vehicle_file_is_named_with_its_fault(cli: Cli, tmp_path: Pa
         ((*BUS, "--smoothness", "0"), ("smoothness",)),
         ((*BUS, "--smooth", "-1"), ("deviation", "-1")),
         ((*BUS, "--scheme", "mpc"), ("--scheme", "rti or sqp", "'mpc'")),
-        ((*BUS, "--discretisation", "rk4"), ("--discretisation", "midpoint or euler")),
+        ((*BUS, "--discretisation", "rk4"), ("--discretisation", "midpoint, euler or gauss")),
         ((*BUS, "--solver", "simplex"), ("unknown solver 'simplex'", "hint")),
         ((*BUS, "--objective", "geometrik"), ("unknown objective", "did you mean 'geometric'")),
         ((*BUS, "--bias", "left"), ("--bias left is neither",)),

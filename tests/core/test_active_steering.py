@@ -32,6 +32,7 @@ from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 from tests.core.chains import few, placed, three_units
 from tests.core.differences import differences
+from tests.core.rules import gap
 from tests.core.scenes import extended, horizon_at, move
 from tests.core.test_steering import PROFILE_K, PROFILE_S, plane_rates
 
@@ -121,20 +122,10 @@ def test_the_simulation_agrees_with_turning_wheels_rolling_in_the_plane(vehicle:
     assert np.max(np.abs(found[:, :rigid] - np.array(expected))) < 1e-5
 
 
-def next_state(vehicle: Vehicle, k: float, between: float, v: FloatArray, *, midpoint: bool) -> FloatArray:
-    """Return the next state, written out; ``v`` holds the state, every wheel's change until then, and the curvature."""
-    n, rigid = vehicle.states, vehicle.rigid_states
-    z, change, kappa = v[:n], np.concatenate([np.zeros(rigid), v[n:-1]]), float(v[-1])
-    slope = rates(vehicle, k, z, kappa)
-    if midpoint:
-        slope = rates(vehicle, between, z + 0.5 * STEP * slope + 0.5 * change, kappa)
-    following: FloatArray = z + STEP * slope + change
-    return following
-
-
 @pytest.mark.parametrize("rule", list(Discretisation))
 @each_chain
-def test_linearised_dynamics_are_the_derivatives_by_state_curvature_and_change_of_angle(vehicle: Vehicle, rule: Discretisation) -> None:
+def test_linearised_dynamics_are_newtons_step_by_state_curvature_and_change_of_angle(vehicle: Vehicle, rule: Discretisation) -> None:
+    """By the derivatives of the gap to the rule: 0 = gap + by_z dz + by_change d change + by_kappa d kappa + by_ahead dz_next."""
     stages, n, rigid, random = 9, vehicle.states, vehicle.rigid_states, np.random.default_rng(3)
     z = 0.3 * np.array([scaled(vehicle, random.uniform(-1.0, 1.0, 6)) for _ in range(stages + 1)])
     kappa, bends = random.uniform(-0.02, 0.02, stages), random.uniform(-0.05, 0.05, (2, stages + 1))
@@ -145,17 +136,36 @@ def test_linearised_dynamics_are_the_derivatives_by_state_curvature_and_change_o
     move(scene, z, kappa)
     extended(parts, horizon)
     for i in range(stages):
-        at = np.concatenate([z[i], z[i + 1, rigid:] - z[i, rigid:], [kappa[i]]])
 
-        def ahead(v: FloatArray, i: int = i) -> FloatArray:
-            return next_state(vehicle, bends[0, i], bends[1, i], v, midpoint=rule is Discretisation.MIDPOINT)
+        def left(v: FloatArray, i: int = i) -> FloatArray:
+            """Return the gap, written out; ``v`` holds the state, every wheel's change until the next, the curvature, the next state."""
+            change, held, ahead = np.concatenate([np.zeros(rigid), v[n : 2 * n - rigid]]), float(v[-n - 1]), v[-n:].copy()
+            if rule is Discretisation.GAUSS:
+                ahead[rigid:] = v[rigid:n] + change[rigid:]  # wheels follow their inputs
 
-        slope = differences(ahead, at)
-        assert np.allclose(qp.A[i, :n, :n], slope[:, :n], rtol=0.0, atol=1e-10)  # five-point rule on smooth functions of size one
-        assert np.allclose(qp.A[i, :n, n], slope[:, -1], rtol=0.0, atol=1e-9)  # fifth derivatives of atan(5 m kappa) reach 1e4
-        assert np.allclose(qp.B[i, :n, 0], slope[:, -1], rtol=0.0, atol=1e-9)
-        assert np.allclose(qp.B[i, :rigid, 1:], slope[:rigid, n:-1], rtol=0.0, atol=1e-10)
-        assert np.allclose(qp.c[i, :n], ahead(at) - z[i + 1], rtol=0.0, atol=1e-14)
+            def here(state: FloatArray) -> FloatArray:
+                return rates(vehicle, bends[0, i], state, held)
+
+            def between(state: FloatArray) -> FloatArray:
+                return rates(vehicle, bends[1, i], state, held)
+
+            return gap(rule, here, between, STEP, v[:n], change, ahead)
+
+        at = np.concatenate([z[i], z[i + 1, rigid:] - z[i, rigid:], [kappa[i]], z[i + 1]])
+        slope = differences(left, at)[:rigid]
+        by_ahead, own = slope[:, -n:][:, :rigid], np.column_stack([slope[:, :-n], left(at)[:rigid]])
+        solved = np.linalg.solve(-by_ahead, own)
+        assert np.allclose(qp.A[i, :rigid, :n], solved[:, :n], rtol=0.0, atol=1e-10)  # five-point rule on smooth functions of size one
+        assert np.allclose(qp.A[i, :rigid, n], solved[:, -2], rtol=0.0, atol=1e-9)  # fifth derivatives of atan(5 m kappa) reach 1e4
+        assert np.allclose(qp.B[i, :rigid, 0], solved[:, -2], rtol=0.0, atol=1e-9)
+        assert np.allclose(qp.B[i, :rigid, 1:], solved[:, n:-2], rtol=0.0, atol=1e-10)
+        assert np.allclose(qp.c[i, :rigid], solved[:, -1], rtol=0.0, atol=1e-10)
+        if rule is not Discretisation.GAUSS:
+            assert np.allclose(qp.c[i, :rigid], left(at)[:rigid], rtol=0.0, atol=1e-14)  # nothing to solve: rounding alone
+        wheels = np.eye(n + 1)[rigid:n]
+        assert np.array_equal(qp.A[i, rigid:n], wheels)  # they stay where they are, but for their inputs
+        assert np.array_equal(qp.B[i, rigid:n], np.eye(n - rigid, n - rigid + 1, 1))
+        assert np.all(qp.c[i, rigid:n] == 0.0)
         pattern = qp.shape.a_pattern
         assert pattern is not None
         assert not np.any(qp.A[i][~pattern])  # general solvers see no other entries

@@ -1,4 +1,5 @@
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 from tests.core.chains import few, on_road, three_units, vehicles, winding
 from tests.core.differences import differences
+from tests.core.rules import Rates, gap
 from tests.core.scenes import extended, horizon_at, move
 
 STEP = 0.5
@@ -66,34 +68,77 @@ def laid_out(vehicle: Vehicle, seed: int = 0, rule: Discretisation = Discretisat
 STATIONS = prepared(VEHICLES[0])
 
 
+def gap_of(
+    rule: Discretisation, vehicle: Vehicle, k: float, k_between: float, z: FloatArray, kappa: float, ahead: FloatArray
+) -> FloatArray:
+    """Return the gap that a motion leaves to a rule, written out."""
+
+    def rates(at: float) -> Rates:
+        def rate(v: FloatArray) -> FloatArray:
+            f = np.empty(v.size)
+            derivative(vehicle.table(), at, v, kappa, f)
+            return f
+
+        return rate
+
+    return gap(rule, rates(k), rates(k_between), STEP, z, np.zeros(z.size), ahead)
+
+
+@each_rule
 @given(vehicle=vehicles(), k=st.floats(-0.1, 0.1), bend=st.floats(-0.01, 0.01), kappa=st.floats(-0.1, 0.1), draw=st.integers(0, 10**6))
 @few
-def test_advance_is_the_midpoint_rule_written_out(vehicle: Vehicle, k: float, bend: float, kappa: float, draw: int) -> None:
+def test_advance_leaves_no_gap_to_the_rule_written_out(
+    rule: Discretisation, vehicle: Vehicle, k: float, bend: float, kappa: float, draw: int
+) -> None:
     z = np.random.default_rng(draw).uniform(-0.5, 0.5, vehicle.states)
-    first, second = np.empty(z.size), np.empty(z.size)
-    derivative(vehicle.table(), k, z, kappa, first)
-    derivative(vehicle.table(), k + bend, z + 0.25 * first, kappa, second)
-    assert np.allclose(next_state(vehicle, k, k + bend, z, kappa, Discretisation.MIDPOINT), z + 0.5 * second, rtol=0.0, atol=1e-14)
-    assert np.allclose(next_state(vehicle, k, k + bend, z, kappa, Discretisation.EULER), z + 0.5 * first, rtol=0.0, atol=1e-14)
+    ahead = next_state(vehicle, k, k + bend, z, kappa, rule)
+    assert np.allclose(gap_of(rule, vehicle, k, k + bend, z, kappa, ahead), 0.0, rtol=0.0, atol=1e-14)  # rounding, of states of size one
 
 
 @each_rule
 @each_vehicle
-def test_linearised_dynamics_are_the_derivatives_of_advance(vehicle: Vehicle, rule: Discretisation) -> None:
+def test_linearised_dynamics_are_newtons_step_to_the_rule(vehicle: Vehicle, rule: Discretisation) -> None:
+    """By the gap's derivatives: 0 = gap + by_z dz + by_kappa d kappa + by_ahead dz_next."""
     scene, term, _ = laid_out(vehicle, rule=rule)
     (z, kappa), n, stations, qp = motion(vehicle), vehicle.states, scene.stations, scene.qp
     extended([term.part(scene, NOWHERE)], horizon_at(scene, FIRST))
     for i in (0, 7, 19, STAGES - 1):
         k, between = (float(stations.points[name][FIRST + i]) for name in ("curvature", "curvature_between"))
 
-        def ahead(v: FloatArray, k: float = k, between: float = between) -> FloatArray:
-            return next_state(vehicle, k, between, v[:n], float(v[n]), rule)
+        def left(v: FloatArray, k: float = k, between: float = between) -> FloatArray:
+            return gap_of(rule, vehicle, k, between, v[:n], float(v[n]), v[n + 1 :])
 
-        slope = differences(ahead, np.append(z[i], kappa[i]))
-        assert np.allclose(qp.A[i, :n], slope, rtol=0.0, atol=1e-10)  # five-point rule on smooth functions of size one
-        assert np.allclose(qp.B[i, :n, 0], slope[:, n], rtol=0.0, atol=1e-10)
+        at = np.concatenate([z[i], [kappa[i]], z[i + 1]])
+        slope = differences(left, at)
+        solved = np.linalg.solve(-slope[:, n + 1 :], np.column_stack([slope[:, : n + 1], left(at)]))
+        assert np.allclose(qp.A[i, :n], solved[:, : n + 1], rtol=0.0, atol=1e-10)  # five-point rule on smooth functions of size one
+        assert np.allclose(qp.B[i, :n, 0], solved[:, n], rtol=0.0, atol=1e-10)
         assert np.array_equal(qp.A[i, n], np.eye(n + 1)[n])
-        assert np.allclose(qp.c[i, :n], ahead(np.append(z[i], kappa[i])) - z[i + 1], rtol=0.0, atol=1e-14)
+        assert np.allclose(qp.c[i, :n], solved[:, n + 1], rtol=0.0, atol=1e-10)
+        if rule is not Discretisation.GAUSS:
+            assert np.allclose(qp.c[i, :n], left(at), rtol=0.0, atol=1e-14)  # nothing to solve: rounding alone
+
+
+@each_rule
+@each_vehicle
+def test_on_a_motion_that_keeps_the_rule_linearised_dynamics_are_the_derivatives_of_advance(vehicle: Vehicle, rule: Discretisation) -> None:
+    scene, term, _ = laid_out(vehicle, rule=rule)
+    points, n, qp, (z, kappa) = scene.stations.points, vehicle.states, scene.qp, motion(vehicle)
+    z[0] *= 0.2  # over 20 m nothing brings the vehicle back to the road
+
+    def ahead(i: int, v: FloatArray) -> FloatArray:
+        at = points[FIRST + i]
+        return next_state(vehicle, float(at["curvature"]), float(at["curvature_between"]), v[:n], float(v[n]), rule)
+
+    for i in range(STAGES):
+        z[i + 1] = ahead(i, np.append(z[i], kappa[i]))
+    move(scene, z, kappa)
+    extended([term.part(scene, NOWHERE)], horizon_at(scene, FIRST))
+    for i in (0, 7, 19, STAGES - 1):
+        slope = differences(partial(ahead, i), np.append(z[i], kappa[i]))
+        assert np.allclose(qp.A[i, :n], slope, rtol=0.0, atol=1e-10)  # as above
+        assert np.allclose(qp.B[i, :n, 0], slope[:, n], rtol=0.0, atol=1e-10)
+    assert np.allclose(qp.c[:, :n], 0.0, rtol=0.0, atol=1e-13)  # rounding, which an implicit rule's own solution leaves twice
 
 
 def test_the_midpoint_uses_the_roads_curvature_half_way() -> None:
