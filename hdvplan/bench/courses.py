@@ -11,7 +11,7 @@ from hdvplan.case import Case
 from hdvplan.centring.weights import CentringTable
 from hdvplan.errors import RoadError
 from hdvplan.jit import FloatArray
-from hdvplan.road.load import load_road
+from hdvplan.road.load import find_road
 from hdvplan.road.road import Limits, Road
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
@@ -30,8 +30,9 @@ def cases_of(suite: Suite) -> list[Case]:
         VehicleError: a vehicle that cannot be read.
 
     """
-    roads = {name: load_road(name) for name in suite.roads}
     vehicles = {name: load_vehicle(name) for name in suite.vehicles}
+    found = {name: find_road(name) for name in suite.roads}  # what the files have wrong is said before any of them is smoothed
+    roads = {name: make() for name, make in found.items()}
     limited = {(road, vehicle): with_limits(roads[road], vehicles[vehicle], suite) for road, vehicle in suite.courses()}
     return [
         Case(limited[cell.road, cell.vehicle], vehicles[cell.vehicle], suite.objective, cell.solver, suite.settings(cell.scheme))

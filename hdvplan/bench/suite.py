@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from hdvplan.errors import OptionError, did_you_mean
-from hdvplan.planning.objectives import objective_named
+from hdvplan.planning.objective_names import check_objective
 from hdvplan.planning.settings import PlannerSettings, Scheme
 
 # Gentle and tight, 345 m to 12 km: roundabouts, a loop that crosses itself, S-bends, a closed ring, hairpins, a U-turn.
@@ -80,7 +80,7 @@ class Suite:
             if scheme not in list(Scheme):
                 msg = f"unknown scheme {scheme!r}"
                 raise OptionError(msg, hint=f"schemes: {', '.join(Scheme)}")
-        objective_named(self.objective)
+        check_objective(self.objective)
         if self.rounds < 1:
             msg = f"rounds must be a positive number, not {self.rounds}"
             raise OptionError(msg)

@@ -96,13 +96,8 @@ def bench(
     from hdvplan.machine import use_one_thread
 
     one_thread = use_one_thread()  # before anything imports NumPy
-    from hdvplan.bench.against import SUITE
-    from hdvplan.bench.courses import cases_of
-    from hdvplan.bench.directory import begin, discard, finish, read_table, recorded
-    from hdvplan.bench.run import remaining, run
     from hdvplan.bench.suite import read_suite, suite_of
-    from hdvplan.bench.timing import LAYOUTS, summary_tables
-    from hdvplan.solvers.registry import solver_named
+    from hdvplan.solvers.registry import check_solver, solver_named
 
     given = {
         "roads": _names(roads), "vehicles": _names(vehicles), "schemes": _names(schemes), "solvers": _names(solvers),
@@ -110,8 +105,19 @@ def bench(
         "budget": budget, "limits": False if no_limits else None, "half_width": half_width, "slack": slack, "pinch": pinch,
         "horizon": horizon, "step": step, "replan": replan,
     }  # fmt: skip
-    usual = dict(SUITE) if against is not None else {}
-    wanted = suite_of(usual | (read_suite(suite) if suite else {}) | {name: value for name, value in given.items() if value is not None})
+    entries = read_suite(suite) if suite else {}
+    if against is not None:
+        from hdvplan.bench.against import SUITE
+
+        entries = dict(SUITE) | entries
+    wanted = suite_of(entries | {name: value for name, value in given.items() if value is not None})
+    for name in wanted.solvers:
+        check_solver(name)  # what is wrong with names is said before more is loaded
+    from hdvplan.bench.courses import cases_of
+    from hdvplan.bench.directory import begin, discard, finish, read_table, recorded
+    from hdvplan.bench.run import remaining, run
+    from hdvplan.bench.timing import LAYOUTS, summary_tables
+
     if against is not None:
         comparison = _measure_against(against, wanted, rule_of(factor, floor), out, expect_changes, quiet=quiet)
         return show(comparison, rule_of(factor, floor), format_=format_, json=json, quiet=quiet)
@@ -150,11 +156,8 @@ def _measure_against(against: str, suite: Suite, rule: Rule, out: Path, expect_c
     from hdvplan.bench.against import measure_against
     from hdvplan.bench.courses import cases_of
     from hdvplan.bench.environment import base_program, working_tree
-    from hdvplan.solvers.registry import solver_named
 
-    cases_of(suite)  # a road or vehicle that cannot be read is the user's mistake, not a failed measurement;
-    for name in suite.solvers:  # so is a solver that is not there
-        solver_named(name)
+    cases_of(suite)  # a road or vehicle that cannot be read is the user's mistake, not a failed measurement
     new = working_tree()
     try:
         with (

@@ -34,9 +34,9 @@ def solvers(incomplete: str) -> list[str]:
 
 def objectives(incomplete: str) -> list[str]:
     """Return the objectives that begin so."""
-    from hdvplan.planning.objectives import OBJECTIVES
+    from hdvplan.planning.objective_names import OBJECTIVE_NAMES
 
-    return _beginning(incomplete, list(OBJECTIVES))
+    return _beginning(incomplete, list(OBJECTIVE_NAMES))
 
 
 def schemes(incomplete: str) -> list[str]:

@@ -109,11 +109,13 @@ def plan(
     if out is not None and out.exists() and not out.is_dir():
         msg = f"--out {out} is a file, not a folder"
         raise OptionError(msg)
+    from hdvplan.planning.objective_names import check_objective
     from hdvplan.road.load import find_road
     from hdvplan.solvers.registry import DEFAULT, check_solver
     from hdvplan.vehicle.load import load_vehicle
 
     check_solver(solver or DEFAULT)
+    check_objective(objective)
     driven = load_vehicle(vehicle)
     wanted = road_options(
         smooth, crs, name, _REFERENCE_SLACK * driven.max_curvature, offset=offset, reverse=reverse, layer=layer, roles=role,
@@ -124,7 +126,6 @@ def plan(
     from hdvplan.case import Case
     from hdvplan.planning.bias import NONE, bias_named
     from hdvplan.planning.discretisation import Discretisation
-    from hdvplan.planning.objectives import objective_named
     from hdvplan.planning.settings import PlannerSettings, Scheme
     from hdvplan.report.files import PICTURES
 
@@ -138,7 +139,6 @@ def plan(
         clearance=clearance,
         discretisation=Discretisation(choice("--discretisation", discretisation, list(Discretisation))),
     )
-    objective_named(objective)  # refuses a wrong name before the road is smoothed
     note_compiling(quiet=quiet)
     with progress(f"smoothing {road}", quiet=quiet):
         track = found()

@@ -8,7 +8,8 @@ from functools import partial
 
 import numpy as np
 
-from hdvplan.errors import OptionError, did_you_mean
+from hdvplan.errors import OptionError
+from hdvplan.planning.objective_names import WEIGHTED, check_objective, share_of
 from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.balance import EnvelopeBalance
 from hdvplan.planning.terms.centring import Centring, Residual
@@ -115,13 +116,12 @@ def _furthest(stations: Stations, *, bodies: bool) -> Goal:
 
 
 _BESIDE = 0.01
-_WEIGHTED = "art-weighted"
 OBJECTIVES: dict[str, Objective] = {
     "geometric": geometric,
     "geometric-fixed": geometric_fixed,
     "lead-axle": lead_axle,
     "trail-axle": trail_axle,
-    _WEIGHTED: art_weighted,
+    WEIGHTED: art_weighted,
     "axle-max": axle_max,
     "body-max": body_max,
     "balanced": balanced,
@@ -135,21 +135,6 @@ def objective_named(name: str) -> Objective:
         OptionError: there is none of that name, or the weight is not a number from 0 to 1.
 
     """
-    known, _, share = name.partition(":")
-    if known == _WEIGHTED and share:
-        return partial(art_weighted, share=_share(share))
-    if name not in OBJECTIVES:
-        msg = f"unknown objective {name!r}"
-        raise OptionError(msg, hint=did_you_mean(name, OBJECTIVES, f"objectives: {', '.join(OBJECTIVES)}"))
-    return OBJECTIVES[name]
-
-
-def _share(text: str) -> float:
-    try:
-        share = float(text)
-    except ValueError:
-        share = float("nan")
-    if not 0.0 <= share <= 1.0:
-        msg = f"the weight of {_WEIGHTED!r} must be a number from 0 to 1, not {share:g}"
-        raise OptionError(msg)
-    return share
+    check_objective(name)
+    share = share_of(name)
+    return OBJECTIVES[name] if share is None else partial(art_weighted, share=share)

@@ -14,6 +14,7 @@ import pytest
 
 HEAVY = ("numpy", "numba", "scipy", "pandas", "matplotlib", "shapely", "pyproj", "pyogrio", "rich.table")
 COMMAND = (sys.executable, "-m", "hdvplan")
+_PATIENCE_S = 120.0  # takes 1 s; a machine with other work has taken 15
 
 
 def hdvplan(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
@@ -40,15 +41,20 @@ def test_help_imports_nothing_heavy() -> None:
         (("plan", "nowhere", "--vehicle", "bus"), 2),
         (("plan", "uturn", "--vehicle", "bsu"), 2),
         (("plan", "uturn", "--vehicle", "bus", "--solver", "ricatti"), 2),
+        (("plan", "uturn", "--vehicle", "bus", "--objective", "geometrical"), 2),
+        (("plan", "uturn", "--vehicle", "bus", "--objective", "art-weighted:2"), 2),
         (("plan", "header.csv", "--vehicle", "bus"), 2),
         (("plan", "text.geojson", "--vehicle", "bus"), 2),
         (("roads", "info", "header.csv"), 2),
+        (("bench", "--solvers", "ricatti"), 2),
+        (("bench", "--objective", "geometrical"), 2),
     ],
 )
 def test_lists_and_refusals_wait_for_nothing_that_is_slow_to_load(tmp_path: Path, arguments: tuple[str, ...], code: int) -> None:
     (tmp_path / "header.csv").write_text("easting,northing\n1,2\n", encoding="utf-8")
     (tmp_path / "text.geojson").write_text("no JSON", encoding="utf-8")
-    slow = ("numba", "scipy.interpolate", "scipy.ndimage", "scipy.optimize", "pandas", "matplotlib", "qpsolvers", "pyproj.crs")
+    slow = ["scipy.interpolate", "scipy.ndimage", "scipy.optimize", "pandas", "matplotlib", "qpsolvers", "pyproj.crs"]
+    slow += [] if arguments[0] == "bench" else ["numba"]  # a suite's settings name the discretisation, which is compiled
     script = (
         f"import sys; from hdvplan.cli.app import run; code = run({list(arguments)}); print(code, [m for m in {slow} if m in sys.modules])"
     )
@@ -59,11 +65,13 @@ def test_lists_and_refusals_wait_for_nothing_that_is_slow_to_load(tmp_path: Path
 
 def test_help_is_there_at_once(tmp_path: Path) -> None:
     def seconds() -> float:
-        began = time.perf_counter()
+        """Return the processor's time: what else the machine does must not count."""
+        before = os.times()
         assert hdvplan(tmp_path, "--help").returncode == 0
-        return time.perf_counter() - began
+        after = os.times()
+        return after.children_user + after.children_system - before.children_user - before.children_system
 
-    assert min(seconds() for _ in range(3)) < 0.4  # a shared machine may be slow once, not three times
+    assert min(seconds() for _ in range(3)) < 0.4  # caches may be cold once, not three times
 
 
 @pytest.mark.parametrize(
@@ -128,13 +136,22 @@ def test_a_bad_road_ends_in_2_without_a_traceback(tmp_path: Path) -> None:
 def test_an_interrupted_command_ends_as_shells_expect(tmp_path: Path) -> None:
     pipe = tmp_path / "endless.toml"
     os.mkfifo(pipe)
-    arguments = [*COMMAND, "plan", "uturn", "--vehicle", str(pipe)]
+    as_at_a_shell = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"  # ignored where pytest runs in the background
+    arguments = [
+        sys.executable,
+        "-c",
+        f"{as_at_a_shell}; from hdvplan.cli.app import main; main()",
+        "plan",
+        "uturn",
+        "--vehicle",
+        str(pipe),
+    ]
     single = _environment() | {"OPENBLAS_NUM_THREADS": "1"}  # with one thread only it is the reader that the signal reaches
     with subprocess.Popen(arguments, env=single, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:  # noqa: S603
         writer = _opened(pipe)  # from now on the command waits for its vehicle
         process.send_signal(signal.SIGINT)
         os.close(writer)  # a read that began after the signal ends here, and the signal counts
-        out, err = process.communicate(timeout=30)
+        out, err = process.communicate(timeout=_PATIENCE_S)
     assert process.returncode == 130
     assert out == ""
     assert err == "error: interrupted\n"
@@ -142,7 +159,7 @@ def test_an_interrupted_command_ends_as_shells_expect(tmp_path: Path) -> None:
 
 def _opened(pipe: Path) -> int:
     """Return a descriptor for writing into a pipe once somebody reads it."""
-    deadline = time.monotonic() + 30.0
+    deadline = time.monotonic() + _PATIENCE_S
     while time.monotonic() < deadline:
         try:
             return os.open(pipe, os.O_WRONLY | os.O_NONBLOCK)

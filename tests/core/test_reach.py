@@ -7,7 +7,8 @@ from hdvplan.centring.weights import CentringTable
 from hdvplan.errors import OptionError
 from hdvplan.jit import FloatArray, Records
 from hdvplan.planning.assembly import assemble
-from hdvplan.planning.objectives import Goal, Objective, art_weighted, axle_max, body_max, geometric, objective_named
+from hdvplan.planning.objective_names import OBJECTIVE_NAMES
+from hdvplan.planning.objectives import OBJECTIVES, Goal, Objective, art_weighted, axle_max, body_max, geometric, objective_named
 from hdvplan.planning.planner import Plan, Planner
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import Stations, stations_of
@@ -183,6 +184,10 @@ def test_a_weight_can_be_given_with_the_name() -> None:
     assert np.all(found.aux == 0.3)
     assert np.all(found.lead == 0.7)
     assert objective_named("art-weighted") is art_weighted
+
+
+def test_every_name_that_is_accepted_has_an_objective() -> None:
+    assert tuple(OBJECTIVES) == OBJECTIVE_NAMES
 
 
 @pytest.mark.parametrize("name", ["art-weighted:1.5", "art-weighted:-0.1", "art-weighted:much", "art-weighted:nan", "lead-axle:0.4"])

@@ -1,0 +1,40 @@
+"""What users call objectives. A wrong name is refused here, without loading what plans."""
+
+from __future__ import annotations
+
+from hdvplan.errors import OptionError, did_you_mean
+
+WEIGHTED = "art-weighted"
+OBJECTIVE_NAMES = ("geometric", "geometric-fixed", "lead-axle", "trail-axle", WEIGHTED, "axle-max", "body-max", "balanced")
+
+
+def check_objective(name: str) -> None:
+    """Refuse what ``objective_named`` would.
+
+    Raises:
+        OptionError: there is none of that name, or the weight is not a number from 0 to 1.
+
+    """
+    if share_of(name) is None and name not in OBJECTIVE_NAMES:
+        msg = f"unknown objective {name!r}"
+        raise OptionError(msg, hint=did_you_mean(name, OBJECTIVE_NAMES, f"objectives: {', '.join(OBJECTIVE_NAMES)}"))
+
+
+def share_of(name: str) -> float | None:
+    """Return the weight that a name like ``art-weighted:0.45`` gives as a number, None where it gives none.
+
+    Raises:
+        OptionError: it is not a number from 0 to 1.
+
+    """
+    known, _, text = name.partition(":")
+    if known != WEIGHTED or not text:
+        return None
+    try:
+        share = float(text)
+    except ValueError:
+        share = float("nan")
+    if not 0.0 <= share <= 1.0:
+        msg = f"the weight of {WEIGHTED!r} must be a number from 0 to 1, not {share:g}"
+        raise OptionError(msg)
+    return share
