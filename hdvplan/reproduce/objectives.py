@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
-from time import perf_counter
+from time import process_time
 
 import numpy as np
 import pandas as pd
@@ -56,7 +56,7 @@ _LAPTOP = "this machine and solver, not their laptop and MATLAB; linearising and
 
 @dataclass(frozen=True)
 class Search:
-    """The exhaustive search for one vehicle's K: what was driven, the score of every share, what both ways cost to compute [s]."""
+    """The exhaustive search for one vehicle's K: what was driven, the score of every share, and what both ways cost [s of CPU]."""
 
     cases: tuple[Case, ...]
     vehicle: str
@@ -111,21 +111,21 @@ def plan_whole(vehicle: Vehicle, objective: str, step: float) -> tuple[Swept, fl
 
 def search(vehicle: Vehicle, curvatures: tuple[float, ...] = CURVATURES) -> Search:
     """Score every share of the trailer axle on U-turns of several curvatures, and time that and the geometric weight."""
-    began = perf_counter()
+    began = process_time()
     scores, cases = np.zeros(len(SHARES)), []
     for curvature in curvatures:
         road = road_of("uturn", uturn_profile(curvature, 1.0))
         for number, share in enumerate(SHARES):
             cases.append(Case(road, vehicle, f"art-weighted:{float(share)!r}"))
             scores[number] += abs(swept(cases[-1]).area_difference)
-    searched = perf_counter()
+    searched = process_time()
     sharpest = np.array([max(curvatures)])
     table = CentringTable.of(vehicle)
-    solving = perf_counter()
+    solving = process_time()
     weight = float(stationary(vehicle, sharpest).weight[0])
-    solved = perf_counter()
+    solved = process_time()
     table.at(sharpest)
-    return Search(tuple(cases), vehicle.name, scores, 1.0 / (1.0 + weight), searched - began, solved - solving, perf_counter() - solved)
+    return Search(tuple(cases), vehicle.name, scores, 1.0 / (1.0 + weight), searched - began, solved - solving, process_time() - solved)
 
 
 def _alone(objective: Objective, stations: Stations, vehicle: Vehicle) -> Goal:
