@@ -12,8 +12,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import elementwise
 
+from hdvplan.centring.roots import find_roots
 from hdvplan.jit import BoolArray, FloatArray
 from hdvplan.vehicle.model import Unit, Vehicle
 
@@ -143,11 +143,11 @@ def stationary(vehicle: Vehicle, road_curvature: FloatArray) -> Stationary:
     if not np.all(saturated):
         wanted = bent[~saturated]
 
-        def excess(kappa: FloatArray, wanted: FloatArray) -> FloatArray:
-            return _circle(vehicle, kappa).road_curvature - wanted
+        def excess(kappa: FloatArray) -> FloatArray:
+            over: FloatArray = _circle(vehicle, kappa).road_curvature - wanted
+            return over
 
-        bracket = (np.full_like(wanted, 0.1 * _STRAIGHT), np.full_like(wanted, limit[0]))
-        kappa[~saturated] = elementwise.find_root(excess, bracket, args=(wanted,), tolerances={"xatol": 1e-18, "xrtol": 1e-14}).x
+        kappa[~saturated] = find_roots(excess, np.full_like(wanted, 0.1 * _STRAIGHT), np.full_like(wanted, limit[0]))
     circle = _circle(vehicle, kappa)
     middle = 0.5 * (circle.outer + circle.inner)  # of the road, as the circle's offsets
     axle = auxiliary_axle(vehicle)
@@ -231,20 +231,15 @@ def _pull(unit: Unit, length: FloatArray, off: FloatArray) -> tuple[FloatArray, 
     if unit.steering_ratio == 0.0:
         return np.arcsin(np.minimum(length, 1.0)), length <= 1.0
 
-    def reach(pull: FloatArray, off: FloatArray) -> FloatArray:
+    def reach(pull: FloatArray) -> FloatArray:
         total: FloatArray = np.sin(pull) + np.cos(pull) * np.tan(_steered(unit, pull + off))
         return total
 
-    def excess(pull: FloatArray, length: FloatArray, off: FloatArray) -> FloatArray:
-        return reach(pull, off) - length
-
     quarter = 0.5 * np.pi
     last: FloatArray = np.maximum((quarter - unit.steering_ratio * off) / (1.0 + unit.steering_ratio), quarter - unit.max_steering_angle)
-    most = reach(last, off)
-    first: FloatArray = np.full_like(last, -quarter)
+    most = reach(last)
     wanted: FloatArray = np.minimum(length, most)
-    found = elementwise.find_root(excess, (first, last), args=(wanted, off), tolerances={"xatol": 1e-20, "xrtol": 1e-14})
-    return found.x, length <= most
+    return find_roots(lambda pull: reach(pull) - wanted, np.full_like(last, -quarter), last), length <= most
 
 
 def _root_excess(scaled: FloatArray, added: FloatArray, turn: FloatArray) -> FloatArray:

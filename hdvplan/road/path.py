@@ -12,7 +12,6 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-import scipy  # its subpackages load when they are first used
 
 from hdvplan.errors import ProjectionError, RoadError
 from hdvplan.jit import FloatArray, compiled, inlined
@@ -172,13 +171,20 @@ def from_curvature(s: FloatArray, curvature: FloatArray, *, spacing: float = KNO
     cells = max(1, round(float(s[-1] - s[0]) / spacing))
     step = float(s[-1] - s[0]) / cells
     knots = s[0] + step * np.arange(cells + 1)
-    profile = scipy.interpolate.PPoly(np.stack([np.diff(curvature) / np.diff(s), curvature[:-1]]), s)
-    turned = profile.antiderivative()
+    slope = np.diff(curvature) / np.diff(s)
+    turned = np.concatenate([[0.0], np.cumsum(0.5 * (curvature[1:] + curvature[:-1]) * np.diff(s))])
+
+    def heading(at: FloatArray) -> FloatArray:
+        piece = np.clip(np.searchsorted(s, at, side="right") - 1, 0, len(s) - 2)
+        over = at - s[piece]
+        angle: FloatArray = turned[piece] + over * (curvature[piece] + 0.5 * over * slope[piece])
+        return angle
+
     nodes, weights = np.polynomial.legendre.leggauss(5)
-    inner = turned(knots[:-1, None] + 0.5 * step * (nodes + 1.0))
+    inner = heading(knots[:-1, None] + 0.5 * step * (nodes + 1.0))
     x = np.concatenate([[0.0], np.cumsum(np.cos(inner) @ weights * 0.5 * step)])
     y = np.concatenate([[0.0], np.cumsum(np.sin(inner) @ weights * 0.5 * step)])
-    return from_samples(x, y, turned(knots), profile(knots), step)
+    return from_samples(x, y, heading(knots), np.interp(knots, s, curvature), step)
 
 
 def _fade(path: ReferencePath, end: float, distance: float) -> FloatArray:
