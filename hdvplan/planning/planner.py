@@ -19,7 +19,6 @@ from hdvplan.planning.motion import guess, shift, shift_rows, take_step
 from hdvplan.planning.objectives import Goal
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import Stations
-from hdvplan.planning.terms.limits import LimitsPart
 from hdvplan.planning.terms.term import Horizon
 from hdvplan.qp.program import StageSolution, by_stage
 from hdvplan.qp.residuals import Residuals, residuals
@@ -70,7 +69,6 @@ class Planner:
     def __init__(self, vehicle: Vehicle, stations: Stations, goal: Goal, settings: PlannerSettings, make_workspace: WorkspaceMaker) -> None:
         """Prepare the memory of all steps of a drive."""
         self._scene, self._parts = assemble(vehicle, stations, goal, settings)
-        self._limits = next((part for part in self._parts if isinstance(part, LimitsPart)), None)
         self._rounds = min(settings.sqp_iterations, goal.rounds or settings.sqp_iterations)
         qp, motion = self._scene.qp, self._scene.motion
         self._workspace = make_workspace(qp.shape)
@@ -196,7 +194,7 @@ class Planner:
             stages[:] = self._before
 
     def _violation(self) -> float:
-        return self._limits.violation if self._limits else 0.0
+        return max([part.violation for part in self._parts])
 
     def _merit(self, horizon: Horizon) -> float:
         return sum((part.price(horizon) for part in self._parts), defect_price(self._scene.qp.stages, self._weights))

@@ -24,7 +24,8 @@ from hdvplan.jit import BoolArray, IntArray, Records, compiled, load
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 from hdvplan.qp.workspace import QpResult, Status
 from hdvplan.solvers.active_set import guess_statuses, inequalities, settle
-from hdvplan.solvers.interior import PAIR, clear, join, mean_after, move, newton_step, objective, publish, steps_of, weigh, worst
+from hdvplan.solvers.interior import clear, mean_after, move, newton_step, objective, publish, steps_of, weigh
+from hdvplan.solvers.pairs import PAIR, join, worst
 from hdvplan.solvers.recursion import adjoint, end_at, factorise, imbalance, recursion_of, sweep_ahead, sweep_back, weights_of
 
 TOLERANCE = 1e-8  # of products or slacks, and of broken inequalities [m]

@@ -9,8 +9,8 @@ from hdvplan.planning.assembly import assemble
 from hdvplan.planning.objectives import Goal
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import LIMIT_SPACING_M, LimitTable, Stations, limit_table, stations_of
-from hdvplan.planning.terms.edges import WALL, limit_at
-from hdvplan.planning.terms.limits import ROWS_PER_EDGE, LimitsPart
+from hdvplan.planning.terms.edges import ROWS_PER_EDGE, WALL, limit_at
+from hdvplan.planning.terms.limits import LimitsPart
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Limits, Road
 from hdvplan.vehicle.body import axles_behind, edge_points

@@ -18,7 +18,8 @@ from hdvplan.planning.stations import Stations, stations_of
 from hdvplan.planning.terms.balance import BalancePart, EnvelopeBalance
 from hdvplan.planning.terms.centring import Centring, Residual
 from hdvplan.planning.terms.dynamics import Dynamics
-from hdvplan.planning.terms.limits import ROWS_PER_EDGE, Limits
+from hdvplan.planning.terms.edges import ROWS_PER_EDGE
+from hdvplan.planning.terms.limits import Limits
 from hdvplan.planning.terms.reach import Reach
 from hdvplan.planning.terms.smoothness import Smoothness
 from hdvplan.planning.terms.steering import Steering
@@ -132,7 +133,7 @@ def program(vehicle: Vehicle, goal: Callable[[Stations], Goal], *, limited: bool
 
 @pytest.mark.parametrize("vehicle", [TRAILER, ACTIVE], ids=lambda v: v.name)
 def test_a_program_is_the_sum_of_its_terms(vehicle: Vehicle) -> None:
-    names = ("balance", "centring", "reach of axles")  # the balance comes first: it weighs the residual that it has written itself
+    names = ("centring", "balance", "reach of axles")
     whole, parts, horizon = program(vehicle, goal_of(*names))
     bare, bare_parts, _ = program(vehicle, goal_of(), limited=False)
     n, size = vehicle.states + 1, whole.qp.shape.states
@@ -160,6 +161,14 @@ def test_a_program_is_the_sum_of_its_terms(vehicle: Vehicle) -> None:
     assert np.allclose(whole.qp.Q[1:], total_Q[1:], rtol=1e-12, atol=1e-12)  # rounding, in another order of sums
     assert np.allclose(whole.qp.q[1:], total_q[1:], rtol=1e-12, atol=1e-12)
     assert sum(part.price(horizon) for part in parts) == pytest.approx(price, rel=1e-12)
+
+
+def test_only_limits_say_that_a_motion_breaks_some() -> None:
+    _, parts, horizon = program(TRAILER, goal_of("centring", "balance", "reach of axles"))
+    linearised(parts, horizon)
+    *others, limits = (part.violation for part in parts)
+    assert not any(others)
+    assert limits > 0.0  # of a random motion
 
 
 @pytest.mark.parametrize("objective", OBJECTIVES)

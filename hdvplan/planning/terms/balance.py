@@ -8,7 +8,7 @@ what was measured.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -52,11 +52,15 @@ class EnvelopeBalance:
         points = tracing_points(vehicle, axles_behind(vehicle), stations.step)
         reached = np.zeros((2, 2, len(stations.s)), REACH)
         reached["reach"], reached["stage"] = -np.inf, -1
+        centring = Centring(self.beside).part(scene, place)
+        weights = centring.weights.copy()
+        weights[1 : max(swept - after, 0) + 1] = self.share
         return BalancePart(
             scene,
-            Centring(self.beside).part(scene, place),
+            centring,
+            replace(centring, weights=weights),
             Bodies(scene.units, points, stations.path.curve, stations.points, stations.step),
-            Wish(self.aim, self.share, self.rounding, self.relaxation),
+            Wish(self.aim, self.rounding, self.relaxation),
             Window(swept - after, swept, before),
             Measured(empty_tracks(vehicle, stages), reached[0], reached[1], np.full(1, -1), np.zeros(1)),
         )
@@ -66,7 +70,6 @@ class Wish(NamedTuple):
     """The numbers of ``EnvelopeBalance``."""
 
     aim: FloatArray
-    share: float
     rounding: float
     relaxation: float
 
@@ -86,7 +89,7 @@ class Measured(NamedTuple):
     reached: Records  # (2, places) of ``REACH``, with the plan
     driven: Records  # (2, places) of ``REACH``, without
     since: IntArray  # (1,), station of the plan that was last measured, which has been driven from there on; -1: none
-    value: FloatArray  # (1,), the objective of the stages that were last written
+    value: FloatArray  # (1,), what the imbalance cost when it was last measured
 
 
 @dataclass(frozen=True)
@@ -94,11 +97,13 @@ class BalancePart:
     """The balance in its place; see ``Part``."""
 
     scene: Scene
-    centring: CentringPart
+    centring: CentringPart  # of stages that were not measured yet
+    beside: CentringPart  # the same, with a share where the plan is measured
     bodies: Bodies
     wish: Wish
     window: Window
     measured: Measured
+    violation: float = 0.0
 
     @property
     def memory(self) -> tuple[FloatArray, ...]:
@@ -107,7 +112,7 @@ class BalancePart:
 
     def extend(self, horizon: Horizon, begin: int) -> int:
         """See ``Part``. What is known of the motion was measured before; a new one begins a drive, of which nothing is driven."""
-        lost = self.centring.extend(horizon, begin)
+        lost = (self.beside if begin == 1 else self.centring).extend(horizon, begin)
         if lost < 0 and begin == 1:
             self.measured.driven["reach"], self.measured.since[0] = -np.inf, -1
             self._balance(horizon)
@@ -115,33 +120,31 @@ class BalancePart:
 
     def linearise(self, horizon: Horizon) -> int:
         """See ``Part``."""
-        lost = self.centring.linearise(horizon)
+        lost = self.beside.linearise(horizon)
         if lost < 0:
             self._balance(horizon)
         return lost
 
-    def price(self, horizon: Horizon) -> float:  # noqa: ARG002 - a protocol's method
-        """Return the objective: the balance's where it was measured, the residual's beyond: see ``Part``."""
-        rest = self.centring.stages["residual"][max(self.window.stages, 0) + 1 :]
-        return float(self.measured.value[0] + np.sum(np.square(rest)))
+    def price(self, horizon: Horizon) -> float:
+        """Return the objective: the balance's, and the residual's beside it: see ``Part``."""
+        return float(self.measured.value[0]) + self.beside.price(horizon)
 
     def _balance(self, horizon: Horizon) -> None:
         if self.window.stages > 0:
             balance(
                 self.bodies, self.wish, self.window, self.measured, self.scene.motion.poses, horizon.first, horizon.fixed,
-                self.centring.stages, self.scene.qp.stages, self.scene.vehicle.states,
+                self.scene.qp.stages, self.scene.vehicle.states,
             )  # fmt: skip
 
 
 @compiled
 def balance(
-    bodies: Bodies, wish: Wish, window: Window, measured: Measured, poses: Records, first: int, fixed: int, centred: Records,
-    stages: Records, n: int,
-) -> None:  # fmt: skip
-    """Measure a plan's envelope and write Q, q of the imbalance at stages 1 <= i <= ``window.stages``.
+    bodies: Bodies, wish: Wish, window: Window, measured: Measured, poses: Records, first: int, fixed: int, stages: Records, n: int
+) -> None:
+    """Measure a plan's envelope and add Q, q of the imbalance at stages 1 <= i <= ``window.stages``.
 
-    They replace the residual that the stages hold, of which a share stays. Stages up to ``fixed`` will not change any more: the opposite
-    side must compensate for what they sweep. ``n`` are the vehicle's states.
+    Stages up to ``fixed`` will not change any more: the opposite side must compensate for what they sweep. ``n`` are the vehicle's
+    states.
     """
     road, reached, driven = bodies.stations, measured.reached, measured.driven
     end, lowest, places = window.places + window.before + 1, max(first - window.before, 0), reached.shape[1]
@@ -156,12 +159,6 @@ def balance(
             reached[side, m].reach, reached[side, m].stage = driven[side, m].reach, -1
     cover(bodies, measured.tracks, first, end, reached)
     value = 0.0
-    for i in range(1, window.stages + 1):
-        value += wish.share * centred[i].residual ** 2
-        for j in range(n):
-            stages[i].q[j] *= wish.share
-            for k in range(n):
-                stages[i].Q[j, k] *= wish.share
     for m in range(lowest, min(first + window.places, places)):
         wrong = reached[0, m].reach - reached[1, m].reach - 2.0 * wish.aim[m]
         if not np.isfinite(wrong):

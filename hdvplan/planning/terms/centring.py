@@ -63,18 +63,20 @@ class Centring:
         coefficients["lead"], coefficients["aux"], coefficients["target"] = residual.lead, residual.aux, residual.target
         return CentringPart(
             scene,
-            Axle(unit, scene.vehicle.lead.wheelbase if unit == 0 else 0.0),
+            Axle(unit, scene.vehicle.lead.wheelbase if unit == 0 else 0.0, scene.stations.path.curve),
             coefficients,
             auxiliary_ahead(scene.vehicle, residual.axle),
             np.zeros(scene.settings.stages + 1, _MEMORY),
+            np.ones(scene.settings.stages + 1),
         )
 
 
 class Axle(NamedTuple):
-    """Which axle the auxiliary one is."""
+    """Which axle the auxiliary one is, and what its offset is measured from."""
 
     unit: int
     ahead: float  # of its unit's axle: the front axle of the lead unit, else the unit's own [m]
+    curve: Curve
 
 
 @dataclass(frozen=True)
@@ -86,6 +88,8 @@ class CentringPart:
     coefficients: Records  # (stations,) of ``COEFFICIENTS``
     ahead: float  # of the auxiliary axle, see ``auxiliary_ahead`` [m]
     stages: Records  # (N+1,)
+    weights: FloatArray  # (N+1,), of the squared residuals
+    violation: float = 0.0
 
     @property
     def memory(self) -> tuple[FloatArray, ...]:
@@ -101,34 +105,34 @@ class CentringPart:
         return self._linearise(horizon, 1, np.nan)
 
     def price(self, horizon: Horizon) -> float:  # noqa: ARG002 - a protocol's method
-        """Return the sum of the squared residuals: see ``Part``."""
-        return float(np.sum(np.square(self.stages["residual"][1:])))
+        """Return the sum of the weighted squares: see ``Part``."""
+        return float(np.sum(self.weights[1:] * np.square(self.stages["residual"][1:])))
 
     def _linearise(self, horizon: Horizon, begin: int, guessed: float) -> int:
         scene = self.scene
         coefficients = self.coefficients[horizon.first : horizon.first + len(horizon.road)]
         return linearise_centring(
-            self.axle, guessed, scene.stations.path.curve, horizon.road, scene.motion.stages, scene.motion.poses,
-            coefficients, begin, self.stages, scene.qp.stages,
+            self.axle, guessed, horizon.road, scene.motion.stages, scene.motion.poses, coefficients, self.weights, begin, self.stages,
+            scene.qp.stages,
         )  # fmt: skip
 
 
 @compiled
 def linearise_centring(
-    axle: Axle, guessed: float, curve: Curve, road: Records, motion: Records, poses: Records, coefficients: Records, begin: int,
+    axle: Axle, guessed: float, road: Records, motion: Records, poses: Records, coefficients: Records, weights: FloatArray, begin: int,
     memory: Records, stages: Records,
 ) -> int:  # fmt: skip
-    """Add Q, q of the squared residual at stages i >= ``begin``; return -1, or the stage whose point has no foot.
+    """Add Q, q of the squared residual times its stage's weight at stages i >= ``begin``.
 
-    ``memory`` holds the last feet, and receives feet and residuals; without last feet they are ``guessed`` to lie so far ahead of each
-    station [m], else that is NaN.
+    Returns -1, or the stage whose point has no foot. ``memory`` holds the last feet, and receives feet and residuals; without last
+    feet they are ``guessed`` to lie so far ahead of each station [m], else that is NaN.
     """
     n = motion[0].z.size
     gradient = np.empty(n)
     for i in range(begin, motion.size):
         own, at, stage, z = coefficients[i], road[i], stages[i], motion[i].z
         x, y = body_point(poses[i, axle.unit], axle.ahead, 0.0)
-        foot, offset, cos, sin, _ = project(curve, x, y, memory[i].foot if np.isnan(guessed) else at.s + guessed, PLANNING_STEP_M)
+        foot, offset, cos, sin, _ = project(axle.curve, x, y, memory[i].foot if np.isnan(guessed) else at.s + guessed, PLANNING_STEP_M)
         if np.isnan(offset):
             return i
         point_gradient(poses[i], axle.unit, x, y, at, -sin, cos, gradient)
@@ -137,7 +141,7 @@ def linearise_centring(
         gradient[0] += own.lead
         residual = own.lead * z[0] + own.aux * offset - own.target
         memory[i].foot, memory[i].residual = foot, residual
-        add_square(gradient, residual, 1.0, stage)
+        add_square(gradient, residual, weights[i], stage)
     return -1
 
 

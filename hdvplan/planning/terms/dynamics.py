@@ -36,6 +36,7 @@ class _Part:
     rule: int
     work: Records
     memory: tuple[FloatArray, ...] = ()
+    violation: float = 0.0
 
     def extend(self, horizon: Horizon, begin: int) -> int:
         scene, motion, qp = self.scene, self.scene.motion, self.scene.qp

@@ -5,16 +5,34 @@ Of every edge the sampled points are looked at and, where limits change or the r
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from hdvplan.jit import FloatArray, Record, Records, inlined, inner
 from hdvplan.planning.stations import LimitTable
+from hdvplan.planning.terms.screening import CLEAR_M
 from hdvplan.road.path import PLANNING_STEP_M, Curve, project
+from hdvplan.vehicle.body import POINTS_PER_EDGE
 from hdvplan.vehicle.kinematics import body_point, point_gradient
 
+ROWS_PER_EDGE = 2  # the tightest points of each edge that enter the QP; all points are checked after the solve
 WALL = 1.0  # slope of a limit from which on it is a wall: turning away from one must not look better than passing it
 # What is kept of a place on an edge while its rows are chosen: where it is on the body [m], in the plane and on the road, and its limit.
 PLACE = np.dtype([(name, float) for name in ("ahead", "x", "y", "foot", "offset", "cos", "sin", "curvature", "slope", "gap")])
+
+
+class Bodies(NamedTuple):
+    """What the rows of a drive are about."""
+
+    units: Records
+    points: Records  # (units, points) of ``EDGE_POINT``
+    axis: FloatArray  # (units, 4), see ``axis_points`` [m]
+    behind: FloatArray  # (units,), of every axle behind the lead rear axle on a straight [m]
+    reach: float  # furthest from the lead axle that any point of a body can be [m]
+    curve: Curve
+    table: LimitTable
+    clearance: float  # to keep from every limit, beyond what sampling needs [m]
 
 
 @inlined
@@ -101,3 +119,58 @@ def never(rows: Records, begin: int, end: int, clear: float) -> None:
         for j in range(row.g.size):
             row.g[j] = 0.0
         row.h = clear
+
+
+@inner
+def write_edge(
+    bodies: Bodies, at: Record, poses: Records, number: int, side: int, edge: Record, feet: FloatArray, rows: Records, places: Records,
+    gradients: FloatArray,
+) -> None:  # fmt: skip
+    """Write the rows of one edge, and its clearances; these are NaN where a point has no foot."""
+    curve, table, points, pose = bodies.curve, bodies.table, bodies.points[number], poses[number]
+    sign, count, tightest = 1.0 - 2.0 * side, POINTS_PER_EDGE, np.inf
+    edge.gap = edge.clear = np.nan
+    left, margin = sign * bodies.units[number].half_width, at.margin + bodies.clearance
+    for point in range(count):
+        place, own = places[point], points[point]
+        if not look(curve, table, pose, own.ahead, left, side + 2 * own.overhang, feet[point, side], place):
+            return
+        feet[point, side] = place.foot
+        tightest = min(tightest, place.gap)
+    looked = count
+    behind, ahead, entry = tightest_between(table, points, side, at.varies == 0.0, places)
+    if behind >= 0:
+        place, region = places[count], max(points[behind].overhang, points[behind + 1].overhang)
+        if not look(curve, table, pose, ahead, left, side + 2 * region, places[behind].foot, place):
+            return
+        # At the tightest place between ends edge and limit run alike, or the limit has a corner there that slides
+        # along the edge: either way the clearance changes as if the limit had the edge's direction.
+        across_road = pose.sin * place.cos - pose.cos * place.sin
+        along_road = pose.cos * place.cos + pose.sin * place.sin
+        place.slope = (1.0 - place.curvature * place.offset) * across_road / along_road
+        if entry >= 0:  # the place was found by a parabola: its foot is centimetres off the entry, on a steep limit
+            beyond = table.s_first + entry * table.spacing - place.foot
+            place.gap = sign * (table.values[side + 2 * region, entry] - place.offset - place.slope * beyond)
+        tightest = min(tightest, place.gap)
+        looked += 1
+    middle = 0.5 * (points[0].ahead + points[count - 1].ahead)
+    for half in range(ROWS_PER_EDGE):
+        pick = half * (count - 1)
+        for other in range(looked):
+            if (places[other].ahead > middle) == (half == 1) and places[other].gap < places[pick].gap:
+                pick = other
+        place = places[pick]
+        write_row(poses, number, sign, at, place, place.slope, place.gap - margin, gradients, rows[half])
+    clear = tightest
+    if rows.size > ROWS_PER_EDGE:
+        for end in range(2):
+            corner, row = end * (count - 1), ROWS_PER_EDGE + end
+            if points[corner].overhang == 0:
+                never(rows, row, row + 1, CLEAR_M)
+            else:
+                place = places[corner]
+                limit, slope = limit_at(table, side, place.foot)
+                room = sign * (limit - place.offset)
+                clear = min(clear, room)
+                write_row(poses, number, sign, at, place, slope, room, gradients, rows[row])
+    edge.gap, edge.clear = tightest, clear

@@ -13,30 +13,13 @@ import numpy as np
 
 from hdvplan.jit import FloatArray, Record, Records, compiled, inner
 from hdvplan.planning.settings import PlannerSettings
-from hdvplan.planning.stations import LimitTable, Stations
-from hdvplan.planning.terms.edges import PLACE, limit_at, look, never, tightest_between, write_row
+from hdvplan.planning.stations import Stations
+from hdvplan.planning.terms.edges import PLACE, ROWS_PER_EDGE, Bodies, never, write_edge
 from hdvplan.planning.terms.screening import CLEAR_M, clear_by_axis, clear_by_state
 from hdvplan.planning.terms.term import Horizon, Needs, Place, Scene
 from hdvplan.qp.program import by_stage
-from hdvplan.road.path import Curve
 from hdvplan.vehicle.body import POINTS_PER_EDGE, axis_points, axles_behind, edge_points
 from hdvplan.vehicle.model import Vehicle
-
-ROWS_PER_EDGE = 2  # the tightest points of each edge that enter the QP; all points are checked after the solve
-
-
-class Bodies(NamedTuple):
-    """What the rows of a drive are about."""
-
-    units: Records
-    points: Records  # (units, points) of ``EDGE_POINT``
-    axis: FloatArray  # (units, 4), see ``axis_points`` [m]
-    behind: FloatArray  # (units,), of every axle behind the lead rear axle on a straight [m]
-    reach: float  # furthest from the lead axle that any point of a body can be [m]
-    curve: Curve
-    table: LimitTable
-    clearance: float  # to keep from every limit, beyond what sampling needs [m]
-
 
 EDGE = np.dtype(
     [
@@ -205,7 +188,7 @@ def linearise_limits(
                 edge.gap = edge.clear
                 if not _is_clear(edge, margin, binding):
                     feet = seen.feet[i, number]
-                    _write_edge(bodies, at, poses[i], number, side, edge, feet, rows[i, row : row + each], places, gradients)
+                    write_edge(bodies, at, poses[i], number, side, edge, feet, rows[i, row : row + each], places, gradients)
                     if np.isnan(edge.gap):
                         return i
                     edge.looked, edge.never = 1.0, 0.0
@@ -243,58 +226,3 @@ def _begin(bodies: Bodies, at: Record, z: FloatArray, i: int, seen: Seen) -> Non
             seen.edges[i, number, side].clear, seen.edges[i, number, side].looked = clear, 0.0
     for j in range(z.size):
         seen.z[i, j] = z[j]
-
-
-@inner
-def _write_edge(
-    bodies: Bodies, at: Record, poses: Records, number: int, side: int, edge: Record, feet: FloatArray, rows: Records, places: Records,
-    gradients: FloatArray,
-) -> None:  # fmt: skip
-    """Write the rows of one edge, and its clearances; these are NaN where a point has no foot."""
-    curve, table, points, pose = bodies.curve, bodies.table, bodies.points[number], poses[number]
-    sign, count, tightest = 1.0 - 2.0 * side, POINTS_PER_EDGE, np.inf
-    edge.gap = edge.clear = np.nan
-    left, margin = sign * bodies.units[number].half_width, at.margin + bodies.clearance
-    for point in range(count):
-        place, own = places[point], points[point]
-        if not look(curve, table, pose, own.ahead, left, side + 2 * own.overhang, feet[point, side], place):
-            return
-        feet[point, side] = place.foot
-        tightest = min(tightest, place.gap)
-    looked = count
-    behind, ahead, entry = tightest_between(table, points, side, at.varies == 0.0, places)
-    if behind >= 0:
-        place, region = places[count], max(points[behind].overhang, points[behind + 1].overhang)
-        if not look(curve, table, pose, ahead, left, side + 2 * region, places[behind].foot, place):
-            return
-        # At the tightest place between ends edge and limit run alike, or the limit has a corner there that slides
-        # along the edge: either way the clearance changes as if the limit had the edge's direction.
-        across_road = pose.sin * place.cos - pose.cos * place.sin
-        along_road = pose.cos * place.cos + pose.sin * place.sin
-        place.slope = (1.0 - place.curvature * place.offset) * across_road / along_road
-        if entry >= 0:  # the place was found by a parabola: its foot is centimetres off the entry, on a steep limit
-            beyond = table.s_first + entry * table.spacing - place.foot
-            place.gap = sign * (table.values[side + 2 * region, entry] - place.offset - place.slope * beyond)
-        tightest = min(tightest, place.gap)
-        looked += 1
-    middle = 0.5 * (points[0].ahead + points[count - 1].ahead)
-    for half in range(ROWS_PER_EDGE):
-        pick = half * (count - 1)
-        for other in range(looked):
-            if (places[other].ahead > middle) == (half == 1) and places[other].gap < places[pick].gap:
-                pick = other
-        place = places[pick]
-        write_row(poses, number, sign, at, place, place.slope, place.gap - margin, gradients, rows[half])
-    clear = tightest
-    if rows.size > ROWS_PER_EDGE:
-        for end in range(2):
-            corner, row = end * (count - 1), ROWS_PER_EDGE + end
-            if points[corner].overhang == 0:
-                never(rows, row, row + 1, CLEAR_M)
-            else:
-                place = places[corner]
-                limit, slope = limit_at(table, side, place.foot)
-                room = sign * (limit - place.offset)
-                clear = min(clear, room)
-                write_row(poses, number, sign, at, place, slope, room, gradients, rows[row])
-    edge.gap, edge.clear = tightest, clear

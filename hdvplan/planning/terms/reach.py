@@ -62,6 +62,7 @@ class ReachPart:
     half_widths: FloatArray  # off its unit's axis where a point lies, (units,) [m]
     ahead: FloatArray  # of the lead rear axle on a straight, (units, points, 1) [m]
     feet: FloatArray  # (N+1, units, points, 2) [m]
+    violation: float = 0.0
 
     @property
     def memory(self) -> tuple[FloatArray, ...]:

@@ -28,6 +28,7 @@ class _Part:
     most: float  # curvature [1/m]
     change: float  # largest, from station to station [1/m]
     memory: tuple[FloatArray, ...] = ()
+    violation: float = 0.0
 
     def extend(self, horizon: Horizon, begin: int) -> int:  # noqa: ARG002 - all stages: the first change depends on what was driven
         return self.linearise(horizon)

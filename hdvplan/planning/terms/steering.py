@@ -54,6 +54,7 @@ class SteeringPart:
     most: FloatArray  # (active,) [rad]
     largest: FloatArray  # (active,), of a change between two stations [rad]
     memory: tuple[FloatArray, ...] = ()
+    violation: float = 0.0
 
     def extend(self, horizon: Horizon, begin: int) -> int:
         """See ``Part``."""

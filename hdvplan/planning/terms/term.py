@@ -64,6 +64,10 @@ class Part(Protocol):
     def memory(self) -> tuple[FloatArray, ...]:
         """What the part keeps of every stage, as ``by_stage``: it is shifted with the plan."""
 
+    @property
+    def violation(self) -> float:
+        """The deepest breach of a limit by the motion that was last linearised at [m]; 0 where none is broken, or the part is none."""
+
     def extend(self, horizon: Horizon, begin: int) -> int:
         """Linearise at stages from ``begin`` >= 1 on, which the motion was extended by: nothing is known of them.
 
