@@ -83,6 +83,7 @@ class Planner:
         self._weights, self._before = np.zeros(vehicle.rigid_states), np.empty_like(motion.stages)
         self._last: int | None = None  # the last plan's first station
         self._binding = True  # whether limits bind in the last program
+        self._guessed = True  # whether the last solution helps with the next
 
     def plan(self, first: int, z_start: FloatArray, kappa_before: float) -> Plan:
         """Plan from state ``z_start`` at station ``first``; ``kappa_before`` is the curvature held until there [1/m].
@@ -120,7 +121,8 @@ class Planner:
             worth = self._merit(horizon) if self._binding else None
             moved, merit, halved = self._step(horizon, result.point, worth)
             halvings, violation = halvings + halved, self._violation()
-            if self._guess is not None:  # the QP is in deviations from the motion: the next solution is near zero
+            self._guessed = result.leaves_guess
+            if self._guess is not None and self._guessed:  # the QP is in deviations from the motion: the next solution is near zero
                 self._guess.copy_from(result.point)
             times.linearise += perf_counter() - mark
             iterating = iterate or (qp_count <= settings.rti_repairs and violation > _REPAIRED_M)
@@ -167,7 +169,7 @@ class Planner:
 
     def _solve(self, times: StepTimes) -> QpResult:
         mark = perf_counter()
-        result = self._workspace.solve(self._scene.qp, self._guess)
+        result = self._workspace.solve(self._scene.qp, self._guess if self._guessed else None)
         times.update += perf_counter() - mark - result.solve_time - result.loading_time
         times.solve += result.solve_time
         times.loading += result.loading_time

@@ -66,12 +66,13 @@ class RiccatiWorkspace:
             if settled:
                 return QpResult(Status.SOLVED, self._point, spent, checked - started, perf_counter() - checked - loading, loading)
         code, more = _screen(stages, rows, bounded, point, row_point, self._work)
-        if code == _BINDING:
+        binding = code == _BINDING
+        if binding:
             screened = (stages, rows, bounded, point, row_point, self._weights, self._work, self._steps, self._member, self._pairs)
             loading += self._load(_solve, *screened)
             code, more = _solve(*screened)
         spent, solving = spent + more, perf_counter() - checked - loading
-        return QpResult(_STATUS[code], self._point, spent, checked - started, solving, loading)
+        return QpResult(_STATUS[code], self._point, spent, checked - started, solving, loading, binding)
 
     def _load(self, kernel: Callable[..., object], *arguments: object) -> float:
         """Load a kernel that only some roads need, when it is first needed; return the time that took [s]."""

@@ -14,6 +14,7 @@ class Spy:
     def __init__(self, make: Callable[[StageShape], QpWorkspace], answer: Answer | None = None) -> None:
         """Stand between planning and the workspaces that ``make`` makes."""
         self.programs: list[StageQp] = []
+        self.guessed: list[bool] = []  # whether a guess came with each
         self.answer = answer
         self._make = make
         self._workspace: QpWorkspace | None = None
@@ -36,6 +37,7 @@ class Spy:
     def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
         """Keep a copy of ``qp`` and have it solved."""
         self.programs.append(StageQp(qp.shape, qp.buffer.copy()))
+        self.guessed.append(guess is not None)
         point = None if self.answer is None else self.answer(qp)
         if point is not None:
             return QpResult(Status.SOLVED, point, 1, 0.0, 0.0)

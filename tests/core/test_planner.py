@@ -87,6 +87,16 @@ def test_a_shifted_program_equals_a_fresh_linearisation_at_the_same_motion(vehic
 
 
 @each_vehicle
+@pytest.mark.parametrize("tight", [False, True])
+def test_a_solver_is_given_multipliers_where_there_were_some(vehicle: Vehicle, tight: bool) -> None:
+    planner, spy, _ = planned(vehicle, PlannerSettings(horizon=25.0), TIGHT[vehicle.name] if tight else LIMIT)
+    plan = planner.plan(30, start(vehicle), 0.0)
+    asked = len(spy.programs)
+    planner.plan(40, plan.z[10], float(plan.kappa[9]))
+    assert all(spy.guessed[asked:]) is tight
+
+
+@each_vehicle
 def test_a_rolling_plan_needs_exactly_one_program_after_the_first(vehicle: Vehicle) -> None:
     planner, spy, _ = planned(vehicle, PlannerSettings(horizon=25.0))
     plan = planner.plan(20, start(vehicle), 0.0)
