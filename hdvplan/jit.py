@@ -17,6 +17,7 @@ from functools import cache
 from pathlib import Path
 from time import perf_counter
 from typing import Any, TypeAlias, TypeVar, cast
+from uuid import uuid4
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,9 +80,21 @@ def _compile(function: Function, *, forceinline: bool = False, no_cpython_wrappe
             cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, forceinline=forceinline,
             no_cfunc_wrapper=True, no_cpython_wrapper=no_cpython_wrapper,
         )  # fmt: skip
-        return cast("Function", compiler(function))
+        kernel = compiler(function)
     finally:
         numba.config.CACHE_DIR = former  # type: ignore[attr-defined]
+    _name_apart(kernel._cache._cache_file)  # noqa: SLF001 - numba has no public way to it
+    return cast("Function", kernel)
+
+
+def _name_apart(cache_file: Any) -> None:  # noqa: ANN401 - numba has no types
+    """Let every overload be saved under a name of its own.
+
+    Numba numbers them. Two processes that compile one kernel for different records at the same time would take the same number, and
+    from then on the one's index could lead to the other's code, which reads the records in a wrong layout.
+    """
+    stem = cache_file._index_name.removesuffix(".nbi")  # noqa: SLF001 - as above
+    cache_file._data_name = lambda _number: f"{stem}.{uuid4().hex}.nbc"  # noqa: SLF001
 
 
 def load(kernel: Callable[..., object], *arguments: object) -> float:

@@ -6,10 +6,13 @@ import pkgutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
+from numba.core.caching import IndexDataCacheFile
 from numba.core.registry import CPUDispatcher
 
 import hdvplan
+from hdvplan.jit import _name_apart
 
 PACKAGE = Path(hdvplan.__file__).parent
 MOST = 10  # parameters of a function
@@ -63,3 +66,26 @@ def test_importing_the_package_leaves_numbas_cache_to_others() -> None:
     )
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)  # noqa: S603 - our own
     assert ended.stdout == "as it was\n"
+
+
+def test_processes_that_compile_one_kernel_at_the_same_time_never_load_each_other_s_code(tmp_path: Path) -> None:
+    kind: Any = IndexDataCacheFile  # numba has no types
+
+    def cache_file() -> Any:  # noqa: ANN401
+        made = kind(str(tmp_path), "kernel", "stamp")
+        _name_apart(made)
+        return made
+
+    one, other = cache_file(), cache_file()
+    empty = other._load_index()
+
+    def meanwhile(name: str, data: object) -> None:
+        """Save the other process's code between this one's index and its code; the other has read the index before."""
+        other._load_index = lambda: empty
+        other.save("other records", "other code")
+        kind._save_data(one, name, data)
+
+    one._save_data = meanwhile
+    one.save("records", "code")
+    assert cache_file().load("other records") == "other code"
+    assert cache_file().load("records") in ("code", None)  # an index entry may be lost: that compiles once more
