@@ -106,6 +106,12 @@ def test_the_citation_names_this_version_and_the_paper() -> None:
     assert any("Geometric Approach" in reference["title"] for reference in cited["references"])
 
 
+def test_ci_runs_the_tests_as_the_readme_does() -> None:
+    (options,) = re.findall(r"\.venv/bin/pytest (.+)$", (ROOT / "README.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
+    assert f'/pytest" {options} ' in (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    assert f"\npytest {options} " in (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+
+
 def test_every_document_is_in_the_index() -> None:
     index = (ROOT / "docs" / "README.md").read_text(encoding="utf-8")
     for path in (ROOT / "docs").glob("*.md"):
