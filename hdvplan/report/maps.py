@@ -39,7 +39,7 @@ def draw_map(axes: Axes, result: Result, window: Window, *, bodies: bool = True)
     s = envelope.s[shown]
     for unit in reversed(range(len(vehicle.units))):  # the lead unit on top: of the others shows what they sweep besides
         area = swept_area(path, s, envelope.left[unit][shown], envelope.right[unit][shown])
-        axes.add_patch(PathPatch(_outline(area), facecolor=body_fill(unit), edgecolor="none", label=swept_label(vehicle, unit)))
+        axes.add_patch(PathPatch(outline_of(area), facecolor=body_fill(unit), edgecolor="none", label=swept_label(vehicle, unit)))
     draw_surroundings(axes, drive.road, window)
     if bodies:
         _draw_bodies(axes, result, window)
@@ -56,7 +56,7 @@ def draw_surroundings(axes: Axes, road: Road, window: Window) -> None:
     for kind, colour, hatch in ((Kind.OBSTACLE, "0.6", None), (Kind.SWEEPABLE, "none", "////")):
         areas = [region.polygon for region in road.regions if region.kind is kind]
         if areas:
-            shape = _outline(shapely.union_all(areas))
+            shape = outline_of(shapely.union_all(areas))
             axes.add_patch(PathPatch(shape, facecolor=colour, edgecolor=MUTED, hatch=hatch, linewidth=0.6, zorder=0.5, label=kind))
     axes.plot(*path.to_plane(s, 0.0), color=MUTED, linewidth=0.8, linestyle=(0, (7, 4)), label="road centre")
     if road.limits is None:
@@ -122,7 +122,7 @@ def _draw_breaches(axes: Axes, result: Result, window: Window) -> None:
         limit, beyond = edge_beyond(limits, s, key, np.where(shown, np.fmin.reduce(gaps, axis=0), 0.0))
         if np.all(np.isnan(beyond)):
             continue
-        outline = _outline(swept_area(path, s, np.fmax(limit, beyond), np.where(np.isnan(beyond), np.nan, np.fmin(limit, beyond))))
+        outline = outline_of(swept_area(path, s, np.fmax(limit, beyond), np.where(np.isnan(beyond), np.nan, np.fmin(limit, beyond))))
         axes.add_patch(PathPatch(outline, facecolor=BREACH, edgecolor=BREACH, linewidth=1.2, label=label, zorder=4))
         label = None
     for breach in _spread(breach for breach in result.balance.breaches if window.s_from <= breach.s_deepest <= window.s_to):
@@ -166,7 +166,7 @@ def _row(side: str, region: str) -> int:
     return ("left", "right").index(side) + (2 if region == "sweepable" else 0)
 
 
-def _outline(area: BaseGeometry) -> Outline:
+def outline_of(area: BaseGeometry) -> Outline:
     """Return polygons with their holes as one outline; lines and points that repairs left over are dropped."""
     polygons = [part for part in shapely.get_parts(shapely.get_parts(area)) if isinstance(part, shapely.Polygon) and not part.is_empty]
     rings = [Outline(np.asarray(ring.coords), closed=True) for part in polygons for ring in (part.exterior, *part.interiors)]
