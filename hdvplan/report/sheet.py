@@ -15,7 +15,7 @@ from matplotlib.patches import Rectangle
 from hdvplan import __version__
 from hdvplan.judging.result import Result
 from hdvplan.report.colours import INK
-from hdvplan.report.heading import subject_line, answer_line
+from hdvplan.report.heading import answer_line, subject_line
 from hdvplan.report.layers import drawn_features
 from hdvplan.report.pages import Page, pages_of
 from hdvplan.report.paper import PAPERS_MM, SheetOptions
