@@ -10,11 +10,12 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from hdvplan.jit import FloatArray
-from hdvplan.judging.balance import KEPT_M, Breach
+from hdvplan.judging.balance import Breach
 from hdvplan.judging.bodies import corners, pose_at
 from hdvplan.judging.result import Result, body_name, breach_text, entered_text
 from hdvplan.judging.wheels import TRACK_NOTE, wheel_tracks
 from hdvplan.report.geojson import swept_area
+from hdvplan.report.rooms import room_at
 from hdvplan.report.windows import peaks
 from hdvplan.road.regions import Kind
 from hdvplan.road.road import Road
@@ -162,8 +163,8 @@ def _clearances(result: Result) -> list[Drawn]:
         return []
     found = []
     for at in peaks(s, -clearance, _CLEARANCES_APART_M, _CLEARANCES):
-        room = clearance_at(result, at)
-        if room.depth > KEPT_M:  # broken: a conflict
+        room = room_at(result, at)
+        if room.broken:  # broken: a conflict
             continue
         line = shapely.LineString(np.column_stack(road.path.to_plane(np.full(2, room.s), np.array([room.reach, room.limit]))))
         properties: dict[str, Value] = {
@@ -174,37 +175,6 @@ def _clearances(result: Result) -> list[Drawn]:
         }
         found.append(Drawn(Layer.CLEARANCE, line, properties, f"{max(-room.depth, 0.0):.2f}"))
     return found
-
-
-@dataclass(frozen=True)
-class Room:
-    """The least room at a place: between the signed offset that a body reached and that of the limit [m]."""
-
-    s: float
-    reach: float
-    limit: float
-    side: str
-    unit: int
-
-    @property
-    def depth(self) -> float:
-        """How far beyond the limit; negative where it is kept [m]."""
-        return self.reach - self.limit if self.side == "left" else self.limit - self.reach
-
-
-def clearance_at(result: Result, at: int) -> Room:
-    """Return the least room at sample ``at`` of the envelope of a road with limits."""
-    limits, s = result.drive.road.limits, float(result.envelope.s[at])
-    assert limits is not None  # noqa: S101 - without limits there is no clearance
-    gaps = {key: (float(np.nanmin(gap[:, at])), int(np.nanargmin(gap[:, at]))) for key, gap in result.gaps.items() if _any(gap[:, at])}
-    side, region = min(gaps, key=lambda key: gaps[key])
-    gap, unit = gaps[side, region]
-    limit = float(limits.table(np.array([s]))[("left", "right").index(side) + (2 if region == "sweepable" else 0), 0])
-    return Room(s, limit - gap if side == "left" else limit + gap, limit, side, unit)
-
-
-def _any(values: FloatArray) -> bool:
-    return bool(np.any(np.isfinite(values)))
 
 
 def _conflicts(result: Result) -> list[Drawn]:

@@ -60,7 +60,7 @@ def pages_of(result: Result, field_mm: tuple[float, float], scale: int | None) -
     if parts is not None:
         captions = [f"sheet {number} of {len(parts)}: s = {part[0]:.0f} to {part[1]:.0f} m" for number, part in enumerate(parts, start=1)]
         return tuple(outline.must(*part, smallest, caption) for part, caption in zip(parts, captions, strict=True))
-    windows = sorted(tightest_windows(result), key=lambda window: window.s_from)
+    windows = tightest_windows(result)
     stretches = [_largest(outline, window.s_from, window.s_to, scale) for window in windows]
     return tuple(
         outline.must(begin, end, of_scale, _decisive(number, len(stretches), begin, end, length))

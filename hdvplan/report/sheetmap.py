@@ -8,18 +8,17 @@ from typing import Any
 import numpy as np
 import shapely
 from matplotlib.axes import Axes
-from matplotlib.colors import to_rgb
 from matplotlib.patches import PathPatch, Rectangle
 
 from hdvplan.jit import FloatArray, IntArray
-from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.bodies import corners, pose_at
 from hdvplan.judging.result import Result, body_name
 from hdvplan.report.colours import BREACH, INK, MUTED
-from hdvplan.report.layers import Drawn, Layer, Room, clearance_at, outline_places
+from hdvplan.report.layers import Drawn, Layer, outline_places
 from hdvplan.report.maps import outline_of
 from hdvplan.report.pages import Page
-from hdvplan.report.style import body_colour, body_fill
+from hdvplan.report.rooms import Room, pose_touching, room_at
+from hdvplan.report.style import body_colour, body_dark, body_fill
 from hdvplan.report.windows import peaks
 
 _BARS_M = (200.0, 100.0, 50.0, 20.0, 10.0, 5.0, 2.0, 1.0)
@@ -47,18 +46,10 @@ class Ground:
 
 @dataclass(frozen=True)
 class Place:
-    """A tight place with its letter; ``limited`` tells whether ``room`` reaches to a limit or to the road's centre."""
+    """A tight place with its letter."""
 
     letter: str
     room: Room
-    limited: bool
-
-    @property
-    def text(self) -> str:
-        """What is lacking or to spare, as few words."""
-        if not self.limited:
-            return f"reach {abs(self.room.reach):.2f} m"
-        return f"{self.room.depth:.2f} m beyond" if self.room.depth > KEPT_M else f"clearance {max(-self.room.depth, 0.0):.2f} m"
 
 
 def places_of(result: Result, page: Page, most: int) -> tuple[Place, ...]:
@@ -67,15 +58,7 @@ def places_of(result: Result, page: Page, most: int) -> tuple[Place, ...]:
     score = np.maximum(envelope.reach_left, -envelope.reach_right) if clearance is None else -clearance
     inside = np.where((s >= page.s_from) & (s <= page.s_to), score, -np.inf)
     found = sorted(peaks(s, inside, _PLACES_APART_M, most))
-    rooms = [_reach_at(result, at) if clearance is None else clearance_at(result, at) for at in found]
-    return tuple(Place(chr(ord("A") + number), room, clearance is not None) for number, room in enumerate(rooms))
-
-
-def _reach_at(result: Result, at: int) -> Room:
-    """Return the furthest reach at a sample, from the road's centre."""
-    left, right = result.envelope.reach_left[at], result.envelope.reach_right[at]
-    side, bodies = ("left", result.envelope.left) if left >= -right else ("right", -result.envelope.right)
-    return Room(float(result.envelope.s[at]), float(left if side == "left" else right), 0.0, side, int(np.nanargmax(bodies[:, at])))
+    return tuple(Place(chr(ord("A") + number), room_at(result, at)) for number, at in enumerate(found))
 
 
 def draw_field(axes: Axes, ground: Ground, page: Page, size_mm: tuple[float, float], places: tuple[Place, ...]) -> None:
@@ -91,7 +74,7 @@ def draw_field(axes: Axes, ground: Ground, page: Page, size_mm: tuple[float, flo
         outwards = 1.0 if place.room.side == "left" else -1.0
         ends = np.array([place.room.reach, place.room.reach + outwards * 9.0 * mm])
         (x, y), (u, v) = page.turned(np.column_stack(path.to_plane(np.full(2, place.room.s), ends)))
-        colour = BREACH if place.limited and place.room.depth > KEPT_M else INK
+        colour = BREACH if place.room.broken else INK
         axes.annotate(
             place.letter, (x, y), (u, v), ha="center", va="center", fontsize=8.0, fontweight="bold", color="white", zorder=8,
             bbox={"boxstyle": "circle,pad=0.2", "facecolor": colour, "edgecolor": "white"}, arrowprops={"arrowstyle": "-", "color": colour},
@@ -106,20 +89,20 @@ def draw_inset(axes: Axes, ground: Ground, page: Page, place: Place, size_mm: tu
     result, path, room = ground.result, ground.result.drive.road.path, place.room
     scale = next(inset for above, inset in _INSET_SCALES if page.scale >= above)
     ends = page.turned(np.column_stack(path.to_plane(np.full(2, room.s), np.array([room.reach, room.limit]))))
-    middle = ends[0] if not place.limited else ends.mean(axis=0)
+    middle = ends[0] if not room.limited else ends.mean(axis=0)
     centre = page.turned(np.column_stack(path.to_plane(np.array([room.s]), 0.0)))[0]
     middle = middle + 0.4 * (centre - middle)
     _look(axes, (float(middle[0]), float(middle[1])), size_mm, scale)
     _draw_ground(axes, ground, page)
-    _draw_vehicles(axes, result, page, np.array([_touching(result, room)]))
-    colour = BREACH if place.limited and room.depth > KEPT_M else INK
+    _draw_vehicles(axes, result, page, np.array([pose_touching(result, room)]))
+    colour = BREACH if room.broken else INK
     style = {"arrowstyle": "|-|", "color": colour, "linewidth": 1.0, "mutation_scale": 3.0, "shrinkA": 0.0, "shrinkB": 0.0}
     axes.annotate("", ends[1], ends[0], arrowprops=style, zorder=8)
     outwards = 1.0 if room.side == "left" else -1.0
     outermost = outwards * max(outwards * room.reach, outwards * room.limit) + outwards * _BESIDE_MM * scale / 1e3
-    beside = page.turned(np.column_stack(path.to_plane(np.array([room.s]), outermost)))[0] if place.limited else ends.mean(axis=0)
+    beside = page.turned(np.column_stack(path.to_plane(np.array([room.s]), outermost)))[0] if room.limited else ends.mean(axis=0)
     axes.annotate(
-        place.text,
+        room.text,
         _point(beside),
         color=colour,
         fontsize=8.0,
@@ -161,7 +144,7 @@ def _draw_ground(axes: Axes, ground: Ground, page: Page) -> None:
             body = int(feature.properties["body"] or 1) - 1
             look |= {"facecolor": body_fill(body), "edgecolor": body_colour(body)}
         elif feature.layer is Layer.TRACKS:
-            look["color"] = _darker(body_colour(int(feature.properties["body"] or 1) - 1))
+            look["color"] = body_dark(int(feature.properties["body"] or 1) - 1)
         elif feature.layer is Layer.LIMITS and feature.properties["binds"] == "overhangs":
             look["linestyle"] = (0, (1, 1.5))
         if isinstance(feature.geometry, shapely.LineString):
@@ -182,12 +165,6 @@ _LOOKS: dict[Layer, dict[str, Any]] = {
 }
 
 
-def _darker(colour: str) -> tuple[float, float, float]:
-    """Return a colour that stands out on the pale version of the same."""
-    red, green, blue = (0.6 * part for part in to_rgb(colour))
-    return red, green, blue
-
-
 def _point(place: FloatArray) -> tuple[float, float]:
     return float(place[0]), float(place[1])
 
@@ -205,15 +182,6 @@ def _draw_vehicles(axes: Axes, result: Result, page: Page, poses: IntArray) -> N
             if unit == 0:  # an arrow head says where its front is
                 left, right, back = ring[0], ring[1], 0.12 * (ring[3] - ring[0])
                 axes.plot(*np.array([left + back, 0.5 * (left + right), right + back]).T, color=body_colour(unit), linewidth=0.7, zorder=6)
-
-
-def _touching(result: Result, room: Room) -> int:
-    """Return the simulated pose at which a body reached the place of least room."""
-    drive = result.drive
-    x, y = (float(value) for value in drive.road.path.to_plane(room.s, room.reach))
-    near = np.flatnonzero(np.abs(drive.poses_s - room.s) <= drive.vehicle.reach_ahead + drive.vehicle.reach_behind)
-    bodies = shapely.polygons(corners(drive, near)[:, room.unit])
-    return int(near[int(np.argmin(shapely.distance(bodies, shapely.Point(x, y))))])
 
 
 def _draw_stations(axes: Axes, ground: Ground, page: Page, mm: float) -> None:

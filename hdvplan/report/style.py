@@ -15,7 +15,7 @@ from hdvplan.report.colours import BODY_COLOURS, FAINT, INK, MUTED
 DPI = 150  # of PNG
 SLIDE_IN = (16.0, 9.0)
 
-_PALE = 0.4
+_PALE, _DARK = 0.4, 0.6
 _STYLE = {
     "axes.axisbelow": True,
     "axes.edgecolor": MUTED,
@@ -59,6 +59,12 @@ def body_colour(unit: int) -> str:
 def body_fill(unit: int) -> tuple[float, float, float]:
     """Return the opaque pale version of a body's colour: overlaps must not mix to a third one."""
     red, green, blue = (1.0 - _PALE * (1.0 - part) for part in to_rgb(body_colour(unit)))
+    return red, green, blue
+
+
+def body_dark(unit: int) -> tuple[float, float, float]:
+    """Return the dark version of a body's colour, which stands out on the pale one."""
+    red, green, blue = (_DARK * part for part in to_rgb(body_colour(unit)))
     return red, green, blue
 
 
