@@ -159,7 +159,7 @@ def _body(vehicle: Vehicle, unit: int) -> Json:
 def _wheel(vehicle: Vehicle, wheel: Wheel) -> Json:
     """Return where a wheel whose track is drawn stands on its body: ahead of its axle, left of its axis."""
     unit = body_name(vehicle, wheel.unit)
-    return {"unit": unit, "axle": wheel.axle, "side": wheel.side, "ahead_m": wheel.ahead, "left_m": wheel.left}
+    return {"body": wheel.unit + 1, "unit": unit, "axle": wheel.axle, "side": wheel.side, "ahead_m": wheel.ahead, "left_m": wheel.left}
 
 
 def _approach(approach: Approach, vehicle: Vehicle) -> Json:
