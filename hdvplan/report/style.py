@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from io import BytesIO
 
 import matplotlib as mpl
+from cycler import cycler
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
@@ -23,6 +24,7 @@ _STYLE = {
     "axes.labelcolor": INK,
     "axes.labelsize": "small",
     "axes.linewidth": 0.7,
+    "axes.prop_cycle": cycler(color=[*BODY_COLOURS, "#D55E00", "#56B4E9", "#000000"]),  # Okabe and Ito's, but for the yellow
     "axes.spines.right": False,
     "axes.spines.top": False,
     "figure.constrained_layout.h_pad": 0.06,

@@ -17,6 +17,7 @@ from matplotlib.path import Path as Outline
 
 from hdvplan.jit import FloatArray
 from hdvplan.judging.bodies import corners, pose_at
+from hdvplan.report.furniture import draw_direction, finish_map
 from hdvplan.report.geojson import swept_area
 from hdvplan.report.style import styled
 from hdvplan.reproduce.published import StepTime
@@ -225,9 +226,9 @@ def _draw_road(axes: Axes, found: Swept) -> None:
         for number, limit in enumerate(limits.table(s)[:2]):
             axes.plot(*path.to_plane(s, limit), color="0.1", linewidth=1.4, label="limits" if number == 0 else None)
     axes.set_aspect("equal")
-    axes.margins(0.04)
-    axes.set_xlabel("x [m]")
-    axes.set_ylabel("y [m]")
+    axes.margins(0.06)
+    draw_direction(axes, path, 0.0, path.length, count=4)
+    finish_map(axes, north=False)
 
 
 def _draw_limits(axes: Axes, found: Swept) -> None:
