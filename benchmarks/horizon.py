@@ -86,20 +86,23 @@ def draw(table: pd.DataFrame, path: Path) -> None:
     """Draw time over stages, one panel a vehicle, with a line of linear growth through riccati's first point."""
     from matplotlib.figure import Figure  # noqa: PLC0415 - takes half a second
 
-    vehicles = list(dict.fromkeys(table["vehicle"]))
-    figure = Figure(figsize=(4.5 * len(vehicles), 4.0), layout="constrained")
-    for axes, vehicle in zip(np.atleast_1d(figure.subplots(1, len(vehicles), sharey=True)), vehicles, strict=True):
-        mine = table[table["vehicle"] == vehicle]
-        for solver, line in mine.groupby("solver", sort=False):
-            axes.loglog(line["stages"], line["fastest_mean_ms"], marker="o", label=solver)
-        first = mine[mine["solver"] == SOLVERS[0]].iloc[0]
-        axes.loglog(STAGES, first["fastest_mean_ms"] * np.array(STAGES) / STAGES[0], color="0.6", linestyle="--", label="linear")
-        axes.set(title=vehicle, xlabel="stages", xticks=STAGES, xticklabels=STAGES)
-        axes.minorticks_off()
-        axes.grid(visible=True, alpha=0.3)
-    figure.axes[0].set_ylabel("mean step [ms]")
-    figure.axes[0].legend()
-    figure.savefig(path, dpi=150)
+    from hdvplan.report.style import styled  # noqa: PLC0415 - as above
+
+    with styled():
+        vehicles = list(dict.fromkeys(table["vehicle"]))
+        figure = Figure(figsize=(4.5 * len(vehicles), 4.0), layout="constrained")
+        for axes, vehicle in zip(np.atleast_1d(figure.subplots(1, len(vehicles), sharey=True)), vehicles, strict=True):
+            mine = table[table["vehicle"] == vehicle]
+            for solver, line in mine.groupby("solver", sort=False):
+                axes.loglog(line["stages"], line["fastest_mean_ms"], marker="o", label=solver)
+            first = mine[mine["solver"] == SOLVERS[0]].iloc[0]
+            axes.loglog(STAGES, first["fastest_mean_ms"] * np.array(STAGES) / STAGES[0], color="0.6", linestyle="--", label="linear")
+            axes.set(title=vehicle, xlabel="stages", xticks=STAGES, xticklabels=STAGES)
+            axes.minorticks_off()
+            axes.grid(visible=True, alpha=0.3)
+        figure.axes[0].set_ylabel("mean step [ms]")
+        figure.axes[0].legend()
+        figure.savefig(path, dpi=150)
 
 
 def main() -> None:

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
     from hdvplan.judging.result import Result
     from hdvplan.judging.verdict import Verdict
+    from hdvplan.report.paper import SheetOptions
     from hdvplan.road.road import Road
     from hdvplan.vehicle.model import Vehicle
 
@@ -95,7 +96,11 @@ def plan(
     out: OutOption = None,
     json: JsonOption = False,
     plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw the picture plan.png.")] = True,
-    formats: Annotated[str, typer.Option("--format", metavar="A,B", help="Of the picture: png, pdf, svg or several.")] = "png",
+    formats: Annotated[
+        str, typer.Option("--format", metavar="A,B", help="png, pdf, svg: the picture; dxf, gpkg: layers for CAD and GIS.")
+    ] = "png",
+    sheet: Annotated[str | None, typer.Option("--sheet", metavar="a4|a3|...", help="Draw sheet.pdf to a round scale, up to a0.")] = None,
+    scale: Annotated[str | None, typer.Option("--scale", metavar="N", help="Of the sheet: 200 draws 1:200 [default: what fits].")] = None,
     animate: Annotated[bool, typer.Option("--animate", help="Write drive.gif, a film of the drive.")] = False,
     quiet: QuietOption = False,
 ) -> int:
@@ -106,6 +111,7 @@ def plan(
     Exit code 0: the driven path keeps all limits (to 1 cm). 1: it breaks one, or no plan exists. 2: bad input.
     """
     reaches = _reaches(half_width, left, right)
+    drawn_on = sheet_options(sheet, scale)
     if out is not None and out.exists() and not out.is_dir():
         msg = f"--out {out} is a file, not a folder"
         raise OptionError(msg)
@@ -127,9 +133,9 @@ def plan(
     from hdvplan.planning.bias import NONE, bias_named
     from hdvplan.planning.discretisation import Discretisation
     from hdvplan.planning.settings import PlannerSettings, Scheme
-    from hdvplan.report.files import PICTURES
+    from hdvplan.report.files import DRAWINGS, PICTURES
 
-    pictures = [choice("--format", kind.strip(), PICTURES) for kind in formats.split(",")]
+    kinds = [choice("--format", kind.strip(), (*PICTURES, *DRAWINGS)) for kind in formats.split(",")]
     settings = PlannerSettings(
         scheme=Scheme(choice("--scheme", scheme, list(Scheme))),
         horizon=horizon,
@@ -154,7 +160,7 @@ def plan(
         result = api.plan(case, on_progress=on_progress)
     directory = out or Path(f"{file_name(track.name)}.{file_name(driven.name)}")
     with progress(f"writing {directory}/", quiet=quiet) as on_progress:
-        _write(result, directory, pictures if plot else [], animate, on_progress)
+        _write(result, directory, [kind for kind in kinds if plot or kind in DRAWINGS], drawn_on, animate, on_progress)
     from hdvplan.judging.manners import manners_of, manners_texts
     from hdvplan.judging.verdict import verdict_of
 
@@ -225,11 +231,31 @@ def _reaches(half_width: float | None, left: float | None, right: float | None) 
     return left, right
 
 
-def _write(result: Result, directory: Path, pictures: list[str], animate: bool, on_progress: Callable[[float], None]) -> None:
-    from hdvplan.report.files import write_plan
+def sheet_options(sheet: str | None, scale: str | None) -> SheetOptions | None:
+    """Return what the sheet is drawn on, or None without one.
 
+    Raises:
+        OptionError: no such paper or scale, or a scale without a sheet.
+
+    """
+    from hdvplan.report.paper import SheetOptions
+
+    if sheet is None:
+        if scale is not None:
+            msg = f"--scale {scale} needs a sheet"
+            raise OptionError(msg, hint="add --sheet a3")
+        return None
+    return SheetOptions.named(sheet, scale)
+
+
+def _write(
+    result: Result, directory: Path, kinds: list[str], sheet: SheetOptions | None, animate: bool, on_progress: Callable[[float], None]
+) -> None:
+    from hdvplan.report.files import DRAWINGS, write_plan
+
+    pictures, drawings = ([kind for kind in kinds if (kind in DRAWINGS) == drawn] for drawn in (False, True))
     try:
-        write_plan(result, directory, pictures=pictures, animate=animate, on_progress=on_progress)
+        write_plan(result, directory, pictures=pictures, drawings=drawings, sheet=sheet, animate=animate, on_progress=on_progress)
     except OSError as error:
         msg = f"cannot write to {directory}: {error.strerror or error}"
         raise OptionError(msg, hint="choose another folder with --out") from error

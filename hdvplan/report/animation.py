@@ -1,6 +1,6 @@
 """The drive as a film: bodies moving over the map, what they have swept growing behind them.
 
-A long road's film shows its tightest places one after the other. Matplotlib draws each map once; the bodies are painted
+The film shows the tightest places one after the other. Matplotlib draws each map once; the bodies are painted
 on it as pixels, which takes milliseconds a frame.
 """
 
@@ -13,6 +13,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 from PIL import Image, ImageDraw
 
 from hdvplan.jit import FloatArray
@@ -20,9 +21,11 @@ from hdvplan.judging.bodies import corners
 from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import verdict_of, verdict_title
 from hdvplan.report.colours import MUTED
-from hdvplan.report.maps import draw_surroundings, frame, reach_within
+from hdvplan.report.furniture import draw_direction, finish_map
+from hdvplan.report.heading import answer_colour
+from hdvplan.report.maps import draw_surroundings, frame, reach_within, swept_label
 from hdvplan.report.style import body_colour, body_fill, styled
-from hdvplan.report.windows import LONG_ROAD_M, Window, tightest_windows
+from hdvplan.report.windows import HALF_LENGTH_M, LENGTHS, Window, tightest_windows
 
 _SIZE_IN = (8.0, 6.0)
 _DPI = 100
@@ -38,17 +41,30 @@ Box = tuple[int, int, int, int]  # left, upper, right, lower
 
 
 def film_bytes(result: Result) -> bytes:
-    """Return the drive as an animated GIF: the whole of a short road, else its tightest places in order of s."""
-    length = result.drive.road.path.length
-    windows = tightest_windows(result) if length > LONG_ROAD_M else (Window(0.0, length),)
+    """Return the drive as an animated GIF: its tightest places in order of s, as large as the vehicle can be looked at."""
     images, times = list[Image.Image](), list[int]()
-    for window in sorted(windows, key=lambda window: window.s_from):
+    for window in _stretches(result):
         part = _film(result, window)
         images += part
         times += [_FRAME_MS] * (len(part) - 1) + [_LAST_MS]
     buffer = BytesIO()
     images[0].save(buffer, format="GIF", save_all=True, append_images=images[1:], duration=times, loop=0, optimize=False)
     return buffer.getvalue()
+
+
+def _stretches(result: Result) -> list[Window]:
+    """Return the stretches around the tightest places, those that overlap as one."""
+    vehicle, length = result.drive.vehicle, result.drive.road.path.length
+    half = float(np.clip(LENGTHS * (vehicle.reach_ahead + vehicle.reach_behind), *HALF_LENGTH_M))
+    found = list[Window]()
+    for window in tightest_windows(result):
+        middle = 0.5 * (window.s_from + window.s_to)
+        begin, end, label = max(0.0, middle - half), min(length, middle + half), window.label
+        if found and begin < found[-1].s_to:
+            before = found.pop()
+            begin, label = before.s_from, f"{before.label}, {label}"
+        found.append(Window(begin, end, label))
+    return found
 
 
 def _film(result: Result, window: Window) -> list[Image.Image]:
@@ -130,7 +146,13 @@ def _map(result: Result, window: Window) -> tuple[Image.Image, Axes]:
         draw_surroundings(axes, drive.road, window)
         shown = (s >= window.s_from) & (s <= window.s_to)
         frame(axes, np.column_stack(drive.road.path.to_plane(s[shown], 0.0)), reach_within(result, shown))
-        axes.set_title(verdict_title(result, verdict_of(result)), loc="left", fontsize="medium", fontweight="bold")
+        draw_direction(axes, drive.road.path, window.s_from, window.s_to, count=3)
+        finish_map(axes, north=drive.road.to_lonlat is not None)
+        title, colour = verdict_title(result, verdict_of(result)), answer_colour(result)
+        figure.suptitle(title, x=0.01, ha="left", fontsize="medium", fontweight="bold", color=colour)
+        handles, labels = axes.get_legend_handles_labels()
+        bodies = [Patch(color=body_fill(unit), label=swept_label(drive.vehicle, unit)) for unit in range(len(drive.vehicle.units))]
+        figure.legend([*bodies, *handles], [*(str(body.get_label()) for body in bodies), *labels], loc="outside lower left", ncols=4)
         if drive.road.notice is not None:
             figure.supxlabel(drive.road.notice, fontsize="x-small", color=MUTED, x=0.01, ha="left")
         canvas.draw()  # type: ignore[no-untyped-call] # Matplotlib's back ends are not typed

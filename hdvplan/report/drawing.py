@@ -24,7 +24,7 @@ _LINE = "0.25"
 def vehicle_figure(vehicle: Vehicle) -> Figure:
     """Return the drawing of a vehicle, its front to the left, dimensions in metres and a legend of all entries."""
     total, count = vehicle.reach_ahead + vehicle.reach_behind, len(vehicle.units)
-    rows = 2 * count - (vehicle.units[-1].front_overhang >= 0.0)  # the last unit has no hitch offset
+    rows = dimension_rows(vehicle)
     scale = min(_LARGEST, (WIDTH_IN - 2.0 * _MARGIN_IN - 0.5) / total)  # [in/m]; room for the width's dimension
     heights = [0.9 + vehicle.width * scale + _ROW_IN * rows, _TEXT_IN * (count + 1) + 0.15]
     figure = Figure(figsize=(WIDTH_IN, sum(heights)))
@@ -35,22 +35,35 @@ def vehicle_figure(vehicle: Vehicle) -> Figure:
     axes.set_xlim(middle + 0.5 * WIDTH_IN / scale, middle - 0.5 * WIDTH_IN / scale)  # ahead is to the left
     low = -0.5 * vehicle.width - (_ROW_IN * rows + 0.1) / scale
     axes.set_ylim(low, low + heights[0] / scale)
-    axle = 0.0  # of the unit, ahead of the lead rear axle
-    for number, unit in enumerate(vehicle.units):
-        _draw_unit(axes, number, unit, axle)
-        row = -0.5 * vehicle.width - _ROW_IN * (2 * number + 1) / scale
-        _draw_dimensions(axes, number, unit, axle, row, _ROW_IN / scale)
-        if number + 1 < count:
-            axle -= unit.hitch_offset
-            axes.add_patch(Circle((axle, 0.0), 0.16, facecolor="white", edgecolor=_LINE, zorder=6))
-            axle -= vehicle.units[number + 1].wheelbase
-    _dimension(axes, vehicle.reach_ahead, -vehicle.reach_behind, 0.5 * vehicle.width + _ROW_IN / scale, f"{total:.2f} m", _LINE)
-    _draw_width(axes, vehicle, 0.25 / scale)
+    draw_plan_view(axes, vehicle, _ROW_IN / scale, 0.25 / scale)
     figure.text(_MARGIN_IN / WIDTH_IN, 1.0 - 0.3 / sum(heights), vehicle.name, fontsize="large", fontweight="bold")
     for line, (text, colour) in enumerate(_legend(vehicle)):
         y = (heights[1] - _TEXT_IN * (line + 0.5)) / sum(heights)
         figure.text(_MARGIN_IN / WIDTH_IN, y, text, fontsize=8.5, color=colour, va="center")
     return figure
+
+
+def dimension_rows(vehicle: Vehicle) -> int:
+    """Return how many rows of dimensions a plan view has below it; another one lies above. The last unit has no hitch offset."""
+    return 2 * len(vehicle.units) - (vehicle.units[-1].front_overhang >= 0.0)
+
+
+def draw_plan_view(axes: Axes, vehicle: Vehicle, row: float, gap: float, *, fontsize: float = 8.0) -> None:
+    """Draw a vehicle from above with its dimensions, rows of them ``row`` apart, and its width ``gap`` behind it [m].
+
+    The lead rear axle lies at the origin, the front in the direction of x.
+    """
+    axle = 0.0  # of the unit, ahead of the lead rear axle
+    for number, unit in enumerate(vehicle.units):
+        _draw_unit(axes, number, unit, axle)
+        _draw_dimensions(axes, number, unit, axle, -0.5 * vehicle.width - row * (2 * number + 1), row, fontsize)
+        if number + 1 < len(vehicle.units):
+            axle -= unit.hitch_offset
+            axes.add_patch(Circle((axle, 0.0), 0.16, facecolor="white", edgecolor=_LINE, zorder=6))
+            axle -= vehicle.units[number + 1].wheelbase
+    whole = f"{vehicle.reach_ahead + vehicle.reach_behind:.2f} m"
+    _dimension(axes, vehicle.reach_ahead, -vehicle.reach_behind, 0.5 * vehicle.width + row, whole, _LINE, fontsize)
+    _draw_width(axes, vehicle, gap, fontsize)
 
 
 def _draw_unit(axes: Axes, number: int, unit: Unit, axle: float) -> None:
@@ -78,33 +91,33 @@ def _draw_axle(axes: Axes, at: float, half: float, turned: float, colour: str) -
         axes.add_patch(wheel)
 
 
-def _draw_dimensions(axes: Axes, number: int, unit: Unit, axle: float, y: float, pitch: float) -> None:
+def _draw_dimensions(axes: Axes, number: int, unit: Unit, axle: float, y: float, pitch: float, fontsize: float) -> None:
     """Draw overhangs and wheelbase in one row, and in the next what overlaps them: a drawbar's negative overhang, the hitch offset."""
     colour, front = body_colour(number), axle + unit.wheelbase
-    _dimension(axes, front, axle, y, f"{unit.wheelbase:.2f}", colour)
+    _dimension(axes, front, axle, y, f"{unit.wheelbase:.2f}", colour, fontsize)
     if unit.rear_overhang > 0.0:
-        _dimension(axes, axle, axle - unit.rear_overhang, y, f"{unit.rear_overhang:.2f}", colour)
+        _dimension(axes, axle, axle - unit.rear_overhang, y, f"{unit.rear_overhang:.2f}", colour, fontsize)
     if unit.front_overhang != 0.0:
         below = pitch if unit.front_overhang < 0.0 else 0.0
-        _dimension(axes, front, axle + unit.front, y - below, f"{unit.front_overhang:.2f}", colour)
+        _dimension(axes, front, axle + unit.front, y - below, f"{unit.front_overhang:.2f}", colour, fontsize)
     if unit.hitch_offset != 0.0:
-        _dimension(axes, axle, axle - unit.hitch_offset, y - pitch, f"hitch {unit.hitch_offset:.2f}", colour)
+        _dimension(axes, axle, axle - unit.hitch_offset, y - pitch, f"hitch {unit.hitch_offset:.2f}", colour, fontsize)
 
 
-def _dimension(axes: Axes, begin: float, end: float, y: float, text: str, colour: str) -> None:
+def _dimension(axes: Axes, begin: float, end: float, y: float, text: str, colour: str, fontsize: float) -> None:
     """Draw a dimension line from ``begin`` to ``end`` at height ``y``, its text above it."""
     style = {"arrowstyle": "<->", "color": colour, "linewidth": 0.9, "shrinkA": 0.0, "shrinkB": 0.0, "mutation_scale": 7.0}
     axes.annotate("", (end, y), (begin, y), arrowprops=style)
     middle = (0.5 * (begin + end), y)
-    axes.annotate(text, middle, (0.0, 1.0), textcoords="offset points", fontsize=8, color=colour, ha="center", va="bottom")
+    axes.annotate(text, middle, (0.0, 1.0), textcoords="offset points", fontsize=fontsize, color=colour, ha="center", va="bottom")
 
 
-def _draw_width(axes: Axes, vehicle: Vehicle, gap: float) -> None:
+def _draw_width(axes: Axes, vehicle: Vehicle, gap: float, fontsize: float) -> None:
     last = vehicle.units[-1]
     x = -vehicle.reach_behind - gap
     style = {"arrowstyle": "<->", "color": _LINE, "linewidth": 0.9, "shrinkA": 0.0, "shrinkB": 0.0, "mutation_scale": 7.0}
     axes.annotate("", (x, -0.5 * last.width), (x, 0.5 * last.width), arrowprops=style)
-    axes.annotate(f"{last.width:.2f}", (x, 0.0), (3.0, 0.0), textcoords="offset points", fontsize=8, color=_LINE, va="center")
+    axes.annotate(f"{last.width:.2f}", (x, 0.0), (3.0, 0.0), textcoords="offset points", fontsize=fontsize, color=_LINE, va="center")
 
 
 def _legend(vehicle: Vehicle) -> list[tuple[str, str]]:

@@ -13,10 +13,13 @@ from hdvplan.jit import FloatArray
 from hdvplan.judging.result import Result
 from hdvplan.record import NAME, record_of
 from hdvplan.report.geojson import swept_geojson
+from hdvplan.report.paper import SheetOptions
 from hdvplan.report.summary import summary_of
 from hdvplan.road.road import Road
 
 PICTURES = ("png", "pdf", "svg")
+DRAWINGS = ("dxf", "gpkg")  # for CAD and GIS
+SHEET = "sheet.pdf"
 FILM = "drive.gif"
 _COARSE = ("%.4f", "%.6f")  # of what only drawings need: metres, angles and curvatures
 _COUNTS = {"qps": "qp_count", "qp_iterations": "qp_iterations", "status": "status", "usable": "usable"}
@@ -29,22 +32,26 @@ def write_plan(
     directory: Path,
     *,
     pictures: Collection[str] = (),
+    drawings: Collection[str] = (),
+    sheet: SheetOptions | None = None,
     animate: bool = False,
     on_progress: Callable[[float], None] | None = None,
 ) -> None:
     """Write all files of a plan into ``directory``, made if need be; a former plan's pictures that are not asked for go.
 
-    ``pictures`` are the formats of the picture, of ``PICTURES``; ``animate`` adds the drive as a film. ``on_progress``
-    receives the written share, 0 to 1.
+    ``pictures`` are the formats of the picture, of ``PICTURES``, ``drawings`` those of layers in the road's coordinate system, of
+    ``DRAWINGS``; ``sheet`` asks for a drawing to scale; ``animate`` adds the drive as a film. ``on_progress`` receives the
+    written share, 0 to 1.
 
     Raises:
+        OptionError: the sheet has no room for the vehicle at the scale asked for.
         OSError: the folder or a file cannot be written.
 
     """
     directory.mkdir(parents=True, exist_ok=True)
     summary = directory / "summary.json"
     summary.unlink(missing_ok=True)  # a killed run must not leave it beside another plan's files
-    for former in (*(directory / f"plan.{kind}" for kind in PICTURES), directory / FILM):
+    for former in (*(directory / f"plan.{kind}" for kind in (*PICTURES, *DRAWINGS)), directory / SHEET, directory / FILM):
         former.unlink(missing_ok=True)
     contents: dict[str, Callable[[], bytes]] = {
         "path.csv": lambda: table_bytes(path_table(result)),
@@ -56,6 +63,9 @@ def write_plan(
         NAME: lambda: json_bytes(record_of([result.case])),
     }
     contents |= {f"plan.{kind}": partial(picture_bytes, result, kind) for kind in pictures}
+    contents |= {f"plan.{kind}": partial(_drawing, result, kind) for kind in drawings}
+    if sheet is not None:
+        contents[SHEET] = partial(_sheet, result, sheet)
     if animate:
         contents[FILM] = partial(_film, result)
     for number, (name, content) in enumerate(contents.items(), start=1):
@@ -168,3 +178,20 @@ def _film(result: Result) -> bytes:
     from hdvplan.report.animation import film_bytes  # noqa: PLC0415 - as above
 
     return film_bytes(result)
+
+
+def _drawing(result: Result, kind: str) -> bytes:
+    """Return the plan as a file of one of ``DRAWINGS``."""
+    if kind == "gpkg":
+        from hdvplan.report.geopackage import geopackage_bytes  # noqa: PLC0415 - GDAL and ezdxf take a while to import
+
+        return geopackage_bytes(result)
+    from hdvplan.report.dxf import dxf_bytes  # noqa: PLC0415 - as above
+
+    return dxf_bytes(result)
+
+
+def _sheet(result: Result, options: SheetOptions) -> bytes:
+    from hdvplan.report.sheet import sheet_bytes  # noqa: PLC0415 - Matplotlib, as above
+
+    return sheet_bytes(result, options)

@@ -13,6 +13,7 @@ from shapely.geometry.polygon import orient
 from hdvplan.jit import FloatArray
 from hdvplan.judging.balance import Breach
 from hdvplan.judging.result import Result, body_name
+from hdvplan.judging.wheels import wheel_tracks
 from hdvplan.report.colours import BODY_COLOURS, BREACH, INK, MUTED
 from hdvplan.road.path import ReferencePath
 from hdvplan.road.road import Limits, Road
@@ -28,8 +29,9 @@ Json = dict[str, object]
 
 
 def swept_geojson(result: Result) -> Json:
-    """Return a FeatureCollection: one (Multi)Polygon a body, lines for limits and where they are broken, the road's centre, regions.
+    """Return a FeatureCollection: one (Multi)Polygon a body, lines for limits and their breaches, the road's centre, regions, tracks.
 
+    The tracks are those of ``hdvplan.judging.wheels``, one line a wheel.
     Every feature carries its colours as simplestyle properties (github.com/mapbox/simplestyle-spec), which geojson.io and
     GitHub draw by; in QGIS they are fields for data-defined styles.
     Longitude and latitude, rounded to 1e-7 degrees, where the road has them; else planar metres, rounded to 1 mm.
@@ -64,6 +66,10 @@ def swept_geojson(result: Result) -> Json:
         label = {"name": region.label} if region.label else {}
         named = common | {"kind": "region", "region": str(region.kind)} | label
         features.append(_feature(shapely.simplify(region.polygon, _SIMPLER_M), road, named | _area_style(MUTED)))
+    for track in wheel_tracks(drive):
+        wheel, line = track.wheel, shapely.simplify(shapely.LineString(track.points), _SIMPLER_M, preserve_topology=False)
+        named = common | {"kind": "wheel track", "unit": body_name(vehicle, wheel.unit), "axle": wheel.axle, "side": wheel.side}
+        features.append(_feature(line, road, named | _line_style(BODY_COLOURS[wheel.unit % len(BODY_COLOURS)], 1)))
     return {"type": "FeatureCollection", "features": features}
 
 

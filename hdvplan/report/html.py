@@ -131,6 +131,7 @@ def _panel(plan: PlanFiles, short: str, edges: FloatArray) -> Json:
     return {
         "label": label_of(summary),
         "short": short,
+        "verdict": verdict_text(summary),
         "broken": bool(breaches),
         "bodies": [body["name"] for body in summary["bodies"]],
         "breaches": rows,
@@ -145,6 +146,13 @@ def _panel(plan: PlanFiles, short: str, edges: FloatArray) -> Json:
         "times": _histogram(plan.steps["total_ms"].to_numpy(), edges),
         "notice": summary.get("notice"),
     }
+
+
+def verdict_text(summary: Json) -> Json:
+    """Return the answer that a summary holds, its first word by itself, and whether it is no."""
+    verdict = summary.get("verdict") or {}
+    word, _, rest = str(verdict.get("text", summary["status"])).partition(" ")
+    return {"word": word, "rest": rest, "bad": verdict.get("fits") is False}
 
 
 def _edges(times: Sequence[FloatArray]) -> FloatArray:

@@ -12,13 +12,16 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 from shapely.geometry.base import BaseGeometry
 
-from hdvplan.jit import BoolArray, FloatArray
+from hdvplan.jit import BoolArray, FloatArray, IntArray
 from hdvplan.judging.balance import KEPT_M, Breach
 from hdvplan.judging.bodies import corners, pose_at
 from hdvplan.judging.result import Result, body_name
+from hdvplan.judging.wheels import wheel_tracks
 from hdvplan.report.colours import BREACH, INK, MUTED
 from hdvplan.report.geojson import swept_area
-from hdvplan.report.style import body_colour, body_fill
+from hdvplan.report.layers import outline_places
+from hdvplan.report.rooms import Room
+from hdvplan.report.style import body_colour, body_dark, body_fill
 from hdvplan.report.windows import Window
 from hdvplan.road.regions import Kind
 from hdvplan.road.road import Limits, Road
@@ -29,9 +32,11 @@ _ROOM_M = 2.0  # around what a map shows
 _LABEL_AWAY_M = 2.5  # from the edge that it is written beside
 _LABELS_APART_M = 8.0
 _MOST_DEPTHS = 4  # written into one map
+_HEAD = 0.12  # of the lead unit's length: the arrow head in its front
+_WHITE = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8}
 
 
-def draw_map(axes: Axes, result: Result, window: Window, *, bodies: bool = True) -> None:
+def draw_map(axes: Axes, result: Result, window: Window, *, bodies: bool = True, depths: bool = True) -> None:
     """Draw the stretch ``window`` of the road with limits, what each body swept, breaches with their depth, and bodies."""
     drive, envelope = result.drive, result.envelope
     path, vehicle = drive.road.path, drive.vehicle
@@ -39,12 +44,13 @@ def draw_map(axes: Axes, result: Result, window: Window, *, bodies: bool = True)
     s = envelope.s[shown]
     for unit in reversed(range(len(vehicle.units))):  # the lead unit on top: of the others shows what they sweep besides
         area = swept_area(path, s, envelope.left[unit][shown], envelope.right[unit][shown])
-        axes.add_patch(PathPatch(_outline(area), facecolor=body_fill(unit), edgecolor="none", label=swept_label(vehicle, unit)))
+        axes.add_patch(PathPatch(outline_of(area), facecolor=body_fill(unit), edgecolor="none", label=swept_label(vehicle, unit)))
     draw_surroundings(axes, drive.road, window)
     if bodies:
-        _draw_bodies(axes, result, window)
-    _draw_breaches(axes, result, window)
-    frame(axes, np.column_stack(path.to_plane(_stations(window), 0.0)), reach_within(result, shown))
+        places = outline_places(result, window.s_from, window.s_to)
+        draw_bodies(axes, result, np.array([pose_at(drive, s) for s in places]))
+    _draw_breaches(axes, result, window, depths=depths)
+    frame(axes, np.column_stack(path.to_plane(stations(window), 0.0)), reach_within(result, shown))
 
 
 def draw_surroundings(axes: Axes, road: Road, window: Window) -> None:
@@ -52,11 +58,11 @@ def draw_surroundings(axes: Axes, road: Road, window: Window) -> None:
 
     Its obstacles and what overhangs may sweep lie below, hatched where it may be swept.
     """
-    path, s = road.path, _stations(window)
+    path, s = road.path, stations(window)
     for kind, colour, hatch in ((Kind.OBSTACLE, "0.6", None), (Kind.SWEEPABLE, "none", "////")):
         areas = [region.polygon for region in road.regions if region.kind is kind]
         if areas:
-            shape = _outline(shapely.union_all(areas))
+            shape = outline_of(shapely.union_all(areas))
             axes.add_patch(PathPatch(shape, facecolor=colour, edgecolor=MUTED, hatch=hatch, linewidth=0.6, zorder=0.5, label=kind))
     axes.plot(*path.to_plane(s, 0.0), color=MUTED, linewidth=0.8, linestyle=(0, (7, 4)), label="road centre")
     if road.limits is None:
@@ -83,7 +89,7 @@ def draw_overview(axes: Axes, result: Result, windows: tuple[Window, ...]) -> No
     points = np.column_stack(path.to_plane(s, 0.0))
     axes.plot(*points.T, color=MUTED, linewidth=1.6)
     for window in windows:
-        part = np.column_stack(path.to_plane(_stations(window), 0.0))
+        part = np.column_stack(path.to_plane(stations(window), 0.0))
         middle = part[len(part) // 2]
         axes.plot(*part.T, color=body_colour(0), linewidth=5.0, solid_capstyle="round")
         axes.annotate(
@@ -93,26 +99,49 @@ def draw_overview(axes: Axes, result: Result, windows: tuple[Window, ...]) -> No
     if result.balance.breaches:
         x, y = path.to_plane(np.array([breach.s_deepest for breach in result.balance.breaches]), 0.0)
         axes.plot(x, y, linestyle="none", marker="X", color=BREACH, markersize=7, markeredgecolor="white", label="limit broken", zorder=4)
-        axes.legend(loc="best")
     axes.plot(*points[0], marker="o", color=INK, markersize=6)
     axes.annotate("start", points[0], xytext=(7, -4), textcoords="offset points", fontsize="small")
     frame(axes, points, 0.06 * float(np.max(np.ptp(points, axis=0))))
     axes.set_title("overview", fontsize="small", loc="left")
 
 
-def _draw_bodies(axes: Axes, result: Result, window: Window) -> None:
-    """Draw outlines of the bodies, a little over a vehicle length apart."""
+def draw_bodies(axes: Axes, result: Result, poses: IntArray) -> None:
+    """Draw the outlines of all bodies at simulated poses of these numbers, an arrow head in the front of the lead unit."""
+    outlines = corners(result.drive, poses)
+    colours = [body_colour(unit) for unit in range(outlines.shape[1])] * len(poses)
+    axes.add_collection(
+        PolyCollection(list(outlines.reshape(-1, 4, 2)), facecolors="white", edgecolors=colours, linewidths=1.3, alpha=0.7, zorder=3)
+    )
+    for left, right, right_back, left_back in outlines[:, 0]:
+        heads = np.array([left + _HEAD * (left_back - left), 0.5 * (left + right), right + _HEAD * (right_back - right)])
+        axes.plot(*heads.T, color=body_colour(0), linewidth=1.0, zorder=3.5)
+
+
+def draw_tracks(axes: Axes, result: Result, window: Window) -> None:
+    """Draw the tracks of all outer wheels along a stretch."""
     drive = result.drive
-    apart = 1.2 * (drive.vehicle.reach_ahead + drive.vehicle.reach_behind)
-    count = max(1, int((window.s_to - window.s_from) / apart))
-    places = np.linspace(window.s_from, window.s_to, count + 2)[1:-1]
-    outlines = list(corners(drive, np.array([pose_at(drive, float(s)) for s in places])).reshape(-1, 4, 2))
-    colours = [body_colour(unit) for unit in range(len(drive.vehicle.units))] * len(places)
-    axes.add_collection(PolyCollection(outlines, facecolors="white", edgecolors=colours, linewidths=1.3, alpha=0.85, zorder=3))
+    near = (drive.poses_s >= window.s_from) & (drive.poses_s <= window.s_to + drive.vehicle.reach_behind)
+    for number, track in enumerate(wheel_tracks(drive)):
+        label = "wheel tracks" if number == 0 else None
+        axes.plot(*track.points[near].T, color=body_dark(track.wheel.unit), linewidth=0.8, linestyle=(0, (5, 2)), zorder=2.5, label=label)
 
 
-def _draw_breaches(axes: Axes, result: Result, window: Window) -> None:
-    """Fill what was swept beyond a limit, and write how deep the deepest places are."""
+def draw_room(axes: Axes, result: Result, room: Room) -> None:
+    """Draw the least room at a place as a dimension, where there is a limit that is kept: breaches have their depth."""
+    if not room.limited or room.broken:
+        return
+    outwards, path = 1.0 if room.side == "left" else -1.0, result.drive.road.path
+    (x, u), (y, v) = path.to_plane(np.full(2, room.s), np.array([room.reach, room.limit]))
+    style = {"arrowstyle": "|-|", "color": INK, "linewidth": 1.2, "mutation_scale": 3.0, "shrinkA": 0.0, "shrinkB": 0.0}
+    axes.annotate("", (u, v), (x, y), arrowprops=style, zorder=6)
+    a, b = path.to_plane(room.s, room.limit + outwards * _LABEL_AWAY_M)
+    axes.annotate(
+        f"{max(-room.depth, 0.0):.2f} m", (float(a), float(b)), ha="center", va="center", zorder=7, fontweight="bold", bbox=_WHITE
+    )
+
+
+def _draw_breaches(axes: Axes, result: Result, window: Window, *, depths: bool) -> None:
+    """Fill what was swept beyond a limit, and write how deep the deepest places are if ``depths`` are wanted."""
     path, limits, s = result.drive.road.path, result.drive.road.limits, result.envelope.s
     if limits is None:
         return
@@ -122,17 +151,17 @@ def _draw_breaches(axes: Axes, result: Result, window: Window) -> None:
         limit, beyond = edge_beyond(limits, s, key, np.where(shown, np.fmin.reduce(gaps, axis=0), 0.0))
         if np.all(np.isnan(beyond)):
             continue
-        outline = _outline(swept_area(path, s, np.fmax(limit, beyond), np.where(np.isnan(beyond), np.nan, np.fmin(limit, beyond))))
+        outline = outline_of(swept_area(path, s, np.fmax(limit, beyond), np.where(np.isnan(beyond), np.nan, np.fmin(limit, beyond))))
         axes.add_patch(PathPatch(outline, facecolor=BREACH, edgecolor=BREACH, linewidth=1.2, label=label, zorder=4))
         label = None
-    for breach in _spread(breach for breach in result.balance.breaches if window.s_from <= breach.s_deepest <= window.s_to):
+    for breach in _spread(breach for breach in result.balance.breaches if depths and window.s_from <= breach.s_deepest <= window.s_to):
         outwards, edge = 1.0 if breach.side == "left" else -1.0, breach_offset(limits, breach)
         x, y = path.to_plane(breach.s_deepest, edge)
         u, v = path.to_plane(breach.s_deepest, edge + outwards * _LABEL_AWAY_M)
         axes.annotate(
             f"{breach.depth:.2f} m", (float(x), float(y)), xytext=(float(u), float(v)), ha="center", va="center", zorder=6,
             color=BREACH, fontweight="bold", fontsize="small", arrowprops={"arrowstyle": "-", "color": BREACH, "linewidth": 0.8},
-            bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8},
+            bbox=_WHITE,
         )  # fmt: skip
 
 
@@ -166,7 +195,7 @@ def _row(side: str, region: str) -> int:
     return ("left", "right").index(side) + (2 if region == "sweepable" else 0)
 
 
-def _outline(area: BaseGeometry) -> Outline:
+def outline_of(area: BaseGeometry) -> Outline:
     """Return polygons with their holes as one outline; lines and points that repairs left over are dropped."""
     polygons = [part for part in shapely.get_parts(shapely.get_parts(area)) if isinstance(part, shapely.Polygon) and not part.is_empty]
     rings = [Outline(np.asarray(ring.coords), closed=True) for part in polygons for ring in (part.exterior, *part.interiors)]
@@ -182,7 +211,8 @@ def reach_within(result: Result, shown: BoolArray) -> float:
     return _ROOM_M + max(reach, min(2.0 * reach, float(np.max(np.abs(limits.table(result.envelope.s[shown]))))))
 
 
-def _stations(window: Window) -> FloatArray:
+def stations(window: Window) -> FloatArray:
+    """Return arclengths along a stretch, dense enough to draw it [m]."""
     length = window.s_to - window.s_from
     return window.s_from + np.linspace(0.0, length, max(2, int(length / _SPACING_M) + 1))
 

@@ -49,6 +49,8 @@ def payload_of(plan: PlanFiles) -> Json:
         "places": tight_places(plan),
         "regions": [{"region": item["region"], "rings": _beside(item["rings"], float(x[0]), float(y[0]))} for item in plan.regions],
         "notice": summary.get("notice"),
+        "wheels": [[wheel["body"] - 1, wheel["ahead_m"], wheel["left_m"]] for wheel in summary.get("wheels", [])],
+        "north": (summary.get("verdict") or {}).get("lon") is not None,
     }
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.legend import Legend
@@ -14,16 +13,17 @@ from matplotlib.ticker import MaxNLocator, NullFormatter
 from hdvplan.jit import BoolArray, FloatArray
 from hdvplan.judging.result import Result, body_name
 from hdvplan.judging.verdict import verdict_of, verdict_title
+from hdvplan.report.atlas import draw_atlas
 from hdvplan.report.colours import BREACH, INK, MUTED
-from hdvplan.report.maps import breach_offset, draw_map, draw_overview, edge_beyond
+from hdvplan.report.heading import answer_colour
+from hdvplan.report.maps import breach_offset, edge_beyond
 from hdvplan.report.style import SLIDE_IN, body_colour, body_fill, styled
 from hdvplan.report.summary import step_times_ms
-from hdvplan.report.windows import FEW_BELOW_M, LONG_ROAD_M, Window, tightest_windows
+from hdvplan.report.windows import FEW_BELOW_M, Window, tightest_windows
 
 Panel = Callable[[Axes, Result, Window], None]
 _SHADE = "0.90"
 _ON_WHITE = {"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.7}
-_LOG_FROM = 10.0  # largest step time over the median: beyond it, a linear scale shows only the largest
 _NEAR_LIMIT = 3.0  # a curvature limit more than so many times the plan's largest would flatten the curve
 _FAR = 2.0  # limits this many reaches away would flatten the envelope
 
@@ -37,48 +37,21 @@ def plan_figure(result: Result) -> Figure:
 def _plan_figure(result: Result) -> Figure:
     drive = result.drive
     length = drive.road.path.length
-    windows = tightest_windows(result) if length > LONG_ROAD_M else ()
+    windows = tightest_windows(result)
     figure = Figure(figsize=SLIDE_IN, layout="constrained")
-    places, profiles = figure.subfigures(1, 2, width_ratios=[1.25, 1.0], squeeze=False)[0]
-    if windows:
-        _draw_long_maps(places, result, windows)
-    else:
-        axes = places.add_subplot()
-        draw_map(axes, result, Window(0.0, length))
-        _legend_above(axes, columns=3)
+    places, profiles = figure.subfigures(1, 2, width_ratios=[1.35, 1.0], squeeze=False)[0]
+    draw_atlas(places, result, windows)
     if length > FEW_BELOW_M:
         _draw_long_profiles(profiles, result, windows)
     else:
         _draw_profiles(profiles, result, windows)
-    figure.suptitle(verdict_title(result, verdict_of(result)), x=0.01, ha="left", fontweight="bold")
+    title, colour = verdict_title(result, verdict_of(result)), answer_colour(result)
+    figure.suptitle(title, x=0.01, ha="left", fontweight="bold", fontsize="x-large", color=colour)
     how = f"planned by {str(drive.settings.scheme).upper()}, {result.solver}, {result.objective}"
     figure.text(0.99, 0.985, how, ha="right", va="top", fontsize="x-small", color=MUTED)
     if drive.road.notice is not None:
         figure.supxlabel(drive.road.notice, fontsize="x-small", color=MUTED, x=0.01, ha="left")
     return figure
-
-
-def _draw_long_maps(figure: SubFigure, result: Result, windows: tuple[Window, ...]) -> None:
-    """Draw the overview and the enlargements; a tall road's overview stands beside them, a wide one's above."""
-    path = result.drive.road.path
-    x, y = path.to_plane(np.linspace(0.0, path.length, 400), 0.0)
-    rows = (len(windows) + 1) // 2
-    if float(np.ptp(y)) > float(np.ptp(x)):
-        across = 1 if len(windows) <= 2 else 2  # noqa: PLR2004 - two stand above each other, four in a square
-        grid = figure.add_gridspec(1, 2, width_ratios=[1.0, 1.3 * across])
-        cells = grid[1].subgridspec((len(windows) + across - 1) // across, across)
-    else:
-        grid = figure.add_gridspec(2, 1, height_ratios=[1.0, 0.9 * rows])
-        cells = grid[1].subgridspec(rows, min(2, len(windows)))
-    draw_overview(figure.add_subplot(grid[0]), result, windows)
-    named: dict[str, Artist] = {}
-    for number, window in enumerate(windows):
-        axes = figure.add_subplot(cells[divmod(number, cells.ncols)])
-        draw_map(axes, result, window)
-        axes.set_title(window.title, fontsize="small", loc="left")
-        handles, labels = axes.get_legend_handles_labels()
-        named |= dict(zip(labels, handles, strict=True))
-    figure.legend(list(named.values()), list(named), loc="outside upper left", ncols=3)
 
 
 def _panels(result: Result) -> list[Panel]:
@@ -109,11 +82,10 @@ def _draw_long_profiles(figure: SubFigure, result: Result, windows: tuple[Window
     for axes in (whole, times):
         _finish_whole(axes, result, windows, named=axes is whole)
         axes.set_xlabel("arclength s [m]", labelpad=1.0)
-    ordered = sorted(windows, key=lambda window: window.s_from)
     cells = grid[1].subgridspec(len(draw), len(windows), height_ratios=[1.5] + [1.0] * (len(draw) - 1))
     for row, draw_panel in enumerate(draw):
         first: Axes | None = None
-        for column, window in enumerate(ordered):
+        for column, window in enumerate(windows):
             axes = figure.add_subplot(cells[row, column], sharey=first)
             draw_panel(axes, result, window)
             axes.grid(visible=True)
@@ -144,13 +116,12 @@ def _finish_whole(axes: Axes, result: Result, windows: tuple[Window, ...], *, na
     for window in windows:
         axes.axvspan(window.s_from, window.s_to, color=_SHADE, linewidth=0.0, zorder=0)
         if named:
-            middle = 0.5 * (window.s_from + window.s_to)
             axes.text(
-                middle,
+                window.s_from,
                 0.03,
                 window.label,
                 transform=axes.get_xaxis_transform(),
-                ha="center",
+                ha="left",
                 bbox=_ON_WHITE,
                 fontsize="small",
                 fontweight="bold",
@@ -258,12 +229,9 @@ def _draw_times(axes: Axes, result: Result, _window: Window) -> None:
         axes.plot(at[~usable], total[~usable], linestyle="none", marker="X", color=BREACH, markersize=6, label="not solved")
     label = f"mean {times['mean']:.2f}, p99 {times['p99']:.2f}, max {times['max']:.2f} ms"
     axes.axhline(times["mean"], color=MUTED, linewidth=1.0, label=label)
-    if times["max"] > _LOG_FROM * times["p50"]:
-        axes.set_yscale("log")
-        axes.yaxis.set_major_formatter("{x:g}")
-        axes.yaxis.set_minor_formatter(NullFormatter())
-    else:
-        axes.set_ylim(bottom=0.0)
+    axes.set_yscale("log")  # always: pictures of different plans are looked at together
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set_ylabel("step time [ms]")
 
 

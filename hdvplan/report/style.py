@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from io import BytesIO
 
 import matplotlib as mpl
+from cycler import cycler
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
@@ -15,7 +16,7 @@ from hdvplan.report.colours import BODY_COLOURS, FAINT, INK, MUTED
 DPI = 150  # of PNG
 SLIDE_IN = (16.0, 9.0)
 
-_PALE = 0.4
+_PALE, _DARK = 0.4, 0.6
 _STYLE = {
     "axes.axisbelow": True,
     "axes.edgecolor": MUTED,
@@ -23,6 +24,7 @@ _STYLE = {
     "axes.labelcolor": INK,
     "axes.labelsize": "small",
     "axes.linewidth": 0.7,
+    "axes.prop_cycle": cycler(color=[*BODY_COLOURS, "#D55E00", "#56B4E9", "#000000"]),  # Okabe and Ito's, but for the yellow
     "axes.spines.right": False,
     "axes.spines.top": False,
     "figure.constrained_layout.h_pad": 0.06,
@@ -59,6 +61,12 @@ def body_colour(unit: int) -> str:
 def body_fill(unit: int) -> tuple[float, float, float]:
     """Return the opaque pale version of a body's colour: overlaps must not mix to a third one."""
     red, green, blue = (1.0 - _PALE * (1.0 - part) for part in to_rgb(body_colour(unit)))
+    return red, green, blue
+
+
+def body_dark(unit: int) -> tuple[float, float, float]:
+    """Return the dark version of a body's colour, which stands out on the pale one."""
+    red, green, blue = (_DARK * part for part in to_rgb(body_colour(unit)))
     return red, green, blue
 
 

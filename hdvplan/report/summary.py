@@ -13,6 +13,7 @@ from hdvplan.judging.manners import Use, manners_of
 from hdvplan.judging.obstacles import Approach
 from hdvplan.judging.result import Result, body_name
 from hdvplan.judging.verdict import Verdict, verdict_line, verdict_of
+from hdvplan.judging.wheels import Wheel, wheels_of
 from hdvplan.road.road import Road
 from hdvplan.vehicle.model import Vehicle
 
@@ -61,6 +62,7 @@ def summary_of(result: Result) -> Json:
         "merit_max": max(merits, default=None),
         "time_ms": step_times_ms(result),
         "bodies": [_body(drive.vehicle, unit) for unit in range(len(drive.vehicle.units))],
+        "wheels": [_wheel(drive.vehicle, wheel) for wheel in wheels_of(drive.vehicle)],
         "smoothing": smoothing_of(drive.road),
         "settings": {name: str(value) if isinstance(value, str) else value for name, value in asdict(settings).items()},
         "notice": drive.road.notice,
@@ -152,6 +154,12 @@ def _body(vehicle: Vehicle, unit: int) -> Json:
         "rear_m": body.rear_overhang,
         "width_m": body.width,
     }
+
+
+def _wheel(vehicle: Vehicle, wheel: Wheel) -> Json:
+    """Return where a wheel whose track is drawn stands on its body: ahead of its axle, left of its axis."""
+    unit = body_name(vehicle, wheel.unit)
+    return {"body": wheel.unit + 1, "unit": unit, "axle": wheel.axle, "side": wheel.side, "ahead_m": wheel.ahead, "left_m": wheel.left}
 
 
 def _approach(approach: Approach, vehicle: Vehicle) -> Json:

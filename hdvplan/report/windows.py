@@ -13,8 +13,9 @@ from hdvplan.judging.result import Result
 _LABELS = "ABCD"  # of a long road's enlargements; a shorter one gets the first two
 LONG_ROAD_M = 300.0  # beyond it a body is a speck on a map of the whole
 FEW_BELOW_M = 1000.0
-_LENGTHS = 1.5  # vehicle lengths shown on either side
-_HALF_LENGTH_M = (25.0, 45.0)  # whatever the vehicle
+LENGTHS = 1.5  # vehicle lengths shown on either side
+HALF_LENGTH_M = (25.0, 45.0)  # whatever the vehicle
+_OF_SHORT, _SHORT_HALF_M = 0.1, 12.0  # of a short road's length shown on either side, and at least: else it would be the whole again
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,7 @@ class Window:
     s_to: float  # [m]
     label: str = ""
     reason: str = ""
+    at: int | None = None  # sample of the envelope that makes it worth it
 
     @property
     def title(self) -> str:
@@ -33,7 +35,7 @@ class Window:
 
 
 def tightest_windows(result: Result) -> tuple[Window, ...]:
-    """Return up to four stretches, two of a road below a kilometre, tightest first.
+    """Return up to four stretches around the tightest places, two of a road below a kilometre, lettered in road order.
 
     Tight is the least clearance to the limits, or the furthest reach without limits.
     """
@@ -43,13 +45,15 @@ def tightest_windows(result: Result) -> tuple[Window, ...]:
     else:
         score, kind = -clearance, "clearance"
     vehicle = result.drive.vehicle
-    half = float(np.clip(_LENGTHS * (vehicle.reach_ahead + vehicle.reach_behind), *_HALF_LENGTH_M))
+    half = float(np.clip(LENGTHS * (vehicle.reach_ahead + vehicle.reach_behind), *HALF_LENGTH_M))
+    if length <= LONG_ROAD_M:
+        half = min(half, max(_OF_SHORT * length, _SHORT_HALF_M))
     labels, windows = _LABELS[: 2 if length < FEW_BELOW_M else None], []
-    for label, at in zip(labels, peaks(envelope.s, score, 2.0 * half, len(labels)), strict=False):
+    for label, at in zip(labels, sorted(peaks(envelope.s, score, 2.0 * half, len(labels))), strict=False):
         s, value = float(envelope.s[at]), float(score[at]) if clearance is None else -float(score[at])
-        middle = min(max(s, half), length - half)
+        middle = min(max(s, half), max(length - half, half))
         what = f"limit broken by {-value:.2f} m" if value < -KEPT_M else f"{kind} {max(value, 0.0):.2f} m"
-        windows.append(Window(middle - half, middle + half, label, f"{what} at s = {s:.0f} m"))
+        windows.append(Window(middle - half, min(middle + half, length), label, f"{what} at s = {s:.0f} m", at))
     return tuple(windows)
 
 

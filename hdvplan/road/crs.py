@@ -15,6 +15,7 @@ if TYPE_CHECKING:  # many roads are in metres, and need no PROJ
     from pyproj import CRS, Transformer
 
 LONLAT = "OGC:CRS84"
+_LOCAL = "+proj=tmerc +ellps=WGS84 +units=m +k=1 +x_0=0 +y_0=0 "  # in this order: of planes made here alone
 _LARGEST_LON, _LARGEST_LAT = 180.0, 90.0  # [deg]
 _DEGREES_SPACING = 1e-2  # of points
 _DEGREES_LENGTH = 5.0  # no road is this short in metres, or this long in degrees
@@ -112,6 +113,11 @@ def to_plane(points: FloatArray, name: str = LONLAT) -> Plane:
     return Plane(placed, to_lonlat, into)
 
 
+def is_local(to_lonlat: ToLonLat) -> bool:
+    """Tell whether the plane is a projection of ours about a road that came in degrees, so that nobody else knows it."""
+    return to_lonlat.plane.startswith(_LOCAL)
+
+
 def is_geographic(name: str) -> bool:
     """Tell whether the system's coordinates are degrees.
 
@@ -181,7 +187,7 @@ def _local(lonlat: FloatArray) -> str:
     """Return the transverse Mercator at the middle of the points' extent, as a PROJ string."""
     lon = np.unwrap(lonlat[:, 0], period=360.0)  # a road may cross the antimeridian
     lon_0, lat_0 = 0.5 * (lon.min() + lon.max()), 0.5 * (lonlat[:, 1].min() + lonlat[:, 1].max())
-    return f"+proj=tmerc +lat_0={lat_0:.9f} +lon_0={lon_0:.9f} +k=1 +x_0=0 +y_0=0 +ellps=WGS84 +units=m"
+    return f"{_LOCAL}+lat_0={lat_0:.9f} +lon_0={lon_0:.9f}"
 
 
 def _lonlat(name: str, points: FloatArray) -> FloatArray:

@@ -25,7 +25,8 @@ def features(result: Result) -> list[dict[str, Any]]:
 
 
 def test_every_body_has_an_area_and_the_road_a_line(trailer: Result) -> None:
-    tractor, semitrailer, centre = features(trailer)
+    tractor, semitrailer, centre, *tracks = features(trailer)
+    assert [track["properties"]["axle"] for track in tracks] == ["front", "front", "rear", "rear", "axle", "axle"]
     assert [tractor["properties"]["unit"], semitrailer["properties"]["unit"]] == ["tractor", "trailer"]
     assert centre["geometry"]["type"] == "LineString"
     reaches = [feature["properties"][key] for feature in (tractor, semitrailer) for key in ("max_left_m", "max_right_m")]
@@ -36,7 +37,13 @@ def test_every_body_has_an_area_and_the_road_a_line(trailer: Result) -> None:
 def test_limits_and_their_breaches_are_lines_of_their_own(kerbed: Result, straight: Result) -> None:
     kinds = [feature["properties"]["kind"] for feature in features(kerbed)]
     breaches = kerbed.balance.breaches
-    assert kinds == ["swept area", *["limit", "limit of overhangs"] * 2, *["broken limit"] * len(breaches), "road centre"]
+    assert kinds == [
+        "swept area",
+        *["limit", "limit of overhangs"] * 2,
+        *["broken limit"] * len(breaches),
+        "road centre",
+        *["wheel track"] * 4,
+    ]
     depths = {feature["properties"]["depth_m"] for feature in features(kerbed) if feature["properties"]["kind"] == "broken limit"}
     assert max(depths) == pytest.approx(kerbed.balance.violation, abs=1e-4)  # rounded there
     left = next(feature for feature in features(straight) if feature["properties"].get("side") == "left")
@@ -49,7 +56,7 @@ def test_every_feature_brings_its_style(kerbed: Result, trailer: Result) -> None
         colours = [properties["stroke"], *([properties["fill"]] if feature["geometry"]["type"].endswith("Polygon") else [])]
         assert all(re.fullmatch("#[0-9A-F]{6}", colour) for colour in colours)
         assert 0 < properties["stroke-width"] <= 5
-    tractor, semitrailer, _ = features(trailer)
+    tractor, semitrailer, *_ = features(trailer)
     assert tractor["properties"]["fill"] != semitrailer["properties"]["fill"]
 
 

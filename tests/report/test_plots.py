@@ -6,11 +6,14 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 import shapely
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar  # type: ignore[import-untyped] # Matplotlib types only its core
 
 from hdvplan.judging.bodies import corners, pose_at
 from hdvplan.judging.result import Result, result_of
 from hdvplan.judging.verdict import verdict_of, verdict_title
+from hdvplan.report.colours import BREACH, INK
 from hdvplan.report.plots import plan_figure
 from hdvplan.report.windows import tightest_windows
 from hdvplan.road.path import from_curvature
@@ -22,9 +25,21 @@ def labels(figure: Figure) -> set[str]:
     return {axes.get_ylabel().split(" [")[0] for axes in figure.axes}
 
 
+def maps(figure: Figure) -> list[Axes]:
+    """Return what is drawn to scale."""
+    return [axes for axes in figure.axes if axes.get_aspect() == 1.0]
+
+
+def metres_an_inch(axes: Axes) -> float:
+    """Return the scale of drawn axes along x."""
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    return float(np.ptp(axes.get_xlim()) / (axes.get_window_extent().width / figure.dpi))
+
+
 def test_a_single_body_has_a_map_an_envelope_a_curvature_and_step_times(bus: Result) -> None:
     figure = plan_figure(bus)
-    assert labels(figure) == {"y", "reach", "curvature", "step time"}
+    assert labels(figure) == {"", "reach", "curvature", "step time"}
     assert figure.axes[0].get_aspect() == 1.0  # to scale
     assert figure.get_suptitle() == verdict_title(bus, verdict_of(bus))
     assert any("RTI" in text.get_text() and "geometric" in text.get_text() for text in figure.texts)
@@ -32,22 +47,43 @@ def test_a_single_body_has_a_map_an_envelope_a_curvature_and_step_times(bus: Res
 
 def test_an_articulated_vehicle_shows_its_articulation_and_the_road_its_notice(trailer: Result) -> None:
     figure = plan_figure(trailer)
-    assert labels(figure) == {"y", "reach", "curvature", "articulation", "step time"}
+    assert labels(figure) == {"", "reach", "curvature", "articulation", "step time"}
     assert figure.get_supxlabel() == "© the surveyors"
 
 
 def test_a_long_road_is_an_overview_with_its_tightest_places_enlarged(long: Result) -> None:
     figure = plan_figure(long)
-    maps = [axes for axes in figure.axes if axes.get_ylabel() == "y [m]"]
-    assert len(maps) == 3
-    assert maps[1].get_title(loc="left").startswith("A: reach")
+    assert len(maps(figure)) == 3
+    assert [axes.get_title(loc="left")[:8] for axes in maps(figure)[1:]] == ["A: reach", "B: reach"]
+
+
+def test_enlargements_are_all_to_one_scale_and_have_a_bar_that_says_it(long: Result, kerbed: Result) -> None:
+    for result in (long, kerbed):
+        figure = plan_figure(result)
+        figure.draw_without_rendering()
+        scales = [metres_an_inch(axes) for axes in maps(figure)[1:]]
+        assert scales == pytest.approx([scales[0]] * len(scales), rel=1e-6)
+        for axes in maps(figure):
+            (bar,) = [child for child in axes.get_children() if isinstance(child, AnchoredSizeBar)]
+            metres = float(bar.txt_label.get_text().split()[0])
+            inches = bar.size_bar.get_children()[0].get_window_extent().width / figure.dpi
+            # The stroke's own width is part of the extent: 2.2 points.
+            assert inches == pytest.approx(metres / metres_an_inch(axes), abs=2.5 / 72.0)
+
+
+def test_the_title_is_the_answer_in_its_colour(kerbed: Result, trailer: Result) -> None:
+    for result, colour in ((kerbed, BREACH), (trailer, INK)):
+        suptitle = plan_figure(result).texts
+        (title,) = [text for text in suptitle if text.get_text() == verdict_title(result, verdict_of(result))]
+        assert title.get_color() == colour
 
 
 def test_a_broken_limit_is_drawn_with_its_depth_on_the_map_and_over_s(kerbed: Result) -> None:
     figure = plan_figure(kerbed)
     deepest = f"{kerbed.balance.violation:.2f} m"
-    road, reach = figure.axes[0], next(axes for axes in figure.axes if axes.get_ylabel().startswith("reach"))
-    assert deepest in [text.get_text() for text in road.texts]
+    road, enlarged = maps(figure)[0], maps(figure)[1:]
+    reach = next(axes for axes in figure.axes if axes.get_ylabel().startswith("reach"))
+    assert deepest in [text.get_text() for axes in enlarged for text in axes.texts]
     assert f"{deepest} beyond" in [text.get_text() for text in reach.texts]
     names = road.get_legend_handles_labels()[1]
     assert {"beyond a limit", "limits", "limits of overhangs"} <= set(names)
@@ -70,7 +106,7 @@ def test_names_of_many_bodies_and_limits_stay_inside_the_picture(kerbed: Result)
     assert legend is not None
     assert len(legend.get_texts()) >= 7
     assert legend.get_window_extent().x1 <= figure.bbox.x1
-    assert np.ptp(figure.axes[0].get_xlim()) < 200.0  # the U-turn is 80 m long, and the panel about square
+    assert np.ptp(figure.axes[0].get_xlim()) < 220.0  # the U-turn is 80 m long, and the panel twice as wide as high
 
 
 def test_a_very_long_road_shows_its_profiles_where_it_is_enlarged() -> None:
@@ -79,7 +115,9 @@ def test_a_very_long_road_shows_its_profiles_where_it_is_enlarged() -> None:
     figure = plan_figure(driven(Road("very long", from_curvature(s, kappa)), "bus"))
     spans = [np.ptp(axes.get_xlim()) for axes in figure.axes if axes.get_ylabel() == "curvature [1/m]"]
     assert spans == [pytest.approx(50.0)]  # the first of the enlarged ones carries the label
-    assert len([axes for axes in figure.axes if axes.get_ylabel() == "y [m]"]) == 5  # overview and four places
+    assert len(maps(figure)) == 5  # overview and four places
+    at = [float(axes.get_title(loc="left").split("s = ")[1].split()[0]) for axes in maps(figure)[1:]]
+    assert at == sorted(at)  # in road order
 
 
 def test_the_style_leaves_matplotlib_s_settings_alone(bus: Result) -> None:
@@ -92,16 +130,14 @@ def test_every_map_is_large_enough_to_see_the_bodies(long: Result, bus: Result) 
     for result in (long, bus):
         figure = plan_figure(result)
         figure.draw_without_rendering()
-        for axes in [axes for axes in figure.axes if axes.get_ylabel() == "y [m]"][-1:]:
-            metres_an_inch = np.ptp(axes.get_xlim()) / (axes.get_position().width * figure.get_figwidth())
-            assert metres_an_inch < 30.0  # a bus of 12 m is a centimetre
+        for axes in maps(figure)[1:]:
+            assert metres_an_inch(axes) < 20.0  # a bus of 12 m is one and a half centimetres
 
 
 def test_the_tightest_places_come_in_order_and_apart(long: Result) -> None:
     first, second = tightest_windows(long)
-    assert first.s_from < 350.0 < first.s_to
-    assert second.s_from < 150.0 < second.s_to
-    assert second.s_to <= first.s_from
+    assert first.s_from < 150.0 < first.s_to <= second.s_from < 350.0 < second.s_to
+    assert [first.label, second.label] == ["A", "B"]
 
 
 def test_with_limits_the_tightest_place_is_the_one_of_least_clearance(long: Result) -> None:

@@ -1,7 +1,11 @@
 "use strict";
 // Every plan has a panel: a map and diagrams that share one cursor (an index into the samples). Plans of one road share cursor and view.
 (() => {
-  const MISSING = -32768, CHUNK = 64, NEAR_PX = 60, CHARTS = { left: 62, right: 12, gap: 16, bottom: 30 };
+  const MISSING = -32768, CHUNK = 64, NEAR_PX = 60, SPECK = 1.5, CHARTS = { left: 62, right: 12, gap: 16, bottom: 30 };
+  // On A4 within its margins, a canvas is 702 pixels of the page wide. Chromium prints what was drawn on it as vectors, in sixty-fourths of
+  // its size: ratio 4 and this width are printed as they are.
+  const ON_PAPER = { ratio: 4, width: 700, plane: 420, profiles: 430 };
+  let printing = false;
   const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
   const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
 
@@ -69,8 +73,8 @@
 
   const place = (panel, i, offset) => [panel.at.x[i] - offset * panel.sin[i], panel.at.y[i] + offset * panel.cos[i]];
 
-  // The corners of every body when the lead rear axle is at sample i.
-  function bodies(panel, i) {
+  // Axle and direction of every body when the lead rear axle is at sample i.
+  function poses(panel, i) {
     let heading = panel.at.heading[i] + panel.at.e_psi[i], [x, y] = place(panel, i, panel.at.e_y[i]);
     return panel.plan.bodies.map((body, unit) => {
       if (unit > 0) {
@@ -81,14 +85,27 @@
         x -= body.wheelbase_m * Math.cos(heading);
         y -= body.wheelbase_m * Math.sin(heading);
       }
-      const c = Math.cos(heading), s = Math.sin(heading), half = body.width_m / 2;
+      return { x, y, c: Math.cos(heading), s: Math.sin(heading) };
+    });
+  }
+
+  // The corners of every body.
+  function bodies(panel, i) {
+    return poses(panel, i).map(({ x, y, c, s }, unit) => {
+      const body = panel.plan.bodies[unit], half = body.width_m / 2;
       return [[body.front_m, half], [body.front_m, -half], [-body.rear_m, -half], [-body.rear_m, half]]
         .map(([u, v]) => [x + u * c - v * s, y + u * s + v * c]);
     });
   }
 
+  // The sides of a canvas in pixels of the page: as laid out, or as on paper, where the layout is another one than on the screen.
+  function sides(canvas) {
+    if (!printing) return { ratio: window.devicePixelRatio || 1, width: canvas.clientWidth, height: canvas.clientHeight };
+    return { ratio: ON_PAPER.ratio, width: ON_PAPER.width, height: canvas.classList.contains("plane") ? ON_PAPER.plane : ON_PAPER.profiles };
+  }
+
   function sized(canvas) {
-    const ratio = window.devicePixelRatio || 1, width = canvas.clientWidth, height = canvas.clientHeight;
+    const { ratio, width, height } = sides(canvas);
     if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
       canvas.width = Math.round(width * ratio);
       canvas.height = Math.round(height * ratio);
@@ -108,9 +125,10 @@
 
   function drawMap(panel) {
     const { pen, width, height } = sized(panel.map), { at, plan } = panel;
-    if (!width) return;
+    if (!width || !panel.map.clientWidth) return;
     panel.view ??= fit(panel);
-    const view = panel.view, px = (x) => width / 2 + (x - view.x) * view.scale, py = (y) => height / 2 - (y - view.y) * view.scale;
+    const shrunk = printing ? Math.min(width / panel.map.clientWidth, height / panel.map.clientHeight) : 1; // the same stretch, all of it
+    const view = { ...panel.view, scale: panel.view.scale * shrunk }, px = (x) => width / 2 + (x - view.x) * view.scale, py = (y) => height / 2 - (y - view.y) * view.scale;
     const seen = panel.chunks.filter(({ box }) => px(box[1]) > 0 && px(box[0]) < width && py(box[2]) > 0 && py(box[3]) < height);
     const stride = Math.max(1, Math.floor(1 / (plan.spacing * view.scale)));
     const along = (begin, end) => {
@@ -183,6 +201,8 @@
         written.push(breach);
       }
     }
+    if (view.scale > 2) drawTracks(panel, seen, pen, px, py);
+    drawDirection(panel, seen, view, pen, px, py);
     pen.fillStyle = css("--ink");
     pen.beginPath();
     pen.arc(px(at.x[0]), py(at.y[0]), 4, 0, 7);
@@ -198,6 +218,73 @@
       pen.stroke();
     }
     drawScale(pen, view.scale, height);
+    if (plan.north) drawNorth(pen, height);
+    if (view.scale > 2 * fit(panel).scale * shrunk) drawWhole(panel, view, pen, width, height);
+  }
+
+  // Where the outer wheels rolled, over the samples that are seen.
+  function drawTracks(panel, seen, pen, px, py) {
+    pen.setLineDash([6, 3]);
+    pen.lineWidth = 0.9;
+    for (const [unit, ahead, left] of panel.plan.wheels) {
+      pen.strokeStyle = css(`--body${unit % 4}`);
+      for (const { begin, end } of seen) {
+        pen.beginPath();
+        for (let i = begin; i <= end; i++) {
+          const { x, y, c, s } = poses(panel, i)[unit];
+          pen.lineTo(px(x + ahead * c - left * s), py(y + ahead * s + left * c));
+        }
+        pen.stroke();
+      }
+    }
+    pen.setLineDash([]);
+  }
+
+  // Arrow heads on the road's centre, some 150 pixels apart.
+  function drawDirection(panel, seen, view, pen, px, py) {
+    const { at, plan } = panel, every = Math.max(1, Math.round(150 / (plan.spacing * view.scale)));
+    pen.fillStyle = css("--ink");
+    for (const { begin, end } of seen) {
+      for (let i = Math.ceil(begin / every) * every; i < end; i += every) {
+        if (!i) continue;
+        const x = px(at.x[i]), y = py(at.y[i]), c = panel.cos[i], s = -panel.sin[i];
+        pen.beginPath();
+        for (const [u, v] of [[7, 0], [-5, 5], [-5, -5]]) pen.lineTo(x + u * c - v * s, y + u * s + v * c);
+        pen.fill();
+      }
+    }
+  }
+
+  function drawNorth(pen, height) {
+    const x = 22, y = height - 62;
+    pen.strokeStyle = pen.fillStyle = css("--ink");
+    pen.lineWidth = 1.5;
+    pen.beginPath(); pen.moveTo(x, y + 16); pen.lineTo(x, y - 6); pen.stroke();
+    pen.beginPath(); pen.moveTo(x, y - 12); pen.lineTo(x - 4, y - 2); pen.lineTo(x + 4, y - 2); pen.fill();
+    pen.textAlign = "center";
+    pen.fillText("N", x, y + 29);
+    pen.textAlign = "left";
+  }
+
+  // The whole road in the lower right corner of an enlarged map, with what the map shows.
+  function drawWhole(panel, view, pen, width, height) {
+    const { at, plan } = panel, x = extremes(at.x), y = extremes(at.y), side = Math.min(120, 0.3 * width, 0.3 * height);
+    const scale = side / Math.max(x[1] - x[0], y[1] - y[0], 1), left = width - 14 - (x[1] - x[0]) * scale, base = height - 14;
+    const qx = (value) => left + (value - x[0]) * scale, qy = (value) => base - (value - y[0]) * scale;
+    const [w, h] = [(x[1] - x[0]) * scale, (y[1] - y[0]) * scale];
+    pen.fillStyle = css("--paper");
+    pen.globalAlpha = 0.85;
+    pen.fillRect(left - 8, base - h - 8, w + 16, h + 16);
+    pen.globalAlpha = 1;
+    pen.strokeStyle = css("--muted");
+    pen.lineWidth = 1.2;
+    pen.beginPath();
+    for (let i = 0; i < plan.count; i += Math.max(1, Math.floor(plan.count / 400))) pen.lineTo(qx(at.x[i]), qy(at.y[i]));
+    pen.stroke();
+    const half = Math.max(4, (0.5 * width * scale) / view.scale);
+    pen.strokeStyle = css("--accent");
+    pen.lineWidth = 2;
+    pen.strokeRect(qx(view.x) - half, qy(view.y) - (half * height) / width, 2 * half, (2 * half * height) / width);
   }
 
   function hatching(pen) {
@@ -480,6 +567,10 @@
     const worst = panel.breaches.length ? panel.breaches[0].deepest : panel.plan.places[0].s / panel.plan.spacing;
     panel.cursor = clamp(Math.round(worst), 0, panel.plan.count - 1);
   }
+  for (const panel of panels) { // where bodies would be specks on a map of the whole road, it opens at what decides
+    if (!panel.map.clientWidth || fit(panel).scale >= SPECK) continue;
+    panel.view = { x: panel.at.x[panel.cursor], y: panel.at.y[panel.cursor], scale: Math.min(panel.map.clientWidth, panel.map.clientHeight) / 90 };
+  }
 
   for (const button of document.querySelectorAll("nav [data-show]")) {
     button.addEventListener("click", () => {
@@ -490,6 +581,13 @@
     });
   }
   const all = () => panels.forEach(redraw);
+  const paper = (on) => {
+    printing = on;
+    document.documentElement.classList.toggle("printing", on);
+    for (const panel of panels) { drawMap(panel); drawCharts(panel); }
+  };
+  window.addEventListener("beforeprint", () => paper(true));
+  window.addEventListener("afterprint", () => paper(false));
   window.addEventListener("resize", all);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", all);
   all();

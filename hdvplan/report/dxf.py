@@ -1,0 +1,135 @@
+"""A plan as a DXF drawing in metres: polylines on layers, with what a CAD program needs to draw and to switch them."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from io import StringIO
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+from ezdxf import units
+from ezdxf.enums import TextEntityAlignment
+from ezdxf.filemanagement import new
+
+from hdvplan import __version__
+from hdvplan.judging.result import Result
+from hdvplan.judging.wheels import TRACK_NOTE
+from hdvplan.report.geopackage import polygons_of
+from hdvplan.report.heading import answer_line
+from hdvplan.report.layers import Drawn, Layer, drawn_features
+from hdvplan.report.placing import System, drawing_system
+
+if TYPE_CHECKING:
+    from ezdxf.document import Drawing
+    from ezdxf.layouts.layout import Modelspace
+
+_VERSION = "R2010"
+_TEXT_M = 0.5  # height of what is written beside places
+_NOTES_M = 1.5  # height of the notes
+_BODIES_ACI = (5, 30, 3, 6)  # blue, orange, green, magenta: nearest to the colours of the pictures
+_NOTES = "NOTES"
+
+
+@dataclass(frozen=True)
+class _Look:
+    """How a layer is drawn: colour index, linetype and line width [mm / 100]."""
+
+    colour: int
+    linetype: str = "CONTINUOUS"
+    width: int = 25
+
+
+_LOOKS = {
+    Layer.ROAD: _Look(8, "CENTER"),
+    Layer.OBSTACLES: _Look(250, width=35),
+    Layer.SWEEPABLE: _Look(252, "DASHED"),
+    Layer.LIMITS: _Look(7, width=50),
+    Layer.TRACKS: _Look(9, "DASHED2", 18),
+    Layer.CLEARANCE: _Look(4, width=18),
+    Layer.CONFLICTS: _Look(1, width=70),
+}
+
+
+def dxf_bytes(result: Result) -> bytes:
+    """Return the drawing, in the road file's coordinate system or, where that is in degrees, in its UTM zone.
+
+    ``$INSUNITS`` is metres. Areas are closed polylines, holes too; every body has layers of its own.
+    """
+    system = drawing_system(result.drive.road)
+    document = new(_VERSION, setup=True)
+    document.units = units.M
+    document.header["$MEASUREMENT"] = 1
+    document.header["$LUNITS"] = 2
+    document.header.custom_vars.append("hdvplan", __version__)
+    document.header.custom_vars.append("coordinates", system.note)
+    space = document.modelspace()
+    for feature in drawn_features(result):
+        _draw(document, space, feature, system)
+    _write_notes(document, space, result, system)
+    buffer = StringIO()
+    document.write(buffer)
+    return document.encode(buffer.getvalue())
+
+
+def _draw(document: Drawing, space: Modelspace, feature: Drawn, system: System) -> None:
+    layer = _layer(document, feature)
+    placed = system.place(feature.geometry)
+    if isinstance(placed, shapely.LineString):
+        space.add_lwpolyline(placed.coords, dxfattribs={"layer": layer})
+        where = np.mean(placed.coords, axis=0)
+    else:
+        polygons = polygons_of(placed)
+        for polygon in polygons:
+            for ring in (polygon.exterior, *polygon.interiors):
+                space.add_lwpolyline(ring.coords[:-1], close=True, dxfattribs={"layer": layer})
+        if feature.layer is Layer.CONFLICTS:
+            _fill(space, polygons, layer)
+        where = np.array(placed.representative_point().coords[0])
+    if feature.label:
+        text = space.add_text(feature.label, height=_TEXT_M, dxfattribs={"layer": layer})
+        text.set_placement(tuple(where), align=TextEntityAlignment.MIDDLE_LEFT)
+
+
+def _fill(space: Modelspace, polygons: list[shapely.Polygon], layer: str) -> None:
+    hatch = space.add_hatch(dxfattribs={"layer": layer})
+    for polygon in polygons:
+        hatch.paths.add_polyline_path(list(polygon.exterior.coords), is_closed=True)
+
+
+def _layer(document: Drawing, feature: Drawn) -> str:
+    """Return the name of a feature's layer, which is made when it is first needed; bodies have their own, numbered from the front."""
+    name, look = feature.layer.upper(), _LOOKS.get(feature.layer)
+    if look is None:  # of one body
+        body = int(feature.properties["body"] or 0)
+        name = f"{name}_{body}_{re.sub('[^A-Z0-9]+', '_', str(feature.properties['unit']).upper())}"
+        look = _Look(_BODIES_ACI[(body - 1) % len(_BODIES_ACI)], width=35 if feature.layer is Layer.ENVELOPE else 25)
+    if name not in document.layers:
+        document.layers.add(name, color=look.colour, linetype=look.linetype, lineweight=look.width)
+    return name
+
+
+def _write_notes(document: Drawing, space: Modelspace, result: Result, system: System) -> None:
+    """Write verdict, road, vehicle, coordinates and sources beside the road's start."""
+    drive = result.drive
+    lines = [
+        answer_line(result),
+        f"road: {drive.road.name}, {drive.road.path.length:.1f} m",
+        f"vehicle: {drive.vehicle.name}",
+        f"coordinates: {system.note}",
+        f"wheel tracks: {TRACK_NOTE}",
+        f"hdvplan {__version__}",
+    ]
+    if drive.road.notice:
+        lines.append(drive.road.notice)
+    document.layers.add(_NOTES, color=7)
+    x, y = (float(value) for value in drive.road.path.to_plane(0.0, 0.0))
+    insert = system.place(shapely.Point(x, y + 20.0)).coords[0]
+    text = space.add_mtext("\\P".join(_plain(line) for line in lines), dxfattribs={"layer": _NOTES, "char_height": _NOTES_M})
+    text.set_location(insert, attachment_point=7)  # its lower left corner
+
+
+def _plain(line: str) -> str:
+    """Return a line without what MTEXT reads as a command."""
+    return re.sub(r"([\\{}])", r"\\\1", " ".join(line.split()))

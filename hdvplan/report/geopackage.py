@@ -1,0 +1,76 @@
+"""A plan as a GeoPackage: one layer of features for every layer of the drawing, for QGIS and whatever reads maps."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pyogrio
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from hdvplan.judging.result import Result
+from hdvplan.report.layers import Drawn, Layer, drawn_features
+from hdvplan.report.placing import map_system
+
+_NOWHERE = 'LOCAL_CS["metres of the road file",UNIT["metre",1],AXIS["x",EAST],AXIS["y",NORTH]]'
+
+
+def geopackage_bytes(result: Result) -> bytes:
+    """Return the GeoPackage, in the road file's coordinate system; areas are MultiPolygons. Layers without features are left out.
+
+    Raises:
+        OSError: there is no room for temporary files.
+
+    """
+    system = map_system(result.drive.road)
+    features = drawn_features(result)
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "plan.gpkg"
+        for layer in Layer:
+            of_layer = [feature for feature in features if feature.layer is layer]
+            if not of_layer:
+                continue
+            placed = np.array([shapely.to_wkb(_one_kind(system.place(feature.geometry))) for feature in of_layer], dtype=object)
+            fields, lines = list(of_layer[0].properties), _is_line(of_layer[0].geometry)
+            pyogrio.raw.write(
+                path,
+                placed,
+                [_column(of_layer, name) for name in fields],
+                fields,
+                layer=str(layer),
+                driver="GPKG",
+                crs=system.name or _NOWHERE,
+                geometry_type="LineString" if lines else "MultiPolygon",
+                append=path.exists(),
+                layer_metadata={"coordinates": system.note},
+            )
+        return path.read_bytes()
+
+
+def _column(features: list[Drawn], name: str) -> NDArray[np.generic]:
+    """Return a property of all features of a layer: numbers, with NaN where there is none, or words."""
+    values = [feature.properties[name] for feature in features]
+    if all(isinstance(value, int) for value in values):
+        return np.array(values, dtype=np.int64)
+    if all(isinstance(value, float | None) for value in values) and any(value is not None for value in values):
+        return np.array([np.nan if value is None else value for value in values])
+    return np.array(values, dtype=object)
+
+
+def _is_line(geometry: BaseGeometry) -> bool:
+    return isinstance(geometry, shapely.LineString)
+
+
+def _one_kind(geometry: BaseGeometry) -> BaseGeometry:
+    """Return a line as it is, and areas as one MultiPolygon without the lines and points that repairs left over."""
+    if _is_line(geometry):
+        return geometry
+    return shapely.MultiPolygon(polygons_of(geometry))
+
+
+def polygons_of(geometry: BaseGeometry) -> list[shapely.Polygon]:
+    """Return the polygons in a geometry, however deep they lie."""
+    return [part for part in shapely.get_parts(shapely.get_parts(geometry)) if isinstance(part, shapely.Polygon) and not part.is_empty]

@@ -1,0 +1,153 @@
+"""Sheets, measured in the PDF's own coordinates."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from io import BytesIO
+from itertools import pairwise
+from typing import cast
+
+import numpy as np
+import pytest
+from pypdf import PageObject, PdfReader
+from pypdf.generic import ContentStream, DictionaryObject
+
+from hdvplan.errors import OptionError
+from hdvplan.jit import FloatArray
+from hdvplan.judging.result import Result
+from hdvplan.report.pages import pages_of
+from hdvplan.report.paper import PAPERS_MM, SheetOptions
+from hdvplan.report.sheet import sheet_bytes
+
+MM = 25.4 / 72.0  # of a PDF's unit
+FIELD_MM = (290.0, 200.0)
+
+
+def read(result: Result, paper: str = "a3", scale: int | None = None) -> PdfReader:
+    return PdfReader(BytesIO(sheet_bytes(result, SheetOptions(paper, scale), date="2026-11-22")))
+
+
+def strokes(page: PageObject) -> list[FloatArray]:
+    """Return all straight lines of a page, as corners on the paper [mm]."""
+    lines, points, transforms = list[FloatArray](), list[list[float]](), [np.eye(3)]
+    content = page.get_contents()
+    assert content is not None
+    for operands, operator in ContentStream(content, page.pdf).operations:
+        if operator == b"q":
+            transforms.append(transforms[-1])
+        elif operator == b"Q":
+            transforms.pop()
+        elif operator == b"cm":
+            a, b, c, d, e, f = (float(value) for value in operands)
+            transforms[-1] = np.array([[a, b, 0.0], [c, d, 0.0], [e, f, 1.0]]) @ transforms[-1]
+        elif operator in {b"m", b"l"}:
+            if operator == b"m":
+                points = []
+            points.append([float(value) for value in operands])
+        elif operator == b"S" and points:
+            placed = np.column_stack([np.array(points), np.ones(len(points))]) @ transforms[-1]
+            lines.append(MM * placed[:, :2])
+            points = []
+    return lines
+
+
+def lengths(page: PageObject) -> FloatArray:
+    return np.array([np.sum(np.hypot(*np.diff(line, axis=0).T)) for line in strokes(page)])
+
+
+def test_twenty_metres_are_a_hundred_millimetres_at_1_to_200(bus: Result) -> None:
+    (page, *_) = read(bus, "a3", 200).pages
+    level = [line for line in strokes(page) if len(line) == 2 and line[0, 1] == line[1, 1]]
+    bar = min(level, key=lambda line: abs(line[1, 0] - line[0, 0] - 100.0))  # the scale bar
+    assert bar[1, 0] - bar[0, 0] == pytest.approx(100.0, abs=1e-3)  # written to 1e-6 points
+    assert "20 m" in page.extract_text()
+    assert "1:200" in page.extract_text()
+
+
+@pytest.mark.parametrize(("paper", "scale"), [("a4", 500), ("a2", 200), ("a0", 100)])
+def test_the_road_lies_to_scale_on_the_paper(straight: Result, paper: str, scale: int) -> None:
+    page = read(straight, paper, scale).pages[0]
+    assert [float(page.mediabox.width) * MM, float(page.mediabox.height) * MM] == pytest.approx(PAPERS_MM[paper], abs=1e-2)
+    limits = 80.0 * 1e3 / scale  # the road is 80 m long, and so are its limits
+    found = [line for line in strokes(page) if len(line) == 2 and np.hypot(*(line[1] - line[0])) == pytest.approx(limits, abs=1e-3)]
+    rows = {round(float(line[0, 1]), 3) for line in found}
+    apart = {round(abs(a - b) * scale / 1e3, 3) for a in rows for b in rows}
+    assert 5.0 in apart  # from 3 m left to 2 m right
+
+
+def test_fonts_are_embedded_and_nothing_is_a_picture(kerbed: Result) -> None:
+    for page in read(kerbed).pages:
+        resources = cast("DictionaryObject", page["/Resources"])  # resolved
+        fonts = cast("DictionaryObject", resources["/Font"].get_object())
+        assert fonts
+        for font in fonts.values():
+            described = font.get_object()
+            inner = described["/DescendantFonts"][0].get_object() if "/DescendantFonts" in described else described
+            assert "/FontFile2" in inner["/FontDescriptor"].get_object()  # TrueType
+        pictures = [
+            item
+            for item in cast("DictionaryObject", resources["/XObject"].get_object()).values()
+            if item.get_object()["/Subtype"] == "/Image"
+        ]
+        assert pictures == []
+
+
+def test_the_title_says_what_a_file_needs(trailer: Result, kerbed: Result) -> None:
+    text = " ".join(read(trailer).pages[0].extract_text().split())
+    for words in (
+        "NEEDS",
+        "roundabout",
+        "tractor-trailer",
+        "© the surveyors",
+        "2026-11-22",
+        "hdvplan",
+        "direction of travel",
+        "wheel tracks",
+    ):
+        assert words in text
+    text = " ".join(read(kerbed).pages[0].extract_text().split())
+    assert "NO" in text
+    assert "beyond" in text  # at the enlarged places
+
+
+def test_the_largest_round_scale_that_fits_is_taken(bus: Result, long: Result) -> None:
+    (page,) = pages_of(bus, FIELD_MM, None)
+    assert page.scale == 500
+    for scale in (200, 250):
+        assert len(pages_of(bus, FIELD_MM, scale)) > 1
+    parts = pages_of(long, FIELD_MM, None)  # half a kilometre
+    assert {part.scale for part in parts} == {500}
+    assert parts[0].s_from == 0.0
+    assert parts[-1].s_to == long.drive.road.path.length
+    for one, other in pairwise(parts):
+        assert other.s_from == pytest.approx(one.s_to - 5.0)  # they overlap
+    assert parts[0].caption.startswith(f"sheet 1 of {len(parts)}")
+
+
+def test_of_a_road_too_long_for_sheets_the_tight_stretches_are_drawn(long: Result) -> None:
+    pages = pages_of(long, (90.0, 90.0), 200)
+    assert len(pages) == 2  # it has two bends
+    assert all("only the tightest stretches" in page.caption for page in pages)
+    assert pages[0].s_from < 150.0 < pages[0].s_to < pages[1].s_from < 350.0 < pages[1].s_to
+
+
+def test_a_scale_without_room_for_the_vehicle_is_refused(bus: Result) -> None:
+    with pytest.raises(OptionError, match="no room for the bus"):
+        sheet_bytes(bus, SheetOptions("a4", 10))
+
+
+def test_options_are_read_as_they_are_written() -> None:
+    assert SheetOptions.named("A3", "1:250") == SheetOptions("a3", 250)
+    assert SheetOptions.named("a0", None).scale is None
+    for paper, scale in (("a5", None), ("a3", "half"), ("a3", "0"), ("a3", "1:99999")):
+        with pytest.raises(OptionError):
+            SheetOptions.named(paper, scale)
+
+
+def test_a_turned_sheet_s_north_and_lengths_are_the_plane_s(long: Result) -> None:
+    (page, *_) = pages_of(long, (500.0, 60.0), None)
+    points = np.array([[0.0, 0.0], [30.0, 40.0]])
+    turned = page.turned(points)
+    assert np.hypot(*(turned[1] - turned[0])) == pytest.approx(50.0)
+    tilted = replace(page, turn=0.5 * np.pi)
+    np.testing.assert_allclose(tilted.turned(np.array([[1.0, 0.0]])), [[0.0, 1.0]], atol=1e-12)  # rounding of doubles

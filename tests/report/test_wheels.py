@@ -1,0 +1,56 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hdvplan.judging.result import Result
+from hdvplan.judging.wheels import wheel_tracks, wheels_of
+from hdvplan.vehicle.load import load_vehicle
+
+
+def test_every_axle_has_a_wheel_on_either_side() -> None:
+    vehicle = load_vehicle("tractor-trailer")
+    wheels = wheels_of(vehicle)
+    assert [(wheel.unit, wheel.axle, wheel.side) for wheel in wheels] == [
+        (unit, axle, side) for unit, axle in ((0, "front"), (0, "rear"), (1, "axle")) for side in ("left", "right")
+    ]
+    assert wheels[0].ahead == vehicle.lead.wheelbase
+    assert wheels[0].left == -wheels[1].left == 0.5 * vehicle.lead.width
+
+
+def test_the_wheels_of_a_bus_that_drives_straight_on_leave_two_lines_at_its_width(straight: Result) -> None:
+    for track in wheel_tracks(straight.drive):
+        # The bus keeps straight to a millimetre.
+        np.testing.assert_allclose(track.points[:, 1], track.wheel.left, atol=1e-3)
+        assert np.all(np.diff(track.points[:, 0]) > 0.0)
+
+
+def test_wheels_of_an_axle_stay_a_width_apart_in_a_bend_and_the_trailer_cuts_in(trailer: Result) -> None:
+    tracks = {(track.wheel.unit, track.wheel.axle, track.wheel.side): track.points for track in wheel_tracks(trailer.drive)}
+    for unit, axle in ((0, "front"), (0, "rear"), (1, "axle")):
+        apart = np.hypot(*(tracks[unit, axle, "left"] - tracks[unit, axle, "right"]).T)
+        np.testing.assert_allclose(apart, trailer.drive.vehicle.units[unit].width, rtol=1e-12)  # rounding of doubles
+    path, middle = trailer.drive.stations.path, {}
+    for key in ((0, "front"), (1, "axle")):
+        points = 0.5 * (tracks[*key, "left"] + tracks[*key, "right"])
+        at = len(points) // 2  # in the roundabout, which turns left
+        near = float(trailer.drive.poses_s[at]) + (5.0 if key[0] == 0 else -10.0)
+        middle[key] = float(path.project(points[at, 0], points[at, 1], near)[1])
+    assert middle[1, "axle"] > middle[0, "front"]
+
+
+def test_no_wheel_leaves_what_its_body_sweeps(kerbed: Result) -> None:
+    envelope, path = kerbed.envelope, kerbed.drive.stations.path
+    for track in wheel_tracks(kerbed.drive):
+        s, offset = path.project(track.points[:, 0], track.points[:, 1], kerbed.drive.poses_s + track.wheel.ahead)
+        inside = (s >= 0.0) & (s <= envelope.s[-1])
+        reach = np.interp(s[inside], envelope.s, envelope.reach_left), np.interp(s[inside], envelope.s, envelope.reach_right)
+        # The envelope is short by up to 2 mm on a curve of 10 m, see its module, and as much again between its samples.
+        assert np.all(offset[inside] <= reach[0] + 4e-3)
+        assert np.all(offset[inside] >= reach[1] - 4e-3)
+
+
+@pytest.mark.parametrize("name", ["bus", "tractor-trailer-24m", "a-double"])
+def test_tracks_start_where_the_vehicle_stands(name: str) -> None:
+    vehicle = load_vehicle(name)
+    assert len(wheels_of(vehicle)) == 2 * (len(vehicle.units) + 1)
