@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 
 from hdvplan.case import Case
 from hdvplan.driving.drive import Drive, drive, warm_up
 from hdvplan.judging.result import Result, result_of
+from hdvplan.passing.sides import choose_sides
 from hdvplan.planning.discretisation import Discretisation
 from hdvplan.planning.objectives import Objective, objective_named
 from hdvplan.planning.planner import Plan
@@ -20,17 +21,20 @@ from hdvplan.vehicle.model import Vehicle
 def plan(case: Case, *, on_progress: Callable[[float], None] | None = None) -> Result:
     """Plan ``case.vehicle`` along all of ``case.road`` in receding horizon and judge what an exact simulation of it sweeps.
 
-    ``on_progress`` receives the driven share, 0 to 1. Loads and compiles everything before the first timed step.
+    Finds the side of every obstacle that can be passed on either. ``on_progress`` receives the driven share, 0 to 1. Loads and compiles
+    everything before the first timed step.
 
     Raises:
         OptionError: no such objective, or a bias that the road or the objective has no room for.
         SolverError: no such solver, not installed, or its first plan failed.
-        RoadError: the road is shorter than the vehicle.
+        RoadError: the road is shorter than the vehicle, or an obstacle has no room on the side on which it must be passed.
         PlanError: the vehicle cannot be planned further, or a body reaches beyond the road's centre of curvature.
 
     """
     prepare(case)
-    return result_of(drive_case(case, on_progress=on_progress), solver=case.solver, objective=case.objective)
+    road, passed = choose_sides(case)
+    driven = drive_case(replace(case, road=road), on_progress=on_progress)
+    return result_of(driven, solver=case.solver, objective=case.objective, passed=passed)
 
 
 def drive_case(

@@ -19,7 +19,7 @@ from hdvplan.vehicle.model import Vehicle
 FORMAT = 1  # of the key: raise it when the same content gets another key
 _DEFAULTS = PlannerSettings()
 _DIGITS = 32  # of a digest in hexadecimal: 128 bits
-_UNPLANNED = {"name", "source", "label", "notice", "notes", "smoothing", "band", "to_lonlat"}  # fields that say where a value came from
+_UNPLANNED = {"name", "source", "label", "notice", "notes", "smoothing", "edges", "to_lonlat"}  # fields that say where a value came from
 
 Json = dict[str, object]
 
@@ -115,7 +115,8 @@ def _content(value: object) -> object:
         case tuple():
             return [_content(one) for one in value]
     if is_dataclass(value):
-        return {field.name: _content(getattr(value, field.name)) for field in fields(value) if field.name not in _UNPLANNED}
+        left_out = _UNPLANNED | {"limits" if isinstance(value, Road) and value.has_obstacles else "band"}  # obstacles cut the band again
+        return {field.name: _content(getattr(value, field.name)) for field in fields(value) if field.name not in left_out}
     msg = f"a case cannot hold a {type(value).__name__}"
     raise TypeError(msg)
 

@@ -77,6 +77,14 @@ def plan(
     left: Annotated[float | None, typer.Option("--left", metavar="M", help="Left limit [m]; needs --right.")] = None,
     right: Annotated[float | None, typer.Option("--right", metavar="M", help="Right limit, positive [m]; needs --left.")] = None,
     clearance: Annotated[float, typer.Option("--clearance", metavar="M", help="Room to keep from every limit and obstacle [m].")] = 0.0,
+    pass_: Annotated[
+        str | None,
+        typer.Option(
+            "--pass",
+            metavar="left|right",
+            help="Pass all obstacles on the line on this side, as the vehicle drives; without it the better one is found.",
+        ),
+    ] = None,
     horizon: Annotated[float, typer.Option("--horizon", metavar="M", help="How far each plan looks ahead [m].")] = 100.0,
     step: Annotated[float, typer.Option("--step", metavar="M", help="Distance between stations [m].")] = 0.5,
     replan: Annotated[float, typer.Option("--replan", metavar="M", help="Distance driven before the next plan [m].")] = 5.0,
@@ -134,8 +142,10 @@ def plan(
     from hdvplan.planning.discretisation import Discretisation
     from hdvplan.planning.settings import PlannerSettings, Scheme
     from hdvplan.report.files import DRAWINGS, PICTURES
+    from hdvplan.road.regions import Side
 
     kinds = [choice("--format", kind.strip(), (*PICTURES, *DRAWINGS)) for kind in formats.split(",")]
+    side = None if pass_ is None else Side(choice("--pass", pass_, list(Side)))
     settings = PlannerSettings(
         scheme=Scheme(choice("--scheme", scheme, list(Scheme))),
         horizon=horizon,
@@ -150,14 +160,16 @@ def plan(
         track = found()
     if reaches is not None:
         track = track.with_limits(*reaches)
+    if side is not None:
+        track = track.passed_on(side)
     for remark in track.notes:
         note(remark, quiet=quiet)
     check_fits(track, driven, reaches)
     _warn_far_regions(track, quiet=quiet)
-    _warn_misfits(track, driven, quiet=quiet)
     case = Case(track, driven, objective, solver or DEFAULT, settings, NONE if bias is None else bias_named(bias, track.limits))
     with progress(f"planning {driven.name} along {track.name}", quiet=quiet) as on_progress:
         result = api.plan(case, on_progress=on_progress)
+    _warn_misfits(result, quiet=quiet)
     directory = out or Path(f"{file_name(track.name)}.{file_name(driven.name)}")
     with progress(f"writing {directory}/", quiet=quiet) as on_progress:
         _write(result, directory, [kind for kind in kinds if plot or kind in DRAWINGS], drawn_on, animate, on_progress)
@@ -204,13 +216,13 @@ def _warn_far_regions(road: Road, *, quiet: bool) -> None:
         warn(f"{len(far)} of {len(apart)} regions lie further than {OPEN_M:.0f} m from the road and do not count, {nearest}", quiet=quiet)
 
 
-def _warn_misfits(road: Road, vehicle: Vehicle, *, quiet: bool) -> None:
-    """Say where geometry expects the vehicle not to fit; the plan is made all the same."""
-    from hdvplan.judging.fit import finding_text, fit_of
+def _warn_misfits(result: Result, *, quiet: bool) -> None:
+    """Say where geometry expects the vehicle not to fit, passing obstacles as the plan does; the plan is made all the same."""
+    from hdvplan.judging.fit import finding_text
 
-    findings = fit_of(road, vehicle).findings
+    findings = result.fit.findings
     for finding in findings[:_MOST_WARNINGS]:
-        warn(finding_text(finding, vehicle.name), quiet=quiet)
+        warn(finding_text(finding, result.drive.vehicle.name), quiet=quiet)
     if len(findings) > _MOST_WARNINGS:
         warn(f"{len(findings) - _MOST_WARNINGS} more such places; summary.json lists all under fit", quiet=quiet)
 

@@ -11,6 +11,8 @@ from hdvplan.driving.drive import Drive
 from hdvplan.jit import FloatArray
 from hdvplan.judging.contact import contact
 from hdvplan.judging.envelope import SPACING_M, Envelope, envelope_of
+from hdvplan.judging.obstacles import Approach, approaches
+from hdvplan.road.road import Limits
 
 KEPT_M = 0.01  # a limit counts as kept when broken by no more than this, as simulated
 
@@ -26,7 +28,8 @@ class Breach:
     side: str  # "left" or "right"
     unit: int  # index of the body at the deepest place
     part: str  # of that body, see ``contact``
-    region: str  # "drivable": wheels or wheelbase beyond the limit; "sweepable": a body beyond the overhangs' limit
+    region: str  # "drivable": wheels or wheelbase beyond the limit; "sweepable": a body beyond the overhangs' limit, or in an obstacle
+    obstacle: str | None = None  # what users call the obstacle that is hit, "" for one without a name; None for the road's own edge
 
 
 @dataclass(frozen=True)
@@ -38,8 +41,9 @@ class Balance:
     mean_abs_imbalance: float  # mean over s of |left(s) + right(s)| [m]
     expected_half_width: float  # geometric, at the road's largest curvature [m]
     saturated: bool  # no balanced circle is as tight as the road
-    min_clearance: float | None  # to the limits; negative when broken; None without limits [m]
+    min_clearance: float | None  # to edges and obstacles; negative when one is broken; None without limits [m]
     breaches: tuple[Breach, ...]  # deeper than KEPT_M, in order of s
+    approaches: tuple[Approach, ...] = ()  # nearest to each obstacle
 
     @property
     def imbalance(self) -> float:
@@ -57,7 +61,8 @@ def balance_of(drive: Drive, envelope: Envelope) -> Balance:
     left, right = envelope.reach_left, envelope.reach_right
     k = drive.road.path.at(envelope.s).curvature
     tightest = CentringTable.of(drive.vehicle).at(np.array([np.max(np.abs(k))]))
-    clearance, breaches = _clearance(drive, envelope)
+    near = approaches(drive)
+    clearance, breaches = _clearance(drive, envelope, near)
     return Balance(
         float(np.max(left)),
         float(-np.min(right)),
@@ -66,40 +71,56 @@ def balance_of(drive: Drive, envelope: Envelope) -> Balance:
         bool(tightest.saturated[0]),
         clearance,
         breaches,
+        near,
     )
 
 
-def gaps_of(drive: Drive, envelope: Envelope) -> dict[tuple[str, str], FloatArray]:
-    """Return the room that every body leaves, shape (units, n) [m], negative beyond the limit, by the limit's side and region.
+def edges_of(drive: Drive) -> Limits | None:
+    """Return the limits without those that obstacles make: how near obstacles are is judged in the plane."""
+    return drive.road.limits if drive.road.edges is None else drive.road.edges
+
+
+def gaps_of(drive: Drive, envelope: Envelope, limits: Limits | None) -> dict[tuple[str, str], FloatArray]:
+    """Return the room that every body leaves to ``limits``, shape (units, n) [m], negative beyond them, by the limit's side and region.
 
     Empty without limits; NaN where a body never was. "drivable" binds wheels and wheelbase where overhangs have limits of
     their own, else whole bodies.
     """
-    limits = drive.road.limits
     if limits is None:
         return {}
     _, _, left_sweep, right_sweep = limits.table(envelope.s)
     region = "sweepable" if limits.two_regions else "drivable"
     gaps = {("left", region): left_sweep - envelope.left, ("right", region): envelope.right - right_sweep}
-    return gaps | wheel_gaps_of(drive, envelope.s) if limits.two_regions else gaps
+    return gaps | wheel_gaps_of(drive, envelope.s, limits) if limits.two_regions else gaps
 
 
-def wheel_gaps_of(drive: Drive, s: FloatArray) -> dict[tuple[str, str], FloatArray]:
+def wheel_gaps_of(drive: Drive, s: FloatArray, limits: Limits | None) -> dict[tuple[str, str], FloatArray]:
     """Return ``gaps_of`` wheels and what lies between a body's axles alone, at the envelope's arclengths ``s`` [m]."""
-    if drive.road.limits is None:
+    if limits is None:
         return {}
-    left, right, _, _ = drive.road.limits.table(s)
+    left, right, _, _ = limits.table(s)
     axles = envelope_of(drive, axles_only=True)
     return {("left", "drivable"): left - axles.left, ("right", "drivable"): axles.right - right}
 
 
-def _clearance(drive: Drive, envelope: Envelope) -> tuple[float | None, tuple[Breach, ...]]:
-    gaps = gaps_of(drive, envelope)
+def _clearance(drive: Drive, envelope: Envelope, near: tuple[Approach, ...]) -> tuple[float | None, tuple[Breach, ...]]:
+    """Return the least room, and every breach: of the road's edges as limits along s say, of obstacles as they lie in the plane."""
+    gaps = gaps_of(drive, envelope, edges_of(drive))
     if not gaps:
         return None, ()
     breaches = [breach for (side, region), gap in gaps.items() for breach in _breaches(drive, envelope.s, gap, side, region)]
-    lowest = min(float(np.nanmin(gap)) for gap in gaps.values())
-    return lowest, tuple(sorted((breach for breach in breaches if not _told(breach, breaches)), key=lambda breach: breach.s_from))
+    breaches = [breach for breach in breaches if not _told(breach, breaches)]
+    region, length = next(iter(gaps))[1], drive.road.path.length
+    breaches += [_hit(approach, region) for approach in near if approach.distance < -KEPT_M and 0.0 <= approach.s <= length]
+    lowest = min(*(float(np.nanmin(gap)) for gap in gaps.values()), *(approach.distance for approach in near))
+    return lowest, tuple(sorted(breaches, key=lambda breach: breach.s_from))
+
+
+def _hit(approach: Approach, region: str) -> Breach:
+    return Breach(
+        approach.s_from, approach.s_to, approach.s, -approach.distance, approach.side, approach.unit, approach.part, region,
+        approach.obstacle.label,
+    )  # fmt: skip
 
 
 def _told(breach: Breach, breaches: list[Breach]) -> bool:

@@ -8,6 +8,7 @@ from hdvplan.driving.drive import Drive
 from hdvplan.jit import FloatArray
 from hdvplan.judging.bodies import placed
 from hdvplan.vehicle.body import axles_behind
+from hdvplan.vehicle.model import Unit
 
 _SPACING_M = 0.1  # of the places on an edge that are looked at
 _NEAR_M = 0.2  # a place this near to a corner or an axle bears its name
@@ -31,13 +32,15 @@ def contact(drive: Drive, unit: int, side: str, s: float, *, axles_only: bool) -
     x, y = poses["x"] + ahead * poses["cos"] - across * poses["sin"], poses["y"] + ahead * poses["sin"] + across * poses["cos"]
     foot, offset = drive.stations.path.project(x, y, drive.poses_s[near, None] - behind + ahead)
     reach: FloatArray = np.where(np.abs(foot - s) <= _SPACING_M, np.sign(across) * offset, -np.inf)
-    return _name(float(ahead[int(np.argmax(reach)) % len(ahead)]), body.front, body.wheelbase, -body.rear_overhang)
+    return part_named(body, float(ahead[int(np.argmax(reach)) % len(ahead)]))
 
 
-def _name(ahead: float, front: float, wheelbase: float, rear: float) -> str:
-    for place_, name in ((wheelbase, "front axle"), (0.0, "rear axle"), (front, "front corner"), (rear, "rear corner")):
+def part_named(body: Unit, ahead: float) -> str:
+    """Return the name of the part of a body that lies ``ahead`` of its axle [m]; see ``contact``."""
+    places = {"front axle": body.wheelbase, "rear axle": 0.0, "front corner": body.front, "rear corner": -body.rear_overhang}
+    for name, place_ in places.items():
         if abs(ahead - place_) < _NEAR_M:
             return name
-    if ahead > wheelbase:
+    if ahead > body.wheelbase:
         return "front overhang"
     return "rear overhang" if ahead < 0.0 else "side between the axles"

@@ -11,10 +11,11 @@ from hdvplan.case import Case
 from hdvplan.centring.weights import Centring, CentringTable
 from hdvplan.driving.drive import Drive
 from hdvplan.jit import FloatArray
-from hdvplan.judging.balance import KEPT_M, Balance, Breach, balance_of, gaps_of, wheel_gaps_of
+from hdvplan.judging.balance import KEPT_M, Balance, Breach, balance_of, edges_of, gaps_of, wheel_gaps_of
 from hdvplan.judging.envelope import Envelope, envelope_of
 from hdvplan.judging.fit import Fit, fit_of
-from hdvplan.judging.obstacles import Approach, approaches
+from hdvplan.judging.obstacles import Approach
+from hdvplan.judging.passed import Passed
 from hdvplan.planning.bias import shifted
 from hdvplan.planning.planner import Plan
 from hdvplan.vehicle.model import Vehicle
@@ -32,6 +33,7 @@ class Result:
     balance: Balance
     expected: Centring
     fit: Fit  # what geometry said before planning
+    passed: tuple[Passed, ...] = ()  # the obstacles in order of s, and their sides
 
     @property
     def solver(self) -> str:
@@ -46,7 +48,12 @@ class Result:
     @cached_property
     def gaps(self) -> dict[tuple[str, str], FloatArray]:
         """The room that every body leaves to the limits, (units, n) [m], by side and region; empty without limits."""
-        return gaps_of(self.drive, self.envelope)
+        return gaps_of(self.drive, self.envelope, self.drive.road.limits)
+
+    @cached_property
+    def edge_gaps(self) -> dict[tuple[str, str], FloatArray]:
+        """``gaps`` to the road's own edges: how near obstacles were is told by ``approaches``, in the plane."""
+        return self.gaps if self.drive.road.edges is None else gaps_of(self.drive, self.envelope, self.drive.road.edges)
 
     @property
     def clearance(self) -> FloatArray | None:
@@ -59,18 +66,19 @@ class Result:
     @cached_property
     def wheel_room(self) -> float | None:
         """Least room that wheels, and what lies between a body's axles, leave to their limits, negative beyond them [m]; None without."""
-        gaps = wheel_gaps_of(self.drive, self.envelope.s).values()
+        gaps = wheel_gaps_of(self.drive, self.envelope.s, edges_of(self.drive)).values()
         return min((float(np.nanmin(gap)) for gap in gaps), default=None)
 
-    @cached_property
+    @property
     def approaches(self) -> tuple[Approach, ...]:
         """Where the drive came nearest to each obstacle."""
-        return approaches(self.drive)
+        return self.balance.approaches
 
     @property
     def entered(self) -> tuple[Approach, ...]:
-        """The obstacles that a body entered. Limits along s know nothing of those before the road's start and beyond its end."""
-        return tuple(approach for approach in self.approaches if approach.distance < -KEPT_M)
+        """The obstacles before the road's start and beyond its end that a body entered; those beside the road are in the breaches."""
+        length = self.drive.road.path.length
+        return tuple(near for near in self.approaches if near.distance < -KEPT_M and not 0.0 <= near.s <= length)
 
     @property
     def failed(self) -> tuple[Plan, ...]:
@@ -101,8 +109,8 @@ class Result:
         return "some steps not solved" if self.failed else "ok"
 
 
-def result_of(drive: Drive, *, solver: str, objective: str) -> Result:
-    """Evaluate an executed drive; ``solver`` and ``objective`` are what its case calls them.
+def result_of(drive: Drive, *, solver: str, objective: str, passed: tuple[Passed, ...] = ()) -> Result:
+    """Evaluate an executed drive; ``solver`` and ``objective`` are what its case calls them, ``passed`` how its obstacles are passed.
 
     Raises:
         PlanError: a body reached beyond the road's centre of curvature.
@@ -112,21 +120,27 @@ def result_of(drive: Drive, *, solver: str, objective: str) -> Result:
     curvature = shifted(drive.road.path.at(envelope.s).curvature, drive.bias.at(envelope.s), envelope.s)
     expected = CentringTable.of(drive.vehicle).at(curvature)
     case = Case(drive.road, drive.vehicle, objective, solver, drive.settings, drive.bias)
-    return Result(case, drive, envelope, balance_of(drive, envelope), expected, fit_of(drive.road, drive.vehicle))
+    return Result(case, drive, envelope, balance_of(drive, envelope), expected, fit_of(drive.road, drive.vehicle), passed)
 
 
 def breach_text(result: Result, breach: Breach) -> str:
     """Return a sentence that says which body breaks which limit, by how much and where."""
-    limit = f"{breach.region} {breach.side}" if result.two_regions else breach.side
     name = body_name(result.drive.vehicle, breach.unit)
+    if breach.obstacle is not None:
+        named = _obstacle_named(breach.obstacle)
+        return f"the {breach.part} of the {name} enters {named} by {breach.depth:.3f} m at s = {breach.s_deepest:.1f} m"
+    limit = f"{breach.region} {breach.side}" if result.two_regions else breach.side
     return f"the {breach.part} of the {name} breaks the {limit} limit by {breach.depth:.3f} m at s = {breach.s_deepest:.1f} m"
 
 
 def entered_text(result: Result, approach: Approach) -> str:
     """Return a sentence that says which body enters which obstacle, by how much and where."""
-    named = f"the obstacle {approach.obstacle.label!r}" if approach.obstacle.label else "an obstacle"
-    name = body_name(result.drive.vehicle, approach.unit)
-    return f"the {name} enters {named} by {-approach.distance:.3f} m at s = {approach.s:.1f} m"
+    named, name = _obstacle_named(approach.obstacle.label), body_name(result.drive.vehicle, approach.unit)
+    return f"the {approach.part} of the {name} enters {named} by {-approach.distance:.3f} m at s = {approach.s:.1f} m"
+
+
+def _obstacle_named(label: str) -> str:
+    return f"the obstacle {label!r}" if label else "an obstacle"
 
 
 def body_name(vehicle: Vehicle, unit: int) -> str:

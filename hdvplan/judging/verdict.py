@@ -29,10 +29,10 @@ class Verdict:
     x: float
     y: float
     lonlat: tuple[float, float] | None
-    side: str | None  # of the vehicle, "left" or "right"; None where an obstacle before or beyond the road decides
+    side: str  # of the vehicle, "left" or "right"
     unit: int  # index of the body
-    part: str | None  # of the body, see ``contact``; None as for ``side``
-    region: str | None  # of the limit, see ``Breach``; None without limits
+    part: str  # of the body, see ``contact``
+    region: str | None  # of the limit, see ``Breach``; None without limits, or where an obstacle decides
     obstacle: str | None  # what users call the obstacle that decides, "" for one without a name; None where a limit of the road does
     wheels_spare: float | None  # least room of wheels and what lies between them on the whole road, without the clearance [m]
 
@@ -48,14 +48,11 @@ def verdict_of(result: Result) -> Verdict:
     A limit, or the clearance wanted from it, counts as kept when it is broken by no more than ``KEPT_M``.
     """
     wanted = result.case.settings.clearance
-    tightest, hit = _tightest(result), _worst_hit(result)
-    if tightest is None and hit is None:
-        return _needs(result)
-    room = np.inf if tightest is None else tightest.room
-    if hit is not None and hit.distance < room:
-        return _at_obstacle(result, hit, wanted)
-    assert tightest is not None  # noqa: S101 - for the type checker: there is no hit here
-    return _at_limit(result, tightest, wanted)
+    tightest = _tightest(result)
+    nearest = min(result.approaches, key=lambda approach: approach.distance, default=None)
+    if nearest is not None and (tightest is None or nearest.distance < tightest.room):
+        return _at_obstacle(result, nearest, wanted)
+    return _needs(result) if tightest is None else _at_limit(result, tightest, wanted)
 
 
 def verdict_line(result: Result, verdict: Verdict) -> str:
@@ -72,7 +69,7 @@ def verdict_line(result: Result, verdict: Verdict) -> str:
             f" of the {verdict.clearance_wanted:.2f} m to keep" if verdict.spare > -verdict.clearance_wanted else
             f" with the {verdict.clearance_wanted:.2f} m to keep"
         )  # fmt: skip
-    who = f"the {verdict.part} of the {name}" if verdict.part else f"the {name}"
+    who = f"the {verdict.part} of the {name}"
     against = _against(verdict, two_regions=result.two_regions)
     if verdict.fits:
         return f"YES: {amount}; tightest {place}, {who} beside {against}"
@@ -101,7 +98,7 @@ class _Tightest:
 
 def _tightest(result: Result) -> _Tightest | None:
     found: _Tightest | None = None
-    for (side, region), gaps in result.gaps.items():
+    for (side, region), gaps in result.edge_gaps.items():
         if np.all(np.isnan(gaps)):
             continue
         unit, at = (int(number) for number in np.unravel_index(np.nanargmin(gaps), gaps.shape))
@@ -109,11 +106,6 @@ def _tightest(result: Result) -> _Tightest | None:
         if np.isfinite(room) and (found is None or room < found.room):
             found = _Tightest(room, float(result.envelope.s[at]), side, region, unit)
     return found
-
-
-def _worst_hit(result: Result) -> Approach | None:
-    """Return the obstacle that a body is deepest in, None where none is entered."""
-    return min(result.entered, key=lambda approach: approach.distance, default=None)
 
 
 def _needs(result: Result) -> Verdict:
@@ -141,12 +133,11 @@ def _at_limit(result: Result, tightest: _Tightest, wanted: float) -> Verdict:
     )  # fmt: skip
 
 
-def _at_obstacle(result: Result, hit: Approach, wanted: float) -> Verdict:
-    at = result.drive.stations.path.at(hit.s)
-    lonlat = _lonlat(result, float(at.x), float(at.y))
+def _at_obstacle(result: Result, near: Approach, wanted: float) -> Verdict:
+    spare = near.distance - wanted
     return Verdict(
-        False, hit.distance - wanted, wanted, _half_width(result), hit.s, float(at.x), float(at.y), lonlat, None, hit.unit, None, None,
-        hit.obstacle.label or "", None,
+        spare >= -KEPT_M, spare, wanted, _half_width(result), near.s, near.x, near.y, _lonlat(result, near.x, near.y), near.side, near.unit,
+        near.part, None, near.obstacle.label, None,
     )  # fmt: skip
 
 

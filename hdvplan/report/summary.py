@@ -11,6 +11,7 @@ from hdvplan.judging.balance import Breach
 from hdvplan.judging.fit import finding_json
 from hdvplan.judging.manners import Use, manners_of
 from hdvplan.judging.obstacles import Approach
+from hdvplan.judging.passed import Passed
 from hdvplan.judging.result import Result, body_name
 from hdvplan.judging.verdict import Verdict, verdict_line, verdict_of
 from hdvplan.judging.wheels import Wheel, wheels_of
@@ -52,6 +53,7 @@ def summary_of(result: Result) -> Json:
         "manners": _manners(result),
         "fit": [finding_json(finding) for finding in result.fit.findings],
         "obstacles": [_approach(approach, drive.vehicle) for approach in result.approaches],
+        "passed": [_passed(passed) for passed in result.passed],
         "failed_steps": [float(drive.stations.s[plan.first]) for plan in result.failed],
         "prediction_error_m": drive.prediction_error,
         "sqp_iterations_mean": float(np.mean(counts)),
@@ -171,6 +173,25 @@ def _approach(approach: Approach, vehicle: Vehicle) -> Json:
     }
 
 
+def _passed(passed: Passed) -> Json:
+    """Return how an obstacle was passed; infinities, where no plan exists on the other side, are None with their reason."""
+    own, other, reason = passed.own, passed.other, passed.reason
+    if other is not None and not np.isfinite(other.violation):
+        other, reason = None, "no plan exists on the other side"
+    return {
+        "name": passed.obstacle.label,
+        "s_m": 0.5 * (passed.s_from + passed.s_to),
+        "side": str(passed.side),
+        "forced": passed.forced,
+        "clearance_m": None if own is None else own.clearance,
+        "off_centre_m": None if own is None else own.off_centre,
+        "other_violation_m": None if other is None else other.violation,
+        "other_clearance_m": None if other is None else other.clearance,
+        "other_off_centre_m": None if other is None else other.off_centre,
+        "reason": reason,
+    }
+
+
 def _breach(breach: Breach, vehicle: Vehicle) -> Json:
     return {
         "s_from": breach.s_from,
@@ -181,4 +202,5 @@ def _breach(breach: Breach, vehicle: Vehicle) -> Json:
         "unit": body_name(vehicle, breach.unit),
         "part": breach.part,
         "region": breach.region,
+        "obstacle": breach.obstacle,
     }

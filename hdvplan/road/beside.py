@@ -12,7 +12,7 @@ from hdvplan.errors import RoadError
 from hdvplan.jit import FloatArray
 from hdvplan.road.crs import Plane
 from hdvplan.road.features import LINES, Choice, Feature, Json, Role, coordinates_of, flat, parts_of, role_of
-from hdvplan.road.regions import Kind, Region
+from hdvplan.road.regions import Kind, Region, Side
 
 _POLYGONS = {"Polygon", "MultiPolygon"}
 
@@ -38,6 +38,7 @@ class Beside:
             msg = f"{where} is {given!r}; a region is obstacle or sweepable"
             raise RoadError(msg)
         kind = Kind(given or str(role))
+        side = _side(feature, kind, where)
         found: list[Region] = []
         for geometry in flat(feature.geometry) or [{"type": "feature without geometry"}]:
             rings = _rings(geometry, closed_lines=feature.drawn)
@@ -47,7 +48,7 @@ class Beside:
                 msg = f"{where} is a {geometry['type']}, not a Polygon or MultiPolygon"
                 raise RoadError(msg, hint="draw a fence or a wall as a narrow polygon")
             self._check_system(feature, where)
-            found += [Region(kind, polygon, label) for ring in rings for polygon in self._polygons(ring, where)]
+            found += [Region(kind, polygon, label, side) for ring in rings for polygon in self._polygons(ring, where)]
         return found
 
     def edges(self, feature: Feature) -> list[FloatArray]:
@@ -85,6 +86,17 @@ class Beside:
             msg = f"{where} has no area"
             raise RoadError(msg)
         return parts
+
+
+def _side(feature: Feature, kind: Kind, where: str) -> Side | None:
+    """Return on which side an obstacle must be passed, as its property says."""
+    given = feature.properties.get("pass")
+    if given is None:
+        return None
+    if kind is not Kind.OBSTACLE or given not in list(Side):
+        msg = f"{where} has pass = {given!r}; an obstacle is passed on the left or on the right, and nothing else is passed"
+        raise RoadError(msg)
+    return Side(given)
 
 
 def _rings(geometry: Json, *, closed_lines: bool) -> list[Any] | None:

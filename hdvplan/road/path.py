@@ -123,6 +123,17 @@ class ReferencePath:
         table = np.vstack([head, self.coefficients, tail])
         return ReferencePath(table, self.s_first - len(head) * self.spacing, self.spacing, self.length, self.closed)
 
+    def stretch(self, s_from: float, s_to: float, before: float, after: float) -> ReferencePath:
+        """Return the part from ``s_from`` to ``s_to`` as a path of its own, whose table goes on along this one ``before`` and ``after`` it.
+
+        Arclengths count from ``s_from``; all in metres. Either end may lie beyond the road.
+        """
+        whole = self.extended(before - s_from, s_to + after - self.length)
+        first = int(np.floor((s_from - before - whole.s_first) / whole.spacing + 1e-9))
+        last = int(np.ceil((s_to + after - whole.s_first) / whole.spacing - 1e-9))
+        table = whole.coefficients[first:last]
+        return ReferencePath(table, whole.s_first + first * whole.spacing - s_from, whole.spacing, s_to - s_from, closed=False)
+
     def _wound(self, first: float, last: float) -> ReferencePath:
         segments = round(self.length / self.spacing)
         start = round(-self.s_first / self.spacing)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
 
 import numpy as np
 
 from hdvplan.errors import OptionError, RoadError
 from hdvplan.jit import FloatArray
+from hdvplan.road.obstructed import Obstructed, obstructed
 from hdvplan.road.path import ReferencePath
-from hdvplan.road.regions import Region, region_limits
+from hdvplan.road.regions import Kind, Region, Side
 
 
 @dataclass(frozen=True)
@@ -78,7 +80,8 @@ class Smoothing:
 class Road:
     """A named road that a vehicle can be planned along.
 
-    ``limits`` are what a vehicle must keep; ``band`` is what they were before ``regions`` cut them, for ``within``.
+    ``limits`` are what a vehicle must keep; ``band`` is what they were before ``regions`` cut them, for ``within``. Planning chooses the
+    sides on which obstacles are passed, and then cuts the band again.
     """
 
     name: str
@@ -90,12 +93,46 @@ class Road:
     regions: tuple[Region, ...] = ()
     band: Limits | None = None
     notes: tuple[str, ...] = ()  # what the reader of its file has to say to the user
+    edges: Limits | None = None  # the limits before obstacles cut them; None where there are none
+
+    @property
+    def has_obstacles(self) -> bool:
+        """Whether anything must be passed."""
+        return any(region.kind is Kind.OBSTACLE for region in self.regions)
+
+    @cached_property
+    def obstructed(self) -> Obstructed | None:
+        """The road's band with its regions, which give the limits for any choice of the sides on which obstacles are passed."""
+        band = self.band
+        given = None if band is None else (band.s, np.stack([band.left, band.right, band.left_sweep, band.right_sweep]))
+        return obstructed(self.path, self.regions, given) if self.regions else None
 
     def within(self, band: Limits | None) -> Road:
         """Return the road with the limits ``band``, or open without one, as its regions cut and widen them."""
-        s, table = (None, None) if band is None else (band.s, np.stack([band.left, band.right, band.left_sweep, band.right_sweep]))
-        found = region_limits(self.path, self.regions, s, table) if self.regions else None
-        return replace(self, limits=band if found is None else Limits(found[0], *found[1]), band=band)
+        road = replace(self, limits=band, band=band, edges=None)
+        found = road.obstructed
+        return road if found is None else road.passing(found.usual)
+
+    def passed_on(self, side: Side) -> Road:
+        """Return the road with ``side`` given for every obstacle on its line that has none of its own."""
+        found = self.obstructed
+        on_line = set() if found is None else {passage.region for passage in found.passages if passage.on_line}
+        regions = tuple(replace(one, side=one.side or side) if number in on_line else one for number, one in enumerate(self.regions))
+        return replace(self, regions=regions).within(self.band)
+
+    def passing(self, sides: Sequence[Side]) -> Road:
+        """Return the road with the limits that passing its obstacles on ``sides`` leaves, one for each of ``obstructed.passages``."""
+        found = self.obstructed
+        if found is None:
+            return self
+        limits, edges = (Limits(nodes, *values) for nodes, values in (found.limits(sides), found.limits([None] * len(sides))))
+        road = replace(self, limits=limits, edges=edges if found.passages else None)
+        road.__dict__["obstructed"] = found  # where ``cached_property`` looks: band and regions are the same
+        return road
+
+    def __getstate__(self) -> dict[str, object]:
+        """Return the fields alone: the rest follows from them."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     def with_limits(self, left: float, right: float) -> Road:
         """Return the road with constant limits, which its obstacles still cut; ``left``, ``right`` are positive reaches [m]."""

@@ -13,6 +13,7 @@ import shapely
 import hdvplan
 from hdvplan.errors import OptionError
 from hdvplan.jit import FloatArray
+from hdvplan.judging.balance import balance_of
 from hdvplan.judging.result import Result
 from hdvplan.planning.bias import Bias
 from hdvplan.report.files import write_plan
@@ -130,7 +131,8 @@ def test_a_summary_with_words_for_numbers_is_refused(kerbed: Result, tmp_path: P
 def test_obstacles_and_kerbs_come_with_their_distances_and_where_they_lie(straight: Result, tmp_path: Path) -> None:
     van, kerb = shapely.box(40.0, 2.0, 42.0, 3.0), shapely.box(60.0, -4.0, 70.0, -2.0)
     road = replace(straight.drive.road, regions=(Region(Kind.OBSTACLE, van, "van"), Region(Kind.SWEEPABLE, kerb)))
-    write_plan(replace(straight, drive=replace(straight.drive, road=road)), tmp_path)
+    drive = replace(straight.drive, road=road)
+    write_plan(replace(straight, drive=drive, balance=balance_of(drive, straight.envelope)), tmp_path)
     plan = read_plan(tmp_path)
     shown = payload_of(replace(plan, path=plan.path.assign(x=plan.path["x"] + 100.0)))["regions"]
     assert [region["region"] for region in shown] == ["obstacle", "sweepable"]

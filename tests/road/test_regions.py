@@ -16,7 +16,8 @@ from hdvplan.road.regions import OPEN_M, Kind, Region
 from hdvplan.road.road import Limits, Road
 
 TABLE_M = 0.25  # of the planner's limit table
-CAUTION_M = 0.3  # the table's spacing and one cell: how much too early a limit may jump
+CELL_M = 0.05  # how much too early a limit of an obstacle may jump
+CAUTION_M = 0.3  # the table's spacing and one cell: the same for a kerb's
 
 
 def straight(*regions: Region, length: float = 100.0) -> Road:
@@ -40,7 +41,7 @@ def ring(path: ReferencePath, s: FloatArray, low: float, high: float) -> shapely
 
 def test_an_obstacle_cuts_the_side_where_it_lies_a_little_longer_than_it_is() -> None:
     road = straight(box(40, 1, 46, 5)).with_limits(3.0, 2.0)
-    inside, outside = (39.76, 40.0, 43.0, 46.0, 46.24), (0.0, 40.0 - CAUTION_M - 0.06, 46.0 + CAUTION_M + 0.06, 100.0)
+    inside, outside = (40.0, 40.01, 43.0, 45.99, 46.0), (0.0, 40.0 - 2.1 * CELL_M, 46.0 + 2.1 * CELL_M, 100.0)
     # 1e-6 m: the foot of a point is exact to 1e-9 m, a quintic's normals to 1e-9
     np.testing.assert_allclose(at(road, *inside), np.tile([[1.0], [-2.0]] * 2, 5), atol=1e-6)
     np.testing.assert_array_equal(at(road, *outside), np.tile([[3.0], [-2.0]] * 2, 4))  # the jump takes a cell of 5 cm
@@ -149,7 +150,7 @@ def test_a_smooth_edge_costs_no_more_than_centimetres(bend: float, offset: float
     within = (s > along - 7.0) & (s < along + 7.0)
     lost = (edge[within] - at(road, *s[within])[side]) * (1.0 - 2.0 * side)
     assert np.min(lost) >= -2e-4  # the sagitta
-    assert np.max(lost) <= (CAUTION_M + 0.06) * abs(slope) + 3e-4  # a cell more where a normal is not one of the cells'
+    assert np.max(lost) <= 2.2 * CELL_M * abs(slope) + 3e-4  # a cell more where a normal is not one of the cells'
 
 
 polygons = st.lists(st.tuples(st.floats(-8.0, 8.0), st.floats(-6.0, 6.0)), min_size=3, max_size=7)

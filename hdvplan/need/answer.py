@@ -1,0 +1,94 @@
+"""The answer to what a vehicle needs on a road: the least room, where it is decided, and the least widening of the road's own limits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from hdvplan.case import Case
+from hdvplan.judging.contact import contact
+from hdvplan.judging.result import Result
+from hdvplan.judging.verdict import point_of
+from hdvplan.need.measure import own_limits, taken_by
+from hdvplan.need.room import least_edge, least_half_width
+from hdvplan.need.search import WIDE_M, Least
+from hdvplan.need.widening import Widenings, least_widenings
+from hdvplan.road.road import Limits
+
+
+@dataclass(frozen=True)
+class Place:
+    """The point of a vehicle that decides how much room it needs; see ``Verdict`` for the frame."""
+
+    s: float  # [m]
+    x: float
+    y: float
+    lonlat: tuple[float, float] | None
+    side: str  # "left" or "right"
+    unit: int  # index of the body
+    part: str  # of the body, see ``contact``
+
+
+@dataclass(frozen=True)
+class Need:
+    """What ``case.vehicle`` needs on ``case.road``.
+
+    ``room`` is the least half width, or the least reach on ``side`` with the other edge held. ``widenings`` are those of the road's own
+    limits; None where it has none, or an edge was held. ``held`` is the least reach of the held edge with the other side wide open, asked
+    only where no plan keeps it.
+    """
+
+    case: Case
+    side: str | None
+    room: Least
+    place: Place | None  # where ``room`` is decided; None where no plan was found
+    held: Least | None
+    widenings: Widenings | None
+
+
+def need_of(case: Case, *, on_progress: Callable[[float], None] | None = None) -> Need:
+    """Return the least half width for a case, and the least widening of its road's own limits where it has some.
+
+    ``on_progress`` receives a share that grows from 0 to 1.
+    """
+    own = own_limits(case.road)
+    share = 1.0 if own is None else _ROOMS_SHARE
+    room = least_half_width(case, on_progress=_part(on_progress, 0.0, share))
+    widenings = None if own is None else least_widenings(case, own, on_progress=_part(on_progress, share, 1.0))
+    return Need(case, None, room, _place(room.result, None), None, widenings)
+
+
+def edge_need_of(case: Case, held: Limits, side: str, *, on_progress: Callable[[float], None] | None = None) -> Need:
+    """Return the least reach on ``side`` ("left" or "right") with the other edge of ``held`` kept.
+
+    ``on_progress`` receives a share that grows from 0 to 1.
+    """
+    room = least_edge(case, held, side, on_progress=on_progress)
+    if room.result is not None:
+        return Need(case, side, room, _place(room.result, side), None, None)
+    other = "right" if side == "left" else "left"
+    least = least_edge(case, Limits.constant(WIDE_M, WIDE_M, case.road.path.length), other)
+    return Need(case, side, room, _place(least.result, other), least, None)
+
+
+_ROOMS_SHARE = 0.2  # of the time that both answers take
+
+
+def _part(on_progress: Callable[[float], None] | None, start: float, end: float) -> Callable[[float], None] | None:
+    return None if on_progress is None else lambda share: on_progress(start + (end - start) * share)
+
+
+def _place(result: Result | None, side: str | None) -> Place | None:
+    """Return where a plan reached furthest over the road's own limits, on one side or on either."""
+    if result is None:
+        return None
+    took, rows = taken_by(result), {"left": [2], "right": [3], None: [2, 3]}[side]
+    row, at = np.unravel_index(np.argmax(np.where(took.own[rows], took.reach[rows], -np.inf)), (len(rows), len(took.s)))
+    where, s = ("left", "right")[rows[int(row)] - 2], float(took.s[at])
+    envelope = result.envelope
+    reach = envelope.left[:, at] if where == "left" else -envelope.right[:, at]
+    unit = int(np.nanargmax(reach))
+    x, y, lonlat = point_of(result, unit, where, s)
+    return Place(s, x, y, lonlat, where, unit, contact(result.drive, unit, where, s, axles_only=False))

@@ -1,0 +1,51 @@
+"""The least even half width of a road, and the least edge on one side while the other is held."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from hdvplan.case import Case
+from hdvplan.jit import FloatArray
+from hdvplan.need.measure import OUTWARDS, Taken
+from hdvplan.need.search import Least, Question, least
+from hdvplan.road.road import Limits
+
+_HELD_M = 1e-3  # of a held edge: rounding of a plan that keeps it
+
+
+def least_half_width(case: Case, *, on_progress: Callable[[float], None] | None = None) -> Least:
+    """Return the least half width W for which a plan keeps +-W everywhere, and what obstacles leave of it.
+
+    The road's own widths do not count; its obstacles and the clearance wanted do.
+    """
+    length = case.road.path.length
+
+    def needed(took: Taken) -> float:
+        return float(np.max(took.reach, initial=0.0, where=took.own)) if took.passes else np.inf
+
+    question = Question(lambda half: Limits.constant(half, half, length), needed, 0.5 * case.vehicle.width)
+    return least(case, question, on_progress=on_progress)
+
+
+def least_edge(case: Case, held: Limits, side: str, *, on_progress: Callable[[float], None] | None = None) -> Least:
+    """Return the least reach on the other ``side`` ("left" or "right") for which a plan keeps the edge of ``held`` opposite to it.
+
+    Nothing is reached, and ``result`` is None, where no plan keeps the held edge.
+    """
+    asked, kept = ([0, 2], [1, 3]) if side == "left" else ([1, 3], [0, 2])
+
+    def band(reach: float) -> Limits:
+        rows = held.table(held.s)
+        rows[asked] = OUTWARDS[asked] * reach
+        return Limits(held.s, *rows)
+
+    def needed(took: Taken) -> float:
+        if not took.passes or np.max(took.beyond(held)[kept]) > _HELD_M:
+            return np.inf
+        return float(np.max(took.reach[asked], initial=0.0, where=took.own[asked]))
+
+    opposite: FloatArray = np.abs(held.table(held.s)[kept])
+    question = Question(band, needed, max(0.0, case.vehicle.width - float(np.min(opposite))))
+    return least(case, question, on_progress=on_progress)

@@ -1,0 +1,30 @@
+"""A part of a road as a road of its own: places far apart are looked at one by one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from hdvplan.case import Case
+from hdvplan.need.measure import own_limits
+from hdvplan.planning.bias import Bias
+from hdvplan.road.road import Limits
+
+
+def stretch_of(case: Case, s_from: float, s_to: float) -> Case:
+    """Return the case from arclength ``s_from`` to ``s_to`` [m] of its road; arclengths count from ``s_from``.
+
+    Bodies behind the stretch's start, and plans beyond its end, lie on the road as it goes on.
+    """
+    road, vehicle, settings = case.road, case.vehicle, case.settings
+    beside = settings.horizon + vehicle.reach_ahead + vehicle.reach_behind + _ROOM_M
+    path = road.path.stretch(s_from, s_to, beside, beside)
+    cut = replace(road, path=path, smoothing=None, limits=None, band=None).within(_moved(own_limits(road), s_from))
+    bias = case.bias if len(case.bias.s) == 1 else Bias(case.bias.s - s_from, case.bias.offset)
+    return replace(case, road=cut, bias=bias)
+
+
+_ROOM_M = 20.0  # for bodies askew
+
+
+def _moved(limits: Limits | None, s_from: float) -> Limits | None:
+    return None if limits is None else replace(limits, s=limits.s - s_from)

@@ -1,0 +1,1 @@
+"""On which side to pass every obstacle."""
