@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdvplan import __version__
-from hdvplan.cli import bench, compare, plan, report, reproduce, roads, solvers, turn, vehicles
+from hdvplan.cli import bench, compare, need, plan, report, reproduce, roads, solvers, turn, vehicles
 from hdvplan.cli.console import ExitCode, one_line, report_error
 from hdvplan.errors import HdvplanError, MeasurementError, PlanError, QpDataError, SolverError, TurnError
 
@@ -28,6 +28,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command("plan")(plan.plan)
+app.command("need")(need.need)
 app.command("turn")(turn.turn)
 app.command("report")(report.report)
 app.command("bench")(bench.bench)

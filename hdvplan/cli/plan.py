@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from hdvplan.vehicle.model import Vehicle
 
 _MOST_WARNINGS = 5
-_REFERENCE_SLACK = 1.25  # a balanced lead axle turns wider than the road's centre, which may thus be tighter than its limit
+REFERENCE_SLACK = 1.25  # a balanced lead axle turns wider than the road's centre, which may thus be tighter than its limit
 
 
 def plan(
@@ -118,7 +118,7 @@ def plan(
 
     Exit code 0: the driven path keeps all limits (to 1 cm). 1: it breaks one, or no plan exists. 2: bad input.
     """
-    reaches = _reaches(half_width, left, right)
+    reaches = reaches_of(half_width, left, right)
     drawn_on = sheet_options(sheet, scale)
     if out is not None and out.exists() and not out.is_dir():
         msg = f"--out {out} is a file, not a folder"
@@ -132,7 +132,7 @@ def plan(
     check_objective(objective)
     driven = load_vehicle(vehicle)
     wanted = road_options(
-        smooth, crs, name, _REFERENCE_SLACK * driven.max_curvature, offset=offset, reverse=reverse, layer=layer, roles=role,
+        smooth, crs, name, REFERENCE_SLACK * driven.max_curvature, offset=offset, reverse=reverse, layer=layer, roles=role,
         road_ids=road_ids, lane=lane,
     )  # fmt: skip
     found = find_road(road, wanted)  # what the files have wrong is said before more is loaded
@@ -227,7 +227,7 @@ def _warn_misfits(result: Result, *, quiet: bool) -> None:
         warn(f"{len(findings) - _MOST_WARNINGS} more such places; summary.json lists all under fit", quiet=quiet)
 
 
-def _reaches(half_width: float | None, left: float | None, right: float | None) -> tuple[float, float] | None:
+def reaches_of(half_width: float | None, left: float | None, right: float | None) -> tuple[float, float] | None:
     """Return the limits given as options, left and right, or None."""
     if half_width is not None:
         if left is not None or right is not None:

@@ -115,7 +115,7 @@ def _needs(result: Result) -> Verdict:
     reach = left if side == "left" else right
     unit, at = (int(number) for number in np.unravel_index(np.nanargmax(reach), reach.shape))
     half_width, s = float(reach[unit, at]), float(envelope.s[at])
-    x, y, lonlat = _point(result, unit, side, s)
+    x, y, lonlat = point_of(result, unit, side, s)
     part = contact(result.drive, unit, side, s, axles_only=False)
     wanted = result.case.settings.clearance
     return Verdict(None, None, wanted, half_width + wanted, s, x, y, lonlat, side, unit, part, None, None, None)
@@ -125,7 +125,7 @@ def _at_limit(result: Result, tightest: _Tightest, wanted: float) -> Verdict:
     spare = tightest.room - wanted
     axles_only = tightest.region == "drivable" and result.two_regions
     part = contact(result.drive, tightest.unit, tightest.side, tightest.s, axles_only=axles_only)
-    x, y, lonlat = _point(result, tightest.unit, tightest.side, tightest.s)
+    x, y, lonlat = point_of(result, tightest.unit, tightest.side, tightest.s)
     wheels = result.wheel_room if tightest.room < -KEPT_M else None
     return Verdict(
         spare >= -KEPT_M, spare, wanted, _half_width(result), tightest.s, x, y, lonlat, tightest.side, tightest.unit, part, tightest.region,
@@ -145,8 +145,8 @@ def _half_width(result: Result) -> float:
     return max(result.balance.max_left, result.balance.max_right)
 
 
-def _point(result: Result, unit: int, side: str, s: float) -> tuple[float, float, tuple[float, float] | None]:
-    """Return the outermost point of a body at arclength ``s`` in the plane, and its longitude and latitude."""
+def point_of(result: Result, unit: int, side: str, s: float) -> tuple[float, float, tuple[float, float] | None]:
+    """Return the outermost point of a body at arclength ``s`` in the plane, x and y [m], and its longitude and latitude [deg]."""
     envelope = result.envelope
     offset = (envelope.left if side == "left" else envelope.right)[unit, int(np.argmin(np.abs(envelope.s - s)))]
     x, y = result.drive.stations.path.to_plane(np.array([s]), np.array([offset]))

@@ -55,5 +55,3 @@ def taken_by(result: Result) -> Taken:
     kept = gaps >= clearance - KEPT_M
     clear = all(approach.distance >= clearance - KEPT_M for approach in result.approaches)
     return Taken(s, table - gaps + clearance, own, clear and bool(np.all(kept | own)))
-
-

@@ -65,7 +65,11 @@ class Least:
 
 
 def least(
-    case: Case, question: Question, *, on_progress: Callable[[float], None] | None = None, on_result: Callable[[Result, Taken], None] | None = None
+    case: Case,
+    question: Question,
+    *,
+    on_progress: Callable[[float], None] | None = None,
+    on_result: Callable[[Result, Taken], None] | None = None,
 ) -> Least:
     """Return the least room of ``question`` along ``case.road``, to ``TOLERANCE_M``.
 

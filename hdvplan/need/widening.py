@@ -59,8 +59,8 @@ class Widening:
 class Widenings:
     """The widening of least area and the one of least largest depth.
 
-    Both are None where the vehicle fits as the road is, and ``fitting`` is the plan; all are None where no widening of the road's own limits
-    would do, as an obstacle is in the way.
+    Both are None where the vehicle fits as the road is, and ``fitting`` is the plan; all are None where no widening of the road's own
+    limits would do, as an obstacle is in the way.
     """
 
     area: Widening | None
@@ -77,7 +77,7 @@ def least_widenings(case: Case, own: Limits, *, on_progress: Callable[[float], N
     fitting, breached = _fit(case, own, stations, np.zeros((4, len(stations))))
     if fitting is not None:
         return Widenings(None, None, fitting)
-    places: list[tuple[float, float]] = []
+    places: list[tuple[int, int]] = []
     for number in range(_ROUNDS):
         places = _joined([*places, *breached])
         area, depth = np.zeros((2, 4, len(stations)))
@@ -93,7 +93,8 @@ def least_widenings(case: Case, own: Limits, *, on_progress: Callable[[float], N
         breached = [place for result, beyond in fits if result is None for place in beyond]
         if all(result is not None for result, _ in fits):
             break
-    return Widenings(*(_along(case, own, stations, outwards, fit[0]) for outwards, fit in zip((area, depth), fits, strict=True)), None)
+    least_area, least_depth = (_along(case, own, stations, outwards, fit[0]) for outwards, fit in zip((area, depth), fits, strict=True))
+    return Widenings(least_area, least_depth, None)
 
 
 def _along(case: Case, own: Limits, s: FloatArray, outwards: FloatArray, result: Result | None) -> Widening:
@@ -156,10 +157,10 @@ def _deepest(own: Limits, sides: tuple[int, ...]) -> Question:
 
 def _scaled(case: Case, own: Limits, outwards: FloatArray) -> FloatArray:
     """Return a widening with as little room around it as a plan needs to follow it, then scaled down as far as a plan still fits."""
-    stations = SPACING_M * np.arange(outwards.shape[1])
+    stations: FloatArray = SPACING_M * np.arange(outwards.shape[1], dtype=np.float64)
     for along, aside in _AROUND_M:
-        drawn: FloatArray = maximum_filter1d(outwards, 2 * int(np.ceil(along / SPACING_M)) + 1, axis=1)
-        drawn += aside * (drawn > 0.0)
+        longer = maximum_filter1d(outwards, 2 * int(np.ceil(along / SPACING_M)) + 1, axis=1)
+        drawn: FloatArray = np.where(longer > 0.0, longer + aside, 0.0)
         if _fit(case, own, stations, drawn)[0] is not None:
             break
     low, high = 0.0, 1.0

@@ -48,28 +48,28 @@ def swept_geojson(result: Result) -> Json:
         left, right = envelope.left[unit], envelope.right[unit]
         reaches: Json = {"max_left_m": round(float(np.nanmax(left)), 4), "max_right_m": round(-float(np.nanmin(right)), 4)}
         area = swept_area(road.path, envelope.s, left, right)
-        styled = _area_style(BODY_COLOURS[unit % len(BODY_COLOURS)])
-        features.append(_feature(area, road, common | {"kind": "swept area", "unit": body_name(vehicle, unit)} | reaches | styled))
+        styled = area_style(BODY_COLOURS[unit % len(BODY_COLOURS)])
+        features.append(feature(area, road, common | {"kind": "swept area", "unit": body_name(vehicle, unit)} | reaches | styled))
     s = np.linspace(0.0, road.path.length, max(2, int(np.ceil(road.path.length / CENTRE_SPACING_M)) + 1))
     if road.limits is not None:
         left, right, left_sweep, right_sweep = road.limits.table(s)
         for side, wheels, overhangs in (("left", left, left_sweep), ("right", right, right_sweep)):
             named = common | {"kind": "limit", "side": side}
-            features.append(_feature(_line(road.path, s, wheels), road, named | _line_style(INK, 2)))
+            features.append(feature(_line(road.path, s, wheels), road, named | _line_style(INK, 2)))
             if np.any(overhangs != wheels):
                 named["kind"] = "limit of overhangs"
-                features.append(_feature(_line(road.path, s, overhangs), road, named | _line_style(INK, 1)))
+                features.append(feature(_line(road.path, s, overhangs), road, named | _line_style(INK, 1)))
         features += [_broken(breach, road, road.limits, common) for breach in result.balance.breaches]
     centre = _line(road.path, s, np.zeros(len(s)))
-    features.append(_feature(centre, road, common | {"kind": "road centre"} | _line_style(MUTED, 1)))
+    features.append(feature(centre, road, common | {"kind": "road centre"} | _line_style(MUTED, 1)))
     for region in road.regions:
         label = {"name": region.label} if region.label else {}
         named = common | {"kind": "region", "region": str(region.kind)} | label
-        features.append(_feature(shapely.simplify(region.polygon, _SIMPLER_M), road, named | _area_style(MUTED)))
+        features.append(feature(shapely.simplify(region.polygon, _SIMPLER_M), road, named | area_style(MUTED)))
     for track in wheel_tracks(drive):
         wheel, line = track.wheel, shapely.simplify(shapely.LineString(track.points), _SIMPLER_M, preserve_topology=False)
         named = common | {"kind": "wheel track", "unit": body_name(vehicle, wheel.unit), "axle": wheel.axle, "side": wheel.side}
-        features.append(_feature(line, road, named | _line_style(BODY_COLOURS[wheel.unit % len(BODY_COLOURS)], 1)))
+        features.append(feature(line, road, named | _line_style(BODY_COLOURS[wheel.unit % len(BODY_COLOURS)], 1)))
     return {"type": "FeatureCollection", "features": features}
 
 
@@ -94,10 +94,11 @@ def _broken(breach: Breach, road: Road, limits: Limits, common: Json) -> Json:
     s = np.linspace(begin, end, max(2, int(np.ceil((end - begin) / CENTRE_SPACING_M)) + 1))
     limit = limits.table(s)[("left", "right").index(breach.side) + (2 if breach.region == "sweepable" else 0)]
     where: Json = {"kind": "broken limit", "side": breach.side, "depth_m": round(breach.depth, 4), "s_m": round(breach.s_deepest, 2)}
-    return _feature(_line(road.path, s, limit), road, common | where | _line_style(BREACH, 5))
+    return feature(_line(road.path, s, limit), road, common | where | _line_style(BREACH, 5))
 
 
-def _area_style(colour: str) -> Json:
+def area_style(colour: str) -> Json:
+    """Return the simplestyle properties of an area."""
     return {"stroke": colour, "stroke-width": 1, "stroke-opacity": 1.0, "fill": colour, "fill-opacity": 0.35}
 
 
@@ -115,7 +116,7 @@ def _points(path: ReferencePath, s: FloatArray, offset: FloatArray) -> FloatArra
     return np.column_stack(path.to_plane(s, offset))
 
 
-def _feature(geometry: BaseGeometry, road: Road, properties: Json) -> Json:
+def feature(geometry: BaseGeometry, road: Road, properties: Json) -> Json:
     """Return a feature in the road's own coordinates; polygons wind as RFC 7946 wants them."""
     if road.to_lonlat is None:
         placed, grid, digits = geometry, _METRES_GRID, 3

@@ -49,7 +49,8 @@ def patches_of(widening: Widening, own: Limits, path: ReferencePath) -> tuple[Pa
         edges = np.flatnonzero(np.diff(np.concatenate([[False], outwards > 0.0, [False]]).astype(int)))
         for begin, end in zip(edges[::2], edges[1::2], strict=True):
             part = slice(max(0, begin - 1), end + 1)  # to where it begins and ends
-            found.append(_patch(path, widening.s[part], table[number, part], outwards[part], side, "sweepable" if number > 1 else "drivable"))
+            region = "sweepable" if number > 1 else "drivable"
+            found.append(_patch(path, widening.s[part], table[number, part], outwards[part], side, region))
     return tuple(sorted(found, key=lambda patch: (patch.s_from, patch.side)))
 
 
@@ -215,8 +216,10 @@ def widening_table(need: Need, widening: Widening, title: str) -> Table:
     columns = ["from [m]", "to [m]", "deepest [m]", "depth [m]", "area [m2]", "side"]
     rows = []
     for patch in patches:
-        numbers = [f"{patch.s_from:.1f}", f"{patch.s_to:.1f}", f"{patch.s_deepest:.1f}", f"{patch.depth:.2f}", f"{patch.polygon.area:.1f}"]
-        rows.append([*numbers, patch.side, *([f"of {'overhangs' if patch.region == 'sweepable' else 'wheels'}"] if len(regions) > 1 else [])])
+        place = [f"{s:.1f}" for s in (patch.s_from, patch.s_to, patch.s_deepest)]
+        rows.append([*place, f"{patch.depth:.2f}", f"{patch.polygon.area:.1f}", patch.side])
+        if len(regions) > 1:
+            rows[-1].append(f"of {'overhangs' if patch.region == 'sweepable' else 'wheels'}")
     if len(regions) > 1:
         columns.append("limit")
     total = f"{area_of(patches):.1f} m2, {widening.depth:.2f} m at the deepest"

@@ -1,0 +1,181 @@
+"""``hdvplan need``: the least room that a vehicle needs on a road, and what must change where it does not fit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hdvplan.cli import completion
+from hdvplan.cli.compiling import note_compiling
+from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error
+from hdvplan.cli.options import (
+    CrsOption,
+    FeatureOption,
+    JsonOption,
+    LaneOption,
+    LayerOption,
+    OffsetOption,
+    OutOption,
+    QuietOption,
+    ReverseOption,
+    RoadArgument,
+    RoadIdsOption,
+    RoleOption,
+    SmoothOption,
+    choice,
+    file_name,
+    road_options,
+)
+from hdvplan.cli.plan import REFERENCE_SLACK, check_fits, reaches_of
+from hdvplan.errors import OptionError
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from hdvplan.need.answer import Need
+    from hdvplan.road.road import Limits, Road
+
+_SIDES = ("left", "right")
+
+
+def need(
+    road: RoadArgument,
+    vehicle: Annotated[
+        str, typer.Option("--vehicle", metavar="NAME|FILE.toml", help="A preset or a vehicle file.", autocompletion=completion.vehicles)
+    ],
+    fix: Annotated[
+        str | None,
+        typer.Option("--fix", metavar="left|right", help="Hold this edge, at --left or --right or as the road has it; ask for the other."),
+    ] = None,
+    half_width: Annotated[float | None, typer.Option("--half-width", metavar="M", help="The road's own limits: +-M [m].")] = None,
+    left: Annotated[float | None, typer.Option("--left", metavar="M", help="The road's own left limit, or the held one [m].")] = None,
+    right: Annotated[float | None, typer.Option("--right", metavar="M", help="The same on the right, positive [m].")] = None,
+    clearance: Annotated[float, typer.Option("--clearance", metavar="M", help="Room to keep from every limit and obstacle [m].")] = 0.0,
+    smooth: SmoothOption = None,
+    crs: CrsOption = None,
+    name: FeatureOption = None,
+    layer: LayerOption = None,
+    role: RoleOption = None,
+    road_ids: RoadIdsOption = None,
+    lane: LaneOption = None,
+    offset: OffsetOption = 0.0,
+    reverse: ReverseOption = False,
+    out: OutOption = None,
+    json: JsonOption = False,
+    plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw the picture need.png.")] = True,
+    quiet: QuietOption = False,
+) -> int:
+    """Find the least room that a vehicle needs on a road, and the least widening where it does not fit.
+
+    Tries objectives and schemes, each plan judged by its simulation, to 1 cm. Less is called out of reach where no plan was found: that is
+    no proof. Obstacles stay where they are.
+
+    Exit code 0: there is an answer. 1: no plan exists at any width, or with the held edge. 2: bad input.
+    """
+    held = None if fix is None else choice("--fix", fix, _SIDES)
+    given = _given(held, half_width, left, right)
+    if out is not None and out.exists() and not out.is_dir():
+        msg = f"--out {out} is a file, not a folder"
+        raise OptionError(msg)
+    from hdvplan.road.load import find_road
+    from hdvplan.vehicle.load import load_vehicle
+
+    driven = load_vehicle(vehicle)
+    wanted = road_options(
+        smooth, crs, name, REFERENCE_SLACK * driven.max_curvature, offset=offset, reverse=reverse, layer=layer, roles=role,
+        road_ids=road_ids, lane=lane,
+    )  # fmt: skip
+    found = find_road(road, wanted)
+    from hdvplan.case import Case
+    from hdvplan.need.answer import edge_need_of, need_of
+    from hdvplan.planning.settings import PlannerSettings
+    from hdvplan.report.need_files import write_need
+    from hdvplan.report.needs import need_json
+
+    settings = PlannerSettings(clearance=clearance)
+    note_compiling(quiet=quiet)
+    with progress(f"smoothing {road}", quiet=quiet):
+        track = found()
+    if given is not None:
+        track = track.with_limits(*given)
+    for remark in track.notes:
+        note(remark, quiet=quiet)
+    check_fits(track, driven, None)
+    case = Case(track, driven, settings=settings)
+    began = perf_counter()
+    with progress(f"looking for the least room of {driven.name} on {track.name}", quiet=quiet) as on_progress:
+        if held is None:
+            answer = need_of(case, on_progress=on_progress)
+        else:
+            other = "right" if held == "left" else "left"
+            answer = edge_need_of(case, _held(track, held, left if held == "left" else right), other, on_progress=on_progress)
+    told = need_json(answer, perf_counter() - began)
+    directory = out or Path(f"{file_name(track.name)}.{file_name(driven.name)}.need")
+    try:
+        write_need(answer, told, directory, plot=plot)
+    except OSError as error:
+        msg = f"cannot write to {directory}: {error.strerror or error}"
+        raise OptionError(msg, hint="choose another folder with --out") from error
+    if json:
+        print_json(told)
+    elif not quiet:
+        _print(answer, directory)
+    return _exit_code(answer)
+
+
+def _given(held: str | None, half_width: float | None, left: float | None, right: float | None) -> tuple[float, float] | None:
+    """Return the road's own limits given as options, or None; of a held edge only its own option counts."""
+    if held is None:
+        return reaches_of(half_width, left, right)
+    asked = right if held == "left" else left
+    if half_width is not None or asked is not None:
+        extra = "--half-width" if half_width is not None else f"--{'right' if held == 'left' else 'left'}"
+        msg = f"--fix {held} asks for the least edge on the other side; {extra} says what it is"
+        raise OptionError(msg, hint=f"give --{held} alone, or leave --fix out")
+    return None
+
+
+def _held(road: Road, side: str, reach: float | None) -> Limits:
+    """Return limits whose edge on ``side`` is held: at ``reach`` [m], or the road's own.
+
+    Raises:
+        OptionError: neither is there.
+
+    """
+    from hdvplan.need.measure import own_limits
+    from hdvplan.road.road import Limits
+
+    if reach is not None:
+        return Limits.constant(reach, reach, road.path.length)
+    own = own_limits(road)
+    if own is None:
+        msg = f"the road has no edges of its own, so --fix {side} needs --{side}"
+        raise OptionError(msg)
+    return own
+
+
+def _print(answer: Need, directory: Path) -> None:
+    from hdvplan.report.needs import need_lines, widening_table
+
+    for line in need_lines(answer):
+        print_line(line)
+    widened = answer.widenings
+    tables: list[Table] = []
+    if widened is not None and widened.area is not None and widened.depth is not None:
+        tables.append(widening_table(answer, widened.area, "least area"))
+        tables.append(widening_table(answer, widened.depth, "least depth"))
+    print_tables(*tables)
+    print_line(f"written to {directory}/")
+
+
+def _exit_code(answer: Need) -> ExitCode:
+    """Return the exit code; no plan at any width, or with the held edge, is an error."""
+    from hdvplan.report.needs import need_lines
+
+    if answer.room.result is not None:
+        return ExitCode.OK
+    report_error(need_lines(answer)[-1].removeprefix("NO: "))
+    return ExitCode.BROKEN
