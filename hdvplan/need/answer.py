@@ -56,7 +56,11 @@ def need_of(case: Case, *, on_progress: Callable[[float], None] | None = None) -
     own = own_limits(case.road)
     share = 1.0 if own is None else _ROOMS_SHARE
     room = least_half_width(case, on_progress=_part(on_progress, 0.0, share))
-    widenings = None if own is None else least_widenings(case, own, on_progress=_part(on_progress, share, 1.0))
+    widenings = None
+    if own is not None and room.result is None:
+        widenings = Widenings(None, None, None)  # what no width lets pass, no widening does
+    elif own is not None:
+        widenings = least_widenings(case, own, on_progress=_part(on_progress, share, 1.0))
     return Need(case, None, room, _place(room.result, None), None, widenings)
 
 

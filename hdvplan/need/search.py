@@ -21,7 +21,7 @@ from hdvplan.planning.settings import Scheme
 from hdvplan.road.road import Limits
 
 TOLERANCE_M = 0.01  # of every answer
-WIDE_M = 50.0  # a limit this far off is none; regions beyond it do not count anyway
+WIDE_M = 15.0  # no more room is looked for; obstacles count to 20 m off the line
 _ROUNDING_M = 1e-6
 
 
@@ -123,7 +123,7 @@ def _tried(
         if on_result is not None:
             on_result(made, took)
         needed = question.needed(took)
-        if needed < best.room:
+        if needed < min(best.room, WIDE_M):
             best = replace(best, room=needed, result=made)
         if not every and best.room <= room + _ROUNDING_M:
             break

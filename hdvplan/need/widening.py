@@ -19,7 +19,7 @@ from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.envelope import SPACING_M
 from hdvplan.judging.result import Result
 from hdvplan.need.measure import OUTWARDS, Taken, taken_by
-from hdvplan.need.search import ATTEMPTS, Attempt, Question, least, plans_of
+from hdvplan.need.search import ATTEMPTS, WIDE_M, Attempt, Question, least, plans_of
 from hdvplan.need.stretch import stretch_of
 from hdvplan.planning.settings import Scheme
 from hdvplan.road.road import Limits
@@ -116,7 +116,7 @@ class _Pool:
 
     def add(self, took: Taken) -> None:
         """Keep the widening that a plan would need where it is a better one."""
-        if not took.passes:
+        if not took.passes or np.max(took.reach) > WIDE_M:
             return
         outwards = np.maximum(took.beyond(self.own), 0.0)
         if self.area is None or _area(outwards) < _area(self.area):

@@ -1,0 +1,90 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.cli.conftest import Cli
+
+FIELDS = {"tolerance_m", "proved_below_m", "s_m", "lon", "lat", "unit", "part", "side", "widening_m2"}
+
+
+@pytest.fixture
+def bend(tmp_path: Path) -> str:
+    (tmp_path / "bend.csv").write_text("s,kappa\n0,0\n20,0\n28,0.06\n45,0.06\n53,0\n80,0\n", encoding="utf-8")
+    return "bend.csv"
+
+
+def test_the_least_half_width_is_told_written_and_true(cli: Cli, tmp_path: Path, bend: str) -> None:
+    outcome = cli("need", bend, "--vehicle", "bus")
+    assert outcome.code == 0
+    folder = tmp_path / "bend.bus.need"
+    assert sorted(path.name for path in folder.iterdir()) == ["need.json", "need.png", "run.json"]
+    told = json.loads((folder / "need.json").read_text(encoding="utf-8"))
+    assert told.keys() >= FIELDS | {"half_width_m"}
+    assert outcome.out.startswith(
+        f"NEEDS {told['half_width_m']:.2f} m to both sides of the line for the bus: decided at s = {told['s_m']:.1f}"
+    )
+    assert (told["fits"], told["widening_m2"], told["proved_below_m"], told["tolerance_m"]) == (None, None, None, 0.01)
+    width = f"{told['half_width_m'] + 0.01:.3f}"
+    assert cli("plan", bend, "--vehicle", "bus", "--half-width", width, "--no-plot", "--quiet").code == 0
+
+
+def test_json_is_all_that_stdout_gets(cli: Cli, bend: str) -> None:
+    outcome = cli("need", bend, "--vehicle", "bus", "--fix", "left", "--left", "2", "--json", "--no-plot")
+    told = json.loads(outcome.out)
+    assert outcome.code == 0
+    assert told.keys() >= FIELDS | {"right_m"}
+    assert told["right_m"] > 2.0
+
+
+def test_a_road_too_narrow_is_a_no_with_the_kerb_to_take_away(cli: Cli, tmp_path: Path, bend: str) -> None:
+    outcome = cli("need", bend, "--vehicle", "bus", "--half-width", "2.1", "--out", "out")
+    assert outcome.code == 0
+    told = json.loads((tmp_path / "out" / "need.json").read_text(encoding="utf-8"))
+    assert outcome.out.startswith(f"NO: the bus does not fit; widening the road by {told['widening_m2']:.1f} m2 would do, ")
+    assert told["fits"] is False
+    for name, kind in (("widening.geojson", "least_area"), ("widening_least_depth.geojson", "least_depth")):
+        places = json.loads((tmp_path / "out" / name).read_text(encoding="utf-8"))["features"]
+        said = told["widening"][kind]
+        assert said["fits_then"] is True
+        assert [place["properties"]["area_m2"] for place in places] == pytest.approx(
+            [place["area_m2"] for place in said["places"]], abs=5e-4
+        )
+    assert "least area" in outcome.out
+    assert "least depth" in outcome.out
+
+
+def test_a_road_wide_enough_is_a_yes(cli: Cli, bend: str) -> None:
+    outcome = cli("need", bend, "--vehicle", "bus", "--half-width", "4", "--no-plot")
+    assert outcome.code == 0
+    assert outcome.out.startswith("YES: the bus fits within the road's own limits\nNEEDS ")
+
+
+def test_a_held_edge_that_cannot_be_kept_is_a_no_with_what_it_takes(cli: Cli, bend: str) -> None:
+    outcome = cli("need", bend, "--vehicle", "bus", "--fix", "left", "--left", "0.9", "--json", "--no-plot")
+    assert outcome.code == 1
+    told = json.loads(outcome.out)
+    assert told["right_m"] is None
+    assert told["least_left_m"] > 0.9
+    assert f"the left edge must be at least {told['least_left_m']:.2f} m off even so" in outcome.err
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--fix", "up"), "error: --fix"),
+        (("--fix", "left"), "error: the road has no edges of its own, so --fix left needs --left"),
+        (("--fix", "left", "--left", "2", "--right", "3"), "error: --fix left asks for the least edge on the other side; --right says"),
+        (("--fix", "left", "--half-width", "3"), "error: --fix left asks for the least edge on the other side; --half-width says"),
+        (("--left", "2"), "error: --left needs --right"),
+        (("--clearance", "-1"), "error: clearance must be zero or a positive number"),
+        (("--fix", "left", "--left", "-2"), "error: the left limit must be a positive number"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(cli: Cli, bend: str, options: tuple[str, ...], message: str) -> None:
+    outcome = cli("need", bend, "--vehicle", "bus", *options)
+    assert outcome.code == 2
+    assert outcome.err.startswith(message)
+    assert outcome.out == ""

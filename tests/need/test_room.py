@@ -1,0 +1,111 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+
+from hdvplan.api import plan
+from hdvplan.case import Case
+from hdvplan.centring.weights import CentringTable
+from hdvplan.jit import FloatArray
+from hdvplan.judging.verdict import verdict_of
+from hdvplan.need.measure import own_limits, taken_by
+from hdvplan.need.room import least_edge, least_half_width
+from hdvplan.need.search import TOLERANCE_M
+from hdvplan.planning.settings import PlannerSettings
+from hdvplan.road.path import from_curvature
+from hdvplan.road.regions import Kind, Region
+from hdvplan.road.road import Limits, Road
+from hdvplan.vehicle.load import load_vehicle
+
+BUS = load_vehicle("bus")
+SETTINGS = PlannerSettings(horizon=50.0)
+_SAMPLING_M = 0.008  # limits are kept with a margin of up to so much between samples, see docs/maths.md
+
+
+def case_on(s: list[float], kappa: list[float]) -> Case:
+    path = from_curvature(np.array(s), np.array(kappa))
+    return Case(Road("bend", path), BUS, settings=SETTINGS)
+
+
+@pytest.fixture(scope="module")
+def bend() -> Case:
+    """A quarter turn of 16 m radius between straights."""
+    return case_on([0.0, 30.0, 38.0, 60.0, 68.0, 110.0], [0.0, 0.0, 0.0625, 0.0625, 0.0, 0.0])
+
+
+def test_a_straight_road_needs_half_the_vehicles_width() -> None:
+    found = least_half_width(case_on([0.0, 60.0], [0.0, 0.0]))
+    assert found.room == pytest.approx(0.5 * BUS.width, abs=1e-6)  # the simulation of a straight drive is exact to rounding
+
+
+def test_a_long_circle_needs_what_the_balanced_circle_sweeps() -> None:
+    found = least_half_width(case_on([0.0, 150.0], [0.05, 0.05]))
+    expected = float(CentringTable.of(BUS).at(np.array([0.05])).half_width[0])
+    # No plan is narrower than the circle that the vehicle must end up on; the answer is good to its tolerance.
+    assert expected - 1e-3 < found.room < expected + TOLERANCE_M
+
+
+def test_a_little_more_room_fits_and_less_does_not(bend: Case) -> None:
+    found = least_half_width(bend)
+    assert found.result is not None
+    assert found.room - found.out_of_reach <= TOLERANCE_M + 1e-6  # rounding of the comparison
+    wider = replace(bend, road=bend.road.with_limits(found.room + 0.01, found.room + 0.01))
+    assert verdict_of(plan(wider)).fits is True
+    narrower = replace(bend, road=bend.road.with_limits(found.room - 0.02, found.room - 0.02))
+    for objective in ("geometric", "balanced", "body-max", "lead-axle"):
+        assert verdict_of(plan(replace(narrower, objective=objective))).fits is False
+
+
+def test_the_clearance_is_added_to_what_the_vehicle_sweeps(bend: Case) -> None:
+    plain = least_half_width(bend).room
+    kept = least_half_width(replace(bend, settings=replace(SETTINGS, clearance=0.3))).room
+    assert kept == pytest.approx(plain + 0.3, abs=TOLERANCE_M)
+
+
+def test_a_held_edge_is_kept_and_the_other_side_gets_what_it_costs(bend: Case) -> None:
+    length, even = bend.road.path.length, least_half_width(bend).room
+    held = Limits.constant(even - 0.3, even - 0.3, length)
+    found = least_edge(bend, held, "right")
+    assert found.result is not None
+    taken = taken_by(found.result)
+    assert np.max(taken.reach[0]) <= even - 0.3 + 1e-3  # what a held edge is kept to
+    assert found.room > even + 0.2  # the swept width itself hardly changes
+    both = replace(bend, road=bend.road.with_limits(even - 0.3, found.room + _SAMPLING_M))
+    assert verdict_of(plan(both)).fits is True
+
+
+def test_a_held_edge_that_no_plan_keeps_has_no_answer(bend: Case) -> None:
+    found = least_edge(bend, Limits.constant(0.9, 0.9, bend.road.path.length), "right")
+    assert found.result is None
+    assert found.room == np.inf
+
+
+def test_obstacles_stay_where_they_are() -> None:
+    case = case_on([0.0, 100.0], [0.0, 0.0])
+    box = Region(Kind.OBSTACLE, shapely.box(50.0, -3.0, 54.0, -0.5), "van")  # reaches to half a metre right of the line
+    found = least_half_width(replace(case, road=replace(case.road, regions=(box,)).within(None)))
+    assert found.result is not None
+    # Beside the van the bus takes its width and the distance of its right side, which the cells of 5 cm round up.
+    assert BUS.width - 0.5 <= found.room < BUS.width - 0.5 + 0.1
+    assert all(approach.distance > -0.01 for approach in found.result.approaches)
+
+
+def test_a_road_that_an_obstacle_blocks_has_no_answer() -> None:
+    case = case_on([0.0, 100.0], [0.0, 0.0])
+    wall = Region(Kind.OBSTACLE, shapely.box(50.0, -60.0, 50.5, 60.0), "wall")
+    assert least_half_width(replace(case, road=replace(case.road, regions=(wall,)).within(None))).result is None
+
+
+def test_what_a_plan_takes_is_its_envelope_where_the_road_decides(bend: Case) -> None:
+    result = plan(replace(bend, road=bend.road.with_limits(4.0, 5.0)))
+    taken = taken_by(result)
+    reaches: FloatArray = np.stack([result.envelope.reach_left, -result.envelope.reach_right] * 2)
+    np.testing.assert_allclose(taken.reach, reaches, atol=1e-12)  # sums of the same numbers
+    assert taken.passes
+    assert np.all(taken.own)
+    own = own_limits(result.drive.road)
+    assert own is not None
+    np.testing.assert_allclose(taken.beyond(own), reaches - np.array([4.0, 5.0, 4.0, 5.0])[:, None], atol=1e-12)
