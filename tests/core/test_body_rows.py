@@ -278,3 +278,14 @@ def test_tabulated_limits_are_the_narrowest_within_a_stations_reach(seed: int) -
 def test_constant_limits_stay_what_they_are() -> None:
     road = Road("straight", from_curvature(np.array([0.0, 60.0]), np.zeros(2))).with_limits(3.0, 2.0)
     assert np.all(limit_table(road, road.path, STEP).values == np.array([[3.0], [-2.0], [3.0], [-2.0]]))
+
+
+@each_vehicle
+def test_a_breach_that_was_seen_before_the_horizon_was_extended_still_counts(vehicle: Vehicle) -> None:
+    stations, z = prepared(vehicle), np.zeros((STAGES + 1, vehicle.states))
+    z[3, 0] = 8.0  # far beyond the left limit, long before the new stages
+    part = looked(vehicle, stations, z)
+    deepest = part.violation
+    assert deepest > 0.5
+    assert part.extend(horizon_at(part.scene, FIRST), STAGES - 2) == -1
+    assert part.violation == deepest

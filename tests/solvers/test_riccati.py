@@ -15,6 +15,7 @@ from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
 from hdvplan.solvers.clarabel import ClarabelWorkspace
 from hdvplan.solvers.piqp import PiqpWorkspace
+from hdvplan.solvers.recursion import imbalance
 from hdvplan.solvers.riccati import RiccatiWorkspace
 from tests.core.programs import copied, random_program, shape
 from tests.solvers.recorded import COURSES, PINCHED, pinched, record, uturn
@@ -169,7 +170,21 @@ def test_balancing_the_inputs_may_take_iterations_more() -> None:
     sizes = StageShape(1, 6, 3, 6)
     qp = random_program(sizes, 35, tightness=0.2)
     qp.linear[:] *= 1e5
-    assert RiccatiWorkspace(sizes).solve(qp, None).status is Status.SOLVED  # and not merely inaccurate, after eleven iterations
+    result = RiccatiWorkspace(sizes).solve(qp, None)
+    assert result.status is Status.SOLVED  # and not merely inaccurate, after eleven iterations
+    assert imbalance(qp.stages, result.point.stages) < 1e-7  # what it promises; after ten it is 1.2e-7
+
+
+def test_the_corrector_saves_factorisations() -> None:
+    programs = [random_program(shape(), seed) for seed in range(30)]
+    assert sum(RiccatiWorkspace(qp.shape).solve(qp, None).iterations for qp in programs) < 500  # measured: 460, without its product 585
+
+
+def test_rows_that_cost_nothing_to_begin_with_start_with_multipliers_too() -> None:
+    programs = [random_program(shape(), seed, tightness=0.2) for seed in range(30)]
+    for qp in programs:
+        qp.linear[:], qp.quadratic[:] = 0.0, 10.0
+    assert sum(RiccatiWorkspace(qp.shape).solve(qp, None).iterations for qp in programs) < 550  # measured: 501, from zero 622
 
 
 def test_a_free_row_is_no_row_at_all() -> None:
