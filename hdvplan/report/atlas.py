@@ -39,8 +39,8 @@ def draw_atlas(figure: SubFigure, result: Result, windows: tuple[Window, ...]) -
     else:
         draw_map(overview, result, whole, depths=False)
         frame(overview, _points(result, whole), _reach(result, whole) + _LETTER_M)
-        draw_direction(overview, path, 0.0, path.length, count=4)
         _letter(overview, result, windows)
+    draw_direction(overview, path, 0.0, path.length, count=4)
     _finish(overview, result)
     named = _named(overview)
     extent = _extent(result, windows)

@@ -61,4 +61,4 @@ def pose_touching(result: Result, room: Room) -> int:
     place = shapely.Point(*(float(value) for value in drive.road.path.to_plane(room.s, room.reach)))
     near = np.flatnonzero(np.abs(drive.poses_s - room.s) <= drive.vehicle.reach_ahead + drive.vehicle.reach_behind)
     bodies = shapely.polygons(corners(drive, near)[:, room.unit])
-    return int(near[int(np.argmin(shapely.distance(bodies, place)))])
+    return int(near[int(np.argmin(shapely.distance(shapely.boundary(bodies), place)))])
