@@ -39,8 +39,8 @@ def draw_atlas(figure: SubFigure, result: Result, windows: tuple[Window, ...]) -
     else:
         draw_map(overview, result, whole, depths=False)
         frame(overview, _points(result, whole), _reach(result, whole) + _LETTER_M)
-        draw_direction(overview, path, 0.0, path.length, count=4)
         _letter(overview, result, windows)
+    draw_direction(overview, path, 0.0, path.length, count=4)
     _finish(overview, result)
     named = _named(overview)
     extent = _extent(result, windows)
@@ -61,7 +61,7 @@ def _draw_enlarged(axes: Axes, result: Result, window: Window, extent: FloatArra
     if window.at is not None:
         room = room_at(result, window.at)
         draw_bodies(axes, result, np.array([pose_touching(result, room)]))
-        draw_room(axes, result, room)
+        draw_room(axes, room)
     draw_direction(axes, path, window.s_from, window.s_to, count=2)
     middle = _middle(result, window)
     frame(axes, np.array([middle - 0.5 * extent, middle + 0.5 * extent]), 0.0)
@@ -96,11 +96,9 @@ def _letter(axes: Axes, result: Result, windows: tuple[Window, ...]) -> None:
         if window.at is None:
             continue
         room = room_at(result, window.at)
-        outwards = 1.0 if room.side == "left" else -1.0
-        edge = outwards * max(outwards * room.reach, outwards * room.limit)
-        x, y = result.drive.road.path.to_plane(np.full(2, room.s), np.array([edge, edge + _LETTER_M * outwards]))
+        (x, y), (u, v) = room.beyond, room.beyond + _LETTER_M * room.outwards
         axes.annotate(
-            window.label, (float(x[0]), float(y[0])), (float(x[1]), float(y[1])), ha="center", va="center", color="white",
+            window.label, (float(x), float(y)), (float(u), float(v)), ha="center", va="center", color="white",
             fontsize="small", fontweight="bold", zorder=8, arrowprops={"arrowstyle": "-", "color": "0.1"},
             bbox={"boxstyle": "circle,pad=0.25", "facecolor": "0.1", "edgecolor": "white"},
         )  # fmt: skip

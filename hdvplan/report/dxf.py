@@ -14,6 +14,7 @@ from ezdxf.enums import TextEntityAlignment
 from ezdxf.filemanagement import new
 
 from hdvplan import __version__
+from hdvplan.jit import FloatArray
 from hdvplan.judging.result import Result
 from hdvplan.judging.wheels import TRACK_NOTE
 from hdvplan.report.geopackage import polygons_of
@@ -27,8 +28,8 @@ if TYPE_CHECKING:
 
 _VERSION = "R2010"
 _TEXT_M = 0.5  # height of what is written beside places
-_NOTES_M = 1.5  # height of the notes
-_BODIES_ACI = (5, 30, 3, 6)  # blue, orange, green, magenta: nearest to the colours of the pictures
+_NOTES_SHARE, _NOTES_M = 1.0 / 120.0, (0.8, 20.0)  # height of the notes: of the drawing's larger side, and within these [m]
+_BODIES_ACI = (150, 30, 92, 213)  # blue, orange, green, magenta as in the pictures, to be seen on white and on black
 _NOTES = "NOTES"
 
 
@@ -43,8 +44,8 @@ class _Look:
 
 _LOOKS = {
     Layer.ROAD: _Look(8, "CENTER"),
-    Layer.OBSTACLES: _Look(250, width=35),
-    Layer.SWEEPABLE: _Look(252, "DASHED"),
+    Layer.OBSTACLES: _Look(34, width=35),
+    Layer.SWEEPABLE: _Look(53, "DASHED"),
     Layer.LIMITS: _Look(7, width=50),
     Layer.TRACKS: _Look(9, "DASHED2", 18),
     Layer.CLEARANCE: _Look(4, width=18),
@@ -65,9 +66,11 @@ def dxf_bytes(result: Result) -> bytes:
     document.header.custom_vars.append("hdvplan", __version__)
     document.header.custom_vars.append("coordinates", system.note)
     space = document.modelspace()
-    for feature in drawn_features(result):
+    features = drawn_features(result)
+    for feature in features:
         _draw(document, space, feature, system)
-    _write_notes(document, space, result, system)
+    bounds = shapely.total_bounds([system.place(feature.geometry) for feature in features])
+    _write_notes(document, space, result, system, bounds)
     buffer = StringIO()
     document.write(buffer)
     return document.encode(buffer.getvalue())
@@ -110,8 +113,8 @@ def _layer(document: Drawing, feature: Drawn) -> str:
     return name
 
 
-def _write_notes(document: Drawing, space: Modelspace, result: Result, system: System) -> None:
-    """Write verdict, road, vehicle, coordinates and sources beside the road's start."""
+def _write_notes(document: Drawing, space: Modelspace, result: Result, system: System, bounds: FloatArray) -> None:
+    """Write verdict, road, vehicle, coordinates and sources above everything else, which lies within ``bounds``."""
     drive = result.drive
     lines = [
         answer_line(result),
@@ -124,10 +127,10 @@ def _write_notes(document: Drawing, space: Modelspace, result: Result, system: S
     if drive.road.notice:
         lines.append(drive.road.notice)
     document.layers.add(_NOTES, color=7)
-    x, y = (float(value) for value in drive.road.path.to_plane(0.0, 0.0))
-    insert = system.place(shapely.Point(x, y + 20.0)).coords[0]
-    text = space.add_mtext("\\P".join(_plain(line) for line in lines), dxfattribs={"layer": _NOTES, "char_height": _NOTES_M})
-    text.set_location(insert, attachment_point=7)  # its lower left corner
+    left, low, right, high = (float(bound) for bound in bounds)
+    height = min(max(_NOTES_SHARE * max(right - left, high - low), _NOTES_M[0]), _NOTES_M[1])
+    text = space.add_mtext("\\P".join(_plain(line) for line in lines), dxfattribs={"layer": _NOTES, "char_height": height})
+    text.set_location((left, high + 2.0 * height), attachment_point=7)  # its lower left corner
 
 
 def _plain(line: str) -> str:

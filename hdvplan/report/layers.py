@@ -9,13 +9,13 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from hdvplan.jit import FloatArray
-from hdvplan.judging.balance import Breach
+from hdvplan.jit import BoolArray, FloatArray
+from hdvplan.judging.balance import Breach, edges_of
 from hdvplan.judging.bodies import corners, pose_at
 from hdvplan.judging.result import Result, body_name, breach_text, entered_text
 from hdvplan.judging.wheels import TRACK_NOTE, wheel_tracks
 from hdvplan.report.geojson import swept_area
-from hdvplan.report.rooms import room_at
+from hdvplan.report.rooms import approach_of, room_at, shared_with, tightness
 from hdvplan.report.windows import peaks
 from hdvplan.road.regions import Kind
 from hdvplan.road.road import Road
@@ -24,6 +24,7 @@ SIMPLER_M = 2.5e-4  # lines leave out points that would move them by no more
 APART = 1.25  # vehicle lengths from outline to outline: they do not touch
 _SPACING_M = 0.2  # of lines along the road: on a radius of 8 m, chords are off by 0.6 mm
 _BESIDE_M = 0.25  # a conflict is drawn this much beyond its first and last place, so that every one has an area
+_KERB_M = 5.0  # from what was swept, on a road without widths
 _CLEARANCES = 12  # tightest places that are dimensioned
 _CLEARANCES_APART_M = 20.0
 
@@ -60,7 +61,7 @@ def drawn_features(result: Result) -> tuple[Drawn, ...]:
         *_road(result),
         *_regions(result.drive.road),
         *_envelopes(result),
-        *_limits(result.drive.road),
+        *_limits(result),
         *_tracks(result),
         *_vehicles(result),
         *_clearances(result),
@@ -121,17 +122,28 @@ def _envelopes(result: Result) -> list[Drawn]:
     return found
 
 
-def _limits(road: Road) -> list[Drawn]:
-    if road.limits is None:
+def _limits(result: Result) -> list[Drawn]:
+    """Return the road's own edges; where it has no widths, only kerbs that are near what was swept."""
+    drive, edges = result.drive, edges_of(result.drive)
+    if edges is None:
         return []
-    s = np.union1d(_stations(road), road.limits.s[(road.limits.s >= 0.0) & (road.limits.s <= road.path.length)])
-    left, right, left_sweep, right_sweep = road.limits.table(s)
+    road, envelope = drive.road, result.envelope
+    s = np.union1d(_stations(road), edges.s[(edges.s >= 0.0) & (edges.s <= road.path.length)])
+    left, right, left_sweep, right_sweep = edges.table(s)
     found = []
-    for side, wheels, overhangs in (("left", left, left_sweep), ("right", right, right_sweep)):
-        found.append(Drawn(Layer.LIMITS, line_at(road, s, wheels), {"side": side, "binds": "wheels"}))
-        if np.any(overhangs != wheels):
-            found.append(Drawn(Layer.LIMITS, line_at(road, s, overhangs), {"side": side, "binds": "overhangs"}))
+    for side, reach, rows in (("left", envelope.reach_left, (left, left_sweep)), ("right", envelope.reach_right, (right, right_sweep))):
+        for binds, row in zip(("wheels", "overhangs"), rows, strict=True):
+            kerb = (np.abs(row - np.interp(s, envelope.s, reach)) < _KERB_M) & (rows[0] != rows[1])
+            near = kerb | (road.band is not None)
+            if binds == "wheels" or np.any(row != rows[0]):
+                found += [Drawn(Layer.LIMITS, line_at(road, s[run], row[run]), {"side": side, "binds": binds}) for run in _runs(near)]
     return found
+
+
+def _runs(shown: BoolArray) -> list[slice]:
+    """Return the stretches of at least two samples that are shown."""
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], shown, [False]]).astype(int)))
+    return [slice(int(begin), int(end)) for begin, end in zip(ends[::2], ends[1::2], strict=True) if end - begin > 1]
 
 
 def _tracks(result: Result) -> list[Drawn]:
@@ -158,28 +170,27 @@ def _vehicles(result: Result) -> list[Drawn]:
 
 def _clearances(result: Result) -> list[Drawn]:
     """Return lines across the room at the tightest places, where limits are kept."""
-    road, s, clearance = result.drive.road, result.envelope.s, result.clearance
-    if clearance is None or road.limits is None:
+    if not result.edge_gaps:
         return []
     found = []
-    for at in peaks(s, -clearance, _CLEARANCES_APART_M, _CLEARANCES):
+    for at in peaks(result.envelope.s, tightness(result), _CLEARANCES_APART_M, _CLEARANCES):
         room = room_at(result, at)
-        if room.broken:  # broken: a conflict
+        if room.broken:  # a conflict
             continue
-        line = shapely.LineString(np.column_stack(road.path.to_plane(np.full(2, room.s), np.array([room.reach, room.limit]))))
         properties: dict[str, Value] = {
             "s_m": room.s,
             "clearance_m": -room.depth,
             "side": room.side,
             "unit": body_name(result.drive.vehicle, room.unit),
+            "obstacle": room.obstacle,
         }
-        found.append(Drawn(Layer.CLEARANCE, line, properties, f"{max(-room.depth, 0.0):.2f}"))
+        found.append(Drawn(Layer.CLEARANCE, shapely.LineString(room.ends), properties, f"{max(-room.depth, 0.0):.2f}"))
     return found
 
 
 def _conflicts(result: Result) -> list[Drawn]:
-    """Return what was swept beyond a limit, and what bodies share with obstacles that limits along the road know nothing of."""
-    found = []
+    """Return what was swept beyond an edge, and the parts of obstacles that bodies entered."""
+    vehicle, found = result.drive.vehicle, []
     for breach in result.balance.breaches:
         properties: dict[str, Value] = {
             "depth_m": breach.depth,
@@ -187,33 +198,35 @@ def _conflicts(result: Result) -> list[Drawn]:
             "s_from_m": breach.s_from,
             "s_to_m": breach.s_to,
             "side": breach.side,
-            "unit": body_name(result.drive.vehicle, breach.unit),
+            "unit": body_name(vehicle, breach.unit),
+            "obstacle": breach.obstacle,
             "text": breach_text(result, breach),
         }
-        found.append(Drawn(Layer.CONFLICTS, beyond(result, breach), properties, f"{breach.depth:.2f}"))
-    for approach in result.entered if not result.balance.breaches else ():
-        pose = corners(result.drive, np.array([pose_at(result.drive, approach.s)]))[0, approach.unit]
-        shared = shapely.intersection(shapely.Polygon(pose), approach.obstacle.polygon)
+        found.append(Drawn(Layer.CONFLICTS, conflict_area(result, breach), properties, f"{breach.depth:.2f}"))
+    for approach in result.entered:
         properties = {
             "depth_m": -approach.distance,
             "s_m": approach.s,
-            "s_from_m": None,
-            "s_to_m": None,
-            "side": None,
-            "unit": body_name(result.drive.vehicle, approach.unit),
+            "s_from_m": approach.s_from,
+            "s_to_m": approach.s_to,
+            "side": approach.side,
+            "unit": body_name(vehicle, approach.unit),
+            "obstacle": approach.obstacle.label,
             "text": entered_text(result, approach),
         }
-        found.append(Drawn(Layer.CONFLICTS, shared, properties, f"{-approach.distance:.2f}"))
+        found.append(Drawn(Layer.CONFLICTS, shared_with(result, approach), properties, f"{-approach.distance:.2f}"))
     return found
 
 
-def beyond(result: Result, breach: Breach) -> BaseGeometry:
-    """Return the area between a broken limit and what reached beyond it."""
-    road, envelope = result.drive.road, result.envelope
-    assert road.limits is not None  # noqa: S101 - what is broken exists
+def conflict_area(result: Result, breach: Breach) -> BaseGeometry:
+    """Return the part of an obstacle that was entered, or the area between a broken edge and what reached beyond it."""
+    if breach.obstacle is not None:
+        return shared_with(result, approach_of(result, breach))
+    road, envelope, edges = result.drive.road, result.envelope, edges_of(result.drive)
+    assert edges is not None  # noqa: S101 - what is broken exists
     shown = (envelope.s >= breach.s_from - _BESIDE_M) & (envelope.s <= breach.s_to + _BESIDE_M)
     s = envelope.s[shown]
-    limit = road.limits.table(s)[("left", "right").index(breach.side) + (2 if breach.region == "sweepable" else 0)]
-    depth = np.fmax(0.0, -np.fmin.reduce(result.gaps[breach.side, breach.region][:, shown], axis=0))
+    limit = edges.table(s)[("left", "right").index(breach.side) + (2 if breach.region == "sweepable" else 0)]
+    depth = np.fmax(0.0, -np.fmin.reduce(result.edge_gaps[breach.side, breach.region][:, shown], axis=0))
     reach = limit + depth if breach.side == "left" else limit - depth
     return swept_area(road.path, s, np.fmax(limit, reach), np.fmin(limit, reach))

@@ -19,8 +19,8 @@ from hdvplan.judging.result import Result, body_name
 from hdvplan.judging.wheels import wheel_tracks
 from hdvplan.report.colours import BREACH, INK, MUTED
 from hdvplan.report.geojson import swept_area
-from hdvplan.report.layers import outline_places
-from hdvplan.report.rooms import Room
+from hdvplan.report.layers import conflict_area, outline_places
+from hdvplan.report.rooms import Room, breach_place
 from hdvplan.report.style import body_colour, body_dark, body_fill
 from hdvplan.report.windows import Window
 from hdvplan.road.regions import Kind
@@ -65,9 +65,10 @@ def draw_surroundings(axes: Axes, road: Road, window: Window) -> None:
             shape = outline_of(shapely.union_all(areas))
             axes.add_patch(PathPatch(shape, facecolor=colour, edgecolor=MUTED, hatch=hatch, linewidth=0.6, zorder=0.5, label=kind))
     axes.plot(*path.to_plane(s, 0.0), color=MUTED, linewidth=0.8, linestyle=(0, (7, 4)), label="road centre")
-    if road.limits is None:
+    limits = road.limits if road.edges is None or road.band is None else road.edges  # obstacles are drawn themselves
+    if limits is None:
         return
-    left, right, left_sweep, right_sweep = road.limits.table(s)
+    left, right, left_sweep, right_sweep = limits.table(s)
     for wheels, overhangs, first in ((left, left_sweep, True), (right, right_sweep, False)):
         axes.plot(*path.to_plane(s, wheels), color=INK, linewidth=1.3, label="limits" if first else None)
         apart = np.abs(overhangs - wheels) > 0.0
@@ -126,15 +127,14 @@ def draw_tracks(axes: Axes, result: Result, window: Window) -> None:
         axes.plot(*track.points[near].T, color=body_dark(track.wheel.unit), linewidth=0.8, linestyle=(0, (5, 2)), zorder=2.5, label=label)
 
 
-def draw_room(axes: Axes, result: Result, room: Room) -> None:
+def draw_room(axes: Axes, room: Room) -> None:
     """Draw the least room at a place as a dimension, where there is a limit that is kept: breaches have their depth."""
     if not room.limited or room.broken:
         return
-    outwards, path = 1.0 if room.side == "left" else -1.0, result.drive.road.path
-    (x, u), (y, v) = path.to_plane(np.full(2, room.s), np.array([room.reach, room.limit]))
+    (x, y), (u, v) = room.ends
     style = {"arrowstyle": "|-|", "color": INK, "linewidth": 1.2, "mutation_scale": 3.0, "shrinkA": 0.0, "shrinkB": 0.0}
-    axes.annotate("", (u, v), (x, y), arrowprops=style, zorder=6)
-    a, b = path.to_plane(room.s, room.limit + outwards * _LABEL_AWAY_M)
+    axes.annotate("", (float(u), float(v)), (float(x), float(y)), arrowprops=style, zorder=6)
+    a, b = room.beyond + _LABEL_AWAY_M * room.outwards
     axes.annotate(
         f"{max(-room.depth, 0.0):.2f} m", (float(a), float(b)), ha="center", va="center", zorder=7, fontweight="bold", bbox=_WHITE
     )
@@ -142,22 +142,17 @@ def draw_room(axes: Axes, result: Result, room: Room) -> None:
 
 def _draw_breaches(axes: Axes, result: Result, window: Window, *, depths: bool) -> None:
     """Fill what was swept beyond a limit, and write how deep the deepest places are if ``depths`` are wanted."""
-    path, limits, s = result.drive.road.path, result.drive.road.limits, result.envelope.s
-    if limits is None:
-        return
-    shown = (s >= window.s_from) & (s <= window.s_to)
-    label: str | None = "beyond a limit"
-    for key, gaps in result.gaps.items():
-        limit, beyond = edge_beyond(limits, s, key, np.where(shown, np.fmin.reduce(gaps, axis=0), 0.0))
-        if np.all(np.isnan(beyond)):
-            continue
-        outline = outline_of(swept_area(path, s, np.fmax(limit, beyond), np.where(np.isnan(beyond), np.nan, np.fmin(limit, beyond))))
+    path = result.drive.road.path
+    breaches = [breach for breach in result.balance.breaches if window.s_from <= breach.s_deepest <= window.s_to]
+    for number, breach in enumerate(breaches):
+        outline = outline_of(conflict_area(result, breach))
+        label = "beyond a limit" if number == 0 else None
         axes.add_patch(PathPatch(outline, facecolor=BREACH, edgecolor=BREACH, linewidth=1.2, label=label, zorder=4))
-        label = None
-    for breach in _spread(breach for breach in result.balance.breaches if depths and window.s_from <= breach.s_deepest <= window.s_to):
-        outwards, edge = 1.0 if breach.side == "left" else -1.0, breach_offset(limits, breach)
-        x, y = path.to_plane(breach.s_deepest, edge)
-        u, v = path.to_plane(breach.s_deepest, edge + outwards * _LABEL_AWAY_M)
+    for breach in _spread(breaches if depths else ()):
+        s, edge = breach_place(result, breach)
+        outwards = 1.0 if edge > 0.0 else -1.0
+        x, y = path.to_plane(s, edge)
+        u, v = path.to_plane(s, edge + outwards * _LABEL_AWAY_M)
         axes.annotate(
             f"{breach.depth:.2f} m", (float(x), float(y)), xytext=(float(u), float(v)), ha="center", va="center", zorder=6,
             color=BREACH, fontweight="bold", fontsize="small", arrowprops={"arrowstyle": "-", "color": BREACH, "linewidth": 0.8},
@@ -182,12 +177,6 @@ def _spread(breaches: Iterable[Breach]) -> list[Breach]:
         if all(abs(breach.s_deepest - other.s_deepest) > _LABELS_APART_M or breach.side != other.side for other in kept):
             kept.append(breach)
     return kept[:_MOST_DEPTHS]
-
-
-def breach_offset(limits: Limits, breach: Breach) -> float:
-    """Return the signed offset that the vehicle reached at a breach's deepest place [m]."""
-    limit = float(limits.table(np.array([breach.s_deepest]))[_row(breach.side, breach.region), 0])
-    return limit + breach.depth if breach.side == "left" else limit - breach.depth
 
 
 def _row(side: str, region: str) -> int:

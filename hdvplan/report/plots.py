@@ -8,15 +8,17 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.legend import Legend
-from matplotlib.ticker import MaxNLocator, NullFormatter
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from hdvplan.jit import BoolArray, FloatArray
+from hdvplan.judging.balance import edges_of
 from hdvplan.judging.result import Result, body_name
 from hdvplan.judging.verdict import verdict_of, verdict_title
 from hdvplan.report.atlas import draw_atlas
 from hdvplan.report.colours import BREACH, INK, MUTED
 from hdvplan.report.heading import answer_colour
-from hdvplan.report.maps import breach_offset, edge_beyond
+from hdvplan.report.maps import edge_beyond
+from hdvplan.report.rooms import breach_place
 from hdvplan.report.style import SLIDE_IN, body_colour, body_fill, styled
 from hdvplan.report.summary import step_times_ms
 from hdvplan.report.windows import FEW_BELOW_M, Window, tightest_windows
@@ -165,18 +167,21 @@ def _draw_limits(axes: Axes, result: Result, shown: BoolArray, window: Window) -
     here = [breach for breach in result.balance.breaches if window.s_from <= breach.s_deepest <= window.s_to]
     if not here:
         return
-    for key, gaps in result.gaps.items():
-        limit, beyond = edge_beyond(limits, s, key, np.fmin.reduce(gaps[:, shown], axis=0))
-        axes.fill_between(s, limit, beyond, color=BREACH, linewidth=0.0)
-    at = [breach.s_deepest for breach in here]
-    edges = [breach_offset(limits, breach) for breach in here]
-    axes.plot(at, edges, linestyle="none", marker="X", color=BREACH, markersize=7, markeredgecolor="white", label="limit broken", zorder=5)
+    for key, gaps in result.edge_gaps.items():
+        edge, beyond = edge_beyond(edges_of(result.drive) or limits, s, key, np.fmin.reduce(gaps[:, shown], axis=0))
+        axes.fill_between(s, edge, beyond, color=BREACH, linewidth=0.0)
+    at, offsets = zip(*(breach_place(result, breach) for breach in here), strict=True)
+    axes.plot(
+        at, offsets, linestyle="none", marker="X", color=BREACH, markersize=7, markeredgecolor="white", label="limit broken", zorder=5
+    )
     deepest = max(here, key=lambda breach: breach.depth)
-    outwards = 1.0 if deepest.side == "left" else -1.0
+    place = breach_place(result, deepest)
+    outwards = 1.0 if place[1] > 0.0 else -1.0
+    what = "beyond" if deepest.obstacle is None else f"into {deepest.obstacle or 'an obstacle'}"
     axes.annotate(
-        f"{deepest.depth:.2f} m beyond", (deepest.s_deepest, breach_offset(limits, deepest)), xytext=(0.0, 7.0 * outwards),
+        f"{deepest.depth:.2f} m {what}", place, xytext=(0.0, 7.0 * outwards),
         textcoords="offset points", ha="center", va="bottom" if outwards > 0.0 else "top", color=BREACH, fontweight="bold",
-        fontsize="small",
+        fontsize="small", bbox=_ON_WHITE,
     ).set_in_layout(False)  # fmt: skip
     axes.margins(y=0.16)
 
@@ -230,6 +235,7 @@ def _draw_times(axes: Axes, result: Result, _window: Window) -> None:
     label = f"mean {times['mean']:.2f}, p99 {times['p99']:.2f}, max {times['max']:.2f} ms"
     axes.axhline(times["mean"], color=MUTED, linewidth=1.0, label=label)
     axes.set_yscale("log")  # always: pictures of different plans are looked at together
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.yaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set_ylabel("step time [ms]")

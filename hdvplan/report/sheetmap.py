@@ -17,7 +17,7 @@ from hdvplan.report.colours import BREACH, INK, MUTED
 from hdvplan.report.layers import Drawn, Layer, outline_places
 from hdvplan.report.maps import outline_of
 from hdvplan.report.pages import Page
-from hdvplan.report.rooms import Room, pose_touching, room_at
+from hdvplan.report.rooms import Room, pose_touching, room_at, tightness
 from hdvplan.report.style import body_colour, body_dark, body_fill
 from hdvplan.report.windows import peaks
 
@@ -27,6 +27,7 @@ _INSET_SCALES = ((1000, 200), (200, 100), (0, 50))  # from this scale of the she
 BAND_MM = 15.0  # below the road, for scale bar and north arrow
 _PLACES_APART_M = 15.0
 _BESIDE_MM = 7.0  # of an enlarged place: its text
+_LONG_SHARE = 0.3  # of an enlarged place's height: longer dimensions have room for their text
 _NEAR_M = 6.0  # limits further out than this from the swept area do not move the stations' numbers
 _TICKS_M = (5.0, 10.0, 20.0, 50.0, 100.0)
 _TICK_MM = 28.0  # at least, between two
@@ -54,8 +55,7 @@ class Place:
 
 def places_of(result: Result, page: Page, most: int) -> tuple[Place, ...]:
     """Return the tightest places of a sheet, lettered in road order."""
-    s, clearance, envelope = result.envelope.s, result.clearance, result.envelope
-    score = np.maximum(envelope.reach_left, -envelope.reach_right) if clearance is None else -clearance
+    s, score = result.envelope.s, tightness(result)
     inside = np.where((s >= page.s_from) & (s <= page.s_to), score, -np.inf)
     found = sorted(peaks(s, inside, _PLACES_APART_M, most))
     return tuple(Place(chr(ord("A") + number), room_at(result, at)) for number, at in enumerate(found))
@@ -65,15 +65,14 @@ def draw_field(axes: Axes, ground: Ground, page: Page, size_mm: tuple[float, flo
     """Draw a sheet's stretch of road, filling the axes, of ``size_mm``, exactly to scale."""
     _look(axes, (page.middle[0], page.middle[1] - 0.5 * BAND_MM * page.scale / 1e3), size_mm, page.scale)
     _draw_ground(axes, ground, page)
-    drive, path = ground.result.drive, ground.result.drive.road.path
+    drive = ground.result.drive
     stand = outline_places(ground.result, page.s_from, page.s_to)
     _draw_vehicles(axes, ground.result, page, np.array([pose_at(drive, s) for s in stand]))
     mm = page.scale / 1e3  # metres that a millimetre shows
     _draw_stations(axes, ground, page, mm)
     for place in places:
-        outwards = 1.0 if place.room.side == "left" else -1.0
-        ends = np.array([place.room.reach, place.room.reach + outwards * 9.0 * mm])
-        (x, y), (u, v) = page.turned(np.column_stack(path.to_plane(np.full(2, place.room.s), ends)))
+        edge = place.room.beyond
+        (x, y), (u, v) = page.turned(np.array([edge, edge + 9.0 * mm * place.room.outwards]))
         colour = BREACH if place.room.broken else INK
         axes.annotate(
             place.letter, (x, y), (u, v), ha="center", va="center", fontsize=8.0, fontweight="bold", color="white", zorder=8,
@@ -88,8 +87,8 @@ def draw_inset(axes: Axes, ground: Ground, page: Page, place: Place, size_mm: tu
     """Draw the surroundings of a tight place, larger, with the vehicle where it is tightest and the clearance as a dimension."""
     result, path, room = ground.result, ground.result.drive.road.path, place.room
     scale = next(inset for above, inset in _INSET_SCALES if page.scale >= above)
-    ends = page.turned(np.column_stack(path.to_plane(np.full(2, room.s), np.array([room.reach, room.limit]))))
-    middle = ends[0] if not room.limited else ends.mean(axis=0)
+    ends = page.turned(room.ends)
+    middle = ends.mean(axis=0) if room.limited else ends[0]
     centre = page.turned(np.column_stack(path.to_plane(np.array([room.s]), 0.0)))[0]
     middle = middle + 0.4 * (centre - middle)
     _look(axes, (float(middle[0]), float(middle[1])), size_mm, scale)
@@ -98,9 +97,8 @@ def draw_inset(axes: Axes, ground: Ground, page: Page, place: Place, size_mm: tu
     colour = BREACH if room.broken else INK
     style = {"arrowstyle": "|-|", "color": colour, "linewidth": 1.0, "mutation_scale": 3.0, "shrinkA": 0.0, "shrinkB": 0.0}
     axes.annotate("", ends[1], ends[0], arrowprops=style, zorder=8)
-    outwards = 1.0 if room.side == "left" else -1.0
-    outermost = outwards * max(outwards * room.reach, outwards * room.limit) + outwards * _BESIDE_MM * scale / 1e3
-    beside = page.turned(np.column_stack(path.to_plane(np.array([room.s]), outermost)))[0] if room.limited else ends.mean(axis=0)
+    shown = float(np.hypot(*(ends[1] - ends[0]))) < _LONG_SHARE * size_mm[1] * scale / 1e3  # else the text stands on the dimension
+    beside = page.turned((room.beyond + _BESIDE_MM * scale / 1e3 * room.outwards)[None])[0] if room.limited and shown else ends.mean(axis=0)
     axes.annotate(
         room.text,
         _point(beside),

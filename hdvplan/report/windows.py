@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hdvplan.jit import FloatArray
-from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.result import Result
+from hdvplan.report.rooms import room_at, tightness
 
 _LABELS = "ABCD"  # of a long road's enlargements; a shorter one gets the first two
 LONG_ROAD_M = 300.0  # beyond it a body is a speck on a map of the whole
@@ -37,23 +37,19 @@ class Window:
 def tightest_windows(result: Result) -> tuple[Window, ...]:
     """Return up to four stretches around the tightest places, two of a road below a kilometre, lettered in road order.
 
-    Tight is the least clearance to the limits, or the furthest reach without limits.
+    Tight is the least clearance to edges and obstacles, or the furthest reach without limits.
     """
-    envelope, clearance, length = result.envelope, result.clearance, result.drive.road.path.length
-    if clearance is None:
-        score, kind = np.maximum(envelope.reach_left, -envelope.reach_right), "reach"
-    else:
-        score, kind = -clearance, "clearance"
+    length = result.drive.road.path.length
     vehicle = result.drive.vehicle
     half = float(np.clip(LENGTHS * (vehicle.reach_ahead + vehicle.reach_behind), *HALF_LENGTH_M))
     if length <= LONG_ROAD_M:
         half = min(half, max(_OF_SHORT * length, _SHORT_HALF_M))
     labels, windows = _LABELS[: 2 if length < FEW_BELOW_M else None], []
-    for label, at in zip(labels, sorted(peaks(envelope.s, score, 2.0 * half, len(labels))), strict=False):
-        s, value = float(envelope.s[at]), float(score[at]) if clearance is None else -float(score[at])
-        middle = min(max(s, half), max(length - half, half))
-        what = f"limit broken by {-value:.2f} m" if value < -KEPT_M else f"{kind} {max(value, 0.0):.2f} m"
-        windows.append(Window(middle - half, min(middle + half, length), label, f"{what} at s = {s:.0f} m", at))
+    for label, at in zip(labels, sorted(peaks(result.envelope.s, tightness(result), 2.0 * half, len(labels))), strict=False):
+        room = room_at(result, at)
+        middle = min(max(room.s, half), max(length - half, half))
+        what = room.text if not room.broken or room.obstacle is not None else f"limit broken by {room.depth:.2f} m"
+        windows.append(Window(middle - half, min(middle + half, length), label, f"{what} at s = {room.s:.0f} m", at))
     return tuple(windows)
 
 

@@ -25,6 +25,7 @@ from hdvplan.reproduce.swept import Swept
 
 BLUE, YELLOW, GREY = "#0072B2", "#E69F00", "0.35"  # the papers' blue and yellow, as Okabe and Ito have them
 _PALE = 0.45
+_BAR_SHARE = 0.2  # of a map's height, free below the road for the scale bar
 _BODIES_M = 15.0  # of road between two drawn buses
 _COLOURS = (BLUE, "#D55E00", "#009E73", YELLOW, "#CC79A7")
 
@@ -227,6 +228,8 @@ def _draw_road(axes: Axes, found: Swept) -> None:
             axes.plot(*path.to_plane(s, limit), color="0.1", linewidth=1.4, label="limits" if number == 0 else None)
     axes.set_aspect("equal")
     axes.margins(0.06)
+    low, high = axes.get_ylim()
+    axes.set_ylim(low - _BAR_SHARE * (high - low), high)
     draw_direction(axes, path, 0.0, path.length, count=4)
     finish_map(axes, north=False)
 
