@@ -10,6 +10,7 @@ import numpy as np
 
 from hdvplan.centring.weights import CentringTable
 from hdvplan.driving.simulate import simulate
+from hdvplan.driving.start import Start, approach_to, lies_beside, start_of
 from hdvplan.errors import HdvplanError, PlanError, RoadError
 from hdvplan.jit import FloatArray
 from hdvplan.planning.bias import NONE, Bias
@@ -62,9 +63,9 @@ def drive(
 ) -> Drive:
     """Plan and execute ``vehicle`` along all of ``road``; ``on_progress`` receives the driven share after each step.
 
-    ``bias`` is where the middle of the swept envelope should lie. The vehicle starts in the stationary geometry of the road's
-    first point and its curvature. ``on_plan`` receives every plan before it is executed, so that a drive that ends in an
-    error, its own or the caller's, leaves its plans.
+    ``bias`` is where the middle of the swept envelope should lie. ``hdvplan.driving.start`` says how the vehicle stands at the start.
+    ``on_plan`` receives every plan before it is executed, so that a drive that ends in an error, its own or the caller's, leaves its
+    plans.
 
     Raises:
         RoadError: the road is shorter than the vehicle.
@@ -77,14 +78,23 @@ def drive(
         msg = f"the road is {road.path.length:.1f} m long, shorter than the vehicle ({length:.1f} m)"
         raise RoadError(msg)
     stations = stations_of(road, vehicle, CentringTable.of(vehicle), step=settings.step, horizon=settings.horizon, bias=bias)
+    begin = start_of(stations, vehicle)
+    if not lies_beside(stations.path, vehicle, begin.z):
+        begin = _arrived(road, vehicle, objective, make_workspace, settings, bias)
+    return _driven(road, vehicle, objective, make_workspace, settings, stations, begin, bias, on_progress, on_plan)
+
+
+def _driven(
+    road: Road, vehicle: Vehicle, objective: Objective, make_workspace: WorkspaceMaker, settings: PlannerSettings, stations: Stations,
+    begin: Start, bias: Bias, on_progress: Callable[[float], None] | None = None, on_plan: Callable[[Plan], None] | None = None,
+) -> Drive:  # fmt: skip
+    """Plan and execute from a start to the road's end."""
     goal = objective(stations, vehicle)
     planner = Planner(vehicle, stations, goal, settings, make_workspace)
     units = vehicle.table()
     keep = int(np.ceil(settings.step / POSE_SPACING_M))
     total = int(np.ceil(road.path.length / settings.step - 1e-9))
-    geometry = stations.centring
-    z = geometry.states[0]
-    kappa_before = float(np.clip(geometry.kappa[0], -vehicle.max_curvature, vehicle.max_curvature))
+    z, kappa_before = begin
     fine, executed, plans, error = [z[None]], [], [], 0.0
     at = 0
     while at < total:
@@ -110,6 +120,26 @@ def drive(
     return Drive(
         road, vehicle, settings, stations, goal, poses[::keep], np.concatenate(executed), poses_s, poses, tuple(plans), error, bias
     )  # fmt: skip
+
+
+def _arrived(
+    road: Road, vehicle: Vehicle, objective: Objective, make_workspace: WorkspaceMaker, settings: PlannerSettings, bias: Bias
+) -> Start:
+    """Return the start after coming along the road's continuation, planned like the road itself.
+
+    Raises:
+        PlanError: the vehicle cannot be driven into the bend in which the road begins.
+
+    """
+    way = approach_to(road, vehicle, settings)
+    along = Bias(bias.s + way.path.length, bias.offset)
+    stations = stations_of(way, vehicle, CentringTable.of(vehicle), step=settings.step, horizon=settings.horizon, bias=along)
+    try:
+        driven = _driven(way, vehicle, objective, make_workspace, settings, stations, start_of(stations, vehicle), along)
+    except PlanError as error:
+        msg = f"the road begins in a bend into which the {vehicle.name} cannot be driven"
+        raise PlanError(msg, s_m=0.0, hint="let the road begin further back") from error
+    return Start(driven.z[-1], float(driven.kappa[-1]))
 
 
 def warm_up(vehicle: Vehicle, objective: Objective, make_workspace: WorkspaceMaker, settings: PlannerSettings, *, limited: bool) -> None:

@@ -57,11 +57,18 @@ class Result:
 
     @property
     def clearance(self) -> FloatArray | None:
-        """Least room to any limit at the envelope's arclengths, negative where one is broken, shape (n,) [m]; None without limits."""
-        if not self.gaps:
+        """Least room to any limit at the envelope's arclengths, negative where one is broken, shape (n,) [m]; None without limits.
+
+        What is least at an obstacle is its distance in the plane, as in ``approaches``.
+        """
+        if not self.gaps or self.balance.min_clearance is None:
             return None
         least: FloatArray = np.fmin.reduce(np.concatenate(list(self.gaps.values())), axis=0)
-        return least
+        for near in self.approaches:
+            if 0.0 <= near.s <= self.drive.road.path.length:
+                at = int(np.argmin(np.abs(self.envelope.s - near.s)))
+                least[at] = np.fmin(least[at], near.distance)
+        return np.maximum(least, self.balance.min_clearance) if self.approaches else least
 
     @cached_property
     def wheel_room(self) -> float | None:

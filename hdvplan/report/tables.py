@@ -58,8 +58,12 @@ def breach_table(result: Result) -> Table:
             rows[-1].append(breach.region)
     if result.two_regions:
         columns.append("region")
+    if any(breach.obstacle is not None for breach in breaches):
+        columns.append("obstacle")
+        for row, breach in zip(rows, breaches, strict=False):
+            row.append("-" if breach.obstacle is None else breach.obstacle or "unnamed")
     title = f"broken limits ({len(rows)} of {len(breaches)})" if len(breaches) > len(rows) else "broken limits"
-    return grid(title, columns, rows, text=("side", "body", "part", "region"))
+    return grid(title, columns, rows, text=("side", "body", "part", "region", "obstacle"))
 
 
 def smoothing_remark(smoothing: Smoothing) -> str:

@@ -7,8 +7,9 @@ this caution costs that distance times the edge's slope.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy  # its subpackages load when they are first used
@@ -23,8 +24,8 @@ from hdvplan.road.regions import TABLE_M, Kind, Region, Side
 class Passage:
     """An obstacle over a stretch of road, and what passing it on either side leaves.
 
-    Offsets in metres, left positive; rooms are the least distances between the obstacle and the limits beside it, negative where it
-    reaches beyond them. ``usual`` is the side on which it is passed when nothing else is known: its own, or the one with more room.
+    Offsets in metres, left positive. ``usual`` is the side on which it is passed when nothing else is known: its own, or the one with
+    more room.
     """
 
     region: int  # index of the obstacle among the road's regions
@@ -34,7 +35,6 @@ class Passage:
     high: float  # leftmost
     on_line: bool  # the centre line meets it
     around: bool  # it lies on both sides of a line that it leaves free: no side to choose
-    room: dict[Side, float]
     usual: Side
     nodes: IntArray  # the normals that ``cuts`` are for
     cuts: dict[Side, FloatArray]  # signed limits left and right, (2, len(nodes)), infinite where free
@@ -51,27 +51,53 @@ class Obstructed:
     passages: tuple[Passage, ...]  # in order of s
 
     @property
-    def usual(self) -> tuple[Side, ...]:
-        """The sides on which obstacles are passed when nothing else is known."""
-        return tuple(passage.usual for passage in self.passages)
+    def usual(self) -> dict[int, Side]:
+        """The sides on which obstacles are passed when nothing else is known, by the passages' numbers."""
+        return {number: passage.usual for number, passage in enumerate(self.passages)}
 
-    def limits(self, sides: Sequence[Side | None], s_from: float = -np.inf, s_to: float = np.inf) -> tuple[FloatArray, FloatArray]:
+    @cached_property
+    def spans(self) -> FloatArray:
+        """Where the passages begin and end, shape (2, passages) [m]."""
+        return np.array([[passage.s_from, passage.s_to] for passage in self.passages]).reshape(-1, 2).T
+
+    @cached_property
+    def _ends(self) -> IntArray:
+        """The first and the last normal of the passages, shape (2, passages)."""
+        return np.array([[np.min(passage.nodes), np.max(passage.nodes)] for passage in self.passages], np.intp).reshape(-1, 2).T
+
+    def limits(self, sides: Mapping[int, Side], s_from: float = -np.inf, s_to: float = np.inf) -> tuple[FloatArray, FloatArray]:
         """Return arclengths from ``s_from`` to ``s_to`` [m], and a little beyond, and the limits there, shape (4, n).
 
-        ``sides`` are those of the passages; None leaves an obstacle out. A limit left of which nothing is free can end up right of its
-        opposite: there the road is blocked.
+        ``sides`` are those of the passages, by their numbers; obstacles without one are left out. A limit left of which nothing is free
+        can end up right of its opposite: there the road is blocked.
         """
         first = max(int(np.searchsorted(self.s, s_from)) - 2, 0)
         last = min(int(np.searchsorted(self.s, s_to)) + 2, len(self.s))
-        at, band, values = self.s[first:last], self.band[:, first:last], self.edges[:, first:last].copy()
-        for passage, side in zip(self.passages, sides, strict=True):
-            if side is None:
+        return self._merged(self.s[first:last], self.band[:, first:last], self._cut(sides, first, last))
+
+    def room(self, number: int, side: Side, others: Mapping[int, Side]) -> float:
+        """Return the least distance [m] between a passage's obstacle and what lies on that side of it: the edge, or one of ``others``.
+
+        Negative where the two overlap.
+        """
+        passage = self.passages[number]
+        first, last = (int(end) for end in self._ends[:, number])
+        values = self._cut(others, first, last + 1)
+        left, right = values[:2, passage.nodes - first]
+        return float(np.min(left - passage.cuts[side][1]) if side is Side.LEFT else np.min(passage.cuts[side][0] - right))
+
+    def _cut(self, sides: Mapping[int, Side], first: int, last: int) -> FloatArray:
+        """Return the limits at some of the cells' normals."""
+        values = self.edges[:, first:last].copy()
+        for number in np.flatnonzero((self._ends[0] < last) & (self._ends[1] >= first)):
+            if int(number) not in sides:
                 continue
+            passage = self.passages[number]
             inside = (passage.nodes >= first) & (passage.nodes < last)
-            nodes, (left, right) = passage.nodes[inside] - first, passage.cuts[side][:, inside]
+            nodes, (left, right) = passage.nodes[inside] - first, passage.cuts[sides[int(number)]][:, inside]
             values[::2, nodes] = np.minimum(values[::2, nodes], left)
             values[1::2, nodes] = np.maximum(values[1::2, nodes], right)
-        return self._merged(at, band, values)
+        return values
 
     def _merged(self, at: FloatArray, band: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the limits where regions changed them, between those that were given."""
@@ -100,10 +126,7 @@ def obstructed(path: ReferencePath, regions: tuple[Region, ...], given: tuple[Fl
     band = np.stack([np.interp(cells.s, given[0], row) for row in given[1]])
     usual = _usual(stays, regions, _in_cells(band))
     edges = _edges(cells, band, regions, stays, usual)
-    room = _in_cells(edges)
-    passages = [
-        _passage(cells, stay, room, side) for stay, side in zip(stays, usual, strict=True) if regions[stay.region].kind is Kind.OBSTACLE
-    ]
+    passages = [_passage(cells, stay, side) for stay, side in zip(stays, usual, strict=True) if regions[stay.region].kind is Kind.OBSTACLE]
     return Obstructed(given, cells.s, band, edges, tuple(sorted(passages, key=lambda passage: passage.s_from)))
 
 
@@ -158,7 +181,7 @@ def _edges(cells: Cells, band: FloatArray, regions: tuple[Region, ...], stays: l
     return values
 
 
-def _passage(cells: Cells, stay: Stay, edges: FloatArray, side: Side) -> Passage:
+def _passage(cells: Cells, stay: Stay, side: Side) -> Passage:
     at, count, length = stay.cells, len(cells.left), cells.path.length
     over = at[0] > at[-1]  # the start of a closed road
     nodes = np.append(at, at[-1] + 1)
@@ -167,10 +190,9 @@ def _passage(cells: Cells, stay: Stay, edges: FloatArray, side: Side) -> Passage
         cut = int(np.argmax(nodes == 0))
         nodes = np.insert(nodes, cut, count)
         cuts = {way: np.insert(cut_, cut, cut_[:, cut], axis=1) for way, cut_ in cuts.items()}
-    room = {Side.LEFT: float(np.min(edges[0, at] - stay.high)), Side.RIGHT: float(np.min(stay.low - edges[1, at]))}
     s_from, s_to = float(cells.s[at[0]]), float(cells.s[at[-1] + 1]) + (length if over else 0.0)
     return Passage(
-        stay.region, s_from, s_to, float(np.min(stay.low)), float(np.max(stay.high)), bool(np.any(stay.on_centre)), stay.around, room,
+        stay.region, s_from, s_to, float(np.min(stay.low)), float(np.max(stay.high)), bool(np.any(stay.on_centre)), stay.around,
         side, nodes, cuts,
     )  # fmt: skip
 

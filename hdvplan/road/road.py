@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
@@ -120,12 +120,12 @@ class Road:
         regions = tuple(replace(one, side=one.side or side) if number in on_line else one for number, one in enumerate(self.regions))
         return replace(self, regions=regions).within(self.band)
 
-    def passing(self, sides: Sequence[Side]) -> Road:
-        """Return the road with the limits that passing its obstacles on ``sides`` leaves, one for each of ``obstructed.passages``."""
+    def passing(self, sides: Mapping[int, Side]) -> Road:
+        """Return the road with the limits that passing its obstacles on ``sides`` leaves, by the numbers of ``obstructed.passages``."""
         found = self.obstructed
         if found is None:
             return self
-        limits, edges = (Limits(nodes, *values) for nodes, values in (found.limits(sides), found.limits([None] * len(sides))))
+        limits, edges = (Limits(nodes, *values) for nodes, values in (found.limits(sides), found.limits({})))
         road = replace(self, limits=limits, edges=edges if found.passages else None)
         road.__dict__["obstructed"] = found  # where ``cached_property`` looks: band and regions are the same
         return road

@@ -1,0 +1,63 @@
+"""How a vehicle stands at the start of its road.
+
+It stands in the stationary geometry of the road's first point and curvature: as if the road had always bent as it does there. In a bend
+so tight that a body would not lie beside the road's continuation then, it comes along that continuation instead: a curvature that
+fades to zero, and a straight before it.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from hdvplan.jit import FloatArray
+from hdvplan.planning.settings import PlannerSettings
+from hdvplan.planning.stations import Stations
+from hdvplan.road.path import ReferencePath, evaluate_many, project_many
+from hdvplan.road.road import Limits, Road
+from hdvplan.vehicle.body import axles_behind
+from hdvplan.vehicle.kinematics import POSE, place
+from hdvplan.vehicle.model import Vehicle
+
+_SPACING_M = 0.25  # of the places on a body's edges that are looked at
+_STRAIGHT_M = 20.0  # of continuation before the vehicle's length: its curvature has faded there
+_ROOM_M = 20.0  # of path beyond the vehicle and its horizon
+
+
+class Start(NamedTuple):
+    """The road-aligned state at s = 0, and the curvature that was driven until there [1/m]."""
+
+    z: FloatArray
+    kappa: float
+
+
+def start_of(stations: Stations, vehicle: Vehicle) -> Start:
+    """Return the stationary geometry of the first station, as far as the vehicle can steer."""
+    geometry = stations.centring
+    return Start(geometry.states[0], float(np.clip(geometry.kappa[0], -vehicle.max_curvature, vehicle.max_curvature)))
+
+
+def lies_beside(path: ReferencePath, vehicle: Vehicle, z: FloatArray) -> bool:
+    """Tell whether all bodies of a vehicle in state ``z`` at s = 0 lie beside the path: every point of their edges has a foot on it."""
+    x, y, cos, sin, _ = (float(value) for value in evaluate_many(path.curve, np.zeros(1))[:, 0])
+    poses = np.empty(len(vehicle.units), POSE)
+    place(vehicle.table(), x, y, cos, sin, np.ascontiguousarray(z), poses)
+    for unit, pose, behind in zip(vehicle.units, poses, axles_behind(vehicle), strict=True):
+        ahead = np.linspace(-unit.rear_overhang, unit.front, int(np.ceil((unit.front + unit.rear_overhang) / _SPACING_M)) + 1)
+        for across in (0.5 * unit.width, -0.5 * unit.width):
+            edge_x, edge_y = pose["x"] + ahead * pose["cos"] - across * pose["sin"], pose["y"] + ahead * pose["sin"] + across * pose["cos"]
+            if np.any(np.isnan(project_many(path.curve, edge_x, edge_y, ahead - behind)[1])):
+                return False
+    return True
+
+
+def approach_to(road: Road, vehicle: Vehicle, settings: PlannerSettings) -> Road:
+    """Return the continuation before a road's start as a road of its own, on which the whole vehicle begins behind the bend."""
+    length = settings.replan * float(np.ceil((vehicle.reach_ahead + vehicle.reach_behind + _STRAIGHT_M) / settings.replan))
+    path = road.path.stretch(-length, 0.0, vehicle.reach_behind + _ROOM_M, settings.horizon + vehicle.reach_ahead + _ROOM_M)
+    if road.limits is None:
+        return Road(road.name, path)
+    limits = road.limits
+    columns = (limits.left, limits.right, limits.left_sweep, limits.right_sweep)
+    return Road(road.name, path, Limits(limits.s + length, *columns))

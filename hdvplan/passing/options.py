@@ -1,0 +1,130 @@
+"""The sides on which each obstacle can be passed at all, and how far apart obstacles must be not to bear on each other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hdvplan.case import Case
+from hdvplan.centring.weights import CentringTable
+from hdvplan.errors import RoadError
+from hdvplan.judging.balance import KEPT_M
+from hdvplan.road.obstructed import Obstructed, Passage
+from hdvplan.road.regions import Side
+
+_CLEAR_M = 0.5  # an obstacle this far from what is swept leaves no choice
+_MOST_DETOUR_M = 6.0  # of an obstacle's edge from the line
+_SETTLED_M = 5.0  # more than the least road for changing sides: measured for the vehicles of docs/maths.md, with 3 m to spare
+
+
+@dataclass(frozen=True)
+class Options:
+    """The sides on which an obstacle can be passed, the usual one first; ``reason`` says why there is only one."""
+
+    sides: tuple[Side, ...]
+    forced: bool = False
+    reason: str | None = None
+
+    @property
+    def open(self) -> bool:
+        """Whether there is anything to choose."""
+        return len(self.sides) > 1
+
+
+def options_of(case: Case, road: Obstructed) -> list[Options]:
+    """Return the options of every passage of the case's road.
+
+    An obstacle beside the line has only its usual side where the vehicle, balanced everywhere, does not come near it, and no detour
+    around another one leads there. A side is closed where the road's edge, or an obstacle that leaves no choice, lies nearer to the
+    obstacle than the vehicle is wide.
+
+    Raises:
+        RoadError: an obstacle has no room on the side on which it must be passed.
+
+    """
+    options = [
+        _by_place(case, road.passages[number], case.road.regions[road.passages[number].region].side) for number in range(len(road.passages))
+    ]
+    _reopen(case, road.passages, options)
+    fixed = {number: option.sides[0] for number, option in enumerate(options) if not option.open}
+    return [_by_room(case, road, number, option, fixed) for number, option in enumerate(options)]
+
+
+def independent_m(case: Case, passages: Sequence[Passage]) -> float:
+    """Return the distance between obstacles from which on one's side has no bearing on the other's [m].
+
+    The vehicle's length, and the road that it takes from the furthest detour on one side to the furthest on the other: two arcs of its
+    tightest curvature, entered and left at its curvature rate.
+    """
+    vehicle = case.vehicle
+    furthest = max((max(abs(passage.low), abs(passage.high)) for passage in passages), default=0.0)
+    across = 2.0 * min(furthest, _MOST_DETOUR_M) + vehicle.width
+    turn = 2.0 * np.sqrt(across / vehicle.max_curvature) + 2.0 * vehicle.max_curvature / vehicle.max_curvature_rate
+    return float(vehicle.reach_ahead + vehicle.reach_behind + turn + _SETTLED_M)
+
+
+def _by_place(case: Case, passage: Passage, side: Side | None) -> Options:
+    """Return an obstacle's options as its place has them, whatever room there is."""
+    if passage.around:
+        return Options((passage.usual,), reason="it lies on both sides of the line")
+    if side is not None:
+        return Options((side,), forced=True, reason="its side is given")
+    if not passage.on_line and _apart(case, passage) > _CLEAR_M:
+        return Options((passage.usual,), reason=_FAR)
+    return Options((passage.usual, passage.usual.other))
+
+
+_FAR = "the swept area does not come near it"
+
+
+def _apart(case: Case, passage: Passage) -> float:
+    """Return the room between an obstacle beside the line and what the vehicle sweeps, balanced everywhere [m]."""
+    vehicle, path = case.vehicle, case.road.path
+    s = np.clip(np.arange(passage.s_from - vehicle.reach_behind, passage.s_to + vehicle.reach_ahead, 0.5), 0.0, path.length)
+    swept = CentringTable.of(vehicle).at(path.at(s).curvature)
+    if np.any(swept.saturated):
+        return -np.inf
+    half, aim = float(np.max(swept.half_width)) + case.settings.clearance, case.bias.at(s)
+    return float(passage.low - np.max(aim) - half if passage.low > 0.0 else np.min(aim) - passage.high - half)
+
+
+def _reopen(case: Case, passages: Sequence[Passage], options: list[Options]) -> None:
+    """Open both sides of obstacles to which a detour around an open one leads; walls along the road stay where they are."""
+    near = independent_m(case, [passage for passage, option in zip(passages, options, strict=True) if option.open])
+    reach = case.vehicle.width + 2.0 * case.settings.clearance + _CLEAR_M
+    open_ = [number for number, option in enumerate(options) if option.open]
+    for number in open_:  # grows
+        here = passages[number]
+        for other, there in enumerate(passages):
+            beside = there.s_from - here.s_to < near and here.s_from - there.s_to < near and there.s_to - there.s_from < near
+            if options[other].reason == _FAR and beside and there.low < here.high + reach and there.high > here.low - reach:
+                options[other] = Options((there.usual, there.usual.other))
+                open_.append(other)
+
+
+def _by_room(case: Case, road: Obstructed, number: int, option: Options, fixed: Mapping[int, Side]) -> Options:
+    """Return an obstacle's options without those that have no room beside ``fixed`` obstacles."""
+    passage, needed = road.passages[number], case.vehicle.width + 2.0 * case.settings.clearance
+    if not (option.open or option.forced):
+        return option
+    rooms = {side: road.room(number, side, fixed) for side in option.sides}
+    closed = {
+        side: f"{max(room, 0.0):.2f} m between it and what lies {side} of it, {needed:.2f} m needed"
+        for side, room in rooms.items()
+        if room < needed - 2.0 * KEPT_M
+    }
+    if option.forced and closed:
+        (side, why), label = next(iter(closed.items())), case.road.regions[passage.region].label
+        s, missing = 0.5 * (passage.s_from + passage.s_to), needed - rooms[side]
+        named = f"the obstacle {label!r}" if label else "an obstacle"
+        msg = f"{named} at s = {s:.1f} m cannot be passed on the {side}, {missing:.2f} m are missing: {why}"
+        raise RoadError(msg, s_m=s, hint="give no side, to pass it where there is more room")
+    if option.forced or not closed:
+        return option
+    if len(closed) == len(option.sides):
+        widest = max(rooms, key=lambda side: rooms[side])
+        return Options((widest,), reason=f"both sides are closed; {widest}: {closed[widest]}; {widest.other}: {closed[widest.other]}")
+    ((side, why),) = closed.items()
+    return Options((side.other,), reason=f"{side} is closed: {why}")
