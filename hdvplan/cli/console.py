@@ -53,6 +53,7 @@ def warn(message: str, *, quiet: bool = False) -> None:
 def print_line(text: str) -> None:
     """Write an answer of one line to stdout; the terminal wraps it."""
     sys.stdout.write(f"{one_line(text)}\n")
+    sys.stdout.flush()  # what stderr says next belongs below it
 
 
 def print_tables(*tables: Table) -> None:

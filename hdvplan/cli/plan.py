@@ -169,22 +169,20 @@ def plan(
     case = Case(track, driven, objective, solver or DEFAULT, settings, NONE if bias is None else bias_named(bias, track.limits))
     with progress(f"planning {driven.name} along {track.name}", quiet=quiet) as on_progress:
         result = api.plan(case, on_progress=on_progress)
-    _warn_misfits(result, quiet=quiet)
     directory = out or Path(f"{file_name(track.name)}.{file_name(driven.name)}")
     with progress(f"writing {directory}/", quiet=quiet) as on_progress:
         _write(result, directory, [kind for kind in kinds if plot or kind in DRAWINGS], drawn_on, animate, on_progress)
-    from hdvplan.judging.manners import manners_of, manners_texts
-    from hdvplan.judging.verdict import verdict_of
+    from hdvplan.judging.verdict import verdict_line, verdict_of
+    from hdvplan.report.summary import summary_of
 
     verdict = verdict_of(result)
-    for text in manners_texts(result.drive, manners_of(result.drive)):
-        warn(text, quiet=quiet)
     if json:
-        from hdvplan.report.summary import summary_of
-
         print_json(summary_of(result))
     elif not quiet:
-        _print(result, verdict, directory)
+        print_line(verdict_line(result, verdict))
+    _warn(result, verdict, quiet=quiet)
+    if not json and not quiet:
+        _print(result, directory)
     return _exit_code(result, verdict)
 
 
@@ -216,11 +214,14 @@ def _warn_far_regions(road: Road, *, quiet: bool) -> None:
         warn(f"{len(far)} of {len(apart)} regions lie further than {OPEN_M:.0f} m from the road and do not count, {nearest}", quiet=quiet)
 
 
-def _warn_misfits(result: Result, *, quiet: bool) -> None:
-    """Say where geometry expects the vehicle not to fit, passing obstacles as the plan does; the plan is made all the same."""
+def _warn(result: Result, verdict: Verdict, *, quiet: bool) -> None:
+    """Say what a driver would find too much, and where a vehicle does not fit that geometry expects it so: it may tell why."""
     from hdvplan.judging.fit import finding_text
+    from hdvplan.judging.manners import manners_of, manners_texts
 
-    findings = result.fit.findings
+    for text in manners_texts(result.drive, manners_of(result.drive)):
+        warn(text, quiet=quiet)
+    findings = () if verdict.fits else result.fit.findings
     for finding in findings[:_MOST_WARNINGS]:
         warn(finding_text(finding, result.drive.vehicle.name), quiet=quiet)
     if len(findings) > _MOST_WARNINGS:
@@ -273,12 +274,10 @@ def _write(
         raise OptionError(msg, hint="choose another folder with --out") from error
 
 
-def _print(result: Result, verdict: Verdict, directory: Path) -> None:
-    """Print the answer first, then what the plan sweeps and breaks, last how it was planned."""
-    from hdvplan.judging.verdict import verdict_line
+def _print(result: Result, directory: Path) -> None:
+    """Print what the plan sweeps and breaks, then how it was planned."""
     from hdvplan.report.tables import balance_table, breach_table, planning_table
 
-    print_line(verdict_line(result, verdict))
     broken = [breach_table(result)] if result.balance.breaches else []
     print_tables(balance_table(result), *broken, planning_table(result, f"{directory}/"))
 

@@ -86,7 +86,7 @@ def test_a_broken_limit_ends_in_1_and_says_which_where_and_by_how_much(cli: Cli,
     deepest = max(summary["breaches"], key=lambda breach: breach["depth_m"])
     assert summary["status"] == "limits broken"
     assert summary["limit_violation_m"] == deepest["depth_m"] > 0.01
-    warning, *manners, first, hint = outcome.err.splitlines()
+    *manners, warning, first, hint = outcome.err.splitlines()
     assert warning.startswith("warning: too narrow for the tractor-trailer-24m from s = ")
     assert all(line.startswith("warning: the plan ") for line in manners)
     assert first == (
