@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from hdvplan.driving.drive import Drive
 from hdvplan.jit import BoolArray, FloatArray
+from hdvplan.planning.running import running
 
 NEARLY_ALL = 0.95  # of the steering, or of its rate: a driver has nothing left to correct with
 _LOCK = 0.8  # of the steering, on either side: from one to the other is a swing from lock to lock
@@ -40,7 +40,7 @@ def manners_of(drive: Drive) -> Manners:
     curvature = np.abs(kappa) / vehicle.max_curvature
     rate = np.abs(np.diff(kappa, prepend=kappa[:1])) / (step * vehicle.max_curvature_rate)
     size = max(2, int(np.ceil((vehicle.reach_ahead + vehicle.reach_behind) / step)))
-    high, low = maximum_filter1d(kappa, size, mode="nearest"), minimum_filter1d(kappa, size, mode="nearest")
+    high, low = (running(pick, kappa, size // 2, size - size // 2 - 1) for pick in (np.maximum, np.minimum))
     lock = _LOCK * vehicle.max_curvature
     return Manners(_use(s, curvature), _use(s, rate), _stretches(s, (high > lock) & (low < -lock)))
 

@@ -11,11 +11,11 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from hdvplan.centring.weights import Centring, CentringTable
 from hdvplan.jit import FloatArray, Records
 from hdvplan.planning.bias import NONE, Bias, shifted
+from hdvplan.planning.running import running
 from hdvplan.road.path import ReferencePath, evaluate_many
 from hdvplan.road.road import Road
 from hdvplan.vehicle.model import Vehicle
@@ -140,11 +140,10 @@ def _around(path: ReferencePath, limits: LimitTable, s: FloatArray, vehicle: Veh
 def _beside(values: FloatArray, k: FloatArray, factor: float, vehicle: Vehicle) -> FloatArray:
     """Return the rows of ``_around`` on the table's grid, over ``factor`` times the vehicle's length to both sides of its lead axle."""
     ahead, behind = (int(np.ceil((factor * reach + _SLACK_M) / LIMIT_SPACING_M)) for reach in (vehicle.reach_ahead, vehicle.reach_behind))
-    size, origin = ahead + behind + 1, (ahead + behind) // 2 - ahead
-    low, high = (partial(run, size=size, origin=origin, mode="nearest") for run in (minimum_filter1d, maximum_filter1d))
+    low, high = (partial(running, pick, behind=behind, ahead=ahead) for pick in (np.minimum, np.maximum))
     left, right = np.min(values[[0, 2]], axis=0), -np.max(values[[1, 3]], axis=0)
     finite = np.where(np.isfinite(values), values, 0.0)
-    varies = np.any(high(finite, axis=1) > low(finite, axis=1), axis=0)
+    varies = np.any(high(finite) > low(finite), axis=0)
     return np.stack([low(left), low(right), low(k), high(k), varies.astype(float)])
 
 
@@ -159,8 +158,8 @@ def limit_table(road: Road, path: ReferencePath, step: float) -> LimitTable:
     values = road.limits.table(around if road.path.closed else s)
     fine = LimitTable(values, float(s[0]), _FINE_M)
     _cover_corners(fine, road)
-    size = 2 * int(np.ceil((_STRETCH * step + LIMIT_SPACING_M) / _FINE_M)) + 1
-    narrowest = [run(row, size, mode="nearest") for run, row in zip((minimum_filter1d, maximum_filter1d) * 2, values, strict=True)]
+    reach = int(np.ceil((_STRETCH * step + LIMIT_SPACING_M) / _FINE_M))
+    narrowest = [running(pick, row, reach, reach) for pick, row in zip((np.minimum, np.maximum) * 2, values, strict=True)]
     table = np.ascontiguousarray(np.stack(narrowest)[:, ::every])
     return LimitTable(table, float(s[0]), LIMIT_SPACING_M, road.limits.two_regions)
 
