@@ -194,4 +194,4 @@ def test_steps_that_no_memory_holds_are_refused(cli: Cli, lengths: tuple[str, ..
 def test_a_picture_format_is_checked_whether_it_is_drawn_or_not(cli: Cli) -> None:
     outcome = cli("plan", "uturn", "--vehicle", "bus", "--no-plot", "--format", "bmp")
     assert (outcome.code, outcome.out) == (2, "")
-    assert outcome.err.startswith("error: --format must be png, pdf or svg, not 'bmp'")
+    assert outcome.err.startswith("error: --format must be png, pdf, svg, dxf or gpkg, not 'bmp'")
