@@ -28,6 +28,9 @@ class System:
         """Return a geometry of the road's plane in this system."""
         if self.plane is None or self.name is None:
             return geometry
+        if self.name == LONLAT_CODE:  # across the antimeridian longitudes go on, else a line would go round the world
+            to_lonlat = ToLonLat(self.plane)
+            return shapely.transform(geometry, lambda points: np.column_stack(to_lonlat(points[:, 0], points[:, 1])))
         return shapely.transform(geometry, IntoPlane(self.plane, self.name))
 
 

@@ -15,7 +15,7 @@ import pandas as pd
 import pytest
 import shapely
 
-from hdvplan.judging.result import Result
+from hdvplan.judging.result import Result, result_of
 from hdvplan.report.files import write_plan
 from hdvplan.report.html import write_report
 from hdvplan.road.regions import Kind, Region
@@ -221,7 +221,8 @@ def test_obstacles_are_drawn_and_their_table_leads_to_them(
     van, kerb = Region(Kind.OBSTACLE, shapely.box(60.0, 2.0, 66.0, 4.0), "van"), Region(Kind.SWEEPABLE, shapely.box(50.0, -5.0, 70.0, -3.0))
     drawn = []
     for name, regions in (("none", ()), ("kerb", (kerb,)), ("van", (van,))):
-        write_plan(replace(straight, drive=replace(straight.drive, road=replace(straight.drive.road, regions=regions))), tmp_path / name)
+        drive = replace(straight.drive, road=replace(straight.drive.road, regions=regions))
+        write_plan(result_of(drive, solver="piqp", objective="geometric"), tmp_path / name)
         write_report([tmp_path / name], tmp_path / f"{name}.html")
         browser.get((tmp_path / f"{name}.html").as_uri())
         settled(browser)

@@ -23,6 +23,7 @@ from hdvplan.judging.wheels import wheel_tracks
 from hdvplan.report.dxf import dxf_bytes
 from hdvplan.report.geopackage import geopackage_bytes
 from hdvplan.report.layers import drawn_features, outline_places
+from hdvplan.report.placing import drawing_system, map_system
 from hdvplan.road.crs import to_plane
 from hdvplan.road.load import RoadOptions, load_road
 from hdvplan.road.regions import Kind, Region
@@ -180,3 +181,11 @@ def test_outlines_of_vehicles_do_not_touch(bus: Result, length: float) -> None:
     vehicle = bus.drive.vehicle
     for one, other in pairwise(places):
         assert other - one > 1.2 * (vehicle.reach_ahead + vehicle.reach_behind)
+
+
+def test_a_road_across_the_antimeridian_does_not_go_round_the_world(kerbed: Result) -> None:
+    fiji = np.array([[179.9999, -16.5], [180.0001, -16.5]])
+    road = replace(kerbed.drive.road, to_lonlat=to_plane(fiji).to_lonlat)
+    placed = map_system(road).place(shapely.LineString(np.column_stack(road.path.to_plane(np.linspace(0.0, 50.0, 11), 0.0))))
+    assert np.max(np.abs(np.diff(shapely.get_coordinates(placed)[:, 0]))) < 1e-4  # 5 m; a degree is 107 km there
+    assert drawing_system(road).name == "EPSG:32701"
