@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -138,7 +139,8 @@ def plan(
     found = find_road(road, wanted)  # what the files have wrong is said before more is loaded
     from hdvplan import api
     from hdvplan.case import Case
-    from hdvplan.planning.bias import NONE, bias_named
+    from hdvplan.passing.sides import choose_sides
+    from hdvplan.planning.bias import CENTRE, bias_named
     from hdvplan.planning.discretisation import Discretisation
     from hdvplan.planning.settings import PlannerSettings, Scheme
     from hdvplan.report.files import DRAWINGS, PICTURES
@@ -166,8 +168,11 @@ def plan(
         note(remark, quiet=quiet)
     check_fits(track, driven, reaches)
     _warn_far_regions(track, quiet=quiet)
-    case = Case(track, driven, objective, solver or DEFAULT, settings, NONE if bias is None else bias_named(bias, track.limits))
+    case = Case(track, driven, objective, solver or DEFAULT, settings)
     with progress(f"planning {driven.name} along {track.name}", quiet=quiet) as on_progress:
+        if bias is not None:
+            sided = choose_sides(case)[0] if bias == CENTRE else track  # the middle between limits is that of the sides found
+            case = replace(case, bias=bias_named(bias, sided.limits))
         result = api.plan(case, on_progress=on_progress)
     directory = out or Path(f"{file_name(track.name)}.{file_name(driven.name)}")
     with progress(f"writing {directory}/", quiet=quiet) as on_progress:
@@ -303,7 +308,7 @@ def _exit_code(result: Result, verdict: Verdict) -> ExitCode:
         kept = verdict.clearance_wanted + (verdict.spare or 0.0)
         report_error(
             f"only {kept:.3f} m of the wanted clearance of {verdict.clearance_wanted:.3f} m are kept "
-            f"from the {verdict.side} limit at s = {verdict.s:.1f} m",
+            f"from {'an obstacle' if verdict.obstacle is not None else f'the {verdict.side} limit'} at s = {verdict.s:.1f} m",
             "the vehicle fits without that clearance; `hdvplan need ROAD --clearance M` finds the room that it takes",
         )
     return ExitCode.BROKEN

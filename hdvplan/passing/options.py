@@ -44,12 +44,14 @@ def options_of(case: Case, road: Obstructed) -> list[Options]:
         RoadError: an obstacle has no room on the side on which it must be passed.
 
     """
-    options = [
-        _by_place(case, road.passages[number], case.road.regions[road.passages[number].region].side) for number in range(len(road.passages))
-    ]
-    _reopen(case, road.passages, options)
-    fixed = {number: option.sides[0] for number, option in enumerate(options) if not option.open}
-    return [_by_room(case, road, number, option, fixed) for number, option in enumerate(options)]
+    given = [case.road.regions[passage.region].side for passage in road.passages]
+    options = [_by_place(case, passage, side) for passage, side in zip(road.passages, given, strict=True)]
+    _reopen(case, road, options)
+    while True:  # an obstacle with one side left may close another's
+        fixed = {number: option.sides[0] for number, option in enumerate(options) if not option.open}
+        options = [_by_room(case, road, number, option, fixed) for number, option in enumerate(options)]
+        if sum(not option.open for option in options) == len(fixed):
+            return options
 
 
 def independent_m(case: Case, passages: Sequence[Passage]) -> float:
@@ -90,18 +92,20 @@ def _apart(case: Case, passage: Passage) -> float:
     return float(passage.low - np.max(aim) - half if passage.low > 0.0 else np.min(aim) - passage.high - half)
 
 
-def _reopen(case: Case, passages: Sequence[Passage], options: list[Options]) -> None:
+def _reopen(case: Case, road: Obstructed, options: list[Options]) -> None:
     """Open both sides of obstacles to which a detour around an open one leads; walls along the road stay where they are."""
-    near = independent_m(case, [passage for passage, option in zip(passages, options, strict=True) if option.open])
-    reach = case.vehicle.width + 2.0 * case.settings.clearance + _CLEAR_M
     open_ = [number for number, option in enumerate(options) if option.open]
+    near = independent_m(case, [road.passages[number] for number in open_])
+    reach = case.vehicle.width + 2.0 * case.settings.clearance + _CLEAR_M
+    begin, end = road.spans
+    short = end - begin < near
     for number in open_:  # grows
-        here = passages[number]
-        for other, there in enumerate(passages):
-            beside = there.s_from - here.s_to < near and here.s_from - there.s_to < near and there.s_to - there.s_from < near
-            if options[other].reason == _FAR and beside and there.low < here.high + reach and there.high > here.low - reach:
+        here = road.passages[number]
+        for other in np.flatnonzero(short & (begin < here.s_to + near) & (end > here.s_from - near)):
+            there = road.passages[other]
+            if options[other].reason == _FAR and there.low < here.high + reach and there.high > here.low - reach:
                 options[other] = Options((there.usual, there.usual.other))
-                open_.append(other)
+                open_.append(int(other))
 
 
 def _by_room(case: Case, road: Obstructed, number: int, option: Options, fixed: Mapping[int, Side]) -> Options:
@@ -111,7 +115,7 @@ def _by_room(case: Case, road: Obstructed, number: int, option: Options, fixed: 
         return option
     rooms = {side: road.room(number, side, fixed) for side in option.sides}
     closed = {
-        side: f"{max(room, 0.0):.2f} m between it and what lies {side} of it, {needed:.2f} m needed"
+        side: f"{max(room, 0.0):.2f} m to the {side} of it, {needed:.2f} m needed"
         for side, room in rooms.items()
         if room < needed - 2.0 * KEPT_M
     }
@@ -119,7 +123,7 @@ def _by_room(case: Case, road: Obstructed, number: int, option: Options, fixed: 
         (side, why), label = next(iter(closed.items())), case.road.regions[passage.region].label
         s, missing = 0.5 * (passage.s_from + passage.s_to), needed - rooms[side]
         named = f"the obstacle {label!r}" if label else "an obstacle"
-        msg = f"{named} at s = {s:.1f} m cannot be passed on the {side}, {missing:.2f} m are missing: {why}"
+        msg = f"{named} at s = {s:.1f} m cannot be passed on the {side}: {why}, {missing:.2f} m missing"
         raise RoadError(msg, s_m=s, hint="give no side, to pass it where there is more room")
     if option.forced or not closed:
         return option

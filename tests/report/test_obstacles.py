@@ -2,12 +2,20 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import shapely
 
+from hdvplan.api import drive_case
+from hdvplan.case import Case
+from hdvplan.judging.balance import balance_of, gaps_of
+from hdvplan.judging.envelope import envelope_of
 from hdvplan.judging.obstacles import approaches
-from hdvplan.judging.result import Result
-from hdvplan.road.regions import Kind, Region
+from hdvplan.judging.result import Result, breach_text
+from hdvplan.judging.verdict import verdict_line, verdict_of
+from hdvplan.road.regions import Kind, Region, Side
+from hdvplan.vehicle.load import load_vehicle
+from tests.passing.arrangements import road_with
 
 
 def test_the_nearest_approach_is_told_for_every_obstacle(straight: Result) -> None:
@@ -17,6 +25,43 @@ def test_the_nearest_approach_is_told_for_every_obstacle(straight: Result) -> No
     road = replace(straight.drive.road, regions=(beside, hit, kerb))
     near, touched = approaches(replace(straight.drive, road=road))
     assert near.distance == pytest.approx(2.0 - 1.27, abs=1e-6)  # a bus on the centre line of a straight, 2.54 m wide
-    assert 40.0 - 9.34 - 0.25 <= near.s <= 42.0 + 2.66 + 0.25  # a bus reaches 9.34 m ahead of its axle and 2.66 m behind
+    assert near.s == pytest.approx(41.0, abs=1.0 + 1e-9)  # beside it, but for rounding
     assert touched.distance == pytest.approx(-0.27, abs=1e-6)  # 1.27 m to the side, less 1 m
     assert approaches(straight.drive) == ()
+
+
+def test_the_place_of_the_nearest_approach_is_told_on_the_road_in_the_plane_and_on_the_body(straight: Result) -> None:
+    hit = Region(Kind.OBSTACLE, shapely.box(50.0, -3.0, 51.0, -1.0))
+    (touched,) = approaches(replace(straight.drive, road=replace(straight.drive.road, regions=(hit,))))
+    assert (touched.side, touched.unit) == ("right", 0)
+    assert touched.x == pytest.approx(touched.s, abs=1e-6)  # a straight along x
+    assert touched.y == pytest.approx(-1.0, abs=1e-6)
+    assert touched.s_from == pytest.approx(50.0, abs=1e-6)
+    assert touched.s_to == pytest.approx(51.0, abs=1e-6)
+
+
+def test_an_obstacle_that_is_hit_is_one_breach_with_its_depth_in_the_plane(straight: Result) -> None:
+    boxes = (shapely.box(50.0, -3.0, 51.0, -1.0), shapely.box(60.0, 1.262, 61.0, 3.0))  # 0.27 m, and 8 mm: within what counts as kept
+    road = replace(straight.drive.road, regions=tuple(Region(Kind.OBSTACLE, box, "bin") for box in boxes)).with_limits(3.0, 3.0)
+    drive = replace(straight.drive, road=road)
+    judged = replace(straight, drive=drive, balance=balance_of(drive, straight.envelope))
+    (breach,) = judged.balance.breaches
+    assert (breach.obstacle, breach.side, breach.unit) == ("bin", "right", 0)
+    assert breach.depth == pytest.approx(0.27, abs=1e-6)
+    assert judged.balance.min_clearance == -breach.depth
+    assert judged.clearance is not None
+    assert np.min(judged.clearance) == -breach.depth  # over arclength as well: the limits along s jump a cell early
+    assert "enters the obstacle 'bin' by 0.270 m" in breach_text(judged, breach)
+    assert judged.entered == ()
+    assert "beyond the obstacle 'bin'" in verdict_line(judged, verdict_of(judged))
+
+
+def test_limits_made_by_an_obstacle_and_its_distance_in_the_plane_agree_to_a_centimetre() -> None:
+    # A bus that swings around both sides: its edges run askew where it is nearest.
+    road = road_with([(60.0, 63.0, -1.0, 1.0), (95.0, 98.0, -1.0, 1.0)])
+    drive = drive_case(Case(road.passing({0: Side.LEFT, 1: Side.RIGHT}), load_vehicle("bus")))
+    gaps = gaps_of(drive, envelope_of(drive), drive.road.limits)
+    s = envelope_of(drive).s
+    for near, key in zip(approaches(drive), (("right", "drivable"), ("left", "drivable")), strict=True):
+        beside = (s > near.s - 3.5) & (s < near.s + 3.5)
+        assert np.min(gaps[key][0, beside]) == pytest.approx(near.distance, abs=0.01)

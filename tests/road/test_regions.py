@@ -12,7 +12,7 @@ from hdvplan.jit import FloatArray
 from hdvplan.planning.bias import Bias
 from hdvplan.planning.stations import limit_table
 from hdvplan.road.path import ReferencePath, from_curvature, project_many
-from hdvplan.road.regions import OPEN_M, Kind, Region
+from hdvplan.road.regions import OPEN_M, Kind, Region, Side
 from hdvplan.road.road import Limits, Road
 
 TABLE_M = 0.25  # of the planner's limit table
@@ -186,3 +186,52 @@ def test_no_point_of_any_obstacle_lies_within_the_limits_that_planning_uses(
         met = (s >= 0.0) & (s <= path.length) & (np.abs(e) < 6.0)  # NaN where there is no foot near by
         left, right = (np.interp(s[met], entries, table.values[row]) for row in (2, 3))
         assert np.all((e[met] >= left - 1e-6) | (e[met] <= right + 1e-6))  # the foot's accuracy
+
+
+def test_passing_on_the_other_side_moves_the_limits_there_and_leaves_the_rest() -> None:
+    road = straight(box(40, -0.5, 46, 1), box(70, -1, 76, 0.5)).with_limits(4.0, 4.0)
+    other = road.passing({0: Side.LEFT, 1: Side.RIGHT})
+    np.testing.assert_allclose(at(road, 43.0, 73.0)[:2], [[-0.5, 4.0], [-4.0, 0.5]], atol=1e-6)
+    np.testing.assert_allclose(at(other, 43.0, 73.0)[:2], [[4.0, -1.0], [1.0, -4.0]], atol=1e-6)
+    assert other.edges is not None
+    np.testing.assert_array_equal(other.edges.table(np.array([43.0, 73.0]))[:2], [[4.0, 4.0], [-4.0, -4.0]])
+    np.testing.assert_array_equal(at(road, 10.0, 58.0), at(other, 10.0, 58.0))
+
+
+def test_an_obstacle_beside_the_line_is_passed_on_its_far_side_where_that_is_given() -> None:
+    road = straight(Region(Kind.OBSTACLE, shapely.box(40, 1, 46, 2), side=Side.LEFT)).with_limits(6.0, 2.0)
+    np.testing.assert_allclose(at(road, 43.0)[:2, 0], [6.0, 2.0], atol=1e-6)
+
+
+def test_the_room_beside_an_obstacle_ends_at_the_edge_or_at_the_next_obstacle() -> None:
+    found = straight(box(40, -1, 46, 1), box(44, 2.5, 50, 5)).with_limits(4.0, 3.0).obstructed
+    assert found is not None
+    assert found.room(0, Side.LEFT, {}) == pytest.approx(3.0, abs=1e-6)
+    assert found.room(0, Side.LEFT, {1: Side.RIGHT}) == pytest.approx(1.5, abs=1e-6)
+    assert found.room(0, Side.RIGHT, {1: Side.RIGHT}) == pytest.approx(2.0, abs=1e-6)
+    assert found.room(1, Side.LEFT, {}) == pytest.approx(-1.0, abs=1e-6)
+
+
+def test_limits_of_a_stretch_are_those_of_the_road_there() -> None:
+    road = straight(box(40, -0.5, 46, 1), box(70, -1, 76, 0.5)).with_limits(4.0, 4.0)
+    found = road.obstructed
+    assert found is not None
+    s, values = found.limits({1: Side.LEFT}, 60.0, 80.0)
+    whole, of_whole = found.limits({1: Side.LEFT})
+    looked = np.linspace(60.0, 80.0, 401)
+    for row, of_row in zip(values, of_whole, strict=True):
+        np.testing.assert_array_equal(np.interp(looked, s, row), np.interp(looked, whole, of_row))
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_a_stretch_of_a_path_goes_on_as_the_whole_path_does(closed: bool) -> None:
+    path = from_curvature(np.array([0.0, 40.0 * np.pi]), np.array([0.05, 0.05]))
+    path = ReferencePath(path.coefficients, path.s_first, path.spacing, path.length, closed=closed)
+    whole = path.extended(40.0, 40.0)
+    for s_from, s_to in ((30.2, 61.7), (0.0, 20.0), (-25.0, 0.0), (path.length - 20.0, path.length)):
+        part = path.stretch(s_from, s_to, 10.0, 15.0)
+        assert part.length == pytest.approx(s_to - s_from)
+        s = np.linspace(-10.0, part.length + 15.0, 57)
+        here, there = part.at(s), whole.at(s + s_from)
+        np.testing.assert_allclose([here.x, here.y], [there.x, there.y], atol=1e-9)
+        np.testing.assert_allclose(here.curvature, there.curvature, atol=1e-6)  # continuations are made again where a table ends

@@ -1,0 +1,165 @@
+"""On which side obstacles are passed: what brute force finds, in time that grows with their number alone."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import hdvplan.passing.sides
+import hdvplan.passing.trial
+from hdvplan.api import plan
+from hdvplan.case import Case
+from hdvplan.errors import RoadError
+from hdvplan.judging.verdict import verdict_of
+from hdvplan.passing.sides import choose_sides
+from hdvplan.planning.bias import Bias
+from hdvplan.planning.settings import PlannerSettings
+from hdvplan.road.regions import Side
+from hdvplan.road.road import Road
+from hdvplan.vehicle.load import load_vehicle
+from tests.passing.arrangements import free_by_force, road_with, slalom
+
+BUS = load_vehicle("bus")
+L, R = Side.LEFT, Side.RIGHT
+STAGGER = [(60.0, 63.0, -1.5, 1.4), (78.0, 81.0, -1.4, 1.5)]  # by room left, then right: 15 m are too short to change sides
+DEADEND = [(60.0, 63.0, -1.4, 1.3), (73.0, 79.0, -1.0, 4.6)]  # by room left, and there the second one is a wall
+
+
+def sides_of(road: Road, vehicle: str = "bus") -> list[Side]:
+    return [passed.side for passed in choose_sides(Case(road, load_vehicle(vehicle)))[1]]
+
+
+@pytest.mark.parametrize("boxes", [STAGGER, DEADEND])
+@pytest.mark.parametrize("vehicle", ["bus", "tractor-semitrailer"])
+def test_a_side_that_leads_into_the_next_obstacle_is_not_taken(boxes: list[tuple[float, float, float, float]], vehicle: str) -> None:
+    result = plan(Case(road_with(boxes), load_vehicle(vehicle)))
+    assert verdict_of(result).fits
+    assert len({passed.side for passed in result.passed}) == 1
+    for passed in result.passed:
+        if passed.other is not None:
+            assert passed.other.violation > 0.2  # changing sides is some decimetres short
+            assert passed.own is not None
+            assert passed.own.violation == 0.0
+
+
+def test_a_closed_side_is_not_tried_and_says_what_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(hdvplan.passing.sides, "tried", lambda *_: pytest.fail("nothing is to be tried"))
+    (passed,) = choose_sides(Case(road_with([(60.0, 66.0, -1.0, 2.5)]), BUS))[1]
+    assert (passed.side, passed.other) == (R, None)
+    assert passed.reason == "left is closed: 2.10 m to the left of it, 2.54 m needed"
+    wall = road_with([(60.0, 66.0, -1.0, 1.0), (50.0, 76.0, 2.5, 4.6)])  # a side is closed by another obstacle, too
+    assert [one.side for one in choose_sides(Case(wall, BUS))[1]] == [R, R]
+
+
+def test_an_obstacle_that_the_swept_area_does_not_come_near_costs_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(hdvplan.passing.sides, "tried", lambda *_: pytest.fail("nothing is to be tried"))
+    ((passed,)) = choose_sides(Case(road_with([(60.0, 66.0, 2.0, 4.0)], half_width=None), BUS))[1]
+    assert (passed.side, passed.reason) == (R, "the swept area does not come near it")
+    assert choose_sides(Case(road_with([(60.0, 66.0, 2.0, 4.0)]), BUS, bias=Bias.constant(-1.0)))[1][0].reason is not None
+    plain = replace(road_with([(60.0, 66.0, 2.0, 4.0)]), regions=())
+    assert choose_sides(Case(plain, BUS)) == (plain, ())
+
+
+def test_a_detour_that_leads_to_an_obstacle_beside_the_line_opens_both_of_its_sides() -> None:
+    # Left of the first one only a gap of 1.5 m remains before the second, right of it the road ends: left of both.
+    boxes = [(60.0, 66.0, -2.0, 0.6), (62.0, 65.0, 2.1, 3.1)]
+    result = plan(Case(road_with(boxes).with_limits(7.0, 4.2), BUS))
+    assert [passed.side for passed in result.passed] == [L, L]
+    assert verdict_of(result).fits
+
+
+def test_of_two_free_sides_the_one_that_is_less_off_the_centre_is_taken() -> None:
+    # By room it would be the left; the detour to the right is the shorter one.
+    ((passed,)) = choose_sides(Case(road_with([(60.0, 66.0, -0.4, 1.6)], half_width=9.0).with_limits(9.0, 5.0), BUS))[1]
+    assert passed.side is R
+    assert passed.own is not None
+    assert passed.other is not None
+    assert passed.own.violation == passed.other.violation == 0.0
+    assert passed.own.off_centre < passed.other.off_centre
+
+
+def test_a_side_is_forced_for_one_obstacle_or_for_all_on_the_line() -> None:
+    one = [(60.0, 63.0, -0.5, 0.5), (160.0, 163.0, -0.5, 0.5), (220.0, 223.0, 3.0, 4.0)]
+    road = road_with(one, half_width=6.0, sides=[None, R])
+    assert sides_of(road.passed_on(L)) == [L, R, R]  # its own side counts more, and the last one is not on the line
+    passed = choose_sides(Case(road.passed_on(L), BUS))[1]
+    assert [p.forced for p in passed] == [True, True, False]
+    assert all(p.other is None and p.reason for p in passed)
+
+
+def test_a_forced_side_without_room_is_refused_with_what_is_missing_and_where() -> None:
+    road = road_with([(60.0, 66.0, -1.0, 2.5)], sides=[L])
+    message = r"the obstacle 'o0' at s = 63\.0 m cannot be passed on the left: 2\.10 m to the left of it, 2\.54 m needed, 0\.44 m missing"
+    with pytest.raises(RoadError, match=message) as caught:
+        plan(Case(road, BUS))
+    assert caught.value.s_m == pytest.approx(63.0, abs=0.1)
+    with pytest.raises(RoadError, match=r"3\.04 m needed, 0\.44 m missing"):  # 2.6 m right of it; with 0.25 m to keep on either side
+        plan(Case(road_with([(60.0, 66.0, -2.0, 1.0)], sides=[R]), BUS, settings=PlannerSettings(clearance=0.25)))
+
+
+def test_the_case_that_was_asked_is_the_one_of_the_result_and_gives_the_same_plan_after_pickling() -> None:
+    case = Case(road_with(STAGGER), BUS)
+    again = pickle.loads(pickle.dumps(case))  # noqa: S301 - our own bytes
+    result, other = plan(case), plan(again)
+    assert result.case.key == case.key == other.case.key
+    np.testing.assert_array_equal(result.drive.z, other.drive.z)
+    assert [passed.side for passed in result.passed] == [passed.side for passed in other.passed]
+
+
+def test_what_decides_the_sides_is_in_the_key() -> None:
+    road = road_with(DEADEND)
+    keys = {Case(one, BUS).key for one in (road, road.passed_on(R), road_with(DEADEND, sides=[R]), road.with_limits(4.6, 4.7))}
+    assert len(keys) == 4
+
+
+def test_obstacles_far_apart_are_tried_by_themselves(monkeypatch: pytest.MonkeyPatch) -> None:
+    boxes = [(s, s + 3.0, -1.0, 1.1) for s in (60.0, 160.0, 260.0)]
+    tries = trials_of(Case(road_with(boxes), BUS), monkeypatch)
+    assert tries == 6  # either side of each
+
+
+@pytest.mark.parametrize("seed", [1, 10])
+@pytest.mark.parametrize("vehicle", ["bus", "tractor-trailer"])
+def test_whatever_brute_force_finds_free_is_found(seed: int, vehicle: str) -> None:
+    found_as_by_force(slalom(seed, 3, (5.0, 25.0)), vehicle)
+
+
+def test_the_work_is_linear_in_the_number_of_obstacles(monkeypatch: pytest.MonkeyPatch) -> None:
+    boxes = [(60.0 + 14.0 * i, 62.0 + 14.0 * i, -1.2 - 0.2 * (i % 2), 1.4 - 0.2 * (i % 2)) for i in range(9)]
+    three, six, nine = (trials_of(Case(road_with(boxes[:count]), BUS), monkeypatch) for count in (3, 6, 9))
+    assert nine - six <= six - three + 4  # as much for the next three as for the last three; 4 where fewer have neighbours
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(20, 30))
+@pytest.mark.parametrize("vehicle", ["bus", "tractor-trailer"])
+def test_whatever_brute_force_finds_free_is_found_in_tight_slaloms(seed: int, vehicle: str) -> None:
+    found_as_by_force(slalom(seed, 4 + seed % 3, (3.0, 18.0)), vehicle)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("vehicle", ["bus", "tractor-trailer"])
+def test_twenty_obstacles_are_passed_free(vehicle: str) -> None:
+    assert verdict_of(plan(Case(slalom(202, 20, (8.0, 32.0)), load_vehicle(vehicle)))).fits
+
+
+def found_as_by_force(road: Road, vehicle: str) -> None:
+    case = Case(road, load_vehicle(vehicle))
+    exists = any(True for _ in free_by_force(case))
+    assert verdict_of(plan(case)).fits is exists
+
+
+def trials_of(case: Case, monkeypatch: pytest.MonkeyPatch) -> int:
+    calls, real = [0], hdvplan.passing.trial.tried
+
+    def counted(*arguments: object) -> object:
+        calls[0] += 1
+        return real(*arguments)  # type: ignore[arg-type] # passed on as they come
+
+    with monkeypatch.context() as patched:
+        patched.setattr(hdvplan.passing.sides, "tried", counted)
+        choose_sides(case)
+    return calls[0]
