@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from hdvplan.case import Case
     from hdvplan.errors import HdvplanError
     from hdvplan.judging.result import Result
+    from hdvplan.judging.verdict import verdict_of
+    from hdvplan.need.answer import need_of
     from hdvplan.planning.bias import Bias
     from hdvplan.planning.settings import PlannerSettings
     from hdvplan.report.files import write_plan
@@ -46,9 +48,11 @@ _HOMES = {
     "Vehicle": "hdvplan.vehicle.model",
     "load_road": "hdvplan.road.load",
     "load_vehicle": "hdvplan.vehicle.load",
+    "need_of": "hdvplan.need.answer",
     "plan": "hdvplan.api",
     "plan_figure": "hdvplan.report.plots",
     "summary_of": "hdvplan.report.summary",
+    "verdict_of": "hdvplan.judging.verdict",
     "write_plan": "hdvplan.report.files",
     "write_report": "hdvplan.report.html",
 }
@@ -67,9 +71,11 @@ __all__ = [
     "__version__",
     "load_road",
     "load_vehicle",
+    "need_of",
     "plan",
     "plan_figure",
     "summary_of",
+    "verdict_of",
     "write_plan",
     "write_report",
 ]
