@@ -139,7 +139,7 @@ def test_obstacles_and_kerbs_come_with_their_distances_and_where_they_lie(straig
     assert shapely.Polygon(shown[0]["rings"][0]).equals(shapely.box(-60.0, 2.0, -58.0, 3.0))  # from the road's start
     page = report_html([plan], "obstacles")
     assert re.search(r'<td class="text">van</td><td>0\.730</td><td class="text">bus</td>', page)  # 2 m less half of 2.54 m
-    assert '<span class="swatch sweepable"></span>' in page
+    assert 'class="swatch sweepable"' in page
 
 
 @pytest.mark.parametrize("missing", ["summary.json", "path.csv", "profile.csv", "steps.csv", "regions.json"])

@@ -4,7 +4,7 @@
   const MISSING = -32768, CHUNK = 64, NEAR_PX = 60, SPECK = 1.5, CHARTS = { left: 62, right: 12, gap: 16, bottom: 30 };
   // On A4 within its margins, a canvas is 702 pixels of the page wide. Chromium prints what was drawn on it as vectors, in sixty-fourths of
   // its size: ratio 4 and this width are printed as they are.
-  const ON_PAPER = { ratio: 4, width: 700, plane: 420, profiles: 430 };
+  const ON_PAPER = { ratio: 4, width: 700, plane: 390, profiles: 380 };
   let printing = false;
   const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
   const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
@@ -166,10 +166,12 @@
     for (const { region, rings } of plan.regions) {
       pen.beginPath();
       for (const ring of rings) { trace(ring); pen.closePath(); }
-      pen.fillStyle = region === "obstacle" ? css("--muted") : hatching(pen);
-      pen.globalAlpha = 0.6;
-      pen.fill("evenodd");
-      pen.globalAlpha = 1;
+      if (region === "obstacle") {
+        pen.fillStyle = css("--muted");
+        pen.globalAlpha = 0.6;
+        pen.fill("evenodd");
+        pen.globalAlpha = 1;
+      } else hatch(pen, width, height);
     }
     for (const side of ["left", "right"]) {
       const own = at[`${side}_limit`], wide = at[`${side}_sweep_limit`];
@@ -287,14 +289,16 @@
     pen.strokeRect(qx(view.x) - half, qy(view.y) - (half * height) / width, 2 * half, (2 * half * height) / width);
   }
 
-  function hatching(pen) {
-    const tile = document.createElement("canvas"), line = tile.getContext("2d"), side = 7;
-    tile.width = tile.height = side;
-    line.strokeStyle = css("--ink");
-    line.beginPath();
-    for (const shift of [-side, 0, side]) { line.moveTo(shift - 1, side + 1); line.lineTo(shift + side + 1, -1); }
-    line.stroke();
-    return pen.createPattern(tile, "repeat");
+  // Hatch the current path: with lines, as patterns are lost in print.
+  function hatch(pen, width, height) {
+    pen.save();
+    pen.clip("evenodd");
+    pen.strokeStyle = css("--muted");
+    pen.lineWidth = 1;
+    pen.beginPath();
+    for (let x = -height; x < width; x += 6) { pen.moveTo(x, height); pen.lineTo(x + height, 0); }
+    pen.stroke();
+    pen.restore();
   }
 
   function drawBodies(panel, i, pen, px, py, strength) {

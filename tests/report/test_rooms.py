@@ -1,0 +1,57 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+
+from hdvplan.judging.bodies import corners
+from hdvplan.judging.result import Result, result_of
+from hdvplan.judging.verdict import verdict_of
+from hdvplan.report.layers import drawn_features
+from hdvplan.report.rooms import breach_place, pose_touching, room_at, tightness
+from hdvplan.road.regions import Kind, Region
+
+
+def beside_a_van(straight: Result, y: float) -> Result:
+    """Return the straight drive, 1.27 m to either side, with a van whose side lies at ``y`` [m]."""
+    road = replace(straight.drive.road, regions=(Region(Kind.OBSTACLE, shapely.box(40.0, y, 45.0, y + 2.0), "van"),))
+    drive = replace(straight.drive, road=replace(road.within(straight.drive.road.limits)))
+    return result_of(drive, solver="piqp", objective="geometric")
+
+
+@pytest.mark.parametrize("name", ["bus", "kerbed", "straight", "near", "hit"])
+def test_the_tightest_place_has_the_verdict_s_number(name: str, straight: Result, request: pytest.FixtureRequest) -> None:
+    made = {"near": 1.5, "hit": 1.0}
+    result = beside_a_van(straight, made[name]) if name in made else request.getfixturevalue(name)
+    room, verdict = room_at(result, int(np.argmax(tightness(result)))), verdict_of(result)
+    assert -room.depth == pytest.approx(verdict.spare, abs=1e-9)  # the same doubles, added in another order
+    assert room.broken == (verdict.fits is False)
+    assert room.obstacle == ("van" if name in made else None)
+    if not room.broken:
+        assert np.hypot(*(room.ends[1] - room.ends[0])) == pytest.approx(-room.depth, abs=1e-6)
+
+
+def test_a_van_that_is_hit_is_drawn_where_it_was_hit(straight: Result) -> None:
+    result = beside_a_van(straight, 1.0)
+    (breach,) = result.balance.breaches
+    s, offset = breach_place(result, breach)
+    assert 40.0 <= s <= 45.0 + 1e-9  # rounding of doubles
+    assert 1.0 <= offset <= 1.275  # the bus keeps straight to a millimetre
+    (conflict,) = [feature for feature in drawn_features(result) if feature.layer == "conflicts"]
+    assert conflict.properties["obstacle"] == "van"
+    assert conflict.geometry.area == pytest.approx(5.0 * 0.27, rel=0.01)  # likewise
+
+
+def test_the_vehicle_stands_where_it_is_tightest(kerbed: Result) -> None:
+    room = room_at(kerbed, int(np.argmax(tightness(kerbed))))
+    (bodies,) = corners(kerbed.drive, np.array([pose_touching(kerbed, room)]))
+    # Poses are 0.25 m apart: a side of 12 m that turns through a bend of 16 m is off by a fraction of that.
+    assert shapely.distance(shapely.Polygon(bodies[room.unit]).exterior, shapely.Point(room.ends[0])) < 0.02
+
+
+def test_what_is_far_away_is_not_tight(straight: Result) -> None:
+    far = result_of(replace(straight.drive, road=straight.drive.road.with_limits(3.0, 50.0)), solver="piqp", objective="geometric")
+    assert room_at(far, 100).side == "left"
+    assert np.max(tightness(far)) == pytest.approx(-1.73, abs=2e-3)  # 3 m less half a bus; it keeps straight to a millimetre
