@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -133,3 +134,71 @@ def test_the_examples_are_listed(cli: Cli) -> None:
     roads = {road["name"]: road for road in json.loads(cli("roads", "list", "--json").out)}
     assert roads["parked_van"]["source"] == "example"
     assert roads["parked_van"]["min_radius_m"] is None
+
+
+def obstacles_on_a_road(tmp_path: Path, *given: str | None) -> str:
+    """Write a straight road with obstacles on its line, 15 m apart: changing sides between them is too much for a bus."""
+    places = ((97.0, 100.0, -1.5, 1.4), (115.0, 118.0, -1.4, 1.5))
+    features: list[object] = [
+        {"type": "Feature", "properties": {"width_m": 9.2}, "geometry": {"type": "LineString", "coordinates": [[0.0, 0.0], [200.0, 0.0]]}}
+    ]
+    for number, (x_from, x_to, low, high) in enumerate(places):
+        side = given[number] if number < len(given) else None
+        corners = [[x_from, low], [x_to, low], [x_to, high], [x_from, high], [x_from, low]]
+        properties = {"region": "obstacle", "name": f"o{number}"} | ({} if side is None else {"pass": side})
+        features.append({"type": "Feature", "properties": properties, "geometry": {"type": "Polygon", "coordinates": [corners]}})
+    (tmp_path / "stagger.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": features}), encoding="utf-8")
+    return "stagger.geojson"
+
+
+@pytest.mark.parametrize("vehicle", ["bus", "tractor-semitrailer"])
+def test_the_sides_of_obstacles_are_found_and_told_with_what_the_others_would_have_cost(cli: Cli, tmp_path: Path, vehicle: str) -> None:
+    road = obstacles_on_a_road(tmp_path)
+    outcome = cli("plan", road, "--crs", "EPSG:3006", "--vehicle", vehicle, "--no-plot", "--json", "--quiet")
+    assert (outcome.code, outcome.err) == (0, "")
+    summary = json.loads(outcome.out)
+    first, second = summary["passed"]
+    assert (first["name"], second["name"]) == ("o0", "o1")
+    assert first["side"] == second["side"]
+    for passed in (first, second):
+        assert passed["forced"] is False
+        assert passed["clearance_m"] > -0.01
+        assert passed["other_violation_m"] == pytest.approx(-passed["other_clearance_m"])
+        assert passed["other_violation_m"] > 0.2
+    assert first["s_m"] == pytest.approx(98.5, abs=0.1)
+    assert summary["verdict"]["fits"] is True
+
+
+def test_a_side_is_given_by_an_option_or_a_property(cli: Cli, tmp_path: Path) -> None:
+    def sides(*options: str, given: tuple[str | None, ...] = ()) -> list[tuple[str, bool]]:
+        road = obstacles_on_a_road(tmp_path, *given)
+        outcome = cli("plan", road, "--crs", "EPSG:3006", "--vehicle", "bus", "--no-plot", "--json", "--quiet", *options)
+        return [(passed["side"], passed["forced"]) for passed in json.loads(outcome.out)["passed"]]
+
+    assert sides("--pass", "left") == [("left", True)] * 2
+    assert sides("--pass", "right") == [("right", True)] * 2
+    assert sides("--pass", "left", given=("right",)) == [("right", True), ("left", True)]
+    assert sides(given=(None, "right")) == [("right", False), ("right", True)]
+    assert sides("--reverse", "--pass", "left") == [("left", True)] * 2  # as it drives
+
+
+def test_a_side_without_room_or_of_no_such_name_is_bad_input(cli: Cli, tmp_path: Path) -> None:
+    road = obstacles_on_a_road(tmp_path)
+    narrow = cli("plan", road, "--crs", "EPSG:3006", *QUICK, "--pass", "left", "--left", "3.5", "--right", "4.6")
+    assert narrow.code == 2
+    assert narrow.err.splitlines()[-2:] == [
+        "error: the obstacle 'o0' at s = 98.5 m cannot be passed on the left: 2.10 m to the left of it, 2.54 m needed, 0.44 m missing",
+        "hint: give no side, to pass it where there is more room",
+    ]
+    assert cli("plan", road, "--crs", "EPSG:3006", *QUICK, "--pass", "both").code == 2
+    wrong = cli("plan", obstacles_on_a_road(tmp_path, "up"), "--crs", "EPSG:3006", *QUICK)
+    assert (wrong.code, "region 'o0' has pass = 'up'" in wrong.err) == (2, True)
+
+
+def test_the_middle_between_limits_is_that_of_the_sides_found(cli: Cli, tmp_path: Path) -> None:
+    road = obstacles_on_a_road(tmp_path)
+    outcome = cli("plan", road, "--crs", "EPSG:3006", "--vehicle", "bus", "--no-plot", "--json", "--quiet", "--bias", "centre")
+    summary = json.loads(outcome.out)
+    assert outcome.code == 0
+    (side,) = {passed["side"] for passed in summary["passed"]}
+    assert np.sign(summary["mean_bias_m"]) == (1.0 if side == "left" else -1.0)
