@@ -158,7 +158,7 @@ def _lonlat(result: Result, x: float, y: float) -> tuple[float, float] | None:
     if to_lonlat is None:
         return None
     lon, lat = to_lonlat(_one(x), _one(y))
-    return float(lon[0]), float(lat[0])
+    return (float(lon[0]) + 180.0) % 360.0 - 180.0, float(lat[0])  # roads go on across the antimeridian
 
 
 def _one(value: float) -> FloatArray:
