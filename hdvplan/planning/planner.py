@@ -83,6 +83,7 @@ class Planner:
         self._weights, self._before = np.zeros(vehicle.rigid_states), np.empty_like(motion.stages)
         self._last: int | None = None  # the last plan's first station
         self._binding = True  # whether limits bind in the last program
+        self._priced = False  # whether a merit was ever asked for
         self._guessed = True  # whether the last solution helps with the next
 
     def plan(self, first: int, z_start: FloatArray, kappa_before: float) -> Plan:
@@ -118,6 +119,11 @@ class Planner:
             mark = perf_counter()
             self._binding = l1_weights(qp.stages, result.point.stages, result.point.row_points, self._weights)
             horizon = horizon._replace(binding=self._binding)
+            if self._binding and not self._priced:  # what prices a motion is loaded when limits first bind
+                began_loading = perf_counter()
+                self._merit(horizon)
+                loading, self._priced = perf_counter() - began_loading, True
+                times.loading, mark = times.loading + loading, mark + loading
             worth = self._merit(horizon) if self._binding else None
             moved, merit, halved = self._step(horizon, result.point, worth)
             halvings, violation = halvings + halved, self._violation()

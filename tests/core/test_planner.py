@@ -1,3 +1,6 @@
+import time
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 from scipy.optimize import LinearConstraint, NonlinearConstraint, minimize
@@ -84,6 +87,40 @@ def test_a_shifted_program_equals_a_fresh_linearisation_at_the_same_motion(vehic
     # so found to 1e-5 m only: the clearance there does not feel it, its derivative does. Settled feet agree to 1e-12: see the terms.
     assert_same_rows(shifted, fresh, 1e-8, 1e-4)
     assert np.any(shifted.G) is np.bool_(tight)
+
+
+@dataclass(frozen=True)
+class SlowAtFirst:
+    """Stand for a term whose price must be compiled."""
+
+    calls: list[float]
+    memory: tuple[FloatArray, ...] = ()
+    violation: float = 0.0
+
+    def extend(self, horizon: Horizon, begin: int) -> int:  # noqa: ARG002 - a protocol's method
+        """See ``Part``."""
+        return -1
+
+    def linearise(self, horizon: Horizon) -> int:  # noqa: ARG002 - a protocol's method
+        """See ``Part``."""
+        return -1
+
+    def price(self, horizon: Horizon) -> float:  # noqa: ARG002 - a protocol's method
+        """Take a while at the first call."""
+        time.sleep(0.0 if self.calls else 0.2)
+        self.calls.append(0.0)
+        return 0.0
+
+
+def test_what_prices_a_motion_is_loaded_outside_of_the_step() -> None:
+    vehicle = VEHICLES[1]
+    planner, _, _ = planned(vehicle, PlannerSettings(horizon=25.0), TIGHT[vehicle.name])
+    slow = SlowAtFirst([])
+    planner._parts = (*planner._parts, slow)
+    times = planner.plan(30, start(vehicle), 0.0).times
+    assert len(slow.calls) > 1
+    assert times.loading >= 0.2
+    assert times.linearise + times.update + times.solve + times.check <= times.total
 
 
 @each_vehicle
