@@ -118,7 +118,7 @@ class _Pool:
         """Keep the widening that a plan would need where it is a better one."""
         if not took.passes or np.max(took.reach) > WIDE_M:
             return
-        outwards = np.maximum(took.beyond(self.own), 0.0)
+        outwards = np.stack([_deep_enough(row) for row in np.maximum(took.beyond(self.own), 0.0)])
         if self.area is None or _area(outwards) < _area(self.area):
             self.area = outwards
         if self.depth is None or np.max(outwards) < np.max(self.depth):
@@ -210,6 +210,15 @@ def _joined(places: list[tuple[int, int]]) -> list[tuple[int, int]]:
         else:
             joined.append((first, last))
     return joined
+
+
+def _deep_enough(outwards: FloatArray) -> FloatArray:
+    """Return one limit's widening without the stretches where the limit counts as kept anyway."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], outwards > 0.0, [False]]).astype(int)))
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        if np.max(outwards[begin:end]) <= KEPT_M:
+            outwards[begin:end] = 0.0
+    return outwards
 
 
 def _area(outwards: FloatArray) -> float:
