@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import numba
@@ -46,7 +47,8 @@ def test_a_first_run_counts_its_kernels_at_a_terminal(tmp_path: Path) -> None:
     arguments = ("plan", "uturn", "--vehicle", "bus", "--no-plot", "--horizon", "50")
     seen = CODES.sub("", at_a_terminal(tmp_path, *arguments, NUMBA_CACHE_DIR=os.fspath(tmp_path / "cache")))
     counts = [int(number) for number in re.findall(r"compiling, once\s+per\s+installation: (\d+) of", seen)]
-    assert counts == sorted(counts)
+    falls = sum(later < earlier for earlier, later in pairwise(counts))
+    assert falls <= 1  # a bar while the road is read, and one while it is planned, each counts its own
     assert max(counts) == pytest.approx(ABOUT, rel=0.3)  # what "about" may mean
     again = CODES.sub("", at_a_terminal(tmp_path, *arguments, NUMBA_CACHE_DIR=os.fspath(tmp_path / "cache")))
     assert "compiling" not in again
