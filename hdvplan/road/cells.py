@@ -41,6 +41,7 @@ class Cells:
     left: FloatArray
     right: FloatArray
     stations: shapely.STRtree  # points of the centre line, every ``_STRIDE`` cells
+    normals: FloatArray  # where the normals stand, and the directions they are normal to: x, y [m], cos, sin; shape (4, n + 1)
 
     @property
     def length(self) -> float:
@@ -90,12 +91,14 @@ class Stay:
 def cells_of(path: ReferencePath) -> Cells:
     """Cut a road into cells."""
     s = np.linspace(0.0, path.length, int(np.ceil(path.length / _CELL_M)) + 1)
-    k = path.at(s).curvature
+    here = path.at(s)
+    k = here.curvature
     low, high = np.minimum(k[1:], k[:-1]), np.maximum(k[1:], k[:-1])
     left = np.minimum(OPEN_M, _FOLD / np.maximum(high, 1e-9))
     right = -np.minimum(OPEN_M, _FOLD / np.maximum(-low, 1e-9))
-    stations = np.asarray(shapely.points(np.stack(path.to_plane(s[:-1:_STRIDE], 0.0), axis=1)))
-    return Cells(path.extended(_ROOM_M, _ROOM_M), s, left, right, shapely.STRtree(stations))
+    stations = np.asarray(shapely.points(here.x[:-1:_STRIDE], here.y[:-1:_STRIDE]))
+    normals = np.stack([here.x, here.y, np.cos(here.heading), np.sin(here.heading)])
+    return Cells(path.extended(_ROOM_M, _ROOM_M), s, left, right, shapely.STRtree(stations), normals)
 
 
 def open_band(path: ReferencePath) -> tuple[FloatArray, FloatArray]:
@@ -113,10 +116,20 @@ def stays_of(cells: Cells, regions: tuple[Region, ...]) -> list[Stay]:
 
 
 def _near(cells: Cells, polygon: shapely.Polygon) -> IntArray:
-    """Return the cells that are near enough to meet ``polygon``, in order."""
+    """Return the cells that are near enough to meet ``polygon``, in order: it lies neither behind nor beyond all of them."""
     stations = np.sort(cells.stations.query(polygon, predicate="dwithin", distance=OPEN_M + 2.0 * _STRIDE * _CELL_M))
     near: IntArray = (stations[:, None] * _STRIDE + np.arange(_STRIDE)).ravel()
-    return near[near < len(cells.left)]
+    near = near[near < len(cells.left)]
+    x_min, y_min, x_max, y_max = polygon.bounds
+    corners = np.array([[x_min, x_min, x_max, x_max], [y_min, y_max, y_min, y_max]])[:, None]
+
+    def ahead(normals: IntArray) -> FloatArray:
+        x, y, cos, sin = cells.normals[:, normals, None]
+        along: FloatArray = (corners[0] - x) * cos + (corners[1] - y) * sin
+        return along
+
+    met: IntArray = near[(np.max(ahead(near), axis=1) >= 0.0) & (np.min(ahead(near + 1), axis=1) <= 0.0)]
+    return met
 
 
 def _stays(cells: Cells, number: int, polygon: shapely.Polygon) -> list[Stay]:
