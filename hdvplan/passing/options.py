@@ -16,7 +16,7 @@ from hdvplan.road.regions import Side
 
 _CLEAR_M = 0.5  # an obstacle this far from what is swept leaves no choice
 _MOST_DETOUR_M = 6.0  # of an obstacle's edge from the line
-_SETTLED_M = 5.0  # more than the least road for changing sides: measured for the vehicles of docs/maths.md, with 3 m to spare
+_SETTLED_M = 5.0  # more than the least road for changing sides, see docs/maths.md for what was measured
 
 
 @dataclass(frozen=True)

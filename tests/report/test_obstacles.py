@@ -56,7 +56,7 @@ def test_an_obstacle_that_is_hit_is_one_breach_with_its_depth_in_the_plane(strai
     assert "beyond the obstacle 'bin'" in verdict_line(judged, verdict_of(judged))
 
 
-def test_limits_made_by_an_obstacle_and_its_distance_in_the_plane_agree_to_a_centimetre() -> None:
+def test_limits_made_by_an_obstacle_and_its_distance_in_the_plane_are_near_each_other() -> None:
     # A bus that swings around both sides: its edges run askew where it is nearest.
     road = road_with([(60.0, 63.0, -1.0, 1.0), (95.0, 98.0, -1.0, 1.0)])
     drive = drive_case(Case(road.passing({0: Side.LEFT, 1: Side.RIGHT}), load_vehicle("bus")))
@@ -64,4 +64,4 @@ def test_limits_made_by_an_obstacle_and_its_distance_in_the_plane_agree_to_a_cen
     s = envelope_of(drive).s
     for near, key in zip(approaches(drive), (("right", "drivable"), ("left", "drivable")), strict=True):
         beside = (s > near.s - 3.5) & (s < near.s + 3.5)
-        assert np.min(gaps[key][0, beside]) == pytest.approx(near.distance, abs=0.01)
+        assert np.min(gaps[key][0, beside]) == pytest.approx(near.distance, abs=0.01)  # in this drive; others differ by a few centimetres
