@@ -149,6 +149,9 @@ def _held(road: Road, side: str, reach: float | None) -> Limits:
     from hdvplan.road.road import Limits
 
     if reach is not None:
+        if not reach > 0.0:
+            msg = f"--{side} must be a positive number of metres, not {reach:g}"
+            raise OptionError(msg)
         return Limits.constant(reach, reach, road.path.length)
     own = own_limits(road)
     if own is None:

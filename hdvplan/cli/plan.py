@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from hdvplan.vehicle.model import Vehicle
 
 _MOST_WARNINGS = 5
+_NEAR_M = 0.05  # room to spare below which people ask whether more can be had
 REFERENCE_SLACK = 1.25  # a balanced lead axle turns wider than the road's centre, which may thus be tighter than its limit
 
 
@@ -185,6 +186,8 @@ def plan(
         print_json(summary_of(result))
     elif not quiet:
         print_line(verdict_line(result, verdict))
+    if verdict.fits and verdict.spare is not None and verdict.spare < _NEAR_M:
+        note("the plan goes as near as it may; --clearance M asks it to keep away", quiet=quiet)
     _warn(result, verdict, quiet=quiet)
     if not json and not quiet:
         _print(result, directory)
@@ -293,15 +296,16 @@ def _exit_code(result: Result, verdict: Verdict) -> ExitCode:
 
     if verdict.fits is not False:
         return ExitCode.OK
-    breaches = result.balance.breaches
-    if breaches:
+    breach = max(result.balance.breaches, key=lambda breach: breach.depth, default=None)
+    hit = min(result.entered, key=lambda approach: approach.distance, default=None)
+    if breach is not None and (hit is None or breach.depth >= -hit.distance):
         report_error(
-            breach_text(result, max(breaches, key=lambda breach: breach.depth)),
+            breach_text(result, breach),
             f"this plan sweeps a half width of {verdict.half_width:.2f} m; `hdvplan need ROAD` finds the least room that a plan exists for",
         )
-    elif result.entered:
+    elif hit is not None:
         report_error(
-            entered_text(result, min(result.entered, key=lambda approach: approach.distance)),
+            entered_text(result, hit),
             "limits hold along the road; this obstacle lies before its start or beyond its end",
         )
     else:

@@ -47,7 +47,9 @@ def approaches(drive: Drive) -> tuple[Approach, ...]:
         inside = tree.query(obstacle.polygon, predicate="intersects")
         if len(inside):
             overlaps = shapely.intersection(bodies[inside], obstacle.polygon)
-            points, owner = shapely.get_coordinates(overlaps, return_index=True)
+            within = shapely.point_on_surface(overlaps)  # corners alone would miss a wall that crosses a body from side to side
+            points, owner = shapely.get_coordinates(np.concatenate([overlaps, within]), return_index=True)
+            owner %= len(overlaps)
             depths = _depths(points, bodies[inside[owner]], obstacle.polygon)
             deepest = int(np.argmax(depths))
             body, distance, place = int(inside[owner[deepest]]), -float(depths[deepest]), points[deepest]
@@ -58,16 +60,17 @@ def approaches(drive: Drive) -> tuple[Approach, ...]:
         pose, unit = np.divmod(np.array([body]), units)
         ahead, across = _on_bodies(drive, pose, unit, place[None])
         s = float(_along(drive, pose, unit, ahead, place[None])[0])
+        lap = float(np.floor(s / drive.road.path.length)) * drive.road.path.length if drive.road.path.closed else 0.0
         met = np.divmod(inside[owner], units)
         over = _along(drive, *met, _on_bodies(drive, *met, points)[0], points) if len(points) else np.array([s])
         side, part = "left" if across[0] > 0.0 else "right", part_named(drive.vehicle.units[unit[0]], float(ahead[0]))
-        span, (x, y) = (float(np.min(over)), float(np.max(over))), (float(place[0]), float(place[1]))
-        found.append(Approach(obstacle, distance, s, *span, x, y, int(unit[0]), side, part))
+        span, (x, y) = (float(np.min(over)) - lap, float(np.max(over)) - lap), (float(place[0]), float(place[1]))
+        found.append(Approach(obstacle, distance, s - lap, *span, x, y, int(unit[0]), side, part))
     return tuple(found)
 
 
 def _depths(points: FloatArray, bodies: NDArray[np.object_], obstacle: shapely.Polygon) -> FloatArray:
-    """Return how far corners of overlaps lie inside the body or the obstacle [m]: each lies on the outline of one of the two."""
+    """Return how far points of overlaps lie inside the body or the obstacle, whichever is further [m]."""
     places = shapely.points(points)
     return np.maximum(shapely.distance(places, shapely.boundary(bodies)), shapely.distance(places, obstacle.boundary))
 

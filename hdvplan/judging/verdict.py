@@ -11,6 +11,7 @@ from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.contact import contact
 from hdvplan.judging.obstacles import Approach
 from hdvplan.judging.result import Result, body_name
+from hdvplan.road.regions import OPEN_M
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,7 @@ class Verdict:
     fits: bool | None
     spare: float | None  # least room to a limit or an obstacle, less the clearance wanted; negative: lacking; None without limits [m]
     clearance_wanted: float  # [m]
-    half_width: float  # of the swept area about the line [m]
+    half_width: float  # of the swept area about the line; where ``fits`` is None with the clearance wanted [m]
     s: float  # [m]
     x: float
     y: float
@@ -49,7 +50,8 @@ def verdict_of(result: Result) -> Verdict:
     """
     wanted = result.case.settings.clearance
     tightest = _tightest(result)
-    nearest = min(result.approaches, key=lambda approach: approach.distance, default=None)
+    counting = (approach for approach in result.approaches if approach.distance <= OPEN_M)
+    nearest = min(counting, key=lambda approach: approach.distance, default=None)
     if nearest is not None and (tightest is None or nearest.distance < tightest.room):
         return _at_obstacle(result, nearest, wanted)
     return _needs(result) if tightest is None else _at_limit(result, tightest, wanted)
@@ -63,9 +65,9 @@ def verdict_line(result: Result, verdict: Verdict) -> str:
         furthest = f"the {verdict.part} of the {name} reaches furthest, to the {verdict.side}, {place}"
         return f"NEEDS {verdict.half_width:.2f} m to both sides of the line for the {vehicle}: {furthest}; the road has no limits"
     assert verdict.spare is not None  # noqa: S101 - for the type checker: only NEEDS has none
-    amount = f"{abs(verdict.spare):.2f} m {'to spare' if verdict.spare >= 0.0 else 'lacking'}"
+    amount = _amount(verdict)
     if verdict.clearance_wanted > 0.0:
-        amount += f" beyond the {verdict.clearance_wanted:.2f} m to keep" if verdict.spare >= 0.0 else (
+        amount += f" beyond the {verdict.clearance_wanted:.2f} m to keep" if verdict.fits else (
             f" of the {verdict.clearance_wanted:.2f} m to keep" if verdict.spare > -verdict.clearance_wanted else
             f" with the {verdict.clearance_wanted:.2f} m to keep"
         )  # fmt: skip
@@ -73,7 +75,8 @@ def verdict_line(result: Result, verdict: Verdict) -> str:
     against = _against(verdict, two_regions=result.two_regions)
     if verdict.fits:
         return f"YES: {amount}; tightest {place}, {who} beside {against}"
-    return f"NO: {amount} {place}, {who} {'beyond' if _broken(verdict) else 'beside'} {against}{_wheels(result, verdict)}"
+    where = f"{place}, {who} {'beyond' if _broken(verdict) else 'beside'} {against}"
+    return f"NO: {amount} {where}{_wheels(result, verdict)}{_hit(result, verdict)}"
 
 
 def verdict_title(result: Result, verdict: Verdict) -> str:
@@ -81,8 +84,14 @@ def verdict_title(result: Result, verdict: Verdict) -> str:
     head = f"{result.drive.vehicle.name} on {result.drive.road.name}"
     if verdict.fits is None or verdict.spare is None:
         return f"{head}: NEEDS {verdict.half_width:.2f} m to both sides"
-    amount = f"{abs(verdict.spare):.2f} m {'to spare' if verdict.spare >= 0.0 else 'lacking'}"
-    return f"{head}: {verdict.word}, {amount} at s = {verdict.s:.0f} m"
+    kept = f" with {verdict.clearance_wanted:.2f} m to keep" if verdict.clearance_wanted > 0.0 else ""
+    return f"{head}: {verdict.word}, {_amount(verdict)}{kept} at s = {verdict.s:.0f} m"
+
+
+def _amount(verdict: Verdict) -> str:
+    """Return the room to spare or lacking; what is broken by less than counts is no lack."""
+    spare = verdict.spare or 0.0
+    return f"{max(spare, 0.0):.2f} m to spare" if verdict.fits else f"{-spare:.2f} m lacking"
 
 
 @dataclass(frozen=True)
@@ -191,3 +200,11 @@ def _wheels(result: Result, verdict: Verdict) -> str:
     if verdict.wheels_spare >= -KEPT_M:
         return "; only overhangs pass over it, the wheels keep it"
     return f"; wheels leave the {'drivable area' if result.two_regions else 'road'} by {-verdict.wheels_spare:.2f} m"
+
+
+def _hit(result: Result, verdict: Verdict) -> str:
+    """Return which obstacle is entered too, where a limit of the road decides."""
+    near = min(result.approaches, key=lambda approach: approach.distance, default=None)
+    if verdict.obstacle is not None or near is None or near.distance >= -KEPT_M:
+        return ""
+    return f"; {-near.distance:.2f} m into {f'the obstacle {near.obstacle.label!r}' if near.obstacle.label else 'an obstacle'} as well"

@@ -11,9 +11,9 @@ from hdvplan.case import Case
 from hdvplan.judging.contact import contact
 from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import point_of
-from hdvplan.need.measure import own_limits, taken_by
+from hdvplan.need.measure import OUTWARDS, own_limits, taken_by
 from hdvplan.need.room import least_edge, least_half_width
-from hdvplan.need.search import WIDE_M, Least
+from hdvplan.need.search import TOLERANCE_M, WIDE_M, Least
 from hdvplan.need.widening import Widenings, least_widenings
 from hdvplan.road.road import Limits
 
@@ -89,10 +89,15 @@ def _place(result: Result | None, side: str | None) -> Place | None:
     if result is None:
         return None
     took, rows = taken_by(result), {"left": [2], "right": [3], None: [2, 3]}[side]
-    row, at = np.unravel_index(np.argmax(np.where(took.own[rows], took.reach[rows], -np.inf)), (len(rows), len(took.s)))
+    reach = np.where(took.own[rows], took.reach[rows], -np.inf)
+    # A plan may reach as far at many places, where nothing keeps it from it: the one that decides leaves the least room opposite.
+    opposite = [5 - row for row in rows]
+    limits = result.drive.road.limits
+    room = reach * 0.0 if limits is None else (OUTWARDS * limits.table(took.s) - took.reach)[opposite]
+    row, at = np.unravel_index(np.argmin(np.where(reach >= np.max(reach) - TOLERANCE_M, room, np.inf)), reach.shape)
     where, s = ("left", "right")[rows[int(row)] - 2], float(took.s[at])
     envelope = result.envelope
-    reach = envelope.left[:, at] if where == "left" else -envelope.right[:, at]
-    unit = int(np.nanargmax(reach))
+    of_units = envelope.left[:, at] if where == "left" else -envelope.right[:, at]
+    unit = int(np.nanargmax(of_units))
     x, y, lonlat = point_of(result, unit, where, s)
     return Place(s, x, y, lonlat, where, unit, contact(result.drive, unit, where, s, axles_only=False))

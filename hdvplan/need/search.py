@@ -14,7 +14,7 @@ import numpy as np
 
 from hdvplan import api
 from hdvplan.case import Case
-from hdvplan.errors import PlanError
+from hdvplan.errors import HdvplanError, PlanError, RoadError, SolverError
 from hdvplan.judging.result import Result
 from hdvplan.need.measure import Taken, taken_by
 from hdvplan.planning.settings import Scheme
@@ -59,9 +59,9 @@ class Least:
 
     room: float  # infinite where nothing did [m]
     result: Result | None
-    out_of_reach: float  # the most room within which every attempt failed [m]
+    out_of_reach: float  # the most room within which every attempt failed, or the least that may be asked for [m]
     plans: int  # that were made
-    failure: PlanError | None  # of the last attempt that ended in one
+    failure: HdvplanError | None  # of the last attempt that ended in one
 
 
 def least(
@@ -98,13 +98,13 @@ def least(
     return best
 
 
-def plans_of(case: Case, attempts: Sequence[Attempt]) -> Iterator[Result | PlanError]:
+def plans_of(case: Case, attempts: Sequence[Attempt]) -> Iterator[Result | HdvplanError]:
     """Plan a case in every way of ``attempts``, one after the other; a plan that cannot be made gives its error."""
     for attempt in attempts:
         settings = replace(case.settings, scheme=attempt.scheme)
         try:
             yield api.plan(replace(case, objective=attempt.objective, settings=settings))
-        except PlanError as error:
+        except (PlanError, RoadError, SolverError) as error:  # an obstacle with a given side may leave no room within narrow limits
             yield error
 
 
@@ -116,7 +116,7 @@ def _tried(
     road = case.road.within(question.band(room))
     for made in plans_of(replace(case, road=road), attempts):
         best = replace(best, plans=best.plans + 1)
-        if isinstance(made, PlanError):
+        if isinstance(made, HdvplanError):
             best = replace(best, failure=made)
             continue
         took = taken_by(made)

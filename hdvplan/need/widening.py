@@ -13,7 +13,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 
 from hdvplan.case import Case
-from hdvplan.errors import PlanError
+from hdvplan.errors import HdvplanError
 from hdvplan.jit import FloatArray
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.envelope import SPACING_M
@@ -29,7 +29,8 @@ from hdvplan.road.road import Limits
 _AROUND_M = ((0.75, 0.0), (0.75, 0.02), (1.5, 0.03), (3.0, 0.05), (6.0, 0.1), (12.0, 0.2))
 _LEAD_M = 120.0  # driven before and after a place that lacks room; places nearer to each other than twice this are one
 _SCALED = 0.02  # how finely a widening is scaled down
-_MORE = (1.01, 1.02, 1.05, 1.1)  # times a widening that fits on a stretch of road, for the whole road
+_REPAIRS = 6  # of a widening that fits on its stretches of road, for the whole road
+_ALONG = 2 * int(np.ceil(0.75 / SPACING_M)) + 1  # stations that a repair is drawn out over
 _PLAIN = (Attempt("geometric", Scheme.RTI), Attempt("lead-axle", Scheme.RTI), Attempt("geometric", Scheme.SQP))
 _ROUNDS = 3  # of looking for places that a plan along the whole road adds
 
@@ -60,7 +61,7 @@ class Widenings:
     """The widening of least area and the one of least largest depth.
 
     Both are None where the vehicle fits as the road is, and ``fitting`` is the plan; all are None where no widening of the road's own
-    limits would do, as an obstacle is in the way.
+    limits would do: an obstacle is in the way, or no plan exists at any width.
     """
 
     area: Widening | None
@@ -74,9 +75,10 @@ def least_widenings(case: Case, own: Limits, *, on_progress: Callable[[float], N
     ``on_progress`` receives a share that grows from 0 to 1.
     """
     stations = SPACING_M * np.arange(int(np.floor(case.road.path.length / SPACING_M + 1e-9)) + 1, dtype=np.float64)
-    fitting, breached = _fit(case, own, stations, np.zeros((4, len(stations))))
+    fitting, lacking = _fit(case, own, stations, np.zeros((4, len(stations))))
     if fitting is not None:
         return Widenings(None, None, fitting)
+    breached = _places(case, lacking)
     places: list[tuple[int, int]] = []
     for number in range(_ROUNDS):
         places = _joined([*places, *breached])
@@ -88,21 +90,26 @@ def least_widenings(case: Case, own: Limits, *, on_progress: Callable[[float], N
             for whole, part in zip((area, depth), best, strict=True):
                 whole[:, first : first + part.shape[1]] = part
             if on_progress is not None:
-                on_progress((number + (done + 1) / len(places)) / (number + 1.5))
+                on_progress((number + (done + 1) / len(places)) / _ROUNDS)
         fits = [_fit(case, own, stations, outwards) for outwards in (area, depth)]
-        breached = [place for result, beyond in fits if result is None for place in beyond]
+        breached = [place for result, lacking in fits if result is None for place in _places(case, lacking)]
         if all(result is not None for result, _ in fits):
             break
-    least_area, least_depth = (_along(case, own, stations, outwards, fit[0]) for outwards, fit in zip((area, depth), fits, strict=True))
+    least_area, least_depth = (_along(case, own, stations, outwards, fit) for outwards, fit in zip((area, depth), fits, strict=True))
+    if least_area.result is not None and least_area.depth <= least_depth.depth:
+        least_depth = least_area
     return Widenings(least_area, least_depth, None)
 
 
-def _along(case: Case, own: Limits, s: FloatArray, outwards: FloatArray, result: Result | None) -> Widening:
+def _along(case: Case, own: Limits, s: FloatArray, outwards: FloatArray, fit: tuple[Result | None, FloatArray]) -> Widening:
     """Return a widening with the plan that fits along the whole road: a little deeper where the plans of its parts do not meet."""
-    for more in _MORE if result is None else ():
-        result, _ = _fit(case, own, s, more * outwards)
+    result, lacking = fit
+    for _ in range(_REPAIRS if result is None else 0):
+        deeper = maximum_filter1d(np.where(lacking > 0.0, lacking + KEPT_M, 0.0), _ALONG, axis=1)
+        outwards = outwards + deeper
+        result, lacking = _fit(case, own, s, outwards)
         if result is not None:
-            return Widening(s, more * outwards, result)
+            break
     return Widening(s, outwards, result)
 
 
@@ -133,7 +140,7 @@ def _of_place(case: Case, own: Limits, s_from: float) -> tuple[FloatArray, Float
         least(case, _deepest(own, sides), on_result=lambda _, took: pool.add(took))
     plain = replace(case, settings=replace(case.settings, elastic_growth=0.0))  # the price of a breach is then its area
     for made in plans_of(replace(plain, road=case.road.within(own)), _PLAIN):
-        if not isinstance(made, PlanError):
+        if not isinstance(made, HdvplanError):
             pool.add(taken_by(made))
     if pool.area is None or pool.depth is None:
         return None
@@ -173,22 +180,30 @@ def _scaled(case: Case, own: Limits, outwards: FloatArray) -> FloatArray:
     return high * drawn
 
 
-def _fit(case: Case, own: Limits, s: FloatArray, outwards: FloatArray) -> tuple[Result | None, list[tuple[int, int]]]:
-    """Return a plan that keeps ``own`` moved outwards; where there is none, the first and last stations of the places that lack room."""
+def _fit(case: Case, own: Limits, s: FloatArray, outwards: FloatArray) -> tuple[Result | None, FloatArray]:
+    """Return a plan that keeps ``own`` moved outwards, or None; and how far the best plan reaches beyond that, (4, n) [m]."""
     band = _widened(own, s, outwards)
-    best: FloatArray | None = None
+    best: tuple[bool, float] = (True, np.inf)  # those that pass obstacles come first
+    lacking: FloatArray = np.ones((4, len(s)))  # where no plan can be made, all is lacking
     for made in plans_of(replace(case, road=case.road.within(band)), ATTEMPTS):
-        if isinstance(made, PlanError):
+        if isinstance(made, HdvplanError):
             continue
         took = taken_by(made)
-        beyond = np.max(took.beyond(band), axis=0)
+        beyond = took.beyond(band)
         if took.passes and np.all(beyond <= KEPT_M):
-            return made, []
-        if best is None or np.max(beyond) < np.max(best):
-            best = beyond
-    lacking = np.arange(len(s)) if best is None else np.flatnonzero(best > 0.0)
+            return made, beyond
+        rank = (not took.passes, float(np.max(beyond)))
+        if rank < best:
+            best, lacking = rank, beyond
+    return None, lacking
+
+
+def _places(case: Case, lacking: FloatArray) -> list[tuple[int, int]]:
+    """Return the first and last stations of the places where a plan lacks room, with what is driven before and after them."""
+    count = lacking.shape[1]
+    at = np.flatnonzero(np.max(lacking, axis=0) > 0.0)
     ahead, grid = int(_LEAD_M / SPACING_M), round(case.settings.replan / SPACING_M)  # plans begin where those of the whole road do
-    return None, [(max(0, at - ahead) // grid * grid, min(len(s) - 1, at + ahead)) for at in lacking.tolist()]
+    return [(max(0, one - ahead) // grid * grid, min(count - 1, one + ahead)) for one in (at if len(at) else np.arange(count)).tolist()]
 
 
 def _widened(own: Limits, s: FloatArray, outwards: FloatArray) -> Limits:

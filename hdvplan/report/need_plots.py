@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from textwrap import fill
 
 import numpy as np
 import shapely
@@ -20,6 +21,7 @@ from hdvplan.report.windows import Window
 from hdvplan.road.road import Limits, Road
 
 _AROUND_M = 20.0  # of a place that is shown
+_TITLE = 150  # characters in a line
 _MOST = 4  # places shown, the largest first
 _WHITE = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8}
 
@@ -50,7 +52,9 @@ def _need_figure(need: Need, own: Limits | None) -> Figure:
         if number == 0:
             handles, labels = axes.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower left", ncols=6)
-    figure.suptitle("\n".join(need_lines(need)), x=0.01, ha="left", fontweight="bold", fontsize="medium", color=INK)
+    lines = need_lines(need)
+    colour = BREACH if lines[0].startswith("NO") else INK
+    figure.suptitle("\n".join(fill(line, _TITLE) for line in lines), x=0.01, ha="left", fontweight="bold", fontsize="medium", color=colour)
     if road.notice is not None:
         figure.supxlabel(road.notice, fontsize="x-small", color=MUTED, x=0.99, ha="right")
     return figure
@@ -68,7 +72,7 @@ def _shown(need: Need, own: Limits | None) -> tuple[Result, tuple[Patch, ...]]:
     if best is None:
         msg = "no plan was found: there is nothing to draw"
         raise ValueError(msg)
-    return _on(best, replace(road, limits=None, band=None)), ()
+    return _on(best, replace(road, limits=None, band=None, edges=None, regions=())), ()
 
 
 def _on(result: Result, road: Road) -> Result:
@@ -96,7 +100,7 @@ def _windows(need: Need, patches: tuple[Patch, ...], road: Road) -> list[Window]
 
 
 def _draw_patches(axes: Axes, patches: tuple[Patch, ...], window: Window) -> None:
-    label: str | None = "to be widened"
+    label: str | None = "to be widened (least area)"
     for patch in patches:
         if patch.s_to < window.s_from or patch.s_from > window.s_to:
             continue

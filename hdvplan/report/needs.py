@@ -78,8 +78,7 @@ def need_lines(need: Need) -> list[str]:
         where = "to both sides of the line" if need.side is None else f"on the {need.side}"
         lines.append(f"NEEDS {need.room.room:.2f} m {where} for the {vehicle}{kept}: decided {_place_text(need, need.place)}")
     elif need.side is None:
-        why = f" ({need.room.failure})" if need.room.failure else ": an obstacle is in the way"
-        lines.append(f"NO: no plan was found for the {vehicle} at any half width{why}")
+        lines.append(f"NO: no plan was found for the {vehicle} at any half width up to {WIDE_M:.0f} m{kept}{_why(need)}")
     else:
         lines.append(_held_line(need, vehicle))
     return lines
@@ -99,10 +98,21 @@ def _widening_line(need: Need) -> str:
     if widenings.fitting is not None:
         return f"YES: the {vehicle} fits within the road's own limits"
     if widenings.area is None or widenings.depth is None:
-        return f"NO: the {vehicle} does not fit, and no widening of the road's own limits would do: an obstacle is in the way"
+        return f"NO: the {vehicle} does not fit, and no widening of the road's own limits would do{_why(need)}"
     area, depth = (area_of(_patches(need, widening)) for widening in (widenings.area, widenings.depth))
-    least = f"widening the road by {area:.1f} m2 would do, {widenings.area.depth:.2f} m at the deepest"
-    return f"NO: the {vehicle} does not fit; {least}, or {depth:.1f} m2 nowhere deeper than {widenings.depth.depth:.2f} m"
+    both = widenings.area.result is not None and widenings.depth.result is not None
+    least = (
+        f"widening the road by {area:.1f} m2 {'would do' if both else 'is lacking at least'}, {widenings.area.depth:.2f} m at the deepest"
+    )
+    rest = "" if both else "; no plan along the whole road was found with it"
+    return f"NO: the {vehicle} does not fit; {least}, or {depth:.1f} m2 nowhere deeper than {widenings.depth.depth:.2f} m{rest}"
+
+
+def _why(need: Need) -> str:
+    """Return what stands in the way of every plan, as far as it is known."""
+    if need.case.road.has_obstacles:
+        return ": an obstacle is in the way"
+    return f" ({need.room.failure})" if need.room.failure else ""
 
 
 def _patches(need: Need, widening: Widening) -> tuple[Patch, ...]:
@@ -136,7 +146,7 @@ def need_json(need: Need, seconds: float) -> Json:
         **named,
         "tolerance_m": TOLERANCE_M,
         "proved_below_m": None,
-        "out_of_reach_m": need.room.out_of_reach if result is not None else WIDE_M,
+        "out_of_reach_m": WIDE_M if result is None else need.room.out_of_reach if need.room.out_of_reach < need.room.room else None,
         "clearance_wanted_m": case.settings.clearance,
         "s_m": None if place is None else place.s,
         "x": None if place is None else place.x,

@@ -27,6 +27,7 @@ def summary_of(result: Result) -> Json:
     counts = np.array([plan.qp_count for plan in drive.plans])
     merits = [plan.merit for plan in drive.plans if plan.usable and plan.merit is not None]
     verdict = verdict_of(result)
+    broken = [*(breach.depth for breach in balance.breaches), *(-near.distance for near in result.entered)]
     return {
         "verdict": verdict_json(result, verdict),
         "clearance_wanted_m": settings.clearance,
@@ -48,7 +49,7 @@ def summary_of(result: Result) -> Json:
         "tighter_than_balanced_circle": balance.saturated,
         "needed_half_width_m": needed_half_width(result),
         "min_clearance_m": balance.min_clearance,
-        "limit_violation_m": balance.violation if balance.breaches else 0.0,
+        "limit_violation_m": max(broken, default=0.0),
         "breaches": [_breach(breach, drive.vehicle) for breach in balance.breaches],
         "manners": _manners(result),
         "fit": [finding_json(finding) for finding in result.fit.findings],
@@ -176,6 +177,8 @@ def _approach(approach: Approach, vehicle: Vehicle) -> Json:
 def _passed(passed: Passed) -> Json:
     """Return how an obstacle was passed; infinities, where no plan exists on the other side, are None with their reason."""
     own, other, reason = passed.own, passed.other, passed.reason
+    if own is not None and not np.isfinite(own.violation):
+        own = None  # planned as it was all the same
     if other is not None and not np.isfinite(other.violation):
         other, reason = None, "no plan exists on the other side"
     return {

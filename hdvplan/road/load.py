@@ -183,7 +183,7 @@ def _road(name: str, raw: RawRoad, options: RoadOptions) -> Road:
         if not MIN_LENGTH_M <= s[-1] <= MAX_LENGTH_M:
             msg = f"{name}: the profile is {s[-1]:g} m long; {MIN_LENGTH_M:g} m to {MAX_LENGTH_M / 1e3:g} km can be used"
             raise RoadError(msg)
-        return Road(name, from_curvature(s, kappa), _limits(s, raw.reaches))
+        return Road(name, from_curvature(s, kappa)).within(_limits(s, raw.reaches))
     dense = None if raw.rounded is None else path_through(raw.rounded, options.max_curvature)
     smoothing: Smoothing | None
     if dense is None:

@@ -111,18 +111,20 @@ class Obstructed:
 
 
 def obstructed(path: ReferencePath, regions: tuple[Region, ...], given: tuple[FloatArray, FloatArray] | None) -> Obstructed | None:
-    """Return a band with what ``regions`` can do to it; None where there is neither band nor obstacle.
+    """Return a band with what ``regions`` can do to it; None where there is neither band nor an obstacle near enough to count.
 
     The band has limits (4, m) at arclengths (m,): rows left, right, left_sweep, right_sweep, signed [m]. Obstacles narrow all four.
     Sweepable polygons keep wheels off, and widen the overhangs' limits where they join the band. Without a band the road is open to
     ``OPEN_M``, or 0.8 of the radius inside a bend.
     """
-    if given is None:
-        if not any(region.kind is Kind.OBSTACLE for region in regions):
-            return None
-        given = open_band(path)
+    if given is None and not any(region.kind is Kind.OBSTACLE for region in regions):
+        return None
     cells = cells_of(path)
     stays = stays_of(cells, regions)
+    if given is None:
+        if not any(regions[stay.region].kind is Kind.OBSTACLE for stay in stays):
+            return None
+        given = open_band(path)
     band = np.stack([np.interp(cells.s, given[0], row) for row in given[1]])
     usual = _usual(stays, regions, _in_cells(band))
     edges = _edges(cells, band, regions, stays, usual)

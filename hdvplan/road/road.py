@@ -117,6 +117,8 @@ class Road:
         """Return the road with ``side`` given for every obstacle on its line that has none of its own."""
         found = self.obstructed
         on_line = set() if found is None else {passage.region for passage in found.passages if passage.on_line}
+        if not on_line:
+            return self
         regions = tuple(replace(one, side=one.side or side) if number in on_line else one for number, one in enumerate(self.regions))
         return replace(self, regions=regions).within(self.band)
 

@@ -80,7 +80,7 @@ def test_a_held_edge_that_cannot_be_kept_is_a_no_with_what_it_takes(cli: Cli, be
         (("--fix", "left", "--half-width", "3"), "error: --fix left asks for the least edge on the other side; --half-width says"),
         (("--left", "2"), "error: --left needs --right"),
         (("--clearance", "-1"), "error: clearance must be zero or a positive number"),
-        (("--fix", "left", "--left", "-2"), "error: the left limit must be a positive number"),
+        (("--fix", "left", "--left", "-2"), "error: --left must be a positive number of metres, not -2"),
     ],
 )
 def test_what_cannot_be_meant_is_refused(cli: Cli, bend: str, options: tuple[str, ...], message: str) -> None:
@@ -88,3 +88,10 @@ def test_what_cannot_be_meant_is_refused(cli: Cli, bend: str, options: tuple[str
     assert outcome.code == 2
     assert outcome.err.startswith(message)
     assert outcome.out == ""
+
+
+def test_what_no_width_cures_is_not_blamed_on_an_obstacle(cli: Cli, bend: str) -> None:
+    outcome = cli("need", bend, "--vehicle", "bus", "--half-width", "4", "--clearance", "14.5", "--no-plot")
+    assert outcome.code == 1
+    assert "at any half width up to 15 m, 14.50 m of clearance included" in outcome.err
+    assert "obstacle" not in outcome.out + outcome.err

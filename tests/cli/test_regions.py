@@ -202,3 +202,30 @@ def test_the_middle_between_limits_is_that_of_the_sides_found(cli: Cli, tmp_path
     assert outcome.code == 0
     (side,) = {passed["side"] for passed in summary["passed"]}
     assert np.sign(summary["mean_bias_m"]) == (1.0 if side == "left" else -1.0)
+
+
+def test_forcing_a_side_leaves_a_curvature_profile_its_limits(cli: Cli, tmp_path: Path) -> None:
+    (tmp_path / "profile.csv").write_text("s,kappa,left,right\n0,0,1.2,1.2\n80,0,1.2,1.2\n", encoding="utf-8")
+    for forced in ((), ("--pass", "left")):
+        outcome = cli("plan", "profile.csv", "--vehicle", "rigid-truck", "--no-plot", "--horizon", "50", *forced)
+        assert outcome.code == 1
+        assert outcome.out.startswith("NO: ")
+
+
+def test_an_obstacle_too_far_away_to_count_makes_no_limits(cli: Cli, tmp_path: Path) -> None:
+    road = {
+        "type": "FeatureCollection",
+        "features": [
+            {"type": "Feature", "properties": {}, "geometry": {"type": "LineString", "coordinates": [[15.0, 60.0], [15.002, 60.0]]}},
+            {
+                "type": "Feature",
+                "properties": {"region": "obstacle"},
+                "geometry": {
+                    "type": "Polygon",
+                    "coordinates": [[[15.0, 60.003], [15.001, 60.003], [15.001, 60.0031], [15.0, 60.0031], [15.0, 60.003]]],
+                },
+            },
+        ],
+    }
+    (tmp_path / "far.geojson").write_text(json.dumps(road), encoding="utf-8")
+    assert cli("plan", "far.geojson", *QUICK).out.startswith("NEEDS ")

@@ -75,6 +75,20 @@ def test_a_limit_counts_as_kept_to_a_centimetre(bus: Result) -> None:
     assert verdict_of(judged(bus, clearance=least + 0.011)).fits is False
 
 
+def test_a_wall_thinner_than_any_step_is_not_driven_through_unseen(straight: Result) -> None:
+    wall = Region(Kind.OBSTACLE, shapely.box(40.0, -3.0, 40.02, 3.0), "wall")  # every corner of the overlap lies on both outlines
+    verdict = verdict_of(judged(straight, regions=(wall,)))
+    assert verdict.fits is False
+    assert (verdict.spare or 0.0) < -0.5  # as deep as the bus is wide on either side, at the least
+
+
+def test_what_counts_as_kept_is_never_called_lacking(bus: Result) -> None:
+    least = bus.balance.min_clearance or 0.0
+    kept = judged(bus, clearance=least + 0.009)
+    assert line(kept).startswith("YES: 0.00 m to spare beyond the ")
+    assert "YES, 0.00 m to spare" in verdict_title(kept, verdict_of(kept))
+
+
 def test_an_obstacle_beyond_the_limits_reach_decides_by_its_distance_in_the_plane(straight: Result) -> None:
     tail = straight.drive.vehicle.reach_behind
     behind = Region(Kind.OBSTACLE, shapely.box(-tail - 0.5, -0.5, -tail + 0.5, 0.5), "bin")  # before the road's start
