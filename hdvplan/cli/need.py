@@ -145,7 +145,6 @@ def _held(road: Road, side: str, reach: float | None) -> Limits:
         OptionError: neither is there.
 
     """
-    from hdvplan.need.measure import own_limits
     from hdvplan.road.road import Limits
 
     if reach is not None:
@@ -153,7 +152,7 @@ def _held(road: Road, side: str, reach: float | None) -> Limits:
             msg = f"--{side} must be a positive number of metres, not {reach:g}"
             raise OptionError(msg)
         return Limits.constant(reach, reach, road.path.length)
-    own = own_limits(road)
+    own = road.own_limits
     if own is None:
         msg = f"the road has no edges of its own, so --fix {side} needs --{side}"
         raise OptionError(msg)

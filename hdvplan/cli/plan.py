@@ -10,7 +10,7 @@ import typer
 
 from hdvplan.cli import completion
 from hdvplan.cli.compiling import note_compiling
-from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error, warn
+from hdvplan.cli.console import note, print_json, print_line, progress, warn
 from hdvplan.cli.options import (
     CrsOption,
     FeatureOption,
@@ -29,18 +29,17 @@ from hdvplan.cli.options import (
     file_name,
     road_options,
 )
+from hdvplan.cli.outcome import exit_code_of, print_plan, warn_of
 from hdvplan.errors import OptionError, RoadError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from hdvplan.judging.result import Result
-    from hdvplan.judging.verdict import Verdict
     from hdvplan.report.paper import SheetOptions
     from hdvplan.road.road import Road
     from hdvplan.vehicle.model import Vehicle
 
-_MOST_WARNINGS = 5
 _NEAR_M = 0.05  # room to spare below which people ask whether more can be had
 REFERENCE_SLACK = 1.25  # a balanced lead axle turns wider than the road's centre, which may thus be tighter than its limit
 
@@ -188,10 +187,10 @@ def plan(
         print_line(verdict_line(result, verdict))
     if verdict.fits and verdict.spare is not None and verdict.spare < _NEAR_M:
         note("the plan goes as near as it may; --clearance M asks it to keep away", quiet=quiet)
-    _warn(result, verdict, quiet=quiet)
+    warn_of(result, verdict, quiet=quiet)
     if not json and not quiet:
-        _print(result, directory)
-    return _exit_code(result, verdict)
+        print_plan(result, directory)
+    return exit_code_of(result, verdict)
 
 
 def check_fits(road: Road, vehicle: Vehicle, reaches: tuple[float, float] | None) -> None:
@@ -220,20 +219,6 @@ def _warn_far_regions(road: Road, *, quiet: bool) -> None:
     if len(far):
         nearest = f"the nearest of them {far.min():.0f} m"
         warn(f"{len(far)} of {len(apart)} regions lie further than {OPEN_M:.0f} m from the road and do not count, {nearest}", quiet=quiet)
-
-
-def _warn(result: Result, verdict: Verdict, *, quiet: bool) -> None:
-    """Say what a driver would find too much, and where a vehicle does not fit that geometry expects it so: it may tell why."""
-    from hdvplan.judging.fit import finding_text
-    from hdvplan.judging.manners import manners_of, manners_texts
-
-    for text in manners_texts(result.drive, manners_of(result.drive)):
-        warn(text, quiet=quiet)
-    findings = () if verdict.fits else result.fit.findings
-    for finding in findings[:_MOST_WARNINGS]:
-        warn(finding_text(finding, result.drive.vehicle.name), quiet=quiet)
-    if len(findings) > _MOST_WARNINGS:
-        warn(f"{len(findings) - _MOST_WARNINGS} more such places; summary.json lists all under fit", quiet=quiet)
 
 
 def reaches_of(half_width: float | None, left: float | None, right: float | None) -> tuple[float, float] | None:
@@ -280,39 +265,3 @@ def _write(
     except OSError as error:
         msg = f"cannot write to {directory}: {error.strerror or error}"
         raise OptionError(msg, hint="choose another folder with --out") from error
-
-
-def _print(result: Result, directory: Path) -> None:
-    """Print what the plan sweeps and breaks, then how it was planned."""
-    from hdvplan.report.tables import balance_table, breach_table, planning_table
-
-    broken = [breach_table(result)] if result.balance.breaches else []
-    print_tables(balance_table(result), *broken, planning_table(result, f"{directory}/"))
-
-
-def _exit_code(result: Result, verdict: Verdict) -> ExitCode:
-    """Return the exit code; what is broken is an error that names the deepest place."""
-    from hdvplan.judging.result import breach_text, entered_text
-
-    if verdict.fits is not False:
-        return ExitCode.OK
-    breach = max(result.balance.breaches, key=lambda breach: breach.depth, default=None)
-    hit = min(result.entered, key=lambda approach: approach.distance, default=None)
-    if breach is not None and (hit is None or breach.depth >= -hit.distance):
-        report_error(
-            breach_text(result, breach),
-            f"this plan sweeps a half width of {verdict.half_width:.2f} m; `hdvplan need ROAD` finds the least room that a plan exists for",
-        )
-    elif hit is not None:
-        report_error(
-            entered_text(result, hit),
-            "limits hold along the road; this obstacle lies before its start or beyond its end",
-        )
-    else:
-        kept = verdict.clearance_wanted + (verdict.spare or 0.0)
-        report_error(
-            f"only {kept:.3f} m of the wanted clearance of {verdict.clearance_wanted:.3f} m are kept "
-            f"from {'an obstacle' if verdict.obstacle is not None else f'the {verdict.side} limit'} at s = {verdict.s:.1f} m",
-            "the vehicle fits without that clearance; `hdvplan need ROAD --clearance M` finds the room that it takes",
-        )
-    return ExitCode.BROKEN

@@ -51,6 +51,11 @@ class Balance:
         return self.max_left - self.max_right
 
     @property
+    def half_width(self) -> float:
+        """The constant half width that would have held everything the plan swept [m]."""
+        return max(self.max_left, self.max_right)
+
+    @property
     def violation(self) -> float:
         """Depth of the deepest breach; 0 when all limits are kept [m]."""
         return 0.0 if self.min_clearance is None else max(0.0, -self.min_clearance)

@@ -18,6 +18,7 @@ from hdvplan.judging.obstacles import Approach
 from hdvplan.judging.passed import Passed
 from hdvplan.planning.bias import shifted
 from hdvplan.planning.planner import Plan
+from hdvplan.road.regions import called
 from hdvplan.vehicle.model import Vehicle
 
 _PAIR = ("tractor", "trailer")
@@ -134,7 +135,7 @@ def breach_text(result: Result, breach: Breach) -> str:
     """Return a sentence that says which body breaks which limit, by how much and where."""
     name = body_name(result.drive.vehicle, breach.unit)
     if breach.obstacle is not None:
-        named = _obstacle_named(breach.obstacle)
+        named = called(breach.obstacle)
         return f"the {breach.part} of the {name} enters {named} by {breach.depth:.3f} m at s = {breach.s_deepest:.1f} m"
     limit = f"{breach.region} {breach.side}" if result.two_regions else breach.side
     return f"the {breach.part} of the {name} breaks the {limit} limit by {breach.depth:.3f} m at s = {breach.s_deepest:.1f} m"
@@ -142,12 +143,8 @@ def breach_text(result: Result, breach: Breach) -> str:
 
 def entered_text(result: Result, approach: Approach) -> str:
     """Return a sentence that says which body enters which obstacle, by how much and where."""
-    named, name = _obstacle_named(approach.obstacle.label), body_name(result.drive.vehicle, approach.unit)
+    named, name = called(approach.obstacle.label), body_name(result.drive.vehicle, approach.unit)
     return f"the {approach.part} of the {name} enters {named} by {-approach.distance:.3f} m at s = {approach.s:.1f} m"
-
-
-def _obstacle_named(label: str) -> str:
-    return f"the obstacle {label!r}" if label else "an obstacle"
 
 
 def body_name(vehicle: Vehicle, unit: int) -> str:

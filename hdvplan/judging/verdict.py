@@ -11,7 +11,7 @@ from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.contact import contact
 from hdvplan.judging.obstacles import Approach
 from hdvplan.judging.result import Result, body_name
-from hdvplan.road.regions import OPEN_M
+from hdvplan.road.regions import OPEN_M, called
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ def verdict_of(result: Result) -> Verdict:
 def verdict_line(result: Result, verdict: Verdict) -> str:
     """Return the verdict as one line that begins with its word."""
     vehicle, name = result.drive.vehicle.name, body_name(result.drive.vehicle, verdict.unit)
-    place = f"at s = {verdict.s:.1f} m ({_coordinates(verdict)})"
+    place = f"at s = {verdict.s:.1f} m ({place_text(verdict.x, verdict.y, verdict.lonlat)})"
     if verdict.fits is None:
         furthest = f"the {verdict.part} of the {name} reaches furthest, to the {verdict.side}, {place}"
         return f"NEEDS {verdict.half_width:.2f} m to both sides of the line for the {vehicle}: {furthest}; the road has no limits"
@@ -131,27 +131,23 @@ def _needs(result: Result) -> Verdict:
 
 
 def _at_limit(result: Result, tightest: _Tightest, wanted: float) -> Verdict:
-    spare = tightest.room - wanted
+    spare, half = tightest.room - wanted, result.balance.half_width
     axles_only = tightest.region == "drivable" and result.two_regions
     part = contact(result.drive, tightest.unit, tightest.side, tightest.s, axles_only=axles_only)
     x, y, lonlat = point_of(result, tightest.unit, tightest.side, tightest.s)
     wheels = result.wheel_room if tightest.room < -KEPT_M else None
     return Verdict(
-        spare >= -KEPT_M, spare, wanted, _half_width(result), tightest.s, x, y, lonlat, tightest.side, tightest.unit, part, tightest.region,
+        spare >= -KEPT_M, spare, wanted, half, tightest.s, x, y, lonlat, tightest.side, tightest.unit, part, tightest.region,
         None, wheels,
     )  # fmt: skip
 
 
 def _at_obstacle(result: Result, near: Approach, wanted: float) -> Verdict:
-    spare = near.distance - wanted
+    spare, half = near.distance - wanted, result.balance.half_width
     return Verdict(
-        spare >= -KEPT_M, spare, wanted, _half_width(result), near.s, near.x, near.y, _lonlat(result, near.x, near.y), near.side, near.unit,
+        spare >= -KEPT_M, spare, wanted, half, near.s, near.x, near.y, _lonlat(result, near.x, near.y), near.side, near.unit,
         near.part, None, near.obstacle.label, None,
     )  # fmt: skip
-
-
-def _half_width(result: Result) -> float:
-    return max(result.balance.max_left, result.balance.max_right)
 
 
 def point_of(result: Result, unit: int, side: str, s: float) -> tuple[float, float, tuple[float, float] | None]:
@@ -174,16 +170,17 @@ def _one(value: float) -> FloatArray:
     return np.array([value])
 
 
-def _coordinates(verdict: Verdict) -> str:
-    if verdict.lonlat is None:
-        return f"x {verdict.x:.1f}, y {verdict.y:.1f}"
-    lon, lat = verdict.lonlat
+def place_text(x: float, y: float, lonlat: tuple[float, float] | None) -> str:
+    """Return a place as people read it: latitude and longitude [deg], or x and y [m] where there are none."""
+    if lonlat is None:
+        return f"x {x:.1f}, y {y:.1f}"
+    lon, lat = lonlat
     return f"{abs(lat):.5f} {'N' if lat >= 0.0 else 'S'}, {abs(lon):.5f} {'E' if lon >= 0.0 else 'W'}"
 
 
 def _against(verdict: Verdict, *, two_regions: bool) -> str:
     if verdict.obstacle is not None:
-        return f"the obstacle {verdict.obstacle!r}" if verdict.obstacle else "an obstacle"
+        return called(verdict.obstacle)
     if not two_regions:
         return f"the {verdict.side} limit"
     return f"the {verdict.side} limit of {'overhangs' if verdict.region == 'sweepable' else 'wheels'}"
@@ -207,4 +204,4 @@ def _hit(result: Result, verdict: Verdict) -> str:
     near = min(result.approaches, key=lambda approach: approach.distance, default=None)
     if verdict.obstacle is not None or near is None or near.distance >= -KEPT_M:
         return ""
-    return f"; {-near.distance:.2f} m into {f'the obstacle {near.obstacle.label!r}' if near.obstacle.label else 'an obstacle'} as well"
+    return f"; {-near.distance:.2f} m into {called(near.obstacle.label)} as well"

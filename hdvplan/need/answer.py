@@ -11,7 +11,7 @@ from hdvplan.case import Case
 from hdvplan.judging.contact import contact
 from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import point_of
-from hdvplan.need.measure import OUTWARDS, own_limits, taken_by
+from hdvplan.need.measure import OUTWARDS, taken_by
 from hdvplan.need.room import least_edge, least_half_width
 from hdvplan.need.search import TOLERANCE_M, WIDE_M, Least
 from hdvplan.need.widening import Widenings, least_widenings
@@ -53,7 +53,7 @@ def need_of(case: Case, *, on_progress: Callable[[float], None] | None = None) -
 
     ``on_progress`` receives a share that grows from 0 to 1.
     """
-    own = own_limits(case.road)
+    own = case.road.own_limits
     share = 1.0 if own is None else _ROOMS_SHARE
     room = least_half_width(case, on_progress=_part(on_progress, 0.0, share))
     widenings = None

@@ -9,7 +9,7 @@ import numpy as np
 from hdvplan.jit import BoolArray, FloatArray
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.result import Result
-from hdvplan.road.road import Limits, Road
+from hdvplan.road.road import Limits
 
 ROWS = ("left", "right", "left_sweep", "right_sweep")  # of ``Limits``
 OUTWARDS = np.array([1.0, -1.0, 1.0, -1.0])[:, None]
@@ -32,11 +32,6 @@ class Taken:
         """Return how far the plan reached beyond a road's own limits, negative within, -inf where they do not count, (4, n) [m]."""
         beyond: FloatArray = np.where(self.own, self.reach - OUTWARDS * band.table(self.s), -np.inf)
         return beyond
-
-
-def own_limits(road: Road) -> Limits | None:
-    """Return a road's limits as they were before its obstacles and sweepable areas changed them, None without."""
-    return road.band if road.regions else road.limits
 
 
 def taken_by(result: Result) -> Taken:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 from hdvplan.case import Case
-from hdvplan.need.measure import own_limits
 from hdvplan.planning.bias import Bias
 from hdvplan.road.road import Limits
 
@@ -18,9 +17,8 @@ def stretch_of(case: Case, s_from: float, s_to: float) -> Case:
     road, vehicle, settings = case.road, case.vehicle, case.settings
     beside = settings.horizon + vehicle.reach_ahead + vehicle.reach_behind + _ROOM_M
     path = road.path.stretch(s_from, s_to, beside, beside)
-    cut = replace(road, path=path, smoothing=None, limits=None, band=None).within(_moved(own_limits(road), s_from))
-    bias = case.bias if len(case.bias.s) == 1 else Bias(case.bias.s - s_from, case.bias.offset)
-    return replace(case, road=cut, bias=bias)
+    cut = replace(road, path=path, smoothing=None, limits=None, band=None).within(_moved(road.own_limits, s_from))
+    return replace(case, road=cut, bias=Bias(case.bias.s - s_from, case.bias.offset))
 
 
 _ROOM_M = 20.0  # for bodies askew

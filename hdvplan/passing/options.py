@@ -12,7 +12,7 @@ from hdvplan.centring.weights import CentringTable
 from hdvplan.errors import RoadError
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.road.obstructed import Obstructed, Passage
-from hdvplan.road.regions import Side
+from hdvplan.road.regions import Side, called
 
 _CLEAR_M = 0.5  # an obstacle this far from what is swept leaves no choice
 _MOST_DETOUR_M = 6.0  # of an obstacle's edge from the line
@@ -122,8 +122,7 @@ def _by_room(case: Case, road: Obstructed, number: int, option: Options, fixed: 
     if option.forced and closed:
         (side, why), label = next(iter(closed.items())), case.road.regions[passage.region].label
         s, missing = 0.5 * (passage.s_from + passage.s_to), needed - rooms[side]
-        named = f"the obstacle {label!r}" if label else "an obstacle"
-        msg = f"{named} at s = {s:.1f} m cannot be passed on the {side}: {why}, {missing:.2f} m missing"
+        msg = f"{called(label)} at s = {s:.1f} m cannot be passed on the {side}: {why}, {missing:.2f} m missing"
         raise RoadError(msg, s_m=s, hint="give no side, to pass it where there is more room")
     if option.forced or not closed:
         return option

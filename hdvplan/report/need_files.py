@@ -6,7 +6,6 @@ from pathlib import Path
 
 from hdvplan.fileio import json_bytes, write_atomically
 from hdvplan.need.answer import Need
-from hdvplan.need.measure import own_limits
 from hdvplan.record import NAME, record_of
 from hdvplan.report.needs import Json, widening_geojson
 
@@ -34,5 +33,5 @@ def write_need(need: Need, answer: Json, directory: Path, *, plot: bool) -> None
         from hdvplan.report.need_plots import need_figure  # noqa: PLC0415 - Matplotlib takes half a second to import
         from hdvplan.report.style import figure_bytes  # noqa: PLC0415 - as above
 
-        write_atomically(directory / PICTURE, figure_bytes(need_figure(need, own_limits(need.case.road)), "png"))
+        write_atomically(directory / PICTURE, figure_bytes(need_figure(need, need.case.road.own_limits), "png"))
     write_atomically(directory / SUMMARY, json_bytes(answer))

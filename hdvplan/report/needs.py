@@ -12,8 +12,9 @@ from shapely.geometry.base import BaseGeometry
 from hdvplan import __version__
 from hdvplan.jit import FloatArray
 from hdvplan.judging.result import body_name
+from hdvplan.judging.verdict import place_text
 from hdvplan.need.answer import Need, Place
-from hdvplan.need.measure import ROWS, own_limits
+from hdvplan.need.measure import ROWS
 from hdvplan.need.search import TOLERANCE_M, WIDE_M
 from hdvplan.need.widening import Widening
 from hdvplan.report.colours import BREACH
@@ -116,17 +117,13 @@ def _why(need: Need) -> str:
 
 
 def _patches(need: Need, widening: Widening) -> tuple[Patch, ...]:
-    own = own_limits(need.case.road)
+    own = need.case.road.own_limits
     assert own is not None  # noqa: S101 - for the type checker: there is a widening
     return patches_of(widening, own, need.case.road.path)
 
 
 def _place_text(need: Need, place: Place) -> str:
-    if place.lonlat is None:
-        at = f"x {place.x:.1f}, y {place.y:.1f}"
-    else:
-        lon, lat = place.lonlat
-        at = f"{abs(lat):.5f} {'N' if lat >= 0.0 else 'S'}, {abs(lon):.5f} {'E' if lon >= 0.0 else 'W'}"
+    at = place_text(place.x, place.y, place.lonlat)
     return f"at s = {place.s:.1f} m ({at}) by the {place.part} of the {body_name(need.case.vehicle, place.unit)} on the {place.side}"
 
 

@@ -99,7 +99,7 @@ def verdict_json(result: Result, verdict: Verdict) -> Json:
 
 def needed_half_width(result: Result) -> float:
     """Return the constant half width that would have held everything the plan swept [m]."""
-    return max(result.balance.max_left, result.balance.max_right)
+    return result.balance.half_width
 
 
 def step_times_ms(result: Result) -> dict[str, float]:

@@ -21,7 +21,7 @@ def reversed_road(road: Road) -> Road:
     s = path.spacing * np.arange(round(length / path.spacing), -1.0, -1.0)
     here = path.at(s)
     turned = from_samples(here.x, here.y, here.heading + np.pi, -here.curvature, path.spacing, closed=path.closed)
-    band, smoothing = _band(road), road.smoothing
+    band, smoothing = road.own_limits, road.smoothing
     if band is not None:
         band = Limits(*(column[::-1] for column in (length - band.s, -band.right, -band.left, -band.right_sweep, -band.left_sweep)))
     if smoothing is not None:
@@ -53,7 +53,7 @@ def offset_road(road: Road, offset: float) -> Road:
         raise RoadError(msg, s_m=at, hint="choose a smaller --offset, or allow a wider bend with --smooth")
     along = s - offset * (np.unwrap(here.heading) - here.heading[0])
     moved = _moved(path, offset, s, along)
-    band, smoothing = _band(road), road.smoothing
+    band, smoothing = road.own_limits, road.smoothing
     if band is not None:
         columns = (band.left, band.right, band.left_sweep, band.right_sweep)
         nodes = np.union1d(band.s, s[[0, -1]])  # enough: limits are linear in s, and s' is linear where the road is not bent
@@ -68,11 +68,6 @@ def offset_road(road: Road, offset: float) -> Road:
             smoothing, max_deviation_s=there, max_curvature=float(curvature[tightest]), max_curvature_s=float(along[tightest])
         )
     return replace(road, path=moved, smoothing=smoothing).within(band)
-
-
-def _band(road: Road) -> Limits | None:
-    """Return the limits before the road's regions cut them."""
-    return road.band if road.regions else road.limits
 
 
 def _refuse_outside(band: Limits, offset: float) -> None:

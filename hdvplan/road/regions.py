@@ -48,6 +48,11 @@ class Region:
     side: Side | None = None
 
 
+def called(label: str) -> str:
+    """Return what a sentence calls the obstacle with this label, "" where it has none."""
+    return f"the obstacle {label!r}" if label else "an obstacle"
+
+
 def distances(path: ReferencePath, regions: tuple[Region, ...]) -> FloatArray:
     """Return how far each region lies from the road's centre line [m]; those beyond ``OPEN_M`` do not count."""
     s = np.linspace(0.0, path.length, int(np.ceil(path.length / OPEN_SPACING_M)) + 1)

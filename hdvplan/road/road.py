@@ -96,6 +96,11 @@ class Road:
     edges: Limits | None = None  # the limits before obstacles cut them; None where there are none
 
     @property
+    def own_limits(self) -> Limits | None:
+        """The limits as they were before obstacles and sweepable areas changed them, None without."""
+        return self.band if self.regions else self.limits
+
+    @property
     def has_obstacles(self) -> bool:
         """Whether anything must be passed."""
         return any(region.kind is Kind.OBSTACLE for region in self.regions)

@@ -11,7 +11,7 @@ from hdvplan.case import Case
 from hdvplan.centring.weights import CentringTable
 from hdvplan.jit import FloatArray
 from hdvplan.judging.verdict import verdict_of
-from hdvplan.need.measure import own_limits, taken_by
+from hdvplan.need.measure import taken_by
 from hdvplan.need.room import least_edge, least_half_width
 from hdvplan.need.search import TOLERANCE_M
 from hdvplan.planning.settings import PlannerSettings
@@ -106,6 +106,6 @@ def test_what_a_plan_takes_is_its_envelope_where_the_road_decides(bend: Case) ->
     np.testing.assert_allclose(taken.reach, reaches, atol=1e-12)  # sums of the same numbers
     assert taken.passes
     assert np.all(taken.own)
-    own = own_limits(result.drive.road)
+    own = result.drive.road.own_limits
     assert own is not None
     np.testing.assert_allclose(taken.beyond(own), reaches - np.array([4.0, 5.0, 4.0, 5.0])[:, None], atol=1e-12)

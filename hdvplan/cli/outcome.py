@@ -1,0 +1,64 @@
+"""What ``hdvplan plan`` tells of a judged plan: warnings, tables, and the exit code with its message."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from hdvplan.cli.console import ExitCode, print_tables, report_error, warn
+
+if TYPE_CHECKING:
+    from hdvplan.judging.result import Result
+    from hdvplan.judging.verdict import Verdict
+
+_MOST_WARNINGS = 5
+
+
+def warn_of(result: Result, verdict: Verdict, *, quiet: bool) -> None:
+    """Say what a driver would find too much, and where a vehicle does not fit that geometry expects it so: it may tell why."""
+    from hdvplan.judging.fit import finding_text
+    from hdvplan.judging.manners import manners_of, manners_texts
+
+    for text in manners_texts(result.drive, manners_of(result.drive)):
+        warn(text, quiet=quiet)
+    findings = () if verdict.fits else result.fit.findings
+    for finding in findings[:_MOST_WARNINGS]:
+        warn(finding_text(finding, result.drive.vehicle.name), quiet=quiet)
+    if len(findings) > _MOST_WARNINGS:
+        warn(f"{len(findings) - _MOST_WARNINGS} more such places; summary.json lists all under fit", quiet=quiet)
+
+
+def print_plan(result: Result, directory: Path) -> None:
+    """Print what the plan sweeps and breaks, then how it was planned."""
+    from hdvplan.report.tables import balance_table, breach_table, planning_table
+
+    broken = [breach_table(result)] if result.balance.breaches else []
+    print_tables(balance_table(result), *broken, planning_table(result, f"{directory}/"))
+
+
+def exit_code_of(result: Result, verdict: Verdict) -> ExitCode:
+    """Return the exit code; what is broken is an error that names the deepest place."""
+    from hdvplan.judging.result import breach_text, entered_text
+
+    if verdict.fits is not False:
+        return ExitCode.OK
+    breach = max(result.balance.breaches, key=lambda breach: breach.depth, default=None)
+    hit = min(result.entered, key=lambda approach: approach.distance, default=None)
+    if breach is not None and (hit is None or breach.depth >= -hit.distance):
+        report_error(
+            breach_text(result, breach),
+            f"this plan sweeps a half width of {verdict.half_width:.2f} m; `hdvplan need ROAD` finds the least room that a plan exists for",
+        )
+    elif hit is not None:
+        report_error(
+            entered_text(result, hit),
+            "limits hold along the road; this obstacle lies before its start or beyond its end",
+        )
+    else:
+        kept = verdict.clearance_wanted + (verdict.spare or 0.0)
+        report_error(
+            f"only {kept:.3f} m of the wanted clearance of {verdict.clearance_wanted:.3f} m are kept "
+            f"from {'an obstacle' if verdict.obstacle is not None else f'the {verdict.side} limit'} at s = {verdict.s:.1f} m",
+            "the vehicle fits without that clearance; `hdvplan need ROAD --clearance M` finds the room that it takes",
+        )
+    return ExitCode.BROKEN
