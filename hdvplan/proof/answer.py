@@ -14,6 +14,8 @@ import numpy as np
 
 from hdvplan.case import Case
 from hdvplan.judging.balance import KEPT_M
+from hdvplan.proof.articulated import reachable_with_trailer
+from hdvplan.proof.coupling import coupling_of
 from hdvplan.proof.poses import Outline, fits, outline_of, reach_of
 from hdvplan.proof.reach import Grid, Reached, reachable
 from hdvplan.proof.space import Beside, Frame, beside, bins_for, frame_of, has_own_region
@@ -28,14 +30,17 @@ _ROOM_M = 40.0  # of path beyond the ends of a road: more than any vehicle's len
 
 
 class Resolution(NamedTuple):
-    """How finely the reachable set is followed: ``step`` of road [m] and ``cell`` of heading [rad]."""
+    """How finely a reachable set is followed: ``step`` of road [m] and ``cell`` of heading [rad]."""
 
     step: float
     cell: float
 
 
-# The coarse one proves what lacks more than 5 cm or so, in an eighth of the time.
-RESOLUTIONS = (Resolution(0.1, 1e-3), Resolution(0.05, 5e-4))
+# Coarse and fine. The coarse one proves what lacks some centimetres more, in a fraction of the time.
+RIGID = (Resolution(0.1, 1e-3), Resolution(0.05, 5e-4))
+ARTICULATED = (Resolution(0.2, 4e-3), Resolution(0.1, 2e-3))
+
+Follow = Callable[[bool, float, float], tuple[Frame, Reached]]  # fine or coarse, and from where to where [m]
 
 
 @dataclass(frozen=True)
@@ -87,38 +92,58 @@ def _by_place(road: Road, vehicle: Vehicle, space: Beside, first: float, last: f
 
 
 def _by_motion(road: Road, vehicle: Vehicle, space: Beside, first: float, last: float, *, two_regions: bool) -> Proof | None:
-    """Return the stretch on which everything that the leading unit can reach is lost, None if there is none."""
+    """Return the stretch on which everything that the leading units can reach is lost, None if there is none."""
     if vehicle.lead.steering_ratio > 0.0:
         return None  # its rear axle does not move along the body
-    follow = _follower(road, vehicle, outline_of(vehicle.lead, two_regions=two_regions), space, two_regions=two_regions)
-    for resolution in RESOLUTIONS:
-        frame, found = follow(resolution, first, last)
-        if found.empty < 0:
-            continue
-        s_to = float(frame.s[found.empty])
-        length = 5.0
-        while length < s_to - first:  # the shortest stretch of a few that proves the same
-            frame, again = follow(resolution, s_to - length, s_to + 0.5 * resolution.step)
-            if again.empty >= 0:
-                return Proof("motion", s_to - length, float(frame.s[again.empty]), 0)
-            length *= 2.0
-        return Proof("motion", first, s_to, 0)
+    followers = [_leading(road, vehicle, space, two_regions=two_regions)]
+    if len(vehicle.units) > 1 and not vehicle.units[1].active:
+        followers.append(_with_trailer(road, vehicle, space, two_regions=two_regions))
+    for unit, follow in enumerate(followers):
+        for fine in (False, True):
+            frame, found = follow(fine, first, last)
+            if found.empty < 0:
+                continue
+            s_to = float(frame.s[found.empty])
+            length = 5.0
+            while length < s_to - first:  # the shortest stretch of a few that proves the same
+                frame, again = follow(fine, s_to - length, s_to + 0.5 * float(frame.s[1] - frame.s[0]))
+                if again.empty >= 0:
+                    return Proof("motion", s_to - length, float(frame.s[again.empty]), unit)
+                length *= 2.0
+            return Proof("motion", first, s_to, unit)
     return None
 
 
-def _follower(
-    road: Road, vehicle: Vehicle, outline: Outline, space: Beside, *, two_regions: bool
-) -> Callable[[Resolution, float, float], tuple[Frame, Reached]]:
-    """Return what follows the leading unit along a stretch at a resolution."""
+def _leading(road: Road, vehicle: Vehicle, space: Beside, *, two_regions: bool) -> Follow:
+    """Return what follows the leading unit along a stretch."""
+    outline = outline_of(vehicle.lead, two_regions=two_regions)
     reach = reach_of(outline)
     kappa = vehicle.max_curvature * (1.0 + _MORE_CURVATURE)
     nothing = np.empty((0, 0), np.int64), np.empty((0, 0, 0, 2))
 
-    def follow(resolution: Resolution, s_from: float, s_to: float) -> tuple[Frame, Reached]:
-        frame = frame_of(road.path, np.arange(s_from, s_to, resolution.step))
-        return frame, reachable(
-            outline, kappa, space, two_regions, frame, grid_of(frame, resolution.cell), reach, bins_for(reach), *nothing
-        )  # fmt: skip
+    def follow(fine: bool, s_from: float, s_to: float) -> tuple[Frame, Reached]:  # noqa: FBT001 - a function of its own type
+        step, cell = RIGID[fine]
+        frame = frame_of(road.path, np.arange(s_from, s_to, step))
+        return frame, reachable(outline, kappa, space, two_regions, frame, grid_of(frame, cell), reach, bins_for(reach), *nothing)
+
+    return follow
+
+
+def _with_trailer(road: Road, vehicle: Vehicle, space: Beside, *, two_regions: bool) -> Follow:
+    """Return what follows the first two units along a stretch."""
+    unit, trailer = vehicle.units[:2]
+    lead, behind = (outline_of(one, two_regions=two_regions) for one in (unit, trailer))
+    behind = Outline(behind.points - np.array([trailer.wheelbase, 0.0]), behind.region)  # seen from the coupling
+    reach = max(reach_of(lead), reach_of(behind) + abs(unit.hitch_offset))
+    kappa = vehicle.max_curvature * (1.0 + _MORE_CURVATURE)
+    coupling = coupling_of(unit, trailer)
+
+    def follow(fine: bool, s_from: float, s_to: float) -> tuple[Frame, Reached]:  # noqa: FBT001 - as above
+        step, cell = ARTICULATED[fine]
+        frame = frame_of(road.path, np.arange(s_from, s_to, step))
+        return frame, reachable_with_trailer(
+            lead, behind, coupling, kappa, space, two_regions, frame, grid_of(frame, cell), cell, reach, bins_for(reach)
+        )
 
     return follow
 

@@ -20,6 +20,18 @@ class Outline(NamedTuple):
     region: IntArray  # 0: the drivable one, 1: the one for overhangs
 
 
+class Loose(NamedTuple):
+    """A body's poses in the road's frame but for e: heading ``turned`` off the road's within ``spread`` [rad]; its point of reference at
+    (``u``, e + ``v``) within ``give`` [m].
+    """
+
+    turned: float
+    spread: float
+    u: float
+    v: float
+    give: float
+
+
 def outline_of(unit: Unit, *, two_regions: bool) -> Outline:
     """Return a body's outline; between its axles it keeps to the drivable region where overhangs have one of their own."""
     ends = np.unique([-unit.rear_overhang, 0.0, min(unit.wheelbase, unit.front), unit.front])
@@ -44,21 +56,22 @@ def reach_of(outline: Outline) -> float:
 
 @compiled
 def trim(
-    outline: Outline, turned: float, spread: float, count: IntArray, lines: FloatArray, pieces: FloatArray, number: int, room: FloatArray
+    outline: Outline, pose: Loose, count: IntArray, lines: FloatArray, pieces: FloatArray, number: int, room: FloatArray
 ) -> int:
     """Cut ``pieces`` (MOST, 2), rising intervals of the axle's offset e, down to where a body may fit; return how many are left.
 
-    The body's heading is ``turned`` off the road's, within ``spread`` to either side [rad]. ``count`` and ``lines`` (2, bins, ...) are
-    ``free_space`` in the road's frame, by regions. ``room`` is memory like ``pieces``, twice as long. What is cut off fits for no heading.
+    ``count`` and ``lines`` (2, bins, ...) are ``free_space`` in the road's frame, by regions. ``room`` is memory like ``pieces``, twice as
+    long. What is cut off fits nowhere in ``pose``.
     """
-    cos, sin = np.cos(turned), np.sin(turned)
+    cos, sin = np.cos(pose.turned), np.sin(pose.turned)
     bins = count.shape[1]
     middle = bins // 2
     for p in range(outline.region.size):
         region = outline.region[p]
         ahead, left = outline.points[p, 0], outline.points[p, 1]
         u, v = ahead * cos - left * sin, ahead * sin + left * cos
-        du, dv = abs(v) * spread, abs(u) * spread  # of the point; the second order is below a micrometre
+        du, dv = abs(v) * pose.spread + pose.give, abs(u) * pose.spread + pose.give  # the second order is below a micrometre
+        u, v = u + pose.u, v + pose.v
         low_bin = min(max(int(np.floor((u - du) * 10.0)) + middle, 0), bins - 1)
         high_bin = min(max(int(np.floor((u + du) * 10.0)) + middle, 0), bins - 1)
         if number == 1 and low_bin == high_bin and count[region, low_bin] == 1:  # nearly always
@@ -169,7 +182,7 @@ def fits(outline: Outline, beside: Beside, two_regions: bool, frame: Frame, reac
         for cell in range(2 * cells):  # the headings along the road first
             turned = (cell // 2 + 0.5) * _CELL * (1.0 if cell % 2 == 0 else -1.0)
             pieces[0, 0], pieces[0, 1] = near[0], near[1]
-            if trim(outline, turned, 0.5 * _CELL, count, lines, pieces, 1, room) > 0:
+            if trim(outline, Loose(turned, 0.5 * _CELL, 0.0, 0.0, 0.0), count, lines, pieces, 1, room) > 0:
                 found = True
                 break
         if not found:

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hdvplan.jit import FloatArray, IntArray, compiled
-from hdvplan.proof.poses import Outline, joined, trim
+from hdvplan.proof.poses import Loose, Outline, joined, trim
 from hdvplan.proof.space import MOST, Beside, Frame, axle_room, free_space, window_of
 
 _MARGIN = 0.05  # from there on what is left counts as unbounded [rad]
@@ -95,7 +95,7 @@ def reachable(
         for j in range(begin, end):
             if number[j] > 0:
                 turned = grid.first + (j + 0.5) * grid.size - frame.heading[i]
-                number[j] = trim(outline, turned, 0.5 * grid.size, count, lines, pieces[j], number[j], room)
+                number[j] = trim(outline, Loose(turned, 0.5 * grid.size, 0.0, 0.0, 0.0), count, lines, pieces[j], number[j], room)
                 if number[j] > 0:
                     first, last = min(first, j), max(last, j + 1)
                     filled[i] += 1
