@@ -19,6 +19,7 @@ from hdvplan.proof.space import MOST, Beside, Frame, axle_room, free_space, wind
 SIDES = 16
 SCALE = 8.0  # of W: about the length over which a trailer turns [m]
 LEADING, FOLLOWING = 0.04, 1e-3  # cells of headings in which the room that a trailer leaves is tabulated [rad]
+STRIPS = 24  # of W looked at one by one: a polygon that is wide is far from empty
 _ROUNDING = 1e-9
 _MARGIN = 0.1  # from there on what is left counts as unbounded [rad]
 
@@ -146,8 +147,8 @@ def _step(
         # (e, W) - (middle) -> linear part of the map, the same for all targets
         of_e, w_of_e, w_of_w = cos - sin * tan_0, -sin * sec_0 * rate_0, 1.0 - short_0 * slope
         for d in range(SIDES):
-            base[d] = _support(directions, former[j], of_e * directions[d, 0] + SCALE * w_of_e * directions[d, 1], w_of_w * directions[d, 1])
-            base[d] -= (of_e * directions[d, 0] + SCALE * w_of_e * directions[d, 1]) * e + w_of_w * directions[d, 1] * SCALE * w
+            dx, dy = of_e * directions[d, 0] + SCALE * w_of_e * directions[d, 1], w_of_w * directions[d, 1]
+            base[d] = _support(directions, former[j], dx, dy) - dx * e - dy * SCALE * w
         longest = furthest * sec_0 * 1.1
         for k in range(max(lowest, j - cells), min(highest, j + cells + 1)):
             ratio = (k - j) * grid.size / turned
@@ -205,7 +206,8 @@ def _support(directions: FloatArray, h: FloatArray, x: float, y: float) -> float
     share_a, share_b = a % SIDES, (a + 1) % SIDES
     ax, ay, bx, by = directions[share_a, 0], directions[share_a, 1], directions[share_b, 0], directions[share_b, 1]
     cross = ax * by - ay * bx
-    return (max((x * by - y * bx) / cross, 0.0) * h[share_a]) + max((ax * y - ay * x) / cross, 0.0) * h[share_b]
+    of_a, of_b = max((x * by - y * bx) / cross, 0.0), max((ax * y - ay * x) / cross, 0.0)
+    return float(of_a * h[share_a] + of_b * h[share_b])
 
 
 @compiled
@@ -227,7 +229,7 @@ def _trimmed(
     aside = coupling.hitch_offset * np.sin(turned)  # of the axle from the coupling
     give = 0.5 * abs(coupling.hitch_offset) * grid.size
     w_low, w_high = -h[half + quarter] / SCALE, h[quarter] / SCALE
-    strips = max(1, int(np.ceil((w_high - w_low) / strip)))
+    strips = min(max(1, int(np.ceil((w_high - w_low) / strip))), STRIPS)
     width = (w_high - w_low) / strips
     spread = 0.5 * (width * (1.0 + coupling.offset_share) + coupling.offset_share * grid.size) + 1e-6
     theta = frame.heading[i] + turned
@@ -238,9 +240,9 @@ def _trimmed(
         low, high = -np.inf, np.inf  # of the polygon within the strip
         for d in range(SIDES):
             x, y = directions[d, 0], directions[d, 1]
-            if x > 1e-9:
+            if x > _ROUNDING:
                 high = min(high, max((h[d] - y * a) / x, (h[d] - y * b) / x))
-            elif x < -1e-9:
+            elif x < -_ROUNDING:
                 low = max(low, min((h[d] - y * a) / x, (h[d] - y * b) / x))
         if low > high:
             continue
