@@ -13,15 +13,15 @@ import numpy as np
 from hdvplan.jit import BoolArray, FloatArray, IntArray, compiled
 from hdvplan.proof.coupling import Coupling
 from hdvplan.proof.poses import Loose, Outline, trim
-from hdvplan.proof.reach import WIDEST, Grid, Reached
+from hdvplan.proof.reach import Grid, Reached
 from hdvplan.proof.space import MOST, Beside, Frame, axle_room, free_space, window_of
 
 SIDES = 16
 SCALE = 8.0  # of W: about the length over which a trailer turns [m]
-LEADING, FOLLOWING = 0.04, 1e-3  # cells of headings in which the room that a trailer leaves is tabulated [rad]
+LEADING = 0.04  # cells of the leading heading in which the room that a trailer leaves is tabulated [rad]
+SIDEWAYS = 1.3  # off the road's heading: no leading unit is said to stand across the road by more than 74 degrees [rad]
 STRIPS = 24  # of W looked at one by one: a polygon that is wide is far from empty
 _ROUNDING = 1e-9
-_MARGIN = 0.1  # from there on what is left counts as unbounded [rad]
 
 
 @compiled
@@ -45,23 +45,16 @@ def reachable_with_trailer(
     low, high, right, left = np.full(stations, np.nan), np.full(stations, np.nan), np.full(stations, np.nan), np.full(stations, np.nan)
     filled = np.zeros(stations, np.int64)
     widest_x = min(-coupling.first, coupling.first + coupling.step * (coupling.rate.size - 1)) + grid.size
-    allowed = np.zeros((int(np.pi / LEADING) + 2, int(2.0 * np.pi / FOLLOWING) + 2, 3))
-    opened = -1
-    begin, end, cells = 0, 0, 0
+    allowed = np.zeros((int(np.pi / LEADING) + 2, int(2.0 * np.pi / strip) + 2, 3))
+    begin, end = 0, 0
     for i in range(stations):
         window_of(beside, frame.s[i], reach, window)
         axle_room(beside, frame, i, near)
         for region in range(0 if two_regions else 1, 2):
             free_space(beside, region, window, frame.x[i], frame.y[i], frame.heading[i], near, bins, count[region], lines[region])
-        fresh = i == 0 or opened == i - 1
-        widest = 0.5 * np.pi if fresh else WIDEST
-        lowest = max(0, int(np.floor((frame.heading[i] - widest - grid.first) / grid.size)))
-        highest = min(grid.cells, int(np.ceil((frame.heading[i] + widest - grid.first) / grid.size)))
-        wide = int((WIDEST - _MARGIN) / grid.size)
-        middle = int((frame.heading[i] - grid.first) / grid.size)
-        if fresh:
-            for j in range(grid.cells):
-                full[j] = False
+        lowest = max(0, int(np.ceil((frame.heading[i] - SIDEWAYS - grid.first) / grid.size)) - 1)
+        highest = min(grid.cells, int(np.floor((frame.heading[i] + SIDEWAYS - grid.first) / grid.size)) + 1)
+        if i == 0:
             for j in range(lowest, highest):
                 full[j] = True
                 theta = grid.first + (j + 0.5) * grid.size
@@ -70,7 +63,7 @@ def reachable_with_trailer(
         else:
             full, before = before, full
             h, former = former, h
-            begin, end, cells = _step(coupling, kappa, frame, grid, directions, i, before, former, begin, end, lowest, highest, full, h)
+            begin, end = _step(coupling, kappa, frame, grid, directions, i, before, former, begin, end, lowest, highest, full, h)
         first, last = end, begin
         for j in range(begin, end):
             if full[j]:
@@ -84,13 +77,11 @@ def reachable_with_trailer(
                     low[i] = min(-h[j, SIDES // 2], low[i]) if filled[i] > 1 else -h[j, SIDES // 2]
                     high[i] = max(h[j, 0], high[i]) if filled[i] > 1 else h[j, 0]
         if filled[i] == 0:
-            return Reached(i, opened, low, high, right, left, filled)
+            return Reached(i, -1, low, high, right, left, filled)
         begin, end = first, last
         right[i] = grid.first + begin * grid.size - frame.heading[i]
         left[i] = grid.first + end * grid.size - frame.heading[i]
-        if begin < middle - wide + cells or end > middle + wide - cells:
-            opened = i  # it may stand across the road: this station bounds nothing
-    return Reached(-1, opened, low, high, right, left, filled)
+    return Reached(-1, -1, low, high, right, left, filled)
 
 
 @compiled
@@ -105,7 +96,7 @@ def _box(directions: FloatArray, e_low: float, e_high: float, w_low: float, w_hi
 def _step(
     coupling: Coupling, kappa: float, frame: Frame, grid: Grid, directions: FloatArray, i: int, before: BoolArray, former: FloatArray,
     begin: int, end: int, lowest: int, highest: int, full: BoolArray, h: FloatArray,
-) -> tuple[int, int, int]:  # fmt: skip
+) -> tuple[int, int]:  # fmt: skip
     """Write what station ``i`` can be reached with, from what was reached at the last one; see ``reach`` for heading and offset."""
     x, y = frame.x[i] - frame.x[i - 1], frame.y[i] - frame.y[i - 1]
     turn = frame.heading[i] - frame.heading[i - 1]
@@ -115,7 +106,7 @@ def _step(
     for j in range(grid.cells):
         full[j] = False
     base = np.empty(SIDES)
-    first, last, furthest_cell = grid.cells, 0, 0
+    first, last = grid.cells, 0
     half, quarter = SIDES // 2, SIDES // 4
     for j in range(begin, end):
         if not before[j]:
@@ -133,7 +124,6 @@ def _step(
             steep = min(max(abs(theta), abs(theta + grid.size)) + turned, 1.5)
             turned = 1.02 * kappa * furthest / np.cos(steep) / np.cos(turned)
         cells = int(np.ceil(turned / grid.size))
-        furthest_cell = max(furthest_cell, cells)
         cubed = (turned + grid.size) ** 3 / 6.0
         # The rate of W over all x that are met, as middle + slope x within rough.
         absolute = grid.first + j * grid.size
@@ -181,7 +171,7 @@ def _step(
                 h[k, d] = max(h[k, d], value) if full[k] else value
             full[k] = True
         first, last = min(first, max(lowest, j - cells)), max(last, min(highest, j + cells + 1))
-    return first, last, furthest_cell
+    return first, last
 
 
 @compiled
@@ -250,7 +240,7 @@ def _trimmed(
         entry = min(max(int(at), 0), coupling.angle.size - 2)
         over = min(max(at - entry, 0.0), 1.0)
         gamma = coupling.angle[entry] + over * (coupling.angle[entry + 1] - coupling.angle[entry])
-        free_low, free_high = _trailer_room(trailer, coupling, turned, turned - gamma, spread, i + 1, count, lines, near, allowed)
+        free_low, free_high = _trailer_room(trailer, coupling, turned, turned - gamma, spread, strip, i + 1, count, lines, near, allowed)
         low, high = max(low, free_low + aside - give), min(high, free_high + aside + give)
         if low > high:
             continue
@@ -267,27 +257,27 @@ def _trimmed(
 
 @compiled
 def _trailer_room(
-    trailer: Outline, coupling: Coupling, turned: float, heading: float, spread: float, station: int, count: IntArray,
+    trailer: Outline, coupling: Coupling, turned: float, heading: float, spread: float, strip: float, station: int, count: IntArray,
     lines: FloatArray, near: FloatArray, allowed: FloatArray,
 ) -> tuple[float, float]:  # fmt: skip
     """Return between which offsets the coupling can lie, when the trailer's heading is within ``spread`` of ``heading`` off the road's.
 
     It depends on the leading unit's heading ``turned`` only by how far the coupling lies ahead. So ``allowed`` (leading headings in steps
-    of ``LEADING``, trailer headings in steps of ``FOLLOWING``, 3) keeps what was found, and at which ``station``.
+    of ``LEADING``, trailer headings in steps of ``strip``, 3) keeps what was found, and at which ``station``.
     """
     leading = int((turned + 0.5 * np.pi) / LEADING)
     middle = (leading + 0.5) * LEADING - 0.5 * np.pi
     u = -coupling.hitch_offset * np.cos(middle)
     give = abs(coupling.hitch_offset) * (abs(np.sin(middle)) + 0.5 * LEADING) * 0.5 * LEADING
-    first = max(int((heading - spread + np.pi) / FOLLOWING), 0)
-    last = min(int((heading + spread + np.pi) / FOLLOWING), allowed.shape[1] - 1)
+    first = max(int((heading - spread + np.pi) / strip), 0)
+    last = min(int((heading + spread + np.pi) / strip), allowed.shape[1] - 1)
     low, high = np.inf, -np.inf
     reach = abs(coupling.hitch_offset)
     pieces, room = np.empty((MOST, 2)), np.empty((2 * MOST, 2))
     for c in range(first, last + 1):
         if allowed[leading, c, 2] != station:
             pieces[0, 0], pieces[0, 1] = near[0] - reach, near[1] + reach
-            pose = Loose((c + 0.5) * FOLLOWING - np.pi, 0.5 * FOLLOWING, u, 0.0, give)
+            pose = Loose((c + 0.5) * strip - np.pi, 0.5 * strip, u, 0.0, give)
             number = trim(trailer, pose, count, lines, pieces, 1, room)
             allowed[leading, c, 0] = pieces[0, 0] if number > 0 else np.inf
             allowed[leading, c, 1] = pieces[number - 1, 1] if number > 0 else -np.inf
