@@ -75,7 +75,7 @@ def proof_of(case: Case, s_from: float | None = None, s_to: float | None = None)
     reach = sum(reach_of(outline_of(unit, two_regions=False)) for unit in case.vehicle.units[:2])
     room = KEPT_M + ROUNDING_M - case.settings.clearance
     space, tighter = (
-        beside(road, first - 3.0 * reach, last + 3.0 * reach, room=one) for one in (room, room - LESS_M[len(followed(case.vehicle)) > 1])
+        beside(road, first - around, last + around, room=one) for one in (room, room - LESS_M[len(followed(case.vehicle)) > 1])
     )
     if space is None or tighter is None:
         return None
@@ -86,7 +86,8 @@ def _by_place(road: Road, vehicle: Vehicle, space: Beside, first: float, last: f
     """Return where one of the bodies does not fit in any pose, None if nowhere."""
     whole, two_regions = road.path.length, _two_regions(road)
     for number, (unit, behind) in enumerate(zip(vehicle.units, axles_behind(vehicle), strict=True)):
-        stations = np.arange(first, min(last, whole - float(behind) - vehicle.lead.wheelbase), _PLACES_M)
+        # Its axle gets as far: on the inside of a bend it is further behind along the road than in metres.
+        stations = np.arange(first, min(last, whole - 2.0 * float(behind) - vehicle.lead.wheelbase), _PLACES_M)
         if not len(stations):
             continue
         outline = outline_of(unit, two_regions=two_regions)

@@ -13,7 +13,7 @@ import numpy as np
 from hdvplan.jit import BoolArray, FloatArray, IntArray, compiled
 from hdvplan.proof.coupling import Coupling
 from hdvplan.proof.poses import Loose, Outline, trim
-from hdvplan.proof.reach import Grid, Reached
+from hdvplan.proof.reach import Grid, Reached, most_turned
 from hdvplan.proof.space import MOST, Beside, Frame, axle_room, free_space, window_of
 
 SIDES = 16
@@ -119,10 +119,7 @@ def _step(
         furthest = max(ahead - e_low * sin, ahead - e_high * sin)
         if furthest <= 0.0:
             continue  # the normals cross here: beyond the centre of curvature
-        turned = 0.0
-        for _ in range(3):
-            steep = min(max(abs(theta), abs(theta + grid.size)) + turned, 1.5)
-            turned = 1.02 * kappa * furthest / np.cos(steep) / np.cos(turned)
+        turned = most_turned(kappa, furthest, max(abs(theta), abs(theta + grid.size)), SIDEWAYS + abs(turn) + grid.size)
         cells = int(np.ceil(turned / grid.size))
         cubed = (turned + grid.size) ** 3 / 6.0
         # The rate of W over all x that are met, as middle + slope x within rough.

@@ -18,11 +18,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hdvplan.jit import FloatArray, IntArray, compiled
+from hdvplan.jit import FloatArray, IntArray, compiled, inlined
 from hdvplan.proof.intervals import joined
 from hdvplan.proof.poses import Loose, Outline, trim
 from hdvplan.proof.space import MOST, Beside, Frame, axle_room, free_space, window_of
 
+_ITERATIONS, _CONVERGED = 40, 1e-6  # [rad]
+_STEEPEST = 1.5  # where chords get that long, cells reach to WIDEST, and the station counts as unbounded [rad]
 _MARGIN = 0.05  # from there on what is left counts as unbounded [rad]
 WIDEST = 1.35  # a heading off the road's beyond which nothing is bounded [rad]
 
@@ -117,6 +119,22 @@ def reachable(
     return Reached(-1, opened, low, high, right, left, filled)
 
 
+@inlined
+def most_turned(kappa: float, furthest: float, off: float, steepest: float) -> float:
+    """Return by how much the heading can turn between two stations [rad]: the chord is longer, the steeper, and turns the more, the longer.
+
+    ``furthest`` is the chord's largest length along the new normal's direction [m], ``off`` the largest heading off it at the first
+    station, ``steepest`` the one that is never passed [rad].
+    """
+    turned = 0.0
+    for _ in range(_ITERATIONS):
+        before, steep = turned, min(off + turned, steepest)
+        turned = kappa * furthest / np.cos(steep) / np.cos(min(turned, 0.5))
+        if turned - before < _CONVERGED:
+            break
+    return 1.001 * turned
+
+
 @compiled
 def _step(
     kappa: float, frame: Frame, grid: Grid, i: int, before: IntArray, former: FloatArray, begin: int, end: int, lowest: int, highest: int,
@@ -146,10 +164,7 @@ def _step(
         furthest = max(ahead - former[j, 0, 0] * sin, ahead - former[j, before[j] - 1, 1] * sin)
         if furthest <= 0.0:
             continue  # the normals cross here: beyond the centre of curvature
-        turned = 0.0
-        for _ in range(3):  # the longer the chord, the further it may turn, the longer the chord
-            steep = min(max(abs(theta), abs(theta + grid.size)) + turned, 1.5)  # WIDEST keeps what is followed away from there
-            turned = 1.02 * kappa * furthest / np.cos(steep) / np.cos(turned)
+        turned = most_turned(kappa, furthest, max(abs(theta), abs(theta + grid.size)), _STEEPEST)
         cells = int(np.ceil(turned / grid.size))
         furthest_cell = max(furthest_cell, cells)
         cubed = (turned + grid.size) ** 3 / 6.0
