@@ -73,10 +73,9 @@ def proof_of(case: Case, s_from: float | None = None, s_to: float | None = None)
         return None
     road = replace(case.road, path=case.road.path.extended(_ROOM_M, _ROOM_M))
     reach = sum(reach_of(outline_of(unit, two_regions=False)) for unit in case.vehicle.units[:2])
-    room = KEPT_M + ROUNDING_M - case.settings.clearance
-    space, tighter = (
-        beside(road, first - around, last + around, room=one) for one in (room, room - LESS_M[len(followed(case.vehicle)) > 1])
-    )
+    room, less = KEPT_M + ROUNDING_M - case.settings.clearance, LESS_M[len(followed(case.vehicle)) > 1]
+    around = 3.0 * reach + 15.0  # more than any point's foot lies from the axle's
+    space, tighter = (beside(road, first - around, last + around, room=one) for one in (room, room - less))
     if space is None or tighter is None:
         return None
     return _by_place(road, case.vehicle, space, first, last) or _by_motion(road, case.vehicle, (space, tighter), first, last)
