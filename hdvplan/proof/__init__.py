@@ -1,0 +1,1 @@
+"""What no driving whatsoever can keep: proofs that limits are too narrow for a vehicle."""
