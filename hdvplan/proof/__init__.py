@@ -1,1 +1,1 @@
-"""What no driving whatsoever can keep: proofs that limits are too narrow for a vehicle."""
+"""What no driving can do: proofs that a vehicle cannot pass a road, by bounds of everything that it can reach."""

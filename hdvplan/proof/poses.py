@@ -1,0 +1,177 @@
+"""Which poses of one body fit: for a heading within a cell, the intervals of the lateral offset of its axle that the free space allows."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from hdvplan.jit import FloatArray, IntArray, compiled
+from hdvplan.proof.space import MOST, Beside, Frame, axle_room, free_space, window_of
+from hdvplan.vehicle.model import Unit
+
+POINTS_M = 0.4  # between the points of an outline that are looked at: a bend of 8 m of radius reaches 2.5 mm in between
+
+
+class Outline(NamedTuple):
+    """Points of one body that must lie in free space: ahead of its axle and left of its middle (n, 2) [m], and by which region (n,)."""
+
+    points: FloatArray
+    region: IntArray  # 0: the drivable one, 1: the one for overhangs
+
+
+def outline_of(unit: Unit, *, two_regions: bool) -> Outline:
+    """Return a body's outline; between its axles it keeps to the drivable region where overhangs have one of their own."""
+    ends = np.unique([-unit.rear_overhang, 0.0, min(unit.wheelbase, unit.front), unit.front])
+    pieces = [np.linspace(a, b, int(np.ceil((b - a) / POINTS_M)) + 1) for a, b in zip(ends, ends[1:], strict=False)]
+    ahead = np.unique(np.concatenate(pieces)) if pieces else ends
+    half = 0.5 * unit.width
+    overhang = (ahead < -1e-9) | (ahead > unit.wheelbase + 1e-9)
+    across = np.linspace(-half, half, int(np.ceil(unit.width / POINTS_M)) + 1)[1:-1]
+    points = [np.column_stack([ahead, np.full(len(ahead), side)]) for side in (half, -half)]
+    points += [np.column_stack([np.full(len(across), end), across]) for end in (ends[-1], ends[0])]
+    whole = np.concatenate([overhang, overhang, np.full(2 * len(across), True)])
+    # Corners first: they rule out most poses at once.
+    order = np.argsort(-np.abs(np.concatenate(points)[:, 0] - 0.5 * (ends[0] + ends[-1])), kind="stable")
+    region = np.where(whole, 1, 0) if two_regions else np.ones(len(whole))
+    return Outline(np.ascontiguousarray(np.concatenate(points)[order]), np.ascontiguousarray(region[order].astype(np.int64)))
+
+
+def reach_of(outline: Outline) -> float:
+    """Return how far a body's outline lies from its axle [m]."""
+    return float(np.max(np.hypot(outline.points[:, 0], outline.points[:, 1])))
+
+
+@compiled
+def trim(
+    outline: Outline, turned: float, spread: float, count: IntArray, lines: FloatArray, pieces: FloatArray, number: int, room: FloatArray
+) -> int:
+    """Cut ``pieces`` (MOST, 2), rising intervals of the axle's offset e, down to where a body may fit; return how many are left.
+
+    The body's heading is ``turned`` off the road's, within ``spread`` to either side [rad]. ``count`` and ``lines`` (2, bins, ...) are
+    ``free_space`` in the road's frame, by regions. ``room`` is memory like ``pieces``, twice as long. What is cut off fits for no heading.
+    """
+    cos, sin = np.cos(turned), np.sin(turned)
+    bins = count.shape[1]
+    middle = bins // 2
+    for p in range(outline.region.size):
+        region = outline.region[p]
+        ahead, left = outline.points[p, 0], outline.points[p, 1]
+        u, v = ahead * cos - left * sin, ahead * sin + left * cos
+        du, dv = abs(v) * spread, abs(u) * spread  # of the point; the second order is below a micrometre
+        low_bin = min(max(int(np.floor((u - du) * 10.0)) + middle, 0), bins - 1)
+        high_bin = min(max(int(np.floor((u + du) * 10.0)) + middle, 0), bins - 1)
+        if number == 1 and low_bin == high_bin and count[region, low_bin] == 1:  # nearly always
+            line, over = lines[region, low_bin, 0], u - (low_bin - middle) * 0.1
+            low = line[0] + line[2] * over - abs(line[2]) * du - dv - v
+            high = line[1] + line[3] * over + abs(line[3]) * du + dv - v
+            pieces[0, 0], pieces[0, 1] = max(pieces[0, 0], low), min(pieces[0, 1], high)
+            if pieces[0, 0] > pieces[0, 1]:
+                return 0
+            continue
+        free = 0
+        for b in range(low_bin, high_bin + 1):
+            over = u - (b - middle) * 0.1
+            for c in range(count[region, b]):
+                of_low, of_high = lines[region, b, c, 2], lines[region, b, c, 3]
+                low = lines[region, b, c, 0] + of_low * over - abs(of_low) * du - dv - v
+                high = lines[region, b, c, 1] + of_high * over + abs(of_high) * du + dv - v
+                free = joined(room, free, low, high)
+        number = common(pieces, number, room, free)
+        if number == 0:
+            return 0
+    return number
+
+
+@compiled
+def joined(pieces: FloatArray, total: int, low: float, high: float) -> int:
+    """Add the interval [low, high] to disjoint, rising ``pieces`` and return how many there are; of too many, the closest are joined."""
+    if low > high:
+        return total
+    first = 0
+    while first < total and pieces[first, 1] < low:
+        first += 1
+    last = first
+    while last < total and pieces[last, 0] <= high:
+        low, high = min(low, pieces[last, 0]), max(high, pieces[last, 1])
+        last += 1
+    if last == first:
+        if total == pieces.shape[0]:
+            return _squeezed(pieces, total, low, high)
+        for p in range(total, first, -1):
+            pieces[p, 0], pieces[p, 1] = pieces[p - 1, 0], pieces[p - 1, 1]
+        total += 1
+    elif last > first + 1:
+        for p in range(last, total):
+            pieces[p - (last - first) + 1, 0], pieces[p - (last - first) + 1, 1] = pieces[p, 0], pieces[p, 1]
+        total -= last - first - 1
+    pieces[first, 0], pieces[first, 1] = low, high
+    return total
+
+
+@compiled
+def _squeezed(pieces: FloatArray, total: int, low: float, high: float) -> int:
+    """Add an interval where there is no room for one more: the nearest one grows until it holds it."""
+    nearest, least = 0, np.inf
+    for p in range(total):
+        distance = max(low - pieces[p, 1], pieces[p, 0] - high)
+        if distance < least:
+            nearest, least = p, distance
+    pieces[nearest, 0], pieces[nearest, 1] = min(low, pieces[nearest, 0]), max(high, pieces[nearest, 1])
+    return total
+
+
+@compiled
+def common(pieces: FloatArray, number: int, room: FloatArray, free: int) -> int:
+    """Replace ``pieces`` by what they have in common with the intervals ``room``; return how many are left."""
+    if number == 1 and free == 1:  # nearly always
+        pieces[0, 0], pieces[0, 1] = max(pieces[0, 0], room[0, 0]), min(pieces[0, 1], room[0, 1])
+        return 1 if pieces[0, 0] <= pieces[0, 1] else 0
+    out = np.empty((2 * MOST, 2))
+    total, p, f = 0, 0, 0
+    while p < number and f < free:
+        low, high = max(pieces[p, 0], room[f, 0]), min(pieces[p, 1], room[f, 1])
+        if low <= high:
+            out[total, 0], out[total, 1] = low, high
+            total += 1
+        if pieces[p, 1] < room[f, 1]:
+            p += 1
+        else:
+            f += 1
+        if total == 2 * MOST:
+            break
+    if p < number and f < free:  # more than can be told apart
+        out[total - 1, 1] = max(out[total - 1, 1], pieces[number - 1, 1])
+    while total > pieces.shape[0]:
+        out[total - 2, 1] = out[total - 1, 1]
+        total -= 1
+    for k in range(total):
+        pieces[k, 0], pieces[k, 1] = out[k, 0], out[k, 1]
+    return total
+
+
+_CELL = 2e-3  # of heading, for a body alone [rad]
+
+
+@compiled
+def fits(outline: Outline, beside: Beside, two_regions: bool, frame: Frame, reach: float, bins: int) -> int:
+    """Return the first station at which the body fits in no pose, its axle on the normal there; -1 if there is none."""
+    count, lines = np.zeros((2, bins), np.int64), np.empty((2, bins, MOST, 4))
+    pieces, room = np.empty((MOST, 2)), np.empty((2 * MOST, 2))
+    window, near = np.zeros(2, np.int64), np.empty(2)
+    cells = int(0.5 * np.pi / _CELL) + 1
+    for i in range(frame.s.size):
+        window_of(beside, frame.s[i], reach, window)
+        axle_room(beside, frame, i, near)
+        for region in range(0 if two_regions else 1, 2):
+            free_space(beside, region, window, frame.x[i], frame.y[i], frame.heading[i], near, bins, count[region], lines[region])
+        found = False
+        for cell in range(2 * cells):  # the headings along the road first
+            turned = (cell // 2 + 0.5) * _CELL * (1.0 if cell % 2 == 0 else -1.0)
+            pieces[0, 0], pieces[0, 1] = near[0], near[1]
+            if trim(outline, turned, 0.5 * _CELL, count, lines, pieces, 1, room) > 0:
+                found = True
+                break
+        if not found:
+            return i
+    return -1

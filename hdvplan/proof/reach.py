@@ -1,0 +1,172 @@
+"""Everything that a rigid vehicle can reach along a road: headings in cells, and for each cell intervals of the lateral offset.
+
+A station is a normal of the road. Of the vehicle it is known that its rear axle crosses every normal, moving forward along its heading
+theta, and that theta turns by at most ``kappa`` per metre. Between two stations the axle travels a chord in the direction delta. Where
+theta is alpha at the first and beta at the second, and L is the length travelled, theta lies below both alpha + kappa l and
+beta + kappa (L - l), so that its mean lies below
+
+    (alpha + beta) / 2 + kappa L / 4 (1 - ((beta - alpha) / (kappa L))^2),
+
+and above the mirror image; delta differs from the mean by less than the range's cube. The offset at the second normal follows exactly
+from offset and delta, and rises with both: intervals go to intervals. Cells do not move with the road, so that a vehicle that does not
+steer stays in its cell: no rounding lets the set turn or creep sideways but for what is said above.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from hdvplan.jit import FloatArray, IntArray, compiled
+from hdvplan.proof.poses import Outline, joined, trim
+from hdvplan.proof.space import MOST, Beside, Frame, axle_room, free_space, window_of
+
+_MARGIN = 0.05  # from there on what is left counts as unbounded [rad]
+WIDEST = 1.35  # a heading off the road's beyond which nothing is bounded [rad]
+
+
+class Grid(NamedTuple):
+    """Cells of the heading: cell j holds ``first`` + j ``size`` <= theta < ``first`` + (j + 1) ``size`` [rad]."""
+
+    first: float
+    size: float
+    cells: int
+
+
+class Reached(NamedTuple):
+    """What was reached at every station: ``empty`` is the first station with nothing, or -1; ``open`` the last that bounds nothing, or -1.
+
+    ``low`` and ``high`` (stations,) bound the offset [m], ``right`` and ``left`` the heading off the road's [rad], ``filled`` is the
+    number of cells.
+    """
+
+    empty: int
+    open: int
+    low: FloatArray
+    high: FloatArray
+    right: FloatArray
+    left: FloatArray
+    filled: IntArray
+
+
+@compiled
+def reachable(
+    outline: Outline, kappa: float, beside: Beside, two_regions: bool, frame: Frame, grid: Grid, reach: float, bins: int, keep: IntArray,
+    kept: FloatArray,
+) -> Reached:  # fmt: skip
+    """Follow everything that a body can reach from any pose at the first station, until nothing is left.
+
+    ``kappa`` is the largest curvature [1/m], ``reach`` how far the outline lies from the axle [m]. ``keep`` (stations, cells) and ``kept``
+    (stations, cells, MOST, 2) take the sets; empty arrays keep nothing.
+    """
+    stations = frame.s.size
+    count, lines = np.zeros((2, bins), np.int64), np.empty((2, bins, MOST, 4))
+    number, pieces = np.zeros(grid.cells, np.int64), np.empty((grid.cells, MOST, 2))
+    before, former = np.zeros(grid.cells, np.int64), np.empty((grid.cells, MOST, 2))
+    room, slopes = np.empty((2 * MOST, 2)), np.empty((2 * grid.cells, 2))
+    window, near = np.zeros(2, np.int64), np.empty(2)
+    low, high, right, left = np.full(stations, np.nan), np.full(stations, np.nan), np.full(stations, np.nan), np.full(stations, np.nan)
+    filled = np.zeros(stations, np.int64)
+    opened = -1
+    begin, end, cells = 0, 0, 0  # the cells that hold anything, and how many a step has reached over
+    for i in range(stations):
+        window_of(beside, frame.s[i], reach, window)
+        axle_room(beside, frame, i, near)
+        for region in range(0 if two_regions else 1, 2):
+            free_space(beside, region, window, frame.x[i], frame.y[i], frame.heading[i], near, bins, count[region], lines[region])
+        fresh = i == 0 or opened == i - 1
+        widest = 0.5 * np.pi if fresh else WIDEST
+        lowest = max(0, int(np.floor((frame.heading[i] - widest - grid.first) / grid.size)))
+        highest = min(grid.cells, int(np.ceil((frame.heading[i] + widest - grid.first) / grid.size)))
+        wide = int((WIDEST - _MARGIN) / grid.size)
+        middle = int((frame.heading[i] - grid.first) / grid.size)
+        if fresh:
+            for j in range(grid.cells):
+                number[j] = 0
+            for j in range(lowest, highest):
+                number[j], pieces[j, 0, 0], pieces[j, 0, 1] = 1, near[0], near[1]
+            begin, end = lowest, highest
+        else:
+            number, before = before, number
+            pieces, former = former, pieces
+            begin, end, cells = _step(kappa, frame, grid, i, before, former, begin, end, lowest, highest, number, pieces, slopes)
+        first, last = end, begin
+        for j in range(begin, end):
+            if number[j] > 0:
+                turned = grid.first + (j + 0.5) * grid.size - frame.heading[i]
+                number[j] = trim(outline, turned, 0.5 * grid.size, count, lines, pieces[j], number[j], room)
+                if number[j] > 0:
+                    first, last = min(first, j), max(last, j + 1)
+                    filled[i] += 1
+                    low[i] = min(pieces[j, 0, 0], low[i]) if filled[i] > 1 else pieces[j, 0, 0]
+                    high[i] = max(pieces[j, number[j] - 1, 1], high[i]) if filled[i] > 1 else pieces[j, number[j] - 1, 1]
+        if filled[i] == 0:
+            return Reached(i, opened, low, high, right, left, filled)
+        begin, end = first, last
+        right[i] = grid.first + begin * grid.size - frame.heading[i]
+        left[i] = grid.first + end * grid.size - frame.heading[i]
+        if begin < middle - wide + cells or end > middle + wide - cells:
+            opened = i  # it may stand across the road: this station bounds nothing
+        if keep.size > 0:
+            for j in range(grid.cells):
+                keep[i, j] = number[j] if begin <= j < end else 0
+                for k in range(keep[i, j]):
+                    kept[i, j, k, 0], kept[i, j, k, 1] = pieces[j, k, 0], pieces[j, k, 1]
+    return Reached(-1, opened, low, high, right, left, filled)
+
+
+@compiled
+def _step(
+    kappa: float, frame: Frame, grid: Grid, i: int, before: IntArray, former: FloatArray, begin: int, end: int, lowest: int, highest: int,
+    number: IntArray, pieces: FloatArray, slopes: FloatArray,
+) -> tuple[int, int, int]:  # fmt: skip
+    """Write what station ``i`` can be reached with, from what was reached at the last one.
+
+    Return the cells that may hold anything, and how many cells a heading may have changed by. ``slopes`` (2 cells, 2) is memory.
+    """
+    x, y = frame.x[i] - frame.x[i - 1], frame.y[i] - frame.y[i - 1]
+    turn = frame.heading[i] - frame.heading[i - 1]
+    cos, sin = np.cos(frame.heading[i]), np.sin(frame.heading[i])
+    ahead, across = x * cos + y * sin, y * cos - x * sin  # of the new point seen from the old one, along the new axes
+    cos, sin = np.cos(turn), np.sin(turn)
+    for j in range(grid.cells):
+        number[j] = 0
+    most = 2.0 * kappa * ahead + grid.size  # more than any heading changes by while the axle stays on this side of the road's centre
+    for p in range(2 * lowest, 2 * highest):  # tan of the middle between two cells' right edges, and a bound of its slope around there
+        middle = grid.first + 0.5 * p * grid.size - frame.heading[i]
+        tan, steepest = np.tan(middle), np.tan(min(abs(middle) + most + grid.size, 1.55))
+        slopes[p, 0], slopes[p, 1] = tan, 1.0 + steepest * steepest
+    first, last, furthest_cell = grid.cells, 0, 0
+    for j in range(begin, end):
+        if before[j] == 0:
+            continue
+        theta = grid.first + j * grid.size - frame.heading[i]  # of the cell's right edge, off the new normal's direction
+        furthest = max(ahead - former[j, 0, 0] * sin, ahead - former[j, before[j] - 1, 1] * sin)
+        if furthest <= 0.0:
+            continue  # the normals cross here: beyond the centre of curvature
+        turned = 0.0
+        for _ in range(3):  # the longer the chord, the further it may turn, the longer the chord
+            steep = min(max(abs(theta), abs(theta + grid.size)) + turned, 1.5)  # WIDEST keeps what is followed away from there
+            turned = 1.02 * kappa * furthest / np.cos(steep) / np.cos(turned)
+        cells = int(np.ceil(turned / grid.size))
+        furthest_cell = max(furthest_cell, cells)
+        cubed = (turned + grid.size) ** 3 / 6.0
+        for k in range(max(lowest, j - cells), min(highest, j + cells + 1)):
+            ratio = (k - j) * grid.size / turned
+            bulge = 0.25 * turned * max(0.0, 1.0 - ratio * ratio) + cubed
+            tan, slope = slopes[j + k, 0], slopes[j + k, 1]
+            if bulge > most:
+                slope = 2000.0
+            tan_low, tan_high = tan - slope * bulge, tan + slope * (grid.size + bulge)
+            for p in range(before[j]):
+                low, high = former[j, p, 0], former[j, p, 1]
+                low = max(ahead - low * sin, 0.0) * tan_low + low * cos - across
+                high = max(ahead - high * sin, 0.0) * tan_high + high * cos - across
+                if number[k] == 1:  # nearly always one interval grows
+                    if low <= pieces[k, 0, 1] and high >= pieces[k, 0, 0]:
+                        pieces[k, 0, 0], pieces[k, 0, 1] = min(low, pieces[k, 0, 0]), max(high, pieces[k, 0, 1])
+                        continue
+                number[k] = joined(pieces[k], number[k], low, high)
+        first, last = min(first, max(lowest, j - cells)), max(last, min(highest, j + cells + 1))
+    return first, last, furthest_cell
