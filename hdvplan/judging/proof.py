@@ -7,9 +7,13 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Proof:
-    """The stretch of road on which the set of states that keep the limits and can be reached empties."""
+    """That no driving keeps a road's limits.
 
-    kind: str  # "place": no pose of body ``unit`` fits at ``s_to``; "motion": poses fit everywhere, but none can be reached
-    s_from: float  # where the set was last full [m]
-    s_to: float  # where it is empty [m]
-    unit: int  # index of the body for "place"; of the last one taken into account for "motion"
+    ``kind`` is "place" where one body alone, ``unit``, fits between the limits at ``s_to`` in no pose; "motion" where the vehicle, up to
+    ``unit``, fits everywhere from ``s_from`` to ``s_to`` [m], but nothing that fits at ``s_from`` can be driven to ``s_to``.
+    """
+
+    kind: str
+    s_from: float
+    s_to: float
+    unit: int

@@ -7,13 +7,14 @@ curvature at any rate. What is not proved is not thereby possible.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from hdvplan.case import Case
 from hdvplan.judging.balance import KEPT_M
+from hdvplan.judging.proof import Proof
 from hdvplan.proof.poses import Outline, fits, outline_of, reach_of
 from hdvplan.proof.reach import Grid, Reached, reachable
 from hdvplan.proof.space import Beside, Frame, beside, bins_for, frame_of, has_own_region
@@ -36,20 +37,6 @@ class Resolution(NamedTuple):
 
 # The coarse one proves what lacks more than 5 cm or so, in an eighth of the time.
 RESOLUTIONS = (Resolution(0.1, 1e-3), Resolution(0.05, 5e-4))
-
-
-@dataclass(frozen=True)
-class Proof:
-    """That no driving keeps a road's limits.
-
-    ``kind`` is "place" where one body alone, ``unit``, fits between the limits at ``s_to`` in no pose; "motion" where the vehicle, up to
-    ``unit``, fits everywhere from ``s_from`` to ``s_to`` [m], but nothing that fits at ``s_from`` can be driven to ``s_to``.
-    """
-
-    kind: str
-    s_from: float
-    s_to: float
-    unit: int
 
 
 def proof_of(case: Case, s_from: float | None = None, s_to: float | None = None) -> Proof | None:
@@ -127,5 +114,3 @@ def grid_of(frame: Frame, cell: float) -> Grid:
     """Return the cells for all headings that are less than a right angle off the road's somewhere."""
     low, high = float(np.min(frame.heading)) - 1.6, float(np.max(frame.heading)) + 1.6
     return Grid(low, cell, int(np.ceil((high - low) / cell)))
-
-
