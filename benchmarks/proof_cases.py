@@ -139,7 +139,7 @@ def _obstacles(rng: np.random.Generator, drive: Drive) -> Iterator[Region]:
     """Yield boxes beside the line, without what the drive swept of them."""
     outlines = corners(drive, np.arange(len(drive.poses_s)))
     pairs = np.concatenate([outlines[:-1], outlines[1:]], axis=2).reshape(-1, 8, 2)  # a body, here and at the next pose
-    swept = shapely.union_all(shapely.convex_hull(shapely.multipoints([shapely.points(pair) for pair in pairs])))
+    swept = shapely.union_all(shapely.convex_hull(shapely.linestrings(pairs)))
     path = drive.road.path
     for _ in range(int(rng.integers(1, 7))):
         s, offset = rng.uniform(0.0, path.length), rng.uniform(-4.0, 4.0)

@@ -15,13 +15,18 @@ import numpy as np
 from hdvplan.case import Case
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.proof import Proof
+from hdvplan.proof.articulated import reachable_with_trailer
+from hdvplan.proof.coupling import coupling_of
 from hdvplan.proof.poses import Outline, fits, outline_of, reach_of
 from hdvplan.proof.reach import Grid, Reached, reachable
-from hdvplan.proof.space import Beside, Frame, beside, bins_for, frame_of, has_own_region
+from hdvplan.proof.space import Beside, Frame, beside, bins_for, frame_of
 from hdvplan.road.road import Road
 from hdvplan.vehicle.body import axles_behind
-from hdvplan.vehicle.model import Vehicle
+from hdvplan.vehicle.model import Unit, Vehicle
 
+LESS_M = (0.05, 0.15)  # room by which the coarse sets prove less than the fine ones, of one unit and of two
+_BEFORE_M, _AFTER_M = 50.0, 20.0  # of the place where less room would lose the set, for the fine one
+_LENGTHS_M = (5.0, 10.0, 20.0, 40.0)  # tried for a proof
 ROUNDING_M = 3e-3  # what the judge of a plan may miss between its poses, stations and outline points
 _MORE_CURVATURE = 1e-6  # of the largest: a solver's rounding
 _PLACES_M = 0.5  # between the normals at which a body alone is looked at
@@ -29,38 +34,44 @@ _ROOM_M = 40.0  # of path beyond the ends of a road: more than any vehicle's len
 
 
 class Resolution(NamedTuple):
-    """How finely the reachable set is followed: ``step`` of road [m] and ``cell`` of heading [rad]."""
+    """How finely a reachable set is followed: ``step`` of road [m] and ``cell`` of heading [rad]."""
 
     step: float
     cell: float
 
 
-# The coarse one proves what lacks more than 5 cm or so, in an eighth of the time.
-RESOLUTIONS = (Resolution(0.1, 1e-3), Resolution(0.05, 5e-4))
+# Coarse and fine. The coarse one proves what lacks some centimetres more, in a fraction of the time.
+RIGID = (Resolution(0.1, 1e-3), Resolution(0.05, 5e-4))
+ARTICULATED = (Resolution(0.2, 4e-3), Resolution(0.1, 2e-3))
+
+Follow = Callable[[Beside, bool, float, float], tuple[Frame, Reached]]  # what is free, fine or coarse, from where to where [m]
 
 
 def proof_of(case: Case, s_from: float | None = None, s_to: float | None = None) -> Proof | None:
     """Return a proof that ``case.vehicle`` cannot pass ``case.road`` from ``s_from`` to ``s_to`` [m], the whole road without them.
 
     None where nothing is proved. A limit counts as broken as in the verdict on a plan: by over ``KEPT_M``, with the clearance of
-    ``case.settings``. Obstacles may be passed on either side.
+    ``case.settings``. Obstacles may be passed on either side. Of a third unit and those behind it only the places are looked at; of a
+    second one whose axle the plan steers, and of all behind a leading unit whose rear axle is steered, too.
     """
-    first, last = 0.0 if s_from is None else max(0.0, s_from), case.road.path.length if s_to is None else min(case.road.path.length, s_to)
-    road = replace(case.road, path=case.road.path.extended(_ROOM_M, _ROOM_M))
-    room = KEPT_M + ROUNDING_M - case.settings.clearance
-    reach = max(reach_of(outline_of(unit, two_regions=False)) for unit in case.vehicle.units)
-    space = beside(road, first - 3.0 * reach - 10.0, last + 3.0 * reach + 10.0, room=room)
-    if space is None or last - first < _PLACES_M:
+    length = case.road.path.length
+    first, last = 0.0 if s_from is None else max(0.0, s_from), length if s_to is None else min(length, s_to)
+    if last - first < _PLACES_M:
         return None
-    two_regions = has_own_region(road.limits if road.edges is None else road.edges)
-    return _by_place(road, case.vehicle, space, first, last, two_regions=two_regions) or _by_motion(
-        road, case.vehicle, space, first, last, two_regions=two_regions
+    road = replace(case.road, path=case.road.path.extended(_ROOM_M, _ROOM_M))
+    reach = sum(reach_of(outline_of(unit, two_regions=False)) for unit in case.vehicle.units[:2])
+    room = KEPT_M + ROUNDING_M - case.settings.clearance
+    space, tighter = (
+        beside(road, first - 3.0 * reach, last + 3.0 * reach, room=one) for one in (room, room - LESS_M[len(followed(case.vehicle)) > 1])
     )
+    if space is None or tighter is None:
+        return None
+    return _by_place(road, case.vehicle, space, first, last) or _by_motion(road, case.vehicle, (space, tighter), first, last)
 
 
-def _by_place(road: Road, vehicle: Vehicle, space: Beside, first: float, last: float, *, two_regions: bool) -> Proof | None:
+def _by_place(road: Road, vehicle: Vehicle, space: Beside, first: float, last: float) -> Proof | None:
     """Return where one of the bodies does not fit in any pose, None if nowhere."""
-    whole = road.path.length
+    whole, two_regions = road.path.length, _two_regions(road)
     for number, (unit, behind) in enumerate(zip(vehicle.units, axles_behind(vehicle), strict=True)):
         stations = np.arange(first, min(last, whole - float(behind) - vehicle.lead.wheelbase), _PLACES_M)
         if not len(stations):
@@ -73,41 +84,90 @@ def _by_place(road: Road, vehicle: Vehicle, space: Beside, first: float, last: f
     return None
 
 
-def _by_motion(road: Road, vehicle: Vehicle, space: Beside, first: float, last: float, *, two_regions: bool) -> Proof | None:
-    """Return the stretch on which everything that the leading unit can reach is lost, None if there is none."""
-    if vehicle.lead.steering_ratio > 0.0:
-        return None  # its rear axle does not move along the body
-    follow = _follower(road, vehicle, outline_of(vehicle.lead, two_regions=two_regions), space, two_regions=two_regions)
-    for resolution in RESOLUTIONS:
-        frame, found = follow(resolution, first, last)
-        if found.empty < 0:
-            continue
-        s_to = float(frame.s[found.empty])
-        length = 5.0
-        while length < s_to - first:  # the shortest stretch of a few that proves the same
-            frame, again = follow(resolution, s_to - length, s_to + 0.5 * resolution.step)
-            if again.empty >= 0:
-                return Proof("motion", s_to - length, float(frame.s[again.empty]), 0)
-            length *= 2.0
-        return Proof("motion", first, s_to, 0)
+def _by_motion(road: Road, vehicle: Vehicle, spaces: tuple[Beside, Beside], first: float, last: float) -> Proof | None:
+    """Return the stretch on which everything that the leading units can reach is lost, None if there is none.
+
+    Where the coarse set is not lost, the fine one is followed only where the coarse one would be lost with less room: the second of
+    ``spaces``. That saves time, and proves nothing.
+    """
+    follow = _follower(road, vehicle)
+    if follow is None:
+        return None
+    unit = len(followed(vehicle)) - 1
+    found = _lost(follow, spaces[0], False, first, last)
+    if found is not None:
+        return _shortest(follow, spaces[0], False, first, found, unit)
+    while last - first > _PLACES_M:
+        tight = _lost(follow, spaces[1], False, first, last)
+        if tight is None:
+            return None
+        begin, end = max(first, tight - _BEFORE_M), min(last, tight + _AFTER_M)
+        found = _lost(follow, spaces[0], True, begin, end)
+        if found is not None:
+            return _shortest(follow, spaces[0], True, begin, found, unit)
+        first = end
     return None
 
 
-def _follower(
-    road: Road, vehicle: Vehicle, outline: Outline, space: Beside, *, two_regions: bool
-) -> Callable[[Resolution, float, float], tuple[Frame, Reached]]:
-    """Return what follows the leading unit along a stretch at a resolution."""
-    reach = reach_of(outline)
+def _lost(follow: Follow, space: Beside, fine: bool, s_from: float, s_to: float) -> float | None:
+    """Return where nothing is left of the reachable set [m], None if something is."""
+    frame, found = follow(space, fine, s_from, s_to)
+    return None if found.empty < 0 else float(frame.s[found.empty])
+
+
+def _shortest(follow: Follow, space: Beside, fine: bool, first: float, s_to: float, unit: int) -> Proof:
+    """Return the proof with the shortest stretch of a few on which the set is lost."""
+    for length in _LENGTHS_M:
+        if s_to - length <= first:
+            break
+        lost = _lost(follow, space, fine, s_to - length, s_to + _PLACES_M)
+        if lost is not None:
+            return Proof("motion", s_to - length, lost, unit)
+    return Proof("motion", first, s_to, unit)
+
+
+def followed(vehicle: Vehicle) -> tuple[Unit, ...]:
+    """Return the leading units whose motion is followed: none where the first one's rear axle is steered."""
+    if vehicle.lead.steering_ratio > 0.0:
+        return ()  # that axle does not move along its body
+    return vehicle.units[: 1 if len(vehicle.units) == 1 or vehicle.units[1].active else 2]
+
+
+def _follower(road: Road, vehicle: Vehicle) -> Follow | None:
+    """Return what follows the leading units along a stretch, None where none can be followed."""
     kappa = vehicle.max_curvature * (1.0 + _MORE_CURVATURE)
     nothing = np.empty((0, 0), np.int64), np.empty((0, 0, 0, 2))
+    two_regions = _two_regions(road)
+    units = followed(vehicle)
+    if not units:
+        return None
+    lead = outline_of(units[0], two_regions=two_regions)
 
-    def follow(resolution: Resolution, s_from: float, s_to: float) -> tuple[Frame, Reached]:
-        frame = frame_of(road.path, np.arange(s_from, s_to, resolution.step))
-        return frame, reachable(
-            outline, kappa, space, two_regions, frame, grid_of(frame, resolution.cell), reach, bins_for(reach), *nothing
-        )  # fmt: skip
+    def alone(space: Beside, fine: bool, s_from: float, s_to: float) -> tuple[Frame, Reached]:
+        step, cell = RIGID[fine]
+        frame, reach = frame_of(road.path, np.arange(s_from, s_to, step)), reach_of(lead)
+        return frame, reachable(lead, kappa, space, two_regions, frame, grid_of(frame, cell), reach, bins_for(reach), *nothing)
 
-    return follow
+    if len(units) == 1:
+        return alone
+    behind = outline_of(units[1], two_regions=two_regions)
+    behind = Outline(behind.points - np.array([units[1].wheelbase, 0.0]), behind.region)  # seen from the coupling
+    coupling, reach = coupling_of(*units), max(reach_of(lead), reach_of(behind) + abs(units[0].hitch_offset))
+
+    def together(space: Beside, fine: bool, s_from: float, s_to: float) -> tuple[Frame, Reached]:
+        step, cell = ARTICULATED[fine]
+        frame = frame_of(road.path, np.arange(s_from, s_to, step))
+        return frame, reachable_with_trailer(
+            lead, behind, coupling, kappa, space, two_regions, frame, grid_of(frame, cell), cell, reach, bins_for(reach)
+        )
+
+    return together
+
+
+def _two_regions(road: Road) -> bool:
+    """Tell whether wheels have less room than bodies."""
+    limits = road.limits if road.edges is None else road.edges
+    return limits is not None and limits.two_regions
 
 
 def grid_of(frame: Frame, cell: float) -> Grid:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from hdvplan.jit import FloatArray, IntArray, compiled
-from hdvplan.proof.space import MOST, Beside, Frame, axle_room, free_space, window_of
+from hdvplan.proof.intervals import common, joined
+from hdvplan.proof.space import BIN_M, MOST, Beside, Frame, axle_room, free_space, window_of
 from hdvplan.vehicle.model import Unit
 
+_SAME_M = 1e-9
+_CELL = 2e-3  # of heading, for a body alone [rad]
 POINTS_M = 0.4  # between the points of an outline that are looked at: a bend of 8 m of radius reaches 2.5 mm in between
 
 
@@ -20,13 +24,26 @@ class Outline(NamedTuple):
     region: IntArray  # 0: the drivable one, 1: the one for overhangs
 
 
+class Loose(NamedTuple):
+    """A body's poses in the road's frame but for e.
+
+    Its heading is ``turned`` off the road's within ``spread`` [rad], its point of reference lies at (``u``, e + ``v``) within ``give`` [m].
+    """
+
+    turned: float
+    spread: float
+    u: float
+    v: float
+    give: float
+
+
 def outline_of(unit: Unit, *, two_regions: bool) -> Outline:
     """Return a body's outline; between its axles it keeps to the drivable region where overhangs have one of their own."""
     ends = np.unique([-unit.rear_overhang, 0.0, min(unit.wheelbase, unit.front), unit.front])
-    pieces = [np.linspace(a, b, int(np.ceil((b - a) / POINTS_M)) + 1) for a, b in zip(ends, ends[1:], strict=False)]
+    pieces = [np.linspace(a, b, int(np.ceil((b - a) / POINTS_M)) + 1) for a, b in pairwise(ends)]
     ahead = np.unique(np.concatenate(pieces)) if pieces else ends
     half = 0.5 * unit.width
-    overhang = (ahead < -1e-9) | (ahead > unit.wheelbase + 1e-9)
+    overhang = (ahead < -_SAME_M) | (ahead > unit.wheelbase + _SAME_M)
     across = np.linspace(-half, half, int(np.ceil(unit.width / POINTS_M)) + 1)[1:-1]
     points = [np.column_stack([ahead, np.full(len(ahead), side)]) for side in (half, -half)]
     points += [np.column_stack([np.full(len(across), end), across]) for end in (ends[-1], ends[0])]
@@ -43,26 +60,25 @@ def reach_of(outline: Outline) -> float:
 
 
 @compiled
-def trim(
-    outline: Outline, turned: float, spread: float, count: IntArray, lines: FloatArray, pieces: FloatArray, number: int, room: FloatArray
-) -> int:
+def trim(outline: Outline, pose: Loose, count: IntArray, lines: FloatArray, pieces: FloatArray, number: int, room: FloatArray) -> int:
     """Cut ``pieces`` (MOST, 2), rising intervals of the axle's offset e, down to where a body may fit; return how many are left.
 
-    The body's heading is ``turned`` off the road's, within ``spread`` to either side [rad]. ``count`` and ``lines`` (2, bins, ...) are
-    ``free_space`` in the road's frame, by regions. ``room`` is memory like ``pieces``, twice as long. What is cut off fits for no heading.
+    ``count`` and ``lines`` (2, bins, ...) are ``free_space`` in the road's frame, by regions. ``room`` is memory like ``pieces``, twice as
+    long. What is cut off fits nowhere in ``pose``.
     """
-    cos, sin = np.cos(turned), np.sin(turned)
+    cos, sin = np.cos(pose.turned), np.sin(pose.turned)
     bins = count.shape[1]
     middle = bins // 2
     for p in range(outline.region.size):
         region = outline.region[p]
         ahead, left = outline.points[p, 0], outline.points[p, 1]
         u, v = ahead * cos - left * sin, ahead * sin + left * cos
-        du, dv = abs(v) * spread, abs(u) * spread  # of the point; the second order is below a micrometre
-        low_bin = min(max(int(np.floor((u - du) * 10.0)) + middle, 0), bins - 1)
-        high_bin = min(max(int(np.floor((u + du) * 10.0)) + middle, 0), bins - 1)
+        du, dv = abs(v) * pose.spread + pose.give, abs(u) * pose.spread + pose.give  # the second order is below a micrometre
+        u, v = u + pose.u, v + pose.v
+        low_bin = min(max(int(np.floor((u - du) / BIN_M)) + middle, 0), bins - 1)
+        high_bin = min(max(int(np.floor((u + du) / BIN_M)) + middle, 0), bins - 1)
         if number == 1 and low_bin == high_bin and count[region, low_bin] == 1:  # nearly always
-            line, over = lines[region, low_bin, 0], u - (low_bin - middle) * 0.1
+            line, over = lines[region, low_bin, 0], u - (low_bin - middle) * BIN_M
             low = line[0] + line[2] * over - abs(line[2]) * du - dv - v
             high = line[1] + line[3] * over + abs(line[3]) * du + dv - v
             pieces[0, 0], pieces[0, 1] = max(pieces[0, 0], low), min(pieces[0, 1], high)
@@ -71,7 +87,7 @@ def trim(
             continue
         free = 0
         for b in range(low_bin, high_bin + 1):
-            over = u - (b - middle) * 0.1
+            over = u - (b - middle) * BIN_M
             for c in range(count[region, b]):
                 of_low, of_high = lines[region, b, c, 2], lines[region, b, c, 3]
                 low = lines[region, b, c, 0] + of_low * over - abs(of_low) * du - dv - v
@@ -81,76 +97,6 @@ def trim(
         if number == 0:
             return 0
     return number
-
-
-@compiled
-def joined(pieces: FloatArray, total: int, low: float, high: float) -> int:
-    """Add the interval [low, high] to disjoint, rising ``pieces`` and return how many there are; of too many, the closest are joined."""
-    if low > high:
-        return total
-    first = 0
-    while first < total and pieces[first, 1] < low:
-        first += 1
-    last = first
-    while last < total and pieces[last, 0] <= high:
-        low, high = min(low, pieces[last, 0]), max(high, pieces[last, 1])
-        last += 1
-    if last == first:
-        if total == pieces.shape[0]:
-            return _squeezed(pieces, total, low, high)
-        for p in range(total, first, -1):
-            pieces[p, 0], pieces[p, 1] = pieces[p - 1, 0], pieces[p - 1, 1]
-        total += 1
-    elif last > first + 1:
-        for p in range(last, total):
-            pieces[p - (last - first) + 1, 0], pieces[p - (last - first) + 1, 1] = pieces[p, 0], pieces[p, 1]
-        total -= last - first - 1
-    pieces[first, 0], pieces[first, 1] = low, high
-    return total
-
-
-@compiled
-def _squeezed(pieces: FloatArray, total: int, low: float, high: float) -> int:
-    """Add an interval where there is no room for one more: the nearest one grows until it holds it."""
-    nearest, least = 0, np.inf
-    for p in range(total):
-        distance = max(low - pieces[p, 1], pieces[p, 0] - high)
-        if distance < least:
-            nearest, least = p, distance
-    pieces[nearest, 0], pieces[nearest, 1] = min(low, pieces[nearest, 0]), max(high, pieces[nearest, 1])
-    return total
-
-
-@compiled
-def common(pieces: FloatArray, number: int, room: FloatArray, free: int) -> int:
-    """Replace ``pieces`` by what they have in common with the intervals ``room``; return how many are left."""
-    if number == 1 and free == 1:  # nearly always
-        pieces[0, 0], pieces[0, 1] = max(pieces[0, 0], room[0, 0]), min(pieces[0, 1], room[0, 1])
-        return 1 if pieces[0, 0] <= pieces[0, 1] else 0
-    out = np.empty((2 * MOST, 2))
-    total, p, f = 0, 0, 0
-    while p < number and f < free:
-        low, high = max(pieces[p, 0], room[f, 0]), min(pieces[p, 1], room[f, 1])
-        if low <= high:
-            out[total, 0], out[total, 1] = low, high
-            total += 1
-        if pieces[p, 1] < room[f, 1]:
-            p += 1
-        else:
-            f += 1
-        if total == 2 * MOST:
-            break
-    if p < number and f < free:  # more than can be told apart
-        out[total - 1, 1] = max(out[total - 1, 1], pieces[number - 1, 1])
-    while total > pieces.shape[0]:
-        out[total - 2, 1] = out[total - 1, 1]
-        total -= 1
-    for k in range(total):
-        pieces[k, 0], pieces[k, 1] = out[k, 0], out[k, 1]
-    return total
-
-
-_CELL = 2e-3  # of heading, for a body alone [rad]
 
 
 @compiled
@@ -169,7 +115,7 @@ def fits(outline: Outline, beside: Beside, two_regions: bool, frame: Frame, reac
         for cell in range(2 * cells):  # the headings along the road first
             turned = (cell // 2 + 0.5) * _CELL * (1.0 if cell % 2 == 0 else -1.0)
             pieces[0, 0], pieces[0, 1] = near[0], near[1]
-            if trim(outline, turned, 0.5 * _CELL, count, lines, pieces, 1, room) > 0:
+            if trim(outline, Loose(turned, 0.5 * _CELL, 0.0, 0.0, 0.0), count, lines, pieces, 1, room) > 0:
                 found = True
                 break
         if not found:

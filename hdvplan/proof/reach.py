@@ -19,7 +19,8 @@ from typing import NamedTuple
 import numpy as np
 
 from hdvplan.jit import FloatArray, IntArray, compiled
-from hdvplan.proof.poses import Outline, joined, trim
+from hdvplan.proof.intervals import joined
+from hdvplan.proof.poses import Loose, Outline, trim
 from hdvplan.proof.space import MOST, Beside, Frame, axle_room, free_space, window_of
 
 _MARGIN = 0.05  # from there on what is left counts as unbounded [rad]
@@ -95,7 +96,7 @@ def reachable(
         for j in range(begin, end):
             if number[j] > 0:
                 turned = grid.first + (j + 0.5) * grid.size - frame.heading[i]
-                number[j] = trim(outline, turned, 0.5 * grid.size, count, lines, pieces[j], number[j], room)
+                number[j] = trim(outline, Loose(turned, 0.5 * grid.size, 0.0, 0.0, 0.0), count, lines, pieces[j], number[j], room)
                 if number[j] > 0:
                     first, last = min(first, j), max(last, j + 1)
                     filled[i] += 1
@@ -163,10 +164,9 @@ def _step(
                 low, high = former[j, p, 0], former[j, p, 1]
                 low = max(ahead - low * sin, 0.0) * tan_low + low * cos - across
                 high = max(ahead - high * sin, 0.0) * tan_high + high * cos - across
-                if number[k] == 1:  # nearly always one interval grows
-                    if low <= pieces[k, 0, 1] and high >= pieces[k, 0, 0]:
-                        pieces[k, 0, 0], pieces[k, 0, 1] = min(low, pieces[k, 0, 0]), max(high, pieces[k, 0, 1])
-                        continue
+                if number[k] == 1 and low <= pieces[k, 0, 1] and high >= pieces[k, 0, 0]:  # nearly always one interval grows
+                    pieces[k, 0, 0], pieces[k, 0, 1] = min(low, pieces[k, 0, 0]), max(high, pieces[k, 0, 1])
+                    continue
                 number[k] = joined(pieces[k], number[k], low, high)
         first, last = min(first, max(lowest, j - cells)), max(last, min(highest, j + cells + 1))
     return first, last, furthest_cell

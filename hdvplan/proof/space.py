@@ -18,9 +18,10 @@ import numpy as np
 import shapely
 
 from hdvplan.jit import FloatArray, IntArray, compiled
-from hdvplan.road.path import ReferencePath
+from hdvplan.proof.intervals import joined
+from hdvplan.road.path import PathPoint, ReferencePath
 from hdvplan.road.regions import OPEN_M, Kind
-from hdvplan.road.road import Limits, Road
+from hdvplan.road.road import Road
 
 STRIP_M = 0.25  # of road per quadrilateral: limits are judged at these arclengths
 BIN_M = 0.1  # of u
@@ -29,7 +30,8 @@ _OUTSIDE_M = 60.0  # free beyond the ends of what is looked at: as far as any bo
 _ARC_M = 1e-3  # a limit between two normals against its chord, at a curvature of 0.1 1/m; and rounding
 _JUMP = 0.2  # slope of a limit from which it counts as a jump, which is judged at the arclengths around it alone
 _FOLD = 0.999  # of the radius: nothing that is judged lies further inside a bend
-_SAME_M = 1e-6
+ROUNDING = 1e-9  # of coordinates [m]
+SLIVER_M = 1e-6  # what is less wide between two triangles of an obstacle is rounding
 
 
 class Beside(NamedTuple):
@@ -78,42 +80,23 @@ def beside(road: Road, s_from: float, s_to: float, *, room: float) -> Beside | N
     return Beside(quads, np.concatenate([[s[0] - _OUTSIDE_M], s, [s[-1] + _OUTSIDE_M]]), _blocked(obstacles, room))
 
 
-def has_own_region(limits: Limits | None) -> bool:
-    """Tell whether wheels have less room than bodies."""
-    return limits is not None and limits.two_regions
-
-
-def _quads(point: object, inside: FloatArray, left: FloatArray, right: FloatArray, room: float) -> FloatArray:
+def _quads(point: PathPoint, inside: FloatArray, left: FloatArray, right: FloatArray, room: float) -> FloatArray:
     """Return the quadrilaterals between neighbouring normals, and the two beyond the ends, (n + 1, 4, 2)."""
-    x, y, heading, curvature = point.x, point.y, point.heading, point.curvature  # type: ignore[attr-defined]
-    normal = np.stack([-np.sin(heading), np.cos(heading)], axis=1)
-    tangent = np.stack([np.cos(heading), np.sin(heading)], axis=1)
-    centre = np.stack([x, y], axis=1)
-    # Each quadrilateral has limits of its own at both its normals: where they jump, the wider ones hold over all of it.
-    ends = []
-    for value, outwards in ((left, 1.0), (right, -1.0)):
-        a, b = value[:-1], value[1:]
-        jumps = np.abs(b - a) > _JUMP * STRIP_M
-        wide = np.maximum(a, b) if outwards > 0.0 else np.minimum(a, b)
-        relaxed = [np.where(jumps, wide, one) + outwards * (room + _ARC_M) for one in (a, b)]
-        for one, at in zip(relaxed, (slice(None, -1), slice(1, None)), strict=True):
-            far = np.where(outwards * curvature[at] > 0.0, inside[at], np.inf)
-            ends.append(outwards * np.minimum(outwards * one, far))
-    left_a, left_b, right_a, right_b = ends
-    a, b = slice(None, -1), slice(1, None)
-    strips = np.stack(
-        [
-            centre[a] + right_a[:, None] * normal[a], centre[a] + left_a[:, None] * normal[a],
-            centre[b] + left_b[:, None] * normal[b], centre[b] + right_b[:, None] * normal[b],
-        ],
-        axis=1,
-    )  # fmt: skip
-    outer = []
-    for at, sign in ((0, -1.0), (-1, 1.0)):
-        near = [centre[at] + side * _OUTSIDE_M * normal[at] for side in (-1.0, 1.0)]
-        far = [one + sign * _OUTSIDE_M * tangent[at] for one in near]
-        outer.append(np.stack([far[0], far[1], near[1], near[0]] if sign < 0.0 else [near[0], near[1], far[1], far[0]])[None])
-    return np.ascontiguousarray(np.concatenate([outer[0], strips, outer[1]]))
+    tangent = np.stack([np.cos(point.heading), np.sin(point.heading)], axis=1)
+    normal, centre = tangent[:, ::-1] * np.array([-1.0, 1.0]), np.stack([point.x, point.y], axis=1)
+    corners: list[FloatArray] = []  # of the quadrilaterals' left and right sides, each at both normals
+    for value, outwards in ((outwards_of * side, outwards_of) for side, outwards_of in ((left, 1.0), (right, -1.0))):
+        jumps = np.abs(np.diff(value)) > _JUMP * STRIP_M
+        wide = np.maximum(value[:-1], value[1:])
+        folds = np.where(outwards * point.curvature > 0.0, inside, np.inf)
+        for at in (slice(None, -1), slice(1, None)):
+            reach = np.minimum(np.where(jumps, wide, value[at]) + room + _ARC_M, folds[at])
+            corners.append(centre[at] + outwards * reach[:, None] * normal[at])
+    strips = np.stack([corners[2], corners[0], corners[1], corners[3]], axis=1)
+    aside, ahead = _OUTSIDE_M * normal, _OUTSIDE_M * tangent
+    first = [centre[0] - aside[0] - ahead[0], centre[0] + aside[0] - ahead[0], centre[0] + aside[0], centre[0] - aside[0]]
+    last = [centre[-1] - aside[-1], centre[-1] + aside[-1], centre[-1] + aside[-1] + ahead[-1], centre[-1] - aside[-1] + ahead[-1]]
+    return np.ascontiguousarray(np.concatenate([np.stack(first)[None], strips, np.stack(last)[None]]))
 
 
 def _blocked(obstacles: list[shapely.Polygon], room: float) -> FloatArray:
@@ -122,8 +105,8 @@ def _blocked(obstacles: list[shapely.Polygon], room: float) -> FloatArray:
     for obstacle in obstacles:
         # A chord of an arc lies inside a larger obstacle; corners of a smaller one stay corners.
         moved = obstacle.buffer(-room, quad_segs=16, join_style="mitre" if room > 0.0 else "round")
-        for part in shapely.get_parts(shapely.constrained_delaunay_triangles(moved)):
-            found.append(np.asarray(part.exterior.coords)[:3])
+        triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(moved))
+        found += [np.asarray(part.exterior.coords)[:3] for part in triangles]
     return np.ascontiguousarray(np.stack(found)) if found else np.empty((0, 3, 2))
 
 
@@ -170,8 +153,8 @@ def free_space(
         b = middle + away // 2 if away % 2 == 0 else middle - 1 - away // 2
         if not 0 <= b < bins:
             continue
-        u0 = (b - middle) * 0.1
-        u1 = u0 + 0.1
+        u0 = (b - middle) * BIN_M
+        u1 = u0 + BIN_M
         found = 0
         for k in range(n):
             if extent[k, 0] <= u1 and extent[k, 1] >= u0:
@@ -192,10 +175,10 @@ def free_space(
                 spans[found, 0], spans[found, 1] = min(low, low0, low1), max(high, high0, high1)
                 ends[found, 0], ends[found, 1], ends[found, 2], ends[found, 3] = low0, high0, low1, high1
                 found += 1
-        pieces = np.empty((MOST + 2, 2))
+        pieces = np.empty((MOST, 2))
         total = 0
         for f in range(found):
-            total = _joined(pieces, total, spans[f, 0], spans[f, 1], 1e-9)
+            total = joined(pieces, total, spans[f, 0] - ROUNDING, spans[f, 1] + ROUNDING)
         kept = 0
         for p in range(total):
             low, high = pieces[p, 0], pieces[p, 1]
@@ -204,9 +187,9 @@ def free_space(
                 if spans[f, 0] <= high and spans[f, 1] >= low:
                     low0, high0 = min(low0, ends[f, 0]), max(high0, ends[f, 1])
                     low1, high1 = min(low1, ends[f, 2]), max(high1, ends[f, 3])
-            of_high = (high1 - high0) / 0.1 if abs(high0) < np.inf and abs(high1) < np.inf else 0.0
-            of_low = (low1 - low0) / 0.1 if abs(low0) < np.inf and abs(low1) < np.inf else 0.0
-            c_high, c_low = max(high0, high1 - of_high * 0.1), min(low0, low1 - of_low * 0.1)
+            of_high = (high1 - high0) / BIN_M if abs(high0) < np.inf and abs(high1) < np.inf else 0.0
+            of_low = (low1 - low0) / BIN_M if abs(low0) < np.inf and abs(low1) < np.inf else 0.0
+            c_high, c_low = max(high0, high1 - of_high * BIN_M), min(low0, low1 - of_low * BIN_M)
             for f in range(found):
                 if spans[f, 0] <= high and spans[f, 1] >= low:
                     for c in range(4):
@@ -224,16 +207,16 @@ def free_space(
         # only what is connected with the axle's place
         connected = 0
         for p in range(kept):
-            low = min(lines[b, p, 0], lines[b, p, 0] + 0.1 * lines[b, p, 2])
-            high = max(lines[b, p, 1], lines[b, p, 1] + 0.1 * lines[b, p, 3])
+            low = min(lines[b, p, 0], lines[b, p, 0] + BIN_M * lines[b, p, 2])
+            high = max(lines[b, p, 1], lines[b, p, 1] + BIN_M * lines[b, p, 3])
             inside = False
             if b == middle or b == middle - 1:
                 inside = low <= near[1] and high >= near[0]
             if b != middle and not inside:
                 inner = b + 1 if b < middle else b - 1
                 for q in range(count[inner]):
-                    inner_low = min(lines[inner, q, 0], lines[inner, q, 0] + 0.1 * lines[inner, q, 2])
-                    inner_high = max(lines[inner, q, 1], lines[inner, q, 1] + 0.1 * lines[inner, q, 3])
+                    inner_low = min(lines[inner, q, 0], lines[inner, q, 0] + BIN_M * lines[inner, q, 2])
+                    inner_high = max(lines[inner, q, 1], lines[inner, q, 1] + BIN_M * lines[inner, q, 3])
                     inside = inside or (low <= inner_high and high >= inner_low)
             if inside:
                 for c in range(4):
@@ -243,41 +226,10 @@ def free_space(
 
 
 @compiled
-def _joined(pieces: FloatArray, total: int, low: float, high: float, near: float) -> int:
-    """Add the interval [low, high] to disjoint, rising ``pieces`` and return how many there are; of too many, the nearest are joined."""
-    first = 0
-    while first < total and pieces[first, 1] < low - near:
-        first += 1
-    last = first
-    while last < total and pieces[last, 0] <= high + near:
-        low, high = min(low, pieces[last, 0]), max(high, pieces[last, 1])
-        last += 1
-    if last == first:
-        for p in range(total, first, -1):
-            pieces[p, 0], pieces[p, 1] = pieces[p - 1, 0], pieces[p - 1, 1]
-        total += 1
-    else:
-        for p in range(last, total):
-            pieces[p - (last - first) + 1, 0], pieces[p - (last - first) + 1, 1] = pieces[p, 0], pieces[p, 1]
-        total -= last - first - 1
-    pieces[first, 0], pieces[first, 1] = low, high
-    if total == pieces.shape[0]:
-        closest = 0
-        for p in range(total - 1):
-            if pieces[p + 1, 0] - pieces[p, 1] < pieces[closest + 1, 0] - pieces[closest, 1]:
-                closest = p
-        pieces[closest, 1] = pieces[closest + 1, 1]
-        for p in range(closest + 1, total - 1):
-            pieces[p, 0], pieces[p, 1] = pieces[p + 1, 0], pieces[p + 1, 1]
-        total -= 1
-    return total
-
-
-@compiled
 def _take_in(line: FloatArray, low: float, high: float, of_low: float, of_high: float) -> None:
     """Widen one free interval until it holds another."""
-    line[0] = min(line[0], low, line[0] + 0.1 * line[2], low + 0.1 * of_low)
-    line[1] = max(line[1], high, line[1] + 0.1 * line[3], high + 0.1 * of_high)
+    line[0] = min(line[0], low, line[0] + BIN_M * line[2], low + BIN_M * of_low)
+    line[1] = max(line[1], high, line[1] + BIN_M * line[3], high + BIN_M * of_high)
     line[2] = line[3] = 0.0
 
 
@@ -303,22 +255,22 @@ def _without(lines: FloatArray, kept: int, tri: FloatArray, u0: float, u1: float
     number = 0
     for p in range(kept):
         low, high, of_low, of_high = lines[p, 0], lines[p, 1], lines[p, 2], lines[p, 3]
-        free_low1, free_high1 = low + 0.1 * of_low, high + 0.1 * of_high
+        free_low1, free_high1 = low + BIN_M * of_low, high + BIN_M * of_high
         if (high0 <= low and high1 <= free_low1) or (low0 >= high and low1 >= free_high1):
             out[number, 0], out[number, 1], out[number, 2], out[number, 3] = low, high, of_low, of_high
             number += 1
             continue
-        below = max(low0 - low, low1 - free_low1) > 1e-6
-        above = max(high - high0, free_high1 - high1) > 1e-6
+        below = max(low0 - low, low1 - free_low1) > SLIVER_M
+        above = max(high - high0, free_high1 - high1) > SLIVER_M
         if below:  # what is free right of the obstacle; where the lines cross, all that was free stays
             crosses = low0 > high or low1 > free_high1
             out[number, 0], out[number, 2] = low, of_low
-            out[number, 1], out[number, 3] = (high, of_high) if crosses else (low0, (low1 - low0) / 0.1)
+            out[number, 1], out[number, 3] = (high, of_high) if crosses else (low0, (low1 - low0) / BIN_M)
             number += 1
         if above:
             crosses = high0 < low or high1 < free_low1
             out[number, 1], out[number, 3] = high, of_high
-            out[number, 0], out[number, 2] = (low, of_low) if crosses else (high0, (high1 - high0) / 0.1)
+            out[number, 0], out[number, 2] = (low, of_low) if crosses else (high0, (high1 - high0) / BIN_M)
             number += 1
     while number > lines.shape[0]:  # the last two become one
         _take_in(out[number - 2], out[number - 1, 0], out[number - 1, 1], out[number - 1, 2], out[number - 1, 3])
@@ -337,8 +289,8 @@ def bins_for(reach: float) -> int:
 @compiled
 def window_of(beside: Beside, s: float, reach: float, window: IntArray) -> None:
     """Write the first and the last (excluded) quadrilateral that a body can touch whose axle stands at ``s``."""
-    window[0] = max(0, np.searchsorted(beside.s, s - 2.5 * reach - 10.0) - 1)
-    window[1] = min(beside.s.size - 1, np.searchsorted(beside.s, s + 2.5 * reach + 10.0))
+    window[0] = max(0, int(np.searchsorted(beside.s, s - 2.5 * reach - 10.0)) - 1)
+    window[1] = min(beside.s.size - 1, int(np.searchsorted(beside.s, s + 2.5 * reach + 10.0)))
 
 
 @compiled
@@ -346,7 +298,7 @@ def axle_room(beside: Beside, frame: Frame, i: int, near: FloatArray) -> None:
     """Write between which offsets the axle can stand on its own normal: those of the quadrilaterals around it."""
     cos, sin = np.cos(frame.heading[i]), np.sin(frame.heading[i])
     last = beside.s.size - 2
-    at = np.searchsorted(beside.s, frame.s[i])
+    at = int(np.searchsorted(beside.s, frame.s[i]))
     near[0], near[1] = np.inf, -np.inf
     for k in range(min(max(at - 2, 0), last), min(at + 1, last) + 1):
         for c in range(4):
