@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from hdvplan.api import plan
+    from hdvplan.api import plan, prove
     from hdvplan.case import Case
     from hdvplan.errors import HdvplanError
     from hdvplan.judging.result import Result
@@ -51,6 +51,7 @@ _HOMES = {
     "need_of": "hdvplan.need.answer",
     "plan": "hdvplan.api",
     "plan_figure": "hdvplan.report.plots",
+    "prove": "hdvplan.api",
     "summary_of": "hdvplan.report.summary",
     "verdict_of": "hdvplan.judging.verdict",
     "write_plan": "hdvplan.report.files",
@@ -74,6 +75,7 @@ __all__ = [
     "need_of",
     "plan",
     "plan_figure",
+    "prove",
     "summary_of",
     "verdict_of",
     "write_plan",

@@ -66,12 +66,13 @@ def need(
     out: OutOption = None,
     json: JsonOption = False,
     plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw the picture need.png.")] = True,
+    proof: Annotated[bool, typer.Option("--proof/--no-proof", help="Look for the most room that is proved to be too little.")] = True,
     quiet: QuietOption = False,
 ) -> int:
     """Find the least room that a vehicle needs on a road, and the least widening where it does not fit.
 
     Tries objectives and schemes, each plan judged by its simulation, to 1 cm. Less is called out of reach where no plan was found: that is
-    no proof. Obstacles stay where they are.
+    no proof. What is proved to be too little, for any driving whatsoever, is told besides. Obstacles stay where they are.
 
     Exit code 0: there is an answer. 1: no plan exists at any width, or with the held edge. 2: bad input.
     """
@@ -108,10 +109,11 @@ def need(
     began = perf_counter()
     with progress(f"looking for the least room of {driven.name} on {track.name}", quiet=quiet) as on_progress:
         if held is None:
-            answer = need_of(case, on_progress=on_progress)
+            answer = need_of(case, prove=proof, on_progress=on_progress)
         else:
             other = "right" if held == "left" else "left"
-            answer = edge_need_of(case, _held(track, held, left if held == "left" else right), other, on_progress=on_progress)
+            edge = _held(track, held, left if held == "left" else right)
+            answer = edge_need_of(case, edge, other, prove=proof, on_progress=on_progress)
     told = need_json(answer, perf_counter() - began)
     directory = out or Path(f"{file_name(track.name)}.{file_name(driven.name)}.need")
     try:

@@ -110,6 +110,9 @@ def plan(
     ] = "png",
     sheet: Annotated[str | None, typer.Option("--sheet", metavar="a4|a3|...", help="Draw sheet.pdf to a round scale, up to a0.")] = None,
     scale: Annotated[str | None, typer.Option("--scale", metavar="N", help="Of the sheet: 200 draws 1:200 [default: what fits].")] = None,
+    proof: Annotated[
+        bool, typer.Option("--proof/--no-proof", help="Where the plan breaks limits, look for a proof that nothing keeps them.")
+    ] = True,
     animate: Annotated[bool, typer.Option("--animate", help="Write drive.gif, a film of the drive.")] = False,
     quiet: QuietOption = False,
 ) -> int:
@@ -139,6 +142,7 @@ def plan(
     found = find_road(road, wanted)  # what the files have wrong is said before more is loaded
     from hdvplan import api
     from hdvplan.case import Case
+    from hdvplan.judging.verdict import verdict_line, verdict_of
     from hdvplan.passing.sides import choose_sides
     from hdvplan.planning.bias import CENTRE, bias_named
     from hdvplan.planning.discretisation import Discretisation
@@ -174,10 +178,12 @@ def plan(
             sided = choose_sides(case)[0] if bias == CENTRE else track  # the middle between limits is that of the sides found
             case = replace(case, bias=bias_named(bias, sided.limits))
         result = api.plan(case, on_progress=on_progress)
+    if proof and verdict_of(result).fits is False:
+        with progress("looking for a proof that nothing fits", quiet=quiet):
+            result = api.prove(result)
     directory = out or Path(f"{file_name(track.name)}.{file_name(driven.name)}")
     with progress(f"writing {directory}/", quiet=quiet) as on_progress:
         _write(result, directory, [kind for kind in kinds if plot or kind in DRAWINGS], drawn_on, animate, on_progress)
-    from hdvplan.judging.verdict import verdict_line, verdict_of
     from hdvplan.report.summary import summary_of
 
     verdict = verdict_of(result)

@@ -16,6 +16,7 @@ from hdvplan.judging.envelope import Envelope, envelope_of
 from hdvplan.judging.fit import Fit, fit_of
 from hdvplan.judging.obstacles import Approach
 from hdvplan.judging.passed import Passed
+from hdvplan.judging.proof import Proof
 from hdvplan.planning.bias import shifted
 from hdvplan.planning.planner import Plan
 from hdvplan.road.regions import called
@@ -35,6 +36,7 @@ class Result:
     expected: Centring
     fit: Fit  # what geometry said before planning
     passed: tuple[Passed, ...] = ()  # the obstacles in order of s, and their sides
+    proof: Proof | None = None  # that nothing keeps the limits; None where none was found, or none was looked for
 
     @property
     def solver(self) -> str:

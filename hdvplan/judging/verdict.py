@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,8 +10,10 @@ from hdvplan.jit import FloatArray
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.contact import contact
 from hdvplan.judging.obstacles import Approach
+from hdvplan.judging.proof import Proof
 from hdvplan.judging.result import Result, body_name
 from hdvplan.road.regions import OPEN_M, called
+from hdvplan.vehicle.model import Vehicle
 
 
 @dataclass(frozen=True)
@@ -36,6 +38,12 @@ class Verdict:
     region: str | None  # of the limit, see ``Breach``; None without limits, or where an obstacle decides
     obstacle: str | None  # what users call the obstacle that decides, "" for one without a name; None where a limit of the road does
     wheels_spare: float | None  # least room of wheels and what lies between them on the whole road, without the clearance [m]
+    proof: Proof | None = None  # that no driving whatsoever fits; None where ``fits``, and where no such proof is known
+
+    @property
+    def proved(self) -> bool:
+        """Whether it is proved that nothing fits: a NO without that says only that no plan was found."""
+        return self.proof is not None
 
     @property
     def word(self) -> str:
@@ -48,6 +56,11 @@ def verdict_of(result: Result) -> Verdict:
 
     A limit, or the clearance wanted from it, counts as kept when it is broken by no more than ``KEPT_M``.
     """
+    found = _found(result)
+    return replace(found, proof=result.proof) if found.fits is False else found
+
+
+def _found(result: Result) -> Verdict:
     wanted = result.case.settings.clearance
     tightest = _tightest(result)
     counting = (approach for approach in result.approaches if approach.distance <= OPEN_M)
@@ -76,7 +89,7 @@ def verdict_line(result: Result, verdict: Verdict) -> str:
     if verdict.fits:
         return f"YES: {amount}; tightest {place}, {who} beside {against}"
     where = f"{place}, {who} {'beyond' if _broken(verdict) else 'beside'} {against}"
-    return f"NO: {amount} {where}{_wheels(result, verdict)}{_hit(result, verdict)}"
+    return f"NO: {amount} {where}{_wheels(result, verdict)}{_hit(result, verdict)}; {_known(result, verdict)}"
 
 
 def verdict_title(result: Result, verdict: Verdict) -> str:
@@ -85,7 +98,22 @@ def verdict_title(result: Result, verdict: Verdict) -> str:
     if verdict.fits is None or verdict.spare is None:
         return f"{head}: NEEDS {verdict.half_width:.2f} m to both sides"
     kept = f" with {verdict.clearance_wanted:.2f} m to keep" if verdict.clearance_wanted > 0.0 else ""
-    return f"{head}: {verdict.word}, {_amount(verdict)}{kept} at s = {verdict.s:.0f} m"
+    word = f"{verdict.word} (proved)" if verdict.proved else verdict.word
+    return f"{head}: {word}, {_amount(verdict)}{kept} at s = {verdict.s:.0f} m"
+
+
+def proof_text(proof: Proof, vehicle: Vehicle) -> str:
+    """Return what a proof says, without a capital or a full stop."""
+    if proof.kind == "place":
+        return f"at s = {proof.s_to:.1f} m there is no place for the {body_name(vehicle, proof.unit)} that keeps the limits"
+    return f"between s = {proof.s_from:.1f} and {proof.s_to:.1f} m nothing that this vehicle can drive keeps the limits"
+
+
+def _known(result: Result, verdict: Verdict) -> str:
+    """Return what is known beyond the plan that was made."""
+    if verdict.proof is None:
+        return "no plan was found, and none is excluded"
+    return f"proved: {proof_text(verdict.proof, result.drive.vehicle)}"
 
 
 def _amount(verdict: Verdict) -> str:

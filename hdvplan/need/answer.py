@@ -11,8 +11,9 @@ from hdvplan.case import Case
 from hdvplan.judging.contact import contact
 from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import point_of
+from hdvplan.need.bound import Bound, proved_below
 from hdvplan.need.measure import OUTWARDS, taken_by
-from hdvplan.need.room import least_edge, least_half_width
+from hdvplan.need.room import ASKED, edge_band, even_band, least_edge, least_half_width
 from hdvplan.need.search import TOLERANCE_M, WIDE_M, Least
 from hdvplan.need.widening import Widenings, least_widenings
 from hdvplan.road.road import Limits
@@ -46,11 +47,13 @@ class Need:
     place: Place | None  # where ``room`` is decided; None where no plan was found
     held: Least | None
     widenings: Widenings | None
+    bound: Bound | None = None  # room that is proved to be too little; None where nothing is proved, or no proof was asked for
 
 
-def need_of(case: Case, *, on_progress: Callable[[float], None] | None = None) -> Need:
+def need_of(case: Case, *, prove: bool = False, on_progress: Callable[[float], None] | None = None) -> Need:
     """Return the least half width for a case, and the least widening of its road's own limits where it has some.
 
+    ``prove`` looks for the largest half width that is proved to be too small as well, which takes some seconds more.
     ``on_progress`` receives a share that grows from 0 to 1.
     """
     own = case.road.own_limits
@@ -61,20 +64,27 @@ def need_of(case: Case, *, on_progress: Callable[[float], None] | None = None) -
         widenings = Widenings(None, None, None)  # what no width lets pass, no widening does
     elif own is not None:
         widenings = least_widenings(case, own, on_progress=_part(on_progress, share, 1.0))
-    return Need(case, None, room, _place(room.result, None), None, widenings)
+    place = _place(room.result, None)
+    bound = proved_below(case, even_band(case.road), room, [0, 1, 2, 3], None) if prove else None
+    return Need(case, None, room, place, None, widenings, bound)
 
 
-def edge_need_of(case: Case, held: Limits, side: str, *, on_progress: Callable[[float], None] | None = None) -> Need:
+def edge_need_of(case: Case, held: Limits, side: str, *, prove: bool = False, on_progress: Callable[[float], None] | None = None) -> Need:
     """Return the least reach on ``side`` ("left" or "right") with the other edge of ``held`` kept.
 
+    ``prove`` looks for the largest reach that is proved to be too small as well, which takes some seconds more.
     ``on_progress`` receives a share that grows from 0 to 1.
     """
     room = least_edge(case, held, side, on_progress=on_progress)
+    band = edge_band(held, side)
     if room.result is not None:
-        return Need(case, side, room, _place(room.result, side), None, None)
+        bound = proved_below(case, band, room, ASKED[side], None) if prove else None
+        return Need(case, side, room, _place(room.result, side), None, None, bound)
     other = "right" if side == "left" else "left"
     least = least_edge(case, Limits.constant(WIDE_M, WIDE_M, case.road.path.length), other)
-    return Need(case, side, room, _place(least.result, other), least, None)
+    place = _place(least.result, other)
+    bound = proved_below(case, band, room, ASKED[side], None if place is None else place.s) if prove else None
+    return Need(case, side, room, place, least, None, bound)
 
 
 _ROOMS_SHARE = 0.2  # of the time that both answers take

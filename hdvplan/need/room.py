@@ -10,9 +10,26 @@ from hdvplan.case import Case
 from hdvplan.jit import FloatArray
 from hdvplan.need.measure import OUTWARDS, Taken
 from hdvplan.need.search import Least, Question, least
-from hdvplan.road.road import Limits
+from hdvplan.road.road import Limits, Road
 
+ASKED = {"left": [0, 2], "right": [1, 3]}  # the rows of ``Taken`` that an edge is in
 _HELD_M = 1e-3  # of a held edge: rounding of a plan that keeps it
+
+
+def even_band(road: Road) -> Callable[[float], Limits]:
+    """Return what gives the limits that lie a half width [m] to both sides of the line."""
+    return lambda half: Limits.constant(half, half, road.path.length)
+
+
+def edge_band(held: Limits, side: str) -> Callable[[float], Limits]:
+    """Return what gives the limits ``held`` with the edge on ``side`` at a constant reach [m]."""
+
+    def band(reach: float) -> Limits:
+        rows = held.table(held.s)
+        rows[ASKED[side]] = OUTWARDS[ASKED[side]] * reach
+        return Limits(held.s, *rows)
+
+    return band
 
 
 def least_half_width(case: Case, *, on_progress: Callable[[float], None] | None = None) -> Least:
@@ -20,12 +37,11 @@ def least_half_width(case: Case, *, on_progress: Callable[[float], None] | None 
 
     The road's own widths do not count; its obstacles and the clearance wanted do.
     """
-    length = case.road.path.length
 
     def needed(took: Taken) -> float:
         return float(np.max(took.reach, initial=0.0, where=took.own)) if took.passes else np.inf
 
-    question = Question(lambda half: Limits.constant(half, half, length), needed, 0.5 * case.vehicle.width)
+    question = Question(even_band(case.road), needed, 0.5 * case.vehicle.width)
     return least(case, question, on_progress=on_progress)
 
 
@@ -34,12 +50,7 @@ def least_edge(case: Case, held: Limits, side: str, *, on_progress: Callable[[fl
 
     Nothing is reached, and ``result`` is None, where no plan keeps the held edge.
     """
-    asked, kept = ([0, 2], [1, 3]) if side == "left" else ([1, 3], [0, 2])
-
-    def band(reach: float) -> Limits:
-        rows = held.table(held.s)
-        rows[asked] = OUTWARDS[asked] * reach
-        return Limits(held.s, *rows)
+    asked, kept = ASKED[side], ASKED["right" if side == "left" else "left"]
 
     def needed(took: Taken) -> float:
         if not took.passes or np.max(took.beyond(held)[kept]) > _HELD_M:
@@ -47,5 +58,5 @@ def least_edge(case: Case, held: Limits, side: str, *, on_progress: Callable[[fl
         return float(np.max(took.reach[asked], initial=0.0, where=took.own[asked]))
 
     opposite: FloatArray = np.abs(held.table(held.s)[kept])
-    question = Question(band, needed, max(0.0, case.vehicle.width - float(np.min(opposite))))
+    question = Question(edge_band(held, side), needed, max(0.0, case.vehicle.width - float(np.min(opposite))))
     return least(case, question, on_progress=on_progress)

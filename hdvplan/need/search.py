@@ -59,6 +59,7 @@ class Least:
 
     room: float  # infinite where nothing did [m]
     result: Result | None
+    lowest: float  # no less was asked for [m]
     out_of_reach: float  # the most room within which every attempt failed, or the least that may be asked for [m]
     plans: int  # that were made
     failure: HdvplanError | None  # of the last attempt that ended in one
@@ -76,7 +77,7 @@ def least(
     Plans within wide limits give a first bound; from there the search goes down, in steps that grow while they succeed, then by halves.
     ``on_progress`` receives a share that grows from 0 to 1, ``on_result`` every plan and what it took.
     """
-    best = _tried(case, question, WIDE_M, FREE, Least(np.inf, None, question.lowest, 0, None), on_result, every=True)
+    best = _tried(case, question, WIDE_M, FREE, Least(np.inf, None, question.lowest, question.lowest, 0, None), on_result, every=True)
     room = 2.0 * case.vehicle.width
     while not np.isfinite(best.room) and room < WIDE_M:
         best, room = _tried(case, question, room, ATTEMPTS, best, on_result), 2.0 * room

@@ -7,13 +7,14 @@ curvature at any rate. What is not proved is not thereby possible.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from hdvplan.case import Case
 from hdvplan.judging.balance import KEPT_M
+from hdvplan.judging.proof import Proof
 from hdvplan.proof.articulated import reachable_with_trailer
 from hdvplan.proof.coupling import coupling_of
 from hdvplan.proof.poses import Outline, fits, outline_of, reach_of
@@ -44,20 +45,6 @@ RIGID = (Resolution(0.1, 1e-3), Resolution(0.05, 5e-4))
 ARTICULATED = (Resolution(0.2, 4e-3), Resolution(0.1, 2e-3))
 
 Follow = Callable[[Beside, bool, float, float], tuple[Frame, Reached]]  # what is free, fine or coarse, from where to where [m]
-
-
-@dataclass(frozen=True)
-class Proof:
-    """That no driving keeps a road's limits.
-
-    ``kind`` is "place" where one body alone, ``unit``, fits between the limits at ``s_to`` in no pose; "motion" where the vehicle, up to
-    ``unit``, fits everywhere from ``s_from`` to ``s_to`` [m], but nothing that fits at ``s_from`` can be driven to ``s_to``.
-    """
-
-    kind: str
-    s_from: float
-    s_to: float
-    unit: int
 
 
 def proof_of(case: Case, s_from: float | None = None, s_to: float | None = None) -> Proof | None:

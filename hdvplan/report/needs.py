@@ -12,14 +12,16 @@ from shapely.geometry.base import BaseGeometry
 from hdvplan import __version__
 from hdvplan.jit import FloatArray
 from hdvplan.judging.result import body_name
-from hdvplan.judging.verdict import place_text
+from hdvplan.judging.verdict import place_text, proof_text
 from hdvplan.need.answer import Need, Place
+from hdvplan.need.bound import Bound
 from hdvplan.need.measure import ROWS
 from hdvplan.need.search import TOLERANCE_M, WIDE_M
 from hdvplan.need.widening import Widening
 from hdvplan.report.colours import BREACH
 from hdvplan.report.geojson import area_style, feature, swept_area
 from hdvplan.report.grid import grid
+from hdvplan.report.summary import proof_json
 from hdvplan.road.path import ReferencePath
 from hdvplan.road.road import Limits, Road
 
@@ -82,7 +84,14 @@ def need_lines(need: Need) -> list[str]:
         lines.append(f"NO: no plan was found for the {vehicle} at any half width up to {WIDE_M:.0f} m{kept}{_why(need)}")
     else:
         lines.append(_held_line(need, vehicle))
+    if need.bound is not None:
+        lines[-1] += f"; {_bound_text(need, need.bound)}"
     return lines
+
+
+def _bound_text(need: Need, bound: Bound) -> str:
+    told = proof_text(bound.proof, need.case.vehicle)
+    return f"proved: {told}" if need.room.result is None else f"{bound.room:.2f} m is proved to be too little: {told}"
 
 
 def _held_line(need: Need, vehicle: str) -> str:
@@ -142,7 +151,8 @@ def need_json(need: Need, seconds: float) -> Json:
         "text": need_lines(need),
         **named,
         "tolerance_m": TOLERANCE_M,
-        "proved_below_m": None,
+        "proved_below_m": None if need.bound is None else need.bound.room,
+        "proof": None if need.bound is None else proof_json(need.bound.proof, case.vehicle),
         "out_of_reach_m": WIDE_M if result is None else need.room.out_of_reach if need.room.out_of_reach < need.room.room else None,
         "clearance_wanted_m": case.settings.clearance,
         "s_m": None if place is None else place.s,

@@ -12,6 +12,7 @@ from hdvplan.judging.fit import finding_json
 from hdvplan.judging.manners import Use, manners_of
 from hdvplan.judging.obstacles import Approach
 from hdvplan.judging.passed import Passed
+from hdvplan.judging.proof import Proof
 from hdvplan.judging.result import Result, body_name
 from hdvplan.judging.verdict import Verdict, verdict_line, verdict_of
 from hdvplan.judging.wheels import Wheel, wheels_of
@@ -93,8 +94,14 @@ def verdict_json(result: Result, verdict: Verdict) -> Json:
         "region": verdict.region,
         "obstacle": verdict.obstacle,
         "wheels_spare_m": verdict.wheels_spare,
-        "proved": None,
+        "proved": verdict.proved,
+        "proof": None if verdict.proof is None else proof_json(verdict.proof, result.drive.vehicle),
     }
+
+
+def proof_json(proof: Proof, vehicle: Vehicle) -> Json:
+    """Return a proof under the names that other programs read; ``unit`` is what users call the body."""
+    return {"kind": proof.kind, "s_from_m": proof.s_from, "s_to_m": proof.s_to, "unit": body_name(vehicle, proof.unit)}
 
 
 def needed_half_width(result: Result) -> float:

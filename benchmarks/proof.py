@@ -1,0 +1,192 @@
+"""What is proved impossible, beside what was planned: least half widths from both sides, and every NO of ``results/widths``.
+
+Writes need.csv, widths.csv, proof.md, run.json.
+
+python benchmarks/proof.py [--out results/proof] [--roads a,b] [--vehicles a,b] [--widths results/widths/widths.csv] [--skip need|widths]
+
+Goes on where it stopped. A cell that is planned within its limits is examined too: a proof there would be a contradiction.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tomllib
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from time import process_time
+
+import pandas as pd
+
+from hdvplan.api import plan
+from hdvplan.case import Case
+from hdvplan.errors import HdvplanError
+from hdvplan.judging.proof import Proof
+from hdvplan.judging.verdict import verdict_of
+from hdvplan.need.answer import need_of
+from hdvplan.need.bound import proved_below
+from hdvplan.need.room import even_band
+from hdvplan.proof.answer import proof_of
+from hdvplan.proof.stretches import stretches_of
+from hdvplan.record import write_record
+from hdvplan.report.markdown import markdown_table
+from hdvplan.road.load import RoadOptions, load_road
+from hdvplan.vehicle.load import load_vehicle
+
+VEHICLES = ("bus", "citaro-k", "tractor-trailer")
+_SLACK = 1.25  # the reference may bend more than the vehicle, as in `hdvplan plan`
+
+Row = dict[str, object]
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Prove, and write the tables."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, default=Path("results/proof"))
+    parser.add_argument("--roads", type=lambda text: text.split(","), default=_suite_roads())
+    parser.add_argument("--vehicles", type=lambda text: text.split(","), default=list(VEHICLES))
+    parser.add_argument("--widths", type=Path, default=Path("results/widths/widths.csv"))
+    parser.add_argument("--skip", choices=("need", "widths"))
+    options = parser.parse_args(arguments)
+    options.out.mkdir(parents=True, exist_ok=True)
+    cases: list[Case] = []
+    if options.skip != "need":
+        wanted = [(road, vehicle) for road in options.roads for vehicle in options.vehicles]
+        _filled(options.out / "need.csv", ["road", "vehicle"], wanted, lambda road, vehicle: bounded(_case(road, vehicle, cases)))
+    if options.skip != "widths":
+        runs = pd.read_csv(options.widths)
+        runs = runs[runs["verdict"] != "refused"]
+        keys = list(runs[["road", "vehicle", "half_width"]].itertuples(index=False, name=None))
+        _filled(
+            options.out / "widths.csv",
+            ["road", "vehicle", "half_width"],
+            keys,
+            lambda road, vehicle, half_width: examined(_case(road, vehicle, cases), float(half_width)),
+        )
+    (options.out / "proof.md").write_text(markdown(options.out), encoding="utf-8")
+    write_record(options.out, cases)
+
+
+def _suite_roads() -> list[str]:
+    roads: list[str] = tomllib.loads(Path("benchmarks/suite.toml").read_text(encoding="utf-8"))["roads"]
+    return roads
+
+
+def _case(road: str, name: str, cases: list[Case]) -> Case:
+    vehicle = load_vehicle(name)
+    loaded = load_road(road, RoadOptions(max_curvature=_SLACK * vehicle.max_curvature))
+    cases.append(Case(replace(loaded, limits=None), vehicle))
+    return cases[-1]
+
+
+def _filled(table: Path, keys: list[str], wanted: Iterable[tuple[object, ...]], row_of: Callable[..., Row]) -> None:
+    """Append to ``table`` a row for every key of ``wanted`` that it has none for."""
+    done = set(pd.read_csv(table)[keys].itertuples(index=False, name=None)) if table.exists() else set()
+    for key in wanted:
+        if key not in done:
+            row = dict(zip(keys, key, strict=True)) | row_of(*key)
+            pd.DataFrame([row]).to_csv(table, mode="a", header=not table.exists(), index=False, float_format="%.4f", lineterminator="\n")
+            print(*row.values(), sep="  ", flush=True)
+
+
+def bounded(case: Case) -> Row:
+    """Return the least half width that was planned, and the largest that is proved to be too small."""
+    began = process_time()
+    need = need_of(case)
+    between = process_time()
+    bound = proved_below(case, even_band(case.road), need.room, [0, 1, 2, 3], None)
+    row: Row = {"half_width": need.room.room, "proved_below": None if bound is None else bound.room}
+    row |= _told(None if bound is None else bound.proof)
+    return row | {"need_cpu_s": between - began, "proof_cpu_s": process_time() - between}
+
+
+def examined(case: Case, half_width: float) -> Row:
+    """Return what a plan within a half width comes to, and what is proved on its tight stretches, whether it fits or not."""
+    began = process_time()
+    try:
+        result = plan(replace(case, road=case.road.with_limits(half_width, half_width)))
+    except HdvplanError:
+        return {"fits": "", **_told(None), "stretches": 0, "examined_m": 0.0, "plan_cpu_s": process_time() - began, "proof_cpu_s": 0.0}
+    between = process_time()
+    stretches, seen, proof = stretches_of(result), 0.0, None
+    for stretch in stretches:
+        seen += stretch.s_to - stretch.s_from
+        proof = proof_of(result.case, stretch.s_from, stretch.s_to)
+        if proof is not None:
+            break
+    row: Row = {"fits": bool(verdict_of(result).fits), **_told(proof), "stretches": len(stretches), "examined_m": seen}
+    return row | {"plan_cpu_s": between - began, "proof_cpu_s": process_time() - between}
+
+
+def _told(proof: Proof | None) -> Row:
+    if proof is None:
+        return {"kind": "", "s_from": None, "s_to": None, "unit": None}
+    return {"kind": proof.kind, "s_from": proof.s_from, "s_to": proof.s_to, "unit": proof.unit}
+
+
+def markdown(directory: Path) -> str:
+    """Return both tables, as far as they are there."""
+    parts = ["# What is proved impossible\n"]
+    if (directory / "need.csv").exists():
+        parts += _need_parts(pd.read_csv(directory / "need.csv"))
+    if (directory / "widths.csv").exists():
+        parts += _widths_parts(pd.read_csv(directory / "widths.csv"))
+    return "\n".join(parts)
+
+
+def _need_parts(table: pd.DataFrame) -> list[str]:
+    gap = table["half_width"] - table["proved_below"]
+    shown = pd.DataFrame(
+        {
+            "road": table["road"],
+            "vehicle": table["vehicle"],
+            "planned within [m]": table["half_width"].map("{:.2f}".format),
+            "proved impossible within [m]": _metres(table["proved_below"]),
+            "between [m]": _metres(gap),
+            "proved at s [m]": [_stretch(row) for row in table.to_dict("records")],
+            "CPU time [s]": table["proof_cpu_s"].map("{:.0f}".format),
+        }
+    )
+    medians = gap.groupby(table["vehicle"], sort=False).median()
+    said = ", ".join(f"{vehicle} {median:.2f} m" for vehicle, median in medians.items())
+    about = "Half widths about the line: the least for which a plan was found, and the largest for which there is a proof that none exists."
+    return [
+        f"## Least half widths\n\n{about} Median of what lies between: {said}.\n",
+        markdown_table(shown, text=("road", "vehicle")) + "\n",
+    ]
+
+
+def _metres(values: pd.Series[float]) -> list[str]:
+    return [f"{value:.2f}" if value == value else "-" for value in values]  # noqa: PLR0124 - NaN is where nothing is proved
+
+
+def _stretch(row: Mapping[Hashable, object]) -> str:
+    if row["kind"] == "place":
+        return f"{row['s_to']:.0f}"
+    return f"{row['s_from']:.0f} to {row['s_to']:.0f}" if row["kind"] == "motion" else "-"
+
+
+def _widths_parts(table: pd.DataFrame) -> list[str]:
+    fits, proved = table["fits"].astype(str) == "True", table["kind"].notna() & (table["kind"] != "")
+    rows = []
+    for vehicle, group in table.groupby("vehicle", sort=False):
+        no = ~fits[group.index]
+        rows.append(
+            {
+                "vehicle": vehicle,
+                "runs": len(group),
+                "planned within the limits": int((~no).sum()),
+                "of these proved impossible": int((~no & proved[group.index]).sum()),
+                "not planned within them": int(no.sum()),
+                "of these proved impossible (NO)": int((no & proved[group.index]).sum()),
+                "share": f"{100.0 * (no & proved[group.index]).sum() / max(1, no.sum()):.0f} %",
+                "CPU time, mean [s]": f"{group['proof_cpu_s'].mean():.1f}",
+                "largest [s]": f"{group['proof_cpu_s'].max():.1f}",
+            }
+        )
+    about = "The runs of `results/widths`, each planned once more; its tight stretches were examined whether the plan fits or not."
+    return [f"## Every road at several widths\n\n{about}\n", markdown_table(pd.DataFrame(rows), text=("vehicle",)) + "\n"]
+
+
+if __name__ == "__main__":
+    main()
