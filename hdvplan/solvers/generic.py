@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from time import perf_counter
 
 import numpy as np
-import qpsolvers
 import scipy.sparse as sp
 
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 from hdvplan.qp.workspace import QpResult, Status
 from hdvplan.solvers.sparse import SparseQp
 
-# Tolerances that bring each solver to the same accuracy in metres, as ``path difference`` of a bench shows.
-OPTIONS: dict[str, dict[str, float | int | bool]] = {
-    "osqp": {"eps_abs": 1e-5, "eps_rel": 0.0, "max_iter": 20_000},
-    "scs": {"eps_abs": 1e-6, "eps_rel": 0.0, "max_iters": 50_000},
-    "proxqp": {"eps_abs": 1e-6, "eps_rel": 0.0},
-    "qpalm": {"eps_abs": 1e-6, "eps_rel": 0.0},
-}
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore")  # of whichever solver is installed, wanted or not: qpsolvers imports all of them
+    import qpsolvers
 
 
 class GenericWorkspace:
@@ -27,10 +23,10 @@ class GenericWorkspace:
 
     starts_warm = False
 
-    def __init__(self, shape: StageShape, solver: str, *, elastic: bool) -> None:
-        """Lay out the pattern."""
+    def __init__(self, shape: StageShape, solver: str, options: Mapping[str, float], *, elastic: bool) -> None:
+        """Lay out the pattern; ``options`` are the solver's own, by the names that qpsolvers passes on."""
         self.name = f"qpsolvers/{solver}"
-        self._solver = solver
+        self._solver, self._options = solver, options
         self._form = SparseQp.of(shape, elastic=elastic)
         self._point = StageSolution.empty(shape)
 
@@ -47,7 +43,7 @@ class GenericWorkspace:
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # about conversions to dense, which are the solver's own price
-                solution = qpsolvers.solve_problem(problem, self._solver, **OPTIONS.get(self._solver, {}))  # type: ignore[arg-type] # options differ by solver
+                solution = qpsolvers.solve_problem(problem, self._solver, **self._options)  # type: ignore[arg-type] # options differ by solver
         except Exception:  # noqa: BLE001 - eleven solvers leak exceptions of their own; one bad solve must not end a benchmark
             return QpResult(Status.FAILED, self._failed(), 0, updated - started, perf_counter() - updated)
         if solution.x is None:

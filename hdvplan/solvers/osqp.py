@@ -39,6 +39,7 @@ class OsqpWorkspace:
 
     name = "osqp"
     starts_warm = True
+    settings = "eps_rel 0, rho adapted every 50 iterations, warm start"
 
     def __init__(self, shape: StageShape, *, elastic: bool, tolerance: float = TOLERANCE, iterations: int = 10_000) -> None:
         """Lay out the pattern; the first solve sets the solver up."""

@@ -41,9 +41,11 @@ class RiccatiWorkspace:
 
     name = "riccati"
     starts_warm = True
+    settings = "screening, warm active set, interior point"
 
-    def __init__(self, shape: StageShape) -> None:
+    def __init__(self, shape: StageShape, *, tolerance: float = TOLERANCE) -> None:
         """Allocate the factorisation and the iterates."""
+        self._tolerance = tolerance
         self._point = StageSolution.empty(shape)
         self._work, self._weights, self._steps = recursion_of(shape), weights_of(shape), steps_of(shape)
         self._inequality = inequalities(shape)
@@ -68,7 +70,19 @@ class RiccatiWorkspace:
         code, more = _screen(stages, rows, bounded, point, row_point, self._work)
         binding = code == _BINDING
         if binding:
-            screened = (stages, rows, bounded, point, row_point, self._weights, self._work, self._steps, self._member, self._pairs)
+            screened = (
+                stages,
+                rows,
+                bounded,
+                point,
+                row_point,
+                self._weights,
+                self._work,
+                self._steps,
+                self._member,
+                self._pairs,
+                self._tolerance,
+            )
             loading += self._load(_solve, *screened)
             code, more = _solve(*screened)
         spent, solving = spent + more, perf_counter() - checked - loading
@@ -104,7 +118,7 @@ def _screen(stages: Records, rows: Records, bounded: IntArray, points: Records, 
 @compiled
 def _solve(
     stages: Records, rows: Records, bounded: IntArray, points: Records, row_points: Records, weights: Records, work: Records,
-    steps: Records, member: BoolArray, pairs: Records,
+    steps: Records, member: BoolArray, pairs: Records, tolerance: float,
 ) -> tuple[int, int]:  # fmt: skip
     """Solve a screened program; return the place of its status in ``_STATUS`` and the number of factorisations."""
     last, n, m = stages.size - 1, stages[0].c.size, stages[0].r.size
@@ -132,7 +146,7 @@ def _solve(
                 total += tail_P[j, k] * points[end].x[k]
             last_step.gradient_x[j] = total
         mean, error = weigh(rows, bounded, points, chosen, weights)
-        if error < TOLERANCE and np.isfinite(mean):
+        if error < tolerance and np.isfinite(mean):
             publish(chosen, points, row_points)
             adjoint(stages, rows, bounded, points, row_points)
             balanced = imbalance(stages, points) < _BALANCED
@@ -152,7 +166,7 @@ def _solve(
             length = newton_step(stages, rows, bounded, chosen, weights, work, steps, end, target, phase == 1)
             if phase == 0:
                 ahead = mean_after(chosen, length)
-                target = max(mean * (ahead / mean) ** 3, 0.01 * TOLERANCE)  # no pair may run far ahead of the others
+                target = max(mean * (ahead / mean) ** 3, 0.01 * tolerance)  # no pair may run far ahead of the others
         length = min(1.0, 0.995 * length)
         move(chosen, length)
         for i in range(end):  # states are computed again: the rounding of iterates far away must not stay
