@@ -12,7 +12,8 @@ from functools import cache
 from importlib import metadata
 from pathlib import Path
 
-from hdvplan import __version__
+from hdvplan import __version__, plugins
+from hdvplan.planning.objective_names import OBJECTIVE_NAMES
 
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "RAYON_NUM_THREADS", "NUMBA_NUM_THREADS")
 _PACKAGES = ("numpy", "scipy", "numba", "pandas", "piqp", "clarabel", "osqp", "qpsolvers", "casadi")
@@ -45,13 +46,16 @@ def load_average() -> list[float] | None:
 
 
 @cache
-def software(solvers: tuple[str, ...]) -> dict[str, object]:
-    """Return hdvplan's version and a digest of its source, and the versions of the libraries that ``solvers`` use."""
+def software(solvers: tuple[str, ...], objectives: tuple[str, ...] = ()) -> dict[str, object]:
+    """Return hdvplan's version and a digest of its source, and the versions of the libraries that ``solvers`` use.
+
+    What users brought, a solver or an objective, has its package's version, or its file's digest.
+    """
     digest = hashlib.sha256()
     for source in sorted(_PACKAGE.rglob("*.py")):
         digest.update(source.relative_to(_PACKAGE).as_posix().encode())
         digest.update(source.read_bytes())
-    return {"hdvplan": __version__, "source": digest.hexdigest()[:16], "packages": _versions(solvers)}
+    return {"hdvplan": __version__, "source": digest.hexdigest()[:16], "packages": _versions(solvers, objectives)}
 
 
 @cache
@@ -69,10 +73,11 @@ def _git(git: str, *arguments: str) -> str | None:
     return ended.stdout.strip() if ended.returncode == 0 else None
 
 
-def _versions(solvers: tuple[str, ...]) -> dict[str, str]:
-    from hdvplan.solvers.registry import solver_infos  # noqa: PLC0415 - imports NumPy, which use_one_thread must precede
+def _versions(solvers: tuple[str, ...], objectives: tuple[str, ...]) -> dict[str, str]:
+    from hdvplan.solvers.registry import DEFAULT, known_version  # noqa: PLC0415 - imports NumPy, which use_one_thread must precede
 
-    versions = {info.name: info.version for info in solver_infos() if info.name in solvers and info.name.startswith("qpsolvers/")}
+    versions = {name: known_version(name) for name in solvers if name not in {DEFAULT, *_PACKAGES}}
+    versions |= {name: plugins.version_of(plugins.OBJECTIVE, name) for name in objectives if name not in OBJECTIVE_NAMES}
     for name in _PACKAGES:
         try:
             versions[name] = metadata.version(name)

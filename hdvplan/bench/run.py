@@ -54,7 +54,7 @@ def run(
     try:
         for number, (part, index, judged) in enumerate(order):
             case = cases[index]
-            make = makers[case.solver]
+            make = makers[case.solver_name]
             limited = case.road.limits is not None
             if (case.vehicle, case.solver, limited) not in warm:
                 warm_up(case.vehicle, objective_named(case.objective), make, case.settings, limited=limited)

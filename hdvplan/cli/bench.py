@@ -24,7 +24,13 @@ if TYPE_CHECKING:
 
 def bench(
     solvers: Annotated[
-        str | None, typer.Option("--solvers", metavar="A,B", help="Names from `hdvplan solvers`.", autocompletion=completion.solver_list)
+        str | None,
+        typer.Option(
+            "--solvers",
+            metavar="A,B",
+            help="Names from `hdvplan solvers`, or your own: file.py:Class.",
+            autocompletion=completion.solver_list,
+        ),
     ] = None,
     vehicles: Annotated[
         str | None, typer.Option("--vehicles", metavar="A,B", help="Presets or vehicle files.", autocompletion=completion.vehicle_list)
@@ -35,7 +41,7 @@ def bench(
     ] = None,
     schemes: Annotated[str | None, typer.Option("--schemes", metavar="rti,sqp", help="How often a step linearises and solves.")] = None,
     objective: Annotated[
-        str | None, typer.Option("--objective", metavar="NAME", help="What all plans centre [default: geometric].")
+        str | None, typer.Option("--objective", metavar="NAME", help="What all plans centre, as in `plan` [default: geometric].")
     ] = None,
     rounds: Annotated[int | None, typer.Option("--rounds", metavar="N", help="Drives of every cell.")] = None,
     budget: Annotated[float | None, typer.Option("--budget", metavar="S", help="Most planning time of one drive [s].")] = None,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hdvplan.cli.console import ExitCode, print_json, print_tables
 from hdvplan.cli.options import JsonOption
 
-_CAPTION = "n: native workspace; w: starts warm; i: detects infeasibility; version -: not installed"
+_CAPTION = "n: native workspace; w: starts warm; i: detects infeasibility; ?: not known before it is loaded; version -: not installed"
 
 
 def solvers(json: JsonOption = False) -> int:
@@ -24,7 +24,7 @@ def solvers(json: JsonOption = False) -> int:
             f"{info.name} (default)" if info.name == DEFAULT else info.name,
             info.version or "-",
             " ".join(
-                letter if supported else "-"
+                "?" if supported is None else letter if supported else "-"
                 for letter, supported in (("n", info.native), ("w", info.warm_start), ("i", info.detects_infeasible))
             ),
             info.note,

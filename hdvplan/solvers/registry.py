@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import import_module, metadata
 from importlib.util import find_spec
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
+from hdvplan import plugins
 from hdvplan.errors import SolverError, did_you_mean
 
 if TYPE_CHECKING:  # names are listed and refused without loading the QP's kernels
     from hdvplan.qp.program import StageShape
     from hdvplan.qp.workspace import QpWorkspace, WorkspaceMaker
 
+SolverClass = Callable[..., "QpWorkspace"]  # called with a shape, and with ``elastic`` and ``tolerance`` where it has them
 DEFAULT = "riccati"
 _THROUGH = "qpsolvers/"
 
@@ -26,8 +28,8 @@ class SolverInfo:
     name: str
     version: str | None  # None: not installed
     native: bool  # a workspace kept and updated in place, not rebuilt for every step
-    warm_start: bool  # as used here
-    detects_infeasible: bool
+    warm_start: bool | None  # as used here; None: nothing is said before it is loaded
+    detects_infeasible: bool | None
     note: str = ""
 
 
@@ -79,63 +81,93 @@ _GENERIC = {
 
 
 def solver_infos() -> list[SolverInfo]:
-    """Return every solver that hdvplan knows, installed or not; the default first."""
+    """Return every solver that hdvplan knows, installed or not, the default first, and those that installed packages offer."""
     native = [
         SolverInfo(name, _version(row.distribution), True, row.warm_start, row.detects_infeasible, row.note)
         for name, row in _NATIVE.items()
     ]
     generic = [SolverInfo(_THROUGH + name, _version(row.distribution), False, False, True, row.note) for name, row in _GENERIC.items()]
-    return native + generic
+    offered = [
+        SolverInfo(name, point.dist.version if point.dist else "?", True, None, None, f"offered by {point.value}")
+        for name, point in plugins.offers(plugins.SOLVER).items()
+        if name not in _NATIVE
+    ]
+    return native + generic + offered
 
 
 @dataclass(frozen=True)
-class NamedSolver:
-    """What makes workspaces of the solver called ``name``: a value that pickles, and is called with the programs' shape."""
+class SolverMaker:
+    """What makes workspaces of one solver: a value that pickles where the solver does, and is called with the programs' shape."""
 
-    name: str
+    solver: str | SolverClass
     tolerance: float | None = None  # None: the solver's own
+
+    @property
+    def name(self) -> str:
+        """What records call the solver."""
+        name = plugins.name_of(self.solver)
+        return name if self.tolerance is None else f"{name}(tolerance={self.tolerance:g})"
 
     def __call__(self, shape: StageShape) -> QpWorkspace:
         """Return a workspace for programs of ``shape``."""
-        return self._maker()(shape)
+        return self.loaded()(shape)
 
-    def _maker(self) -> WorkspaceMaker:
-        make, wanted = _maker(self.name), {} if self.tolerance is None else {"tolerance": self.tolerance}
-        parameters = inspect.signature(make).parameters
+    def loaded(self) -> WorkspaceMaker:
+        """Return the same as a function whose library is loaded.
+
+        Raises:
+            SolverError: not installed, cannot be loaded, or without a tolerance that could be set.
+
+        """
+        make, wanted = _class(self.solver), {} if self.tolerance is None else {"tolerance": self.tolerance}
+        parameters = _parameters(make)
         if wanted and "tolerance" not in parameters:
             msg = f"solver {self.name!r} has no tolerance that could be set"
             raise SolverError(msg)
         if "elastic" not in parameters:
-            return lambda shape: make(shape, **wanted)
+            return lambda shape: self._guarded(make, shape, wanted)
         from hdvplan.solvers.elastic import hard_first  # noqa: PLC0415 - loads the QP's kernels
 
-        return hard_first(lambda shape, elastic: make(shape, elastic=elastic, **wanted))
+        return hard_first(lambda shape, elastic: self._guarded(make, shape, {**wanted, "elastic": elastic}))
+
+    def _guarded(self, make: SolverClass, shape: StageShape, given: Mapping[str, object]) -> QpWorkspace:
+        if isinstance(self.solver, str) and self.solver in _ours():
+            return make(shape, **given)
+        from hdvplan.solvers.foreign import ForeignWorkspace  # noqa: PLC0415 - loads the QP's kernels
+
+        return ForeignWorkspace(self.name, lambda: make(shape, **given), shape)
 
 
-def solver_named(name: str, tolerance: float | None = None) -> NamedSolver:
-    """Return what makes a workspace of the solver called ``name``, and load it.
+def solver_named(solver: str | SolverClass, tolerance: float | None = None) -> SolverMaker:
+    """Return what makes workspaces of a solver, and load it.
 
-    ``tolerance`` is the one that the class names so: absolute, and measured by each solver in its own way. A class with a parameter
-    ``elastic`` makes programs with hard rows first (``hdvplan.solvers.elastic``).
+    ``solver`` is a name of ``solver_infos``, ``package.module:Class``, ``file.py:Class``, or a class: called with the programs' shape, and
+    with ``elastic`` and ``tolerance`` where it has parameters of these names. One with ``elastic`` makes programs with hard rows first
+    (``hdvplan.solvers.elastic``). ``tolerance`` is absolute, and each solver measures it in its own way.
 
     Raises:
-        SolverError: unknown, not installed, or without a tolerance that could be set.
+        SolverError: unknown, not installed, cannot be loaded, or without a tolerance that could be set.
 
     """
-    check_solver(name)
-    solver = NamedSolver(name, tolerance)
-    solver._maker()  # noqa: SLF001 - an error now is better than one in the first plan
-    return solver
+    maker = solver if isinstance(solver, SolverMaker) else SolverMaker(solver)
+    maker = maker if tolerance is None else replace(maker, tolerance=tolerance)
+    if isinstance(maker.solver, str):
+        check_solver(maker.solver)
+    maker.loaded()  # an error now is better than one in the first plan
+    return maker
 
 
 def check_solver(name: str) -> None:
-    """Refuse what ``solver_named`` would, without loading anything.
+    """Refuse what ``solver_named`` would; of what is not the user's own nothing is loaded.
 
     Raises:
-        SolverError: unknown, or not installed.
+        SolverError: unknown, not installed, or cannot be loaded.
 
     """
     row = _row(name)
+    if row is None:
+        _class(name)
+        return
     module = row.module if isinstance(row, _Generic) else row.distribution
     if find_spec(module) is None:
         msg = f"solver {name!r} is not installed"
@@ -143,39 +175,57 @@ def check_solver(name: str) -> None:
 
 
 def tolerance_of(name: str) -> float | None:
-    """Return the absolute tolerance that the solver called ``name`` is run with; None for its own default.
+    """Return the absolute tolerance that the solver called ``name`` is run with; None for its own default, or where it has none.
 
     Each solver measures it in its own way: equal numbers are not equal accuracies.
     """
     row = _row(name)
     if isinstance(row, _Generic):
         return row.tolerance
-    parameter = inspect.signature(_maker(name)).parameters.get("tolerance")
-    return None if parameter is None else float(parameter.default)
+    parameter = _parameters(_class(name)).get("tolerance")
+    return None if parameter is None or parameter.default is parameter.empty else float(parameter.default)
+
+
+def version_of(name: str) -> str | None:
+    """Return the version of the solver called ``name``, of a file its content's digest; None where it is not installed or has none."""
+    row = _row(name)
+    return plugins.version_of(plugins.SOLVER, name) if row is None else _version(row.distribution)
+
+
+def known_version(name: str) -> str | None:
+    """Return ``version_of``, and None for a name that means nothing here: a record may be of another machine's solver, or of an object."""
+    try:
+        return version_of(name)
+    except SolverError:
+        return None
 
 
 def settings_of(name: str, tolerance: float | None = None) -> str:
     """Return version and settings of the solver called ``name`` for the foot of a table: what a reader needs to run it alike."""
     row, used = _row(name), tolerance_of(name) if tolerance is None else tolerance
-    said = [f"{name} {_version(row.distribution) or 'not installed'}"]
+    said = [f"{name} {version_of(name) or ''}".rstrip()]
     if isinstance(row, _Generic):
         said += [] if used is None else [f"{option} {used:g}" for option in row.accuracy]
         said += [f"{option} {value:g}" for option, value in row.options.items()] or ([] if used is not None else ["defaults"])
     else:
         said += [] if used is None else [f"tolerance {used:g}"]
-        said += [settings] if (settings := getattr(_maker(name), "settings", "")) else []
+        said += [str(settings)] if (settings := getattr(_class(name), "settings", "")) else []
     return ", ".join(said)
 
 
-def _row(name: str) -> _Native | _Generic:
-    """Return what is known of a solver.
+def _ours() -> set[str]:
+    return {*_NATIVE, *(_THROUGH + name for name in _GENERIC)}
+
+
+def _row(name: str) -> _Native | _Generic | None:
+    """Return what is known of a solver; None of one that a reference or an installed package's offer names.
 
     Raises:
-        SolverError: nothing.
+        SolverError: it is neither.
 
     """
     row = _GENERIC.get(name.removeprefix(_THROUGH)) if name.startswith(_THROUGH) else _NATIVE.get(name)
-    if row is not None:
+    if row is not None or plugins.is_reference(name) or name in plugins.offers(plugins.SOLVER):
         return row
     msg = f"unknown solver {name!r}"
     if name.startswith(_THROUGH):
@@ -184,23 +234,34 @@ def _row(name: str) -> _Native | _Generic:
     raise SolverError(msg, hint=did_you_mean(name, known, f"solvers: {', '.join(known)}"))
 
 
-def _maker(name: str) -> Callable[..., QpWorkspace]:
+def _class(solver: str | SolverClass) -> SolverClass:
     """Return the class of a solver, loaded now."""
-    row = _row(name)
+    if not isinstance(solver, str):
+        return solver
+    row = _row(solver)
+    if row is None:
+        return cast("SolverClass", plugins.load(plugins.SOLVER, solver))
     if isinstance(row, _Native):
         module, _, workspace = row.home.partition(":")
-        make: Callable[..., QpWorkspace] = getattr(import_module(module), workspace)
-        return make
+        return cast("SolverClass", getattr(import_module(module), workspace))
     from hdvplan.solvers.generic import GenericWorkspace  # noqa: PLC0415 - qpsolvers imports every solver it finds
 
     def generic(shape: StageShape, *, elastic: bool, tolerance: float | None = row.tolerance) -> QpWorkspace:
         accuracy = {} if tolerance is None else dict.fromkeys(row.accuracy, tolerance)
-        return GenericWorkspace(shape, name.removeprefix(_THROUGH), {**accuracy, **row.options}, elastic=elastic)
+        return GenericWorkspace(shape, solver.removeprefix(_THROUGH), {**accuracy, **row.options}, elastic=elastic)
 
     def exact(shape: StageShape, *, elastic: bool) -> QpWorkspace:
         return generic(shape, elastic=elastic)
 
     return generic if row.accuracy else exact
+
+
+def _parameters(make: SolverClass) -> Mapping[str, inspect.Parameter]:
+    """Return the parameters of a solver's class; none where it does not tell them."""
+    try:
+        return inspect.signature(make).parameters
+    except (TypeError, ValueError):
+        return {}
 
 
 def _version(distribution: str) -> str | None:
