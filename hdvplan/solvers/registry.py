@@ -60,6 +60,9 @@ _NATIVE = {
     "riccati": _Native("hdvplan.solvers.riccati:RiccatiWorkspace", "hdvplan", True, False, "active set and interior point; our own"),
     "piqp": _Native("hdvplan.solvers.piqp:PiqpWorkspace", "piqp", False, True, "proximal interior point, sparse"),
     "clarabel": _Native("hdvplan.solvers.clarabel:ClarabelWorkspace", "clarabel", False, True, "interior point, sparse"),
+    "hpipm": _Native(
+        "hdvplan.solvers.hpipm:HpipmWorkspace", "casadi", False, False, "interior point with OCP structure; in CasADi's wheel"
+    ),
     "osqp": _Native("hdvplan.solvers.osqp:OsqpWorkspace", "osqp", True, True, "operator splitting, sparse"),
 }
 
