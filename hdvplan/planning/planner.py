@@ -136,7 +136,10 @@ class Planner:
             if not iterating or moved < settings.sqp_tolerance or stalled:
                 break
         if not usable and by is None and qp_count == 1:
-            msg = f"the first plan could not be solved: {self._workspace.name} says {result.status}, primal residual {judged.primal:.2g}"
+            why = f" ({result.reason})" if result.reason else ""
+            msg = (
+                f"the first plan could not be solved: {self._workspace.name} says {result.status}{why}, primal residual {judged.primal:.2g}"
+            )
             raise SolverError(msg, status=str(result.status), hint="try another --solver")
         self._last = first
         z, kappa = motion.z.copy(), motion.kappa.copy()

@@ -54,6 +54,7 @@ class _Generic:
     accuracy: tuple[str, ...] = ()
     tolerance: float | None = None  # None: the solver's own default
     options: Mapping[str, float] = field(default_factory=dict)
+    fitting: Mapping[str, bool | float] = field(default_factory=dict)  # of ``hdvplan.solvers.generic.Fitting``
 
 
 _NATIVE = {
@@ -63,22 +64,40 @@ _NATIVE = {
     "hpipm": _Native(
         "hdvplan.solvers.hpipm:HpipmWorkspace", "casadi", False, False, "interior point with OCP structure; in CasADi's wheel"
     ),
+    "daqp": _Native("hdvplan.solvers.daqp:DaqpWorkspace", "daqp", False, True, "dual active set, dense, states eliminated"),
     "osqp": _Native("hdvplan.solvers.osqp:OsqpWorkspace", "osqp", True, True, "operator splitting, sparse"),
+    "proxqp": _Native("hdvplan.solvers.proxqp:ProxqpWorkspace", "proxsuite", True, True, "augmented Lagrangian, sparse"),
 }
 
 # The solvers of qpsolvers that users may have; whichever is installed is offered. The tolerances bring each one to the same accuracy in
 # metres, as ``path difference`` of a bench shows.
 _GENERIC = {
     "clarabel": _Generic("clarabel", "clarabel", "interior point", ("tol_feas", "tol_gap_abs")),
-    "cvxopt": _Generic("cvxopt", "cvxopt", "interior point", ("feastol", "abstol")),
+    "cvxopt": _Generic("cvxopt", "cvxopt", "interior point", ("feastol", "abstol"), None, {}, {"bounds_as_rows": True}),
     "daqp": _Generic("daqp", "daqp", "dual active set, dense", ("primal_tol",)),
-    "ecos": _Generic("ecos", "ecos", "interior point; refuses absent bounds", ("feastol", "abstol")),
+    "ecos": _Generic(
+        "ecos",
+        "ecos",
+        "interior point, as a cone program",
+        ("feastol", "abstol"),
+        None,
+        {},
+        {"dense": True, "bounds_as_rows": True, "ridge": 1e-9},
+    ),
     "highs": _Generic("highspy", "highspy", "active set", ("primal_feasibility_tolerance", "dual_feasibility_tolerance")),
     "osqp": _Generic("osqp", "osqp", "operator splitting", ("eps_abs",), 1e-5, {"eps_rel": 0.0, "max_iter": 20_000}),
     "piqp": _Generic("piqp", "piqp", "proximal interior point", ("eps_abs", "eps_duality_gap_abs")),
     "proxqp": _Generic("proxsuite", "proxsuite", "augmented Lagrangian", ("eps_abs",), 1e-6, {"eps_rel": 0.0}),
     "qpalm": _Generic("qpalm", "qpalm", "augmented Lagrangian", ("eps_abs",), 1e-6, {"eps_rel": 0.0}),
-    "quadprog": _Generic("quadprog", "quadprog", "dual active set; dense matrices only"),
+    "jaxopt_osqp": _Generic(
+        "jaxopt", "jaxopt", "operator splitting in JAX", ("tol",), 1e-5, {"maxiter": 20_000}, {"dense": True, "double": True}
+    ),
+    "qpax": _Generic(
+        "qpax", "qpax", "interior point in JAX", ("solver_tol",), 1e-6, {}, {"dense": True, "bounds_as_rows": True, "double": True}
+    ),
+    "quadprog": _Generic(
+        "quadprog", "quadprog", "dual active set, dense", (), None, {}, {"dense": True, "bounds_as_rows": True, "ridge": 1e-8}
+    ),
     "scs": _Generic("scs", "scs", "operator splitting, as a cone program", ("eps_abs",), 1e-6, {"eps_rel": 0.0, "max_iters": 50_000}),
 }
 
@@ -210,6 +229,7 @@ def settings_of(name: str, tolerance: float | None = None) -> str:
     if isinstance(row, _Generic):
         said += [] if used is None else [f"{option} {used:g}" for option in row.accuracy]
         said += [f"{option} {value:g}" for option, value in row.options.items()] or ([] if used is not None else ["defaults"])
+        said += [what.replace("_", " ") if value is True else f"{what} {value:g}" for what, value in row.fitting.items()]
     else:
         said += [] if used is None else [f"tolerance {used:g}"]
         said += [str(settings)] if (settings := getattr(_class(name), "settings", "")) else []
@@ -247,11 +267,13 @@ def _class(solver: str | SolverClass) -> SolverClass:
     if isinstance(row, _Native):
         module, _, workspace = row.home.partition(":")
         return cast("SolverClass", getattr(import_module(module), workspace))
-    from hdvplan.solvers.generic import GenericWorkspace  # noqa: PLC0415 - qpsolvers imports every solver it finds
+    from hdvplan.solvers.generic import Fitting, GenericWorkspace  # noqa: PLC0415 - qpsolvers imports every solver it finds
+
+    fitting = Fitting(**row.fitting)  # type: ignore[arg-type] # its fields by their names
 
     def generic(shape: StageShape, *, elastic: bool, tolerance: float | None = row.tolerance) -> QpWorkspace:
         accuracy = {} if tolerance is None else dict.fromkeys(row.accuracy, tolerance)
-        return GenericWorkspace(shape, solver.removeprefix(_THROUGH), {**accuracy, **row.options}, elastic=elastic)
+        return GenericWorkspace(shape, solver.removeprefix(_THROUGH), {**accuracy, **row.options}, fitting, elastic=elastic)
 
     def exact(shape: StageShape, *, elastic: bool) -> QpWorkspace:
         return generic(shape, elastic=elastic)

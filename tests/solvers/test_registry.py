@@ -68,7 +68,11 @@ def test_listing_solvers_loads_none_of_them() -> None:
     assert done.stdout.strip() == "[]"
 
 
-@pytest.mark.parametrize("name", [info.name for info in solver_infos() if info.version is not None and tolerance_of(info.name)])
+_UNABLE = {"daqp", "qpsolvers/qpax", "qpsolvers/jaxopt_osqp"}  # an active set is exact; JAX compiles for seconds, and tells no iterations
+_TUNED = [info.name for info in solver_infos() if info.version is not None and info.name not in _UNABLE and tolerance_of(info.name)]
+
+
+@pytest.mark.parametrize("name", _TUNED)
 def test_a_looser_tolerance_takes_fewer_iterations_and_leaves_more(name: str) -> None:
     qp = random_program(shape(), 1, tightness=0.2)
     usual, loose = (solver_named(name, tolerance)(shape()).solve(qp, None) for tolerance in (None, 1e-2))
