@@ -85,7 +85,8 @@ class _Recorder:
         """Solve ``qp``; see ``QpWorkspace``."""
         if self._most is not None and len(self.found) >= self._most:
             raise _EnoughError
-        asked, known = StageQp(qp.shape, qp.buffer.copy()), None if guess is None else copied(guess)
+        cold = guess is None or not any(np.any(part) for part in guess.numbers)  # the planner's memory before its first plan
+        asked, known = StageQp(qp.shape, qp.buffer.copy()), None if guess is None or cold else copied(guess)
         result = self._own.solve(qp, guess)
         self.found.append(Recorded(asked, known, copied(result.point), self.first, self.number, self._limited))
         self.number += 1

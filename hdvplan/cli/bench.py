@@ -74,6 +74,14 @@ def bench(
     counters: Annotated[
         Path | None, typer.Option("--counters", metavar="FILE.csv", help="Hold iterations, sizes and envelopes to a committed baseline.")
     ] = None,
+    export_qps: Annotated[
+        Path | None,
+        typer.Option(
+            "--export-qps",
+            metavar="DIR",
+            help="Time nothing: write the QPs of all drives as a test set for solvers, in qpbenchmark's format.",
+        ),
+    ] = None,
     renew: Annotated[bool, typer.Option("--renew", help="Write FILE.csv of --counters instead.")] = False,
     json: JsonOption = False,
     quiet: QuietOption = False,
@@ -124,6 +132,16 @@ def bench(
     from hdvplan.bench.run import remaining, run
     from hdvplan.bench.timing import LAYOUTS, summary_tables
 
+    if export_qps is not None:
+        from hdvplan.bench.export import export
+
+        try:
+            files = export([case for case in cases_of(wanted) if case.solver == wanted.solvers[0]], export_qps)
+        except OSError as error:
+            msg = f"cannot write to {export_qps}: {error.strerror or error}"
+            raise OptionError(msg, hint="choose another folder") from error
+        note(f"{len(files)} sequences written to {export_qps}/", quiet=quiet)
+        return ExitCode.OK
     if against is not None:
         comparison = _measure_against(against, wanted, rule_of(factor, floor), out, expect_changes, quiet=quiet)
         return show(comparison, rule_of(factor, floor), format_=format_, json=json, quiet=quiet)

@@ -76,7 +76,8 @@ class GenericWorkspace:
             bounds[self._below] -= multipliers[rows + len(self._above) :]
         form.point(v, equality, multipliers[: len(form.h)], bounds, self._point)
         status = Status.SOLVED if solution.found else Status.FAILED
-        return QpResult(status, self._point, _iterations(solution.extras), updated - started, perf_counter() - updated)
+        reason = "" if solution.found else "it does not call its point a solution"
+        return QpResult(status, self._point, _iterations(solution.extras), updated - started, perf_counter() - updated, reason=reason)
 
     def _problem(self) -> qpsolvers.Problem:
         """Return the loaded program in the form that the solver takes."""
