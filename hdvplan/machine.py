@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import os
 import platform
@@ -55,7 +56,38 @@ def software(solvers: tuple[str, ...], objectives: tuple[str, ...] = ()) -> dict
     for source in sorted(_PACKAGE.rglob("*.py")):
         digest.update(source.relative_to(_PACKAGE).as_posix().encode())
         digest.update(source.read_bytes())
-    return {"hdvplan": __version__, "source": digest.hexdigest()[:16], "packages": _versions(solvers, objectives)}
+    return {
+        "hdvplan": __version__,
+        "source": digest.hexdigest()[:16],
+        "planning": planning_code(solvers),
+        "packages": _versions(solvers, objectives),
+    }
+
+
+@cache
+def planning_code(solvers: tuple[str, ...]) -> str:
+    """Return a digest of the code that plans with ``solvers``: of every module that driving and these solvers import, at any remove.
+
+    Comments, docstrings and layout are not in it, nor are readers of road files, reports or the command line: it changes where a table of
+    planning times may.
+    """
+    from hdvplan.solvers.registry import home_of  # noqa: PLC0415 - as below
+
+    found: dict[str, str] = {}
+    ahead = ["hdvplan.driving.drive", *filter(None, map(home_of, solvers))]
+    while ahead:
+        name = ahead.pop()
+        file = _PACKAGE.parent / (name.replace(".", "/") + ".py")
+        if name in found or not file.is_file():
+            continue
+        tree = ast.parse(file.read_bytes())
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("hdvplan."):
+                ahead.append(node.module)
+            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node, clean=False) is not None:
+                node.body = node.body[1:]
+        found[name] = ast.dump(tree)
+    return hashlib.sha256(repr(sorted(found.items())).encode()).hexdigest()[:16]
 
 
 @cache

@@ -222,6 +222,13 @@ def known_version(name: str) -> str | None:
         return None
 
 
+def home_of(name: str) -> str | None:
+    """Return the module of ours that runs the solver called ``name``; None for a name that means nothing here, or another's own module."""
+    if name in _NATIVE:
+        return _NATIVE[name].home.partition(":")[0]
+    return "hdvplan.solvers.generic" if name in _ours() else None
+
+
 def settings_of(name: str, tolerance: float | None = None) -> str:
     """Return version and settings of the solver called ``name`` for the foot of a table: what a reader needs to run it alike."""
     row, used = _row(name), tolerance_of(name) if tolerance is None else tolerance
