@@ -2,28 +2,39 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import pandas as pd
 from rich.table import Table
 from rich.text import Text
 
+from hdvplan.bench.acceptance import DUAL, PRIMAL_M
 from hdvplan.bench.stats import Tables, reference_solver
-from hdvplan.bench.suite import Suite
+from hdvplan.bench.suite import AS_SET, CLASSES, GROUP, Suite
+from hdvplan.bench.verdict import Finding, Load, group_words, how_ranked
 from hdvplan.report.grid import grid
 from hdvplan.report.markdown import markdown_table
-from hdvplan.solvers.registry import tolerance_of
+from hdvplan.solvers.registry import settings_of, tolerance_of
 
-_TEXT = ("road", "vehicle", "scheme", "solver", "status")
+_TEXT = ("road", "vehicle", "scheme", "solver", "limits", "status")
+_ALWAYS = "limits"  # the column that is shown only where a benchmark has classes of them
 _MS, _M, _TINY, _COUNT, _RATIO, _MEAN = "{:.3f}", "{:.3f}", "{:.1e}", "{:.0f}", "{:.2f}", "{:.1f}"
-_WORDS = "{}"
+_WORDS, _PERCENT = "{}", "{:.1%}"
+_LEFT = (*_TEXT, "remark")
+_LATEX = {letter: f"\\{letter}" for letter in "_%&#${}"} | {
+    "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "<": r"$<$", ">": r"$>$",
+}  # fmt: skip
+_RANKED = {"step_ms": ("step", _MS), "median_ms": ("median", _MS), "worst_ms": ("worst", _MS)}
 
 # Of every table the columns that are shown, with heading and format; the CSV files have all.
 LAYOUTS: Mapping[str, Mapping[str, tuple[str, str]]] = {
     "timing": {
         **{name: (name, _WORDS) for name in _TEXT},
+        **_RANKED,
+        "success": ("accepted", _PERCENT),
+        "distance_m": ("off the optimum [m]", _TINY),
         **{f"{name}_ms": (name, _MS) for name in ("mean", "p50", "p95", "p99", "max")},
+        "wall_per_cpu": ("clock/CPU", _RATIO),
         "fastest_mean_ms": ("fastest mean", _MS),
         "fastest_max_ms": ("fastest max", _MS),
         "cold_ms": ("cold", _MS),
@@ -36,6 +47,8 @@ LAYOUTS: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "failures": ("failures", _COUNT),
         "unsolved": ("unsolved", _COUNT),
         "primal_max": ("primal residual [m]", _TINY),
+        "binding_share": ("binding", _PERCENT),
+        "binding_ms": ("mean where binding", _MS),
     },
     "envelope": {
         **{name: (name, _WORDS) for name in _TEXT[:-1]},
@@ -49,7 +62,7 @@ LAYOUTS: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "path_difference_m": ("path difference", _TINY),
     },
     "schemes": {
-        **{name: (name, _WORDS) for name in ("road", "vehicle", "solver")},
+        **{name: (name, _WORDS) for name in ("road", "vehicle", "solver", "limits")},
         "rti_mean_ms": ("RTI mean", _MS),
         "sqp_mean_ms": ("SQP mean", _MS),
         "mean_ratio": ("ratio of means", _RATIO),
@@ -59,15 +72,28 @@ LAYOUTS: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "envelope_difference_m": ("envelopes differ [m]", _TINY),
     },
     "summary": {
-        **{name: (name, _WORDS) for name in ("vehicle", "solver", "scheme")},
+        **{name: (name, _WORDS) for name in ("vehicle", "scheme", "limits", "solver")},
+        "step_ms": ("step", _MS),
+        "ratio": ("x best", _RATIO),
+        "won": ("won", _PERCENT),
+        "success": ("accepted", _PERCENT),
+        "median_ms": ("median", _MS),
+        "worst_ms": ("worst", _MS),
         "mean_ms": ("mean", _MS),
         "p99_ms": ("p99", _MS),
         "max_ms": ("max", _MS),
+        "cold_ms": ("cold", _MS),
+        **{f"{name}_ms": (name, _MS) for name in ("linearise", "update", "solve", "check")},
+        "binding_ms": ("mean where binding", _MS),
+        "wall_per_cpu": ("clock/CPU", _RATIO),
         "iterations_mean": ("iter", _MEAN),
         "failures": ("fail", _COUNT),
+        "distance_m": ("off the optimum [m]", _TINY),
         "path_difference_m": ("path differs [m]", _TINY),
+        "first_reason": ("remark", _WORDS),
     },
 }
+_HEADLINE = ("solver", "step", "x best", "won", "accepted", "median", "worst", "path differs [m]")
 
 
 def captions(suite: Suite, machine: Mapping[str, object], tables: Tables) -> dict[str, str]:
@@ -77,9 +103,13 @@ def captions(suite: Suite, machine: Mapping[str, object], tables: Tables) -> dic
         f"{suite.rounds} round{'s' * (suite.rounds > 1)}, one thread, on {machine['processor']}, {machine['python']}."
     )
     times = (
-        "Milliseconds of one whole planning step. fastest: every step counted with its fastest round; "
+        f"Milliseconds of one whole planning step: linearise the motion, update (gather the QP's values into the solver's own arrays), "
+        f"solve (the solver's own call), check (recompute residuals, take the step). {how_ranked()}. "
+        "mean, percentiles and max: by the clock, all rounds. fastest: every step counted with its fastest round; "
         "cold: a drive's first plan, in no other column. failures: steps whose recomputed primal residual forbids driving them, "
-        "and drives that failed; unsolved: steps whose QP the solver itself does not call solved, usable or not. "
+        "and drives that failed; unsolved: steps whose QP the solver itself does not call solved, usable or not; off the optimum: largest "
+        f"distance of e_y from the reference's optimum of the same QP (accepted: primal residual to {PRIMAL_M:g} m, "
+        f"dual and gap to {DUAL:g} of the largest multiplier). "
         f"{setting} {accuracy(tables.summary)}"
     )
     swept = (
@@ -109,37 +139,50 @@ def accuracy(summary: pd.DataFrame) -> str:
 def shown(table: pd.DataFrame, name: str) -> pd.DataFrame:
     """Return the shown columns of table ``name`` as text under their headings; a dash where there is no value."""
     layout = LAYOUTS[name]
+    plain = _ALWAYS in table and (table[_ALWAYS] == AS_SET).all()
     columns = {
-        heading: ["-" if pd.isna(value) else form.format(value) for value in table[column]] for column, (heading, form) in layout.items()
+        heading: ["-" if pd.isna(value) or value == "" else form.format(value) for value in table[column]]
+        for column, (heading, form) in layout.items()
+        if not (plain and column == _ALWAYS)
     }
     return pd.DataFrame(columns, dtype=str)
 
 
-def markdown(table: pd.DataFrame, name: str, caption: str) -> str:
-    """Return a table with its caption above as Markdown."""
-    return f"{caption}\n\n{markdown_table(shown(table, name), text=_TEXT)}\n"
+def markdown(table: pd.DataFrame, name: str, caption: str, foot: Sequence[str]) -> str:
+    """Return a table as Markdown, with its caption above and its foot below."""
+    below = "".join(f"- {line}\n" for line in foot)
+    return f"{caption}\n\n{markdown_table(shown(table, name), text=_LEFT)}\n" + (f"\n{below}" if below else "")
 
 
-def latex(table: pd.DataFrame, name: str, caption: str) -> str:
-    """Return a table as a LaTeX ``table`` in the style of booktabs."""
+def latex(table: pd.DataFrame, name: str, caption: str, foot: Sequence[str]) -> str:
+    """Return a table as a LaTeX ``table`` in the style of booktabs, its foot in small print."""
     text = shown(table, name)
-    sides = "".join("l" if column in _TEXT else "r" for column in text.columns)
-    label = f"tab:hdvplan-{name}"
-    return text.to_latex(index=False, escape=True, column_format=sides, caption=_escaped(caption), label=label)
+    sides = "".join("l" if column in _LEFT else "r" for column in text.columns)
+    made = text.to_latex(index=False, escape=True, column_format=sides, caption=_escaped(caption), label=f"tab:hdvplan-{name}")
+    below = "".join(f"\\par\\footnotesize {_escaped(line)}\n" for line in foot)
+    return made.replace("\\end{table}", f"{below}\\end{{table}}")
+
+
+def foot_of(solvers: Sequence[str], tolerances: Mapping[str, float | None], findings: Sequence[Finding], load: Load) -> list[str]:
+    """Return what stands below every table: verdicts, what disturbed the machine, and each solver's version and settings."""
+    told = [finding.text for finding in findings]
+    return [*([load.warning] if load.warning else []), *told, *(settings_of(solver, tolerances.get(solver)) for solver in solvers)]
 
 
 def summary_tables(tables: Mapping[str, pd.DataFrame]) -> list[Table]:
-    """Return the headline for the terminal: per vehicle all roads together, then RTI against SQP where both were run."""
+    """Return the headline for the terminal: per vehicle, scheme and class of limits, then RTI against SQP where both were run."""
     summary, schemes = tables["summary"], tables["schemes"]
     found = []
-    for vehicle, mine in summary.groupby("vehicle", sort=False):
-        text = shown(mine, "summary").drop(columns="vehicle")
+    for key, mine in summary.groupby(GROUP, sort=False):
+        text = shown(mine, "summary")[list(_HEADLINE)]
+        for column in ("won", "accepted"):
+            text[column] = text[column].str.replace(".0%", "%")
         ended = int((mine["cells"] - mine["cells_ok"]).sum())
         caption = f"{ended} of {int(mine['cells'].sum())} cells are not ok; timing.csv says why." if ended else None
-        title = f"{vehicle}: one planning step [ms], all roads together"
-        found.append(grid(title, list(text.columns), text.itertuples(index=False, name=None), text=_TEXT, caption=caption))
+        title = f"{group_words(*map(str, key))}: one planning step [ms], all roads together"
+        found.append(grid(title, list(text.columns), text.itertuples(index=False, name=None), text=_LEFT, caption=caption))
     if len(schemes):
-        pooled = schemes.groupby(["vehicle", "solver"], sort=False, as_index=False).agg(
+        pooled = schemes.groupby(["vehicle", "solver", "limits"], sort=False, as_index=False).agg(
             mean=("mean_ratio", "mean"), most=("max_ratio", "max"), differ=("envelope_difference_m", "max")
         )
         rows = [
@@ -153,6 +196,8 @@ def summary_tables(tables: Mapping[str, pd.DataFrame]) -> list[Table]:
 
 
 def _limits(suite: Suite) -> str:
+    if suite.classes:
+        return "classes of limits: " + "; ".join(f"{name}: {CLASSES[name]}" for name in suite.classes)
     if not suite.limits:
         return "no limits"
     place = f"{suite.slack:g} m beyond the geometric half width" if suite.half_width is None else f"at +-{suite.half_width:g} m"
@@ -165,5 +210,5 @@ def _tolerance(solver: str) -> str:
 
 
 def _escaped(caption: str) -> str:
-    """Return a caption for LaTeX; pandas escapes cells and headings, but no captions."""
-    return re.sub(r"([_%&#$])", r"\\\1", caption)
+    """Return text for LaTeX; pandas escapes cells and headings, but no captions."""
+    return "".join(_LATEX.get(letter, letter) for letter in caption)

@@ -10,7 +10,7 @@ import typer
 from hdvplan.cli import completion
 from hdvplan.cli.compare import FORMATS, ExpectChangesOption, FactorOption, FloorOption, FormatOption, rule_of, show
 from hdvplan.cli.compiling import note_compiling
-from hdvplan.cli.console import ExitCode, note, print_json, print_tables, progress
+from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, warn
 from hdvplan.cli.options import JsonOption, QuietOption, choice
 from hdvplan.errors import OptionError
 
@@ -53,6 +53,28 @@ def bench(
     pinch: Annotated[
         float | None, typer.Option("--pinch", metavar="M", help="Move the outer limit of the tightest bend inwards over 6 m of road [m].")
     ] = None,
+    classes: Annotated[
+        str | None,
+        typer.Option("--classes", metavar="A,B", help="Classes of limits side by side: off, inactive, binding, unkeepable."),
+    ] = None,
+    accuracy: Annotated[
+        float | None, typer.Option("--accuracy", metavar="M", help="Give every solver the loosest tolerance that meets this [m].")
+    ] = None,
+    sample: Annotated[
+        int | None, typer.Option("--sample", metavar="N", help="Solve N recorded QPs of every drive instead of driving.")
+    ] = None,
+    step_limit: Annotated[
+        float | None, typer.Option("--step-limit", metavar="S", help="Longest planning step; a cell with a longer one is ended [s].")
+    ] = None,
+    cell_limit: Annotated[
+        float | None, typer.Option("--cell-limit", metavar="S", help="Longest drive with its second opinion; a longer one is ended [s].")
+    ] = None,
+    memory_limit: Annotated[
+        float | None, typer.Option("--memory-limit", metavar="GB", help="Most memory of the measuring process, where the system can.")
+    ] = None,
+    in_process: Annotated[
+        bool, typer.Option("--in-process", help="Measure in this process: no limits but --budget, and a crash ends the run.")
+    ] = False,
     horizon: Annotated[float | None, typer.Option("--horizon", metavar="M", help="How far each plan looks ahead [m].")] = None,
     step: Annotated[float | None, typer.Option("--step", metavar="M", help="Distance between stations [m].")] = None,
     replan: Annotated[float | None, typer.Option("--replan", metavar="M", help="Distance driven before the next plan [m].")] = None,
@@ -117,7 +139,8 @@ def bench(
         "roads": _names(roads), "vehicles": _names(vehicles), "schemes": _names(schemes), "solvers": _names(solvers),
         "objective": objective, "rounds": rounds,
         "budget": budget, "limits": False if no_limits else None, "half_width": half_width, "slack": slack, "pinch": pinch,
-        "horizon": horizon, "step": step, "replan": replan,
+        "horizon": horizon, "step": step, "replan": replan, "classes": _names(classes), "accuracy": accuracy, "sample": sample,
+        "step_limit": step_limit, "cell_limit": cell_limit, "memory_limit": memory_limit,
     }  # fmt: skip
     entries = read_suite(suite) if suite else {}
     if against is not None:
@@ -128,7 +151,7 @@ def bench(
     for name in wanted.solvers:
         check_solver(name)  # what is wrong with names is said before more is loaded
     from hdvplan.bench.courses import cases_of
-    from hdvplan.bench.directory import begin, discard, finish, read_table, recorded
+    from hdvplan.bench.directory import begin, discard, finish, read_record, read_table, recorded
     from hdvplan.bench.run import remaining, run
     from hdvplan.bench.timing import LAYOUTS, summary_tables
 
@@ -156,7 +179,7 @@ def bench(
                 discard(out)
             begin(wanted, cases, out, record, one_thread=one_thread)
             with progress("measuring", quiet=quiet, undisturbed=True) as on_progress:
-                run(wanted, cases, makers, out, on_progress)
+                run(wanted, cases, makers, out, on_progress, in_process=in_process)
             finish(wanted, out)
         except OSError as error:
             msg = f"cannot write to {out}: {error.strerror or error}"
@@ -167,11 +190,16 @@ def bench(
             raise
     if counters is not None:
         return _hold_to(counters, out, renew, format_=format_, json=json, quiet=quiet)
-    tables = {name: read_table(out, name) for name in LAYOUTS}
+    tables, told = {name: read_table(out, name) for name in LAYOUTS}, read_record(out)
     if json:
-        print_json({"out": str(out)} | {name: _rows(tables[name]) for name in LAYOUTS})
+        head = {"out": str(out), "verdict": told["verdict"], "load": told["load"]}
+        print_json(head | {name: _rows(tables[name]) for name in LAYOUTS})
     elif not quiet:
         print_tables(*summary_tables(tables))
+        for finding in told["verdict"]:
+            print_line(finding["text"])
+        if told["load"]["warning"]:
+            warn(told["load"]["warning"])
         note(f"written to {out}/")
     return ExitCode.OK
 

@@ -7,7 +7,7 @@ an RTI plan that would break a limit gets a few QPs more: neither happens on a r
 from __future__ import annotations
 
 from dataclasses import dataclass
-from time import perf_counter
+from time import perf_counter, process_time
 
 import numpy as np
 
@@ -41,6 +41,7 @@ class StepTimes:
     check: float = 0.0
     total: float = 0.0  # of the step; without loading
     loading: float = 0.0  # code that a solver needed for the first time in this process
+    cpu: float = 0.0  # processor time of the step, all threads; without loading, which is taken for busy throughout
 
 
 @dataclass(frozen=True)
@@ -96,7 +97,7 @@ class Planner:
             SolverError: the first plan of a drive could not be solved.
 
         """
-        began, times = perf_counter(), StepTimes()
+        began, began_cpu, times = perf_counter(), process_time(), StepTimes()
         settings, qp, motion = self._scene.settings, self._scene.qp, self._scene.motion
         by = None if self._last is None or first < self._last else first - self._last
         iterate = settings.scheme is Scheme.SQP or by is None  # the first plan has no predecessor to lean on
@@ -144,6 +145,7 @@ class Planner:
         self._last = first
         z, kappa = motion.z.copy(), motion.kappa.copy()
         times.total = perf_counter() - began - times.loading
+        times.cpu = process_time() - began_cpu - times.loading
         return Plan(
             first, z, kappa, kappa_before, status=result.status, usable=usable, qp_count=qp_count, qp_iterations=qp_iterations,
             residuals=judged, violation=violation, moved=moved, merit=merit, halvings=halvings, times=times,
