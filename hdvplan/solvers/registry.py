@@ -59,6 +59,7 @@ class _Generic:
 
 _NATIVE = {
     "riccati": _Native("hdvplan.solvers.riccati:RiccatiWorkspace", "hdvplan", True, False, "active set and interior point; our own"),
+    "riccati-ipm": _Native("hdvplan.solvers.riccati:InteriorWorkspace", "hdvplan", False, False, "the interior point of riccati alone"),
     "piqp": _Native("hdvplan.solvers.piqp:PiqpWorkspace", "piqp", False, True, "proximal interior point, sparse"),
     "clarabel": _Native("hdvplan.solvers.clarabel:ClarabelWorkspace", "clarabel", False, True, "interior point, sparse"),
     "hpipm": _Native(

@@ -42,6 +42,7 @@ class RiccatiWorkspace:
     name = "riccati"
     starts_warm = True
     settings = "screening, warm active set, interior point"
+    screens = True  # leaves inequalities out that are far away, and all of them where none is broken
 
     def __init__(self, shape: StageShape, *, tolerance: float = TOLERANCE) -> None:
         """Allocate the factorisation and the iterates."""
@@ -68,21 +69,10 @@ class RiccatiWorkspace:
             if settled:
                 return QpResult(Status.SOLVED, self._point, spent, checked - started, perf_counter() - checked - loading, loading)
         code, more = _screen(stages, rows, bounded, point, row_point, self._work)
-        binding = code == _BINDING
-        if binding:
-            screened = (
-                stages,
-                rows,
-                bounded,
-                point,
-                row_point,
-                self._weights,
-                self._work,
-                self._steps,
-                self._member,
-                self._pairs,
-                self._tolerance,
-            )
+        binding = code == _BINDING or not self.screens
+        if binding and code in {0, _BINDING}:
+            memory = (self._weights, self._work, self._steps, self._member, self._pairs)
+            screened = (stages, rows, bounded, point, row_point, *memory, self._tolerance, not self.screens)
             loading += self._load(_solve, *screened)
             code, more = _solve(*screened)
         spent, solving = spent + more, perf_counter() - checked - loading
@@ -94,6 +84,18 @@ class RiccatiWorkspace:
             return 0.0
         self._loaded.add(kernel.__name__)
         return load(kernel, *arguments)
+
+
+class InteriorWorkspace(RiccatiWorkspace):
+    """The interior point alone: every inequality takes part from the start, and no guess is used.
+
+    What other interior-point solvers do, and so what ours is compared with where the method is meant and not the screening.
+    """
+
+    name = "riccati-ipm"
+    starts_warm = False
+    settings = "interior point over all inequalities: no screening, no active set"
+    screens = False
 
 
 _BINDING = -1
@@ -118,9 +120,12 @@ def _screen(stages: Records, rows: Records, bounded: IntArray, points: Records, 
 @compiled
 def _solve(
     stages: Records, rows: Records, bounded: IntArray, points: Records, row_points: Records, weights: Records, work: Records,
-    steps: Records, member: BoolArray, pairs: Records, tolerance: float,
+    steps: Records, member: BoolArray, pairs: Records, tolerance: float, everything: bool,
 ) -> tuple[int, int]:  # fmt: skip
-    """Solve a screened program; return the place of its status in ``_STATUS`` and the number of factorisations."""
+    """Solve a screened program; return the place of its status in ``_STATUS`` and the number of factorisations.
+
+    With ``everything`` all inequalities take part, however far away they are.
+    """
     last, n, m = stages.size - 1, stages[0].c.size, stages[0].r.size
     for i in range(last + 1):
         for at in range(member.shape[1]):
@@ -129,7 +134,7 @@ def _solve(
     count, end, mean, code, iterations, refined = 0, 0, _START, 1, 1, 0
     while iterations <= _ITERATIONS:
         iterations += 1
-        count, joined = join(stages, rows, bounded, points, mean, member, pairs, count)
+        count, joined = join(stages, rows, bounded, points, mean, member, pairs, count, everything)
         chosen = pairs[:count]
         if joined > end:  # beyond ``end`` P and p are still the first pass's
             end = joined

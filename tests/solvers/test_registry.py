@@ -39,7 +39,7 @@ def test_an_unknown_name_is_met_with_the_nearest_or_with_all(asked: str, meant: 
         solver_named(asked)
     assert str(caught.value) == f"unknown solver {asked!r}"
     hint = caught.value.hint or ""
-    assert hint == f"did you mean {meant!r}?" if meant else hint.startswith("solvers: riccati, piqp")
+    assert hint == f"did you mean {meant!r}?" if meant else hint.startswith("solvers: riccati, riccati-ipm, piqp")
 
 
 def test_an_unknown_name_behind_qpsolvers_is_met_with_those_there_are() -> None:
