@@ -5,15 +5,16 @@ from __future__ import annotations
 import gc
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 
 from hdvplan.bench.acceptance import Opinions
-from hdvplan.bench.samples import FAILED, NUMBERS, OK, OPINION, OUT_OF_MEMORY, OVER_BUDGET, Judgement, Measurement, numbers_of
+from hdvplan.bench.replay import Recorded, record, replay
+from hdvplan.bench.samples import NUMBERS, OK, OPINION, OVER_BUDGET, Judgement, Measurement, numbers_of, outcome_of
 from hdvplan.bench.suite import Suite
 from hdvplan.case import Case
 from hdvplan.driving.drive import Drive, drive, warm_up
-from hdvplan.errors import HdvplanError
 from hdvplan.jit import FloatArray
 from hdvplan.judging.balance import balance_of
 from hdvplan.judging.envelope import envelope_of
@@ -21,6 +22,7 @@ from hdvplan.planning.objectives import objective_named
 from hdvplan.planning.planner import Plan
 from hdvplan.qp.program import StageShape
 from hdvplan.qp.workspace import QpWorkspace, WorkspaceMaker
+from hdvplan.solvers.registry import DEFAULT
 from hdvplan.solvers.riccati import RiccatiWorkspace
 from hdvplan.solvers.sparse import SparseQp
 
@@ -39,20 +41,33 @@ class Bench:
         """Take over the cases; what the imports left is not garbage: looking at it before every drive takes longer than a short one."""
         self._suite, self._cases, self._makers, self._alive = suite, cases, makers, alive
         self._warm: set[object] = set()
+        self._recorded: tuple[Case, list[Recorded]] | None = None
         gc.freeze()
 
-    def __call__(self, index: int, *, judged: bool) -> Measurement:
-        """Return the measurement of a case; what it swept and what the witness says only if ``judged``."""
-        case = self._cases[index]
+    def __call__(self, index: int, *, judged: bool, solver: str | None = None) -> Measurement:
+        """Return the measurement of a case by its own ``solver`` or another; its sweep and second opinions only if ``judged``."""
+        case, make = self._cases[index], self._makers[solver or self._cases[index].solver_name]
+        self._warm_up(case, REFERENCE, "the reference")
+        if self._suite.sample:
+            return replay(self._programs(case), make, budget=self._suite.budget, judged=judged, alive=self._alive)
+        self._alive(0)
+        self._warm_up(case, make, case.solver_name)
+        return measure(case, make, budget=self._suite.budget, judged=judged, alive=self._alive)
+
+    def _warm_up(self, case: Case, make: WorkspaceMaker, name: str) -> None:
         limited = case.road.limits is not None
-        for make, name in ((REFERENCE, ""), (self._makers[case.solver_name], case.solver_name)):
-            if (case.vehicle, name, limited) not in self._warm:
-                if name:
-                    self._alive(0)
-                with suppress(Exception):  # a solver that cannot plan will say so in its own drive
-                    warm_up(case.vehicle, objective_named(case.objective), make, case.settings, limited=limited)
-                self._warm.add((case.vehicle, name, limited))
-        return measure(case, self._makers[case.solver_name], budget=self._suite.budget, judged=judged, alive=self._alive)
+        if (case.vehicle, name, limited) not in self._warm:
+            with suppress(Exception):  # a solver that cannot plan will say so in its own drive
+                warm_up(case.vehicle, objective_named(case.objective), make, case.settings, limited=limited)
+            self._warm.add((case.vehicle, name, limited))
+
+    def _programs(self, case: Case) -> list[Recorded]:
+        """Return the sample of a case's course; that of the last one is at hand."""
+        course = replace(case, solver=DEFAULT)
+        if self._recorded is None or self._recorded[0] != course:
+            self._recorded = None  # not two of them at a time
+            self._recorded = course, record(case, REFERENCE, self._suite.sample)
+        return self._recorded[1]
 
 
 def measure(case: Case, make_workspace: WorkspaceMaker, *, budget: float, judged: bool, alive: Alive = lambda _: None) -> Measurement:
@@ -74,7 +89,7 @@ def measure(case: Case, make_workspace: WorkspaceMaker, *, budget: float, judged
 
     def keep(plan: Plan) -> None:
         nonlocal spent
-        steps.append(numbers_of(plan))
+        steps.append(numbers_of(plan, plan.first * case.settings.step))
         statuses.append(str(plan.status))
         alive(len(steps))
         spent += plan.times.total
@@ -98,14 +113,6 @@ def measure(case: Case, make_workspace: WorkspaceMaker, *, budget: float, judged
         opinions = witnessed(case, make_workspace, len(steps), alive)
     numbers = np.array(steps) if steps else np.empty((0, len(NUMBERS)))
     return Measurement(numbers, tuple(statuses), outcome, message, _nonzeros(shapes), judgement, opinions)
-
-
-def outcome_of(error: Exception) -> tuple[str, str]:
-    """Return how a drive ended that raised, and why in words."""
-    words = " ".join(str(error).split())
-    if isinstance(error, MemoryError):
-        return OUT_OF_MEMORY, words or "an allocation was refused"
-    return FAILED, words if isinstance(error, HdvplanError) else f"{type(error).__name__}: {words}"
 
 
 def witnessed(case: Case, make_workspace: WorkspaceMaker, count: int, alive: Alive) -> FloatArray:

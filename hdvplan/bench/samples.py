@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from hdvplan.errors import HdvplanError
 from hdvplan.fileio import json_bytes, write_atomically
 from hdvplan.jit import FloatArray
 from hdvplan.planning.planner import Plan
@@ -18,6 +19,7 @@ from hdvplan.planning.planner import Plan
 NUMBERS = (
     "linearise_s", "update_s", "solve_s", "check_s", "total_s", "qp_count", "iterations", "usable",
     "primal", "dual", "gap", "violation_m", "loading_s", "cpu_s", "binding",
+    "cold_s", "s_m",
 )  # fmt: skip
 COUNTS = ("qp_count", "iterations")
 OPINION = ("distance_m", "distance_u", "scale")  # see ``Opinion``
@@ -51,16 +53,25 @@ class Measurement:
     nonzeros: int  # of the QP's Hessian (upper triangle), dynamics and rows
     judgement: Judgement | None
     opinions: FloatArray = field(default_factory=lambda: np.empty((0, len(OPINION))))  # (judged steps, len(OPINION)), of judged drives
+    first_step: int = 0  # the number of the first step; 1 where there is no first plan made from nothing
 
     def table(self) -> pd.DataFrame:
         """Return the steps, one row each: step, times [s], counters, status, residuals."""
         table = pd.DataFrame(self.steps, columns=list(NUMBERS))
         table = table.astype(dict.fromkeys(COUNTS, int) | {"usable": bool, "binding": bool})
-        table.insert(0, "step", np.arange(len(table)))
+        table.insert(0, "step", self.first_step + np.arange(len(table)))
         table.insert(NUMBERS.index("usable") + 1, "status", pd.Series(self.statuses, dtype=object))
         for name, values in zip(OPINION, self.opinions.T, strict=True):
             table[name] = pd.Series(values).reindex(table.index)
         return table
+
+
+def outcome_of(error: Exception) -> tuple[str, str]:
+    """Return how a drive ended that raised, and why in words."""
+    words = " ".join(str(error).split())
+    if isinstance(error, MemoryError):
+        return OUT_OF_MEMORY, words or "an allocation was refused"
+    return FAILED, words if isinstance(error, HdvplanError) else f"{type(error).__name__}: {words}"
 
 
 def ended(outcome: str, message: str) -> Measurement:
@@ -68,13 +79,25 @@ def ended(outcome: str, message: str) -> Measurement:
     return Measurement(np.empty((0, len(NUMBERS))), (), outcome, message, 0, None)
 
 
-def numbers_of(plan: Plan) -> tuple[float, ...]:
-    """Return the numbers of one planning step in the order of a measurement's ``steps``."""
+def numbers_of(plan: Plan, s_m: float) -> tuple[float, ...]:
+    """Return the numbers of one planning step in the order of a measurement's ``steps``; it begins at ``s_m``."""
     judged, times = plan.residuals, plan.times
     measured = (times.linearise, times.update, times.solve, times.check, times.total)
     counts = (plan.qp_count, plan.qp_iterations, plan.usable)
     binding = plan.merit is not None
-    return (*measured, *counts, judged.primal, judged.dual, judged.gap, plan.violation, times.loading, max(times.cpu, 0.0), binding)
+    return (
+        *measured,
+        *counts,
+        judged.primal,
+        judged.dual,
+        judged.gap,
+        plan.violation,
+        times.loading,
+        max(times.cpu, 0.0),
+        binding,
+        np.nan,
+        s_m,
+    )
 
 
 def part_file(directory: Path, cell: int, round_: int) -> Path:
@@ -89,7 +112,13 @@ def write_part(path: Path, measured: Measurement) -> None:
         OSError: the file cannot be written.
 
     """
-    words = {"statuses": measured.statuses, "outcome": measured.outcome, "message": measured.message, "nonzeros": measured.nonzeros}
+    words = {
+        "statuses": measured.statuses,
+        "outcome": measured.outcome,
+        "message": measured.message,
+        "nonzeros": measured.nonzeros,
+        "first_step": measured.first_step,
+    }
     arrays: dict[str, NDArray[np.generic]] = {
         "words": np.frombuffer(json_bytes(words), np.uint8),
         "steps": measured.steps,
@@ -110,4 +139,13 @@ def read_part(path: Path) -> Measurement:
         words = json.loads(arrays["words"].tobytes())
         judged = Judgement(**{one.name: arrays[one.name][()] for one in fields(Judgement)}) if "e_y" in arrays else None
         statuses = tuple(words["statuses"])
-        return Measurement(arrays["steps"], statuses, words["outcome"], words["message"], words["nonzeros"], judged, arrays["opinions"])
+        return Measurement(
+            arrays["steps"],
+            statuses,
+            words["outcome"],
+            words["message"],
+            words["nonzeros"],
+            judged,
+            arrays["opinions"],
+            words["first_step"],
+        )

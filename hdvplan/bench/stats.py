@@ -155,7 +155,7 @@ def step_statistics(samples: pd.DataFrame, waiting: frozenset[tuple[str, ...]]) 
         "max_ms": total.max(),
         "fastest_mean_ms": fastest.mean(),
         "fastest_max_ms": fastest.max(),
-        "cold_ms": 1e3 * cold["total_s"].mean(),
+        "cold_ms": 1e3 * (cold["total_s"] if len(cold) else warm["cold_s"]).mean(),
     }
     row |= {f"{part}_ms": 1e3 * warm[f"{part}_s"].mean() for part in _PARTS}
     for name, column in (("qps", "qp_count"), ("iterations", "iterations")):

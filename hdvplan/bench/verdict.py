@@ -103,6 +103,8 @@ def _finding(group: pd.DataFrame, load: Load) -> Finding:
     differ = np.max([winner["path_difference_m"], second["path_difference_m"]])  # NaN where one has no whole drive
     apart = float(differ) if np.isfinite(differ) else None
     same = "" if apart is None else f", {'the same path to' if apart < _SAME_PATH_M else 'but paths apart by'} {apart:.0e} m"
+    if apart is None and np.isfinite(off := max(winner["distance_m"], second["distance_m"])):
+        same = f", the same optima to {off:.0e} m"  # a sample of programs has no path
     if ratio < LEVEL:
         text = f"no winner: {solver} and {rival} within {max(100.0 * (ratio - 1.0), 0.1):.1f} %, {took}{same}{failed}"
         return Finding(vehicle, scheme, limits, None, rival, ratio, won, apart, f"{name}: {text}{busy}")

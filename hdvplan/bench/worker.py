@@ -49,11 +49,11 @@ class Worker:
         """End the process."""
         self._end()
 
-    def __call__(self, index: int, *, judged: bool) -> Measurement:
-        """Return the measurement of a case; where the process did not survive it, one without steps that says why."""
+    def __call__(self, index: int, *, judged: bool, solver: str | None = None) -> Measurement:
+        """Return the measurement of a case by its own solver or another; one without steps where the process did not survive it."""
         pipe = self._pipe if self._pipe is not None and self._process.is_alive() else self._start()
         self._life[:] = [monotonic(), self._suite.cell_limit, 0.0]
-        pipe.send((index, judged))
+        pipe.send((index, judged, solver))
         began = monotonic()
         while True:
             if pipe in wait([pipe, self._process.sentinel], timeout=_LOOK_S):
@@ -119,11 +119,11 @@ def _serve(pipe: Connection, life: Any, suite: Suite, cases: Sequence[Case], mak
     bench = Bench(suite, cases, makers, _alive(life, suite))
     while True:
         try:
-            index, judged = pipe.recv()
+            index, judged, solver = pipe.recv()
         except EOFError:
             return
         try:
-            answer: Measurement | Exception = bench(index, judged=judged)
+            answer: Measurement | Exception = bench(index, judged=judged, solver=solver)
         except Exception as error:  # noqa: BLE001 - raised again where it can be reported
             answer = error
         pipe.send(answer)
