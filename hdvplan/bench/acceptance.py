@@ -3,6 +3,7 @@
 A solver's own word is a claim. A step is accepted where its point keeps the program and its multipliers prove it optimal: all three
 residuals small. Multipliers grow with the price of limits that cannot be kept, up to 1e6; a residual of the Lagrangian or of
 complementarity is small only beside them. The scale is therefore the reference's largest multiplier, which no solver can inflate.
+Where solvers are held to an accuracy in metres instead, their multipliers prove nothing: the distance from a proved optimum decides.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ PRIMAL_M = 1e-4  # a hundredth of the centimetre to which limits are judged
 DUAL = 1e-4  # of the Lagrangian's gradient, relative to the scale
 GAP = 1e-4  # of complementarity summed over all inequalities, relative to the scale
 WRONG_M = 1e-3  # an optimum further than this from the reference's is another optimum
+TUNED = 2.0  # times the accuracy that tolerances were tuned to, on a sample: what a step may be off by
 
 
 def accepted(primal: FloatArray, dual: FloatArray, gap: FloatArray, scale: FloatArray) -> FloatArray:

@@ -83,9 +83,8 @@ def finish(suite: Suite, directory: Path) -> None:
 
     """
     cells = suite.cells()
-    tables = tables_of(
-        cells, [[read_part(part_file(directory, cell, round_)) for round_ in range(suite.rounds)] for cell in range(len(cells))]
-    )
+    measured = [[read_part(part_file(directory, cell, round_)) for round_ in range(suite.rounds)] for cell in range(len(cells))]
+    tables = tables_of(cells, measured, suite.accuracy)
     record = json.loads((directory / NAME).read_text(encoding="utf-8"))
     at_end = load_average()
     load = load_of(tables.summary, record["sessions"], at_end, record["machine"]["usable_cores"])
@@ -93,7 +92,7 @@ def finish(suite: Suite, directory: Path) -> None:
     foot = foot_of(suite.solvers, record.get("tolerances", {}), findings, load)
     packed = tables.samples.to_csv(index=False, lineterminator="\n", float_format=_SAMPLE_DIGITS).encode()
     write_atomically(directory / "samples.csv.gz", gzip.compress(packed, mtime=0))
-    caption = captions(suite, record["machine"], tables)
+    caption = captions(suite, record["machine"], tables, record.get("tolerances"))
     for name in LAYOUTS:
         table = getattr(tables, name)
         write_atomically(directory / f"{name}.csv", csv_bytes(table))

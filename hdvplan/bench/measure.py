@@ -5,7 +5,6 @@ from __future__ import annotations
 import gc
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
 
 import numpy as np
 
@@ -22,12 +21,14 @@ from hdvplan.planning.objectives import objective_named
 from hdvplan.planning.planner import Plan
 from hdvplan.qp.program import StageShape
 from hdvplan.qp.workspace import QpWorkspace, WorkspaceMaker
-from hdvplan.solvers.registry import DEFAULT
 from hdvplan.solvers.riccati import RiccatiWorkspace
 from hdvplan.solvers.sparse import SparseQp
 
 REFERENCE: WorkspaceMaker = RiccatiWorkspace  # of second opinions, at its own strict tolerance
 Alive = Callable[[int], None]  # receives the steps done, after each
+
+
+_COURSES = 100  # whose recorded programs are kept at a time: a third of a megabyte each
 
 
 class _OverBudgetError(Exception):
@@ -41,7 +42,7 @@ class Bench:
         """Take over the cases; what the imports left is not garbage: looking at it before every drive takes longer than a short one."""
         self._suite, self._cases, self._makers, self._alive = suite, cases, makers, alive
         self._warm: set[object] = set()
-        self._recorded: tuple[Case, list[Recorded]] | None = None
+        self._recorded: dict[int, list[Recorded]] = {}
         gc.freeze()
 
     def __call__(self, index: int, *, judged: bool, solver: str | None = None) -> Measurement:
@@ -49,7 +50,7 @@ class Bench:
         case, make = self._cases[index], self._makers[solver or self._cases[index].solver_name]
         self._warm_up(case, REFERENCE, "the reference")
         if self._suite.sample:
-            return replay(self._programs(case), make, budget=self._suite.budget, judged=judged, alive=self._alive)
+            return replay(self._programs(index), make, budget=self._suite.budget, judged=judged, alive=self._alive)
         self._alive(0)
         self._warm_up(case, make, case.solver_name)
         return measure(case, make, budget=self._suite.budget, judged=judged, alive=self._alive)
@@ -61,13 +62,14 @@ class Bench:
                 warm_up(case.vehicle, objective_named(case.objective), make, case.settings, limited=limited)
             self._warm.add((case.vehicle, name, limited))
 
-    def _programs(self, case: Case) -> list[Recorded]:
-        """Return the sample of a case's course; that of the last one is at hand."""
-        course = replace(case, solver=DEFAULT)
-        if self._recorded is None or self._recorded[0] != course:
-            self._recorded = None  # not two of them at a time
-            self._recorded = course, record(case, REFERENCE, self._suite.sample)
-        return self._recorded[1]
+    def _programs(self, index: int) -> list[Recorded]:
+        """Return the sample of a case's course, which is the same for all solvers."""
+        course = index // len(self._suite.solvers)
+        if course not in self._recorded:
+            if len(self._recorded) >= _COURSES:
+                self._recorded.clear()
+            self._recorded[course] = record(self._cases[index], REFERENCE, self._suite.sample)
+        return self._recorded[course]
 
 
 def measure(case: Case, make_workspace: WorkspaceMaker, *, budget: float, judged: bool, alive: Alive = lambda _: None) -> Measurement:
@@ -85,12 +87,13 @@ def measure(case: Case, make_workspace: WorkspaceMaker, *, budget: float, judged
         return make_workspace(shape)
 
     alive(0)
-    steps, statuses, spent = [], [], 0.0
+    steps, statuses, reasons, spent = [], [], [""], 0.0
 
     def keep(plan: Plan) -> None:
         nonlocal spent
         steps.append(numbers_of(plan, plan.first * case.settings.step))
         statuses.append(str(plan.status))
+        reasons.append(plan.reason)
         alive(len(steps))
         spent += plan.times.total
         if spent > budget:
@@ -111,6 +114,7 @@ def measure(case: Case, make_workspace: WorkspaceMaker, *, budget: float, judged
         gc.enable()
     if judged and steps:
         opinions = witnessed(case, make_workspace, len(steps), alive)
+    message = message or next(filter(None, reasons), "")
     numbers = np.array(steps) if steps else np.empty((0, len(NUMBERS)))
     return Measurement(numbers, tuple(statuses), outcome, message, _nonzeros(shapes), judgement, opinions)
 

@@ -1,7 +1,7 @@
 """Solvers on the same recorded QPs: a sample of a drive's programs instead of the whole drive, for solvers too slow to drive.
 
 The reference drives, and some of its programs are kept with the start that the planner would offer: the last solution, shifted. Every
-solver then gets them in their order, in one persistent workspace: from that start (warm), and once more from zeros (cold).
+solver then gets them in the same order, in one persistent workspace: from that start (warm), and once more from zeros (cold).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from hdvplan.jit import FloatArray, IntArray
 from hdvplan.planning.objectives import objective_named
 from hdvplan.planning.planner import USABLE_RESIDUAL, Plan
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
-from hdvplan.qp.residuals import Residuals, residuals
+from hdvplan.qp.residuals import residuals
 from hdvplan.qp.workspace import QpResult, QpWorkspace, WorkspaceMaker
 from hdvplan.solvers.sparse import SparseQp
 
@@ -54,7 +54,7 @@ def _spread(steps: IntArray, count: int) -> IntArray:
 
 
 def record(case: Case, reference: WorkspaceMaker, count: int) -> list[Recorded]:
-    """Return a sample of the programs of a drive by the reference, in their order.
+    """Return a sample of the programs of a drive by the reference, shuffled, so that the first few are a sample too.
 
     Raises:
         HdvplanError: the reference cannot drive the case.
@@ -72,7 +72,7 @@ def record(case: Case, reference: WorkspaceMaker, count: int) -> list[Recorded]:
         spy.next(keep=spy.steps + 1 in wanted)
 
     _drive(case, spy, keep)
-    return kept
+    return [kept[place] for place in np.random.default_rng(0).permutation(len(kept))]
 
 
 def replay(
@@ -88,13 +88,14 @@ def replay(
     gc.disable()
     try:
         workspace = make(recorded[0].qp.shape)
-        workspace.solve(recorded[0].qp, _nothing(workspace, recorded[0].qp.shape))  # sets up, loads and compiles
+        spent = _timed(workspace, recorded[0].qp, _nothing(workspace, recorded[0].qp.shape))[1]  # sets up, loads and compiles
         for number, one in enumerate(recorded):
-            numbers, status, opinion = _solved(workspace, one)
+            numbers, status, reason, opinion = _solved(workspace, one, hurried=spent > budget)
+            message = message or reason
             steps.append(numbers)
             statuses.append(status)
             opinions.append(opinion)
-            spent += numbers[NUMBERS.index("total_s")] + numbers[NUMBERS.index("cold_s")]
+            spent += float(np.nansum([numbers[NUMBERS.index(name)] for name in ("total_s", "cold_s")]))
             alive(number + 1)
             if spent > budget and number + 1 < len(recorded):
                 outcome, message = OVER_BUDGET, f"{number + 1} of {len(recorded)} programs in {spent:.1f} s"
@@ -110,28 +111,19 @@ def replay(
     return Measurement(table, tuple(statuses), outcome, message, nonzeros, None, told, first_step=1)
 
 
-def _solved(workspace: QpWorkspace, one: Recorded) -> tuple[list[float], str, tuple[float, float, float]]:
-    """Solve one program warm and cold; return the step's numbers, the solver's word and how far the warm solution lies off the optimum."""
+def _solved(workspace: QpWorkspace, one: Recorded, *, hurried: bool) -> tuple[list[float], str, str, tuple[float, float, float]]:
+    """Solve one program warm and, unless ``hurried``, cold; return the step's numbers, the solver's word and reason, and an opinion."""
     result, wall, cpu = _timed(workspace, one.qp, one.guess if workspace.starts_warm else None)
-    judged = residuals(one.qp, result.point)
-    distances = (
-        float(np.max(np.abs(result.point.x[:, 0] - one.optimum.x[:, 0]))),
-        float(np.max(np.abs(result.point.u - one.optimum.u))),
-    )
-    said, iterations, update, solve, loading = (
-        str(result.status),
-        result.iterations,
-        result.update_time,
-        result.solve_time,
-        result.loading_time,
-    )
-    _, cold, _ = _timed(workspace, one.qp, _nothing(workspace, one.qp.shape))
+    judged, x, u = residuals(one.qp, result.point), result.point.x, result.point.u
+    opinion = float(np.max(np.abs(x[:, 0] - one.optimum.x[:, 0]))), float(np.max(np.abs(u - one.optimum.u))), one.scale
     numbers = {
-        "linearise_s": 0.0, "update_s": max(wall - solve, update), "solve_s": solve, "check_s": 0.0, "total_s": wall, "qp_count": 1.0,
-        "iterations": float(iterations), "usable": float(judged.primal <= USABLE_RESIDUAL), **Residuals._asdict(judged),
-        "violation_m": np.nan, "loading_s": loading, "cpu_s": cpu, "binding": float(one.binding), "cold_s": cold, "s_m": one.s_m,
+        "linearise_s": 0.0, "update_s": wall - result.solve_time, "solve_s": result.solve_time, "check_s": 0.0, "total_s": wall,
+        "qp_count": 1.0, "iterations": float(result.iterations), "usable": float(judged.primal <= USABLE_RESIDUAL), **judged._asdict(),
+        "violation_m": np.nan, "loading_s": result.loading_time, "cpu_s": cpu, "binding": float(one.binding), "s_m": one.s_m,
     }  # fmt: skip
-    return [numbers[name] for name in NUMBERS], said, (*distances, one.scale)
+    said = str(result.status), result.reason  # the next solve writes over the point
+    numbers["cold_s"] = np.nan if hurried else _timed(workspace, one.qp, _nothing(workspace, one.qp.shape))[1]
+    return [numbers[name] for name in NUMBERS], *said, opinion
 
 
 def _timed(workspace: QpWorkspace, qp: StageQp, guess: StageSolution | None) -> tuple[QpResult, float, float]:

@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
-from hdvplan.bench.acceptance import WRONG_M, accepted
+from hdvplan.bench.acceptance import TUNED, WRONG_M, accepted
 from hdvplan.bench.ranking import of_group, ranked_times, ranking, shifted_mean, waiting_cells
 from hdvplan.bench.samples import FAILED, OK, OVER_BUDGET, Judgement, Measurement
 from hdvplan.bench.suite import AS_SET, COURSE, GROUP, KEY, Cell, key_of
-from hdvplan.jit import BoolArray, FloatArray
+from hdvplan.jit import BoolArray
 from hdvplan.qp.workspace import Status
 
 SOME_UNSOLVED, WRONG, SOME_REFUSED = "some steps not solved", "wrong optimum", "some steps not accepted"
@@ -36,10 +36,10 @@ class Tables:
     summary: pd.DataFrame  # one row a vehicle, scheme, class of limits and solver, over all roads; the fastest first
 
 
-def tables_of(cells: Sequence[Cell], rounds: Sequence[Sequence[Measurement]]) -> Tables:
-    """Return the tables of a benchmark; ``rounds[i]`` are the measurements of ``cells[i]``."""
-    samples = samples_of(cells, rounds)
-    timing, envelope = timing_table(samples, cells, rounds), envelope_table(cells, [measured[0].judgement for measured in rounds])
+def tables_of(cells: Sequence[Cell], rounds: Sequence[Sequence[Measurement]], accuracy: float | None = None) -> Tables:
+    """Return the tables of a benchmark; ``rounds[i]`` are the measurements of ``cells[i]``, held to ``accuracy`` [m] if it is given."""
+    samples = samples_of(cells, rounds, accuracy)
+    timing, envelope = timing_table(samples, cells, rounds, accuracy), envelope_table(cells, [measured[0].judgement for measured in rounds])
     judged = dict(zip(cells, (measured[0].judgement for measured in rounds), strict=True))
     return Tables(samples, timing, envelope, scheme_table(timing, judged), summary_table(samples, timing, envelope))
 
@@ -49,18 +49,18 @@ def keyed(table: pd.DataFrame) -> pd.DataFrame:
     return table if "limits" in table else table.assign(limits=AS_SET)
 
 
-def samples_of(cells: Sequence[Cell], rounds: Sequence[Sequence[Measurement]]) -> pd.DataFrame:
+def samples_of(cells: Sequence[Cell], rounds: Sequence[Sequence[Measurement]], accuracy: float | None = None) -> pd.DataFrame:
     """Return every planning step of every drive: road, vehicle, scheme, solver, limits, round, step, times, counters, residuals.
 
     ``accepted`` is the word of the recomputed residuals, beside multipliers of the scale that the witness found in the judged round;
-    where the witness has no proof itself a step counts as accepted that could be driven.
+    where the witness has no proof itself a step counts as accepted that could be driven. With ``accuracy`` [m] the distance from the
+    witness's optimum decides.
     """
     tables = []
     for cell, measured in zip(cells, rounds, strict=True):
         for number, drive in enumerate(measured):
             table = drive.table()
-            scale = measured[0].table()["scale"].reindex(table.index)
-            table["accepted"] = accepted_steps(table, scale.to_numpy(np.float64))
+            table["accepted"] = accepted_steps(table, measured[0].table(), accuracy)
             table.insert(0, "round", number)
             for name, value in zip(reversed(KEY), reversed(key_of(cell)), strict=True):
                 table.insert(0, name, value)
@@ -68,15 +68,18 @@ def samples_of(cells: Sequence[Cell], rounds: Sequence[Sequence[Measurement]]) -
     return pd.concat(tables, ignore_index=True)
 
 
-def accepted_steps(table: pd.DataFrame, scale: FloatArray) -> BoolArray:
-    """Return which steps of one drive are accepted."""
+def accepted_steps(table: pd.DataFrame, judged: pd.DataFrame, accuracy: float | None) -> BoolArray:
+    """Return which steps of one drive are accepted; ``judged`` is the drive of its cell that was judged."""
+    scale, distance = (judged[name].reindex(table.index).to_numpy(np.float64) for name in ("scale", "distance_m"))
     primal, dual, gap = (table[name].to_numpy(np.float64) for name in ("primal", "dual", "gap"))
-    judged = accepted(primal, dual, gap, scale)
+    proved = accepted(primal, dual, gap, scale) == 1.0 if accuracy is None else distance <= TUNED * accuracy
     usable: BoolArray = table["usable"].to_numpy(np.bool_)
-    return np.where(np.isnan(judged), usable, usable & (judged == 1.0)).astype(np.bool_)
+    return np.asarray(usable & (np.isnan(scale) | proved), np.bool_)
 
 
-def timing_table(samples: pd.DataFrame, cells: Sequence[Cell], rounds: Sequence[Sequence[Measurement]]) -> pd.DataFrame:
+def timing_table(
+    samples: pd.DataFrame, cells: Sequence[Cell], rounds: Sequence[Sequence[Measurement]], accuracy: float | None = None
+) -> pd.DataFrame:
     """Return time, iterations, failures and residuals of every cell, in the order of ``cells``."""
     groups = dict(tuple(samples.groupby(KEY, sort=False)))
     most = samples[samples["round"] == 0].groupby(KEY, sort=False).size().groupby(COURSE).max()
@@ -86,7 +89,7 @@ def timing_table(samples: pd.DataFrame, cells: Sequence[Cell], rounds: Sequence[
         mine = groups.get(key_of(cell), samples.iloc[:0])
         statistics = step_statistics(mine, waiting)
         statistics["failures"] += sum(drive.outcome == FAILED for drive in measured)
-        status, reason = status_of(measured)
+        status, reason = status_of(measured, accuracy)
         reached = len(measured[0].steps)
         whole = reached if status == OVER_BUDGET else most.get((cell.road, cell.vehicle, str(cell.scheme), cell.limits), 0)
         whole = max(whole, reached + 1) if measured[0].outcome not in {OK, OVER_BUDGET} else whole  # the step in which it ended
@@ -108,7 +111,7 @@ def timing_table(samples: pd.DataFrame, cells: Sequence[Cell], rounds: Sequence[
     return pd.DataFrame(rows)
 
 
-def status_of(measured: Sequence[Measurement]) -> tuple[str, str]:
+def status_of(measured: Sequence[Measurement], accuracy: float | None = None) -> tuple[str, str]:
     """Return how a cell went, and why: the first drive that did not reach its end decides, then what its steps are worth."""
     for drive in measured:
         if drive.outcome != OK:
@@ -120,16 +123,16 @@ def status_of(measured: Sequence[Measurement]) -> tuple[str, str]:
             SOME_UNSOLVED,
             f"{refused} of {sum(len(drive.steps) for drive in measured)} steps break their program by too much to be driven",
         )
-    wrong = int((judged["distance_m"] > WRONG_M).sum())
+    wrong = int((judged["distance_m"] > max(WRONG_M, TUNED * (accuracy or 0.0))).sum())
     if wrong:
         return WRONG, f"{wrong} of {len(judged)} optima lie up to {judged['distance_m'].max():.1e} m from the reference's"
-    good = accepted_steps(judged, judged["scale"].to_numpy(np.float64))
+    good = accepted_steps(judged, judged, accuracy)
     if not good.all():
-        worst = judged[~good].iloc[0]
-        return SOME_REFUSED, (
-            f"{int((~good).sum())} of {len(judged)} steps are not proved optimal by their multipliers; the first: "
-            f"dual residual {worst['dual']:.1e}, gap {worst['gap']:.1e}, multipliers up to {worst['scale']:.1e}"
-        )
+        bad, said = judged[~good], "are not proved optimal by their multipliers; the first: "
+        first = f"dual residual {bad['dual'].iloc[0]:.1e}, gap {bad['gap'].iloc[0]:.1e}, multipliers up to {bad['scale'].iloc[0]:.1e}"
+        if accuracy is not None:
+            said, first = f"lie further than {TUNED * accuracy:g} m from the optimum; at most ", f"{bad['distance_m'].max():.1e} m"
+        return SOME_REFUSED, f"{len(bad)} of {len(judged)} steps {said}{first}"
     return OK, ""
 
 

@@ -74,7 +74,7 @@ LAYOUTS: Mapping[str, Mapping[str, tuple[str, str]]] = {
     "summary": {
         **{name: (name, _WORDS) for name in ("vehicle", "scheme", "limits", "solver")},
         "step_ms": ("step", _MS),
-        "ratio": ("x best", _RATIO),
+        "ratio": ("x best", _MEAN),
         "won": ("won", _PERCENT),
         "success": ("accepted", _PERCENT),
         "median_ms": ("median", _MS),
@@ -93,15 +93,25 @@ LAYOUTS: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "first_reason": ("remark", _WORDS),
     },
 }
-_HEADLINE = ("solver", "step", "x best", "won", "accepted", "median", "worst", "path differs [m]")
+_PATH, _OFF = "path differs [m]", "off the optimum [m]"
+_HEADLINE = ("solver", "step", "x best", "won", "accepted", "median", "worst", _PATH, _OFF)
 
 
-def captions(suite: Suite, machine: Mapping[str, object], tables: Tables) -> dict[str, str]:
+def captions(
+    suite: Suite, machine: Mapping[str, object], tables: Tables, tolerances: Mapping[str, float | None] | None = None
+) -> dict[str, str]:
     """Return what a reader must know to believe each table: set-up, machine, tolerances and the accuracy they led to."""
     setting = (
         f"Horizon {suite.horizon:g} m, step {suite.step:g} m, replanning every {suite.replan:g} m; {_limits(suite)}; "
         f"{suite.rounds} round{'s' * (suite.rounds > 1)}, one thread, on {machine['processor']}, {machine['python']}."
     )
+    if suite.sample:
+        setting = (
+            f"A step is one of {suite.sample} QPs a drive, recorded and shuffled, the same for all solvers; half of them where limits "
+            f"bind, as far as there are any. Warm from the reference's last solution, shifted; cold: the same QPs from zeros. {setting}"
+        )
+    if suite.accuracy is not None:
+        setting = f"Every solver at the loosest tolerance, by decades, that keeps e_y within {suite.accuracy:g} m of the optimum. {setting}"
     times = (
         f"Milliseconds of one whole planning step: linearise the motion, update (gather the QP's values into the solver's own arrays), "
         f"solve (the solver's own call), check (recompute residuals, take the step). {how_ranked()}. "
@@ -110,11 +120,11 @@ def captions(suite: Suite, machine: Mapping[str, object], tables: Tables) -> dic
         "and drives that failed; unsolved: steps whose QP the solver itself does not call solved, usable or not; off the optimum: largest "
         f"distance of e_y from the reference's optimum of the same QP (accepted: primal residual to {PRIMAL_M:g} m, "
         f"dual and gap to {DUAL:g} of the largest multiplier). "
-        f"{setting} {accuracy(tables.summary)}"
+        f"{setting} {accuracy(tables.summary, tolerances)}"
     )
     swept = (
         "Executed envelope in metres, simulated apart from the planner. path difference: largest difference of the executed lateral "
-        f"error from that with {reference_solver(suite.solvers)} under the same scheme. {setting} {accuracy(tables.summary)}"
+        f"error from that with {reference_solver(suite.solvers)} under the same scheme. {setting} {accuracy(tables.summary, tolerances)}"
     )
     schemes = (
         f"SQP to convergence against RTI: times in milliseconds, every step counted with its fastest round; executed envelopes. {setting}"
@@ -122,18 +132,22 @@ def captions(suite: Suite, machine: Mapping[str, object], tables: Tables) -> dic
     return {"timing": times, "envelope": swept, "schemes": schemes, "summary": f"All roads together. {times}"}
 
 
-def accuracy(summary: pd.DataFrame) -> str:
-    """Return every solver's tolerance beside the accuracy measured with it, in a sentence."""
-    furthest = summary.groupby("solver", sort=False)["path_difference_m"].max()
+def accuracy(summary: pd.DataFrame, tolerances: Mapping[str, float | None] | None = None) -> str:
+    """Return every solver's tolerance beside the accuracy measured with it, in a sentence; ``tolerances`` where they are not its own."""
+    driven = bool(summary["path_difference_m"].notna().any()) or bool(summary["distance_m"].isna().all())
+    furthest = summary.groupby("solver", sort=False)["path_difference_m" if driven else "distance_m"].max()
     reference = reference_solver(list(furthest.index))
+    used = {str(solver): _tolerance(str(solver), (tolerances or {}).get(str(solver))) for solver in furthest.index}
     parts = [
-        f"{solver} {_tolerance(str(solver))}: " + ("no whole drive" if pd.isna(difference) else f"{difference:.1e} m")
+        f"{solver} {used[str(solver)]}: "
+        + (("no whole drive" if driven else "no program") if pd.isna(difference) else f"{difference:.1e} m")
         for solver, difference in furthest.items()
         if solver != reference
     ]
     if not parts:
-        return f"Tolerance of {reference}: {_tolerance(reference)}."
-    return f"Tolerance, and with it the largest path difference from {reference} ({_tolerance(reference)}): {'; '.join(parts)}."
+        return f"Tolerance of {reference}: {used[reference]}."
+    what = f"path difference from {reference} ({used[reference]})" if driven else "distance of e_y from the optimum"
+    return f"Tolerance, and with it the largest {what}: {'; '.join(parts)}."
 
 
 def shown(table: pd.DataFrame, name: str) -> pd.DataFrame:
@@ -169,12 +183,13 @@ def foot_of(solvers: Sequence[str], tolerances: Mapping[str, float | None], find
     return [*([load.warning] if load.warning else []), *told, *(settings_of(solver, tolerances.get(solver)) for solver in solvers)]
 
 
-def summary_tables(tables: Mapping[str, pd.DataFrame]) -> list[Table]:
+def summary_tables(tables: Mapping[str, pd.DataFrame], tolerances: Mapping[str, float | None] | None = None) -> list[Table]:
     """Return the headline for the terminal: per vehicle, scheme and class of limits, then RTI against SQP where both were run."""
     summary, schemes = tables["summary"], tables["schemes"]
     found = []
     for key, mine in summary.groupby(GROUP, sort=False):
-        text = shown(mine, "summary")[list(_HEADLINE)]
+        headings = [name for name in _HEADLINE if name != (_OFF if mine["path_difference_m"].notna().any() else _PATH)]
+        text = shown(mine, "summary")[headings]
         for column in ("won", "accepted"):
             text[column] = text[column].str.replace(".0%", "%")
         ended = int((mine["cells"] - mine["cells_ok"]).sum())
@@ -191,7 +206,7 @@ def summary_tables(tables: Mapping[str, pd.DataFrame]) -> list[Table]:
         columns = ("vehicle", "solver", "mean", "largest of max", "envelopes differ [m]")
         found.append(grid("SQP / RTI, every step with its fastest round", columns, rows, text=_TEXT))
     before = f"{found[-1].caption}\n" if found[-1].caption else ""
-    found[-1].caption, found[-1].caption_justify, found[-1].caption_style = Text(before + accuracy(summary)), "left", ""
+    found[-1].caption, found[-1].caption_justify, found[-1].caption_style = Text(before + accuracy(summary, tolerances)), "left", ""
     return found
 
 
@@ -204,8 +219,8 @@ def _limits(suite: Suite) -> str:
     return f"limits {place}" + ("" if suite.pinch is None else f", pinched by {suite.pinch:g} m in the tightest bend")
 
 
-def _tolerance(solver: str) -> str:
-    tolerance = tolerance_of(solver)
+def _tolerance(solver: str, given: float | None) -> str:
+    tolerance = tolerance_of(solver) if given is None else given
     return "at its default" if tolerance is None else f"at {tolerance:g}"
 
 

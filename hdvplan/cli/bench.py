@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -15,11 +15,14 @@ from hdvplan.cli.options import JsonOption, QuietOption, choice
 from hdvplan.errors import OptionError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     from pandas import DataFrame
 
     from hdvplan.bench.compare import Comparison
     from hdvplan.bench.gate import Rule
     from hdvplan.bench.suite import Suite
+    from hdvplan.case import Case
 
 
 def bench(
@@ -173,11 +176,15 @@ def bench(
         note(f"{out} holds this run, finished; --fresh measures again", quiet=quiet)
     else:
         note_compiling(quiet=quiet)
-        cases, makers = cases_of(wanted), {name: solver_named(name) for name in wanted.solvers}
+        cases = cases_of(wanted)
+        for name in wanted.solvers:
+            solver_named(name)  # a class that cannot be loaded is the user's mistake, not a row
         try:
             if fresh:
                 discard(out)
             begin(wanted, cases, out, record, one_thread=one_thread)
+            tolerances = _tolerances(wanted, cases, out, record, quiet=quiet)
+            makers = {name: solver_named(name, tolerances.get(name)) for name in wanted.solvers}
             with progress("measuring", quiet=quiet, undisturbed=True) as on_progress:
                 run(wanted, cases, makers, out, on_progress, in_process=in_process)
             finish(wanted, out)
@@ -195,13 +202,30 @@ def bench(
         head = {"out": str(out), "verdict": told["verdict"], "load": told["load"]}
         print_json(head | {name: _rows(tables[name]) for name in LAYOUTS})
     elif not quiet:
-        print_tables(*summary_tables(tables))
+        print_tables(*summary_tables(tables, told.get("tolerances")))
         for finding in told["verdict"]:
             print_line(finding["text"])
         if told["load"]["warning"]:
             warn(told["load"]["warning"])
         note(f"written to {out}/")
     return ExitCode.OK
+
+
+def _tolerances(
+    suite: Suite, cases: Sequence[Case], out: Path, record: dict[str, Any] | None, *, quiet: bool
+) -> Mapping[str, float | None]:
+    """Return the tolerances that the suite's accuracy asks for, found once for a run; none where it asks for none."""
+    if suite.accuracy is None:
+        return {}
+    if record is not None and "tolerances" in record:
+        return dict(record["tolerances"])
+    from hdvplan.bench.directory import note_tolerances
+    from hdvplan.bench.tuning import tuned
+
+    with progress("tuning tolerances", quiet=quiet, undisturbed=True) as on_progress:
+        found = tuned(suite, cases, on_progress)
+    note_tolerances(out, found)
+    return found
 
 
 def _measure_against(against: str, suite: Suite, rule: Rule, out: Path, expect_changes: bool, *, quiet: bool) -> Comparison:

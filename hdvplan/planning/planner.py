@@ -53,6 +53,7 @@ class Plan:
     kappa: FloatArray  # (N,) [1/m], each held from its station to the next
     kappa_before: float
     status: Status  # of the last QP, as claimed by the solver
+    reason: str  # why the last QP has no solution, in the solver's words
     usable: bool  # the last QP's recomputed residual allowed its step to be taken
     qp_count: int
     qp_iterations: int
@@ -147,8 +148,8 @@ class Planner:
         times.total = perf_counter() - began - times.loading
         times.cpu = process_time() - began_cpu - times.loading
         return Plan(
-            first, z, kappa, kappa_before, status=result.status, usable=usable, qp_count=qp_count, qp_iterations=qp_iterations,
-            residuals=judged, violation=violation, moved=moved, merit=merit, halvings=halvings, times=times,
+            first, z, kappa, kappa_before, status=result.status, reason=result.reason, usable=usable, qp_count=qp_count,
+            qp_iterations=qp_iterations, residuals=judged, violation=violation, moved=moved, merit=merit, halvings=halvings, times=times,
         )  # fmt: skip
 
     def _extend(self, horizon: Horizon, z_start: FloatArray, by: int | None) -> None:

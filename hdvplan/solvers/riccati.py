@@ -62,7 +62,7 @@ class RiccatiWorkspace:
         stages, rows, bounded, loading = qp.stages, qp.rows, qp.bounded, 0.0
         point, row_point, spent = self._point.stages, self._point.row_points, 0
         point[0]["x"] = qp.x_first
-        if guess is not None and guess_statuses(stages, rows, guess.stages, guess.row_points, self._inequality):
+        if guess is not None and self.screens and guess_statuses(stages, rows, guess.stages, guess.row_points, self._inequality):
             program = (stages, rows, bounded, point, row_point, self._weights, self._work, self._inequality)
             loading += self._load(settle, *program)
             settled, spent = settle(*program)

@@ -18,6 +18,7 @@ from hdvplan.bench.run import remaining, run
 from hdvplan.bench.samples import Measurement, part_file, read_part
 from hdvplan.bench.stats import tables_of
 from hdvplan.bench.suite import Suite
+from hdvplan.bench.tuning import tuned
 from hdvplan.qp.workspace import WorkspaceMaker
 from hdvplan.solvers.registry import solver_named
 from tests.bench.fakes import Fake
@@ -114,3 +115,32 @@ def test_a_killed_benchmark_leaves_no_process_behind(tmp_path: Path, short_road:
     while any(Path("/proc", child).is_dir() for child in children) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert not [child for child in children if Path("/proc", child).is_dir()]
+
+
+def test_a_sample_of_programs_is_the_same_for_all_solvers_and_has_those_where_limits_bind(tiny: Suite, tmp_path: Path) -> None:
+    suite = replace(tiny, classes=("off", "binding"), solvers=("riccati", "riccati-ipm"), sample=6, rounds=1)
+    found = measured(suite, {name: solver_named(name) for name in suite.solvers}, tmp_path, in_process=True)
+    tables = [one.table() for (one,) in found]
+    assert [len(table) for table in tables] == [6] * 4
+    assert [bool(table["binding"].any()) for table in tables] == [False, False, True, True]
+    for one, other in (tables[:2], tables[2:]):
+        pd.testing.assert_frame_equal(one[["step", "s_m", "binding", "scale"]], other[["step", "s_m", "binding", "scale"]])
+        assert (other["distance_m"] < 1e-6).all()  # two methods at 1e-8, and what conditioning makes of that
+        assert (other["cold_s"] > 0.0).all()
+        assert other["iterations"].sum() > one["iterations"].sum()
+    timing = tables_of(suite.cells(), found).timing
+    assert list(timing["status"]) == ["ok"] * 4
+    assert list(timing["limits"]) == ["off", "off", "binding", "binding"]
+
+
+def test_tolerances_are_as_loose_as_the_accuracy_in_metres_allows(tiny: Suite, tmp_path: Path) -> None:
+    loose, tight = (replace(tiny, solvers=("riccati", "osqp"), sample=4, rounds=1, accuracy=accuracy) for accuracy in (1e-2, 1e-5))
+    cases = cases_of(loose)
+    first, second = (tuned(suite, cases, lambda _: None) for suite in (loose, tight))
+    assert first["osqp"] is not None
+    assert second["osqp"] is not None
+    assert first["osqp"] > second["osqp"]
+    makers = {name: solver_named(name, second[name]) for name in tight.solvers}
+    timing = tables_of(tight.cells(), measured(tight, makers, tmp_path), tight.accuracy).timing
+    assert list(timing["status"]) == ["ok", "ok"]
+    assert (timing["distance_m"] <= 2e-5).all()  # what the caption promises

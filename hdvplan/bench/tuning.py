@@ -1,0 +1,59 @@
+"""Hold solvers to the same accuracy: of every solver the loosest tolerance with which it meets a distance from the optimum, in metres.
+
+Equal tolerances are not equal accuracies: each solver measures in its own way. So each is tried on recorded programs of all courses,
+from the loosest tolerance on, and tightened by a factor of ten wherever e_y lies too far from the reference's optimum.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from hdvplan.bench.samples import OK, OPINION, OVER_BUDGET, Measurement
+from hdvplan.bench.suite import Suite
+from hdvplan.bench.worker import Worker
+from hdvplan.case import Case
+from hdvplan.errors import SolverError
+from hdvplan.qp.workspace import WorkspaceMaker
+from hdvplan.solvers.registry import SolverMaker, solver_named
+
+LADDER = tuple(10.0**-decade for decade in range(1, 12))
+_PROGRAMS = 4  # of every course, unless the benchmark has its own sample
+_BUDGET_S = 0.5  # for these programs by one solver: slow ones are tried on the first of them
+
+
+def tuned(suite: Suite, cases: Sequence[Case], on_progress: Callable[[float], None]) -> dict[str, float | None]:
+    """Return each solver's loosest tolerance of ``LADDER`` that meets ``suite.accuracy`` on all courses.
+
+    None: it has no tolerance, or none of the ladder's serves, and it runs with its own. ``cases`` are the suite's, ``on_progress``
+    receives the done share.
+    """
+    wanted = suite.accuracy or np.inf
+    ladders = {name: _makers(name) for name in suite.solvers}
+    makers: dict[str, WorkspaceMaker] = {maker.name: maker for ladder in ladders.values() for maker in ladder}
+    short = replace(suite, sample=suite.sample or _PROGRAMS, budget=_BUDGET_S, rounds=1, accuracy=None)
+    every = len(suite.schemes) * len(suite.solvers)
+    with Worker(short, cases, makers) as worker:
+        for index in range(0, len(cases), every):
+            for ladder in ladders.values():
+                while ladder and not _meets(worker(index, judged=True, solver=ladder[0].name), wanted):
+                    del ladder[0]
+            on_progress((index + every) / len(cases))
+    return {name: ladder[0].tolerance if ladder else None for name, ladder in ladders.items()}
+
+
+def _makers(name: str) -> list[SolverMaker]:
+    """Return a solver at all tolerances, the loosest first; nothing where it has none."""
+    try:
+        return [solver_named(name, tolerance) for tolerance in LADDER]
+    except SolverError:
+        return []
+
+
+def _meets(measured: Measurement, wanted: float) -> bool:
+    """Tell whether all programs that were solved came within ``wanted`` [m] of their optima; those without a proved one do not count."""
+    told = measured.opinions[~np.isnan(measured.opinions[:, OPINION.index("scale")])] if len(measured.opinions) else measured.opinions
+    close = told[:, OPINION.index("distance_m")] <= wanted  # False for NaN
+    return measured.outcome in {OK, OVER_BUDGET} and bool(close.all())
