@@ -25,6 +25,7 @@ from hdvplan.machine import commit, load_average, machine_facts, software
 from hdvplan.record import NAME, command, now
 from hdvplan.solvers.registry import settings_of
 
+PICTURE = "bench.png"
 _SAMPLE_DIGITS = "%.7g"  # a sample's time to the nanosecond, in a third of the space
 _OTHERWISE = "start over with --fresh, or choose another folder with --out"
 
@@ -147,9 +148,23 @@ def read_table(directory: Path, name: str) -> pd.DataFrame:
         raise OptionError(msg, hint=_OTHERWISE) from error
 
 
+def read_samples(directory: Path) -> pd.DataFrame:
+    """Return a finished run's samples.
+
+    Raises:
+        OptionError: they are not there any more, or damaged.
+
+    """
+    try:
+        return pd.read_csv(directory / "samples.csv.gz")
+    except (OSError, EOFError, ValueError) as error:
+        msg = f"{directory / 'samples.csv.gz'} cannot be read: {error.strerror if isinstance(error, OSError) else error}"
+        raise OptionError(msg, hint="measure again with --fresh") from error
+
+
 def discard(directory: Path) -> None:
     """Delete what a benchmark writes into its directory, and nothing else."""
-    for name in (NAME, "samples.csv.gz", *(f"{table}.{kind}" for table in LAYOUTS for kind in ("csv", "md", "tex"))):
+    for name in (NAME, "samples.csv.gz", PICTURE, *(f"{table}.{kind}" for table in LAYOUTS for kind in ("csv", "md", "tex"))):
         (directory / name).unlink(missing_ok=True)
     if (directory / "parts").is_dir():
         shutil.rmtree(directory / "parts")

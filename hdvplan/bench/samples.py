@@ -93,7 +93,7 @@ def numbers_of(plan: Plan, s_m: float) -> tuple[float, ...]:
         judged.gap,
         plan.violation,
         times.loading,
-        max(times.cpu, 0.0),
+        times.cpu,
         binding,
         np.nan,
         s_m,

@@ -25,6 +25,17 @@ if TYPE_CHECKING:
     from hdvplan.case import Case
 
 
+PICTURE, PICTURES = "bench.png", ("png", "pdf", "svg", "tex", "pgf")
+
+
+def with_picture(arguments: Sequence[str]) -> list[str]:
+    """Return the arguments with the usual picture behind a bare --plot: Typer knows no option whose value may be left out."""
+    given = []
+    for argument, following in zip(arguments, [*arguments[1:], "-"], strict=True):
+        given += [argument, PICTURE] if argument == "--plot" and following.startswith("-") else [argument]
+    return given
+
+
 def bench(
     solvers: Annotated[
         str | None,
@@ -75,6 +86,14 @@ def bench(
     memory_limit: Annotated[
         float | None, typer.Option("--memory-limit", metavar="GB", help="Most memory of the measuring process, where the system can.")
     ] = None,
+    plot: Annotated[
+        str | None,
+        typer.Option(
+            "--plot",
+            metavar="FILE",
+            help="Draw the run, by itself into DIR/bench.png: png, pdf, svg; tex, pgf: performance profiles as TikZ.",
+        ),
+    ] = None,
     in_process: Annotated[
         bool, typer.Option("--in-process", help="Measure in this process: no limits but --budget, and a crash ends the run.")
     ] = False,
@@ -123,6 +142,11 @@ def bench(
     Exit codes then: 0 fine; 1 a cell became slower, or counters changed; 2 bad input; 3 could not measure.
     """
     choice("--format", format_, FORMATS)
+    if plot is not None:
+        choice("the picture's ending", Path(plot).suffix.lower().removeprefix("."), PICTURES)
+    if against is not None and plot is not None:
+        msg = "--plot draws one benchmark, and --against measures several"
+        raise OptionError(msg, hint="leave out --plot")
     if against is None and (factor is not None or floor is not None or expect_changes):
         msg = "--factor, --floor and --expect-changes need --against"
         raise OptionError(msg)
@@ -195,6 +219,10 @@ def bench(
             count = len(wanted.cells()) * wanted.rounds
             note(f"{count - remaining(wanted, out)} of {count} drives are kept in {out}; the same command goes on from there")
             raise
+    if plot is not None:
+        picture = out / PICTURE if plot == PICTURE else Path(plot)
+        _draw(out, picture)
+        note(f"picture in {picture}", quiet=quiet)
     if counters is not None:
         return _hold_to(counters, out, renew, format_=format_, json=json, quiet=quiet)
     tables, told = {name: read_table(out, name) for name in LAYOUTS}, read_record(out)
@@ -226,6 +254,29 @@ def _tolerances(
         found = tuned(suite, cases, on_progress)
     note_tolerances(out, found)
     return found
+
+
+def _draw(directory: Path, file: Path) -> None:
+    """Draw a finished run into a file of the kind that its ending says."""
+    from hdvplan.bench.directory import read_record, read_samples, read_table
+    from hdvplan.bench.pictures import bench_figure, captions_of, tikz
+    from hdvplan.bench.profiles import pictured
+    from hdvplan.fileio import write_atomically
+    from hdvplan.report.style import figure_bytes
+
+    record, kind = read_record(directory), file.suffix.lower().removeprefix(".")
+    summary = read_table(directory, "summary")
+    order = summary.groupby("solver", sort=False)["ratio"].mean().sort_values(kind="stable", na_position="last").index
+    shown = pictured(read_samples(directory), read_table(directory, "timing"), [str(name) for name in order])
+    title, caption = captions_of(record)
+    made = (
+        tikz(shown, f"{title}; {caption}").encode() if kind in {"tex", "pgf"} else figure_bytes(bench_figure(shown, title, caption), kind)
+    )
+    try:
+        write_atomically(file, made)
+    except OSError as error:
+        msg = f"cannot write {file}: {error.strerror or error}"
+        raise OptionError(msg) from error
 
 
 def _measure_against(against: str, suite: Suite, rule: Rule, out: Path, expect_changes: bool, *, quiet: bool) -> Comparison:

@@ -41,7 +41,7 @@ class StepTimes:
     check: float = 0.0
     total: float = 0.0  # of the step; without loading
     loading: float = 0.0  # code that a solver needed for the first time in this process
-    cpu: float = 0.0  # processor time of the step, all threads; without loading, which is taken for busy throughout
+    cpu: float = 0.0  # processor time of the step, all threads; of one that had to load anything its total
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,7 @@ class Planner:
         self._last = first
         z, kappa = motion.z.copy(), motion.kappa.copy()
         times.total = perf_counter() - began - times.loading
-        times.cpu = process_time() - began_cpu - times.loading
+        times.cpu = times.total if times.loading else process_time() - began_cpu
         return Plan(
             first, z, kappa, kappa_before, status=result.status, reason=result.reason, usable=usable, qp_count=qp_count,
             qp_iterations=qp_iterations, residuals=judged, violation=violation, moved=moved, merit=merit, halvings=halvings, times=times,

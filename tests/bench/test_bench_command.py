@@ -260,3 +260,18 @@ def test_a_killed_process_goes_on_where_it_stopped(tmp_path: Path, short_road: s
     assert [session["one_thread"] for session in record["sessions"]] == [True, True]  # bound by the command itself
     assert len(pd.read_csv(tmp_path / "run" / "samples.csv.gz")) == 4 * 10 * 12
     assert not parts.exists()
+
+
+def test_a_finished_run_is_drawn_by_the_same_command(cli: Cli, tmp_path: Path, short_road: str) -> None:
+    command = ("bench", "--roads", short_road, *SHORTEST, "--out", "run", "--quiet")
+    assert cli(*command, "--plot").code == 0
+    assert (tmp_path / "run" / "bench.png").read_bytes().startswith(b"\x89PNG")
+    for name, begin in (("a.pdf", b"%PDF"), ("b.svg", b"<?xml"), ("c.tex", b"% short; bus; rti; whole drives")):
+        assert cli(*command, "--plot", name).code == 0
+        assert (tmp_path / name).read_bytes().startswith(begin)
+    code = (tmp_path / "c.tex").read_text(encoding="utf-8")
+    assert code.count(r"\addplot") == code.count(r"\addlegendentry") == 2
+    assert code.count("{") == code.count("}")
+    outcome = cli(*command, "--plot", "d.gif")
+    assert (outcome.code, outcome.err.splitlines()[0]) == (2, "error: the picture's ending must be png, pdf, svg, tex or pgf, not 'gif'")
+    assert cli(*command, "--plot", "no/where.png").code == 2
