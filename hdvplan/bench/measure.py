@@ -9,7 +9,7 @@ from contextlib import suppress
 import numpy as np
 
 from hdvplan.bench.acceptance import Opinions
-from hdvplan.bench.replay import Recorded, record, replay
+from hdvplan.bench.replay import Program, record, replay
 from hdvplan.bench.samples import NUMBERS, OK, OPINION, OVER_BUDGET, Judgement, Measurement, numbers_of, outcome_of
 from hdvplan.bench.suite import Suite
 from hdvplan.case import Case
@@ -42,7 +42,7 @@ class Bench:
         """Take over the cases; what the imports left is not garbage: looking at it before every drive takes longer than a short one."""
         self._suite, self._cases, self._makers, self._alive = suite, cases, makers, alive
         self._warm: set[object] = set()
-        self._recorded: dict[int, list[Recorded]] = {}
+        self._recorded: dict[int, list[Program]] = {}
         gc.freeze()
 
     def __call__(self, index: int, *, judged: bool, solver: str | None = None) -> Measurement:
@@ -62,7 +62,7 @@ class Bench:
                 warm_up(case.vehicle, objective_named(case.objective), make, case.settings, limited=limited)
             self._warm.add((case.vehicle, name, limited))
 
-    def _programs(self, index: int) -> list[Recorded]:
+    def _programs(self, index: int) -> list[Program]:
         """Return the sample of a case's course, which is the same for all solvers."""
         course = index // len(self._suite.solvers)
         if course not in self._recorded:

@@ -27,7 +27,7 @@ from hdvplan.solvers.sparse import SparseQp
 
 
 @dataclass(frozen=True)
-class Recorded:
+class Program:
     """The first program of one planning step, its warm start and its optimum."""
 
     step: int  # of the drive
@@ -53,7 +53,7 @@ def _spread(steps: IntArray, count: int) -> IntArray:
     return steps[np.round(np.linspace(0, len(steps) - 1, count)).astype(np.int64)] if count else steps[:0]
 
 
-def record(case: Case, reference: WorkspaceMaker, count: int) -> list[Recorded]:
+def record(case: Case, reference: WorkspaceMaker, count: int) -> list[Program]:
     """Return a sample of the programs of a drive by the reference, shuffled, so that the first few are a sample too.
 
     Raises:
@@ -64,7 +64,7 @@ def record(case: Case, reference: WorkspaceMaker, count: int) -> list[Recorded]:
     _drive(case, reference, lambda plan: binding.append(plan.merit is not None))
     wanted = set(chosen_steps(np.array(binding[1:]), count).tolist())
     spy = _Spy(reference)
-    kept: list[Recorded] = []
+    kept: list[Program] = []
 
     def keep(plan: Plan) -> None:
         if spy.steps in wanted:
@@ -76,7 +76,7 @@ def record(case: Case, reference: WorkspaceMaker, count: int) -> list[Recorded]:
 
 
 def replay(
-    recorded: list[Recorded], make: WorkspaceMaker, *, budget: float, judged: bool, alive: Callable[[int], None] = lambda _: None
+    recorded: list[Program], make: WorkspaceMaker, *, budget: float, judged: bool, alive: Callable[[int], None] = lambda _: None
 ) -> Measurement:
     """Have a solver solve recorded programs, warm and then cold, and return each as a step; ends early as a drive does."""
     steps: list[list[float]] = []
@@ -111,7 +111,7 @@ def replay(
     return Measurement(table, tuple(statuses), outcome, message, nonzeros, None, told, first_step=1)
 
 
-def _solved(workspace: QpWorkspace, one: Recorded, *, hurried: bool) -> tuple[list[float], str, str, tuple[float, float, float]]:
+def _solved(workspace: QpWorkspace, one: Program, *, hurried: bool) -> tuple[list[float], str, str, tuple[float, float, float]]:
     """Solve one program warm and, unless ``hurried``, cold; return the step's numbers, the solver's word and reason, and an opinion."""
     result, wall, cpu = _timed(workspace, one.qp, one.guess if workspace.starts_warm else None)
     judged, x, u = residuals(one.qp, result.point), result.point.x, result.point.u
@@ -176,10 +176,10 @@ class _Spy:
         self._keeping = keep
         self._kept.clear()
 
-    def recorded(self, s_m: float, *, binding: bool) -> Recorded:
+    def recorded(self, s_m: float, *, binding: bool) -> Program:
         """Return what was kept of this step."""
         qp, guess, optimum, scale = self._kept[0]
-        return Recorded(self.steps, s_m, binding, qp, guess, optimum, scale)
+        return Program(self.steps, s_m, binding, qp, guess, optimum, scale)
 
 
 def _copied(point: StageSolution | None, shape: StageShape) -> StageSolution:
