@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from hdvplan.bench.measure import Bench
-from hdvplan.bench.samples import CRASHED, HUNG, OUT_OF_MEMORY, Measurement, part_file, write_part
+from hdvplan.bench.samples import CRASHED, HUNG, OUT_OF_MEMORY, OVER_BUDGET, Measurement, part_file, write_part
 from hdvplan.bench.suite import Suite, visits
 from hdvplan.bench.worker import Worker
 from hdvplan.case import Case
 from hdvplan.qp.workspace import WorkspaceMaker
 
-_FATAL = (CRASHED, HUNG, OUT_OF_MEMORY)  # another round would end alike
+_FATAL = (CRASHED, HUNG, OUT_OF_MEMORY)
 
 
 def run(
@@ -32,7 +32,7 @@ def run(
 
     ``cases`` as ``cases_of(suite)`` returns them, ``makers`` by the solvers' names. A cell that cannot be planned is
     measured as far as it goes and noted as such; it does not end the run. Nor does one that crashes or hangs, unless all is measured
-    ``in_process``: its other rounds are then taken to end alike.
+    ``in_process``: its other rounds are then taken to end alike, as are those of a solver that its budget stopped in a sample.
 
     Raises:
         OSError: a part cannot be written.
@@ -47,9 +47,10 @@ def run(
     lengths = np.array([cases[index].road.path.length for index, _ in order])
     with _measuring(suite, cases, makers, in_process=in_process) as measured_by:
         for number, (index, round_) in enumerate(order):
-            if not part_file(directory, index, round_).exists():  # a fatal round fills in the others
+            if not part_file(directory, index, round_).exists():  # such a round fills in the others
                 measured = measured_by(index, judged=round_ == 0)
-                last = suite.rounds if measured.outcome in _FATAL else round_ + 1
+                only = measured.outcome in _FATAL or (suite.sample and measured.outcome == OVER_BUDGET)  # another round would end alike
+                last = suite.rounds if only else round_ + 1
                 for filled in range(round_, last):
                     write_part(part_file(directory, index, filled), measured)
             on_progress(float(np.sum(lengths[: number + 1]) / np.sum(lengths)))

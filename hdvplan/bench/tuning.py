@@ -1,6 +1,6 @@
 """Hold solvers to the same accuracy: of every solver the loosest tolerance with which it meets a distance from the optimum, in metres.
 
-Equal tolerances are not equal accuracies: each solver measures in its own way. So each is tried on recorded programs of all courses,
+Equal tolerances are not equal accuracies: each solver measures in its own way. So each is tried on recorded programs of sixteen courses,
 from the loosest tolerance on, and tightened by a factor of ten wherever e_y lies too far from the reference's optimum.
 """
 
@@ -21,11 +21,12 @@ from hdvplan.solvers.registry import SolverMaker, solver_named
 
 LADDER = tuple(10.0**-decade for decade in range(1, 12))
 _PROGRAMS = 4  # of every course, unless the benchmark has its own sample
-_BUDGET_S = 0.5  # for these programs by one solver: slow ones are tried on the first of them
+_BUDGET_S = 0.3  # for these programs by one solver: slow ones are tried on the first of them
+_COURSES = 16  # at most, spread evenly
 
 
 def tuned(suite: Suite, cases: Sequence[Case], on_progress: Callable[[float], None]) -> dict[str, float | None]:
-    """Return each solver's loosest tolerance of ``LADDER`` that meets ``suite.accuracy`` on all courses.
+    """Return each solver's loosest tolerance of ``LADDER`` that meets ``suite.accuracy`` on a sample of the courses.
 
     None: it has no tolerance, or none of the ladder's serves, and it runs with its own. ``cases`` are the suite's, ``on_progress``
     receives the done share.
@@ -35,12 +36,13 @@ def tuned(suite: Suite, cases: Sequence[Case], on_progress: Callable[[float], No
     makers: dict[str, WorkspaceMaker] = {maker.name: maker for ladder in ladders.values() for maker in ladder}
     short = replace(suite, sample=suite.sample or _PROGRAMS, budget=_BUDGET_S, rounds=1, accuracy=None)
     every = len(suite.schemes) * len(suite.solvers)
+    courses = np.unique(np.linspace(0, len(cases) // every - 1, _COURSES).round().astype(int))
     with Worker(short, cases, makers) as worker:
-        for index in range(0, len(cases), every):
+        for number, course in enumerate(courses.tolist()):
             for ladder in ladders.values():
-                while ladder and not _meets(worker(index, judged=True, solver=ladder[0].name), wanted):
+                while ladder and not _meets(worker(course * every, judged=True, solver=ladder[0].name), wanted):
                     del ladder[0]
-            on_progress((index + every) / len(cases))
+            on_progress((number + 1) / len(courses))
     return {name: ladder[0].tolerance if ladder else None for name, ladder in ladders.items()}
 
 
