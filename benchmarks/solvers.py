@@ -14,7 +14,9 @@ from pathlib import Path
 
 import pandas as pd
 
+from hdvplan.bench.stats import summary_table
 from hdvplan.bench.suite import CLASSES, ROADS
+from hdvplan.bench.timing import reasons_of
 from hdvplan.cli.app import run
 from hdvplan.fileio import write_atomically
 from hdvplan.machine import use_one_thread
@@ -45,9 +47,14 @@ def chosen() -> tuple[list[str], list[str]]:
     return [name for name in names if versions.get(name)], [name for name in names if not versions.get(name)]
 
 
-def at_a_glance(directory: Path) -> pd.DataFrame:
+def summary_without(directory: Path, solver: str) -> pd.DataFrame:
+    """Return the summary of a benchmark as it would be without one of its solvers."""
+    tables = (pd.read_csv(directory / name) for name in ("samples.csv.gz", "timing.csv", "envelope.csv"))
+    return summary_table(*(table[table["solver"] != solver] for table in tables))
+
+
+def at_a_glance(summary: pd.DataFrame) -> pd.DataFrame:
     """Return of one benchmark, solver by solver, how many times as long as the fastest it takes, for every vehicle and class of limits."""
-    summary = pd.read_csv(directory / "summary.csv")
     order = summary.groupby("solver")["ratio"].median().sort_values(na_position="last").index
     rows: dict[str, dict[str, str]] = {str(solver): {"solver": str(solver)} for solver in order}
     for vehicle in VEHICLES:
@@ -66,19 +73,6 @@ def _cell(ratio: float, share: float, *, whole: bool) -> str:
     return said + ("" if share == 1.0 else f" ({100.0 * share:.0f} %)") + stopped
 
 
-def reasons(directory: Path) -> list[str]:
-    """Return why solvers have steps that are not accepted, or programs that were not reached: one reason a solver and status."""
-    timing = pd.read_csv(directory / "timing.csv")
-    bad = timing[timing["status"] != "ok"]
-    found = []
-    for solver in dict.fromkeys(bad["solver"]):
-        for status in dict.fromkeys(bad.loc[bad["solver"] == solver, "status"]):
-            cells = bad[(bad["solver"] == solver) & (bad["status"] == status)]
-            road, vehicle, limits, message = cells[["road", "vehicle", "limits", "message"]].iloc[0]
-            found.append(f"{solver}, {status} in {len(cells)} cells; {road}, {vehicle}, {limits}: {message}")
-    return found
-
-
 def page(out: Path, absent: list[str]) -> str:
     """Return what solvers.md says."""
     parts = [
@@ -91,10 +85,16 @@ def page(out: Path, absent: list[str]) -> str:
     ]
     for regime, (title, _) in REGIMES.items():
         folder = out / regime
-        table, record = at_a_glance(folder), json.loads((folder / "run.json").read_text(encoding="utf-8"))
+        table, record = at_a_glance(pd.read_csv(folder / "summary.csv")), json.loads((folder / "run.json").read_text(encoding="utf-8"))
         told = [record["load"]["warning"]] if record["load"]["warning"] else []
-        told += [finding["text"] for finding in record["verdict"]] + record["solvers"] + reasons(folder)
-        parts += [f"## {title}", markdown_table(table, text=("solver",)), "\n".join(f"- {line}" for line in told)]
+        told += [finding["text"] for finding in record["verdict"]] + record["solvers"] + reasons_of(pd.read_csv(folder / "timing.csv"))
+        unscreened = at_a_glance(summary_without(folder, "riccati"))
+        parts += [
+            f"## {title}",
+            markdown_table(table, text=("solver",)),
+            "Without riccati, so that no solver screens or knows active sets:",
+        ]
+        parts += [markdown_table(unscreened, text=("solver",)), "\n".join(f"- {line}" for line in told)]
     parts += [f"Not installed: {', '.join(absent)}."] if absent else []
     return "\n\n".join(["# QP solvers", *parts]) + "\n"
 

@@ -12,7 +12,7 @@ from rich.text import Text
 from hdvplan.bench.compare import CellTimes, Comparison
 from hdvplan.bench.counters import IN_STEPS, Change
 from hdvplan.bench.gate import FEWEST_PAIRS, Rule, Verdict
-from hdvplan.bench.suite import AS_SET, KEY
+from hdvplan.bench.suite import KEY, cell_words
 from hdvplan.report.grid import grid
 from hdvplan.report.markdown import markdown_table
 
@@ -41,11 +41,6 @@ def verdict_line(comparison: Comparison, rule: Rule) -> str:
     if cells and not slower and not unknown:
         parts.append(f"no cell of {cells} is slower by more than a factor of {rule.factor:g}")
     return f"{comparison.verdict}: {'; '.join(parts) or 'no counter changed'}"
-
-
-def cell_words(parts: Sequence[str], between: str = " ") -> str:
-    """Return the name of a cell; its limits only where the benchmark has classes of them."""
-    return between.join(part for part in parts if part != AS_SET)
 
 
 def comparison_tables(comparison: Comparison) -> list[Table]:

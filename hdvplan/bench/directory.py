@@ -90,7 +90,7 @@ def finish(suite: Suite, directory: Path) -> None:
     at_end = load_average()
     load = load_of(tables.summary, record["sessions"], at_end, record["machine"]["usable_cores"])
     findings = findings_of(tables.summary, load)
-    foot = foot_of(suite.solvers, record.get("tolerances", {}), findings, load)
+    foot = foot_of(suite.solvers, record.get("tolerances", {}), findings, load, tables.timing)
     packed = tables.samples.to_csv(index=False, lineterminator="\n", float_format=_SAMPLE_DIGITS).encode()
     write_atomically(directory / "samples.csv.gz", gzip.compress(packed, mtime=0))
     caption = captions(suite, record["machine"], tables, record.get("tolerances"))

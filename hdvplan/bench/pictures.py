@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import Any
 
 import numpy as np
@@ -11,10 +11,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-from hdvplan.bench.profiles import Along, Pictured, share_within
+from hdvplan.bench.directory import read_record, read_samples, read_table
+from hdvplan.bench.profiles import Along, Pictured, pictured, share_within
+from hdvplan.fileio import write_atomically
 from hdvplan.jit import FloatArray
 from hdvplan.report.colours import FAINT, MUTED
-from hdvplan.report.style import styled
+from hdvplan.report.style import figure_bytes, styled
 
 _SIZE_IN = (11.0, 8.5)
 _DASHES = ("-", "--", ":")
@@ -25,6 +27,24 @@ _EXACT_M = 1e-14  # where a distance of zero is drawn
 _FURTHEST = 1e4  # factor at which a profile ends
 _POINTS = 400
 _NAMED = 3  # roads, vehicles, ... that a title names; of more it says how many
+
+
+def draw(directory: Path, file: Path) -> None:
+    """Draw a finished run into a file of the kind that its ending says: one that Matplotlib knows, or tex or pgf for TikZ.
+
+    Raises:
+        OptionError: the run is not finished, or damaged.
+        OSError: the file cannot be written.
+
+    """
+    record, summary = read_record(directory), read_table(directory, "summary")
+    order = summary.groupby("solver", sort=False)["ratio"].mean().sort_values(kind="stable", na_position="last").index
+    shown = pictured(read_samples(directory), read_table(directory, "timing"), [str(name) for name in order])
+    (title, caption), kind = captions_of(record), file.suffix.lower().removeprefix(".")
+    if kind in {"tex", "pgf"}:
+        write_atomically(file, tikz(shown, f"{title}; {caption}").encode())
+    else:
+        write_atomically(file, figure_bytes(bench_figure(shown, title, caption), kind))
 
 
 def bench_figure(shown: Pictured, title: str, caption: str) -> Figure:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from itertools import product
 from pathlib import Path
@@ -60,6 +60,11 @@ GROUP = ["vehicle", "scheme", "limits"]
 def key_of(cell: Cell) -> tuple[str, str, str, str, str]:
     """Return a cell as the tables name it, in the order of ``KEY``."""
     return cell.road, cell.vehicle, str(cell.scheme), cell.solver, cell.limits
+
+
+def cell_words(parts: Sequence[str], between: str = " ") -> str:
+    """Return the name of a cell; its limits only where the benchmark has classes of them."""
+    return between.join(part for part in parts if part != AS_SET)
 
 
 @dataclass(frozen=True)

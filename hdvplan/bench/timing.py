@@ -9,8 +9,9 @@ from rich.table import Table
 from rich.text import Text
 
 from hdvplan.bench.acceptance import DUAL, PRIMAL_M
+from hdvplan.bench.samples import OK
 from hdvplan.bench.stats import Tables, reference_solver
-from hdvplan.bench.suite import AS_SET, CLASSES, GROUP, Suite
+from hdvplan.bench.suite import AS_SET, CLASSES, GROUP, Suite, cell_words
 from hdvplan.bench.verdict import Finding, Load, group_words, how_ranked
 from hdvplan.report.grid import grid
 from hdvplan.report.markdown import markdown_table
@@ -20,7 +21,6 @@ _TEXT = ("road", "vehicle", "scheme", "solver", "limits", "status")
 _ALWAYS = "limits"  # the column that is shown only where a benchmark has classes of them
 _MS, _M, _TINY, _COUNT, _RATIO, _MEAN = "{:.3f}", "{:.3f}", "{:.1e}", "{:.0f}", "{:.2f}", "{:.1f}"
 _WORDS, _PERCENT = "{}", "{:.1%}"
-_LEFT = (*_TEXT, "remark")
 _LATEX = {letter: f"\\{letter}" for letter in "_%&#${}"} | {
     "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "<": r"$<$", ">": r"$>$",
 }  # fmt: skip
@@ -90,7 +90,6 @@ LAYOUTS: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "failures": ("fail", _COUNT),
         "distance_m": ("off the optimum [m]", _TINY),
         "path_difference_m": ("path differs [m]", _TINY),
-        "first_reason": ("remark", _WORDS),
     },
 }
 _PATH, _OFF = "path differs [m]", "off the optimum [m]"
@@ -165,22 +164,36 @@ def shown(table: pd.DataFrame, name: str) -> pd.DataFrame:
 def markdown(table: pd.DataFrame, name: str, caption: str, foot: Sequence[str]) -> str:
     """Return a table as Markdown, with its caption above and its foot below."""
     below = "".join(f"- {line}\n" for line in foot)
-    return f"{caption}\n\n{markdown_table(shown(table, name), text=_LEFT)}\n" + (f"\n{below}" if below else "")
+    return f"{caption}\n\n{markdown_table(shown(table, name), text=_TEXT)}\n" + (f"\n{below}" if below else "")
 
 
 def latex(table: pd.DataFrame, name: str, caption: str, foot: Sequence[str]) -> str:
     """Return a table as a LaTeX ``table`` in the style of booktabs, its foot in small print."""
     text = shown(table, name)
-    sides = "".join("l" if column in _LEFT else "r" for column in text.columns)
+    sides = "".join("l" if column in _TEXT else "r" for column in text.columns)
     made = text.to_latex(index=False, escape=True, column_format=sides, caption=_escaped(caption), label=f"tab:hdvplan-{name}")
     below = "".join(f"\\par\\footnotesize {_escaped(line)}\n" for line in foot)
     return made.replace("\\end{table}", f"{below}\\end{{table}}")
 
 
-def foot_of(solvers: Sequence[str], tolerances: Mapping[str, float | None], findings: Sequence[Finding], load: Load) -> list[str]:
-    """Return what stands below every table: verdicts, what disturbed the machine, and each solver's version and settings."""
+def foot_of(
+    solvers: Sequence[str], tolerances: Mapping[str, float | None], findings: Sequence[Finding], load: Load, timing: pd.DataFrame
+) -> list[str]:
+    """Return what stands below every table: what disturbed the machine, verdicts, each solver's version and settings, and failures."""
     told = [finding.text for finding in findings]
-    return [*([load.warning] if load.warning else []), *told, *(settings_of(solver, tolerances.get(solver)) for solver in solvers)]
+    settings = [settings_of(solver, tolerances.get(solver)) for solver in solvers]
+    return [*([load.warning] if load.warning else []), *told, *settings, *reasons_of(timing)]
+
+
+def reasons_of(timing: pd.DataFrame) -> list[str]:
+    """Return why cells are not ok: of every solver and status how many they are, and the reason of the first."""
+    bad, found = timing[timing["status"] != OK], []
+    for solver, status in dict.fromkeys(bad[["solver", "status"]].itertuples(index=False, name=None)):
+        cells = bad[(bad["solver"] == solver) & (bad["status"] == status)]
+        where = cell_words(tuple(map(str, cells[["road", *GROUP]].iloc[0])), ", ")
+        count = f"{len(cells)} of {int((timing['solver'] == solver).sum())} cells"
+        found.append(f"{solver}, {status} in {count}; {where}: {cells['message'].iloc[0]}")
+    return found
 
 
 def summary_tables(tables: Mapping[str, pd.DataFrame], tolerances: Mapping[str, float | None] | None = None) -> list[Table]:
@@ -195,7 +208,7 @@ def summary_tables(tables: Mapping[str, pd.DataFrame], tolerances: Mapping[str, 
         ended = int((mine["cells"] - mine["cells_ok"]).sum())
         caption = f"{ended} of {int(mine['cells'].sum())} cells are not ok; timing.csv says why." if ended else None
         title = f"{group_words(*map(str, key))}: one planning step [ms], all roads together"
-        found.append(grid(title, list(text.columns), text.itertuples(index=False, name=None), text=_LEFT, caption=caption))
+        found.append(grid(title, list(text.columns), text.itertuples(index=False, name=None), text=_TEXT, caption=caption))
     if len(schemes):
         pooled = schemes.groupby(["vehicle", "solver", "limits"], sort=False, as_index=False).agg(
             mean=("mean_ratio", "mean"), most=("max_ratio", "max"), differ=("envelope_difference_m", "max")

@@ -221,7 +221,13 @@ def bench(
             raise
     if plot is not None:
         picture = out / PICTURE if plot == PICTURE else Path(plot)
-        _draw(out, picture)
+        from hdvplan.bench.pictures import draw
+
+        try:
+            draw(out, picture)
+        except OSError as error:
+            msg = f"cannot write {picture}: {error.strerror or error}"
+            raise OptionError(msg) from error
         note(f"picture in {picture}", quiet=quiet)
     if counters is not None:
         return _hold_to(counters, out, renew, format_=format_, json=json, quiet=quiet)
@@ -254,29 +260,6 @@ def _tolerances(
         found = tuned(suite, cases, on_progress)
     note_tolerances(out, found)
     return found
-
-
-def _draw(directory: Path, file: Path) -> None:
-    """Draw a finished run into a file of the kind that its ending says."""
-    from hdvplan.bench.directory import read_record, read_samples, read_table
-    from hdvplan.bench.pictures import bench_figure, captions_of, tikz
-    from hdvplan.bench.profiles import pictured
-    from hdvplan.fileio import write_atomically
-    from hdvplan.report.style import figure_bytes
-
-    record, kind = read_record(directory), file.suffix.lower().removeprefix(".")
-    summary = read_table(directory, "summary")
-    order = summary.groupby("solver", sort=False)["ratio"].mean().sort_values(kind="stable", na_position="last").index
-    shown = pictured(read_samples(directory), read_table(directory, "timing"), [str(name) for name in order])
-    title, caption = captions_of(record)
-    made = (
-        tikz(shown, f"{title}; {caption}").encode() if kind in {"tex", "pgf"} else figure_bytes(bench_figure(shown, title, caption), kind)
-    )
-    try:
-        write_atomically(file, made)
-    except OSError as error:
-        msg = f"cannot write {file}: {error.strerror or error}"
-        raise OptionError(msg) from error
 
 
 def _measure_against(against: str, suite: Suite, rule: Rule, out: Path, expect_changes: bool, *, quiet: bool) -> Comparison:
