@@ -38,7 +38,7 @@ def draw(directory: Path, file: Path) -> None:
 
     """
     record, summary = read_record(directory), read_table(directory, "summary")
-    order = summary.groupby("solver", sort=False)["ratio"].mean().sort_values(kind="stable", na_position="last").index
+    order = summary.groupby("solver", sort=False)["ratio"].median().sort_values(kind="stable", na_position="last").index
     shown = pictured(read_samples(directory), read_table(directory, "timing"), [str(name) for name in order])
     (title, caption), kind = captions_of(record), file.suffix.lower().removeprefix(".")
     if kind in {"tex", "pgf"}:
@@ -167,8 +167,11 @@ def _stretches(one: Along) -> list[tuple[float, float]]:
 def _accuracy(axes: Axes, shown: Pictured) -> None:
     for number, points in enumerate(shown.accuracy.values()):
         if len(points):
-            look = {"color": f"C{number % _COLOURS}", "marker": _MARKS[number % len(_MARKS)], "s": 28.0, "linewidths": 0.0}
-            axes.scatter(np.maximum(points[:, 0], _EXACT_M), points[:, 1], alpha=0.8, **look)  # type: ignore[arg-type] # marker properties
+            colour, again = f"C{number % _COLOURS}", number >= _COLOURS  # hollow marks: the colours' second time
+            axes.scatter(
+                np.maximum(points[:, 0], _EXACT_M), points[:, 1], s=26.0, alpha=0.8, marker=_MARKS[number % len(_MARKS)], edgecolors=colour,
+                facecolors="none" if again else colour, linewidths=1.2 if again else 0.0,
+            )  # fmt: skip
     axes.set(xscale="log", yscale="log", xlabel="largest distance of e_y from the optimum [m]", ylabel="step [ms]")
     axes.grid(visible=True)
     _plain(axes, "y")

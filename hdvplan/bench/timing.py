@@ -199,7 +199,7 @@ def reasons_of(timing: pd.DataFrame) -> list[str]:
 def summary_tables(tables: Mapping[str, pd.DataFrame], tolerances: Mapping[str, float | None] | None = None) -> list[Table]:
     """Return the headline for the terminal: per vehicle, scheme and class of limits, then RTI against SQP where both were run."""
     summary, schemes = tables["summary"], tables["schemes"]
-    found = []
+    found, one = [], "one QP" if (summary["linearise_ms"] == 0.0).all() else "one planning step"
     for key, mine in summary.groupby(GROUP, sort=False):
         headings = [name for name in _HEADLINE if name != (_OFF if mine["path_difference_m"].notna().any() else _PATH)]
         text = shown(mine, "summary")[headings]
@@ -207,7 +207,7 @@ def summary_tables(tables: Mapping[str, pd.DataFrame], tolerances: Mapping[str, 
             text[column] = text[column].str.replace(".0%", "%")
         ended = int((mine["cells"] - mine["cells_ok"]).sum())
         caption = f"{ended} of {int(mine['cells'].sum())} cells are not ok; timing.csv says why." if ended else None
-        title = f"{group_words(*map(str, key))}: one planning step [ms], all roads together"
+        title = f"{group_words(*map(str, key))}: {one} [ms], all roads together"
         found.append(grid(title, list(text.columns), text.itertuples(index=False, name=None), text=_TEXT, caption=caption))
     if len(schemes):
         pooled = schemes.groupby(["vehicle", "solver", "limits"], sort=False, as_index=False).agg(

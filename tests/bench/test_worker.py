@@ -144,3 +144,16 @@ def test_tolerances_are_as_loose_as_the_accuracy_in_metres_allows(tiny: Suite, t
     timing = tables_of(tight.cells(), measured(tight, makers, tmp_path), tight.accuracy).timing
     assert list(timing["status"]) == ["ok", "ok"]
     assert (timing["distance_m"] <= 2e-5).all()  # what the caption promises
+
+
+def test_a_sample_gives_a_slow_solver_one_program_and_one_round(tiny: Suite, tmp_path: Path) -> None:
+    suite = replace(tiny, solvers=("riccati", "piqp"), sample=4, rounds=3, budget=1e-3)
+    makers: dict[str, WorkspaceMaker] = {"riccati": RICCATI, "piqp": Fake("lazy")}
+    found = measured(suite, makers, tmp_path, in_process=True)
+    slow = [one.table() for one in found[1]]
+    assert [len(table) for table in slow] == [1, 1, 1]
+    pd.testing.assert_frame_equal(slow[0], slow[2], check_exact=True)
+    timing = tables_of(suite.cells(), found).timing
+    assert timing["status"].iloc[1] == "over budget"
+    assert timing["message"].iloc[1].startswith("1 of 4 programs")
+    assert timing["success"].iloc[1] == 1.0
