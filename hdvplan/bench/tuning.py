@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hdvplan.bench.samples import OK, OPINION, OVER_BUDGET, Measurement
+from hdvplan.bench.samples import CRASHED, HUNG, OK, OPINION, OUT_OF_MEMORY, OVER_BUDGET, Measurement
 from hdvplan.bench.suite import Suite
 from hdvplan.bench.worker import Worker
 from hdvplan.case import Case
@@ -55,7 +55,12 @@ def _makers(name: str) -> list[SolverMaker]:
 
 
 def _meets(measured: Measurement, wanted: float) -> bool:
-    """Tell whether all programs that were solved came within ``wanted`` [m] of their optima; those without a proved one do not count."""
+    """Tell whether all programs that were solved came within ``wanted`` [m] of their optima; those without a proved one do not count.
+
+    Nor does a cell in which the solver hung or crashed: no tolerance mends that, and its row in the tables says so.
+    """
+    if measured.outcome in {HUNG, CRASHED, OUT_OF_MEMORY}:
+        return True
     told = measured.opinions[~np.isnan(measured.opinions[:, OPINION.index("scale")])] if len(measured.opinions) else measured.opinions
     close = told[:, OPINION.index("distance_m")] <= wanted  # False for NaN
     return measured.outcome in {OK, OVER_BUDGET} and bool(close.all())
