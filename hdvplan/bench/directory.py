@@ -16,14 +16,13 @@ import pandas as pd
 from hdvplan.bench.samples import part_file, read_part
 from hdvplan.bench.stats import tables_of
 from hdvplan.bench.suite import Suite
-from hdvplan.bench.timing import LAYOUTS, captions, foot_of, latex, markdown
+from hdvplan.bench.timing import LAYOUTS, captions, foot_of, latex, markdown, settings_words
 from hdvplan.bench.verdict import findings_of, load_of
 from hdvplan.case import Case
 from hdvplan.errors import OptionError
 from hdvplan.fileio import csv_bytes, json_bytes, write_atomically
 from hdvplan.machine import commit, load_average, machine_facts, software
 from hdvplan.record import NAME, command, now
-from hdvplan.solvers.registry import settings_of
 
 PICTURE = "bench.png"
 _SAMPLE_DIGITS = "%.7g"  # a sample's time to the nanosecond, in a third of the space
@@ -100,7 +99,7 @@ def finish(suite: Suite, directory: Path) -> None:
         write_atomically(directory / f"{name}.md", markdown(table, name, caption[name], foot).encode())
         write_atomically(directory / f"{name}.tex", latex(table, name, caption[name], foot).encode())
     record |= {"finished": now(), "load_average_at_end": at_end, "load": asdict(load), "verdict": [asdict(one) for one in findings]}
-    record |= {"solvers": [settings_of(name, record.get("tolerances", {}).get(name)) for name in suite.solvers]}
+    record |= {"solvers": [settings_words(name, record.get("tolerances", {})) for name in suite.solvers]}
     write_atomically(directory / NAME, json_bytes(record))
     shutil.rmtree(directory / "parts")
 

@@ -11,7 +11,7 @@ import numpy as np
 from hdvplan.bench.acceptance import Opinions
 from hdvplan.bench.replay import Program, record, replay
 from hdvplan.bench.samples import NUMBERS, OK, OPINION, OVER_BUDGET, Judgement, Measurement, numbers_of, outcome_of
-from hdvplan.bench.suite import Suite
+from hdvplan.bench.suite import Suite, tuning_key
 from hdvplan.case import Case
 from hdvplan.driving.drive import Drive, drive, warm_up
 from hdvplan.jit import FloatArray
@@ -47,12 +47,13 @@ class Bench:
 
     def __call__(self, index: int, *, judged: bool, solver: str | None = None) -> Measurement:
         """Return the measurement of a case by its own ``solver`` or another; its sweep and second opinions only if ``judged``."""
-        case, make = self._cases[index], self._makers[solver or self._cases[index].solver_name]
+        case, limits = self._cases[index], self._suite.cells()[index].limits
+        make = self._makers.get(solver or tuning_key(case.solver_name, limits)) or self._makers[case.solver_name]
         self._warm_up(case, REFERENCE, "the reference")
         if self._suite.sample:
             return replay(self._programs(index), make, budget=self._suite.budget, judged=judged, alive=self._alive)
         self._alive(0)
-        self._warm_up(case, make, case.solver_name)
+        self._warm_up(case, make, tuning_key(case.solver_name, limits))
         return measure(case, make, budget=self._suite.budget, judged=judged, alive=self._alive)
 
     def _warm_up(self, case: Case, make: WorkspaceMaker, name: str) -> None:

@@ -62,6 +62,11 @@ def key_of(cell: Cell) -> tuple[str, str, str, str, str]:
     return cell.road, cell.vehicle, str(cell.scheme), cell.solver, cell.limits
 
 
+def tuning_key(solver: str, limits: str) -> str:
+    """Return the name by which a solver's tolerance for a class of limits is kept."""
+    return f"{solver}, {limits}"
+
+
 def cell_words(parts: Sequence[str], between: str = " ") -> str:
     """Return the name of a cell; its limits only where the benchmark has classes of them."""
     return between.join(part for part in parts if part != AS_SET)

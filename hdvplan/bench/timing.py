@@ -11,7 +11,7 @@ from rich.text import Text
 from hdvplan.bench.acceptance import DUAL, PRIMAL_M
 from hdvplan.bench.samples import OK
 from hdvplan.bench.stats import Tables, reference_solver
-from hdvplan.bench.suite import AS_SET, CLASSES, GROUP, Suite, cell_words
+from hdvplan.bench.suite import AS_SET, CLASSES, GROUP, Suite, cell_words, tuning_key
 from hdvplan.bench.verdict import Finding, Load, group_words, how_ranked
 from hdvplan.report.grid import grid
 from hdvplan.report.markdown import markdown_table
@@ -136,7 +136,7 @@ def accuracy(summary: pd.DataFrame, tolerances: Mapping[str, float | None] | Non
     driven = bool(summary["path_difference_m"].notna().any()) or bool(summary["distance_m"].isna().all())
     furthest = summary.groupby("solver", sort=False)["path_difference_m" if driven else "distance_m"].max()
     reference = reference_solver(list(furthest.index))
-    used = {str(solver): _tolerance(str(solver), (tolerances or {}).get(str(solver))) for solver in furthest.index}
+    used = {str(solver): _tolerance(str(solver), tolerances or {}) for solver in furthest.index}
     parts = [
         f"{solver} {used[str(solver)]}: "
         + (("no whole drive" if driven else "no program") if pd.isna(difference) else f"{difference:.1e} m")
@@ -181,7 +181,7 @@ def foot_of(
 ) -> list[str]:
     """Return what stands below every table: what disturbed the machine, verdicts, each solver's version and settings, and failures."""
     told = [finding.text for finding in findings]
-    settings = [settings_of(solver, tolerances.get(solver)) for solver in solvers]
+    settings = [settings_words(solver, tolerances) for solver in solvers]
     return [*([load.warning] if load.warning else []), *told, *settings, *reasons_of(timing)]
 
 
@@ -232,9 +232,21 @@ def _limits(suite: Suite) -> str:
     return f"limits {place}" + ("" if suite.pinch is None else f", pinched by {suite.pinch:g} m in the tightest bend")
 
 
-def _tolerance(solver: str, given: float | None) -> str:
-    tolerance = tolerance_of(solver) if given is None else given
-    return "at its default" if tolerance is None else f"at {tolerance:g}"
+def settings_words(solver: str, tolerances: Mapping[str, float | None]) -> str:
+    """Return a solver's version and settings, and the tolerances that an accuracy has led to."""
+    return settings_of(solver) + (f"; here {words}" if (words := _tuned(solver, tolerances)) else "")
+
+
+def _tuned(solver: str, tolerances: Mapping[str, float | None]) -> str:
+    """Return a solver's tolerances by class of limits, in words; nothing where it runs with its own."""
+    mine = {limits: tolerances[key] for limits in (AS_SET, *CLASSES) if (key := tuning_key(solver, limits)) in tolerances}
+    said = [f"{'its own' if one is None else f'{one:g}'}{'' if limits == AS_SET else f' ({limits})'}" for limits, one in mine.items()]
+    return f"at {', '.join(said)}" if any(one is not None for one in mine.values()) else ""
+
+
+def _tolerance(solver: str, tolerances: Mapping[str, float | None]) -> str:
+    own = tolerance_of(solver)
+    return _tuned(solver, tolerances) or ("at its default" if own is None else f"at {own:g}")
 
 
 def _escaped(caption: str) -> str:

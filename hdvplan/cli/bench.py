@@ -208,7 +208,8 @@ def bench(
                 discard(out)
             begin(wanted, cases, out, record, one_thread=one_thread)
             tolerances = _tolerances(wanted, cases, out, record, quiet=quiet)
-            makers = {name: solver_named(name, tolerances.get(name)) for name in wanted.solvers}
+            makers = {name: solver_named(name) for name in wanted.solvers}
+            makers |= {key: solver_named(key.rpartition(", ")[0], tolerance) for key, tolerance in tolerances.items()}
             with progress("measuring", quiet=quiet, undisturbed=True) as on_progress:
                 run(wanted, cases, makers, out, on_progress, in_process=in_process)
             finish(wanted, out)
