@@ -37,7 +37,7 @@ REGIMES = {
     ),
 }
 # A drive's QPs, and of how many a slow solver gets: as many as it solves, warm and cold, in the budget, one at least.
-SAMPLE, ROUNDS, BUDGET_S, STEP_LIMIT_S, CELL_LIMIT_S = 6, 2, 0.3, 2.5, 60.0
+SAMPLE, ROUNDS, BUDGET_S, STEP_LIMIT_S, CELL_LIMIT_S = 6, 2, 0.3, 1.0, 60.0
 
 
 def chosen() -> tuple[list[str], list[str]]:
