@@ -315,7 +315,7 @@ def step_times(driven: list[Case]) -> pd.DataFrame:
                     plans = drive_case(case).plans[1:]
                     gc.enable()
                     times = 1e3 * np.array([plan.times.total for plan in plans])
-                    fastest[case.objective] = np.minimum(fastest.get(case.objective, np.full(len(times), np.inf)), times)
+                    fastest[case.objective_name] = np.minimum(fastest.get(case.objective_name, np.full(len(times), np.inf)), times)
             means = {f"{way}_ms": float(np.mean(times)) for way, times in fastest.items()}
             rows.append({"vehicle": name, "limits": limits} | means | {"ratio": means["balanced_ms"] / means["geometric_ms"]})
     return pd.DataFrame(rows)

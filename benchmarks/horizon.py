@@ -16,7 +16,7 @@ import pandas as pd
 
 from hdvplan.api import prepare
 from hdvplan.bench.courses import cases_of
-from hdvplan.bench.run import measure
+from hdvplan.bench.measure import measure
 from hdvplan.bench.samples import Measurement
 from hdvplan.bench.stats import tables_of
 from hdvplan.bench.suite import Suite

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from hdvplan.api import plan, prove
+    from hdvplan.api import plan, prove, solver
     from hdvplan.case import Case
     from hdvplan.errors import HdvplanError
     from hdvplan.judging.result import Result
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from hdvplan.need.answer import need_of
     from hdvplan.planning.bias import Bias
     from hdvplan.planning.settings import PlannerSettings
+    from hdvplan.qp.workspace import QpWorkspace
     from hdvplan.report.files import write_plan
     from hdvplan.report.html import write_report
     from hdvplan.report.plots import plan_figure
@@ -41,6 +42,7 @@ _HOMES = {
     "HdvplanError": "hdvplan.errors",
     "Limits": "hdvplan.road.road",
     "PlannerSettings": "hdvplan.planning.settings",
+    "QpWorkspace": "hdvplan.qp.workspace",
     "Result": "hdvplan.judging.result",
     "Road": "hdvplan.road.road",
     "RoadOptions": "hdvplan.road.load",
@@ -52,6 +54,7 @@ _HOMES = {
     "plan": "hdvplan.api",
     "plan_figure": "hdvplan.report.plots",
     "prove": "hdvplan.api",
+    "solver": "hdvplan.api",
     "summary_of": "hdvplan.report.summary",
     "verdict_of": "hdvplan.judging.verdict",
     "write_plan": "hdvplan.report.files",
@@ -64,6 +67,7 @@ __all__ = [
     "HdvplanError",
     "Limits",
     "PlannerSettings",
+    "QpWorkspace",
     "Result",
     "Road",
     "RoadOptions",
@@ -76,6 +80,7 @@ __all__ = [
     "plan",
     "plan_figure",
     "prove",
+    "solver",
     "summary_of",
     "verdict_of",
     "write_plan",

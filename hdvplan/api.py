@@ -11,11 +11,12 @@ from hdvplan.driving.drive import Drive, drive, warm_up
 from hdvplan.judging.result import Result, result_of
 from hdvplan.passing.sides import choose_sides
 from hdvplan.planning.discretisation import Discretisation
+from hdvplan.planning.objective_names import WEIGHTED, share_of
 from hdvplan.planning.objectives import Objective, objective_named
 from hdvplan.planning.planner import Plan
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.proof.stretches import proved
-from hdvplan.solvers.registry import solver_named
+from hdvplan.solvers.registry import SolverClass, SolverMaker, solver_named
 from hdvplan.vehicle.model import Vehicle
 
 
@@ -44,6 +45,18 @@ def prove(result: Result) -> Result:
     ``plan`` does not look for one: it takes seconds a place. The verdict's ``proved`` and ``proof`` are what was found.
     """
     return proved(result)
+
+
+def solver(name: str | SolverClass, tolerance: float | None = None) -> SolverMaker:
+    """Return what makes workspaces of a solver: for ``Case(solver=...)``, or to call it with a ``StageShape`` oneself.
+
+    ``name`` and ``tolerance`` are those of ``hdvplan.solvers.registry.solver_named``.
+
+    Raises:
+        SolverError: unknown, not installed, cannot be loaded, or without a tolerance that could be set.
+
+    """
+    return solver_named(name, tolerance)
 
 
 def drive_case(
@@ -79,7 +92,7 @@ def prepare(case: Case) -> None:
     """
     settings, vehicle = case.settings, case.vehicle
     objective_named(case.objective), solver_named(case.solver)
-    kind = case.objective.partition(":")[0]  # a weight given as a number changes no code
+    kind = WEIGHTED if isinstance(case.objective, str) and share_of(case.objective) is not None else case.objective  # no other code
     limited = case.road.limits is not None
     _prepared(
         _Kind(len(vehicle.units), vehicle.active, kind, case.solver, settings.scheme, settings.discretisation, limited, vehicle, settings)
@@ -92,8 +105,8 @@ class _Kind:
 
     units: int
     active: tuple[int, ...]
-    objective: str
-    solver: str
+    objective: str | Objective
+    solver: str | SolverClass
     scheme: Scheme
     discretisation: Discretisation
     limited: bool

@@ -4,21 +4,28 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass, fields, is_dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from hashlib import sha256
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 
 from hdvplan.planning.bias import NONE, Bias
 from hdvplan.planning.settings import PlannerSettings
+from hdvplan.plugins import identity_of, name_of
 from hdvplan.road.road import Road
-from hdvplan.solvers.registry import DEFAULT
+from hdvplan.solvers.registry import DEFAULT, SolverMaker
 from hdvplan.vehicle.model import Vehicle
+
+if TYPE_CHECKING:  # a case is made and compared without loading what plans
+    from hdvplan.planning.objectives import Objective
+    from hdvplan.solvers.registry import SolverClass
 
 FORMAT = 1  # of the key: raise it when the same content gets another key
 _DEFAULTS = PlannerSettings()
 _DIGITS = 32  # of a digest in hexadecimal: 128 bits
+_NAMED = ("objective", "solver")  # fields that name what users may bring
 _UNPLANNED = {"name", "source", "label", "notice", "notes", "smoothing", "edges", "to_lonlat"}  # fields that say where a value came from
 
 Json = dict[str, object]
@@ -30,13 +37,14 @@ class Case:
 
     ``bias`` is where the middle of the swept area should lie, left positive. A case pickles, and gives the identical plan in another
     process with the same versions on the same kind of machine. Cases are equal where their keys are. Names are looked up when the case
-    is planned: a case may name a solver that only another machine has.
+    is planned: a case may name a solver that only another machine has. Objective and solver may be Python objects too
+    (``objective_named``, ``solver_named``): the case then pickles where they do, and has a key where their source can be read.
     """
 
     road: Road
     vehicle: Vehicle
-    objective: str = "geometric"
-    solver: str = DEFAULT
+    objective: str | Objective = "geometric"
+    solver: str | SolverClass = DEFAULT
     settings: PlannerSettings = _DEFAULTS
     bias: Bias = NONE
 
@@ -45,9 +53,25 @@ class Case:
         """A digest of everything that changes the plan, 32 hexadecimal digits; the same in every process and on every platform.
 
         Names and origins of road and vehicle are not in it. A road's geometry is, to its last bit: a file that another platform
-        smooths may differ there, a case that was pickled does not.
+        smooths may differ there, a case that was pickled does not. A solver or objective in a file, or as an object, counts with its
+        name and the content of its file; one that is named counts with its name alone, like hdvplan's own: versions are no part of a key.
+
+        Raises:
+            OptionError: the source of such an object cannot be read, or does not tell what it does.
+
         """
-        return _digest({"format": FORMAT, "case": _content(self)})
+        content = {field.name: getattr(self, field.name) for field in fields(self)}
+        return _digest({"format": FORMAT, "case": {name: (_brought if name in _NAMED else _content)(one) for name, one in content.items()}})
+
+    @property
+    def objective_name(self) -> str:
+        """What records call the objective."""
+        return name_of(self.objective)
+
+    @property
+    def solver_name(self) -> str:
+        """What records call the solver."""
+        return self.solver.name if isinstance(self.solver, SolverMaker) else name_of(self.solver)
 
     def __eq__(self, other: object) -> bool:
         """Tell whether both lead to the same plan."""
@@ -69,8 +93,8 @@ class Case:
             "key": self.key,
             "road": road | {"regions": len(self.road.regions), "digest": self.road_digest},
             "vehicle": asdict(self.vehicle),
-            "objective": self.objective,
-            "solver": self.solver,
+            "objective": self.objective_name,
+            "solver": self.solver_name,
             "settings": _settings(self.settings),
             "bias_m": _bias(self.bias),
         }
@@ -84,8 +108,8 @@ class Case:
             "road": self.road.name,
             "road_digest": self.road_digest,
             "vehicle": self.vehicle.name,
-            "objective": self.objective,
-            "solver": self.solver,
+            "objective": self.objective_name,
+            "solver": self.solver_name,
             **({"settings": other} if other else {}),
             **({"bias_m": _bias(self.bias)} if np.any(self.bias.offset) else {}),
         }
@@ -94,6 +118,21 @@ class Case:
     def road_digest(self) -> str:
         """A digest of what of the road changes a plan: geometry, limits and regions."""
         return _digest(_content(self.road))
+
+
+def _brought(chosen: object) -> object:
+    """Return what of a solver or an objective changes a plan, for JSON; a name is itself."""
+    match chosen:
+        case SolverMaker(solver, None):
+            return _brought(solver)
+        case partial():
+            return [_brought(chosen.func), _content(chosen.args), {name: _content(value) for name, value in chosen.keywords.items()}]
+    if is_dataclass(chosen) and not isinstance(chosen, type):
+        return [_brought(type(chosen)), {field.name: _content(getattr(chosen, field.name)) for field in fields(chosen)}]
+    if not callable(chosen) and not isinstance(chosen, str):
+        return _content(chosen)
+    identity = identity_of(chosen)
+    return identity[0] if len(identity) == 1 else list(identity)
 
 
 def _digest(content: object) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import os
 import platform
@@ -12,7 +13,8 @@ from functools import cache
 from importlib import metadata
 from pathlib import Path
 
-from hdvplan import __version__
+from hdvplan import __version__, plugins
+from hdvplan.planning.objective_names import OBJECTIVE_NAMES
 
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "RAYON_NUM_THREADS", "NUMBA_NUM_THREADS")
 _PACKAGES = ("numpy", "scipy", "numba", "pandas", "piqp", "clarabel", "osqp", "qpsolvers", "casadi")
@@ -45,13 +47,47 @@ def load_average() -> list[float] | None:
 
 
 @cache
-def software(solvers: tuple[str, ...]) -> dict[str, object]:
-    """Return hdvplan's version and a digest of its source, and the versions of the libraries that ``solvers`` use."""
+def software(solvers: tuple[str, ...], objectives: tuple[str, ...] = ()) -> dict[str, object]:
+    """Return hdvplan's version and a digest of its source, and the versions of the libraries that ``solvers`` use.
+
+    What users brought, a solver or an objective, has its package's version, or its file's digest.
+    """
     digest = hashlib.sha256()
     for source in sorted(_PACKAGE.rglob("*.py")):
         digest.update(source.relative_to(_PACKAGE).as_posix().encode())
         digest.update(source.read_bytes())
-    return {"hdvplan": __version__, "source": digest.hexdigest()[:16], "packages": _versions(solvers)}
+    return {
+        "hdvplan": __version__,
+        "source": digest.hexdigest()[:16],
+        "planning": planning_code(solvers),
+        "packages": _versions(solvers, objectives),
+    }
+
+
+@cache
+def planning_code(solvers: tuple[str, ...]) -> str:
+    """Return a digest of the code that plans with ``solvers``: of every module that driving and these solvers import, at any remove.
+
+    Comments, docstrings and layout are not in it, nor are readers of road files, reports or the command line: it changes where a table of
+    planning times may.
+    """
+    from hdvplan.solvers.registry import home_of  # noqa: PLC0415 - as below
+
+    found: dict[str, str] = {}
+    ahead = ["hdvplan.driving.drive", *filter(None, map(home_of, solvers))]
+    while ahead:
+        name = ahead.pop()
+        file = _PACKAGE.parent / (name.replace(".", "/") + ".py")
+        if name in found or not file.is_file():
+            continue
+        tree = ast.parse(file.read_bytes())
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("hdvplan."):
+                ahead.append(node.module)
+            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node, clean=False) is not None:
+                node.body = node.body[1:]
+        found[name] = ast.dump(tree)
+    return hashlib.sha256(repr(sorted(found.items())).encode()).hexdigest()[:16]
 
 
 @cache
@@ -69,10 +105,11 @@ def _git(git: str, *arguments: str) -> str | None:
     return ended.stdout.strip() if ended.returncode == 0 else None
 
 
-def _versions(solvers: tuple[str, ...]) -> dict[str, str]:
-    from hdvplan.solvers.registry import solver_infos  # noqa: PLC0415 - imports NumPy, which use_one_thread must precede
+def _versions(solvers: tuple[str, ...], objectives: tuple[str, ...]) -> dict[str, str]:
+    from hdvplan.solvers.registry import DEFAULT, known_version  # noqa: PLC0415 - imports NumPy, which use_one_thread must precede
 
-    versions = {info.name: info.version for info in solver_infos() if info.name in solvers and info.name.startswith("qpsolvers/")}
+    versions = {name: known_version(name) for name in solvers if name not in {DEFAULT, *_PACKAGES}}
+    versions |= {name: plugins.version_of(plugins.OBJECTIVE, name) for name in objectives if name not in OBJECTIVE_NAMES}
     for name in _PACKAGES:
         try:
             versions[name] = metadata.version(name)

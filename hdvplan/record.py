@@ -33,7 +33,9 @@ def record_of(cases: Iterable[Case]) -> Json:
         "command": command(),
         "date": now(),
         "commit": commit(),
-        "software": software(tuple(dict.fromkeys(case.solver for case in once))),
+        "software": software(
+            tuple(dict.fromkeys(case.solver_name for case in once)), tuple(dict.fromkeys(case.objective_name for case in once))
+        ),
         "machine": machine_facts(),
     }
 

@@ -69,6 +69,8 @@ def options_of(suite: Suite) -> list[str]:
     """Return the options of ``hdvplan bench`` that ask for a suite; only such as differ from the defaults, or are lists."""
     usual, options = Suite(), []
     for name, value in suite.to_dict().items():
+        if isinstance(value, list) and not value:
+            continue
         if isinstance(value, list):
             options += [f"--{name}", ",".join(value)]
         elif name == "limits":

@@ -11,7 +11,8 @@ import pandas as pd
 
 from hdvplan.bench.counters import WORK_TOLERANCE, Change, Tolerance, changes_of, counters_of
 from hdvplan.bench.gate import Decision, Rule, Verdict, judge
-from hdvplan.bench.stats import KEY
+from hdvplan.bench.stats import keyed
+from hdvplan.bench.suite import KEY
 from hdvplan.errors import OptionError
 from hdvplan.jit import FloatArray
 
@@ -62,7 +63,7 @@ def read_side(path: Path) -> Side:
     tables = []
     for folder in folders:
         try:
-            tables.append([pd.read_csv(folder / name) for name in TABLES])
+            tables.append([keyed(pd.read_csv(folder / name)) for name in TABLES])
         except FileNotFoundError as error:
             unfinished = (folder / "parts").is_dir()
             msg = f"{folder} is {'not finished' if unfinished else f'without {Path(error.filename).name}'}"

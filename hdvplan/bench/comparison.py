@@ -12,7 +12,7 @@ from rich.text import Text
 from hdvplan.bench.compare import CellTimes, Comparison
 from hdvplan.bench.counters import IN_STEPS, Change
 from hdvplan.bench.gate import FEWEST_PAIRS, Rule, Verdict
-from hdvplan.bench.stats import KEY
+from hdvplan.bench.suite import KEY, cell_words
 from hdvplan.report.grid import grid
 from hdvplan.report.markdown import markdown_table
 
@@ -32,7 +32,7 @@ def verdict_line(comparison: Comparison, rule: Rule) -> str:
     if slower:
         worst = max(slower, key=lambda entry: entry.decision.ratio if entry.decision else 0.0)
         ratio = worst.decision.ratio if worst.decision else np.nan
-        parts.append(f"{len(slower)} of {cells} cells slower, most {' '.join(worst.cell)}: {ratio:.2f} times as long")
+        parts.append(f"{len(slower)} of {cells} cells slower, most {cell_words(worst.cell)}: {ratio:.2f} times as long")
     most = max((entry.decision.pairs for entry in comparison.times if entry.decision), default=FEWEST_PAIRS)
     if unknown and most < FEWEST_PAIRS:
         parts.append(f"times need at least {FEWEST_PAIRS} rounds or processes a side, not {most}")
@@ -54,7 +54,7 @@ def comparison_tables(comparison: Comparison) -> list[Table]:
         shown = (columns[0], *columns[len(KEY) :])
         for group in dict.fromkeys(row[1 : len(KEY)] for row in found):
             mine = [(row[0], *row[len(KEY) :]) for row in found if row[1 : len(KEY)] == group]
-            tables.append(grid(f"{', '.join(group)}: {what}", shown, mine, text=_TEXT))
+            tables.append(grid(f"{cell_words(group, ', ')}: {what}", shown, mine, text=_TEXT))
     if comparison.times:
         tables[-1].caption, tables[-1].caption_justify, tables[-1].caption_style = Text(_caption(comparison)), "left", ""
     return tables
@@ -73,11 +73,11 @@ def comparison_markdown(comparison: Comparison, rule: Rule) -> str:
 def github_annotations(comparison: Comparison, rule: Rule) -> list[str]:
     """Return the workflow commands that make GitHub Actions show what is wrong: one a changed or slower cell, then the verdict."""
     found = [
-        _command("error" if comparison.verdict is Verdict.REGRESSED else "notice", f"{' '.join(change.cell)}: {_sentence(change)}")
+        _command("error" if comparison.verdict is Verdict.REGRESSED else "notice", f"{cell_words(change.cell)}: {_sentence(change)}")
         for change in comparison.changes
     ]
     found += [
-        _command("error", f"{' '.join(entry.cell)}: {entry.decision.ratio:.2f} times as long")
+        _command("error", f"{cell_words(entry.cell)}: {entry.decision.ratio:.2f} times as long")
         for entry in comparison.times
         if entry.decision is not None and _is(entry, Verdict.REGRESSED)
     ]

@@ -11,7 +11,8 @@ import numpy as np
 import pandas as pd
 
 from hdvplan.bench.samples import OVER_BUDGET
-from hdvplan.bench.stats import KEY
+from hdvplan.bench.stats import keyed
+from hdvplan.bench.suite import KEY
 from hdvplan.errors import OptionError
 from hdvplan.fileio import csv_bytes, write_atomically
 
@@ -134,7 +135,7 @@ def read_counters(path: Path) -> pd.DataFrame:
 
     """
     try:
-        table = pd.read_csv(path)
+        table = keyed(pd.read_csv(path))
     except OSError as error:
         msg = f"counters {path} cannot be read: {error.strerror or error}"
         raise OptionError(msg, hint="--renew writes them") from error

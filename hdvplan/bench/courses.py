@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hdvplan.bench.suite import Suite
+from hdvplan.bench.suite import AS_SET, Suite
 from hdvplan.case import Case
 from hdvplan.centring.weights import CentringTable
 from hdvplan.errors import RoadError
@@ -19,6 +19,7 @@ from hdvplan.vehicle.model import Vehicle
 PINCH_LENGTH_M = 6.0
 PINCH_RAMP_M = 3.0  # before and behind it: a jump would lie between two stations, and no plan could keep it
 _SPACING_M = 0.25
+_CLASS_PINCH_M = 1.5  # of the class "binding", unless the suite says otherwise
 _PLATEAU = 0.99  # of the largest curvature: the pinch lies in the middle of a bend, not where it begins
 
 
@@ -33,35 +34,43 @@ def cases_of(suite: Suite) -> list[Case]:
     vehicles = {name: load_vehicle(name) for name in suite.vehicles}
     found = {name: find_road(name) for name in suite.roads}  # what the files have wrong is said before any of them is smoothed
     roads = {name: make() for name, make in found.items()}
-    limited = {(road, vehicle): with_limits(roads[road], vehicles[vehicle], suite) for road, vehicle in suite.courses()}
+    limited = {
+        (road, vehicle, limits): with_limits(roads[road], vehicles[vehicle], suite, limits) for road, vehicle, limits in suite.courses()
+    }
     return [
-        Case(limited[cell.road, cell.vehicle], vehicles[cell.vehicle], suite.objective, cell.solver, suite.settings(cell.scheme))
+        Case(
+            limited[cell.road, cell.vehicle, cell.limits], vehicles[cell.vehicle], suite.objective, cell.solver, suite.settings(cell.scheme)
+        )
         for cell in suite.cells()
     ]
 
 
-def with_limits(road: Road, vehicle: Vehicle, suite: Suite) -> Road:
-    """Return ``road`` with the limits that ``suite`` prescribes for ``vehicle``; a road file's own are replaced.
+def with_limits(road: Road, vehicle: Vehicle, suite: Suite, limits: str = AS_SET) -> Road:
+    """Return ``road`` with the limits that ``suite`` prescribes for ``vehicle``, or those of a class; a road file's own are replaced.
 
     Raises:
         RoadError: the pinch leaves no room between the limits.
 
     """
-    if not suite.limits:
+    if not suite.limits or limits == "off":
         return replace(road, limits=None)
     s = np.linspace(0.0, road.path.length, int(np.ceil(road.path.length / _SPACING_M)) + 1)
     curvature = road.path.at(s).curvature
     tightest = int(np.argmax(np.abs(curvature)))
     geometric = float(CentringTable.of(vehicle).at(curvature[[tightest]]).half_width[0])
-    reach = geometric + suite.slack if suite.half_width is None else suite.half_width
-    if suite.pinch is None:
+    if limits == "unkeepable":
+        reach = 0.5 * (0.5 * vehicle.width + geometric)
         return road.with_limits(reach, reach)
-    if suite.pinch >= 2.0 * reach:
-        msg = f"a pinch of {suite.pinch:g} m closes {road.name}, whose limits are {2.0 * reach:.2f} m apart"
+    reach = geometric + suite.slack if suite.half_width is None else suite.half_width
+    pinch = suite.pinch if limits == AS_SET else (suite.pinch or _CLASS_PINCH_M) if limits == "binding" else None
+    if pinch is None:
+        return road.with_limits(reach, reach)
+    if pinch >= 2.0 * reach:
+        msg = f"a pinch of {pinch:g} m closes {road.name}, whose limits are {2.0 * reach:.2f} m apart"
         raise RoadError(msg, s_m=float(s[tightest]), hint="choose a smaller --pinch")
     free = np.full(len(s), reach)
     away = np.abs(s - _bend(s, np.abs(curvature), tightest)) - 0.5 * PINCH_LENGTH_M
-    pinched = reach - suite.pinch * np.clip(1.0 - away / PINCH_RAMP_M, 0.0, 1.0)
+    pinched = reach - pinch * np.clip(1.0 - away / PINCH_RAMP_M, 0.0, 1.0)
     left, right = (free, pinched) if curvature[tightest] >= 0.0 else (pinched, free)
     return road.within(Limits(s, left, -right, left, -right))
 

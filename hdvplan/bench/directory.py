@@ -5,7 +5,8 @@ from __future__ import annotations
 import gzip
 import json
 import shutil
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -15,13 +16,15 @@ import pandas as pd
 from hdvplan.bench.samples import part_file, read_part
 from hdvplan.bench.stats import tables_of
 from hdvplan.bench.suite import Suite
-from hdvplan.bench.timing import LAYOUTS, captions, latex, markdown
+from hdvplan.bench.timing import LAYOUTS, captions, foot_of, latex, markdown, settings_words
+from hdvplan.bench.verdict import findings_of, load_of
 from hdvplan.case import Case
 from hdvplan.errors import OptionError
 from hdvplan.fileio import csv_bytes, json_bytes, write_atomically
 from hdvplan.machine import commit, load_average, machine_facts, software
 from hdvplan.record import NAME, command, now
 
+PICTURE = "bench.png"
 _SAMPLE_DIGITS = "%.7g"  # a sample's time to the nanosecond, in a third of the space
 _OTHERWISE = "start over with --fresh, or choose another folder with --out"
 
@@ -64,7 +67,8 @@ def begin(suite: Suite, cases: Iterable[Case], directory: Path, record: Json | N
     session = {"started": now(), "command": command(), "one_thread": one_thread, "load_average": load_average()}
     earlier = record["sessions"] if record else []
     told = [case.brief() for case in cases]
-    opened = _conditions(suite) | {"cases": told, "commit": commit(), "sessions": [*earlier, session], "finished": None}
+    found = {"tolerances": record["tolerances"]} if record and "tolerances" in record else {}
+    opened = _conditions(suite) | found | {"cases": told, "commit": commit(), "sessions": [*earlier, session], "finished": None}
     directory.mkdir(parents=True, exist_ok=True)
     if record is None and (directory / "parts").is_dir():
         shutil.rmtree(directory / "parts")  # nothing says what they were measured with
@@ -79,21 +83,54 @@ def finish(suite: Suite, directory: Path) -> None:
 
     """
     cells = suite.cells()
-    tables = tables_of(
-        cells, [[read_part(part_file(directory, cell, round_)) for round_ in range(suite.rounds)] for cell in range(len(cells))]
-    )
+    measured = [[read_part(part_file(directory, cell, round_)) for round_ in range(suite.rounds)] for cell in range(len(cells))]
+    tables = tables_of(cells, measured, suite.accuracy)
     record = json.loads((directory / NAME).read_text(encoding="utf-8"))
+    at_end = load_average()
+    load = load_of(tables.summary, record["sessions"], at_end, record["machine"]["usable_cores"])
+    findings = findings_of(tables.summary, load)
+    foot = foot_of(suite.solvers, record.get("tolerances", {}), findings, load, tables.timing)
     packed = tables.samples.to_csv(index=False, lineterminator="\n", float_format=_SAMPLE_DIGITS).encode()
     write_atomically(directory / "samples.csv.gz", gzip.compress(packed, mtime=0))
-    caption = captions(suite, record["machine"], tables)
+    caption = captions(suite, record["machine"], tables, record.get("tolerances"))
     for name in LAYOUTS:
         table = getattr(tables, name)
         write_atomically(directory / f"{name}.csv", csv_bytes(table))
-        write_atomically(directory / f"{name}.md", markdown(table, name, caption[name]).encode())
-        write_atomically(directory / f"{name}.tex", latex(table, name, caption[name]).encode())
-    record |= {"finished": now(), "load_average_at_end": load_average()}
+        write_atomically(directory / f"{name}.md", markdown(table, name, caption[name], foot).encode())
+        write_atomically(directory / f"{name}.tex", latex(table, name, caption[name], foot).encode())
+    record |= {"finished": now(), "load_average_at_end": at_end, "load": asdict(load), "verdict": [asdict(one) for one in findings]}
+    record |= {"solvers": [settings_words(name, record.get("tolerances", {})) for name in suite.solvers]}
     write_atomically(directory / NAME, json_bytes(record))
     shutil.rmtree(directory / "parts")
+
+
+def read_record(directory: Path) -> Json:
+    """Return what ``run.json`` of a finished run says.
+
+    Raises:
+        OptionError: it is not there, damaged, or the run is not finished.
+
+    """
+    try:
+        record = json.loads((directory / NAME).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        msg = f"{directory} holds no benchmark: {directory / NAME} cannot be read"
+        raise OptionError(msg, hint="hdvplan bench --out DIR makes one") from error
+    if not isinstance(record, dict) or not record.get("finished") or "verdict" not in record:
+        msg = f"{directory} holds no finished benchmark of this version"
+        raise OptionError(msg, hint=_OTHERWISE)
+    return record
+
+
+def note_tolerances(directory: Path, tolerances: Mapping[str, float | None]) -> None:
+    """Add the tolerances that were found for the suite's accuracy to ``run.json``.
+
+    Raises:
+        OSError: the file cannot be written.
+
+    """
+    record = json.loads((directory / NAME).read_text(encoding="utf-8"))
+    write_atomically(directory / NAME, json_bytes(record | {"tolerances": dict(tolerances)}))
 
 
 def read_table(directory: Path, name: str) -> pd.DataFrame:
@@ -110,9 +147,23 @@ def read_table(directory: Path, name: str) -> pd.DataFrame:
         raise OptionError(msg, hint=_OTHERWISE) from error
 
 
+def read_samples(directory: Path) -> pd.DataFrame:
+    """Return a finished run's samples.
+
+    Raises:
+        OptionError: they are not there any more, or damaged.
+
+    """
+    try:
+        return pd.read_csv(directory / "samples.csv.gz")
+    except (OSError, EOFError, ValueError) as error:
+        msg = f"{directory / 'samples.csv.gz'} cannot be read: {error.strerror if isinstance(error, OSError) else error}"
+        raise OptionError(msg, hint="measure again with --fresh") from error
+
+
 def discard(directory: Path) -> None:
     """Delete what a benchmark writes into its directory, and nothing else."""
-    for name in (NAME, "samples.csv.gz", *(f"{table}.{kind}" for table in LAYOUTS for kind in ("csv", "md", "tex"))):
+    for name in (NAME, "samples.csv.gz", PICTURE, *(f"{table}.{kind}" for table in LAYOUTS for kind in ("csv", "md", "tex"))):
         (directory / name).unlink(missing_ok=True)
     if (directory / "parts").is_dir():
         shutil.rmtree(directory / "parts")

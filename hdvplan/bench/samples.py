@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from io import BytesIO
 from pathlib import Path
 
@@ -11,16 +11,20 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from hdvplan.errors import HdvplanError
 from hdvplan.fileio import json_bytes, write_atomically
 from hdvplan.jit import FloatArray
 from hdvplan.planning.planner import Plan
 
 NUMBERS = (
     "linearise_s", "update_s", "solve_s", "check_s", "total_s", "qp_count", "iterations", "usable",
-    "primal", "dual", "gap", "violation_m", "loading_s",
+    "primal", "dual", "gap", "violation_m", "loading_s", "cpu_s", "binding",
+    "cold_s", "s_m",
 )  # fmt: skip
 COUNTS = ("qp_count", "iterations")
+OPINION = ("distance_m", "distance_u", "scale")  # see ``Opinion``
 OK, FAILED, OVER_BUDGET = "ok", "failed", "over budget"
+CRASHED, HUNG, OUT_OF_MEMORY = "crashed", "out of time", "out of memory"
 
 
 @dataclass(frozen=True)
@@ -44,26 +48,56 @@ class Measurement:
 
     steps: FloatArray  # (steps, len(NUMBERS)), times in seconds
     statuses: tuple[str, ...]  # the solver's word on every step's last QP
-    outcome: str  # OK, FAILED or OVER_BUDGET
+    outcome: str  # OK, FAILED, OVER_BUDGET, CRASHED, HUNG or OUT_OF_MEMORY
     message: str
     nonzeros: int  # of the QP's Hessian (upper triangle), dynamics and rows
     judgement: Judgement | None
+    opinions: FloatArray = field(default_factory=lambda: np.empty((0, len(OPINION))))  # (judged steps, len(OPINION)), of judged drives
+    first_step: int = 0  # the number of the first step; 1 where there is no first plan made from nothing
 
     def table(self) -> pd.DataFrame:
         """Return the steps, one row each: step, times [s], counters, status, residuals."""
         table = pd.DataFrame(self.steps, columns=list(NUMBERS))
-        table = table.astype(dict.fromkeys(COUNTS, int) | {"usable": bool})
-        table.insert(0, "step", np.arange(len(table)))
+        table = table.astype(dict.fromkeys(COUNTS, int) | {"usable": bool, "binding": bool})
+        table.insert(0, "step", self.first_step + np.arange(len(table)))
         table.insert(NUMBERS.index("usable") + 1, "status", pd.Series(self.statuses, dtype=object))
+        for name, values in zip(OPINION, self.opinions.T, strict=True):
+            table[name] = pd.Series(values).reindex(table.index)
         return table
 
 
-def numbers_of(plan: Plan) -> tuple[float, ...]:
-    """Return the numbers of one planning step in the order of a measurement's ``steps``."""
+def outcome_of(error: Exception) -> tuple[str, str]:
+    """Return how a drive ended that raised, and why in words."""
+    words = " ".join(str(error).split())
+    if isinstance(error, MemoryError):
+        return OUT_OF_MEMORY, words or "an allocation was refused"
+    return FAILED, words if isinstance(error, HdvplanError) else f"{type(error).__name__}: {words}"
+
+
+def ended(outcome: str, message: str) -> Measurement:
+    """Return the measurement of a drive of which nothing is left but how it ended."""
+    return Measurement(np.empty((0, len(NUMBERS))), (), outcome, message, 0, None)
+
+
+def numbers_of(plan: Plan, s_m: float) -> tuple[float, ...]:
+    """Return the numbers of one planning step in the order of a measurement's ``steps``; it begins at ``s_m``."""
     judged, times = plan.residuals, plan.times
     measured = (times.linearise, times.update, times.solve, times.check, times.total)
     counts = (plan.qp_count, plan.qp_iterations, plan.usable)
-    return (*measured, *counts, judged.primal, judged.dual, judged.gap, plan.violation, times.loading)
+    binding = plan.merit is not None
+    return (
+        *measured,
+        *counts,
+        judged.primal,
+        judged.dual,
+        judged.gap,
+        plan.violation,
+        times.loading,
+        times.cpu,
+        binding,
+        np.nan,
+        s_m,
+    )
 
 
 def part_file(directory: Path, cell: int, round_: int) -> Path:
@@ -78,8 +112,18 @@ def write_part(path: Path, measured: Measurement) -> None:
         OSError: the file cannot be written.
 
     """
-    words = {"statuses": measured.statuses, "outcome": measured.outcome, "message": measured.message, "nonzeros": measured.nonzeros}
-    arrays: dict[str, NDArray[np.generic]] = {"words": np.frombuffer(json_bytes(words), np.uint8), "steps": measured.steps}
+    words = {
+        "statuses": measured.statuses,
+        "outcome": measured.outcome,
+        "message": measured.message,
+        "nonzeros": measured.nonzeros,
+        "first_step": measured.first_step,
+    }
+    arrays: dict[str, NDArray[np.generic]] = {
+        "words": np.frombuffer(json_bytes(words), np.uint8),
+        "steps": measured.steps,
+        "opinions": measured.opinions,
+    }
     judged = measured.judgement
     if judged is not None:
         arrays |= {name: np.asarray(value) for name, value in vars(judged).items()}
@@ -93,6 +137,15 @@ def read_part(path: Path) -> Measurement:
     """Return a kept measurement."""
     with np.load(path) as arrays:
         words = json.loads(arrays["words"].tobytes())
-        judged = Judgement(**{field.name: arrays[field.name][()] for field in fields(Judgement)}) if "e_y" in arrays else None
+        judged = Judgement(**{one.name: arrays[one.name][()] for one in fields(Judgement)}) if "e_y" in arrays else None
         statuses = tuple(words["statuses"])
-        return Measurement(arrays["steps"], statuses, words["outcome"], words["message"], words["nonzeros"], judged)
+        return Measurement(
+            arrays["steps"],
+            statuses,
+            words["outcome"],
+            words["message"],
+            words["nonzeros"],
+            judged,
+            arrays["opinions"],
+            words["first_step"],
+        )

@@ -8,17 +8,19 @@ planner needs; mean, percentiles and max are what it took, with whatever else th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 
-from hdvplan.bench.samples import FAILED, OK, Judgement, Measurement
-from hdvplan.bench.suite import Cell
+from hdvplan.bench.acceptance import TUNED, WRONG_M, accepted
+from hdvplan.bench.ranking import of_group, ranked_times, ranking, shifted_mean, waiting_cells
+from hdvplan.bench.samples import FAILED, OK, OVER_BUDGET, Judgement, Measurement
+from hdvplan.bench.suite import AS_SET, COURSE, GROUP, KEY, Cell, key_of
+from hdvplan.jit import BoolArray
 from hdvplan.qp.workspace import Status
 
-KEY = ["road", "vehicle", "scheme", "solver"]
-SOME_UNSOLVED = "some steps not solved"
+SOME_UNSOLVED, WRONG, SOME_REFUSED = "some steps not solved", "wrong optimum", "some steps not accepted"
 _PARTS = ("linearise", "update", "solve", "check")
 REFERENCE = "riccati"  # if it takes part; else the first solver
 
@@ -30,29 +32,35 @@ class Tables:
     samples: pd.DataFrame  # one row a planning step
     timing: pd.DataFrame  # one row a cell
     envelope: pd.DataFrame  # one row a cell
-    schemes: pd.DataFrame  # RTI against SQP: one row a road, vehicle and solver
-    summary: pd.DataFrame  # one row a vehicle, scheme and solver, over all roads
+    schemes: pd.DataFrame  # RTI against SQP: one row a road, vehicle, solver and class of limits
+    summary: pd.DataFrame  # one row a vehicle, scheme, class of limits and solver, over all roads; the fastest first
 
 
-def tables_of(cells: Sequence[Cell], rounds: Sequence[Sequence[Measurement]]) -> Tables:
-    """Return the tables of a benchmark; ``rounds[i]`` are the measurements of ``cells[i]``."""
-    samples = samples_of(cells, rounds)
-    timing, envelope = timing_table(samples, cells, rounds), envelope_table(cells, [measured[0].judgement for measured in rounds])
+def tables_of(cells: Sequence[Cell], rounds: Sequence[Sequence[Measurement]], accuracy: float | None = None) -> Tables:
+    """Return the tables of a benchmark; ``rounds[i]`` are the measurements of ``cells[i]``, held to ``accuracy`` [m] if it is given."""
+    samples = samples_of(cells, rounds, accuracy)
+    timing, envelope = timing_table(samples, cells, rounds, accuracy), envelope_table(cells, [measured[0].judgement for measured in rounds])
     judged = dict(zip(cells, (measured[0].judgement for measured in rounds), strict=True))
     return Tables(samples, timing, envelope, scheme_table(timing, judged), summary_table(samples, timing, envelope))
 
 
-def key_of(cell: Cell) -> tuple[str, str, str, str]:
-    """Return a cell as the tables name it, in the order of ``KEY``."""
-    return cell.road, cell.vehicle, str(cell.scheme), cell.solver
+def keyed(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a table with all columns of ``KEY``: those of older versions have no classes of limits."""
+    return table if "limits" in table else table.assign(limits=AS_SET)
 
 
-def samples_of(cells: Sequence[Cell], rounds: Sequence[Sequence[Measurement]]) -> pd.DataFrame:
-    """Return every planning step of every drive: road, vehicle, scheme, solver, round, step, times, counters, residuals."""
+def samples_of(cells: Sequence[Cell], rounds: Sequence[Sequence[Measurement]], accuracy: float | None = None) -> pd.DataFrame:
+    """Return every planning step of every drive: road, vehicle, scheme, solver, limits, round, step, times, counters, residuals.
+
+    ``accepted`` is the word of the recomputed residuals, beside multipliers of the scale that the witness found in the judged round;
+    where the witness has no proof itself a step counts as accepted that could be driven. With ``accuracy`` [m] the distance from the
+    witness's optimum decides.
+    """
     tables = []
     for cell, measured in zip(cells, rounds, strict=True):
         for number, drive in enumerate(measured):
             table = drive.table()
+            table["accepted"] = accepted_steps(table, measured[0].table(), accuracy)
             table.insert(0, "round", number)
             for name, value in zip(reversed(KEY), reversed(key_of(cell)), strict=True):
                 table.insert(0, name, value)
@@ -60,33 +68,77 @@ def samples_of(cells: Sequence[Cell], rounds: Sequence[Sequence[Measurement]]) -
     return pd.concat(tables, ignore_index=True)
 
 
-def timing_table(samples: pd.DataFrame, cells: Sequence[Cell], rounds: Sequence[Sequence[Measurement]]) -> pd.DataFrame:
+def accepted_steps(table: pd.DataFrame, judged: pd.DataFrame, accuracy: float | None) -> BoolArray:
+    """Return which steps of one drive are accepted; ``judged`` is the drive of its cell that was judged."""
+    scale, distance = (judged[name].reindex(table.index).to_numpy(np.float64) for name in ("scale", "distance_m"))
+    primal, dual, gap = (table[name].to_numpy(np.float64) for name in ("primal", "dual", "gap"))
+    proved = accepted(primal, dual, gap, scale) == 1.0 if accuracy is None else distance <= TUNED * accuracy
+    usable: BoolArray = table["usable"].to_numpy(np.bool_)
+    return np.asarray(usable & (np.isnan(scale) | proved), np.bool_)
+
+
+def timing_table(
+    samples: pd.DataFrame, cells: Sequence[Cell], rounds: Sequence[Sequence[Measurement]], accuracy: float | None = None
+) -> pd.DataFrame:
     """Return time, iterations, failures and residuals of every cell, in the order of ``cells``."""
     groups = dict(tuple(samples.groupby(KEY, sort=False)))
+    most = samples[samples["round"] == 0].groupby(KEY, sort=False).size().groupby(COURSE).max()
+    waiting = waiting_cells(samples)
     rows = []
     for cell, measured in zip(cells, rounds, strict=True):
-        statistics = step_statistics(groups.get(key_of(cell), samples.iloc[:0]))
+        mine = groups.get(key_of(cell), samples.iloc[:0])
+        statistics = step_statistics(mine, waiting)
         statistics["failures"] += sum(drive.outcome == FAILED for drive in measured)
+        status, reason = status_of(measured, accuracy)
+        reached = len(measured[0].steps)
+        whole = reached if status == OVER_BUDGET else most.get((cell.road, cell.vehicle, str(cell.scheme), cell.limits), 0)
+        whole = max(whole, reached + 1) if measured[0].outcome not in {OK, OVER_BUDGET} else whole  # the step in which it ended
+        first = mine[mine["round"] == 0]
         rows.append(
             dict(zip(KEY, key_of(cell), strict=True))
-            | {"status": status_of(measured), "rounds": len(measured)}
+            | {"status": status, "rounds": len(measured)}
             | statistics
-            | {"nonzeros": measured[0].nonzeros, "message": next((drive.message for drive in measured if drive.message), "")}
+            | {
+                "accepted": int(first["accepted"].sum()),
+                "expected": int(whole),
+                "success": first["accepted"].sum() / whole if whole else 0.0,
+                "distance_m": first["distance_m"].max(),
+                "distance_u": first["distance_u"].max(),
+                "nonzeros": measured[0].nonzeros,
+                "message": reason,
+            }
         )
     return pd.DataFrame(rows)
 
 
-def status_of(measured: Sequence[Measurement]) -> str:
-    """Return how a cell went: the first drive that did not reach its end decides, then steps without a usable solution."""
+def status_of(measured: Sequence[Measurement], accuracy: float | None = None) -> tuple[str, str]:
+    """Return how a cell went, and why: the first drive that did not reach its end decides, then what its steps are worth."""
     for drive in measured:
         if drive.outcome != OK:
-            return drive.outcome
-    usable = all(bool(drive.table()["usable"].all()) for drive in measured)
-    return OK if usable else SOME_UNSOLVED
+            return drive.outcome, drive.message
+    judged = measured[0].table()
+    refused = sum(int((~drive.table()["usable"]).sum()) for drive in measured)
+    if refused:
+        return (
+            SOME_UNSOLVED,
+            f"{refused} of {sum(len(drive.steps) for drive in measured)} steps break their program by too much to be driven",
+        )
+    wrong = int((judged["distance_m"] > max(WRONG_M, TUNED * (accuracy or 0.0))).sum())
+    if wrong:
+        return WRONG, f"{wrong} of {len(judged)} optima lie up to {judged['distance_m'].max():.1e} m from the reference's"
+    good = accepted_steps(judged, judged, accuracy)
+    if not good.all():
+        bad, said = judged[~good], "are not proved optimal by their multipliers; the first: "
+        first = f"dual residual {bad['dual'].iloc[0]:.1e}, gap {bad['gap'].iloc[0]:.1e}, multipliers up to {bad['scale'].iloc[0]:.1e}"
+        if accuracy is not None:
+            said, first = f"lie further than {TUNED * accuracy:g} m from the optimum; at most ", f"{bad['distance_m'].max():.1e} m"
+        return SOME_REFUSED, f"{len(bad)} of {len(judged)} steps {said}{first}"
+    return OK, ""
 
 
-def step_statistics(samples: pd.DataFrame) -> dict[str, float]:
+def step_statistics(samples: pd.DataFrame, waiting: frozenset[tuple[str, ...]]) -> dict[str, float]:
     """Return the statistics of steps of one or several drives [ms]; NaN where there is no step but the first."""
+    ranked = ranked_times(samples, waiting)["ms"]
     warm, cold = samples[samples["step"] > 0], samples[samples["step"] == 0]
     total = 1e3 * warm["total_s"]
     fastest = 1e3 * warm.groupby([*KEY, "step"], sort=False)["total_s"].min()
@@ -95,6 +147,10 @@ def step_statistics(samples: pd.DataFrame) -> dict[str, float]:
         "steps": len(warm),
         "failures": int((~samples["usable"]).sum()),
         "unsolved": int((samples["status"] != Status.SOLVED).sum()),
+        "distinct_steps": len(ranked),
+        "step_ms": shifted_mean(ranked),
+        "median_ms": ranked.median(),
+        "worst_ms": ranked.max(),
         "mean_ms": total.mean(),
         "p50_ms": p50,
         "p95_ms": p95,
@@ -102,12 +158,15 @@ def step_statistics(samples: pd.DataFrame) -> dict[str, float]:
         "max_ms": total.max(),
         "fastest_mean_ms": fastest.mean(),
         "fastest_max_ms": fastest.max(),
-        "cold_ms": 1e3 * cold["total_s"].mean(),
+        "cold_ms": 1e3 * (cold["total_s"] if len(cold) else warm["cold_s"]).mean(),
     }
     row |= {f"{part}_ms": 1e3 * warm[f"{part}_s"].mean() for part in _PARTS}
     for name, column in (("qps", "qp_count"), ("iterations", "iterations")):
         counts = warm[column].replace(0, np.nan)  # a solver that reports no iterations has none to show
         row |= {f"{name}_mean": counts.mean(), f"{name}_max": counts.max()}
+    cpu = 1e3 * warm["cpu_s"]
+    row |= {"cpu_ms": cpu.mean(), "wall_per_cpu": total.sum() / cpu.sum() if cpu.sum() > 0.0 else np.nan}
+    row |= {"binding_share": warm["binding"].mean(), "binding_ms": 1e3 * warm.loc[warm["binding"], "cpu_s"].mean()}
     return row | {"primal_max": samples["primal"].max(skipna=False)}
 
 
@@ -122,7 +181,7 @@ def envelope_table(cells: Sequence[Cell], judged: Sequence[Judgement | None]) ->
     for cell, judgement in known.items():
         row: dict[str, object] = dict(zip(KEY, key_of(cell), strict=True))
         if judgement is not None:
-            like = known.get(Cell(cell.road, cell.vehicle, cell.scheme, reference))
+            like = known.get(replace(cell, solver=reference))
             row |= {
                 "max_left_m": judgement.max_left,
                 "max_right_m": judgement.max_right,
@@ -151,7 +210,7 @@ def scheme_table(timing: pd.DataFrame, judged: dict[Cell, Judgement | None]) -> 
 
     Every step counts with its fastest round. One row a road, vehicle and solver that has both schemes.
     """
-    pair = ["road", "vehicle", "solver"]
+    pair = ["road", "vehicle", "solver", "limits"]
     times = timing[[*KEY, "fastest_mean_ms", "fastest_max_ms"]].rename(columns=lambda name: name.removeprefix("fastest_"))
     rti, sqp = (times[times["scheme"] == scheme].drop(columns="scheme") for scheme in ("rti", "sqp"))
     both = rti.merge(sqp, on=pair, suffixes=("_rti", "_sqp"))
@@ -166,8 +225,8 @@ def scheme_table(timing: pd.DataFrame, judged: dict[Cell, Judgement | None]) -> 
             "sqp_max_ms": both["max_ms_sqp"],
             "max_ratio": both["max_ms_sqp"] / both["max_ms_rti"],
             "envelope_difference_m": [
-                envelope_difference(swept[road, vehicle, "rti", solver], swept[road, vehicle, "sqp", solver])
-                for road, vehicle, solver in both[pair].itertuples(index=False, name=None)
+                envelope_difference(swept[road, vehicle, "rti", solver, limits], swept[road, vehicle, "sqp", solver, limits])
+                for road, vehicle, solver, limits in both[pair].itertuples(index=False, name=None)
             ],
         }
     )
@@ -181,20 +240,32 @@ def envelope_difference(one: Judgement | None, other: Judgement | None) -> float
 
 
 def summary_table(samples: pd.DataFrame, timing: pd.DataFrame, envelope: pd.DataFrame) -> pd.DataFrame:
-    """Return one row a vehicle, scheme and solver: all steps of all roads together, the worst of everything else."""
-    group = ["vehicle", "scheme", "solver"]
-    steps = dict(tuple(samples.groupby(group, sort=False)))
+    """Return one row a vehicle, scheme, class of limits and solver: all steps of all roads together, the worst of everything else.
+
+    Solvers that did all steps come first, the fastest at the top; ``ratio`` is to the fastest, over the steps that both did, and
+    ``won`` the share of all steps in which a solver was the fastest of those accepted.
+    """
+    waiting, by_solver = waiting_cells(samples), [*GROUP, "solver"]
+    steps, ranked = dict(tuple(samples.groupby(by_solver, sort=False))), ranked_times(samples, waiting)
     rows = []
-    for key, cells in timing.merge(envelope, on=KEY).groupby(group, sort=False):
+    for key, cells in timing.merge(envelope, on=KEY).groupby(by_solver, sort=False):
         rows.append(
-            dict(zip(group, cells[group].iloc[0], strict=True))
-            | step_statistics(steps.get(key, samples.iloc[:0]))
+            dict(zip(by_solver, cells[by_solver].iloc[0], strict=True))
+            | step_statistics(steps.get(key, samples.iloc[:0]), waiting)
             | {
                 "failures": int(cells["failures"].sum()),
                 "cells": len(cells),
                 "cells_ok": int((cells["status"] == OK).sum()),
+                "accepted": int(cells["accepted"].sum()),
+                "expected": int(cells["expected"].sum()),
+                "success": cells["accepted"].sum() / cells["expected"].sum() if cells["expected"].sum() else 0.0,
+                "whole": bool((cells["status"] != OVER_BUDGET).all()),
+                "distance_m": cells["distance_m"].max(),
                 "limit_violation_m": cells["limit_violation_m"].max(),
                 "path_difference_m": cells["path_difference_m"].max(),
+                "first_reason": next((str(reason) for reason in cells["message"] if reason), ""),
             }
         )
-    return pd.DataFrame(rows)
+    summary = pd.DataFrame(rows)
+    found = [ranking(mine, of_group(ranked, mine)) for _, mine in summary.groupby(GROUP, sort=False)]
+    return pd.concat(found, ignore_index=True)

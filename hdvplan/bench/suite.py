@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from itertools import product
 from pathlib import Path
@@ -28,18 +28,48 @@ ROADS = (
     "goteborg_lindholmsallen_uturn",
 )
 _LISTS = ("roads", "vehicles", "schemes", "solvers")
+AS_SET = "as set"
+CLASSES = {
+    "off": "no limits",
+    "inactive": "limits beyond what the tightest bend asks for",
+    "binding": "the same, with the outer limit of the tightest bend moved inwards",
+    "unkeepable": "limits half-way between the vehicle's side and what the tightest bend asks for",
+}
 _KINDS = {tuple: "a list of names", bool: "true or false", str: "a name"}
-_OPTIONAL = ("half_width", "pinch")
+_OPTIONAL = ("half_width", "pinch", "accuracy", "memory_limit")
+_POSITIVE = ("budget", "half_width", "pinch", "accuracy", "step_limit", "cell_limit", "memory_limit")
 
 
 @dataclass(frozen=True)
 class Cell:
-    """One row of the tables: a vehicle planned along a road by one scheme with one solver."""
+    """One row of the tables: a vehicle planned along a road, within limits of one class, by one scheme with one solver."""
 
     road: str
     vehicle: str
     scheme: Scheme
     solver: str
+    limits: str = AS_SET  # or one of ``CLASSES``
+
+
+# The columns by which tables name a cell, its course with all solvers, and the group within which solvers are ranked.
+KEY = ["road", "vehicle", "scheme", "solver", "limits"]
+COURSE = ["road", "vehicle", "scheme", "limits"]
+GROUP = ["vehicle", "scheme", "limits"]
+
+
+def key_of(cell: Cell) -> tuple[str, str, str, str, str]:
+    """Return a cell as the tables name it, in the order of ``KEY``."""
+    return cell.road, cell.vehicle, str(cell.scheme), cell.solver, cell.limits
+
+
+def tuning_key(solver: str, limits: str) -> str:
+    """Return the name by which a solver's tolerance for a class of limits is kept."""
+    return f"{solver}, {limits}"
+
+
+def cell_words(parts: Sequence[str], between: str = " ") -> str:
+    """Return the name of a cell; its limits only where the benchmark has classes of them."""
+    return between.join(part for part in parts if part != AS_SET)
 
 
 @dataclass(frozen=True)
@@ -47,7 +77,12 @@ class Suite:
     """A benchmark's definition. Lengths in metres; roads and vehicles by name or file.
 
     Limits lie at ``half_width``; without it ``slack`` beyond the geometric half width of each vehicle on each road, so
-    that their rows are in the QP and rarely bind. ``pinch`` moves the outer limit of the tightest bend inwards.
+    that their rows are in the QP and rarely bind. ``pinch`` moves the outer limit of the tightest bend inwards. ``classes`` of limits
+    (see ``CLASSES``) are measured one beside the other, with ``slack`` and ``pinch`` as their measures.
+
+    A planning step that takes longer than ``step_limit`` [s], a cell that takes longer than ``cell_limit`` [s], and a solver that needs
+    more than ``memory_limit`` [GB] end their cell. With ``accuracy`` [m] every solver has the loosest tolerance that just meets it;
+    with ``sample`` each solves that many recorded QPs of every course, the same ones for all, instead of driving.
 
     Raises:
         OptionError: an empty list, an entry twice, a value outside its range, settings that contradict each other.
@@ -68,6 +103,12 @@ class Suite:
     horizon: float = 100.0
     step: float = 0.5
     replan: float = 5.0
+    classes: tuple[str, ...] = ()
+    accuracy: float | None = None
+    sample: int = 0  # 0: whole drives
+    step_limit: float = 30.0
+    cell_limit: float = 600.0
+    memory_limit: float | None = None
 
     def __post_init__(self) -> None:
         """Refuse what cannot be measured."""
@@ -84,11 +125,21 @@ class Suite:
         if self.rounds < 1:
             msg = f"rounds must be a positive number, not {self.rounds}"
             raise OptionError(msg)
-        for name, lowest in (("budget", "above 0"), ("half_width", "above 0"), ("pinch", "above 0"), ("slack", "at least 0")):
+        if self.sample < 0:
+            msg = f"sample must not be negative, but is {self.sample}"
+            raise OptionError(msg)
+        for name in (*_POSITIVE, "slack"):
             value = getattr(self, name)
             if value is not None and not (np.isfinite(value) and (value > 0.0 or (value == 0.0 and name == "slack"))):
-                msg = f"{name} must be {lowest}, not {value:g}"
+                msg = f"{name} must be {'at least' if name == 'slack' else 'above'} 0, not {value:g}"
                 raise OptionError(msg)
+        for name in self.classes:
+            if name not in CLASSES or self.classes.count(name) > 1:
+                msg = f"unknown class of limits {name!r}" if name not in CLASSES else f"classes name {name!r} twice"
+                raise OptionError(msg, hint=f"classes: {', '.join(CLASSES)}")
+        if self.classes and (self.half_width is not None or not self.limits):
+            msg = "classes of limits have their own places"
+            raise OptionError(msg, hint="leave out --half-width and --no-limits; --slack and --pinch are measures of the classes")
         if not self.limits and (self.half_width is not None or self.pinch is not None):
             msg = "without limits there is no half width and no pinch"
             raise OptionError(msg, hint="leave out either --no-limits or --half-width and --pinch")
@@ -98,14 +149,18 @@ class Suite:
         """Return the planner's settings for one scheme."""
         return PlannerSettings(scheme=scheme, horizon=self.horizon, step=self.step, replan=self.replan)
 
-    def courses(self) -> list[tuple[str, str]]:
-        """Return the pairs of road and vehicle."""
-        return list(product(self.roads, self.vehicles))
+    def courses(self) -> list[tuple[str, str, str]]:
+        """Return the triples of road, vehicle and class of limits."""
+        return list(product(self.roads, self.vehicles, self.classes or (AS_SET,)))
 
     def cells(self) -> list[Cell]:
-        """Return all cells; those of one road and vehicle follow each other."""
+        """Return all cells; those of one course follow each other."""
         schemes = [Scheme(scheme) for scheme in self.schemes]
-        return [Cell(*course, scheme, solver) for course in self.courses() for scheme, solver in product(schemes, self.solvers)]
+        return [
+            Cell(road, vehicle, scheme, solver, limits)
+            for road, vehicle, limits in self.courses()
+            for scheme, solver in product(schemes, self.solvers)
+        ]
 
     def to_dict(self) -> dict[str, object]:
         """Return the suite as it is written into ``run.json`` and read from TOML."""

@@ -2,28 +2,39 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import pandas as pd
 from rich.table import Table
 from rich.text import Text
 
+from hdvplan.bench.acceptance import DUAL, PRIMAL_M
+from hdvplan.bench.samples import OK
 from hdvplan.bench.stats import Tables, reference_solver
-from hdvplan.bench.suite import Suite
+from hdvplan.bench.suite import AS_SET, CLASSES, GROUP, Suite, cell_words, tuning_key
+from hdvplan.bench.verdict import Finding, Load, group_words, how_ranked
 from hdvplan.report.grid import grid
 from hdvplan.report.markdown import markdown_table
-from hdvplan.solvers.registry import tolerance_of
+from hdvplan.solvers.registry import settings_of, tolerance_of
 
-_TEXT = ("road", "vehicle", "scheme", "solver", "status")
+_TEXT = ("road", "vehicle", "scheme", "solver", "limits", "status")
+_ALWAYS = "limits"  # the column that is shown only where a benchmark has classes of them
 _MS, _M, _TINY, _COUNT, _RATIO, _MEAN = "{:.3f}", "{:.3f}", "{:.1e}", "{:.0f}", "{:.2f}", "{:.1f}"
-_WORDS = "{}"
+_WORDS, _PERCENT = "{}", "{:.1%}"
+_LATEX = {letter: f"\\{letter}" for letter in "_%&#${}"} | {
+    "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "<": r"$<$", ">": r"$>$",
+}  # fmt: skip
+_RANKED = {"step_ms": ("step", _MS), "median_ms": ("median", _MS), "worst_ms": ("worst", _MS)}
 
 # Of every table the columns that are shown, with heading and format; the CSV files have all.
 LAYOUTS: Mapping[str, Mapping[str, tuple[str, str]]] = {
     "timing": {
         **{name: (name, _WORDS) for name in _TEXT},
+        **_RANKED,
+        "success": ("accepted", _PERCENT),
+        "distance_m": ("off the optimum [m]", _TINY),
         **{f"{name}_ms": (name, _MS) for name in ("mean", "p50", "p95", "p99", "max")},
+        "wall_per_cpu": ("clock/CPU", _RATIO),
         "fastest_mean_ms": ("fastest mean", _MS),
         "fastest_max_ms": ("fastest max", _MS),
         "cold_ms": ("cold", _MS),
@@ -36,6 +47,8 @@ LAYOUTS: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "failures": ("failures", _COUNT),
         "unsolved": ("unsolved", _COUNT),
         "primal_max": ("primal residual [m]", _TINY),
+        "binding_share": ("binding", _PERCENT),
+        "binding_ms": ("mean where binding", _MS),
     },
     "envelope": {
         **{name: (name, _WORDS) for name in _TEXT[:-1]},
@@ -49,7 +62,7 @@ LAYOUTS: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "path_difference_m": ("path difference", _TINY),
     },
     "schemes": {
-        **{name: (name, _WORDS) for name in ("road", "vehicle", "solver")},
+        **{name: (name, _WORDS) for name in ("road", "vehicle", "solver", "limits")},
         "rti_mean_ms": ("RTI mean", _MS),
         "sqp_mean_ms": ("SQP mean", _MS),
         "mean_ratio": ("ratio of means", _RATIO),
@@ -59,32 +72,58 @@ LAYOUTS: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "envelope_difference_m": ("envelopes differ [m]", _TINY),
     },
     "summary": {
-        **{name: (name, _WORDS) for name in ("vehicle", "solver", "scheme")},
+        **{name: (name, _WORDS) for name in ("vehicle", "scheme", "limits", "solver")},
+        "step_ms": ("step", _MS),
+        "ratio": ("x best", _MEAN),
+        "won": ("won", _PERCENT),
+        "success": ("accepted", _PERCENT),
+        "median_ms": ("median", _MS),
+        "worst_ms": ("worst", _MS),
         "mean_ms": ("mean", _MS),
         "p99_ms": ("p99", _MS),
         "max_ms": ("max", _MS),
+        "cold_ms": ("cold", _MS),
+        **{f"{name}_ms": (name, _MS) for name in ("linearise", "update", "solve", "check")},
+        "binding_ms": ("mean where binding", _MS),
+        "wall_per_cpu": ("clock/CPU", _RATIO),
         "iterations_mean": ("iter", _MEAN),
         "failures": ("fail", _COUNT),
+        "distance_m": ("off the optimum [m]", _TINY),
         "path_difference_m": ("path differs [m]", _TINY),
     },
 }
+_PATH, _OFF = "path differs [m]", "off the optimum [m]"
+_HEADLINE = ("solver", "step", "x best", "won", "accepted", "median", "worst", _PATH, _OFF)
 
 
-def captions(suite: Suite, machine: Mapping[str, object], tables: Tables) -> dict[str, str]:
+def captions(
+    suite: Suite, machine: Mapping[str, object], tables: Tables, tolerances: Mapping[str, float | None] | None = None
+) -> dict[str, str]:
     """Return what a reader must know to believe each table: set-up, machine, tolerances and the accuracy they led to."""
     setting = (
         f"Horizon {suite.horizon:g} m, step {suite.step:g} m, replanning every {suite.replan:g} m; {_limits(suite)}; "
         f"{suite.rounds} round{'s' * (suite.rounds > 1)}, one thread, on {machine['processor']}, {machine['python']}."
     )
+    if suite.sample:
+        setting = (
+            f"A step is one of {suite.sample} QPs a drive, recorded and shuffled, the same for all solvers; half of them where limits "
+            f"bind, as far as there are any. Warm from the reference's last solution, shifted; cold: the same QPs from zeros. {setting}"
+        )
+    if suite.accuracy is not None:
+        setting = f"Every solver at the loosest tolerance, by decades, that keeps e_y within {suite.accuracy:g} m of the optimum. {setting}"
     times = (
-        "Milliseconds of one whole planning step. fastest: every step counted with its fastest round; "
+        f"Milliseconds of one whole planning step: linearise the motion, update (gather the QP's values into the solver's own arrays), "
+        f"solve (the solver's own call), check (recompute residuals, take the step). {how_ranked()}. "
+        "mean, percentiles and max: by the clock, all rounds. fastest: every step counted with its fastest round; "
         "cold: a drive's first plan, in no other column. failures: steps whose recomputed primal residual forbids driving them, "
-        "and drives that failed; unsolved: steps whose QP the solver itself does not call solved, usable or not. "
-        f"{setting} {accuracy(tables.summary)}"
+        "and drives that failed; unsolved: steps whose QP the solver itself does not call solved, usable or not; off the optimum: largest "
+        f"distance of e_y from the reference's optimum of the same QP (accepted: primal residual to {PRIMAL_M:g} m, "
+        f"dual and gap to {DUAL:g} of the largest multiplier). "
+        f"{setting} {accuracy(tables.summary, tolerances)}"
     )
     swept = (
         "Executed envelope in metres, simulated apart from the planner. path difference: largest difference of the executed lateral "
-        f"error from that with {reference_solver(suite.solvers)} under the same scheme. {setting} {accuracy(tables.summary)}"
+        f"error from that with {reference_solver(suite.solvers)} under the same scheme. {setting} {accuracy(tables.summary, tolerances)}"
     )
     schemes = (
         f"SQP to convergence against RTI: times in milliseconds, every step counted with its fastest round; executed envelopes. {setting}"
@@ -92,54 +131,86 @@ def captions(suite: Suite, machine: Mapping[str, object], tables: Tables) -> dic
     return {"timing": times, "envelope": swept, "schemes": schemes, "summary": f"All roads together. {times}"}
 
 
-def accuracy(summary: pd.DataFrame) -> str:
-    """Return every solver's tolerance beside the accuracy measured with it, in a sentence."""
-    furthest = summary.groupby("solver", sort=False)["path_difference_m"].max()
+def accuracy(summary: pd.DataFrame, tolerances: Mapping[str, float | None] | None = None) -> str:
+    """Return every solver's tolerance beside the accuracy measured with it, in a sentence; ``tolerances`` where they are not its own."""
+    driven = bool(summary["path_difference_m"].notna().any()) or bool(summary["distance_m"].isna().all())
+    furthest = summary.groupby("solver", sort=False)["path_difference_m" if driven else "distance_m"].max()
     reference = reference_solver(list(furthest.index))
+    used = {str(solver): _tolerance(str(solver), tolerances or {}) for solver in furthest.index}
     parts = [
-        f"{solver} {_tolerance(str(solver))}: " + ("no whole drive" if pd.isna(difference) else f"{difference:.1e} m")
+        f"{solver} {used[str(solver)]}: "
+        + (("no whole drive" if driven else "no program") if pd.isna(difference) else f"{difference:.1e} m")
         for solver, difference in furthest.items()
         if solver != reference
     ]
     if not parts:
-        return f"Tolerance of {reference}: {_tolerance(reference)}."
-    return f"Tolerance, and with it the largest path difference from {reference} ({_tolerance(reference)}): {'; '.join(parts)}."
+        return f"Tolerance of {reference}: {used[reference]}."
+    what = f"path difference from {reference} ({used[reference]})" if driven else "distance of e_y from the optimum"
+    return f"Tolerance, and with it the largest {what}: {'; '.join(parts)}."
 
 
 def shown(table: pd.DataFrame, name: str) -> pd.DataFrame:
     """Return the shown columns of table ``name`` as text under their headings; a dash where there is no value."""
     layout = LAYOUTS[name]
+    plain = _ALWAYS in table and (table[_ALWAYS] == AS_SET).all()
     columns = {
-        heading: ["-" if pd.isna(value) else form.format(value) for value in table[column]] for column, (heading, form) in layout.items()
+        heading: ["-" if pd.isna(value) or value == "" else form.format(value) for value in table[column]]
+        for column, (heading, form) in layout.items()
+        if not (plain and column == _ALWAYS)
     }
     return pd.DataFrame(columns, dtype=str)
 
 
-def markdown(table: pd.DataFrame, name: str, caption: str) -> str:
-    """Return a table with its caption above as Markdown."""
-    return f"{caption}\n\n{markdown_table(shown(table, name), text=_TEXT)}\n"
+def markdown(table: pd.DataFrame, name: str, caption: str, foot: Sequence[str]) -> str:
+    """Return a table as Markdown, with its caption above and its foot below."""
+    below = "".join(f"- {line}\n" for line in foot)
+    return f"{caption}\n\n{markdown_table(shown(table, name), text=_TEXT)}\n" + (f"\n{below}" if below else "")
 
 
-def latex(table: pd.DataFrame, name: str, caption: str) -> str:
-    """Return a table as a LaTeX ``table`` in the style of booktabs."""
+def latex(table: pd.DataFrame, name: str, caption: str, foot: Sequence[str]) -> str:
+    """Return a table as a LaTeX ``table`` in the style of booktabs, its foot in small print."""
     text = shown(table, name)
     sides = "".join("l" if column in _TEXT else "r" for column in text.columns)
-    label = f"tab:hdvplan-{name}"
-    return text.to_latex(index=False, escape=True, column_format=sides, caption=_escaped(caption), label=label)
+    made = text.to_latex(index=False, escape=True, column_format=sides, caption=_escaped(caption), label=f"tab:hdvplan-{name}")
+    below = "".join(f"\\par\\footnotesize {_escaped(line)}\n" for line in foot)
+    return made.replace("\\end{table}", f"{below}\\end{{table}}")
 
 
-def summary_tables(tables: Mapping[str, pd.DataFrame]) -> list[Table]:
-    """Return the headline for the terminal: per vehicle all roads together, then RTI against SQP where both were run."""
+def foot_of(
+    solvers: Sequence[str], tolerances: Mapping[str, float | None], findings: Sequence[Finding], load: Load, timing: pd.DataFrame
+) -> list[str]:
+    """Return what stands below every table: what disturbed the machine, verdicts, each solver's version and settings, and failures."""
+    told = [finding.text for finding in findings]
+    settings = [settings_words(solver, tolerances) for solver in solvers]
+    return [*([load.warning] if load.warning else []), *told, *settings, *reasons_of(timing)]
+
+
+def reasons_of(timing: pd.DataFrame) -> list[str]:
+    """Return why cells are not ok: of every solver and status how many they are, and the reason of the first."""
+    bad, found = timing[timing["status"] != OK], []
+    for solver, status in dict.fromkeys(bad[["solver", "status"]].itertuples(index=False, name=None)):
+        cells = bad[(bad["solver"] == solver) & (bad["status"] == status)]
+        where = cell_words(tuple(map(str, cells[["road", *GROUP]].iloc[0])), ", ")
+        count = f"{len(cells)} of {int((timing['solver'] == solver).sum())} cells"
+        found.append(f"{solver}, {status} in {count}; {where}: {cells['message'].iloc[0]}")
+    return found
+
+
+def summary_tables(tables: Mapping[str, pd.DataFrame], tolerances: Mapping[str, float | None] | None = None) -> list[Table]:
+    """Return the headline for the terminal: per vehicle, scheme and class of limits, then RTI against SQP where both were run."""
     summary, schemes = tables["summary"], tables["schemes"]
-    found = []
-    for vehicle, mine in summary.groupby("vehicle", sort=False):
-        text = shown(mine, "summary").drop(columns="vehicle")
+    found, one = [], "one QP" if (summary["linearise_ms"] == 0.0).all() else "one planning step"
+    for key, mine in summary.groupby(GROUP, sort=False):
+        headings = [name for name in _HEADLINE if name != (_OFF if mine["path_difference_m"].notna().any() else _PATH)]
+        text = shown(mine, "summary")[headings]
+        for column in ("won", "accepted"):
+            text[column] = text[column].str.replace(".0%", "%")
         ended = int((mine["cells"] - mine["cells_ok"]).sum())
         caption = f"{ended} of {int(mine['cells'].sum())} cells are not ok; timing.csv says why." if ended else None
-        title = f"{vehicle}: one planning step [ms], all roads together"
+        title = f"{group_words(*map(str, key))}: {one} [ms], all roads together"
         found.append(grid(title, list(text.columns), text.itertuples(index=False, name=None), text=_TEXT, caption=caption))
     if len(schemes):
-        pooled = schemes.groupby(["vehicle", "solver"], sort=False, as_index=False).agg(
+        pooled = schemes.groupby(["vehicle", "solver", "limits"], sort=False, as_index=False).agg(
             mean=("mean_ratio", "mean"), most=("max_ratio", "max"), differ=("envelope_difference_m", "max")
         )
         rows = [
@@ -148,22 +219,36 @@ def summary_tables(tables: Mapping[str, pd.DataFrame]) -> list[Table]:
         columns = ("vehicle", "solver", "mean", "largest of max", "envelopes differ [m]")
         found.append(grid("SQP / RTI, every step with its fastest round", columns, rows, text=_TEXT))
     before = f"{found[-1].caption}\n" if found[-1].caption else ""
-    found[-1].caption, found[-1].caption_justify, found[-1].caption_style = Text(before + accuracy(summary)), "left", ""
+    found[-1].caption, found[-1].caption_justify, found[-1].caption_style = Text(before + accuracy(summary, tolerances)), "left", ""
     return found
 
 
 def _limits(suite: Suite) -> str:
+    if suite.classes:
+        return "classes of limits: " + "; ".join(f"{name}: {CLASSES[name]}" for name in suite.classes)
     if not suite.limits:
         return "no limits"
     place = f"{suite.slack:g} m beyond the geometric half width" if suite.half_width is None else f"at +-{suite.half_width:g} m"
     return f"limits {place}" + ("" if suite.pinch is None else f", pinched by {suite.pinch:g} m in the tightest bend")
 
 
-def _tolerance(solver: str) -> str:
-    tolerance = tolerance_of(solver)
-    return "at its default" if tolerance is None else f"at {tolerance:g}"
+def settings_words(solver: str, tolerances: Mapping[str, float | None]) -> str:
+    """Return a solver's version and settings, and the tolerances that an accuracy has led to."""
+    return settings_of(solver) + (f"; here {words}" if (words := _tuned(solver, tolerances)) else "")
+
+
+def _tuned(solver: str, tolerances: Mapping[str, float | None]) -> str:
+    """Return a solver's tolerances by class of limits, in words; nothing where it runs with its own."""
+    mine = {limits: tolerances[key] for limits in (AS_SET, *CLASSES) if (key := tuning_key(solver, limits)) in tolerances}
+    said = [f"{'its own' if one is None else f'{one:g}'}{'' if limits == AS_SET else f' ({limits})'}" for limits, one in mine.items()]
+    return f"at {', '.join(said)}" if any(one is not None for one in mine.values()) else ""
+
+
+def _tolerance(solver: str, tolerances: Mapping[str, float | None]) -> str:
+    own = tolerance_of(solver)
+    return _tuned(solver, tolerances) or ("at its default" if own is None else f"at {own:g}")
 
 
 def _escaped(caption: str) -> str:
-    """Return a caption for LaTeX; pandas escapes cells and headings, but no captions."""
-    return re.sub(r"([_%&#$])", r"\\\1", caption)
+    """Return text for LaTeX; pandas escapes cells and headings, but no captions."""
+    return "".join(_LATEX.get(letter, letter) for letter in caption)

@@ -61,6 +61,8 @@ def main() -> None:
 def run(arguments: Sequence[str]) -> int:
     """Run the command line ``arguments`` (without the program's name) and return the exit code."""
     arguments, debug = _without_debug(arguments)
+    if "bench" in arguments:
+        arguments = bench.with_picture(arguments)
     try:
         code = app(args=arguments or ["--help"], prog_name="hdvplan", standalone_mode=False)
     except (KeyboardInterrupt, typer.Abort):

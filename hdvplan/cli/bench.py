@@ -3,28 +3,48 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from hdvplan.cli import completion
 from hdvplan.cli.compare import FORMATS, ExpectChangesOption, FactorOption, FloorOption, FormatOption, rule_of, show
 from hdvplan.cli.compiling import note_compiling
-from hdvplan.cli.console import ExitCode, note, print_json, print_tables, progress
+from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, warn
 from hdvplan.cli.options import JsonOption, QuietOption, choice
 from hdvplan.errors import OptionError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     from pandas import DataFrame
 
     from hdvplan.bench.compare import Comparison
     from hdvplan.bench.gate import Rule
     from hdvplan.bench.suite import Suite
+    from hdvplan.case import Case
+
+
+PICTURE, PICTURES = "bench.png", ("png", "pdf", "svg", "tex", "pgf")
+
+
+def with_picture(arguments: Sequence[str]) -> list[str]:
+    """Return the arguments with the usual picture behind a bare --plot: Typer knows no option whose value may be left out."""
+    given = []
+    for argument, following in zip(arguments, [*arguments[1:], "-"], strict=True):
+        given += [argument, PICTURE] if argument == "--plot" and following.startswith("-") else [argument]
+    return given
 
 
 def bench(
     solvers: Annotated[
-        str | None, typer.Option("--solvers", metavar="A,B", help="Names from `hdvplan solvers`.", autocompletion=completion.solver_list)
+        str | None,
+        typer.Option(
+            "--solvers",
+            metavar="A,B",
+            help="Names from `hdvplan solvers`, or your own: file.py:Class.",
+            autocompletion=completion.solver_list,
+        ),
     ] = None,
     vehicles: Annotated[
         str | None, typer.Option("--vehicles", metavar="A,B", help="Presets or vehicle files.", autocompletion=completion.vehicle_list)
@@ -35,7 +55,7 @@ def bench(
     ] = None,
     schemes: Annotated[str | None, typer.Option("--schemes", metavar="rti,sqp", help="How often a step linearises and solves.")] = None,
     objective: Annotated[
-        str | None, typer.Option("--objective", metavar="NAME", help="What all plans centre [default: geometric].")
+        str | None, typer.Option("--objective", metavar="NAME", help="What all plans centre, as in `plan` [default: geometric].")
     ] = None,
     rounds: Annotated[int | None, typer.Option("--rounds", metavar="N", help="Drives of every cell.")] = None,
     budget: Annotated[float | None, typer.Option("--budget", metavar="S", help="Most planning time of one drive [s].")] = None,
@@ -47,6 +67,36 @@ def bench(
     pinch: Annotated[
         float | None, typer.Option("--pinch", metavar="M", help="Move the outer limit of the tightest bend inwards over 6 m of road [m].")
     ] = None,
+    classes: Annotated[
+        str | None,
+        typer.Option("--classes", metavar="A,B", help="Classes of limits side by side: off, inactive, binding, unkeepable."),
+    ] = None,
+    accuracy: Annotated[
+        float | None, typer.Option("--accuracy", metavar="M", help="Give every solver the loosest tolerance that meets this [m].")
+    ] = None,
+    sample: Annotated[
+        int | None, typer.Option("--sample", metavar="N", help="Solve N recorded QPs of every drive instead of driving.")
+    ] = None,
+    step_limit: Annotated[
+        float | None, typer.Option("--step-limit", metavar="S", help="Longest planning step; a cell with a longer one is ended [s].")
+    ] = None,
+    cell_limit: Annotated[
+        float | None, typer.Option("--cell-limit", metavar="S", help="Longest drive with its second opinion; a longer one is ended [s].")
+    ] = None,
+    memory_limit: Annotated[
+        float | None, typer.Option("--memory-limit", metavar="GB", help="Most memory of the measuring process, where the system can.")
+    ] = None,
+    plot: Annotated[
+        str | None,
+        typer.Option(
+            "--plot",
+            metavar="FILE",
+            help="Draw the run, by itself into DIR/bench.png: png, pdf, svg; tex, pgf: performance profiles as TikZ.",
+        ),
+    ] = None,
+    in_process: Annotated[
+        bool, typer.Option("--in-process", help="Measure in this process: no limits but --budget, and a crash ends the run.")
+    ] = False,
     horizon: Annotated[float | None, typer.Option("--horizon", metavar="M", help="How far each plan looks ahead [m].")] = None,
     step: Annotated[float | None, typer.Option("--step", metavar="M", help="Distance between stations [m].")] = None,
     replan: Annotated[float | None, typer.Option("--replan", metavar="M", help="Distance driven before the next plan [m].")] = None,
@@ -68,6 +118,14 @@ def bench(
     counters: Annotated[
         Path | None, typer.Option("--counters", metavar="FILE.csv", help="Hold iterations, sizes and envelopes to a committed baseline.")
     ] = None,
+    export_qps: Annotated[
+        Path | None,
+        typer.Option(
+            "--export-qps",
+            metavar="DIR",
+            help="Time nothing: write the QPs of all drives as a test set for solvers, in qpbenchmark's format.",
+        ),
+    ] = None,
     renew: Annotated[bool, typer.Option("--renew", help="Write FILE.csv of --counters instead.")] = False,
     json: JsonOption = False,
     quiet: QuietOption = False,
@@ -84,6 +142,11 @@ def bench(
     Exit codes then: 0 fine; 1 a cell became slower, or counters changed; 2 bad input; 3 could not measure.
     """
     choice("--format", format_, FORMATS)
+    if plot is not None:
+        choice("the picture's ending", Path(plot).suffix.lower().removeprefix("."), PICTURES)
+    if against is not None and plot is not None:
+        msg = "--plot draws one benchmark, and --against measures several"
+        raise OptionError(msg, hint="leave out --plot")
     if against is None and (factor is not None or floor is not None or expect_changes):
         msg = "--factor, --floor and --expect-changes need --against"
         raise OptionError(msg)
@@ -103,7 +166,8 @@ def bench(
         "roads": _names(roads), "vehicles": _names(vehicles), "schemes": _names(schemes), "solvers": _names(solvers),
         "objective": objective, "rounds": rounds,
         "budget": budget, "limits": False if no_limits else None, "half_width": half_width, "slack": slack, "pinch": pinch,
-        "horizon": horizon, "step": step, "replan": replan,
+        "horizon": horizon, "step": step, "replan": replan, "classes": _names(classes), "accuracy": accuracy, "sample": sample,
+        "step_limit": step_limit, "cell_limit": cell_limit, "memory_limit": memory_limit,
     }  # fmt: skip
     entries = read_suite(suite) if suite else {}
     if against is not None:
@@ -114,10 +178,20 @@ def bench(
     for name in wanted.solvers:
         check_solver(name)  # what is wrong with names is said before more is loaded
     from hdvplan.bench.courses import cases_of
-    from hdvplan.bench.directory import begin, discard, finish, read_table, recorded
+    from hdvplan.bench.directory import begin, discard, finish, read_record, read_table, recorded
     from hdvplan.bench.run import remaining, run
     from hdvplan.bench.timing import LAYOUTS, summary_tables
 
+    if export_qps is not None:
+        from hdvplan.bench.export import export
+
+        try:
+            files = export([case for case in cases_of(wanted) if case.solver == wanted.solvers[0]], export_qps)
+        except OSError as error:
+            msg = f"cannot write to {export_qps}: {error.strerror or error}"
+            raise OptionError(msg, hint="choose another folder") from error
+        note(f"{len(files)} sequences written to {export_qps}/", quiet=quiet)
+        return ExitCode.OK
     if against is not None:
         comparison = _measure_against(against, wanted, rule_of(factor, floor), out, expect_changes, quiet=quiet)
         return show(comparison, rule_of(factor, floor), format_=format_, json=json, quiet=quiet)
@@ -126,13 +200,18 @@ def bench(
         note(f"{out} holds this run, finished; --fresh measures again", quiet=quiet)
     else:
         note_compiling(quiet=quiet)
-        cases, makers = cases_of(wanted), {name: solver_named(name) for name in wanted.solvers}
+        cases = cases_of(wanted)
+        for name in wanted.solvers:
+            solver_named(name)  # a class that cannot be loaded is the user's mistake, not a row
         try:
             if fresh:
                 discard(out)
             begin(wanted, cases, out, record, one_thread=one_thread)
+            tolerances = _tolerances(wanted, cases, out, record, quiet=quiet)
+            makers = {name: solver_named(name) for name in wanted.solvers}
+            makers |= {key: solver_named(key.rpartition(", ")[0], tolerance) for key, tolerance in tolerances.items()}
             with progress("measuring", quiet=quiet, undisturbed=True) as on_progress:
-                run(wanted, cases, makers, out, on_progress)
+                run(wanted, cases, makers, out, on_progress, in_process=in_process)
             finish(wanted, out)
         except OSError as error:
             msg = f"cannot write to {out}: {error.strerror or error}"
@@ -141,15 +220,47 @@ def bench(
             count = len(wanted.cells()) * wanted.rounds
             note(f"{count - remaining(wanted, out)} of {count} drives are kept in {out}; the same command goes on from there")
             raise
+    if plot is not None:
+        picture = out / PICTURE if plot == PICTURE else Path(plot)
+        from hdvplan.bench.pictures import draw
+
+        try:
+            draw(out, picture)
+        except OSError as error:
+            msg = f"cannot write {picture}: {error.strerror or error}"
+            raise OptionError(msg) from error
+        note(f"picture in {picture}", quiet=quiet)
     if counters is not None:
         return _hold_to(counters, out, renew, format_=format_, json=json, quiet=quiet)
-    tables = {name: read_table(out, name) for name in LAYOUTS}
+    tables, told = {name: read_table(out, name) for name in LAYOUTS}, read_record(out)
     if json:
-        print_json({"out": str(out)} | {name: _rows(tables[name]) for name in LAYOUTS})
+        head = {"out": str(out), "verdict": told["verdict"], "load": told["load"]}
+        print_json(head | {name: _rows(tables[name]) for name in LAYOUTS})
     elif not quiet:
-        print_tables(*summary_tables(tables))
+        print_tables(*summary_tables(tables, told.get("tolerances")))
+        for finding in told["verdict"]:
+            print_line(finding["text"])
+        if told["load"]["warning"]:
+            warn(told["load"]["warning"])
         note(f"written to {out}/")
     return ExitCode.OK
+
+
+def _tolerances(
+    suite: Suite, cases: Sequence[Case], out: Path, record: dict[str, Any] | None, *, quiet: bool
+) -> Mapping[str, float | None]:
+    """Return the tolerances that the suite's accuracy asks for, found once for a run; none where it asks for none."""
+    if suite.accuracy is None:
+        return {}
+    if record is not None and "tolerances" in record:
+        return dict(record["tolerances"])
+    from hdvplan.bench.directory import note_tolerances
+    from hdvplan.bench.tuning import tuned
+
+    with progress("tuning tolerances", quiet=quiet, undisturbed=True) as on_progress:
+        found = tuned(suite, cases, on_progress)
+    note_tolerances(out, found)
+    return found
 
 
 def _measure_against(against: str, suite: Suite, rule: Rule, out: Path, expect_changes: bool, *, quiet: bool) -> Comparison:

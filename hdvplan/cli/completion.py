@@ -34,9 +34,9 @@ def solvers(incomplete: str) -> list[str]:
 
 def objectives(incomplete: str) -> list[str]:
     """Return the objectives that begin so."""
-    from hdvplan.planning.objective_names import OBJECTIVE_NAMES
+    from hdvplan.planning.objective_names import objective_names
 
-    return _beginning(incomplete, list(OBJECTIVE_NAMES))
+    return _beginning(incomplete, objective_names())
 
 
 def schemes(incomplete: str) -> list[str]:

@@ -54,14 +54,21 @@ def plan(
         typer.Option("--scheme", metavar="rti|sqp", help="One QP a step, or QPs to convergence.", autocompletion=completion.schemes),
     ] = "rti",
     solver: Annotated[
-        str | None, typer.Option("--solver", metavar="NAME", help="A name from `hdvplan solvers`.", autocompletion=completion.solvers)
+        str | None,
+        typer.Option(
+            "--solver",
+            metavar="NAME",
+            help="A name from `hdvplan solvers`, or your own: package.module:Class, file.py:Class.",
+            autocompletion=completion.solvers,
+        ),
     ] = None,
     objective: Annotated[
         str,
         typer.Option(
             "--objective",
             metavar="NAME",
-            help="geometric, balanced, geometric-fixed, lead-axle, trail-axle, art-weighted, art-weighted:0.45, axle-max or body-max.",
+            help="geometric, balanced, geometric-fixed, lead-axle, trail-axle, art-weighted, art-weighted:0.45, axle-max, body-max, "
+            "one that an installed package offers, or your own: package.module:name, file.py:name.",
             autocompletion=completion.objectives,
         ),
     ] = "geometric",

@@ -1,20 +1,42 @@
-"""``hdvplan solvers``: every QP back end, installed or not, and what it supports."""
+"""``hdvplan solvers``: every QP back end, installed or not, and what it supports; the contract that each one is held to."""
 
 from __future__ import annotations
 
-from hdvplan.cli.console import ExitCode, print_json, print_tables
+from typing import Annotated
+
+import typer
+
+from hdvplan.cli import completion
+from hdvplan.cli.compiling import note_compiling
+from hdvplan.cli.console import ExitCode, print_json, print_line, print_tables
 from hdvplan.cli.options import JsonOption
 
-_CAPTION = "n: native workspace; w: starts warm; i: detects infeasibility; version -: not installed"
+_CAPTION = "n: native workspace; w: starts warm; i: detects infeasibility; ?: not known before it is loaded; version -: not installed"
 
 
-def solvers(json: JsonOption = False) -> int:
-    """List every QP solver and what it supports."""
+def solvers(
+    check: Annotated[
+        str | None,
+        typer.Option(
+            "--check",
+            metavar="NAME",
+            help="Hold this solver to what planning asks of it; your own: package.module:Class, file.py:Class.",
+            autocompletion=completion.solvers,
+        ),
+    ] = None,
+    json: JsonOption = False,
+) -> int:
+    """List every QP solver and what it supports; with --check, try one.
+
+    Exit code of --check: 0 it keeps all rules; 1 it breaks one; 2 it cannot be used.
+    """
     from dataclasses import asdict
 
     from hdvplan.report.grid import grid
     from hdvplan.solvers.registry import DEFAULT, solver_infos
 
+    if check is not None:
+        return _check(check, json=json)
     infos = solver_infos()
     if json:
         print_json([asdict(info) | {"default": info.name == DEFAULT} for info in infos])
@@ -24,7 +46,7 @@ def solvers(json: JsonOption = False) -> int:
             f"{info.name} (default)" if info.name == DEFAULT else info.name,
             info.version or "-",
             " ".join(
-                letter if supported else "-"
+                "?" if supported is None else letter if supported else "-"
                 for letter, supported in (("n", info.native), ("w", info.warm_start), ("i", info.detects_infeasible))
             ),
             info.note,
@@ -34,3 +56,23 @@ def solvers(json: JsonOption = False) -> int:
     columns = ("solver", "version", "can", "method")
     print_tables(grid("QP solvers", columns, rows, text=columns, caption=_CAPTION))
     return ExitCode.OK
+
+
+def _check(name: str, *, json: bool) -> int:
+    """Print what every rule of the contract finds."""
+    from dataclasses import asdict
+
+    from hdvplan.solvers.registry import solver_named
+
+    make = solver_named(name)
+    note_compiling(quiet=json)
+    from hdvplan.bench.contract import checked, samples
+
+    make(samples()[0].qp.shape)  # a class that cannot be made is no broken rule
+    findings = checked(make)
+    if json:
+        print_json([asdict(finding) for finding in findings])
+    else:
+        for finding in findings:
+            print_line(f"{'ok  ' if finding.kept else 'FAIL'} {finding.rule}: {finding.said}")
+    return ExitCode.OK if all(finding.kept for finding in findings) else ExitCode.BROKEN

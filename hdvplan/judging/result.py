@@ -18,8 +18,10 @@ from hdvplan.judging.obstacles import Approach
 from hdvplan.judging.passed import Passed
 from hdvplan.judging.proof import Proof
 from hdvplan.planning.bias import shifted
+from hdvplan.planning.objectives import Objective
 from hdvplan.planning.planner import Plan
 from hdvplan.road.regions import called
+from hdvplan.solvers.registry import SolverClass
 from hdvplan.vehicle.model import Vehicle
 
 _PAIR = ("tractor", "trailer")
@@ -41,12 +43,12 @@ class Result:
     @property
     def solver(self) -> str:
         """What users call the solver."""
-        return self.case.solver
+        return self.case.solver_name
 
     @property
     def objective(self) -> str:
         """What users call the objective."""
-        return self.case.objective
+        return self.case.objective_name
 
     @cached_property
     def gaps(self) -> dict[tuple[str, str], FloatArray]:
@@ -119,8 +121,8 @@ class Result:
         return "some steps not solved" if self.failed else "ok"
 
 
-def result_of(drive: Drive, *, solver: str, objective: str, passed: tuple[Passed, ...] = ()) -> Result:
-    """Evaluate an executed drive; ``solver`` and ``objective`` are what its case calls them, ``passed`` how its obstacles are passed.
+def result_of(drive: Drive, *, solver: str | SolverClass, objective: str | Objective, passed: tuple[Passed, ...] = ()) -> Result:
+    """Evaluate an executed drive; ``solver`` and ``objective`` are those of its case, ``passed`` how its obstacles are passed.
 
     Raises:
         PlanError: a body reached beyond the road's centre of curvature.

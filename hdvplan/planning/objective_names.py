@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hdvplan import plugins
 from hdvplan.errors import OptionError, did_you_mean
 
 WEIGHTED = "art-weighted"
@@ -9,15 +10,20 @@ OBJECTIVE_NAMES = ("geometric", "geometric-fixed", "lead-axle", "trail-axle", WE
 
 
 def check_objective(name: str) -> None:
-    """Refuse what ``objective_named`` would.
+    """Refuse what ``objective_named`` would; of what is not the user's own nothing is loaded.
 
     Raises:
-        OptionError: there is none of that name, or the weight is not a number from 0 to 1.
+        OptionError: there is none of that name, it cannot be loaded, or the weight is not a number from 0 to 1.
 
     """
-    if share_of(name) is None and name not in OBJECTIVE_NAMES:
-        msg = f"unknown objective {name!r}"
-        raise OptionError(msg, hint=did_you_mean(name, OBJECTIVE_NAMES, f"objectives: {', '.join(OBJECTIVE_NAMES)}"))
+    if share_of(name) is None and name not in OBJECTIVE_NAMES and plugins.load(plugins.OBJECTIVE, name) is None:
+        msg, known = f"unknown objective {name!r}", objective_names()
+        raise OptionError(msg, hint=did_you_mean(name, known, f"objectives: {', '.join(known)}"))
+
+
+def objective_names() -> list[str]:
+    """Return all objectives that have a name: ours, and those that installed packages offer."""
+    return list(dict.fromkeys([*OBJECTIVE_NAMES, *plugins.offers(plugins.OBJECTIVE)]))
 
 
 def share_of(name: str) -> float | None:

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import cast
 
 import numpy as np
 
-from hdvplan.errors import OptionError
+from hdvplan import plugins
+from hdvplan.errors import HdvplanError, OptionError
 from hdvplan.planning.objective_names import WEIGHTED, check_objective, share_of
 from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.balance import EnvelopeBalance
@@ -128,13 +130,48 @@ OBJECTIVES: dict[str, Objective] = {
 }
 
 
-def objective_named(name: str) -> Objective:
-    """Return the objective that users call ``name``; ``art-weighted:0.45`` gives its weight as a number.
+def objective_named(objective: str | Objective) -> Objective:
+    """Return the objective that users call so; ``art-weighted:0.45`` gives its weight as a number.
+
+    ``objective`` is a name of ``objective_names``, ``package.module:name``, ``file.py:name``, or such a function itself.
 
     Raises:
-        OptionError: there is none of that name, or the weight is not a number from 0 to 1.
+        OptionError: there is none of that name, it cannot be loaded, or the weight is not a number from 0 to 1.
 
     """
-    check_objective(name)
-    share = share_of(name)
-    return OBJECTIVES[name] if share is None else partial(art_weighted, share=share)
+    if not isinstance(objective, str):
+        return _Foreign(plugins.name_of(objective), objective)
+    check_objective(objective)
+    share = share_of(objective)
+    if share is not None:
+        return partial(art_weighted, share=share)
+    if objective in OBJECTIVES:
+        return OBJECTIVES[objective]
+    return _Foreign(objective, cast("Objective", plugins.load(plugins.OBJECTIVE, objective)))
+
+
+@dataclass(frozen=True)
+class _Foreign:
+    """An objective from outside hdvplan: what its author's code raises becomes one line."""
+
+    name: str
+    own: Objective
+
+    def __call__(self, stations: Stations, vehicle: Vehicle) -> Goal:
+        """Return its goal.
+
+        Raises:
+            OptionError: it raises, or returns something else.
+
+        """
+        try:
+            goal: object = self.own(stations, vehicle)
+        except HdvplanError:
+            raise
+        except Exception as error:
+            msg = f"objective {self.name!r} raises {plugins.said(error)}"
+            raise OptionError(msg) from error
+        if not isinstance(goal, Goal):
+            msg = f"objective {self.name!r} returns something of type {type(goal).__name__}, not a Goal"
+            raise OptionError(msg)
+        return goal

@@ -7,7 +7,7 @@ an RTI plan that would break a limit gets a few QPs more: neither happens on a r
 from __future__ import annotations
 
 from dataclasses import dataclass
-from time import perf_counter
+from time import perf_counter, process_time
 
 import numpy as np
 
@@ -41,6 +41,7 @@ class StepTimes:
     check: float = 0.0
     total: float = 0.0  # of the step; without loading
     loading: float = 0.0  # code that a solver needed for the first time in this process
+    cpu: float = 0.0  # processor time of the step, all threads; of one that had to load anything its total
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,7 @@ class Plan:
     kappa: FloatArray  # (N,) [1/m], each held from its station to the next
     kappa_before: float
     status: Status  # of the last QP, as claimed by the solver
+    reason: str  # why the last QP has no solution, in the solver's words
     usable: bool  # the last QP's recomputed residual allowed its step to be taken
     qp_count: int
     qp_iterations: int
@@ -96,7 +98,7 @@ class Planner:
             SolverError: the first plan of a drive could not be solved.
 
         """
-        began, times = perf_counter(), StepTimes()
+        began, began_cpu, times = perf_counter(), process_time(), StepTimes()
         settings, qp, motion = self._scene.settings, self._scene.qp, self._scene.motion
         by = None if self._last is None or first < self._last else first - self._last
         iterate = settings.scheme is Scheme.SQP or by is None  # the first plan has no predecessor to lean on
@@ -136,14 +138,18 @@ class Planner:
             if not iterating or moved < settings.sqp_tolerance or stalled:
                 break
         if not usable and by is None and qp_count == 1:
-            msg = f"the first plan could not be solved: {self._workspace.name} says {result.status}, primal residual {judged.primal:.2g}"
+            why = f" ({result.reason})" if result.reason else ""
+            msg = (
+                f"the first plan could not be solved: {self._workspace.name} says {result.status}{why}, primal residual {judged.primal:.2g}"
+            )
             raise SolverError(msg, status=str(result.status), hint="try another --solver")
         self._last = first
         z, kappa = motion.z.copy(), motion.kappa.copy()
         times.total = perf_counter() - began - times.loading
+        times.cpu = times.total if times.loading else process_time() - began_cpu
         return Plan(
-            first, z, kappa, kappa_before, status=result.status, usable=usable, qp_count=qp_count, qp_iterations=qp_iterations,
-            residuals=judged, violation=violation, moved=moved, merit=merit, halvings=halvings, times=times,
+            first, z, kappa, kappa_before, status=result.status, reason=result.reason, usable=usable, qp_count=qp_count,
+            qp_iterations=qp_iterations, residuals=judged, violation=violation, moved=moved, merit=merit, halvings=halvings, times=times,
         )  # fmt: skip
 
     def _extend(self, horizon: Horizon, z_start: FloatArray, by: int | None) -> None:

@@ -49,7 +49,7 @@ def timing(on_progress: Progress, roads: tuple[str, ...] = ROADS) -> Study:
     ]
     samples, driven = [], 0.0
     for case in cases:
-        names = {"road": case.road.name, "vehicle": case.vehicle.name, "scheme": str(case.settings.scheme), "solver": case.solver}
+        names = {"road": case.road.name, "vehicle": case.vehicle.name, "scheme": str(case.settings.scheme), "solver": case.solver_name}
         samples.append(timed_steps(case).assign(**names))
         driven += case.road.path.length
         on_progress(driven / sum(case.road.path.length for case in cases))

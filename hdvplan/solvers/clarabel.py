@@ -37,6 +37,7 @@ class ClarabelWorkspace:
 
     name = "clarabel"
     starts_warm = False
+    settings = "no presolve, gap relative to cost 1e-4 of it"
 
     def __init__(self, shape: StageShape, *, elastic: bool, tolerance: float = TOLERANCE) -> None:
         """Lay out the pattern; the first solve sets the solver up."""

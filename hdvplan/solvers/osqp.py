@@ -39,6 +39,7 @@ class OsqpWorkspace:
 
     name = "osqp"
     starts_warm = True
+    settings = "eps_rel 0, rho adapted every 50 iterations, warm start"
 
     def __init__(self, shape: StageShape, *, elastic: bool, tolerance: float = TOLERANCE, iterations: int = 10_000) -> None:
         """Lay out the pattern; the first solve sets the solver up."""
@@ -87,6 +88,6 @@ class OsqpWorkspace:
         bounds = np.zeros(len(form.q))
         bounds[self._bounded] = dual[len(form.b) + len(form.h) :]
         form.point(np.array(result.x), dual[: len(form.b)], dual[len(form.b) : len(form.b) + len(form.h)], bounds, self._point)
-        if status not in {Status.SOLVED, Status.INACCURATE, Status.ITERATION_LIMIT}:
-            self._solver = None  # an infeasible run leaves iterates that must not warm-start the next
+        if status not in {Status.SOLVED, Status.INACCURATE}:
+            self._solver = None  # such a run leaves iterates and a step size that spoil the next
         return QpResult(status, self._point, int(result.info.iter), updated - started, perf_counter() - updated)

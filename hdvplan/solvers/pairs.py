@@ -54,11 +54,11 @@ def worst(stages: Records, rows: Records, bounded: IntArray, points: Records) ->
 
 
 @inner
-def _join_bound(v: float, low: float, high: float, lower: bool, product: float, pair: Record) -> bool:
-    """Write the pair of a bound's upper or lower side; return whether ``v`` has come near it."""
+def _join_bound(v: float, low: float, high: float, lower: bool, product: float, pair: Record, everything: bool) -> bool:
+    """Write the pair of a bound's upper or lower side; return whether ``v`` has come near it, or need not."""
     width = min(high - low, 1.0)
     gap = v - low if lower else high - v
-    if gap > NEAR_BOUNDS * width:
+    if gap > NEAR_BOUNDS * width and not (everything and gap < np.inf):
         return False
     pair.s = max(abs(gap), START_SLACK * width, 1e-6)
     pair.mu, pair.limit = product / pair.s, -low if lower else high
@@ -67,9 +67,10 @@ def _join_bound(v: float, low: float, high: float, lower: bool, product: float, 
 
 @inner
 def join(
-    stages: Records, rows: Records, bounded: IntArray, points: Records, product: float, member: BoolArray, pairs: Records, count: int
-) -> tuple[int, int]:
-    """Choose the inequalities that have come near the point, in addition to ``count`` chosen ones.
+    stages: Records, rows: Records, bounded: IntArray, points: Records, product: float, member: BoolArray, pairs: Records, count: int,
+    everything: bool,
+) -> tuple[int, int]:  # fmt: skip
+    """Choose the inequalities that have come near the point, or ``everything``, in addition to ``count`` chosen ones.
 
     Each starts with complementarity ``product``. An elastic row starts where it is, its elastic variable taking up what
     it lacks; a broken bound starts with a slack as large as the breach. Both keep the first steps long. Returns the new
@@ -80,12 +81,12 @@ def join(
         stage, x, u = stages[i], points[i].x, points[i].u
         before = count
         if i > 0:
-            for row in range(p if stage.live > 0.0 else 0):
+            for row in range(p if stage.live > 0.0 or everything else 0):
                 one = rows[i, row]
                 gap = one.h
                 for j in range(x.size):
                     gap -= one.g[j] * x[j]
-                if gap <= NEAR_ROWS and not member[i, row]:
+                if (gap <= NEAR_ROWS or everything) and not member[i, row]:
                     member[i, row], pair = True, pairs[count]
                     s, penalty = max(gap, START_SLACK), one.linear
                     mu = min(product / s, 0.5 * penalty) if penalty > 0.0 else product / s
@@ -96,9 +97,10 @@ def join(
                     pair.kind, pair.stage, pair.index = ROW, i, row
                     count += 1
             for b in range(nb):
+                v, low, high = x[bounded[b]], stage.x_low[b], stage.x_high[b]
                 for lower in range(2):
                     at = p + 2 * b + lower
-                    if not member[i, at] and _join_bound(x[bounded[b]], stage.x_low[b], stage.x_high[b], lower == 1, product, pairs[count]):
+                    if not member[i, at] and _join_bound(v, low, high, lower == 1, product, pairs[count], everything):
                         pairs[count].kind, pairs[count].stage, pairs[count].index = X_LOW if lower else X_HIGH, i, b
                         member[i, at], count = True, count + 1
             if count > before:
@@ -106,9 +108,10 @@ def join(
         before = count
         if i < last:
             for j in range(u.size):
+                v, low, high = u[j], stage.u_low[j], stage.u_high[j]
                 for lower in range(2):
                     at = p + 2 * (nb + j) + lower
-                    if not member[i, at] and _join_bound(u[j], stage.u_low[j], stage.u_high[j], lower == 1, product, pairs[count]):
+                    if not member[i, at] and _join_bound(v, low, high, lower == 1, product, pairs[count], everything):
                         pairs[count].kind, pairs[count].stage, pairs[count].index = U_LOW if lower else U_HIGH, i, j
                         member[i, at], count = True, count + 1
             if count > before:

@@ -22,7 +22,7 @@ _STATUS = {
     piqp.PIQP_DUAL_INFEASIBLE: Status.INFEASIBLE,
     piqp.PIQP_NUMERICS: Status.NUMERICAL,
 }
-TOLERANCE = 1e-8  # absolute
+TOLERANCE = 1e-8  # absolute, of residuals and of the duality gap
 _ITERATIONS = 100  # three times what the hardest feasible program took
 
 
@@ -31,6 +31,7 @@ class PiqpWorkspace:
 
     name = "piqp"
     starts_warm = False
+    settings = "sparse_ldlt_cond, preconditioner reused, no relative tolerances"
 
     def __init__(self, shape: StageShape, *, elastic: bool, tolerance: float = TOLERANCE) -> None:
         """Lay out the pattern; the first solve sets the solver up."""
@@ -47,7 +48,7 @@ class PiqpWorkspace:
         form.load(qp)
         if self._solver is None:
             self._solver = piqp.SparseSolver()
-            self._solver.settings.eps_abs = self._tolerance
+            self._solver.settings.eps_abs = self._solver.settings.eps_duality_gap_abs = self._tolerance
             self._solver.settings.eps_rel = 0.0
             self._solver.settings.eps_duality_gap_rel = 0.0  # relative to an elastic program's cost it means nothing
             self._solver.settings.max_iter = _ITERATIONS

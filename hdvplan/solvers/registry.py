@@ -1,20 +1,23 @@
-"""Every QP solver by the name that users give it, loaded only when asked for."""
+"""Every QP solver by the name that users give it, loaded only when asked for: one row a solver."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from importlib import metadata
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from importlib import import_module, metadata
 from importlib.util import find_spec
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
-from hdvplan import __version__
+from hdvplan import plugins
 from hdvplan.errors import SolverError, did_you_mean
 
 if TYPE_CHECKING:  # names are listed and refused without loading the QP's kernels
-    from hdvplan.qp.workspace import WorkspaceMaker
+    from hdvplan.qp.program import StageShape
+    from hdvplan.qp.workspace import QpWorkspace, WorkspaceMaker
 
+SolverClass = Callable[..., "QpWorkspace"]  # called with a shape, and with ``elastic`` and ``tolerance`` where it has them
 DEFAULT = "riccati"
-_NATIVE = ("riccati", "piqp", "clarabel", "osqp")
 _THROUGH = "qpsolvers/"
 
 
@@ -25,124 +28,273 @@ class SolverInfo:
     name: str
     version: str | None  # None: not installed
     native: bool  # a workspace kept and updated in place, not rebuilt for every step
-    warm_start: bool  # as used here
-    detects_infeasible: bool
+    warm_start: bool | None  # as used here; None: nothing is said before it is loaded
+    detects_infeasible: bool | None
     note: str = ""
 
 
 @dataclass(frozen=True)
-class _Generic:
+class _Native:
+    """A class of our own around a solver. Its parameters beside the shape may be ``elastic`` and ``tolerance``; see ``solver_named``."""
+
+    home: str  # module:class
     distribution: str
-    module: str
+    warm_start: bool
+    detects_infeasible: bool
     note: str
 
 
-# The solvers of qpsolvers that users may have; whichever is installed is offered.
+@dataclass(frozen=True)
+class _Generic:
+    """A solver of qpsolvers: ``options`` are passed on, and each name in ``accuracy`` gets the tolerance."""
+
+    distribution: str
+    module: str
+    note: str
+    accuracy: tuple[str, ...] = ()
+    tolerance: float | None = None  # None: the solver's own default
+    options: Mapping[str, float] = field(default_factory=dict)
+    fitting: Mapping[str, bool | float] = field(default_factory=dict)  # of ``hdvplan.solvers.generic.Fitting``
+
+
+_NATIVE = {
+    "riccati": _Native("hdvplan.solvers.riccati:RiccatiWorkspace", "hdvplan", True, False, "active set and interior point; our own"),
+    "riccati-ipm": _Native("hdvplan.solvers.riccati:InteriorWorkspace", "hdvplan", False, False, "the interior point of riccati alone"),
+    "piqp": _Native("hdvplan.solvers.piqp:PiqpWorkspace", "piqp", False, True, "proximal interior point, sparse"),
+    "clarabel": _Native("hdvplan.solvers.clarabel:ClarabelWorkspace", "clarabel", False, True, "interior point, sparse"),
+    "hpipm": _Native(
+        "hdvplan.solvers.hpipm:HpipmWorkspace", "casadi", False, False, "interior point with OCP structure; in CasADi's wheel"
+    ),
+    "daqp": _Native("hdvplan.solvers.daqp:DaqpWorkspace", "daqp", False, True, "dual active set, dense, states eliminated"),
+    "osqp": _Native("hdvplan.solvers.osqp:OsqpWorkspace", "osqp", True, True, "operator splitting, sparse"),
+    "proxqp": _Native("hdvplan.solvers.proxqp:ProxqpWorkspace", "proxsuite", True, True, "augmented Lagrangian, sparse"),
+}
+
+# The solvers of qpsolvers that users may have; whichever is installed is offered. The tolerances bring each one to the same accuracy in
+# metres, as ``path difference`` of a bench shows.
 _GENERIC = {
-    "clarabel": _Generic("clarabel", "clarabel", "interior point"),
-    "cvxopt": _Generic("cvxopt", "cvxopt", "interior point"),
-    "daqp": _Generic("daqp", "daqp", "dual active set, dense"),
-    "ecos": _Generic("ecos", "ecos", "interior point; refuses absent bounds"),
-    "highs": _Generic("highspy", "highspy", "active set"),
-    "osqp": _Generic("osqp", "osqp", "operator splitting"),
-    "piqp": _Generic("piqp", "piqp", "proximal interior point"),
-    "proxqp": _Generic("proxsuite", "proxsuite", "augmented Lagrangian"),
-    "qpalm": _Generic("qpalm", "qpalm", "augmented Lagrangian"),
-    "quadprog": _Generic("quadprog", "quadprog", "dual active set; dense matrices only"),
-    "scs": _Generic("scs", "scs", "operator splitting, as a cone program"),
+    "clarabel": _Generic("clarabel", "clarabel", "interior point", ("tol_feas", "tol_gap_abs")),
+    "cvxopt": _Generic("cvxopt", "cvxopt", "interior point", ("feastol", "abstol"), None, {}, {"bounds_as_rows": True}),
+    "daqp": _Generic("daqp", "daqp", "dual active set, dense", ("primal_tol",)),
+    "ecos": _Generic(
+        "ecos",
+        "ecos",
+        "interior point, as a cone program",
+        ("feastol", "abstol"),
+        None,
+        {},
+        {"dense": True, "bounds_as_rows": True, "ridge": 1e-9},
+    ),
+    "highs": _Generic("highspy", "highspy", "active set", ("primal_feasibility_tolerance", "dual_feasibility_tolerance")),
+    "osqp": _Generic("osqp", "osqp", "operator splitting", ("eps_abs",), 1e-5, {"eps_rel": 0.0, "max_iter": 20_000}),
+    "piqp": _Generic("piqp", "piqp", "proximal interior point", ("eps_abs", "eps_duality_gap_abs")),
+    "proxqp": _Generic("proxsuite", "proxsuite", "augmented Lagrangian", ("eps_abs",), 1e-6, {"eps_rel": 0.0}),
+    "qpalm": _Generic("qpalm", "qpalm", "augmented Lagrangian", ("eps_abs",), 1e-6, {"eps_rel": 0.0}),
+    "jaxopt_osqp": _Generic(
+        "jaxopt", "jaxopt", "operator splitting in JAX", ("tol",), 1e-5, {"maxiter": 20_000}, {"dense": True, "double": True}
+    ),
+    "qpax": _Generic(
+        "qpax", "qpax", "interior point in JAX", ("solver_tol",), 1e-6, {}, {"dense": True, "bounds_as_rows": True, "double": True}
+    ),
+    "quadprog": _Generic(
+        "quadprog", "quadprog", "dual active set, dense", (), None, {}, {"dense": True, "bounds_as_rows": True, "ridge": 1e-8}
+    ),
+    "scs": _Generic("scs", "scs", "operator splitting, as a cone program", ("eps_abs",), 1e-6, {"eps_rel": 0.0, "max_iters": 50_000}),
 }
 
 
 def solver_infos() -> list[SolverInfo]:
-    """Return every solver that hdvplan knows, installed or not; the default first."""
+    """Return every solver that hdvplan knows, installed or not, the default first, and those that installed packages offer."""
     native = [
-        SolverInfo("riccati", __version__, True, True, False, "active set and interior point; our own"),
-        SolverInfo("piqp", _version("piqp"), True, False, True, "proximal interior point, sparse"),
-        SolverInfo("clarabel", _version("clarabel"), True, False, True, "interior point, sparse"),
-        SolverInfo("osqp", _version("osqp"), True, True, True, "operator splitting, sparse"),
+        SolverInfo(name, _version(row.distribution), True, row.warm_start, row.detects_infeasible, row.note)
+        for name, row in _NATIVE.items()
     ]
-    generic = [
-        SolverInfo(f"{_THROUGH}{name}", _version(entry.distribution), False, False, True, entry.note) for name, entry in _GENERIC.items()
+    generic = [SolverInfo(_THROUGH + name, _version(row.distribution), False, False, True, row.note) for name, row in _GENERIC.items()]
+    offered = [
+        SolverInfo(name, point.dist.version if point.dist else "?", True, None, None, f"offered by {point.value}")
+        for name, point in plugins.offers(plugins.SOLVER).items()
+        if name not in _NATIVE
     ]
-    return native + generic
+    return native + generic + offered
 
 
-def solver_named(name: str) -> WorkspaceMaker:
-    """Return what makes a workspace of the solver called ``name``.
+@dataclass(frozen=True)
+class SolverMaker:
+    """What makes workspaces of one solver: a value that pickles where the solver does, and is called with the programs' shape."""
+
+    solver: str | SolverClass
+    tolerance: float | None = None  # None: the solver's own
+
+    @property
+    def name(self) -> str:
+        """What records call the solver."""
+        name = plugins.name_of(self.solver)
+        return name if self.tolerance is None else f"{name}(tolerance={self.tolerance:g})"
+
+    def __call__(self, shape: StageShape) -> QpWorkspace:
+        """Return a workspace for programs of ``shape``."""
+        return self.loaded()(shape)
+
+    def loaded(self) -> WorkspaceMaker:
+        """Return the same as a function whose library is loaded.
+
+        Raises:
+            SolverError: not installed, cannot be loaded, or without a tolerance that could be set.
+
+        """
+        make, wanted = _class(self.solver), {} if self.tolerance is None else {"tolerance": self.tolerance}
+        parameters = _parameters(make)
+        if wanted and "tolerance" not in parameters:
+            msg = f"solver {self.name!r} has no tolerance that could be set"
+            raise SolverError(msg)
+        if "elastic" not in parameters:
+            return lambda shape: self._guarded(make, shape, wanted)
+        from hdvplan.solvers.elastic import hard_first  # noqa: PLC0415 - loads the QP's kernels
+
+        return hard_first(lambda shape, elastic: self._guarded(make, shape, {**wanted, "elastic": elastic}))
+
+    def _guarded(self, make: SolverClass, shape: StageShape, given: Mapping[str, object]) -> QpWorkspace:
+        if isinstance(self.solver, str) and self.solver in _ours():
+            return make(shape, **given)
+        from hdvplan.solvers.foreign import ForeignWorkspace  # noqa: PLC0415 - loads the QP's kernels
+
+        return ForeignWorkspace(self.name, lambda: make(shape, **given), shape)
+
+
+def solver_named(solver: str | SolverClass, tolerance: float | None = None) -> SolverMaker:
+    """Return what makes workspaces of a solver, and load it.
+
+    ``solver`` is a name of ``solver_infos``, ``package.module:Class``, ``file.py:Class``, or a class: called with the programs' shape, and
+    with ``elastic`` and ``tolerance`` where it has parameters of these names. One with ``elastic`` makes programs with hard rows first
+    (``hdvplan.solvers.elastic``). ``tolerance`` is absolute, and each solver measures it in its own way.
 
     Raises:
-        SolverError: unknown, or not installed.
+        SolverError: unknown, not installed, cannot be loaded, or without a tolerance that could be set.
 
     """
-    check_solver(name)
-    match name:
-        case "riccati":
-            from hdvplan.solvers.riccati import RiccatiWorkspace  # noqa: PLC0415 - only the chosen solver is loaded
-
-            return RiccatiWorkspace
-        case "piqp":
-            from hdvplan.solvers.elastic import hard_first  # noqa: PLC0415
-            from hdvplan.solvers.piqp import PiqpWorkspace  # noqa: PLC0415
-
-            return hard_first(lambda shape, elastic: PiqpWorkspace(shape, elastic=elastic))
-        case "clarabel":
-            from hdvplan.solvers.clarabel import ClarabelWorkspace  # noqa: PLC0415
-            from hdvplan.solvers.elastic import hard_first  # noqa: PLC0415
-
-            return hard_first(lambda shape, elastic: ClarabelWorkspace(shape, elastic=elastic))
-        case "osqp":
-            from hdvplan.solvers.elastic import hard_first  # noqa: PLC0415
-            from hdvplan.solvers.osqp import OsqpWorkspace  # noqa: PLC0415
-
-            return hard_first(lambda shape, elastic: OsqpWorkspace(shape, elastic=elastic))
-    from hdvplan.solvers.elastic import hard_first  # noqa: PLC0415
-    from hdvplan.solvers.generic import GenericWorkspace  # noqa: PLC0415 - qpsolvers imports every solver it finds
-
-    solver = name.removeprefix(_THROUGH)
-    return hard_first(lambda shape, elastic: GenericWorkspace(shape, solver, elastic=elastic))
+    maker = solver if isinstance(solver, SolverMaker) else SolverMaker(solver)
+    maker = maker if tolerance is None else replace(maker, tolerance=tolerance)
+    if isinstance(maker.solver, str):
+        check_solver(maker.solver)
+    maker.loaded()  # an error now is better than one in the first plan
+    return maker
 
 
 def check_solver(name: str) -> None:
-    """Refuse what ``solver_named`` would, without loading anything.
+    """Refuse what ``solver_named`` would; of what is not the user's own nothing is loaded.
 
     Raises:
-        SolverError: unknown, or not installed.
+        SolverError: unknown, not installed, or cannot be loaded.
 
     """
-    solver = name.removeprefix(_THROUGH)
-    if name in _NATIVE:
+    row = _row(name)
+    if row is None:
+        _class(name)
         return
-    if not name.startswith(_THROUGH):
-        known = [info.name for info in solver_infos()]
-        msg = f"unknown solver {name!r}"
-        raise SolverError(msg, hint=did_you_mean(name, known, f"solvers: {', '.join(known)}"))
-    if solver not in _GENERIC:
-        msg = f"unknown solver {name!r}"
-        raise SolverError(msg, hint=f"through qpsolvers: {', '.join(_GENERIC)}")
-    if find_spec(_GENERIC[solver].module) is None:
+    module = row.module if isinstance(row, _Generic) else row.distribution
+    if find_spec(module) is None:
         msg = f"solver {name!r} is not installed"
-        raise SolverError(msg, hint=f"pip install {_GENERIC[solver].distribution}")
+        raise SolverError(msg, hint=f"pip install {row.distribution}")
 
 
 def tolerance_of(name: str) -> float | None:
-    """Return the absolute tolerance that the solver called ``name`` is run with; None for its own default.
+    """Return the absolute tolerance that the solver called ``name`` is run with; None for its own default, or where it has none.
 
     Each solver measures it in its own way: equal numbers are not equal accuracies.
     """
-    match name:
-        case "riccati":
-            from hdvplan.solvers.riccati import TOLERANCE as tolerance  # noqa: N811, PLC0415 - see above
-        case "piqp":
-            from hdvplan.solvers.piqp import TOLERANCE as tolerance  # noqa: N811, PLC0415
-        case "clarabel":
-            from hdvplan.solvers.clarabel import TOLERANCE as tolerance  # noqa: N811, PLC0415
-        case "osqp":
-            from hdvplan.solvers.osqp import TOLERANCE as tolerance  # noqa: N811, PLC0415
-        case _:
-            from hdvplan.solvers.generic import OPTIONS  # noqa: PLC0415
+    row = _row(name)
+    if isinstance(row, _Generic):
+        return row.tolerance
+    parameter = _parameters(_class(name)).get("tolerance")
+    return None if parameter is None or parameter.default is parameter.empty else float(parameter.default)
 
-            return OPTIONS.get(name.removeprefix(_THROUGH), {}).get("eps_abs")
-    return tolerance
+
+def version_of(name: str) -> str | None:
+    """Return the version of the solver called ``name``, of a file its content's digest; None where it is not installed or has none."""
+    row = _row(name)
+    return plugins.version_of(plugins.SOLVER, name) if row is None else _version(row.distribution)
+
+
+def known_version(name: str) -> str | None:
+    """Return ``version_of``, and None for a name that means nothing here: a record may be of another machine's solver, or of an object."""
+    try:
+        return version_of(name)
+    except SolverError:
+        return None
+
+
+def home_of(name: str) -> str | None:
+    """Return the module of ours that runs the solver called ``name``; None for a name that means nothing here, or another's own module."""
+    if name in _NATIVE:
+        return _NATIVE[name].home.partition(":")[0]
+    return "hdvplan.solvers.generic" if name in _ours() else None
+
+
+def settings_of(name: str, tolerance: float | None = None) -> str:
+    """Return version and settings of the solver called ``name`` for the foot of a table: what a reader needs to run it alike."""
+    row, used = _row(name), tolerance_of(name) if tolerance is None else tolerance
+    said = [f"{name} {version_of(name) or ''}".rstrip()]
+    if isinstance(row, _Generic):
+        said += [] if used is None else [f"{option} {used:g}" for option in row.accuracy]
+        said += [f"{option} {value:g}" for option, value in row.options.items()] or ([] if used is not None else ["defaults"])
+        said += [what.replace("_", " ") if value is True else f"{what} {value:g}" for what, value in row.fitting.items()]
+    else:
+        said += [] if used is None else [f"tolerance {used:g}"]
+        said += [str(settings)] if (settings := getattr(_class(name), "settings", "")) else []
+    return ", ".join(said)
+
+
+def _ours() -> set[str]:
+    return {*_NATIVE, *(_THROUGH + name for name in _GENERIC)}
+
+
+def _row(name: str) -> _Native | _Generic | None:
+    """Return what is known of a solver; None of one that a reference or an installed package's offer names.
+
+    Raises:
+        SolverError: it is neither.
+
+    """
+    row = _GENERIC.get(name.removeprefix(_THROUGH)) if name.startswith(_THROUGH) else _NATIVE.get(name)
+    if row is not None or plugins.is_reference(name) or name in plugins.offers(plugins.SOLVER):
+        return row
+    msg = f"unknown solver {name!r}"
+    if name.startswith(_THROUGH):
+        raise SolverError(msg, hint=f"through qpsolvers: {', '.join(_GENERIC)}")
+    known = [info.name for info in solver_infos()]
+    raise SolverError(msg, hint=did_you_mean(name, known, f"solvers: {', '.join(known)}"))
+
+
+def _class(solver: str | SolverClass) -> SolverClass:
+    """Return the class of a solver, loaded now."""
+    if not isinstance(solver, str):
+        return solver
+    row = _row(solver)
+    if row is None:
+        return cast("SolverClass", plugins.load(plugins.SOLVER, solver))
+    if isinstance(row, _Native):
+        module, _, workspace = row.home.partition(":")
+        return cast("SolverClass", getattr(import_module(module), workspace))
+    from hdvplan.solvers.generic import Fitting, GenericWorkspace  # noqa: PLC0415 - qpsolvers imports every solver it finds
+
+    fitting = Fitting(**row.fitting)  # type: ignore[arg-type] # its fields by their names
+
+    def generic(shape: StageShape, *, elastic: bool, tolerance: float | None = row.tolerance) -> QpWorkspace:
+        accuracy = {} if tolerance is None else dict.fromkeys(row.accuracy, tolerance)
+        return GenericWorkspace(shape, solver.removeprefix(_THROUGH), {**accuracy, **row.options}, fitting, elastic=elastic)
+
+    def exact(shape: StageShape, *, elastic: bool) -> QpWorkspace:
+        return generic(shape, elastic=elastic)
+
+    return generic if row.accuracy else exact
+
+
+def _parameters(make: SolverClass) -> Mapping[str, inspect.Parameter]:
+    """Return the parameters of a solver's class; none where it does not tell them."""
+    try:
+        return inspect.signature(make).parameters
+    except (TypeError, ValueError):
+        return {}
 
 
 def _version(distribution: str) -> str | None:

@@ -41,9 +41,12 @@ class RiccatiWorkspace:
 
     name = "riccati"
     starts_warm = True
+    settings = "screening, warm active set, interior point"
+    screens = True  # leaves inequalities out that are far away, and all of them where none is broken
 
-    def __init__(self, shape: StageShape) -> None:
+    def __init__(self, shape: StageShape, *, tolerance: float = TOLERANCE) -> None:
         """Allocate the factorisation and the iterates."""
+        self._tolerance = tolerance
         self._point = StageSolution.empty(shape)
         self._work, self._weights, self._steps = recursion_of(shape), weights_of(shape), steps_of(shape)
         self._inequality = inequalities(shape)
@@ -59,16 +62,17 @@ class RiccatiWorkspace:
         stages, rows, bounded, loading = qp.stages, qp.rows, qp.bounded, 0.0
         point, row_point, spent = self._point.stages, self._point.row_points, 0
         point[0]["x"] = qp.x_first
-        if guess is not None and guess_statuses(stages, rows, guess.stages, guess.row_points, self._inequality):
+        if guess is not None and self.screens and guess_statuses(stages, rows, guess.stages, guess.row_points, self._inequality):
             program = (stages, rows, bounded, point, row_point, self._weights, self._work, self._inequality)
             loading += self._load(settle, *program)
             settled, spent = settle(*program)
             if settled:
                 return QpResult(Status.SOLVED, self._point, spent, checked - started, perf_counter() - checked - loading, loading)
         code, more = _screen(stages, rows, bounded, point, row_point, self._work)
-        binding = code == _BINDING
-        if binding:
-            screened = (stages, rows, bounded, point, row_point, self._weights, self._work, self._steps, self._member, self._pairs)
+        binding = code == _BINDING or not self.screens
+        if binding and code in {0, _BINDING}:
+            memory = (self._weights, self._work, self._steps, self._member, self._pairs)
+            screened = (stages, rows, bounded, point, row_point, *memory, self._tolerance, not self.screens)
             loading += self._load(_solve, *screened)
             code, more = _solve(*screened)
         spent, solving = spent + more, perf_counter() - checked - loading
@@ -80,6 +84,18 @@ class RiccatiWorkspace:
             return 0.0
         self._loaded.add(kernel.__name__)
         return load(kernel, *arguments)
+
+
+class InteriorWorkspace(RiccatiWorkspace):
+    """The interior point alone: every inequality takes part from the start, and no guess is used.
+
+    What other interior-point solvers do, and so what ours is compared with where the method is meant and not the screening.
+    """
+
+    name = "riccati-ipm"
+    starts_warm = False
+    settings = "interior point over all inequalities: no screening, no active set"
+    screens = False
 
 
 _BINDING = -1
@@ -104,9 +120,12 @@ def _screen(stages: Records, rows: Records, bounded: IntArray, points: Records, 
 @compiled
 def _solve(
     stages: Records, rows: Records, bounded: IntArray, points: Records, row_points: Records, weights: Records, work: Records,
-    steps: Records, member: BoolArray, pairs: Records,
+    steps: Records, member: BoolArray, pairs: Records, tolerance: float, everything: bool,
 ) -> tuple[int, int]:  # fmt: skip
-    """Solve a screened program; return the place of its status in ``_STATUS`` and the number of factorisations."""
+    """Solve a screened program; return the place of its status in ``_STATUS`` and the number of factorisations.
+
+    With ``everything`` all inequalities take part, however far away they are.
+    """
     last, n, m = stages.size - 1, stages[0].c.size, stages[0].r.size
     for i in range(last + 1):
         for at in range(member.shape[1]):
@@ -115,7 +134,7 @@ def _solve(
     count, end, mean, code, iterations, refined = 0, 0, _START, 1, 1, 0
     while iterations <= _ITERATIONS:
         iterations += 1
-        count, joined = join(stages, rows, bounded, points, mean, member, pairs, count)
+        count, joined = join(stages, rows, bounded, points, mean, member, pairs, count, everything)
         chosen = pairs[:count]
         if joined > end:  # beyond ``end`` P and p are still the first pass's
             end = joined
@@ -132,7 +151,7 @@ def _solve(
                 total += tail_P[j, k] * points[end].x[k]
             last_step.gradient_x[j] = total
         mean, error = weigh(rows, bounded, points, chosen, weights)
-        if error < TOLERANCE and np.isfinite(mean):
+        if error < tolerance and np.isfinite(mean):
             publish(chosen, points, row_points)
             adjoint(stages, rows, bounded, points, row_points)
             balanced = imbalance(stages, points) < _BALANCED
@@ -152,7 +171,7 @@ def _solve(
             length = newton_step(stages, rows, bounded, chosen, weights, work, steps, end, target, phase == 1)
             if phase == 0:
                 ahead = mean_after(chosen, length)
-                target = max(mean * (ahead / mean) ** 3, 0.01 * TOLERANCE)  # no pair may run far ahead of the others
+                target = max(mean * (ahead / mean) ** 3, 0.01 * tolerance)  # no pair may run far ahead of the others
         length = min(1.0, 0.995 * length)
         move(chosen, length)
         for i in range(end):  # states are computed again: the rounding of iterates far away must not stay

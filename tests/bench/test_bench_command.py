@@ -18,7 +18,7 @@ from tests.bench.conftest import TINY, Cli
 
 SHORTEST = (*TINY, "--rounds", "1", "--schemes", "rti")
 TABLES = ("timing", "envelope", "schemes", "summary")
-KEY = ["road", "vehicle", "scheme", "solver"]
+KEY = ["road", "vehicle", "scheme", "solver", "limits"]
 
 
 def files_of(folder: Path) -> list[str]:
@@ -32,7 +32,7 @@ def test_a_run_writes_every_file_of_the_contract(cli: Cli, tmp_path: Path, short
     assert files_of(folder) == sorted(["run.json", "samples.csv.gz", *(f"{t}.{kind}" for t in TABLES for kind in ("csv", "md", "tex"))])
     timing, envelope, samples = (pd.read_csv(folder / name) for name in ("timing.csv", "envelope.csv", "samples.csv.gz"))
     for table in (timing, envelope):
-        assert list(table.columns[:4]) == KEY
+        assert list(table.columns[:5]) == KEY
         assert len(table) == 4  # rti and sqp with riccati and piqp
     assert {"mean_ms", "p50_ms", "p95_ms", "p99_ms", "max_ms", "linearise_ms", "update_ms", "solve_ms", "check_ms"} <= set(timing)
     assert {"iterations_mean", "iterations_max", "failures", "primal_max", "status", "nonzeros"} <= set(timing)
@@ -41,7 +41,7 @@ def test_a_run_writes_every_file_of_the_contract(cli: Cli, tmp_path: Path, short
     # Solvers at 1e-8 agree far within the 1e-6 m that is asked of them.
     assert (envelope["path_difference_m"] < 1e-6).all()
     assert len(samples) == 4 * 2 * 12  # cells, rounds, steps
-    assert list(samples.columns[:6]) == [*KEY, "round", "step"]
+    assert list(samples.columns[:7]) == [*KEY, "round", "step"]
     warm = samples[samples["step"] > 0]
     # Samples are written with seven digits; the table is made from all of them.
     np.testing.assert_allclose(1e3 * warm.groupby(KEY, sort=False)["total_s"].mean(), timing["mean_ms"], rtol=1e-6)
@@ -51,14 +51,16 @@ def test_the_tables_are_markdown_and_latex_with_a_caption_that_tells_accuracy(cl
     assert cli("bench", "--roads", short_road, *TINY, "--out", "run").code == 0
     for name in TABLES:
         text = (tmp_path / "run" / f"{name}.md").read_text(encoding="utf-8")
-        caption, _, table = text.partition("\n\n")
+        caption, table, foot = text.split("\n\n")
+        assert "riccati is fastest in" in foot
+        assert "riccati 0.1.0, tolerance 1e-08" in foot
         assert "limits 0.5 m beyond the geometric half width" in caption
         lines = table.strip().splitlines()
         assert len({line.count("|") for line in lines}) == 1
         rows = len(pd.read_csv(tmp_path / "run" / f"{name}.csv"))
         assert len(lines) == rows + 2
         tex = (tmp_path / "run" / f"{name}.tex").read_text(encoding="utf-8")
-        assert tex.count(r"\\") == rows + 1  # rows and the heading
+        assert tex.count("\\\\\n") == rows + 1  # rows and the heading
         assert f"tab:hdvplan-{name}" in tex
     caption = (tmp_path / "run" / "timing.md").read_text(encoding="utf-8").partition("\n\n")[0]
     assert "largest path difference from riccati (at 1e-08): piqp at 1e-08:" in caption
@@ -83,21 +85,24 @@ def test_the_headline_fits_80_columns_and_json_is_json(cli: Cli, short_road: str
     arguments = ("bench", "--roads", short_road, "--horizon", "30", "--rounds", "1", "--out", "run", "--vehicles", "bus,tractor-trailer")
     outcome = cli(*arguments, "--solvers", "riccati,qpsolvers/clarabel")
     assert outcome.code == 0
-    assert outcome.err == "written to run/\n"  # no bar where there is no terminal
-    assert max(len(line) for line in outcome.out.splitlines()) <= 80
-    for words in ("bus: one planning step [ms]", "tractor-trailer: one", "qpsolvers/clarabel", "SQP / RTI"):
+    assert outcome.err.endswith("written to run/\n")
+    assert "measuring" not in outcome.err  # no bar where there is no terminal
+    assert max(len(line) for line in outcome.out.splitlines() if " fastest in " not in line) <= 80
+    for words in ("bus, rti: one planning step [ms]", "tractor-trailer, sqp: one", "qpsolvers/clarabel", "SQP / RTI"):
         assert words in outcome.out
     answer = json.loads(cli(*arguments, "--solvers", "riccati,qpsolvers/clarabel", "--json").out)
     assert len(answer["timing"]) == 8
+    assert [one["winner"] for one in answer["verdict"]] == ["riccati"] * 4  # four to thirty times as fast: no machine's mood turns that
+    assert outcome.out.count("riccati is fastest in 100 % of 11 steps") == 4
     assert answer["timing"][0]["message"] is None
 
 
 def test_an_interrupted_run_says_how_to_go_on_and_does_not_repeat_what_it_has(
     cli: Cli, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, short_road: str
 ) -> None:
-    import hdvplan.bench.run  # noqa: PLC0415 - watched from here on
+    import hdvplan.bench.measure  # noqa: PLC0415 - watched from here on
 
-    real, calls = hdvplan.bench.run.measure, []
+    real, calls = hdvplan.bench.measure.measure, []
 
     def measure(*arguments: object, **options: object) -> object:
         calls.append(arguments)
@@ -105,7 +110,7 @@ def test_an_interrupted_run_says_how_to_go_on_and_does_not_repeat_what_it_has(
             raise KeyboardInterrupt
         return real(*arguments, **options)  # type: ignore[arg-type] # passed through as they came
 
-    monkeypatch.setattr("hdvplan.bench.run.measure", measure)
+    monkeypatch.setattr("hdvplan.bench.measure.measure", measure)
     command = ("bench", "--roads", short_road, *TINY, "--out", "run")
     outcome = cli(*command)
     assert outcome.code == 130
@@ -231,8 +236,9 @@ def test_over_budget_is_a_row_and_the_run_ends_well(cli: Cli, tmp_path: Path, sh
     timing = pd.read_csv(tmp_path / "run" / "timing.csv")
     assert (timing["status"] == "over budget").all()
     assert (timing["steps"] == 0).all()
-    assert "4 of 4 cells are not ok" in outcome.out
-    assert "no whole drive" in outcome.out
+    assert outcome.out.count("2 of 2 cells are not ok") == 2
+    assert "the largest distance of e_y from the optimum: piqp at 1e-08:" in " ".join(outcome.out.split())
+    assert "bus, rti: no winner: no solver finished within its budget" in outcome.out
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs SIGKILL")
@@ -254,3 +260,18 @@ def test_a_killed_process_goes_on_where_it_stopped(tmp_path: Path, short_road: s
     assert [session["one_thread"] for session in record["sessions"]] == [True, True]  # bound by the command itself
     assert len(pd.read_csv(tmp_path / "run" / "samples.csv.gz")) == 4 * 10 * 12
     assert not parts.exists()
+
+
+def test_a_finished_run_is_drawn_by_the_same_command(cli: Cli, tmp_path: Path, short_road: str) -> None:
+    command = ("bench", "--roads", short_road, *SHORTEST, "--out", "run", "--quiet")
+    assert cli(*command, "--plot").code == 0
+    assert (tmp_path / "run" / "bench.png").read_bytes().startswith(b"\x89PNG")
+    for name, begin in (("a.pdf", b"%PDF"), ("b.svg", b"<?xml"), ("c.tex", b"% short; bus; rti; whole drives")):
+        assert cli(*command, "--plot", name).code == 0
+        assert (tmp_path / name).read_bytes().startswith(begin)
+    code = (tmp_path / "c.tex").read_text(encoding="utf-8")
+    assert code.count(r"\addplot") == code.count(r"\addlegendentry") == 2
+    assert code.count("{") == code.count("}")
+    outcome = cli(*command, "--plot", "d.gif")
+    assert (outcome.code, outcome.err.splitlines()[0]) == (2, "error: the picture's ending must be png, pdf, svg, tex or pgf, not 'gif'")
+    assert cli(*command, "--plot", "no/where.png").code == 2

@@ -21,7 +21,7 @@ from hdvplan.planning.settings import Scheme
 from tests.bench.conftest import TINY, Cli, made_up
 
 CELLS = (Cell("bend", "bus", Scheme.RTI, "riccati"), Cell("bend", "bus", Scheme.SQP, "riccati"))
-KEY = ("bend", "bus", "rti", "riccati")
+KEY = ("bend", "bus", "rti", "riccati", "as set")
 STEPS = [2e-3, 1e-3, 1.2e-3, 0.8e-3, 1.1e-3]
 Change = Callable[[Measurement], Measurement]
 

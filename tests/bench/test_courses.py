@@ -71,6 +71,6 @@ def test_a_pinch_that_closes_the_road_is_refused() -> None:
 
 def test_cases_come_in_the_order_of_the_suite_s_cells() -> None:
     suite = Suite(roads=("uturn", "sturn"), vehicles=("tractor-trailer", "bus"), objective="balanced", horizon=30.0)
-    found = [Cell(case.road.name, case.vehicle.name, case.settings.scheme, case.solver) for case in cases_of(suite)]
+    found = [Cell(case.road.name, case.vehicle.name, case.settings.scheme, case.solver_name) for case in cases_of(suite)]
     assert found == suite.cells()
     assert {(case.objective, case.settings.horizon) for case in cases_of(suite)} == {("balanced", 30.0)}

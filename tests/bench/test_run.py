@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from hdvplan.bench.courses import cases_of
-from hdvplan.bench.run import measure, remaining, run
+from hdvplan.bench.measure import measure
+from hdvplan.bench.run import remaining, run
 from hdvplan.bench.samples import FAILED, OK, OVER_BUDGET, Measurement, part_file, read_part, write_part
 from hdvplan.bench.stats import tables_of
 from hdvplan.bench.suite import Suite
@@ -109,7 +110,7 @@ def test_a_solver_that_fails_on_the_way_keeps_driving_and_every_failure_counts(c
 
 def test_a_wrong_solver_that_is_sure_of_itself_shows_in_the_path_it_drives(tiny: Suite, tmp_path: Path) -> None:
     suite = replace(tiny, solvers=("riccati", "osqp"), schemes=("rti",), rounds=1)
-    run(suite, cases_of(suite), {"riccati": RICCATI, "osqp": Wrong}, tmp_path, lambda _: None)
+    run(suite, cases_of(suite), {"riccati": RICCATI, "osqp": Wrong}, tmp_path, lambda _: None, in_process=True)
     tables = tables_of(suite.cells(), [[read_part(part_file(tmp_path, cell, 0))] for cell in range(2)])
     assert (tables.timing["failures"] == 0).all()  # it keeps dynamics and limits, and says that it has solved
     differences = tables.envelope.set_index("solver")["path_difference_m"]
@@ -120,7 +121,7 @@ def test_a_wrong_solver_that_is_sure_of_itself_shows_in_the_path_it_drives(tiny:
 
 def test_a_failing_solver_does_not_end_the_run(tiny: Suite, tmp_path: Path) -> None:
     shares: list[float] = []
-    run(tiny, cases_of(tiny), {"riccati": RICCATI, "piqp": fails_after(0)}, tmp_path, shares.append)
+    run(tiny, cases_of(tiny), {"riccati": RICCATI, "piqp": fails_after(0)}, tmp_path, shares.append, in_process=True)
     assert remaining(tiny, tmp_path) == 0
     assert shares == sorted(shares)
     assert shares[-1] == pytest.approx(1.0)  # rounding of a sum
@@ -131,7 +132,7 @@ def test_a_failing_solver_does_not_end_the_run(tiny: Suite, tmp_path: Path) -> N
 def test_only_what_is_missing_is_measured(tiny: Suite, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     suite = replace(tiny, schemes=("rti",))
     makers = {name: solver_named(name) for name in suite.solvers}
-    run(suite, cases_of(suite), makers, tmp_path, lambda _: None)
+    run(suite, cases_of(suite), makers, tmp_path, lambda _: None, in_process=True)
     kept = part_file(tmp_path, 0, 1).read_bytes()
     part_file(tmp_path, 1, 0).unlink()
     assert remaining(suite, tmp_path) == 1
@@ -142,7 +143,7 @@ def test_only_what_is_missing_is_measured(tiny: Suite, tmp_path: Path, monkeypat
         write_part(path, measured)
 
     monkeypatch.setattr("hdvplan.bench.run.write_part", write)
-    run(suite, cases_of(suite), makers, tmp_path, lambda _: None)
+    run(suite, cases_of(suite), makers, tmp_path, lambda _: None, in_process=True)
     assert seen == [part_file(tmp_path, 1, 0)]
     assert part_file(tmp_path, 0, 1).read_bytes() == kept
 

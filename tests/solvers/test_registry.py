@@ -1,14 +1,16 @@
 """Names of solvers, and what happens when one is misspelt or missing."""
 
+import pickle
 import subprocess
 import sys
 
 import pytest
 
 from hdvplan.errors import SolverError
+from hdvplan.qp.residuals import residuals
 from hdvplan.qp.workspace import Status
 from hdvplan.solvers import registry
-from hdvplan.solvers.registry import DEFAULT, solver_infos, solver_named
+from hdvplan.solvers.registry import DEFAULT, settings_of, solver_infos, solver_named, tolerance_of
 from tests.core.programs import random_program, shape
 
 
@@ -37,7 +39,7 @@ def test_an_unknown_name_is_met_with_the_nearest_or_with_all(asked: str, meant: 
         solver_named(asked)
     assert str(caught.value) == f"unknown solver {asked!r}"
     hint = caught.value.hint or ""
-    assert hint == f"did you mean {meant!r}?" if meant else hint.startswith("solvers: riccati, piqp")
+    assert hint == f"did you mean {meant!r}?" if meant else hint.startswith("solvers: riccati, riccati-ipm, piqp")
 
 
 def test_an_unknown_name_behind_qpsolvers_is_met_with_those_there_are() -> None:
@@ -64,3 +66,36 @@ def test_listing_solvers_loads_none_of_them() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)  # noqa: S603 - our own interpreter
     assert done.stdout.strip() == "[]"
+
+
+_UNABLE = {"daqp", "qpsolvers/qpax", "qpsolvers/jaxopt_osqp"}  # an active set is exact; JAX compiles for seconds, and tells no iterations
+_TUNED = [info.name for info in solver_infos() if info.version is not None and info.name not in _UNABLE and tolerance_of(info.name)]
+
+
+@pytest.mark.parametrize("name", _TUNED)
+def test_a_looser_tolerance_takes_fewer_iterations_and_leaves_more(name: str) -> None:
+    qp = random_program(shape(), 1, tightness=0.2)
+    usual, loose = (solver_named(name, tolerance)(shape()).solve(qp, None) for tolerance in (None, 1e-2))
+    assert loose.iterations < usual.iterations
+    assert max(residuals(qp, loose.point)) > max(residuals(qp, usual.point))
+
+
+def test_a_solver_without_a_tolerance_refuses_one() -> None:
+    names = {info.name for info in solver_infos() if info.version is not None}
+    if "qpsolvers/quadprog" not in names:
+        pytest.skip("quadprog is not installed")
+    with pytest.raises(SolverError, match="no tolerance that could be set"):
+        solver_named("qpsolvers/quadprog", 1e-3)
+
+
+def test_settings_name_version_and_tolerance() -> None:
+    assert settings_of("piqp", 1e-5).startswith("piqp 0.")
+    assert ", tolerance 1e-05, sparse_ldlt_cond" in settings_of("piqp", 1e-5)
+    assert settings_of("qpsolvers/osqp").endswith(", eps_abs 1e-05, eps_rel 0, max_iter 20000")
+    assert settings_of("qpsolvers/clarabel").endswith(", defaults")
+
+
+def test_what_makes_a_named_solver_pickles() -> None:
+    solver = pickle.loads(pickle.dumps(solver_named("piqp", 1e-6)))  # noqa: S301 - our own
+    assert solver == solver_named("piqp", 1e-6)
+    assert solver(shape()).solve(random_program(shape(), 1), None).status is Status.SOLVED

@@ -1,0 +1,246 @@
+"""What every solver owes its caller, as checks that its author can run: on programs of real planning, spoiled ones among them.
+
+``hdvplan solvers --check NAME`` prints them. In a test suite::
+
+    @pytest.mark.parametrize("rule", CONTRACT, ids=lambda rule: rule.__name__)
+    def test_my_solver_keeps(rule: Rule) -> None:
+        finding = rule(hdvplan.solver(MySolver), samples())
+        assert finding.kept, finding.said
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from time import perf_counter
+
+import numpy as np
+
+from hdvplan.bench.recording import LIMITS, Recorded, copied, record
+from hdvplan.case import Case
+from hdvplan.errors import QpDataError
+from hdvplan.planning.settings import PlannerSettings
+from hdvplan.plugins import said
+from hdvplan.qp.program import NAMES, StageQp, StageSolution
+from hdvplan.qp.residuals import residuals
+from hdvplan.qp.workspace import QpWorkspace, Status, WorkspaceMaker
+from hdvplan.road.scenarios import SCENARIOS
+from hdvplan.vehicle.load import load_vehicle
+
+AGREE_M = 1e-3  # largest difference of a state or input from the reference's [m, rad, 1/m]: what a planning step is driven with
+PRIMAL = 1e-3  # residuals up to which a claim to have solved is honest: primal as a planning step demands it [m, rad, 1/m],
+DUAL = 1e-2  # of the Lagrangian's gradient, of which rows are worth 1e4 a metre
+_HORIZON_M = 30.0
+_EACH = 6  # programs of a drive in which limits play the same role
+# A U-turn that needs 2.49 m (bus) or 2.79 m (tractor-trailer) on either side: limits off, inactive, binding, unkeepable.
+_COURSES: tuple[tuple[str, float | None], ...] = (
+    ("bus", None), ("bus", 6.0), ("bus", 2.48), ("bus", 2.2), ("tractor-trailer", 3.2), ("tractor-trailer", 2.75)
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What one rule found."""
+
+    rule: str
+    kept: bool
+    said: str  # with the number that decided
+
+
+Rule = Callable[[WorkspaceMaker, Sequence[Recorded]], Finding]
+
+
+@cache
+def samples() -> tuple[Recorded, ...]:
+    """Return programs of drives in which limits are off, inactive, binding and unkeepable, with their solutions by the default solver."""
+    found: list[Recorded] = []
+    for vehicle, half_width in _COURSES:
+        road = SCENARIOS["uturn"]()
+        limited = replace(road, limits=None) if half_width is None else road.with_limits(half_width, half_width)
+        programs = record(Case(limited, load_vehicle(vehicle), settings=PlannerSettings(horizon=_HORIZON_M)))
+        for role in LIMITS:
+            alike = [each for each in programs if each.limits == role]
+            found += alike[:: max(1, len(alike) // _EACH)][:_EACH]
+    return tuple(found)
+
+
+def checked(make: WorkspaceMaker) -> list[Finding]:
+    """Return what every rule of the contract finds of a solver; whatever it raises is a finding."""
+    return [_found(rule, make) for rule in CONTRACT]
+
+
+def _found(rule: Rule, make: WorkspaceMaker) -> Finding:
+    try:
+        return rule(make, samples())
+    except Exception as error:  # noqa: BLE001 - an author's code may raise anything
+        return Finding(_title(rule), kept=False, said=said(error))
+
+
+def same_optimum(make: WorkspaceMaker, programs: Sequence[Recorded]) -> Finding:
+    """The optimum is the reference's, with limits off, inactive, binding and unkeepable."""
+    far = dict.fromkeys(("off", "inactive", "binding", "unkeepable"), 0.0)
+    for workspace, each in _each(make, programs):
+        far[each.limits] = max(far[each.limits], distance(workspace.solve(each.qp, None).point, each.point))
+    parts = ", ".join(f"{limits} {value:.1e}" for limits, value in far.items())
+    return Finding(_title(same_optimum), max(far.values()) <= AGREE_M, f"differs by at most {parts}")
+
+
+def honest_status(make: WorkspaceMaker, programs: Sequence[Recorded]) -> Finding:
+    """What is called solved has small residuals, and most programs are solved."""
+    primal, dual, solved = 0.0, 0.0, 0
+    for workspace, each in _each(make, programs):
+        result = workspace.solve(each.qp, None)
+        if result.status is Status.SOLVED:
+            judged, solved = residuals(each.qp, result.point), solved + 1
+            primal, dual = _worse(primal, judged.primal), _worse(dual, judged.dual)
+    kept = primal <= PRIMAL and dual <= DUAL and solved > 0.9 * len(programs)
+    return Finding(_title(honest_status), kept, f"{solved} of {len(programs)} solved, primal {primal:.1e}, dual {dual:.1e}")
+
+
+def update_equals_fresh(make: WorkspaceMaker, programs: Sequence[Recorded]) -> Finding:
+    """A workspace that solved other programs before finds what a new one finds."""
+    far = 0.0
+    for workspace, each in _each(make, programs):
+        far = max(far, distance(workspace.solve(each.qp, None).point, make(each.qp.shape).solve(each.qp, None).point))
+    return Finding(_title(update_equals_fresh), far <= AGREE_M, f"differs by at most {far:.1e}")
+
+
+def guess_changes_only_the_way(make: WorkspaceMaker, programs: Sequence[Recorded]) -> Finding:
+    """A guess, right or wrong, leads to the same optimum, and is left as it was."""
+    far, touched = 0.0, False
+    for workspace, each in _each(make, programs):
+        wrong = copied(each.point)
+        wrong.stages["x"] += 1.0
+        wrong.row_points["multiplier"] += 1.0
+        for guess in (each.guess, copied(each.point), wrong):
+            before = None if guess is None else copied(guess)
+            point = workspace.solve(each.qp, guess).point
+            far = max(far, distance(point, each.point))
+            touched |= guess is not None and before is not None and not _same(guess, before)
+    said = f"differs by at most {far:.1e}" + (", and guesses are written to" if touched else "")
+    return Finding(_title(guess_changes_only_the_way), far <= AGREE_M and not touched, said)
+
+
+def unsolvable_is_said(make: WorkspaceMaker, programs: Sequence[Recorded]) -> Finding:
+    """A program that has no point is not called solved, and leaves nothing to the next one."""
+    far, claimed, count = 0.0, 0, 0
+    for workspace, each in _each(make, programs):
+        if not each.qp.shape.bounded_states:
+            continue
+        result = workspace.solve(_unreachable(each.qp), None)
+        count += 1
+        claimed += result.status is Status.SOLVED
+        far = max(far, distance(workspace.solve(each.qp, None).point, each.point))
+    kept = claimed == 0 and far <= AGREE_M
+    return Finding(_title(unsolvable_is_said), kept, f"{claimed} of {count} called solved; the next one differs by at most {far:.1e}")
+
+
+def bad_data_is_refused(make: WorkspaceMaker, programs: Sequence[Recorded]) -> Finding:
+    """NaN, infinity and crossed bounds raise QpDataError (call ``qp.check()``), and leave nothing to the next program."""
+    each = next(one for one in programs if one.limits == "inactive" and one.qp.shape.bounded_states)
+    workspace, wrong = make(each.qp.shape), []
+    for name in NAMES:
+        for value in (np.nan, np.inf):
+            spoiled = StageQp(each.qp.shape, each.qp.buffer.copy())
+            getattr(spoiled, name).flat[-1] = value
+            if not _refuses(workspace.solve, spoiled):
+                wrong.append(f"{name} = {value}")
+    for low, high in (("x_low", "x_high"), ("u_low", "u_high")):
+        spoiled = StageQp(each.qp.shape, each.qp.buffer.copy())
+        getattr(spoiled, low)[0] = getattr(spoiled, high)[0] + 1.0
+        if not _refuses(workspace.solve, spoiled):
+            wrong.append(f"{low} > {high}")
+    far = distance(workspace.solve(each.qp, None).point, each.point)
+    said = f"not refused: {', '.join(wrong)}" if wrong else f"all refused; the next one differs by {far:.1e}"
+    return Finding(_title(bad_data_is_refused), not wrong and far <= AGREE_M, said)
+
+
+def bounds_are_kept(make: WorkspaceMaker, programs: Sequence[Recorded]) -> Finding:
+    """No bound of a state or input is broken, where they are narrow too."""
+    over = 0.0
+    for workspace, each in _each(make, programs):
+        narrow = StageQp(each.qp.shape, each.qp.buffer.copy())
+        reach = 0.5 * float(np.max(np.abs(each.point.u))) + 1e-4
+        narrow.u_low[:], narrow.u_high[:] = np.maximum(narrow.u_low, -reach), np.minimum(narrow.u_high, reach)
+        result = workspace.solve(narrow, None)
+        if result.status is Status.SOLVED:
+            over = _worse(over, float(np.max(np.maximum(narrow.u_low - result.point.u, result.point.u - narrow.u_high))))
+    return Finding(_title(bounds_are_kept), over <= PRIMAL, f"broken by at most {max(over, 0.0):.1e}")
+
+
+def data_are_left_alone(make: WorkspaceMaker, programs: Sequence[Recorded]) -> Finding:
+    """The program is not written to, and a result stays until the next solve."""
+    written, moved = 0, 0
+    for workspace, each in _each(make, programs):
+        qp = StageQp(each.qp.shape, each.qp.buffer.copy())
+        result = workspace.solve(qp, None)
+        written += not np.array_equal(qp.buffer, each.qp.buffer)
+        kept = copied(result.point)
+        qp.buffer[:] = 0.0
+        make(each.qp.shape).solve(each.qp, None)
+        moved += not _same(kept, result.point)
+    said = f"{written} programs written to, {moved} results changed by others"
+    return Finding(_title(data_are_left_alone), written == moved == 0, said)
+
+
+def times_are_true(make: WorkspaceMaker, programs: Sequence[Recorded]) -> Finding:
+    """Update and solve take time, and no more than the call."""
+    wrong = 0
+    for workspace, each in _each(make, programs):
+        began = perf_counter()
+        result = workspace.solve(each.qp, None)
+        took = perf_counter() - began
+        told = result.update_time + result.solve_time + result.loading_time
+        wrong += not (result.update_time >= 0.0 and result.solve_time > 0.0 and 0.5 * took <= told <= took)
+    return Finding(_title(times_are_true), wrong <= len(programs) // 10, f"{wrong} of {len(programs)} tell other times than the clock")
+
+
+CONTRACT: tuple[Rule, ...] = (
+    same_optimum, honest_status, bounds_are_kept, update_equals_fresh, guess_changes_only_the_way, unsolvable_is_said, bad_data_is_refused,
+    data_are_left_alone, times_are_true,
+)  # fmt: skip
+
+
+def distance(one: StageSolution, other: StageSolution) -> float:
+    """Return the largest difference of a state or an input; infinity where one is not finite."""
+    far = max(float(np.max(np.abs(one.x - other.x))), float(np.max(np.abs(one.u - other.u))))
+    return far if np.isfinite(far) else np.inf
+
+
+def _each(make: WorkspaceMaker, programs: Sequence[Recorded]) -> list[tuple[QpWorkspace, Recorded]]:
+    """Return every program with a workspace that solves all of its shape."""
+    made: dict[object, QpWorkspace] = {}
+    pairs = []
+    for each in programs:
+        key = each.qp.shape.stages, each.qp.shape.states, each.qp.shape.rows
+        if key not in made:
+            made[key] = make(each.qp.shape)
+        pairs.append((made[key], each))
+    return pairs
+
+
+def _unreachable(qp: StageQp) -> StageQp:
+    wrong = StageQp(qp.shape, qp.buffer.copy())
+    wrong.x_low[-1], wrong.x_high[-1] = 500.0, 501.0  # out of reach of the inputs
+    return wrong
+
+
+def _refuses(solve: Callable[[StageQp, None], object], qp: StageQp) -> bool:
+    try:
+        solve(qp, None)
+    except QpDataError:
+        return True
+    return False
+
+
+def _same(one: StageSolution, other: StageSolution) -> bool:
+    return all(np.array_equal(mine, theirs, equal_nan=True) for mine, theirs in zip(one.numbers, other.numbers, strict=True))
+
+
+def _worse(one: float, other: float) -> float:
+    return max(one, other) if np.isfinite(other) else np.inf
+
+
+def _title(rule: Callable[..., object]) -> str:
+    return (rule.__doc__ or rule.__name__).splitlines()[0].rstrip(".")

@@ -1,0 +1,166 @@
+"""Measure one drive of one cell: every planning step with its times, then the same drive again before a witness, untimed."""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+
+import numpy as np
+
+from hdvplan.bench.acceptance import Opinions
+from hdvplan.bench.replay import Program, record, replay
+from hdvplan.bench.samples import NUMBERS, OK, OPINION, OVER_BUDGET, Judgement, Measurement, numbers_of, outcome_of
+from hdvplan.bench.suite import Suite, tuning_key
+from hdvplan.case import Case
+from hdvplan.driving.drive import Drive, drive, warm_up
+from hdvplan.jit import FloatArray
+from hdvplan.judging.balance import balance_of
+from hdvplan.judging.envelope import envelope_of
+from hdvplan.planning.objectives import objective_named
+from hdvplan.planning.planner import Plan
+from hdvplan.qp.program import StageShape
+from hdvplan.qp.workspace import QpWorkspace, WorkspaceMaker
+from hdvplan.solvers.riccati import RiccatiWorkspace
+from hdvplan.solvers.sparse import SparseQp
+
+REFERENCE: WorkspaceMaker = RiccatiWorkspace  # of second opinions, at its own strict tolerance
+Alive = Callable[[int], None]  # receives the steps done, after each
+
+
+_COURSES = 100  # whose recorded programs are kept at a time: a third of a megabyte each
+
+
+class _OverBudgetError(Exception):
+    """The drive's planning time is used up."""
+
+
+class Bench:
+    """Measures the cells of a suite, each kind of code loaded before it is first timed; call it with a case's index."""
+
+    def __init__(self, suite: Suite, cases: Sequence[Case], makers: Mapping[str, WorkspaceMaker], alive: Alive) -> None:
+        """Take over the cases; what the imports left is not garbage: looking at it before every drive takes longer than a short one."""
+        self._suite, self._cases, self._makers, self._alive = suite, cases, makers, alive
+        self._warm: set[object] = set()
+        self._recorded: dict[int, list[Program]] = {}
+        gc.freeze()
+
+    def __call__(self, index: int, *, judged: bool, solver: str | None = None) -> Measurement:
+        """Return the measurement of a case by its own ``solver`` or another; its sweep and second opinions only if ``judged``."""
+        case, limits = self._cases[index], self._suite.cells()[index].limits
+        make = self._makers.get(solver or tuning_key(case.solver_name, limits)) or self._makers[case.solver_name]
+        self._warm_up(case, REFERENCE, "the reference")
+        if self._suite.sample:
+            return replay(self._programs(index), make, budget=self._suite.budget, judged=judged, alive=self._alive)
+        self._alive(0)
+        self._warm_up(case, make, tuning_key(case.solver_name, limits))
+        return measure(case, make, budget=self._suite.budget, judged=judged, alive=self._alive)
+
+    def _warm_up(self, case: Case, make: WorkspaceMaker, name: str) -> None:
+        limited = case.road.limits is not None
+        if (case.vehicle, name, limited) not in self._warm:
+            with suppress(Exception):  # a solver that cannot plan will say so in its own drive
+                warm_up(case.vehicle, objective_named(case.objective), make, case.settings, limited=limited)
+            self._warm.add((case.vehicle, name, limited))
+
+    def _programs(self, index: int) -> list[Program]:
+        """Return the sample of a case's course, which is the same for all solvers."""
+        course = index // len(self._suite.solvers)
+        if course not in self._recorded:
+            if len(self._recorded) >= _COURSES:
+                self._recorded.clear()
+            self._recorded[course] = record(self._cases[index], REFERENCE, self._suite.sample)
+        return self._recorded[course]
+
+
+def measure(case: Case, make_workspace: WorkspaceMaker, *, budget: float, judged: bool, alive: Alive = lambda _: None) -> Measurement:
+    """Drive a case once with the solver of ``make_workspace`` and return every planning step; what was swept only if ``judged``.
+
+    The first plan sets the solver up and iterates to convergence, which warms the processor's caches for the others. A
+    drive ends early when its planning time exceeds ``budget`` [s] or it fails, whatever the solver raises; its steps so far are kept.
+    A judged drive is driven a second time, with the reference beside the solver: so no timed step has another solver's work between
+    its own.
+    """
+    shapes: list[StageShape] = []
+
+    def make(shape: StageShape) -> QpWorkspace:
+        shapes.append(shape)
+        return make_workspace(shape)
+
+    alive(0)
+    steps, statuses, reasons, spent = [], [], [""], 0.0
+
+    def keep(plan: Plan) -> None:
+        nonlocal spent
+        steps.append(numbers_of(plan, plan.first * case.settings.step))
+        statuses.append(str(plan.status))
+        reasons.append(plan.reason)
+        alive(len(steps))
+        spent += plan.times.total
+        if spent > budget:
+            raise _OverBudgetError
+
+    outcome, message, judgement, opinions = OK, "", None, np.empty((0, len(OPINION)))
+    gc.collect()
+    gc.disable()
+    try:
+        driven = drive(case.road, case.vehicle, objective_named(case.objective), make, case.settings, bias=case.bias, on_plan=keep)
+        gc.enable()
+        judgement = judge(driven) if judged else None
+    except _OverBudgetError:
+        outcome, message = OVER_BUDGET, f"stopped after {spent:.1f} s of planning"
+    except Exception as error:  # noqa: BLE001 - a solver may raise anything; its row says what
+        outcome, message = outcome_of(error)
+    finally:
+        gc.enable()
+    if judged and steps:
+        opinions = witnessed(case, make_workspace, len(steps), alive)
+    message = message or next(filter(None, reasons), "")
+    numbers = np.array(steps) if steps else np.empty((0, len(NUMBERS)))
+    return Measurement(numbers, tuple(statuses), outcome, message, _nonzeros(shapes), judgement, opinions)
+
+
+def witnessed(case: Case, make_workspace: WorkspaceMaker, count: int, alive: Alive) -> FloatArray:
+    """Return of up to ``count`` planning steps how far they lie from the reference's, (steps, len(OPINION)), from a drive of its own."""
+    found: list[tuple[float, float, float]] = []
+    opinions = Opinions(make_workspace, REFERENCE)
+
+    def keep(_: Plan) -> None:
+        found.append(opinions.take())
+        alive(len(found))
+        if len(found) == count:
+            raise _OverBudgetError
+
+    with suppress(Exception):  # the timed drive has said why
+        drive(case.road, case.vehicle, objective_named(case.objective), opinions, case.settings, bias=case.bias, on_plan=keep)
+    return np.array(found).reshape(-1, len(OPINION))
+
+
+def _nonzeros(shapes: Sequence[StageShape]) -> int:
+    """Return the non-zeros of the program that a drive asked its solver for; 0 where it ended before."""
+    if not shapes:
+        return 0
+    form = SparseQp.of(shapes[0], elastic=False)
+    return int(form.P.nnz + form.E.nnz + form.G.nnz)
+
+
+def judge(driven: Drive) -> Judgement:
+    """Return what an executed drive swept.
+
+    Raises:
+        PlanError: a body reached beyond the road's centre of curvature.
+
+    """
+    envelope = envelope_of(driven)
+    balance = balance_of(driven, envelope)
+    return Judgement(
+        balance.max_left,
+        balance.max_right,
+        balance.mean_abs_imbalance,
+        balance.expected_half_width,
+        np.nan if balance.min_clearance is None else balance.min_clearance,
+        balance.violation,
+        driven.z[:, 0],
+        envelope.reach_left,
+        envelope.reach_right,
+    )

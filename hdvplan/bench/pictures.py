@@ -1,0 +1,190 @@
+"""The pictures of a benchmark: one page for print, or its performance profiles as TikZ code."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path, PurePath
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+
+from hdvplan.bench.directory import read_record, read_samples, read_table
+from hdvplan.bench.profiles import Along, Pictured, pictured, share_within
+from hdvplan.fileio import write_atomically
+from hdvplan.jit import FloatArray
+from hdvplan.report.colours import FAINT, MUTED
+from hdvplan.report.style import figure_bytes, styled
+
+_SIZE_IN = (11.0, 8.5)
+_DASHES = ("-", "--", ":")
+_MARKS = ("o", "s", "^", "D", "v", "P", "X")
+_COLOURS = 7  # of the style's cycle
+_ALONG = 5  # solvers drawn along the road: more lines hide each other
+_EXACT_M = 1e-14  # where a distance of zero is drawn
+_FURTHEST = 1e4  # factor at which a profile ends
+_POINTS = 400
+_NAMED = 3  # roads, vehicles, ... that a title names; of more it says how many
+
+
+def draw(directory: Path, file: Path) -> None:
+    """Draw a finished run into a file of the kind that its ending says: one that Matplotlib knows, or tex or pgf for TikZ.
+
+    Raises:
+        OptionError: the run is not finished, or damaged.
+        OSError: the file cannot be written.
+
+    """
+    record, summary = read_record(directory), read_table(directory, "summary")
+    order = summary.groupby("solver", sort=False)["ratio"].median().sort_values(kind="stable", na_position="last").index
+    shown = pictured(read_samples(directory), read_table(directory, "timing"), [str(name) for name in order])
+    (title, caption), kind = captions_of(record), file.suffix.lower().removeprefix(".")
+    if kind in {"tex", "pgf"}:
+        write_atomically(file, tikz(shown, f"{title}; {caption}").encode())
+    else:
+        write_atomically(file, figure_bytes(bench_figure(shown, title, caption), kind))
+
+
+def bench_figure(shown: Pictured, title: str, caption: str) -> Figure:
+    """Return one page: performance profiles, distribution, step time over s, time against accuracy.
+
+    ``title`` says what was run, ``caption`` on what; both are cut by nobody, so keep them short.
+    """
+    with styled():
+        figure = Figure(figsize=_SIZE_IN, layout="constrained")
+        axes = figure.subplots(2, 2)
+        _profiles(axes[0, 0], shown)
+        _distribution(axes[0, 1], shown)
+        _along(axes[1, 0], shown)
+        _accuracy(axes[1, 1], shown)
+        figure.suptitle(title, fontsize="medium", fontweight="bold", x=0.01, ha="left")
+        handles, labels = axes[0, 0].get_legend_handles_labels()
+        legend = figure.legend(handles, labels, loc="outside lower left", ncols=min(5, len(labels)), title=caption, alignment="left")
+        legend.get_title().set(fontsize="x-small", color=MUTED)
+    return figure
+
+
+def tikz(shown: Pictured, caption: str) -> str:
+    """Return the performance profiles as a ``tikzpicture`` for pgfplots, ready to be put into a document; it needs no other file."""
+    at = _factors(shown)
+    lines = [
+        f"% {caption}",
+        r"\begin{tikzpicture}",
+        r"\begin{axis}[xmode=log, xmin=1, ymin=0, ymax=1.02, xlabel={within this factor of the fastest}, ylabel={share of steps},",
+        r"  legend pos=south east, legend cell align=left, legend style={font=\footnotesize}, const plot, no markers]",
+    ]
+    for solver, ratios in shown.ratios.items():
+        points = _thinned(at, share_within(ratios, at))
+        lines += [r"\addplot coordinates {" + " ".join(f"({x:.4g},{y:.4g})" for x, y in points) + "};"]
+        lines += [r"\addlegendentry{" + solver.replace("_", r"\_").replace("#", r"\#").replace("%", r"\%") + "}"]
+    return "\n".join([*lines, r"\end{axis}", r"\end{tikzpicture}", ""])
+
+
+def captions_of(record: Mapping[str, Any]) -> tuple[str, str]:
+    """Return title and caption of a run, from its ``run.json``."""
+    settings, machine = record["settings"], record["machine"]
+    several = {name: settings[name] for name in ("roads", "vehicles", "schemes", "classes") if settings[name]}
+    words = [
+        ", ".join(PurePath(value).stem for value in values) if len(values) <= _NAMED else f"{len(values)} {name}"
+        for name, values in several.items()
+    ]
+    sample = f"{settings['sample']} recorded QPs a drive" if settings["sample"] else "whole drives"
+    held = "" if settings["accuracy"] is None else f", every solver held to {settings['accuracy']:g} m"
+    busy = " BUSY MACHINE." if record["load"]["warning"] else ""
+    title = "; ".join([*words, sample]) + held
+    return (
+        title,
+        f"processor time, each step with its fastest round of {settings['rounds']}; {machine['processor']}, {machine['python']}.{busy}",
+    )
+
+
+def _look(number: int) -> dict[str, object]:
+    """Return colour and dashes of solver ``number``: no two of twenty-one are alike."""
+    return {"color": f"C{number % _COLOURS}", "linestyle": _DASHES[number // _COLOURS % len(_DASHES)], "linewidth": 1.6}
+
+
+def _factors(shown: Pictured) -> FloatArray:
+    most = max((float(ratios[np.isfinite(ratios)].max(initial=1.0)) for ratios in shown.ratios.values()), default=1.0)
+    return np.geomspace(1.0, min(max(2.0, 1.2 * most), _FURTHEST), _POINTS)
+
+
+def _thinned(at: FloatArray, share: FloatArray) -> list[tuple[float, float]]:
+    """Return the points at which a staircase rises, and its last."""
+    keep = np.r_[True, np.diff(share) > 0.0]
+    keep[-1] = True
+    return list(zip(at[keep].tolist(), share[keep].tolist(), strict=True))
+
+
+def _profiles(axes: Axes, shown: Pictured) -> None:
+    at = _factors(shown)
+    for number, (solver, ratios) in enumerate(shown.ratios.items()):
+        axes.step(at, share_within(ratios, at), where="post", label=solver, **_look(number))  # type: ignore[arg-type] # line properties
+    axes.set(xscale="log", xlim=(1.0, at[-1]), ylim=(0.0, 1.03), xlabel="within this factor of the fastest", ylabel="share of steps")
+    _plain(axes, "x")
+    _headed(axes, f"performance profiles, {shown.steps} steps")
+
+
+def _distribution(axes: Axes, shown: Pictured) -> None:
+    solvers = [solver for solver in shown.ms if len(shown.ms[solver])]
+    for row, solver in enumerate(solvers):
+        colour, ms = f"C{list(shown.ms).index(solver) % _COLOURS}", shown.ms[solver]
+        low, first, middle, third, high = np.percentile(ms, [5, 25, 50, 75, 95])
+        axes.plot([low, high], [row, row], color=colour, linewidth=1.2)
+        axes.plot([first, third], [row, row], color=colour, linewidth=6.0, solid_capstyle="butt")
+        axes.plot([middle], [row], marker="|", markersize=11.0, markeredgewidth=1.6, color="white")
+        axes.plot([ms[-1]], [row], marker=".", color=colour)
+    axes.set(xscale="log", xlabel="step [ms]", yticks=range(len(solvers)), yticklabels=solvers, ylim=(len(solvers) - 0.5, -0.5))
+    axes.grid(visible=True, axis="x")
+    axes.tick_params(axis="y", length=0.0)
+    _plain(axes, "x")
+    _headed(axes, "distribution: 5, 25, 50, 75, 95 %, dot: the longest")
+
+
+def _along(axes: Axes, shown: Pictured) -> None:
+    for number, one in enumerate(shown.along[:_ALONG]):
+        if len(one.s):
+            axes.plot(one.s, one.ms, marker=_MARKS[number % len(_MARKS)], markersize=2.5, **_look(number) | {"linewidth": 1.0})  # type: ignore[arg-type] # line properties
+    held = next((one for one in shown.along if len(one.s)), None)
+    if held is not None:
+        for begin, end in _stretches(held):
+            axes.axvspan(begin, end, color=FAINT, linewidth=0.0)
+    axes.set(yscale="log", xlabel="s [m]", ylabel="step [ms]")
+    _plain(axes, "y")
+    grey = "; grey: limits bind" if held is not None and held.binding.any() else ""
+    few = f"; the {_ALONG} fastest" if len(shown.along) > _ALONG else ""
+    _headed(axes, f"{shown.course.replace(', as set', '')}{grey}{few}")
+
+
+def _stretches(one: Along) -> list[tuple[float, float]]:
+    """Return where limits bind, from half-way to the step before to half-way to the step behind [m]."""
+    middles = np.concatenate([one.s[:1], 0.5 * (one.s[1:] + one.s[:-1]), one.s[-1:]])
+    edges = np.flatnonzero(np.diff(np.r_[0, one.binding.astype(int), 0]))
+    return [(float(middles[begin]), float(middles[end])) for begin, end in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _accuracy(axes: Axes, shown: Pictured) -> None:
+    for number, points in enumerate(shown.accuracy.values()):
+        if len(points):
+            colour, again = f"C{number % _COLOURS}", number >= _COLOURS  # hollow marks: the colours' second time
+            axes.scatter(
+                np.maximum(points[:, 0], _EXACT_M), points[:, 1], s=26.0, alpha=0.8, marker=_MARKS[number % len(_MARKS)], edgecolors=colour,
+                facecolors="none" if again else colour, linewidths=1.2 if again else 0.0,
+            )  # fmt: skip
+    axes.set(xscale="log", yscale="log", xlabel="largest distance of e_y from the optimum [m]", ylabel="step [ms]")
+    axes.grid(visible=True)
+    _plain(axes, "y")
+    _headed(axes, "time against accuracy, a mark a cell")
+
+
+def _headed(axes: Axes, title: str) -> None:
+    axes.set_title(title, loc="left", fontsize="small")
+
+
+def _plain(axes: Axes, axis: str) -> None:
+    """Write the numbers of a logarithmic axis as they are said: 0.1, 1, 10."""
+    one = axes.xaxis if axis == "x" else axes.yaxis
+    one.set_major_locator(LogLocator(subs=(1.0,) if np.ptp(np.log10(one.get_view_interval())) > 2.0 else (1.0, 2.0, 5.0)))  # noqa: PLR2004 - decades
+    one.set_minor_locator(NullLocator())
+    one.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))

@@ -1,0 +1,195 @@
+"""Solvers on the same recorded QPs: a sample of a drive's programs instead of the whole drive, for solvers too slow to drive.
+
+The reference drives, and some of its programs are kept with the start that the planner would offer: the last solution, shifted. Every
+solver then gets them in the same order, in one persistent workspace: from that start (warm), and once more from zeros (cold).
+"""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Callable
+from dataclasses import dataclass
+from time import perf_counter, process_time
+
+import numpy as np
+
+from hdvplan.bench.acceptance import proves, scale_of
+from hdvplan.bench.samples import NUMBERS, OK, OPINION, OVER_BUDGET, Measurement, outcome_of
+from hdvplan.case import Case
+from hdvplan.driving.drive import drive
+from hdvplan.jit import FloatArray, IntArray
+from hdvplan.planning.objectives import objective_named
+from hdvplan.planning.planner import USABLE_RESIDUAL, Plan
+from hdvplan.qp.program import StageQp, StageShape, StageSolution
+from hdvplan.qp.residuals import residuals
+from hdvplan.qp.workspace import QpResult, QpWorkspace, WorkspaceMaker
+from hdvplan.solvers.sparse import SparseQp
+
+_TOTAL, _COLD = NUMBERS.index("total_s"), NUMBERS.index("cold_s")
+
+
+@dataclass(frozen=True)
+class Program:
+    """The first program of one planning step, its warm start and its optimum."""
+
+    step: int  # of the drive
+    s_m: float  # where the step begins
+    binding: bool
+    qp: StageQp
+    guess: StageSolution
+    optimum: StageSolution
+    scale: float  # of multipliers; NaN where the reference has no proof
+
+
+def chosen_steps(binding: FloatArray, count: int) -> IntArray:
+    """Return which of a drive's steps make a sample of ``count``: spread evenly, half of them where limits bind as far as there are any.
+
+    ``binding`` says of every step but the first whether limits bind; steps count from 1.
+    """
+    held, free = np.flatnonzero(binding) + 1, np.flatnonzero(np.logical_not(binding)) + 1
+    of_held = min(len(held), max(count // 2, count - len(free)))
+    return np.sort(np.concatenate([_spread(held, of_held), _spread(free, min(len(free), count - of_held))]))
+
+
+def _spread(steps: IntArray, count: int) -> IntArray:
+    return steps[np.round(np.linspace(0, len(steps) - 1, count)).astype(np.int64)] if count else steps[:0]
+
+
+def record(case: Case, reference: WorkspaceMaker, count: int) -> list[Program]:
+    """Return a sample of the programs of a drive by the reference, shuffled, so that the first few are a sample too.
+
+    Raises:
+        HdvplanError: the reference cannot drive the case.
+
+    """
+    binding: list[bool] = []
+    _drive(case, reference, lambda plan: binding.append(plan.merit is not None))
+    wanted = set(chosen_steps(np.array(binding[1:]), count).tolist())
+    spy = _Spy(reference)
+    kept: list[Program] = []
+
+    def keep(plan: Plan) -> None:
+        if spy.steps in wanted:
+            kept.append(spy.recorded(plan.first * case.settings.step, binding=plan.merit is not None))
+        spy.next(keep=spy.steps + 1 in wanted)
+
+    _drive(case, spy, keep)
+    return [kept[place] for place in np.random.default_rng(0).permutation(len(kept))]
+
+
+def replay(
+    recorded: list[Program], make: WorkspaceMaker, *, budget: float, judged: bool, alive: Callable[[int], None] = lambda _: None
+) -> Measurement:
+    """Have a solver solve recorded programs, warm and then cold, and return each as a step; ends early as a drive does.
+
+    A first solve that takes all of the budget [s] is the only step, with what setting the solver up took.
+    """
+    steps: list[list[float]] = []
+    statuses: list[str] = []
+    opinions: list[tuple[float, float, float]] = []
+    outcome, message, spent = OK, "", 0.0
+    alive(0)
+    gc.collect()
+    gc.disable()
+    try:
+        workspace = make(recorded[0].qp.shape)
+        setting_up = _solved(workspace, recorded[0], hurried=True)  # sets up, loads and compiles; counts only where it takes the budget
+        slow = setting_up[0][_TOTAL] > budget
+        for number, one in enumerate(recorded):
+            numbers, status, reason, opinion = setting_up if slow else _solved(workspace, one, hurried=spent > budget)
+            message = message or reason
+            steps.append(numbers)
+            statuses.append(status)
+            opinions.append(opinion)
+            spent += float(np.nansum([numbers[_TOTAL], numbers[_COLD]]))
+            alive(number + 1)
+            if spent > budget and number + 1 < len(recorded):
+                outcome, message = OVER_BUDGET, f"{number + 1} of {len(recorded)} programs in {spent:.1f} s"
+                break
+    except Exception as error:  # noqa: BLE001 - a solver may raise anything; its row says what
+        outcome, message = outcome_of(error)
+    finally:
+        gc.enable()
+    table = np.array(steps).reshape(-1, len(NUMBERS))
+    form = SparseQp.of(recorded[0].qp.shape, elastic=False)
+    nonzeros = int(form.P.nnz + form.E.nnz + form.G.nnz)
+    told = np.array(opinions).reshape(-1, len(OPINION)) if judged else np.empty((0, len(OPINION)))
+    return Measurement(table, tuple(statuses), outcome, message, nonzeros, None, told, first_step=1)
+
+
+def _solved(workspace: QpWorkspace, one: Program, *, hurried: bool) -> tuple[list[float], str, str, tuple[float, float, float]]:
+    """Solve one program warm and, unless ``hurried``, cold; return the step's numbers, the solver's word and reason, and an opinion."""
+    result, wall, cpu = _timed(workspace, one.qp, one.guess if workspace.starts_warm else None)
+    judged, x, u = residuals(one.qp, result.point), result.point.x, result.point.u
+    opinion = float(np.max(np.abs(x[:, 0] - one.optimum.x[:, 0]))), float(np.max(np.abs(u - one.optimum.u))), one.scale
+    numbers = {
+        "linearise_s": 0.0, "update_s": wall - result.solve_time, "solve_s": result.solve_time, "check_s": 0.0, "total_s": wall,
+        "qp_count": 1.0, "iterations": float(result.iterations), "usable": float(judged.primal <= USABLE_RESIDUAL), **judged._asdict(),
+        "violation_m": np.nan, "loading_s": result.loading_time, "cpu_s": cpu, "binding": float(one.binding), "s_m": one.s_m,
+    }  # fmt: skip
+    said = str(result.status), result.reason  # the next solve writes over the point
+    numbers["cold_s"] = np.nan if hurried else _timed(workspace, one.qp, _nothing(workspace, one.qp.shape))[1]
+    return [numbers[name] for name in NUMBERS], *said, opinion
+
+
+def _timed(workspace: QpWorkspace, qp: StageQp, guess: StageSolution | None) -> tuple[QpResult, float, float]:
+    """Return a result, the wall time and the processor time that it took [s], without loading; wall time for both where it loaded."""
+    began, began_cpu = perf_counter(), process_time()
+    result = workspace.solve(qp, guess)
+    cpu, wall = process_time() - began_cpu, perf_counter() - began
+    return result, wall - result.loading_time, wall - result.loading_time if result.loading_time else cpu
+
+
+def _nothing(workspace: QpWorkspace, shape: StageShape) -> StageSolution | None:
+    """Return the start of a cold solve: zeros, where a solver would go on from its last solution otherwise."""
+    return StageSolution.empty(shape) if workspace.starts_warm else None
+
+
+def _drive(case: Case, make: WorkspaceMaker, on_plan: Callable[[Plan], None]) -> None:
+    drive(case.road, case.vehicle, objective_named(case.objective), make, case.settings, bias=case.bias, on_plan=on_plan)
+
+
+class _Spy:
+    """Makes a reference workspace and keeps the first program of a step, where it is told to."""
+
+    starts_warm = True
+
+    def __init__(self, make: WorkspaceMaker) -> None:
+        self.name, self.steps = "recorder", 0
+        self._make, self._keeping = make, False
+        self._kept: list[tuple[StageQp, StageSolution, StageSolution, float]] = []
+        self._inner: QpWorkspace | None = None
+
+    def __call__(self, shape: StageShape) -> QpWorkspace:
+        self._inner = self._make(shape)
+        return self
+
+    def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
+        """Solve ``qp``; see ``QpWorkspace``."""
+        assert self._inner is not None  # noqa: S101 - a drive makes its workspace first
+        started = _copied(guess, qp.shape)
+        result = self._inner.solve(qp, guess)
+        if self._keeping and not self._kept:
+            optimum = _copied(result.point, qp.shape)
+            scale = scale_of(optimum)
+            proof = scale if proves(residuals(qp, optimum), scale) else np.nan
+            self._kept.append((StageQp(qp.shape, qp.buffer.copy()), started, optimum, proof))
+        return result._replace(leaves_guess=True)  # other solvers' warm starts need it even where the reference's own do not
+
+    def next(self, *, keep: bool) -> None:
+        """Begin the next step."""
+        self.steps += 1
+        self._keeping = keep
+        self._kept.clear()
+
+    def recorded(self, s_m: float, *, binding: bool) -> Program:
+        """Return what was kept of this step."""
+        qp, guess, optimum, scale = self._kept[0]
+        return Program(self.steps, s_m, binding, qp, guess, optimum, scale)
+
+
+def _copied(point: StageSolution | None, shape: StageShape) -> StageSolution:
+    copy = StageSolution.empty(shape)
+    if point is not None:
+        copy.copy_from(point)
+    return copy

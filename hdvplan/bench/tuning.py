@@ -1,0 +1,70 @@
+"""Hold solvers to the same accuracy: of every solver the loosest tolerance with which it meets a distance from the optimum, in metres.
+
+Equal tolerances are not equal accuracies: each solver measures in its own way. So each is tried on recorded programs of every class of
+limits, from the loosest tolerance on, and tightened by a factor of ten wherever e_y lies too far from the reference's optimum.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from hdvplan.bench.samples import CRASHED, HUNG, OK, OPINION, OUT_OF_MEMORY, OVER_BUDGET, Measurement
+from hdvplan.bench.suite import AS_SET, Suite, tuning_key
+from hdvplan.bench.worker import Worker
+from hdvplan.case import Case
+from hdvplan.errors import SolverError
+from hdvplan.qp.workspace import WorkspaceMaker
+from hdvplan.solvers.registry import SolverMaker, solver_named
+
+LADDER = tuple(10.0**-decade for decade in range(1, 12))
+_PROGRAMS = 4  # of every course, unless the benchmark has its own sample
+_BUDGET_S = 0.3  # for these programs by one solver: slow ones are tried on the first of them
+_COURSES = 5  # of every class of limits, spread evenly
+
+
+def tuned(suite: Suite, cases: Sequence[Case], on_progress: Callable[[float], None]) -> dict[str, float | None]:
+    """Return, by ``tuning_key``, each solver's loosest tolerance of ``LADDER`` that meets ``suite.accuracy`` in a class of limits.
+
+    A sample of the class's courses decides. None: the solver has no tolerance, or none of the ladder's serves, and it runs with its own.
+    ``cases`` are the suite's, ``on_progress`` receives the done share.
+    """
+    wanted = suite.accuracy or np.inf
+    makers: dict[str, WorkspaceMaker] = {maker.name: maker for name in suite.solvers for maker in _makers(name)}
+    short = replace(suite, sample=suite.sample or _PROGRAMS, budget=_BUDGET_S, rounds=1, accuracy=None)
+    every, classes = len(suite.schemes) * len(suite.solvers), suite.classes or (AS_SET,)
+    found: dict[str, float | None] = {}
+    with Worker(short, cases, makers) as worker:
+        for done, limits in enumerate(classes):
+            courses = np.array([number for number, course in enumerate(suite.courses()) if course[2] == limits])
+            chosen = courses[np.unique(np.linspace(0, len(courses) - 1, _COURSES).round().astype(int))].tolist()
+            ladders = {name: _makers(name) for name in suite.solvers}
+            for number, course in enumerate(chosen):
+                for ladder in ladders.values():
+                    while ladder and not _meets(worker(course * every, judged=True, solver=ladder[0].name), wanted):
+                        del ladder[0]
+                on_progress((done + (number + 1) / len(chosen)) / len(classes))
+            found |= {tuning_key(name, limits): ladder[0].tolerance if ladder else None for name, ladder in ladders.items()}
+    return found
+
+
+def _makers(name: str) -> list[SolverMaker]:
+    """Return a solver at all tolerances, the loosest first; nothing where it has none."""
+    try:
+        return [solver_named(name, tolerance) for tolerance in LADDER]
+    except SolverError:
+        return []
+
+
+def _meets(measured: Measurement, wanted: float) -> bool:
+    """Tell whether all programs that were solved came within ``wanted`` [m] of their optima; those without a proved one do not count.
+
+    Nor does a cell in which the solver hung or crashed: no tolerance mends that, and its row in the tables says so.
+    """
+    if measured.outcome in {HUNG, CRASHED, OUT_OF_MEMORY}:
+        return True
+    told = measured.opinions[~np.isnan(measured.opinions[:, OPINION.index("scale")])] if len(measured.opinions) else measured.opinions
+    close = told[:, OPINION.index("distance_m")] <= wanted  # False for NaN
+    return measured.outcome in {OK, OVER_BUDGET} and bool(close.all())

@@ -1,0 +1,132 @@
+"""What a benchmark says in one sentence for each vehicle, scheme and class of limits. Tables in, words out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from hdvplan.bench.ranking import SHIFT_MS
+from hdvplan.bench.suite import AS_SET, GROUP
+
+LEVEL = 1.05  # solvers within 5 % are level: the same program differs by 1 to 1.7 % between two processes (standard deviation)
+_SAME_PATH_M = 1e-3
+_STRETCHED = 1.1  # times as long by the clock as by the processor: something else had the core
+_OTHERS = 0.5  # processes that wanted to run beside the benchmark, as a share of the cores
+
+
+@dataclass(frozen=True)
+class Finding:
+    """The answer of one group; None where there is no winner."""
+
+    vehicle: str
+    scheme: str
+    limits: str
+    winner: str | None
+    runner_up: str | None
+    ratio: float | None  # of the runner-up's step to the winner's
+    won: float | None  # the winner's share of all steps
+    path_difference_m: float | None
+    text: str
+
+
+@dataclass(frozen=True)
+class Load:
+    """What else the machine did; ``warning`` is empty where it was quiet enough."""
+
+    before: float | None  # load average when a session began, the highest
+    after: float | None  # when the last one ended; the benchmark itself is one of it
+    cores: int | None
+    wall_per_cpu: float | None  # of all timed steps
+    warning: str
+
+
+def findings_of(summary: pd.DataFrame, load: Load) -> list[Finding]:
+    """Return one finding a vehicle, scheme and class of limits, of a summary in its order; each says where the machine was busy."""
+    return [_finding(mine, load) for _, mine in summary.groupby(GROUP, sort=False)]
+
+
+def load_of(summary: pd.DataFrame, sessions: Sequence[Mapping[str, object]], at_end: object, cores: object) -> Load:
+    """Return the load of a machine with ``cores``, from the averages that were noted and from the times themselves.
+
+    ``sessions`` and ``at_end`` as in ``run.json``: load averages over 1, 5 and 15 minutes, or None.
+    """
+    begun = [averages[0] for session in sessions if (averages := session.get("load_average")) and isinstance(averages, list)]
+    before = max(map(float, begun), default=None)
+    after = float(at_end[0]) if isinstance(at_end, list) else None
+    count = cores if isinstance(cores, int) else None
+    stretched = float(summary["wall_per_cpu"].median()) if len(summary) and summary["wall_per_cpu"].notna().any() else None
+    reasons = []
+    if count is not None and before is not None and before > _OTHERS * count:
+        reasons.append(f"load {before:.1f} at the start")
+    if count is not None and after is not None and after - 1.0 > _OTHERS * count:
+        reasons.append(f"load {after:.1f} at the end")
+    if stretched is not None and stretched > _STRETCHED:
+        reasons.append(f"steps took {stretched:.2f} times as long by the clock as by the processor")
+    on = "" if count is None else f" on {count} cores"
+    warning = f"BUSY MACHINE: {', '.join(reasons)}{on}; measure again on a quiet one before you quote a time" if reasons else ""
+    return Load(before, after, count, stretched, warning)
+
+
+def group_words(vehicle: str, scheme: str, limits: str) -> str:
+    """Return what a verdict is about."""
+    return f"{vehicle}, {scheme}" + ("" if limits == AS_SET else f", limits {limits}")
+
+
+def _finding(group: pd.DataFrame, load: Load) -> Finding:
+    first = group.iloc[0]
+    vehicle, scheme, limits = (str(first[name]) for name in GROUP)
+    name, busy = group_words(vehicle, scheme, limits), " [busy machine]" if load.warning else ""
+    able = group[group["proved"].astype(bool) & group["step_ms"].notna()]
+    if able.empty:
+        best = group.sort_values(["whole", "success"], ascending=False, kind="stable").iloc[0]
+        lacking = (
+            f"has all its steps accepted; {best['solver']} has {_share(best['success'])}" if best["whole"] else "finished within its budget"
+        )
+        text = f"no winner: no solver {lacking}"
+        return Finding(vehicle, scheme, limits, None, None, None, None, None, f"{name}: {text}{busy}")
+    winner, took = able.iloc[0], f"{able.iloc[0]['step_ms']:.3g} ms a step"
+    solver, won = str(winner["solver"]), float(winner["won"])
+    steps = int(winner["distinct_steps"])
+    if len(group) == 1:
+        text = f"{solver} alone, {took}, all {steps} steps accepted; no other solver to compare with"
+        return Finding(vehicle, scheme, limits, solver, None, None, won, None, f"{name}: {text}{busy}")
+    rivals = group[group["ratio"].notna() & (group["solver"] != solver)].sort_values("ratio", kind="stable")
+    failed = _failing(group)
+    if rivals.empty:
+        text = f"{solver} is the only solver with accepted steps, {took}{failed}"
+        return Finding(vehicle, scheme, limits, solver, None, None, won, None, f"{name}: {text}{busy}")
+    second = able.iloc[1] if len(able) > 1 else rivals.iloc[0]
+    rival, ratio = str(second["solver"]), float(second["ratio"])
+    differ = np.max([winner["path_difference_m"], second["path_difference_m"]])  # NaN where one has no whole drive
+    apart = float(differ) if np.isfinite(differ) else None
+    same = "" if apart is None else f", {'the same path to' if apart < _SAME_PATH_M else 'but paths apart by'} {apart:.0e} m"
+    if apart is None and np.isfinite(off := max(winner["distance_m"], second["distance_m"])):
+        same = f", the same optima to {off:.0e} m"  # a sample of programs has no path
+    if ratio < LEVEL:
+        text = f"no winner: {solver} and {rival} within {max(100.0 * (ratio - 1.0), 0.1):.1f} %, {took}{same}{failed}"
+        return Finding(vehicle, scheme, limits, None, rival, ratio, won, apart, f"{name}: {text}{busy}")
+    text = f"{solver} is fastest in {_share(won)} of {steps} steps, {ratio:.1f} x {rival} ({took}){same}{failed}"
+    return Finding(vehicle, scheme, limits, solver, rival, ratio, won, apart, f"{name}: {text}{busy}")
+
+
+def _failing(group: pd.DataFrame) -> str:
+    """Return which solvers are out of the running, in words."""
+    out = [str(solver) for solver in group.loc[~group["proved"].astype(bool), "solver"]]
+    return f"; not ranked with it: {', '.join(out)}" if out else ""
+
+
+def _share(share: float) -> str:
+    """Return a share in percent that says 100 only where it is all."""
+    percent = 100.0 * share
+    return f"{percent:.0f} %" if percent in {0.0, 100.0} else f"{min(max(percent, 0.1), 99.9):.1f} %"
+
+
+def how_ranked() -> str:
+    """Return the rule of the ranking, for captions."""
+    return (
+        f"step: geometric mean, shifted by {SHIFT_MS:g} ms, of processor time, each step with its fastest round; x best: the same over the "
+        "steps that both did; won: share of steps in which the solver was fastest; accepted: steps whose recomputed residuals prove them"
+    )

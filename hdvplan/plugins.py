@@ -1,0 +1,163 @@
+"""What users bring: a solver or an objective as ``package.module:name``, ``file.py:name``, a package's offer, or a Python object.
+
+An offer is an entry point of an installed package in the groups ``hdvplan.solvers`` and ``hdvplan.objectives``.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from hashlib import sha256
+from importlib import import_module, metadata
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+
+from hdvplan.errors import HdvplanError, OptionError, SolverError
+
+_REFERENCE = re.compile(r"(?P<home>.+):(?P<name>[^\W\d]\w*)")
+_DIGITS = 16  # of a digest in hexadecimal
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What can be brought: its word for messages, the group of its entry points, and the error where it cannot be used."""
+
+    word: str
+    group: str
+    error: type[HdvplanError]
+
+
+SOLVER = Kind("solver", "hdvplan.solvers", SolverError)
+OBJECTIVE = Kind("objective", "hdvplan.objectives", OptionError)
+
+
+def is_reference(name: str) -> bool:
+    """Tell whether a name says where its object is: ``package.module:name`` or ``file.py:name``."""
+    return _REFERENCE.fullmatch(name) is not None
+
+
+def offers(kind: Kind) -> dict[str, metadata.EntryPoint]:
+    """Return what installed packages offer, by name; nothing is loaded. Of two of one name the first package in the alphabet has it."""
+    found = sorted(metadata.entry_points(group=kind.group), key=lambda point: (point.name, point.dist.name if point.dist else ""))
+    return {point.name: point for point in reversed(found)}
+
+
+def load(kind: Kind, name: str) -> Callable[..., object] | None:
+    """Return what a reference or an offer names; None where ``name`` is neither.
+
+    Raises:
+        HdvplanError: ``kind.error``: there is no such file, module or object, or loading it fails.
+
+    """
+    match = _REFERENCE.fullmatch(name)
+    if match is None:
+        point = offers(kind).get(name)
+        return None if point is None else _called(kind, name, lambda: point.load())  # noqa: PLW0108 - a bound method would load later too
+    home, own = match["home"], match["name"]
+    return _called(kind, name, lambda: getattr(_file(Path(home)) if home.endswith(".py") else import_module(home), own))
+
+
+def _called(kind: Kind, name: str, get: Callable[[], object]) -> Callable[..., object]:
+    """Return what ``get`` returns; whatever goes wrong there is the author's, and one line."""
+    home, hint = name.rpartition(":")[0], None
+    try:
+        found = get()
+    except (Exception, SystemExit) as error:
+        if isinstance(error, ModuleNotFoundError) and error.name and home.startswith(error.name):
+            hint = "install the package, or name its file: file.py:name"
+        msg = f"{kind.word} {name!r} cannot be loaded: {said(error)}"
+        raise kind.error(msg, hint=hint) from error
+    if not callable(found):
+        msg = f"{kind.word} {name!r} cannot be called: it is of type {type(found).__name__}"
+        raise kind.error(msg)
+    return found
+
+
+def said(error: BaseException) -> str:
+    """Return an error of somebody else's code as a phrase: its kind, and what it says in its first line."""
+    lines = str(error).strip().splitlines()
+    return f"{type(error).__name__}: {lines[0]}" if lines else type(error).__name__
+
+
+def _file(path: Path) -> object:
+    """Return a file as a module, executed once for each content."""
+    name = f"hdvplan_file_{path.stem}_{digest_of(path)}"
+    if name not in sys.modules:
+        spec = spec_from_file_location(name, path)
+        if spec is None or spec.loader is None:
+            msg = f"{path} is no Python file"
+            raise ImportError(msg)
+        module = module_from_spec(spec)
+        sys.modules[name] = module  # dataclasses and pickle look their module up
+        try:
+            spec.loader.exec_module(module)
+        except BaseException:
+            del sys.modules[name]
+            raise
+    return sys.modules[name]
+
+
+def digest_of(path: Path) -> str:
+    """Return a digest of a file's content.
+
+    Raises:
+        OSError: it cannot be read.
+
+    """
+    return sha256(path.read_bytes()).hexdigest()[:_DIGITS]
+
+
+def version_of(kind: Kind, name: str) -> str | None:
+    """Return the version of what a reference or an offer names: its package's, or a file's digest; None where it has none."""
+    match = _REFERENCE.fullmatch(name)
+    if match is None:
+        point = offers(kind).get(name)
+        return point.dist.version if point is not None and point.dist is not None else None
+    home = match["home"]
+    if home.endswith(".py"):
+        return digest_of(Path(home)) if Path(home).is_file() else None
+    packages = metadata.packages_distributions().get(home.partition(".")[0], [])
+    return metadata.version(packages[0]) if packages else None
+
+
+def name_of(thing: str | Callable[..., object]) -> str:
+    """Return what a record calls a solver or an objective: its name, or where the object is defined."""
+    if isinstance(thing, str):
+        return thing
+    if isinstance(thing, partial):
+        given = [*map(repr, thing.args), *(f"{name}={value!r}" for name, value in thing.keywords.items())]
+        return f"{name_of(thing.func)}({', '.join(given)})"
+    named = thing if hasattr(thing, "__qualname__") else type(thing)
+    return f"{named.__module__}:{named.__qualname__}"
+
+
+def identity_of(thing: str | Callable[..., object]) -> tuple[str, ...]:
+    """Return what tells one solver or objective from another: a name; of a file or an object its own name and its source's digest.
+
+    Raises:
+        OptionError: the object has no source, or is defined inside a function, so that its source does not tell what it does.
+
+    """
+    if isinstance(thing, str):
+        match = _REFERENCE.fullmatch(thing)
+        if match is None or not match["home"].endswith(".py"):
+            return (thing,)
+        try:
+            return match["name"], digest_of(Path(match["home"]))
+        except OSError as error:
+            msg = f"{thing!r} cannot be read: {error.strerror or error}"
+            raise OptionError(msg) from error
+    own = thing.__qualname__
+    if "<" in own:  # <locals>, <lambda>
+        msg = f"a case cannot tell {name_of(thing)} from another one: it is defined inside a function"
+        raise OptionError(msg, hint="define it at the top of a module, or take a functools.partial of what is")
+    try:
+        file = Path(inspect.getsourcefile(thing) or "")
+        return own, digest_of(file) if file.is_file() else sha256(inspect.getsource(thing).encode()).hexdigest()[:_DIGITS]
+    except (OSError, TypeError) as error:
+        msg = f"a case cannot tell {name_of(thing)} from another one: its source cannot be read"
+        raise OptionError(msg, hint="put it into a file") from error

@@ -1,0 +1,202 @@
+"""HPIPM: the interior-point method for optimal control of acados, by its C interface in CasADi's wheel; native workspace.
+
+The program is handed over stage by stage where it lies: HPIPM reads a stage's matrices from the program's buffer through pointers
+that are made once. The given first state is eliminated. Rows are HPIPM's own soft constraints, behind the bounds of u and x; their lower
+sides, which we do not have, are masked.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import platform
+from collections.abc import Sequence
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdvplan.errors import SolverError
+from hdvplan.jit import FloatArray
+from hdvplan.qp.program import StageQp, StageShape, StageSolution
+from hdvplan.qp.workspace import QpResult, Status
+
+TOLERANCE = 1e-8  # absolute, of all four residuals
+_STATUS = (Status.SOLVED, Status.ITERATION_LIMIT, Status.NUMERICAL, Status.NUMERICAL, Status.INFEASIBLE)  # as hpipm_status counts
+_ITERATIONS = 100
+_BALANCE = 2  # hpipm_mode: relative formulation, with iterative refinement where it helps
+_START = 1e4  # complementarity at the start: rows cost 1e4 a metre; at 1e2 it takes twice as many iterations where they bind
+_ALIGNED = 64  # bytes, for vector instructions
+_FILES = {"Darwin": "libhpipm.dylib", "Windows": "hpipm.dll"}
+
+IntC = NDArray[np.int32]
+Addresses = NDArray[np.uintp]  # one pointer a stage
+
+
+class HpipmWorkspace:
+    """HPIPM in its balanced mode, cold in every solve."""
+
+    name = "hpipm"
+    starts_warm = False
+    settings = "BALANCE, mu0 1e4, soft rows of its own, cold, generic BLASFEO of CasADi's wheel"
+
+    def __init__(self, shape: StageShape, *, tolerance: float = TOLERANCE) -> None:
+        """Allocate HPIPM's memory and lay out what it does not read from the program.
+
+        Raises:
+            SolverError: CasADi has brought no HPIPM.
+
+        """
+        self._shape, self._library = shape, _library()
+        self._point = StageSolution.empty(shape)
+        self._qp, self._solution, self._arguments, self._workspace = self._memory(tolerance)
+        stages, n, m, p, b = shape.stages, shape.states, shape.inputs, shape.rows, len(shape.bounded_states)
+        count = stages + 1
+        self._first, self._G = np.zeros(n), np.zeros((count, p, n))
+        self._rows = {name: np.zeros((count, p)) for name in ("h", "linear", "quadratic")}
+        self._x, self._u, self._pi = np.zeros((count, n)), np.zeros((count, m)), np.zeros((count, n))
+        self._sigma, self._upper = np.zeros((count, p)), np.zeros((count, p))
+        self._low, self._high = np.zeros((count, m + b)), np.zeros((count, m + b))
+        self._none, self._unused = np.zeros((max(n, p), max(n, m))), np.zeros(max(m + b, p, n))  # S, D and lower rows; where nobody reads
+        self._one = np.ones(p)
+        self._bounded, self._inputs = np.array(shape.bounded_states, np.int32), np.arange(m, dtype=np.int32)
+        softened, softening = np.arange(p, dtype=np.int32) + m + b, np.array([-1] * (m + b) + list(range(p)), np.int32)
+        self._softened = [softened] * stages + [softened - m]  # rows alone; the last stage has no bounds of u before them
+        self._softening = [softening] * stages + [softening[m:]]  # the same the other way round: HPIPM takes either
+        self._into = self._pointers_of_solution()
+        self._from: tuple[int, list[Addresses]] = (0, [])
+        self._mask()
+
+    def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:  # noqa: ARG002 - a guess helps no interior point here
+        """Solve ``qp``; see ``QpWorkspace``."""
+        started = perf_counter()
+        qp.check()
+        if self._from[0] != qp.buffer.ctypes.data:
+            self._from = qp.buffer.ctypes.data, self._pointers_of(qp)
+        self._first[:] = qp.A[0] @ qp.x_first + qp.c[0]
+        self._G[:] = qp.rows["g"]
+        for name, values in self._rows.items():
+            values[:] = qp.rows[name]
+        self._library.d_ocp_qp_set_all_rowmaj(*map(_pointer, self._from[1]), self._qp)
+        updated = perf_counter()
+        self._library.d_ocp_qp_ipm_solve(self._qp, self._solution, self._arguments, self._workspace)
+        self._library.d_ocp_qp_sol_get_all(self._solution, *map(_pointer, self._into))
+        self._publish(qp)
+        status, iterations = ctypes.c_int(), ctypes.c_int()
+        self._library.d_ocp_qp_ipm_get_status(self._workspace, ctypes.byref(status))
+        self._library.d_ocp_qp_ipm_get_iter(self._workspace, ctypes.byref(iterations))
+        claimed = _STATUS[status.value] if 0 <= status.value < len(_STATUS) else Status.FAILED
+        return QpResult(claimed, self._point, iterations.value, updated - started, perf_counter() - updated)
+
+    def _publish(self, qp: StageQp) -> None:
+        """Bring HPIPM's solution into our order and signs."""
+        point, m = self._point, self._shape.inputs
+        point.x[0], point.x[1:], point.u[:] = qp.x_first, self._x[1:], self._u[:-1]
+        point.sigma[:], point.rows[:] = self._sigma[1:], self._upper[1:]
+        bounds = self._high - self._low
+        point.u_bounds[:], point.x_bounds[:] = bounds[:-1, :m], bounds[1:, m:]
+        point.dynamics[1:] = -self._pi[:-1]
+        point.dynamics[0] = qp.A[0].T @ point.dynamics[1] - qp.Q[0] @ qp.x_first - qp.q[0]
+
+    def _memory(self, tolerance: float) -> tuple[ctypes.Array[ctypes.c_char], ...]:
+        """Return HPIPM's program, solution, arguments and workspace."""
+        library, shape = self._library, self._shape
+        stages, p, b = shape.stages, shape.rows, len(shape.bounded_states)
+        sizes = [
+            np.array(values, np.int32)
+            for values in (
+                [0] + [shape.states] * stages, [shape.inputs] * stages + [0], [0] + [b] * stages, [shape.inputs] * stages + [0],
+                [0] + [p] * stages, [0] + [p] * stages,
+            )
+        ]  # fmt: skip
+        self._kept: list[object] = []
+        dimensions = self._made("d_ocp_qp_dim", stages)
+        library.d_ocp_qp_dim_set_all(*map(_pointer, sizes), dimensions)
+        qp, solution = self._made("d_ocp_qp", dimensions), self._made("d_ocp_qp_sol", dimensions)
+        arguments = self._made("d_ocp_qp_ipm_arg", dimensions)
+        library.d_ocp_qp_ipm_arg_set_default(_BALANCE, arguments)
+        library.d_ocp_qp_ipm_arg_set_iter_max(ctypes.byref(ctypes.c_int(_ITERATIONS)), arguments)
+        library.d_ocp_qp_ipm_arg_set_mu0(ctypes.byref(ctypes.c_double(_START)), arguments)
+        for residual in ("stat", "eq", "ineq", "comp"):
+            getattr(library, f"d_ocp_qp_ipm_arg_set_tol_{residual}")(ctypes.byref(ctypes.c_double(tolerance)), arguments)
+        return qp, solution, arguments, self._made("d_ocp_qp_ipm_ws", dimensions, arguments)
+
+    def _made(self, kind: str, *given: object) -> ctypes.Array[ctypes.c_char]:
+        """Return one of HPIPM's structures with memory of its own."""
+        library = self._library
+        structure = ctypes.create_string_buffer(getattr(library, f"{kind}_strsize")())
+        memory = ctypes.create_string_buffer(getattr(library, f"{kind}_memsize")(*given) + _ALIGNED)
+        begin = ctypes.addressof(memory)
+        getattr(library, f"{kind}_create")(*given, structure, ctypes.c_void_p(begin + -begin % _ALIGNED))
+        self._kept += [structure, memory]
+        return structure
+
+    def _pointers_of(self, qp: StageQp) -> list[Addresses]:
+        """Return where HPIPM finds every argument of its ``set_all``, stage by stage."""
+        s, everywhere = qp.stages, len(qp.stages)
+        b = _addresses(s["c"])
+        b[0] = self._first.ctypes.data
+        none, rows = self._none, self._rows
+        nothing = [none] * everywhere
+        return [
+            _addresses(s["A"]), _addresses(s["B"]), b, _addresses(s["Q"]), _addresses(nothing), _addresses(s["R"]),
+            _addresses(s["q"]), _addresses(s["r"]),
+            _addresses([self._bounded] * everywhere), _addresses(s["x_low"]), _addresses(s["x_high"]),
+            _addresses([self._inputs] * everywhere), _addresses(s["u_low"]), _addresses(s["u_high"]),
+            _addresses(self._G), _addresses(nothing), _addresses(nothing), _addresses(rows["h"]),
+            _addresses([self._one] * everywhere), _addresses(rows["quadratic"]), _addresses(nothing), _addresses(rows["linear"]),
+            _addresses(self._softened), _addresses(self._softening), _addresses(nothing), _addresses(nothing),
+        ]  # fmt: skip
+
+    def _pointers_of_solution(self) -> list[Addresses]:
+        """Return where HPIPM writes u, x, slacks, multipliers of dynamics, bounds, rows and slacks."""
+        unused = _addresses([self._unused] * len(self._x))
+        low, high = _addresses(self._low), _addresses(self._high)
+        low[-1], high[-1] = self._low[-1, self._shape.inputs :].ctypes.data, self._high[-1, self._shape.inputs :].ctypes.data
+        return [
+            _addresses(self._u), _addresses(self._x), unused, _addresses(self._sigma), _addresses(self._pi), low, high, unused,
+            _addresses(self._upper), unused, unused,
+        ]  # fmt: skip
+
+    def _mask(self) -> None:
+        """Take the rows' lower sides and their slacks out of the program."""
+        zeros = np.zeros(max(self._shape.rows, 1))
+        for stage in range(1, self._shape.stages + 1):
+            for field in (b"lg_mask", b"lls_mask"):
+                self._library.d_ocp_qp_set(field, stage, _pointer(zeros), self._qp)
+
+
+def _pointer(array: FloatArray | IntC | Addresses) -> ctypes.c_void_p:
+    return ctypes.c_void_p(array.ctypes.data)
+
+
+def _addresses(array: np.ndarray[tuple[int, ...], np.dtype[np.float64]] | Sequence[FloatArray | IntC]) -> Addresses:
+    """Return where each entry along an array's first axis, or each of several arrays, begins."""
+    if isinstance(array, np.ndarray):
+        return array.ctypes.data + array.strides[0] * np.arange(len(array), dtype=np.uintp)
+    return np.array([one.ctypes.data for one in array], np.uintp)
+
+
+@cache
+def _library() -> ctypes.CDLL:
+    """Load HPIPM from CasADi's wheel.
+
+    Raises:
+        SolverError: it is not there.
+
+    """
+    found = find_spec("casadi")
+    places = [] if found is None else [Path(place) for place in found.submodule_search_locations or ()]
+    name = _FILES.get(platform.system(), "libhpipm.so")
+    file = next((place / name for place in places if (place / name).is_file()), None)
+    if file is None:
+        msg = f"the installed CasADi brings no {name}"
+        raise SolverError(msg, hint="install another one: pip install --upgrade casadi")
+    library = ctypes.CDLL(str(file))
+    for kind in ("dim", "sol", "ipm_arg", "ipm_ws", ""):
+        prefix = f"d_ocp_qp_{kind}".rstrip("_")
+        for size in ("strsize", "memsize"):
+            getattr(library, f"{prefix}_{size}").restype = ctypes.c_size_t
+    return library

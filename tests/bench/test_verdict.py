@@ -1,0 +1,116 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hdvplan.bench.profiles import pictured, share_within
+from hdvplan.bench.samples import FAILED, NUMBERS, OVER_BUDGET, Measurement
+from hdvplan.bench.stats import Tables, tables_of
+from hdvplan.bench.suite import Cell
+from hdvplan.bench.timing import latex
+from hdvplan.bench.verdict import Finding, Load, findings_of, load_of
+from hdvplan.planning.settings import Scheme
+from tests.bench.conftest import made_up
+
+QUIET = Load(0.1, 1.0, 2, 1.0, "")
+QUIET_SESSION = {"load_average": [0.1, 0.1, 0.1]}
+
+
+def tables(**rounds: list[Measurement]) -> Tables:
+    return tables_of([Cell("road", "bus", Scheme.RTI, solver) for solver in rounds], list(rounds.values()))
+
+
+def finding(found: Tables, load: Load = QUIET) -> Finding:
+    (only,) = findings_of(found.summary, load)
+    return only
+
+
+def test_the_fastest_solver_is_named_with_its_share_its_lead_and_the_agreement() -> None:
+    found = tables(slow=[made_up([0.1, 0.004, 0.002], shift=1e-9)], riccati=[made_up([0.1, 0.001, 0.003])])
+    told = finding(found)
+    assert (told.winner, told.runner_up) == ("riccati", "slow")
+    assert told.won == 0.5
+    # Geometric means of (1.1, 3.1) and (4.1, 2.1) ms, less the shift of 0.1 ms.
+    assert told.ratio == pytest.approx((np.sqrt(4.1 * 2.1) - 0.1) / (np.sqrt(1.1 * 3.1) - 0.1))
+    assert told.text == "bus, rti: riccati is fastest in 50.0 % of 2 steps, 1.6 x slow (1.75 ms a step), the same path to 1e-09 m"
+
+
+def test_solvers_within_five_percent_have_no_winner() -> None:
+    told = finding(tables(one=[made_up([0.1, 0.00100])], other=[made_up([0.1, 0.00104])]))
+    assert told.winner is None
+    assert told.text.startswith("bus, rti: no winner: one and other within 4.0 %, 1 ms a step")
+
+
+@pytest.mark.parametrize(
+    "bad", [made_up([0.1, 0.0001], usable=False), made_up([0.1], outcome=FAILED, message="no"), made_up([], outcome=FAILED)]
+)
+def test_a_solver_that_fails_cannot_win_however_fast_it_is(bad: Measurement) -> None:
+    told = finding(tables(hasty=[bad], riccati=[made_up([0.1, 0.001])]))
+    assert told.winner == "riccati"
+    assert "not ranked with it: hasty" in told.text or "only solver with accepted steps" in told.text
+
+
+def test_a_solver_that_its_budget_stopped_is_compared_over_the_steps_that_both_did() -> None:
+    found = tables(slow=[made_up([0.1, 0.010], outcome=OVER_BUDGET, shift=None)], riccati=[made_up([0.1, 0.001, 0.009])])
+    assert finding(found).ratio == pytest.approx(10.0)
+    assert finding(found).runner_up == "slow"
+
+
+def test_neighbours_that_lengthen_the_clock_do_not_move_the_ranking() -> None:
+    loaded = made_up([0.1, 0.010, 0.010])
+    loaded.steps[:, NUMBERS.index("cpu_s")] = [0.1, 0.002, 0.002]
+    rival = made_up([0.1, 0.012, 0.012])
+    rival.steps[:, NUMBERS.index("cpu_s")] = [0.1, 0.003, 0.003]
+    summary = tables(riccati=[loaded], rival=[rival]).summary
+    assert list(summary["step_ms"]) == pytest.approx([2.0, 3.0])  # all waited alike: none of them of its own
+    load = load_of(summary, [QUIET_SESSION], [1.0, 1.0, 1.0], 2)
+    assert load.warning.startswith("BUSY MACHINE: steps took 4.50 times as long by the clock as by the processor on 2 cores")
+    (told,) = findings_of(summary, load)
+    assert told.text.endswith("[busy machine]")
+
+
+@pytest.mark.parametrize(("begun", "ended", "busy"), [(0.2, 1.2, False), (1.9, 1.2, True), (0.2, 2.9, True), (None, None, False)])
+def test_a_busy_machine_is_told_by_its_load(begun: float | None, ended: float | None, busy: bool) -> None:
+    summary = tables(riccati=[made_up([0.1, 0.001])]).summary
+    sessions = [{"load_average": None if begun is None else [begun, 0.0, 0.0]}]
+    load = load_of(summary, sessions, None if ended is None else [ended, 0.0, 0.0], 2)
+    assert bool(load.warning) is busy
+
+
+def test_a_profile_counts_what_a_solver_was_given_and_failures_never_come() -> None:
+    found = tables(
+        riccati=[made_up([0.1, 0.001, 0.004, 0.001])],
+        rival=[made_up([0.1, 0.002, 0.002, 0.002])],
+        stopped=[made_up([0.1, 0.008], outcome=OVER_BUDGET, shift=None)],
+        failed=[made_up([0.1, 0.001], outcome=FAILED, shift=None)],
+    )
+    shown = pictured(found.samples, found.timing, ["riccati", "rival", "stopped", "failed"])
+    assert shown.steps == 3
+    np.testing.assert_allclose(shown.ratios["riccati"], [1.0, 1.0, 2.0])
+    np.testing.assert_allclose(shown.ratios["stopped"], [8.0])
+    np.testing.assert_allclose(shown.ratios["failed"], [1.0, np.inf, np.inf])
+    np.testing.assert_allclose(share_within(shown.ratios["riccati"], np.array([1.0, 1.9, 2.0])), [2 / 3, 2 / 3, 1.0])
+
+
+def test_names_that_latex_would_read_are_escaped_in_cells_caption_and_foot() -> None:
+    timing = tables(riccati=[made_up([0.1, 0.001])]).timing.assign(road="a_b&50%")
+    text = latex(timing, "timing", "of a_b {50%} ~ \\x", ["x_y^2 < 1e-4"])
+    assert r"a\_b\&50\%" in text
+    assert r"\caption{of a\_b \{50\%\} \textasciitilde{} \textbackslash{}x}" in text
+    assert r"\par\footnotesize x\_y\textasciicircum{}2 $<$ 1e-4" in text
+    assert text.count("{table}") == 2
+    depth = np.cumsum([{"{": 1, "}": -1}.get(letter, 0) for letter in text.replace(r"\{", "").replace(r"\}", "")])
+    assert (depth.min(), depth[-1]) == (0, 0)
+
+
+def test_a_step_that_the_residuals_do_not_prove_is_not_accepted() -> None:
+    told = made_up([0.1, 0.001, 0.001])
+    opinions = np.array([[0.0, 0.0, 10.0]] * 3)
+    told.steps[1, NUMBERS.index("dual")] = 2e-3  # 1e-4 of the largest multiplier is allowed, which is 10
+    found = tables(riccati=[replace(told, opinions=opinions)])
+    assert list(found.samples["accepted"]) == [True, False, True]
+    assert found.timing["status"].iloc[0] == "some steps not accepted"
+    assert found.timing["success"].iloc[0] == pytest.approx(2 / 3)
+    assert "dual residual 2.0e-03" in found.timing["message"].iloc[0]

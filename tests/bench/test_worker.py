@@ -1,0 +1,162 @@
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+
+from hdvplan.bench.courses import cases_of
+from hdvplan.bench.run import remaining, run
+from hdvplan.bench.samples import Measurement, part_file, read_part
+from hdvplan.bench.stats import tables_of
+from hdvplan.bench.suite import Suite, tuning_key
+from hdvplan.bench.tuning import tuned
+from hdvplan.qp.workspace import WorkspaceMaker
+from hdvplan.solvers.registry import solver_named
+from tests.bench.fakes import Fake
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="ends processes by signals")
+RICCATI = solver_named("riccati")
+
+
+def measured(suite: Suite, makers: Mapping[str, WorkspaceMaker], out: Path, *, in_process: bool = False) -> list[list[Measurement]]:
+    run(suite, cases_of(suite), makers, out, lambda _: None, in_process=in_process)
+    assert remaining(suite, out) == 0
+    return [[read_part(part_file(out, cell, round_)) for round_ in range(suite.rounds)] for cell in range(len(suite.cells()))]
+
+
+def rows(suite: Suite, found: list[list[Measurement]]) -> dict[str, pd.Series[Any]]:
+    timing = tables_of(suite.cells(), found).timing
+    return {str(row["solver"]): row for _, row in timing.iterrows()}
+
+
+@pytest.fixture
+def tiny(tiny: Suite) -> Suite:
+    return replace(tiny, schemes=("rti",))
+
+
+def test_hangs_and_crashes_are_rows_that_end_no_run_and_are_not_met_again_in_the_next_round(tiny: Suite, tmp_path: Path) -> None:
+    suite = replace(tiny, solvers=("riccati", "piqp", "osqp", "clarabel"), step_limit=0.5)
+    makers: dict[str, WorkspaceMaker]
+    makers = {"riccati": RICCATI, "piqp": Fake("crashing"), "osqp": Fake("sleeping", honest=8), "clarabel": Fake("raising", honest=8)}
+    began = time.monotonic()
+    found = rows(suite, measured(suite, makers, tmp_path))
+    # Two seconds for each of three processes, half for the one step that hangs; another round of it would double that.
+    assert time.monotonic() - began < 60.0
+    assert {name: row["status"] for name, row in found.items()} == {
+        "riccati": "ok", "piqp": "crashed", "osqp": "out of time", "clarabel": "failed"
+    }  # fmt: skip
+    assert found["piqp"]["message"] == "the process ended with SIGSEGV in step 0"
+    assert found["osqp"]["message"].endswith("took longer than 0.5 s")
+    assert found["clarabel"]["message"] == "RuntimeError: no licence for this machine"
+    assert [found[name]["success"] for name in ("riccati", "piqp", "osqp")] == [1.0, 0.0, 0.0]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux refuses memory by its data segment")
+def test_a_solver_that_takes_too_much_memory_is_a_row(tiny: Suite, tmp_path: Path) -> None:
+    suite = replace(tiny, solvers=("riccati", "piqp"), rounds=1, memory_limit=8.0)
+    found = rows(suite, measured(suite, {"riccati": RICCATI, "piqp": Fake("greedy", honest=8)}, tmp_path))
+    assert {name: row["status"] for name, row in found.items()} == {"riccati": "ok", "piqp": "out of memory"}
+
+
+def test_a_worker_measures_what_this_process_measures(tiny: Suite, tmp_path: Path) -> None:
+    suite, makers = replace(tiny, rounds=1), {"riccati": RICCATI, "piqp": solver_named("piqp")}
+    there, here = measured(suite, makers, tmp_path / "a"), measured(suite, makers, tmp_path / "b", in_process=True)
+    for (one,), (other,) in zip(there, here, strict=True):
+        counted = ["qp_count", "iterations", "usable", "status", "primal", "dual", "gap", "distance_m", "scale"]
+        pd.testing.assert_frame_equal(one.table()[counted], other.table()[counted], check_exact=True)
+
+
+@pytest.mark.parametrize(
+    ("fake", "status", "words"),
+    [
+        (Fake("wrong"), "wrong optimum", "m from the reference's"),
+        (Fake("without multipliers"), "some steps not accepted", "dual residual"),
+        (Fake("not a number", honest=8), "some steps not solved", "to be driven"),
+        (Fake("nothing", honest=8), "failed", "AttributeError"),
+    ],
+)
+def test_a_solver_alone_gets_the_row_that_it_deserves(tiny: Suite, tmp_path: Path, fake: Fake, status: str, words: str) -> None:
+    suite = replace(tiny, solvers=("osqp",), rounds=1)
+    row = rows(suite, measured(suite, {"osqp": fake}, tmp_path, in_process=True))["osqp"]
+    assert row["status"] == status
+    assert words in row["message"]
+    assert row["success"] < 1.0
+
+
+def test_a_solver_that_waits_is_not_flattered_by_its_processor_time(tiny: Suite, tmp_path: Path) -> None:
+    makers: dict[str, WorkspaceMaker] = {"riccati": Fake("lazy"), "piqp": RICCATI}
+    for solvers in (("riccati", "piqp"), ("riccati",)):
+        chosen = replace(tiny, solvers=solvers)
+        found = rows(chosen, measured(chosen, makers, tmp_path / str(len(solvers)), in_process=True))
+        assert found["riccati"]["step_ms"] > 2.0  # what it sleeps
+
+
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="looks for processes in /proc")
+def test_a_killed_benchmark_leaves_no_process_behind(tmp_path: Path, short_road: str) -> None:
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+    command = [sys.executable, "-m", "hdvplan", "bench", "--roads", short_road, "--vehicles", "bus", "--rounds", "400", "--horizon", "30"]
+    with subprocess.Popen([*command, "--out", "run"], cwd=tmp_path, env=environment, stderr=subprocess.DEVNULL) as process:  # noqa: S603 - our own
+        deadline = time.monotonic() + 300.0  # where kernels must be compiled
+        while len(list((tmp_path / "run" / "parts").glob("*.npz"))) < 1 and time.monotonic() < deadline:
+            time.sleep(0.02)
+        children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text(encoding="utf-8").split()
+        process.send_signal(signal.SIGKILL)
+    assert children
+    deadline = time.monotonic() + 30.0
+    while any(Path("/proc", child).is_dir() for child in children) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not [child for child in children if Path("/proc", child).is_dir()]
+
+
+def test_a_sample_of_programs_is_the_same_for_all_solvers_and_has_those_where_limits_bind(tiny: Suite, tmp_path: Path) -> None:
+    suite = replace(tiny, classes=("off", "binding"), solvers=("riccati", "riccati-ipm"), sample=6, rounds=1)
+    found = measured(suite, {name: solver_named(name) for name in suite.solvers}, tmp_path, in_process=True)
+    tables = [one.table() for (one,) in found]
+    assert [len(table) for table in tables] == [6] * 4
+    assert [bool(table["binding"].any()) for table in tables] == [False, False, True, True]
+    for one, other in (tables[:2], tables[2:]):
+        pd.testing.assert_frame_equal(one[["step", "s_m", "binding", "scale"]], other[["step", "s_m", "binding", "scale"]])
+        assert (other["distance_m"] < 1e-6).all()  # two methods at 1e-8, and what conditioning makes of that
+        assert (other["cold_s"] > 0.0).all()
+        assert other["iterations"].sum() > one["iterations"].sum()
+    timing = tables_of(suite.cells(), found).timing
+    assert list(timing["status"]) == ["ok"] * 4
+    assert list(timing["limits"]) == ["off", "off", "binding", "binding"]
+
+
+def test_tolerances_are_as_loose_as_the_accuracy_in_metres_allows(tiny: Suite, tmp_path: Path) -> None:
+    loose, tight = (replace(tiny, solvers=("riccati", "osqp"), sample=4, rounds=1, accuracy=accuracy) for accuracy in (1e-2, 1e-5))
+    cases = cases_of(loose)
+    first, second = (tuned(suite, cases, lambda _: None) for suite in (loose, tight))
+    key = tuning_key("osqp", "as set")
+    loosely, tightly = first[key], second[key]
+    assert loosely is not None
+    assert tightly is not None
+    assert loosely > tightly
+    makers: dict[str, WorkspaceMaker] = {name: Fake("raising") for name in tight.solvers}  # tuned ones take their places
+    makers |= {name: solver_named(name.partition(",")[0], tolerance) for name, tolerance in second.items()}
+    timing = tables_of(tight.cells(), measured(tight, makers, tmp_path), tight.accuracy).timing
+    assert list(timing["status"]) == ["ok", "ok"]
+    assert (timing["distance_m"] <= 2e-5).all()  # what the caption promises
+
+
+def test_a_sample_gives_a_slow_solver_one_program_and_one_round(tiny: Suite, tmp_path: Path) -> None:
+    suite = replace(tiny, solvers=("riccati", "piqp"), sample=4, rounds=3, budget=1e-3)
+    makers: dict[str, WorkspaceMaker] = {"riccati": RICCATI, "piqp": Fake("lazy")}
+    found = measured(suite, makers, tmp_path, in_process=True)
+    slow = [one.table() for one in found[1]]
+    assert [len(table) for table in slow] == [1, 1, 1]
+    pd.testing.assert_frame_equal(slow[0], slow[2], check_exact=True)
+    timing = tables_of(suite.cells(), found).timing
+    assert timing["status"].iloc[1] == "over budget"
+    assert timing["message"].iloc[1].startswith("1 of 4 programs")
+    assert timing["success"].iloc[1] == 1.0
