@@ -17,7 +17,7 @@ from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.proof import Proof
 from hdvplan.proof.articulated import reachable_with_trailer
 from hdvplan.proof.coupling import coupling_of
-from hdvplan.proof.poses import Outline, fits, outline_of, reach_of
+from hdvplan.proof.poses import fits, outline_of, seen_from
 from hdvplan.proof.reach import Grid, Reached, reachable
 from hdvplan.proof.space import Beside, Frame, beside, bins_for, frame_of
 from hdvplan.road.road import Road
@@ -27,7 +27,7 @@ from hdvplan.vehicle.model import Unit, Vehicle
 LESS_M = (0.05, 0.15)  # room by which the coarse sets prove less than the fine ones, of one unit and of two
 _BEFORE_M, _AFTER_M = 50.0, 20.0  # of the place where less room would lose the set, for the fine one
 _LENGTHS_M = (5.0, 10.0, 20.0, 40.0)  # tried for a proof
-ROUNDING_M = 3e-3  # what the judge of a plan may miss between its poses, stations and outline points
+ROUNDING_M = 5e-3  # what the judge of a plan may miss between its poses, stations and outline points
 _MORE_CURVATURE = 1e-6  # of the largest: a solver's rounding
 _PLACES_M = 0.5  # between the normals at which a body alone is looked at
 _ROOM_M = 40.0  # of path beyond the ends of a road: more than any vehicle's length
@@ -40,11 +40,17 @@ class Resolution(NamedTuple):
     cell: float
 
 
-# Coarse and fine. The coarse one proves what lacks some centimetres more, in a fraction of the time.
-RIGID = (Resolution(0.1, 1e-3), Resolution(0.05, 5e-4))
+# The coarse one first, which proves what lacks some centimetres more, in a fraction of the time.
+# Short steps leave less to be done unseen between two stations, narrow cells per step less to be turned by rounding: no one is always best.
+RIGID = (Resolution(0.1, 1e-3), Resolution(0.05, 5e-4), Resolution(0.2, 2e-4))
 ARTICULATED = (Resolution(0.2, 4e-3), Resolution(0.1, 2e-3))
 
-Follow = Callable[[Beside, bool, float, float], tuple[Frame, Reached]]  # what is free, fine or coarse, from where to where [m]
+
+class Follow(NamedTuple):
+    """What follows the leading units: in some free space, at a resolution, from where to where [m]."""
+
+    run: Callable[[Beside, Resolution, float, float], tuple[Frame, Reached]]
+    resolutions: tuple[Resolution, ...]
 
 
 def proof_of(case: Case, s_from: float | None = None, s_to: float | None = None) -> Proof | None:
@@ -59,7 +65,7 @@ def proof_of(case: Case, s_from: float | None = None, s_to: float | None = None)
     if last - first < _PLACES_M:
         return None
     road = replace(case.road, path=case.road.path.extended(_ROOM_M, _ROOM_M))
-    reach = sum(reach_of(outline_of(unit, two_regions=False)) for unit in case.vehicle.units[:2])
+    reach = sum(outline_of(unit, two_regions=False).reach for unit in case.vehicle.units[:2])
     room, less = KEPT_M + ROUNDING_M - case.settings.clearance, LESS_M[len(followed(case.vehicle)) > 1]
     around = 3.0 * reach + 15.0  # more than any point's foot lies from the axle's
     space, tighter = (beside(road, first - around, last + around, room=one) for one in (room, room - less))
@@ -77,7 +83,7 @@ def _by_place(road: Road, vehicle: Vehicle, space: Beside, first: float, last: f
         if not len(stations):
             continue
         outline = outline_of(unit, two_regions=two_regions)
-        reach = reach_of(outline)
+        reach = outline.reach
         bad = fits(outline, space, two_regions, frame_of(road.path, stations), reach, bins_for(reach))
         if bad >= 0:
             return Proof("place", float(stations[bad]), float(stations[bad]), number)
@@ -94,33 +100,35 @@ def _by_motion(road: Road, vehicle: Vehicle, spaces: tuple[Beside, Beside], firs
     if follow is None:
         return None
     unit = len(followed(vehicle)) - 1
-    found = _lost(follow, spaces[0], False, first, last)
+    coarse, *fine = follow.resolutions
+    found = _lost(follow, spaces[0], coarse, first, last)
     if found is not None:
-        return _shortest(follow, spaces[0], False, first, found, unit)
+        return _shortest(follow, spaces[0], coarse, first, found, unit)
     while last - first > _PLACES_M:
-        tight = _lost(follow, spaces[1], False, first, last)
+        tight = _lost(follow, spaces[1], coarse, first, last)
         if tight is None:
             return None
         begin, end = max(first, tight - _BEFORE_M), min(last, tight + _AFTER_M)
-        found = _lost(follow, spaces[0], True, begin, end)
-        if found is not None:
-            return _shortest(follow, spaces[0], True, begin, found, unit)
+        for resolution in fine:
+            found = _lost(follow, spaces[0], resolution, begin, end)
+            if found is not None:
+                return _shortest(follow, spaces[0], resolution, begin, found, unit)
         first = end
     return None
 
 
-def _lost(follow: Follow, space: Beside, fine: bool, s_from: float, s_to: float) -> float | None:
+def _lost(follow: Follow, space: Beside, resolution: Resolution, s_from: float, s_to: float) -> float | None:
     """Return where nothing is left of the reachable set [m], None if something is."""
-    frame, found = follow(space, fine, s_from, s_to)
+    frame, found = follow.run(space, resolution, s_from, s_to)
     return None if found.empty < 0 else float(frame.s[found.empty])
 
 
-def _shortest(follow: Follow, space: Beside, fine: bool, first: float, s_to: float, unit: int) -> Proof:
+def _shortest(follow: Follow, space: Beside, resolution: Resolution, first: float, s_to: float, unit: int) -> Proof:
     """Return the proof with the shortest stretch of a few on which the set is lost."""
     for length in _LENGTHS_M:
         if s_to - length <= first:
             break
-        lost = _lost(follow, space, fine, s_to - length, s_to + _PLACES_M)
+        lost = _lost(follow, space, resolution, s_to - length, s_to + _PLACES_M)
         if lost is not None:
             return Proof("motion", s_to - length, lost, unit)
     return Proof("motion", first, s_to, unit)
@@ -143,25 +151,25 @@ def _follower(road: Road, vehicle: Vehicle) -> Follow | None:
         return None
     lead = outline_of(units[0], two_regions=two_regions)
 
-    def alone(space: Beside, fine: bool, s_from: float, s_to: float) -> tuple[Frame, Reached]:
-        step, cell = RIGID[fine]
-        frame, reach = frame_of(road.path, np.arange(s_from, s_to, step)), reach_of(lead)
+    def alone(space: Beside, resolution: Resolution, s_from: float, s_to: float) -> tuple[Frame, Reached]:
+        step, cell = resolution
+        frame, reach = frame_of(road.path, np.arange(s_from, s_to, step)), lead.reach
         return frame, reachable(lead, kappa, space, two_regions, frame, grid_of(frame, cell), reach, bins_for(reach), *nothing)
 
     if len(units) == 1:
-        return alone
+        return Follow(alone, RIGID)
     behind = outline_of(units[1], two_regions=two_regions)
-    behind = Outline(behind.points - np.array([units[1].wheelbase, 0.0]), behind.region)  # seen from the coupling
-    coupling, reach = coupling_of(*units), max(reach_of(lead), reach_of(behind) + abs(units[0].hitch_offset))
+    behind = seen_from(behind, units[1].wheelbase)  # from the coupling
+    coupling, reach = coupling_of(*units), max(lead.reach, behind.reach + abs(units[0].hitch_offset))
 
-    def together(space: Beside, fine: bool, s_from: float, s_to: float) -> tuple[Frame, Reached]:
-        step, cell = ARTICULATED[fine]
+    def together(space: Beside, resolution: Resolution, s_from: float, s_to: float) -> tuple[Frame, Reached]:
+        step, cell = resolution
         frame = frame_of(road.path, np.arange(s_from, s_to, step))
         return frame, reachable_with_trailer(
             lead, behind, coupling, kappa, space, two_regions, frame, grid_of(frame, cell), cell, reach, bins_for(reach)
         )
 
-    return together
+    return Follow(together, ARTICULATED)
 
 
 def _two_regions(road: Road) -> bool:

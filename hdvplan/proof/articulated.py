@@ -14,7 +14,7 @@ from hdvplan.jit import BoolArray, FloatArray, IntArray, compiled
 from hdvplan.proof.coupling import Coupling
 from hdvplan.proof.poses import Loose, Outline, trim
 from hdvplan.proof.reach import Grid, Reached, most_turned
-from hdvplan.proof.space import MOST, Beside, Frame, axle_room, free_space, window_of
+from hdvplan.proof.space import MOST, Beside, Frame, axle_room, corners_near, free_space, window_of
 
 SIDES = 16
 SCALE = 8.0  # of W: about the length over which a trailer turns [m]
@@ -41,7 +41,7 @@ def reachable_with_trailer(
     directions = np.empty((SIDES, 2))
     for d in range(SIDES):
         directions[d, 0], directions[d, 1] = np.cos(2.0 * np.pi * d / SIDES), np.sin(2.0 * np.pi * d / SIDES)
-    window, near = np.zeros(2, np.int64), np.empty(2)
+    window, near, corners = np.zeros(2, np.int64), np.empty(2), np.empty_like(beside.corners)
     low, high, right, left = np.full(stations, np.nan), np.full(stations, np.nan), np.full(stations, np.nan), np.full(stations, np.nan)
     filled = np.zeros(stations, np.int64)
     widest_x = min(-coupling.first, coupling.first + coupling.step * (coupling.rate.size - 1)) + grid.size
@@ -50,6 +50,7 @@ def reachable_with_trailer(
     for i in range(stations):
         window_of(beside, frame.s[i], reach, window)
         axle_room(beside, frame, i, near)
+        sharp = corners_near(beside, frame, i, reach, corners)
         for region in range(0 if two_regions else 1, 2):
             free_space(beside, region, window, frame.x[i], frame.y[i], frame.heading[i], near, bins, count[region], lines[region])
         lowest = max(0, int(np.ceil((frame.heading[i] - SIDEWAYS - grid.first) / grid.size)) - 1)
@@ -70,7 +71,9 @@ def reachable_with_trailer(
                 theta = grid.first + (j + 0.5) * grid.size
                 h[j, SIDES // 4] = min(h[j, SIDES // 4], SCALE * (theta + widest_x))
                 h[j, 3 * SIDES // 4] = min(h[j, 3 * SIDES // 4], SCALE * (widest_x - theta))
-                full[j] = _trimmed(lead, trailer, coupling, frame, grid, directions, strip, i, j, count, lines, near, allowed, h[j])
+                full[j] = _trimmed(
+                    lead, trailer, coupling, frame, grid, directions, strip, i, j, corners[:sharp], count, lines, near, allowed, h[j]
+                )
                 if full[j]:
                     first, last = min(first, j), max(last, j + 1)
                     filled[i] += 1
@@ -200,14 +203,14 @@ def _support(directions: FloatArray, h: FloatArray, x: float, y: float) -> float
 @compiled
 def _trimmed(
     lead: Outline, trailer: Outline, coupling: Coupling, frame: Frame, grid: Grid, directions: FloatArray, strip: float, i: int, j: int,
-    count: IntArray, lines: FloatArray, near: FloatArray, allowed: FloatArray, h: FloatArray,
+    corners: FloatArray, count: IntArray, lines: FloatArray, near: FloatArray, allowed: FloatArray, h: FloatArray,
 ) -> bool:  # fmt: skip
     """Cut a polygon down to where both bodies may fit; return whether anything is left. ``allowed``: see ``_trailer_room``."""
     half, quarter = SIDES // 2, SIDES // 4
     turned = grid.first + (j + 0.5) * grid.size - frame.heading[i]
     pieces, room = np.empty((MOST, 2)), np.empty((2 * MOST, 2))
     pieces[0, 0], pieces[0, 1] = -h[half], h[0]
-    number = trim(lead, Loose(turned, 0.5 * grid.size, 0.0, 0.0, 0.0), count, lines, pieces, 1, room)
+    number = trim(lead, Loose(turned, 0.5 * grid.size, 0.0, 0.0, 0.0), corners, count, lines, pieces, 1, room)
     if number == 0:
         return False
     h[half], h[0] = -pieces[0, 0], pieces[number - 1, 1]
@@ -237,7 +240,9 @@ def _trimmed(
         entry = min(max(int(at), 0), coupling.angle.size - 2)
         over = min(max(at - entry, 0.0), 1.0)
         gamma = coupling.angle[entry] + over * (coupling.angle[entry + 1] - coupling.angle[entry])
-        free_low, free_high = _trailer_room(trailer, coupling, turned, turned - gamma, spread, strip, i + 1, count, lines, near, allowed)
+        free_low, free_high = _trailer_room(
+            trailer, coupling, turned, turned - gamma, spread, strip, i + 1, corners, count, lines, near, allowed
+        )
         low, high = max(low, free_low + aside - give), min(high, free_high + aside + give)
         if low > high:
             continue
@@ -254,8 +259,8 @@ def _trimmed(
 
 @compiled
 def _trailer_room(
-    trailer: Outline, coupling: Coupling, turned: float, heading: float, spread: float, strip: float, station: int, count: IntArray,
-    lines: FloatArray, near: FloatArray, allowed: FloatArray,
+    trailer: Outline, coupling: Coupling, turned: float, heading: float, spread: float, strip: float, station: int,
+    corners: FloatArray, count: IntArray, lines: FloatArray, near: FloatArray, allowed: FloatArray,
 ) -> tuple[float, float]:  # fmt: skip
     """Return between which offsets the coupling can lie, when the trailer's heading is within ``spread`` of ``heading`` off the road's.
 
@@ -275,7 +280,7 @@ def _trailer_room(
         if allowed[leading, c, 2] != station:
             pieces[0, 0], pieces[0, 1] = near[0] - reach, near[1] + reach
             pose = Loose((c + 0.5) * strip - np.pi, 0.5 * strip, u, 0.0, give)
-            number = trim(trailer, pose, count, lines, pieces, 1, room)
+            number = trim(trailer, pose, corners, count, lines, pieces, 1, room)
             allowed[leading, c, 0] = pieces[0, 0] if number > 0 else np.inf
             allowed[leading, c, 1] = pieces[number - 1, 1] if number > 0 else -np.inf
             allowed[leading, c, 2] = station

@@ -46,30 +46,11 @@ def _squeezed(pieces: FloatArray, total: int, low: float, high: float) -> int:
 
 
 @compiled
-def common(pieces: FloatArray, number: int, room: FloatArray, free: int) -> int:
-    """Replace ``pieces`` by what they have in common with the intervals ``room``; return how many are left."""
-    if number == 1 and free == 1:  # nearly always
-        pieces[0, 0], pieces[0, 1] = max(pieces[0, 0], room[0, 0]), min(pieces[0, 1], room[0, 1])
-        return 1 if pieces[0, 0] <= pieces[0, 1] else 0
-    most = 2 * pieces.shape[0]
-    out = np.empty((most, 2))
-    total, p, f = 0, 0, 0
-    while p < number and f < free:
-        low, high = max(pieces[p, 0], room[f, 0]), min(pieces[p, 1], room[f, 1])
-        if low <= high:
-            out[total, 0], out[total, 1] = low, high
-            total += 1
-        if pieces[p, 1] < room[f, 1]:
-            p += 1
-        else:
-            f += 1
-        if total == most:
-            break
-    if p < number and f < free:  # more than can be told apart
-        out[total - 1, 1] = max(out[total - 1, 1], pieces[number - 1, 1])
-    while total > pieces.shape[0]:
-        out[total - 2, 1] = out[total - 1, 1]
-        total -= 1
-    for k in range(total):
-        pieces[k, 0], pieces[k, 1] = out[k, 0], out[k, 1]
-    return total
+def kept(found: FloatArray, number: int, pieces: FloatArray) -> int:
+    """Copy intervals to where there is room for fewer, the last of which are joined; return how many there are."""
+    while number > pieces.shape[0]:
+        found[number - 2, 1] = found[number - 1, 1]
+        number -= 1
+    for k in range(number):
+        pieces[k, 0], pieces[k, 1] = found[k, 0], found[k, 1]
+    return number

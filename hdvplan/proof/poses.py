@@ -6,13 +6,15 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hdvplan.jit import FloatArray, IntArray, compiled
-from hdvplan.proof.intervals import common, joined
-from hdvplan.proof.space import BIN_M, MOST, Beside, Frame, axle_room, free_space, window_of
+from hdvplan.proof.intervals import joined, kept
+from hdvplan.proof.space import BIN_M, MOST, Beside, Frame, axle_room, corners_near, free_space, window_of
 from hdvplan.vehicle.model import Unit
 
 _SAME_M = 1e-9
+SMALL = 1e-9  # sine of a body that lies along the road
 _CELL = 2e-3  # of heading, for a body alone [rad]
 POINTS_M = 0.4  # between the points of an outline that are looked at: a bend of 8 m of radius reaches 2.5 mm in between
 
@@ -22,6 +24,10 @@ class Outline(NamedTuple):
 
     points: FloatArray
     region: IntArray  # 0: the drivable one, 1: the one for overhangs
+    rear: float  # of the body, ahead of the point of reference [m]
+    front: float
+    half: float  # width [m]
+    reach: float  # of the furthest point [m]
 
 
 class Loose(NamedTuple):
@@ -51,20 +57,35 @@ def outline_of(unit: Unit, *, two_regions: bool) -> Outline:
     # Corners first: they rule out most poses at once.
     order = np.argsort(-np.abs(np.concatenate(points)[:, 0] - 0.5 * (ends[0] + ends[-1])), kind="stable")
     region = np.where(whole, 1, 0) if two_regions else np.ones(len(whole))
-    return Outline(np.ascontiguousarray(np.concatenate(points)[order]), np.ascontiguousarray(region[order].astype(np.int64)))
+    return _outline(np.concatenate(points)[order], region[order])
 
 
-def reach_of(outline: Outline) -> float:
-    """Return how far a body's outline lies from its axle [m]."""
-    return float(np.max(np.hypot(outline.points[:, 0], outline.points[:, 1])))
+def seen_from(outline: Outline, ahead: float) -> Outline:
+    """Return an outline whose point of reference lies ``ahead`` of the old one [m]."""
+    return _outline(outline.points - np.array([ahead, 0.0]), outline.region)
+
+
+def _outline(points: FloatArray, region: NDArray[np.generic]) -> Outline:
+    reach = float(np.max(np.hypot(points[:, 0], points[:, 1])))
+    ends = float(np.min(points[:, 0])), float(np.max(points[:, 0])), float(np.max(points[:, 1]))
+    return Outline(np.ascontiguousarray(points), np.ascontiguousarray(region.astype(np.int64)), *ends, reach)
 
 
 @compiled
-def trim(outline: Outline, pose: Loose, count: IntArray, lines: FloatArray, pieces: FloatArray, number: int, room: FloatArray) -> int:
+def trim(
+    outline: Outline,
+    pose: Loose,
+    corners: FloatArray,
+    count: IntArray,
+    lines: FloatArray,
+    pieces: FloatArray,
+    number: int,
+    room: FloatArray,
+) -> int:
     """Cut ``pieces`` (MOST, 2), rising intervals of the axle's offset e, down to where a body may fit; return how many are left.
 
-    ``count`` and ``lines`` (2, bins, ...) are ``free_space`` in the road's frame, by regions. ``room`` is memory like ``pieces``, twice as
-    long. What is cut off fits nowhere in ``pose``.
+    ``count`` and ``lines`` (2, bins, ...) are ``free_space`` in the road's frame, by regions, ``corners`` (n, 2) those of obstacles there.
+    ``room`` is memory like ``pieces``, twice as long. What is cut off fits nowhere in ``pose``.
     """
     cos, sin = np.cos(pose.turned), np.sin(pose.turned)
     bins = count.shape[1]
@@ -85,15 +106,48 @@ def trim(outline: Outline, pose: Loose, count: IntArray, lines: FloatArray, piec
             if pieces[0, 0] > pieces[0, 1]:
                 return 0
             continue
-        free = 0
+        left_over = 0
         for b in range(low_bin, high_bin + 1):
             over = u - (b - middle) * BIN_M
             for c in range(count[region, b]):
                 of_low, of_high = lines[region, b, c, 2], lines[region, b, c, 3]
                 low = lines[region, b, c, 0] + of_low * over - abs(of_low) * du - dv - v
                 high = lines[region, b, c, 1] + of_high * over + abs(of_high) * du + dv - v
-                free = joined(room, free, low, high)
-        number = common(pieces, number, room, free)
+                for k in range(number):
+                    left_over = joined(room, left_over, max(low, pieces[k, 0]), min(high, pieces[k, 1]))
+        number = kept(room, left_over, pieces)
+        if number == 0:
+            return 0
+    if corners.shape[0] > 0:
+        number = _off_corners(outline, pose, corners, pieces, number, room)
+    return number
+
+
+@compiled
+def _off_corners(outline: Outline, pose: Loose, corners: FloatArray, pieces: FloatArray, number: int, room: FloatArray) -> int:
+    """Cut off where a corner of an obstacle would lie inside the body, however that is turned and placed within ``pose``."""
+    cos, sin = np.cos(pose.turned), np.sin(pose.turned)
+    give = pose.give + outline.reach * pose.spread
+    rear, front, half = outline.rear + give, outline.front - give, outline.half - give
+    if rear >= front or half <= 0.0:
+        return number
+    for n in range(corners.shape[0]):
+        u = corners[n, 0] - pose.u  # the body meets the line of this u between two points, at these distances left of its axis
+        low, high = -half, half
+        if abs(sin) > SMALL:
+            a, b = (rear * cos - u) / sin, (front * cos - u) / sin
+            low, high = max(low, min(a, b)), min(high, max(a, b))
+        elif not rear < u < front:
+            continue
+        if low >= high:
+            continue
+        middle = corners[n, 1] - pose.v - u * sin / cos
+        below, above = middle - high / cos, middle - low / cos  # e in between has the corner inside
+        left_over = 0
+        for k in range(number):
+            left_over = joined(room, left_over, pieces[k, 0], min(pieces[k, 1], below))
+            left_over = joined(room, left_over, max(pieces[k, 0], above), pieces[k, 1])
+        number = kept(room, left_over, pieces)
         if number == 0:
             return 0
     return number
@@ -104,18 +158,19 @@ def fits(outline: Outline, beside: Beside, two_regions: bool, frame: Frame, reac
     """Return the first station at which the body fits in no pose, its axle on the normal there; -1 if there is none."""
     count, lines = np.zeros((2, bins), np.int64), np.empty((2, bins, MOST, 4))
     pieces, room = np.empty((MOST, 2)), np.empty((2 * MOST, 2))
-    window, near = np.zeros(2, np.int64), np.empty(2)
+    window, near, corners = np.zeros(2, np.int64), np.empty(2), np.empty_like(beside.corners)
     cells = int(0.5 * np.pi / _CELL) + 1
     for i in range(frame.s.size):
         window_of(beside, frame.s[i], reach, window)
         axle_room(beside, frame, i, near)
         for region in range(0 if two_regions else 1, 2):
             free_space(beside, region, window, frame.x[i], frame.y[i], frame.heading[i], near, bins, count[region], lines[region])
+        found_corners = corners_near(beside, frame, i, reach, corners)
         found = False
         for cell in range(2 * cells):  # the headings along the road first
             turned = (cell // 2 + 0.5) * _CELL * (1.0 if cell % 2 == 0 else -1.0)
             pieces[0, 0], pieces[0, 1] = near[0], near[1]
-            if trim(outline, Loose(turned, 0.5 * _CELL, 0.0, 0.0, 0.0), count, lines, pieces, 1, room) > 0:
+            if trim(outline, Loose(turned, 0.5 * _CELL, 0.0, 0.0, 0.0), corners[:found_corners], count, lines, pieces, 1, room) > 0:
                 found = True
                 break
         if not found:

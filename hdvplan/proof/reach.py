@@ -21,7 +21,7 @@ import numpy as np
 from hdvplan.jit import FloatArray, IntArray, compiled, inlined
 from hdvplan.proof.intervals import joined
 from hdvplan.proof.poses import Loose, Outline, trim
-from hdvplan.proof.space import MOST, Beside, Frame, axle_room, free_space, window_of
+from hdvplan.proof.space import MOST, Beside, Frame, axle_room, corners_near, free_space, window_of
 
 _ITERATIONS, _CONVERGED = 40, 1e-6  # [rad]
 _STEEPEST = 1.5  # where chords get that long, cells reach to WIDEST, and the station counts as unbounded [rad]
@@ -68,7 +68,7 @@ def reachable(
     number, pieces = np.zeros(grid.cells, np.int64), np.empty((grid.cells, MOST, 2))
     before, former = np.zeros(grid.cells, np.int64), np.empty((grid.cells, MOST, 2))
     room, slopes = np.empty((2 * MOST, 2)), np.empty((2 * grid.cells, 2))
-    window, near = np.zeros(2, np.int64), np.empty(2)
+    window, near, corners = np.zeros(2, np.int64), np.empty(2), np.empty_like(beside.corners)
     low, high, right, left = np.full(stations, np.nan), np.full(stations, np.nan), np.full(stations, np.nan), np.full(stations, np.nan)
     filled = np.zeros(stations, np.int64)
     opened = -1
@@ -76,6 +76,7 @@ def reachable(
     for i in range(stations):
         window_of(beside, frame.s[i], reach, window)
         axle_room(beside, frame, i, near)
+        sharp = corners_near(beside, frame, i, reach, corners)
         for region in range(0 if two_regions else 1, 2):
             free_space(beside, region, window, frame.x[i], frame.y[i], frame.heading[i], near, bins, count[region], lines[region])
         fresh = i == 0 or opened == i - 1
@@ -98,7 +99,9 @@ def reachable(
         for j in range(begin, end):
             if number[j] > 0:
                 turned = grid.first + (j + 0.5) * grid.size - frame.heading[i]
-                number[j] = trim(outline, Loose(turned, 0.5 * grid.size, 0.0, 0.0, 0.0), count, lines, pieces[j], number[j], room)
+                number[j] = trim(
+                    outline, Loose(turned, 0.5 * grid.size, 0.0, 0.0, 0.0), corners[:sharp], count, lines, pieces[j], number[j], room
+                )
                 if number[j] > 0:
                     first, last = min(first, j), max(last, j + 1)
                     filled[i] += 1

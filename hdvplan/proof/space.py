@@ -38,12 +38,13 @@ class Beside(NamedTuple):
     """What lies beside a stretch of road in the plane; quadrilaterals in order of s, the first and last reach beyond the stretch.
 
     ``quads`` (2, n, 4, 2) [m]: for wheels, and for whole bodies; corners right and left at one normal, left and right at the next.
-    ``s`` (n + 1,): arclengths of the normals [m]. ``blocked`` (m, 3, 2): triangles of obstacles.
+    ``s`` (n + 1,): arclengths of the normals [m]. ``blocked`` (m, 3, 2): triangles of obstacles, ``corners`` (k, 2): their corners.
     """
 
     quads: FloatArray
     s: FloatArray
     blocked: FloatArray
+    corners: FloatArray
 
 
 class Frame(NamedTuple):
@@ -77,7 +78,7 @@ def beside(road: Road, s_from: float, s_to: float, *, room: float) -> Beside | N
     point = road.path.at(s)
     inside = _FOLD / np.maximum(np.abs(point.curvature), 1e-9)
     quads = np.stack([_quads(point, inside, table[2 * region], table[2 * region + 1], room) for region in (0, 1)])
-    return Beside(quads, np.concatenate([[s[0] - _OUTSIDE_M], s, [s[-1] + _OUTSIDE_M]]), _blocked(obstacles, room))
+    return Beside(quads, np.concatenate([[s[0] - _OUTSIDE_M], s, [s[-1] + _OUTSIDE_M]]), *_blocked(obstacles, room))
 
 
 def _quads(point: PathPoint, inside: FloatArray, left: FloatArray, right: FloatArray, room: float) -> FloatArray:
@@ -99,15 +100,16 @@ def _quads(point: PathPoint, inside: FloatArray, left: FloatArray, right: FloatA
     return np.ascontiguousarray(np.concatenate([np.stack(first)[None], strips, np.stack(last)[None]]))
 
 
-def _blocked(obstacles: list[shapely.Polygon], room: float) -> FloatArray:
-    """Return the triangles of all obstacles, each smaller by ``room`` or, where that is negative, larger; rounded inwards."""
-    found = []
+def _blocked(obstacles: list[shapely.Polygon], room: float) -> tuple[FloatArray, FloatArray]:
+    """Return triangles and corners of all obstacles, each smaller by ``room`` or, where that is negative, larger; rounded inwards."""
+    found, corners = [np.empty((0, 3, 2))], [np.empty((0, 2))]
     for obstacle in obstacles:
         # A chord of an arc lies inside a larger obstacle; corners of a smaller one stay corners.
         moved = obstacle.buffer(-room, quad_segs=16, join_style="mitre" if room > 0.0 else "round")
         triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(moved))
-        found += [np.asarray(part.exterior.coords)[:3] for part in triangles]
-    return np.ascontiguousarray(np.stack(found)) if found else np.empty((0, 3, 2))
+        found += [np.asarray(part.exterior.coords)[None, :3] for part in triangles]
+        corners.append(shapely.get_coordinates(moved))
+    return np.ascontiguousarray(np.concatenate(found)), np.ascontiguousarray(np.concatenate(corners))
 
 
 @compiled
@@ -133,17 +135,21 @@ def free_space(
             corners[k, c, 0], corners[k, c, 1] = u, py * cos - px * sin
             low, high = min(low, u), max(high, u)
         extent[k, 0], extent[k, 1] = low, high
-    m = beside.blocked.shape[0]
-    tri = np.empty((m, 3, 2))
-    tri_extent = np.empty((m, 2))
-    for k in range(m):
+    tri, tri_extent = np.empty_like(beside.blocked), np.empty((beside.blocked.shape[0], 2))
+    far = BIN_M * bins
+    m = 0  # triangles near by
+    for k in range(beside.blocked.shape[0]):
         low, high = np.inf, -np.inf
+        v_low, v_high = np.inf, -np.inf
         for c in range(3):
             px, py = beside.blocked[k, c, 0] - x, beside.blocked[k, c, 1] - y
             u = px * cos + py * sin
-            tri[k, c, 0], tri[k, c, 1] = u, py * cos - px * sin
-            low, high = min(low, u), max(high, u)
-        tri_extent[k, 0], tri_extent[k, 1] = low, high
+            v = py * cos - px * sin
+            tri[m, c, 0], tri[m, c, 1] = u, v
+            low, high, v_low, v_high = min(low, u), max(high, u), min(v_low, v), max(v_high, v)
+        if high >= -far and low <= far and v_high >= -far and v_low <= far:
+            tri_extent[m, 0], tri_extent[m, 1] = low, high
+            m += 1
     middle = bins // 2
     met = np.empty(n, np.int64)
     spans = np.empty((n, 2))
@@ -304,3 +310,17 @@ def axle_room(beside: Beside, frame: Frame, i: int, near: FloatArray) -> None:
         for c in range(4):
             v = (beside.quads[1, k, c, 1] - frame.y[i]) * cos - (beside.quads[1, k, c, 0] - frame.x[i]) * sin
             near[0], near[1] = min(near[0], v), max(near[1], v)
+
+
+@compiled
+def corners_near(beside: Beside, frame: Frame, i: int, reach: float, corners: FloatArray) -> int:
+    """Write those corners of obstacles that a body can touch into ``corners``, in the road's frame, and return how many they are."""
+    cos, sin = np.cos(frame.heading[i]), np.sin(frame.heading[i])
+    number = 0
+    for n in range(beside.corners.shape[0]):
+        x, y = beside.corners[n, 0] - frame.x[i], beside.corners[n, 1] - frame.y[i]
+        u = x * cos + y * sin
+        if abs(u) <= reach:
+            corners[number, 0], corners[number, 1] = u, y * cos - x * sin
+            number += 1
+    return number
