@@ -52,6 +52,13 @@ def test_a_solver_that_fails_cannot_win_however_fast_it_is(bad: Measurement) -> 
     assert "not ranked with it: hasty" in told.text or "only solver with accepted steps" in told.text
 
 
+def test_a_solver_that_fails_later_takes_no_win_by_the_steps_that_it_did_fast() -> None:
+    hasty = made_up([0.1, 0.0001], outcome=FAILED, message="no")
+    told = finding(tables(hasty=[hasty], riccati=[made_up([0.1, 0.001, 0.001])]))
+    assert (told.winner, told.runner_up, told.ratio) == ("riccati", None, None)
+    assert told.text == "bus, rti: riccati is the only solver with all its steps accepted, 1 ms a step; not ranked with it: hasty"
+
+
 def test_a_solver_that_its_budget_stopped_is_compared_over_the_steps_that_both_did() -> None:
     found = tables(slow=[made_up([0.1, 0.010], outcome=OVER_BUDGET, shift=None)], riccati=[made_up([0.1, 0.001, 0.009])])
     assert finding(found).ratio == pytest.approx(10.0)
