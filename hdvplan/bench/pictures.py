@@ -134,7 +134,7 @@ def _distribution(axes: Axes, shown: Pictured) -> None:
         axes.plot([first, third], [row, row], color=colour, linewidth=6.0, solid_capstyle="butt")
         axes.plot([middle], [row], marker="|", markersize=11.0, markeredgewidth=1.6, color="white")
         axes.plot([ms[-1]], [row], marker=".", color=colour)
-    axes.set(xscale="log", xlabel="step [ms]", yticks=range(len(solvers)), yticklabels=solvers, ylim=(len(solvers) - 0.5, -0.5))
+    axes.set(xscale="log", xlabel="step [ms]", yticks=range(len(solvers)), yticklabels=solvers, ylim=(max(len(solvers), 1) - 0.5, -0.5))
     axes.grid(visible=True, axis="x")
     axes.tick_params(axis="y", length=0.0)
     _plain(axes, "x")

@@ -65,7 +65,7 @@ def pictured(samples: pd.DataFrame, timing: pd.DataFrame, order: Sequence[str]) 
         ratios,
         {solver: np.sort(good.loc[good["solver"] == solver, "ms"].to_numpy(np.float64)) for solver in order},
         ", ".join(course),
-        tuple(_along(samples, good, course, solver) for solver in order),
+        tuple(_along(samples, good, course, solver) for solver in order) if course else (),
         {solver: _cells(timing[timing["solver"] == solver]) for solver in order},
     )
 
@@ -81,7 +81,9 @@ def share_within(ratios: FloatArray, at: FloatArray) -> FloatArray:
 
 
 def _most_binding(ranked: pd.DataFrame) -> tuple[str, ...]:
-    """Return the course on which limits bind in most steps."""
+    """Return the course on which limits bind in most steps; nothing where no step was planned."""
+    if ranked.empty:
+        return ()
     held = ranked.groupby(COURSE, sort=False)["binding"].sum()
     where = held.idxmax()
     return tuple(map(str, where)) if isinstance(where, tuple) else (str(where),)
