@@ -28,6 +28,7 @@ from hdvplan.vehicle.model import Unit, Vehicle
 _DEGREE = 5
 _SAME_M = 1e-9  # the B-spline must be the road to within this
 _REACH_M = 25.0  # road beyond the horizon's ends on which body points may have their feet
+_EVALUATIONS = ("nlp_f", "nlp_g", "nlp_grad_f", "nlp_jac_g", "nlp_hess_l")  # as CasADi's statistics name them
 _SUCCESS = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
 
 
@@ -40,6 +41,7 @@ class Optimum:
     solved: bool
     iterations: int
     seconds: float
+    evaluating: float  # of these, in CasADi's functions and derivatives; the rest is IPOPT with its linear solver
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,8 @@ class ExactNlp:
         z = np.vstack([self.z_start, x[: n * self.stages].reshape(self.stages, n)])
         stats = self.solver.stats()
         kappa = x[n * self.stages : (n + 1) * self.stages]
-        return Optimum(z, kappa, stats["return_status"] in _SUCCESS, int(stats["iter_count"]), seconds)
+        evaluating = sum(float(stats[f"t_wall_{name}"]) for name in _EVALUATIONS)
+        return Optimum(z, kappa, stats["return_status"] in _SUCCESS, int(stats["iter_count"]), seconds, evaluating)
 
 
 def exact_nlp(
@@ -114,7 +117,7 @@ def exact_nlp(
         margin = np.repeat(settings.clearance + points["margin"][ahead], starts.shape[1])
         rows += [(ca.vec(along), 0.0, 0.0), (ca.vec(clearance) - ca.DM(margin), 0.0, np.inf)]
     program = {"x": ca.vertcat(*(part[0] for part in parts)), "f": cost, "g": ca.vertcat(*(row[0] for row in rows))}
-    options = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False, "ipopt.tol": tolerance}
+    options = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False, "record_time": True, "ipopt.tol": tolerance}
     bounds = {
         "x0": np.concatenate([part[1] for part in parts]),
         "lbx": np.concatenate([np.full(len(part[1]), -part[2]) for part in parts]),

@@ -61,15 +61,16 @@ def compare(case: Case, repeats: int) -> dict[str, object]:
     exact, plan = solved(CONVERGED_TOLERANCE)(), planned(CONVERGED)
     again = solved(SAME_TOLERANCE)
     plans, optima = zip(*((planned(USER), again()) for _ in range(repeats)), strict=True)
-    sqp, ipopt = min(one.times.total for one in plans), min(one.seconds for one in optima)
+    sqp, fastest = min(one.times.total for one in plans), min(optima, key=lambda one: one.seconds)
     return {
         "sqp_ms": 1e3 * sqp,
         "sqp_max_ms": 1e3 * max(one.times.total for one in plans),
         "sqp_qps": plans[0].qp_count,
-        "ipopt_ms": 1e3 * ipopt,
+        "ipopt_ms": 1e3 * fastest.seconds,
+        "ipopt_evaluating_ms": 1e3 * fastest.evaluating,
         "ipopt_max_ms": 1e3 * max(one.seconds for one in optima),
         "ipopt_iterations": optima[0].iterations,
-        "ratio": ipopt / sqp,
+        "ratio": fastest.seconds / sqp,
         "optima_differ_m": float(np.max(np.abs(exact.z[:, 0] - plan.z[:, 0]))),
         "sqp_off_m": float(np.max(np.abs(exact.z[:, 0] - plans[0].z[:, 0]))),
         "ipopt_solved": exact.solved and all(one.solved for one in optima),
@@ -83,7 +84,8 @@ def markdown(table: pd.DataFrame) -> str:
     caption = (
         "A drive's first plan from nothing, horizon 100 m, step 0.5 m. SQP: riccati, until no state moves by 1e-4; IPOPT: the exact NLP "
         f"with its exact Hessian and MUMPS, tolerance {SAME_TOLERANCE:g}, building and differentiating it not counted. ms: fastest of the "
-        "repeats. optima differ: largest difference of e_y with both converged "
+        "repeats; evaluating: the part of it in functions and derivatives, by CasADi's statistics. optima differ: largest difference of "
+        "e_y with both converged "
         f"(SQP {CONVERGED.sqp_tolerance:g}, IPOPT {CONVERGED_TOLERANCE:g}); sqp off: the same at the user's tolerance. "
         f"One thread, {facts['processor']}, {facts['python']}."
     )

@@ -51,9 +51,24 @@ class Finding:
 Rule = Callable[[WorkspaceMaker, Sequence[Recorded]], Finding]
 
 
-@cache
 def samples() -> tuple[Recorded, ...]:
-    """Return programs of drives in which limits are off, inactive, binding and unkeepable, with their solutions by the default solver."""
+    """Return programs of drives in which limits are off, inactive, binding and unkeepable, with their solutions by the default solver.
+
+    They are new copies every time: a solver that writes to one spoils no other rule.
+    """
+    return tuple(
+        replace(
+            each,
+            qp=StageQp(each.qp.shape, each.qp.buffer.copy()),
+            guess=None if each.guess is None else copied(each.guess),
+            point=copied(each.point),
+        )
+        for each in _recorded()
+    )
+
+
+@cache
+def _recorded() -> tuple[Recorded, ...]:
     found: list[Recorded] = []
     for vehicle, half_width in _COURSES:
         road = SCENARIOS["uturn"]()

@@ -15,6 +15,7 @@ Where limits can be kept rows are hard; where they cannot, every row has an elas
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,9 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from hdvplan.bench.courses import cases_of
 from hdvplan.bench.recording import Recorded, record
+from hdvplan.bench.suite import AS_SET, Suite
 from hdvplan.case import Case
 from hdvplan.errors import OptionError
 from hdvplan.fileio import json_bytes, write_atomically
@@ -33,6 +36,21 @@ from hdvplan.solvers.sparse import SparseQp
 
 _TOLERANCE = 1e-11  # of the solutions
 _ACTIVE = 1e-6  # a multiplier beyond this belongs to an active row
+
+
+def cases_to_export(suite: Suite) -> list[Case]:
+    """Return the cases of a suite's first solver, one a file: a class of limits is part of the road's name, as nothing else tells it.
+
+    Raises:
+        RoadError: a road that cannot be read, or a pinch that closes it.
+        VehicleError: a vehicle that cannot be read.
+
+    """
+    return [
+        case if cell.limits == AS_SET else replace(case, road=replace(case.road, name=f"{case.road.name}-{cell.limits}"))
+        for cell, case in zip(suite.cells(), cases_of(suite), strict=True)
+        if cell.solver == suite.solvers[0]
+    ]
 
 
 def export(cases: Sequence[Case], directory: Path, most: int | None = None) -> list[Path]:

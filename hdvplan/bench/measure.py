@@ -10,10 +10,11 @@ import numpy as np
 
 from hdvplan.bench.acceptance import Opinions
 from hdvplan.bench.replay import Program, record, replay
-from hdvplan.bench.samples import NUMBERS, OK, OPINION, OVER_BUDGET, Judgement, Measurement, numbers_of, outcome_of
+from hdvplan.bench.samples import FAILED, NUMBERS, OK, OPINION, OVER_BUDGET, Judgement, Measurement, ended, numbers_of, outcome_of
 from hdvplan.bench.suite import Suite, tuning_key
 from hdvplan.case import Case
 from hdvplan.driving.drive import Drive, drive, warm_up
+from hdvplan.errors import HdvplanError
 from hdvplan.jit import FloatArray
 from hdvplan.judging.balance import balance_of
 from hdvplan.judging.envelope import envelope_of
@@ -51,7 +52,13 @@ class Bench:
         make = self._makers.get(solver or tuning_key(case.solver_name, limits)) or self._makers[case.solver_name]
         self._warm_up(case, REFERENCE, "the reference")
         if self._suite.sample:
-            return replay(self._programs(index), make, budget=self._suite.budget, judged=judged, alive=self._alive)
+            try:
+                programs = self._programs(index)
+            except HdvplanError as error:
+                return ended(FAILED, f"nothing was recorded: {outcome_of(error)[1]}")
+            if not programs:
+                return ended(FAILED, "nothing was recorded: the drive has only one step")
+            return replay(programs, make, budget=self._suite.budget, judged=judged, alive=self._alive)
         self._alive(0)
         self._warm_up(case, make, tuning_key(case.solver_name, limits))
         return measure(case, make, budget=self._suite.budget, judged=judged, alive=self._alive)

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from hdvplan.bench.directory import read_record, read_samples, read_table
-from hdvplan.bench.profiles import Along, Pictured, pictured, share_within
+from hdvplan.bench.profiles import Along, Pictured, order_of, pictured, share_within
 from hdvplan.fileio import write_atomically
 from hdvplan.jit import FloatArray
 from hdvplan.report.colours import FAINT, MUTED
@@ -22,7 +22,7 @@ _SIZE_IN = (11.0, 8.5)
 _DASHES = ("-", "--", ":")
 _MARKS = ("o", "s", "^", "D", "v", "P", "X")
 _COLOURS = 7  # of the style's cycle
-_ALONG = 5  # solvers drawn along the road: more lines hide each other
+_ALONG = 5  # solvers drawn along the road, those in front: more lines hide each other
 _EXACT_M = 1e-14  # where a distance of zero is drawn
 _FURTHEST = 1e4  # factor at which a profile ends
 _POINTS = 400
@@ -38,8 +38,7 @@ def draw(directory: Path, file: Path) -> None:
 
     """
     record, summary = read_record(directory), read_table(directory, "summary")
-    order = summary.groupby("solver", sort=False)["ratio"].median().sort_values(kind="stable", na_position="last").index
-    shown = pictured(read_samples(directory), read_table(directory, "timing"), [str(name) for name in order])
+    shown = pictured(read_samples(directory), read_table(directory, "timing"), order_of(summary))
     (title, caption), kind = captions_of(record), file.suffix.lower().removeprefix(".")
     if kind in {"tex", "pgf"}:
         write_atomically(file, tikz(shown, f"{title}; {caption}").encode())
@@ -135,7 +134,7 @@ def _distribution(axes: Axes, shown: Pictured) -> None:
         axes.plot([first, third], [row, row], color=colour, linewidth=6.0, solid_capstyle="butt")
         axes.plot([middle], [row], marker="|", markersize=11.0, markeredgewidth=1.6, color="white")
         axes.plot([ms[-1]], [row], marker=".", color=colour)
-    axes.set(xscale="log", xlabel="step [ms]", yticks=range(len(solvers)), yticklabels=solvers, ylim=(len(solvers) - 0.5, -0.5))
+    axes.set(xscale="log", xlabel="step [ms]", yticks=range(len(solvers)), yticklabels=solvers, ylim=(max(len(solvers), 1) - 0.5, -0.5))
     axes.grid(visible=True, axis="x")
     axes.tick_params(axis="y", length=0.0)
     _plain(axes, "x")
@@ -153,7 +152,7 @@ def _along(axes: Axes, shown: Pictured) -> None:
     axes.set(yscale="log", xlabel="s [m]", ylabel="step [ms]")
     _plain(axes, "y")
     grey = "; grey: limits bind" if held is not None and held.binding.any() else ""
-    few = f"; the {_ALONG} fastest" if len(shown.along) > _ALONG else ""
+    few = f"; the first {_ALONG} solvers" if len(shown.along) > _ALONG else ""
     _headed(axes, f"{shown.course.replace(', as set', '')}{grey}{few}")
 
 

@@ -18,7 +18,7 @@ _STEP = [*COURSE, "step"]
 
 @dataclass(frozen=True)
 class Along:
-    """The step times of one solver along one course, by s."""
+    """The times of one solver's accepted steps along one course, by s."""
 
     solver: str
     s: FloatArray  # [m]
@@ -36,6 +36,13 @@ class Pictured:
     course: str  # that ``along`` is about
     along: tuple[Along, ...]
     accuracy: Mapping[str, FloatArray]  # (cells, 2): largest distance of e_y from the optimum [m], step [ms]
+
+
+def order_of(summary: pd.DataFrame) -> list[str]:
+    """Return the solvers of a finished benchmark's summary in the order of drawing: the fastest first, those behind that left steps out."""
+    solvers = summary.groupby("solver", sort=False).agg(proved=("proved", "all"), ratio=("ratio", "median"))
+    ordered = solvers.sort_values(["proved", "ratio"], ascending=[False, True], kind="stable", na_position="last")
+    return [str(name) for name in ordered.index]
 
 
 def pictured(samples: pd.DataFrame, timing: pd.DataFrame, order: Sequence[str]) -> Pictured:
@@ -58,7 +65,7 @@ def pictured(samples: pd.DataFrame, timing: pd.DataFrame, order: Sequence[str]) 
         ratios,
         {solver: np.sort(good.loc[good["solver"] == solver, "ms"].to_numpy(np.float64)) for solver in order},
         ", ".join(course),
-        tuple(_along(samples, ranked, course, solver) for solver in order),
+        tuple(_along(samples, good, course, solver) for solver in order) if course else (),
         {solver: _cells(timing[timing["solver"] == solver]) for solver in order},
     )
 
@@ -74,7 +81,9 @@ def share_within(ratios: FloatArray, at: FloatArray) -> FloatArray:
 
 
 def _most_binding(ranked: pd.DataFrame) -> tuple[str, ...]:
-    """Return the course on which limits bind in most steps."""
+    """Return the course on which limits bind in most steps; nothing where no step was planned."""
+    if ranked.empty:
+        return ()
     held = ranked.groupby(COURSE, sort=False)["binding"].sum()
     where = held.idxmax()
     return tuple(map(str, where)) if isinstance(where, tuple) else (str(where),)

@@ -1,8 +1,9 @@
 """Which solver is the fastest, by how much, and in how many steps: pure functions over data frames.
 
 Solvers are ranked by ``step``: the shifted geometric mean over the steps, each with its fastest round, of the processor time that the
-process took. Neighbours cannot lengthen that. A solver that waits instead of working (sleeps, or asks another process) would be
-flattered: where wall time is 1.5 times as long, and that much longer than beside the other solvers, wall time counts.
+process took. Waiting for the processor is not in it; neighbours on the same core still slow it. A solver that waits instead of working
+(sleeps, or asks another process) would be flattered: where wall time is 1.5 times as long, and that much longer than beside the other
+solvers, wall time counts.
 """
 
 from __future__ import annotations

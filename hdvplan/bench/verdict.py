@@ -100,6 +100,9 @@ def _finding(group: pd.DataFrame, load: Load) -> Finding:
         return Finding(vehicle, scheme, limits, solver, None, None, won, None, f"{name}: {text}{busy}")
     second = able.iloc[1] if len(able) > 1 else rivals.iloc[0]
     rival, ratio = str(second["solver"]), float(second["ratio"])
+    if ratio < LEVEL and not second["proved"]:  # nobody who leaves steps out can draw level
+        text = f"{solver} is the only solver with all its steps accepted, {took}{failed}"
+        return Finding(vehicle, scheme, limits, solver, None, None, won, None, f"{name}: {text}{busy}")
     differ = np.max([winner["path_difference_m"], second["path_difference_m"]])  # NaN where one has no whole drive
     apart = float(differ) if np.isfinite(differ) else None
     same = "" if apart is None else f", {'the same path to' if apart < _SAME_PATH_M else 'but paths apart by'} {apart:.0e} m"

@@ -156,6 +156,9 @@ def bench(
     if against is not None and counters is not None:
         msg = "--against compares counters with those of REV, not with a file"
         raise OptionError(msg, hint="leave out --counters")
+    if export_qps is not None and (against is not None or counters is not None or plot is not None):
+        msg = "--export-qps times nothing: there is nothing for --against, --counters or --plot"
+        raise OptionError(msg, hint="leave them out")
     from hdvplan.machine import use_one_thread
 
     one_thread = use_one_thread()  # before anything imports NumPy
@@ -183,10 +186,10 @@ def bench(
     from hdvplan.bench.timing import LAYOUTS, summary_tables
 
     if export_qps is not None:
-        from hdvplan.bench.export import export
+        from hdvplan.bench.export import cases_to_export, export
 
         try:
-            files = export([case for case in cases_of(wanted) if case.solver == wanted.solvers[0]], export_qps)
+            files = export(cases_to_export(wanted), export_qps)
         except OSError as error:
             msg = f"cannot write to {export_qps}: {error.strerror or error}"
             raise OptionError(msg, hint="choose another folder") from error

@@ -21,17 +21,18 @@ def grid(
     """Return a table of ready strings; columns are right-aligned as numbers are, but for those named in ``text``.
 
     Where space is short, text is broken or, in columns named in ``one_line``, cut; numbers and the first column, which
-    names the row, stay whole.
+    names the row, stay whole. The first one is broken where it is the only text, so that no digits are lost.
     """
     table = Table(title=Text(title), title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False)
     if caption is not None:
         table.caption, table.caption_justify, table.caption_style = Text(caption), "left", ""
+    words = [column for column in columns if column in text]
     for number, column in enumerate(columns):
         table.add_column(
             Text(column.replace(" [", "\n[")),  # units on a line of their own; Text, as square brackets are markup in a string
             justify="left" if column in text else "right",
             overflow="fold",
-            no_wrap=number == 0 or column not in text,
+            no_wrap=column not in text or (number == 0 and len(words) > 1),
         )
     for row in rows:
         table.add_row(*(_cut(cell) if column in one_line else Text(cell) for column, cell in zip(columns, row, strict=True)))

@@ -1,8 +1,9 @@
 """HPIPM: the interior-point method for optimal control of acados, by its C interface in CasADi's wheel; native workspace.
 
-The program is handed over stage by stage where it lies: HPIPM reads a stage's matrices from the program's buffer through pointers
-that are made once. The given first state is eliminated. Rows are HPIPM's own soft constraints, behind the bounds of u and x; their lower
-sides, which we do not have, are masked.
+A program is copied into memory of the workspace, which HPIPM reads in one call through pointers that are made once. One compiled kernel
+lays out the rows, another one brings the solution back. The given first state is eliminated. Rows are HPIPM's own soft constraints,
+behind the bounds of u and x; their lower sides, which we do not have, are masked. HPIPM condenses blocks of stages before it solves, and
+expands the solution.
 """
 
 from __future__ import annotations
@@ -14,33 +15,52 @@ from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from time import perf_counter
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hdvplan.errors import SolverError
-from hdvplan.jit import FloatArray
+from hdvplan.jit import FloatArray, Records, compiled, load
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 from hdvplan.qp.workspace import QpResult, Status
 
 TOLERANCE = 1e-8  # absolute, of all four residuals
 _STATUS = (Status.SOLVED, Status.ITERATION_LIMIT, Status.NUMERICAL, Status.NUMERICAL, Status.INFEASIBLE)  # as hpipm_status counts
 _ITERATIONS = 100
-_BALANCE = 2  # hpipm_mode: relative formulation, with iterative refinement where it helps
+_BALANCE = 2  # hpipm_mode: relative formulation, refinement where it helps; SPEED is faster, but fails on some programs with broken limits
 _START = 1e4  # complementarity at the start: rows cost 1e4 a metre; at 1e2 it takes twice as many iterations where they bind
+_BLOCK = 4  # stages condensed into one: of 1, 3, 4, 5 and 8 the fastest at 200 stages, 1.2 to 2 times as fast as 1
+_CLASSICAL = 0  # recursion of the condensing; the default takes the root of Q, and gives wrong points where Q is singular
+_ROOM = 1024  # bytes of a structure of which HPIPM does not tell the size; they hold a few pointers
 _ALIGNED = 64  # bytes, for vector instructions
+_CONDENSING = ("d_part_cond_qp_arg", "d_part_cond_qp_ws")
 _FILES = {"Darwin": "libhpipm.dylib", "Windows": "hpipm.dll"}
 
 IntC = NDArray[np.int32]
 Addresses = NDArray[np.uintp]  # one pointer a stage
+Structure: TypeAlias = "ctypes.Array[ctypes.c_char]"
+
+
+class _Memory(NamedTuple):
+    """HPIPM's structures: a program and its solution, both once more in blocks of stages, and what condenses and solves them."""
+
+    qp: Structure
+    solution: Structure
+    condensing: Structure
+    condenser: Structure
+    blocks: Structure
+    blocks_solution: Structure
+    arguments: Structure
+    workspace: Structure
 
 
 class HpipmWorkspace:
-    """HPIPM in its balanced mode, cold in every solve."""
+    """HPIPM in its balanced mode with partial condensing, cold in every solve."""
 
     name = "hpipm"
     starts_warm = False
-    settings = "BALANCE, mu0 1e4, soft rows of its own, cold, generic BLASFEO of CasADi's wheel"
+    settings = "BALANCE, mu0 1e4, condensed by 4 stages, soft rows of its own, cold; BLASFEO built with TARGET=GENERIC in CasADi's wheel"
 
     def __init__(self, shape: StageShape, *, tolerance: float = TOLERANCE) -> None:
         """Allocate HPIPM's memory and lay out what it does not read from the program.
@@ -51,11 +71,13 @@ class HpipmWorkspace:
         """
         self._shape, self._library = shape, _library()
         self._point = StageSolution.empty(shape)
-        self._qp, self._solution, self._arguments, self._workspace = self._memory(tolerance)
+        self._kept: list[object] = []
+        self._memory = self._allocate(tolerance)
         stages, n, m, p, b = shape.stages, shape.states, shape.inputs, shape.rows, len(shape.bounded_states)
         count = stages + 1
+        self._program = StageQp.empty(shape)
         self._first, self._G = np.zeros(n), np.zeros((count, p, n))
-        self._rows = {name: np.zeros((count, p)) for name in ("h", "linear", "quadratic")}
+        self._h, self._linear, self._quadratic = (np.zeros((count, p)) for _ in range(3))
         self._x, self._u, self._pi = np.zeros((count, n)), np.zeros((count, m)), np.zeros((count, n))
         self._sigma, self._upper = np.zeros((count, p)), np.zeros((count, p))
         self._low, self._high = np.zeros((count, m + b)), np.zeros((count, m + b))
@@ -65,43 +87,40 @@ class HpipmWorkspace:
         softened, softening = np.arange(p, dtype=np.int32) + m + b, np.array([-1] * (m + b) + list(range(p)), np.int32)
         self._softened = [softened] * stages + [softened - m]  # rows alone; the last stage has no bounds of u before them
         self._softening = [softening] * stages + [softening[m:]]  # the same the other way round: HPIPM takes either
-        self._into = self._pointers_of_solution()
-        self._from: tuple[int, list[Addresses]] = (0, [])
+        self._into = tuple(map(self._pointer_to, self._places_of_solution()))
+        self._from = tuple(map(self._pointer_to, self._places_of_program()))
         self._mask()
+        own, point = self._program, self._point
+        self._gathered = own.stages, own.rows, own.x_first, self._first, self._G, self._h, self._linear, self._quadratic
+        self._published = (
+            self._x, self._u, self._pi, self._sigma, self._upper, self._low, self._high, own.stages, own.x_first, point.stages,
+            point.row_points,
+        )  # fmt: skip
+        load(_gather, *self._gathered)
+        load(_publish, *self._published)
 
     def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:  # noqa: ARG002 - a guess helps no interior point here
         """Solve ``qp``; see ``QpWorkspace``."""
         started = perf_counter()
         qp.check()
-        if self._from[0] != qp.buffer.ctypes.data:
-            self._from = qp.buffer.ctypes.data, self._pointers_of(qp)
-        self._first[:] = qp.A[0] @ qp.x_first + qp.c[0]
-        self._G[:] = qp.rows["g"]
-        for name, values in self._rows.items():
-            values[:] = qp.rows[name]
-        self._library.d_ocp_qp_set_all_rowmaj(*map(_pointer, self._from[1]), self._qp)
+        self._program.buffer[:] = qp.buffer
+        _gather(*self._gathered)
+        library, memory = self._library, self._memory
+        library.d_ocp_qp_set_all_rowmaj(*self._from, memory.qp)
         updated = perf_counter()
-        self._library.d_ocp_qp_ipm_solve(self._qp, self._solution, self._arguments, self._workspace)
-        self._library.d_ocp_qp_sol_get_all(self._solution, *map(_pointer, self._into))
-        self._publish(qp)
+        library.d_part_cond_qp_cond(memory.qp, memory.blocks, memory.condensing, memory.condenser)
+        library.d_ocp_qp_ipm_solve(memory.blocks, memory.blocks_solution, memory.arguments, memory.workspace)
+        library.d_part_cond_qp_expand_sol(memory.qp, memory.blocks_solution, memory.solution, memory.condensing, memory.condenser)
+        library.d_ocp_qp_sol_get_all(memory.solution, *self._into)
+        _publish(*self._published)
         status, iterations = ctypes.c_int(), ctypes.c_int()
-        self._library.d_ocp_qp_ipm_get_status(self._workspace, ctypes.byref(status))
-        self._library.d_ocp_qp_ipm_get_iter(self._workspace, ctypes.byref(iterations))
+        library.d_ocp_qp_ipm_get_status(memory.workspace, ctypes.byref(status))
+        library.d_ocp_qp_ipm_get_iter(memory.workspace, ctypes.byref(iterations))
         claimed = _STATUS[status.value] if 0 <= status.value < len(_STATUS) else Status.FAILED
         return QpResult(claimed, self._point, iterations.value, updated - started, perf_counter() - updated)
 
-    def _publish(self, qp: StageQp) -> None:
-        """Bring HPIPM's solution into our order and signs."""
-        point, m = self._point, self._shape.inputs
-        point.x[0], point.x[1:], point.u[:] = qp.x_first, self._x[1:], self._u[:-1]
-        point.sigma[:], point.rows[:] = self._sigma[1:], self._upper[1:]
-        bounds = self._high - self._low
-        point.u_bounds[:], point.x_bounds[:] = bounds[:-1, :m], bounds[1:, m:]
-        point.dynamics[1:] = -self._pi[:-1]
-        point.dynamics[0] = qp.A[0].T @ point.dynamics[1] - qp.Q[0] @ qp.x_first - qp.q[0]
-
-    def _memory(self, tolerance: float) -> tuple[ctypes.Array[ctypes.c_char], ...]:
-        """Return HPIPM's program, solution, arguments and workspace."""
+    def _allocate(self, tolerance: float) -> _Memory:
+        """Make HPIPM's structures."""
         library, shape = self._library, self._shape
         stages, p, b = shape.stages, shape.rows, len(shape.bounded_states)
         sizes = [
@@ -111,46 +130,60 @@ class HpipmWorkspace:
                 [0] + [p] * stages, [0] + [p] * stages,
             )
         ]  # fmt: skip
-        self._kept: list[object] = []
         dimensions = self._made("d_ocp_qp_dim", stages)
         library.d_ocp_qp_dim_set_all(*map(_pointer, sizes), dimensions)
-        qp, solution = self._made("d_ocp_qp", dimensions), self._made("d_ocp_qp_sol", dimensions)
-        arguments = self._made("d_ocp_qp_ipm_arg", dimensions)
+        count = max(1, stages // _BLOCK)
+        lengths, shorter = np.zeros(count + 1, np.int32), self._made("d_ocp_qp_dim", count)
+        library.d_part_cond_qp_compute_block_size(stages, count, _pointer(lengths))
+        library.d_part_cond_qp_compute_dim(dimensions, _pointer(lengths), shorter)
+        condensing = self._made("d_part_cond_qp_arg", count)
+        library.d_part_cond_qp_arg_set_default(condensing)
+        library.d_part_cond_qp_arg_set_ric_alg(_CLASSICAL, condensing)
+        arguments = self._made("d_ocp_qp_ipm_arg", shorter)
         library.d_ocp_qp_ipm_arg_set_default(_BALANCE, arguments)
         library.d_ocp_qp_ipm_arg_set_iter_max(ctypes.byref(ctypes.c_int(_ITERATIONS)), arguments)
         library.d_ocp_qp_ipm_arg_set_mu0(ctypes.byref(ctypes.c_double(_START)), arguments)
         for residual in ("stat", "eq", "ineq", "comp"):
             getattr(library, f"d_ocp_qp_ipm_arg_set_tol_{residual}")(ctypes.byref(ctypes.c_double(tolerance)), arguments)
-        return qp, solution, arguments, self._made("d_ocp_qp_ipm_ws", dimensions, arguments)
+        return _Memory(
+            self._made("d_ocp_qp", dimensions), self._made("d_ocp_qp_sol", dimensions),
+            condensing, self._made("d_part_cond_qp_ws", dimensions, self._pointer_to(lengths), shorter, condensing),
+            self._made("d_ocp_qp", shorter), self._made("d_ocp_qp_sol", shorter),
+            arguments, self._made("d_ocp_qp_ipm_ws", shorter, arguments),
+        )  # fmt: skip
 
-    def _made(self, kind: str, *given: object) -> ctypes.Array[ctypes.c_char]:
+    def _made(self, kind: str, *given: object) -> Structure:
         """Return one of HPIPM's structures with memory of its own."""
         library = self._library
-        structure = ctypes.create_string_buffer(getattr(library, f"{kind}_strsize")())
+        structure = ctypes.create_string_buffer(_ROOM if kind in _CONDENSING else getattr(library, f"{kind}_strsize")())
         memory = ctypes.create_string_buffer(getattr(library, f"{kind}_memsize")(*given) + _ALIGNED)
         begin = ctypes.addressof(memory)
         getattr(library, f"{kind}_create")(*given, structure, ctypes.c_void_p(begin + -begin % _ALIGNED))
         self._kept += [structure, memory]
         return structure
 
-    def _pointers_of(self, qp: StageQp) -> list[Addresses]:
+    def _pointer_to(self, array: IntC | Addresses) -> ctypes.c_void_p:
+        """Return a pointer to an array that stays as long as the workspace."""
+        self._kept.append(array)
+        return _pointer(array)
+
+    def _places_of_program(self) -> list[Addresses]:
         """Return where HPIPM finds every argument of its ``set_all``, stage by stage."""
-        s, everywhere = qp.stages, len(qp.stages)
+        s, everywhere = self._program.stages, len(self._program.stages)
         b = _addresses(s["c"])
         b[0] = self._first.ctypes.data
-        none, rows = self._none, self._rows
-        nothing = [none] * everywhere
+        nothing = [self._none] * everywhere
         return [
             _addresses(s["A"]), _addresses(s["B"]), b, _addresses(s["Q"]), _addresses(nothing), _addresses(s["R"]),
             _addresses(s["q"]), _addresses(s["r"]),
             _addresses([self._bounded] * everywhere), _addresses(s["x_low"]), _addresses(s["x_high"]),
             _addresses([self._inputs] * everywhere), _addresses(s["u_low"]), _addresses(s["u_high"]),
-            _addresses(self._G), _addresses(nothing), _addresses(nothing), _addresses(rows["h"]),
-            _addresses([self._one] * everywhere), _addresses(rows["quadratic"]), _addresses(nothing), _addresses(rows["linear"]),
+            _addresses(self._G), _addresses(nothing), _addresses(nothing), _addresses(self._h),
+            _addresses([self._one] * everywhere), _addresses(self._quadratic), _addresses(nothing), _addresses(self._linear),
             _addresses(self._softened), _addresses(self._softening), _addresses(nothing), _addresses(nothing),
         ]  # fmt: skip
 
-    def _pointers_of_solution(self) -> list[Addresses]:
+    def _places_of_solution(self) -> list[Addresses]:
         """Return where HPIPM writes u, x, slacks, multipliers of dynamics, bounds, rows and slacks."""
         unused = _addresses([self._unused] * len(self._x))
         low, high = _addresses(self._low), _addresses(self._high)
@@ -165,7 +198,54 @@ class HpipmWorkspace:
         zeros = np.zeros(max(self._shape.rows, 1))
         for stage in range(1, self._shape.stages + 1):
             for field in (b"lg_mask", b"lls_mask"):
-                self._library.d_ocp_qp_set(field, stage, _pointer(zeros), self._qp)
+                self._library.d_ocp_qp_set(field, stage, _pointer(zeros), self._memory.qp)
+
+
+@compiled
+def _gather(
+    stages: Records, rows: Records, x_first: FloatArray, first: FloatArray, G: FloatArray, h: FloatArray, linear: FloatArray,
+    quadratic: FloatArray,
+) -> None:  # fmt: skip
+    """Lay a program's rows out as HPIPM reads them; ``first`` becomes A_0 x_0 + c_0."""
+    for i in range(stages.size):
+        for row in range(rows.shape[1]):
+            one = rows[i, row]
+            for j in range(x_first.size):
+                G[i, row, j] = one.g[j]
+            h[i, row], linear[i, row], quadratic[i, row] = one.h, one.linear, one.quadratic
+    A, c = stages[0].A, stages[0].c
+    for j in range(x_first.size):
+        first[j] = c[j]
+        for k in range(x_first.size):
+            first[j] += A[j, k] * x_first[k]
+
+
+@compiled
+def _publish(
+    x: FloatArray, u: FloatArray, pi: FloatArray, sigma: FloatArray, upper: FloatArray, low: FloatArray, high: FloatArray,
+    stages: Records, x_first: FloatArray, points: Records, row_points: Records,
+) -> None:  # fmt: skip
+    """Bring HPIPM's solution into our order and signs."""
+    n, m, last = x_first.size, u.shape[1], stages.size - 1
+    for i in range(last + 1):
+        point = points[i]
+        for j in range(n):
+            point.x[j] = x[i, j] if i > 0 else x_first[j]
+            point.dynamics[j] = -pi[i - 1, j] if i > 0 else 0.0
+        if i < last:
+            for j in range(m):
+                point.u[j], point.u_bounds[j] = u[i, j], high[i, j] - low[i, j]
+        if i > 0:
+            for bound in range(point.x_bounds.size):
+                point.x_bounds[bound] = high[i, m + bound] - low[i, m + bound]
+            for row in range(row_points.shape[1]):
+                row_points[i, row].sigma, row_points[i, row].multiplier = sigma[i, row], upper[i, row]
+    A, Q, q = stages[0].A, stages[0].Q, stages[0].q
+    for j in range(n):
+        value = -q[j]
+        for k in range(n):
+            value += A[k, j] * points[1].dynamics[k] - Q[j, k] * x_first[k]
+        points[0].dynamics[j] = value
 
 
 def _pointer(array: FloatArray | IntC | Addresses) -> ctypes.c_void_p:
@@ -195,8 +275,8 @@ def _library() -> ctypes.CDLL:
         msg = f"the installed CasADi brings no {name}"
         raise SolverError(msg, hint="install another one: pip install --upgrade casadi")
     library = ctypes.CDLL(str(file))
-    for kind in ("dim", "sol", "ipm_arg", "ipm_ws", ""):
-        prefix = f"d_ocp_qp_{kind}".rstrip("_")
-        for size in ("strsize", "memsize"):
-            getattr(library, f"{prefix}_{size}").restype = ctypes.c_size_t
+    structures = ["d_ocp_qp", *(f"d_ocp_qp_{kind}" for kind in ("dim", "sol", "ipm_arg", "ipm_ws"))]
+    sizes = [f"{kind}_{size}" for kind in structures for size in ("strsize", "memsize")] + [f"{kind}_memsize" for kind in _CONDENSING]
+    for size in sizes:
+        getattr(library, size).restype = ctypes.c_size_t
     return library

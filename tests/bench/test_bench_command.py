@@ -191,6 +191,23 @@ def test_parts_of_an_unknown_run_are_not_used(cli: Cli, tmp_path: Path, short_ro
     assert cli("bench", "--roads", short_road, *SHORTEST, "--out", "run").code == 0
 
 
+@pytest.mark.parametrize(
+    ("profile", "words"), [("0,0\n20,0\n30,0.3\n60,0.3\n70,0\n90,0\n", "bends too tightly"), ("0,0\n20,0\n", "the drive has only one step")]
+)
+def test_a_road_of_which_nothing_can_be_sampled_is_a_row_and_ends_nothing(cli: Cli, tmp_path: Path, profile: str, words: str) -> None:
+    (tmp_path / "road.csv").write_text(f"s,kappa\n{profile}", encoding="utf-8")
+    assert (
+        cli(
+            "bench", "--roads", "road.csv", *SHORTEST, "--sample", "2", "--replan", "30", "--half-width", "3", "--out", "run", "--plot"
+        ).code
+        == 0
+    )
+    timing = pd.read_csv(tmp_path / "run" / "timing.csv")
+    assert (timing["status"] == "failed").all()
+    assert timing["message"].str.startswith("nothing was recorded: ").all()
+    assert timing["message"].str.contains(words).all()
+
+
 def test_fresh_deletes_only_what_a_benchmark_writes(cli: Cli, tmp_path: Path, short_road: str) -> None:
     command = ("bench", "--roads", short_road, *SHORTEST, "--out", "run")
     assert cli(*command).code == 0

@@ -9,7 +9,8 @@ import pandas as pd
 import pytest
 import scipy.sparse as sp
 
-from hdvplan.bench.export import export
+from hdvplan.bench.export import cases_to_export, export
+from hdvplan.bench.suite import Suite
 from hdvplan.case import Case
 from hdvplan.jit import FloatArray
 from hdvplan.planning.settings import PlannerSettings
@@ -57,6 +58,11 @@ def test_warm_starts_belong_to_shifted_plans_and_cold_ones_have_none(files: list
     assert warm
     assert all(len(row.x_start) == len(row.q) and len(row.z_start) == len(row.h) for row in warm)
     assert list(rows["first"]) == sorted(rows["first"])
+
+
+def test_every_class_of_limits_is_a_file_of_its_own() -> None:
+    cases = cases_to_export(Suite(("uturn",), ("bus",), ("rti",), solvers=("riccati", "piqp"), classes=("off", "inactive")))
+    assert [case.road.name for case in cases] == ["uturn-off", "uturn-inactive"]
 
 
 def test_qpbenchmark_reads_the_files(files: list[Path]) -> None:

@@ -152,3 +152,9 @@ def test_the_samples_are_every_step_of_every_drive() -> None:
     assert list(samples["round"]) == [0, 0, 1, 0]
     assert list(samples["step"]) == [0, 1, 0, 0]
     assert list(samples["scheme"]) == ["rti", "rti", "rti", "sqp"]
+
+
+def test_on_a_sample_the_default_solver_is_told_its_tolerance_and_distance_as_all_others() -> None:
+    summary = pd.DataFrame({"solver": ["riccati", "piqp"], "path_difference_m": [np.nan, np.nan], "distance_m": [9e-5, 2e-5]})
+    told = accuracy(summary, {"riccati, as set": 1e-2, "piqp, as set": 1e-4})
+    assert told.endswith("from the optimum: riccati at 0.01: 9.0e-05 m; piqp at 0.0001: 2.0e-05 m.")

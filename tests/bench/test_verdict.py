@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hdvplan.bench.profiles import pictured, share_within
+from hdvplan.bench.profiles import order_of, pictured, share_within
 from hdvplan.bench.samples import FAILED, NUMBERS, OVER_BUDGET, Measurement
 from hdvplan.bench.stats import Tables, tables_of
 from hdvplan.bench.suite import Cell
@@ -52,6 +52,13 @@ def test_a_solver_that_fails_cannot_win_however_fast_it_is(bad: Measurement) -> 
     assert "not ranked with it: hasty" in told.text or "only solver with accepted steps" in told.text
 
 
+def test_a_solver_that_fails_later_takes_no_win_by_the_steps_that_it_did_fast() -> None:
+    hasty = made_up([0.1, 0.0001], outcome=FAILED, message="no")
+    told = finding(tables(hasty=[hasty], riccati=[made_up([0.1, 0.001, 0.001])]))
+    assert (told.winner, told.runner_up, told.ratio) == ("riccati", None, None)
+    assert told.text == "bus, rti: riccati is the only solver with all its steps accepted, 1 ms a step; not ranked with it: hasty"
+
+
 def test_a_solver_that_its_budget_stopped_is_compared_over_the_steps_that_both_did() -> None:
     found = tables(slow=[made_up([0.1, 0.010], outcome=OVER_BUDGET, shift=None)], riccati=[made_up([0.1, 0.001, 0.009])])
     assert finding(found).ratio == pytest.approx(10.0)
@@ -92,6 +99,19 @@ def test_a_profile_counts_what_a_solver_was_given_and_failures_never_come() -> N
     np.testing.assert_allclose(shown.ratios["stopped"], [8.0])
     np.testing.assert_allclose(shown.ratios["failed"], [1.0, np.inf, np.inf])
     np.testing.assert_allclose(share_within(shown.ratios["riccati"], np.array([1.0, 1.9, 2.0])), [2 / 3, 2 / 3, 1.0])
+
+
+def test_refused_steps_are_not_drawn_along_the_road() -> None:
+    bad = replace(made_up([0.1, 0.0001, 0.0001]), steps=made_up([0.1, 0.0001, 0.0001]).steps.copy())
+    bad.steps[2, NUMBERS.index("usable")] = 0.0
+    found = tables(hasty=[bad], riccati=[made_up([0.1, 0.001, 0.001])])
+    shown = pictured(found.samples, found.timing, ["riccati", "hasty"])
+    assert [len(one.s) for one in shown.along] == [2, 1]
+
+
+def test_solvers_that_are_not_ranked_are_drawn_last() -> None:
+    summary = tables(hasty=[made_up([0.1, 0.0001], outcome=FAILED)], riccati=[made_up([0.1, 0.001, 0.001])]).summary
+    assert order_of(summary) == ["riccati", "hasty"]
 
 
 def test_names_that_latex_would_read_are_escaped_in_cells_caption_and_foot() -> None:

@@ -44,6 +44,12 @@ def test_units_in_square_brackets_survive() -> None:
     assert "[bold]a" in "".join(printed(grid("", ("name",), [("[bold]a",)], text=("name",))))
 
 
+def test_where_space_is_short_a_long_name_is_broken_before_digits_are_lost() -> None:
+    row = ("qpsolvers/a_solver_of_my_own", "1234.567", "1.2e-10", "100%")
+    shown = "".join(printed(grid("", ("solver", "worst", "off the optimum [m]", "accepted"), [row], text=("solver", "road")), width=60))
+    assert all(number in shown for number in row[1:])
+
+
 def test_space_that_is_short_is_taken_from_text_and_never_from_numbers() -> None:
     row = ("a_name_of_thirty_letters_or_so", "12345.678", "words " * 10)
     lines = printed(grid("", ("name", "length [m]", "kind"), [row], text=("name", "kind"), one_line=("kind",)), width=60)
