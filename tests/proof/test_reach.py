@@ -132,7 +132,7 @@ def _moved(vehicle: Vehicle, pose: FloatArray, kappa: float) -> FloatArray:
         lead, trailer = vehicle.units
 
         def rate(angle: float) -> float:
-            return kappa - (np.sin(angle) - lead.hitch_offset * kappa * np.cos(angle)) / trailer.wheelbase
+            return float(kappa - (np.sin(angle) - lead.hitch_offset * kappa * np.cos(angle)) / trailer.wheelbase)
 
         one = rate(gamma)
         two = rate(gamma + 0.5 * ARC_M * one)
@@ -144,7 +144,7 @@ def _moved(vehicle: Vehicle, pose: FloatArray, kappa: float) -> FloatArray:
 
 def crossings(sets: Sets, drive: FloatArray) -> FloatArray:
     """Return e, heading, articulation angle where the drive crosses the stations, (stations crossed, 3)."""
-    s, e = sets.road.path.project(drive[:, 0], drive[:, 1], FIRST_M + ARC_M * np.arange(len(drive)))
+    s, e = sets.road.path.project(drive[:, 0], drive[:, 1], FIRST_M + ARC_M * np.arange(len(drive), dtype=np.float64))
     rising = np.maximum.accumulate(s)
     crossed = sets.frame.s[sets.frame.s <= rising[-1]]
     return np.column_stack([np.interp(crossed, rising, value) for value in (e, drive[:, 2], drive[:, 3])])
