@@ -186,8 +186,8 @@ def plan(
             case = replace(case, bias=bias_named(bias, sided.limits))
         result = api.plan(case, on_progress=on_progress)
     if proof and verdict_of(result).fits is False:
-        with progress("looking for a proof that nothing fits", quiet=quiet):
-            result = api.prove(result)
+        with progress("looking for a proof that nothing fits", quiet=quiet) as on_progress:
+            result = api.prove(result, on_progress=on_progress)
     directory = out or Path(f"{file_name(track.name)}.{file_name(driven.name)}")
     with progress(f"writing {directory}/", quiet=quiet) as on_progress:
         _write(result, directory, [kind for kind in kinds if plot or kind in DRAWINGS], drawn_on, animate, on_progress)

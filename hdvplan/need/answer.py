@@ -57,15 +57,17 @@ def need_of(case: Case, *, prove: bool = False, on_progress: Callable[[float], N
     ``on_progress`` receives a share that grows from 0 to 1.
     """
     own = case.road.own_limits
-    share = 1.0 if own is None else _ROOMS_SHARE
+    planned = 1.0 - _PROOFS_SHARE if prove else 1.0
+    share = planned if own is None else _ROOMS_SHARE * planned
     room = least_half_width(case, on_progress=_part(on_progress, 0.0, share))
     widenings = None
     if own is not None and room.result is None:
         widenings = Widenings(None, None, None)  # what no width lets pass, no widening does
     elif own is not None:
-        widenings = least_widenings(case, own, on_progress=_part(on_progress, share, 1.0))
+        widenings = least_widenings(case, own, on_progress=_part(on_progress, share, planned))
     place = _place(room.result, None)
-    bound = proved_below(case, even_band(case.road), room, [0, 1, 2, 3], None) if prove else None
+    last = _part(on_progress, planned, 1.0)
+    bound = proved_below(case, even_band(case.road), room, [0, 1, 2, 3], None, on_progress=last) if prove else None
     return Need(case, None, room, place, None, widenings, bound)
 
 
@@ -75,10 +77,11 @@ def edge_need_of(case: Case, held: Limits, side: str, *, prove: bool = False, on
     ``prove`` looks for the largest reach that is proved to be too small as well, which takes some seconds more.
     ``on_progress`` receives a share that grows from 0 to 1.
     """
-    room = least_edge(case, held, side, on_progress=on_progress)
-    band = edge_band(held, side)
+    planned = 1.0 - _PROOFS_SHARE if prove else 1.0
+    room = least_edge(case, held, side, on_progress=_part(on_progress, 0.0, planned))
+    band, last = edge_band(held, side), _part(on_progress, planned, 1.0)
     if room.result is not None:
-        bound = proved_below(case, band, room, ASKED[side], None) if prove else None
+        bound = proved_below(case, band, room, ASKED[side], None, on_progress=last) if prove else None
         return Need(case, side, room, _place(room.result, side), None, None, bound)
     other = "right" if side == "left" else "left"
     least = least_edge(case, Limits.constant(WIDE_M, WIDE_M, case.road.path.length), other)
@@ -88,6 +91,7 @@ def edge_need_of(case: Case, held: Limits, side: str, *, prove: bool = False, on
 
 
 _ROOMS_SHARE = 0.2  # of the time that both answers take
+_PROOFS_SHARE = 0.4  # of the time of an answer with a proof
 
 
 def _part(on_progress: Callable[[float], None] | None, start: float, end: float) -> Callable[[float], None] | None:

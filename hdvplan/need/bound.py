@@ -27,11 +27,20 @@ class Bound:
     proof: Proof
 
 
-def proved_below(case: Case, band: Callable[[float], Limits], least: Least, rows: Sequence[int], place: float | None) -> Bound | None:
+def proved_below(
+    case: Case,
+    band: Callable[[float], Limits],
+    least: Least,
+    rows: Sequence[int],
+    place: float | None,
+    *,
+    on_progress: Callable[[float], None] | None = None,
+) -> Bound | None:
     """Return the most room, to ``TOLERANCE_M``, within which nothing is proved to fit; None where nothing is proved.
 
     ``band`` gives the limits that leave a room, ``rows`` of ``Taken`` are those that the room is asked for. Looked at are the places where
-    the best plan reached nearly as far as anywhere, or, without a plan, the arclength ``place`` [m]. Halving makes some seven proofs.
+    the best plan reached nearly as far as anywhere, or, without a plan, the arclength ``place`` [m]. Halving makes some seven proofs;
+    ``on_progress`` receives their share, 0 to 1.
     """
     places = _places(least, rows, place)
     stretches = joined(places, case.vehicle, case.road.path.length)
@@ -44,13 +53,16 @@ def proved_below(case: Case, band: Callable[[float], Limits], least: Least, rows
     if least.result is None:
         return tried(WIDE_M)
     best, low, high = None, least.lowest, least.room
-    while high - low > TOLERANCE_M:
+    halvings = int(np.ceil(np.log2(max((high - low) / TOLERANCE_M, 1.0))))
+    for number in range(halvings):
         middle = 0.5 * (low + high)
         found = tried(middle)
         if found is None:
             high = middle
         else:
             best, low = found, middle
+        if on_progress is not None:
+            on_progress((number + 1) / halvings)
     return best
 
 

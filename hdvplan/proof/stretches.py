@@ -6,13 +6,12 @@ matter of time alone.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.fit import Trouble
-from hdvplan.judging.proof import Proof
 from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.proof.answer import proof_of
@@ -20,6 +19,7 @@ from hdvplan.vehicle.model import Vehicle
 
 _LENGTHS_BEFORE = 3.0  # of the vehicle: by then the pose in which it enters a stretch is forgotten
 _LENGTHS_AFTER = 1.5  # what it must swing out for comes within this
+MOST_M = 1000.0  # of road that is examined: a proof takes some seconds for 100 m
 
 
 class Stretch(NamedTuple):
@@ -30,11 +30,22 @@ class Stretch(NamedTuple):
     lacking: float  # at the worst place [m]
 
 
-def proved(result: Result) -> Result:
-    """Return a judged plan with a proof that nothing fits, where it breaks its limits and there is one on a tight stretch."""
+def proved(result: Result, *, on_progress: Callable[[float], None] | None = None) -> Result:
+    """Return a judged plan with a proof that nothing fits, where it breaks its limits and there is one on a tight stretch.
+
+    At most ``MOST_M`` of road are examined, the worst stretches first. ``on_progress`` receives their share, 0 to 1.
+    """
     if verdict_of(result).fits is not False:
         return result
-    return replace(result, proof=_first(result, stretches_of(result)))
+    stretches = stretches_of(result)
+    lengths = [stretch.s_to - stretch.s_from for stretch in stretches]
+    for number, stretch in enumerate(stretches):
+        proof = proof_of(result.case, stretch.s_from, stretch.s_to)
+        if proof is not None:
+            return replace(result, proof=proof)
+        if on_progress is not None:
+            on_progress(sum(lengths[: number + 1]) / sum(lengths))
+    return result
 
 
 def stretches_of(result: Result) -> list[Stretch]:
@@ -51,7 +62,10 @@ def stretches_of(result: Result) -> list[Stretch]:
 
 
 def joined(places: Iterable[Stretch], vehicle: Vehicle, length: float) -> list[Stretch]:
-    """Return stretches around ``places`` of a road of ``length`` [m], those that meet as one, the worst first."""
+    """Return stretches around ``places`` of a road of ``length`` [m], those that meet as one, the worst first.
+
+    Of more than ``MOST_M`` in all, the least bad are left out, and what is left of the last one is cut off.
+    """
     whole = vehicle.reach_ahead + vehicle.reach_behind
     found: list[Stretch] = []
     for place in sorted(places):
@@ -61,8 +75,14 @@ def joined(places: Iterable[Stretch], vehicle: Vehicle, length: float) -> list[S
             found[-1] = Stretch(found[-1].s_from, max(end, found[-1].s_to), max(place.lacking, found[-1].lacking))
         else:
             found.append(Stretch(begin, end, place.lacking))
-    return sorted(found, key=lambda stretch: -stretch.lacking)
+    return list(_worst(sorted(found, key=lambda stretch: -stretch.lacking)))
 
 
-def _first(result: Result, stretches: Iterable[Stretch]) -> Proof | None:
-    return next((proof for stretch in stretches if (proof := proof_of(result.case, stretch.s_from, stretch.s_to))), None)
+def _worst(stretches: Iterable[Stretch]) -> Iterator[Stretch]:
+    """Yield the first ``MOST_M`` of ``stretches``."""
+    left = MOST_M
+    for stretch in stretches:
+        if left <= 0.0:
+            return
+        yield stretch._replace(s_to=min(stretch.s_to, stretch.s_from + left))
+        left -= stretch.s_to - stretch.s_from

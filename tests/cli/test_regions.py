@@ -28,6 +28,9 @@ def test_a_passage_too_narrow_is_said_and_planned_all_the_same(cli: Cli, tmp_pat
     (finding,) = summary["fit"]
     assert (finding["trouble"], round(finding["needed"] - finding["available"], 2)) == ("width", 0.15)
     assert summary["obstacles"][0]["name"] == "parked van"
+    proof = summary["verdict"]["proof"]
+    assert (proof["kind"], proof["unit"]) == ("place", "bus")
+    assert 78.0 - 9.34 < proof["s_from_m"] == proof["s_to_m"] < 83.5 + 2.66  # of the rear axle, while the bus is beside the van
     assert summary["limit_violation_m"] > 0.05  # at best, half of the missing 0.15 m on either side
     features = json.loads((tmp_path / "parked_van_tight.bus" / "swept.geojson").read_text(encoding="utf-8"))["features"]
     (van,) = (feature for feature in features if feature["properties"]["kind"] == "region")

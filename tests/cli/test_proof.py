@@ -1,0 +1,66 @@
+"""A proof as users meet it: in the verdict and in files; see ``test_need`` for what is proved to be too little."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.cli.conftest import Cli
+
+BEND = ("bend.csv", "--vehicle", "bus", "--no-plot")
+TOO_LITTLE_M, ENOUGH_M = "2.2", "2.4"  # the bus needs 2.36 m here: `hdvplan need`
+
+
+@pytest.fixture
+def bend(tmp_path: Path) -> Path:
+    (tmp_path / "bend.csv").write_text("s,kappa\n0,0\n20,0\n28,0.06\n45,0.06\n53,0\n80,0\n", encoding="utf-8")
+    return tmp_path
+
+
+def test_a_bus_that_cannot_pass_the_hairpin_gets_a_proof_with_its_stretch(cli: Cli, tmp_path: Path) -> None:
+    outcome = cli("plan", "monaco_fairmont_hairpin", "--vehicle", "bus", "--half-width", "2.25", "--no-plot", "--out", "out")
+    assert outcome.code == 1
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
+    verdict, proof = summary["verdict"], summary["verdict"]["proof"]
+    assert (verdict["fits"], verdict["proved"]) == (False, True)
+    assert (proof["kind"], proof["unit"]) == ("motion", "bus")
+    assert 0.0 <= proof["s_from_m"] < proof["s_to_m"] <= summary["length_m"]
+    said = f"proved: between s = {proof['s_from_m']:.1f} and {proof['s_to_m']:.1f} m nothing that this vehicle can drive keeps the limits"
+    assert outcome.out.splitlines()[0] == verdict["text"]
+    assert verdict["text"].startswith("NO: ")
+    assert verdict["text"].endswith(f"; {said}")
+
+
+def test_json_carries_the_proof_and_no_proof_leaves_it_out(cli: Cli, bend: Path) -> None:
+    assert bend.is_dir()
+    asked = cli("plan", *BEND, "--half-width", TOO_LITTLE_M, "--json")
+    spared = cli("plan", *BEND, "--half-width", TOO_LITTLE_M, "--json", "--no-proof")
+    assert (asked.code, spared.code) == (1, 1)
+    verdict, without = json.loads(asked.out)["verdict"], json.loads(spared.out)["verdict"]
+    assert verdict["proved"] is True
+    assert verdict["proof"].keys() == {"kind", "s_from_m", "s_to_m", "unit"}
+    assert (without["proved"], without["proof"]) == (False, None)
+    assert without["text"].endswith("; no plan was found, and none is excluded")
+    assert without["spare_m"] == verdict["spare_m"]  # a proof changes nothing of the plan
+
+
+def test_a_bad_plan_where_a_better_one_fits_is_not_called_proved(cli: Cli, bend: Path) -> None:
+    assert bend.is_dir()
+    options = (*BEND, "--half-width", ENOUGH_M, "--json")
+    assert json.loads(cli("plan", *options).out)["verdict"]["fits"] is True
+    short_sighted = cli("plan", *options, "--horizon", "12")  # it sees the bend too late to swing out
+    verdict = json.loads(short_sighted.out)["verdict"]
+    assert short_sighted.code == 1
+    assert (verdict["fits"], verdict["proved"], verdict["proof"]) == (False, False, None)
+    assert verdict["text"].endswith("; no plan was found, and none is excluded")
+
+
+@pytest.mark.slow
+def test_a_tractor_trailer_that_cannot_pass_the_hairpin_gets_a_proof_up_to_its_trailer(cli: Cli) -> None:
+    outcome = cli("plan", "monaco_fairmont_hairpin", "--vehicle", "tractor-trailer", "--half-width", "3", "--no-plot", "--json")
+    assert outcome.code == 1
+    verdict = json.loads(outcome.out)["verdict"]
+    assert verdict["proved"] is True
+    assert verdict["proof"]["unit"] == "trailer"
