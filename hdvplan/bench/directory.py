@@ -16,7 +16,7 @@ import pandas as pd
 from hdvplan.bench.samples import part_file, read_part
 from hdvplan.bench.stats import tables_of
 from hdvplan.bench.suite import Suite
-from hdvplan.bench.timing import LAYOUTS, captions, foot_of, latex, markdown, settings_words
+from hdvplan.bench.timing import LAYOUTS, captions, foot_of, latex, markdown, settings_words, untuned
 from hdvplan.bench.verdict import findings_of, load_of
 from hdvplan.case import Case
 from hdvplan.errors import OptionError
@@ -89,7 +89,7 @@ def finish(suite: Suite, directory: Path) -> None:
     at_end = load_average()
     load = load_of(tables.summary, record["sessions"], at_end, record["machine"]["usable_cores"])
     findings = findings_of(tables.summary, load)
-    foot = foot_of(suite.solvers, record.get("tolerances", {}), findings, load, tables.timing)
+    foot = foot_of(suite, record.get("tolerances", {}), findings, load, tables.timing)
     packed = tables.samples.to_csv(index=False, lineterminator="\n", float_format=_SAMPLE_DIGITS).encode()
     write_atomically(directory / "samples.csv.gz", gzip.compress(packed, mtime=0))
     caption = captions(suite, record["machine"], tables, record.get("tolerances"))
@@ -99,6 +99,7 @@ def finish(suite: Suite, directory: Path) -> None:
         write_atomically(directory / f"{name}.md", markdown(table, name, caption[name], foot).encode())
         write_atomically(directory / f"{name}.tex", latex(table, name, caption[name], foot).encode())
     record |= {"finished": now(), "load_average_at_end": at_end, "load": asdict(load), "verdict": [asdict(one) for one in findings]}
+    record |= {"untuned": untuned(suite, record.get("tolerances", {}))}
     record |= {"solvers": [settings_words(name, record.get("tolerances", {})) for name in suite.solvers]}
     write_atomically(directory / NAME, json_bytes(record))
     shutil.rmtree(directory / "parts")

@@ -237,14 +237,15 @@ def bench(
         return _hold_to(counters, out, renew, format_=format_, json=json, quiet=quiet)
     tables, told = {name: read_table(out, name) for name in LAYOUTS}, read_record(out)
     if json:
-        head = {"out": str(out), "verdict": told["verdict"], "load": told["load"]}
+        head = {"out": str(out), "verdict": told["verdict"], "load": told["load"], "untuned": told.get("untuned", [])}
         print_json(head | {name: _rows(tables[name]) for name in LAYOUTS})
     elif not quiet:
         print_tables(*summary_tables(tables, told.get("tolerances")))
         for finding in told["verdict"]:
             print_line(finding["text"])
-        if told["load"]["warning"]:
-            warn(told["load"]["warning"])
+        for warning in (told["load"]["warning"], *told.get("untuned", [])):
+            if warning:
+                warn(warning)
         note(f"written to {out}/")
     return ExitCode.OK
 
