@@ -254,7 +254,9 @@ def test_over_budget_is_a_row_and_the_run_ends_well(cli: Cli, tmp_path: Path, sh
     assert (timing["status"] == "over budget").all()
     assert (timing["steps"] == 0).all()
     assert outcome.out.count("2 of 2 cells are not ok") == 2
-    assert "the largest distance of e_y from the optimum: piqp at 1e-08:" in " ".join(outcome.out.split())
+    told = " ".join(outcome.out.split())
+    assert "the largest distance of e_y from the optimum: riccati at 1e-08:" in told
+    assert "; piqp at 1e-08:" in told
     assert "bus, rti: no winner: no solver finished within its budget" in outcome.out
 
 
