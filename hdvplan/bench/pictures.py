@@ -174,7 +174,7 @@ def _accuracy(axes: Axes, shown: Pictured) -> None:
     axes.set(xscale="log", yscale="log", xlabel="largest distance of e_y from the optimum [m]", ylabel="step [ms]")
     axes.grid(visible=True)
     _plain(axes, "y")
-    _headed(axes, "time against accuracy, a mark a cell")
+    _headed(axes, "time against accuracy, a mark a cell with all steps accepted")
 
 
 def _headed(axes: Axes, title: str) -> None:

@@ -71,8 +71,8 @@ def pictured(samples: pd.DataFrame, timing: pd.DataFrame, order: Sequence[str]) 
 
 
 def _cells(timing: pd.DataFrame) -> FloatArray:
-    """Return distance and time of the cells in which any step was accepted."""
-    return timing.loc[timing["success"] > 0.0, ["distance_m", "step_ms"]].dropna().to_numpy(np.float64)
+    """Return distance and time of the cells in which all steps were accepted: refused ones have neither, however fast they are."""
+    return timing.loc[timing["success"] == 1.0, ["distance_m", "step_ms"]].dropna().to_numpy(np.float64)
 
 
 def share_within(ratios: FloatArray, at: FloatArray) -> FloatArray:

@@ -1,7 +1,7 @@
 """Which solver is the fastest, by how much, and in how many steps: pure functions over data frames.
 
-Solvers are ranked by ``step``: the shifted geometric mean over the steps, each with its fastest round, of the processor time that the
-process took. Waiting for the processor is not in it; neighbours on the same core still slow it. A solver that waits instead of working
+Solvers are ranked by ``step``: the shifted geometric mean over the accepted steps, each with its fastest round, of the processor time that
+the process took. Waiting for the processor is not in it; neighbours on the same core still slow it. A solver that waits instead of working
 (sleeps, or asks another process) would be flattered: where wall time is 1.5 times as long, and that much longer than beside the other
 solvers, wall time counts.
 """
@@ -60,6 +60,7 @@ def of_group(ranked: pd.DataFrame, group: pd.DataFrame) -> pd.DataFrame:
 def ranking(group: pd.DataFrame, times: pd.DataFrame) -> pd.DataFrame:
     """Return the solvers of one group in their order, with ``ratio``, ``won`` and ``proved``: all its steps done and accepted.
 
+    Steps are won among the proved solvers; ``won`` is NaN for others.
     ``times`` as ``of_group`` returns them.
     """
     proved = (group["success"] == 1.0) & group["whole"] & (group["cells_ok"] == group["cells"])
@@ -71,7 +72,9 @@ def ranking(group: pd.DataFrame, times: pd.DataFrame) -> pd.DataFrame:
         for solver in map(str, times):
             both = times[solver].notna() & best.notna()
             ratios[solver] = shifted_mean(times.loc[both, solver]) / shifted_mean(best[both]) if both.any() else np.nan
-    won = times.idxmin(axis=1).value_counts(normalize=True).to_dict() if len(times) else {}
     solvers = [str(solver) for solver in group["solver"]]
-    group = group.assign(ratio=[ratios.get(solver, np.nan) for solver in solvers], won=[float(won.get(solver, 0.0)) for solver in solvers])
+    ranked = [solver for solver in map(str, group.loc[proved, "solver"]) if solver in times]
+    fastest = times[ranked].dropna(how="all").idxmin(axis=1) if ranked else pd.Series(dtype=str)
+    won = {solver: float((fastest == solver).mean()) for solver in ranked}
+    group = group.assign(ratio=[ratios.get(solver, np.nan) for solver in solvers], won=[won.get(solver, np.nan) for solver in solvers])
     return group.sort_values(["proved", "ratio"], ascending=[False, True], kind="stable", na_position="last")
