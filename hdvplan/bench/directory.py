@@ -31,8 +31,10 @@ _OTHERWISE = "start over with --fresh, or choose another folder with --out"
 Json = dict[str, Any]  # what json.loads returns
 
 
-def recorded(suite: Suite, directory: Path) -> Json | None:
+def recorded(suite: Suite, directory: Path, *, only_drawn: bool = False) -> Json | None:
     """Return what ``run.json`` says of this very run's earlier sessions; None where there were none.
+
+    A finished run that is ``only_drawn`` may be of changed files, other software or another machine: nothing is measured any more.
 
     Raises:
         OptionError: the directory holds a run with other settings, of changed files, of other software or from another machine.
@@ -48,7 +50,11 @@ def recorded(suite: Suite, directory: Path) -> Json | None:
     if not isinstance(before, dict) or not {"sessions", "finished"} <= set(before):
         msg = f"{directory / 'run.json'} is not of a benchmark"
         raise OptionError(msg, hint=_OTHERWISE)
-    for part, present in _conditions(suite).items():
+    wanted = _conditions(suite)
+    if only_drawn and before["finished"] and isinstance(settings := before.get("settings"), dict):
+        known = {name: value for name, value in suite.to_dict().items() if name in settings}  # a later version may have more of them
+        wanted = {"settings": settings | known}
+    for part, present in wanted.items():
         if before.get(part) != present:
             msg = f"{directory} holds a run with other {part}: {_difference(before.get(part), present)}"
             raise OptionError(msg, hint=_OTHERWISE)
@@ -181,7 +187,9 @@ def _difference(before: object, now: object) -> str:
     """Return the first entry in which two records differ, in words."""
     if not (isinstance(before, dict) and isinstance(now, dict)):
         return f"{_short(before)}, now {_short(now)}"
-    name = next(name for name in {**before, **now} if before.get(name) != now.get(name))
+    name = next(name for name in {**before, **now} if (name in before) != (name in now) or before.get(name) != now.get(name))
+    if (name in before) != (name in now):
+        return f"{name} was {_short(before[name])}, is not known now" if name in before else f"{name} was not known, is {_short(now[name])}"
     if isinstance(before.get(name), dict) and isinstance(now.get(name), dict):
         return _difference(before[name], now[name])
     return f"{name} was {_short(before.get(name))}, is {_short(now.get(name))}"
