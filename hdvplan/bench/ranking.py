@@ -17,6 +17,11 @@ SHIFT_MS = 0.1  # of the geometric mean: steps far shorter than this do not deci
 _WAITS = 1.5
 
 
+def unit_of(table: pd.DataFrame) -> str:
+    """Return what one time in a timing or summary table is of: a planning step, or, of a sample, one QP, which linearises nothing."""
+    return "QP" if len(table) and (table["linearise_ms"].dropna() == 0.0).all() and table["linearise_ms"].notna().any() else "step"
+
+
 def waiting_cells(samples: pd.DataFrame) -> frozenset[tuple[str, ...]]:
     """Return the cells whose solver waits: wall time is much longer than processor time, here and not beside the other solvers."""
     warm = samples[samples["step"] > 0]

@@ -9,6 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from hdvplan.bench.acceptance import DUAL, PRIMAL_M
+from hdvplan.bench.ranking import unit_of
 from hdvplan.bench.samples import OK
 from hdvplan.bench.stats import Tables, reference_solver
 from hdvplan.bench.suite import AS_SET, CLASSES, GROUP, Suite, cell_words, tuning_key
@@ -218,7 +219,7 @@ def reasons_of(timing: pd.DataFrame) -> list[str]:
 def summary_tables(tables: Mapping[str, pd.DataFrame], tolerances: Mapping[str, float | None] | None = None) -> list[Table]:
     """Return the headline for the terminal: per vehicle, scheme and class of limits, then RTI against SQP where both were run."""
     summary, schemes = tables["summary"], tables["schemes"]
-    found, one = [], "one QP" if (summary["linearise_ms"] == 0.0).all() else "one planning step"
+    found, one = [], "one QP" if unit_of(summary) == "QP" else "one planning step"
     for key, mine in summary.groupby(GROUP, sort=False):
         headings = [name for name in _HEADLINE if name != (_OFF if mine["path_difference_m"].notna().any() else _PATH)]
         text = shown(mine, "summary")[headings]

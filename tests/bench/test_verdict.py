@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hdvplan.bench.pictures import bench_figure
 from hdvplan.bench.profiles import order_of, pictured, share_within
 from hdvplan.bench.samples import FAILED, NUMBERS, OVER_BUDGET, Measurement
 from hdvplan.bench.stats import Tables, tables_of
@@ -157,6 +158,18 @@ def test_refused_steps_are_not_drawn_along_the_road() -> None:
     found = tables(hasty=[bad], riccati=[made_up([0.1, 0.001, 0.001])])
     shown = pictured(found.samples, found.timing, ["riccati", "hasty"])
     assert [len(one.s) for one in shown.along] == [2, 1]
+
+
+def test_what_is_timed_of_a_sample_is_called_a_qp() -> None:
+    measured = made_up([0.1, 0.001, 0.002])
+    measured.steps[:, NUMBERS.index("linearise_s")] = 0.0
+    found = tables(riccati=[replace(measured, opinions=np.array([[0.0, 0.0, 10.0]] * 3))])
+    assert finding(found).text == ("bus, rti: riccati alone, 1.42 ms a QP, all 2 QPs accepted; no other solver to compare with")
+    shown = pictured(found.samples, found.timing, ["riccati"])
+    axes = bench_figure(shown, "title", "caption").axes
+    assert [one.get_ylabel() for one in axes] == ["share of QPs", "", "QP [ms]", "QP [ms]"]
+    assert axes[1].get_xlabel() == "QP [ms]"
+    assert axes[3].get_xlabel() == "largest distance of e_y from the optimum [m]; less than 1e-14 drawn there"
 
 
 def test_solvers_that_are_not_ranked_are_drawn_last() -> None:
