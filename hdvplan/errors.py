@@ -8,7 +8,7 @@ parse text.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 
 class HdvplanError(Exception):
@@ -17,6 +17,10 @@ class HdvplanError(Exception):
     def __init__(self, message: str, *, hint: str | None = None) -> None:
         super().__init__(message)
         self.hint = hint
+
+    def __reduce__(self) -> tuple[Callable[..., object], tuple[object, ...], dict[str, object]]:
+        """Pickle with all attributes: the usual way calls the class again with the message alone, and leaves need more than that."""
+        return _remade, (type(self), *self.args), self.__dict__
 
 
 class RoadError(HdvplanError):
@@ -80,6 +84,11 @@ class TurnError(HdvplanError):
 
 class MeasurementError(HdvplanError):
     """Two programs could not be measured against each other: one of them cannot be installed, started or run to its end."""
+
+
+def _remade(kind: type[HdvplanError], *args: object) -> HdvplanError:
+    """Return an error whose attributes are still to be set."""
+    return kind.__new__(kind, *args)
 
 
 def did_you_mean(name: str, known: Iterable[str], otherwise: str, *, most: int = 1) -> str:

@@ -16,7 +16,7 @@ import pandas as pd
 from hdvplan.bench.samples import part_file, read_part
 from hdvplan.bench.stats import tables_of
 from hdvplan.bench.suite import Suite
-from hdvplan.bench.timing import LAYOUTS, captions, foot_of, latex, markdown, settings_words
+from hdvplan.bench.timing import LAYOUTS, captions, foot_of, latex, markdown, settings_words, untuned
 from hdvplan.bench.verdict import findings_of, load_of
 from hdvplan.case import Case
 from hdvplan.errors import OptionError
@@ -31,8 +31,10 @@ _OTHERWISE = "start over with --fresh, or choose another folder with --out"
 Json = dict[str, Any]  # what json.loads returns
 
 
-def recorded(suite: Suite, directory: Path) -> Json | None:
+def recorded(suite: Suite, directory: Path, *, only_drawn: bool = False) -> Json | None:
     """Return what ``run.json`` says of this very run's earlier sessions; None where there were none.
+
+    A finished run that is ``only_drawn`` may be of changed files, other software or another machine: nothing is measured any more.
 
     Raises:
         OptionError: the directory holds a run with other settings, of changed files, of other software or from another machine.
@@ -48,7 +50,11 @@ def recorded(suite: Suite, directory: Path) -> Json | None:
     if not isinstance(before, dict) or not {"sessions", "finished"} <= set(before):
         msg = f"{directory / 'run.json'} is not of a benchmark"
         raise OptionError(msg, hint=_OTHERWISE)
-    for part, present in _conditions(suite).items():
+    wanted = _conditions(suite)
+    if only_drawn and before["finished"] and isinstance(settings := before.get("settings"), dict):
+        known = {name: value for name, value in suite.to_dict().items() if name in settings}  # a later version may have more of them
+        wanted = {"settings": settings | known}
+    for part, present in wanted.items():
         if before.get(part) != present:
             msg = f"{directory} holds a run with other {part}: {_difference(before.get(part), present)}"
             raise OptionError(msg, hint=_OTHERWISE)
@@ -89,7 +95,7 @@ def finish(suite: Suite, directory: Path) -> None:
     at_end = load_average()
     load = load_of(tables.summary, record["sessions"], at_end, record["machine"]["usable_cores"])
     findings = findings_of(tables.summary, load)
-    foot = foot_of(suite.solvers, record.get("tolerances", {}), findings, load, tables.timing)
+    foot = foot_of(suite, record.get("tolerances", {}), findings, load, tables.timing)
     packed = tables.samples.to_csv(index=False, lineterminator="\n", float_format=_SAMPLE_DIGITS).encode()
     write_atomically(directory / "samples.csv.gz", gzip.compress(packed, mtime=0))
     caption = captions(suite, record["machine"], tables, record.get("tolerances"))
@@ -99,6 +105,7 @@ def finish(suite: Suite, directory: Path) -> None:
         write_atomically(directory / f"{name}.md", markdown(table, name, caption[name], foot).encode())
         write_atomically(directory / f"{name}.tex", latex(table, name, caption[name], foot).encode())
     record |= {"finished": now(), "load_average_at_end": at_end, "load": asdict(load), "verdict": [asdict(one) for one in findings]}
+    record |= {"untuned": untuned(suite, record.get("tolerances", {}))}
     record |= {"solvers": [settings_words(name, record.get("tolerances", {})) for name in suite.solvers]}
     write_atomically(directory / NAME, json_bytes(record))
     shutil.rmtree(directory / "parts")
@@ -180,7 +187,9 @@ def _difference(before: object, now: object) -> str:
     """Return the first entry in which two records differ, in words."""
     if not (isinstance(before, dict) and isinstance(now, dict)):
         return f"{_short(before)}, now {_short(now)}"
-    name = next(name for name in {**before, **now} if before.get(name) != now.get(name))
+    name = next(name for name in {**before, **now} if (name in before) != (name in now) or before.get(name) != now.get(name))
+    if (name in before) != (name in now):
+        return f"{name} was {_short(before[name])}, is not known now" if name in before else f"{name} was not known, is {_short(now[name])}"
     if isinstance(before.get(name), dict) and isinstance(now.get(name), dict):
         return _difference(before[name], now[name])
     return f"{name} was {_short(before.get(name))}, is {_short(now.get(name))}"

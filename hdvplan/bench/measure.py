@@ -10,7 +10,7 @@ import numpy as np
 
 from hdvplan.bench.acceptance import Opinions
 from hdvplan.bench.replay import Program, record, replay
-from hdvplan.bench.samples import FAILED, NUMBERS, OK, OPINION, OVER_BUDGET, Judgement, Measurement, ended, numbers_of, outcome_of
+from hdvplan.bench.samples import NUMBERS, OK, OPINION, OVER_BUDGET, UNRECORDED, Judgement, Measurement, ended, numbers_of, outcome_of
 from hdvplan.bench.suite import Suite, tuning_key
 from hdvplan.case import Case
 from hdvplan.driving.drive import Drive, drive, warm_up
@@ -55,9 +55,9 @@ class Bench:
             try:
                 programs = self._programs(index)
             except HdvplanError as error:
-                return ended(FAILED, f"nothing was recorded: {outcome_of(error)[1]}")
+                return ended(UNRECORDED, f"nothing was recorded: {outcome_of(error)[1]}")
             if not programs:
-                return ended(FAILED, "nothing was recorded: the drive has only one step")
+                return ended(UNRECORDED, "nothing was recorded: the drive has only one step")
             return replay(programs, make, budget=self._suite.budget, judged=judged, alive=self._alive)
         self._alive(0)
         self._warm_up(case, make, tuning_key(case.solver_name, limits))

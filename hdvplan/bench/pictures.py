@@ -71,7 +71,8 @@ def tikz(shown: Pictured, caption: str) -> str:
     lines = [
         f"% {caption}",
         r"\begin{tikzpicture}",
-        r"\begin{axis}[xmode=log, xmin=1, ymin=0, ymax=1.02, xlabel={within this factor of the fastest}, ylabel={share of steps},",
+        r"\begin{axis}[xmode=log, xmin=1, ymin=0, ymax=1.02, xlabel={within this factor of the fastest},",
+        rf"  ylabel={{share of {shown.unit}s}},",
         r"  legend pos=south east, legend cell align=left, legend style={font=\footnotesize}, const plot, no markers]",
     ]
     for solver, ratios in shown.ratios.items():
@@ -91,11 +92,12 @@ def captions_of(record: Mapping[str, Any]) -> tuple[str, str]:
     ]
     sample = f"{settings['sample']} recorded QPs a drive" if settings["sample"] else "whole drives"
     held = "" if settings["accuracy"] is None else f", every solver held to {settings['accuracy']:g} m"
+    unit = "QP" if settings["sample"] else "step"
     busy = " BUSY MACHINE." if record["load"]["warning"] else ""
     title = "; ".join([*words, sample]) + held
     return (
         title,
-        f"processor time, each step with its fastest round of {settings['rounds']}; {machine['processor']}, {machine['python']}.{busy}",
+        f"processor time, each {unit} with its fastest round of {settings['rounds']}; {machine['processor']}, {machine['python']}.{busy}",
     )
 
 
@@ -120,9 +122,10 @@ def _profiles(axes: Axes, shown: Pictured) -> None:
     at = _factors(shown)
     for number, (solver, ratios) in enumerate(shown.ratios.items()):
         axes.step(at, share_within(ratios, at), where="post", label=solver, **_look(number))  # type: ignore[arg-type] # line properties
-    axes.set(xscale="log", xlim=(1.0, at[-1]), ylim=(0.0, 1.03), xlabel="within this factor of the fastest", ylabel="share of steps")
+    axes.set(xscale="log", xlim=(1.0, at[-1]), ylim=(0.0, 1.03), xlabel="within this factor of the fastest")
+    axes.set_ylabel(f"share of {shown.unit}s")
     _plain(axes, "x")
-    _headed(axes, f"performance profiles, {shown.steps} steps")
+    _headed(axes, f"performance profiles, {shown.steps} {shown.unit}s")
 
 
 def _distribution(axes: Axes, shown: Pictured) -> None:
@@ -134,7 +137,9 @@ def _distribution(axes: Axes, shown: Pictured) -> None:
         axes.plot([first, third], [row, row], color=colour, linewidth=6.0, solid_capstyle="butt")
         axes.plot([middle], [row], marker="|", markersize=11.0, markeredgewidth=1.6, color="white")
         axes.plot([ms[-1]], [row], marker=".", color=colour)
-    axes.set(xscale="log", xlabel="step [ms]", yticks=range(len(solvers)), yticklabels=solvers, ylim=(max(len(solvers), 1) - 0.5, -0.5))
+    axes.set(
+        xscale="log", xlabel=f"{shown.unit} [ms]", yticks=range(len(solvers)), yticklabels=solvers, ylim=(max(len(solvers), 1) - 0.5, -0.5)
+    )
     axes.grid(visible=True, axis="x")
     axes.tick_params(axis="y", length=0.0)
     _plain(axes, "x")
@@ -149,7 +154,7 @@ def _along(axes: Axes, shown: Pictured) -> None:
     if held is not None:
         for begin, end in _stretches(held):
             axes.axvspan(begin, end, color=FAINT, linewidth=0.0)
-    axes.set(yscale="log", xlabel="s [m]", ylabel="step [ms]")
+    axes.set(yscale="log", xlabel="s [m]", ylabel=f"{shown.unit} [ms]")
     _plain(axes, "y")
     grey = "; grey: limits bind" if held is not None and held.binding.any() else ""
     few = f"; the first {_ALONG} solvers" if len(shown.along) > _ALONG else ""
@@ -171,10 +176,15 @@ def _accuracy(axes: Axes, shown: Pictured) -> None:
                 np.maximum(points[:, 0], _EXACT_M), points[:, 1], s=26.0, alpha=0.8, marker=_MARKS[number % len(_MARKS)], edgecolors=colour,
                 facecolors="none" if again else colour, linewidths=1.2 if again else 0.0,
             )  # fmt: skip
-    axes.set(xscale="log", yscale="log", xlabel="largest distance of e_y from the optimum [m]", ylabel="step [ms]")
+    axes.set(xscale="log", yscale="log", xlabel=_distance_words(shown), ylabel=f"{shown.unit} [ms]")
     axes.grid(visible=True)
     _plain(axes, "y")
-    _headed(axes, "time against accuracy, a mark a cell")
+    _headed(axes, f"time against accuracy, a mark a cell with all {shown.unit}s accepted")
+
+
+def _distance_words(shown: Pictured) -> str:
+    exact = any(len(points) and points[:, 0].min() < _EXACT_M for points in shown.accuracy.values())
+    return "largest distance of e_y from the optimum [m]" + (f"; less than {_EXACT_M:g} drawn there" if exact else "")
 
 
 def _headed(axes: Axes, title: str) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from hdvplan.bench.ranking import ranked_times, waiting_cells
+from hdvplan.bench.ranking import ranked_times, unit_of, waiting_cells
 from hdvplan.bench.samples import OVER_BUDGET
 from hdvplan.bench.suite import COURSE, KEY
 from hdvplan.jit import BoolArray, FloatArray
@@ -31,6 +31,7 @@ class Pictured:
     """All that is drawn of a benchmark; mappings are by solver, the fastest first."""
 
     steps: int  # different ones
+    unit: str  # what a step is: "step", or "QP" of a sample
     ratios: Mapping[str, FloatArray]  # of every step given to a solver: its time to the fastest one's; inf where it is not accepted
     ms: Mapping[str, FloatArray]  # of every step with its fastest round
     course: str  # that ``along`` is about
@@ -62,6 +63,7 @@ def pictured(samples: pd.DataFrame, timing: pd.DataFrame, order: Sequence[str]) 
     course = _most_binding(ranked)
     return Pictured(
         len(best),
+        unit_of(timing),
         ratios,
         {solver: np.sort(good.loc[good["solver"] == solver, "ms"].to_numpy(np.float64)) for solver in order},
         ", ".join(course),
@@ -71,8 +73,8 @@ def pictured(samples: pd.DataFrame, timing: pd.DataFrame, order: Sequence[str]) 
 
 
 def _cells(timing: pd.DataFrame) -> FloatArray:
-    """Return distance and time of the cells in which any step was accepted."""
-    return timing.loc[timing["success"] > 0.0, ["distance_m", "step_ms"]].dropna().to_numpy(np.float64)
+    """Return distance and time of the cells in which all steps were accepted: refused ones have neither, however fast they are."""
+    return timing.loc[timing["success"] == 1.0, ["distance_m", "step_ms"]].dropna().to_numpy(np.float64)
 
 
 def share_within(ratios: FloatArray, at: FloatArray) -> FloatArray:

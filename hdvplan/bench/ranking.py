@@ -1,7 +1,7 @@
 """Which solver is the fastest, by how much, and in how many steps: pure functions over data frames.
 
-Solvers are ranked by ``step``: the shifted geometric mean over the steps, each with its fastest round, of the processor time that the
-process took. Waiting for the processor is not in it; neighbours on the same core still slow it. A solver that waits instead of working
+Solvers are ranked by ``step``: the shifted geometric mean over the accepted steps, each with its fastest round, of the processor time that
+the process took. Waiting for the processor is not in it; neighbours on the same core still slow it. A solver that waits instead of working
 (sleeps, or asks another process) would be flattered: where wall time is 1.5 times as long, and that much longer than beside the other
 solvers, wall time counts.
 """
@@ -15,6 +15,11 @@ from hdvplan.bench.suite import COURSE, GROUP, KEY
 
 SHIFT_MS = 0.1  # of the geometric mean: steps far shorter than this do not decide it
 _WAITS = 1.5
+
+
+def unit_of(table: pd.DataFrame) -> str:
+    """Return what one time in a timing or summary table is of: a planning step, or, of a sample, one QP, which linearises nothing."""
+    return "QP" if len(table) and (table["linearise_ms"].dropna() == 0.0).all() and table["linearise_ms"].notna().any() else "step"
 
 
 def waiting_cells(samples: pd.DataFrame) -> frozenset[tuple[str, ...]]:
@@ -60,6 +65,7 @@ def of_group(ranked: pd.DataFrame, group: pd.DataFrame) -> pd.DataFrame:
 def ranking(group: pd.DataFrame, times: pd.DataFrame) -> pd.DataFrame:
     """Return the solvers of one group in their order, with ``ratio``, ``won`` and ``proved``: all its steps done and accepted.
 
+    Steps are won among the proved solvers; ``won`` is NaN for others.
     ``times`` as ``of_group`` returns them.
     """
     proved = (group["success"] == 1.0) & group["whole"] & (group["cells_ok"] == group["cells"])
@@ -71,7 +77,9 @@ def ranking(group: pd.DataFrame, times: pd.DataFrame) -> pd.DataFrame:
         for solver in map(str, times):
             both = times[solver].notna() & best.notna()
             ratios[solver] = shifted_mean(times.loc[both, solver]) / shifted_mean(best[both]) if both.any() else np.nan
-    won = times.idxmin(axis=1).value_counts(normalize=True).to_dict() if len(times) else {}
     solvers = [str(solver) for solver in group["solver"]]
-    group = group.assign(ratio=[ratios.get(solver, np.nan) for solver in solvers], won=[float(won.get(solver, 0.0)) for solver in solvers])
+    ranked = [solver for solver in map(str, group.loc[proved, "solver"]) if solver in times]
+    fastest = times[ranked].dropna(how="all").idxmin(axis=1) if ranked else pd.Series(dtype=str)
+    won = {solver: float((fastest == solver).mean()) for solver in ranked}
+    group = group.assign(ratio=[ratios.get(solver, np.nan) for solver in solvers], won=[won.get(solver, np.nan) for solver in solvers])
     return group.sort_values(["proved", "ratio"], ascending=[False, True], kind="stable", na_position="last")

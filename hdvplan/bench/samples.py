@@ -24,6 +24,7 @@ NUMBERS = (
 COUNTS = ("qp_count", "iterations")
 OPINION = ("distance_m", "distance_u", "scale")  # see ``Opinion``
 OK, FAILED, OVER_BUDGET = "ok", "failed", "over budget"
+UNRECORDED = "nothing recorded"  # of a sample: the reference cannot drive the course, whatever the solver
 CRASHED, HUNG, OUT_OF_MEMORY = "crashed", "out of time", "out of memory"
 
 
@@ -48,7 +49,7 @@ class Measurement:
 
     steps: FloatArray  # (steps, len(NUMBERS)), times in seconds
     statuses: tuple[str, ...]  # the solver's word on every step's last QP
-    outcome: str  # OK, FAILED, OVER_BUDGET, CRASHED, HUNG or OUT_OF_MEMORY
+    outcome: str  # OK, FAILED, UNRECORDED, OVER_BUDGET, CRASHED, HUNG or OUT_OF_MEMORY
     message: str
     nonzeros: int  # of the QP's Hessian (upper triangle), dynamics and rows
     judgement: Judgement | None

@@ -137,8 +137,12 @@ def status_of(measured: Sequence[Measurement], accuracy: float | None = None) ->
 
 
 def step_statistics(samples: pd.DataFrame, waiting: frozenset[tuple[str, ...]]) -> dict[str, float]:
-    """Return the statistics of steps of one or several drives [ms]; NaN where there is no step but the first."""
-    ranked = ranked_times(samples, waiting)["ms"]
+    """Return the statistics of steps of one or several drives [ms]; NaN where there is no step but the first.
+
+    ``step_ms``, ``median_ms`` and ``worst_ms``, by which solvers are ranked, are of accepted steps alone: NaN without any.
+    """
+    distinct = ranked_times(samples, waiting)
+    ranked = distinct.loc[distinct["accepted"].astype(bool), "ms"]
     warm, cold = samples[samples["step"] > 0], samples[samples["step"] == 0]
     total = 1e3 * warm["total_s"]
     fastest = 1e3 * warm.groupby([*KEY, "step"], sort=False)["total_s"].min()
@@ -147,7 +151,7 @@ def step_statistics(samples: pd.DataFrame, waiting: frozenset[tuple[str, ...]]) 
         "steps": len(warm),
         "failures": int((~samples["usable"]).sum()),
         "unsolved": int((samples["status"] != Status.SOLVED).sum()),
-        "distinct_steps": len(ranked),
+        "distinct_steps": len(distinct),
         "step_ms": shifted_mean(ranked),
         "median_ms": ranked.median(),
         "worst_ms": ranked.max(),
@@ -243,7 +247,7 @@ def summary_table(samples: pd.DataFrame, timing: pd.DataFrame, envelope: pd.Data
     """Return one row a vehicle, scheme, class of limits and solver: all steps of all roads together, the worst of everything else.
 
     Solvers that did all steps come first, the fastest at the top; ``ratio`` is to the fastest, over the steps that both did, and
-    ``won`` the share of all steps in which a solver was the fastest of those accepted.
+    ``won`` the share of steps in which a solver was the fastest of those with all steps accepted.
     """
     waiting, by_solver = waiting_cells(samples), [*GROUP, "solver"]
     steps, ranked = dict(tuple(samples.groupby(by_solver, sort=False))), ranked_times(samples, waiting)

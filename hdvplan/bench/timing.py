@@ -9,6 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from hdvplan.bench.acceptance import DUAL, PRIMAL_M
+from hdvplan.bench.ranking import unit_of
 from hdvplan.bench.samples import OK
 from hdvplan.bench.stats import Tables, reference_solver
 from hdvplan.bench.suite import AS_SET, CLASSES, GROUP, Suite, cell_words, tuning_key
@@ -177,12 +178,31 @@ def latex(table: pd.DataFrame, name: str, caption: str, foot: Sequence[str]) -> 
 
 
 def foot_of(
-    solvers: Sequence[str], tolerances: Mapping[str, float | None], findings: Sequence[Finding], load: Load, timing: pd.DataFrame
+    suite: Suite, tolerances: Mapping[str, float | None], findings: Sequence[Finding], load: Load, timing: pd.DataFrame
 ) -> list[str]:
-    """Return what stands below every table: what disturbed the machine, verdicts, each solver's version and settings, and failures."""
+    """Return what stands below every table: what disturbed the machine or was not tuned, verdicts, settings of solvers, and failures."""
     told = [finding.text for finding in findings]
-    settings = [settings_words(solver, tolerances) for solver in solvers]
-    return [*([load.warning] if load.warning else []), *told, *settings, *reasons_of(timing)]
+    settings = [settings_words(solver, tolerances) for solver in suite.solvers]
+    return [*([load.warning] if load.warning else []), *untuned(suite, tolerances), *told, *settings, *reasons_of(timing)]
+
+
+def untuned(suite: Suite, tolerances: Mapping[str, float | None]) -> list[str]:
+    """Return a warning for each class of limits in which solvers run with their own tolerances, though the suite asks for an accuracy.
+
+    ``tolerances`` as ``hdvplan.bench.tuning.tuned`` returns them.
+    """
+    found: list[str] = []
+    for limits in (suite.classes or (AS_SET,)) if suite.accuracy is not None else ():
+        where = "" if limits == AS_SET else f", limits {limits}"
+        keys = {tuning_key(solver, limits): solver for solver in suite.solvers}
+        if not any(key in tolerances for key in keys):
+            found.append(
+                f"NOT TUNED{where}: the reference can drive none of the courses that were tried, so all solvers "
+                "run at their own tolerances, and their accuracies differ"
+            )
+        elif own := [solver for key, solver in keys.items() if tolerances[key] is None]:
+            found.append(f"NOT TUNED{where}: {', '.join(own)}; no tolerance meets {suite.accuracy:g} m, or there is none to set")
+    return found
 
 
 def reasons_of(timing: pd.DataFrame) -> list[str]:
@@ -199,7 +219,7 @@ def reasons_of(timing: pd.DataFrame) -> list[str]:
 def summary_tables(tables: Mapping[str, pd.DataFrame], tolerances: Mapping[str, float | None] | None = None) -> list[Table]:
     """Return the headline for the terminal: per vehicle, scheme and class of limits, then RTI against SQP where both were run."""
     summary, schemes = tables["summary"], tables["schemes"]
-    found, one = [], "one QP" if (summary["linearise_ms"] == 0.0).all() else "one planning step"
+    found, one = [], "one QP" if unit_of(summary) == "QP" else "one planning step"
     for key, mine in summary.groupby(GROUP, sort=False):
         headings = [name for name in _HEADLINE if name != (_OFF if mine["path_difference_m"].notna().any() else _PATH)]
         text = shown(mine, "summary")[headings]

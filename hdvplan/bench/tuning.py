@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hdvplan.bench.samples import CRASHED, HUNG, OK, OPINION, OUT_OF_MEMORY, OVER_BUDGET, Measurement
+from hdvplan.bench.samples import CRASHED, HUNG, OK, OPINION, OUT_OF_MEMORY, OVER_BUDGET, UNRECORDED, Measurement
 from hdvplan.bench.suite import AS_SET, Suite, tuning_key
 from hdvplan.bench.worker import Worker
 from hdvplan.case import Case
@@ -28,8 +28,9 @@ _COURSES = 5  # of every class of limits, spread evenly
 def tuned(suite: Suite, cases: Sequence[Case], on_progress: Callable[[float], None]) -> dict[str, float | None]:
     """Return, by ``tuning_key``, each solver's loosest tolerance of ``LADDER`` that meets ``suite.accuracy`` in a class of limits.
 
-    A sample of the class's courses decides. None: the solver has no tolerance, or none of the ladder's serves, and it runs with its own.
-    ``cases`` are the suite's, ``on_progress`` receives the done share.
+    A sample of the class's courses decides, of which those that the reference cannot drive do not count. None: the solver has no
+    tolerance, or none of the ladder's serves, and it runs with its own. A class of which no course counts has no entries: see
+    ``hdvplan.bench.timing.untuned``. ``cases`` are the suite's, ``on_progress`` receives the done share.
     """
     wanted = suite.accuracy or np.inf
     makers: dict[str, WorkspaceMaker] = {maker.name: maker for name in suite.solvers for maker in _makers(name)}
@@ -41,11 +42,18 @@ def tuned(suite: Suite, cases: Sequence[Case], on_progress: Callable[[float], No
             courses = np.array([number for number, course in enumerate(suite.courses()) if course[2] == limits])
             chosen = courses[np.unique(np.linspace(0, len(courses) - 1, _COURSES).round().astype(int))].tolist()
             ladders = {name: _makers(name) for name in suite.solvers}
+            recorded = False
             for number, course in enumerate(chosen):
                 for ladder in ladders.values():
-                    while ladder and not _meets(worker(course * every, judged=True, solver=ladder[0].name), wanted):
+                    while ladder:
+                        measured = worker(course * every, judged=True, solver=ladder[0].name)
+                        recorded = recorded or measured.outcome != UNRECORDED
+                        if meets(measured, wanted):
+                            break
                         del ladder[0]
                 on_progress((done + (number + 1) / len(chosen)) / len(classes))
+            if not recorded:
+                continue
             found |= {tuning_key(name, limits): ladder[0].tolerance if ladder else None for name, ladder in ladders.items()}
     return found
 
@@ -58,12 +66,13 @@ def _makers(name: str) -> list[SolverMaker]:
         return []
 
 
-def _meets(measured: Measurement, wanted: float) -> bool:
+def meets(measured: Measurement, wanted: float) -> bool:
     """Tell whether all programs that were solved came within ``wanted`` [m] of their optima; those without a proved one do not count.
 
-    Nor does a cell in which the solver hung or crashed: no tolerance mends that, and its row in the tables says so.
+    Nor does a cell in which the solver hung or crashed, or for which the reference recorded nothing: no tolerance mends that, and its
+    row in the tables says so.
     """
-    if measured.outcome in {HUNG, CRASHED, OUT_OF_MEMORY}:
+    if measured.outcome in {HUNG, CRASHED, OUT_OF_MEMORY, UNRECORDED}:
         return True
     told = measured.opinions[~np.isnan(measured.opinions[:, OPINION.index("scale")])] if len(measured.opinions) else measured.opinions
     close = told[:, OPINION.index("distance_m")] <= wanted  # False for NaN

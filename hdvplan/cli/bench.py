@@ -156,6 +156,9 @@ def bench(
     if against is not None and counters is not None:
         msg = "--against compares counters with those of REV, not with a file"
         raise OptionError(msg, hint="leave out --counters")
+    if in_process and (step_limit is not None or cell_limit is not None or memory_limit is not None):
+        msg = "--step-limit, --cell-limit and --memory-limit need a process that can be ended"
+        raise OptionError(msg, hint="leave out --in-process")
     if export_qps is not None and (against is not None or counters is not None or plot is not None):
         msg = "--export-qps times nothing: there is nothing for --against, --counters or --plot"
         raise OptionError(msg, hint="leave them out")
@@ -198,7 +201,7 @@ def bench(
     if against is not None:
         comparison = _measure_against(against, wanted, rule_of(factor, floor), out, expect_changes, quiet=quiet)
         return show(comparison, rule_of(factor, floor), format_=format_, json=json, quiet=quiet)
-    record = None if fresh else recorded(wanted, out)
+    record = None if fresh else recorded(wanted, out, only_drawn=plot is not None and counters is None)
     if record is not None and record["finished"]:
         note(f"{out} holds this run, finished; --fresh measures again", quiet=quiet)
     else:
@@ -237,14 +240,15 @@ def bench(
         return _hold_to(counters, out, renew, format_=format_, json=json, quiet=quiet)
     tables, told = {name: read_table(out, name) for name in LAYOUTS}, read_record(out)
     if json:
-        head = {"out": str(out), "verdict": told["verdict"], "load": told["load"]}
+        head = {"out": str(out), "verdict": told["verdict"], "load": told["load"], "untuned": told.get("untuned", [])}
         print_json(head | {name: _rows(tables[name]) for name in LAYOUTS})
     elif not quiet:
         print_tables(*summary_tables(tables, told.get("tolerances")))
         for finding in told["verdict"]:
             print_line(finding["text"])
-        if told["load"]["warning"]:
-            warn(told["load"]["warning"])
+        for warning in (told["load"]["warning"], *told.get("untuned", [])):
+            if warning:
+                warn(warning)
         note(f"written to {out}/")
     return ExitCode.OK
 

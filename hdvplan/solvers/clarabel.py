@@ -30,6 +30,7 @@ _STATUS = {
     "InsufficientProgress": Status.NUMERICAL,
 }
 TOLERANCE = 1e-8  # of feasibility and of the duality gap
+_RELATIVE = 1e-4  # of the tolerance, for the gap relative to an elastic program's cost, which is of the order of 1e4
 
 
 class ClarabelWorkspace:
@@ -37,7 +38,7 @@ class ClarabelWorkspace:
 
     name = "clarabel"
     starts_warm = False
-    settings = "no presolve, gap relative to cost 1e-4 of it"
+    settings = f"no presolve, gap relative to cost {_RELATIVE:g} of it"
 
     def __init__(self, shape: StageShape, *, elastic: bool, tolerance: float = TOLERANCE) -> None:
         """Lay out the pattern; the first solve sets the solver up."""
@@ -88,7 +89,7 @@ class ClarabelWorkspace:
         settings.presolve_enable = False
         settings.max_threads = 1
         settings.tol_gap_abs = settings.tol_feas = self._tolerance
-        settings.tol_gap_rel = 1e-4 * self._tolerance  # relative to an elastic program's cost, of the order of 1e4
+        settings.tol_gap_rel = _RELATIVE * self._tolerance
         cones = [clarabel.ZeroConeT(len(form.b)), clarabel.NonnegativeConeT(len(right) - len(form.b))]
         solver = clarabel.DefaultSolver(form.P, form.q, self._matrix, right, cones, settings)
         if not solver.is_data_update_allowed():

@@ -35,7 +35,7 @@ class DaqpWorkspace:
 
     name = "daqp"
     starts_warm = False
-    settings = "states eliminated in NumPy, soft rows of its own, iter_limit 1e4, cold"
+    settings = f"states eliminated in NumPy, soft rows of its own, iter_limit {_ITERATIONS}, cold"
 
     def __init__(self, shape: StageShape, *, tolerance: float = TOLERANCE) -> None:
         """Allocate the eliminated program."""

@@ -60,7 +60,10 @@ class HpipmWorkspace:
 
     name = "hpipm"
     starts_warm = False
-    settings = "BALANCE, mu0 1e4, condensed by 4 stages, soft rows of its own, cold; BLASFEO built with TARGET=GENERIC in CasADi's wheel"
+    settings = (
+        f"BALANCE, mu0 {_START:g}, condensed by {_BLOCK} stages, soft rows of its own, cold; "
+        "BLASFEO built with TARGET=GENERIC in CasADi's wheel"
+    )
 
     def __init__(self, shape: StageShape, *, tolerance: float = TOLERANCE) -> None:
         """Allocate HPIPM's memory and lay out what it does not read from the program.

@@ -32,6 +32,7 @@ _STATUS = {
 }
 TOLERANCE = 1e-5  # absolute, on primal and dual residual alike
 _INFINITY = 1e30  # OSQP's own
+_ADAPTED = 50  # iterations between two changes of rho
 
 
 class OsqpWorkspace:
@@ -39,7 +40,7 @@ class OsqpWorkspace:
 
     name = "osqp"
     starts_warm = True
-    settings = "eps_rel 0, rho adapted every 50 iterations, warm start"
+    settings = f"eps_rel 0, rho adapted every {_ADAPTED} iterations, warm start"
 
     def __init__(self, shape: StageShape, *, elastic: bool, tolerance: float = TOLERANCE, iterations: int = 10_000) -> None:
         """Lay out the pattern; the first solve sets the solver up."""
@@ -71,7 +72,7 @@ class OsqpWorkspace:
             try:
                 self._solver.setup(
                     form.P.copy(), form.q.copy(), self._matrix.copy(), low, high, verbose=False, eps_abs=self._tolerance, eps_rel=0.0,
-                    max_iter=self._iterations, adaptive_rho=1, adaptive_rho_interval=50, polishing=False, check_termination=25,
+                    max_iter=self._iterations, adaptive_rho=1, adaptive_rho_interval=_ADAPTED, polishing=False, check_termination=25,
                 )  # fmt: skip
             except osqp.OSQPException as error:
                 msg = f"OSQP refused the program: {error}"

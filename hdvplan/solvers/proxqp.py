@@ -33,7 +33,7 @@ class ProxqpWorkspace:
 
     name = "proxqp"
     starts_warm = True
-    settings = "sparse backend, eps_rel 0, max_iter 100, warm start, set up for every program"
+    settings = f"sparse backend, eps_rel 0, max_iter {_ITERATIONS}, warm start, set up for every program"
 
     def __init__(self, shape: StageShape, *, elastic: bool, tolerance: float = TOLERANCE) -> None:
         """Lay out the pattern."""

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -203,9 +204,35 @@ def test_a_road_of_which_nothing_can_be_sampled_is_a_row_and_ends_nothing(cli: C
         == 0
     )
     timing = pd.read_csv(tmp_path / "run" / "timing.csv")
-    assert (timing["status"] == "failed").all()
+    assert (timing["status"] == "nothing recorded").all()
     assert timing["message"].str.startswith("nothing was recorded: ").all()
     assert timing["message"].str.contains(words).all()
+
+
+def test_a_finished_run_is_drawn_after_a_change_of_source_but_not_after_one_of_settings(
+    cli: Cli, tmp_path: Path, finished_run: Path
+) -> None:
+    shutil.copytree(finished_run, tmp_path / "run")
+    record = json.loads((tmp_path / "run" / "run.json").read_text(encoding="utf-8"))
+    record["software"]["source"] = "another"
+    del record["settings"]["memory_limit"]  # as of a version before there was one
+    (tmp_path / "run" / "run.json").write_text(json.dumps(record), encoding="utf-8")
+    command = ("bench", "--roads", str(finished_run.parent / "short.csv"), *TINY, "--rounds", "3", "--schemes", "rti", "--out", "run")
+    assert cli(*command, "--plot").code == 0
+    assert (tmp_path / "run" / "bench.png").is_file()
+    measured = cli(*command)
+    assert measured.code == 2
+    assert "memory_limit was not known, is None" in measured.err
+    other = cli(*command, "--slack", "0.7", "--plot")
+    assert other.code == 2
+    assert "slack was 0.5, is 0.7" in other.err
+
+
+@pytest.mark.parametrize("limit", ["--step-limit", "--cell-limit", "--memory-limit"])
+def test_limits_of_a_process_are_refused_without_one(cli: Cli, short_road: str, limit: str) -> None:
+    outcome = cli("bench", "--roads", short_road, "--in-process", limit, "5")
+    assert outcome.code == 2
+    assert "need a process that can be ended" in outcome.err
 
 
 def test_fresh_deletes_only_what_a_benchmark_writes(cli: Cli, tmp_path: Path, short_road: str) -> None:
@@ -254,7 +281,9 @@ def test_over_budget_is_a_row_and_the_run_ends_well(cli: Cli, tmp_path: Path, sh
     assert (timing["status"] == "over budget").all()
     assert (timing["steps"] == 0).all()
     assert outcome.out.count("2 of 2 cells are not ok") == 2
-    assert "the largest distance of e_y from the optimum: piqp at 1e-08:" in " ".join(outcome.out.split())
+    told = " ".join(outcome.out.split())
+    assert "the largest distance of e_y from the optimum: riccati at 1e-08:" in told
+    assert "; piqp at 1e-08:" in told
     assert "bus, rti: no winner: no solver finished within its budget" in outcome.out
 
 

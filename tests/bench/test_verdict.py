@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hdvplan.bench.pictures import bench_figure
 from hdvplan.bench.profiles import order_of, pictured, share_within
 from hdvplan.bench.samples import FAILED, NUMBERS, OVER_BUDGET, Measurement
 from hdvplan.bench.stats import Tables, tables_of
@@ -34,7 +35,10 @@ def test_the_fastest_solver_is_named_with_its_share_its_lead_and_the_agreement()
     assert told.won == 0.5
     # Geometric means of (1.1, 3.1) and (4.1, 2.1) ms, less the shift of 0.1 ms.
     assert told.ratio == pytest.approx((np.sqrt(4.1 * 2.1) - 0.1) / (np.sqrt(1.1 * 3.1) - 0.1))
-    assert told.text == "bus, rti: riccati is fastest in 50.0 % of 2 steps, 1.6 x slow (1.75 ms a step), the same path to 1e-09 m"
+    assert (
+        told.text
+        == "bus, rti: riccati is fastest in 50.0 % of 2 steps, 1.6 times as fast as slow (1.75 ms a step), the same path to 1e-09 m"
+    )
 
 
 def test_solvers_within_five_percent_have_no_winner() -> None:
@@ -63,6 +67,53 @@ def test_a_solver_that_its_budget_stopped_is_compared_over_the_steps_that_both_d
     found = tables(slow=[made_up([0.1, 0.010], outcome=OVER_BUDGET, shift=None)], riccati=[made_up([0.1, 0.001, 0.009])])
     assert finding(found).ratio == pytest.approx(10.0)
     assert finding(found).runner_up == "slow"
+    assert "10.0 times as fast as slow, over the steps that slow did within its budget (" in finding(found).text
+
+
+def test_nobody_is_compared_with_a_solver_of_which_a_step_was_refused() -> None:
+    refused = made_up([0.1, 0.010, 0.010])
+    refused.steps[2, NUMBERS.index("usable")] = 0.0
+    told = finding(tables(refused=[refused], riccati=[made_up([0.1, 0.001, 0.001])]))
+    assert (told.winner, told.runner_up, told.ratio) == ("riccati", None, None)
+    assert told.text == "bus, rti: riccati is the only solver with all its steps accepted, 1 ms a step; not ranked with it: refused"
+
+
+@pytest.mark.parametrize(("seconds", "winner"), [(0.00119, None), (0.00121, "one")])
+def test_a_busy_machine_has_no_winner_by_less_than_a_fifth(seconds: float, winner: str | None) -> None:
+    found, busy = tables(one=[made_up([0.1, 0.001])], other=[made_up([0.1, seconds])]), replace(QUIET, warning="BUSY MACHINE")
+    assert finding(found).winner == "one"
+    assert finding(found, busy).winner == winner
+
+
+def test_the_share_of_won_steps_does_not_depend_on_who_failed() -> None:
+    able = {"riccati": [made_up([0.1, 0.001, 0.004])], "slow": [made_up([0.1, 0.004, 0.002])]}
+    hasty = made_up([0.1, 0.0001, 0.0001])
+    hasty.steps[2, NUMBERS.index("usable")] = 0.0
+    alone, beside = tables(**able).summary, tables(**able, hasty=[hasty]).summary.set_index("solver")["won"]
+    assert dict(zip(alone["solver"], alone["won"], strict=True)) == {"riccati": 0.5, "slow": 0.5}
+    assert [beside["riccati"], beside["slow"]] == [0.5, 0.5]
+    assert np.isnan(beside["hasty"])
+
+
+def test_the_headline_is_of_accepted_steps_alone() -> None:
+    hasty = made_up([0.1, 0.00007, 0.00007, 0.005])
+    hasty.steps[1:3, NUMBERS.index("usable")] = 0.0
+    found = tables(hasty=[hasty], riccati=[made_up([0.1, 0.001, 0.001, 0.001])])
+    row = found.summary.set_index("solver").loc["hasty"]
+    assert [row["step_ms"], row["median_ms"], row["worst_ms"]] == pytest.approx([5.0, 5.0, 5.0])
+    assert row["distinct_steps"] == 3
+    assert np.isnan(tables(hasty=[made_up([0.1, 0.00007], usable=False)]).summary["step_ms"].iloc[0])
+
+
+def test_time_against_accuracy_shows_only_cells_whose_steps_are_all_accepted() -> None:
+    rounds = {}
+    for name, refused in (("hasty", 1), ("riccati", 0)):
+        measured = made_up([0.1, 0.001, 0.001])
+        measured.steps[2, NUMBERS.index("usable")] = 1 - refused
+        rounds[name] = [replace(measured, opinions=np.array([[1e-9, 1e-9, 10.0]] * 3))]
+    found = tables(**rounds)
+    shown = pictured(found.samples, found.timing, ["riccati", "hasty"])
+    assert {name: len(points) for name, points in shown.accuracy.items()} == {"riccati": 1, "hasty": 0}
 
 
 def test_neighbours_that_lengthen_the_clock_do_not_move_the_ranking() -> None:
@@ -107,6 +158,18 @@ def test_refused_steps_are_not_drawn_along_the_road() -> None:
     found = tables(hasty=[bad], riccati=[made_up([0.1, 0.001, 0.001])])
     shown = pictured(found.samples, found.timing, ["riccati", "hasty"])
     assert [len(one.s) for one in shown.along] == [2, 1]
+
+
+def test_what_is_timed_of_a_sample_is_called_a_qp() -> None:
+    measured = made_up([0.1, 0.001, 0.002])
+    measured.steps[:, NUMBERS.index("linearise_s")] = 0.0
+    found = tables(riccati=[replace(measured, opinions=np.array([[0.0, 0.0, 10.0]] * 3))])
+    assert finding(found).text == ("bus, rti: riccati alone, 1.42 ms a QP, all 2 QPs accepted; no other solver to compare with")
+    shown = pictured(found.samples, found.timing, ["riccati"])
+    axes = bench_figure(shown, "title", "caption").axes
+    assert [one.get_ylabel() for one in axes] == ["share of QPs", "", "QP [ms]", "QP [ms]"]
+    assert axes[1].get_xlabel() == "QP [ms]"
+    assert axes[3].get_xlabel() == "largest distance of e_y from the optimum [m]; less than 1e-14 drawn there"
 
 
 def test_solvers_that_are_not_ranked_are_drawn_last() -> None:

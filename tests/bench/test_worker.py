@@ -18,6 +18,7 @@ from hdvplan.bench.run import remaining, run
 from hdvplan.bench.samples import Measurement, part_file, read_part
 from hdvplan.bench.stats import tables_of
 from hdvplan.bench.suite import Suite, tuning_key
+from hdvplan.bench.timing import untuned
 from hdvplan.bench.tuning import tuned
 from hdvplan.qp.workspace import WorkspaceMaker
 from hdvplan.solvers.registry import solver_named
@@ -147,6 +148,27 @@ def test_tolerances_are_as_loose_as_the_accuracy_in_metres_allows(tiny: Suite, t
     timing = tables_of(tight.cells(), measured(tight, makers, tmp_path), tight.accuracy).timing
     assert list(timing["status"]) == ["ok", "ok"]
     assert (timing["distance_m"] <= 2e-5).all()  # what the caption promises
+
+
+def test_a_course_that_the_reference_cannot_drive_takes_no_tolerance_from_any_solver(tiny: Suite, tmp_path: Path) -> None:
+    tight = tmp_path / "tight.csv"
+    tight.write_text("s,kappa\n0,0\n20,0\n30,0.3\n60,0.3\n70,0\n90,0\n", encoding="utf-8")
+    suite = replace(tiny, roads=(str(tight), *tiny.roads), solvers=("riccati",), sample=2, rounds=1, accuracy=1e-2)
+    found = tuned(suite, cases_of(suite), lambda _: None)
+    assert found[tuning_key("riccati", "as set")] is not None
+    assert untuned(suite, found) == []
+    suite = replace(suite, roads=(str(tight),))
+    found = tuned(suite, cases_of(suite), lambda _: None)
+    assert found == {}
+    (said,) = untuned(suite, found)
+    assert said.startswith("NOT TUNED: the reference can drive none of the courses that were tried")
+
+
+def test_solvers_that_no_tolerance_brings_within_the_accuracy_are_named() -> None:
+    suite = Suite(solvers=("riccati", "osqp"), classes=("off", "binding"), accuracy=1e-4)
+    found = {tuning_key(name, limits): 1e-3 for name in suite.solvers for limits in suite.classes} | {tuning_key("osqp", "binding"): None}
+    assert untuned(suite, found) == ["NOT TUNED, limits binding: osqp; no tolerance meets 0.0001 m, or there is none to set"]
+    assert untuned(replace(suite, accuracy=None), {}) == []
 
 
 def test_a_sample_gives_a_slow_solver_one_program_and_one_round(tiny: Suite, tmp_path: Path) -> None:

@@ -99,3 +99,19 @@ def test_what_makes_a_named_solver_pickles() -> None:
     solver = pickle.loads(pickle.dumps(solver_named("piqp", 1e-6)))  # noqa: S301 - our own
     assert solver == solver_named("piqp", 1e-6)
     assert solver(shape()).solve(random_program(shape(), 1), None).status is Status.SOLVED
+
+
+@pytest.mark.parametrize(
+    ("name", "constant", "words"),
+    [
+        ("hpipm", "_BLOCK", "condensed by {} stages"),
+        ("hpipm", "_START", "mu0 {:g},"),
+        ("daqp", "_ITERATIONS", "iter_limit {},"),
+        ("proxqp", "_ITERATIONS", "max_iter {},"),
+        ("osqp", "_ADAPTED", "every {} iterations"),
+        ("clarabel", "_RELATIVE", "cost {:g} of it"),
+    ],
+)
+def test_settings_name_the_constants_that_solvers_run_with(name: str, constant: str, words: str) -> None:
+    module = pytest.importorskip(f"hdvplan.solvers.{name}")
+    assert words.format(getattr(module, constant)) in settings_of(name)
