@@ -1,4 +1,4 @@
-"""Measure one drive of one cell: every planning step with its times, then the same drive again before a witness, untimed."""
+"""Measure one drive of one cell: every planning step with its times, then the same drive again beside the reference, untimed."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from hdvplan.qp.program import StageShape
 from hdvplan.qp.workspace import QpWorkspace, WorkspaceMaker
 from hdvplan.solvers.riccati import RiccatiWorkspace
 
-REFERENCE: WorkspaceMaker = RiccatiWorkspace  # of second opinions, at its own strict tolerance
+REFERENCE: WorkspaceMaker = RiccatiWorkspace  # that every solution is compared with, at its own strict tolerance
 Alive = Callable[[int], None]  # receives the steps done, after each
 
 
@@ -46,7 +46,7 @@ class Bench:
         gc.freeze()
 
     def __call__(self, index: int, *, judged: bool, solver: str | None = None) -> Measurement:
-        """Return the measurement of a case by its own ``solver`` or another; its sweep and second opinions only if ``judged``."""
+        """Return the measurement of a case by its own ``solver`` or another; sweep and distances only if ``judged``."""
         case, limits = self._cases[index], self._suite.cells()[index].limits
         make = self._makers.get(solver or tuning_key(case.solver_name, limits)) or self._makers[case.solver_name]
         self._warm_up(case, REFERENCE, "the reference")

@@ -123,7 +123,7 @@ def nonzeros_of(shape: StageShape) -> int:
 
 
 def _solved(workspace: QpWorkspace, one: Program, *, hurried: bool) -> tuple[list[float], str, str, tuple[float, float, float]]:
-    """Solve one program warm and, unless ``hurried``, cold; return the step's numbers, the solver's word and reason, and an opinion."""
+    """Solve one program warm and, unless ``hurried``, cold; return the step's numbers, the solver's status and reason, and an opinion."""
     result, wall, cpu = _timed(workspace, one.qp, one.guess if workspace.starts_warm else None)
     judged, x, u = residuals(one.qp, result.point), result.point.x, result.point.u
     opinion = float(np.max(np.abs(x[:, 0] - one.optimum.x[:, 0]))), float(np.max(np.abs(u - one.optimum.u))), one.scale

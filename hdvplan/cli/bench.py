@@ -81,7 +81,8 @@ def bench(
         float | None, typer.Option("--step-limit", metavar="S", help="Longest planning step; a cell with a longer one is ended [s].")
     ] = None,
     cell_limit: Annotated[
-        float | None, typer.Option("--cell-limit", metavar="S", help="Longest drive with its second opinion; a longer one is ended [s].")
+        float | None,
+        typer.Option("--cell-limit", metavar="S", help="Longest drive with its check by the reference; a longer one is ended [s]."),
     ] = None,
     memory_limit: Annotated[
         float | None, typer.Option("--memory-limit", metavar="GB", help="Most memory of the measuring process, where the system can.")
