@@ -1,1 +1,3 @@
 """Measuring planning time honestly."""
+
+PICTURE = "bench.png"  # of a run, in its directory

@@ -1,6 +1,6 @@
 """What counts as a solved QP: its residuals, recomputed, and how far its path lies from a reference's.
 
-A solver's own word is a claim. A step is accepted where its point keeps the program and its multipliers prove it optimal: all three
+A solver's own status is not relied on. A step is accepted where its point keeps the program and its multipliers prove it optimal: all three
 residuals small. Multipliers grow with the price of limits that cannot be kept, up to 1e6; a residual of the Lagrangian or of
 complementarity is small only beside them. The scale is therefore the reference's largest multiplier, which no solver can inflate.
 Where solvers are held to an accuracy in metres instead, their multipliers prove nothing: the distance from a proved optimum decides.
@@ -42,7 +42,7 @@ def proves(judged: Residuals, scale: float) -> bool:
 
 
 class Opinions:
-    """A second opinion on every program of a drive: it makes workspaces that have the reference solve what they solve.
+    """The reference's solution of every program of a drive: it makes workspaces that have the reference solve what they solve.
 
     The reference starts from nothing, so that it cannot follow a solver astray. Its time counts as loading: no part of a step.
     """

@@ -1,4 +1,4 @@
-"""What every solver owes its caller, as checks that its author can run: on programs of real planning, spoiled ones among them.
+"""What planning requires of every solver, as checks that its author can run: on programs of real planning, invalid ones among them.
 
 ``hdvplan solvers --check NAME`` prints them. In a test suite::
 
@@ -157,14 +157,14 @@ def bad_data_is_refused(make: WorkspaceMaker, programs: Sequence[Recorded]) -> F
     workspace, wrong = make(each.qp.shape), []
     for name in NAMES:
         for value in (np.nan, np.inf):
-            spoiled = StageQp(each.qp.shape, each.qp.buffer.copy())
-            getattr(spoiled, name).flat[-1] = value
-            if not _refuses(workspace.solve, spoiled):
+            invalid = StageQp(each.qp.shape, each.qp.buffer.copy())
+            getattr(invalid, name).flat[-1] = value
+            if not _refuses(workspace.solve, invalid):
                 wrong.append(f"{name} = {value}")
     for low, high in (("x_low", "x_high"), ("u_low", "u_high")):
-        spoiled = StageQp(each.qp.shape, each.qp.buffer.copy())
-        getattr(spoiled, low)[0] = getattr(spoiled, high)[0] + 1.0
-        if not _refuses(workspace.solve, spoiled):
+        invalid = StageQp(each.qp.shape, each.qp.buffer.copy())
+        getattr(invalid, low)[0] = getattr(invalid, high)[0] + 1.0
+        if not _refuses(workspace.solve, invalid):
             wrong.append(f"{low} > {high}")
     far = distance(workspace.solve(each.qp, None).point, each.point)
     said = f"not refused: {', '.join(wrong)}" if wrong else f"all refused; the next one differs by {far:.1e}"

@@ -13,6 +13,7 @@ from typing import Any
 
 import pandas as pd
 
+from hdvplan.bench import PICTURE
 from hdvplan.bench.samples import part_file, read_part
 from hdvplan.bench.stats import tables_of
 from hdvplan.bench.suite import Suite
@@ -24,7 +25,6 @@ from hdvplan.fileio import csv_bytes, json_bytes, write_atomically
 from hdvplan.machine import commit, load_average, machine_facts, software
 from hdvplan.record import NAME, command, now
 
-PICTURE = "bench.png"
 _SAMPLE_DIGITS = "%.7g"  # a sample's time to the nanosecond, in a third of the space
 _OTHERWISE = "start over with --fresh, or choose another folder with --out"
 

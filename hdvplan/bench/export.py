@@ -24,7 +24,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from hdvplan.bench.courses import cases_of
-from hdvplan.bench.recording import Recorded, record
+from hdvplan.bench.recording import ACTIVE, Recorded, record
 from hdvplan.bench.suite import AS_SET, Suite
 from hdvplan.case import Case
 from hdvplan.errors import OptionError
@@ -35,7 +35,6 @@ from hdvplan.solvers.registry import solver_named
 from hdvplan.solvers.sparse import SparseQp
 
 _TOLERANCE = 1e-11  # of the solutions
-_ACTIVE = 1e-6  # a multiplier beyond this belongs to an active row
 
 
 def cases_to_export(suite: Suite) -> list[Case]:
@@ -94,7 +93,7 @@ def _row(each: Recorded, name: str) -> dict[str, object]:
         "P": full.toarray().ravel(), "q": form.q, "G": form.G.toarray().ravel(), "h": form.h, "A": form.E.toarray().ravel(), "b": form.b,
         "lb": form.low, "ub": form.high, "name": name,
         **solution, **{f"{part}_start": values for part, values in start.items()},
-        "active": np.flatnonzero(solution["z"] > _ACTIVE), "limits": each.limits, "first": each.first, "number": each.number,
+        "active": np.flatnonzero(solution["z"] > ACTIVE), "limits": each.limits, "first": each.first, "number": each.number,
     }  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Measure one drive of one cell: every planning step with its times, then the same drive again before a witness, untimed."""
+"""Measure one drive of one cell: every planning step with its times, then the same drive again beside the reference, untimed."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from contextlib import suppress
 import numpy as np
 
 from hdvplan.bench.acceptance import Opinions
-from hdvplan.bench.replay import Program, record, replay
+from hdvplan.bench.replay import Program, nonzeros_of, record, replay
 from hdvplan.bench.samples import NUMBERS, OK, OPINION, OVER_BUDGET, UNRECORDED, Judgement, Measurement, ended, numbers_of, outcome_of
 from hdvplan.bench.suite import Suite, tuning_key
 from hdvplan.case import Case
@@ -23,9 +23,8 @@ from hdvplan.planning.planner import Plan
 from hdvplan.qp.program import StageShape
 from hdvplan.qp.workspace import QpWorkspace, WorkspaceMaker
 from hdvplan.solvers.riccati import RiccatiWorkspace
-from hdvplan.solvers.sparse import SparseQp
 
-REFERENCE: WorkspaceMaker = RiccatiWorkspace  # of second opinions, at its own strict tolerance
+REFERENCE: WorkspaceMaker = RiccatiWorkspace  # that every solution is compared with, at its own strict tolerance
 Alive = Callable[[int], None]  # receives the steps done, after each
 
 
@@ -47,7 +46,7 @@ class Bench:
         gc.freeze()
 
     def __call__(self, index: int, *, judged: bool, solver: str | None = None) -> Measurement:
-        """Return the measurement of a case by its own ``solver`` or another; its sweep and second opinions only if ``judged``."""
+        """Return the measurement of a case by its own ``solver`` or another; sweep and distances only if ``judged``."""
         case, limits = self._cases[index], self._suite.cells()[index].limits
         make = self._makers.get(solver or tuning_key(case.solver_name, limits)) or self._makers[case.solver_name]
         self._warm_up(case, REFERENCE, "the reference")
@@ -124,7 +123,7 @@ def measure(case: Case, make_workspace: WorkspaceMaker, *, budget: float, judged
         opinions = witnessed(case, make_workspace, len(steps), alive)
     message = message or next(filter(None, reasons), "")
     numbers = np.array(steps) if steps else np.empty((0, len(NUMBERS)))
-    return Measurement(numbers, tuple(statuses), outcome, message, _nonzeros(shapes), judgement, opinions)
+    return Measurement(numbers, tuple(statuses), outcome, message, nonzeros_of(shapes[0]) if shapes else 0, judgement, opinions)
 
 
 def witnessed(case: Case, make_workspace: WorkspaceMaker, count: int, alive: Alive) -> FloatArray:
@@ -141,14 +140,6 @@ def witnessed(case: Case, make_workspace: WorkspaceMaker, count: int, alive: Ali
     with suppress(Exception):  # the timed drive has said why
         drive(case.road, case.vehicle, objective_named(case.objective), opinions, case.settings, bias=case.bias, on_plan=keep)
     return np.array(found).reshape(-1, len(OPINION))
-
-
-def _nonzeros(shapes: Sequence[StageShape]) -> int:
-    """Return the non-zeros of the program that a drive asked its solver for; 0 where it ended before."""
-    if not shapes:
-        return 0
-    form = SparseQp.of(shapes[0], elastic=False)
-    return int(form.P.nnz + form.E.nnz + form.G.nnz)
 
 
 def judge(driven: Drive) -> Judgement:

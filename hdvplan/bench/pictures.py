@@ -13,6 +13,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from hdvplan.bench.directory import read_record, read_samples, read_table
 from hdvplan.bench.profiles import Along, Pictured, order_of, pictured, share_within
+from hdvplan.bench.timing import latex_escaped
 from hdvplan.fileio import write_atomically
 from hdvplan.jit import FloatArray
 from hdvplan.report.colours import FAINT, MUTED
@@ -78,7 +79,7 @@ def tikz(shown: Pictured, caption: str) -> str:
     for solver, ratios in shown.ratios.items():
         points = _thinned(at, share_within(ratios, at))
         lines += [r"\addplot coordinates {" + " ".join(f"({x:.4g},{y:.4g})" for x, y in points) + "};"]
-        lines += [r"\addlegendentry{" + solver.replace("_", r"\_").replace("#", r"\#").replace("%", r"\%") + "}"]
+        lines += [r"\addlegendentry{" + latex_escaped(solver) + "}"]
     return "\n".join([*lines, r"\end{axis}", r"\end{tikzpicture}", ""])
 
 

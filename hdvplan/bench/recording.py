@@ -17,7 +17,7 @@ from hdvplan.qp.workspace import QpResult, QpWorkspace, WorkspaceMaker
 from hdvplan.solvers.registry import solver_named
 
 LIMITS = ("off", "inactive", "binding", "unkeepable")  # the roles of limits in a program
-_ACTIVE = 1e-6  # a multiplier beyond this belongs to an active inequality
+ACTIVE = 1e-6  # a multiplier beyond this belongs to an active inequality
 _BROKEN_M = 1e-6  # an elastic variable beyond this means that its row cannot be kept
 
 
@@ -39,7 +39,7 @@ class Recorded:
             return "off"
         if np.any(self.point.sigma > _BROKEN_M):
             return "unkeepable"
-        return "binding" if np.any(self.point.rows > _ACTIVE) else "inactive"
+        return "binding" if np.any(self.point.rows > ACTIVE) else "inactive"
 
 
 def record(case: Case, most: int | None = None) -> list[Recorded]:

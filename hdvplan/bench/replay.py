@@ -14,6 +14,7 @@ from time import perf_counter, process_time
 import numpy as np
 
 from hdvplan.bench.acceptance import proves, scale_of
+from hdvplan.bench.recording import copied
 from hdvplan.bench.samples import NUMBERS, OK, OPINION, OVER_BUDGET, Measurement, outcome_of
 from hdvplan.case import Case
 from hdvplan.driving.drive import drive
@@ -111,14 +112,18 @@ def replay(
     finally:
         gc.enable()
     table = np.array(steps).reshape(-1, len(NUMBERS))
-    form = SparseQp.of(recorded[0].qp.shape, elastic=False)
-    nonzeros = int(form.P.nnz + form.E.nnz + form.G.nnz)
     told = np.array(opinions).reshape(-1, len(OPINION)) if judged else np.empty((0, len(OPINION)))
-    return Measurement(table, tuple(statuses), outcome, message, nonzeros, None, told, first_step=1)
+    return Measurement(table, tuple(statuses), outcome, message, nonzeros_of(recorded[0].qp.shape), None, told, first_step=1)
+
+
+def nonzeros_of(shape: StageShape) -> int:
+    """Return the non-zeros of a program's Hessian (upper triangle), dynamics and rows."""
+    form = SparseQp.of(shape, elastic=False)
+    return int(form.P.nnz + form.E.nnz + form.G.nnz)
 
 
 def _solved(workspace: QpWorkspace, one: Program, *, hurried: bool) -> tuple[list[float], str, str, tuple[float, float, float]]:
-    """Solve one program warm and, unless ``hurried``, cold; return the step's numbers, the solver's word and reason, and an opinion."""
+    """Solve one program warm and, unless ``hurried``, cold; return the step's numbers, the solver's status and reason, and an opinion."""
     result, wall, cpu = _timed(workspace, one.qp, one.guess if workspace.starts_warm else None)
     judged, x, u = residuals(one.qp, result.point), result.point.x, result.point.u
     opinion = float(np.max(np.abs(x[:, 0] - one.optimum.x[:, 0]))), float(np.max(np.abs(u - one.optimum.u))), one.scale
@@ -167,10 +172,10 @@ class _Spy:
     def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
         """Solve ``qp``; see ``QpWorkspace``."""
         assert self._inner is not None  # noqa: S101 - a drive makes its workspace first
-        started = _copied(guess, qp.shape)
+        started = StageSolution.empty(qp.shape) if guess is None else copied(guess)
         result = self._inner.solve(qp, guess)
         if self._keeping and not self._kept:
-            optimum = _copied(result.point, qp.shape)
+            optimum = copied(result.point)
             scale = scale_of(optimum)
             proof = scale if proves(residuals(qp, optimum), scale) else np.nan
             self._kept.append((StageQp(qp.shape, qp.buffer.copy()), started, optimum, proof))
@@ -186,10 +191,3 @@ class _Spy:
         """Return what was kept of this step."""
         qp, guess, optimum, scale = self._kept[0]
         return Program(self.steps, s_m, binding, qp, guess, optimum, scale)
-
-
-def _copied(point: StageSolution | None, shape: StageShape) -> StageSolution:
-    copy = StageSolution.empty(shape)
-    if point is not None:
-        copy.copy_from(point)
-    return copy

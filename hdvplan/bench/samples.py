@@ -48,7 +48,7 @@ class Measurement:
     """One drive of one cell: every planning step, how the drive ended, and, where it reached the end, what it swept."""
 
     steps: FloatArray  # (steps, len(NUMBERS)), times in seconds
-    statuses: tuple[str, ...]  # the solver's word on every step's last QP
+    statuses: tuple[str, ...]  # the solver's status of every step's last QP
     outcome: str  # OK, FAILED, UNRECORDED, OVER_BUDGET, CRASHED, HUNG or OUT_OF_MEMORY
     message: str
     nonzeros: int  # of the QP's Hessian (upper triangle), dynamics and rows

@@ -52,9 +52,9 @@ def keyed(table: pd.DataFrame) -> pd.DataFrame:
 def samples_of(cells: Sequence[Cell], rounds: Sequence[Sequence[Measurement]], accuracy: float | None = None) -> pd.DataFrame:
     """Return every planning step of every drive: road, vehicle, scheme, solver, limits, round, step, times, counters, residuals.
 
-    ``accepted`` is the word of the recomputed residuals, beside multipliers of the scale that the witness found in the judged round;
-    where the witness has no proof itself a step counts as accepted that could be driven. With ``accuracy`` [m] the distance from the
-    witness's optimum decides.
+    ``accepted`` is decided by recomputed residuals, beside multipliers of the scale that the reference found in the judged round;
+    where the reference has no proof itself a step counts as accepted that could be driven. With ``accuracy`` [m] the distance from the
+    reference's optimum decides.
     """
     tables = []
     for cell, measured in zip(cells, rounds, strict=True):

@@ -172,8 +172,8 @@ def latex(table: pd.DataFrame, name: str, caption: str, foot: Sequence[str]) -> 
     """Return a table as a LaTeX ``table`` in the style of booktabs, its foot in small print."""
     text = shown(table, name)
     sides = "".join("l" if column in _TEXT else "r" for column in text.columns)
-    made = text.to_latex(index=False, escape=True, column_format=sides, caption=_escaped(caption), label=f"tab:hdvplan-{name}")
-    below = "".join(f"\\par\\footnotesize {_escaped(line)}\n" for line in foot)
+    made = text.to_latex(index=False, escape=True, column_format=sides, caption=latex_escaped(caption), label=f"tab:hdvplan-{name}")
+    below = "".join(f"\\par\\footnotesize {latex_escaped(line)}\n" for line in foot)
     return made.replace("\\end{table}", f"{below}\\end{{table}}")
 
 
@@ -269,6 +269,6 @@ def _tolerance(solver: str, tolerances: Mapping[str, float | None]) -> str:
     return _tuned(solver, tolerances) or ("at its default" if own is None else f"at {own:g}")
 
 
-def _escaped(caption: str) -> str:
-    """Return text for LaTeX; pandas escapes cells and headings, but no captions."""
-    return "".join(_LATEX.get(letter, letter) for letter in caption)
+def latex_escaped(text: str) -> str:
+    """Return text that LaTeX prints as it stands; pandas escapes cells and headings, but no captions."""
+    return "".join(_LATEX.get(letter, letter) for letter in text)

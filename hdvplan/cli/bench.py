@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from hdvplan.bench import PICTURE
 from hdvplan.cli import completion
+from hdvplan.cli.baselines import hold_to, measure
 from hdvplan.cli.compare import FORMATS, ExpectChangesOption, FactorOption, FloorOption, FormatOption, rule_of, show
 from hdvplan.cli.compiling import note_compiling
 from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, warn
@@ -19,13 +21,11 @@ if TYPE_CHECKING:
 
     from pandas import DataFrame
 
-    from hdvplan.bench.compare import Comparison
-    from hdvplan.bench.gate import Rule
     from hdvplan.bench.suite import Suite
     from hdvplan.case import Case
 
 
-PICTURE, PICTURES = "bench.png", ("png", "pdf", "svg", "tex", "pgf")
+PICTURES = ("png", "pdf", "svg", "tex", "pgf")
 
 
 def with_picture(arguments: Sequence[str]) -> list[str]:
@@ -81,7 +81,8 @@ def bench(
         float | None, typer.Option("--step-limit", metavar="S", help="Longest planning step; a cell with a longer one is ended [s].")
     ] = None,
     cell_limit: Annotated[
-        float | None, typer.Option("--cell-limit", metavar="S", help="Longest drive with its second opinion; a longer one is ended [s].")
+        float | None,
+        typer.Option("--cell-limit", metavar="S", help="Longest drive with its check by the reference; a longer one is ended [s]."),
     ] = None,
     memory_limit: Annotated[
         float | None, typer.Option("--memory-limit", metavar="GB", help="Most memory of the measuring process, where the system can.")
@@ -199,7 +200,7 @@ def bench(
         note(f"{len(files)} sequences written to {export_qps}/", quiet=quiet)
         return ExitCode.OK
     if against is not None:
-        comparison = _measure_against(against, wanted, rule_of(factor, floor), out, expect_changes, quiet=quiet)
+        comparison = measure(against, wanted, rule_of(factor, floor), out, expect_changes, quiet=quiet)
         return show(comparison, rule_of(factor, floor), format_=format_, json=json, quiet=quiet)
     record = None if fresh else recorded(wanted, out, only_drawn=plot is not None and counters is None)
     if record is not None and record["finished"]:
@@ -237,7 +238,7 @@ def bench(
             raise OptionError(msg) from error
         note(f"picture in {picture}", quiet=quiet)
     if counters is not None:
-        return _hold_to(counters, out, renew, format_=format_, json=json, quiet=quiet)
+        return hold_to(counters, out, renew, format_=format_, json=json, quiet=quiet)
     tables, told = {name: read_table(out, name) for name in LAYOUTS}, read_record(out)
     if json:
         head = {"out": str(out), "verdict": told["verdict"], "load": told["load"], "untuned": told.get("untuned", [])}
@@ -268,39 +269,6 @@ def _tolerances(
         found = tuned(suite, cases, on_progress)
     note_tolerances(out, found)
     return found
-
-
-def _measure_against(against: str, suite: Suite, rule: Rule, out: Path, expect_changes: bool, *, quiet: bool) -> Comparison:
-    from hdvplan.bench.against import measure_against
-    from hdvplan.bench.courses import cases_of
-    from hdvplan.bench.environment import base_program, working_tree
-
-    cases_of(suite)  # a road or vehicle that cannot be read is the user's mistake, not a failed measurement
-    new = working_tree()
-    try:
-        with (
-            base_program(against, lambda step: note(step, quiet=quiet)) as base,
-            progress("measuring", quiet=quiet, undisturbed=True) as bar,
-        ):
-            note(f"base: {base.name}; new: {new.name}", quiet=quiet)
-            return measure_against(base, new, suite, rule, out, expect_changes=expect_changes, on_progress=bar)
-    except OSError as error:
-        msg = f"cannot measure into {out}: {error.strerror or error}"
-        raise OptionError(msg, hint="choose another folder with --out") from error
-
-
-def _hold_to(counters: Path, out: Path, renew: bool, *, format_: str, json: bool, quiet: bool) -> int:
-    """Compare a finished run's counters with a baseline, or make them the baseline."""
-    from hdvplan.bench.compare import compare_counters, read_side
-    from hdvplan.bench.counters import read_counters, write_counters
-    from hdvplan.bench.gate import Rule
-
-    measured = read_side(out).counters
-    if renew:
-        write_counters(measured, counters)
-        note(f"counters written to {counters}", quiet=quiet)
-        return ExitCode.OK
-    return show(compare_counters(read_counters(counters), measured), Rule(), format_=format_, json=json, quiet=quiet)
 
 
 def _rows(table: DataFrame) -> list[dict[str, object]]:

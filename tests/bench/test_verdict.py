@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hdvplan.bench.pictures import bench_figure
+from hdvplan.bench.pictures import bench_figure, tikz
 from hdvplan.bench.profiles import order_of, pictured, share_within
 from hdvplan.bench.samples import FAILED, NUMBERS, OVER_BUDGET, Measurement
 from hdvplan.bench.stats import Tables, tables_of
@@ -175,6 +175,12 @@ def test_what_is_timed_of_a_sample_is_called_a_qp() -> None:
 def test_solvers_that_are_not_ranked_are_drawn_last() -> None:
     summary = tables(hasty=[made_up([0.1, 0.0001], outcome=FAILED)], riccati=[made_up([0.1, 0.001, 0.001])]).summary
     assert order_of(summary) == ["riccati", "hasty"]
+
+
+def test_names_that_latex_would_read_are_escaped_in_tikz() -> None:
+    found = tables(**{"a_b&{c}": [made_up([0.1, 0.001])]})
+    text = tikz(pictured(found.samples, found.timing, ["a_b&{c}"]), "caption")
+    assert r"\addlegendentry{a\_b\&\{c\}}" in text
 
 
 def test_names_that_latex_would_read_are_escaped_in_cells_caption_and_foot() -> None:
