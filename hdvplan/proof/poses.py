@@ -94,7 +94,7 @@ def trim(
         region = outline.region[p]
         ahead, left = outline.points[p, 0], outline.points[p, 1]
         u, v = ahead * cos - left * sin, ahead * sin + left * cos
-        du, dv = abs(v) * pose.spread + pose.give, abs(u) * pose.spread + pose.give  # the second order is below a micrometre
+        du, dv = abs(v) * pose.spread + pose.give, abs(u) * pose.spread + pose.give  # the second order is below 30 um
         u, v = u + pose.u, v + pose.v
         low_bin = min(max(int(np.floor((u - du) / BIN_M)) + middle, 0), bins - 1)
         high_bin = min(max(int(np.floor((u + du) / BIN_M)) + middle, 0), bins - 1)
