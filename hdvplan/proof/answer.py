@@ -15,7 +15,7 @@ import numpy as np
 from hdvplan.case import Case
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.proof import Proof
-from hdvplan.proof.articulated import reachable_with_trailer
+from hdvplan.proof.articulated import Pair, reachable_with_trailer
 from hdvplan.proof.coupling import coupling_of
 from hdvplan.proof.poses import fits, outline_of, seen_from
 from hdvplan.proof.reach import Grid, Reached, reachable
@@ -160,14 +160,12 @@ def _follower(road: Road, vehicle: Vehicle) -> Follow | None:
         return Follow(alone, RIGID)
     behind = outline_of(units[1], two_regions=two_regions)
     behind = seen_from(behind, units[1].wheelbase)  # from the coupling
-    coupling, reach = coupling_of(*units), max(lead.reach, behind.reach + abs(units[0].hitch_offset))
+    pair, reach = Pair(lead, behind, coupling_of(*units)), max(lead.reach, behind.reach + abs(units[0].hitch_offset))
 
     def together(space: Beside, resolution: Resolution, s_from: float, s_to: float) -> tuple[Frame, Reached]:
         step, cell = resolution
         frame = frame_of(road.path, np.arange(s_from, s_to, step))
-        return frame, reachable_with_trailer(
-            lead, behind, coupling, kappa, space, two_regions, frame, grid_of(frame, cell), cell, reach, bins_for(reach)
-        )
+        return frame, reachable_with_trailer(pair, kappa, space, two_regions, frame, grid_of(frame, cell), reach, bins_for(reach))
 
     return Follow(together, ARTICULATED)
 

@@ -8,12 +8,14 @@ supports. Stations, cells, and what is known of the heading in between are those
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from hdvplan.jit import BoolArray, FloatArray, IntArray, compiled
+from hdvplan.jit import BoolArray, FloatArray, compiled
 from hdvplan.proof.coupling import Coupling
-from hdvplan.proof.poses import Loose, Outline, trim
-from hdvplan.proof.reach import Grid, Reached, most_turned
+from hdvplan.proof.poses import Around, Loose, Outline, trim
+from hdvplan.proof.reach import Grid, Reached, Span, most_turned
 from hdvplan.proof.space import MOST, Beside, Frame, axle_room, corners_near, free_space, window_of
 
 SIDES = 16
@@ -24,16 +26,31 @@ STRIPS = 24  # of W looked at one by one: a polygon that is wide is far from emp
 _ROUNDING = 1e-9
 
 
+class Pair(NamedTuple):
+    """A leading unit and its trailer, whose outline is seen from the coupling."""
+
+    lead: Outline
+    trailer: Outline
+    coupling: Coupling
+
+
+class Polygons(NamedTuple):
+    """What cells hold: whether anything (cells,), and the supports of its polygon (cells, SIDES) [m]."""
+
+    full: BoolArray
+    h: FloatArray
+
+
 @compiled
 def reachable_with_trailer(
-    lead: Outline, trailer: Outline, coupling: Coupling, kappa: float, beside: Beside, two_regions: bool, frame: Frame, grid: Grid,
-    strip: float, reach: float, bins: int,
-) -> Reached:  # fmt: skip
+    pair: Pair, kappa: float, beside: Beside, two_regions: bool, frame: Frame, grid: Grid, reach: float, bins: int
+) -> Reached:
     """Follow everything that a vehicle can reach from any pose at the first station, until nothing is left.
 
-    ``trailer`` is the trailer's outline seen from the coupling, ``strip`` the width in W that is looked at in one [rad], ``reach`` how far
-    any point lies from the leading axle [m]. See ``reachable``; the offsets and headings are those of the leading unit.
+    ``reach`` is how far any point lies from the leading axle [m]. The trailer's heading is looked at in cells like the leading one's. See
+    ``reachable``; the offsets and headings are those of the leading unit.
     """
+    coupling = pair.coupling
     stations = frame.s.size
     count, lines = np.zeros((2, bins), np.int64), np.empty((2, bins, MOST, 4))
     full, h = np.zeros(grid.cells, np.bool_), np.empty((grid.cells, SIDES))
@@ -45,12 +62,12 @@ def reachable_with_trailer(
     low, high, right, left = np.full(stations, np.nan), np.full(stations, np.nan), np.full(stations, np.nan), np.full(stations, np.nan)
     filled = np.zeros(stations, np.int64)
     widest_x = min(-coupling.first, coupling.first + coupling.step * (coupling.rate.size - 1)) + grid.size
-    allowed = np.zeros((int(np.pi / LEADING) + 2, int(2.0 * np.pi / strip) + 2, 3))
+    allowed = np.zeros((int(np.pi / LEADING) + 2, int(2.0 * np.pi / grid.size) + 2, 3))
     begin, end = 0, 0
     for i in range(stations):
         window_of(beside, frame.s[i], reach, window)
         axle_room(beside, frame, i, near)
-        sharp = corners_near(beside, frame, i, reach, corners)
+        around = Around(corners[: corners_near(beside, frame, i, reach, corners)], count, lines, near)
         for region in range(0 if two_regions else 1, 2):
             free_space(beside, region, window, frame.x[i], frame.y[i], frame.heading[i], near, bins, count[region], lines[region])
         lowest = max(0, int(np.ceil((frame.heading[i] - SIDEWAYS - grid.first) / grid.size)) - 1)
@@ -64,16 +81,15 @@ def reachable_with_trailer(
         else:
             full, before = before, full
             h, former = former, h
-            begin, end = _step(coupling, kappa, frame, grid, directions, i, before, former, begin, end, lowest, highest, full, h)
+            span = Span(begin, end, lowest, highest)
+            begin, end = _step(coupling, kappa, frame, grid, directions, i, Polygons(before, former), span, Polygons(full, h))
         first, last = end, begin
         for j in range(begin, end):
             if full[j]:
                 theta = grid.first + (j + 0.5) * grid.size
                 h[j, SIDES // 4] = min(h[j, SIDES // 4], SCALE * (theta + widest_x))
                 h[j, 3 * SIDES // 4] = min(h[j, 3 * SIDES // 4], SCALE * (widest_x - theta))
-                full[j] = _trimmed(
-                    lead, trailer, coupling, frame, grid, directions, strip, i, j, corners[:sharp], count, lines, near, allowed, h[j]
-                )
+                full[j] = _trimmed(pair, frame, grid, directions, i, j, around, allowed, h[j])
                 if full[j]:
                     first, last = min(first, j), max(last, j + 1)
                     filled[i] += 1
@@ -97,10 +113,11 @@ def _box(directions: FloatArray, e_low: float, e_high: float, w_low: float, w_hi
 
 @compiled
 def _step(
-    coupling: Coupling, kappa: float, frame: Frame, grid: Grid, directions: FloatArray, i: int, before: BoolArray, former: FloatArray,
-    begin: int, end: int, lowest: int, highest: int, full: BoolArray, h: FloatArray,
-) -> tuple[int, int]:  # fmt: skip
+    coupling: Coupling, kappa: float, frame: Frame, grid: Grid, directions: FloatArray, i: int, last: Polygons, span: Span, now: Polygons
+) -> tuple[int, int]:
     """Write what station ``i`` can be reached with, from what was reached at the last one; see ``reach`` for heading and offset."""
+    before, former, full, h = last.full, last.h, now.full, now.h
+    begin, end, lowest, highest = span.begin, span.end, span.lowest, span.highest
     x, y = frame.x[i] - frame.x[i - 1], frame.y[i] - frame.y[i - 1]
     turn = frame.heading[i] - frame.heading[i - 1]
     cos, sin = np.cos(frame.heading[i]), np.sin(frame.heading[i])
@@ -109,7 +126,7 @@ def _step(
     for j in range(grid.cells):
         full[j] = False
     base = np.empty(SIDES)
-    first, last = grid.cells, 0
+    lowest_met, highest_met = grid.cells, 0
     half, quarter = SIDES // 2, SIDES // 4
     for j in range(begin, end):
         if not before[j]:
@@ -170,8 +187,8 @@ def _step(
                 value = base[d] + dx * new_e + dy * new_w + abs(dx) * err_e + abs(dy) * err_w + _ROUNDING
                 h[k, d] = max(h[k, d], value) if full[k] else value
             full[k] = True
-        first, last = min(first, max(lowest, j - cells)), max(last, min(highest, j + cells + 1))
-    return first, last
+        lowest_met, highest_met = min(lowest_met, max(lowest, j - cells)), max(highest_met, min(highest, j + cells + 1))
+    return lowest_met, highest_met
 
 
 @compiled
@@ -202,15 +219,15 @@ def _support(directions: FloatArray, h: FloatArray, x: float, y: float) -> float
 
 @compiled
 def _trimmed(
-    lead: Outline, trailer: Outline, coupling: Coupling, frame: Frame, grid: Grid, directions: FloatArray, strip: float, i: int, j: int,
-    corners: FloatArray, count: IntArray, lines: FloatArray, near: FloatArray, allowed: FloatArray, h: FloatArray,
-) -> bool:  # fmt: skip
+    pair: Pair, frame: Frame, grid: Grid, directions: FloatArray, i: int, j: int, around: Around, allowed: FloatArray, h: FloatArray
+) -> bool:
     """Cut a polygon down to where both bodies may fit; return whether anything is left. ``allowed``: see ``_trailer_room``."""
+    coupling = pair.coupling
     half, quarter = SIDES // 2, SIDES // 4
     turned = grid.first + (j + 0.5) * grid.size - frame.heading[i]
     pieces, room = np.empty((MOST, 2)), np.empty((2 * MOST, 2))
     pieces[0, 0], pieces[0, 1] = -h[half], h[0]
-    number = trim(lead, Loose(turned, 0.5 * grid.size, 0.0, 0.0, 0.0), corners, count, lines, pieces, 1, room)
+    number = trim(pair.lead, Loose(turned, 0.5 * grid.size, 0.0, 0.0, 0.0), around, pieces, 1, room)
     if number == 0:
         return False
     h[half], h[0] = -pieces[0, 0], pieces[number - 1, 1]
@@ -219,7 +236,7 @@ def _trimmed(
     aside = coupling.hitch_offset * np.sin(turned)  # of the axle from the coupling
     give = 0.5 * abs(coupling.hitch_offset) * grid.size
     w_low, w_high = -h[half + quarter] / SCALE, h[quarter] / SCALE
-    strips = min(max(1, int(np.ceil((w_high - w_low) / strip))), STRIPS)
+    strips = min(max(1, int(np.ceil((w_high - w_low) / grid.size))), STRIPS)
     width = (w_high - w_low) / strips
     spread = 0.5 * (width * (1.0 + coupling.offset_share) + coupling.offset_share * grid.size) + 1e-6
     theta = frame.heading[i] + turned
@@ -240,9 +257,7 @@ def _trimmed(
         entry = min(max(int(at), 0), coupling.angle.size - 2)
         over = min(max(at - entry, 0.0), 1.0)
         gamma = coupling.angle[entry] + over * (coupling.angle[entry + 1] - coupling.angle[entry])
-        free_low, free_high = _trailer_room(
-            trailer, coupling, turned, turned - gamma, spread, strip, i + 1, corners, count, lines, near, allowed
-        )
+        free_low, free_high = _trailer_room(pair, turned, turned - gamma, spread, grid.size, i + 1, around, allowed)
         low, high = max(low, free_low + aside - give), min(high, free_high + aside + give)
         if low > high:
             continue
@@ -259,14 +274,14 @@ def _trimmed(
 
 @compiled
 def _trailer_room(
-    trailer: Outline, coupling: Coupling, turned: float, heading: float, spread: float, strip: float, station: int,
-    corners: FloatArray, count: IntArray, lines: FloatArray, near: FloatArray, allowed: FloatArray,
-) -> tuple[float, float]:  # fmt: skip
+    pair: Pair, turned: float, heading: float, spread: float, strip: float, station: int, around: Around, allowed: FloatArray
+) -> tuple[float, float]:
     """Return between which offsets the coupling can lie, when the trailer's heading is within ``spread`` of ``heading`` off the road's.
 
     It depends on the leading unit's heading ``turned`` only by how far the coupling lies ahead. So ``allowed`` (leading headings in steps
     of ``LEADING``, trailer headings in steps of ``strip``, 3) keeps what was found, and at which ``station``.
     """
+    coupling, near = pair.coupling, around.near
     leading = int((turned + 0.5 * np.pi) / LEADING)
     middle = (leading + 0.5) * LEADING - 0.5 * np.pi
     u = -coupling.hitch_offset * np.cos(middle)
@@ -280,7 +295,7 @@ def _trailer_room(
         if allowed[leading, c, 2] != station:
             pieces[0, 0], pieces[0, 1] = near[0] - reach, near[1] + reach
             pose = Loose((c + 0.5) * strip - np.pi, 0.5 * strip, u, 0.0, give)
-            number = trim(trailer, pose, corners, count, lines, pieces, 1, room)
+            number = trim(pair.trailer, pose, around, pieces, 1, room)
             allowed[leading, c, 0] = pieces[0, 0] if number > 0 else np.inf
             allowed[leading, c, 1] = pieces[number - 1, 1] if number > 0 else -np.inf
             allowed[leading, c, 2] = station

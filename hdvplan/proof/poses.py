@@ -43,6 +43,19 @@ class Loose(NamedTuple):
     give: float
 
 
+class Around(NamedTuple):
+    """What lies around the axle at one station, in the road's frame there.
+
+    ``corners`` (n, 2) of obstacles, ``free`` and ``lines`` (2, bins, ...): counts and lines of ``free_space``, by regions; ``near`` (2,):
+    lowest and highest offset on the axle's own normal.
+    """
+
+    corners: FloatArray
+    free: IntArray
+    lines: FloatArray
+    near: FloatArray
+
+
 def outline_of(unit: Unit, *, two_regions: bool) -> Outline:
     """Return a body's outline; between its axles it keeps to the drivable region where overhangs have one of their own."""
     ends = np.unique([-unit.rear_overhang, 0.0, min(unit.wheelbase, unit.front), unit.front])
@@ -72,21 +85,12 @@ def _outline(points: FloatArray, region: NDArray[np.generic]) -> Outline:
 
 
 @compiled
-def trim(
-    outline: Outline,
-    pose: Loose,
-    corners: FloatArray,
-    count: IntArray,
-    lines: FloatArray,
-    pieces: FloatArray,
-    number: int,
-    room: FloatArray,
-) -> int:
+def trim(outline: Outline, pose: Loose, around: Around, pieces: FloatArray, number: int, room: FloatArray) -> int:
     """Cut ``pieces`` (MOST, 2), rising intervals of the axle's offset e, down to where a body may fit; return how many are left.
 
-    ``count`` and ``lines`` (2, bins, ...) are ``free_space`` in the road's frame, by regions, ``corners`` (n, 2) those of obstacles there.
     ``room`` is memory like ``pieces``, twice as long. What is cut off fits nowhere in ``pose``.
     """
+    count, lines = around.free, around.lines
     cos, sin = np.cos(pose.turned), np.sin(pose.turned)
     bins = count.shape[1]
     middle = bins // 2
@@ -118,8 +122,8 @@ def trim(
         number = kept(room, left_over, pieces)
         if number == 0:
             return 0
-    if corners.shape[0] > 0:
-        number = _off_corners(outline, pose, corners, pieces, number, room)
+    if around.corners.shape[0] > 0:
+        number = _off_corners(outline, pose, around.corners, pieces, number, room)
     return number
 
 
@@ -165,12 +169,12 @@ def fits(outline: Outline, beside: Beside, two_regions: bool, frame: Frame, reac
         axle_room(beside, frame, i, near)
         for region in range(0 if two_regions else 1, 2):
             free_space(beside, region, window, frame.x[i], frame.y[i], frame.heading[i], near, bins, count[region], lines[region])
-        found_corners = corners_near(beside, frame, i, reach, corners)
+        around = Around(corners[: corners_near(beside, frame, i, reach, corners)], count, lines, near)
         found = False
         for cell in range(2 * cells):  # the headings along the road first
             turned = (cell // 2 + 0.5) * _CELL * (1.0 if cell % 2 == 0 else -1.0)
             pieces[0, 0], pieces[0, 1] = near[0], near[1]
-            if trim(outline, Loose(turned, 0.5 * _CELL, 0.0, 0.0, 0.0), corners[:found_corners], count, lines, pieces, 1, room) > 0:
+            if trim(outline, Loose(turned, 0.5 * _CELL, 0.0, 0.0, 0.0), around, pieces, 1, room) > 0:
                 found = True
                 break
         if not found:

@@ -20,7 +20,7 @@ import numpy as np
 
 from hdvplan.jit import FloatArray, IntArray, compiled, inlined
 from hdvplan.proof.intervals import joined
-from hdvplan.proof.poses import Loose, Outline, trim
+from hdvplan.proof.poses import Around, Loose, Outline, trim
 from hdvplan.proof.space import MOST, Beside, Frame, axle_room, corners_near, free_space, window_of
 
 _ITERATIONS, _CONVERGED = 40, 1e-6  # [rad]
@@ -35,6 +35,22 @@ class Grid(NamedTuple):
     first: float
     size: float
     cells: int
+
+
+class Span(NamedTuple):
+    """Cells from ``begin`` to before ``end`` that may hold anything, of those from ``lowest`` to before ``highest`` that are followed."""
+
+    begin: int
+    end: int
+    lowest: int
+    highest: int
+
+
+class Cells(NamedTuple):
+    """What cells hold: how many intervals of the offset (cells,), and these (cells, MOST, 2) [m]."""
+
+    number: IntArray
+    pieces: FloatArray
 
 
 class Reached(NamedTuple):
@@ -76,7 +92,7 @@ def reachable(
     for i in range(stations):
         window_of(beside, frame.s[i], reach, window)
         axle_room(beside, frame, i, near)
-        sharp = corners_near(beside, frame, i, reach, corners)
+        around = Around(corners[: corners_near(beside, frame, i, reach, corners)], count, lines, near)
         for region in range(0 if two_regions else 1, 2):
             free_space(beside, region, window, frame.x[i], frame.y[i], frame.heading[i], near, bins, count[region], lines[region])
         fresh = i == 0 or opened == i - 1
@@ -94,14 +110,13 @@ def reachable(
         else:
             number, before = before, number
             pieces, former = former, pieces
-            begin, end, cells = _step(kappa, frame, grid, i, before, former, begin, end, lowest, highest, number, pieces, slopes)
+            span = Span(begin, end, lowest, highest)
+            begin, end, cells = step(kappa, frame, grid, i, Cells(before, former), span, Cells(number, pieces), slopes)
         first, last = end, begin
         for j in range(begin, end):
             if number[j] > 0:
                 turned = grid.first + (j + 0.5) * grid.size - frame.heading[i]
-                number[j] = trim(
-                    outline, Loose(turned, 0.5 * grid.size, 0.0, 0.0, 0.0), corners[:sharp], count, lines, pieces[j], number[j], room
-                )
+                number[j] = trim(outline, Loose(turned, 0.5 * grid.size, 0.0, 0.0, 0.0), around, pieces[j], number[j], room)
                 if number[j] > 0:
                     first, last = min(first, j), max(last, j + 1)
                     filled[i] += 1
@@ -139,14 +154,15 @@ def most_turned(kappa: float, furthest: float, off: float, steepest: float) -> f
 
 
 @compiled
-def _step(
-    kappa: float, frame: Frame, grid: Grid, i: int, before: IntArray, former: FloatArray, begin: int, end: int, lowest: int, highest: int,
-    number: IntArray, pieces: FloatArray, slopes: FloatArray,
-) -> tuple[int, int, int]:  # fmt: skip
+def step(
+    kappa: float, frame: Frame, grid: Grid, i: int, last_cells: Cells, span: Span, cells_now: Cells, slopes: FloatArray
+) -> tuple[int, int, int]:
     """Write what station ``i`` can be reached with, from what was reached at the last one.
 
     Return the cells that may hold anything, and how many cells a heading may have changed by. ``slopes`` (2 cells, 2) is memory.
     """
+    before, former, number, pieces = last_cells.number, last_cells.pieces, cells_now.number, cells_now.pieces
+    begin, end, lowest, highest = span.begin, span.end, span.lowest, span.highest
     x, y = frame.x[i] - frame.x[i - 1], frame.y[i] - frame.y[i - 1]
     turn = frame.heading[i] - frame.heading[i - 1]
     cos, sin = np.cos(frame.heading[i]), np.sin(frame.heading[i])

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from hdvplan.jit import FloatArray, IntArray
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.proof.answer import ROUNDING_M, grid_of
-from hdvplan.proof.articulated import reachable_with_trailer
+from hdvplan.proof.articulated import Pair, reachable_with_trailer
 from hdvplan.proof.coupling import coupling_of
 from hdvplan.proof.poses import Outline, outline_of, seen_from
 from hdvplan.proof.reach import Grid, Reached, reachable
@@ -76,7 +76,7 @@ def sets_of_pair(half_width: float) -> Sets:
     behind = seen_from(outline_of(trailer, two_regions=False), trailer.wheelbase)
     reach = max(lead.reach, behind.reach + abs(tractor.hitch_offset))
     coupling = coupling_of(tractor, trailer)
-    reached = reachable_with_trailer(lead, behind, coupling, PAIR.max_curvature, space, False, frame, grid, CELL, reach, bins_for(reach))
+    reached = reachable_with_trailer(Pair(lead, behind, coupling), PAIR.max_curvature, space, False, frame, grid, reach, bins_for(reach))
     return Sets(PAIR, road, half_width, frame, grid, reached, np.zeros((0, 0), np.int64), np.zeros((0, 0, 0, 2)))
 
 

@@ -7,7 +7,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from hdvplan.jit import FloatArray
-from hdvplan.proof.reach import Grid, _step
+from hdvplan.proof.reach import Cells, Grid, Span, step
 from hdvplan.proof.space import MOST, Frame
 
 KAPPA = 0.1  # [1/m]
@@ -52,7 +52,8 @@ def reached(frame: Frame, e: float, j: int, grid: Grid) -> tuple[np.ndarray[tupl
     before, former = np.zeros(grid.cells, np.int64), np.zeros((grid.cells, MOST, 2))
     before[j], former[j, 0] = 1, e
     number, pieces = np.zeros(grid.cells, np.int64), np.zeros((grid.cells, MOST, 2))
-    _step(KAPPA, frame, grid, 1, before, former, j, j + 1, 0, grid.cells, number, pieces, np.empty((2 * grid.cells, 2)))
+    span = Span(j, j + 1, 0, grid.cells)
+    step(KAPPA, frame, grid, 1, Cells(before, former), span, Cells(number, pieces), np.empty((2 * grid.cells, 2)))
     return number, pieces
 
 
