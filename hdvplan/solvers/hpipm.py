@@ -95,10 +95,8 @@ class HpipmWorkspace:
         self._mask()
         own, point = self._program, self._point
         self._gathered = own.stages, own.rows, own.x_first, self._first, self._G, self._h, self._linear, self._quadratic
-        self._published = (
-            self._x, self._u, self._pi, self._sigma, self._upper, self._low, self._high, own.stages, own.x_first, point.stages,
-            point.row_points,
-        )  # fmt: skip
+        found = _Found(self._x, self._u, self._pi, self._sigma, self._upper, self._low, self._high)
+        self._published = found, own.stages, own.x_first, point.stages, point.row_points
         load(_gather, *self._gathered)
         load(_publish, *self._published)
 
@@ -223,12 +221,22 @@ def _gather(
             first[j] += A[j, k] * x_first[k]
 
 
+class _Found(NamedTuple):
+    """What HPIPM writes, one row a stage: states, inputs, multipliers of dynamics, slacks, multipliers of rows and of both bounds."""
+
+    x: FloatArray
+    u: FloatArray
+    pi: FloatArray
+    sigma: FloatArray
+    upper: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+
 @compiled
-def _publish(
-    x: FloatArray, u: FloatArray, pi: FloatArray, sigma: FloatArray, upper: FloatArray, low: FloatArray, high: FloatArray,
-    stages: Records, x_first: FloatArray, points: Records, row_points: Records,
-) -> None:  # fmt: skip
+def _publish(found: _Found, stages: Records, x_first: FloatArray, points: Records, row_points: Records) -> None:
     """Bring HPIPM's solution into our order and signs."""
+    x, u, pi, sigma, upper, low, high = found
     n, m, last = x_first.size, u.shape[1], stages.size - 1
     for i in range(last + 1):
         point = points[i]

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from time import perf_counter
+from typing import NamedTuple
 
 import numpy as np
 
@@ -71,8 +72,8 @@ class RiccatiWorkspace:
         code, more = _screen(stages, rows, bounded, point, row_point, self._work)
         binding = code == _BINDING or not self.screens
         if binding and code in {0, _BINDING}:
-            memory = (self._weights, self._work, self._steps, self._member, self._pairs)
-            screened = (stages, rows, bounded, point, row_point, *memory, self._tolerance, not self.screens)
+            memory = (self._weights, self._work, self._steps, _Taking(self._member, self._pairs, not self.screens))
+            screened = (stages, rows, bounded, point, row_point, *memory, self._tolerance)
             loading += self._load(_solve, *screened)
             code, more = _solve(*screened)
         spent, solving = spent + more, perf_counter() - checked - loading
@@ -117,15 +118,21 @@ def _screen(stages: Records, rows: Records, bounded: IntArray, points: Records, 
     return 0, 1
 
 
+class _Taking(NamedTuple):
+    """The inequalities that take part: which of them (stages, inequalities), their pairs, and whether all do, however far away."""
+
+    member: BoolArray
+    pairs: Records
+    everything: bool
+
+
 @compiled
 def _solve(
     stages: Records, rows: Records, bounded: IntArray, points: Records, row_points: Records, weights: Records, work: Records,
-    steps: Records, member: BoolArray, pairs: Records, tolerance: float, everything: bool,
+    steps: Records, taking: _Taking, tolerance: float,
 ) -> tuple[int, int]:  # fmt: skip
-    """Solve a screened program; return the place of its status in ``_STATUS`` and the number of factorisations.
-
-    With ``everything`` all inequalities take part, however far away they are.
-    """
+    """Solve a screened program; return the place of its status in ``_STATUS`` and the number of factorisations."""
+    member, pairs, everything = taking
     last, n, m = stages.size - 1, stages[0].c.size, stages[0].r.size
     for i in range(last + 1):
         for at in range(member.shape[1]):
