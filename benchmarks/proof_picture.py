@@ -2,7 +2,7 @@
 
 Writes reach.png, run.json.
 
-python benchmarks/proof_picture.py [--out results/proof/picture] [--road R] [--vehicle V] [--half-widths A,B] [--s-from S] [--s-to S]
+python benchmarks/proof_picture.py [--out results/proof-reach] [--road R] [--vehicle V] [--half-widths A,B] [--s-from S] [--s-to S]
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _FINE = RIGID[1]
 def main(arguments: Sequence[str] | None = None) -> None:
     """Follow the sets and draw them."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, default=Path("results/proof/picture"))
+    parser.add_argument("--out", type=Path, default=Path("results/proof-reach"))
     parser.add_argument("--road", default="monaco_fairmont_hairpin")
     parser.add_argument("--vehicle", default="bus")
     parser.add_argument("--half-widths", type=lambda text: [float(part) for part in text.split(",")], default=[3.25, 3.05])
