@@ -13,17 +13,17 @@ from typing import NamedTuple
 import numpy as np
 
 from hdvplan.jit import BoolArray, FloatArray, compiled
+from hdvplan.proof.around import Around, around_at, unknown
 from hdvplan.proof.coupling import Coupling
-from hdvplan.proof.poses import Around, Loose, Outline, trim
+from hdvplan.proof.polygons import ROUNDING, SIDES, box, support, tight
+from hdvplan.proof.poses import Loose, Outline, trim
 from hdvplan.proof.reach import Grid, Reached, Span, most_turned
-from hdvplan.proof.space import MOST, Beside, Frame, axle_room, corners_near, free_space, window_of
+from hdvplan.proof.space import MOST, Beside, Frame
 
-SIDES = 16
 SCALE = 8.0  # of W: about the length over which a trailer turns [m]
 LEADING = 0.04  # cells of the leading heading in which the room that a trailer leaves is tabulated [rad]
 SIDEWAYS = 1.3  # off the road's heading: no leading unit is said to stand across the road by more than 74 degrees [rad]
 STRIPS = 24  # of W looked at one by one: a polygon that is wide is far from empty
-_ROUNDING = 1e-9
 
 
 class Pair(NamedTuple):
@@ -52,31 +52,27 @@ def reachable_with_trailer(
     """
     coupling = pair.coupling
     stations = frame.s.size
-    count, lines = np.zeros((2, bins), np.int64), np.empty((2, bins, MOST, 4))
+    memory = unknown(beside, bins)
     full, h = np.zeros(grid.cells, np.bool_), np.empty((grid.cells, SIDES))
     before, former = np.zeros(grid.cells, np.bool_), np.empty((grid.cells, SIDES))
     directions = np.empty((SIDES, 2))
     for d in range(SIDES):
         directions[d, 0], directions[d, 1] = np.cos(2.0 * np.pi * d / SIDES), np.sin(2.0 * np.pi * d / SIDES)
-    window, near, corners = np.zeros(2, np.int64), np.empty(2), np.empty_like(beside.corners)
     low, high, right, left = np.full(stations, np.nan), np.full(stations, np.nan), np.full(stations, np.nan), np.full(stations, np.nan)
     filled = np.zeros(stations, np.int64)
     widest_x = min(-coupling.first, coupling.first + coupling.step * (coupling.rate.size - 1)) + grid.size
     allowed = np.zeros((int(np.pi / LEADING) + 2, int(2.0 * np.pi / grid.size) + 2, 3))
     begin, end = 0, 0
     for i in range(stations):
-        window_of(beside, frame.s[i], reach, window)
-        axle_room(beside, frame, i, near)
-        around = Around(corners[: corners_near(beside, frame, i, reach, corners)], count, lines, near)
-        for region in range(0 if two_regions else 1, 2):
-            free_space(beside, region, window, frame.x[i], frame.y[i], frame.heading[i], near, bins, count[region], lines[region])
+        around = around_at(beside, frame, i, reach, two_regions, memory)
+        near = around.near
         lowest = max(0, int(np.ceil((frame.heading[i] - SIDEWAYS - grid.first) / grid.size)) - 1)
         highest = min(grid.cells, int(np.floor((frame.heading[i] + SIDEWAYS - grid.first) / grid.size)) + 1)
         if i == 0:
             for j in range(lowest, highest):
                 full[j] = True
                 theta = grid.first + (j + 0.5) * grid.size
-                _box(directions, near[0], near[1], SCALE * (theta - widest_x), SCALE * (theta + widest_x), h[j])
+                box(directions, near[0], near[1], SCALE * (theta - widest_x), SCALE * (theta + widest_x), h[j])
             begin, end = lowest, highest
         else:
             full, before = before, full
@@ -101,14 +97,6 @@ def reachable_with_trailer(
         right[i] = grid.first + begin * grid.size - frame.heading[i]
         left[i] = grid.first + end * grid.size - frame.heading[i]
     return Reached(-1, -1, low, high, right, left, filled)
-
-
-@compiled
-def _box(directions: FloatArray, e_low: float, e_high: float, w_low: float, w_high: float, h: FloatArray) -> None:
-    """Write the supports of a rectangle."""
-    for d in range(SIDES):
-        x, y = directions[d, 0], directions[d, 1]
-        h[d] = max(x * e_low, x * e_high) + max(y * w_low, y * w_high)
 
 
 @compiled
@@ -155,7 +143,7 @@ def _step(
         of_e, w_of_e, w_of_w = cos - sin * tan_0, -sin * sec_0 * rate_0, 1.0 - short_0 * slope
         for d in range(SIDES):
             dx, dy = of_e * directions[d, 0] + SCALE * w_of_e * directions[d, 1], w_of_w * directions[d, 1]
-            base[d] = _support(directions, former[j], dx, dy) - dx * e - dy * SCALE * w
+            base[d] = support(directions, former[j], dx, dy) - dx * e - dy * SCALE * w
         longest = furthest * sec_0 * 1.1
         for k in range(max(lowest, j - cells), min(highest, j + cells + 1)):
             ratio = (k - j) * grid.size / turned
@@ -184,7 +172,7 @@ def _step(
             )
             for d in range(SIDES):
                 dx, dy = directions[d, 0], directions[d, 1] * SCALE
-                value = base[d] + dx * new_e + dy * new_w + abs(dx) * err_e + abs(dy) * err_w + _ROUNDING
+                value = base[d] + dx * new_e + dy * new_w + abs(dx) * err_e + abs(dy) * err_w + ROUNDING
                 h[k, d] = max(h[k, d], value) if full[k] else value
             full[k] = True
         lowest_met, highest_met = min(lowest_met, max(lowest, j - cells)), max(highest_met, min(highest, j + cells + 1))
@@ -206,18 +194,6 @@ def _straight(coupling: Coupling, x_low: float, x_high: float) -> tuple[float, f
 
 
 @compiled
-def _support(directions: FloatArray, h: FloatArray, x: float, y: float) -> float:
-    """Return a bound of (x, y) . q over a polygon: from the supports of the two directions between which (x, y) lies."""
-    turn = np.arctan2(y, x) * SIDES / (2.0 * np.pi)
-    a = int(np.floor(turn))
-    share_a, share_b = a % SIDES, (a + 1) % SIDES
-    ax, ay, bx, by = directions[share_a, 0], directions[share_a, 1], directions[share_b, 0], directions[share_b, 1]
-    cross = ax * by - ay * bx
-    of_a, of_b = max((x * by - y * bx) / cross, 0.0), max((ax * y - ay * x) / cross, 0.0)
-    return float(of_a * h[share_a] + of_b * h[share_b])
-
-
-@compiled
 def _trimmed(
     pair: Pair, frame: Frame, grid: Grid, directions: FloatArray, i: int, j: int, around: Around, allowed: FloatArray, h: FloatArray
 ) -> bool:
@@ -231,7 +207,7 @@ def _trimmed(
     if number == 0:
         return False
     h[half], h[0] = -pieces[0, 0], pieces[number - 1, 1]
-    if not _tight(directions, h):
+    if not tight(directions, h):
         return False
     aside = coupling.hitch_offset * np.sin(turned)  # of the axle from the coupling
     give = 0.5 * abs(coupling.hitch_offset) * grid.size
@@ -247,9 +223,9 @@ def _trimmed(
         low, high = -np.inf, np.inf  # of the polygon within the strip
         for d in range(SIDES):
             x, y = directions[d, 0], directions[d, 1]
-            if x > _ROUNDING:
+            if x > ROUNDING:
                 high = min(high, max((h[d] - y * a) / x, (h[d] - y * b) / x))
-            elif x < -_ROUNDING:
+            elif x < -ROUNDING:
                 low = max(low, min((h[d] - y * a) / x, (h[d] - y * b) / x))
         if low > high:
             continue
@@ -269,7 +245,7 @@ def _trimmed(
         return False
     for d in range(SIDES):
         h[d] = min(h[d], new[d])
-    return _tight(directions, h)
+    return tight(directions, h)
 
 
 @compiled
@@ -301,44 +277,3 @@ def _trailer_room(
             allowed[leading, c, 2] = station
         low, high = min(low, allowed[leading, c, 0]), max(high, allowed[leading, c, 1])
     return low, high
-
-
-@compiled
-def _tight(directions: FloatArray, h: FloatArray) -> bool:
-    """Bring every support down to what the others leave of the polygon; return False where nothing is left."""
-    half, quarter = SIDES // 2, SIDES // 4
-    corners, other = np.empty((2 * SIDES + 4, 2)), np.empty((2 * SIDES + 4, 2))
-    if h[0] < -h[half] or h[quarter] < -h[half + quarter]:
-        return False
-    corners[0, 0], corners[0, 1] = h[0], h[quarter]
-    corners[1, 0], corners[1, 1] = -h[half], h[quarter]
-    corners[2, 0], corners[2, 1] = -h[half], -h[half + quarter]
-    corners[3, 0], corners[3, 1] = h[0], -h[half + quarter]
-    number = 4
-    for d in range(SIDES):
-        if d % quarter == 0:
-            continue
-        kept = 0
-        x, y = directions[d, 0], directions[d, 1]
-        former = x * corners[number - 1, 0] + y * corners[number - 1, 1] - h[d]
-        for c in range(number):
-            now = x * corners[c, 0] + y * corners[c, 1] - h[d]
-            if (former > 0.0) != (now > 0.0):
-                p = c - 1 if c > 0 else number - 1
-                share = former / (former - now)
-                other[kept, 0] = corners[p, 0] + share * (corners[c, 0] - corners[p, 0])
-                other[kept, 1] = corners[p, 1] + share * (corners[c, 1] - corners[p, 1])
-                kept += 1
-            if now <= 0.0:
-                other[kept, 0], other[kept, 1] = corners[c, 0], corners[c, 1]
-                kept += 1
-            former = now
-        if kept == 0:
-            return False
-        corners, other, number = other, corners, kept
-    for d in range(SIDES):
-        most = -np.inf
-        for c in range(number):
-            most = max(most, directions[d, 0] * corners[c, 0] + directions[d, 1] * corners[c, 1])
-        h[d] = min(h[d], most + _ROUNDING)
-    return True

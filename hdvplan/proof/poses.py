@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdvplan.jit import FloatArray, IntArray, compiled
+from hdvplan.proof.around import Around, around_at, unknown
 from hdvplan.proof.intervals import joined, kept
-from hdvplan.proof.space import BIN_M, MOST, Beside, Frame, axle_room, corners_near, free_space, window_of
+from hdvplan.proof.space import BIN_M, MOST, Beside, Frame
 from hdvplan.vehicle.model import Unit
 
 _SAME_M = 1e-9
@@ -41,19 +42,6 @@ class Loose(NamedTuple):
     u: float
     v: float
     give: float
-
-
-class Around(NamedTuple):
-    """What lies around the axle at one station, in the road's frame there.
-
-    ``corners`` (n, 2) of obstacles, ``free`` and ``lines`` (2, bins, ...): counts and lines of ``free_space``, by regions; ``near`` (2,):
-    lowest and highest offset on the axle's own normal.
-    """
-
-    corners: FloatArray
-    free: IntArray
-    lines: FloatArray
-    near: FloatArray
 
 
 def outline_of(unit: Unit, *, two_regions: bool) -> Outline:
@@ -160,20 +148,15 @@ def _off_corners(outline: Outline, pose: Loose, corners: FloatArray, pieces: Flo
 @compiled
 def fits(outline: Outline, beside: Beside, two_regions: bool, frame: Frame, reach: float, bins: int) -> int:
     """Return the first station at which the body fits in no pose, its axle on the normal there; -1 if there is none."""
-    count, lines = np.zeros((2, bins), np.int64), np.empty((2, bins, MOST, 4))
     pieces, room = np.empty((MOST, 2)), np.empty((2 * MOST, 2))
-    window, near, corners = np.zeros(2, np.int64), np.empty(2), np.empty_like(beside.corners)
+    memory = unknown(beside, bins)
     cells = int(0.5 * np.pi / _CELL) + 1
     for i in range(frame.s.size):
-        window_of(beside, frame.s[i], reach, window)
-        axle_room(beside, frame, i, near)
-        for region in range(0 if two_regions else 1, 2):
-            free_space(beside, region, window, frame.x[i], frame.y[i], frame.heading[i], near, bins, count[region], lines[region])
-        around = Around(corners[: corners_near(beside, frame, i, reach, corners)], count, lines, near)
+        around = around_at(beside, frame, i, reach, two_regions, memory)
         found = False
         for cell in range(2 * cells):  # the headings along the road first
             turned = (cell // 2 + 0.5) * _CELL * (1.0 if cell % 2 == 0 else -1.0)
-            pieces[0, 0], pieces[0, 1] = near[0], near[1]
+            pieces[0, 0], pieces[0, 1] = around.near[0], around.near[1]
             if trim(outline, Loose(turned, 0.5 * _CELL, 0.0, 0.0, 0.0), around, pieces, 1, room) > 0:
                 found = True
                 break

@@ -19,9 +19,10 @@ from typing import NamedTuple
 import numpy as np
 
 from hdvplan.jit import FloatArray, IntArray, compiled, inlined
+from hdvplan.proof.around import around_at, unknown
 from hdvplan.proof.intervals import joined
-from hdvplan.proof.poses import Around, Loose, Outline, trim
-from hdvplan.proof.space import MOST, Beside, Frame, axle_room, corners_near, free_space, window_of
+from hdvplan.proof.poses import Loose, Outline, trim
+from hdvplan.proof.space import MOST, Beside, Frame
 
 _ITERATIONS, _CONVERGED = 40, 1e-6  # [rad]
 _STEEPEST = 1.5  # where chords get that long, cells reach to WIDEST, and the station counts as unbounded [rad]
@@ -80,21 +81,17 @@ def reachable(
     (stations, cells, MOST, 2) take the sets; empty arrays keep nothing.
     """
     stations = frame.s.size
-    count, lines = np.zeros((2, bins), np.int64), np.empty((2, bins, MOST, 4))
+    memory = unknown(beside, bins)
     number, pieces = np.zeros(grid.cells, np.int64), np.empty((grid.cells, MOST, 2))
     before, former = np.zeros(grid.cells, np.int64), np.empty((grid.cells, MOST, 2))
     room, slopes = np.empty((2 * MOST, 2)), np.empty((2 * grid.cells, 2))
-    window, near, corners = np.zeros(2, np.int64), np.empty(2), np.empty_like(beside.corners)
     low, high, right, left = np.full(stations, np.nan), np.full(stations, np.nan), np.full(stations, np.nan), np.full(stations, np.nan)
     filled = np.zeros(stations, np.int64)
     opened = -1
     begin, end, cells = 0, 0, 0  # the cells that hold anything, and how many a step has reached over
     for i in range(stations):
-        window_of(beside, frame.s[i], reach, window)
-        axle_room(beside, frame, i, near)
-        around = Around(corners[: corners_near(beside, frame, i, reach, corners)], count, lines, near)
-        for region in range(0 if two_regions else 1, 2):
-            free_space(beside, region, window, frame.x[i], frame.y[i], frame.heading[i], near, bins, count[region], lines[region])
+        around = around_at(beside, frame, i, reach, two_regions, memory)
+        near = around.near
         fresh = i == 0 or opened == i - 1
         widest = 0.5 * np.pi if fresh else WIDEST
         lowest = max(0, int(np.floor((frame.heading[i] - widest - grid.first) / grid.size)))

@@ -290,37 +290,3 @@ def _without(lines: FloatArray, kept: int, tri: FloatArray, u0: float, u1: float
 def bins_for(reach: float) -> int:
     """Return how many bins of u hold all points within ``reach`` [m] of the axle."""
     return 2 * int(np.ceil((reach + 3.0 * BIN_M) / BIN_M)) + 2
-
-
-@compiled
-def window_of(beside: Beside, s: float, reach: float, window: IntArray) -> None:
-    """Write the first and the last (excluded) quadrilateral that a body can touch whose axle stands at ``s``."""
-    window[0] = max(0, int(np.searchsorted(beside.s, s - 2.5 * reach - 10.0)) - 1)
-    window[1] = min(beside.s.size - 1, int(np.searchsorted(beside.s, s + 2.5 * reach + 10.0)))
-
-
-@compiled
-def axle_room(beside: Beside, frame: Frame, i: int, near: FloatArray) -> None:
-    """Write between which offsets the axle can stand on its own normal: those of the quadrilaterals around it."""
-    cos, sin = np.cos(frame.heading[i]), np.sin(frame.heading[i])
-    last = beside.s.size - 2
-    at = int(np.searchsorted(beside.s, frame.s[i]))
-    near[0], near[1] = np.inf, -np.inf
-    for k in range(min(max(at - 2, 0), last), min(at + 1, last) + 1):
-        for c in range(4):
-            v = (beside.quads[1, k, c, 1] - frame.y[i]) * cos - (beside.quads[1, k, c, 0] - frame.x[i]) * sin
-            near[0], near[1] = min(near[0], v), max(near[1], v)
-
-
-@compiled
-def corners_near(beside: Beside, frame: Frame, i: int, reach: float, corners: FloatArray) -> int:
-    """Write those corners of obstacles that a body can touch into ``corners``, in the road's frame, and return how many they are."""
-    cos, sin = np.cos(frame.heading[i]), np.sin(frame.heading[i])
-    number = 0
-    for n in range(beside.corners.shape[0]):
-        x, y = beside.corners[n, 0] - frame.x[i], beside.corners[n, 1] - frame.y[i]
-        u = x * cos + y * sin
-        if abs(u) <= reach:
-            corners[number, 0], corners[number, 1] = u, y * cos - x * sin
-            number += 1
-    return number
