@@ -16,6 +16,7 @@ from hdvplan.jit import _name_apart
 
 PACKAGE = Path(hdvplan.__file__).parent
 MOST = 10  # parameters of a function
+NEED_OTHERS = {"hdvplan.solvers.daqp": "daqp", "hdvplan.solvers.proxqp": "proxsuite"}  # what an extra installs
 
 
 def functions() -> dict[str, ast.FunctionDef]:
@@ -46,7 +47,13 @@ def kernels() -> dict[str, CPUDispatcher]:
     for info in pkgutil.walk_packages([str(PACKAGE)], "hdvplan."):
         if info.name.startswith(("hdvplan.cli", "hdvplan.__main__")):
             continue
-        module = importlib.import_module(info.name)
+        try:
+            module = importlib.import_module(info.name)
+        except ModuleNotFoundError as missing:
+            if info.name not in NEED_OTHERS:
+                raise
+            assert missing.name == NEED_OTHERS[info.name]
+            continue
         found |= {f"{value.__module__}.{name}": value for name, value in vars(module).items() if isinstance(value, CPUDispatcher)}
     return found
 
