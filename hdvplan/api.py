@@ -17,6 +17,7 @@ from hdvplan.planning.planner import Plan
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.proof.stretches import proved
 from hdvplan.solvers.registry import SolverClass, SolverMaker, solver_named
+from hdvplan.solvers.second import dependable
 from hdvplan.vehicle.model import Vehicle
 
 
@@ -28,7 +29,7 @@ def plan(case: Case, *, on_progress: Callable[[float], None] | None = None) -> R
 
     Raises:
         OptionError: no such objective, or a bias that the road or the objective has no room for.
-        SolverError: no such solver, not installed, or its first plan failed.
+        SolverError: no such solver, not installed, or neither it nor a second solver found a plan.
         RoadError: the road is shorter than the vehicle, or an obstacle has no room on the side on which it must be passed.
         PlanError: the vehicle cannot be planned further, or a body reaches beyond the road's centre of curvature.
 
@@ -75,7 +76,7 @@ def drive_case(
         case.road,
         case.vehicle,
         objective or objective_named(case.objective),
-        solver_named(case.solver),
+        dependable(case.solver),
         case.settings,
         bias=case.bias,
         on_progress=on_progress,
@@ -117,4 +118,4 @@ class _Kind:
 
 @cache
 def _prepared(kind: _Kind) -> None:
-    warm_up(kind.vehicle, objective_named(kind.objective), solver_named(kind.solver), kind.settings, limited=kind.limited)
+    warm_up(kind.vehicle, objective_named(kind.objective), dependable(kind.solver), kind.settings, limited=kind.limited)

@@ -56,11 +56,12 @@ class QpDataError(HdvplanError):
 
 
 class SolverError(HdvplanError):
-    """A solver is missing or returned nothing usable; ``status`` is its own word for it."""
+    """A solver is missing or returned nothing usable; ``status`` is its own word for it, ``s_m`` the place of the step."""
 
-    def __init__(self, message: str, *, status: str | None = None, hint: str | None = None) -> None:
+    def __init__(self, message: str, *, status: str | None = None, s_m: float | None = None, hint: str | None = None) -> None:
         super().__init__(message, hint=hint)
         self.status = status
+        self.s_m = s_m
 
 
 class PlanError(HdvplanError):

@@ -18,7 +18,10 @@ def warn_of(result: Result, verdict: Verdict, *, quiet: bool) -> None:
     """Say what a driver would find too much, and where a vehicle does not fit that geometry expects it so: it may tell why."""
     from hdvplan.judging.fit import finding_text
     from hdvplan.judging.manners import manners_of, manners_texts
+    from hdvplan.judging.result import solver_texts
 
+    for text in solver_texts(result):
+        warn(text, quiet=quiet)
     for text in manners_texts(result.drive, manners_of(result.drive)):
         warn(text, quiet=quiet)
     findings = () if verdict.fits else result.fit.findings

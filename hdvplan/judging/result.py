@@ -98,6 +98,11 @@ class Result:
         return tuple(plan for plan in self.drive.plans if not plan.usable)
 
     @property
+    def rescued(self) -> tuple[Plan, ...]:
+        """The planning steps in which another solver answered, because the one that was asked for had failed."""
+        return tuple(plan for plan in self.drive.plans if plan.instead and plan.usable)
+
+    @property
     def aim(self) -> FloatArray:
         """Where the middle of the swept envelope was wanted, at the envelope's arclengths [m]."""
         return self.drive.bias.at(self.envelope.s)
@@ -110,7 +115,11 @@ class Result:
 
     @property
     def status(self) -> str:
-        """The first that holds: ``limits broken``, ``obstacle entered``, ``clearance not kept``, ``some steps not solved``, ``ok``."""
+        """What holds of the drive, the first of these.
+
+        ``limits broken``, ``obstacle entered``, ``clearance not kept``, ``some steps not solved``, ``some steps by another solver``,
+        ``ok``.
+        """
         if self.balance.breaches:
             return "limits broken"
         if self.entered:
@@ -118,7 +127,9 @@ class Result:
         least, wanted = self.balance.min_clearance, self.case.settings.clearance
         if least is not None and wanted > 0.0 and least < wanted - KEPT_M:
             return "clearance not kept"
-        return "some steps not solved" if self.failed else "ok"
+        if self.failed:
+            return "some steps not solved"
+        return "some steps by another solver" if self.rescued else "ok"
 
 
 def result_of(drive: Drive, *, solver: str | SolverClass, objective: str | Objective, passed: tuple[Passed, ...] = ()) -> Result:
@@ -133,6 +144,20 @@ def result_of(drive: Drive, *, solver: str | SolverClass, objective: str | Objec
     expected = CentringTable.of(drive.vehicle).at(curvature)
     case = Case(drive.road, drive.vehicle, objective, solver, drive.settings, drive.bias)
     return Result(case, drive, envelope, balance_of(drive, envelope), expected, fit_of(drive.road, drive.vehicle), passed)
+
+
+def solver_texts(result: Result) -> list[str]:
+    """Return a sentence for each way in which the solver that was asked for did not plan the whole drive; none where it did."""
+    steps, at, texts = len(result.drive.plans), result.drive.stations.s, []
+    if result.rescued:
+        first, name = result.rescued[0], result.solver
+        where = f"first at s = {at[first.first]:.1f} m"
+        texts.append(f"{name} failed in {len(result.rescued)} of {steps} planning steps, {where}: {name} {first.instead}")
+    if result.failed:
+        first = result.failed[0]
+        where = f"first at s = {at[first.first]:.1f} m" + (f" ({first.reason})" if first.reason else "")
+        texts.append(f"{len(result.failed)} of {steps} planning steps were not solved, {where}: the last plan was driven on")
+    return texts
 
 
 def breach_text(result: Result, breach: Breach) -> str:

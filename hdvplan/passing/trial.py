@@ -19,7 +19,7 @@ from hdvplan.planning.objectives import objective_named
 from hdvplan.road.obstructed import Obstructed
 from hdvplan.road.regions import Side
 from hdvplan.road.road import Limits, Road
-from hdvplan.solvers.registry import solver_named
+from hdvplan.solvers.second import dependable
 
 _ROOM_M = 20.0  # of path and limits beyond the ends of a stretch, the vehicle and its horizon
 _NO_PLAN = Trial(np.inf, np.inf, -np.inf, np.inf, np.inf)
@@ -33,7 +33,7 @@ def tried(case: Case, road: Obstructed, sides: Mapping[int, Side], s_from: float
     part = _stretch(case, road, sides, s_from, s_to)
     bias = Bias(case.bias.s - s_from, case.bias.offset)
     try:
-        driven = drive(part, case.vehicle, objective_named(case.objective), solver_named(case.solver), case.settings, bias=bias)
+        driven = drive(part, case.vehicle, objective_named(case.objective), dependable(case.solver), case.settings, bias=bias)
         return _judged(driven)
     except (PlanError, SolverError):
         return _NO_PLAN

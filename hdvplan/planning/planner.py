@@ -55,6 +55,7 @@ class Plan:
     status: Status  # of the last QP, as claimed by the solver
     reason: str  # why the last QP has no solution, in the solver's words
     usable: bool  # the last QP's recomputed residual allowed its step to be taken
+    instead: str  # why another solver than the one that was asked for solved a QP of this step; the last such reason
     qp_count: int
     qp_iterations: int
     residuals: Residuals  # of the last QP, recomputed
@@ -87,6 +88,7 @@ class Planner:
         self._binding = True  # whether limits bind in the last program
         self._priced = False  # whether a merit was ever asked for
         self._guessed = True  # whether the last solution helps with the next
+        self._reaches = 0  # the station up to which some QP's solution was taken
 
     def plan(self, first: int, z_start: FloatArray, kappa_before: float) -> Plan:
         """Plan from state ``z_start`` at station ``first``; ``kappa_before`` is the curvature held until there [1/m].
@@ -95,7 +97,7 @@ class Planner:
 
         Raises:
             PlanError: a point of the vehicle has no foot on the road.
-            SolverError: the first plan of a drive could not be solved.
+            SolverError: the first plan of a drive could not be solved, or none over the length of one.
 
         """
         began, began_cpu, times = perf_counter(), process_time(), StepTimes()
@@ -107,10 +109,10 @@ class Planner:
         horizon = Horizon(first, road, kappa_before, 0 if iterate else settings.executed, by is None or self._binding)
         self._extend(horizon, z_start, by)
         times.linearise = perf_counter() - began
-        qp_count, qp_iterations, halvings, violation, moved, merit = 0, 0, 0, 0.0, np.inf, None
+        qp_count, qp_iterations, halvings, violation, moved, merit, instead = 0, 0, 0, 0.0, np.inf, None, ""
         while qp_count < self._rounds:
             result = self._solve(times)
-            qp_count, qp_iterations = qp_count + 1, qp_iterations + result.iterations
+            qp_count, qp_iterations, instead = qp_count + 1, qp_iterations + result.iterations, result.instead or instead
             mark = perf_counter()
             judged = residuals(qp, result.point)
             usable = bool(judged.primal <= USABLE_RESIDUAL)  # False for NaN too
@@ -137,20 +139,25 @@ class Planner:
             stalled = worth is not None and merit is not None and halved and worth - merit < _STALLED * worth
             if not iterating or moved < settings.sqp_tolerance or stalled:
                 break
-        if not usable and by is None and qp_count == 1:
-            why = f" ({result.reason})" if result.reason else ""
-            msg = (
-                f"the first plan could not be solved: {self._workspace.name} says {result.status}{why}, primal residual {judged.primal:.2g}"
-            )
-            raise SolverError(msg, status=str(result.status), hint="try another --solver")
+        if usable or qp_count > 1:
+            self._reaches = first + settings.stages
+        elif by is None or (result.status is Status.FAILED and first + settings.executed > self._reaches):
+            raise self._unsolved(result, judged, float(road["s"][0]), first=by is None)
         self._last = first
         z, kappa = motion.z.copy(), motion.kappa.copy()
         times.total = perf_counter() - began - times.loading
         times.cpu = times.total if times.loading else process_time() - began_cpu
         return Plan(
-            first, z, kappa, kappa_before, status=result.status, reason=result.reason, usable=usable, qp_count=qp_count,
+            first, z, kappa, kappa_before, status=result.status, reason=result.reason, usable=usable, instead=instead, qp_count=qp_count,
             qp_iterations=qp_iterations, residuals=judged, violation=violation, moved=moved, merit=merit, halvings=halvings, times=times,
         )  # fmt: skip
+
+    def _unsolved(self, result: QpResult, judged: Residuals, s: float, *, first: bool) -> SolverError:
+        """Return the error of a step without a motion that could be driven."""
+        why = f" ({result.reason})" if result.reason else ""
+        what = "the first plan could not be solved" if first else "no plan was solved since what the last one covered"
+        msg = f"at s = {s:.1f} m {what}: {self._workspace.name} says {result.status}{why}, primal residual {judged.primal:.2g}"
+        return SolverError(msg, status=str(result.status), s_m=s, hint="try another --solver")
 
     def _extend(self, horizon: Horizon, z_start: FloatArray, by: int | None) -> None:
         """Shift all that is known of the last plan ``by`` stages, and linearise at what it does not cover; all of it without one."""

@@ -31,6 +31,7 @@ class QpResult(NamedTuple):
     loading_time: float = 0.0  # compiling or loading code, once in a process: no part of a planning step [s]
     leaves_guess: bool = True  # False: no inequality has a multiplier, and the next solve profits from nothing in the point
     reason: str = ""  # of a failure, in the solver's own words
+    instead: str = ""  # why another solver than the one that was asked for has answered
 
 
 class QpWorkspace(Protocol):

@@ -57,6 +57,7 @@ def summary_of(result: Result) -> Json:
         "obstacles": [_approach(approach, drive.vehicle) for approach in result.approaches],
         "passed": [_passed(passed) for passed in result.passed],
         "failed_steps": [float(drive.stations.s[plan.first]) for plan in result.failed],
+        "rescued_steps": [{"s_m": float(drive.stations.s[plan.first]), "why": plan.instead} for plan in result.rescued],
         "prediction_error_m": drive.prediction_error,
         "sqp_iterations_mean": float(np.mean(counts)),
         "sqp_iterations_max": int(np.max(counts)),

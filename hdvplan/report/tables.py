@@ -87,4 +87,5 @@ def _limits_remark(result: Result) -> str:
 def _plans_remark(result: Result) -> str:
     settings, failed = result.drive.settings, len(result.failed)
     text = f"every {settings.replan:g} m, {settings.horizon:g} m ahead"
+    text += f"; {len(result.rescued)} by another solver" if result.rescued else ""
     return f"{text}; {failed} not solved, the last plan was driven on" if failed else text

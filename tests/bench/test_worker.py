@@ -22,7 +22,7 @@ from hdvplan.bench.timing import untuned
 from hdvplan.bench.tuning import tuned
 from hdvplan.qp.workspace import WorkspaceMaker
 from hdvplan.solvers.registry import solver_named
-from tests.bench.fakes import Fake
+from tests.fakes import Fake
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="ends processes by signals")
 RICCATI = solver_named("riccati")

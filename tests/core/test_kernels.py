@@ -50,9 +50,8 @@ def kernels() -> dict[str, CPUDispatcher]:
         try:
             module = importlib.import_module(info.name)
         except ModuleNotFoundError as missing:
-            if info.name not in NEED_OTHERS:
+            if missing.name is None or missing.name != NEED_OTHERS.get(info.name):
                 raise
-            assert missing.name == NEED_OTHERS[info.name]
             continue
         found |= {f"{value.__module__}.{name}": value for name, value in vars(module).items() if isinstance(value, CPUDispatcher)}
     return found

@@ -1,0 +1,159 @@
+"""A drive goes on whatever its solver does: another one answers, and the drive says so."""
+
+from dataclasses import replace
+from itertools import product
+from time import perf_counter
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from hdvplan.api import drive_case, plan
+from hdvplan.case import Case
+from hdvplan.driving.drive import Drive, drive
+from hdvplan.errors import HdvplanError, SolverError
+from hdvplan.judging.balance import KEPT_M
+from hdvplan.judging.envelope import envelope_of
+from hdvplan.judging.result import Result, result_of, solver_texts
+from hdvplan.judging.verdict import verdict_of
+from hdvplan.planning.objectives import geometric
+from hdvplan.planning.settings import PlannerSettings, Scheme
+from hdvplan.qp.workspace import Status, WorkspaceMaker
+from hdvplan.report.summary import summary_of
+from hdvplan.road.path import from_curvature
+from hdvplan.road.road import Road
+from hdvplan.road.scenarios import SCENARIOS
+from hdvplan.solvers.registry import solver_named
+from hdvplan.solvers.riccati import RiccatiWorkspace
+from hdvplan.solvers.second import backed
+from hdvplan.vehicle.load import load_vehicle
+from tests.fakes import Fake, Fault
+
+SETTINGS = PlannerSettings(horizon=40.0)
+BEND = Road("bend", from_curvature(np.array([0.0, 20.0, 35.0, 50.0, 70.0]), np.array([0.0, 0.0, 0.05, 0.0, 0.0])))
+FAULTS: tuple[Fault, ...] = tuple(fault for fault in get_args(Fault) if fault not in {"crashing", "lazy"})  # the one ends the process
+LIMIT_S = 0.3
+
+
+def second(fake: Fake) -> WorkspaceMaker:
+    return backed(fake, RiccatiWorkspace, limit_s=LIMIT_S)
+
+
+def driven(make: WorkspaceMaker, settings: PlannerSettings = SETTINGS, road: Road = BEND, vehicle: str = "bus") -> Drive:
+    return drive(road, load_vehicle(vehicle), geometric, make, settings)
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_what_a_solver_fails_at_another_one_solves(fault: Fault) -> None:
+    road = BEND.with_limits(2.4, 2.4)  # binding: only then do multipliers matter
+    found, wanted = driven(second(Fake(fault, honest=3)), road=road), driven(RiccatiWorkspace, road=road)
+    rescued = [bool(plan.instead) for plan in found.plans]
+    assert rescued[-1]
+    assert all(plan.usable for plan in found.plans)
+    # The same optimum from another start: interior points end within 1e-6 of it, and a drive of 70 m does not add to that.
+    np.testing.assert_allclose(found.z, wanted.z, atol=1e-5)
+
+
+def test_a_drive_says_which_steps_another_solver_planned_and_why() -> None:
+    found = driven(second(Fake("raising", honest=4, often=3)))
+    result = result_of(found, solver="mine", objective="geometric")
+    summary = summary_of(result)
+    assert summary["status"] == "some steps by another solver"
+    told = summary["rescued_steps"]
+    assert isinstance(told, list)
+    assert 0 < len(told) < len(found.plans)
+    assert told[0]["why"] == "RuntimeError: no licence; solved by riccati"
+    (text,) = solver_texts(result)
+    assert text == (
+        f"mine failed in {len(told)} of {len(found.plans)} planning steps, first at s = {told[0]['s_m']:.1f} m: "
+        "mine RuntimeError: no licence; solved by riccati"
+    )
+
+
+def test_a_solver_that_did_not_answer_is_not_asked_again() -> None:
+    began = perf_counter()
+    found = driven(backed(Fake("sleeping"), RiccatiWorkspace, limit_s=LIMIT_S))
+    assert perf_counter() - began < 3600.0  # what it sleeps
+    assert {plan.instead for plan in found.plans} == {f"no answer within {LIMIT_S:g} s; solved by riccati"}
+
+
+def test_without_any_answer_the_last_plan_is_driven_as_far_as_it_reaches() -> None:
+    broken = backed(Fake("raising", honest=2), Fake("not a number", honest=0))
+    with pytest.raises(
+        SolverError, match=r"at s = \d+\.\d m no plan was solved since what the last one covered: .* no licence; "
+    ) as raised:
+        driven(broken, replace(SETTINGS, horizon=20.0))
+    assert raised.value.s_m is not None
+    assert 20.0 <= raised.value.s_m <= 30.0  # the second QP is the first plan's last, or the second plan's
+
+
+def test_a_first_plan_without_any_answer_names_both_solvers() -> None:
+    with pytest.raises(
+        SolverError, match=r"at s = 0\.0 m the first plan could not be solved: raising says failed \(RuntimeError: no licence; "
+    ) as raised:
+        driven(backed(Fake("raising"), Fake("nothing")))
+    assert raised.value.status == Status.FAILED
+
+
+def test_honest_solvers_are_left_alone() -> None:
+    road = BEND.with_limits(2.4, 2.4)
+    for name in ("riccati", "piqp", "clarabel", "osqp"):
+        found = drive_case(Case(road, load_vehicle("bus"), "geometric", name, SETTINGS))
+        assert not any(plan.instead for plan in found.plans), name
+        alone = driven(solver_named(name), road=road)
+        np.testing.assert_array_equal(found.z, alone.z)
+
+
+class Leaving:
+    """A class as a user might bring it: it ends the program."""
+
+    starts_warm, name = False, "leaving"
+
+    def __init__(self, shape: object) -> None:
+        """Need nothing."""
+        del shape
+
+    def solve(self, qp: object, guess: object) -> object:
+        """Leave."""
+        del qp, guess
+        raise SystemExit(3)
+
+
+def test_a_solver_that_leaves_the_program_does_not(capsys: pytest.CaptureFixture[str]) -> None:
+    result = plan(Case(BEND, load_vehicle("bus"), "geometric", Leaving, SETTINGS))  # type: ignore[arg-type] # returns nothing
+    assert result.status == "some steps by another solver"
+    assert len(result.rescued) == len(result.drive.plans)
+    assert capsys.readouterr().out == ""
+
+
+@pytest.mark.slow
+def test_200_drives_with_faults_all_end_and_keep_the_limits_that_they_kept_without() -> None:
+    roads = {name: SCENARIOS[name]() for name in ("uturn", "sturn")}
+    kept = lost = silent = 0
+    cases = list(product(FAULTS, Scheme, roads, ("bus", "tractor-trailer"), (2, 1)))[:200]
+    plain: dict[tuple[object, ...], Result] = {}
+    for fault, scheme, name, vehicle, often in cases:
+        settings = replace(SETTINGS, scheme=scheme)
+        key = (scheme, name, vehicle)
+        if key not in plain:
+            plain[key] = judged(RiccatiWorkspace, settings, roads[name], vehicle)
+        try:
+            result = judged(second(Fake(fault, honest=3, often=often)), settings, roads[name], vehicle)
+        except HdvplanError:
+            lost += 1
+            continue
+        if verdict_of(plain[key]).fits:
+            kept += bool(verdict_of(result).fits)
+            lost += not verdict_of(result).fits
+        silent += not result.rescued
+    assert silent == 0
+    assert kept >= 0.95 * (kept + lost)
+    assert kept + lost >= 0.5 * len(cases)  # else it would show little
+
+
+def judged(make: WorkspaceMaker, settings: PlannerSettings, road: Road, vehicle: str) -> Result:
+    """Drive within what the vehicle needs and half a metre, and judge it."""
+    wide = drive(replace(road, limits=None), load_vehicle(vehicle), geometric, RiccatiWorkspace, settings)
+    half = float(np.nanmax(np.abs([envelope_of(wide).left, envelope_of(wide).right]))) - 2.0 * KEPT_M
+    found = drive(road.with_limits(half, half), load_vehicle(vehicle), geometric, make, settings)
+    return result_of(found, solver="mine", objective="geometric")
