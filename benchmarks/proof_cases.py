@@ -70,8 +70,8 @@ def fitting(seed: int, vehicle: Vehicle) -> Fitting | None:
 
 
 def winding(rng: np.random.Generator, vehicle: Vehicle) -> Road:
-    """Return a road of 60 to 120 m whose curvature changes every 6 to 20 m."""
-    length, s, most = rng.uniform(60.0, 120.0), [0.0], _TIGHTEST * vehicle.max_curvature
+    """Return a road of 40 to 80 m whose curvature changes every 6 to 20 m."""
+    length, s, most = rng.uniform(40.0, 80.0), [0.0], _TIGHTEST * vehicle.max_curvature
     while s[-1] < length:
         s.append(s[-1] + rng.uniform(6.0, 20.0))
     curvature = rng.uniform(-most, most, len(s)) * (rng.random(len(s)) < rng.uniform(0.4, 1.0))
