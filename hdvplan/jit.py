@@ -1,8 +1,8 @@
 """Compile the small numeric kernels once and keep the machine code between runs.
 
 Numba keys its on-disk cache on the file of the *calling* function only, so a changed callee in another file would be
-served stale. The cache directory therefore carries a digest of all of hdvplan's kernel sources: any edit or upgrade
-gets an empty cache, and a read-only installation is no obstacle.
+served stale. The cache folder therefore carries a digest of all of hdvplan's kernel sources: any edit or upgrade
+gets an empty cache, and a read-only installation is no obstacle (``cachefolders.py``, ``kernelcache.py``).
 
 Kernels take numpy structured arrays as records with named columns (``units[u].wheelbase``): one array costs one argument, and sizes
 that stand in its dtype are constants to the compiler. Called as plain Python (``.py_func``) they need ``np.recarray`` views.
@@ -11,16 +11,16 @@ that stand in its dtype are constants to the compiler. Called as plain Python (`
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from time import perf_counter
 from typing import Any, TypeAlias, TypeVar, cast
-from uuid import uuid4
 
 import numpy as np
 from numpy.typing import NDArray
+
+from hdvplan.cachefolders import CacheFolders, find_folders
 
 Function = TypeVar("Function", bound=Callable[..., object])
 FloatArray = NDArray[np.float64]
@@ -33,7 +33,7 @@ _PACKAGE = Path(__file__).parent
 
 
 @cache
-def cache_directory() -> Path:
+def cache_folders() -> CacheFolders:
     """Return where compiled kernels of exactly this source and numba version are kept."""
     import numba  # noqa: PLC0415 - modules that only name the types below must load without it
 
@@ -42,8 +42,7 @@ def cache_directory() -> Path:
         text = source.read_bytes()
         if any(b"\n@" + name in text for name in (b"compiled", b"inlined", b"inner")):
             digest.update(text)
-    base = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    return Path(base) / "hdvplan" / digest.hexdigest()[:16]
+    return find_folders(digest.hexdigest()[:16])
 
 
 def compiled(function: Function) -> Function:
@@ -65,36 +64,19 @@ def inner(function: Function) -> Function:
 
 
 def _compile(function: Function, *, forceinline: bool = False, no_cpython_wrapper: bool = False) -> Function:
-    """Compile with a cache of our own.
-
-    Numba reads its cache directory when a function is decorated: it is put back at once, so that other users of numba in the process
-    keep theirs.
-    """
+    """Compile with a cache of our own: numba's gives up, or stops, where a folder cannot be written."""
     import numba  # noqa: PLC0415 - as above
 
-    former = numba.config.CACHE_DIR  # type: ignore[attr-defined] # numba fills its configuration at run time
-    numba.config.CACHE_DIR = str(cache_directory())  # type: ignore[attr-defined]
-    try:
-        njit = cast("Any", numba.njit)  # numba's stubs do not know that wrappers can be left out
-        compiler = njit(
-            cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, forceinline=forceinline,
-            no_cfunc_wrapper=True, no_cpython_wrapper=no_cpython_wrapper,
-        )  # fmt: skip
-        kernel = compiler(function)
-    finally:
-        numba.config.CACHE_DIR = former  # type: ignore[attr-defined]
-    _name_apart(kernel._cache._cache_file)  # noqa: SLF001 - numba has no public way to it
+    from hdvplan.kernelcache import KernelCache  # noqa: PLC0415 - it imports numba
+
+    njit = cast("Any", numba.njit)  # numba's stubs do not know that wrappers can be left out
+    compiler = njit(
+        nogil=True, error_model="numpy", fastmath={"contract"}, forceinline=forceinline,
+        no_cfunc_wrapper=True, no_cpython_wrapper=no_cpython_wrapper,
+    )  # fmt: skip
+    kernel = compiler(function)
+    kernel._cache = KernelCache(function, cache_folders())  # noqa: SLF001 - numba has no public way to it
     return cast("Function", kernel)
-
-
-def _name_apart(cache_file: Any) -> None:  # noqa: ANN401 - numba has no types
-    """Let every overload be saved under a name of its own.
-
-    Numba numbers them. Two processes that compile one kernel for different records at the same time would take the same number, and
-    from then on the one's index could lead to the other's code, which reads the records in a wrong layout.
-    """
-    stem = cache_file._index_name.removesuffix(".nbi")  # noqa: SLF001 - as above
-    cache_file._data_name = lambda _number: f"{stem}.{uuid4().hex}.nbc"  # noqa: SLF001
 
 
 def load(kernel: Callable[..., object], *arguments: object) -> float:
@@ -108,4 +90,4 @@ def load(kernel: Callable[..., object], *arguments: object) -> float:
 
 def is_compiled() -> bool:
     """Tell whether an earlier run has left the planner's compiled kernels, i.e. whether planning starts at once."""
-    return any(cache_directory().glob("**/dynamics.linearise_dynamics-*.nbi"))
+    return any(True for folder in cache_folders().read for _ in folder.glob("*/dynamics.linearise_dynamics-*.nbi"))

@@ -10,7 +10,7 @@ import typer
 
 from hdvplan import __version__
 from hdvplan.cli import bench, compare, need, plan, report, reproduce, roads, solvers, turn, vehicles
-from hdvplan.cli.console import ExitCode, one_line, report_error
+from hdvplan.cli.console import ExitCode, library_warnings_shown, one_line, report_error
 from hdvplan.errors import HdvplanError, MeasurementError, PlanError, QpDataError, SolverError, TurnError
 
 if TYPE_CHECKING:
@@ -64,7 +64,8 @@ def run(arguments: Sequence[str]) -> int:
     if "bench" in arguments:
         arguments = bench.with_picture(arguments)
     try:
-        code = app(args=arguments or ["--help"], prog_name="hdvplan", standalone_mode=False)
+        with library_warnings_shown():
+            code = app(args=arguments or ["--help"], prog_name="hdvplan", standalone_mode=False)
     except (KeyboardInterrupt, typer.Abort):
         code = ExitCode.INTERRUPTED
     except Exception as error:  # noqa: BLE001 - the single place that turns errors into messages

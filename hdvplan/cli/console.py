@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 import sys
 from contextlib import contextmanager, nullcontext
@@ -48,6 +49,25 @@ def note(message: str, *, quiet: bool = False) -> None:
 def warn(message: str, *, quiet: bool = False) -> None:
     """Write a ``warning:`` line to stderr unless the user wants silence."""
     note(f"warning: {one_line(message)}", quiet=quiet)
+
+
+@contextmanager
+def library_warnings_shown() -> Iterator[None]:
+    """Write what the library logs while the block runs as ``warning:`` lines; by itself it says nothing."""
+    library = logging.getLogger("hdvplan")
+    handler = _ToStderr(logging.WARNING)
+    library.addHandler(handler)
+    try:
+        yield
+    finally:
+        library.removeHandler(handler)
+
+
+class _ToStderr(logging.Handler):
+    """Hands records to ``warn``: stderr is looked up for each, as a progress bar replaces it."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        warn(record.getMessage())
 
 
 def print_line(text: str) -> None:

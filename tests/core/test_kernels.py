@@ -8,11 +8,11 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from numba.core.caching import IndexDataCacheFile
 from numba.core.registry import CPUDispatcher
 
 import hdvplan
-from hdvplan.jit import _name_apart
+from hdvplan.jit import cache_folders
+from hdvplan.kernelcache import KernelFile
 
 PACKAGE = Path(hdvplan.__file__).parent
 MOST = 10  # parameters of a function
@@ -62,7 +62,7 @@ def test_kernels_release_the_interpreter_and_are_kept_on_disk() -> None:
     assert len(found) > 50
     for name, kernel in found.items():
         assert kernel.targetoptions["nogil"] is True, name
-        assert kernel._cache.cache_path.startswith(str(hdvplan.jit.cache_directory())), name  # type: ignore[attr-defined]
+        assert kernel._cache.cache_path.startswith(str(cache_folders().write)), name  # type: ignore[attr-defined]
 
 
 def test_importing_the_package_leaves_numbas_cache_to_others() -> None:
@@ -75,12 +75,10 @@ def test_importing_the_package_leaves_numbas_cache_to_others() -> None:
 
 
 def test_processes_that_compile_one_kernel_at_the_same_time_never_load_each_other_s_code(tmp_path: Path) -> None:
-    kind: Any = IndexDataCacheFile  # numba has no types
+    kind: Any = KernelFile  # numba, whose class it extends, has no types
 
     def cache_file() -> Any:  # noqa: ANN401
-        made = kind(str(tmp_path), "kernel", "stamp")
-        _name_apart(made)
-        return made
+        return kind(tmp_path, "kernel")
 
     one, other = cache_file(), cache_file()
     empty = other._load_index()
@@ -95,3 +93,12 @@ def test_processes_that_compile_one_kernel_at_the_same_time_never_load_each_othe
     one.save("records", "code")
     assert cache_file().load("other records") == "other code"
     assert cache_file().load("records") in ("code", None)  # an index entry may be lost: that compiles once more
+
+
+def test_a_damaged_index_is_replaced_by_what_is_saved_next(tmp_path: Path) -> None:
+    file: Any = KernelFile(tmp_path, "kernel")
+    (tmp_path / "kernel.nbi").write_bytes(b"torn")
+    assert file.load("records") is None
+    file.save("records", "code")
+    again: Any = KernelFile(tmp_path, "kernel")
+    assert again.load("records") == "code"
