@@ -39,18 +39,43 @@ def find_folders(name: str) -> CacheFolders:
     read: list[Path] = []
     obstacles: list[str] = []
     for folder in _lasting(name):
-        obstacle = _obstacle(folder)
-        if obstacle is None:
+        found = obstacle(folder)
+        if found is None:
             return CacheFolders((*read, folder), folder)
-        obstacles.append(obstacle)
+        obstacles.append(found)
         if _is_trusted(folder):
             read.append(folder)
     reason = "; ".join(obstacles) or "there is no home folder"
     hint = "NUMBA_CACHE_DIR names a folder to keep it in"
-    temporary = _temporary(name)
+    temporary = temporary_folder(name)
     if temporary is None:
         return CacheFolders(tuple(read), None, f"compiled code is not kept ({reason}): every run compiles; {hint}")
     return CacheFolders((*read, temporary), temporary, f"compiled code is kept in {temporary.parent} only ({reason}); {hint}")
+
+
+def temporary_folder(name: str) -> Path | None:
+    """Return this user's folder ``name`` among the temporary files, for all of the user's processes; None without a place for it."""
+    with suppress(OSError):
+        user = os.geteuid() if hasattr(os, "geteuid") else "user"
+        folder = Path(tempfile.gettempdir()).absolute() / f"hdvplan-{user}" / name
+        if obstacle(folder) is None:
+            return folder
+    return None
+
+
+def obstacle(folder: Path) -> str | None:
+    """Make ``folder`` if need be; return what forbids to keep files in it, or None."""
+    try:
+        for level in (*reversed(folder.parents), folder):
+            level.mkdir(mode=_MODE, exist_ok=True)
+        free = shutil.disk_usage(folder).free
+    except OSError as error:
+        return f"{folder.parent}: {error.strerror}"
+    if not os.access(folder, os.R_OK | os.W_OK | os.X_OK):
+        return f"{folder.parent} cannot be written"
+    if not _is_trusted(folder):
+        return f"{folder.parent} is another user's, or open to all"
+    return f"{folder.parent} is full" if free < _ROOM else None
 
 
 def readable_by_all(folder: Path) -> None:
@@ -68,31 +93,6 @@ def _lasting(name: str) -> Iterator[Path]:
     for base in filter(None, bases):
         with suppress(OSError):  # relative to a folder that is gone
             yield Path(base).absolute() / "hdvplan" / name
-
-
-def _temporary(name: str) -> Path | None:
-    """Return this user's folder among the temporary files, which all of the user's processes share; None where there is no place for it."""
-    with suppress(OSError):
-        user = os.geteuid() if hasattr(os, "geteuid") else "user"
-        folder = Path(tempfile.gettempdir()).absolute() / f"hdvplan-{user}" / name
-        if _obstacle(folder) is None:
-            return folder
-    return None
-
-
-def _obstacle(folder: Path) -> str | None:
-    """Make ``folder`` if need be; return what forbids to keep files in it, or None."""
-    try:
-        for level in (*reversed(folder.parents), folder):
-            level.mkdir(mode=_MODE, exist_ok=True)
-        free = shutil.disk_usage(folder).free
-    except OSError as error:
-        return f"{folder.parent}: {error.strerror}"
-    if not os.access(folder, os.R_OK | os.W_OK | os.X_OK):
-        return f"{folder.parent} cannot be written"
-    if not _is_trusted(folder):
-        return f"{folder.parent} is another user's, or open to all"
-    return f"{folder.parent} is full" if free < _ROOM else None
 
 
 def _is_trusted(folder: Path) -> bool:
