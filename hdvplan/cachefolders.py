@@ -70,7 +70,7 @@ def obstacle(folder: Path) -> str | None:
             level.mkdir(mode=_MODE, exist_ok=True)
         free = shutil.disk_usage(folder).free
     except OSError as error:
-        return f"{folder.parent}: {error.strerror}"
+        return f"{error.filename}: {error.strerror}"
     if not os.access(folder, os.R_OK | os.W_OK | os.X_OK):
         return f"{folder.parent} cannot be written"
     if not _is_trusted(folder):

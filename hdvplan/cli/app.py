@@ -11,6 +11,7 @@ import typer
 from hdvplan import __version__
 from hdvplan.cli import bench, compare, need, plan, report, reproduce, roads, solvers, turn, vehicles
 from hdvplan.cli.console import ExitCode, library_warnings_shown, one_line, report_error
+from hdvplan.cli.surroundings import give_matplotlib_a_folder
 from hdvplan.errors import HdvplanError, MeasurementError, PlanError, QpDataError, SolverError, TurnError
 
 if TYPE_CHECKING:
@@ -61,6 +62,7 @@ def main() -> None:
 def run(arguments: Sequence[str]) -> int:
     """Run the command line ``arguments`` (without the program's name) and return the exit code."""
     arguments, debug = _without_debug(arguments)
+    give_matplotlib_a_folder()
     if "bench" in arguments:
         arguments = bench.with_picture(arguments)
     try:
