@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 _ROOM = 64_000_000  # bytes that one kind of vehicle needs, and as many again
-_MODE = 0o755  # others may read, and nobody else may write, whatever the umask says
+_MODE = 0o755  # nobody else may write, even where the umask would allow it
 
 
 @dataclass(frozen=True)
@@ -79,8 +79,8 @@ def obstacle(folder: Path) -> str | None:
 
 
 def readable_by_all(folder: Path) -> None:
-    """Let every user read what is in a cache folder, whatever the umask was when it was filled."""
-    for path in (folder, *folder.rglob("*")):
+    """Let every user read ``folder`` and what is in it, whatever the umask was when it was filled."""
+    for path in (folder.parent, folder, *folder.rglob("*")):
         path.chmod(_MODE if path.is_dir() else 0o644)
 
 

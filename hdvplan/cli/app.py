@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdvplan import __version__
-from hdvplan.cli import bench, compare, need, plan, report, reproduce, roads, solvers, turn, vehicles
+from hdvplan.cli import bench, compare, need, plan, report, reproduce, roads, solvers, turn, vehicles, warm_up
 from hdvplan.cli.console import ExitCode, library_warnings_shown, one_line, report_error
 from hdvplan.cli.surroundings import give_matplotlib_a_folder
 from hdvplan.errors import HdvplanError, MeasurementError, PlanError, QpDataError, SolverError, TurnError
@@ -38,6 +38,7 @@ app.command("reproduce")(reproduce.reproduce)
 app.add_typer(roads.app, name="roads")
 app.add_typer(vehicles.app, name="vehicles")
 app.command("solvers")(solvers.solvers)
+app.command("warm-up")(warm_up.warm_up)
 
 
 def _print_version(wanted: bool) -> None:
