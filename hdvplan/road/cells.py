@@ -13,7 +13,6 @@ import numpy as np
 import scipy  # its subpackages load when they are first used
 import shapely
 from numpy.typing import NDArray
-from shapely.geometry.base import BaseGeometry
 
 from hdvplan.jit import BoolArray, FloatArray, IntArray
 from hdvplan.road.regions import OPEN_M, OPEN_SPACING_M, Kind, Region
@@ -26,6 +25,7 @@ Shapes = NDArray[np.object_]
 GAP_M = 0.1  # a sweepable polygon this close to the drivable band joins it: drawn edges are chords of a bend
 _CELL_M = 0.05
 _CLIPPED = 200  # cells that share one clipped polygon
+_TOGETHER_M = 5000.0  # of road beside polygons that are cut together: more takes more memory, less more time
 _STRIDE = 10  # cells from station to station of those that find the polygons
 _FOLD = 0.9  # of the radius of curvature: cells must not reach the centre, where normals meet
 _OPEN_FOLD = 0.8  # of a road without widths; within what the cells see
@@ -112,38 +112,47 @@ def open_band(path: ReferencePath) -> tuple[FloatArray, FloatArray]:
 
 def stays_of(cells: Cells, regions: tuple[Region, ...]) -> list[Stay]:
     """Return the runs of cells that meet each polygon."""
-    return [stay for number, region in enumerate(regions) for stay in _stays(cells, number, region.polygon)]
+    polygons = np.array([region.polygon for region in regions], dtype=object)
+    x_min, y_min, x_max, y_max = shapely.bounds(polygons).T
+    size = np.cumsum(2.0 * OPEN_M + np.hypot(x_max - x_min, y_max - y_min))
+    groups = np.split(np.arange(len(regions)), np.flatnonzero(np.diff(size // _TOGETHER_M)) + 1)
+    return [stay for group in groups for stay in _stays(cells, group, polygons[group])]
 
 
-def _near(cells: Cells, polygon: shapely.Polygon) -> IntArray:
-    """Return the cells that are near enough to meet ``polygon``, in order: it lies neither behind nor beyond all of them."""
-    stations = np.sort(cells.stations.query(polygon, predicate="dwithin", distance=OPEN_M + 2.0 * _STRIDE * _CELL_M))
-    near: IntArray = (stations[:, None] * _STRIDE + np.arange(_STRIDE)).ravel()
-    near = near[near < len(cells.left)]
-    x_min, y_min, x_max, y_max = polygon.bounds
-    corners = np.array([[x_min, x_min, x_max, x_max], [y_min, y_max, y_min, y_max]])[:, None]
+def _near(cells: Cells, polygons: Shapes) -> tuple[IntArray, IntArray]:
+    """Return the cells that are near enough to meet each polygon, in order: it lies neither behind nor beyond all of them.
+
+    First the polygons' numbers, then their cells.
+    """
+    owner, station = cells.stations.query(polygons, predicate="dwithin", distance=OPEN_M + 2.0 * _STRIDE * _CELL_M)
+    order = np.lexsort((station, owner))
+    owner, near = np.repeat(owner[order], _STRIDE), (station[order, None] * _STRIDE + np.arange(_STRIDE)).ravel()
+    owner, near = owner[near < len(cells.left)], near[near < len(cells.left)]
+    x_min, y_min, x_max, y_max = shapely.bounds(polygons)[owner].T
+    corners = np.array([[x_min, x_min, x_max, x_max], [y_min, y_max, y_min, y_max]]).swapaxes(1, 2)
 
     def ahead(normals: IntArray) -> FloatArray:
         x, y, cos, sin = cells.normals[:, normals, None]
         along: FloatArray = (corners[0] - x) * cos + (corners[1] - y) * sin
         return along
 
-    met: IntArray = near[(np.max(ahead(near), axis=1) >= 0.0) & (np.min(ahead(near + 1), axis=1) <= 0.0)]
-    return met
+    met = (np.max(ahead(near), axis=1) >= 0.0) & (np.min(ahead(near + 1), axis=1) <= 0.0)
+    return owner[met], near[met]
 
 
-def _stays(cells: Cells, number: int, polygon: shapely.Polygon) -> list[Stay]:
-    near = _near(cells, polygon)
+def _stays(cells: Cells, numbers: IntArray, polygons: Shapes) -> list[Stay]:
+    """Return the runs of cells that meet the polygons of these numbers."""
+    owner, near = _near(cells, polygons)
     quads = cells.whole(near)
-    pieces = shapely.intersection(quads, _about(quads, polygon))
+    pieces = shapely.intersection(quads, _about(quads, polygons, owner))
     parts, piece = shapely.get_parts(pieces, return_index=True)
     solid = shapely.area(parts) > 0.0
-    parts, at = parts[solid], near[piece[solid]]
-    _, low, high = cells.offsets(parts, at)
-    met, row = np.unique(at, return_inverse=True)
-    if not len(met):
+    parts, piece = parts[solid], piece[solid]
+    _, low, high = cells.offsets(parts, near[piece])
+    pairs, row = np.unique(piece, return_inverse=True)
+    if not len(pairs):
         return []
-    count = len(met)
+    count = len(pairs)
     least, most, left, right = np.full(count, np.inf), np.full(count, -np.inf), np.full(count, np.inf), np.full(count, -np.inf)
     on_centre = np.zeros(count, dtype=bool)
     np.minimum.at(least, row, low)
@@ -151,21 +160,41 @@ def _stays(cells: Cells, number: int, polygon: shapely.Polygon) -> list[Stay]:
     np.minimum.at(left, row, np.where(low >= 0.0, low, np.inf))
     np.maximum.at(right, row, np.where(high <= 0.0, high, -np.inf))
     np.logical_or.at(on_centre, row, (low < 0.0) & (high > 0.0))
-    runs = np.split(np.arange(count), np.flatnonzero(np.diff(met) > 1) + 1)
-    if cells.path.closed and len(runs) > 1 and met[0] == 0 and met[-1] == len(cells.left) - 1:
+    met, owner = near[pairs], owner[pairs]
+    return [
+        Stay(int(numbers[owner[run[0]]]), met[run], least[run], most[run], left[run], right[run], on_centre[run])
+        for own in np.split(np.arange(count), np.flatnonzero(np.diff(owner)) + 1)
+        for run in _runs(cells, met, own)
+    ]
+
+
+def _runs(cells: Cells, met: IntArray, own: IntArray) -> list[IntArray]:
+    """Return the rows ``own`` of one polygon, whose cells are ``met[own]``, split where cells are missing between them."""
+    runs = np.split(own, np.flatnonzero(np.diff(met[own]) > 1) + 1)
+    if cells.path.closed and len(runs) > 1 and met[own[0]] == 0 and met[own[-1]] == len(cells.left) - 1:
         runs = [np.concatenate([runs[-1], runs[0]]), *runs[1:-1]]  # one obstacle across the start of a closed road
-    return [Stay(number, met[run], least[run], most[run], left[run], right[run], on_centre[run]) for run in runs]
+    return runs
 
 
-def _about(shapes: Shapes, area: BaseGeometry) -> Shapes:
-    """Return for every shape the part of ``area`` around it: a kerb along the whole road has too many corners for every cell."""
-    parts = np.empty(len(shapes), dtype=object)
-    for first in range(0, len(shapes), _CLIPPED):
-        group = slice(first, first + _CLIPPED)
-        clipped = shapely.intersection(area, shapely.box(*(shapely.total_bounds(shapes[group]) + np.array([-1.0, -1.0, 1.0, 1.0]))))
-        solid = [part for part in shapely.get_parts(clipped) if isinstance(part, shapely.Polygon)]
-        parts[group] = solid[0] if len(solid) == 1 else shapely.MultiPolygon(solid)
-    return parts
+def _about(shapes: Shapes, areas: Shapes, owner: IntArray) -> Shapes:
+    """Return for every shape the part around it of the area that it belongs to: one of all the road has too many corners for every cell.
+
+    ``owner`` are the areas' numbers, in order, shape (len(shapes),).
+    """
+    number = (np.arange(len(shapes)) - np.searchsorted(owner, owner)) // _CLIPPED
+    begin = np.flatnonzero((np.diff(owner, prepend=-1) != 0) | (np.diff(number, prepend=-1) != 0))
+    if not len(begin):
+        return np.empty(0, dtype=object)
+    bounds = shapely.bounds(shapes)
+    least, most = np.minimum.reduceat(bounds[:, :2], begin) - 1.0, np.maximum.reduceat(bounds[:, 2:], begin) + 1.0
+    parts, group = shapely.get_parts(shapely.intersection(areas[owner[begin]], shapely.box(*least.T, *most.T)), return_index=True)
+    solid = shapely.get_type_id(parts) == shapely.GeometryType.POLYGON
+    parts, group = parts[solid], group[solid]
+    clipped = np.array([shapely.MultiPolygon()] * len(begin), dtype=object)
+    clipped[group] = parts
+    for several in np.flatnonzero(np.bincount(group, minlength=len(begin)) > 1):
+        clipped[several] = shapely.MultiPolygon(list(parts[group == several]))
+    return np.repeat(clipped, np.diff(np.append(begin, len(shapes))))
 
 
 def widened(cells: Cells, band: FloatArray, regions: tuple[Region, ...], stays: list[Stay]) -> FloatArray:
@@ -179,6 +208,7 @@ def widened(cells: Cells, band: FloatArray, regions: tuple[Region, ...], stays: 
         return reach
     area = shapely.union_all([region.polygon for region in regions if region.kind is Kind.SWEEPABLE])
     area = shapely.buffer(shapely.buffer(area, 0.5 * GAP_M, join_style="mitre"), -0.5 * GAP_M, join_style="mitre")
+    areas = np.array([area], dtype=object)
     for side, outer in ((0, cells.left), (1, cells.right)):
         sign = 1.0 - 2.0 * side
         at = np.unique(np.concatenate(met))
@@ -187,7 +217,7 @@ def widened(cells: Cells, band: FloatArray, regions: tuple[Region, ...], stays: 
         at, inner = at[beyond], inner[beyond]
         ends = (inner, np.repeat(outer[at, None], 2, axis=1))
         strips = cells.quads(at, *(ends if side == 0 else ends[::-1]))
-        rest = shapely.difference(strips, _about(strips, area))  # what overhangs must not enter
+        rest = shapely.difference(strips, _about(strips, areas, np.zeros(len(strips), np.intp)))  # what overhangs must not enter
         seen, low, high = cells.offsets(rest, at)
         nearest = sign * outer[at]
         nearest[seen] = low if side == 0 else -high

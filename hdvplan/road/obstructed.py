@@ -100,8 +100,10 @@ class Obstructed:
         return values
 
     def _merged(self, at: FloatArray, band: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the limits where regions changed them, between those that were given."""
+        """Return the limits where regions changed them, between those that were given there, and one further on either side."""
         s, table = self.given
+        here = slice(max(int(np.searchsorted(s, at[0])) - 1, 0), int(np.searchsorted(s, at[-1], side="right")) + 1)
+        s, table = s[here], table[:, here]
         changed = np.any(values != band, axis=0)
         keep = scipy.ndimage.maximum_filter1d(changed, 3)  # and its neighbours, where the given limits hold again
         cell = np.clip(np.searchsorted(at, s, side="right") - 1, 0, len(keep) - 2)

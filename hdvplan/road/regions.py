@@ -55,6 +55,10 @@ def called(label: str) -> str:
 
 def distances(path: ReferencePath, regions: tuple[Region, ...]) -> FloatArray:
     """Return how far each region lies from the road's centre line [m]; those beyond ``OPEN_M`` do not count."""
+    if not regions:
+        return np.empty(0)
     s = np.linspace(0.0, path.length, int(np.ceil(path.length / OPEN_SPACING_M)) + 1)
-    centre = shapely.LineString(np.stack(path.to_plane(s, 0.0), axis=1))
-    return np.array([shapely.distance(centre, region.polygon) for region in regions])
+    points = np.stack(path.to_plane(s, 0.0), axis=1)
+    centre = shapely.STRtree(np.asarray(shapely.linestrings(np.stack([points[:-1], points[1:]], axis=1))))
+    _, apart = centre.query_nearest([region.polygon for region in regions], return_distance=True, all_matches=False)
+    return np.asarray(apart)

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from hdvplan.jit import FloatArray
 from hdvplan.planning.bias import Bias
 from hdvplan.planning.stations import limit_table
+from hdvplan.road.cells import cells_of, stays_of
 from hdvplan.road.path import ReferencePath, from_curvature, project_many
-from hdvplan.road.regions import OPEN_M, Kind, Region, Side
+from hdvplan.road.regions import OPEN_M, Kind, Region, Side, distances
 from hdvplan.road.road import Limits, Road
 
 TABLE_M = 0.25  # of the planner's limit table
@@ -235,3 +236,39 @@ def test_a_stretch_of_a_path_goes_on_as_the_whole_path_does(closed: bool) -> Non
         here, there = part.at(s), whole.at(s + s_from)
         np.testing.assert_allclose([here.x, here.y], [there.x, there.y], atol=1e-9)
         np.testing.assert_allclose(here.curvature, there.curvature, atol=1e-6)  # continuations are made again where a table ends
+
+
+def scattered(path: ReferencePath, count: int) -> tuple[Region, ...]:
+    """Return boxes of all sizes and directions on a circle of 20 m around (0, 20), then one over its start and one around most of it."""
+    rng = np.random.default_rng(7)
+    turn, off, size = rng.uniform(0.0, 2.0 * np.pi, count), rng.uniform(-6.0, 6.0, count), rng.uniform(0.1, 3.0, (2, count))
+    x, y = (20.0 + off) * np.sin(turn), 20.0 - (20.0 + off) * np.cos(turn)
+    corners = np.array([[-1.0, 1.0, 1.0, -1.0], [-1.0, -1.0, 1.0, 1.0]])[:, :, None] * size[:, None]
+    turned = np.stack(
+        [x + corners[0] * np.cos(turn) - corners[1] * np.sin(turn), y + corners[0] * np.sin(turn) + corners[1] * np.cos(turn)]
+    )
+    boxes = [Region(Kind.OBSTACLE, shapely.Polygon(one)) for one in turned.T]
+    over_start, around = shapely.box(-1.0, -2.0, 1.0, 3.0), ring(path, np.linspace(5.0, 110.0, 300), 2.0, 3.0)
+    return (*boxes, Region(Kind.OBSTACLE, over_start), Region(Kind.SWEEPABLE, around))
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_polygons_are_cut_together_as_they_are_one_by_one(closed: bool) -> None:
+    path = from_curvature(np.array([0.0, 40.0 * np.pi]), np.array([0.05, 0.05]))
+    path = ReferencePath(path.coefficients, path.s_first, path.spacing, path.length, closed=closed)
+    cells, regions = cells_of(path), scattered(path, 200)  # 200 of 40 to 46 m: more than one group
+    together = stays_of(cells, regions)
+    alone = [(number, stay) for number, region in enumerate(regions) for stay in stays_of(cells, (region,))]
+    assert [stay.region for stay in together] == [number for number, _ in alone]
+    for one, (_, other) in zip(together, alone, strict=True):
+        for column in ("cells", "low", "high", "left", "right", "on_centre"):
+            np.testing.assert_array_equal(getattr(one, column), getattr(other, column))
+
+
+def test_the_distance_of_regions_is_that_of_their_nearest_point() -> None:
+    path = from_curvature(np.array([0.0, 40.0 * np.pi]), np.array([0.05, 0.05]))
+    regions = (*scattered(path, 20), box(100.0, 100.0, 101.0, 101.0))
+    s = np.linspace(0.0, path.length, 253)
+    centre = shapely.LineString(np.stack(path.to_plane(s, 0.0), axis=1))
+    np.testing.assert_array_equal(distances(path, regions), [shapely.distance(centre, region.polygon) for region in regions])
+    assert distances(path, ()).shape == (0,)
