@@ -39,6 +39,7 @@ SETTINGS = PlannerSettings(horizon=60.0, step=0.5)
 _OBJECTIVES = ("geometric", "lead-axle", "balanced", "trail-axle")
 _INSIDE_M = 1e-3  # of what counts as kept: the judge's rounding
 _WIDE_M = 6.0
+_BESIDE_M = 1.0  # of room beside what was swept, where obstacles are meant to limit
 _TIGHTEST = 0.8  # of the vehicle's curvature, of the roads
 _AIM_M = 12.0  # of road between the offsets that a wandering drive aims at
 _CORNER = 0.65  # of what counts as kept: a corner of a swept area lies further inside than its edges, by the root of two
@@ -126,7 +127,8 @@ def as_narrow(rng: np.random.Generator, drive: Drive) -> Road:
     road = replace(drive.road, limits=None, band=None, edges=None)
     regions = tuple(_obstacles(rng, drive)) if rng.random() < 0.4 else ()  # noqa: PLR2004 - as above
     if regions and rng.random() < 0.5:  # noqa: PLR2004 - in half of them little but the obstacles limits
-        return replace(road, regions=regions).with_limits(_WIDE_M, _WIDE_M)
+        sweep = sweep[0] + _BESIDE_M, sweep[1] - _BESIDE_M
+        return replace(road, regions=regions).within(Limits(envelope.s, *sweep, *sweep))
     return replace(road, regions=regions).within(Limits(envelope.s, inner[0], inner[1], sweep[0], sweep[1]))
 
 

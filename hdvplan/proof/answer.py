@@ -93,27 +93,25 @@ def _by_place(road: Road, vehicle: Vehicle, space: Beside, first: float, last: f
 def _by_motion(road: Road, vehicle: Vehicle, spaces: tuple[Beside, Beside], first: float, last: float) -> Proof | None:
     """Return the stretch on which everything that the leading units can reach is lost, None if there is none.
 
-    Where the coarse set is not lost, the fine one is followed only where the coarse one would be lost with less room: the second of
-    ``spaces``. That saves time, and proves nothing.
+    Nothing more is followed where the coarse set would not even be lost with less room, the second of ``spaces``, and the fine ones only
+    around places where it would. That saves time, and proves nothing.
     """
     follow = _follower(road, vehicle)
     if follow is None:
         return None
     unit = len(followed(vehicle)) - 1
     coarse, *fine = follow.resolutions
-    found = _lost(follow, spaces[0], coarse, first, last)
+    tight = _lost(follow, spaces[1], coarse, first, last)
+    found = None if tight is None else _lost(follow, spaces[0], coarse, first, last)
     if found is not None:
         return _shortest(follow, spaces[0], coarse, first, found, unit)
-    while last - first > _PLACES_M:
-        tight = _lost(follow, spaces[1], coarse, first, last)
-        if tight is None:
-            return None
-        begin, end = max(first, tight - _BEFORE_M), min(last, tight + _AFTER_M)
+    while tight is not None:
+        begin, seen = max(first, tight - _BEFORE_M), min(last, tight + _AFTER_M)
         for resolution in fine:
-            found = _lost(follow, spaces[0], resolution, begin, end)
+            found = _lost(follow, spaces[0], resolution, begin, seen)
             if found is not None:
                 return _shortest(follow, spaces[0], resolution, begin, found, unit)
-        first = end
+        tight = _lost(follow, spaces[1], coarse, seen, last) if last - seen > _PLACES_M else None
     return None
 
 
