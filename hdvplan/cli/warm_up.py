@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from hdvplan.vehicle.model import Vehicle
 
-_ROADS = ("uturn", "street_corner", "parked_van")  # a profile with limits, a line with edges, one with an obstacle
+_ROADS = ("uturn", "sturn", "street_corner", "parked_van")  # with limits, without, with edges, with an obstacle
 _TIGHT_M = 1.4  # half width: every vehicle breaks it, and what comes then is compiled too
 
 
