@@ -16,6 +16,10 @@ from hdvplan.road.path import project_many
 from hdvplan.road.regions import Kind, Region
 from hdvplan.vehicle.body import axles_behind
 
+Shapes = NDArray[np.object_]
+
+_PLACE = np.dtype([("body", np.intp), ("point", np.float64, 2), ("distance", np.float64), ("s_from", np.float64), ("s_to", np.float64)])
+
 
 @dataclass(frozen=True)
 class Approach:
@@ -38,41 +42,65 @@ def approaches(drive: Drive) -> tuple[Approach, ...]:
     obstacles = [region for region in drive.road.regions if region.kind is Kind.OBSTACLE]
     if not obstacles:
         return ()
+    polygons = np.array([obstacle.polygon for obstacle in obstacles], dtype=object)
     outlines = corners(drive, np.arange(len(drive.poses_s)))
-    units = outlines.shape[1]
     bodies = np.asarray(shapely.polygons(outlines.reshape(-1, 4, 2)))
     tree = shapely.STRtree(bodies)
+    within, entered = _entered(drive, polygons, bodies, tree)
+    apart = np.setdiff1d(np.arange(len(polygons)), within)
+    places = np.concatenate([entered, _beside(polygons[apart], bodies, tree)])[np.argsort(np.concatenate([within, apart]))]
+    pose, unit = np.divmod(places["body"], outlines.shape[1])
+    ahead, across = _on_bodies(drive, pose, unit, places["point"])
+    s = _along(drive, pose, unit, ahead, places["point"])
+    lap = np.floor(s / drive.road.path.length) * drive.road.path.length if drive.road.path.closed else np.zeros(len(s))
+    s, s_from, s_to = s - lap, np.fmin(places["s_from"], s) - lap, np.fmax(places["s_to"], s) - lap
+    x, y = places["point"].T
     found = []
-    for obstacle in obstacles:
-        inside = tree.query(obstacle.polygon, predicate="intersects")
-        if len(inside):
-            overlaps = shapely.intersection(bodies[inside], obstacle.polygon)
-            within = shapely.point_on_surface(overlaps)  # corners alone would miss a wall that crosses a body from side to side
-            points, owner = shapely.get_coordinates(np.concatenate([overlaps, within]), return_index=True)
-            owner %= len(overlaps)
-            depths = _depths(points, bodies[inside[owner]], obstacle.polygon)
-            deepest = int(np.argmax(depths))
-            body, distance, place = int(inside[owner[deepest]]), -float(depths[deepest]), points[deepest]
-        else:
-            body, points, owner = int(tree.nearest(obstacle.polygon)), np.empty((0, 2)), np.empty(0, np.intp)
-            line = shapely.shortest_line(bodies[body], obstacle.polygon)
-            distance, place = float(shapely.length(line)), shapely.get_coordinates(line)[0]
-        pose, unit = np.divmod(np.array([body]), units)
-        ahead, across = _on_bodies(drive, pose, unit, place[None])
-        s = float(_along(drive, pose, unit, ahead, place[None])[0])
-        lap = float(np.floor(s / drive.road.path.length)) * drive.road.path.length if drive.road.path.closed else 0.0
-        met = np.divmod(inside[owner], units)
-        over = _along(drive, *met, _on_bodies(drive, *met, points)[0], points) if len(points) else np.array([s])
-        side, part = "left" if across[0] > 0.0 else "right", part_named(drive.vehicle.units[unit[0]], float(ahead[0]))
-        span, (x, y) = (float(np.min(over)) - lap, float(np.max(over)) - lap), (float(place[0]), float(place[1]))
-        found.append(Approach(obstacle, distance, s - lap, *span, x, y, int(unit[0]), side, part))
+    for i, obstacle in enumerate(obstacles):
+        side, part = "left" if across[i] > 0.0 else "right", part_named(drive.vehicle.units[unit[i]], float(ahead[i]))
+        span, point = (float(s_from[i]), float(s_to[i])), (float(x[i]), float(y[i]))
+        found.append(Approach(obstacle, float(places["distance"][i]), float(s[i]), *span, *point, int(unit[i]), side, part))
     return tuple(found)
 
 
-def _depths(points: FloatArray, bodies: NDArray[np.object_], obstacle: shapely.Polygon) -> FloatArray:
+def _beside(obstacles: Shapes, bodies: Shapes, tree: shapely.STRtree) -> NDArray[np.void]:
+    """Return where bodies come nearest to obstacles that none of them meets."""
+    places = np.empty(len(obstacles), _PLACE)
+    places["body"] = tree.nearest(obstacles)
+    places["s_from"] = places["s_to"] = np.nan  # none but the place itself
+    lines = shapely.shortest_line(bodies[places["body"]], obstacles)
+    places["distance"], places["point"] = shapely.length(lines), shapely.get_coordinates(lines)[::2]
+    return places
+
+
+def _entered(drive: Drive, obstacles: Shapes, bodies: Shapes, tree: shapely.STRtree) -> tuple[IntArray, NDArray[np.void]]:
+    """Return the numbers of the obstacles that bodies meet, and where a body is deepest in each of them."""
+    met, inside = tree.query(obstacles, predicate="intersects")
+    overlaps = shapely.intersection(bodies[inside], obstacles[met])
+    within = shapely.point_on_surface(overlaps)  # corners alone would miss a wall that crosses a body from side to side
+    points, owner = shapely.get_coordinates(np.concatenate([overlaps, within]), return_index=True)
+    owner %= max(len(overlaps), 1)
+    order = np.argsort(met[owner], kind="stable")
+    points, owner = points[order], owner[order]
+    numbers, first = np.unique(met[owner], return_index=True)
+    places = np.empty(len(numbers), _PLACE)
+    if not len(numbers):
+        return numbers, places
+    depths = _depths(points, bodies[inside[owner]], obstacles[met[owner]])
+    row = np.repeat(np.arange(len(numbers)), np.diff(np.append(first, len(owner))))
+    greatest = np.flatnonzero(depths == np.maximum.reduceat(depths, first)[row])
+    deepest = greatest[np.unique(row[greatest], return_index=True)[1]]
+    pose, unit = np.divmod(inside[owner], len(drive.vehicle.units))
+    s = _along(drive, pose, unit, _on_bodies(drive, pose, unit, points)[0], points)
+    places["body"], places["point"], places["distance"] = inside[owner[deepest]], points[deepest], -depths[deepest]
+    places["s_from"], places["s_to"] = np.minimum.reduceat(s, first), np.maximum.reduceat(s, first)
+    return numbers, places
+
+
+def _depths(points: FloatArray, bodies: Shapes, obstacles: Shapes) -> FloatArray:
     """Return how far points of overlaps lie inside the body or the obstacle, whichever is further [m]."""
     places = shapely.points(points)
-    return np.maximum(shapely.distance(places, shapely.boundary(bodies)), shapely.distance(places, obstacle.boundary))
+    return np.maximum(*(shapely.distance(places, shapely.boundary(shapes)) for shapes in (bodies, obstacles)))
 
 
 def _on_bodies(drive: Drive, poses: IntArray, units: IntArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:

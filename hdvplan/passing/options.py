@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,11 +47,25 @@ def options_of(case: Case, road: Obstructed) -> list[Options]:
     given = [case.road.regions[passage.region].side for passage in road.passages]
     options = [_by_place(case, passage, side) for passage, side in zip(road.passages, given, strict=True)]
     _reopen(case, road, options)
+    looked: Iterable[int] = range(len(options))
     while True:  # an obstacle with one side left may close another's
         fixed = {number: option.sides[0] for number, option in enumerate(options) if not option.open}
-        options = [_by_room(case, road, number, option, fixed) for number, option in enumerate(options)]
-        if sum(not option.open for option in options) == len(fixed):
+        found = {number: _by_room(case, road, number, options[number], fixed) for number in looked}
+        closed = [number for number, option in found.items() if options[number].open and not option.open]
+        for number, option in found.items():
+            options[number] = option
+        if not closed:
             return options
+        looked = _beside(road, closed)
+
+
+def _beside(road: Obstructed, numbers: Sequence[int]) -> list[int]:
+    """Return the passages that share a place of the road with one of ``numbers``, in order."""
+    low, high = road.ends
+    shared = np.zeros(low.shape, dtype=bool)
+    for number in numbers:
+        shared |= (low <= high[number]) & (high >= low[number])
+    return [int(number) for number in np.flatnonzero(shared)]
 
 
 def independent_m(case: Case, passages: Sequence[Passage]) -> float:
@@ -98,14 +112,16 @@ def _reopen(case: Case, road: Obstructed, options: list[Options]) -> None:
     near = independent_m(case, [road.passages[number] for number in open_])
     reach = case.vehicle.width + 2.0 * case.settings.clearance + _CLEAR_M
     begin, end = road.spans
-    short = end - begin < near
+    low, high = np.array([[passage.low, passage.high] for passage in road.passages]).reshape(-1, 2).T
+    left = (end - begin < near) & np.array([option.reason == _FAR for option in options], dtype=bool)
     for number in open_:  # grows
         here = road.passages[number]
-        for other in np.flatnonzero(short & (begin < here.s_to + near) & (end > here.s_from - near)):
+        beside = (low < here.high + reach) & (high > here.low - reach)
+        for other in np.flatnonzero(left & beside & (begin < here.s_to + near) & (end > here.s_from - near)).tolist():
             there = road.passages[other]
-            if options[other].reason == _FAR and there.low < here.high + reach and there.high > here.low - reach:
-                options[other] = Options((there.usual, there.usual.other))
-                open_.append(int(other))
+            options[other] = Options((there.usual, there.usual.other))
+            left[other] = False
+            open_.append(other)
 
 
 def _by_room(case: Case, road: Obstructed, number: int, option: Options, fixed: Mapping[int, Side]) -> Options:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from itertools import count
 
 import numpy as np
@@ -23,6 +24,9 @@ _AROUND = 2  # obstacles on either side of one that its other side is judged wit
 _SWEEPS = 3  # over a group, of turning single obstacles to their better side
 _LESS = 0.99  # of a cost: more is no reason to leave a side
 _DIGITS = 3  # of a violation in metres: smaller differences do not decide
+_MOST_TOGETHER = 30  # obstacles of a group whose sides are searched together: those of the next part stand beside the settled ones
+_MOST_TRIALS = 600  # of a road: they take half a minute, and three where the road is full; what is left is passed on its usual side
+_UNTRIED = f"no other side was tried: the road has more obstacles than {_MOST_TRIALS} trials are enough for"
 
 Sides = dict[int, Side]
 Try = Callable[[Mapping[int, Side]], Trial]
@@ -42,12 +46,22 @@ def choose_sides(case: Case) -> tuple[Road, tuple[Passed, ...]]:
     chosen = {number: option.sides[0] for number, option in enumerate(options)}
     open_ = [number for number, option in enumerate(options) if option.open]
     near = independent_m(case, [road.passages[number] for number in open_])
-    attempt = _memory(case, road, {number: side for number, side in chosen.items() if not options[number].open}, near)
+    fixed = {number: side for number, side in chosen.items() if not options[number].open}
+    known: dict[frozenset[tuple[int, Side]], Trial] = {}
     tried_: dict[int, tuple[Trial, Trial]] = {}
     for group in _groups(open_, road.passages, near):
-        chosen |= _improved(_searched(group, road.passages, near, options, attempt), road.passages, near, attempt)
-        for number in group:
-            tried_[number] = _both(number, {one: chosen[one] for one in group}, road.passages, near, attempt)
+        settled = fixed
+        for first in range(0, len(group), _MOST_TOGETHER):
+            part = group[first : first + _MOST_TOGETHER]
+            if len(known) >= _MOST_TRIALS:
+                for number in part:
+                    options[number] = replace(options[number], reason=_UNTRIED)
+                continue
+            attempt = _memory(case, road, settled, near, known)
+            sides = _improved(_searched(part, road.passages, near, options, attempt), road.passages, near, attempt)
+            tried_ |= {number: _both(number, sides, road.passages, near, attempt) for number in part}
+            chosen |= sides
+            settled = settled | sides
     passed = tuple(_passed(case, road.passages[number], options[number], chosen[number], tried_.get(number)) for number in chosen)
     return case.road.passing(chosen), passed
 
@@ -69,9 +83,11 @@ def _groups(numbers: Sequence[int], passages: Sequence[Passage], near: float) ->
     return groups
 
 
-def _memory(case: Case, road: Obstructed, fixed: Mapping[int, Side], near: float) -> Try:
-    """Return a function that tries sides of neighbouring obstacles, each choice once, among those that are ``fixed``."""
-    known: dict[frozenset[tuple[int, Side]], Trial] = {}
+def _memory(case: Case, road: Obstructed, fixed: Mapping[int, Side], near: float, known: dict[frozenset[tuple[int, Side]], Trial]) -> Try:
+    """Return a function that tries sides of neighbouring obstacles, each choice once, among those that are ``fixed``.
+
+    ``known`` keeps the trials.
+    """
     step, length = case.settings.replan, case.road.path.length
     standing = road.spans[:, [number for number in fixed if road.passages[number].on_line]]
 

@@ -61,7 +61,7 @@ class Obstructed:
         return np.array([[passage.s_from, passage.s_to] for passage in self.passages]).reshape(-1, 2).T
 
     @cached_property
-    def _ends(self) -> IntArray:
+    def ends(self) -> IntArray:
         """The first and the last normal of the passages, shape (2, passages)."""
         return np.array([[np.min(passage.nodes), np.max(passage.nodes)] for passage in self.passages], np.intp).reshape(-1, 2).T
 
@@ -81,7 +81,7 @@ class Obstructed:
         Negative where the two overlap.
         """
         passage = self.passages[number]
-        first, last = (int(end) for end in self._ends[:, number])
+        first, last = (int(end) for end in self.ends[:, number])
         values = self._cut(others, first, last + 1)
         left, right = values[:2, passage.nodes - first]
         return float(np.min(left - passage.cuts[side][1]) if side is Side.LEFT else np.min(passage.cuts[side][0] - right))
@@ -89,7 +89,7 @@ class Obstructed:
     def _cut(self, sides: Mapping[int, Side], first: int, last: int) -> FloatArray:
         """Return the limits at some of the cells' normals."""
         values = self.edges[:, first:last].copy()
-        for number in np.flatnonzero((self._ends[0] < last) & (self._ends[1] >= first)):
+        for number in np.flatnonzero((self.ends[0] < last) & (self.ends[1] >= first)):
             if int(number) not in sides:
                 continue
             passage = self.passages[number]

@@ -17,6 +17,7 @@ from hdvplan.judging.verdict import verdict_of
 from hdvplan.passing.sides import choose_sides
 from hdvplan.planning.bias import Bias
 from hdvplan.planning.settings import PlannerSettings
+from hdvplan.road.obstructed import Obstructed
 from hdvplan.road.regions import Side
 from hdvplan.road.road import Road
 from hdvplan.vehicle.load import load_vehicle
@@ -131,6 +132,36 @@ def test_the_work_is_linear_in_the_number_of_obstacles(monkeypatch: pytest.Monke
     boxes = [(60.0 + 14.0 * i, 62.0 + 14.0 * i, -1.2 - 0.2 * (i % 2), 1.4 - 0.2 * (i % 2)) for i in range(9)]
     three, six, nine = (trials_of(Case(road_with(boxes[:count]), BUS), monkeypatch) for count in (3, 6, 9))
     assert nine - six <= six - three + 4  # as much for the next three as for the last three; 4 where fewer have neighbours
+
+
+def test_a_large_group_is_searched_part_by_part_beside_what_is_settled(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(hdvplan.passing.sides, "_MOST_TOGETHER", 2)
+    assert verdict_of(plan(Case(slalom(24, 4, (3.0, 18.0)), BUS))).fits  # a group of four
+
+
+def test_after_enough_trials_obstacles_are_passed_on_their_usual_side_and_say_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    case = Case(road_with([(s, s + 3.0, -1.0, 1.1) for s in (60.0, 160.0, 260.0, 360.0)]), BUS)
+    monkeypatch.setattr(hdvplan.passing.sides, "_MOST_TRIALS", 3)
+    assert trials_of(case, monkeypatch) == 4  # two for each of the first two, none for the others
+    passed = choose_sides(case)[1]
+    assert [one.own is None for one in passed] == [False, False, True, True]
+    assert [one.side for one in passed[2:]] == [R, R]
+    assert all("no other side was tried" in (one.reason or "") for one in passed[2:])
+
+
+def test_obstacles_close_each_other_one_by_one_and_only_those_beside_are_looked_at_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    looked, room = list[int](), Obstructed.room
+
+    def noted(road: Obstructed, number: int, side: Side, others: dict[int, Side]) -> float:
+        looked.append(number)
+        return room(road, number, side, others)
+
+    monkeypatch.setattr(Obstructed, "room", noted)
+    boxes = [(60.0, 65.0, -1.2, 4.6), *((60.0 + 4.0 * i, 65.0 + 4.0 * i, -0.5, 0.5) for i in range(1, 20))]
+    passed = choose_sides(Case(road_with(boxes), BUS))[1]
+    assert [one.side for one in passed] == [R] * 20
+    assert [one.reason for one in passed[1:3]] == [f"left is closed: 0.00 m to the left of it, {BUS.width:.2f} m needed"] * 2
+    assert len(looked) <= 6 * len(boxes)  # either side of the one itself, before, and of the one behind
 
 
 @pytest.mark.slow
