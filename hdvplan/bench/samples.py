@@ -6,6 +6,7 @@ import json
 from dataclasses import dataclass, field, fields
 from io import BytesIO
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -14,7 +15,9 @@ from numpy.typing import NDArray
 from hdvplan.errors import HdvplanError
 from hdvplan.fileio import json_bytes, write_atomically
 from hdvplan.jit import FloatArray
-from hdvplan.planning.planner import Plan
+
+if TYPE_CHECKING:  # tables of times can be read where nothing can be planned
+    from hdvplan.planning.planner import Plan
 
 NUMBERS = (
     "linearise_s", "update_s", "solve_s", "check_s", "total_s", "qp_count", "iterations", "usable",
