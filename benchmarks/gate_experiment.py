@@ -1,10 +1,10 @@
-"""Does the gate cry wolf, and does it bark? Comparisons of the same program with itself, and with slower ones.
+"""Does the gate cry wolf, and does it bark? Comparisons of the same program with itself, and with programs that are worse in some way.
 
-Patched copies of the working tree are made in git worktrees: the same program, one whose planning step takes 10 % longer,
-one 20 %, one with an SQP that iterates further. Every process is `hdvplan bench` with the gate's own suite, the programs in
-turns in a new order each time. Half of them run while another process keeps the other core busy in bursts. Comparisons are
-then drawn from what was recorded, each with neighbours in time as the gate would have measured them: five pairs, ten where
-the first five are not fine. At last the real command is run end to end, `hdvplan bench --against`.
+Recorded: two copies of the working tree, both the same program, each process `hdvplan bench` with the gate's own suite, the copies
+in a new order each time; half of the processes run while another one keeps the other core busy in bursts. Comparisons are drawn from
+what was recorded, each with neighbours in time as the gate would have measured them: five pairs, ten where the first five are not fine.
+A change for the worse is made to the recorded numbers of the new side. At last the real command is run end to end,
+`hdvplan bench --against`, in copies whose planner is patched.
 
 Writes gate.csv, gate.md and run.json. What was recorded is kept in --record; the same command goes on from there.
 """
@@ -16,57 +16,120 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from hdvplan.bench.against import SUITE, options_of
-from hdvplan.bench.compare import Comparison, Side, compare, read_side
+from hdvplan.bench.against import SUITE
+from hdvplan.bench.compare import Comparison, compare
 from hdvplan.bench.counters import Tolerance
 from hdvplan.bench.courses import cases_of
-from hdvplan.bench.environment import Program
 from hdvplan.bench.gate import BATCH, Rule, Verdict
+from hdvplan.bench.processes import scratch_folder
+from hdvplan.bench.programs import Program, present
+from hdvplan.bench.sides import IMPORT, PEAK, Name, Side, Steps, read_side
 from hdvplan.bench.suite import suite_of
-from hdvplan.fileio import csv_bytes, write_atomically
+from hdvplan.bench.work import ABOUT, SuiteWork, suite_entries, suite_text
+from hdvplan.fileio import csv_bytes, json_bytes, write_atomically
+from hdvplan.jit import FloatArray
 from hdvplan.machine import load_average, machine_facts
 from hdvplan.record import write_record
 from hdvplan.report.markdown import markdown_table
 
 ROOT = Path(__file__).resolve().parents[1]
-BASE, COUNTED = "base", "more SQP iterations"
+BASE, SAME = "base", "same"
 LOADS = ("quiet", "loaded")
+Process = tuple[Mapping[Name, Steps], Mapping[str, float]]
+Worse = Callable[[Process, np.random.Generator], Process]
+
+
+def _added(steps: Steps, added: FloatArray) -> Steps:
+    """Return steps that take longer, within the planner's own clock."""
+    return replace(steps, total=steps.total + added, outer=steps.outer + added)
+
+
+def _everywhere(change: Callable[[Steps, np.random.Generator], Steps]) -> Worse:
+    def worse(process: Process, random: np.random.Generator) -> Process:
+        return {name: change(steps, random) for name, steps in process[0].items()}, process[1]
+
+    return worse
+
+
+def _one_cell(process: Process, _: np.random.Generator) -> Process:
+    first = next(iter(process[0]))
+    return {name: _added(steps, 0.2 * steps.total) if name == first else steps for name, steps in process[0].items()}, process[1]
+
+
+def _more(key: str, amount: float) -> Worse:
+    return lambda process, _: (process[0], {**process[1], key: process[1][key] + amount})
+
+
+# What is done to the recorded numbers of the new side.
+WORSE: Mapping[str, Worse] = {
+    SAME: lambda process, _: process,
+    "12 % everywhere": _everywhere(lambda steps, _: _added(steps, 0.12 * steps.total)),
+    "20 % in one cell of eight": _one_cell,
+    "a random half of the steps x 2": _everywhere(
+        lambda steps, random: _added(steps, steps.total * random.choice([0.0, 1.0], steps.total.shape))
+    ),
+    "5 % of the steps + 5 ms": _everywhere(
+        lambda steps, random: _added(steps, random.choice([0.0, 5e-3], steps.total.shape, p=[0.95, 0.05]))
+    ),
+    "20 % outside of the planner's clock": _everywhere(lambda steps, _: replace(steps, outer=steps.outer + 0.2 * steps.total)),
+    "first plan x 2": _everywhere(lambda steps, _: replace(steps, first=2.0 * steps.first)),
+    "import + 0.5 s": _more(IMPORT, 0.5),
+    "memory + 100 MB": _more(PEAK, 1e8),
+}
 
 # What is appended to the planner's module in the copies.
 _SLOWER = """
 
-from dataclasses import replace
+import random as _random
+from dataclasses import replace as _replace
 
 
-def _slowed(plan, factor):
+def _slowed(plan):
     def slower(self, *arguments):
         began = perf_counter()
         planned = plan(self, *arguments)
-        end = began + factor * (perf_counter() - began)
+        took = perf_counter() - began
+        first = not getattr(self, "_planned_before", False)
+        self._planned_before = True
+        end = perf_counter() + ({wait})
         while perf_counter() < end:
             pass
-        return replace(planned, times=replace(planned.times, total=perf_counter() - began))
+        return {returned}
 
     return slower
 
 
-Planner.plan = _slowed(Planner.plan, {factor})
+Planner.plan = _slowed(Planner.plan)
 """
+_ONE_CELL = """
+
+def _marked(made):
+    def init(self, vehicle, stations, *others):
+        made(self, vehicle, stations, *others)
+        self._is_marked = len(vehicle.units) > 1 and str(others[1].scheme) == "rti" and stations.path.length > 400.0
+
+    return init
+
+
+Planner.__init__ = _marked(Planner.__init__)
+"""
+_TIMED = "_replace(planned, times=_replace(planned.times, total=perf_counter() - began))"
 _FURTHER = """
 
-from dataclasses import replace
+from dataclasses import replace as _replace
 
 
 def _further(made):
     def init(self, vehicle, stations, centred, settings, make_workspace):
-        made(self, vehicle, stations, centred, replace(settings, sqp_tolerance=1e-3 * settings.sqp_tolerance), make_workspace)
+        made(self, vehicle, stations, centred, _replace(settings, sqp_tolerance=1e-3 * settings.sqp_tolerance), make_workspace)
 
     return init
 
@@ -74,28 +137,33 @@ def _further(made):
 Planner.__init__ = _further(Planner.__init__)
 """
 PATCHES = {
-    BASE: "",
-    "same": "",
-    "10 % slower": _SLOWER.format(factor=1.1),
-    "20 % slower": _SLOWER.format(factor=1.2),
-    COUNTED: _FURTHER,
+    SAME: "",
+    "12 % everywhere": _SLOWER.format(wait="0.12 * took", returned=_TIMED),
+    "20 % in one cell of eight": _SLOWER.format(wait="0.2 * took * self._is_marked", returned=_TIMED) + _ONE_CELL,
+    "a random half of the steps x 2": _SLOWER.format(wait="took * (_random.random() < 0.5)", returned=_TIMED),
+    "5 % of the steps + 5 ms": _SLOWER.format(wait="5e-3 * (_random.random() < 0.05)", returned=_TIMED),
+    "20 % outside of the planner's clock": _SLOWER.format(wait="0.2 * took", returned="planned"),
+    "first plan x 2": _SLOWER.format(wait="took if first else 0.0", returned=_TIMED),
+    "import + 0.5 s": "\n\nimport time as _time\n\n_time.sleep(0.5)\n",
+    "memory + 100 MB": "\n\n_HELD = np.ones(12_500_000)\n",
+    "changed iterations": _FURTHER,
+    "a crash at import": "\n\nraise RuntimeError('half a commit')\n",
 }
 
 
 @contextmanager
-def copies(folder: Path) -> Iterator[dict[str, Program]]:
-    """Provide the programs: worktrees of the present commit with their patches, which go afterwards."""
+def copies(folder: Path, wanted: Sequence[str]) -> Iterator[dict[str, Program]]:
+    """Provide programs: worktrees of the present commit with their patches, which go afterwards; BASE has none."""
     made: dict[str, Program] = {}
     try:
-        for number, (name, patch) in enumerate(PATCHES.items()):
+        for number, name in enumerate([BASE, *wanted]):
             tree = folder / f"tree{number}"
             shutil.rmtree(tree, ignore_errors=True)  # left by a run that was killed
             git("-C", str(ROOT), "worktree", "prune")
             git("-C", str(ROOT), "worktree", "add", "--detach", str(tree), "HEAD")
-            made[name] = Program(name, Path(sys.executable), tree, {"NUMBA_CACHE_DIR": str(folder / "compiled")})
+            made[name] = present(name, tree, tree, {"NUMBA_CACHE_DIR": str(folder / "compiled")})
             with (tree / "hdvplan" / "planning" / "planner.py").open("a", encoding="utf-8") as module:
-                module.write(patch)
-            made[name].check()
+                module.write(PATCHES.get(name, ""))
         yield made
     finally:
         for program in made.values():
@@ -129,100 +197,108 @@ def load(wanted: bool) -> Iterator[None]:
 
 
 def record(programs: dict[str, Program], folder: Path, rounds: int) -> None:
-    """Record ``rounds`` processes of every program for each load; those that are already there are kept."""
-    arguments = ("bench", *options_of(suite_of(SUITE)), "--quiet", "--fresh", "--out")
+    """Record ``rounds`` processes of BASE and SAME for each load; those that are already there are kept."""
+    (folder / "suite.toml").write_text(suite_text(suite_entries(suite_of(SUITE), suite_of({}).to_dict())), encoding="utf-8")
+    for name in (BASE, SAME):
+        _measure(programs[name], folder, folder / f"warm-{name}", warm=True)
     for situation in LOADS:
         with load(situation == "loaded"):
             for round_ in range(rounds):
-                order = np.random.default_rng([round_, LOADS.index(situation)]).permutation(list(programs))
-                for name in order:
-                    if round_ >= processes_of(str(name), rounds):
-                        continue
-                    program, out = programs[str(name)], recorded(folder, situation, str(name), round_)
-                    if not (out / "timing.csv").is_file():
+                for name in np.random.default_rng([round_, LOADS.index(situation)]).permutation([BASE, SAME]):
+                    out = recorded(folder, situation, str(name), round_)
+                    if not (out / ABOUT).is_file():
                         print(f"{situation}: {name}, process {round_ + 1} of {rounds}", file=sys.stderr, flush=True)
-                        program.finish(program.start(*arguments, str(out)))
+                        _measure(programs[str(name)], folder, out)
 
 
-def processes_of(name: str, rounds: int) -> int:
-    """Return how many processes of a program are recorded under each load; counters are the same in every one."""
-    return 2 * BATCH if name == COUNTED else rounds
+def _measure(program: Program, folder: Path, out: Path, *, warm: bool = False) -> None:
+    """Run one process of a program as the gate does."""
+    with scratch_folder() as scratch:
+        timed = scratch.folder / "import"
+        ended = program.finish(program.start(SuiteWork(folder / "suite.toml").command(program, out, timed, warm=warm), scratch))
+        write_atomically(out / ABOUT, json_bytes({PEAK: ended.peak_bytes, IMPORT: float(timed.read_text(encoding="utf-8"))}))
 
 
 def recorded(folder: Path, situation: str, name: str, round_: int) -> Path:
     """Return where one process's run is kept."""
-    return folder / situation / name.replace(" ", "-").replace("%", "percent") / f"{round_:03d}"
+    return folder / situation / name / f"{round_:03d}"
 
 
-def compile_all(programs: dict[str, Program], folder: Path) -> None:
-    """Run every program once, two at a time, so that no recorded process compiles."""
-    arguments = ("bench", *options_of(suite_of(SUITE)), "--quiet", "--fresh", "--rounds", "1", "--out")
-    waiting = list(enumerate(programs.values()))
-    while waiting:
-        couple, waiting = waiting[:2], waiting[2:]
-        print(f"compiling: {', '.join(program.name for _, program in couple)}", file=sys.stderr, flush=True)
-        started = [(program, program.start(*arguments, str(folder / f"warm{number}"))) for number, program in couple]
-        for program, process in started:
-            program.finish(process)
-
-
-def drawn(folder: Path, name: str, situation: str, rounds: int, count: int) -> list[Comparison]:
-    """Return ``count`` comparisons of BASE with ``name``: of consecutive processes from a random one on, in random order."""
-    rounds = processes_of(name, rounds)
-    sides = {which: [read_side(recorded(folder, situation, which, round_)) for round_ in range(rounds)] for which in (BASE, name)}
-    random = np.random.default_rng([len(name), LOADS.index(situation)])
-    found = []
-    for _ in range(count):
-        first = random.integers(rounds - 2 * BATCH + 1)
-        window = first + random.permutation(2 * BATCH)
-        pairs = [[sides[which][round_] for round_ in window] for which in (BASE, name)]
-        found.append(gated(pairs[0], pairs[1]))
+def drawn(folder: Path, situation: str, rounds: int, count: int) -> dict[str, list[Comparison]]:
+    """Return ``count`` comparisons of BASE with every change for the worse: of consecutive processes from a random one on, shuffled."""
+    sides = {which: [read_side(recorded(folder, situation, which, round_)) for round_ in range(rounds)] for which in (BASE, SAME)}
+    found: dict[str, list[Comparison]] = {}
+    for number, (name, worse) in enumerate(WORSE.items()):
+        random = np.random.default_rng([number, LOADS.index(situation)])
+        found[name] = []
+        for _ in range(2 * count if name == SAME else count):
+            window = random.integers(rounds - 2 * BATCH + 1) + random.permutation(2 * BATCH)
+            swapped = bool(random.integers(2))  # either of two equal programs may be the new one
+            base, new = ([sides[which][round_] for round_ in window] for which in ((SAME, BASE) if swapped else (BASE, SAME)))
+            changed = [worse((side.processes[0], side.about[0]), random) for side in new]
+            found[name].append(
+                gated(base, [replace(side, processes=(steps,), about=(about,)) for side, (steps, about) in zip(new, changed, strict=True)])
+            )
+        print(f"{situation}: {name}: {_counts([str(one.verdict) for one in found[name]])}", file=sys.stderr, flush=True)
     return found
 
 
 def gated(base: Sequence[Side], new: Sequence[Side]) -> Comparison:
     """Return what `--against` would say of these processes: of the first five pairs if they are fine, else of all ten."""
     for pairs in (BATCH, 2 * BATCH):
-        sides = [Side(side[0].counters, tuple(one.processes[0] for one in side[:pairs])) for side in (base, new)]
-        comparison = compare(sides[0], sides[1], Rule(), Tolerance(), expect_changes=False)
-        if all(entry.decision is None or entry.decision.verdict is Verdict.FINE for entry in comparison.times):
+        here, there = (
+            Side(side[0].counters, tuple(one.processes[0] for one in side[:pairs]), tuple(one.about[0] for one in side[:pairs]))
+            for side in (base, new)
+        )
+        comparison = compare(here, there, Rule(), Tolerance(), expect_changes=False)
+        if comparison.verdict is Verdict.FINE:
             break
     return comparison
 
 
-def end_to_end(programs: dict[str, Program], folder: Path, runs: int) -> pd.DataFrame:
-    """Run the real command in the copies, half of the runs under load; those that are already there are kept."""
+def end_to_end(programs: dict[str, Program], folder: Path, runs: Mapping[str, int]) -> pd.DataFrame:
+    """Run the real command in the copies, half of the runs of the same program under load; those that are already there are kept."""
     file = folder / "end_to_end.csv"
     rows = pd.read_csv(file).to_dict("records") if file.is_file() else []
     verdicts = {0: Verdict.FINE, 1: Verdict.REGRESSED, 3: Verdict.UNMEASURABLE}
-    for run in range(runs):
-        situation = LOADS[run % 2]
-        for name in ("same", "20 % slower"):
+    for name, count in runs.items():
+        for run in range(count):
+            situation = LOADS[run % 2] if name == SAME else LOADS[0]
             if any((row["run"], row["program"]) == (run, name) for row in rows):
                 continue
-            print(f"end to end, {situation}: {name}, run {run + 1} of {runs}", file=sys.stderr, flush=True)
+            print(f"end to end, {situation}: {name}, run {run + 1} of {count}", file=sys.stderr, flush=True)
             program = programs[name]
-            command = program.command("bench", "--against", "HEAD", "--quiet", "--out", str((folder / "against").resolve()))
+            command = [
+                str(program.python),
+                "-P",
+                "-m",
+                "hdvplan",
+                "bench",
+                "--against",
+                "HEAD",
+                "--quiet",
+                "--out",
+                str(folder / "against"),
+            ]
             with load(situation == "loaded"):
                 began = time.monotonic()
                 ended = subprocess.run(  # noqa: S603 - our own
-                    command, cwd=program.source, env=program.environment(), capture_output=True, text=True, check=False
+                    command, cwd=program.folder, env=program.environment(), capture_output=True, text=True, check=False
                 )
                 seconds = time.monotonic() - began
             said = (ended.stdout or ended.stderr).strip().splitlines()[-1]
-            verdict = verdicts.get(ended.returncode, "failed")
-            rows.append({"program": name, "situation": situation, "run": run, "verdict": verdict, "seconds": seconds, "said": said})
+            verdict = verdicts.get(ended.returncode, f"ended with {ended.returncode}")
+            rows.append({"program": name, "situation": situation, "run": run, "verdict": str(verdict), "seconds": seconds, "said": said})
             write_atomically(file, csv_bytes(pd.DataFrame(rows)))
     return pd.DataFrame(rows, columns=["program", "situation", "run", "verdict", "seconds", "said"])
 
 
-def table_of(comparisons: dict[tuple[str, str], list[Comparison]], processes: int, ends: pd.DataFrame) -> pd.DataFrame:
+def table_of(comparisons: Mapping[tuple[str, str], list[Comparison]], processes: int, ends: pd.DataFrame) -> pd.DataFrame:
     """Return how often every program was judged how, by load; of the recorded processes and of the real command."""
     rows: list[dict[str, object]] = []
     for (name, situation), found in comparisons.items():
         verdicts = [str(comparison.verdict) for comparison in found]
-        recorded_runs = processes_of(name, processes)
-        rows.append({"how": "drawn", "program": name, "situation": situation, "processes a side": recorded_runs} | _counts(verdicts))
+        rows.append({"how": "drawn", "program": name, "situation": situation, "processes a side": processes} | _counts(verdicts))
     for key, mine in ends.groupby(["program", "situation"], sort=False):
         what = dict(zip(("program", "situation"), key, strict=True))
         longest = {"longest [s]": round(float(mine["seconds"].max()), 1)}
@@ -242,7 +318,7 @@ def noise_of(folder: Path, rounds: int) -> str:
         processes = [read_side(recorded(folder, situation, BASE, round_)).processes[0] for round_ in range(rounds)]
         spreads = {}
         for name, statistic in (("min", np.min), ("mean", np.mean)):
-            logs = [[np.log(statistic(times, axis=0).mean()) for times in process.values()] for process in processes]
+            logs = [[np.log(statistic(steps.total, axis=0).mean()) for steps in process.values()] for process in processes]
             spreads[name] = 100.0 * np.std(logs, axis=0, ddof=1).max()
         words.append(f"{situation} {spreads['min']:.1f} % (of the plain mean: {spreads['mean']:.1f} %)")
     return f"Standard deviation of a cell between processes, every step with its fastest round, in the worst cell: {', '.join(words)}."
@@ -254,7 +330,8 @@ def markdown(table: pd.DataFrame, noise: str) -> str:
     text = table.astype(object).where(table.notna(), "").map(lambda value: f"{value:g}" if isinstance(value, float) else str(value))
     caption = (
         f"How often `hdvplan bench --against` calls a program regressed: factor {rule.factor:g}, floor {1e3 * rule.floor:g} ms, eight "
-        "cells. drawn: from recorded processes, each comparison from ten neighbours in time; end to end: the real command, with checkout "
+        "cells. drawn: from recorded processes of one program, each comparison from ten neighbours in time, its new side made worse by "
+        "calculation; end to end: the real command in a patched copy, with checkout "
         f"and compilation. loaded: another process keeps the other core busy in bursts. {noise} "
         f"{facts['processor']}, {facts['usable_cores']} cores, {facts['python']}; load average at the end "
         f"{', '.join(f'{value:.1f}' for value in load_average() or [])}."
@@ -267,23 +344,23 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("results/gate"), metavar="DIR")
     parser.add_argument("--record", type=Path, default=Path("gate-record"), metavar="DIR", help="where runs are kept")
-    parser.add_argument("--processes", type=int, default=60, metavar="N", help="of every program, half of them under load")
-    parser.add_argument("--draws", type=int, default=100, metavar="N", help="comparisons of every program, half of them under load")
-    parser.add_argument("--runs", type=int, default=10, metavar="N", help="end to end, of the same and of a slower program")
+    parser.add_argument("--processes", type=int, default=60, metavar="N", help="of both copies, half of them under load")
+    parser.add_argument("--draws", type=int, default=100, metavar="N", help="comparisons of every program, twice as many of the same one")
+    parser.add_argument("--runs", type=int, default=3, metavar="N", help="end to end, of every program; 20 of the same one")
     asked = parser.parse_args()
     rounds = asked.processes // len(LOADS)
     if rounds < 2 * BATCH:
         parser.error(f"--processes must be at least {2 * BATCH * len(LOADS)}")
     folder = asked.record.resolve()
     folder.mkdir(parents=True, exist_ok=True)
-    with copies(folder) as programs:
-        compile_all(programs, folder)
+    runs = {name: asked.runs * 20 // 3 if name == SAME else asked.runs for name in PATCHES} if asked.runs else {}
+    with copies(folder, list(runs) or [SAME]) as programs:
         record(programs, folder, rounds)
-        ends = end_to_end(programs, folder, asked.runs)
+        ends = end_to_end(programs, folder, runs)
     comparisons = {
-        (name, situation): drawn(folder, name, situation, rounds, asked.draws // len(LOADS))
-        for name in list(PATCHES)[1:]
+        (name, situation): found
         for situation in LOADS
+        for name, found in drawn(folder, situation, rounds, asked.draws // len(LOADS)).items()
     }
     table = table_of(comparisons, rounds, ends)
     asked.out.mkdir(parents=True, exist_ok=True)

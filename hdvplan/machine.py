@@ -16,16 +16,16 @@ from pathlib import Path
 from hdvplan import __version__, plugins
 from hdvplan.planning.objective_names import OBJECTIVE_NAMES
 
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "RAYON_NUM_THREADS", "NUMBA_NUM_THREADS")
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "RAYON_NUM_THREADS", "NUMBA_NUM_THREADS")
 _PACKAGES = ("numpy", "scipy", "numba", "pandas", "piqp", "clarabel", "osqp", "qpsolvers", "casadi")
 _PACKAGE = Path(__file__).parent
 
 
 def use_one_thread() -> bool:
     """Bind all numeric libraries to one thread; return whether it was early enough: they read this when they are loaded."""
-    already = all(os.environ.get(name) == "1" for name in _THREADS)
+    already = all(os.environ.get(name) == "1" for name in THREADS)
     early = "numpy" not in sys.modules
-    os.environ.update(dict.fromkeys(_THREADS, "1"))
+    os.environ.update(dict.fromkeys(THREADS, "1"))
     return early or already
 
 

@@ -1,31 +1,22 @@
-"""Hold two benchmarks against each other: exact counters first, then times, cell by cell."""
+"""Hold two benchmarks against each other: exact counters first, then times, cell by cell and over all."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from hdvplan.bench.counters import WORK_TOLERANCE, Change, Tolerance, changes_of, counters_of
+from hdvplan.bench.counters import WORK_TOLERANCE, Change, Tolerance, changes_of
 from hdvplan.bench.gate import Decision, Rule, Verdict, judge
-from hdvplan.bench.stats import keyed
-from hdvplan.bench.suite import KEY
-from hdvplan.errors import OptionError
+from hdvplan.bench.joint import FEWEST, LEVEL
+from hdvplan.bench.samples import CRASHED, FAILED, HUNG, OK, OUT_OF_MEMORY
+from hdvplan.bench.sides import Name, Side, Steps
+from hdvplan.bench.statistics import Found, joint_findings
+from hdvplan.bench.where import Place, place_of
 from hdvplan.jit import FloatArray
-
-Name = tuple[str, ...]  # of a cell, as in KEY
-TABLES = ("timing.csv", "envelope.csv", "samples.csv.gz")
-
-
-@dataclass(frozen=True)
-class Side:
-    """One program's benchmark: the counters of its first process, and times of all, in the order of measurement."""
-
-    counters: pd.DataFrame
-    processes: tuple[Mapping[Name, FloatArray], ...]  # as ``times_of`` returns them
 
 
 @dataclass(frozen=True)
@@ -34,6 +25,18 @@ class CellTimes:
 
     cell: Name
     decision: Decision | None
+    chance: float = 1.0  # see ``Agreement``
+    detectable: float = np.inf  # the ratio that would have been found
+    place: Place | None = None  # of a cell that became slower
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A program that could not be measured at all: which, what became of it in one line, and the end of what it said."""
+
+    side: str  # "base" or "new"
+    message: str
+    tail: str
 
 
 @dataclass(frozen=True)
@@ -44,62 +47,31 @@ class Comparison:
     times: tuple[CellTimes, ...]
     verdict: Verdict
     processes: int  # pairs of processes; of one process a side the rounds are the pairs
-
-
-def read_side(path: Path) -> Side:
-    """Return one side of a comparison: a directory of ``hdvplan bench``, or one that holds several, numbered in order.
-
-    Raises:
-        OptionError: no finished benchmark is there, or one of its files is missing or damaged.
-
-    """
-    if not path.is_dir():
-        msg = f"{path} is no directory of hdvplan bench"
-        raise OptionError(msg)
-    folders = [path] if (path / "run.json").is_file() else sorted(folder for folder in path.iterdir() if (folder / "run.json").is_file())
-    if not folders:
-        msg = f"{path} holds no benchmark"
-        raise OptionError(msg, hint="hdvplan bench --out DIR makes one")
-    tables = []
-    for folder in folders:
-        try:
-            tables.append([keyed(pd.read_csv(folder / name)) for name in TABLES])
-        except FileNotFoundError as error:
-            unfinished = (folder / "parts").is_dir()
-            msg = f"{folder} is {'not finished' if unfinished else f'without {Path(error.filename).name}'}"
-            raise OptionError(msg, hint="give its command again; it goes on from there" if unfinished else "measure it again") from error
-        except (OSError, EOFError, ValueError) as error:
-            msg = f"{folder} cannot be read: {error}"
-            raise OptionError(msg, hint="measure it again") from error
-    timing, envelope, samples = tables[0]
-    try:
-        return Side(counters_of(samples, timing, envelope), tuple(times_of(samples) for _, _, samples in tables))
-    except KeyError as error:
-        msg = f"{path} cannot be read: its tables are not those of hdvplan bench"
-        raise OptionError(msg, hint="measure it again") from error
-
-
-def times_of(samples: pd.DataFrame) -> dict[Name, FloatArray]:
-    """Return of every cell the (rounds, steps) times of one process [s], without the first plan, which is made from nothing.
-
-    Only whole rounds: a cell that ended at its budget has no other.
-    """
-    cells = {}
-    for key, mine in samples.groupby(KEY, sort=False):
-        wide = mine[mine["step"] > 0].pivot_table(index="round", columns="step", values="total_s").dropna()
-        cells[tuple(str(part) for part in key)] = wide.to_numpy(np.float64)
-    return cells
+    found: tuple[Found, ...] = ()  # the statistics over all cells
+    failure: Failure | None = None
 
 
 def compare(base: Side, new: Side, rule: Rule, tolerance: Tolerance, *, expect_changes: bool) -> Comparison:
-    """Return what differs between two sides; changed counters are a regression unless ``expect_changes``."""
-    changes = tuple(changes_of(base.counters, new.counters, tolerance))
-    cells = [name for name in base.processes[0] if all(name in process for process in (*base.processes, *new.processes))]
-    times = tuple(
-        CellTimes(name, _decision([process[name] for process in base.processes], [process[name] for process in new.processes], rule))
-        for name in cells
+    """Return what differs between two sides; changed counters are a regression unless ``expect_changes``.
+
+    What was planned before and is not any more is one in any case.
+    """
+    changes = (*changes_of(base.counters, new.counters, tolerance), *_own_changes(base, new))
+    names = [name for name in base.processes[0] if all(name in process for process in (*base.processes, *new.processes))]
+    pairs = {name: _pairs([one[name] for one in base.processes], [one[name] for one in new.processes]) for name in names}
+    decisions = {name: None if both is None else judge(*both, rule) for name, both in pairs.items()}
+    ratios = {name: both[1].mean(axis=1) / both[0].mean(axis=1) for name, both in pairs.items() if both is not None and _known(*both)}
+    found, agreed = joint_findings(base, new, rule, ratios)
+    times = tuple(_cell_times(name, decisions[name], agreed.get(name), base, new) for name in names)
+    verdict = _verdict(changes, times, found, expect_changes=expect_changes)
+    short = _short_names([change.cell for change in changes] + names)
+    return Comparison(
+        tuple(replace(change, cell=short[change.cell]) for change in changes),
+        tuple(replace(entry, cell=short[entry.cell]) for entry in times),
+        verdict,
+        min(len(base.processes), len(new.processes)),
+        found,
     )
-    return Comparison(changes, times, _verdict(changes, times, expect_changes), min(len(base.processes), len(new.processes)))
 
 
 def compare_counters(baseline: pd.DataFrame, measured: pd.DataFrame) -> Comparison:
@@ -108,20 +80,66 @@ def compare_counters(baseline: pd.DataFrame, measured: pd.DataFrame) -> Comparis
     return Comparison(changes, (), Verdict.REGRESSED if changes else Verdict.FINE, 1)
 
 
-def _verdict(changes: tuple[Change, ...], times: tuple[CellTimes, ...], expect_changes: bool) -> Verdict:
+def failed(side: str, message: str, tail: str) -> Comparison:
+    """Return the comparison of programs of which one could not be measured: a new one is a regression, a base prevents an answer."""
+    verdict = Verdict.REGRESSED if side == "new" else Verdict.UNMEASURABLE
+    return Comparison((), (), verdict, 0, (), Failure(side, message, tail))
+
+
+def no_longer_planned(change: Change) -> bool:
+    """Tell whether a change is a cell that was planned to its end before, and is not now."""
+    lost = change.counter == "status" and change.base == OK and change.new in {FAILED, CRASHED, HUNG, OUT_OF_MEMORY}
+    return lost or (change.counter == "cell" and change.new == "missing")
+
+
+def _cell_times(name: Name, decision: Decision | None, agreed: tuple[float, float] | None, base: Side, new: Side) -> CellTimes:
+    if decision is None or agreed is None:
+        return CellTimes(name, decision)
+    chance, detectable = agreed
+    if decision.verdict is Verdict.REGRESSED and decision.pairs >= FEWEST and len(base.processes) > 1 and chance > LEVEL:
+        decision = replace(decision, verdict=Verdict.UNMEASURABLE)  # the pairs do not agree well enough
+    place = None
+    if decision.verdict is Verdict.REGRESSED:
+        place = place_of([one[name] for one in base.processes], [one[name] for one in new.processes])
+    return CellTimes(name, decision, chance, max(detectable, decision.noise**2) if np.isfinite(detectable) else detectable, place)
+
+
+def _own_changes(base: Side, new: Side) -> list[Change]:
+    """Return the changed counters of commands of one's own."""
+    changes = []
+    for cell in dict.fromkeys([*base.own, *new.own]):
+        if cell not in base.own or cell not in new.own:
+            changes.append(Change(cell, "cell", *("measured" if cell in side.own else "missing" for side in (base, new))))
+            continue
+        old, now = base.own[cell], new.own[cell]
+        changes += [
+            Change(cell, name, str(old.get(name, "-")), str(now.get(name, "-")))
+            for name in {**old, **now}
+            if old.get(name) != now.get(name)
+        ]
+    return changes
+
+
+def _verdict(changes: tuple[Change, ...], times: tuple[CellTimes, ...], found: tuple[Found, ...], *, expect_changes: bool) -> Verdict:
     verdicts = {entry.decision.verdict if entry.decision else Verdict.UNMEASURABLE for entry in times}
-    if (changes and not expect_changes) or Verdict.REGRESSED in verdicts:
+    wider = {one.verdict for one in found}
+    counted = any(no_longer_planned(change) or not expect_changes for change in changes)
+    if counted or Verdict.REGRESSED in verdicts | wider:
         return Verdict.REGRESSED
-    return Verdict.FINE if verdicts == {Verdict.FINE} else Verdict.UNMEASURABLE
+    return Verdict.FINE if verdicts == {Verdict.FINE} and Verdict.UNMEASURABLE not in wider else Verdict.UNMEASURABLE
 
 
-def _decision(base: list[FloatArray], new: list[FloatArray], rule: Rule) -> Decision | None:
-    """Return the decision from the (rounds, steps) times of the sides' processes; as many processes and rounds of both."""
-    if len({times.shape[1] for times in (*base, *new)}) > 1:
+def _pairs(base: list[Steps], new: list[Steps]) -> tuple[FloatArray, FloatArray] | None:
+    """Return the (pairs, steps) times of both sides' processes, as many processes and rounds of both; None where steps differ."""
+    if len({steps.total.shape[1] for steps in (*base, *new)}) > 1:
         return None
-    processes, rounds = min(len(base), len(new)), min(len(times) for times in (*base, *new))
-    here, there = (_rows([times[:rounds] for times in side[:processes]]) for side in (base, new))
-    return judge(here, there, rule)
+    processes, rounds = min(len(base), len(new)), min(len(steps.total) for steps in (*base, *new))
+    here, there = (_rows([steps.total[:rounds] for steps in side[:processes]]) for side in (base, new))
+    return here, there
+
+
+def _known(base: FloatArray, new: FloatArray) -> bool:
+    return base.size > 0 and all(bool(np.all(np.isfinite(side) & (side > 0.0))) for side in (base, new))
 
 
 def _rows(processes: list[FloatArray]) -> FloatArray:
@@ -136,3 +154,9 @@ def _rows(processes: list[FloatArray]) -> FloatArray:
     else:
         kept = processes
     return np.array([times.min(axis=0, initial=np.inf) for times in kept])
+
+
+def _short_names(cells: list[Name]) -> Mapping[Name, Name]:
+    """Return cells with roads and vehicles by the name of their file alone, where that still tells them apart."""
+    short = {cell: tuple(Path(part).name if Path(part).is_absolute() else part for part in cell) for cell in cells}
+    return short if len(set(short.values())) == len(short) else {cell: cell for cell in cells}

@@ -1,4 +1,4 @@
-"""A comparison of two benchmarks: as tables for the terminal, in Markdown, as JSON, as annotations of GitHub Actions."""
+"""A comparison of two benchmarks in words: one line, tables for the terminal, and Markdown."""
 
 from __future__ import annotations
 
@@ -9,146 +9,183 @@ import pandas as pd
 from rich.table import Table
 from rich.text import Text
 
-from hdvplan.bench.compare import CellTimes, Comparison
+from hdvplan.bench.compare import CellTimes, Comparison, no_longer_planned
 from hdvplan.bench.counters import IN_STEPS, Change
 from hdvplan.bench.gate import FEWEST_PAIRS, Rule, Verdict
+from hdvplan.bench.statistics import Found
 from hdvplan.bench.suite import KEY, cell_words
+from hdvplan.bench.where import place_words
 from hdvplan.report.grid import grid
 from hdvplan.report.markdown import markdown_table
 
-_CHANGES = (*KEY, "counter", "base", "new")
-_TIMES = (*KEY, "base [ms]", "new [ms]", "new/base", "interval", "verdict")
-_TEXT = (*KEY, "counter", "verdict")
+_WRONG = ("cell", "what", "base", "new", "new/base", "part", "place")
+_TIMES = (*KEY, "base [ms]", "new [ms]", "new/base", "interval", "visible from", "verdict")
+_FOUND = ("all cells", "base", "new", "new/base", "visible from", "verdict")
+_TEXT = (*KEY, "verdict", "cell", "what", "part", "place", "all cells")
 _WORDS = {Verdict.FINE: "fine", Verdict.REGRESSED: "slower", Verdict.UNMEASURABLE: "unclear"}
+_MARKS = {Verdict.FINE: "fine", Verdict.REGRESSED: "worse", Verdict.UNMEASURABLE: "unclear"}
+_ROWS = 30  # of what is wrong; more are counted
+_EVERYWHERE = "all cells"
 
 
 def verdict_line(comparison: Comparison, rule: Rule) -> str:
     """Return the comparison in one line."""
+    if comparison.failure is not None:
+        return f"{comparison.verdict}: {comparison.failure.message}"
     slower = [entry for entry in comparison.times if _is(entry, Verdict.REGRESSED)]
     unknown = [entry for entry in comparison.times if _is(entry, Verdict.UNMEASURABLE)]
     cells = len(comparison.times)
+    lost = len({change.cell for change in comparison.changes if no_longer_planned(change)})
     changed = len({change.cell for change in comparison.changes})
-    parts = [f"counters changed in {changed} cell{_s(changed)}"] if changed else []
+    parts = [f"no plan in {lost} cell{_s(lost)} where there was one"] if lost else []
+    parts += [f"counters changed in {changed} cell{_s(changed)}"] if changed else []
     if slower:
         worst = max(slower, key=lambda entry: entry.decision.ratio if entry.decision else 0.0)
         ratio = worst.decision.ratio if worst.decision else np.nan
         parts.append(f"{len(slower)} of {cells} cells slower, most {cell_words(worst.cell)}: {ratio:.2f} times as long")
+    worse = sorted((one for one in comparison.found if one.verdict is Verdict.REGRESSED), key=lambda one: -one.ratio)
+    parts += [f"{one.statistic.name} {one.ratio:.2f} times as {'much' if one.statistic.unit == 'MB' else 'long'}" for one in worse]
     most = max((entry.decision.pairs for entry in comparison.times if entry.decision), default=FEWEST_PAIRS)
+    unsure = [one.statistic.name for one in comparison.found if one.verdict is Verdict.UNMEASURABLE]
     if unknown and most < FEWEST_PAIRS:
         parts.append(f"times need at least {FEWEST_PAIRS} rounds or processes a side, not {most}")
     elif unknown:
         parts.append(f"the times of {len(unknown)} of {cells} cells are too uncertain for a factor of {rule.factor:g}")
+    if unsure:
+        parts.append(f"too few processes to be sure of {', '.join(unsure)}")
     if cells and not slower and not unknown:
         parts.append(f"no cell of {cells} is slower by more than a factor of {rule.factor:g}")
     return f"{comparison.verdict}: {'; '.join(parts) or 'no counter changed'}"
 
 
 def comparison_tables(comparison: Comparison) -> list[Table]:
-    """Return the tables for the terminal, one a vehicle, scheme and solver: what was counted differently, if anything, and times."""
-    rows = {
-        "counters changed": (_CHANGES, _change_rows(comparison.changes)),
-        "mean planning step": (_TIMES, _time_rows(comparison.times)),
-    }
-    tables = []
-    for what, (columns, found) in rows.items():
-        shown = (columns[0], *columns[len(KEY) :])
-        for group in dict.fromkeys(row[1 : len(KEY)] for row in found):
-            mine = [(row[0], *row[len(KEY) :]) for row in found if row[1 : len(KEY)] == group]
-            tables.append(grid(f"{cell_words(group, ', ')}: {what}", shown, mine, text=_TEXT))
+    """Return the tables for the terminal: what is wrong, the worst first; then every time."""
+    wrong = wrong_rows(comparison)
+    columns = _shown(wrong)
+    tables = [grid("what changed, the worst first", [_WRONG[i] for i in columns], [[row[i] for i in columns] for row in wrong], text=_TEXT)]
+    tables = tables if wrong else []
+    found = _time_rows(comparison.times)
+    shown = (_TIMES[0], *_TIMES[len(KEY) :])
+    for group in dict.fromkeys(row[1 : len(KEY)] for row in found):
+        mine = [(row[0], *row[len(KEY) :]) for row in found if row[1 : len(KEY)] == group]
+        words = cell_words(group, ", ")
+        tables.append(grid(f"{words}: mean planning step" if words else "mean planning step", shown, mine, text=_TEXT))
+    if comparison.found:
+        tables.append(grid("whole processes", _FOUND, _found_rows(comparison.found), text=_TEXT))
     if comparison.times:
         tables[-1].caption, tables[-1].caption_justify, tables[-1].caption_style = Text(_caption(comparison)), "left", ""
     return tables
 
 
-def comparison_markdown(comparison: Comparison, rule: Rule) -> str:
-    """Return verdict and tables as Markdown, for a step summary or a comment."""
-    parts = [f"**{verdict_line(comparison, rule)}**"]
-    if comparison.changes:
-        parts += ["Counters that changed:", _markdown(_CHANGES, _change_rows(comparison.changes))]
+def comparison_markdown(comparison: Comparison, rule: Rule, again: str | None = None) -> str:
+    """Return verdict and tables as Markdown, for a step summary or a comment; ``again``: the command that shows it again."""
+    parts = [f"**{_plain(verdict_line(comparison, rule))}**"]
+    if comparison.failure is not None and comparison.failure.tail:
+        parts.append("\n".join(f"    {line}" for line in comparison.failure.tail.splitlines()))
+    if wrong := wrong_rows(comparison):
+        columns = _shown(wrong)
+        parts += ["What changed, the worst first:", _markdown([_WRONG[i] for i in columns], [[row[i] for i in columns] for row in wrong])]
+    if again and comparison.verdict is not Verdict.FINE:
+        parts.append(f"    {again}")
     if comparison.times:
-        parts += ["Mean planning step:", _markdown(_TIMES, _time_rows(comparison.times)), _caption(comparison)]
+        parts += ["Mean planning step:", _markdown(_TIMES, _time_rows(comparison.times))]
+    if comparison.found:
+        parts += ["Whole processes:", _markdown(_FOUND, _found_rows(comparison.found))]
+    if comparison.times:
+        parts.append(_caption(comparison))
     return "\n\n".join(parts) + "\n"
 
 
-def github_annotations(comparison: Comparison, rule: Rule) -> list[str]:
-    """Return the workflow commands that make GitHub Actions show what is wrong: one a changed or slower cell, then the verdict."""
-    found = [
-        _command("error" if comparison.verdict is Verdict.REGRESSED else "notice", f"{cell_words(change.cell)}: {_sentence(change)}")
+def wrong_rows(comparison: Comparison) -> list[tuple[str, ...]]:
+    """Return what is wrong as rows, the worst first: lost plans, what became slower by its ratio, then other counters."""
+    rows: list[tuple[tuple[int, float], tuple[str, ...]]] = []
+    moved: dict[tuple[str, ...], list[Change]] = {}
+    for change in comparison.changes:
+        moved.setdefault(change.cell, []).append(change)
+    for entry in comparison.times:
+        if entry.decision is not None and _is(entry, Verdict.REGRESSED):
+            part, place = place_words(entry.place) if entry.place else ("-", "-")
+            also = moved.get(entry.cell, [])
+            part = ", ".join([part, *(f"{change.counter} {change.base} -> {change.new}" for change in also if change.counter != IN_STEPS)])
+            numbers = f"{1e3 * entry.decision.base:.3f}", f"{1e3 * entry.decision.new:.3f}", f"{entry.decision.ratio:.2f}"
+            rows.append(((1, entry.decision.ratio), (cell_words(entry.cell), "mean step [ms]", *numbers, part, place)))
+    for one in comparison.found:
+        if one.verdict is Verdict.REGRESSED:
+            what = f"{one.statistic.name} [{one.statistic.unit}]"
+            rows.append(((1, one.ratio), (_EVERYWHERE, what, f"{one.base:.3f}", f"{one.new:.3f}", f"{one.ratio:.2f}", "-", "-")))
+    rows += [
+        ((2 if no_longer_planned(change) else 0, 0.0), (cell_words(change.cell), change.counter, change.base, change.new, "-", "-", "-"))
         for change in comparison.changes
     ]
-    found += [
-        _command("error", f"{cell_words(entry.cell)}: {entry.decision.ratio:.2f} times as long")
-        for entry in comparison.times
-        if entry.decision is not None and _is(entry, Verdict.REGRESSED)
-    ]
-    kind = {Verdict.FINE: "notice", Verdict.REGRESSED: "error", Verdict.UNMEASURABLE: "warning"}[comparison.verdict]
-    return [*found, _command(kind, verdict_line(comparison, rule))]
+    ordered = [row for _, row in sorted(rows, key=lambda entry: (-entry[0][0], -entry[0][1]))]
+    more = len(ordered) - _ROWS
+    return ordered if more <= 0 else [*ordered[:_ROWS], (f"and {more} more", *("-",) * (len(_WRONG) - 1))]
 
 
-def comparison_json(comparison: Comparison, rule: Rule) -> dict[str, object]:
-    """Return the comparison for other programs; null where a number is not known."""
-    return {
-        "verdict": str(comparison.verdict),
-        "summary": verdict_line(comparison, rule),
-        "factor": rule.factor,
-        "floor_ms": 1e3 * rule.floor,
-        "changes": [
-            dict(zip(KEY, change.cell, strict=True)) | {"counter": change.counter, "base": change.base, "new": change.new}
-            for change in comparison.changes
-        ],
-        "times": [dict(zip(KEY, entry.cell, strict=True)) | _numbers(entry) for entry in comparison.times],
-    }
+def change_words(change: Change) -> str:
+    """Return a changed counter as a sentence."""
+    if change.counter == IN_STEPS:
+        return "totals unchanged, per-step counts differ"
+    return f"{change.counter} was {change.base}, is {change.new}"
 
 
-def _numbers(entry: CellTimes) -> dict[str, object]:
-    found = entry.decision
-    if found is None:
-        return {"verdict": str(Verdict.UNMEASURABLE)}
-    numbers = {
-        "base_ms": 1e3 * found.base, "new_ms": 1e3 * found.new, "ratio": found.ratio, "low": found.low, "high": found.high,
-        "noise": found.noise,
-    }  # fmt: skip
-    known = {name: value if np.isfinite(value) else None for name, value in numbers.items()}
-    return {"verdict": str(found.verdict), "pairs": found.pairs} | known
-
-
-def _change_rows(changes: Iterable[Change]) -> list[tuple[str, ...]]:
-    return [(*change.cell, change.counter, change.base, change.new) for change in changes]
+def _shown(rows: Sequence[Sequence[str]]) -> list[int]:
+    """Return the columns in which any row says something."""
+    return [i for i in range(len(_WRONG)) if any(row[i] != "-" for row in rows)]
 
 
 def _time_rows(times: Iterable[CellTimes]) -> list[tuple[str, ...]]:
     rows = []
-    for entry in times:
+    for entry in sorted(
+        times, key=lambda entry: -entry.decision.ratio if entry.decision and np.isfinite(entry.decision.ratio) else -np.inf
+    ):
         found = entry.decision
         if found is None:
-            rows.append((*entry.cell, "-", "-", "-", "-", "other steps"))
+            rows.append((*entry.cell, "-", "-", "-", "-", "-", "other steps"))
             continue
         numbers = f"{1e3 * found.base:.3f}", f"{1e3 * found.new:.3f}", f"{found.ratio:.3f}"
         interval = "-" if np.isnan(found.low) else f"{found.low:.2f}-{found.high:.2f}"
-        rows.append((*entry.cell, *(("-" if "nan" in number else number) for number in numbers), interval, _WORDS[found.verdict]))
+        known = (("-" if "nan" in number else number) for number in numbers)
+        rows.append((*entry.cell, *known, interval, _from(entry.detectable), _WORDS[found.verdict]))
     return rows
+
+
+def _found_rows(found: Iterable[Found]) -> list[tuple[str, ...]]:
+    return [
+        (
+            f"{one.statistic.name} [{one.statistic.unit}]",
+            f"{one.base:.3f}",
+            f"{one.new:.3f}",
+            f"{one.ratio:.3f}",
+            _from(one.detectable),
+            _MARKS[one.verdict],
+        )
+        for one in sorted(found, key=lambda one: -one.ratio)
+    ]
+
+
+def _from(detectable: float) -> str:
+    """Return the smallest change that would have been found, as a percentage."""
+    return f"+{100.0 * (detectable - 1.0):.0f} %" if np.isfinite(detectable) else "-"
 
 
 def _caption(comparison: Comparison) -> str:
     pairs = max((entry.decision.pairs for entry in comparison.times if entry.decision), default=0)
     if comparison.processes == 1:
         return f"One process a side, {pairs} rounds: machine and hour are compared too; `hdvplan bench --against REV` excludes them."
-    return f"Every step with its fastest sample; new/base and its interval from {pairs} pairs of processes."
+    return (
+        f"Every step with its fastest sample; new/base and its interval from {pairs} pairs of processes. Visible from: the smallest "
+        "slowdown that these pairs would have shown 19 times of 20 (- where there are too few)."
+    )
 
 
 def _markdown(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return markdown_table(pd.DataFrame(rows, columns=list(columns), dtype=str), text=_TEXT)
 
 
-def _sentence(change: Change) -> str:
-    if change.counter == IN_STEPS:
-        return "totals unchanged, per-step counts differ"
-    return f"{change.counter} was {change.base}, is {change.new}"
-
-
-def _command(kind: str, message: str) -> str:
-    escaped = message.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
-    return f"::{kind} title=planning time::{escaped}"
+def _plain(text: str) -> str:
+    """Return text that Markdown shows as it stands."""
+    return "".join(f"\\{sign}" if sign in "*_`<>[]\\" else sign for sign in text)
 
 
 def _is(entry: CellTimes, verdict: Verdict) -> bool:

@@ -1,178 +1,299 @@
-"""Programs to be measured against each other: how to start the working tree's hdvplan, and that of another revision or release."""
+"""The two programs of a comparison: what ``--against`` names, and what is here, each in the environment that it asks for.
+
+What a user names is data. Git is asked for a commit and goes on with its hash, pip is given a version or the address of a file that
+exists, and nothing else is run. A revision is exported into a folder of the user's cache with its environment and compiled code, where
+the next comparison finds it: no worktree is registered, and the checkout is only read.
+"""
 
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
-import tempfile
 import tomllib
-import venv
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 
-from hdvplan.errors import MeasurementError, OptionError
+from hdvplan.bench.processes import Ended, Scratch, run, undisturbed
+from hdvplan.bench.programs import Program, ProgramError, present
+from hdvplan.errors import OptionError
 
-_PACKAGE = Path(__file__).parents[1]
-_WHERE = "import hdvplan; print(hdvplan.__file__)"
+PACKAGE = Path(__file__).parents[1]
+_RELEASE = re.compile(  # a version of PEP 440
+    r"hdvplan==v?(?:\d+!)?\d+(?:\.\d+)*(?:[-_.]?(?:a|b|c|rc|alpha|beta|pre|preview)[-_.]?\d*)?(?:-\d+|[-_.]?(?:post|rev|r)[-_.]?\d*)?"
+    r"(?:[-_.]?dev[-_.]?\d*)?(?:\+[a-z0-9]+(?:[-_.][a-z0-9]+)*)?",
+    re.ASCII | re.IGNORECASE,
+)
+_HASH = re.compile(r"[0-9a-f]{40}(?:[0-9a-f]{24})?")
+_ASKED_FOR = ("pyproject.toml", "setup.py", "setup.cfg", "requirements.txt", "uv.lock", "poetry.lock", "pdm.lock")
+_KEPT = 8  # environments of revisions; one takes up to half a gigabyte where it has packages of its own
+_READY = "ready"
 
 
 @dataclass(frozen=True)
-class Program:
-    """An hdvplan that can be started: an interpreter, and where it finds the package if it is not installed there."""
+class Checkout:
+    """The git checkout that a comparison starts in; ``below`` is the folder within it."""
 
-    name: str
-    python: Path
-    source: Path | None = None  # the folder that holds the package
-    variables: Mapping[str, str] = field(default_factory=dict)
+    top: Path
+    below: Path
 
-    def command(self, *arguments: str) -> list[str]:
-        """Return the command line that runs ``hdvplan`` with ``arguments``; never that of the working directory by accident."""
-        return [str(self.python), "-P", "-m", "hdvplan", *arguments]
+    @property
+    def is_ours(self) -> bool:
+        """Whether it is one of hdvplan itself."""
+        return (self.top / "hdvplan" / "__init__.py").is_file()
 
-    def environment(self) -> dict[str, str]:
-        """Return the environment to start it in."""
-        mine = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-        path = {} if self.source is None else {"PYTHONPATH": str(self.source)}
-        return mine | path | {"PYTHONHASHSEED": "0"} | dict(self.variables)
-
-    def start(self, *arguments: str) -> subprocess.Popen[str]:
-        """Start ``hdvplan`` with ``arguments``; what it prints is kept for ``finish``."""
-        return subprocess.Popen(  # noqa: S603 - our own command
-            self.command(*arguments), env=self.environment(), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
-        )
-
-    def finish(self, process: subprocess.Popen[str]) -> None:
-        """Wait until a started process has ended well.
-
-        Raises:
-            MeasurementError: it did not.
-
-        """
-        with process:
-            try:
-                _, said = process.communicate()
-            except BaseException:
-                process.kill()
-                raise
-        if process.returncode != 0:
-            error = next((line for line in said.splitlines() if line.startswith("error: ")), (said.strip().splitlines() or ["nothing"])[-1])
-            msg = f"{self.name} ended with {process.returncode} and says: {error.removeprefix('error: ')}"
-            raise MeasurementError(msg, hint="run the benchmark there by itself")
-
-    def check(self) -> None:
-        """Make sure that the package which will run is the one that is meant.
-
-        Raises:
-            MeasurementError: there is none, or it lies elsewhere.
-
-        """
-        ended = subprocess.run(  # noqa: S603 - our own command
-            [str(self.python), "-P", "-c", _WHERE], env=self.environment(), capture_output=True, text=True, check=False
-        )
-        found = Path(ended.stdout.strip()) if ended.returncode == 0 else None
-        if found is None or (self.source is not None and not found.resolve().is_relative_to(self.source.resolve())):
-            msg = f"{self.name} cannot be started: {f'the package is {found}' if found else 'it has no hdvplan'}"
-            raise MeasurementError(msg)
+    @property
+    def is_package(self) -> bool:
+        """Whether pip can install it."""
+        return any((self.top / name).is_file() for name in ("pyproject.toml", "setup.py"))
 
 
-def working_tree() -> Program:
-    """Return the checkout of hdvplan that the working directory is in; elsewhere the hdvplan that is running."""
-    top = _checkout()
-    return Program("the working tree" if top else "the running hdvplan", Path(sys.executable), top or _PACKAGE.parent)
+@dataclass(frozen=True)
+class Base:
+    """What ``--against`` names, without anything having been run of it: an interpreter, something to install, or a commit."""
+
+    words: str
+    python: Path | None = None
+    install: str | None = None
+    commit: str | None = None
 
 
-@contextmanager
-def base_program(against: str, on_step: Callable[[str], None]) -> Iterator[Program]:
-    """Provide the program that ``against`` names, in a temporary folder that goes afterwards.
+def checkout() -> Checkout | None:
+    """Return the git checkout that the working directory is in; None outside."""
+    top = _git(None, "rev-parse", "--show-toplevel")
+    return Checkout(Path(top), Path.cwd().resolve().relative_to(Path(top).resolve())) if top else None
 
-    ``against`` is a release or wheel to install (``hdvplan==0.1.0``, ``dist/hdvplan-0.1.0-py3-none-any.whl``), the Python
-    interpreter of an environment that has hdvplan, or a revision of the checkout that the working directory is in. A
-    revision with the same dependencies uses those of the present environment; another one is installed with its own.
-    ``on_step`` receives what is being done, in words.
+
+def base_named(against: str, here: Checkout | None) -> Base:
+    """Return what ``against`` names; nothing of it runs.
+
+    It is the path of a Python interpreter (with a separator), a release ``hdvplan==X``, a wheel or source distribution that exists, or a
+    revision of the checkout.
 
     Raises:
-        OptionError: no such revision, release or interpreter.
-        MeasurementError: it cannot be installed or started.
+        OptionError: it names nothing of these.
 
     """
-    with tempfile.TemporaryDirectory(prefix="hdvplan-base-", ignore_cleanup_errors=True) as name:
-        folder = Path(name)
-        variables = {"NUMBA_CACHE_DIR": str(folder / "compiled")}  # numba keeps code by its source's path: useless later
-        if _is_interpreter(against):
-            program = Program(against, Path(against))  # with its own, lasting cache
-            program.check()
-            yield program
-        elif "==" in against or against.endswith((".whl", ".tar.gz")):
-            on_step(f"installing {against}")
-            program = Program(against, _installed(against, folder / "venv"), None, variables)
-            program.check()
-            yield program
-        else:
-            with _worktree(against, folder / "base") as (top, source):
-                if _dependencies(source) == _dependencies(top):
-                    program = Program(against, Path(sys.executable), source, variables)
-                else:
-                    on_step(f"installing {against}, whose dependencies are others")
-                    program = Program(against, _installed(str(source), folder / "venv"), None, variables)
-                program.check()
-                yield program
+    if _RELEASE.fullmatch(against):
+        return Base(against, install=against)
+    path = Path(against) if "\0" not in against else Path()
+    separators = [sign for sign in (os.sep, os.altsep) if sign]
+    if (
+        any(sign in against for sign in separators)
+        and path.name.lower().startswith("python")
+        and path.is_file()
+        and os.access(path, os.X_OK)
+    ):
+        return Base(against, python=path.absolute())  # its own path: the target of a link is an interpreter without packages
+    if against.endswith((".whl", ".tar.gz")) and path.is_file():
+        return Base(against, install=path.resolve().as_uri())
+    if here is None:
+        msg = f"{against!r} names a revision, but this is no git checkout"
+        raise OptionError(msg, hint="name a release (hdvplan==0.1.0), or the path of a Python that has one")
+    found = _git(here.top, "rev-parse", "--verify", "--quiet", "--end-of-options", f"{against}^{{commit}}") if "\0" not in against else None
+    if found is None or not _HASH.fullmatch(found):
+        msg = f"no revision {against!r} in {here.top}"
+        raise OptionError(msg, hint="a shallow clone lacks other branches: fetch them first")
+    return Base(against, commit=found)
 
 
-def _checkout() -> Path | None:
-    """Return the top of the checkout of hdvplan that the working directory is in; None outside."""
-    top = _git("rev-parse", "--show-toplevel")
-    return Path(top) if top and (Path(top) / "hdvplan" / "__init__.py").is_file() else None
+def base_program(base: Base, here: Checkout | None, scratch: Scratch, cache: Path, on_step: Callable[[str], None]) -> Program:
+    """Make what ``--against`` names ready to run; ``on_step`` receives what is being done, in words.
+
+    A revision of hdvplan with the dependencies of the working tree uses the present packages. That of another project, and
+    anything to install, has an environment of its own. A revision of what pip cannot install runs by the present interpreter.
+
+    Raises:
+        OptionError: a release or file that cannot be installed.
+        ProgramError: a revision that cannot be installed.
+
+    """
+    if base.python is not None:
+        return Program(base.words, base.python)
+    if base.install is not None:
+        on_step(f"installing {base.words}")
+        python = _environment(scratch.folder / "base")
+        ended = _pip(python, scratch, base.install)
+        if ended.code != 0:
+            msg = f"{base.words} cannot be installed: {_pip_words(ended)}"
+            raise OptionError(msg)
+        return Program(base.words, python, None, {"NUMBA_CACHE_DIR": str(scratch.folder / "compiled")})
+    assert here is not None  # noqa: S101 - a commit is one of a checkout
+    assert base.commit is not None  # noqa: S101 - what else there is was dealt with
+    name = f"{base.words} ({base.commit[:9]})" if not base.commit.startswith(base.words) else base.commit[:9]
+    with _kept(cache, f"{base.commit}-{_request(here.top)}") as (folder, ready):
+        source, python = folder / "source", Path(sys.executable)
+        if not ready:
+            on_step(f"checking out {name}")
+            _export(here.top, base.commit, source, folder)
+        own = Checkout(source, here.below)
+        if here.is_package and (not here.is_ours or _dependencies(source) not in {None, _dependencies(here.top)}):
+            python = folder / "venv" / _PYTHON
+            if not ready:
+                on_step(f"installing {name}, once for this revision")
+                _install(source, folder / "venv", name, scratch)
+    below = source / here.below if (source / here.below).is_dir() else source
+    found = source if own.is_ours and python == Path(sys.executable) else None
+    return Program(name, python, found, {"NUMBA_CACHE_DIR": str(folder / "compiled")}, below)
+
+
+def new_program(here: Checkout | None, scratch: Scratch, cache: Path, on_step: Callable[[str], None]) -> Program:
+    """Make the other side ready: the working tree with all that is changed in it; outside of a checkout the hdvplan that is running.
+
+    The working tree of another project is installed into an environment that is kept for its requirements.
+
+    Raises:
+        ProgramError: it cannot be installed.
+
+    """
+    if here is None:
+        return present("the running hdvplan", PACKAGE.parent)
+    if here.is_ours:
+        return present("the working tree", here.top)
+    if not here.is_package:
+        return present("the working tree", None, here.top / here.below)
+    name = "the working tree"
+    with _kept(cache, f"new-{_digest(str(here.top).encode())}-{_request(here.top)}") as (folder, ready):
+        on_step(f"installing {name}")
+        source = scratch.folder / "working-tree"  # building leaves files beside the sources
+        _copy(here.top, source)
+        _install(source, folder / "venv", name, scratch, again=ready)
+    return Program(name, folder / "venv" / _PYTHON, None, {}, here.top / here.below)
+
+
+def cache_folder(scratch: Scratch) -> Path:
+    """Return where environments of revisions are kept; a temporary folder where the user has no place for it."""
+    try:
+        home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "hdvplan" / "gate"
+        home.mkdir(parents=True, exist_ok=True)
+    except (OSError, RuntimeError):
+        home = scratch.folder / "cache"
+        home.mkdir(exist_ok=True)
+    return home
+
+
+_PYTHON = Path("Scripts/python.exe" if os.name == "nt" else "bin/python")
 
 
 @contextmanager
-def _worktree(revision: str, folder: Path) -> Iterator[tuple[Path, Path]]:
-    """Check a revision out beside the checkout; provide the checkout's folder and the revision's."""
-    top = _checkout()
-    if top is None:
-        msg = f"{revision!r} names a revision, but this is no git checkout of hdvplan"
-        raise OptionError(msg, hint="name a release (hdvplan==0.1.0), or the Python of an environment that has one")
-    if _git("rev-parse", "--verify", "--quiet", f"{revision}^{{commit}}") is None:
-        msg = f"no revision {revision!r} in {top}"
-        raise OptionError(msg, hint="a shallow clone lacks other branches: fetch them first")
-    if _git("worktree", "add", "--detach", "--force", str(folder), f"{revision}^{{commit}}") is None:
-        msg = f"git cannot check {revision!r} out into {folder}"
-        raise MeasurementError(msg)
+def _kept(cache: Path, key: str) -> Iterator[tuple[Path, bool]]:
+    """Provide a folder of the cache and whether it is complete; one whose making fails or is interrupted goes. One user at a time."""
+    folder = cache / key
+    with (cache / f"{key}.lock").open("w", encoding="utf-8") as lock:
+        _wait_for(lock.fileno())
+        ready = (folder / _READY).is_file()
+        if not ready:
+            shutil.rmtree(folder, ignore_errors=True)
+        try:
+            folder.mkdir(exist_ok=True)
+            yield folder, ready
+            (folder / _READY).write_text("", encoding="utf-8")  # anew, as the time of its last use
+        except BaseException:
+            with undisturbed():
+                shutil.rmtree(folder, ignore_errors=True)
+            raise
+    old = sorted(cache.glob(f"*/{_READY}"), key=lambda file: file.stat().st_mtime)[:-_KEPT]
+    for file in old:
+        shutil.rmtree(file.parent, ignore_errors=True)
+
+
+def _wait_for(lock: int) -> None:
+    """Wait until nobody else holds a lock, where the system has such; it goes with the process."""
     try:
-        yield top, folder
-    finally:
-        _git("-C", str(top), "worktree", "remove", "--force", str(folder))
+        import fcntl  # noqa: PLC0415 - not on Windows
+    except ImportError:
+        return
+    fcntl.flock(lock, fcntl.LOCK_EX)
 
 
-def _git(*arguments: str) -> str | None:
+def _export(top: Path, commit: str, source: Path, folder: Path) -> None:
+    """Write the files of a commit, through an index of our own."""
+    index = {"GIT_INDEX_FILE": str(folder / "index")}
+    source.mkdir()
+    if _git(top, "read-tree", commit, variables=index) is None or (
+        _git(top, "checkout-index", "--all", "--force", f"--prefix={source}/", variables=index) is None
+    ):
+        msg = f"git cannot check {commit[:9]} out into {source}"
+        raise ProgramError(msg)
+
+
+def _copy(top: Path, target: Path) -> None:
+    """Copy the files of a working tree that git knows or would add."""
+    listed = _git(top, "ls-files", "-z", "--cached", "--others", "--exclude-standard") or ""
+    for name in filter(None, listed.split("\0")):
+        if (top / name).is_file():
+            (target / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(top / name, target / name)
+
+
+def _git(top: Path | None, *arguments: str, variables: dict[str, str] | None = None) -> str | None:
     git = shutil.which("git")
     if git is None:
         return None
-    ended = subprocess.run([git, *arguments], capture_output=True, text=True, check=False)  # noqa: S603 - no shell
-    return ended.stdout.strip() if ended.returncode == 0 else None
+    where = [] if top is None else ["-C", str(top)]
+    ended = subprocess.run(  # noqa: S603 - no shell
+        [git, *where, *arguments], capture_output=True, check=False, env=os.environ | (variables or {}), stdin=subprocess.DEVNULL
+    )
+    return os.fsdecode(ended.stdout).strip() if ended.returncode == 0 else None
 
 
-def _dependencies(source: Path) -> Sequence[object]:
-    project = tomllib.loads((source / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    return project.get("dependencies", []), project.get("requires-python")
+def _dependencies(source: Path) -> str | None:
+    """Return what an hdvplan needs; None where it does not say."""
+    try:
+        project = tomllib.loads((source / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    except (OSError, ValueError, KeyError):
+        return None
+    return repr((project.get("dependencies", []), project.get("requires-python")))
 
 
-def _installed(what: str, folder: Path) -> Path:
-    """Install a requirement, file or source tree into a new environment and return its interpreter."""
+def _request(top: Path) -> str:
+    """Return a digest of the interpreter and of the files that say what else is needed."""
+    files = [(top / name).read_bytes() for name in _ASKED_FOR if (top / name).is_file()]
+    return _digest(b"\0".join([sys.executable.encode(), sys.version.encode(), *files]))
+
+
+def _digest(content: bytes) -> str:
+    return sha256(content).hexdigest()[:16]
+
+
+def _environment(folder: Path) -> Path:
+    """Make an environment with pip and return its interpreter."""
+    import venv  # noqa: PLC0415 - only where something is installed
+
     venv.create(folder, with_pip=True)
-    python = folder / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
-    pip = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", what]
-    ended = subprocess.run(pip, capture_output=True, text=True, check=False)  # noqa: S603 - no shell
-    if ended.returncode != 0:
-        said = ended.stderr.strip().splitlines() or ["pip says nothing"]
-        msg = f"{what} cannot be installed: {said[-1].removeprefix('ERROR: ')}"
-        raise OptionError(msg)
-    return python
+    return folder / _PYTHON
 
 
-def _is_interpreter(against: str) -> bool:
-    path = Path(against)
-    return path.name.lower().startswith("python") and path.is_file() and os.access(path, os.X_OK)
+def _install(source: Path, folder: Path, name: str, scratch: Scratch, *, again: bool = False) -> None:
+    """Install a source tree into an environment; ``again``: only itself, into one that has its requirements.
+
+    Raises:
+        ProgramError: pip cannot.
+
+    """
+    python = folder / _PYTHON if again else _environment(folder)
+    ended = _pip(python, scratch, source.as_uri(), *(("--no-deps", "--force-reinstall") if again else ()))
+    if ended.code != 0:
+        msg = f"{name} cannot be installed: {_pip_words(ended)}"
+        raise ProgramError(msg, tail=ended.tail, code=ended.code)
+
+
+def _pip(python: Path, scratch: Scratch, what: str, *options: str) -> Ended:
+    """Have pip install one thing; it is never taken for an option. Versions are not read from tags: there is no repository."""
+    command = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-input", *options, "--", what]
+    mine = {name: value for name, value in os.environ.items() if name not in {"PYTHONPATH", "PIP_REQUIRE_VIRTUALENV"}}
+    versions = {"SETUPTOOLS_SCM_PRETEND_VERSION": os.environ.get("SETUPTOOLS_SCM_PRETEND_VERSION", "0")}
+    return run(command, mine | versions | {"TMPDIR": str(scratch.folder)}, scratch)
+
+
+def _pip_words(ended: Ended) -> str:
+    """Return why pip did not install: the exception of a build, else its own error."""
+    lines = [" ".join(line.split()) for line in ended.said.splitlines() if line.strip()]
+    raised = [line for line in lines if re.match(r"\w*(?:Error|Exception)\b.*:", line) and not line.startswith("ERROR")]
+    errors = [line.removeprefix("ERROR: ") for line in lines if line.startswith("ERROR: ")]
+    return (raised or errors or lines or ["pip says nothing"])[-1]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from time import perf_counter
 
 import numpy as np
 
@@ -94,21 +95,24 @@ def measure(case: Case, make_workspace: WorkspaceMaker, *, budget: float, judged
         return make_workspace(shape)
 
     alive(0)
-    steps, statuses, reasons, spent = [], [], [""], 0.0
+    steps, statuses, reasons, spent, mark = [], [], [""], 0.0, 0.0
 
     def keep(plan: Plan) -> None:
-        nonlocal spent
-        steps.append(numbers_of(plan, plan.first * case.settings.step))
+        nonlocal spent, mark
+        outside = perf_counter() - mark - plan.times.loading
+        steps.append(numbers_of(plan, plan.first * case.settings.step, outside))
         statuses.append(str(plan.status))
         reasons.append(plan.reason)
         alive(len(steps))
         spent += plan.times.total
         if spent > budget:
             raise _OverBudgetError
+        mark = perf_counter()
 
     outcome, message, judgement, opinions = OK, "", None, np.empty((0, len(OPINION)))
     gc.collect()
     gc.disable()
+    mark = perf_counter()
     try:
         driven = drive(case.road, case.vehicle, objective_named(case.objective), make, case.settings, bias=case.bias, on_plan=keep)
         gc.enable()

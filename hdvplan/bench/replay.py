@@ -131,6 +131,7 @@ def _solved(workspace: QpWorkspace, one: Program, *, hurried: bool) -> tuple[lis
         "linearise_s": 0.0, "update_s": wall - result.solve_time, "solve_s": result.solve_time, "check_s": 0.0, "total_s": wall,
         "qp_count": 1.0, "iterations": float(result.iterations), "usable": float(judged.primal <= USABLE_RESIDUAL), **judged._asdict(),
         "violation_m": np.nan, "loading_s": result.loading_time, "cpu_s": cpu, "binding": float(one.binding), "s_m": one.s_m,
+        "outer_s": wall,
     }  # fmt: skip
     said = str(result.status), result.reason  # the next solve writes over the point
     numbers["cold_s"] = np.nan if hurried else _timed(workspace, one.qp, _nothing(workspace, one.qp.shape))[1]

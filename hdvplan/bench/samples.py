@@ -6,6 +6,7 @@ import json
 from dataclasses import dataclass, field, fields
 from io import BytesIO
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -14,12 +15,14 @@ from numpy.typing import NDArray
 from hdvplan.errors import HdvplanError
 from hdvplan.fileio import json_bytes, write_atomically
 from hdvplan.jit import FloatArray
-from hdvplan.planning.planner import Plan
+
+if TYPE_CHECKING:  # tables of times can be read where nothing can be planned
+    from hdvplan.planning.planner import Plan
 
 NUMBERS = (
     "linearise_s", "update_s", "solve_s", "check_s", "total_s", "qp_count", "iterations", "usable",
     "primal", "dual", "gap", "violation_m", "loading_s", "cpu_s", "binding",
-    "cold_s", "s_m",
+    "cold_s", "s_m", "outer_s",
 )  # fmt: skip
 COUNTS = ("qp_count", "iterations")
 OPINION = ("distance_m", "distance_u", "scale")  # see ``Opinion``
@@ -80,8 +83,11 @@ def ended(outcome: str, message: str) -> Measurement:
     return Measurement(np.empty((0, len(NUMBERS))), (), outcome, message, 0, None)
 
 
-def numbers_of(plan: Plan, s_m: float) -> tuple[float, ...]:
-    """Return the numbers of one planning step in the order of a measurement's ``steps``; it begins at ``s_m``."""
+def numbers_of(plan: Plan, s_m: float, outer_s: float) -> tuple[float, ...]:
+    """Return the numbers of one planning step in the order of a measurement's ``steps``; it begins at ``s_m``.
+
+    ``outer_s`` is what the step took by the clock of whoever drives: executing the last plan, and all that surrounds planning, included.
+    """
     judged, times = plan.residuals, plan.times
     measured = (times.linearise, times.update, times.solve, times.check, times.total)
     counts = (plan.qp_count, plan.qp_iterations, plan.usable)
@@ -98,6 +104,7 @@ def numbers_of(plan: Plan, s_m: float) -> tuple[float, ...]:
         binding,
         np.nan,
         s_m,
+        outer_s,
     )
 
 

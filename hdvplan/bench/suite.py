@@ -68,8 +68,8 @@ def tuning_key(solver: str, limits: str) -> str:
 
 
 def cell_words(parts: Sequence[str], between: str = " ") -> str:
-    """Return the name of a cell; its limits only where the benchmark has classes of them."""
-    return between.join(part for part in parts if part != AS_SET)
+    """Return the name of a cell; its limits only where the benchmark has classes of them, and of one of your own the name alone."""
+    return between.join(part for part in parts if part not in {AS_SET, ""})
 
 
 @dataclass(frozen=True)

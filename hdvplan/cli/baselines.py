@@ -2,50 +2,103 @@
 
 from __future__ import annotations
 
+import shlex
+import sys
+from contextlib import contextmanager
 from pathlib import Path
+from time import monotonic
 from typing import TYPE_CHECKING
 
 from hdvplan.cli.compare import show
-from hdvplan.cli.console import ExitCode, note, progress
-from hdvplan.errors import OptionError
+from hdvplan.cli.console import ExitCode, note, progress, warn
+from hdvplan.errors import HdvplanError, OptionError
 
 if TYPE_CHECKING:
-    from hdvplan.bench.compare import Comparison
+    from collections.abc import Callable, Iterator
+
     from hdvplan.bench.gate import Rule
     from hdvplan.bench.suite import Suite
+    from hdvplan.bench.work import CommandWork
 
 
-def measure(against: str, suite: Suite, rule: Rule, out: Path, expect_changes: bool, *, quiet: bool) -> Comparison:
-    """Measure a suite with this program and another, interleaved into ``out``, and return how they compare.
+def gate(
+    against: str, wanted: Suite | CommandWork, rule: Rule, out: Path, *, expect_changes: bool, format_: str, json: bool, quiet: bool
+) -> ExitCode:
+    """Measure this program and another, interleaved into ``out``, show how they compare, and leave reports for other programs.
 
     Raises:
         OptionError: a road or vehicle that cannot be read, a program that is none, or ``out`` cannot be written.
-        MeasurementError: a program cannot be installed or run.
 
     """
-    from hdvplan.bench.against import measure_against
-    from hdvplan.bench.courses import cases_of
-    from hdvplan.bench.environment import base_program, working_tree
+    from hdvplan.bench.against import Settings
+    from hdvplan.bench.guard import Told, guard
+    from hdvplan.bench.reports import write_reports
+    from hdvplan.bench.work import CommandWork
 
-    cases_of(suite)  # a road or vehicle that cannot be read is the user's mistake, not a failed measurement
-    new = working_tree()
+    if not isinstance(wanted, CommandWork):
+        _check(wanted)
+    again = _again(against, wanted, rule, out, expect_changes=expect_changes)
     try:
-        with (
-            base_program(against, lambda step: note(step, quiet=quiet)) as base,
-            progress("measuring", quiet=quiet, undisturbed=True) as bar,
-        ):
-            note(f"base: {base.name}; new: {new.name}", quiet=quiet)
-            return measure_against(base, new, suite, rule, out, expect_changes=expect_changes, on_progress=bar)
+        with _told_progress(quiet=quiet) as told:
+            comparison = guard(against, wanted, Settings(rule, expect_changes), out, Told(lambda step: note(step, quiet=quiet), told))
+        write_reports(comparison, rule, again, out)
     except OSError as error:
         msg = f"cannot measure into {out}: {error.strerror or error}"
         raise OptionError(msg, hint="choose another folder with --out") from error
+    return show(comparison, rule, format_=format_, json=json, quiet=quiet, again=again)
+
+
+def _check(suite: Suite) -> None:
+    """Refuse a road or vehicle that cannot be read: that is the user's mistake, not a failed measurement.
+
+    Where this very program cannot even be imported, its processes will say so.
+    """
+    try:
+        from hdvplan.bench.courses import cases_of
+
+        cases_of(suite)
+    except HdvplanError:
+        raise
+    except Exception as error:  # noqa: BLE001 - a program of any kind may be under test
+        warn(f"this hdvplan cannot load what the suite names: {type(error).__name__}: {error}")
+
+
+def _again(against: str, wanted: Suite | CommandWork, rule: Rule, out: Path, *, expect_changes: bool) -> str:
+    """Return the command that measures the same again."""
+    from hdvplan.bench.gate import Rule
+    from hdvplan.bench.work import CommandWork
+
+    what = ["--command", shlex.join(wanted.words)] if isinstance(wanted, CommandWork) else ["--suite", str(out / "suite.toml")]
+    options = [] if rule.factor == Rule().factor else ["--factor", f"{rule.factor:g}"]
+    options += [] if rule.floor == Rule().floor else ["--floor", f"{1e3 * rule.floor:g}"]
+    options += ["--expect-changes"] if expect_changes else []
+    return shlex.join(["hdvplan", "bench", "--against", against, *what, *options, "--out", f"{out}-again"])
+
+
+@contextmanager
+def _told_progress(*, quiet: bool) -> Iterator[Callable[[float], None]]:
+    """Show a bar at a terminal; elsewhere a line after each pair of processes, with the time left: logs of CI are read while they grow."""
+    if quiet or sys.stderr.isatty():
+        with progress("measuring", quiet=quiet, undisturbed=True) as bar:
+            yield bar
+        return
+    seen: list[tuple[float, float]] = []
+
+    def line(share: float) -> None:
+        seen.append((monotonic(), share))
+        (began, first), (now, _) = seen[0], seen[-1]
+        left = f", {(now - began) * (1.0 - share) / (share - first):.0f} s left at most" if share > first else ""
+        note(f"measured {100.0 * share:.0f} %{left}")
+
+    yield line
 
 
 def hold_to(counters: Path, out: Path, renew: bool, *, format_: str, json: bool, quiet: bool) -> int:
     """Compare a finished run's counters with a baseline, or make them the baseline."""
-    from hdvplan.bench.compare import compare_counters, read_side
+    from hdvplan.bench.compare import compare_counters
     from hdvplan.bench.counters import read_counters, write_counters
     from hdvplan.bench.gate import Rule
+    from hdvplan.bench.sides import read_side
 
     measured = read_side(out).counters
     if renew:

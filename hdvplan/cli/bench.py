@@ -9,8 +9,8 @@ import typer
 
 from hdvplan.bench import PICTURE
 from hdvplan.cli import completion
-from hdvplan.cli.baselines import hold_to, measure
-from hdvplan.cli.compare import FORMATS, ExpectChangesOption, FactorOption, FloorOption, FormatOption, rule_of, show
+from hdvplan.cli.baselines import gate, hold_to
+from hdvplan.cli.compare import FORMATS, ExpectChangesOption, FactorOption, FloorOption, FormatOption, rule_of, told_as_json
 from hdvplan.cli.compiling import note_compiling
 from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, warn
 from hdvplan.cli.options import JsonOption, QuietOption, choice
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
     from hdvplan.bench.suite import Suite
+    from hdvplan.bench.work import CommandWork
     from hdvplan.case import Case
 
 
@@ -112,6 +113,12 @@ def bench(
             "--against", metavar="REV", help="Measure a revision, a release (hdvplan==X) or another interpreter, interleaved, and compare."
         ),
     ] = None,
+    command: Annotated[
+        str | None,
+        typer.Option(
+            "--command", metavar="CMD", help="With --against: measure a command of your own, which prints planning times as JSON."
+        ),
+    ] = None,
     factor: FactorOption = None,
     floor: FloorOption = None,
     expect_changes: ExpectChangesOption = False,
@@ -140,7 +147,8 @@ def bench(
     0.5 m beyond the geometric half width. A cell that cannot be planned is a row of the tables and ends nothing.
 
     With --against: two roads, riccati and six rounds; five fresh processes a side, interleaved, ten where a repeat is needed.
-    Exit codes then: 0 fine; 1 a cell became slower, or counters changed; 2 bad input; 3 could not measure.
+    Exit codes then: 0 fine; 1 something became slower, counters changed, or the new program does not run; 2 bad input; 3 could not
+    measure: noise, or a base that does not run. DIR has the result as JSON, JUnit XML, Markdown and for dashboards.
     """
     choice("--format", format_, FORMATS)
     if plot is not None:
@@ -148,8 +156,8 @@ def bench(
     if against is not None and plot is not None:
         msg = "--plot draws one benchmark, and --against measures several"
         raise OptionError(msg, hint="leave out --plot")
-    if against is None and (factor is not None or floor is not None or expect_changes):
-        msg = "--factor, --floor and --expect-changes need --against"
+    if against is None and (factor is not None or floor is not None or expect_changes or command is not None):
+        msg = "--factor, --floor, --expect-changes and --command need --against"
         raise OptionError(msg)
     if renew and counters is None:
         msg = "--renew needs --counters"
@@ -176,11 +184,13 @@ def bench(
         "horizon": horizon, "step": step, "replan": replan, "classes": _names(classes), "accuracy": accuracy, "sample": sample,
         "step_limit": step_limit, "cell_limit": cell_limit, "memory_limit": memory_limit,
     }  # fmt: skip
-    entries = read_suite(suite) if suite else {}
     if against is not None:
-        from hdvplan.bench.against import SUITE
-
-        entries = dict(SUITE) | entries
+        asked = {name: value for name, value in given.items() if value is not None}
+        with told_as_json(json=json):
+            what = _wanted(suite, asked, command)
+            rule = rule_of(factor, floor)
+            return gate(against, what, rule, out, expect_changes=expect_changes, format_=format_, json=json, quiet=quiet)
+    entries = read_suite(suite) if suite else {}
     wanted = suite_of(entries | {name: value for name, value in given.items() if value is not None})
     for name in wanted.solvers:
         check_solver(name)  # what is wrong with names is said before more is loaded
@@ -199,9 +209,6 @@ def bench(
             raise OptionError(msg, hint="choose another folder") from error
         note(f"{len(files)} sequences written to {export_qps}/", quiet=quiet)
         return ExitCode.OK
-    if against is not None:
-        comparison = measure(against, wanted, rule_of(factor, floor), out, expect_changes, quiet=quiet)
-        return show(comparison, rule_of(factor, floor), format_=format_, json=json, quiet=quiet)
     record = None if fresh else recorded(wanted, out, only_drawn=plot is not None and counters is None)
     if record is not None and record["finished"]:
         note(f"{out} holds this run, finished; --fresh measures again", quiet=quiet)
@@ -252,6 +259,26 @@ def bench(
                 warn(warning)
         note(f"written to {out}/")
     return ExitCode.OK
+
+
+def _wanted(suite: Path | None, given: Mapping[str, object], command: str | None) -> Suite | CommandWork:
+    """Return what a comparison measures: a command of one's own, or a suite."""
+    from hdvplan.bench.against import SUITE
+    from hdvplan.bench.suite import read_suite, suite_of
+    from hdvplan.bench.work import CommandWork, command_words
+    from hdvplan.plugins import is_reference
+    from hdvplan.solvers.registry import check_solver
+
+    if command is not None:
+        if suite is not None or given:
+            msg = "--command measures a command of your own: a suite and its options say nothing to it"
+            raise OptionError(msg, hint="leave them out")
+        return CommandWork(command_words(command))
+    wanted = suite_of(dict(SUITE) | (read_suite(suite) if suite else {}) | dict(given))
+    for name in wanted.solvers:
+        if not is_reference(name):  # each program has its own of these
+            check_solver(name)
+    return wanted
 
 
 def _tolerances(

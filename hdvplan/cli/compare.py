@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,9 +12,11 @@ import typer
 
 from hdvplan.cli.console import ExitCode, print_json, print_tables
 from hdvplan.cli.options import JsonOption, QuietOption, choice
-from hdvplan.errors import OptionError
+from hdvplan.errors import HdvplanError, OptionError
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from hdvplan.bench.compare import Comparison
     from hdvplan.bench.gate import Rule
 
@@ -43,6 +46,10 @@ def compare(
         typer.Option("--envelope-tolerance", metavar="M", help="Envelopes that differ less are the same [m; default: 0.0001]."),
     ] = None,
     expect_changes: ExpectChangesOption = False,
+    reports: Annotated[
+        Path | None,
+        typer.Option("--reports", metavar="DIR", help="Leave the comparison there as JSON, JUnit XML, Markdown and for dashboards."),
+    ] = None,
     format_: FormatOption = "text",
     json: JsonOption = False,
     quiet: QuietOption = False,
@@ -56,17 +63,45 @@ def compare(
     are too uncertain.
     """
     choice("--format", format_, FORMATS)
+    with told_as_json(json=json):
+        return _compared(base, new, rule_of(factor, floor), envelope_tolerance, expect_changes, reports, format_, json=json, quiet=quiet)
+
+
+def _compared(
+    base: Path, new: Path, rule: Rule, envelope_tolerance: float | None, expect_changes: bool, reports: Path | None, format_: str,
+    *, json: bool, quiet: bool,
+) -> ExitCode:  # fmt: skip
     from hdvplan.bench.compare import compare as compared
-    from hdvplan.bench.compare import read_side
     from hdvplan.bench.counters import ENVELOPE_TOLERANCE_M, Tolerance
+    from hdvplan.bench.reports import write_reports
+    from hdvplan.bench.sides import read_side
 
     if envelope_tolerance is not None and not envelope_tolerance >= 0.0:
         msg = f"--envelope-tolerance must be at least 0, not {envelope_tolerance:g}"
         raise OptionError(msg)
-    rule = rule_of(factor, floor)
     tolerance = Tolerance(envelope=ENVELOPE_TOLERANCE_M if envelope_tolerance is None else envelope_tolerance)
     comparison = compared(read_side(base), read_side(new), rule, tolerance, expect_changes=expect_changes)
+    if reports is not None:
+        try:
+            write_reports(comparison, rule, None, reports)
+        except OSError as error:
+            msg = f"cannot write the reports to {reports}: {error.strerror or error}"
+            raise OptionError(msg) from error
     return show(comparison, rule, format_=format_, json=json, quiet=quiet)
+
+
+@contextmanager
+def told_as_json(*, json: bool) -> Iterator[None]:
+    """Print JSON also where the block ends in an error, or is interrupted: whoever parses stdout finds why there is no verdict."""
+    try:
+        yield
+    except (HdvplanError, KeyboardInterrupt, SystemExit) as error:
+        if json:
+            from hdvplan.bench.reports import refusal_json
+
+            told = isinstance(error, HdvplanError)
+            print_json(refusal_json(str(error) if told else "interrupted", error.hint if isinstance(error, HdvplanError) else None))
+        raise
 
 
 def rule_of(factor: float | None, floor_ms: float | None) -> Rule:
@@ -82,19 +117,24 @@ def rule_of(factor: float | None, floor_ms: float | None) -> Rule:
     return Rule(usual.factor if factor is None else factor, usual.floor if floor_ms is None else 1e-3 * floor_ms)
 
 
-def show(comparison: Comparison, rule: Rule, *, format_: str, json: bool, quiet: bool) -> ExitCode:
-    """Write a comparison as asked for and return its exit code."""
-    from hdvplan.bench.comparison import comparison_json, comparison_markdown, comparison_tables, github_annotations, verdict_line
+def show(comparison: Comparison, rule: Rule, *, format_: str, json: bool, quiet: bool, again: str | None = None) -> ExitCode:
+    """Write a comparison as asked for and return its exit code; ``again`` is the command that shows it again."""
+    from hdvplan.bench.comparison import comparison_markdown, comparison_tables, verdict_line
     from hdvplan.bench.gate import Verdict
+    from hdvplan.bench.reports import comparison_json, github_annotations
 
     if json:
-        print_json(comparison_json(comparison, rule))
+        print_json(comparison_json(comparison, rule, again))
     elif format_ == "github":
         sys.stdout.write("".join(f"{line}\n" for line in github_annotations(comparison, rule)))
-        _summarise(comparison_markdown(comparison, rule))
+        _summarise(comparison_markdown(comparison, rule, again))
     else:
         if not quiet:
             print_tables(*comparison_tables(comparison))
+            if comparison.failure is not None and comparison.failure.tail:
+                sys.stdout.write(f"{comparison.failure.tail}\n")
+            if again is not None and comparison.verdict is not Verdict.FINE:
+                sys.stdout.write(f"again: {again}\n")
         sys.stdout.write(f"{verdict_line(comparison, rule)}\n")
     codes = {Verdict.FINE: ExitCode.OK, Verdict.REGRESSED: ExitCode.BROKEN, Verdict.UNMEASURABLE: ExitCode.UNMEASURED}
     return codes[comparison.verdict]

@@ -56,6 +56,7 @@ def made_up(
     steps[:, 0] = 0.5 * np.array(seconds)
     steps[:, 5:7], steps[:, 7], steps[:, 8] = [1, iterations], usable, 1e-9
     steps[:, NUMBERS.index("cpu_s")] = seconds
+    steps[:, NUMBERS.index("outer_s")] = seconds
     line = np.zeros(5)
     judged = Judgement(2.0, 1.5, 0.1, 2.1, np.nan, 0.0, line, line + 2.0, line - 1.5)
     if shift is not None:

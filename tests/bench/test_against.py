@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import pandas as pd
 import pytest
 
-from hdvplan.bench.against import SUITE, measure_against, options_of
+from hdvplan.bench.against import SUITE, Contender, Settings, measure_against
 from hdvplan.bench.compare import Comparison
-from hdvplan.bench.environment import Program, base_program, working_tree
 from hdvplan.bench.gate import Rule, Verdict
-from hdvplan.bench.suite import Suite, suite_of
+from hdvplan.bench.processes import Scratch, Started, scratch_folder, start
+from hdvplan.bench.programs import Program
+from hdvplan.bench.suite import Suite, read_suite, suite_of
+from hdvplan.bench.work import SuiteWork, suite_entries, suite_text
 from hdvplan.cli.app import run
 from hdvplan.errors import MeasurementError, OptionError
 from tests.bench.conftest import Cli
@@ -32,20 +36,25 @@ class Recorded(Program):
     slow: float = 1.0
     diary: list[tuple[str, str]] = field(default_factory=list)
     slow_until: int = 99
+    fails: str = "never"  # in which of its processes; all: in every one
+    code: int = 1
 
-    def start(self, *arguments: str) -> subprocess.Popen[str]:
+    def start(self, command: Sequence[str], scratch: Scratch) -> Started:
         """Leave the run, and a process that has nothing to do."""
-        out = Path(arguments[arguments.index("--out") + 1])
+        out = Path(command[command.index("--out") + 1])
         self.diary.append((self.name, out.name))
         shutil.copytree(self.run, out)
         samples = pd.read_csv(out / "samples.csv.gz")
         factor = self.slow if out.name.isdigit() and int(out.name) < self.slow_until else 1.0
         samples.assign(total_s=factor * samples["total_s"]).to_csv(out / "samples.csv.gz", index=False)
-        return subprocess.Popen([sys.executable, "-c", ""], stderr=subprocess.PIPE, text=True)
+        failing = f"import sys; sys.stderr.write('error: the licence has expired\\n'); sys.exit({self.code})"
+        return start([sys.executable, "-c", failing if self.fails in {out.name, "all"} else ""], os.environ, scratch)
 
 
 def measured(base: Program, new: Program, out: Path) -> Comparison:
-    return measure_against(base, new, Suite(), Rule(), out, expect_changes=False, on_progress=lambda _: None)
+    here, there = (Contender(program, SuiteWork(out / "suite.toml")) for program in (base, new))
+    with scratch_folder() as scratch:
+        return measure_against(here, there, Settings(Rule(), expect_changes=False), out, scratch, lambda _: None)
 
 
 def test_a_fine_first_batch_is_enough_and_the_sides_take_turns_in_being_first(finished_run: Path, tmp_path: Path) -> None:
@@ -80,121 +89,84 @@ def test_an_earlier_comparison_is_replaced_but_nothing_else_is_deleted(finished_
     assert (tmp_path / "base" / "thesis.txt").exists()
 
 
-def test_a_program_that_fails_is_no_regression(finished_run: Path, tmp_path: Path) -> None:
-    (tmp_path / "hdvplan").mkdir()
-    (tmp_path / "hdvplan" / "__init__.py").write_text("raise SystemExit('nothing here')\n", encoding="utf-8")  # before an installed one
-    broken = Program("broken", Path(sys.executable), tmp_path)
-    with pytest.raises(MeasurementError, match="broken ended with 1 and says: "):
-        measured(Recorded("base", Path(sys.executable), run=finished_run), broken, tmp_path / "out")
+@pytest.mark.parametrize("fails", ["warm", "00", "03"])
+def test_a_new_program_that_fails_beside_a_base_that_does_not_is_red_with_its_last_words(
+    finished_run: Path, tmp_path: Path, fails: str
+) -> None:
+    base = Recorded("base", Path(sys.executable), run=finished_run)
+    comparison = measured(base, Recorded("new", Path(sys.executable), run=finished_run, fails=fails), tmp_path)
+    assert comparison.verdict is Verdict.REGRESSED
+    assert comparison.failure is not None
+    assert comparison.failure.side == "new"
+    assert comparison.failure.message == "new ended with 1 and says: the licence has expired"
+    assert "the licence has expired" in comparison.failure.tail
 
 
-def test_a_suite_survives_the_command_line_of_its_processes() -> None:
-    for entries in (
-        dict(SUITE),
-        {"limits": False, "horizon": 50.0},
-        {"roads": ("uturn",), "pinch": 0.3, "half_width": 3.5, "rounds": 2, "budget": 1.5},
-    ):
-        suite, options = suite_of(entries), options_of(suite_of(entries))
-        words = dict(zip(options[::2], options[1::2], strict=True)) if suite.limits else {}
-        assert words.get("--roads", ",".join(suite.roads)) == ",".join(suite.roads)
-        assert ("--no-limits" in options) is not suite.limits
-        for name, value in (("pinch", suite.pinch), ("half-width", suite.half_width)):
-            assert words.get(f"--{name}") == (None if value is None else str(value))
-    assert options_of(Suite())[-2:] == ["--rounds", "3"]  # lists and rounds always: a base may have other defaults
+def test_a_base_that_fails_prevents_an_answer_whatever_the_new_one_does(finished_run: Path, tmp_path: Path) -> None:
+    broken = Recorded("base", Path(sys.executable), run=finished_run, fails="all")
+    for new in (Recorded("new", Path(sys.executable), run=finished_run), broken):
+        comparison = measured(broken, new, tmp_path)
+        assert comparison.verdict is Verdict.UNMEASURABLE
+        assert comparison.failure is not None
+        assert comparison.failure.side == "base"
 
 
-def git(folder: Path, *arguments: str) -> str:
-    identity = ("-c", "user.name=a", "-c", "user.email=a@example.org")
-    command = ["git", "-C", str(folder), *identity, *arguments]
-    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()  # noqa: S603 - fixed
+def test_what_neither_program_can_use_is_the_users_mistake(finished_run: Path, tmp_path: Path) -> None:
+    base, new = (Recorded(name, Path(sys.executable), run=finished_run, fails="all", code=2) for name in ("base", "new"))
+    with pytest.raises(OptionError, match="the licence has expired"):
+        measured(base, new, tmp_path)
 
 
-@pytest.fixture
-def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return a repository that looks like one of hdvplan, with two commits, and go there."""
-    top = tmp_path / "checkout"
-    (top / "hdvplan").mkdir(parents=True)
-    (top / "pyproject.toml").write_text('[project]\nname = "hdvplan"\ndependencies = ["numpy"]\n', encoding="utf-8")
-    git(tmp_path, "init", "--quiet", str(top))
-    for version in ("1", "2"):
-        (top / "hdvplan" / "__init__.py").write_text(f"VERSION = {version}\n", encoding="utf-8")
-        git(top, "add", ".")
-        git(top, "commit", "--quiet", "--message", version)
-    monkeypatch.chdir(top)
-    return top
+def test_a_suite_is_written_out_in_full_so_that_no_sides_defaults_count(tmp_path: Path) -> None:
+    other = Suite().to_dict() | {"slack": 0.3, "objective": "lead-axle", "rounds": 9}  # another version's defaults
+    for entries in (dict(SUITE), {"limits": False, "horizon": 50.0}, {"roads": ("uturn", 'a "road".csv'), "pinch": 0.3, "budget": 1.5}):
+        wanted = suite_of(entries)
+        (tmp_path / "suite.toml").write_text(suite_text(suite_entries(wanted, other)), encoding="utf-8")
+        assert suite_of(other | read_suite(tmp_path / "suite.toml")) == wanted
 
 
-def version_of(program: Program) -> str:
-    code = [str(program.python), "-P", "-c", "import hdvplan; print(hdvplan.VERSION)"]
-    return subprocess.run(code, env=program.environment(), capture_output=True, text=True, check=True).stdout.strip()  # noqa: S603 - ours
-
-
-def test_a_revision_runs_from_a_worktree_that_goes_afterwards(checkout: Path) -> None:
-    with base_program("HEAD~1", lambda _: None) as base:
-        assert version_of(base) == "1"
-        assert base.variables["NUMBA_CACHE_DIR"]
-        assert base.source is not None
-        kept = base.source
-        assert len(git(checkout, "worktree", "list").splitlines()) == 2
-    assert not kept.exists()
-    assert len(git(checkout, "worktree", "list").splitlines()) == 1
-    assert version_of(working_tree()) == "2"
-    (checkout / "hdvplan" / "__init__.py").write_text("VERSION = 3\n", encoding="utf-8")
-    assert version_of(working_tree()) == "3"  # not what is committed, but what is there
-
-
-def test_the_worktree_goes_after_a_failure_too(checkout: Path) -> None:
-    (checkout / "hdvplan" / "__init__.py").write_text("raise RuntimeError\n", encoding="utf-8")
-    git(checkout, "commit", "--quiet", "--all", "--message", "broken")
-    with pytest.raises(MeasurementError, match="cannot be started"), base_program("HEAD", lambda _: None):
-        pytest.fail("it must not come to this")
-    assert len(git(checkout, "worktree", "list").splitlines()) == 1
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="shell scripts stand in for interpreters")
-def test_an_interpreter_can_be_the_base_and_must_have_the_package(tmp_path: Path) -> None:
-    full = tmp_path / "python-full"
-    full.write_text(f'#!/bin/sh\nPYTHONPATH={ROOT} exec {sys.executable} "$@"\n', encoding="utf-8")
-    full.chmod(0o755)
-    with base_program(str(full), lambda _: None) as base:
-        assert base.command("bench")[:4] == [str(full), "-P", "-m", "hdvplan"]
-    bare = tmp_path / "python-bare"
-    bare.write_text("#!/bin/sh\nexit 1\n", encoding="utf-8")
-    bare.chmod(0o755)
-    with pytest.raises(MeasurementError, match="it has no hdvplan"), base_program(str(bare), lambda _: None):
-        pytest.fail("it must not come to this")
+def test_a_side_that_cannot_be_told_the_same_is_not_measured() -> None:
+    known = {name: value for name, value in Suite().to_dict().items() if name != "pinch"}
+    assert "pinch" not in suite_entries(Suite(), known)  # none is wanted, and it has none
+    with pytest.raises(MeasurementError, match="knows no pinch"):
+        suite_entries(Suite(pinch=0.5), known)
+    with pytest.raises(MeasurementError, match="has half_width = 3"):
+        suite_entries(Suite(), Suite().to_dict() | {"half_width": 3.0})
 
 
 def test_outside_a_checkout_a_revision_is_refused_with_what_would_do(cli: Cli, short_road: str) -> None:
     outcome = cli("bench", "--against", "main", "--roads", short_road)
     assert (outcome.code, outcome.out) == (2, "")
-    assert outcome.err.startswith("error: 'main' names a revision, but this is no git checkout of hdvplan\nhint: name a release")
-
-
-def test_an_unknown_revision_is_a_usage_error(cli: Cli, checkout: Path, short_road: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(checkout)
-    outcome = cli("bench", "--against", "no-such-branch", "--roads", short_road)
-    assert outcome.code == 2
-    assert "no revision 'no-such-branch'" in outcome.err
-    assert "hint: a shallow clone lacks other branches" in outcome.err
+    assert outcome.err == (
+        "error: 'main' names a revision, but this is no git checkout\n"
+        "hint: name a release (hdvplan==0.1.0), or the path of a Python that has one\n"
+    )
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a shell script stands in for an interpreter")
 def test_a_base_that_cannot_run_ends_in_3(cli: Cli, tmp_path: Path, short_road: str) -> None:
     poor = tmp_path / "python-poor"
-    poor.write_text(
-        '#!/bin/sh\ncase "$*" in *"-m hdvplan"*) echo "error: no such option: --roads" >&2; exit 2;; esac\necho x\n', encoding="utf-8"
-    )
+    poor.write_text('#!/bin/sh\necho "error: no space left on device" >&2\nexit 1\n', encoding="utf-8")
     poor.chmod(0o755)
-    outcome = cli("bench", "--against", str(poor), "--roads", short_road, "--vehicles", "bus", "--quiet")
-    assert (outcome.code, outcome.out) == (3, "")
-    assert outcome.err.startswith(f"error: {poor} ended with 2 and says: no such option: --roads\n")
+    command = ("bench", "--against", str(poor), "--roads", short_road, "--vehicles", "bus", "--quiet", "--out", "gate")
+    outcome = cli(*command)
+    words = f"could not measure: {poor} cannot be started: its hdvplan says: no space left on device"
+    assert (outcome.code, outcome.out.splitlines()[-1], outcome.err) == (3, words, "")
+    answer = json.loads(cli(*command, "--json").out)
+    assert (answer["verdict"], answer["failure"]["side"]) == ("could not measure", "base")
+    assert json.loads((tmp_path / "gate" / "comparison.json").read_text(encoding="utf-8")) == answer
+    annotated = cli(*command, "--format", "github").out
+    assert annotated.startswith(f"::warning title=planning time::{words}")
 
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
         (("--factor", "1.2"), "need --against"),
+        (("--command", "true"), "need --against"),
+        (("--against", "HEAD", "--command", "true", "--rounds", "2"), "say nothing to it"),
+        (("--against", "HEAD", "--command", "'"), "cannot be split"),
+        (("--against", "HEAD", "--command", " "), "is empty"),
         (("--expect-changes",), "need --against"),
         (("--renew",), "--renew needs --counters"),
         (("--export-qps", "qps", "--against", "HEAD"), "nothing for --against, --counters or --plot"),

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import gc
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from hdvplan.bench.samples import FAILED, OK, OVER_BUDGET, Measurement, part_fil
 from hdvplan.bench.stats import tables_of
 from hdvplan.bench.suite import Suite
 from hdvplan.case import Case
+from hdvplan.driving.simulate import simulate
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 from hdvplan.qp.workspace import QpResult, QpWorkspace, Status, WorkspaceMaker
 from hdvplan.solvers.registry import solver_named
@@ -81,6 +83,18 @@ def test_a_drive_leaves_every_step_with_its_parts_and_what_it_swept(case: Case) 
     assert measured.judgement.e_y.shape == (121,)  # every 0.5 m
     assert measured.judgement.violation == 0.0
     assert gc.isenabled()
+
+
+def test_what_happens_beside_the_planner_shows_in_the_time_of_the_drive_around_it(case: Case, monkeypatch: pytest.MonkeyPatch) -> None:
+    def slow(*arguments: object) -> object:
+        time.sleep(2e-3)
+        return simulate(*arguments)  # type: ignore[arg-type] # passed on
+
+    plain = measure(case, RICCATI, budget=60.0, judged=False).table()
+    assert (plain["outer_s"] >= plain["total_s"]).all()
+    monkeypatch.setattr("hdvplan.driving.drive.simulate", slow)
+    table = measure(case, RICCATI, budget=60.0, judged=False).table()
+    assert (table["outer_s"] >= table["total_s"] + 2e-3)[1:].all()  # the first plan is made before anything is executed
 
 
 def test_a_drive_over_its_budget_stops_and_keeps_its_steps(case: Case) -> None:

@@ -1,0 +1,174 @@
+"""Processes of other programs: started in a group of their own, watched for time and memory, and ended whole."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+
+TERMINATED = 143  # 128 + SIGTERM, as shells report it
+_SAID, _SPENT, _PRINTED = "said", "spent.json", "printed"
+_LONGEST_WORDS, _TAIL_LINES = 300, 20
+# Between us and what is measured: the high-water mark of memory that a system reports for a process begins at that of the one which
+# started it, and ours has loaded tables and plots.
+_BETWEEN = """
+import json, resource, subprocess, sys
+code = subprocess.call(sys.argv[2:])
+peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+with open(sys.argv[1], "w") as file:
+    json.dump({"peak_bytes": peak}, file)
+sys.exit(code if code >= 0 else 128 - code)
+"""
+_SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How a process ended: its code as shells report it, stdout, stderr, and its largest memory [bytes], where known."""
+
+    code: int
+    printed: str
+    said: str
+    peak_bytes: float | None
+
+    @property
+    def how(self) -> str:
+        """The end in a word: the signal's name, else the code."""
+        names = {128 + known.value: known.name for known in signal.Signals}
+        return names.get(self.code, str(self.code))
+
+    @property
+    def words(self) -> str:
+        """The last words on stderr in one line: an ``error:`` line, else the last."""
+        lines = [" ".join(line.split()) for line in self.said.splitlines() if line.strip()]
+        told = next((line[7:] for line in lines if line.startswith("error: ")), (lines or ["nothing"])[-1])
+        return told[:_LONGEST_WORDS]
+
+    @property
+    def tail(self) -> str:
+        """The end of stderr, as long as a traceback."""
+        return "\n".join(self.said.strip().splitlines()[-_TAIL_LINES:])
+
+
+@dataclass(frozen=True)
+class Started:
+    """A process that runs, and the folder for what it says."""
+
+    process: subprocess.Popen[bytes]
+    folder: Path
+
+
+@dataclass(frozen=True)
+class Scratch:
+    """A temporary folder, and the processes that were started in it: both end with the block that has them."""
+
+    folder: Path
+    started: list[Started]
+
+
+def start(command: Sequence[str], variables: Mapping[str, str], scratch: Scratch, cwd: Path | None = None) -> Started:
+    """Start a command in a process group of its own.
+
+    Raises:
+        OSError: it cannot be started.
+
+    """
+    folder = Path(tempfile.mkdtemp(dir=scratch.folder))
+    measured = [sys.executable, "-I", "-S", "-c", _BETWEEN, str(folder / _SPENT), *command] if os.name == "posix" else list(command)
+    with (folder / _SAID).open("wb") as said, (folder / _PRINTED).open("wb") as printed, undisturbed():
+        process = subprocess.Popen(  # noqa: S603 - no shell; what runs is the caller's
+            measured, env=dict(variables), stdin=subprocess.DEVNULL, stdout=printed, stderr=said, cwd=cwd, start_new_session=True
+        )
+        scratch.started.append(Started(process, folder))
+    return scratch.started[-1]
+
+
+def finish(started: Started) -> Ended:
+    """Wait for a process and return how it ended; whatever interrupts the waiting ends its whole group."""
+    try:
+        code = started.process.wait()
+    finally:
+        end(started)
+    spent = started.folder / _SPENT
+    peak = json.loads(spent.read_text(encoding="utf-8"))["peak_bytes"] if spent.is_file() else None
+    said, printed = ((started.folder / name).read_text(encoding="utf-8", errors="replace") for name in (_SAID, _PRINTED))
+    shutil.rmtree(started.folder, ignore_errors=True)
+    return Ended(code if code >= 0 else 128 - code, printed, said, peak)
+
+
+def end(started: Started) -> None:
+    """End a process and all that it has started; does nothing to those that have ended."""
+    with undisturbed():
+        if hasattr(os, "killpg"):
+            with suppress(ProcessLookupError, PermissionError):
+                os.killpg(started.process.pid, signal.SIGKILL)
+        else:
+            started.process.kill()
+        started.process.wait()
+
+
+def run(command: Sequence[str], variables: Mapping[str, str], scratch: Scratch, cwd: Path | None = None) -> Ended:
+    """Run a command to its end; see ``start`` and ``finish``."""
+    return finish(start(command, variables, scratch, cwd))
+
+
+@contextmanager
+def scratch_folder() -> Iterator[Scratch]:
+    """Provide a temporary folder; it goes afterwards with all processes that were started in it, whatever ends the block."""
+    made: list[Scratch] = []
+    try:
+        with undisturbed():
+            made.append(Scratch(Path(tempfile.mkdtemp(prefix="hdvplan-gate-")), []))
+        yield made[0]
+    finally:
+        with undisturbed():
+            for scratch in made:
+                for started in scratch.started:
+                    if started.process.returncode is None:  # the number of one that has been waited for may be another's by now
+                        end(started)
+                shutil.rmtree(scratch.folder, ignore_errors=True)
+
+
+@contextmanager
+def ended_by_signals() -> Iterator[None]:
+    """Let SIGTERM and SIGHUP end the block as an exception does, so that it cleans up; the exit code is as shells report it."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def leave(number: int, _: FrameType | None) -> None:
+        raise SystemExit(128 + number)
+
+    before = {number: signal.signal(number, leave) for number in _SIGNALS if number != signal.SIGINT}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """Hold SIGINT, SIGTERM and SIGHUP back until the block has ended."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    held: list[int] = []
+    before = {number: signal.signal(number, lambda number, _: held.append(number)) for number in _SIGNALS}
+    try:
+        yield
+    finally:
+        for number in reversed(before):
+            signal.signal(number, before[number])
+        if held:
+            signal.raise_signal(held[0])

@@ -1,0 +1,175 @@
+"""A comparison for other programs: JSON, JUnit XML, annotations of GitHub Actions, and what github-action-benchmark and Bencher take."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
+
+import numpy as np
+
+from hdvplan.bench.compare import CellTimes, Comparison
+from hdvplan.bench.comparison import change_words, comparison_markdown, verdict_line
+from hdvplan.bench.gate import Rule, Verdict
+from hdvplan.bench.statistics import Found
+from hdvplan.bench.suite import KEY, cell_words
+from hdvplan.bench.where import place_words
+from hdvplan.fileio import json_bytes, write_atomically
+
+_NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+def write_reports(comparison: Comparison, rule: Rule, again: str | None, folder: Path) -> None:
+    """Write a comparison in all its forms.
+
+    Raises:
+        OSError: ``folder`` cannot be written.
+
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    benchmark, bencher = _measured(comparison)
+    write_atomically(folder / "comparison.json", json_bytes(comparison_json(comparison, rule, again)))
+    write_atomically(folder / "junit.xml", junit_xml(comparison, rule))
+    write_atomically(folder / "benchmark.json", json_bytes(benchmark))
+    write_atomically(folder / "bencher.json", json_bytes(bencher))
+    write_atomically(folder / "summary.md", comparison_markdown(comparison, rule, again).encode())
+
+
+def comparison_json(comparison: Comparison, rule: Rule, again: str | None = None) -> dict[str, object]:
+    """Return the comparison for other programs; null where a number is not known."""
+    failure = comparison.failure
+    return {
+        "verdict": str(comparison.verdict),
+        "summary": verdict_line(comparison, rule),
+        "factor": rule.factor,
+        "floor_ms": 1e3 * rule.floor,
+        "again": again,
+        "failure": None if failure is None else {"side": failure.side, "message": failure.message, "tail": failure.tail},
+        "changes": [
+            dict(zip(KEY, change.cell, strict=True)) | {"counter": change.counter, "base": change.base, "new": change.new}
+            for change in comparison.changes
+        ],
+        "times": [dict(zip(KEY, entry.cell, strict=True)) | _numbers(entry) for entry in comparison.times],
+        "statistics": [_statistic(one) for one in comparison.found],
+    }
+
+
+def refusal_json(message: str, hint: str | None) -> dict[str, object]:
+    """Return what takes a comparison's place where it could not begin."""
+    return {"verdict": "bad use", "summary": message, "hint": hint}
+
+
+def junit_xml(comparison: Comparison, rule: Rule) -> bytes:
+    """Return the comparison as a test suite: a case for every cell and statistic, and one for the programs themselves.
+
+    Worse is a failure; what could not be measured is skipped; a program that does not run is an error.
+    """
+    cases: list[tuple[str, str, str | None, str]] = []  # group, name, kind of the outcome, message
+    failure = comparison.failure
+    kind = None if failure is None else "error" if comparison.verdict is Verdict.REGRESSED else "skipped"
+    cases.append(("programs", "both run", kind, "" if failure is None else f"{failure.message}\n{failure.tail}"))
+    changed: dict[tuple[str, ...], list[str]] = {}
+    for change in comparison.changes:
+        changed.setdefault(change.cell, []).append(change_words(change))
+    counted = "failure" if comparison.verdict is Verdict.REGRESSED else None
+    cases += [("counters", cell_words(cell), counted, "; ".join(words)) for cell, words in changed.items()]
+    for entry in comparison.times:
+        verdict = entry.decision.verdict if entry.decision else Verdict.UNMEASURABLE
+        cases.append(("mean planning step", cell_words(entry.cell), _KINDS[verdict], _words(entry)))
+    for one in comparison.found:
+        words = f"{one.base:.3f} {one.statistic.unit} before, {one.new:.3f} now: {one.ratio:.3f} times"
+        cases.append(("whole processes", one.statistic.name, _KINDS[one.verdict], words))
+    suite = Element("testsuite", name="hdvplan timing gate", tests=str(len(cases)))
+    for name in ("failure", "error", "skipped"):
+        suite.set({"failure": "failures", "error": "errors"}.get(name, name), str(sum(case[2] == name for case in cases)))
+    for group, name, outcome, message in cases:
+        case = SubElement(suite, "testcase", classname=group, name=_NOT_XML.sub("?", name))
+        if outcome is not None:
+            SubElement(case, outcome, message=_NOT_XML.sub("?", message.partition("\n")[0])).text = _NOT_XML.sub("?", message)
+    SubElement(suite, "system-out").text = _NOT_XML.sub("?", verdict_line(comparison, rule))
+    indent(suite)
+    return b'<?xml version="1.0" encoding="utf-8"?>\n' + tostring(suite, encoding="unicode").encode()
+
+
+def github_annotations(comparison: Comparison, rule: Rule) -> list[str]:
+    """Return the workflow commands that make GitHub Actions show what is wrong: one a changed or slower cell, then the verdict."""
+    found = [
+        _command("error" if comparison.verdict is Verdict.REGRESSED else "notice", f"{cell_words(change.cell)}: {change_words(change)}")
+        for change in comparison.changes
+    ]
+    found += [
+        _command("error", f"{cell_words(entry.cell)}: {_words(entry)}")
+        for entry in comparison.times
+        if entry.decision is not None and entry.decision.verdict is Verdict.REGRESSED
+    ]
+    found += [
+        _command("error", f"{one.statistic.name}: {one.base:.3f} {one.statistic.unit} before, {one.new:.3f} now")
+        for one in comparison.found
+        if one.verdict is Verdict.REGRESSED
+    ]
+    kind = {Verdict.FINE: "notice", Verdict.REGRESSED: "error", Verdict.UNMEASURABLE: "warning"}[comparison.verdict]
+    tail = comparison.failure.tail if comparison.failure else ""
+    return [*found, _command(kind, verdict_line(comparison, rule) + (f"\n{tail}" if tail else ""))]
+
+
+_KINDS = {Verdict.FINE: None, Verdict.REGRESSED: "failure", Verdict.UNMEASURABLE: "skipped"}
+
+
+def _words(entry: CellTimes) -> str:
+    if entry.decision is None:
+        return "the steps differ"
+    words = f"{entry.decision.ratio:.2f} times as long"
+    return words if entry.place is None else f"{words} ({'; '.join(place_words(entry.place))})"
+
+
+def _numbers(entry: CellTimes) -> dict[str, object]:
+    found = entry.decision
+    if found is None:
+        return {"verdict": str(Verdict.UNMEASURABLE)}
+    numbers = {
+        "base_ms": 1e3 * found.base, "new_ms": 1e3 * found.new, "ratio": found.ratio, "low": found.low, "high": found.high,
+        "noise": found.noise, "chance": entry.chance, "detectable": entry.detectable,
+    }  # fmt: skip
+    return {"verdict": str(found.verdict), "pairs": found.pairs} | _known(numbers) | ({} if entry.place is None else _place(entry))
+
+
+def _place(entry: CellTimes) -> dict[str, object]:
+    assert entry.place is not None  # noqa: S101 - the caller has looked
+    stretches = [
+        _known({"first_step": one.first, "last_step": one.last, "begin_m": one.begin, "end_m": one.end}) for one in entry.place.stretches
+    ]
+    return {"parts_ms": dict(entry.place.parts), "stretches": stretches, "share_in_stretches": entry.place.share}
+
+
+def _statistic(one: Found) -> dict[str, object]:
+    numbers = {"base": one.base, "new": one.new, "ratio": one.ratio, "chance": one.chance, "detectable": one.detectable}
+    told = {"statistic": one.statistic.name, "meaning": one.statistic.meaning, "unit": one.statistic.unit}
+    return told | {"verdict": str(one.verdict), "pairs": one.pairs} | _known(numbers)
+
+
+def _measured(comparison: Comparison) -> tuple[list[dict[str, object]], dict[str, object]]:
+    """Return the new side's numbers as github-action-benchmark (``customSmallerIsBetter``) and as Bencher (metric format) take them."""
+    rows = [
+        (cell_words(entry.cell), "mean step", "ms", 1e3 * entry.decision.new, entry.decision.noise)
+        for entry in comparison.times
+        if entry.decision is not None and np.isfinite(entry.decision.new)
+    ]
+    rows += [("all cells", one.statistic.name, one.statistic.unit, one.new, np.nan) for one in comparison.found]
+    benchmark: list[dict[str, object]] = []
+    bencher: dict[str, object] = {}
+    for cell, what, unit, value, noise in rows:
+        spread = {"range": f"± {100.0 * (noise - 1.0):.1f} %"} if np.isfinite(noise) else {}
+        benchmark.append({"name": f"{cell}: {what}", "unit": unit, "value": value} | spread)
+        bounds = {"lower_value": value / noise, "upper_value": value * noise} if np.isfinite(noise) else {}
+        bencher[f"{cell}: {what}"] = {f"{what} [{unit}]": {"value": value} | bounds}
+    return benchmark, bencher
+
+
+def _known(numbers: Mapping[str, float]) -> dict[str, object]:
+    return {name: value if np.isfinite(value) else None for name, value in numbers.items()}
+
+
+def _command(kind: str, message: str) -> str:
+    escaped = message.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
+    return f"::{kind} title=planning time::{escaped}"

@@ -1,0 +1,177 @@
+"""What is measured of a program: a suite of hdvplan's, or a command of one's own that says how long its planning steps took."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from hdvplan.bench.processes import Ended
+from hdvplan.bench.programs import Program, ProgramError
+from hdvplan.bench.suite import Suite
+from hdvplan.errors import MeasurementError, OptionError
+from hdvplan.fileio import json_bytes, write_atomically
+from hdvplan.jit import FloatArray
+
+STEPS = "steps.json"  # in the folder of a process: what a command of one's own has printed
+ABOUT = "process.json"  # in the folder of a process: what was measured of it as a whole
+_HINT = '{"cells": {"depot": {"steps_s": [0.0012, 0.0011]}}} is the least; docs/guarding-timing.md has the rest'
+
+
+class Work(Protocol):
+    """What both programs do in every process."""
+
+    def command(self, program: Program, out: Path, timed: Path, *, warm: bool) -> list[str]:
+        """Return the command line; ``warm``: only so that what compiles is compiled. Imports are timed into the file ``timed``."""
+
+    def keep(self, ended: Ended, out: Path) -> None:
+        """Leave in ``out`` what a process has measured, if it has not done so itself; MeasurementError where that is nothing."""
+
+
+@dataclass(frozen=True)
+class SuiteWork:
+    """A benchmark of hdvplan, defined by a file in which every entry stands that this program knows."""
+
+    file: Path
+
+    def command(self, program: Program, out: Path, timed: Path, *, warm: bool) -> list[str]:
+        """See ``Work``."""
+        once = ("--rounds", "1") if warm else ()
+        return program.hdvplan("bench", "--suite", str(self.file), "--quiet", "--fresh", "--out", str(out), *once, timed=timed)
+
+    def keep(self, ended: Ended, out: Path) -> None:
+        """See ``Work``: the benchmark has written its run directory."""
+
+
+@dataclass(frozen=True)
+class CommandWork:
+    """A command whose last line on stdout is JSON; see ``read_steps``."""
+
+    words: tuple[str, ...]
+
+    def command(self, program: Program, out: Path, timed: Path, *, warm: bool) -> list[str]:  # noqa: ARG002 - see ``Work``
+        """See ``Work``."""
+        return list(self.words)
+
+    def keep(self, ended: Ended, out: Path) -> None:
+        """See ``Work``."""
+        lines = ended.printed.strip().splitlines()
+        try:
+            told = json.loads(ended.printed if ended.printed.strip().startswith("{") else lines[-1])
+            steps_of(told)
+        except (ValueError, IndexError) as error:
+            reason = str(error) if lines and lines[-1].lstrip().startswith("{") else f"its last line is {(lines or ['nothing'])[-1][:80]!r}"
+            msg = f"{self.words[0]} prints no planning times: {reason}"
+            raise ProgramError(msg, tail="\n".join(lines[-5:]), hint=_HINT) from error
+        out.mkdir(parents=True, exist_ok=True)
+        write_atomically(out / STEPS, json_bytes(told))
+
+
+@dataclass(frozen=True)
+class OwnSteps:
+    """What a command of one's own says of one cell."""
+
+    steps: FloatArray  # (rounds, steps) times of planning steps [s]
+    first: FloatArray  # (rounds,) or empty: the first plan, made from nothing [s]
+    s: FloatArray  # (steps,) arclength where each begins [m]; NaN where it is not told
+    counters: Mapping[str, object]
+
+
+def steps_of(told: object) -> dict[str, OwnSteps]:
+    """Return the cells of the protocol: ``{"cells": {NAME: {"steps_s": [...] or [[...], ...], "first_s", "s_m", "counters"}}}``.
+
+    A cell that is a list is its ``steps_s``; one list is one round.
+
+    Raises:
+        ValueError: anything else.
+
+    """
+    cells = told.get("cells") if isinstance(told, dict) else None
+    if not isinstance(cells, dict) or not cells:
+        msg = "there are no cells"
+        raise ValueError(msg)
+    return {str(name): _cell(str(name), cell if isinstance(cell, dict) else {"steps_s": cell}) for name, cell in cells.items()}
+
+
+def _cell(name: str, cell: Mapping[str, object]) -> OwnSteps:
+    steps = np.atleast_2d(_numbers(name, "steps_s", cell.get("steps_s")))
+    first, s = (np.atleast_1d(_numbers(name, key, cell.get(key, []))) for key in ("first_s", "s_m"))
+    counters = cell.get("counters", {})
+    if steps.ndim != 2 or not steps.size or np.any(steps <= 0.0) or np.any(first <= 0.0):  # noqa: PLR2004 - a table
+        msg = f"{name}: steps_s are positive times in seconds, one list or one a round, all of one length"
+        raise ValueError(msg)
+    if len(s) not in {0, steps.shape[1]} or not isinstance(counters, dict):
+        msg = f"{name}: s_m has one place a step, counters are names with values"
+        raise ValueError(msg)
+    return OwnSteps(steps, first, s if len(s) else np.full(steps.shape[1], np.nan), counters)
+
+
+def _numbers(name: str, key: str, value: object) -> FloatArray:
+    try:
+        numbers = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        msg = f"{name}: {key} is no list of numbers"
+        raise ValueError(msg) from error
+    if not np.all(np.isfinite(numbers)):
+        msg = f"{name}: {key} is not finite throughout"
+        raise ValueError(msg)
+    return numbers
+
+
+def suite_entries(suite: Suite, known: Mapping[str, object]) -> dict[str, object]:
+    """Return a suite with every entry that a program knows, none left to its own defaults; ``known`` are those.
+
+    Raises:
+        MeasurementError: it cannot be told to do the same: an entry that it does not know has a value, or one that has none has a default.
+
+    """
+    usual, entries = Suite().to_dict(), {}
+    for name, value in suite.to_dict().items():
+        if name not in known and value != usual[name]:
+            msg = f"the other program knows no {name} in suites, which is {value} here"
+            raise MeasurementError(msg)
+        if name in known and value is None and known[name] is not None:
+            msg = f"the other program has {name} = {known[name]} where none is wanted"
+            raise MeasurementError(msg)
+        if name in known and value is not None:
+            entries[name] = value
+    return entries
+
+
+def suite_text(entries: Mapping[str, object]) -> str:
+    """Return entries of a suite as TOML; words, numbers, truth values and lists of words stand there as in JSON."""
+    return "".join(f"{name} = {json.dumps(value)}\n" for name, value in entries.items())
+
+
+def placed(suite: Suite) -> Suite:
+    """Return a suite whose road and vehicle files have absolute paths: both programs read the same, wherever they run."""
+    changed = {
+        name: tuple(str(Path(entry).absolute()) if Path(entry).is_file() else entry for entry in getattr(suite, name)) for name in _FILES
+    }
+    return Suite(**{field.name: getattr(suite, field.name) for field in fields(Suite)} | changed)
+
+
+_FILES = ("roads", "vehicles")
+
+
+def command_words(text: str) -> tuple[str, ...]:
+    """Return the words of a command as a shell would split it; nothing else of a shell's is done.
+
+    Raises:
+        OptionError: there are none, or a quotation is not closed.
+
+    """
+    try:
+        words = shlex.split(text)
+    except ValueError as error:
+        msg = f"the command {text!r} cannot be split into words: {error}"
+        raise OptionError(msg) from error
+    if not words or "\0" in text:
+        msg = f"the command is {'empty' if not words else 'no text'}"
+        raise OptionError(msg)
+    return tuple(words)

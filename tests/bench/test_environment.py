@@ -1,0 +1,240 @@
+"""What ``--against`` names, and how it is made ready: small repositories, and names that would like to be more than names."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from hdvplan.bench import environment
+from hdvplan.bench.environment import Base, base_named, base_program, checkout, new_program
+from hdvplan.bench.processes import Ended, Scratch, scratch_folder, start
+from hdvplan.bench.programs import Program, ProgramError
+from hdvplan.errors import OptionError
+from tests.bench.conftest import Cli
+
+ROOT = Path(__file__).parents[2]
+
+
+def git(folder: Path, *arguments: str) -> str:
+    identity = ("-c", "user.name=a", "-c", "user.email=a@example.org")
+    command = ["git", "-C", str(folder), *identity, *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()  # noqa: S603 - fixed
+
+
+@pytest.fixture
+def ours(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return a repository that looks like one of hdvplan, with two commits, and go there."""
+    top = tmp_path / "checkout"
+    (top / "hdvplan").mkdir(parents=True)
+    (top / "pyproject.toml").write_text('[project]\nname = "hdvplan"\ndependencies = ["numpy"]\n', encoding="utf-8")
+    git(tmp_path, "init", "--quiet", str(top))
+    for version in ("1", "2"):
+        (top / "hdvplan" / "__init__.py").write_text(f"VERSION = {version}\n", encoding="utf-8")
+        git(top, "add", ".")
+        git(top, "commit", "--quiet", "--message", version)
+    monkeypatch.chdir(top)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return top
+
+
+@pytest.fixture
+def scratch() -> Iterator[Scratch]:
+    with scratch_folder() as made:
+        yield made
+
+
+def base(against: str, scratch: Scratch) -> Program:
+    here = checkout()
+    return base_program(base_named(against, here), here, scratch, environment.cache_folder(scratch), lambda _: None)
+
+
+def new(scratch: Scratch) -> Program:
+    return new_program(checkout(), scratch, environment.cache_folder(scratch), lambda _: None)
+
+
+def version_of(program: Program) -> str:
+    code = [str(program.python), "-P", "-c", "import hdvplan; print(hdvplan.VERSION)"]
+    return subprocess.run(code, env=program.environment(), capture_output=True, text=True, check=True).stdout.strip()  # noqa: S603 - ours
+
+
+def test_a_revision_is_exported_once_and_the_checkout_is_only_read(ours: Path, scratch: Scratch) -> None:
+    (ours / "hdvplan" / "__init__.py").write_text("VERSION = 3\n", encoding="utf-8")
+    git(ours, "add", ".")  # staged, not committed
+    before = git(ours, "status", "--porcelain")
+    old = base("HEAD~1", scratch)
+    assert version_of(old) == "1"
+    assert version_of(new(scratch)) == "3"  # not what is committed, but what is there
+    assert git(ours, "status", "--porcelain") == before
+    assert len(git(ours, "worktree", "list").splitlines()) == 1
+    assert old.source is not None
+    marked = old.source / "marked"
+    marked.touch()
+    assert base(git(ours, "rev-parse", "HEAD~1"), scratch).source == old.source  # by any name
+    assert marked.exists()
+    assert base("HEAD", scratch).source != old.source
+
+
+def test_a_revision_without_a_project_file_runs_with_what_is_installed(ours: Path, scratch: Scratch) -> None:
+    git(ours, "rm", "--quiet", "pyproject.toml")
+    git(ours, "commit", "--quiet", "--message", "bare")
+    (ours / "pyproject.toml").write_text('[project]\nname = "hdvplan"\n', encoding="utf-8")
+    assert base("HEAD", scratch).python == Path(sys.executable)
+
+
+def test_a_revision_that_cannot_be_imported_says_so_with_its_last_words(ours: Path, scratch: Scratch) -> None:
+    (ours / "hdvplan" / "__init__.py").write_text("raise RuntimeError('half a commit')\n", encoding="utf-8")
+    git(ours, "commit", "--quiet", "--all", "--message", "broken")
+    with pytest.raises(ProgramError, match=r"cannot be started: its hdvplan says: RuntimeError: half a commit") as caught:
+        base("HEAD", scratch).suite_defaults(scratch)
+    assert "Traceback" in caught.value.tail
+
+
+@pytest.mark.usefixtures("ours")
+def test_what_is_not_complete_is_made_again(scratch: Scratch) -> None:
+    source = base("HEAD", scratch).source
+    assert source is not None
+    (source.parent / "ready").unlink()
+    (source / "hdvplan" / "__init__.py").unlink()
+    assert version_of(base("HEAD", scratch)) == "2"
+
+
+@pytest.mark.usefixtures("ours")
+def test_only_a_few_revisions_are_kept(scratch: Scratch, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(environment, "_KEPT", 1)
+    first, second = base("HEAD~1", scratch).source, base("HEAD", scratch).source
+    assert first is not None
+    assert second is not None
+    assert (first.exists(), second.exists()) == (False, True)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="shell scripts stand in for interpreters")
+def test_an_interpreter_can_be_the_base_and_must_have_the_package(tmp_path: Path, scratch: Scratch) -> None:
+    full = tmp_path / "python-full"
+    full.write_text(f'#!/bin/sh\nPYTHONPATH={ROOT} exec {sys.executable} "$@"\n', encoding="utf-8")
+    full.chmod(0o755)
+    program = base(str(full), scratch)
+    assert program.hdvplan("bench", timed=tmp_path)[:2] == [str(full), "-P"]
+    assert program.suite_defaults(scratch)["rounds"] == 3
+    bare = tmp_path / "python-bare"
+    bare.write_text("#!/bin/sh\nexit 1\n", encoding="utf-8")
+    bare.chmod(0o755)
+    with pytest.raises(ProgramError, match="cannot be started"):
+        base(str(bare), scratch).suite_defaults(scratch)
+
+
+def test_an_unknown_revision_is_a_usage_error(cli: Cli, ours: Path, short_road: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ours)
+    outcome = cli("bench", "--against", "no-such-branch", "--roads", short_road)
+    assert outcome.code == 2
+    assert "no revision 'no-such-branch'" in outcome.err
+    assert "hint: a shallow clone lacks other branches" in outcome.err
+
+
+HOSTILE = [
+    "", " ", "--", "-", "-rrequirements.txt", "-r evil.txt==", "-revil==1.0", "--index-url=http://127.0.0.1:9/==1", "--help",
+    "--output=owned", "--upload-pack=touch owned", "hdvplan==", "hdvplan==1.0 evil", "hdvplan==1.0;touch owned", "hdvplan==1.0\nevil",
+    "hdvplan==*",
+    "hdvplan==1.*", "hdvplan===1.0", "HDVPLAN[x]==1.0", "evil==1.0", "git+file:///tmp/evil==1", "evil @ file:///tmp/evil==1",
+    "file:///tmp/evil.whl", "evil-1.0-py3-none-any.whl", "../evil.tar.gz", "python", "python3", "./python-missing", "/dev/null", "/",
+    "HEAD;touch owned", "HEAD $(touch owned)", "`touch owned`", "HEAD\0--help", "HEAD\n--help", "HEAD..HEAD", "HEAD^!",
+    "HEAD:pyproject.toml", "@{-1}", "\udcff", "x" * 5000, "refs/heads/../../../etc/passwd", "*", "|touch owned", "> owned",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("against", HOSTILE)
+def test_a_name_is_data_and_nothing_of_it_runs(
+    cli: Cli, ours: Path, short_road: str, monkeypatch: pytest.MonkeyPatch, against: str
+) -> None:
+    def nothing(*_: object, **__: object) -> None:
+        pytest.fail("something was started")
+
+    evil = ours / "python-evil"  # a file of the repository must not be taken for an interpreter by its bare name
+    evil.write_text("#!/bin/sh\ntouch owned\n", encoding="utf-8")
+    evil.chmod(0o755)
+    monkeypatch.chdir(ours)
+    monkeypatch.setattr("hdvplan.bench.environment.run", nothing)
+    monkeypatch.setattr("hdvplan.bench.programs.start", nothing)
+    monkeypatch.setattr("hdvplan.bench.programs.run", nothing)
+    outcome = cli("bench", f"--against={against}", "--roads", short_road, "--quiet")
+    assert (outcome.code, outcome.out) == (2, "")
+    lines = outcome.err.splitlines()
+    assert lines[0].startswith("error: ")
+    assert len(lines) <= 2  # the error, and a hint
+    assert not (ours / "owned").exists()
+    answer = json.loads(cli("bench", f"--against={against}", "--roads", short_road, "--quiet", "--json").out)
+    assert answer["verdict"] == "bad use"
+
+
+def test_a_bare_name_is_never_an_interpreter(ours: Path) -> None:
+    evil = ours / "python-evil"
+    evil.write_text("#!/bin/sh\n", encoding="utf-8")
+    evil.chmod(0o755)
+    with pytest.raises(OptionError, match="no revision"):
+        base_named("python-evil", checkout())
+    assert base_named("./python-evil", checkout()).python == evil
+
+
+@pytest.mark.usefixtures("ours")
+@pytest.mark.parametrize("version", ["0.1.0", "1!2.0rc1", "2024.1", "1.0.post1", "1.0.dev3", "1.0+local.7", "v1.0a1", "1.0-1"])
+def test_a_release_goes_to_pip_behind_the_end_of_its_options(scratch: Scratch, monkeypatch: pytest.MonkeyPatch, version: str) -> None:
+    commands: list[list[str]] = []
+
+    def noted(command: list[str], *_: object) -> object:
+        commands.append(command)
+        return Ended(0, "", "", None)
+
+    monkeypatch.setattr(environment, "run", noted)
+    monkeypatch.setattr(environment, "_environment", lambda folder: folder / "python")
+    base(f"hdvplan=={version}", scratch)
+    assert commands[0][-2:] == ["--", f"hdvplan=={version}"]
+
+
+@pytest.mark.usefixtures("ours")
+def test_a_wheel_goes_to_pip_as_the_address_of_a_file(tmp_path: Path) -> None:
+    wheel = tmp_path / "hdvplan-1.0-py3-none-any; evil @ http.whl"
+    wheel.touch()
+    named = base_named(str(wheel), checkout())
+    assert named == Base(str(wheel), install=wheel.as_uri())
+    assert ";" not in wheel.as_uri()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="process groups")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_comparison_that_is_killed_leaves_neither_processes_nor_temporary_files(
+    ours: Path, tmp_path: Path, number: signal.Signals
+) -> None:
+    temporary, token = tmp_path / "temporary", f"token-{os.getpid()}-{number}"
+    temporary.mkdir()
+    forever = f"sh -c 'sleep 600 & echo $! > {tmp_path}/{token}; sleep 600'"
+    gate = ["bench", "--against", "HEAD~1", "--command", forever, "--out", str(tmp_path / "gate")]
+    command = [sys.executable, "-P", "-m", "hdvplan", *gate]
+    environment_ = os.environ | {"PYTHONPATH": str(ROOT), "TMPDIR": str(temporary)}
+    process = subprocess.Popen(command, cwd=ours, env=environment_, stderr=subprocess.PIPE, text=True)  # noqa: S603 - ours
+    with process:
+        for _ in range(600):  # a minute
+            if (tmp_path / token).exists() or process.poll() is not None:
+                break
+            time.sleep(0.1)
+        process.send_signal(number)
+        _, said = process.communicate(timeout=60)
+    assert process.returncode == 128 + number, said
+    assert "Traceback" not in said
+    assert not list(temporary.iterdir())
+    child = int((tmp_path / token).read_text(encoding="utf-8"))
+    state = subprocess.run(["ps", "-o", "stat=", "-p", str(child)], capture_output=True, text=True, check=False)  # noqa: S603, S607 - fixed
+    assert state.stdout.strip()[:1] in {"", "Z"}  # gone; a container may have nobody who takes note of it
+
+
+def test_processes_of_a_block_end_with_it() -> None:
+    with scratch_folder() as scratch:
+        started = start([sys.executable, "-c", "import time; time.sleep(600)"], os.environ, scratch)
+    assert started.process.returncode is not None
+    assert not scratch.folder.exists()
