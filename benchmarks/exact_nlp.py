@@ -1,4 +1,4 @@
-"""The exact nonlinear program of one planning step, for CasADi and IPOPT: an oracle that shares no linearisation with hdvplan.
+"""The exact nonlinear program of one planning step, for CasADi with IPOPT or fatrop: it shares no linearisation with hdvplan.
 
 Multiple shooting with the planner's own discretisation. Bodies are held at the sampled points of their edges; the planner also
 looks between them, which matters where a limit has a corner or where the road bends around an edge. The feet of the auxiliary
@@ -8,14 +8,16 @@ piecewise quintic, written as a B-spline without loss.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from time import perf_counter
+from typing import Literal
 
 import casadi as ca
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
-from hdvplan.jit import FloatArray, Records
+from hdvplan.jit import FloatArray, IntArray, Records
 from hdvplan.planning.discretisation import Discretisation
 from hdvplan.planning.objectives import Goal
 from hdvplan.planning.settings import PlannerSettings
@@ -29,19 +31,20 @@ _DEGREE = 5
 _SAME_M = 1e-9  # the B-spline must be the road to within this
 _REACH_M = 25.0  # road beyond the horizon's ends on which body points may have their feet
 _EVALUATIONS = ("nlp_f", "nlp_g", "nlp_grad_f", "nlp_jac_g", "nlp_hess_l")  # as CasADi's statistics name them
-_SUCCESS = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
+
+Method = Literal["ipopt", "fatrop"]
 
 
 @dataclass(frozen=True)
 class Optimum:
-    """What IPOPT found, and the time of its call alone (the program was built and differentiated before)."""
+    """What was found, and the time of its call alone (the program was built and differentiated before)."""
 
     z: FloatArray  # (N+1, n)
     kappa: FloatArray  # (N,)
     solved: bool
     iterations: int
     seconds: float
-    evaluating: float  # of these, in CasADi's functions and derivatives; the rest is IPOPT with its linear solver
+    evaluating: float  # of these, in CasADi's functions and derivatives; the rest is the solver's own
 
 
 @dataclass(frozen=True)
@@ -50,7 +53,8 @@ class ExactNlp:
 
     solver: ca.Function
     bounds: dict[str, ca.DM]
-    z_start: FloatArray
+    places: IntArray  # of the variables, block by block
+    states: int
     stages: int
 
     def solve(self) -> Optimum:
@@ -58,18 +62,28 @@ class ExactNlp:
         began = perf_counter()
         found = self.solver(**self.bounds)
         seconds = perf_counter() - began
-        n, x = len(self.z_start), np.array(found["x"]).ravel()
-        z = np.vstack([self.z_start, x[: n * self.stages].reshape(self.stages, n)])
+        x, count = np.array(found["x"]).ravel()[self.places], self.states * (self.stages + 1)
         stats = self.solver.stats()
-        kappa = x[n * self.stages : (n + 1) * self.stages]
-        evaluating = sum(float(stats[f"t_wall_{name}"]) for name in _EVALUATIONS)
-        return Optimum(z, kappa, stats["return_status"] in _SUCCESS, int(stats["iter_count"]), seconds, evaluating)
+        kappa = x[count + self.stages + 1 :][: self.stages]
+        evaluating = sum(float(stats[f"t_wall_{name}"]) for name in _EVALUATIONS if f"t_wall_{name}" in stats)
+        z = x[:count].reshape(self.stages + 1, self.states)
+        return Optimum(z, kappa, bool(stats["success"]), int(stats["iter_count"]), seconds, evaluating)
 
 
 def exact_nlp(
-    vehicle: Vehicle, stations: Stations, goal: Goal, settings: PlannerSettings, kappa_before: float, *, tolerance: float
+    vehicle: Vehicle,
+    stations: Stations,
+    goal: Goal,
+    settings: PlannerSettings,
+    kappa_before: float,
+    *,
+    tolerance: float,
+    method: Method = "ipopt",
 ) -> ExactNlp:
     """Return the program of a drive's first plan; it starts in the stationary geometry at station 0.
+
+    Variables and rows are in the order of stages, with the curvature before each as one more state: fatrop needs that, and IPOPT gets
+    the same program.
 
     Raises:
         NotImplementedError: another rule than the midpoint's, axles that the plan steers, or another goal than centring.
@@ -80,53 +94,109 @@ def exact_nlp(
         raise NotImplementedError
     residual = term.residual
     stages, n = settings.stages, vehicle.states
+    every, moving, planned = np.arange(stages + 1), np.arange(stages), np.arange(1, stages + 1)
     ahead, geometry = slice(1, stages + 1), stations.centring
     states = np.column_stack([geometry.e_y, geometry.e_psi, geometry.beta])[: stages + 1]
-    z_start = states[0]
     project = _projection(stations.path, float(stations.s[stages]))
-    z, kappa = ca.MX.sym("z", n, stages), ca.MX.sym("kappa", 1, stages)
-    aux_feet = ca.MX.sym("aux_feet", 1, stages)
-    points = stations.points
-    k, between = points["curvature"][:stages], points["curvature_between"][:stages]
-    before = ca.horzcat(ca.DM(z_start), z[:, :-1])
-    dynamics = _advance(vehicle, settings.step).map(stages)(before, kappa, ca.DM(k).T, ca.DM(between).T) - z
+    points, behind, s = stations.points, axles_behind(vehicle), stations.s[ahead]
     axle = residual.axle % len(vehicle.units)
-    placed = _placement(vehicle, axle).map(stages)(z, ca.DM(np.stack([points[name][ahead] for name in ("x", "y", "cos", "sin")])))
-    aux_along, aux_offset = project.map(stages)(aux_feet, placed[:2, :])
-    centred = ca.DM(residual.lead[ahead]).T * z[0, :] + ca.DM(residual.aux[ahead]).T * aux_offset - ca.DM(residual.target[ahead]).T
-    change = kappa - ca.horzcat(ca.DM(kappa_before), kappa[:, :-1])
-    cost = settings.smoothness * ca.sumsqr(change) + ca.sumsqr(centred)
-    limit, rate = vehicle.max_curvature, vehicle.max_curvature_rate * settings.step
-    behind = axles_behind(vehicle)
-    s = stations.s[ahead]
-    parts = [
-        # variable, its start, its bound; then constraint, lower and upper bound
-        (ca.vec(z), states[1:].ravel(), np.inf),
-        (ca.vec(kappa), geometry.kappa[:stages], limit),
-        (ca.vec(aux_feet), s + (vehicle.lead.wheelbase if axle == 0 else -behind[axle]), np.inf),
+    edges = edge_points(vehicle)
+    starts = (s[:, None, None] + edges["ahead"][None] - behind[None, :, None]).reshape(stages, -1)
+    starts = np.repeat(starts, 2, axis=1)[:, : starts.shape[1] * 2 * bool(stations.limits.values.size)]  # left edge, right edge
+    variables = [
+        Block(every, n, states),
+        Block(every, 1, np.concatenate([[kappa_before], geometry.kappa[:stages]])),  # what was held until here
+        Block(moving, 1, geometry.kappa[:stages], -vehicle.max_curvature, vehicle.max_curvature, input=True),
+        Block(planned, 1, s + (vehicle.lead.wheelbase if axle == 0 else -behind[axle]), input=True),
+        Block(planned, starts.shape[1], starts, input=True),
     ]
-    rows = [(ca.vec(dynamics), 0.0, 0.0), (ca.vec(aux_along), 0.0, 0.0), (ca.vec(change), -rate, rate)]
-    if stations.limits.values.size:
-        edges = edge_points(vehicle)
-        starts = (s[:, None, None] + edges["ahead"][None] - behind[None, :, None]).reshape(stages, -1)
-        starts = np.repeat(starts, 2, axis=1)  # left edge, right edge
-        feet = ca.MX.sym("feet", starts.shape[1], stages)
+    order = _by_stage(variables)
+    x = ca.MX.sym("x", len(order))
+    z, held, kappa, aux_feet, feet = _taken_apart(x[np.argsort(order).tolist()], variables)
+
+    k, between = points["curvature"][:stages], points["curvature_between"][:stages]
+    reached = _advance(vehicle, settings.step).map(stages)(z[:, :-1], kappa, ca.DM(k).T, ca.DM(between).T)
+    placed = _placement(vehicle, axle).map(stages)(z[:, 1:], ca.DM(np.stack([points[name][ahead] for name in ("x", "y", "cos", "sin")])))
+    aux_along, aux_offset = project.map(stages)(aux_feet, placed[:2, :])
+    centred = ca.DM(residual.lead[ahead]).T * z[0, 1:] + ca.DM(residual.aux[ahead]).T * aux_offset - ca.DM(residual.target[ahead]).T
+    change, rate = kappa - held[:, :-1], vehicle.max_curvature_rate * settings.step
+    cost = settings.smoothness * ca.sumsqr(change) + ca.sumsqr(centred)
+    first = np.zeros(1, dtype=np.int64)
+    rows = [
+        (Block(moving, n, 0.0, 0.0, 0.0), z[:, 1:] - reached),
+        (Block(moving, 1, 0.0, 0.0, 0.0), held[:, 1:] - kappa),
+        (Block(first, n, 0.0, 0.0, 0.0, input=True), z[:, 0] - ca.DM(states[0])),
+        (Block(first, 1, 0.0, 0.0, 0.0, input=True), held[:, 0] - kappa_before),
+        (Block(moving, 1, 0.0, -rate, rate, input=True), change),
+        (Block(planned, 1, 0.0, 0.0, 0.0, input=True), aux_along),
+    ]
+    if starts.size:
         along, offset = project.map(starts.size)(ca.reshape(feet, 1, -1), ca.reshape(placed[2:, :], 2, -1))
         clearance = _clearance(stations, edges).map(stages)(feet, ca.reshape(offset, starts.shape[1], stages))
-        parts.append((ca.vec(feet), starts.ravel(), np.inf))
-        margin = np.repeat(settings.clearance + points["margin"][ahead], starts.shape[1])
-        rows += [(ca.vec(along), 0.0, 0.0), (ca.vec(clearance) - ca.DM(margin), 0.0, np.inf)]
-    program = {"x": ca.vertcat(*(part[0] for part in parts)), "f": cost, "g": ca.vertcat(*(row[0] for row in rows))}
-    options = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False, "record_time": True, "ipopt.tol": tolerance}
-    bounds = {
-        "x0": np.concatenate([part[1] for part in parts]),
-        "lbx": np.concatenate([np.full(len(part[1]), -part[2]) for part in parts]),
-        "ubx": np.concatenate([np.full(len(part[1]), part[2]) for part in parts]),
-        "lbg": np.concatenate([np.full(row[0].numel(), row[1]) for row in rows]),
-        "ubg": np.concatenate([np.full(row[0].numel(), row[2]) for row in rows]),
-    }
-    solver = ca.nlpsol("planning", "ipopt", program, options)
-    return ExactNlp(solver, {name: ca.DM(value) for name, value in bounds.items()}, z_start, stages)
+        margin = ca.DM(settings.clearance + points["margin"][ahead]).T
+        rows += [
+            (Block(planned, starts.shape[1], 0.0, 0.0, 0.0, input=True), along),
+            (Block(planned, starts.shape[1], 0.0, 0.0, np.inf, input=True), clearance - ca.repmat(margin, starts.shape[1], 1)),
+        ]
+    blocks = [block for block, _ in rows]
+    row_order = _by_stage(blocks)
+    program = {"x": x, "f": cost, "g": ca.vertcat(*(ca.vec(value) for _, value in rows))[row_order.tolist()]}
+    x0 = _values(variables, lambda block: block.start)[order]
+    lbx, lbg = (_values(some, lambda block: block.low)[at] for some, at in ((variables, order), (blocks, row_order)))
+    ubx, ubg = (_values(some, lambda block: block.high)[at] for some, at in ((variables, order), (blocks, row_order)))
+    options: dict[str, object] = {"print_time": False, "record_time": True}
+    if method == "fatrop":
+        options |= {
+            "structure_detection": "manual", "N": stages, "nx": [n + 1] * (stages + 1), "equality": (lbg == ubg).tolist(),
+            "nu": _counts(variables, stages).tolist(), "ng": _counts(blocks, stages).tolist(),
+            "fatrop.print_level": 0, "fatrop.tolerance": tolerance,
+        }  # fmt: skip
+    else:
+        options |= {"ipopt.print_level": 0, "ipopt.sb": "yes", "ipopt.tol": tolerance}
+    solver = ca.nlpsol("planning", method, program, options)
+    bounds = {"x0": x0, "lbx": lbx, "ubx": ubx, "lbg": lbg, "ubg": ubg}
+    return ExactNlp(solver, {name: ca.DM(value) for name, value in bounds.items()}, np.argsort(order), n, stages)
+
+
+@dataclass(frozen=True)
+class Block:
+    """Variables, or rows, of the same kind: ``size`` of them at each of some stages.
+
+    ``start`` is a number, or one for every entry. Inputs are those variables that are no states, and those rows that are
+    no dynamics.
+    """
+
+    stages: IntArray
+    size: int
+    start: FloatArray | float
+    low: float = -np.inf
+    high: float = np.inf
+    input: bool = False
+
+
+def _by_stage(blocks: Sequence[Block]) -> IntArray:
+    """Return the order that lays blocks out stage by stage: states before inputs, dynamics before other rows."""
+    stage = np.concatenate([np.repeat(block.stages, block.size) for block in blocks])
+    after = np.concatenate([np.full(len(block.stages) * block.size, block.input) for block in blocks])
+    return np.lexsort((after, stage))
+
+
+def _counts(blocks: Sequence[Block], stages: int) -> IntArray:
+    """Return how many inputs, or rows beside the dynamics, each stage has."""
+    inputs = np.concatenate([np.repeat(block.stages, block.size) for block in blocks if block.input])
+    return np.bincount(inputs, minlength=stages + 1)
+
+
+def _values(blocks: Sequence[Block], of: Callable[[Block], FloatArray | float]) -> FloatArray:
+    """Return a number for every entry of blocks, from numbers, or arrays of all of a block's entries."""
+    return np.concatenate([np.broadcast_to(np.ravel(of(block)), len(block.stages) * block.size) for block in blocks])
+
+
+def _taken_apart(x: ca.MX, blocks: Sequence[Block]) -> list[ca.MX]:
+    """Return the blocks of a vector of variables as matrices (size, stages)."""
+    ends = np.cumsum([0, *(len(block.stages) * block.size for block in blocks)])
+    parts = ca.vertsplit(x, ends.tolist())
+    return [ca.reshape(part, block.size, len(block.stages)) for part, block in zip(parts, blocks, strict=True)]
 
 
 def road_spline(path: ReferencePath, first: float, last: float) -> BSpline:

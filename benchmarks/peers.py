@@ -1,4 +1,4 @@
-"""Hold hdvplan's SQP against CasADi + IPOPT on the same planning problem: the optimum's distance, and the time to it.
+"""Hold hdvplan's SQP against CasADi with IPOPT and with fatrop on the same problem: the optimum's distance, and the time to it.
 
 The first plan of a drive, from nothing: horizon 100 m, step 0.5 m. Writes peers.csv, peers.md and run.json.
 Needs the extra ``peers``: pip install -e .[peers]
@@ -11,10 +11,11 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pandas as pd
-from exact_nlp import Optimum, exact_nlp
+from exact_nlp import Method, Optimum, exact_nlp
 
 from hdvplan.api import prepare
 from hdvplan.bench.courses import with_limits
@@ -40,7 +41,8 @@ CASES = {
 }
 USER = PlannerSettings(scheme=Scheme.SQP)  # SQP ends when nothing moves by 1e-4 m
 CONVERGED = replace(USER, sqp_tolerance=1e-9)
-SAME_TOLERANCE, CONVERGED_TOLERANCE = 1e-4, 1e-10  # IPOPT's, for the comparison of times and of optima
+METHODS: tuple[Method, ...] = get_args(Method)
+SAME_TOLERANCE, CONVERGED_TOLERANCE = 1e-4, 1e-10  # the peers', for the comparison of times and of optima
 
 
 def compare(case: Case, repeats: int) -> dict[str, object]:
@@ -54,26 +56,38 @@ def compare(case: Case, repeats: int) -> dict[str, object]:
     def planned(settings: PlannerSettings) -> Plan:
         return Planner(units, stations, goal, settings, make).plan(0, z_start, kappa_before)
 
-    def solved(tolerance: float) -> Callable[[], Optimum]:
-        return exact_nlp(units, stations, goal, USER, kappa_before, tolerance=tolerance).solve
+    def solved(method: Method, tolerance: float) -> Callable[[], Optimum]:
+        return exact_nlp(units, stations, goal, USER, kappa_before, tolerance=tolerance, method=method).solve
 
     prepare(case)
-    exact, plan = solved(CONVERGED_TOLERANCE)(), planned(CONVERGED)
-    again = solved(SAME_TOLERANCE)
-    plans, optima = zip(*((planned(USER), again()) for _ in range(repeats)), strict=True)
-    sqp, fastest = min(one.times.total for one in plans), min(optima, key=lambda one: one.seconds)
-    return {
+    plan, again = planned(CONVERGED), {method: solved(method, SAME_TOLERANCE) for method in METHODS}
+    plans: list[Plan] = []
+    optima: dict[Method, list[Optimum]] = {method: [] for method in METHODS}
+    for _ in range(repeats):
+        plans.append(planned(USER))
+        for method in METHODS:
+            optima[method].append(again[method]())
+    sqp = min(one.times.total for one in plans)
+    row: dict[str, object] = {
         "sqp_ms": 1e3 * sqp,
         "sqp_max_ms": 1e3 * max(one.times.total for one in plans),
         "sqp_qps": plans[0].qp_count,
-        "ipopt_ms": 1e3 * fastest.seconds,
-        "ipopt_evaluating_ms": 1e3 * fastest.evaluating,
-        "ipopt_max_ms": 1e3 * max(one.seconds for one in optima),
-        "ipopt_iterations": optima[0].iterations,
-        "ratio": fastest.seconds / sqp,
-        "optima_differ_m": float(np.max(np.abs(exact.z[:, 0] - plan.z[:, 0]))),
-        "sqp_off_m": float(np.max(np.abs(exact.z[:, 0] - plans[0].z[:, 0]))),
-        "ipopt_solved": exact.solved and all(one.solved for one in optima),
+    }
+    exact = {method: solved(method, CONVERGED_TOLERANCE)() for method in METHODS}
+    for method, found in optima.items():
+        fastest = min(found, key=lambda one: one.seconds)
+        row |= {
+            f"{method}_ms": 1e3 * fastest.seconds,
+            f"{method}_evaluating_ms": 1e3 * fastest.evaluating,
+            f"{method}_max_ms": 1e3 * max(one.seconds for one in found),
+            f"{method}_iterations": found[0].iterations,
+            f"{method}_ratio": fastest.seconds / sqp,
+            f"{method}_own_ratio": (fastest.seconds - fastest.evaluating) / sqp,
+            f"{method}_solved": exact[method].solved and all(one.solved for one in found),
+            f"{method}_differs_m": float(np.max(np.abs(exact[method].z[:, 0] - plan.z[:, 0]))),
+        }
+    return row | {
+        "sqp_off_m": float(np.max(np.abs(exact["ipopt"].z[:, 0] - plans[0].z[:, 0]))),
         "violation_m": plan.violation,
     }
 
@@ -82,16 +96,18 @@ def markdown(table: pd.DataFrame) -> str:
     """Return the table as Markdown, with what a reader must know above it."""
     facts = machine_facts()
     caption = (
-        "A drive's first plan from nothing, horizon 100 m, step 0.5 m. SQP: riccati, until no state moves by 1e-4; IPOPT: the exact NLP "
-        f"with its exact Hessian and MUMPS, tolerance {SAME_TOLERANCE:g}, building and differentiating it not counted. ms: fastest of the "
-        "repeats; evaluating: the part of it in functions and derivatives, by CasADi's statistics. optima differ: largest difference of "
-        "e_y with both converged "
-        f"(SQP {CONVERGED.sqp_tolerance:g}, IPOPT {CONVERGED_TOLERANCE:g}); sqp off: the same at the user's tolerance. "
+        "A drive's first plan from nothing, horizon 100 m, step 0.5 m. SQP: riccati, until no state moves by 1e-4. IPOPT (with MUMPS) and "
+        f"fatrop: the exact NLP with its exact Hessian by CasADi, tolerance {SAME_TOLERANCE:g}, building and differentiating it not "
+        "counted. ms: fastest of the repeats, in turn; evaluating: the part of it in functions and derivatives, by CasADi's statistics. "
+        "ratio: to SQP's time; own ratio: of the rest, the solver's own. differs: largest difference of e_y with both converged "
+        f"(SQP {CONVERGED.sqp_tolerance:g}, the others {CONVERGED_TOLERANCE:g}); sqp off: of SQP at the user's tolerance from IPOPT. "
         f"One thread, {facts['processor']}, {facts['python']}."
     )
-    forms = dict.fromkeys(("road", "vehicle", "case", "sqp_qps", "ipopt_iterations", "ipopt_solved"), "{}") | {"ratio": "{:.0f}"}
-    forms |= dict.fromkeys(("optima_differ_m", "sqp_off_m", "violation_m"), "{:.1e}")
-    text = pd.DataFrame({str(name): table[name].map(forms.get(str(name), "{:.3f}").format) for name in table}, dtype=str)
+    counts = ("sqp_qps", *(f"{method}_{what}" for method in METHODS for what in ("iterations", "solved")))
+    forms = dict.fromkeys(("road", "vehicle", "case", *counts), "{}")
+    forms |= {f"{method}_{what}": "{:.0f}" for method in METHODS for what in ("ratio", "own_ratio")}
+    forms |= dict.fromkeys(("sqp_off_m", "violation_m", *(f"{method}_differs_m" for method in METHODS)), "{:.1e}")
+    text = pd.DataFrame({str(name): table[name].map(forms.get(str(name), "{:.2f}").format) for name in table}, dtype=str)
     text.columns = pd.Index([name.replace("_", " ") for name in text.columns])
     return f"{caption}\n\n{markdown_table(text, text=('road', 'vehicle', 'case'))}\n"
 
