@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import logging
+import os
 import sys
 from collections.abc import Callable
 from functools import cache
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
-from numba.core.caching import IndexDataCacheFile, UserProvidedCacheLocator, _Cache
+from numba.core.caching import IndexDataCacheFile, _Cache
 from numba.core.compiler import CompileResult
 
 from hdvplan.cachefolders import CacheFolders
@@ -46,11 +48,12 @@ class KernelCache(_Cache):
     """One kernel's cache, which its dispatcher asks before it compiles and tells what it has compiled."""
 
     def __init__(self, function: Callable[..., object], folders: CacheFolders) -> None:
-        source, code = function.__code__.co_filename, function.__code__
+        code = function.__code__
+        source = Path(code.co_filename)
         self._folders = folders
-        self._inside = UserProvidedCacheLocator.get_suitable_cache_subpath(source)
+        self._inside = f"{source.parent.name}_{sha256(os.fsencode(source.parent.absolute())).hexdigest()[:16]}"
         version = f"py{sys.version_info[0]}{sys.version_info[1]}{getattr(sys, 'abiflags', '')}"
-        self._stem = f"{Path(source).stem}.{code.co_qualname}-{code.co_firstlineno}.{version}"
+        self._stem = f"{source.stem}.{code.co_qualname}-{code.co_firstlineno}.{version}"
 
     @property
     def cache_path(self) -> str | None:
