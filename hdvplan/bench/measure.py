@@ -10,7 +10,7 @@ from time import perf_counter
 import numpy as np
 
 from hdvplan.bench.acceptance import Opinions
-from hdvplan.bench.replay import Program, nonzeros_of, record, replay
+from hdvplan.bench.replay import Program, nonzeros_of, replay, sampled
 from hdvplan.bench.samples import NUMBERS, OK, OPINION, OVER_BUDGET, UNRECORDED, Judgement, Measurement, ended, numbers_of, outcome_of
 from hdvplan.bench.suite import Suite, tuning_key
 from hdvplan.case import Case
@@ -76,7 +76,7 @@ class Bench:
         if course not in self._recorded:
             if len(self._recorded) >= _COURSES:
                 self._recorded.clear()
-            self._recorded[course] = record(self._cases[index], REFERENCE, self._suite.sample)
+            self._recorded[course] = sampled(self._cases[index], REFERENCE, self._suite.sample)
         return self._recorded[course]
 
 

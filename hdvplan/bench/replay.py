@@ -56,7 +56,7 @@ def _spread(steps: IntArray, count: int) -> IntArray:
     return steps[np.round(np.linspace(0, len(steps) - 1, count)).astype(np.int64)] if count else steps[:0]
 
 
-def record(case: Case, reference: WorkspaceMaker, count: int) -> list[Program]:
+def sampled(case: Case, reference: WorkspaceMaker, count: int) -> list[Program]:
     """Return a sample of the programs of a drive by the reference, shuffled, so that the first few are a sample too.
 
     Raises:
