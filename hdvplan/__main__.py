@@ -1,6 +1,6 @@
 """Run the command line as ``python -m hdvplan``."""
 
-from hdvplan.cli.app import main
+from hdvplan.cli.entry import main
 
 if __name__ == "__main__":
     main()

@@ -11,6 +11,7 @@ import typer
 from hdvplan import __version__
 from hdvplan.cli import bench, compare, need, plan, report, reproduce, roads, solvers, turn, vehicles, warm_up
 from hdvplan.cli.console import ExitCode, library_warnings_shown, one_line, report_error
+from hdvplan.cli.interruption import interruption_noted
 from hdvplan.cli.surroundings import give_matplotlib_a_folder
 from hdvplan.errors import HdvplanError, MeasurementError, PlanError, QpDataError, SolverError, TurnError
 
@@ -63,20 +64,26 @@ def main() -> None:
 def run(arguments: Sequence[str]) -> int:
     """Run the command line ``arguments`` (without the program's name) and return the exit code."""
     arguments, debug = _without_debug(arguments)
-    give_matplotlib_a_folder()
-    if "bench" in arguments:
-        arguments = bench.with_picture(arguments)
-    try:
-        with library_warnings_shown():
-            code = app(args=arguments or ["--help"], prog_name="hdvplan", standalone_mode=False)
-    except (KeyboardInterrupt, typer.Abort):
-        code = ExitCode.INTERRUPTED
-    except Exception as error:  # noqa: BLE001 - the single place that turns errors into messages
-        if debug:
-            traceback.print_exc()
-        return _report(error)
-    if code == ExitCode.INTERRUPTED:
-        report_error("interrupted")
+    failed: Exception | None = None
+    code: object = None
+    with interruption_noted() as interrupted:
+        try:
+            give_matplotlib_a_folder()
+            if "bench" in arguments:
+                arguments = bench.with_picture(arguments)
+            with library_warnings_shown():
+                code = app(args=arguments or ["--help"], prog_name="hdvplan", standalone_mode=False)
+        except (KeyboardInterrupt, typer.Abort):
+            code = ExitCode.INTERRUPTED
+        except Exception as error:  # noqa: BLE001 - the single place that turns errors into messages
+            failed = error
+            if debug:
+                traceback.print_exc()
+        if interrupted() or code == ExitCode.INTERRUPTED:
+            report_error("interrupted")
+            return ExitCode.INTERRUPTED
+    if failed is not None:
+        return _report(failed)
     if not arguments:
         return ExitCode.USAGE  # the help was an answer to nothing asked
     return int(code) if isinstance(code, int) else ExitCode.OK

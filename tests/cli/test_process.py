@@ -8,8 +8,10 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 HEAVY = ("numpy", "numba", "scipy", "pandas", "matplotlib", "shapely", "pyproj", "pyogrio", "rich.table")
@@ -140,7 +142,7 @@ def test_an_interrupted_command_ends_as_shells_expect(tmp_path: Path) -> None:
     arguments = [
         sys.executable,
         "-c",
-        f"{as_at_a_shell}; from hdvplan.cli.app import main; main()",
+        f"{as_at_a_shell}; from hdvplan.cli.entry import main; main()",
         "plan",
         "uturn",
         "--vehicle",
@@ -155,6 +157,55 @@ def test_an_interrupted_command_ends_as_shells_expect(tmp_path: Path) -> None:
     assert process.returncode == 130
     assert out == ""
     assert err == "error: interrupted\n"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs signals")
+@pytest.mark.parametrize("end", [ImportError("half of a library"), SystemError("returned a result with an exception set"), None])
+def test_an_interruption_that_a_library_turns_into_something_else_still_ends_as_one(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], end: Exception | None
+) -> None:
+    from hdvplan.cli import app  # noqa: PLC0415 - the other tests' processes must not profit
+
+    def interrupted(**_: object) -> int:
+        with suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        if end is not None:
+            raise end
+        return 0
+
+    monkeypatch.setattr(app, "app", interrupted)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where pytest runs in the background
+    try:
+        assert app.run(["roads", "list"]) == 130
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert capsys.readouterr() == ("", "error: interrupted\n")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="needs signals")
+@pytest.mark.parametrize(("number", "codes"), [(signal.SIGINT, {130, -signal.SIGINT, 0}), (signal.SIGTERM, {-signal.SIGTERM, 0})])
+def test_a_signal_at_any_moment_ends_the_command_as_shells_expect(tmp_path: Path, number: signal.Signals, codes: set[int]) -> None:
+    """A shell reports -2 as 130, -15 as 143; -2 is Python's own end before it has come to hdvplan, and 0 that the signal was late."""
+    begun = time.monotonic()
+    assert hdvplan(tmp_path, "plan", "uturn", "--vehicle", "bus", "--quiet").returncode == 0
+    whole = time.monotonic() - begun
+    as_at_a_shell = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
+    arguments = [sys.executable, "-c", f"{as_at_a_shell}; from hdvplan.cli.entry import main; main()", "plan", "uturn", "--vehicle", "bus"]
+    ended = []
+    for share in np.linspace(0.01, 0.97, 25):
+        with subprocess.Popen(  # noqa: S603 - our own
+            arguments, cwd=tmp_path, env=_environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        ) as process:
+            time.sleep(share * whole)
+            process.send_signal(number)
+            _, err = process.communicate(timeout=_PATIENCE_S)
+        ended.append((process.returncode, err))
+        assert json.loads((tmp_path / "uturn.bus" / "summary.json").read_bytes())  # the old result or the new one
+    assert {code for code, _ in ended} <= codes
+    assert {err for code, err in ended if code == 130} <= {"error: interrupted\n"}
+    assert sum(code != 0 for code, _ in ended) > 10  # most came in time
 
 
 def _opened(pipe: Path) -> int:
