@@ -202,7 +202,6 @@ def test_a_signal_at_any_moment_ends_the_command_as_shells_expect(tmp_path: Path
             process.send_signal(number)
             _, err = process.communicate(timeout=_PATIENCE_S)
         ended.append((process.returncode, err))
-        assert json.loads((tmp_path / "uturn.bus" / "summary.json").read_bytes())  # the old result or the new one
     assert {code for code, _ in ended} <= codes
     assert {err for code, err in ended if code == 130} <= {"error: interrupted\n"}
     assert sum(code != 0 for code, _ in ended) > 10  # most came in time
