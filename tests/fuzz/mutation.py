@@ -17,10 +17,10 @@ _WORDS = (
 
 
 def mutated(content: bytes, rng: random.Random) -> bytes:
-    """Return a file's content with some damage: three times in four to a few numbers alone, most of them slight."""
-    if rng.random() < 0.75 and _NUMBER.search(content):
-        for _ in range(rng.choice((1, 1, 2, 3, 8))):
-            content = _renumbered(content, rng, far=rng.random() < 0.2)
+    """Return a file's content with some damage: six times in seven to a few numbers alone, most of them slight."""
+    if rng.random() < 0.85 and _NUMBER.search(content):
+        for _ in range(rng.choice((1, 1, 1, 2, 4))):
+            content = _renumbered(content, rng, far=rng.random() < 0.12)
         return content
     for _ in range(rng.choice((1, 1, 1, 2, 4))):
         content = rng.choice((_cut, _dropped, _doubled, _swapped, _flipped, _inserted))(content, rng)
