@@ -5,7 +5,9 @@ from __future__ import annotations
 import errno
 import json
 import os
-from collections.abc import Mapping
+import shutil
+import stat
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,10 +15,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hdvplan.errors import OptionError
+from hdvplan.texts import encoded, no_formula
+
 if TYPE_CHECKING:  # files of other kinds need no pandas
     import pandas as pd
 
 _ROWS_AT_ONCE = 1000
+_NEW, _GONE = ".hdvplan-new", ".gone"  # the folder of files that are written together, and in it the names of those that go
+_LONGEST = 40  # letters of a name that go into that of a file under way
 
 
 @dataclass(frozen=True)
@@ -46,16 +53,22 @@ def table_bytes(table: Mapping[str, Column]) -> bytes:
             cells.append(content)
     if not all(content.dtype.kind == "f" for content in cells):
         cells = [content.astype(object) for content in cells]
+    cells = [content if content.dtype.kind != "O" else np.array([_word(value) for value in content], dtype=object) for content in cells]
     row, parts = ",".join(forms) + "\n", [",".join(table) + "\n"]
     for begin in range(0, max(map(len, cells), default=0), _ROWS_AT_ONCE):
         block = np.stack([content[begin : begin + _ROWS_AT_ONCE] for content in cells], axis=1)
         parts.append((row * len(block)) % tuple(block.ravel().tolist()))
-    return "".join(parts).encode()
+    return encoded("".join(parts))
 
 
 def csv_bytes(table: pd.DataFrame) -> bytes:
     """Return a table as CSV whose numbers read back exactly; missing ones are empty."""
-    return table.to_csv(index=False, lineterminator="\n").encode()
+    safe = (
+        table.map(lambda cell: no_formula(cell) if isinstance(cell, str) else cell)
+        if len(table.select_dtypes(exclude="number").columns)
+        else table
+    )
+    return encoded(safe.to_csv(index=False, lineterminator="\n"))
 
 
 def json_bytes(value: object, *, indent: int | None = 2) -> bytes:
@@ -65,22 +78,130 @@ def json_bytes(value: object, *, indent: int | None = 2) -> bytes:
         ValueError: a number is not finite, which JSON cannot say.
 
     """
-    return (json.dumps(value, indent=indent, ensure_ascii=False, allow_nan=False) + "\n").encode()
+    return encoded(json.dumps(value, indent=indent, ensure_ascii=False, allow_nan=False) + "\n")
 
 
 def write_atomically(path: Path, content: bytes) -> None:
-    """Replace ``path`` by ``content`` at once, so that no reader and no crash sees half a file.
+    """Replace ``path`` by ``content`` at once, so that no reader and no crash sees half a file; a link is replaced, not followed.
 
     Raises:
-        OSError: the file cannot be written.
+        OSError: the file cannot be written, or it is a folder, a device or a pipe.
 
     """
-    if path.is_dir():  # "." has no name to begin with
-        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    refuse_special(path)
+    part = path.with_name(f".{path.name[:_LONGEST]}.{os.getpid()}.part")
     try:
-        part.write_bytes(content)
+        part.unlink(missing_ok=True)
+        with part.open("xb") as file:  # never through a link
+            file.write(content)
         part.replace(path)
     except BaseException:
         part.unlink(missing_ok=True)
         raise
+
+
+def refuse_special(path: Path) -> None:
+    """Refuse to replace anything but a file.
+
+    Raises:
+        OSError: there is a folder, a device or a pipe, or a link to one.
+
+    """
+    try:
+        mode = path.stat().st_mode
+    except FileNotFoundError:  # nothing, or a link to nothing
+        return
+    if stat.S_ISDIR(mode):  # "." has no name to begin with
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    if not stat.S_ISREG(mode):
+        raise OSError(errno.EINVAL, "it is a device or a pipe, not a file", str(path))
+
+
+@dataclass(frozen=True)
+class Together:
+    """Files that make one result: the name of the ``last`` one, which tells that all are there, and which names may be from before.
+
+    A folder is ours where the JSON in one of the files in ``marks`` has the entry that stands beside it.
+    """
+
+    last: str
+    names: tuple[str, ...]
+    marks: Mapping[str, str]
+
+    def write(self, directory: Path, contents: Mapping[str, Callable[[], bytes]], on_written: Callable[[int], None] | None = None) -> None:
+        """Replace the files in ``directory``, made if need be, by ``contents``; of the other ``names`` none stays.
+
+        All are written aside first: whatever ends the process leaves the former result or the new one, which ``settle`` completes.
+        ``on_written`` receives the number of the files that are written.
+
+        Raises:
+            OptionError: files of these names are there that hdvplan did not write.
+            OSError: the folder or a file cannot be written.
+
+        """
+        directory.mkdir(parents=True, exist_ok=True)
+        settle(directory)
+        self._refuse_foreign(directory, contents)
+        for left in directory.glob(f"{_NEW}.*"):  # of a killed run
+            shutil.rmtree(left, ignore_errors=True)
+        aside = directory / f"{_NEW}.{os.getpid()}"
+        aside.mkdir()
+        try:
+            for number, (name, content) in enumerate(contents.items(), start=1):
+                (aside / name).write_bytes(content())
+                if on_written is not None:
+                    on_written(number)
+            gone = [self.last, *(name for name in self.names if name not in contents)]
+            (aside / _GONE).write_text("\n".join(gone), encoding="utf-8")
+            aside.replace(directory / _NEW)  # from now on the new result is the one
+        except BaseException:
+            shutil.rmtree(aside, ignore_errors=True)
+            raise
+        settle(directory)
+
+    def _refuse_foreign(self, directory: Path, contents: Mapping[str, Callable[[], bytes]]) -> None:
+        for name in (*contents, *self.names):
+            refuse_special(directory / name)
+        if any(_has_entry(directory / name, entry) for name, entry in self.marks.items()):
+            return
+        there = next((name for name in (*contents, *self.names) if os.path.lexists(directory / name)), None)
+        if there is not None:
+            msg = f"{directory} holds a file {there} that hdvplan did not write"
+            raise OptionError(msg, hint="choose another folder with --out, or move the file")
+
+
+def settle(directory: Path) -> None:
+    """Complete the result of a process that was killed after it had written all of it; see ``Together``.
+
+    Raises:
+        OSError: a file cannot be moved.
+
+    """
+    aside = directory / _NEW
+    if aside.is_symlink() or not (aside / _GONE).is_file():
+        return
+    gone = (aside / _GONE).read_text(encoding="utf-8").split("\n")
+    for name in gone:
+        if not (name == gone[0] and not (aside / name).exists()):  # the last file has its place already
+            (directory / name).unlink(missing_ok=True)
+    names = sorted(file.name for file in aside.iterdir() if file.name != _GONE)
+    for name in sorted(names, key=lambda name: name == gone[0]):
+        (aside / name).replace(directory / name)
+    shutil.rmtree(aside)
+
+
+def _has_entry(path: Path, entry: str) -> bool:
+    """Tell whether a file is a JSON object with an entry."""
+    try:
+        found = json.loads(path.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return False
+    return isinstance(found, dict) and entry in found
+
+
+def _word(value: object) -> object:
+    """Return a cell of a table of columns; words that would end it or begin a formula as CSV quotes them."""
+    if not isinstance(value, str):
+        return value
+    word = no_formula(value)
+    return '"{}"'.format(word.replace('"', '""')) if any(sign in word for sign in ',"\n\r') else word

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import gzip
 import json
-import shutil
+import re
+import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from hashlib import sha256
@@ -24,7 +25,9 @@ from hdvplan.errors import OptionError
 from hdvplan.fileio import csv_bytes, json_bytes, write_atomically
 from hdvplan.machine import commit, load_average, machine_facts, software
 from hdvplan.record import NAME, command, now
+from hdvplan.texts import encoded
 
+_PART = re.compile(r"\.?\d{5}\.\d+\.npz(\.\d+\.part)?")  # also one under way, left by a killed run
 _SAMPLE_DIGITS = "%.7g"  # a sample's time to the nanosecond, in a third of the space
 _OTHERWISE = "start over with --fresh, or choose another folder with --out"
 
@@ -76,8 +79,8 @@ def begin(suite: Suite, cases: Iterable[Case], directory: Path, record: Json | N
     found = {"tolerances": record["tolerances"]} if record and "tolerances" in record else {}
     opened = _conditions(suite) | found | {"cases": told, "commit": commit(), "sessions": [*earlier, session], "finished": None}
     directory.mkdir(parents=True, exist_ok=True)
-    if record is None and (directory / "parts").is_dir():
-        shutil.rmtree(directory / "parts")  # nothing says what they were measured with
+    if record is None:
+        _remove_parts(directory)  # nothing says what they were measured with
     write_atomically(directory / NAME, json_bytes(opened))
 
 
@@ -96,19 +99,19 @@ def finish(suite: Suite, directory: Path) -> None:
     load = load_of(tables.summary, record["sessions"], at_end, record["machine"]["usable_cores"])
     findings = findings_of(tables.summary, load)
     foot = foot_of(suite, record.get("tolerances", {}), findings, load, tables.timing)
-    packed = tables.samples.to_csv(index=False, lineterminator="\n", float_format=_SAMPLE_DIGITS).encode()
-    write_atomically(directory / "samples.csv.gz", gzip.compress(packed, mtime=0))
+    packed = tables.samples.to_csv(index=False, lineterminator="\n", float_format=_SAMPLE_DIGITS)
+    write_atomically(directory / "samples.csv.gz", gzip.compress(encoded(packed), mtime=0))
     caption = captions(suite, record["machine"], tables, record.get("tolerances"))
     for name in LAYOUTS:
         table = getattr(tables, name)
         write_atomically(directory / f"{name}.csv", csv_bytes(table))
-        write_atomically(directory / f"{name}.md", markdown(table, name, caption[name], foot).encode())
-        write_atomically(directory / f"{name}.tex", latex(table, name, caption[name], foot).encode())
+        write_atomically(directory / f"{name}.md", encoded(markdown(table, name, caption[name], foot)))
+        write_atomically(directory / f"{name}.tex", encoded(latex(table, name, caption[name], foot)))
     record |= {"finished": now(), "load_average_at_end": at_end, "load": asdict(load), "verdict": [asdict(one) for one in findings]}
     record |= {"untuned": untuned(suite, record.get("tolerances", {}))}
     record |= {"solvers": [settings_words(name, record.get("tolerances", {})) for name in suite.solvers]}
     write_atomically(directory / NAME, json_bytes(record))
-    shutil.rmtree(directory / "parts")
+    _remove_parts(directory)
 
 
 def read_record(directory: Path) -> Json:
@@ -163,7 +166,7 @@ def read_samples(directory: Path) -> pd.DataFrame:
     """
     try:
         return pd.read_csv(directory / "samples.csv.gz")
-    except (OSError, EOFError, ValueError) as error:
+    except (OSError, EOFError, ValueError, zlib.error) as error:
         msg = f"{directory / 'samples.csv.gz'} cannot be read: {error.strerror if isinstance(error, OSError) else error}"
         raise OptionError(msg, hint="measure again with --fresh") from error
 
@@ -172,8 +175,22 @@ def discard(directory: Path) -> None:
     """Delete what a benchmark writes into its directory, and nothing else."""
     for name in (NAME, "samples.csv.gz", PICTURE, *(f"{table}.{kind}" for table in LAYOUTS for kind in ("csv", "md", "tex"))):
         (directory / name).unlink(missing_ok=True)
-    if (directory / "parts").is_dir():
-        shutil.rmtree(directory / "parts")
+    _remove_parts(directory)
+
+
+def _remove_parts(directory: Path) -> None:
+    """Delete the parts of a run, and nothing else that lies there."""
+    parts = directory / "parts"
+    if not parts.is_dir():
+        return
+    there = list(parts.iterdir())
+    other = next((file for file in there if not _PART.fullmatch(file.name) or not file.is_file()), None)
+    if parts.is_symlink() or other is not None:
+        msg = f"{other or parts} is not of a benchmark"
+        raise OptionError(msg, hint="choose another folder with --out, or move it")
+    for file in there:
+        file.unlink()
+    parts.rmdir()
 
 
 def _conditions(suite: Suite) -> Json:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -70,7 +71,7 @@ def read_side(path: Path) -> Side:
     timing, envelope, samples = tables[0]
     try:
         return Side(counters_of(samples, timing, envelope), tuple(times_of(samples) for _, _, samples in tables), about)
-    except KeyError as error:
+    except (ArithmeticError, LookupError, TypeError, ValueError) as error:  # a damaged table may hold anything
         msg = f"{path} cannot be read: its tables are not those of hdvplan bench"
         raise OptionError(msg, hint="measure it again") from error
 
@@ -106,7 +107,7 @@ def _tables(folder: Path) -> list[pd.DataFrame]:
         unfinished = (folder / "parts").is_dir()
         msg = f"{folder} is {'not finished' if unfinished else f'without {Path(error.filename).name}'}"
         raise OptionError(msg, hint="give its command again; it goes on from there" if unfinished else "measure it again") from error
-    except (OSError, EOFError, ValueError) as error:
+    except (OSError, EOFError, ValueError, zlib.error) as error:
         msg = f"{folder} cannot be read: {error}"
         raise OptionError(msg, hint="measure it again") from error
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import sys
 import traceback
+from io import TextIOWrapper
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from hdvplan import __version__
 from hdvplan.cli import bench, compare, need, plan, report, reproduce, roads, solvers, turn, vehicles, warm_up
-from hdvplan.cli.console import ExitCode, library_warnings_shown, one_line, report_error
+from hdvplan.cli.console import ExitCode, library_warnings_shown, report_error
 from hdvplan.cli.interruption import interruption_noted
 from hdvplan.cli.surroundings import give_matplotlib_a_folder
 from hdvplan.errors import HdvplanError, MeasurementError, PlanError, QpDataError, SolverError, TurnError
@@ -58,6 +59,8 @@ def _root(
 
 def main() -> None:
     """Run the command line of this process and exit with its code."""
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # as stderr: names may hold what a terminal's encoding has not
     sys.exit(run(sys.argv[1:]))
 
 
@@ -108,6 +111,9 @@ def _report(error: Exception) -> ExitCode:
         if isinstance(error, MeasurementError):
             return ExitCode.UNMEASURED
         return ExitCode.BROKEN if _is_failed_plan(error) else ExitCode.USAGE
+    if isinstance(error, OSError) and error.strerror:  # of a file or a folder, which no program can mend
+        report_error(f"{error.filename}: {error.strerror}" if error.filename else error.strerror)
+        return ExitCode.USAGE
     report_error(f"internal: {type(error).__name__}: {error}", "this is a bug in hdvplan; run again with --debug and report the traceback")
     return ExitCode.INTERNAL
 
@@ -119,5 +125,5 @@ def _is_failed_plan(error: HdvplanError) -> bool:
 
 def _uncapitalised(message: str) -> str:
     """Return a usage message in the style of hdvplan's own: no capital, no full stop."""
-    text = one_line(message).rstrip(".")
-    return text[0].lower() + text[1:]
+    text = " ".join(message.split()).rstrip(".")
+    return text[:1].lower() + text[1:]

@@ -11,6 +11,7 @@ from enum import IntEnum
 from typing import TYPE_CHECKING
 
 from hdvplan.cli.compiling import compilation_shown
+from hdvplan.texts import encoded, printable
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -34,21 +35,21 @@ class ExitCode(IntEnum):
 
 def report_error(message: str, hint: str | None = None) -> None:
     """Write one ``error:`` line, and a ``hint:`` line where there is a next step, to stderr."""
-    sys.stderr.write(f"error: {one_line(message)}\n")
+    sys.stderr.write(f"error: {printable(message)}\n")
     if hint:
-        sys.stderr.write(f"hint: {one_line(hint)}\n")
+        sys.stderr.write(f"hint: {printable(hint)}\n")
 
 
 def note(message: str, *, quiet: bool = False) -> None:
     """Write a line to stderr unless the user wants silence."""
     if not quiet:
-        sys.stderr.write(f"{message}\n")
+        sys.stderr.write(f"{printable(message)}\n")
         sys.stderr.flush()
 
 
 def warn(message: str, *, quiet: bool = False) -> None:
     """Write a ``warning:`` line to stderr unless the user wants silence."""
-    note(f"warning: {one_line(message)}", quiet=quiet)
+    note(f"warning: {message}", quiet=quiet)
 
 
 @contextmanager
@@ -72,7 +73,7 @@ class _ToStderr(logging.Handler):
 
 def print_line(text: str) -> None:
     """Write an answer of one line to stdout; the terminal wraps it."""
-    sys.stdout.write(f"{one_line(text)}\n")
+    sys.stdout.write(f"{printable(text)}\n")
     sys.stdout.flush()  # what stderr says next belongs below it
 
 
@@ -89,7 +90,7 @@ def print_tables(*tables: Table) -> None:
 
 def print_json(value: object) -> None:
     """Write ``value`` as JSON to stdout."""
-    sys.stdout.write(json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+    sys.stdout.write(encoded(json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False) + "\n").decode())
 
 
 @contextmanager
@@ -102,18 +103,13 @@ def progress(task: str, *, quiet: bool, undisturbed: bool = False) -> Iterator[C
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
     console = Console(stderr=True)
     silent = quiet or not console.is_terminal
     memory = 3600.0 if undisturbed else 30.0  # [s]
     with Progress(
         *columns, console=console, transient=True, disable=silent, auto_refresh=not undisturbed, speed_estimate_period=memory
     ) as bar:
-        known = bar.add_task(task, total=1.0)
+        known = bar.add_task(printable(task), total=1.0)
         with nullcontext() if silent else compilation_shown(bar):
             yield lambda share: bar.update(known, completed=share, refresh=undisturbed)
-
-
-def one_line(text: str) -> str:
-    """Return ``text`` without line breaks, as every message is one line."""
-    return " ".join(text.split())

@@ -35,6 +35,7 @@ from hdvplan.errors import OptionError, RoadError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from hdvplan.case import Case
     from hdvplan.judging.result import Result
     from hdvplan.report.paper import SheetOptions
     from hdvplan.road.road import Road
@@ -184,6 +185,7 @@ def plan(
         if bias is not None:
             sided = choose_sides(case)[0] if bias == CENTRE else track  # the middle between limits is that of the sides found
             case = replace(case, bias=bias_named(bias, sided.limits))
+            _check_bias(case, bias)
         result = api.plan(case, on_progress=on_progress)
     if proof and verdict_of(result).fits is False:
         with progress("looking for a proof that nothing fits", quiet=quiet) as on_progress:
@@ -221,6 +223,21 @@ def check_fits(road: Road, vehicle: Vehicle, reaches: tuple[float, float] | None
     if reaches is not None and sum(reaches) < vehicle.width:
         msg = f"limits are {sum(reaches):.2f} m apart; the {vehicle.name} is {vehicle.width:.2f} m wide"
         raise OptionError(msg, hint="widen them with --half-width or --left and --right")
+
+
+def _check_bias(case: Case, given: str) -> None:
+    """Refuse a bias that leads off any road: nothing could be seen there.
+
+    Raises:
+        OptionError: it is larger than any road is wide.
+
+    """
+    from hdvplan.road.regions import OPEN_M
+
+    largest = float(abs(case.bias.offset).max())
+    if largest > OPEN_M:
+        msg = f"--bias {given} leads {largest:g} m off the road's centre; at most {OPEN_M:g} m can be asked for"
+        raise OptionError(msg)
 
 
 def _warn_far_regions(road: Road, *, quiet: bool) -> None:

@@ -21,6 +21,7 @@ from hdvplan.report.geopackage import polygons_of
 from hdvplan.report.heading import answer_line
 from hdvplan.report.layers import Drawn, Layer, drawn_features
 from hdvplan.report.placing import System, drawing_system
+from hdvplan.texts import printable
 
 if TYPE_CHECKING:
     from ezdxf.document import Drawing
@@ -91,7 +92,7 @@ def _draw(document: Drawing, space: Modelspace, feature: Drawn, system: System) 
             _fill(space, polygons, layer)
         where = np.array(placed.representative_point().coords[0])
     if feature.label:
-        text = space.add_text(feature.label, height=_TEXT_M, dxfattribs={"layer": layer})
+        text = space.add_text(_literal(feature.label), height=_TEXT_M, dxfattribs={"layer": layer})
         text.set_placement(tuple(where), align=TextEntityAlignment.MIDDLE_LEFT)
 
 
@@ -135,4 +136,9 @@ def _write_notes(document: Drawing, space: Modelspace, result: Result, system: S
 
 def _plain(line: str) -> str:
     """Return a line without what MTEXT reads as a command."""
-    return re.sub(r"([\\{}])", r"\\\1", " ".join(line.split()))
+    return re.sub(r"([\\{}])", r"\\\1", _literal(line))
+
+
+def _literal(line: str) -> str:
+    """Return a line without what TEXT reads as a command: carets and percent signs are spaced out, control signs told by their numbers."""
+    return printable(line).replace("^", "^ ").replace("%%", "% %")

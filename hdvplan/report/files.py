@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hdvplan.fileio import Column, json_bytes, table_bytes, write_atomically
+from hdvplan.fileio import Column, Together, json_bytes, table_bytes
 from hdvplan.jit import FloatArray
 from hdvplan.judging.result import Result
 from hdvplan.record import NAME, record_of
@@ -21,6 +21,11 @@ PICTURES = ("png", "pdf", "svg")
 DRAWINGS = ("dxf", "gpkg")  # for CAD and GIS
 SHEET = "sheet.pdf"
 FILM = "drive.gif"
+_FILES = Together(
+    "summary.json",
+    (*(f"plan.{kind}" for kind in (*PICTURES, *DRAWINGS)), SHEET, FILM),
+    {NAME: "software", "summary.json": "sqp_iterations_max"},
+)
 _COARSE = ("%.4f", "%.6f")  # of what only drawings need: metres, angles and curvatures
 _COUNTS = {"qps": "qp_count", "qp_iterations": "qp_iterations", "status": "status", "usable": "usable"}
 
@@ -39,20 +44,17 @@ def write_plan(
 ) -> None:
     """Write all files of a plan into ``directory``, made if need be; a former plan's pictures that are not asked for go.
 
+    A process that is killed leaves the former plan or this one.
+
     ``pictures`` are the formats of the picture, of ``PICTURES``, ``drawings`` those of layers in the road's coordinate system, of
     ``DRAWINGS``; ``sheet`` asks for a drawing to scale; ``animate`` adds the drive as a film. ``on_progress`` receives the
     written share, 0 to 1.
 
     Raises:
-        OptionError: the sheet has no room for the vehicle at the scale asked for.
+        OptionError: the sheet has no room for the vehicle at the scale asked for, or the folder holds files of others.
         OSError: the folder or a file cannot be written.
 
     """
-    directory.mkdir(parents=True, exist_ok=True)
-    summary = directory / "summary.json"
-    summary.unlink(missing_ok=True)  # a killed run must not leave it beside another plan's files
-    for former in (*(directory / f"plan.{kind}" for kind in (*PICTURES, *DRAWINGS)), directory / SHEET, directory / FILM):
-        former.unlink(missing_ok=True)
     contents: dict[str, Callable[[], bytes]] = {
         "path.csv": lambda: table_bytes(path_table(result)),
         "envelope.csv": lambda: table_bytes(envelope_table(result)),
@@ -68,11 +70,8 @@ def write_plan(
         contents[SHEET] = partial(_sheet, result, sheet)
     if animate:
         contents[FILM] = partial(_film, result)
-    for number, (name, content) in enumerate(contents.items(), start=1):
-        write_atomically(directory / name, content())
-        if on_progress is not None:
-            on_progress(number / (len(contents) + 1))
-    write_atomically(summary, json_bytes(summary_of(result)))
+    contents[_FILES.last] = lambda: json_bytes(summary_of(result))
+    _FILES.write(directory, contents, None if on_progress is None else lambda number: on_progress(number / len(contents)))
 
 
 def path_table(result: Result) -> Table:

@@ -123,12 +123,20 @@ def feature(geometry: BaseGeometry, road: Road, properties: Json) -> Json:
     else:
         placed, grid, digits = shapely.transform(geometry, _lonlat(road.to_lonlat)), _DEGREES_GRID, 7
     if not isinstance(placed, shapely.LineString):
-        placed = _polygons(shapely.set_precision(placed, grid))  # rounds and keeps the area valid
+        placed = _polygons(_rounded(placed, grid))
     return {
         "type": "Feature",
         "properties": properties,
         "geometry": {"type": placed.geom_type, "coordinates": _coordinates(placed, digits)},
     }
+
+
+def _rounded(area: BaseGeometry, grid: float) -> BaseGeometry:
+    """Return a valid area whose corners lie on a grid; one with spikes too thin for it is repaired after rounding."""
+    try:
+        return shapely.set_precision(area, grid)
+    except shapely.GEOSException:
+        return shapely.make_valid(shapely.set_precision(area, grid, mode="pointwise"))
 
 
 def _lonlat(to_lonlat: Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]) -> Callable[[FloatArray], FloatArray]:

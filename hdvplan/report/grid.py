@@ -8,6 +8,8 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
+from hdvplan.texts import printable
+
 
 def grid(
     title: str,
@@ -23,9 +25,9 @@ def grid(
     Where space is short, text is broken or, in columns named in ``one_line``, cut; numbers and the first column, which
     names the row, stay whole. The first one is broken where it is the only text, so that no digits are lost.
     """
-    table = Table(title=Text(title), title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False)
+    table = Table(title=Text(printable(title)), title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False)
     if caption is not None:
-        table.caption, table.caption_justify, table.caption_style = Text(caption), "left", ""
+        table.caption, table.caption_justify, table.caption_style = Text(printable(caption)), "left", ""
     words = [column for column in columns if column in text]
     for number, column in enumerate(columns):
         table.add_column(
@@ -35,9 +37,9 @@ def grid(
             no_wrap=column not in text or (number == 0 and len(words) > 1),
         )
     for row in rows:
-        table.add_row(*(_cut(cell) if column in one_line else Text(cell) for column, cell in zip(columns, row, strict=True)))
+        table.add_row(*(_cut(cell) if column in one_line else Text(printable(cell)) for column, cell in zip(columns, row, strict=True)))
     return table
 
 
 def _cut(cell: str) -> Text:
-    return Text(cell, no_wrap=True, overflow="ellipsis")
+    return Text(printable(cell), no_wrap=True, overflow="ellipsis")

@@ -9,13 +9,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment
+from jinja2 import Environment, TemplateError
 
 from hdvplan import __version__
+from hdvplan.errors import OptionError
 from hdvplan.fileio import write_atomically
 from hdvplan.jit import FloatArray
 from hdvplan.report.payload import label_of, payload_of, tight_places
 from hdvplan.report.planfiles import PlanFiles, read_plan
+from hdvplan.texts import encoded
 
 MOST_BREACHES = 20  # listed; the summary file holds all
 MOST_OBSTACLES = 20  # listed, nearest first
@@ -69,7 +71,18 @@ def write_report(
         plans.append(read_plan(directory))
         if on_progress is not None:
             on_progress((number + 1) / (len(directories) + 1))
-    page = report_html(plans, title).encode()
+    try:
+        page = encoded(report_html(plans, title))
+    except (
+        ArithmeticError,
+        AttributeError,
+        LookupError,
+        TemplateError,
+        TypeError,
+        ValueError,
+    ) as error:  # files from outside may hold anything
+        msg = f"the plans in {', '.join(map(str, directories))} cannot be shown: {error}"
+        raise OptionError(msg, hint="a file of one of them is damaged: plan again") from error
     write_atomically(path, page)
     return len(page)
 

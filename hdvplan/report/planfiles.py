@@ -11,6 +11,7 @@ import pandas as pd
 from pandas.api.types import is_numeric_dtype
 
 from hdvplan.errors import OptionError
+from hdvplan.fileio import settle
 
 _TABLES = ("path", "envelope", "profile", "steps")
 _ENTRIES = dict.fromkeys(("road", "vehicle", "scheme", "solver", "objective", "status"), str) | {"time_ms": dict}
@@ -42,6 +43,7 @@ def read_plan(directory: Path) -> PlanFiles:
         OptionError: the folder holds no plan, or one whose files are incomplete or damaged.
 
     """
+    settle(directory)
     if not (directory / "summary.json").is_file():
         what = f"{directory} holds no plan: it has no summary.json" if directory.is_dir() else f"{directory} is no folder"
         raise OptionError(what, hint="give folders that `hdvplan plan` has written")

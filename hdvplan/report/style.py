@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO
@@ -38,6 +39,7 @@ _STYLE = {
     "legend.frameon": False,
     "pdf.fonttype": 42,  # text stays text
     "svg.fonttype": "none",
+    "text.parse_math": False,  # a dollar in the name of a road is a dollar
     "svg.hashsalt": "hdvplan",  # the same plan gives the same file
     "xtick.color": MUTED,
     "xtick.labelsize": "small",
@@ -49,7 +51,8 @@ _STYLE = {
 @contextmanager
 def styled() -> Iterator[None]:
     """Apply the style to figures made and saved inside the block; Matplotlib's settings outside stay as they are."""
-    with mpl.rc_context(_STYLE):  # type: ignore[arg-type] # Matplotlib types the keys as literals
+    with mpl.rc_context(_STYLE), warnings.catch_warnings():  # type: ignore[arg-type] # Matplotlib types the keys as literals
+        warnings.filterwarnings("ignore", message="Glyph .* missing")  # of a name in another script: a box stands for it
         yield
 
 

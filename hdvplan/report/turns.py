@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from shapely.geometry import mapping
 from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
-from hdvplan.fileio import csv_bytes, json_bytes, write_atomically
+from hdvplan.fileio import Together, csv_bytes, json_bytes
 from hdvplan.jit import FloatArray
 from hdvplan.judging.result import body_name
 from hdvplan.report.colours import INK, MUTED
@@ -185,18 +186,24 @@ def write_turn(turn: Turn, directory: Path, *, pictures: Collection[str] = ()) -
     """Write ``turn.json``, ``poses.csv``, ``width.csv``, ``turn.geojson`` and the pictures, of ``PICTURES``, into ``directory``.
 
     Raises:
+        OptionError: the folder holds files of others.
         OSError: the folder or a file cannot be written.
 
     """
-    directory.mkdir(parents=True, exist_ok=True)
-    write_atomically(directory / "poses.csv", csv_bytes(poses_table(turn.driven)))
-    write_atomically(directory / "width.csv", csv_bytes(width_table(turn)))
-    write_atomically(directory / "turn.geojson", json_bytes(turn_geojson(turn), indent=None))
-    for kind in pictures:
-        from hdvplan.report.turn_plots import turn_figure  # noqa: PLC0415 - Matplotlib takes half a second to import
+    contents: dict[str, Callable[[], bytes]] = {
+        "poses.csv": lambda: csv_bytes(poses_table(turn.driven)),
+        "width.csv": lambda: csv_bytes(width_table(turn)),
+        "turn.geojson": lambda: json_bytes(turn_geojson(turn), indent=None),
+    }
+    contents |= {f"turn.{kind}": partial(_picture, turn, kind) for kind in pictures}
+    contents["turn.json"] = lambda: json_bytes(turn_json(turn))
+    Together("turn.json", (), {"turn.json": "swept_width_m"}).write(directory, contents)
 
-        write_atomically(directory / f"turn.{kind}", figure_bytes(turn_figure(turn), kind))
-    write_atomically(directory / "turn.json", json_bytes(turn_json(turn)))
+
+def _picture(turn: Turn, kind: str) -> bytes:
+    from hdvplan.report.turn_plots import turn_figure  # noqa: PLC0415 - Matplotlib takes half a second to import
+
+    return figure_bytes(turn_figure(turn), kind)
 
 
 def _manoeuvre_words(turn: Turn) -> str:

@@ -16,6 +16,7 @@ from hdvplan.road.crs import LONLAT, check_lonlat, is_geographic, looks_like_deg
 from hdvplan.road.features import LINES, Choice, Feature, Json, coordinates_of, flat, is_finite, parts_of, role_of
 from hdvplan.road.raw import RawRoad
 from hdvplan.road.regions import Region
+from hdvplan.texts import printable
 
 _SNAP_M = 0.01
 _LISTED = 20  # lines that a question names
@@ -155,4 +156,4 @@ def _notice(properties: Json) -> str | None:
     """Return the short attribution: its first sentence and the licence."""
     attribution = str(properties.get("attribution") or "").split(". ")[0].rstrip(".")
     licence = str(properties.get("licence") or properties.get("license") or "").replace("-", " ")
-    return ", ".join(part for part in (attribution, licence) if part) or None
+    return printable(", ".join(part for part in (attribution, licence) if part)) or None

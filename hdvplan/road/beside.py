@@ -13,6 +13,7 @@ from hdvplan.jit import FloatArray
 from hdvplan.road.crs import Plane
 from hdvplan.road.features import LINES, Choice, Feature, Json, Role, coordinates_of, flat, parts_of, role_of
 from hdvplan.road.regions import Kind, Region, Side
+from hdvplan.texts import printable
 
 _POLYGONS = {"Polygon", "MultiPolygon"}
 
@@ -32,7 +33,7 @@ class Beside:
         given, role = feature.properties.get("region"), role_of(feature, self.choice)
         if given is None and (role not in {Role.OBSTACLE, Role.SWEEPABLE} or feature.geometry is self.line):
             return []
-        label = feature.labels[0] if feature.labels else feature.layer
+        label = printable(feature.labels[0] if feature.labels else feature.layer)
         where = f"{self.name}: region {label!r}" if label else f"{self.name}: region {number}"
         if given is not None and given not in list(Kind):
             msg = f"{where} is {given!r}; a region is obstacle or sweepable"

@@ -23,6 +23,7 @@ from hdvplan.road.raw import RawRoad
 from hdvplan.road.scenarios import SCENARIOS
 from hdvplan.road.steps import refuse_outliers
 from hdvplan.road.texts import refuse_unreadable, text_of
+from hdvplan.texts import printable
 
 if TYPE_CHECKING:  # a file is read, and refused, without the kernels that smooth it
     from hdvplan.road.road import Limits, Road
@@ -91,7 +92,7 @@ def find_road(source: str | Path, options: RoadOptions = RoadOptions()) -> Calla
     path = Path(source)
     shipped, example = road_file(str(source)), example_file(str(source))
     if path.is_file():
-        make: Callable[[], Road] = partial(_road, path.stem, _read(path, options), options)
+        make: Callable[[], Road] = partial(_road, printable(path.stem), _read(path, options), options)
     elif shipped is not None:
         raw = _read(shipped, options)
         make = partial(_road, shipped.stem, replace(raw, notice=raw.notice or NOTICE), options)

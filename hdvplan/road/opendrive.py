@@ -247,6 +247,12 @@ def _section(element: ET.Element, start: float, end: float) -> Section:
         ends = [item.find(f"link/{name}") for name in ("predecessor", "successor")]
         before, after = (None if link is None else int(_number(link, "id")) for link in ends)
         lanes[number] = Lane(number, item.get("type", "none"), _cubics(item.findall("width"), "sOffset"), before, after)
+    for sign in (1, -1):
+        side = sorted(sign * number for number in lanes if sign * number > 0)
+        gap = next((number for count, number in enumerate(side, start=1) if number != count), None)
+        if gap is not None:
+            msg = f"lane {sign * gap} has no lane {sign * (gap - 1)} beside it"
+            raise ValueError(msg)
     return Section(start, end, lanes)
 
 

@@ -7,6 +7,7 @@ from importlib import resources
 from pathlib import Path
 
 from hdvplan.errors import VehicleError, did_you_mean
+from hdvplan.texts import printable
 from hdvplan.vehicle.model import Unit, Vehicle
 
 _TOP_KEYS = ("name", "source", "length_unit", "unit")
@@ -19,6 +20,7 @@ _ACTIVE, _ACTIVELY = "active", 'steered = "active"'
 _AIM = 0.6  # of an active axle's angle to the articulation on constant curves, where a file does not say
 _UNIT_KEYS = ("name", *_DIMENSION_KEYS, *_STEERING_KEYS, _RADIUS_KEY, "steered", *_AXLE_KEYS)
 _LENGTH_TOLERANCE_M = 0.01
+_LARGEST_RADIUS_M = 1e6
 _GROUPS = ("papers", "europe", "aashto")
 
 
@@ -91,10 +93,10 @@ def parse_vehicle(text: str, *, default_name: str) -> Vehicle:
     """
     try:
         document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:  # of a number of thousands of digits
         msg = f"vehicle {default_name!r} is not valid TOML: {error}"
         raise VehicleError(msg) from error
-    name = str(document.get("name", default_name))
+    name = printable(str(document.get("name", default_name)))
     _check_keys(document, _TOP_KEYS, f"vehicle {name!r}")
     tables = document.get("unit", [])
     if not (isinstance(tables, list) and all(isinstance(table, dict) for table in tables)):
@@ -106,7 +108,7 @@ def parse_vehicle(text: str, *, default_name: str) -> Vehicle:
     steering = {key: _number(lead, key, f"vehicle {name!r}, unit 1") for key in _STEERING_KEYS if key in lead}
     if _RADIUS_KEY in lead:
         steering["max_curvature"] = _curvature(lead, units[0], f"vehicle {name!r}, unit 1", metres)
-    return Vehicle(name, units, source=str(document.get("source", "")), **steering)
+    return Vehicle(name, units, source=printable(str(document.get("source", ""))), **steering)
 
 
 def _metres(document: dict[str, object], name: str) -> float:
@@ -124,8 +126,9 @@ def _curvature(lead: dict[str, object], unit: Unit, where: str, metres: float) -
         msg = f"{where}: {_RADIUS_KEY} contradicts {'max_curvature' if 'max_curvature' in lead else 'a steered rear axle'}"
         raise VehicleError(msg, field=_RADIUS_KEY, hint="give max_curvature alone: tan(front wheels' angle) / wheelbase [1/m]")
     radius = metres * _number(lead, _RADIUS_KEY, where)
-    if not unit.wheelbase < radius < float("inf"):
-        msg = f"{where}: {_RADIUS_KEY} = {radius:g} m must be larger than the wheelbase of {unit.wheelbase:g} m"
+    if not unit.wheelbase < radius <= _LARGEST_RADIUS_M:
+        limit = f"larger than the wheelbase of {unit.wheelbase:g} m" if radius <= unit.wheelbase else f"at most {_LARGEST_RADIUS_M:g} m"
+        msg = f"{where}: {_RADIUS_KEY} = {radius:g} m must be {limit}"
         raise VehicleError(msg, field=_RADIUS_KEY, hint="it is the least radius of the middle of the front axle")
     return float(1.0 / (radius**2 - unit.wheelbase**2) ** 0.5)
 
@@ -167,7 +170,7 @@ def _unit(table: dict[str, object], number: int, name: str, metres: float) -> Un
     if not isinstance(called, str) or ("name" in table and not called.strip()):
         msg = f"{where}: name must be a word, not {called!r}"
         raise VehicleError(msg, field="name")
-    return Unit(**values, name=called.strip())
+    return Unit(**values, name=printable(called))
 
 
 def _check_steered(table: dict[str, object], number: int, where: str) -> None:

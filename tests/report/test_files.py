@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from io import BytesIO
 from pathlib import Path
 
@@ -9,21 +10,58 @@ import pandas as pd
 import pytest
 
 from hdvplan.driving.simulate import simulate
-from hdvplan.fileio import Column, json_bytes, table_bytes, write_atomically
+from hdvplan.fileio import Column, json_bytes, settle, table_bytes, write_atomically
 from hdvplan.judging.result import Result
 from hdvplan.report.files import Table, envelope_table, path_table, picture_bytes, profile_table, steps_table, write_plan
 
 
-def test_the_summary_is_written_last(bus: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    written: list[str] = []
-    monkeypatch.setattr("hdvplan.report.files.write_atomically", lambda path, _content: written.append(path.name))
+def test_the_summary_is_there_last(bus: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    there: list[str] = []
+    real = Path.replace
+
+    def noted(path: Path, target: Path) -> Path:
+        there.append(target.name)
+        return real(path, target)
+
+    monkeypatch.setattr(Path, "replace", noted)
     write_plan(bus, tmp_path)
-    assert written[-1] == "summary.json"
-    assert len(written) == 8
+    assert there[-1] == "summary.json"
+    assert len(there) == 9  # and the folder that all are in before
+    assert sorted(file.name for file in tmp_path.iterdir()) == sorted(there[1:])
 
 
-def test_a_failing_run_leaves_no_summary_of_a_former_plan(bus: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("killed_after", range(12))
+def test_whenever_a_run_is_killed_the_former_plan_or_the_new_one_is_there(
+    bus: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, killed_after: int
+) -> None:
+    write_plan(bus, tmp_path, pictures=["svg"])
+    former = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
+    monkeypatch.setattr("hdvplan.report.files.json_bytes", lambda *_, **__: b"{}")  # the new plan differs in its JSON
+    moves, real = [0], {name: getattr(Path, name) for name in ("replace", "unlink")}
+
+    def until_killed(name: str) -> object:
+        def call(path: Path, *others: object, **options: object) -> object:
+            moves[0] += 1
+            if moves[0] > killed_after:
+                raise SystemExit(137)
+            return real[name](path, *others, **options)
+
+        return call
+
+    with monkeypatch.context() as patched:
+        for name in real:
+            patched.setattr(Path, name, until_killed(name))
+        patched.setattr("shutil.rmtree", lambda *_, **__: None)  # a killed process tidies nothing up
+        with suppress(SystemExit):
+            write_plan(bus, tmp_path)
+    settle(tmp_path)
+    found = {file.name: file.read_bytes() for file in tmp_path.iterdir() if file.is_file()}
+    assert (found == former) if killed_after == 0 else (found["summary.json"] == b"{}" and "plan.svg" not in found and len(found) == 8)
+
+
+def test_a_failing_run_leaves_the_former_plan(bus: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_plan(bus, tmp_path)
+    former = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
 
     def fail(_result: Result) -> None:
         msg = "disk full"
@@ -32,10 +70,11 @@ def test_a_failing_run_leaves_no_summary_of_a_former_plan(bus: Result, tmp_path:
     monkeypatch.setattr("hdvplan.report.files.envelope_table", fail)
     with pytest.raises(OSError, match="disk full"):
         write_plan(bus, tmp_path)
-    assert not (tmp_path / "summary.json").exists()
+    assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == former
 
 
 def test_without_a_plot_the_picture_of_a_former_plan_goes(bus: Result, tmp_path: Path) -> None:
+    write_plan(bus, tmp_path)
     (tmp_path / "plan.png").write_bytes(b"old")
     write_plan(bus, tmp_path)
     assert not (tmp_path / "plan.png").exists()
@@ -133,6 +172,7 @@ def read_back(table: Table) -> pd.DataFrame:
 
 
 def test_pictures_come_in_the_formats_asked_for(bus: Result, tmp_path: Path) -> None:
+    write_plan(bus, tmp_path)
     (tmp_path / "plan.png").write_bytes(b"old")
     write_plan(bus, tmp_path, pictures=["pdf", "svg"])
     assert (tmp_path / "plan.pdf").read_bytes().startswith(b"%PDF")
@@ -147,8 +187,8 @@ def test_writing_tells_how_far_it_is(bus: Result, tmp_path: Path) -> None:
     shares: list[float] = []
     write_plan(bus, tmp_path, on_progress=shares.append)
     assert shares == sorted(shares)
-    assert len(shares) == 7
-    assert 0.0 < shares[0] < shares[-1] < 1.0  # the summary is still to come
+    assert len(shares) == 8
+    assert 0.0 < shares[0] < shares[-1] == 1.0
 
 
 def test_json_refuses_what_json_cannot_say() -> None:

@@ -1,0 +1,110 @@
+"""What is fuzzed: commands that read one damaged file, and what they must do then: answer, or refuse it in a line, in bounded time."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import shutil
+import time
+from collections.abc import Callable
+from contextlib import chdir, redirect_stderr, redirect_stdout
+from dataclasses import dataclass
+from pathlib import Path
+
+from hdvplan.cli.app import run
+from tests.fuzz import seeds
+
+LIMIT_S = 30.0  # of CPU time, for one file of some kilobytes
+_QUIET = ("--no-plot", "--no-proof", "--quiet", "--out", "out")
+
+
+@dataclass(frozen=True)
+class Target:
+    """A file that is damaged, and the command that reads it, in a folder that has all that the command needs."""
+
+    name: str
+    path: Path
+    command: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a command ended: ``fault`` says what it must not do, "" where it did none of it; ``planned`` whether it answered."""
+
+    code: int
+    error: str
+    seconds: float
+    planned: bool
+    fault: str
+
+
+def make_targets(folder: Path) -> list[Target]:
+    """Write the seeds into a folder, make a plan and a benchmark there, and return all that can be fuzzed."""
+    targets = []
+    for name, text in seeds.road_texts().items():
+        (folder / name).write_text(text, encoding="utf-8")
+        targets.append(_road(folder / name))
+    targets += [_road(path) for path in seeds.write_binary(folder)]
+    for name, text in (("truck.toml", seeds.VEHICLE), ("suite.toml", seeds.SUITE), ("bias.csv", seeds.BIAS)):
+        (folder / name).write_text(text, encoding="utf-8")
+    targets.append(Target("truck.toml", folder / "truck.toml", ("plan", "uturn", "--vehicle", "truck.toml", *_QUIET)))
+    targets.append(Target("bias.csv", folder / "bias.csv", ("plan", "plain.csv", "--vehicle", "bus", "--bias", "bias.csv", *_QUIET)))
+    with chdir(folder):
+        run(["plan", "obstacles.geojson", "--vehicle", "bus", "--no-plot", "--no-proof", "--quiet", "--out", "plan"])
+        run(["bench", "--suite", "suite.toml", "--out", "run", "--quiet"])
+        shutil.copytree("run", "base")
+    report, compare = ("report", "plan", "--out", "page.html", "--quiet"), ("compare", "base", "run")
+    targets += [Target(f"plan/{file.name}", file, report) for file in sorted((folder / "plan").iterdir()) if file.name != "run.json"]
+    targets += [Target(f"run/{name}", folder / "run" / name, compare) for name in ("run.json", "samples.csv.gz", "timing.csv")]
+    return targets
+
+
+def tried(target: Target, content: bytes) -> Outcome:
+    """Give a command a damaged file, and judge what it does."""
+    folder = target.path.parents[1] if target.path.parent.name in {"plan", "run"} else target.path.parent
+    before = target.path.read_bytes()
+    target.path.write_bytes(content)
+    shutil.rmtree(folder / "out", ignore_errors=True)
+    out, err, began = io.StringIO(), io.StringIO(), time.process_time()
+    try:
+        with chdir(folder), redirect_stdout(out), redirect_stderr(err):
+            code = run(list(target.command))
+    finally:
+        target.path.write_bytes(before)
+    seconds = time.process_time() - began
+    summary = folder / "out" / "summary.json"
+    planned = summary.is_file() if target.command[0] == "plan" else code in {0, 1}
+    errors = [line for line in err.getvalue().splitlines() if line.startswith("error: ")]
+    fault = _fault(code, errors, out.getvalue() + err.getvalue(), seconds)
+    if not fault and target.command[0] == "plan" and planned:
+        fault = _nonsense(summary, code)
+    return Outcome(code, errors[0] if errors else "", seconds, planned, fault)
+
+
+def _road(path: Path) -> Target:
+    return Target(path.name, path, ("plan", path.name, "--vehicle", "bus", *seeds.road_options(path.name), *_QUIET))
+
+
+def _fault(code: int, errors: list[str], said: str, seconds: float) -> str:
+    tests: dict[str, Callable[[], bool]] = {
+        f"exit {code}": lambda: code not in {0, 1, 2, 3},
+        "a traceback": lambda: "Traceback" in said,
+        f"{len(errors)} errors with exit {code}": lambda: len(errors) != (code == 2) and not (code in {1, 3} and len(errors) <= 1),
+        "control signs": lambda: any(not (sign.isprintable() or sign == "\n") for sign in said),
+        f"{seconds:.0f} s": lambda: seconds > LIMIT_S,
+    }
+    return next((name for name, holds in tests.items() if holds()), "")
+
+
+def _nonsense(summary: Path, code: int) -> str:
+    """Return what is impossible in an answer."""
+    told = json.loads(summary.read_text(encoding="utf-8"))
+    numbers = [told[key] for key in ("length_m", "max_left_m", "max_right_m", "mean_abs_imbalance_m")]
+    if not all(isinstance(number, int | float) and math.isfinite(number) for number in numbers):
+        return "numbers that are none"
+    if not 5.0 <= numbers[0] <= 200e3:
+        return f"a road of {numbers[0]} m"
+    if code == 0 and told["limit_violation_m"] > 0.011:
+        return f"exit 0 with limits broken by {told['limit_violation_m']} m"
+    return ""
