@@ -29,7 +29,7 @@ from hdvplan.bench.compare import Comparison, compare
 from hdvplan.bench.counters import Tolerance
 from hdvplan.bench.courses import cases_of
 from hdvplan.bench.gate import BATCH, Rule, Verdict
-from hdvplan.bench.processes import scratch_folder
+from hdvplan.bench.processes import ended_by_signals, scratch_folder
 from hdvplan.bench.programs import Program, present
 from hdvplan.bench.sides import IMPORT, PEAK, Name, Side, Steps, read_side
 from hdvplan.bench.suite import suite_of
@@ -354,7 +354,7 @@ def main() -> None:
     folder = asked.record.resolve()
     folder.mkdir(parents=True, exist_ok=True)
     runs = {name: asked.runs * 20 // 3 if name == SAME else asked.runs for name in PATCHES} if asked.runs else {}
-    with copies(folder, list(runs) or [SAME]) as programs:
+    with ended_by_signals(), copies(folder, list(runs) or [SAME]) as programs:
         record(programs, folder, rounds)
         ends = end_to_end(programs, folder, runs)
     comparisons = {

@@ -175,7 +175,7 @@ def _caption(comparison: Comparison) -> str:
         return f"One process a side, {pairs} rounds: machine and hour are compared too; `hdvplan bench --against REV` excludes them."
     return (
         f"Every step with its fastest sample; new/base and its interval from {pairs} pairs of processes. Visible from: the smallest "
-        "slowdown that these pairs would have shown 19 times of 20 (- where there are too few)."
+        "slowdown that these pairs would have shown 9 times of 10 (- where there are too few)."
     )
 
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 
-from hdvplan.bench.processes import Ended, Scratch, run, undisturbed
+from hdvplan.bench.processes import Ended, Scratch, remove, run, undisturbed
 from hdvplan.bench.programs import Program, ProgramError, present
 from hdvplan.errors import OptionError
 
@@ -117,7 +117,7 @@ def base_program(base: Base, here: Checkout | None, scratch: Scratch, cache: Pat
         return Program(base.words, base.python)
     if base.install is not None:
         on_step(f"installing {base.words}")
-        python = _environment(scratch.folder / "base")
+        python = _environment(scratch.folder / "base", scratch)
         ended = _pip(python, scratch, base.install)
         if ended.code != 0:
             msg = f"{base.words} cannot be installed: {_pip_words(ended)}"
@@ -195,7 +195,7 @@ def _kept(cache: Path, key: str) -> Iterator[tuple[Path, bool]]:
             (folder / _READY).write_text("", encoding="utf-8")  # anew, as the time of its last use
         except BaseException:
             with undisturbed():
-                shutil.rmtree(folder, ignore_errors=True)
+                remove(folder)
             raise
     old = sorted(cache.glob(f"*/{_READY}"), key=lambda file: file.stat().st_mtime)[:-_KEPT]
     for file in old:
@@ -261,11 +261,17 @@ def _digest(content: bytes) -> str:
     return sha256(content).hexdigest()[:16]
 
 
-def _environment(folder: Path) -> Path:
-    """Make an environment with pip and return its interpreter."""
-    import venv  # noqa: PLC0415 - only where something is installed
+def _environment(folder: Path, scratch: Scratch) -> Path:
+    """Make an environment with pip and return its interpreter.
 
-    venv.create(folder, with_pip=True)
+    Raises:
+        ProgramError: it cannot be made.
+
+    """
+    ended = run([sys.executable, "-I", "-m", "venv", str(folder)], _variables(scratch), scratch)
+    if ended.code != 0:
+        msg = f"no environment can be made in {folder}: {(ended.printed.strip().splitlines() or [ended.words])[-1]}"
+        raise ProgramError(msg, tail=ended.tail)
     return folder / _PYTHON
 
 
@@ -276,7 +282,7 @@ def _install(source: Path, folder: Path, name: str, scratch: Scratch, *, again: 
         ProgramError: pip cannot.
 
     """
-    python = folder / _PYTHON if again else _environment(folder)
+    python = folder / _PYTHON if again else _environment(folder, scratch)
     ended = _pip(python, scratch, source.as_uri(), *(("--no-deps", "--force-reinstall") if again else ()))
     if ended.code != 0:
         msg = f"{name} cannot be installed: {_pip_words(ended)}"
@@ -286,9 +292,14 @@ def _install(source: Path, folder: Path, name: str, scratch: Scratch, *, again: 
 def _pip(python: Path, scratch: Scratch, what: str, *options: str) -> Ended:
     """Have pip install one thing; it is never taken for an option. Versions are not read from tags: there is no repository."""
     command = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-input", *options, "--", what]
-    mine = {name: value for name, value in os.environ.items() if name not in {"PYTHONPATH", "PIP_REQUIRE_VIRTUALENV"}}
     versions = {"SETUPTOOLS_SCM_PRETEND_VERSION": os.environ.get("SETUPTOOLS_SCM_PRETEND_VERSION", "0")}
-    return run(command, mine | versions | {"TMPDIR": str(scratch.folder)}, scratch)
+    return run(command, _variables(scratch) | versions, scratch)
+
+
+def _variables(scratch: Scratch) -> dict[str, str]:
+    """Return the environment in which something is installed."""
+    mine = {name: value for name, value in os.environ.items() if name not in {"PYTHONPATH", "PIP_REQUIRE_VIRTUALENV"}}
+    return mine | {"TMPDIR": str(scratch.folder)}
 
 
 def _pip_words(ended: Ended) -> str:

@@ -14,11 +14,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from time import sleep
 from types import FrameType
 
 TERMINATED = 143  # 128 + SIGTERM, as shells report it
 _SAID, _SPENT, _PRINTED = "said", "spent.json", "printed"
 _LONGEST_WORDS, _TAIL_LINES = 300, 20
+_TRIES, _PAUSE_S = 50, 0.05
 # Between us and what is measured: the high-water mark of memory that a system reports for a process begins at that of the one which
 # started it, and ours has loaded tables and plots.
 _BETWEEN = """
@@ -136,7 +138,16 @@ def scratch_folder() -> Iterator[Scratch]:
                 for started in scratch.started:
                     if started.process.returncode is None:  # the number of one that has been waited for may be another's by now
                         end(started)
-                shutil.rmtree(scratch.folder, ignore_errors=True)
+                remove(scratch.folder)
+
+
+def remove(folder: Path) -> None:
+    """Remove a folder; processes that were killed a moment ago may still finish what they write."""
+    for _ in range(_TRIES):
+        shutil.rmtree(folder, ignore_errors=True)
+        if not folder.exists():
+            return
+        sleep(_PAUSE_S)
 
 
 @contextmanager

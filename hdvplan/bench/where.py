@@ -11,6 +11,7 @@ from hdvplan.bench.sides import Steps
 from hdvplan.jit import FloatArray, IntArray
 
 _SHARE = 0.8  # of the time that is added: the steps that are told hold so much of it
+_ALIKE = 0.5  # of the least of these: steps that gained so much belong to them
 _FEW = 0.5  # of all steps; more are no place
 _MOST = 3  # stretches that are told
 
@@ -84,6 +85,7 @@ def _steps(gained: FloatArray) -> tuple[IntArray, float]:
     if whole <= 0.0:
         return np.empty(0, np.int64), 0.0
     count = int(np.searchsorted(np.cumsum(added), _SHARE * whole)) + 1
+    count = int(np.count_nonzero(added >= _ALIKE * added[count - 1]))
     if count > max(1.0, _FEW * len(gained)):
         return np.empty(0, np.int64), 0.0
     return np.sort(order[:count]).astype(np.int64), float(added[:count].sum() / whole)

@@ -192,7 +192,7 @@ def test_a_release_goes_to_pip_behind_the_end_of_its_options(scratch: Scratch, m
         return Ended(0, "", "", None)
 
     monkeypatch.setattr(environment, "run", noted)
-    monkeypatch.setattr(environment, "_environment", lambda folder: folder / "python")
+    monkeypatch.setattr(environment, "_environment", lambda folder, _: folder / "python")
     base(f"hdvplan=={version}", scratch)
     assert commands[0][-2:] == ["--", f"hdvplan=={version}"]
 

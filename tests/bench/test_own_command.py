@@ -1,0 +1,114 @@
+"""A command of one's own is timed: the protocol, and whole comparisons of a small repository that has never heard of hdvplan."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hdvplan.bench.processes import Ended
+from hdvplan.bench.programs import ProgramError
+from hdvplan.bench.sides import own_name, read_side
+from hdvplan.bench.work import CommandWork, command_words, steps_of
+from hdvplan.errors import OptionError
+from tests.bench.conftest import Cli
+
+OURS = """
+import json, random
+random.seed()
+steps = [[{slow} * (1 + number % 5) * 1e-3 * random.uniform(1.0, 1.002) for number in range(40)] for _ in range(3)]
+print("some noise before")
+about = {{"steps_s": steps, "s_m": [5.0 * i for i in range(40)], "counters": {{"iterations": {iterations}}}}}
+print(json.dumps({{"cells": {{"depot": about}}}}))
+"""
+
+
+def test_the_least_is_a_list_of_times() -> None:
+    (cell,) = steps_of({"cells": {"depot": [0.001, 0.002]}}).values()
+    assert cell.steps.shape == (1, 2)
+    assert cell.first.shape == (0,)
+
+
+@pytest.mark.parametrize(
+    "told",
+    [
+        {}, [], {"cells": {}}, {"cells": {"a": []}}, {"cells": {"a": [0.0]}}, {"cells": {"a": [-1.0]}}, {"cells": {"a": ["x"]}},
+        {"cells": {"a": [[1.0], [1.0, 2.0]]}}, {"cells": {"a": [float("nan")]}}, {"cells": {"a": {"steps_s": [1.0], "s_m": [1.0, 2.0]}}},
+        {"cells": {"a": {"steps_s": [1.0], "counters": 3}}}, {"cells": {"a": {"steps_s": None}}}, {"cells": {"a": [[[1.0]]]}},
+    ],
+)  # fmt: skip
+def test_what_is_no_list_of_times_is_refused(told: object) -> None:
+    with pytest.raises(ValueError, match=r"."):
+        steps_of(told)
+
+
+@pytest.mark.parametrize("printed", ["", "hello\n", "{]\n", '{"cells": {"a": [0]}}\n'])
+def test_a_command_that_prints_no_times_is_a_failed_program(printed: str, tmp_path: Path) -> None:
+    with pytest.raises(ProgramError, match="ours prints no planning times") as caught:
+        CommandWork(("ours",)).keep(Ended(0, printed, "", None), tmp_path / "00")
+    assert "steps_s" in str(caught.value.hint)
+
+
+def test_words_are_split_as_a_shell_would_and_nothing_else_is_done() -> None:
+    assert command_words("ours --road 'a b.csv' $(touch owned)") == ("ours", "--road", "a b.csv", "$(touch", "owned)")
+    for text in ("", "'", "a\0b"):
+        with pytest.raises(OptionError):
+            command_words(text)
+
+
+def git(folder: Path, *arguments: str) -> None:
+    identity = ("-c", "user.name=a", "-c", "user.email=a@example.org")
+    subprocess.run(["git", "-C", str(folder), *identity, *arguments], capture_output=True, check=True)  # noqa: S603, S607 - fixed
+
+
+@pytest.fixture
+def theirs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return a repository with a planner of its own and nothing to install, and go there."""
+    top = tmp_path / "theirs"
+    top.mkdir()
+    (top / "ours.py").write_text(OURS.format(slow=1.0, iterations=7), encoding="utf-8")
+    git(tmp_path, "init", "--quiet", str(top))
+    git(top, "add", ".")
+    git(top, "commit", "--quiet", "--message", "one")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return top
+
+
+@pytest.mark.parametrize(
+    ("change", "code", "words"),
+    [
+        (OURS.format(slow=1.0, iterations=7), 0, "fine: no cell of 1 is slower"),
+        (OURS.format(slow=1.3, iterations=7), 1, "1 of 1 cells slower, most depot: 1.30 times as long"),
+        (OURS.format(slow=1.0, iterations=8), 1, "counters changed in 1 cell"),
+        ("raise SystemExit('half a commit')", 1, "the working tree ended with 1 and says: half a commit"),
+        ("print('done')", 1, "prints no planning times: its last line is 'done'"),
+        ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", 1, "the working tree ended with SIGSEGV"),
+    ],
+)
+def test_a_planner_of_ones_own_is_guarded(
+    cli: Cli, theirs: Path, monkeypatch: pytest.MonkeyPatch, change: str, code: int, words: str
+) -> None:
+    monkeypatch.chdir(theirs)
+    (theirs / "ours.py").write_text(change, encoding="utf-8")
+    command = ("bench", "--against", "HEAD", "--command", f"{sys.executable} ours.py", "--out", str(theirs.parent / "gate"))
+    outcome = cli(*command, "--json")
+    answer = json.loads(outcome.out)
+    assert (outcome.code, answer["verdict"]) == (code, "regressed" if code else "fine")
+    assert words in answer["summary"]
+    assert "base: HEAD (" in outcome.err
+    if answer["failure"] is None:
+        assert "measured 50 %" in outcome.err  # stderr is no terminal here
+        times = read_side(theirs.parent / "gate" / "new").processes[0][own_name("depot")]
+        assert (times.total.shape, times.s[1]) == ((3, 40), 5.0)
+
+
+def test_a_base_that_does_not_run_is_no_regression(cli: Cli, theirs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(theirs)
+    git(theirs, "rm", "--quiet", "--cached", "ours.py")
+    git(theirs, "commit", "--quiet", "--message", "forgotten")
+    outcome = cli("bench", "--against", "HEAD", "--command", f"{sys.executable} ours.py", "--quiet", "--out", str(theirs.parent / "gate"))
+    assert outcome.code == 3
+    assert outcome.out.splitlines()[-1].startswith("could not measure: HEAD (")

@@ -1,0 +1,167 @@
+"""What is found besides slower steps, and where: comparisons of made-up processes, made worse in one way each."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from xml.etree.ElementTree import fromstring
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from hdvplan.bench.compare import Comparison, compare, failed
+from hdvplan.bench.comparison import comparison_markdown, verdict_line, wrong_rows
+from hdvplan.bench.counters import COUNTS, IN_STEPS, LENGTHS, WORK, Tolerance
+from hdvplan.bench.gate import Rule, Verdict
+from hdvplan.bench.reports import comparison_json, github_annotations, junit_xml, write_reports
+from hdvplan.bench.sides import IMPORT, PEAK, Name, Side, Steps
+from hdvplan.bench.suite import KEY
+from hdvplan.jit import FloatArray
+
+CELLS: tuple[Name, ...] = tuple((road, vehicle, "rti", "riccati", "as set") for road in ("bend", "ring") for vehicle in ("bus", "truck"))
+ROUNDS, STEPS = 6, 40
+Change = Callable[[Steps, np.random.Generator], Steps]
+NO_COUNTERS = pd.DataFrame(columns=[*KEY, "status", *COUNTS, *WORK, *LENGTHS, IN_STEPS])
+
+
+def unchanged(steps: Steps, _: np.random.Generator) -> Steps:
+    return steps
+
+
+def side(seed: int, change: Change = unchanged, pairs: int = 10, about: Mapping[str, float] | None = None) -> Side:
+    """Return a side of processes that differ by a percent or so; ``change`` concerns all cells."""
+    random = np.random.default_rng(seed)
+    usual = {name: np.random.default_rng(7 + number).uniform(1e-4, 4e-4, STEPS) for number, name in enumerate(CELLS)}
+    processes, starts = [], []
+    for _ in range(pairs):
+        speed = np.exp(random.normal(0.0, 0.013))
+        cells = {}
+        for name in CELLS:
+            total = speed * usual[name] * np.exp(np.abs(random.normal(0.0, 0.03, (ROUNDS, STEPS))))
+            parts = {"linearise": 0.5 * total, "update": 0.1 * total, "solve": 0.2 * total, "check": 0.1 * total}
+            steps = Steps(total, total + 2e-5, parts, speed * np.full(ROUNDS, 8e-3), 5.0 * np.arange(1, STEPS + 1))
+            cells[name] = change(steps, random)
+        processes.append(cells)
+        more = about or {}
+        starts.append({IMPORT: 0.9 * speed + more.get(IMPORT, 0.0), PEAK: 2.3e8 * (1.0 + 1e-3 * random.random()) + more.get(PEAK, 0.0)})
+    return Side(NO_COUNTERS, tuple(processes), tuple(starts))
+
+
+def held(new: Side, pairs: int = 10) -> Comparison:
+    return compare(side(0, pairs=pairs), new, Rule(), Tolerance(), expect_changes=False)
+
+
+def added(steps: Steps, more: FloatArray, part: str = "solve") -> Steps:
+    return replace(steps, total=steps.total + more, outer=steps.outer + more, parts={**steps.parts, part: steps.parts[part] + more})
+
+
+def half(steps: Steps, random: np.random.Generator) -> Steps:
+    return added(steps, steps.total * random.choice([0.0, 1.0], steps.total.shape))
+
+
+def rare(steps: Steps, random: np.random.Generator) -> Steps:
+    return added(steps, np.asarray(random.choice([0.0, 5e-3], steps.total.shape, p=[0.95, 0.05]), np.float64))
+
+
+def outside(steps: Steps, _: np.random.Generator) -> Steps:
+    return replace(steps, outer=steps.outer + 0.25 * steps.total)
+
+
+def first(steps: Steps, _: np.random.Generator) -> Steps:
+    return replace(steps, first=2.0 * steps.first)
+
+
+def names(comparison: Comparison) -> set[str]:
+    return {one.statistic.name for one in comparison.found if one.verdict is Verdict.REGRESSED}
+
+
+@pytest.mark.parametrize("seed", range(1, 6))
+@pytest.mark.parametrize(
+    ("change", "about", "found"),
+    [
+        (half, {}, {"typical"}),
+        (rare, {}, {"p99"}),
+        (outside, {}, {"from outside", "typical"}),
+        (first, {}, {"first plan"}),
+        (unchanged, {IMPORT: 0.5}, {"import"}),
+        (unchanged, {PEAK: 1e8}, {"memory"}),
+    ],
+)
+def test_what_the_fastest_rounds_do_not_show_is_found(change: Change, about: Mapping[str, float], found: set[str], seed: int) -> None:
+    comparison = held(side(seed, change, about=about))
+    assert comparison.verdict is Verdict.REGRESSED
+    assert found <= names(comparison)
+    assert names(comparison) <= {*found, "p99", "worst", "typical"}
+
+
+def test_the_same_program_is_fine_in_all_of_them_and_the_report_says_what_would_have_been_seen() -> None:
+    for seed in range(1, 21):
+        comparison = held(side(seed))
+        assert comparison.verdict is Verdict.FINE
+        assert not names(comparison)
+    seen = {one.statistic.name: one.detectable for one in comparison.found}
+    assert 1.08 <= seen["from outside"] < 1.12
+    assert 1.08 < seen["memory"] < 1.1  # the floor of 20 MB
+    assert all(1.0 < entry.detectable < 1.12 for entry in comparison.times)
+
+
+def test_few_pairs_leave_a_doubt_that_a_repeat_settles() -> None:
+    assert held(side(1, half, pairs=5), pairs=5).verdict is Verdict.UNMEASURABLE
+    assert held(side(1, pairs=5), pairs=5).verdict is Verdict.FINE
+
+
+def test_red_says_which_part_which_steps_and_where_on_the_road() -> None:
+    def bend(steps: Steps, _: np.random.Generator) -> Steps:
+        return added(steps, np.where((steps.s >= 50.0) & (steps.s <= 80.0), 5e-4, 0.0) * np.ones_like(steps.total), "linearise")
+
+    comparison = held(side(1, bend))
+    rows = [row for row in wrong_rows(comparison) if row[1] == "mean step [ms]"]
+    assert len(rows) == len(CELLS)
+    assert [float(row[4]) for row in rows] == sorted((float(row[4]) for row in rows), reverse=True)
+    for row in rows:
+        assert row[5].startswith("linearise +0.08")
+        assert row[6].endswith("% in steps 10-16 (s = 50-80 m)")
+    told = comparison_json(comparison, Rule())["times"]
+    assert isinstance(told, list)
+    assert told[0]["stretches"] == [{"first_step": 10, "last_step": 16, "begin_m": 50.0, "end_m": 80.0}]
+    assert verdict_line(comparison, Rule()) in comparison_markdown(comparison, Rule(), "again").replace("\\", "")
+
+
+def test_a_slowdown_that_is_everywhere_has_no_place() -> None:
+    comparison = held(side(1, lambda steps, _: added(steps, 0.3 * steps.total)))
+    assert {row[6] for row in wrong_rows(comparison) if row[1] == "mean step [ms]"} == {"all along"}
+
+
+def test_every_form_says_the_same_of_a_failure(tmp_path: Path) -> None:
+    comparison = failed("new", "new ended with SIGSEGV and says: <nothing> & \x00", "Traceback\nSIGSEGV")
+    write_reports(comparison, Rule(), "hdvplan bench --against HEAD", tmp_path)
+    told = json.loads((tmp_path / "comparison.json").read_text(encoding="utf-8"))
+    assert (told["verdict"], told["failure"]["side"], told["again"]) == ("regressed", "new", "hdvplan bench --against HEAD")
+    suite = fromstring((tmp_path / "junit.xml").read_text(encoding="utf-8"))  # noqa: S314 - our own
+    assert (suite.get("errors"), suite.get("failures"), suite.get("tests")) == ("1", "0", "1")
+    assert "Traceback" in (tmp_path / "summary.md").read_text(encoding="utf-8")
+    (line,) = github_annotations(comparison, Rule())
+    assert line.startswith("::error ")
+    assert "%0ATraceback%0ASIGSEGV" in line
+    assert json.loads((tmp_path / "benchmark.json").read_text(encoding="utf-8")) == []
+    broken = failed("base", "base cannot be installed", "")
+    assert broken.verdict is Verdict.UNMEASURABLE
+    assert fromstring(junit_xml(broken, Rule())).get("skipped") == "1"  # noqa: S314 - our own
+
+
+def test_dashboards_get_the_numbers_of_the_new_side(tmp_path: Path) -> None:
+    comparison = held(side(1, about={PEAK: 1e8}))
+    write_reports(comparison, Rule(), None, tmp_path)
+    rows = json.loads((tmp_path / "benchmark.json").read_text(encoding="utf-8"))
+    assert {"name", "unit", "value"} <= set(rows[0])
+    memory = next(row for row in rows if row["name"] == "all cells: memory")
+    assert (memory["unit"], memory["value"]) == ("MB", pytest.approx(330.0, rel=0.01))
+    bencher = json.loads((tmp_path / "bencher.json").read_text(encoding="utf-8"))
+    step = bencher["bend bus rti riccati: mean step"]["mean step [ms]"]
+    assert step["lower_value"] < step["value"] < step["upper_value"]
+    suite = fromstring((tmp_path / "junit.xml").read_text(encoding="utf-8"))  # noqa: S314 - our own
+    assert suite.get("failures") == "1"
+    assert suite.get("tests") == str(1 + len(CELLS) + len(comparison.found))
