@@ -48,7 +48,8 @@ class Scene:
             "PATH": os.defpath,
             "PYTHONPATH": str(PACKAGE.parent),
             "TMPDIR": self.folder / "temporary",
-        } | variables
+            **variables,
+        }
         return subprocess.Popen(  # noqa: S603 - our own
             [*COMMAND, *arguments], cwd=here, env=environment, user=user, group=user, extra_groups=[],
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
