@@ -42,7 +42,7 @@ def side(seed: int, change: Change = unchanged, pairs: int = 10, about: Mapping[
         for name in CELLS:
             total = speed * usual[name] * np.exp(np.abs(random.normal(0.0, 0.03, (ROUNDS, STEPS))))
             parts = {"linearise": 0.5 * total, "update": 0.1 * total, "solve": 0.2 * total, "check": 0.1 * total}
-            steps = Steps(total, total + 2e-5, parts, np.full(ROUNDS, 8e-3 * speed), np.linspace(5.0, 5.0 * STEPS, STEPS))
+            steps = Steps(total, total + 2e-5, parts, speed * np.full(ROUNDS, 8e-3), np.linspace(5.0, 5.0 * STEPS, STEPS))
             cells[name] = change(steps, random)
         processes.append(cells)
         more = about or {}
