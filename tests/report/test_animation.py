@@ -26,7 +26,7 @@ def test_the_film_shows_the_bodies_driving_and_what_they_sweep(trailer: Result) 
     for image in seen:
         assert close_to(image, (0, 114, 178)) > 20  # the tractor's outline
         assert close_to(image, (230, 159, 0)) > 20  # the trailer's
-        assert tuple(image[-40, 400]) == (255.0, 255.0, 255.0)  # the paper is white
+        assert tuple(image[2, 2]) == (255.0, 255.0, 255.0)  # the paper is white; where labels are differs with Matplotlib
 
 
 @pytest.mark.slow
