@@ -47,7 +47,7 @@ def road_documents(draw: st.DrawFn) -> str:
         size, corners = draw(st.sampled_from([1e-3, 0.1, 1.0, 4.0])), draw(st.sampled_from([3, 4, 5, 7, 400]))
         turn = np.linspace(0.0, 2.0 * np.pi * draw(st.sampled_from([1, 2])), corners, endpoint=False)  # twice around crosses itself
         ring = np.stack([x + size * np.cos(turn), y + draw(st.sampled_from([1.0, 1e-3])) * size * np.sin(turn)], axis=1).tolist()
-        named = {
+        named: dict[str, object] = {
             "region": draw(st.sampled_from(["obstacle", "sweepable"])),
             "name": draw(st.sampled_from(["", "van", "=1|$x$", "\x1b[1m"])),
         }
