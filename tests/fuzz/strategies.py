@@ -44,8 +44,10 @@ def road_documents(draw: st.DrawFn) -> str:
     features: list[dict[str, Any]] = [_feature("LineString", points.tolist(), {"left_m": 5.0, "right_m": 5.0})]
     for _ in range(draw(st.integers(0, 5))):
         x, y = 319000.0 + draw(st.floats(10.0, 110.0)), 6400000.0 + draw(st.floats(-8.0, 12.0))
-        size, corners = draw(st.sampled_from([1e-3, 0.1, 1.0, 4.0])), draw(st.sampled_from([3, 4, 5, 7, 400]))
-        turn = np.linspace(0.0, 2.0 * np.pi * draw(st.sampled_from([1, 2])), corners, endpoint=False)  # twice around crosses itself
+        size, corners = draw(st.sampled_from([1e-3, 0.1, 1.0, 4.0])), draw(st.sampled_from([3, 5, 7, 401]))
+        turn = np.linspace(
+            0.0, 2.0 * np.pi * draw(st.sampled_from([1, 2])), corners, endpoint=False
+        )  # twice around crosses itself; an even number would be a line
         ring = np.stack([x + size * np.cos(turn), y + draw(st.sampled_from([1.0, 1e-3])) * size * np.sin(turn)], axis=1).tolist()
         named: dict[str, object] = {
             "region": draw(st.sampled_from(["obstacle", "sweepable"])),

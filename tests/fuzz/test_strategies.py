@@ -30,6 +30,7 @@ def planned(road: str, name: str, vehicle: str) -> None:
     assert outcome.code in {0, 1}, outcome.error
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", _ROADS)
 def test_a_road_that_is_valid_is_planned(name: str) -> None:
     _FEW(given(_ROADS[name], strategies.vehicle_files())(lambda road, vehicle: planned(road, name, vehicle)))()
