@@ -24,8 +24,8 @@ _AROUND = 2  # obstacles on either side of one that its other side is judged wit
 _SWEEPS = 3  # over a group, of turning single obstacles to their better side
 _LESS = 0.99  # of a cost: more is no reason to leave a side
 _DIGITS = 3  # of a violation in metres: smaller differences do not decide
-_MOST_TOGETHER = 30  # obstacles of a group whose sides are searched together: those of the next part stand beside the settled ones
-_MOST_TRIALS = 600  # of a road: they take half a minute, and three where the road is full; what is left is passed on its usual side
+_MOST_TOGETHER = 20  # obstacles of a group whose sides are searched together: those of the next part stand beside the settled ones
+_MOST_TRIALS = 500  # of a road: they take half a minute, and several where the road is full; what is left is passed on its usual side
 _UNTRIED = f"no other side was tried: the road has more obstacles than {_MOST_TRIALS} trials are enough for"
 
 Sides = dict[int, Side]

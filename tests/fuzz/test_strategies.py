@@ -1,0 +1,52 @@
+"""Whatever is valid is planned, however nasty, and a fuzzer's first inputs are answered or refused as they should be."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+
+from tests.fuzz import strategies
+from tests.fuzz.mutation import mutated
+from tests.fuzz.targets import Target, make_targets, tried
+
+_ROADS = {"road.csv": strategies.road_profiles() | strategies.road_tables(), "road.geojson": strategies.road_documents()}
+_FEW = settings(max_examples=10, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+_MANY = settings(max_examples=300, deadline=None, suppress_health_check=list(HealthCheck))
+
+
+def planned(road: str, name: str, vehicle: str) -> None:
+    """Assert that a road and a vehicle are planned: exit code 0, or 1 with the place where limits are broken or no plan exists."""
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / name
+        file.write_text("", encoding="utf-8")
+        (Path(folder) / "truck.toml").write_text(vehicle, encoding="utf-8")
+        target = Target(name, file, ("plan", name, "--vehicle", "truck.toml", "--no-plot", "--no-proof", "--quiet", "--out", "out"))
+        outcome = tried(target, road.encode())
+    assert outcome.fault == ""
+    assert outcome.code in {0, 1}, outcome.error
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", _ROADS)
+def test_a_road_that_is_valid_is_planned(name: str) -> None:
+    _FEW(given(_ROADS[name], strategies.vehicle_files())(lambda road, vehicle: planned(road, name, vehicle)))()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", _ROADS)
+def test_hundreds_of_roads_that_are_valid_are_planned(name: str) -> None:
+    _MANY(given(_ROADS[name], strategies.vehicle_files())(lambda road, vehicle: planned(road, name, vehicle)))()
+
+
+@pytest.mark.slow
+def test_damaged_files_are_answered_or_refused_in_a_line() -> None:
+    rng = random.Random(5)  # noqa: S311 - no secret
+    with TemporaryDirectory() as folder:
+        targets = make_targets(Path(folder))
+        for _ in range(100):
+            target = rng.choice(targets)
+            assert tried(target, mutated(target.path.read_bytes(), rng)).fault == ""
