@@ -156,8 +156,6 @@ WRONG = [
     ("--solver", "broken.py:Raises", 2, "cannot be made: RuntimeError: no licence"),
     ("--solver", "broken.py:Lacks", 2, "is no QpWorkspace: AttributeError"),
     ("--solver", "broken.py:NoMethod", 2, "solve is no method"),
-    ("--solver", "broken.py:Late", 1, "raises ZeroDivisionError: division by zero"),
-    ("--solver", "broken.py:Nothing", 1, "returns something of type NoneType, not a QpResult"),
     ("--solver", "broken.py:THING", 2, "cannot be called: it is of type int"),
     ("--solver", "broken.py:Absent", 2, "cannot be loaded: AttributeError"),
     ("--solver", "absent.py:X", 2, "cannot be loaded: FileNotFoundError"),
@@ -180,6 +178,22 @@ def test_another_s_mistake_is_one_line(option: str, name: str, code: int, said: 
     assert error.startswith(f"error: {option.removeprefix('--')} {name!r}")
     assert said in error
     assert len(hint) <= 1
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("Late", "raises ZeroDivisionError: division by zero"),
+        ("Nothing", "returns something of type NoneType, not a QpResult"),
+    ],
+)
+def test_a_plan_survives_another_s_solver_and_says_so(name: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("broken.py").write_text(BROKEN, encoding="utf-8")
+    asked = f"broken.py:{name}"
+    assert run(["plan", "uturn", "--vehicle", "bus", "--horizon", "40", "--no-plot", "--out", "out", "--solver", asked]) == 0
+    (warning,) = [line for line in capsys.readouterr().err.splitlines() if asked in line]
+    assert warning.startswith(f"warning: {asked} failed in 35 of 35 planning steps, first at s = 0.0 m: solver {asked!r} {said}")
+    assert warning.endswith("; solved by riccati")
 
 
 def middle(stations: Stations, vehicle: Vehicle, weight: float = 0.5) -> Goal:

@@ -152,7 +152,7 @@ def solver_texts(result: Result) -> list[str]:
     if result.rescued:
         first, name = result.rescued[0], result.solver
         where = f"first at s = {at[first.first]:.1f} m"
-        texts.append(f"{name} failed in {len(result.rescued)} of {steps} planning steps, {where}: {name} {first.instead}")
+        texts.append(f"{name} failed in {len(result.rescued)} of {steps} planning steps, {where}: {first.instead}")
     if result.failed:
         first = result.failed[0]
         where = f"first at s = {at[first.first]:.1f} m" + (f" ({first.reason})" if first.reason else "")

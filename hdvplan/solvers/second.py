@@ -16,6 +16,7 @@ from time import perf_counter
 
 import numpy as np
 
+from hdvplan.errors import HdvplanError
 from hdvplan.plugins import said
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 from hdvplan.qp.residuals import residuals
@@ -103,12 +104,12 @@ def _attempt(solve: Callable[[], QpResult], qp: StageQp) -> _Attempt:
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # noqa: BLE001 - compiled solvers panic with what is no Exception, others leave by sys.exit
-        return None, said(error)
+        return None, str(error) if isinstance(error, HdvplanError) else said(error)
     own = f": {result.reason}" if result.reason else ""
     if not judged.primal <= BROKEN:  # NaN too
-        return result, f"says {result.status}{own}, with a primal residual of {judged.primal:.2g}"
+        return result, f"it says {result.status}{own}, with a primal residual of {judged.primal:.2g}"
     if judged.dual > WRONG and judged.dual > WRONG * _largest(result.point):
-        return result, f"says {result.status}{own}, far from the optimum: dual residual {judged.dual:.2g}"
+        return result, f"it says {result.status}{own}, far from the optimum: dual residual {judged.dual:.2g}"
     return result, ""
 
 

@@ -66,7 +66,7 @@ def test_a_drive_says_which_steps_another_solver_planned_and_why() -> None:
     (text,) = solver_texts(result)
     assert text == (
         f"mine failed in {len(told)} of {len(found.plans)} planning steps, first at s = {told[0]['s_m']:.1f} m: "
-        "mine RuntimeError: no licence; solved by riccati"
+        "RuntimeError: no licence; solved by riccati"
     )
 
 
