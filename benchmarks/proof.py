@@ -13,6 +13,7 @@ import argparse
 import tomllib
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from time import process_time
 
@@ -49,10 +50,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--skip", choices=("need", "widths"))
     options = parser.parse_args(arguments)
     options.out.mkdir(parents=True, exist_ok=True)
-    cases: list[Case] = []
+    pairs = []
     if options.skip != "need":
         wanted = [(road, vehicle) for road in options.roads for vehicle in options.vehicles]
-        _filled(options.out / "need.csv", ["road", "vehicle"], wanted, lambda road, vehicle: bounded(_case(road, vehicle, cases)))
+        _filled(options.out / "need.csv", ["road", "vehicle"], wanted, lambda road, vehicle: bounded(_case(road, vehicle)))
+        pairs += wanted
     if options.skip != "widths":
         runs = pd.read_csv(options.widths)
         runs = runs[runs["verdict"] != "refused"]
@@ -61,10 +63,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
             options.out / "widths.csv",
             ["road", "vehicle", "half_width"],
             keys,
-            lambda road, vehicle, half_width: examined(_case(road, vehicle, cases), float(half_width)),
+            lambda road, vehicle, half_width: examined(_case(road, vehicle), float(half_width)),
         )
+        pairs += [(road, vehicle) for road, vehicle, _ in keys]
     (options.out / "proof.md").write_text(markdown(options.out), encoding="utf-8")
-    write_record(options.out, cases)
+    write_record(options.out, [_case(road, vehicle) for road, vehicle in dict.fromkeys(pairs)])
 
 
 def _suite_roads() -> list[str]:
@@ -72,11 +75,11 @@ def _suite_roads() -> list[str]:
     return roads
 
 
-def _case(road: str, name: str, cases: list[Case]) -> Case:
+@cache
+def _case(road: str, name: str) -> Case:
     vehicle = load_vehicle(name)
     loaded = load_road(road, RoadOptions(max_curvature=_SLACK * vehicle.max_curvature))
-    cases.append(Case(replace(loaded, limits=None), vehicle))
-    return cases[-1]
+    return Case(replace(loaded, limits=None), vehicle)
 
 
 def _filled(table: Path, keys: list[str], wanted: Iterable[tuple[object, ...]], row_of: Callable[..., Row]) -> None:
