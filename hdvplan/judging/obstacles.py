@@ -86,7 +86,7 @@ def _entered(drive: Drive, obstacles: Shapes, bodies: Shapes, tree: shapely.STRt
     places = np.empty(len(numbers), _PLACE)
     if not len(numbers):
         return numbers, places
-    depths = _depths(points, bodies[inside[owner]], obstacles[met[owner]])
+    depths = _depths(points, shapely.boundary(bodies[inside])[owner], shapely.boundary(obstacles)[met[owner]])
     row = np.repeat(np.arange(len(numbers)), np.diff(np.append(first, len(owner))))
     greatest = np.flatnonzero(depths == np.maximum.reduceat(depths, first)[row])
     deepest = greatest[np.unique(row[greatest], return_index=True)[1]]
@@ -98,9 +98,9 @@ def _entered(drive: Drive, obstacles: Shapes, bodies: Shapes, tree: shapely.STRt
 
 
 def _depths(points: FloatArray, bodies: Shapes, obstacles: Shapes) -> FloatArray:
-    """Return how far points of overlaps lie inside the body or the obstacle, whichever is further [m]."""
+    """Return how far points of overlaps lie within the outline of the body or of the obstacle, whichever is further [m]."""
     places = shapely.points(points)
-    return np.maximum(*(shapely.distance(places, shapely.boundary(shapes)) for shapes in (bodies, obstacles)))
+    return np.maximum(shapely.distance(places, bodies), shapely.distance(places, obstacles))
 
 
 def _on_bodies(drive: Drive, poses: IntArray, units: IntArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:
