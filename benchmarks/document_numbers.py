@@ -99,14 +99,34 @@ def balanced() -> list[str]:
     return [f"{gain:.0f}" for gain in gains["gain_percent"]] + [f"{ratio.min():.1f}", f"{ratio.max():.1f}"]
 
 
-def proofs() -> list[str]:
-    """Return of how many NO runs how many are proved, for the bus and the tractor-trailer."""
+def proved(vehicle: str) -> list[str]:
+    """Return how many of a vehicle's NO are proved, and of how many."""
     rows = table("proof/widths.csv")
-    texts = []
-    for vehicle in ("bus", "tractor-trailer"):
-        no = rows[(rows["vehicle"] == vehicle) & (rows["fits"].astype(str) == "False")]
-        texts += [str(int(no["kind"].notna().sum())), str(len(no))]
-    return texts
+    no = rows[(rows["vehicle"] == vehicle) & (rows["fits"].astype(str) == "False")]
+    return [str(int(no["kind"].notna().sum())), str(len(no))]
+
+
+def proofs() -> list[str]:
+    """Return of the bus how many are proved of how many, of the tractor-trailer too."""
+    return proved("bus") + proved("tractor-trailer")
+
+
+def contradictions() -> str:
+    """Return in a word how many runs are planned within their limits and called impossible."""
+    rows = table("proof/widths.csv")
+    return _counted(int(((rows["fits"].astype(str) == "True") & rows["kind"].notna()).sum()))
+
+
+def drawn() -> list[str]:
+    """Return of the random cases how many there are, how many are called impossible, and of the narrower ones how many are, of how many."""
+    rows = table("proof/random/random.csv")
+    rows = rows[rows["way"].notna()]
+    controls = rows["narrower_proved"].dropna().astype(str)
+    return [str(len(rows)), _counted(int(rows["proof"].notna().sum())), str(int((controls == "True").sum())), str(len(controls))]
+
+
+def _counted(number: int) -> str:
+    return str(number) if number else "none"
 
 
 def uturn_and_roundabout() -> list[str]:
@@ -159,6 +179,11 @@ FIGURES = (
         "keeps all limits in {} of 150 runs, the tractor-trailer in {}, the one of 24 m in {}.",
         lambda: [kept(vehicle) for vehicle in VEHICLES],
     ),
+    Figure(RESULTS, "not kept, {} of the bus's {} are proved impossible, {} of the tractor-trailer's {} and", proofs),
+    Figure(RESULTS, "and {} of {} of the one of 24 m", lambda: proved("tractor-trailer-24m")),
+    Figure(RESULTS, "of the one of 24 m; {} of the kept ones is", lambda: [contradictions()]),
+    Figure(RESULTS, "In {} random cases as narrow as a drive that fits, {} is called impossible", lambda: drawn()[:2]),
+    Figure(RESULTS, "on either side, {} of {} are", lambda: drawn()[2:]),
     Figure(RESULTS, "falls by {} % (bus) and {} % (tractor-trailer) on average", lambda: balanced()[:2]),
     Figure(RESULTS, "for a step that takes {} to {} times as long", lambda: balanced()[2:]),
 )
@@ -167,7 +192,7 @@ FIGURES = (
 def pattern_of(sentence: str) -> re.Pattern[str]:
     """Return what finds a sentence, wherever its lines break; every number is a group."""
     parts = [r"\s+".join(map(re.escape, part.split(" "))) for part in sentence.split("{}")]
-    return re.compile(r"(\S+?)".join(parts))
+    return re.compile(r"(\S+?)".join(parts) + (r"(?!\S)" if sentence.endswith("{}") else ""))
 
 
 def renewed(text: str, figure: Figure) -> str:

@@ -26,6 +26,11 @@ def test_numbers_are_put_where_the_sentence_has_them_however_its_lines_break(num
     )
 
 
+def test_a_number_at_the_end_of_a_sentence_is_taken_whole(numbers: ModuleType) -> None:
+    figure = numbers.Figure("some.md", "against {}", lambda: ["5.7"])
+    assert numbers.renewed("0.78 against 5.69\n([table])", figure) == "0.78 against 5.7\n([table])"
+
+
 @pytest.mark.parametrize("text", ["it took 1 s", "it takes 1 s and it takes 2 s"])
 def test_a_sentence_that_is_not_there_once_is_refused(numbers: ModuleType, text: str) -> None:
     figure = numbers.Figure("some.md", "it takes {} s", lambda: ["3"])
