@@ -22,7 +22,7 @@ def read_overpass(document: Json, name: str, *, choice: Choice) -> RawRoad:
 
     """
     elements = [element for element in document["elements"] if isinstance(element, dict)] if isinstance(document["elements"], list) else []
-    nodes = {element.get("id"): [element.get("lon"), element.get("lat")] for element in elements if element.get("type") == "node"}
+    nodes = {element.get("id"): [element.get("lon"), element.get("lat")] for element in elements if _is_node(element)}
     features = []
     for element in elements:
         geometry = _geometry(element, nodes)
@@ -46,7 +46,7 @@ def _geometry(element: Json, nodes: dict[Any, list[Any]]) -> Json | None:
     members = element.get("members")
     if element.get("type") == "relation" and isinstance(members, list):
         ways = [member for member in members if isinstance(member, dict) and member.get("type") == "way"]
-        parts = [_points(way, nodes) for way in ways if way.get("role") not in _NO_WAY]
+        parts = [_points(way, nodes) for way in ways if str(way.get("role")) not in _NO_WAY]
         return {"type": "MultiLineString", "coordinates": [part for part in parts if part]} if any(parts) else None
     return None
 
@@ -57,6 +57,10 @@ def _points(way: Json, nodes: dict[Any, list[Any]]) -> list[list[Any]]:
     if isinstance(given, list):
         return [[as_object(place).get("lon"), as_object(place).get("lat")] for place in given]
     numbers = way.get("nodes")
-    return (
-        [nodes[number] for number in numbers] if isinstance(numbers, list) and nodes and all(number in nodes for number in numbers) else []
-    )
+    if not isinstance(numbers, list) or not all(isinstance(number, int) and number in nodes for number in numbers):
+        return []
+    return [nodes[number] for number in numbers]
+
+
+def _is_node(element: Json) -> bool:
+    return element.get("type") == "node" and isinstance(element.get("id"), int)

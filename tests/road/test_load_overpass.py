@@ -46,3 +46,11 @@ def test_an_answer_without_geometry_says_how_to_ask_for_it(elements: list[Any]) 
     with pytest.raises(RoadError, match="no way with a geometry") as caught:
         read(*elements)
     assert "out geom" in str(caught.value.hint)
+
+
+def test_nodes_and_roles_that_are_lists_are_no_nodes_and_no_roles() -> None:
+    node: dict[str, Any] = {"type": "node", "id": [7], "lon": 12.0, "lat": 57.0}
+    way = {"type": "way", "id": 1, "nodes": [[7], [7]]}
+    relation = {"type": "relation", "id": 2, "members": [{"type": "way", "role": ["stop"], "nodes": [[7]]}]}
+    with pytest.raises(RoadError, match="no way with a geometry among 4 elements"):
+        read_overpass({"elements": [node, {**node, "id": 8}, way, relation]}, "road", choice=Choice())
