@@ -16,6 +16,7 @@ from hdvplan.jit import FloatArray
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 from hdvplan.qp.residuals import Residuals, residuals
 from hdvplan.qp.workspace import QpResult, QpWorkspace, WorkspaceMaker
+from hdvplan.solvers.second import largest_multiplier
 
 PRIMAL_M = 1e-4  # a hundredth of the centimetre to which limits are judged
 DUAL = 1e-4  # of the Lagrangian's gradient, relative to the scale
@@ -32,8 +33,7 @@ def accepted(primal: FloatArray, dual: FloatArray, gap: FloatArray, scale: Float
 
 def scale_of(point: StageSolution) -> float:
     """Return the largest multiplier of a point, at least 1."""
-    parts = (point.dynamics, point.rows, point.x_bounds, point.u_bounds)
-    return max(1.0, *(float(np.max(np.abs(part))) for part in parts if part.size))
+    return max(1.0, largest_multiplier(point))
 
 
 def proves(judged: Residuals, scale: float) -> bool:

@@ -67,20 +67,14 @@ class _Backed:
         result, why = self._asked(qp, guess)
         if result is not None and not why:
             return result
-        if self._second is None:
-            self._second = self._make(self._shape)
+        second = self._second = self._make(self._shape) if self._second is None else self._second
         lost = perf_counter() - began
-        rescued, again = _attempt(lambda: self._rescuer.solve(qp, None), qp)
+        rescued, again = _attempt(lambda: second.solve(qp, None), qp)
         if rescued is None or again:
             point = StageSolution.empty(self._shape)
             point.x[:] = np.nan
-            return QpResult(Status.FAILED, point, 0, lost, 0.0, reason=f"{why}; {self._rescuer.name}: {again}")
-        return rescued._replace(loading_time=rescued.loading_time + lost, instead=f"{why}; solved by {self._rescuer.name}")
-
-    @property
-    def _rescuer(self) -> QpWorkspace:
-        assert self._second is not None  # noqa: S101 - made before it is asked
-        return self._second
+            return QpResult(Status.FAILED, point, 0, lost, 0.0, reason=f"{why}; {second.name}: {again}")
+        return rescued._replace(loading_time=rescued.loading_time + lost, instead=f"{why}; solved by {second.name}")
 
     def _asked(self, qp: StageQp, guess: StageSolution | None) -> _Attempt:
         """Return the first solver's result, and why it is refused."""
@@ -108,12 +102,12 @@ def _attempt(solve: Callable[[], QpResult], qp: StageQp) -> _Attempt:
     own = f": {result.reason}" if result.reason else ""
     if not judged.primal <= BROKEN:  # NaN too
         return result, f"it says {result.status}{own}, with a primal residual of {judged.primal:.2g}"
-    if judged.dual > WRONG and judged.dual > WRONG * _largest(result.point):
+    if judged.dual > WRONG and judged.dual > WRONG * largest_multiplier(result.point):
         return result, f"it says {result.status}{own}, far from the optimum: dual residual {judged.dual:.2g}"
     return result, ""
 
 
-def _largest(point: StageSolution) -> float:
+def largest_multiplier(point: StageSolution) -> float:
     """Return a point's largest multiplier."""
     parts = (point.dynamics, point.rows, point.x_bounds, point.u_bounds)
     return max([float(np.max(np.abs(part))) for part in parts if part.size])

@@ -2,7 +2,7 @@
 
 Damages small valid files of every kind, hands each to its command, and counts what came of it. Exit code 1 where any input was met by a
 traceback, an exit code that there is not, more than one error line, impossible numbers, or more than 30 s of CPU time; ``--keep`` writes
-those inputs down. ``python -m tests.fuzz.guided`` does the same with atheris, which watches the branches that inputs take.
+those inputs down.
 """
 
 from __future__ import annotations
