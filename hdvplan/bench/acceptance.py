@@ -41,7 +41,7 @@ def proves(judged: Residuals, scale: float) -> bool:
     return bool(accepted(*(np.array([value]) for value in (*judged, scale)))[0])
 
 
-class Opinions:
+class ReferenceCheck:
     """The reference's solution of every program of a drive: it makes workspaces that have the reference solve what they solve.
 
     The reference starts from nothing, so that it cannot follow a solver astray. Its time counts as loading: no part of a step.
@@ -54,7 +54,7 @@ class Opinions:
 
     def __call__(self, shape: StageShape) -> QpWorkspace:
         """Make a workspace."""
-        return _Witnessed(self._make(shape), self._reference(shape), self._found)
+        return _CheckedWorkspace(self._make(shape), self._reference(shape), self._found)
 
     def take(self) -> tuple[float, float, float]:
         """Return of the programs since the last call: largest distance of e_y [m] and of u, and the last one's scale; NaN where unknown."""
@@ -64,7 +64,7 @@ class Opinions:
         return float(np.max(found[:, 0])), float(np.max(found[:, 1])), float(found[-1, 2])
 
 
-def opinion(qp: StageQp, point: StageSolution, reference: QpWorkspace) -> tuple[float, float, float]:
+def distance_to(qp: StageQp, point: StageSolution, reference: QpWorkspace) -> tuple[float, float, float]:
     """Return how far a point lies from the reference's: e_y [m], u, and the scale of multipliers; NaN where the reference fails."""
     result = reference.solve(qp, None)
     scale = scale_of(result.point)
@@ -77,8 +77,8 @@ def opinion(qp: StageQp, point: StageSolution, reference: QpWorkspace) -> tuple[
     )
 
 
-class _Witnessed:
-    """A workspace whose every solution is held against the reference's."""
+class _CheckedWorkspace:
+    """A workspace whose every solution is compared with the reference's."""
 
     def __init__(self, inner: QpWorkspace, reference: QpWorkspace, found: list[tuple[float, float, float]]) -> None:
         self._inner, self._reference, self._found = inner, reference, found
@@ -88,5 +88,5 @@ class _Witnessed:
         """Solve ``qp`` by the solver, then by the reference; see ``QpWorkspace``."""
         result = self._inner.solve(qp, guess)
         began = perf_counter()
-        self._found.append(opinion(qp, result.point, self._reference))
+        self._found.append(distance_to(qp, result.point, self._reference))
         return result._replace(loading_time=result.loading_time + perf_counter() - began)

@@ -10,7 +10,6 @@ from __future__ import annotations
 import os
 import re
 import shutil
-import subprocess
 import sys
 import tomllib
 from collections.abc import Callable, Iterator
@@ -19,6 +18,7 @@ from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 
+from hdvplan.bench.checkout import Checkout, copy_tree, export, git
 from hdvplan.bench.processes import Ended, Scratch, remove, run, undisturbed
 from hdvplan.bench.programs import Program, ProgramError, present
 from hdvplan.errors import OptionError
@@ -36,24 +36,6 @@ _READY = "ready"
 
 
 @dataclass(frozen=True)
-class Checkout:
-    """The git checkout that a comparison starts in; ``below`` is the folder within it."""
-
-    top: Path
-    below: Path
-
-    @property
-    def is_ours(self) -> bool:
-        """Whether it is one of hdvplan itself."""
-        return (self.top / "hdvplan" / "__init__.py").is_file()
-
-    @property
-    def is_package(self) -> bool:
-        """Whether pip can install it."""
-        return any((self.top / name).is_file() for name in ("pyproject.toml", "setup.py"))
-
-
-@dataclass(frozen=True)
 class Base:
     """What ``--against`` names, without anything having been run of it: an interpreter, something to install, or a commit."""
 
@@ -61,12 +43,6 @@ class Base:
     python: Path | None = None
     install: str | None = None
     commit: str | None = None
-
-
-def checkout() -> Checkout | None:
-    """Return the git checkout that the working directory is in; None outside."""
-    top = _git(None, "rev-parse", "--show-toplevel")
-    return Checkout(Path(top), Path.cwd().resolve().relative_to(Path(top).resolve())) if top else None
 
 
 def base_named(against: str, here: Checkout | None) -> Base:
@@ -95,7 +71,7 @@ def base_named(against: str, here: Checkout | None) -> Base:
     if here is None:
         msg = f"{against!r} names a revision, but this is no git checkout"
         raise OptionError(msg, hint="name a release (hdvplan==0.1.0), or the path of a Python that has one")
-    found = _git(here.top, "rev-parse", "--verify", "--quiet", "--end-of-options", f"{against}^{{commit}}") if "\0" not in against else None
+    found = git(here.top, "rev-parse", "--verify", "--quiet", "--end-of-options", f"{against}^{{commit}}") if "\0" not in against else None
     if found is None or not _HASH.fullmatch(found):
         msg = f"no revision {against!r} in {here.top}"
         raise OptionError(msg, hint="a shallow clone lacks other branches: fetch them first")
@@ -130,7 +106,7 @@ def base_program(base: Base, here: Checkout | None, scratch: Scratch, cache: Pat
         source, python = folder / "source", Path(sys.executable)
         if not ready:
             on_step(f"checking out {name}")
-            _export(here.top, base.commit, source, folder)
+            export(here.top, base.commit, source, folder)
         own = Checkout(source, here.below)
         if here.is_package and (not here.is_ours or _dependencies(source) not in {None, _dependencies(here.top)}):
             python = folder / "venv" / _PYTHON
@@ -161,7 +137,7 @@ def new_program(here: Checkout | None, scratch: Scratch, cache: Path, on_step: C
     with _kept(cache, f"new-{_digest(str(here.top).encode())}-{_request(here.top)}") as (folder, ready):
         on_step(f"installing {name}")
         source = scratch.folder / "working-tree"  # building leaves files beside the sources
-        _copy(here.top, source)
+        copy_tree(here.top, source)
         _install(source, folder / "venv", name, scratch, again=ready)
     return Program(name, folder / "venv" / _PYTHON, None, {}, here.top / here.below)
 
@@ -209,37 +185,6 @@ def _wait_for(lock: int) -> None:
     except ImportError:
         return
     fcntl.flock(lock, fcntl.LOCK_EX)
-
-
-def _export(top: Path, commit: str, source: Path, folder: Path) -> None:
-    """Write the files of a commit, through an index of our own."""
-    index = {"GIT_INDEX_FILE": str(folder / "index")}
-    source.mkdir()
-    if _git(top, "read-tree", commit, variables=index) is None or (
-        _git(top, "checkout-index", "--all", "--force", f"--prefix={source}/", variables=index) is None
-    ):
-        msg = f"git cannot check {commit[:9]} out into {source}"
-        raise ProgramError(msg)
-
-
-def _copy(top: Path, target: Path) -> None:
-    """Copy the files of a working tree that git knows or would add."""
-    listed = _git(top, "ls-files", "-z", "--cached", "--others", "--exclude-standard") or ""
-    for name in filter(None, listed.split("\0")):
-        if (top / name).is_file():
-            (target / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(top / name, target / name)
-
-
-def _git(top: Path | None, *arguments: str, variables: dict[str, str] | None = None) -> str | None:
-    git = shutil.which("git")
-    if git is None:
-        return None
-    where = [] if top is None else ["-C", str(top)]
-    ended = subprocess.run(  # noqa: S603 - no shell
-        [git, *where, *arguments], capture_output=True, check=False, env=os.environ | (variables or {}), stdin=subprocess.DEVNULL
-    )
-    return os.fsdecode(ended.stdout).strip() if ended.returncode == 0 else None
 
 
 def _dependencies(source: Path) -> str | None:

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hdvplan.bench.against import Contender, Settings, measure_against
+from hdvplan.bench.checkout import checkout
 from hdvplan.bench.compare import Comparison, failed
-from hdvplan.bench.environment import base_named, base_program, cache_folder, checkout, new_program
+from hdvplan.bench.environment import base_named, base_program, cache_folder, new_program
 from hdvplan.bench.processes import Scratch, ended_by_signals, scratch_folder
 from hdvplan.bench.programs import Program, ProgramError
 from hdvplan.bench.suite import Suite

@@ -9,9 +9,9 @@ from time import perf_counter
 
 import numpy as np
 
-from hdvplan.bench.acceptance import Opinions
+from hdvplan.bench.acceptance import ReferenceCheck
 from hdvplan.bench.replay import Program, nonzeros_of, replay, sampled
-from hdvplan.bench.samples import NUMBERS, OK, OPINION, OVER_BUDGET, UNRECORDED, Judgement, Measurement, ended, numbers_of, outcome_of
+from hdvplan.bench.samples import DISTANCES, NUMBERS, OK, OVER_BUDGET, UNRECORDED, Judgement, Measurement, ended, numbers_of, outcome_of
 from hdvplan.bench.suite import Suite, tuning_key
 from hdvplan.case import Case
 from hdvplan.driving.drive import Drive, drive, warm_up
@@ -109,7 +109,7 @@ def measure(case: Case, make_workspace: WorkspaceMaker, *, budget: float, judged
             raise _OverBudgetError
         mark = perf_counter()
 
-    outcome, message, judgement, opinions = OK, "", None, np.empty((0, len(OPINION)))
+    outcome, message, judgement, distances = OK, "", None, np.empty((0, len(DISTANCES)))
     gc.collect()
     gc.disable()
     mark = perf_counter()
@@ -124,26 +124,26 @@ def measure(case: Case, make_workspace: WorkspaceMaker, *, budget: float, judged
     finally:
         gc.enable()
     if judged and steps:
-        opinions = witnessed(case, make_workspace, len(steps), alive)
+        distances = checked_drive(case, make_workspace, len(steps), alive)
     message = message or next(filter(None, reasons), "")
     numbers = np.array(steps) if steps else np.empty((0, len(NUMBERS)))
-    return Measurement(numbers, tuple(statuses), outcome, message, nonzeros_of(shapes[0]) if shapes else 0, judgement, opinions)
+    return Measurement(numbers, tuple(statuses), outcome, message, nonzeros_of(shapes[0]) if shapes else 0, judgement, distances)
 
 
-def witnessed(case: Case, make_workspace: WorkspaceMaker, count: int, alive: Alive) -> FloatArray:
-    """Return of up to ``count`` planning steps how far they lie from the reference's, (steps, len(OPINION)), from a drive of its own."""
+def checked_drive(case: Case, make_workspace: WorkspaceMaker, count: int, alive: Alive) -> FloatArray:
+    """Return of up to ``count`` planning steps how far they lie from the reference's, (steps, len(DISTANCES)), from a drive of its own."""
     found: list[tuple[float, float, float]] = []
-    opinions = Opinions(make_workspace, REFERENCE)
+    check = ReferenceCheck(make_workspace, REFERENCE)
 
     def keep(_: Plan) -> None:
-        found.append(opinions.take())
+        found.append(check.take())
         alive(len(found))
         if len(found) == count:
             raise _OverBudgetError
 
     with suppress(Exception):  # the timed drive has said why
-        drive(case.road, case.vehicle, objective_named(case.objective), opinions, case.settings, bias=case.bias, on_plan=keep)
-    return np.array(found).reshape(-1, len(OPINION))
+        drive(case.road, case.vehicle, objective_named(case.objective), check, case.settings, bias=case.bias, on_plan=keep)
+    return np.array(found).reshape(-1, len(DISTANCES))
 
 
 def judge(driven: Drive) -> Judgement:

@@ -15,7 +15,7 @@ import numpy as np
 
 from hdvplan.bench.acceptance import proves, scale_of
 from hdvplan.bench.recording import copied
-from hdvplan.bench.samples import NUMBERS, OK, OPINION, OVER_BUDGET, Measurement, outcome_of
+from hdvplan.bench.samples import DISTANCES, NUMBERS, OK, OVER_BUDGET, Measurement, outcome_of
 from hdvplan.case import Case
 from hdvplan.driving.drive import drive
 from hdvplan.jit import FloatArray, IntArray
@@ -87,7 +87,7 @@ def replay(
     """
     steps: list[list[float]] = []
     statuses: list[str] = []
-    opinions: list[tuple[float, float, float]] = []
+    distances: list[tuple[float, float, float]] = []
     outcome, message, spent = OK, "", 0.0
     alive(0)
     gc.collect()
@@ -97,11 +97,11 @@ def replay(
         setting_up = _solved(workspace, recorded[0], hurried=True)  # sets up, loads and compiles; counts only where it takes the budget
         slow = setting_up[0][_TOTAL] > budget
         for number, one in enumerate(recorded):
-            numbers, status, reason, opinion = setting_up if slow else _solved(workspace, one, hurried=spent > budget)
+            numbers, status, reason, distance = setting_up if slow else _solved(workspace, one, hurried=spent > budget)
             message = message or reason
             steps.append(numbers)
             statuses.append(status)
-            opinions.append(opinion)
+            distances.append(distance)
             spent += float(np.nansum([numbers[_TOTAL], numbers[_COLD]]))
             alive(number + 1)
             if spent > budget and number + 1 < len(recorded):
@@ -112,7 +112,7 @@ def replay(
     finally:
         gc.enable()
     table = np.array(steps).reshape(-1, len(NUMBERS))
-    told = np.array(opinions).reshape(-1, len(OPINION)) if judged else np.empty((0, len(OPINION)))
+    told = np.array(distances).reshape(-1, len(DISTANCES)) if judged else np.empty((0, len(DISTANCES)))
     return Measurement(table, tuple(statuses), outcome, message, nonzeros_of(recorded[0].qp.shape), None, told, first_step=1)
 
 
@@ -123,10 +123,10 @@ def nonzeros_of(shape: StageShape) -> int:
 
 
 def _solved(workspace: QpWorkspace, one: Program, *, hurried: bool) -> tuple[list[float], str, str, tuple[float, float, float]]:
-    """Solve one program warm and, unless ``hurried``, cold; return the step's numbers, the solver's status and reason, and an opinion."""
+    """Solve one program warm and, unless ``hurried``, cold; return numbers, status, reason, and the distance from the optimum."""
     result, wall, cpu = _timed(workspace, one.qp, one.guess if workspace.starts_warm else None)
     judged, x, u = residuals(one.qp, result.point), result.point.x, result.point.u
-    opinion = float(np.max(np.abs(x[:, 0] - one.optimum.x[:, 0]))), float(np.max(np.abs(u - one.optimum.u))), one.scale
+    distance = float(np.max(np.abs(x[:, 0] - one.optimum.x[:, 0]))), float(np.max(np.abs(u - one.optimum.u))), one.scale
     numbers = {
         "linearise_s": 0.0, "update_s": wall - result.solve_time, "solve_s": result.solve_time, "check_s": 0.0, "total_s": wall,
         "qp_count": 1.0, "iterations": float(result.iterations), "usable": float(judged.primal <= USABLE_RESIDUAL), **judged._asdict(),
@@ -135,7 +135,7 @@ def _solved(workspace: QpWorkspace, one: Program, *, hurried: bool) -> tuple[lis
     }  # fmt: skip
     said = str(result.status), result.reason  # the next solve writes over the point
     numbers["cold_s"] = np.nan if hurried else _timed(workspace, one.qp, _nothing(workspace, one.qp.shape))[1]
-    return [numbers[name] for name in NUMBERS], *said, opinion
+    return [numbers[name] for name in NUMBERS], *said, distance
 
 
 def _timed(workspace: QpWorkspace, qp: StageQp, guess: StageSolution | None) -> tuple[QpResult, float, float]:

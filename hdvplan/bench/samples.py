@@ -25,7 +25,7 @@ NUMBERS = (
     "cold_s", "s_m", "outer_s",
 )  # fmt: skip
 COUNTS = ("qp_count", "iterations")
-OPINION = ("distance_m", "distance_u", "scale")  # see ``Opinion``
+DISTANCES = ("distance_m", "distance_u", "scale")  # see ``ReferenceCheck.take``
 OK, FAILED, OVER_BUDGET = "ok", "failed", "over budget"
 UNRECORDED = "nothing recorded"  # of a sample: the reference cannot drive the course, whatever the solver
 CRASHED, HUNG, OUT_OF_MEMORY = "crashed", "out of time", "out of memory"
@@ -56,7 +56,7 @@ class Measurement:
     message: str
     nonzeros: int  # of the QP's Hessian (upper triangle), dynamics and rows
     judgement: Judgement | None
-    opinions: FloatArray = field(default_factory=lambda: np.empty((0, len(OPINION))))  # (judged steps, len(OPINION)), of judged drives
+    distances: FloatArray = field(default_factory=lambda: np.empty((0, len(DISTANCES))))  # (judged steps, len(DISTANCES)), of judged drives
     first_step: int = 0  # the number of the first step; 1 where there is no first plan made from nothing
 
     def table(self) -> pd.DataFrame:
@@ -65,7 +65,7 @@ class Measurement:
         table = table.astype(dict.fromkeys(COUNTS, int) | {"usable": bool, "binding": bool})
         table.insert(0, "step", self.first_step + np.arange(len(table)))
         table.insert(NUMBERS.index("usable") + 1, "status", pd.Series(self.statuses, dtype=object))
-        for name, values in zip(OPINION, self.opinions.T, strict=True):
+        for name, values in zip(DISTANCES, self.distances.T, strict=True):
             table[name] = pd.Series(values).reindex(table.index)
         return table
 
@@ -130,7 +130,7 @@ def write_part(path: Path, measured: Measurement) -> None:
     arrays: dict[str, NDArray[np.generic]] = {
         "words": np.frombuffer(json_bytes(words), np.uint8),
         "steps": measured.steps,
-        "opinions": measured.opinions,
+        "distances": measured.distances,
     }
     judged = measured.judgement
     if judged is not None:
@@ -154,6 +154,6 @@ def read_part(path: Path) -> Measurement:
             words["message"],
             words["nonzeros"],
             judged,
-            arrays["opinions"],
+            arrays["distances"],
             words["first_step"],
         )

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hdvplan.bench.samples import CRASHED, HUNG, OK, OPINION, OUT_OF_MEMORY, OVER_BUDGET, UNRECORDED, Measurement
+from hdvplan.bench.samples import CRASHED, DISTANCES, HUNG, OK, OUT_OF_MEMORY, OVER_BUDGET, UNRECORDED, Measurement
 from hdvplan.bench.suite import AS_SET, Suite, tuning_key
 from hdvplan.bench.worker import Worker
 from hdvplan.case import Case
@@ -74,6 +74,6 @@ def meets(measured: Measurement, wanted: float) -> bool:
     """
     if measured.outcome in {HUNG, CRASHED, OUT_OF_MEMORY, UNRECORDED}:
         return True
-    told = measured.opinions[~np.isnan(measured.opinions[:, OPINION.index("scale")])] if len(measured.opinions) else measured.opinions
-    close = told[:, OPINION.index("distance_m")] <= wanted  # False for NaN
+    told = measured.distances[~np.isnan(measured.distances[:, DISTANCES.index("scale")])] if len(measured.distances) else measured.distances
+    close = told[:, DISTANCES.index("distance_m")] <= wanted  # False for NaN
     return measured.outcome in {OK, OVER_BUDGET} and bool(close.all())

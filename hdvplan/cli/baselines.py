@@ -14,11 +14,37 @@ from hdvplan.cli.console import ExitCode, note, progress, warn
 from hdvplan.errors import HdvplanError, OptionError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Mapping
 
     from hdvplan.bench.gate import Rule
     from hdvplan.bench.suite import Suite
     from hdvplan.bench.work import CommandWork
+
+
+def measured(suite: Path | None, given: Mapping[str, object], command: str | None) -> Suite | CommandWork:
+    """Return what a comparison measures: a command of one's own, or a suite.
+
+    Raises:
+        OptionError: no such suite, settings that contradict each other, or a command that is none.
+        SolverError: no such solver.
+
+    """
+    from hdvplan.bench.against import SUITE
+    from hdvplan.bench.suite import read_suite, suite_of
+    from hdvplan.bench.work import CommandWork, command_words
+    from hdvplan.plugins import is_reference
+    from hdvplan.solvers.registry import check_solver
+
+    if command is not None:
+        if suite is not None or given:
+            msg = "--command measures a command of your own: a suite and its options say nothing to it"
+            raise OptionError(msg, hint="leave them out")
+        return CommandWork(command_words(command))
+    wanted = suite_of(dict(SUITE) | (read_suite(suite) if suite else {}) | dict(given))
+    for name in wanted.solvers:
+        if not is_reference(name):  # each program has its own of these
+            check_solver(name)
+    return wanted
 
 
 def gate(

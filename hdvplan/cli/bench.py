@@ -9,7 +9,7 @@ import typer
 
 from hdvplan.bench import PICTURE
 from hdvplan.cli import completion
-from hdvplan.cli.baselines import gate, hold_to
+from hdvplan.cli.baselines import gate, hold_to, measured
 from hdvplan.cli.compare import FORMATS, ExpectChangesOption, FactorOption, FloorOption, FormatOption, rule_of, told_as_json
 from hdvplan.cli.compiling import note_compiling
 from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, warn
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
     from hdvplan.bench.suite import Suite
-    from hdvplan.bench.work import CommandWork
     from hdvplan.case import Case
 
 
@@ -187,7 +186,7 @@ def bench(
     if against is not None:
         asked = {name: value for name, value in given.items() if value is not None}
         with told_as_json(json=json):
-            what = _wanted(suite, asked, command)
+            what = measured(suite, asked, command)
             rule = rule_of(factor, floor)
             return gate(against, what, rule, out, expect_changes=expect_changes, format_=format_, json=json, quiet=quiet)
     entries = read_suite(suite) if suite else {}
@@ -259,26 +258,6 @@ def bench(
                 warn(warning)
         note(f"written to {out}/")
     return ExitCode.OK
-
-
-def _wanted(suite: Path | None, given: Mapping[str, object], command: str | None) -> Suite | CommandWork:
-    """Return what a comparison measures: a command of one's own, or a suite."""
-    from hdvplan.bench.against import SUITE
-    from hdvplan.bench.suite import read_suite, suite_of
-    from hdvplan.bench.work import CommandWork, command_words
-    from hdvplan.plugins import is_reference
-    from hdvplan.solvers.registry import check_solver
-
-    if command is not None:
-        if suite is not None or given:
-            msg = "--command measures a command of your own: a suite and its options say nothing to it"
-            raise OptionError(msg, hint="leave them out")
-        return CommandWork(command_words(command))
-    wanted = suite_of(dict(SUITE) | (read_suite(suite) if suite else {}) | dict(given))
-    for name in wanted.solvers:
-        if not is_reference(name):  # each program has its own of these
-            check_solver(name)
-    return wanted
 
 
 def _tolerances(

@@ -1,16 +1,17 @@
-"""Every QP solver by the name that users give it, loaded only when asked for: one row a solver."""
+"""Every QP solver by the name that users give it, loaded only when asked for."""
 
 from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from importlib import import_module, metadata
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, cast
 
 from hdvplan import plugins
 from hdvplan.errors import SolverError, did_you_mean
+from hdvplan.solvers.catalogue import GENERIC, NATIVE, THROUGH, Generic, Native
 
 if TYPE_CHECKING:  # names are listed and refused without loading the QP's kernels
     from hdvplan.qp.program import StageShape
@@ -18,7 +19,6 @@ if TYPE_CHECKING:  # names are listed and refused without loading the QP's kerne
 
 SolverClass = Callable[..., "QpWorkspace"]  # called with a shape, and with ``elastic`` and ``tolerance`` where it has them
 DEFAULT = "riccati"
-_THROUGH = "qpsolvers/"
 
 
 @dataclass(frozen=True)
@@ -33,87 +33,16 @@ class SolverInfo:
     note: str = ""
 
 
-@dataclass(frozen=True)
-class _Native:
-    """A class of our own around a solver. Its parameters beside the shape may be ``elastic`` and ``tolerance``; see ``solver_named``."""
-
-    home: str  # module:class
-    distribution: str
-    warm_start: bool
-    detects_infeasible: bool
-    note: str
-
-
-@dataclass(frozen=True)
-class _Generic:
-    """A solver of qpsolvers: ``options`` are passed on, and each name in ``accuracy`` gets the tolerance."""
-
-    distribution: str
-    module: str
-    note: str
-    accuracy: tuple[str, ...] = ()
-    tolerance: float | None = None  # None: the solver's own default
-    options: Mapping[str, float] = field(default_factory=dict)
-    fitting: Mapping[str, bool | float] = field(default_factory=dict)  # of ``hdvplan.solvers.generic.Fitting``
-
-
-_NATIVE = {
-    "riccati": _Native("hdvplan.solvers.riccati:RiccatiWorkspace", "hdvplan", True, False, "active set and interior point; our own"),
-    "riccati-ipm": _Native("hdvplan.solvers.riccati:InteriorWorkspace", "hdvplan", False, False, "the interior point of riccati alone"),
-    "piqp": _Native("hdvplan.solvers.piqp:PiqpWorkspace", "piqp", False, True, "proximal interior point, sparse"),
-    "clarabel": _Native("hdvplan.solvers.clarabel:ClarabelWorkspace", "clarabel", False, True, "interior point, sparse"),
-    "hpipm": _Native(
-        "hdvplan.solvers.hpipm:HpipmWorkspace", "casadi", False, False, "interior point with OCP structure; in CasADi's wheel"
-    ),
-    "daqp": _Native("hdvplan.solvers.daqp:DaqpWorkspace", "daqp", False, True, "dual active set, dense, states eliminated"),
-    "osqp": _Native("hdvplan.solvers.osqp:OsqpWorkspace", "osqp", True, True, "operator splitting, sparse"),
-    "proxqp": _Native("hdvplan.solvers.proxqp:ProxqpWorkspace", "proxsuite", True, True, "augmented Lagrangian, sparse"),
-}
-
-# The solvers of qpsolvers that users may have; whichever is installed is offered. The tolerances bring each one to the same accuracy in
-# metres, as ``path difference`` of a bench shows.
-_GENERIC = {
-    "clarabel": _Generic("clarabel", "clarabel", "interior point", ("tol_feas", "tol_gap_abs")),
-    "cvxopt": _Generic("cvxopt", "cvxopt", "interior point", ("feastol", "abstol"), None, {}, {"bounds_as_rows": True}),
-    "daqp": _Generic("daqp", "daqp", "dual active set, dense", ("primal_tol",)),
-    "ecos": _Generic(
-        "ecos",
-        "ecos",
-        "interior point, as a cone program",
-        ("feastol", "abstol"),
-        None,
-        {},
-        {"dense": True, "bounds_as_rows": True, "ridge": 1e-9},
-    ),
-    "highs": _Generic("highspy", "highspy", "active set", ("primal_feasibility_tolerance", "dual_feasibility_tolerance")),
-    "osqp": _Generic("osqp", "osqp", "operator splitting", ("eps_abs",), 1e-5, {"eps_rel": 0.0, "max_iter": 20_000}),
-    "piqp": _Generic("piqp", "piqp", "proximal interior point", ("eps_abs", "eps_duality_gap_abs")),
-    "proxqp": _Generic("proxsuite", "proxsuite", "augmented Lagrangian", ("eps_abs",), 1e-6, {"eps_rel": 0.0}),
-    "qpalm": _Generic("qpalm", "qpalm", "augmented Lagrangian", ("eps_abs",), 1e-6, {"eps_rel": 0.0}),
-    "jaxopt_osqp": _Generic(
-        "jaxopt", "jaxopt", "operator splitting in JAX", ("tol",), 1e-5, {"maxiter": 20_000}, {"dense": True, "double": True}
-    ),
-    "qpax": _Generic(
-        "qpax", "qpax", "interior point in JAX", ("solver_tol",), 1e-6, {}, {"dense": True, "bounds_as_rows": True, "double": True}
-    ),
-    "quadprog": _Generic(
-        "quadprog", "quadprog", "dual active set, dense", (), None, {}, {"dense": True, "bounds_as_rows": True, "ridge": 1e-8}
-    ),
-    "scs": _Generic("scs", "scs", "operator splitting, as a cone program", ("eps_abs",), 1e-6, {"eps_rel": 0.0, "max_iters": 50_000}),
-}
-
-
 def solver_infos() -> list[SolverInfo]:
     """Return every solver that hdvplan knows, installed or not, the default first, and those that installed packages offer."""
     native = [
-        SolverInfo(name, _version(row.distribution), True, row.warm_start, row.detects_infeasible, row.note)
-        for name, row in _NATIVE.items()
+        SolverInfo(name, _version(row.distribution), True, row.warm_start, row.detects_infeasible, row.note) for name, row in NATIVE.items()
     ]
-    generic = [SolverInfo(_THROUGH + name, _version(row.distribution), False, False, True, row.note) for name, row in _GENERIC.items()]
+    generic = [SolverInfo(THROUGH + name, _version(row.distribution), False, False, True, row.note) for name, row in GENERIC.items()]
     offered = [
         SolverInfo(name, point.dist.version if point.dist else "?", True, None, None, f"offered by {point.value}")
         for name, point in plugins.offers(plugins.SOLVER).items()
-        if name not in _NATIVE
+        if name not in NATIVE
     ]
     return native + generic + offered
 
@@ -191,7 +120,7 @@ def check_solver(name: str) -> None:
     if row is None:
         _class(name)
         return
-    module = row.module if isinstance(row, _Generic) else row.distribution
+    module = row.module if isinstance(row, Generic) else row.distribution
     if find_spec(module) is None:
         msg = f"solver {name!r} is not installed"
         raise SolverError(msg, hint=f"pip install {row.distribution}")
@@ -203,7 +132,7 @@ def tolerance_of(name: str) -> float | None:
     Each solver measures it in its own way: equal numbers are not equal accuracies.
     """
     row = _row(name)
-    if isinstance(row, _Generic):
+    if isinstance(row, Generic):
         return row.tolerance
     parameter = _parameters(_class(name)).get("tolerance")
     return None if parameter is None or parameter.default is parameter.empty else float(parameter.default)
@@ -225,8 +154,8 @@ def known_version(name: str) -> str | None:
 
 def home_of(name: str) -> str | None:
     """Return the module of ours that runs the solver called ``name``; None for a name that means nothing here, or another's own module."""
-    if name in _NATIVE:
-        return _NATIVE[name].home.partition(":")[0]
+    if name in NATIVE:
+        return NATIVE[name].home.partition(":")[0]
     return "hdvplan.solvers.generic" if name in _ours() else None
 
 
@@ -234,7 +163,7 @@ def settings_of(name: str, tolerance: float | None = None) -> str:
     """Return version and settings of the solver called ``name`` for the foot of a table: what a reader needs to run it alike."""
     row, used = _row(name), tolerance_of(name) if tolerance is None else tolerance
     said = [f"{name} {version_of(name) or ''}".rstrip()]
-    if isinstance(row, _Generic):
+    if isinstance(row, Generic):
         said += [] if used is None else [f"{option} {used:g}" for option in row.accuracy]
         said += [f"{option} {value:g}" for option, value in row.options.items()] or ([] if used is not None else ["defaults"])
         said += [what.replace("_", " ") if value is True else f"{what} {value:g}" for what, value in row.fitting.items()]
@@ -245,22 +174,22 @@ def settings_of(name: str, tolerance: float | None = None) -> str:
 
 
 def _ours() -> set[str]:
-    return {*_NATIVE, *(_THROUGH + name for name in _GENERIC)}
+    return {*NATIVE, *(THROUGH + name for name in GENERIC)}
 
 
-def _row(name: str) -> _Native | _Generic | None:
+def _row(name: str) -> Native | Generic | None:
     """Return what is known of a solver; None of one that a reference or an installed package's offer names.
 
     Raises:
         SolverError: it is neither.
 
     """
-    row = _GENERIC.get(name.removeprefix(_THROUGH)) if name.startswith(_THROUGH) else _NATIVE.get(name)
+    row = GENERIC.get(name.removeprefix(THROUGH)) if name.startswith(THROUGH) else NATIVE.get(name)
     if row is not None or plugins.is_reference(name) or name in plugins.offers(plugins.SOLVER):
         return row
     msg = f"unknown solver {name!r}"
-    if name.startswith(_THROUGH):
-        raise SolverError(msg, hint=f"through qpsolvers: {', '.join(_GENERIC)}")
+    if name.startswith(THROUGH):
+        raise SolverError(msg, hint=f"through qpsolvers: {', '.join(GENERIC)}")
     known = [info.name for info in solver_infos()]
     raise SolverError(msg, hint=did_you_mean(name, known, f"solvers: {', '.join(known)}"))
 
@@ -272,7 +201,7 @@ def _class(solver: str | SolverClass) -> SolverClass:
     row = _row(solver)
     if row is None:
         return cast("SolverClass", plugins.load(plugins.SOLVER, solver))
-    if isinstance(row, _Native):
+    if isinstance(row, Native):
         module, _, workspace = row.home.partition(":")
         return cast("SolverClass", getattr(import_module(module), workspace))
     from hdvplan.solvers.generic import Fitting, GenericWorkspace  # noqa: PLC0415 - qpsolvers imports every solver it finds
@@ -281,7 +210,7 @@ def _class(solver: str | SolverClass) -> SolverClass:
 
     def generic(shape: StageShape, *, elastic: bool, tolerance: float | None = row.tolerance) -> QpWorkspace:
         accuracy = {} if tolerance is None else dict.fromkeys(row.accuracy, tolerance)
-        return GenericWorkspace(shape, solver.removeprefix(_THROUGH), {**accuracy, **row.options}, fitting, elastic=elastic)
+        return GenericWorkspace(shape, solver.removeprefix(THROUGH), {**accuracy, **row.options}, fitting, elastic=elastic)
 
     def exact(shape: StageShape, *, elastic: bool) -> QpWorkspace:
         return generic(shape, elastic=elastic)

@@ -14,7 +14,8 @@ from pathlib import Path
 import pytest
 
 from hdvplan.bench import environment
-from hdvplan.bench.environment import Base, base_named, base_program, checkout, new_program
+from hdvplan.bench.checkout import checkout
+from hdvplan.bench.environment import Base, base_named, base_program, new_program
 from hdvplan.bench.processes import Ended, Scratch, scratch_folder, start
 from hdvplan.bench.programs import Program, ProgramError
 from hdvplan.errors import OptionError

@@ -110,7 +110,7 @@ def test_time_against_accuracy_shows_only_cells_whose_steps_are_all_accepted() -
     for name, refused in (("hasty", 1), ("riccati", 0)):
         measured = made_up([0.1, 0.001, 0.001])
         measured.steps[2, NUMBERS.index("usable")] = 1 - refused
-        rounds[name] = [replace(measured, opinions=np.array([[1e-9, 1e-9, 10.0]] * 3))]
+        rounds[name] = [replace(measured, distances=np.array([[1e-9, 1e-9, 10.0]] * 3))]
     found = tables(**rounds)
     shown = pictured(found.samples, found.timing, ["riccati", "hasty"])
     assert {name: len(points) for name, points in shown.accuracy.items()} == {"riccati": 1, "hasty": 0}
@@ -163,7 +163,7 @@ def test_refused_steps_are_not_drawn_along_the_road() -> None:
 def test_what_is_timed_of_a_sample_is_called_a_qp() -> None:
     measured = made_up([0.1, 0.001, 0.002])
     measured.steps[:, NUMBERS.index("linearise_s")] = 0.0
-    found = tables(riccati=[replace(measured, opinions=np.array([[0.0, 0.0, 10.0]] * 3))])
+    found = tables(riccati=[replace(measured, distances=np.array([[0.0, 0.0, 10.0]] * 3))])
     assert finding(found).text == ("bus, rti: riccati alone, 1.42 ms a QP, all 2 QPs accepted; no other solver to compare with")
     shown = pictured(found.samples, found.timing, ["riccati"])
     axes = bench_figure(shown, "title", "caption").axes
@@ -196,9 +196,9 @@ def test_names_that_latex_would_read_are_escaped_in_cells_caption_and_foot() -> 
 
 def test_a_step_that_the_residuals_do_not_prove_is_not_accepted() -> None:
     told = made_up([0.1, 0.001, 0.001])
-    opinions = np.array([[0.0, 0.0, 10.0]] * 3)
+    distances = np.array([[0.0, 0.0, 10.0]] * 3)
     told.steps[1, NUMBERS.index("dual")] = 2e-3  # 1e-4 of the largest multiplier is allowed, which is 10
-    found = tables(riccati=[replace(told, opinions=opinions)])
+    found = tables(riccati=[replace(told, distances=distances)])
     assert list(found.samples["accepted"]) == [True, False, True]
     assert found.timing["status"].iloc[0] == "some steps not accepted"
     assert found.timing["success"].iloc[0] == pytest.approx(2 / 3)
