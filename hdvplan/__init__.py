@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from hdvplan.api import plan, prove, solver
     from hdvplan.case import Case
     from hdvplan.errors import HdvplanError
+    from hdvplan.finer import replanned
     from hdvplan.judging.result import Result
     from hdvplan.judging.verdict import verdict_of
     from hdvplan.need.answer import need_of
@@ -54,6 +55,7 @@ _HOMES = {
     "plan": "hdvplan.api",
     "plan_figure": "hdvplan.report.plots",
     "prove": "hdvplan.api",
+    "replanned": "hdvplan.finer",
     "solver": "hdvplan.api",
     "summary_of": "hdvplan.report.summary",
     "verdict_of": "hdvplan.judging.verdict",
@@ -80,6 +82,7 @@ __all__ = [
     "plan",
     "plan_figure",
     "prove",
+    "replanned",
     "solver",
     "summary_of",
     "verdict_of",

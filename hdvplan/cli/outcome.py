@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hdvplan.cli.console import ExitCode, print_tables, report_error, warn
+from hdvplan.cli.console import ExitCode, note, print_tables, progress, report_error, warn
 
 if TYPE_CHECKING:
     from hdvplan.judging.result import Result
@@ -14,14 +14,31 @@ if TYPE_CHECKING:
 _MOST_WARNINGS = 5
 
 
+def looked_again(result: Result, *, proof: bool, refine: bool, quiet: bool) -> Result:
+    """Return a plan that breaks its limits with a proof that nothing keeps them, or a finer plan that does, where either is found."""
+    from hdvplan import api
+    from hdvplan.finer import replanned
+    from hdvplan.judging.verdict import verdict_of
+
+    if proof and verdict_of(result).fits is False:
+        with progress("looking for a proof that nothing fits", quiet=quiet) as on_progress:
+            result = api.prove(result, on_progress=on_progress)
+    if refine and verdict_of(result).fits is False and result.proof is None:
+        with progress("planning again with stations nearer together", quiet=quiet) as on_progress:
+            result = replanned(result, on_progress=on_progress)
+    return result
+
+
 def warn_of(result: Result, verdict: Verdict, *, quiet: bool) -> None:
     """Say what a driver would find too much, and where a vehicle does not fit that geometry expects it so: it may tell why."""
     from hdvplan.judging.fit import finding_text
     from hdvplan.judging.manners import manners_of, manners_texts
-    from hdvplan.judging.result import solver_texts
+    from hdvplan.judging.result import attempts_text, solver_texts
 
     for text in solver_texts(result):
         warn(text, quiet=quiet)
+    if result.attempts:
+        note(attempts_text(result), quiet=quiet)
     for text in manners_texts(result.drive, manners_of(result.drive)):
         warn(text, quiet=quiet)
     findings = () if verdict.fits else result.fit.findings

@@ -29,7 +29,7 @@ from hdvplan.cli.options import (
     file_name,
     road_options,
 )
-from hdvplan.cli.outcome import exit_code_of, print_plan, warn_of
+from hdvplan.cli.outcome import exit_code_of, looked_again, print_plan, warn_of
 from hdvplan.errors import OptionError, RoadError
 
 if TYPE_CHECKING:
@@ -121,6 +121,9 @@ def plan(
     proof: Annotated[
         bool, typer.Option("--proof/--no-proof", help="Where the plan breaks limits, look for a proof that nothing keeps them.")
     ] = True,
+    refine: Annotated[
+        bool, typer.Option("--refine/--no-refine", help="Where limits are broken by little, plan again with stations nearer together.")
+    ] = True,
     animate: Annotated[bool, typer.Option("--animate", help="Write drive.gif, a film of the drive.")] = False,
     quiet: QuietOption = False,
 ) -> int:
@@ -187,9 +190,7 @@ def plan(
             case = replace(case, bias=bias_named(bias, sided.limits))
             _check_bias(case, bias)
         result = api.plan(case, on_progress=on_progress)
-    if proof and verdict_of(result).fits is False:
-        with progress("looking for a proof that nothing fits", quiet=quiet) as on_progress:
-            result = api.prove(result, on_progress=on_progress)
+    result = looked_again(result, proof=proof, refine=refine, quiet=quiet)
     directory = out or Path(f"{file_name(track.name)}.{file_name(driven.name)}")
     with progress(f"writing {directory}/", quiet=quiet) as on_progress:
         _write(result, directory, [kind for kind in kinds if plot or kind in DRAWINGS], drawn_on, animate, on_progress)

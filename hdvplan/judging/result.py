@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,6 +28,13 @@ from hdvplan.vehicle.model import Vehicle
 _PAIR = ("tractor", "trailer")
 
 
+class Attempt(NamedTuple):
+    """A plan of a case with stations a ``step`` apart, and the room that it lacks; both [m], 0 where it lacks none."""
+
+    step: float
+    lacking: float
+
+
 @dataclass(frozen=True)
 class Result:
     """A case's drive with its evaluation; ``expected`` is the balanced driving at the envelope's arclengths."""
@@ -39,6 +47,7 @@ class Result:
     fit: Fit  # what geometry said before planning
     passed: tuple[Passed, ...] = ()  # the obstacles in order of s, and their sides
     proof: Proof | None = None  # that nothing keeps the limits; None where none was found, or none was looked for
+    attempts: tuple[Attempt, ...] = ()  # where it was planned more than once, with stations nearer together each time: every one
 
     @property
     def solver(self) -> str:
@@ -158,6 +167,19 @@ def solver_texts(result: Result) -> list[str]:
         where = f"first at s = {at[first.first]:.1f} m" + (f" ({first.reason})" if first.reason else "")
         texts.append(f"{len(result.failed)} of {steps} planning steps were not solved, {where}: the last plan was driven on")
     return texts
+
+
+def attempts_text(result: Result) -> str:
+    """Return how a case that was planned more than once came to its answer, without a capital or a full stop; "" of others."""
+    if not result.attempts:
+        return ""
+    first, *others = result.attempts
+    steps = " and ".join(f"{attempt.step:g} m" for attempt in others)
+    if others[-1].lacking == 0.0:
+        lacking = f"planned with stations {first.step:g} m apart it lacks {first.lacking:.3f} m"
+        return f"{lacking}; with stations {others[-1].step:g} m apart it fits, and that is the plan here"
+    least = min(attempt.lacking for attempt in others)
+    return f"planned again with stations {steps} apart: {least:.3f} m are lacking at best"
 
 
 def breach_text(result: Result, breach: Breach) -> str:

@@ -58,6 +58,7 @@ def summary_of(result: Result) -> Json:
         "passed": [_passed(passed) for passed in result.passed],
         "failed_steps": [float(drive.stations.s[plan.first]) for plan in result.failed],
         "rescued_steps": [{"s_m": float(drive.stations.s[plan.first]), "why": plan.instead} for plan in result.rescued],
+        "attempts": [{"step_m": attempt.step, "lacking_m": attempt.lacking} for attempt in result.attempts],
         "prediction_error_m": drive.prediction_error,
         "sqp_iterations_mean": float(np.mean(counts)),
         "sqp_iterations_max": int(np.max(counts)),

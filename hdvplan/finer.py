@@ -1,0 +1,59 @@
+"""A plan that breaks its limits, planned again with stations nearer together.
+
+What a body may reach at a station is the narrowest that the limits are until the next one (``hdvplan.planning.stations``). Where a limit
+comes in at a slope, that is less room than there is: the slope times the distance of stations. On a road as wide as the vehicle can just
+use, the coarse plan then fails where a finer one does not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from hdvplan import api
+from hdvplan.errors import HdvplanError
+from hdvplan.judging.result import Attempt, Result
+from hdvplan.judging.verdict import verdict_of
+from hdvplan.planning.settings import MOST_STAGES, SHORTEST_STEP_M, PlannerSettings
+
+_DIVISORS = (2, 5)  # of the distance of stations: whole numbers, so that horizon and replanning distance stay whole numbers of them
+_WORTH = 0.5  # metres lacking per metre between stations beyond which a finer plan is not tried: limits at that slope are rare
+
+
+def replanned(result: Result, *, on_progress: Callable[[float], None] | None = None) -> Result:
+    """Return the first plan with stations nearer together that keeps the limits which ``result`` breaks; else ``result``.
+
+    Either has what was tried in ``attempts``. One that lacks more room than stations can take away, or whose breach is proved to be
+    inevitable, is not planned again. ``on_progress`` receives the share of the attempts that are made, 0 to 1.
+    """
+    verdict, last = verdict_of(result), result
+    if verdict.fits is not False or verdict.proved:
+        return result
+    attempts = [_attempt(result)]
+    for number, divisor in enumerate(_DIVISORS):
+        settings = _divided(result.case.settings, divisor)
+        if settings is None or attempts[-1].lacking > _WORTH * last.case.settings.step:
+            break
+        try:
+            last = api.plan(replace(result.case, settings=settings))
+        except HdvplanError:  # what cannot be planned so finely is no better answer
+            break
+        attempts.append(_attempt(last))
+        if verdict_of(last).fits:
+            return replace(last, attempts=tuple(attempts))
+        if on_progress is not None:
+            on_progress((number + 1) / len(_DIVISORS))
+    return result if len(attempts) == 1 else replace(result, attempts=tuple(attempts))
+
+
+def _attempt(result: Result) -> Attempt:
+    verdict = verdict_of(result)
+    return Attempt(result.case.settings.step, 0.0 if verdict.fits else -(verdict.spare or 0.0))
+
+
+def _divided(settings: PlannerSettings, divisor: int) -> PlannerSettings | None:
+    """Return settings with stations so many times as near; None where that is finer than a plan may be."""
+    step = settings.step / divisor
+    if step < SHORTEST_STEP_M or settings.stages * divisor > MOST_STAGES:
+        return None
+    return replace(settings, step=step)
