@@ -36,7 +36,7 @@ class Job:
 
     name: str
     out: str
-    ways: tuple[tuple[str, ...], tuple[str, ...]]
+    ways: tuple[tuple[str, ...], ...]  # two
     together: bool = True  # all files change at once; else one by one
 
 

@@ -9,7 +9,7 @@ import pytest
 from hdvplan.errors import SolverError
 from hdvplan.qp.residuals import residuals
 from hdvplan.qp.workspace import Status
-from hdvplan.solvers import registry
+from hdvplan.solvers import catalogue
 from hdvplan.solvers.registry import DEFAULT, settings_of, solver_infos, solver_named, tolerance_of
 from tests.core.programs import random_program, shape
 
@@ -50,8 +50,8 @@ def test_an_unknown_name_behind_qpsolvers_is_met_with_those_there_are() -> None:
 
 
 def test_a_solver_that_is_not_installed_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    absent = registry._Generic("no-such-solver-here", "no_such_solver_here", "")
-    monkeypatch.setitem(registry._GENERIC, "daqp", absent)
+    absent = catalogue.Generic("no-such-solver-here", "no_such_solver_here", "")
+    monkeypatch.setitem(catalogue.GENERIC, "daqp", absent)
     (info,) = (info for info in solver_infos() if info.name == "qpsolvers/daqp")
     assert info.version is None
     with pytest.raises(SolverError, match="'qpsolvers/daqp' is not installed") as caught:
