@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from hdvplan.bench.directory import read_record, read_samples, read_table
 from hdvplan.bench.profiles import Along, Pictured, order_of, pictured, share_within
@@ -17,7 +16,7 @@ from hdvplan.bench.timing import latex_escaped
 from hdvplan.fileio import write_atomically
 from hdvplan.jit import FloatArray
 from hdvplan.report.colours import FAINT, MUTED
-from hdvplan.report.style import figure_bytes, styled
+from hdvplan.report.style import figure_bytes, plain_decades, styled
 
 _SIZE_IN = (11.0, 8.5)
 _DASHES = ("-", "--", ":")
@@ -125,7 +124,7 @@ def _profiles(axes: Axes, shown: Pictured) -> None:
         axes.step(at, share_within(ratios, at), where="post", label=solver, **_look(number))  # type: ignore[arg-type] # line properties
     axes.set(xscale="log", xlim=(1.0, at[-1]), ylim=(0.0, 1.03), xlabel="within this factor of the fastest")
     axes.set_ylabel(f"share of {shown.unit}s")
-    _plain(axes, "x")
+    plain_decades(axes, "x")
     _headed(axes, f"performance profiles, {shown.steps} {shown.unit}s")
 
 
@@ -143,7 +142,7 @@ def _distribution(axes: Axes, shown: Pictured) -> None:
     )
     axes.grid(visible=True, axis="x")
     axes.tick_params(axis="y", length=0.0)
-    _plain(axes, "x")
+    plain_decades(axes, "x")
     _headed(axes, "distribution: 5, 25, 50, 75, 95 %, dot: the longest")
 
 
@@ -156,7 +155,7 @@ def _along(axes: Axes, shown: Pictured) -> None:
         for begin, end in _stretches(held):
             axes.axvspan(begin, end, color=FAINT, linewidth=0.0)
     axes.set(yscale="log", xlabel="s [m]", ylabel=f"{shown.unit} [ms]")
-    _plain(axes, "y")
+    plain_decades(axes, "y")
     grey = "; grey: limits bind" if held is not None and held.binding.any() else ""
     few = f"; the first {_ALONG} solvers" if len(shown.along) > _ALONG else ""
     _headed(axes, f"{shown.course.replace(', as set', '')}{grey}{few}")
@@ -179,7 +178,8 @@ def _accuracy(axes: Axes, shown: Pictured) -> None:
             )  # fmt: skip
     axes.set(xscale="log", yscale="log", xlabel=_distance_words(shown), ylabel=f"{shown.unit} [ms]")
     axes.grid(visible=True)
-    _plain(axes, "y")
+    plain_decades(axes, "x")
+    plain_decades(axes, "y")
     _headed(axes, f"time against accuracy, a mark a cell with all {shown.unit}s accepted")
 
 
@@ -190,11 +190,3 @@ def _distance_words(shown: Pictured) -> str:
 
 def _headed(axes: Axes, title: str) -> None:
     axes.set_title(title, loc="left", fontsize="small")
-
-
-def _plain(axes: Axes, axis: str) -> None:
-    """Write the numbers of a logarithmic axis as they are said: 0.1, 1, 10."""
-    one = axes.xaxis if axis == "x" else axes.yaxis
-    one.set_major_locator(LogLocator(subs=(1.0,) if np.ptp(np.log10(one.get_view_interval())) > 2.0 else (1.0, 2.0, 5.0)))  # noqa: PLR2004 - decades
-    one.set_minor_locator(NullLocator())
-    one.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))

@@ -6,11 +6,15 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO
+from typing import Literal
 
 import matplotlib as mpl
+import numpy as np
 from cycler import cycler
+from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from hdvplan.report.colours import BODY_COLOURS, FAINT, INK, MUTED
 
@@ -18,6 +22,7 @@ DPI = 150  # of PNG
 SLIDE_IN = (16.0, 9.0)
 
 _PALE, _DARK = 0.4, 0.6
+_DECADES = 2.0  # on an axis, from which it has no numbers between them
 _STYLE = {
     "axes.axisbelow": True,
     "axes.edgecolor": MUTED,
@@ -54,6 +59,14 @@ def styled() -> Iterator[None]:
     with mpl.rc_context(_STYLE), warnings.catch_warnings():  # type: ignore[arg-type] # Matplotlib types the keys as literals
         warnings.filterwarnings("ignore", message="Glyph .* missing")  # of a name in another script: a box stands for it
         yield
+
+
+def plain_decades(axes: Axes, axis: Literal["x", "y"]) -> None:
+    """Write the numbers of a logarithmic axis as they are said, 0.1, 1, 10: as powers they would be formulas, which are not drawn."""
+    one = axes.xaxis if axis == "x" else axes.yaxis
+    one.set_major_locator(LogLocator(subs=(1.0,) if np.ptp(np.log10(one.get_view_interval())) > _DECADES else (1.0, 2.0, 5.0)))
+    one.set_minor_locator(NullLocator())
+    one.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
 def body_colour(unit: int) -> str:

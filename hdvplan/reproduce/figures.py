@@ -19,7 +19,7 @@ from hdvplan.jit import FloatArray
 from hdvplan.judging.bodies import corners, pose_at
 from hdvplan.report.furniture import draw_direction, finish_map
 from hdvplan.report.geojson import swept_area
-from hdvplan.report.style import styled
+from hdvplan.report.style import plain_decades, styled
 from hdvplan.reproduce.published import StepTime
 from hdvplan.reproduce.swept import Swept
 
@@ -189,6 +189,7 @@ def timing_figure(data: pd.DataFrame, published: Mapping[tuple[str, str], StepTi
     axes.plot([], [], linestyle="none", marker="v", color="white", markeredgecolor="0.1", label="largest")
     axes.set_yscale("log")
     axes.set_ylim(bottom=0.4 * float(means.min()))
+    plain_decades(axes, "y")
     axes.set_xticks(np.arange(len(published)), [f"{vehicle}\n{scheme.upper()}" for vehicle, scheme in published])
     axes.set_ylabel("time of one planning step [ms]")
     axes.legend(fontsize="small", ncols=2, loc="upper center", bbox_to_anchor=(0.5, 1.2), frameon=False)
@@ -270,5 +271,7 @@ def accuracy_figure(table: pd.DataFrame) -> Figure:
     for (name, rows), colour in zip(table.groupby("vehicle"), (BLUE, YELLOW), strict=True):
         axes.loglog(rows["spacing_m"], rows["joined_mm"], color=colour, marker="o", label=f"{name}, poses joined")
         axes.loglog(rows["spacing_m"], rows["outlines_mm"], color=colour, marker="s", linestyle="--", label=f"{name}, outlines alone")
+    plain_decades(axes, "x")
+    plain_decades(axes, "y")
     _finish(axes, "between poses [m]", "largest error of an edge [mm]", "swept envelope")
     return figure

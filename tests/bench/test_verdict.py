@@ -13,6 +13,7 @@ from hdvplan.bench.suite import Cell
 from hdvplan.bench.timing import latex
 from hdvplan.bench.verdict import Finding, Load, findings_of, load_of
 from hdvplan.planning.settings import Scheme
+from hdvplan.report.style import styled
 from tests.bench.conftest import made_up
 
 QUIET = Load(0.1, 1.0, 2, 1.0, "")
@@ -170,6 +171,17 @@ def test_what_is_timed_of_a_sample_is_called_a_qp() -> None:
     assert [one.get_ylabel() for one in axes] == ["share of QPs", "", "QP [ms]", "QP [ms]"]
     assert axes[1].get_xlabel() == "QP [ms]"
     assert axes[3].get_xlabel() == "largest distance of e_y from the optimum [m]; less than 1e-14 drawn there"
+
+
+def test_numbers_on_axes_are_no_formulas() -> None:
+    measured = made_up([0.1, 0.001, 0.002])
+    found = tables(riccati=[replace(measured, distances=np.array([[1e-12, 0.0, 10.0], [1e-9, 0.0, 10.0], [1e-6, 0.0, 10.0]]))])
+    figure = bench_figure(pictured(found.samples, found.timing, ["riccati"]), "title", "caption")
+    with styled():
+        figure.draw_without_rendering()
+    said = [label.get_text() for axes in figure.axes for axis in (axes.xaxis, axes.yaxis) for label in axis.get_ticklabels()]
+    assert any(said)
+    assert not [text for text in said if "$" in text]
 
 
 def test_solvers_that_are_not_ranked_are_drawn_last() -> None:
