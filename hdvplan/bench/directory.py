@@ -95,8 +95,8 @@ def finish(suite: Suite, directory: Path) -> None:
     measured = [[read_part(part_file(directory, cell, round_)) for round_ in range(suite.rounds)] for cell in range(len(cells))]
     tables = tables_of(cells, measured, suite.accuracy)
     record = json.loads((directory / NAME).read_text(encoding="utf-8"))
-    at_end = load_average()
-    load = load_of(tables.summary, record["sessions"], at_end, record["machine"]["usable_cores"])
+    at_end, finished = load_average(), now()
+    load = load_of(tables.summary, record["sessions"], at_end, record["machine"]["usable_cores"], finished)
     findings = findings_of(tables.summary, load)
     foot = foot_of(suite, record.get("tolerances", {}), findings, load, tables.timing)
     packed = tables.samples.to_csv(index=False, lineterminator="\n", float_format=_SAMPLE_DIGITS)
@@ -107,7 +107,7 @@ def finish(suite: Suite, directory: Path) -> None:
         write_atomically(directory / f"{name}.csv", csv_bytes(table))
         write_atomically(directory / f"{name}.md", encoded(markdown(table, name, caption[name], foot)))
         write_atomically(directory / f"{name}.tex", encoded(latex(table, name, caption[name], foot)))
-    record |= {"finished": now(), "load_average_at_end": at_end, "load": asdict(load), "verdict": [asdict(one) for one in findings]}
+    record |= {"finished": finished, "load_average_at_end": at_end, "load": asdict(load), "verdict": [asdict(one) for one in findings]}
     record |= {"untuned": untuned(suite, record.get("tolerances", {}))}
     record |= {"solvers": [settings_words(name, record.get("tolerances", {})) for name in suite.solvers]}
     write_atomically(directory / NAME, json_bytes(record))

@@ -185,7 +185,7 @@ def _accuracy(axes: Axes, shown: Pictured) -> None:
 
 def _distance_words(shown: Pictured) -> str:
     exact = any(len(points) and points[:, 0].min() < _EXACT_M for points in shown.accuracy.values())
-    return "largest distance of e_y from the optimum [m]" + (f"; less than {_EXACT_M:g} drawn there" if exact else "")
+    return "e_y off the optimum, at most [m]" + (f"; below {_EXACT_M:g} drawn there" if exact else "")
 
 
 def _headed(axes: Axes, title: str) -> None:

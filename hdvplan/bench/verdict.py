@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
+from itertools import pairwise
 
 import numpy as np
 import pandas as pd
@@ -16,6 +18,8 @@ BUSY_LEVEL = 1.2  # on a busy machine, where two rounds may both be disturbed
 _SAME_PATH_M = 1e-3
 _STRETCHED = 1.1  # times as long by the clock as by the processor: something else had the core
 _OTHERS = 0.5  # processes that wanted to run beside the benchmark, as a share of the cores
+_WINDOWS_S = (60.0, 300.0, 900.0)  # of load averages
+_OUTLASTS_S = 300.0  # a session as long as this is not judged by the minute before it
 
 
 @dataclass(frozen=True)
@@ -37,8 +41,8 @@ class Finding:
 class Load:
     """What else the machine did; ``warning`` is empty where it was quiet enough."""
 
-    before: float | None  # load average when a session began, the highest
-    after: float | None  # when the last one ended; the benchmark itself is one of it
+    before: float | None  # load average when a short session began, the highest
+    after: float | None  # the highest over the last session or a part of it, at its end; the benchmark itself is one of it
     cores: int | None
     wall_per_cpu: float | None  # of all timed steps
     warning: str
@@ -49,14 +53,21 @@ def findings_of(summary: pd.DataFrame, load: Load) -> list[Finding]:
     return [_finding(mine, load) for _, mine in summary.groupby(GROUP, sort=False)]
 
 
-def load_of(summary: pd.DataFrame, sessions: Sequence[Mapping[str, object]], at_end: object, cores: object) -> Load:
+def load_of(summary: pd.DataFrame, sessions: Sequence[Mapping[str, object]], at_end: object, cores: object, finished: str) -> Load:
     """Return the load of a machine with ``cores``, from the averages that were noted and from the times themselves.
 
-    ``sessions`` and ``at_end`` as in ``run.json``: load averages over 1, 5 and 15 minutes, or None.
+    ``sessions``, ``at_end`` and ``finished`` as in ``run.json``: load averages over 1, 5 and 15 minutes, or None, and times. What ran
+    before a session counts only where the session was so short that it may have run beside it for most of it.
     """
-    begun = [averages[0] for session in sessions if (averages := session.get("load_average")) and isinstance(averages, list)]
+    lasted = _lasted(sessions, finished)
+    begun = [
+        averages[0]
+        for session, seconds in zip(sessions, lasted, strict=True)
+        if (averages := session.get("load_average")) and isinstance(averages, list) and seconds < _OUTLASTS_S
+    ]
     before = max(map(float, begun), default=None)
-    after = float(at_end[0]) if isinstance(at_end, list) else None
+    spans = _WINDOWS_S[: max(1, sum(window <= lasted[-1] for window in _WINDOWS_S))] if lasted else _WINDOWS_S[:1]
+    after = max(map(float, at_end[: len(spans)])) if isinstance(at_end, list) else None
     count = cores if isinstance(cores, int) else None
     stretched = float(summary["wall_per_cpu"].median()) if len(summary) and summary["wall_per_cpu"].notna().any() else None
     reasons = []
@@ -69,6 +80,16 @@ def load_of(summary: pd.DataFrame, sessions: Sequence[Mapping[str, object]], at_
     on = "" if count is None else f" on {count} cores"
     warning = f"BUSY MACHINE: {', '.join(reasons)}{on}; measure again on a quiet one before you quote a time" if reasons else ""
     return Load(before, after, count, stretched, warning)
+
+
+def _lasted(sessions: Sequence[Mapping[str, object]], finished: str) -> list[float]:
+    """Return how long each session lasted at most, until the next began [s]; 0 where a time is not known."""
+    times = [*(str(session.get("started", "")) for session in sessions), finished]
+    try:
+        instants = [datetime.fromisoformat(time).timestamp() for time in times]
+    except ValueError:
+        return [0.0] * len(sessions)
+    return [after - before for before, after in pairwise(instants)]
 
 
 def group_words(vehicle: str, scheme: str, limits: str) -> str:

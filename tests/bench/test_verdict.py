@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from datetime import datetime, timedelta
 
 import numpy as np
 import pytest
@@ -17,7 +18,8 @@ from hdvplan.report.style import styled
 from tests.bench.conftest import made_up
 
 QUIET = Load(0.1, 1.0, 2, 1.0, "")
-QUIET_SESSION = {"load_average": [0.1, 0.1, 0.1]}
+QUIET_SESSION = {"started": "2026-01-01T09:59:00+00:00", "load_average": [0.1, 0.1, 0.1]}
+FINISHED = "2026-01-01T10:00:00+00:00"
 
 
 def tables(**rounds: list[Measurement]) -> Tables:
@@ -124,18 +126,30 @@ def test_neighbours_that_lengthen_the_clock_do_not_move_the_ranking() -> None:
     rival.steps[:, NUMBERS.index("cpu_s")] = [0.1, 0.003, 0.003]
     summary = tables(riccati=[loaded], rival=[rival]).summary
     assert list(summary["step_ms"]) == pytest.approx([2.0, 3.0])  # all waited alike: none of them of its own
-    load = load_of(summary, [QUIET_SESSION], [1.0, 1.0, 1.0], 2)
+    load = load_of(summary, [QUIET_SESSION], [1.0, 1.0, 1.0], 2, FINISHED)
     assert load.warning.startswith("BUSY MACHINE: steps took 4.50 times as long by the clock as by the processor on 2 cores")
     (told,) = findings_of(summary, load)
     assert told.text.endswith("[busy machine]")
 
 
-@pytest.mark.parametrize(("begun", "ended", "busy"), [(0.2, 1.2, False), (1.9, 1.2, True), (0.2, 2.9, True), (None, None, False)])
-def test_a_busy_machine_is_told_by_its_load(begun: float | None, ended: float | None, busy: bool) -> None:
+@pytest.mark.parametrize(
+    ("minutes", "begun", "ended", "busy"),
+    [
+        (1, 0.2, [1.2, 0.0, 0.0], False),
+        (1, 1.9, [1.2, 0.0, 0.0], True),
+        (1, 0.2, [2.9, 0.0, 0.0], True),
+        (1, 0.2, [1.2, 2.9, 2.9], False),  # from before the session
+        (9, 1.9, [1.0, 1.4, 2.0], False),  # only the minute before it was busy
+        (9, 0.2, [1.0, 2.9, 2.0], True),  # some of its last five minutes were
+        (20, 0.2, [1.0, 1.0, 2.9], True),
+        (1, None, None, False),
+    ],
+)
+def test_a_busy_machine_is_told_by_its_load(minutes: int, begun: float | None, ended: list[float] | None, busy: bool) -> None:
     summary = tables(riccati=[made_up([0.1, 0.001])]).summary
-    sessions = [{"load_average": None if begun is None else [begun, 0.0, 0.0]}]
-    load = load_of(summary, sessions, None if ended is None else [ended, 0.0, 0.0], 2)
-    assert bool(load.warning) is busy
+    started = (datetime.fromisoformat(FINISHED) - timedelta(minutes=minutes)).isoformat()
+    sessions = [{"started": started, "load_average": None if begun is None else [begun, 0.0, 0.0]}]
+    assert bool(load_of(summary, sessions, ended, 2, FINISHED).warning) is busy
 
 
 def test_a_profile_counts_what_a_solver_was_given_and_failures_never_come() -> None:
@@ -170,7 +184,7 @@ def test_what_is_timed_of_a_sample_is_called_a_qp() -> None:
     axes = bench_figure(shown, "title", "caption").axes
     assert [one.get_ylabel() for one in axes] == ["share of QPs", "", "QP [ms]", "QP [ms]"]
     assert axes[1].get_xlabel() == "QP [ms]"
-    assert axes[3].get_xlabel() == "largest distance of e_y from the optimum [m]; less than 1e-14 drawn there"
+    assert axes[3].get_xlabel() == "e_y off the optimum, at most [m]; below 1e-14 drawn there"
 
 
 def test_numbers_on_axes_are_no_formulas() -> None:
