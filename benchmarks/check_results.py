@@ -21,7 +21,10 @@ _SOLVERS = ("piqp", "clarabel", "osqp", "casadi", "daqp", "proxsuite", "qpsolver
 
 
 def why_stale(folder: Path) -> str | None:
-    """Return why a folder of results is stale; None where it is not."""
+    """Return why a folder of results, or one in it, is stale; None where none is."""
+    parts = sorted(path.parent for path in folder.glob("*/run.json"))
+    if not (folder / "run.json").exists() and parts:
+        return next((f"{part.name}: {reason}" for part in parts if (reason := why_stale(part))), None)
     try:
         record = json.loads((folder / "run.json").read_text(encoding="utf-8"))
     except OSError:

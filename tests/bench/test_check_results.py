@@ -14,7 +14,7 @@ from check_results import check, why_stale
 
 
 def folder(path: Path, **changed: object) -> Path:
-    path.mkdir()
+    path.mkdir(parents=True)
     record = {"suite": {"solvers": ["riccati", "piqp"]}, "software": software(("riccati", "piqp")) | changed}
     (path / "run.json").write_text(json.dumps(record), encoding="utf-8")
     return path
@@ -47,3 +47,11 @@ def test_the_planning_code_s_digest_follows_code_and_not_words(tmp_path: Path, m
         digests.append(planning_code(()))
     planning_code.cache_clear()
     assert digests[0] == digests[1] != digests[2]
+
+
+def test_a_folder_of_several_runs_is_stale_where_one_of_them_is(tmp_path: Path) -> None:
+    for name in ("first", "second"):
+        folder(tmp_path / "both" / name)
+    assert why_stale(tmp_path / "both") is None
+    folder(tmp_path / "both" / "third", planning="0" * 16)
+    assert (why_stale(tmp_path / "both") or "").startswith("third: the planning code has changed")
