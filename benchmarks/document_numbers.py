@@ -78,6 +78,16 @@ def pinch() -> list[str]:
     ]
 
 
+def spread(solver: str) -> list[str]:
+    """Return the least and the largest factor of a solver's QP over the fastest one's, strict and at equal accuracy."""
+    texts = []
+    for regime in ("strict", "accuracy"):
+        rows = table(f"solvers/{regime}/summary.csv")
+        ratio = rows[rows["solver"] == solver]["ratio"]
+        texts += [f"{ratio.min():.2g}", f"{ratio.max():.2g}" if ratio.max() < 100.0 else f"{ratio.max():.0f}"]  # noqa: PLR2004 - no exponents
+    return texts
+
+
 def kept(vehicle: str) -> str:
     """Return in how many of the runs of several widths a vehicle keeps all limits."""
     rows = table("widths/widths.csv")
@@ -170,6 +180,10 @@ FIGURES = (
     ),
     Figure(RESULTS, "| `riccati` | {} / {} | {} / {} | {} / {} | {} / {} |", lambda: headline("riccati")),
     Figure(RESULTS, "| `piqp` | {} / {} | {} / {} | {} / {} | {} / {} |", lambda: headline("piqp")),
+    Figure(RESULTS, "without screening and active set | {} to {} | {} to {} |", lambda: spread("riccati-ipm")),
+    Figure(RESULTS, "| `piqp` | {} to {} | {} to {} |", lambda: spread("piqp")),
+    Figure(RESULTS, "| `hpipm` | {} to {} | {} to {} |", lambda: spread("hpipm")),
+    Figure(RESULTS, "| `clarabel` | {} to {} | {} to {} |", lambda: spread("clarabel")),
     Figure(RESULTS, "riccati takes {} ms on average against PIQP's {} for the tractor-trailer", lambda: pinch()[:2]),
     Figure(RESULTS, "several programs a step, and riccati {} against {}", lambda: pinch()[2:]),
     Figure(RESULTS, "every 500 m makes the step {} to {} times as long", lambda: vans(500.0)),
