@@ -168,12 +168,21 @@ def markdown(table: pd.DataFrame, name: str, caption: str, foot: Sequence[str]) 
     return f"{caption}\n\n{markdown_table(shown(table, name), text=_TEXT)}\n" + (f"\n{below}" if below else "")
 
 
+_NARROWED = r"\resizebox{\ifdim\width>\linewidth\linewidth\else\width\fi}{!}{"  # only where it would be too wide
+
+
 def latex(table: pd.DataFrame, name: str, caption: str, foot: Sequence[str]) -> str:
-    """Return a table as a LaTeX ``table`` in the style of booktabs, its foot in small print."""
+    """Return a table as a LaTeX ``table``, its foot in small print; of the summary what a page has room for.
+
+    It needs the packages booktabs, and graphicx: a table that is wider than a line is narrowed.
+    """
     text = shown(table, name)
+    if name == "summary":
+        text = text[[column for column in text.columns if column in {*GROUP, *_HEADLINE}]]
     sides = "".join("l" if column in _TEXT else "r" for column in text.columns)
     made = text.to_latex(index=False, escape=True, column_format=sides, caption=latex_escaped(caption), label=f"tab:hdvplan-{name}")
     below = "".join(f"\\par\\footnotesize {latex_escaped(line)}\n" for line in foot)
+    made = made.replace("\\begin{tabular}", f"{_NARROWED}\\begin{{tabular}}").replace("\\end{tabular}", "\\end{tabular}}")
     return made.replace("\\end{table}", f"{below}\\end{{table}}")
 
 

@@ -220,6 +220,13 @@ def test_names_that_latex_would_read_are_escaped_in_cells_caption_and_foot() -> 
     assert (depth.min(), depth[-1]) == (0, 0)
 
 
+def test_a_latex_summary_has_what_a_page_has_room_for_and_is_never_wider_than_a_line() -> None:
+    text = latex(tables(riccati=[made_up([0.1, 0.001])]).summary, "summary", "caption", ["foot"])
+    head = next(line for line in text.splitlines() if line.startswith("vehicle &"))
+    assert head.count("&") <= 12  # of 23 columns
+    assert text.index(r"\resizebox") < text.index(r"\begin{tabular}") < text.index("\\end{tabular}}")
+
+
 def test_a_step_that_the_residuals_do_not_prove_is_not_accepted() -> None:
     told = made_up([0.1, 0.001, 0.001])
     distances = np.array([[0.0, 0.0, 10.0]] * 3)
