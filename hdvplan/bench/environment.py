@@ -19,8 +19,9 @@ from hashlib import sha256
 from pathlib import Path
 
 from hdvplan.bench.checkout import Checkout, copy_tree, export, git
-from hdvplan.bench.processes import Ended, Scratch, remove, run, undisturbed
-from hdvplan.bench.programs import Program, ProgramError, present
+from hdvplan.bench.installing import PYTHON, environment, install, pip, reason
+from hdvplan.bench.processes import Scratch, remove, undisturbed
+from hdvplan.bench.programs import Program, present
 from hdvplan.errors import OptionError
 
 PACKAGE = Path(__file__).parents[1]
@@ -93,10 +94,10 @@ def base_program(base: Base, here: Checkout | None, scratch: Scratch, cache: Pat
         return Program(base.words, base.python)
     if base.install is not None:
         on_step(f"installing {base.words}")
-        python = _environment(scratch.folder / "base", scratch)
-        ended = _pip(python, scratch, base.install)
+        python = environment(scratch.folder / "base", scratch)
+        ended = pip(python, scratch, base.install)
         if ended.code != 0:
-            msg = f"{base.words} cannot be installed: {_pip_words(ended)}"
+            msg = f"{base.words} cannot be installed: {reason(ended)}"
             raise OptionError(msg)
         return Program(base.words, python, None, {"NUMBA_CACHE_DIR": str(scratch.folder / "compiled")})
     assert here is not None  # noqa: S101 - a commit is one of a checkout
@@ -109,10 +110,10 @@ def base_program(base: Base, here: Checkout | None, scratch: Scratch, cache: Pat
             export(here.top, base.commit, source, folder)
         own = Checkout(source, here.below)
         if here.is_package and (not here.is_ours or _dependencies(source) not in {None, _dependencies(here.top)}):
-            python = folder / "venv" / _PYTHON
+            python = folder / "venv" / PYTHON
             if not ready:
                 on_step(f"installing {name}, once for this revision")
-                _install(source, folder / "venv", name, scratch)
+                install(source, folder / "venv", name, scratch)
     below = source / here.below if (source / here.below).is_dir() else source
     found = source if own.is_ours and python == Path(sys.executable) else None
     return Program(name, python, found, {"NUMBA_CACHE_DIR": str(folder / "compiled")}, below)
@@ -138,8 +139,8 @@ def new_program(here: Checkout | None, scratch: Scratch, cache: Path, on_step: C
         on_step(f"installing {name}")
         source = scratch.folder / "working-tree"  # building leaves files beside the sources
         copy_tree(here.top, source)
-        _install(source, folder / "venv", name, scratch, again=ready)
-    return Program(name, folder / "venv" / _PYTHON, None, {}, here.top / here.below)
+        install(source, folder / "venv", name, scratch, again=ready)
+    return Program(name, folder / "venv" / PYTHON, None, {}, here.top / here.below)
 
 
 def cache_folder(scratch: Scratch) -> Path:
@@ -151,9 +152,6 @@ def cache_folder(scratch: Scratch) -> Path:
         home = scratch.folder / "cache"
         home.mkdir(exist_ok=True)
     return home
-
-
-_PYTHON = Path("Scripts/python.exe" if os.name == "nt" else "bin/python")
 
 
 @contextmanager
@@ -204,52 +202,3 @@ def _request(top: Path) -> str:
 
 def _digest(content: bytes) -> str:
     return sha256(content).hexdigest()[:16]
-
-
-def _environment(folder: Path, scratch: Scratch) -> Path:
-    """Make an environment with pip and return its interpreter.
-
-    Raises:
-        ProgramError: it cannot be made.
-
-    """
-    ended = run([sys.executable, "-I", "-m", "venv", str(folder)], _variables(scratch), scratch)
-    if ended.code != 0:
-        msg = f"no environment can be made in {folder}: {(ended.printed.strip().splitlines() or [ended.words])[-1]}"
-        raise ProgramError(msg, tail=ended.tail)
-    return folder / _PYTHON
-
-
-def _install(source: Path, folder: Path, name: str, scratch: Scratch, *, again: bool = False) -> None:
-    """Install a source tree into an environment; ``again``: only itself, into one that has its requirements.
-
-    Raises:
-        ProgramError: pip cannot.
-
-    """
-    python = folder / _PYTHON if again else _environment(folder, scratch)
-    ended = _pip(python, scratch, source.as_uri(), *(("--no-deps", "--force-reinstall") if again else ()))
-    if ended.code != 0:
-        msg = f"{name} cannot be installed: {_pip_words(ended)}"
-        raise ProgramError(msg, tail=ended.tail, code=ended.code)
-
-
-def _pip(python: Path, scratch: Scratch, what: str, *options: str) -> Ended:
-    """Have pip install one thing; it is never taken for an option. Versions are not read from tags: there is no repository."""
-    command = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-input", *options, "--", what]
-    versions = {"SETUPTOOLS_SCM_PRETEND_VERSION": os.environ.get("SETUPTOOLS_SCM_PRETEND_VERSION", "0")}
-    return run(command, _variables(scratch) | versions, scratch)
-
-
-def _variables(scratch: Scratch) -> dict[str, str]:
-    """Return the environment in which something is installed."""
-    mine = {name: value for name, value in os.environ.items() if name not in {"PYTHONPATH", "PIP_REQUIRE_VIRTUALENV"}}
-    return mine | {"TMPDIR": str(scratch.folder)}
-
-
-def _pip_words(ended: Ended) -> str:
-    """Return why pip did not install: the exception of a build, else its own error."""
-    lines = [" ".join(line.split()) for line in ended.said.splitlines() if line.strip()]
-    raised = [line for line in lines if re.match(r"\w*(?:Error|Exception)\b.*:", line) and not line.startswith("ERROR")]
-    errors = [line.removeprefix("ERROR: ") for line in lines if line.startswith("ERROR: ")]
-    return (raised or errors or lines or ["pip says nothing"])[-1]

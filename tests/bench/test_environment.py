@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from hdvplan.bench import environment
+from hdvplan.bench import environment, installing
 from hdvplan.bench.checkout import checkout
 from hdvplan.bench.environment import Base, base_named, base_program, new_program
 from hdvplan.bench.processes import Ended, Scratch, scratch_folder, start
@@ -161,7 +161,7 @@ def test_a_name_is_data_and_nothing_of_it_runs(
     evil.write_text("#!/bin/sh\ntouch owned\n", encoding="utf-8")
     evil.chmod(0o755)
     monkeypatch.chdir(ours)
-    monkeypatch.setattr("hdvplan.bench.environment.run", nothing)
+    monkeypatch.setattr("hdvplan.bench.installing.run", nothing)
     monkeypatch.setattr("hdvplan.bench.programs.start", nothing)
     monkeypatch.setattr("hdvplan.bench.programs.run", nothing)
     outcome = cli("bench", f"--against={against}", "--roads", short_road, "--quiet")
@@ -192,8 +192,8 @@ def test_a_release_goes_to_pip_behind_the_end_of_its_options(scratch: Scratch, m
         commands.append(command)
         return Ended(0, "", "", None)
 
-    monkeypatch.setattr(environment, "run", noted)
-    monkeypatch.setattr(environment, "_environment", lambda folder, _: folder / "python")
+    monkeypatch.setattr(installing, "run", noted)
+    monkeypatch.setattr(environment, "environment", lambda folder, _: folder / "python")
     base(f"hdvplan=={version}", scratch)
     assert commands[0][-2:] == ["--", f"hdvplan=={version}"]
 

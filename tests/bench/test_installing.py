@@ -1,0 +1,135 @@
+"""How environments are made: which installer gets which words, and once the real uv where there is one."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import pytest
+
+from hdvplan.bench import installing
+from hdvplan.bench.installing import PYTHON, install, reason
+from hdvplan.bench.processes import Ended, Scratch, scratch_folder
+from hdvplan.bench.programs import ProgramError
+
+PROJECT = """
+[build-system]
+requires = []
+build-backend = "backend"
+backend-path = ["."]
+
+[project]
+name = "theirs"
+version = "{version}"
+requires-python = ">=3.11"
+"""
+BACKEND = """
+import tomllib, zipfile
+
+
+def build_wheel(folder, config=None, metadata=None):
+    with open("pyproject.toml", "rb") as file:
+        version = tomllib.load(file)["project"]["version"]
+    with zipfile.ZipFile(f"{folder}/theirs-{version}-py3-none-any.whl", "w") as wheel:
+        about = f"theirs-{version}.dist-info/"
+        wheel.writestr(about + "METADATA", f"Metadata-Version: 2.1\\nName: theirs\\nVersion: {version}\\n")
+        wheel.writestr(about + "WHEEL", "Wheel-Version: 1.0\\nGenerator: ours\\nRoot-Is-Purelib: true\\nTag: py3-none-any\\n")
+        wheel.writestr(about + "RECORD", "")
+    return f"theirs-{version}-py3-none-any.whl"
+"""
+Command = tuple[list[str], dict[str, str], Path | None]
+
+
+@pytest.fixture
+def commands(monkeypatch: pytest.MonkeyPatch) -> list[Command]:
+    """Return the commands that would have been run."""
+    found: list[Command] = []
+
+    def noted(command: Sequence[str], variables: Mapping[str, str], _: Scratch, cwd: Path | None = None) -> Ended:
+        found.append((list(command), dict(variables), cwd))
+        return Ended(0, "", "", None)
+
+    monkeypatch.setattr(installing, "run", noted)
+    monkeypatch.setattr("shutil.which", lambda name: f"/bin/{name}")
+    return found
+
+
+@pytest.fixture
+def source(tmp_path: Path) -> Path:
+    """Return a project with a lock file of uv."""
+    folder = tmp_path / "theirs"
+    folder.mkdir()
+    (folder / "pyproject.toml").write_text(PROJECT.format(version="1"), encoding="utf-8")
+    (folder / "uv.lock").write_text("version = 1\n", encoding="utf-8")
+    return folder
+
+
+def test_a_project_with_a_lock_file_is_installed_by_uv_as_it_says(
+    commands: list[Command], source: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("VIRTUAL_ENV", "/elsewhere")
+    monkeypatch.setenv("UV_PROJECT_ENVIRONMENT", "/elsewhere")
+    with scratch_folder() as scratch:
+        install(source, tmp_path / "venv", "theirs", scratch)
+        install(source, tmp_path / "venv", "theirs", scratch, again=True)
+    (first, variables, cwd), (again, _, _) = commands
+    assert first[:2] == ["/bin/uv", "sync"]
+    assert {"--frozen", "--no-editable"} <= set(first)
+    assert first[first.index("--python") + 1] == sys.executable
+    assert (variables["UV_PROJECT_ENVIRONMENT"], "VIRTUAL_ENV" in variables, cwd) == (str(tmp_path / "venv"), False, source)
+    assert again == [*first, "--reinstall-package", "theirs"]
+
+
+@pytest.mark.parametrize("lacking", ["uv", "lock"])
+def test_without_uv_or_its_lock_file_it_is_pip(
+    commands: list[Command], source: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lacking: str
+) -> None:
+    if lacking == "uv":
+        monkeypatch.setattr("shutil.which", lambda _: None)
+    else:
+        (source / "uv.lock").unlink()
+    with scratch_folder() as scratch:
+        install(source, tmp_path / "venv", "theirs", scratch)
+    assert [command[1:4] for command, _, _ in commands] == [["-I", "-m", "venv"], ["-m", "pip", "install"]]
+    assert commands[1][0][-2:] == ["--", source.as_uri()]
+
+
+@pytest.mark.usefixtures("commands")
+def test_a_project_without_a_name_cannot_be_installed_again(source: Path, tmp_path: Path) -> None:
+    (source / "pyproject.toml").write_text("[project\n", encoding="utf-8")
+    with scratch_folder() as scratch, pytest.raises(ProgramError, match="names no project"):
+        install(source, tmp_path / "venv", "theirs", scratch, again=True)
+
+
+@pytest.mark.parametrize(
+    ("said", "words"),
+    [
+        ("warning: old\nerror: No interpreter found\n", "No interpreter found"),
+        ("x\nERROR: No matching distribution found for y\n\n", "No matching distribution found for y"),
+        ("Traceback\nValueError: no version\nERROR: Failed to build\n", "ValueError: no version"),
+        ("something\nelse\n", "else"),
+        ("", "the installer says nothing"),
+    ],
+)
+def test_the_reason_is_the_exception_of_a_build_or_the_installers_own(said: str, words: str) -> None:
+    assert reason(Ended(1, "", said, None)) == words
+
+
+@pytest.mark.slow  # it builds a project
+@pytest.mark.skipif(shutil.which("uv") is None, reason="needs uv")
+def test_uv_installs_a_project_and_only_the_project_again(tmp_path: Path, source: Path) -> None:
+    def version() -> str:
+        command = [str(tmp_path / "venv" / PYTHON), "-c", "from importlib.metadata import version; print(version('theirs'))"]
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()  # noqa: S603 - ours
+
+    (source / "backend.py").write_text(BACKEND, encoding="utf-8")
+    (source / "uv.lock").unlink()
+    subprocess.run(["uv", "lock", "--quiet", "--project", str(source)], check=True)  # noqa: S603, S607 - fixed
+    with scratch_folder() as scratch:
+        install(source, tmp_path / "venv", "theirs", scratch)
+        (source / "pyproject.toml").write_text(PROJECT.format(version="2"), encoding="utf-8")
+        install(source, tmp_path / "venv", "theirs", scratch, again=True)
+    assert version() == "2"
