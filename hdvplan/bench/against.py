@@ -42,6 +42,7 @@ class Settings:
 
     rule: Rule
     expect_changes: bool
+    profile: bool = False  # what became worse, function by function
 
 
 def measure_against(

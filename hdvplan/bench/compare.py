@@ -11,7 +11,9 @@ import pandas as pd
 
 from hdvplan.bench.counters import WORK_TOLERANCE, Change, Tolerance, changes_of
 from hdvplan.bench.gate import Decision, Rule, Verdict, judge
+from hdvplan.bench.hotspots import Hotspot
 from hdvplan.bench.joint import FEWEST, LEVEL
+from hdvplan.bench.origin import Origin
 from hdvplan.bench.samples import CRASHED, FAILED, HUNG, OK, OUT_OF_MEMORY
 from hdvplan.bench.sides import Name, Side, Steps
 from hdvplan.bench.statistics import Found, joint_findings
@@ -49,6 +51,8 @@ class Comparison:
     processes: int  # pairs of processes; of one process a side the rounds are the pairs
     found: tuple[Found, ...] = ()  # the statistics over all cells
     failure: Failure | None = None
+    origin: Origin | None = None  # where the worst of it began
+    hotspots: tuple[Hotspot, ...] = ()  # functions that take longer, the worst first
 
 
 def compare(base: Side, new: Side, rule: Rule, tolerance: Tolerance, *, expect_changes: bool) -> Comparison:

@@ -12,8 +12,12 @@ from rich.text import Text
 from hdvplan.bench.compare import CellTimes, Comparison, no_longer_planned
 from hdvplan.bench.counters import IN_STEPS, Change
 from hdvplan.bench.gate import FEWEST_PAIRS, Rule, Verdict
+from hdvplan.bench.hotspots import Hotspot
+from hdvplan.bench.joint import FEWEST
+from hdvplan.bench.origin import origin_words
 from hdvplan.bench.statistics import Found
 from hdvplan.bench.suite import KEY, cell_words
+from hdvplan.bench.values import ALL_CELLS
 from hdvplan.bench.where import place_words
 from hdvplan.report.grid import grid
 from hdvplan.report.markdown import markdown_table
@@ -21,11 +25,12 @@ from hdvplan.report.markdown import markdown_table
 _WRONG = ("cell", "what", "base", "new", "new/base", "part", "place")
 _TIMES = (*KEY, "base [ms]", "new [ms]", "new/base", "interval", "visible from", "verdict")
 _FOUND = ("all cells", "base", "new", "new/base", "visible from", "verdict")
-_TEXT = (*KEY, "verdict", "cell", "what", "part", "place", "all cells")
+_TEXT = (*KEY, "verdict", "cell", "what", "part", "place", "all cells", "function")
 _WORDS = {Verdict.FINE: "fine", Verdict.REGRESSED: "slower", Verdict.UNMEASURABLE: "unclear"}
 _MARKS = {Verdict.FINE: "fine", Verdict.REGRESSED: "worse", Verdict.UNMEASURABLE: "unclear"}
 _ROWS = 30  # of what is wrong; more are counted
-_EVERYWHERE = "all cells"
+_UNSEEN = "could not see"
+_HOT = ("function", "base [s]", "new [s]", "gained [s]", "calls before", "calls now")
 
 
 def verdict_line(comparison: Comparison, rule: Rule) -> str:
@@ -55,6 +60,9 @@ def verdict_line(comparison: Comparison, rule: Rule) -> str:
         parts.append(f"too few processes to be sure of {', '.join(unsure)}")
     if cells and not slower and not unknown:
         parts.append(f"no cell of {cells} is slower by more than a factor of {rule.factor:g}")
+    unseen = [one.statistic.name for one in comparison.found if one.unseen]
+    if unseen and comparison.verdict is not Verdict.REGRESSED:
+        parts.append(f"could not see a change of {', '.join(unseen)}")
     return f"{comparison.verdict}: {'; '.join(parts) or 'no counter changed'}"
 
 
@@ -74,6 +82,8 @@ def comparison_tables(comparison: Comparison) -> list[Table]:
         tables.append(grid("whole processes", _FOUND, _found_rows(comparison.found), text=_TEXT))
     if comparison.times:
         tables[-1].caption, tables[-1].caption_justify, tables[-1].caption_style = Text(_caption(comparison)), "left", ""
+    if comparison.hotspots:
+        tables.append(grid("functions that take longer, under cProfile", _HOT, _hot_rows(comparison.hotspots), text=_TEXT))
     return tables
 
 
@@ -85,8 +95,12 @@ def comparison_markdown(comparison: Comparison, rule: Rule, again: str | None = 
     if wrong := wrong_rows(comparison):
         columns = _shown(wrong)
         parts += ["What changed, the worst first:", _markdown([_WRONG[i] for i in columns], [[row[i] for i in columns] for row in wrong])]
+    if comparison.origin is not None:
+        parts.append(_plain(origin_words(comparison.origin)))
     if again and comparison.verdict is not Verdict.FINE:
         parts.append(f"    {again}")
+    if comparison.hotspots:
+        parts += ["Functions that take longer, under cProfile:", _markdown(_HOT, _hot_rows(comparison.hotspots))]
     if comparison.times:
         parts += ["Mean planning step:", _markdown(_TIMES, _time_rows(comparison.times))]
     if comparison.found:
@@ -112,7 +126,7 @@ def wrong_rows(comparison: Comparison) -> list[tuple[str, ...]]:
     for one in comparison.found:
         if one.verdict is Verdict.REGRESSED:
             what = f"{one.statistic.name} [{one.statistic.unit}]"
-            rows.append(((1, one.ratio), (_EVERYWHERE, what, f"{one.base:.3f}", f"{one.new:.3f}", f"{one.ratio:.2f}", "-", "-")))
+            rows.append(((1, one.ratio), (ALL_CELLS, what, f"{one.base:.3f}", f"{one.new:.3f}", f"{one.ratio:.2f}", "-", "-")))
     rows += [
         ((2 if no_longer_planned(change) else 0, 0.0), (cell_words(change.cell), change.counter, change.base, change.new, "-", "-", "-"))
         for change in comparison.changes
@@ -127,6 +141,11 @@ def change_words(change: Change) -> str:
     if change.counter == IN_STEPS:
         return "totals unchanged, per-step counts differ"
     return f"{change.counter} was {change.base}, is {change.new}"
+
+
+def word_of(one: Found) -> str:
+    """Return the verdict on a statistic in a word or two."""
+    return _UNSEEN if one.unseen else _MARKS[one.verdict]
 
 
 def _shown(rows: Sequence[Sequence[str]]) -> list[int]:
@@ -158,9 +177,16 @@ def _found_rows(found: Iterable[Found]) -> list[tuple[str, ...]]:
             f"{one.new:.3f}",
             f"{one.ratio:.3f}",
             _from(one.detectable),
-            _MARKS[one.verdict],
+            word_of(one),
         )
         for one in sorted(found, key=lambda one: -one.ratio)
+    ]
+
+
+def _hot_rows(found: Iterable[Hotspot]) -> list[tuple[str, ...]]:
+    return [
+        (one.function, f"{one.base:.3f}", f"{one.new:.3f}", f"{one.new - one.base:.3f}", str(one.base_calls), str(one.new_calls))
+        for one in found
     ]
 
 
@@ -173,9 +199,12 @@ def _caption(comparison: Comparison) -> str:
     pairs = max((entry.decision.pairs for entry in comparison.times if entry.decision), default=0)
     if comparison.processes == 1:
         return f"One process a side, {pairs} rounds: machine and hour are compared too; `hdvplan bench --against REV` excludes them."
+    repeat = ", with the repeat that it would have called for" if comparison.processes < FEWEST else ""
+    hidden = any(one.unseen for one in comparison.found)
+    unseen = " Could not see: a change of the size that counts could hide in the noise." if hidden else ""
     return (
         f"Every step with its fastest sample; new/base and its interval from {pairs} pairs of processes. Visible from: the smallest "
-        "slowdown that these pairs would have shown 9 times of 10 (- where there are too few)."
+        f"slowdown that these pairs would have shown 9 times of 10{repeat} (- where there are too few).{unseen}"
     )
 
 

@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import count
 from pathlib import Path
 
 from hdvplan.bench.against import Contender, Settings, measure_against
+from hdvplan.bench.bisect import clearest_symptom, most_trials, origin_of
 from hdvplan.bench.checkout import checkout
 from hdvplan.bench.compare import Comparison, failed
-from hdvplan.bench.environment import base_named, base_program, cache_folder, new_program
+from hdvplan.bench.environment import Base, base_named, base_program, cache_folder, new_program
+from hdvplan.bench.gate import Verdict
+from hdvplan.bench.hotspots import hotspots, profile_of
+from hdvplan.bench.origin import Origin
 from hdvplan.bench.processes import Scratch, ended_by_signals, scratch_folder
 from hdvplan.bench.programs import Program, ProgramError
+from hdvplan.bench.revisions import Revision, revisions_since
 from hdvplan.bench.suite import Suite
 from hdvplan.bench.work import CommandWork, SuiteWork, Work, placed, suite_entries, suite_text
-from hdvplan.errors import MeasurementError
+from hdvplan.errors import MeasurementError, OptionError
+
+_BASE, _NEW = "base", "new"
 
 
 @dataclass(frozen=True)
@@ -25,8 +34,17 @@ class Told:
     progress: Callable[[float], None]  # the done share of the measurement
 
 
-def guard(against: str, wanted: Suite | CommandWork, settings: Settings, out: Path, told: Told) -> Comparison:
-    """Return the comparison of what ``against`` names with what is here, doing ``wanted``; measured into ``out``.
+@dataclass(frozen=True)
+class Wanted:
+    """What is compared, and how."""
+
+    against: str
+    work: Suite | CommandWork
+    settings: Settings
+
+
+def guard(wanted: Wanted, out: Path, told: Told) -> Comparison:
+    """Return the comparison of what is named with what is here; measured into ``out``.
 
     Whatever ends it, signals too, takes its processes and temporary files away. What stays is ``out``, and revisions in the user's cache.
 
@@ -37,22 +55,86 @@ def guard(against: str, wanted: Suite | CommandWork, settings: Settings, out: Pa
     """
     with ended_by_signals(), scratch_folder() as scratch:
         here = checkout()
-        named = base_named(against, here)
+        named = base_named(wanted.against, here)
         cache = cache_folder(scratch)
         out.mkdir(parents=True, exist_ok=True)
-        side = "base"
-        try:
-            base = base_program(named, here, scratch, cache, told.step)
-            base_work = _work(base, wanted, scratch, side)
-            side = "new"
-            new = new_program(here, scratch, cache, told.step)
-            new_work = _work(new, wanted, scratch, side)
-        except MeasurementError as error:
-            return failed(side, str(error), error.tail if isinstance(error, ProgramError) else "")
-        if isinstance(wanted, Suite):
-            (out / "suite.toml").write_text(suite_text(suite_entries(placed(wanted), wanted.to_dict())), encoding="utf-8")
-        told.step(f"base: {base.name}; new: {new.name}")
-        return measure_against(Contender(base, base_work), Contender(new, new_work), settings, out.absolute(), scratch, told.progress)
+        if isinstance(wanted.work, Suite):
+            (out / "suite.toml").write_text(suite_text(suite_entries(placed(wanted.work), wanted.work.to_dict())), encoding="utf-8")
+        return _compared(
+            lambda: base_program(named, here, scratch, cache, told.step),
+            lambda: new_program(here, scratch, cache, told.step),
+            wanted, out.absolute(), scratch, told,
+        )  # fmt: skip
+
+
+def suspects(against: str) -> tuple[Revision, ...]:
+    """Return the revisions between what ``against`` names and what is here, which ``traced`` would look at; oldest first.
+
+    Raises:
+        OptionError: it is no revision of a checkout, or there is nothing between.
+
+    """
+    here = checkout()
+    named = base_named(against, here)
+    if here is None or named.commit is None:
+        msg = f"--bisect needs a revision to begin at, and {against!r} is none"
+        raise OptionError(msg, hint="name a commit, branch or tag with --against")
+    found = revisions_since(here, named.commit)
+    if not found:
+        msg = f"there is no revision between {against!r} and what is here"
+        raise OptionError(msg, hint="leave out --bisect")
+    return found
+
+
+def traced(wanted: Wanted, comparison: Comparison, revisions: tuple[Revision, ...], told: Told) -> Origin:
+    """Return where what a red ``comparison`` shows most clearly began; ``revisions`` are the ``suspects``. Nothing is left of it.
+
+    Raises:
+        OptionError: as ``guard``.
+
+    """
+    with ended_by_signals(), scratch_folder() as scratch:
+        here = checkout()
+        named = base_named(wanted.against, here)
+        cache = cache_folder(scratch)
+        numbers, most = count(1), most_trials(len(revisions))
+
+        def compared(revision: Revision) -> Comparison:
+            told.step(f"bisect, {next(numbers)} of at most {most}: {revision.words}")
+            out = scratch.folder / "bisect"
+            shutil.rmtree(out, ignore_errors=True)
+            return _compared(
+                lambda: base_program(named, here, scratch, cache, told.step),
+                lambda: base_program(Base(str(revision.commit)[:9], commit=revision.commit), here, scratch, cache, told.step),
+                replace(wanted, settings=replace(wanted.settings, profile=False)), out, scratch, told,
+            )  # fmt: skip
+
+        return origin_of(clearest_symptom(comparison), revisions, compared)
+
+
+def _compared(
+    base: Callable[[], Program], new: Callable[[], Program], wanted: Wanted, out: Path, scratch: Scratch, told: Told
+) -> Comparison:
+    """Make both programs ready, measure them into ``out`` and compare; whichever is not ready is a failure."""
+    contenders: dict[str, Contender] = {}
+    side = _BASE
+    try:
+        for side, made in ((_BASE, base), (_NEW, new)):
+            program = made()
+            contenders[side] = Contender(program, _work(program, wanted.work, scratch, side))
+    except MeasurementError as error:
+        return failed(side, str(error), error.tail if isinstance(error, ProgramError) else "")
+    told.step(f"base: {contenders[_BASE].program.name}; new: {contenders[_NEW].program.name}")
+    comparison = measure_against(contenders[_BASE], contenders[_NEW], wanted.settings, out, scratch, told.progress)
+    if not wanted.settings.profile or comparison.verdict is not Verdict.REGRESSED or comparison.failure is not None:
+        return comparison
+    told.step("profiling both")
+    try:
+        profiles = [profile_of(contenders[side].program, contenders[side].work, scratch) for side in (_BASE, _NEW)]
+    except ProgramError as error:
+        told.step(f"no profile: {error}")
+        return comparison
+    return replace(comparison, hotspots=hotspots(*profiles))
 
 
 def _work(program: Program, wanted: Suite | CommandWork, scratch: Scratch, side: str) -> Work:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import stdtrit
 
 from hdvplan.jit import FloatArray
 
@@ -27,7 +28,7 @@ class Agreement:
     """How the pairs agree in each statistic; (statistics,) arrays."""
 
     chance: FloatArray  # of an agreement as large as this in any of the statistics, where the sides are the same
-    detectable: FloatArray  # the ratio that would have been believed 9 times of 10; infinite where none would
+    detectable: FloatArray  # the ratio that would have been believed 9 times of 10, of few pairs with a repeat; infinite where none would
 
 
 def agreement(log_ratios: FloatArray) -> Agreement:
@@ -61,13 +62,21 @@ def _turned(pairs: int) -> FloatArray:
 
 
 def _detectable(log_ratios: FloatArray, largest: FloatArray) -> FloatArray:
-    """Return the ratio whose agreement exceeds what chance reaches once in a hundred ways, 9 times of 10."""
-    pairs = log_ratios.shape[1]
-    threshold = np.quantile(largest, 1.0 - LEVEL, method="higher")
-    if pairs < FEWEST or threshold >= 1.0:
-        return np.full(len(log_ratios), np.inf)
+    """Return the ratio whose agreement exceeds what chance reaches once in a hundred ways, 9 times of 10.
+
+    Of too few pairs none would, but a suspicion has as many measured again: then it is the ratio that both batches together would show,
+    with an equal share of the level for each statistic, as the ways to turn pairs that are not measured yet are not known.
+    """
+    count, pairs = log_ratios.shape
+    whole = pairs if pairs >= FEWEST else 2 * pairs
+    threshold = float(np.quantile(largest, 1.0 - LEVEL, method="higher"))
+    if whole < FEWEST or (whole == pairs and threshold >= 1.0):
+        return np.full(count, np.inf)
     centred = np.abs(log_ratios - np.median(log_ratios, axis=1, keepdims=True))
     spread = 1.4826 * pairs / (pairs - 0.8) * np.median(centred, axis=1)  # a standard deviation, of few (Croux and Rousseeuw 1992)
-    student = np.sqrt(pairs - 1.0) * threshold / np.sqrt(1.0 - threshold**2)  # the same agreement as Student's t, which then scatters
-    shift = (student + _SURE * np.sqrt(1.0 + 0.5 * student**2 / (pairs - 1.0))) * spread / np.sqrt(pairs)
+    if whole == pairs:  # the same agreement as Student's t, which then scatters
+        student = np.sqrt(pairs - 1.0) * threshold / np.sqrt(1.0 - threshold**2)
+    else:
+        student = float(stdtrit(whole - 1.0, 1.0 - LEVEL / count))
+    shift = (student + _SURE * np.sqrt(1.0 + 0.5 * student**2 / (whole - 1.0))) * spread / np.sqrt(whole)
     return np.asarray(np.exp(shift), np.float64)

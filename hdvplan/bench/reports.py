@@ -10,10 +10,13 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 import numpy as np
 
 from hdvplan.bench.compare import CellTimes, Comparison
-from hdvplan.bench.comparison import change_words, comparison_markdown, verdict_line
+from hdvplan.bench.comparison import change_words, comparison_markdown, verdict_line, word_of
 from hdvplan.bench.gate import Rule, Verdict
+from hdvplan.bench.hotspots import hotspots_json
+from hdvplan.bench.origin import origin_json, origin_words
 from hdvplan.bench.statistics import Found
 from hdvplan.bench.suite import KEY, cell_words
+from hdvplan.bench.values import values_of
 from hdvplan.bench.where import place_words
 from hdvplan.fileio import json_bytes, write_atomically
 
@@ -52,6 +55,8 @@ def comparison_json(comparison: Comparison, rule: Rule, again: str | None = None
         ],
         "times": [dict(zip(KEY, entry.cell, strict=True)) | _numbers(entry) for entry in comparison.times],
         "statistics": [_statistic(one) for one in comparison.found],
+        "bisect": None if comparison.origin is None else origin_json(comparison.origin),
+        "profile": hotspots_json(comparison.hotspots),
     }
 
 
@@ -79,7 +84,8 @@ def junit_xml(comparison: Comparison, rule: Rule) -> bytes:
         cases.append(("mean planning step", cell_words(entry.cell), _KINDS[verdict], _words(entry)))
     for one in comparison.found:
         words = f"{one.base:.3f} {one.statistic.unit} before, {one.new:.3f} now: {one.ratio:.3f} times"
-        cases.append(("whole processes", one.statistic.name, _KINDS[one.verdict], words))
+        kind = "skipped" if one.unseen else _KINDS[one.verdict]
+        cases.append(("whole processes", one.statistic.name, kind, f"{word_of(one)}: {words}" if one.unseen else words))
     suite = Element("testsuite", name="hdvplan timing gate", tests=str(len(cases)))
     for name in ("failure", "error", "skipped"):
         suite.set({"failure": "failures", "error": "errors"}.get(name, name), str(sum(case[2] == name for case in cases)))
@@ -108,6 +114,8 @@ def github_annotations(comparison: Comparison, rule: Rule) -> list[str]:
         for one in comparison.found
         if one.verdict is Verdict.REGRESSED
     ]
+    if comparison.origin is not None:
+        found.append(_command("error", origin_words(comparison.origin)))
     kind = {Verdict.FINE: "notice", Verdict.REGRESSED: "error", Verdict.UNMEASURABLE: "warning"}[comparison.verdict]
     tail = comparison.failure.tail if comparison.failure else ""
     return [*found, _command(kind, verdict_line(comparison, rule) + (f"\n{tail}" if tail else ""))]
@@ -145,24 +153,19 @@ def _place(entry: CellTimes) -> dict[str, object]:
 def _statistic(one: Found) -> dict[str, object]:
     numbers = {"base": one.base, "new": one.new, "ratio": one.ratio, "chance": one.chance, "detectable": one.detectable}
     told = {"statistic": one.statistic.name, "meaning": one.statistic.meaning, "unit": one.statistic.unit}
-    return told | {"verdict": str(one.verdict), "pairs": one.pairs} | _known(numbers)
+    return told | {"verdict": word_of(one) if one.unseen else str(one.verdict), "pairs": one.pairs} | _known(numbers)
 
 
 def _measured(comparison: Comparison) -> tuple[list[dict[str, object]], dict[str, object]]:
     """Return the new side's numbers as github-action-benchmark (``customSmallerIsBetter``) and as Bencher (metric format) take them."""
-    rows = [
-        (cell_words(entry.cell), "mean step", "ms", 1e3 * entry.decision.new, entry.decision.noise)
-        for entry in comparison.times
-        if entry.decision is not None and np.isfinite(entry.decision.new)
-    ]
-    rows += [("all cells", one.statistic.name, one.statistic.unit, one.new, np.nan) for one in comparison.found]
     benchmark: list[dict[str, object]] = []
     bencher: dict[str, object] = {}
-    for cell, what, unit, value, noise in rows:
-        spread = {"range": f"± {100.0 * (noise - 1.0):.1f} %"} if np.isfinite(noise) else {}
-        benchmark.append({"name": f"{cell}: {what}", "unit": unit, "value": value} | spread)
-        bounds = {"lower_value": value / noise, "upper_value": value * noise} if np.isfinite(noise) else {}
-        bencher[f"{cell}: {what}"] = {f"{what} [{unit}]": {"value": value} | bounds}
+    for one in values_of(comparison):
+        name, known = f"{one.cell}: {one.what}", np.isfinite(one.noise)
+        spread = {"range": f"± {100.0 * (one.noise - 1.0):.1f} %"} if known else {}
+        benchmark.append({"name": name, "unit": one.unit, "value": one.new} | spread)
+        bounds = {"lower_value": one.new / one.noise, "upper_value": one.new * one.noise} if known else {}
+        bencher[name] = {f"{one.what} [{one.unit}]": {"value": one.new} | bounds}
     return benchmark, bencher
 
 

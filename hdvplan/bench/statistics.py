@@ -56,8 +56,13 @@ class Found:
     ratio: float  # median over the pairs of the geometric mean over the cells
     pairs: int
     chance: float  # see ``Agreement``
-    detectable: float  # the ratio that would have been found
+    detectable: float  # the ratio that would have been found, and counts
     verdict: Verdict  # UNMEASURABLE: large enough and shown by most of too few pairs; a repeat decides
+
+    @property
+    def unseen(self) -> bool:
+        """Whether nothing was found, but the pairs differ so much that a change of the size that counts could hide among them."""
+        return self.verdict is Verdict.FINE and self.detectable > _counting(self.statistic, self.base)
 
 
 def joint_findings(
@@ -94,8 +99,12 @@ def _found(one: Statistic, values: tuple[FloatArray, FloatArray] | None, pairs: 
         verdict = Verdict.REGRESSED
     elif counts and pairs < FEWEST and np.mean(ratios > np.sqrt(one.factor)) >= _SUSPECT:
         verdict = Verdict.UNMEASURABLE
-    smallest = max(detectable, one.factor, 1.0 + one.floor / here) if here > 0.0 else np.inf
-    return Found(one, here, there, ratio, pairs, chance, float(smallest), verdict)
+    return Found(one, here, there, ratio, pairs, chance, max(detectable, _counting(one, here)), verdict)
+
+
+def _counting(one: Statistic, base: float) -> float:
+    """Return the ratio from which on a change of a statistic counts."""
+    return max(one.factor, 1.0 + one.floor / base) if base > 0.0 else np.inf
 
 
 def _log_ratios(values: tuple[FloatArray, FloatArray] | None) -> FloatArray:

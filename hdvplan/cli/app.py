@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdvplan import __version__
-from hdvplan.cli import bench, compare, need, plan, report, reproduce, roads, solvers, turn, vehicles, warm_up
+from hdvplan.cli import bench, compare, history, need, plan, report, reproduce, roads, solvers, turn, vehicles, warm_up
 from hdvplan.cli.console import ExitCode, library_warnings_shown, report_error
 from hdvplan.cli.interruption import interruption_noted
 from hdvplan.cli.surroundings import give_matplotlib_a_folder
@@ -36,6 +36,7 @@ app.command("turn")(turn.turn)
 app.command("report")(report.report)
 app.command("bench")(bench.bench)
 app.command("compare")(compare.compare)
+app.command("history")(history.history)
 app.command("reproduce")(reproduce.reproduce)
 app.add_typer(roads.app, name="roads")
 app.add_typer(vehicles.app, name="vehicles")

@@ -9,7 +9,7 @@ import typer
 
 from hdvplan.bench import PICTURE
 from hdvplan.cli import completion
-from hdvplan.cli.baselines import gate, hold_to, measured
+from hdvplan.cli.baselines import BisectOption, Further, HistoryOption, ProfileOption, gate, hold_to, measured
 from hdvplan.cli.compare import FORMATS, ExpectChangesOption, FactorOption, FloorOption, FormatOption, rule_of, told_as_json
 from hdvplan.cli.compiling import note_compiling
 from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, warn
@@ -121,6 +121,9 @@ def bench(
     factor: FactorOption = None,
     floor: FloorOption = None,
     expect_changes: ExpectChangesOption = False,
+    bisect: BisectOption = False,
+    profile: ProfileOption = False,
+    history: HistoryOption = None,
     format_: FormatOption = "text",
     counters: Annotated[
         Path | None, typer.Option("--counters", metavar="FILE.csv", help="Hold iterations, sizes and envelopes to a committed baseline.")
@@ -155,8 +158,9 @@ def bench(
     if against is not None and plot is not None:
         msg = "--plot draws one benchmark, and --against measures several"
         raise OptionError(msg, hint="leave out --plot")
-    if against is None and (factor is not None or floor is not None or expect_changes or command is not None):
-        msg = "--factor, --floor, --expect-changes and --command need --against"
+    further = Further(history, bisect, profile)
+    if against is None and (factor is not None or floor is not None or expect_changes or command is not None or further != Further()):
+        msg = "--factor, --floor, --expect-changes, --command, --bisect, --profile and --history need --against"
         raise OptionError(msg)
     if renew and counters is None:
         msg = "--renew needs --counters"
@@ -188,7 +192,7 @@ def bench(
         with told_as_json(json=json):
             what = measured(suite, asked, command)
             rule = rule_of(factor, floor)
-            return gate(against, what, rule, out, expect_changes=expect_changes, format_=format_, json=json, quiet=quiet)
+            return gate(against, what, rule, out, further, expect_changes=expect_changes, format_=format_, json=json, quiet=quiet)
     entries = read_suite(suite) if suite else {}
     wanted = suite_of(entries | {name: value for name, value in given.items() if value is not None})
     for name in wanted.solvers:

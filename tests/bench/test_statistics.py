@@ -108,6 +108,39 @@ def test_the_same_program_is_fine_in_all_of_them_and_the_report_says_what_would_
     assert all(1.0 < entry.detectable < 1.12 for entry in comparison.times)
 
 
+def uneven(steps: Steps, random: np.random.Generator) -> Steps:
+    return replace(steps, outer=steps.outer * np.exp(random.normal(0.0, 0.15)))  # around the planner, in each process otherwise
+
+
+@pytest.mark.parametrize("pairs", [5, 10])
+def test_what_could_not_be_seen_is_not_called_fine(pairs: int) -> None:
+    quiet, noisy = (
+        compare(side(0, change, pairs), side(1, change, pairs), Rule(), Tolerance(), expect_changes=False) for change in (unchanged, uneven)
+    )
+    assert not any(one.unseen for one in quiet.found)
+    assert noisy.verdict is Verdict.FINE  # by the planner's own clock, and nothing was found
+    unseen = {one.statistic.name for one in noisy.found if one.unseen}
+    assert {"from outside", "typical"} <= unseen
+    assert not {"import", "memory"} & unseen  # their processes are as before
+    told = comparison_json(noisy, Rule())["statistics"]
+    assert isinstance(told, list)
+    assert {one["statistic"] for one in told if one["verdict"] == "could not see"} == unseen
+    assert "could not see" in comparison_markdown(noisy, Rule())
+    told_last = ", ".join(one.statistic.name for one in noisy.found if one.unseen)
+    assert verdict_line(noisy, Rule()).endswith(f"; could not see a change of {told_last}")
+    assert "could not" not in verdict_line(quiet, Rule())
+    suite = fromstring(junit_xml(noisy, Rule()))  # noqa: S314 - our own
+    skipped = {case.get("name") for case in suite.iter("testcase") if case.find("skipped") is not None}
+    assert unseen <= skipped
+
+
+def test_what_was_found_was_seen() -> None:
+    noisy = compare(side(0), side(1), Rule(), Tolerance(), expect_changes=False)
+    assert all(replace(one, detectable=10.0).unseen for one in noisy.found)
+    worse = [replace(one, verdict=Verdict.REGRESSED, detectable=10.0) for one in noisy.found]
+    assert not any(one.unseen for one in worse)
+
+
 def test_few_pairs_leave_a_doubt_that_a_repeat_settles() -> None:
     assert held(side(1, half, pairs=5), pairs=5).verdict is Verdict.UNMEASURABLE
     assert held(side(1, pairs=5), pairs=5).verdict is Verdict.FINE

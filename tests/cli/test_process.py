@@ -85,6 +85,7 @@ def test_help_is_there_at_once(tmp_path: Path) -> None:
         ("report",),
         ("bench",),
         ("compare",),
+        ("history",),
         ("roads",),
         ("roads", "list"),
         ("roads", "info"),

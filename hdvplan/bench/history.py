@@ -1,0 +1,163 @@
+"""Results of comparisons by commit: one small file for each commit, kind of machine and work, in a folder that can be a branch."""
+
+from __future__ import annotations
+
+import json
+import platform
+import re
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from datetime import datetime
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hdvplan.bench.compare import Comparison
+from hdvplan.bench.revisions import Revision
+from hdvplan.bench.suite import Suite
+from hdvplan.bench.values import Value, values_of
+from hdvplan.bench.work import CommandWork
+from hdvplan.errors import OptionError
+from hdvplan.fileio import json_bytes, write_atomically
+from hdvplan.machine import machine_facts
+from hdvplan.record import NAME, now
+from hdvplan.texts import printable
+
+FORMAT = 1  # of the files
+_FILE = re.compile(r"[0-9a-f]{12}-[0-9a-f]{8}-[0-9a-f]{8}\.json")
+_MACHINE = ("processor", "usable_cores", "platform", "python_minor")  # what must be the same for times to belong together
+
+
+@dataclass(frozen=True)
+class Entry:
+    """What was measured of one commit against a base, on what."""
+
+    revision: Revision
+    measured: str  # ISO 8601
+    base: str  # its commit, or how it was named
+    machine: Mapping[str, object]
+    packages: Mapping[str, str]  # versions of libraries, where they are known
+    work: Mapping[str, object]  # what was done: equal ones can be compared
+    verdict: str
+    values: tuple[Value, ...]
+
+    @property
+    def kind(self) -> tuple[str, str]:
+        """Return digests of the kind of machine and of the work: entries with others are another history."""
+        return _digest({name: self.machine.get(name) for name in _MACHINE}), _digest(self.work)
+
+    @property
+    def file(self) -> str:
+        """The name of its file."""
+        return f"{str(self.revision.commit)[:12]}-{'-'.join(self.kind)}.json"
+
+
+def entry_of(comparison: Comparison, revision: Revision, base: str, work: Suite | CommandWork, out: Path) -> Entry:
+    """Return what a comparison, measured into ``out``, says about a commit."""
+    return Entry(
+        revision, now(), base, _machine(), _packages(out), work_words(work), str(comparison.verdict), values_of(comparison)
+    )  # fmt: skip
+
+
+def work_words(work: Suite | CommandWork) -> dict[str, object]:
+    """Return what is done as plain values, without those that are usual, with a digest of every file that it names."""
+    if isinstance(work, CommandWork):
+        return {"command": list(work.words)}
+    files = [Path(name) for name in (*work.roads, *work.vehicles) if Path(name).is_file()]
+    usual = Suite().to_dict()
+    told = {name: value for name, value in work.to_dict().items() if value != usual[name]}
+    return {"suite": told, "files": {str(file): sha256(file.read_bytes()).hexdigest()[:16] for file in files}}
+
+
+def write_entry(entry: Entry, folder: Path) -> Path:
+    """Write an entry into a folder, in place of an earlier one of the same commit, machine and work; return its file.
+
+    Raises:
+        OSError: it cannot be written.
+
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    told = asdict(entry) | {"format": FORMAT, "values": [_known(asdict(one)) for one in entry.values]}
+    write_atomically(folder / entry.file, json_bytes(told))
+    return folder / entry.file
+
+
+def read_entries(folder: Path) -> list[Entry]:
+    """Return what a folder holds, by date of commit; files with other names are left alone.
+
+    Raises:
+        OptionError: there is no such folder, nothing in it, or a file that is damaged or of a later version.
+
+    """
+    if not folder.is_dir():
+        msg = f"{folder} is no folder"
+        raise OptionError(msg, hint="hdvplan bench --against REV --history DIR makes one")
+    found = [_read(file) for file in sorted(folder.iterdir()) if _FILE.fullmatch(file.name)]
+    if not found:
+        msg = f"{folder} holds no history"
+        raise OptionError(msg, hint="hdvplan bench --against REV --history DIR adds to one")
+    return sorted(found, key=lambda entry: (_instant(entry.revision.committed), entry.measured))
+
+
+def _read(file: Path) -> Entry:
+    try:
+        told = _of_this_format(json.loads(file.read_text(encoding="utf-8")))
+        entry = Entry(
+            Revision(_text(told["revision"]["commit"]), _text(told["revision"]["subject"]), _text(told["revision"]["committed"])),
+            _text(told["measured"]), _text(told["base"]), dict(told["machine"]),
+            {_text(name): _text(version) for name, version in told["packages"].items()},
+            dict(told["work"]), _text(told["verdict"]), tuple(_value(one) for one in told["values"]),
+        )  # fmt: skip
+        _instant(entry.revision.committed)
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
+        msg = f"{file} cannot be read: {error}"
+        raise OptionError(msg, hint="delete it, and measure its commit again") from error
+    return entry
+
+
+def _of_this_format(told: Any) -> Any:  # noqa: ANN401 - what json.loads returns
+    if told["format"] != FORMAT:
+        msg = f"its format is {told['format']}, and this version reads {FORMAT}"
+        raise ValueError(msg)
+    return told
+
+
+def _value(told: Mapping[str, Any]) -> Value:
+    numbers = [np.nan if told[name] is None else float(told[name]) for name in ("base", "new", "noise")]
+    return Value(_text(told["cell"]), _text(told["what"]), _text(told["unit"]), *numbers)
+
+
+def _text(value: object) -> str:
+    if not isinstance(value, str):
+        msg = f"{value!r} is no text"
+        raise TypeError(msg)
+    return printable(value)
+
+
+def _known(told: Mapping[str, object]) -> dict[str, object]:
+    return {name: None if isinstance(value, float) and not np.isfinite(value) else value for name, value in told.items()}
+
+
+def _instant(committed: str) -> datetime:
+    return datetime.fromisoformat(committed)
+
+
+def _machine() -> dict[str, object]:
+    facts = machine_facts()
+    python = ".".join(platform.python_version_tuple()[:2])
+    return facts | {"platform": f"{platform.system()} {platform.machine()}", "python_minor": f"{platform.python_implementation()} {python}"}
+
+
+def _packages(out: Path) -> dict[str, str]:
+    """Return the versions of libraries that the new side's first process has noted; a command of one's own notes none."""
+    try:
+        told = json.loads((out / "new" / "00" / NAME).read_text(encoding="utf-8"))["software"]
+        return {"hdvplan": str(told["hdvplan"])} | {str(name): str(version) for name, version in told["packages"].items()}
+    except (OSError, ValueError, LookupError, TypeError, AttributeError):
+        return {}
+
+
+def _digest(told: object) -> str:
+    return sha256(json.dumps(told, sort_keys=True, default=str).encode()).hexdigest()[:8]

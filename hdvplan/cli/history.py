@@ -1,0 +1,53 @@
+"""``hdvplan history``: how planning times went, commit by commit, and where they changed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hdvplan.cli.console import ExitCode, note, print_json, print_tables
+from hdvplan.cli.options import JsonOption, QuietOption, choice
+from hdvplan.errors import OptionError
+
+PICTURES = ("png", "pdf", "svg")
+
+
+def history(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="The folder that `hdvplan bench --against REV --history DIR` adds to.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="The chart: png, pdf or svg [default: DIR/history.png].")
+    ] = None,
+    plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw the chart.")] = True,
+    json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> int:
+    """Show how the numbers of the timing gate went over the commits, and in which commits they changed.
+
+    There is a table for each kind of machine and each suite or command: their numbers are never mixed. Each has a chart of its own:
+    the second one's name ends in -2. Where all commits were measured against the same base, numbers are ratios to it, which do not
+    change with the machine's condition. Of a hundred histories in which nothing changed, about one shows a change.
+    """
+    from hdvplan.bench.history import read_entries
+    from hdvplan.bench.trend_report import trend_figure, trend_json, trend_tables
+    from hdvplan.bench.trends import trends_of
+    from hdvplan.fileio import write_atomically
+    from hdvplan.report.style import figure_bytes
+
+    chart = out or folder / "history.png"
+    kind = choice("the chart's ending", chart.suffix.lower().removeprefix("."), PICTURES)
+    trends = trends_of(read_entries(folder))
+    if json:
+        print_json([trend_json(trend) for trend in trends])
+    elif not quiet:
+        print_tables(*(table for trend in trends for table in trend_tables(trend)))
+    for number, trend in enumerate(trends if plot else (), start=1):
+        file = chart if number == 1 else chart.with_stem(f"{chart.stem}-{number}")
+        try:
+            write_atomically(file, figure_bytes(trend_figure(trend), kind))
+        except OSError as error:
+            msg = f"cannot write {file}: {error.strerror or error}"
+            raise OptionError(msg, hint="choose another file with --out, or --no-plot") from error
+        note(f"chart in {file}", quiet=quiet or json)
+    return ExitCode.OK
