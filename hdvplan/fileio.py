@@ -7,7 +7,7 @@ import json
 import os
 import shutil
 import stat
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -129,10 +129,21 @@ class Together:
     marks: Mapping[str, str]
 
     def write(self, directory: Path, contents: Mapping[str, Callable[[], bytes]], on_written: Callable[[int], None] | None = None) -> None:
-        """Replace the files in ``directory``, made if need be, by ``contents``; of the other ``names`` none stays.
+        """Replace the files in ``directory`` by ``contents``, as ``fill``; ``on_written`` receives the number of those that are written."""
+
+        def write_all(aside: Path) -> None:
+            for number, (name, content) in enumerate(contents.items(), start=1):
+                (aside / name).write_bytes(content())
+                if on_written is not None:
+                    on_written(number)
+
+        self.fill(directory, tuple(contents), write_all)
+
+    def fill(self, directory: Path, written: Collection[str], write: Callable[[Path], None]) -> None:
+        """Replace the files in ``directory``, made if need be, by those that ``write`` writes; of the other ``names`` none stays.
 
         All are written aside first: whatever ends the process leaves the former result or the new one, which ``settle`` completes.
-        ``on_written`` receives the number of the files that are written.
+        ``write`` receives that folder and writes all files called ``written``.
 
         Raises:
             OptionError: files of these names are there that hdvplan did not write.
@@ -141,17 +152,14 @@ class Together:
         """
         directory.mkdir(parents=True, exist_ok=True)
         settle(directory)
-        self._refuse_foreign(directory, contents)
+        self._refuse_foreign(directory, written)
         for left in directory.glob(f"{_NEW}.*"):  # of a killed run
             shutil.rmtree(left, ignore_errors=True)
         aside = directory / f"{_NEW}.{os.getpid()}"
         aside.mkdir()
         try:
-            for number, (name, content) in enumerate(contents.items(), start=1):
-                (aside / name).write_bytes(content())
-                if on_written is not None:
-                    on_written(number)
-            gone = [self.last, *(name for name in self.names if name not in contents)]
+            write(aside)
+            gone = [self.last, *(name for name in self.names if name not in written)]
             (aside / _GONE).write_text("\n".join(gone), encoding="utf-8")
             aside.replace(directory / _NEW)  # from now on the new result is the one
         except BaseException:
@@ -159,12 +167,12 @@ class Together:
             raise
         settle(directory)
 
-    def _refuse_foreign(self, directory: Path, contents: Mapping[str, Callable[[], bytes]]) -> None:
-        for name in (*contents, *self.names):
+    def _refuse_foreign(self, directory: Path, written: Collection[str]) -> None:
+        for name in (*written, *self.names):
             refuse_special(directory / name)
         if any(_has_entry(directory / name, entry) for name, entry in self.marks.items()):
             return
-        there = next((name for name in (*contents, *self.names) if os.path.lexists(directory / name)), None)
+        there = next((name for name in (*written, *self.names) if os.path.lexists(directory / name)), None)
         if there is not None:
             msg = f"{directory} holds a file {there} that hdvplan did not write"
             raise OptionError(msg, hint="choose another folder with --out, or move the file")

@@ -10,7 +10,8 @@ import typer
 
 from hdvplan.cli import completion
 from hdvplan.cli.compiling import note_compiling
-from hdvplan.cli.console import note, print_json, print_line, progress, warn
+from hdvplan.cli.console import note, print_json, print_line, progress
+from hdvplan.cli.lengthy import plan_long, refuse_on_long
 from hdvplan.cli.options import (
     CrsOption,
     FeatureOption,
@@ -29,7 +30,7 @@ from hdvplan.cli.options import (
     file_name,
     road_options,
 )
-from hdvplan.cli.outcome import exit_code_of, looked_again, print_plan, warn_of
+from hdvplan.cli.outcome import exit_code_of, looked_again, print_plan, warn_far_regions, warn_of
 from hdvplan.errors import OptionError, RoadError
 
 if TYPE_CHECKING:
@@ -155,7 +156,7 @@ def plan(
     from hdvplan.case import Case
     from hdvplan.judging.verdict import verdict_line, verdict_of
     from hdvplan.passing.sides import choose_sides
-    from hdvplan.planning.bias import CENTRE, bias_named
+    from hdvplan.planning.bias import CENTRE, NONE, bias_named
     from hdvplan.planning.discretisation import Discretisation
     from hdvplan.planning.settings import PlannerSettings, Scheme
     from hdvplan.report.files import DRAWINGS, PICTURES
@@ -173,17 +174,28 @@ def plan(
         discretisation=Discretisation(choice("--discretisation", discretisation, list(Discretisation))),
     )
     note_compiling(quiet=quiet)
+
+    def case_of(track: Road) -> Case:
+        track = track if reaches is None else track.with_limits(*reaches)
+        track = track if side is None else track.passed_on(side)
+        return Case(track, driven, objective, solver or DEFAULT, settings)
+
+    if found.line is not None and found.line.long:
+        dropped = {"--sheet": sheet is not None, "--animate": animate, "--bias centre": bias == CENTRE}
+        refuse_on_long(found.line, dropped | {"--format dxf,gpkg": bool({*kinds} & {*DRAWINGS})})
+        from hdvplan.stretches.cutting import reach_of
+
+        along = NONE if bias is None else bias_named(bias, None)
+        folder = out or Path(f"{file_name(found.line.name)}.{file_name(driven.name)}")
+        cases, reach = (lambda track: replace(case_of(track), bias=along)), reach_of(driven, settings)
+        return plan_long(found.line, driven, cases, reach, folder, json=json, quiet=quiet)
     with progress(f"smoothing {road}", quiet=quiet):
-        track = found()
-    if reaches is not None:
-        track = track.with_limits(*reaches)
-    if side is not None:
-        track = track.passed_on(side)
+        case = case_of(found())
+    track = case.road
     for remark in track.notes:
         note(remark, quiet=quiet)
     check_fits(track, driven, reaches)
-    _warn_far_regions(track, quiet=quiet)
-    case = Case(track, driven, objective, solver or DEFAULT, settings)
+    warn_far_regions(track, quiet=quiet)
     with progress(f"planning {driven.name} along {track.name}", quiet=quiet) as on_progress:
         if bias is not None:
             sided = choose_sides(case)[0] if bias == CENTRE else track  # the middle between limits is that of the sides found
@@ -239,17 +251,6 @@ def _check_bias(case: Case, given: str) -> None:
     if largest > OPEN_M:
         msg = f"--bias {given} leads {largest:g} m off the road's centre; at most {OPEN_M:g} m can be asked for"
         raise OptionError(msg)
-
-
-def _warn_far_regions(road: Road, *, quiet: bool) -> None:
-    """Say which regions do not count: coordinates that are swapped, or of another system, would go unnoticed."""
-    from hdvplan.road.regions import OPEN_M, distances
-
-    apart = distances(road.path, road.regions)
-    far = apart[apart > OPEN_M]
-    if len(far):
-        nearest = f"the nearest of them {far.min():.0f} m"
-        warn(f"{len(far)} of {len(apart)} regions lie further than {OPEN_M:.0f} m from the road and do not count, {nearest}", quiet=quiet)
 
 
 def reaches_of(half_width: float | None, left: float | None, right: float | None) -> tuple[float, float] | None:

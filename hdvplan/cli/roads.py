@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hdvplan.cli import extract
 from hdvplan.cli.console import ExitCode, note, print_json, print_tables, progress
 from hdvplan.cli.options import (
     CrsOption,
@@ -31,7 +32,8 @@ if TYPE_CHECKING:
     from hdvplan.judging.fit import Fit
     from hdvplan.road.scenarios import Profile
 
-app = typer.Typer(help="List, examine and make roads.", rich_markup_mode=None)
+app = typer.Typer(help="List, examine, make and extract roads.", rich_markup_mode=None)
+app.command("extract")(extract.extract)
 
 
 class Shape(StrEnum):

@@ -21,7 +21,7 @@ PICTURES = ("png", "pdf", "svg")
 DRAWINGS = ("dxf", "gpkg")  # for CAD and GIS
 SHEET = "sheet.pdf"
 FILM = "drive.gif"
-_FILES = Together(
+FILES = Together(
     "summary.json",
     (*(f"plan.{kind}" for kind in (*PICTURES, *DRAWINGS)), SHEET, FILM),
     {NAME: "software", "summary.json": "sqp_iterations_max"},
@@ -70,8 +70,8 @@ def write_plan(
         contents[SHEET] = partial(_sheet, result, sheet)
     if animate:
         contents[FILM] = partial(_film, result)
-    contents[_FILES.last] = lambda: json_bytes(summary_of(result))
-    _FILES.write(directory, contents, None if on_progress is None else lambda number: on_progress(number / len(contents)))
+    contents[FILES.last] = lambda: json_bytes(summary_of(result))
+    FILES.write(directory, contents, None if on_progress is None else lambda number: on_progress(number / len(contents)))
 
 
 def path_table(result: Result) -> Table:

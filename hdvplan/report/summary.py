@@ -7,6 +7,7 @@ from dataclasses import asdict
 import numpy as np
 
 from hdvplan import __version__
+from hdvplan.jit import FloatArray
 from hdvplan.judging.balance import Breach
 from hdvplan.judging.fit import finding_json
 from hdvplan.judging.manners import Use, manners_of
@@ -113,7 +114,12 @@ def needed_half_width(result: Result) -> float:
 
 def step_times_ms(result: Result) -> dict[str, float]:
     """Return the distribution of the time of one whole planning step [ms]; ``first`` is the cold start."""
-    times = 1e3 * np.array([plan.times.total for plan in result.drive.plans])
+    return times_json(np.array([plan.times.total for plan in result.drive.plans]))
+
+
+def times_json(seconds: FloatArray) -> dict[str, float]:
+    """Return the distribution of times of planning steps [s] in milliseconds, as ``step_times_ms``."""
+    times = 1e3 * seconds
     p50, p95, p99 = np.percentile(times, [50, 95, 99])
     return {
         "mean": float(np.mean(times)),

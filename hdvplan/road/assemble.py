@@ -20,6 +20,7 @@ from hdvplan.texts import printable
 
 _SNAP_M = 0.01
 _LISTED = 20  # lines that a question names
+_WIDTHS = ("left_m", "right_m", "width_m")
 
 
 @dataclass(frozen=True)
@@ -53,6 +54,8 @@ def road_of(features: list[Feature], name: str, choice: Choice) -> RawRoad:
     plane = None if system is None else to_plane(everything, system)
     placed = parts if plane is None else np.split(plane.points, np.cumsum([len(part) for part in parts])[:-1])
     points = _joined(placed, name, directed=line.directed)
+    if len(parts) > 1:
+        _refuse_lists(line.feature.properties, name)
     beside = Beside(name, system, plane, choice, line.feature.geometry)
     regions: list[Region] = []
     for feature in features:
@@ -137,19 +140,36 @@ def _joined(parts: list[FloatArray], name: str, *, directed: bool) -> FloatArray
 
 
 def _reaches(properties: Json, count: int, name: str) -> FloatArray | None:
-    given = [key for key in ("left_m", "right_m", "width_m") if properties.get(key) is not None]
+    given = [key for key in _WIDTHS if properties.get(key) is not None]
     if not given:
         return None
     if set(given) not in ({"left_m", "right_m"}, {"width_m"}):
         msg = f"{name}: properties {', '.join(given)} do not give the width: left_m with right_m, or width_m alone"
         raise RoadError(msg)
-    for key in given:
-        value = properties[key]
-        if not (is_finite(value) and value > 0.0):
-            msg = f"{name}: property {key} must be a positive number of metres, not {value!r}"
-            raise RoadError(msg)
-    left, right = (0.5 * properties["width_m"],) * 2 if given == ["width_m"] else (properties["left_m"], properties["right_m"])
-    return np.tile(np.array([[left], [right], [left], [right]], dtype=float), count)
+    columns = [_reach(properties[key], key, count, name) for key in given]
+    left, right = (0.5 * columns[0],) * 2 if given == ["width_m"] else columns
+    return np.stack([left, right, left, right])
+
+
+def _reach(value: Any, key: str, count: int, name: str) -> FloatArray:  # noqa: ANN401 - whatever a file says
+    """Return a width at each of ``count`` points [m]: one for all of them, or a list of as many."""
+    values = value if isinstance(value, list) else [value] * count
+    if len(values) != count:
+        msg = f"{name}: property {key} has {len(values)} values for a line of {count} points"
+        raise RoadError(msg, hint="give one width for the whole line, or one for each of its points")
+    bad = [one for one in values if not (is_finite(one) and one > 0.0)]
+    if bad:
+        msg = f"{name}: property {key} must be a positive number of metres, not {bad[0]!r}"
+        raise RoadError(msg)
+    return np.array(values, dtype=float)
+
+
+def _refuse_lists(properties: Json, name: str) -> None:
+    """Refuse widths point by point of a line that is put together from several parts: whose points they are nobody says."""
+    listed = next((key for key in _WIDTHS if isinstance(properties.get(key), list)), None)
+    if listed is not None:
+        msg = f"{name}: property {listed} is a list, and the line has several parts"
+        raise RoadError(msg, hint="join the parts to one LineString")
 
 
 def _notice(properties: Json) -> str | None:

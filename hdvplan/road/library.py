@@ -24,6 +24,16 @@ def road_file(name: str) -> Path | None:
     return road_directory() / f"{name}.geojson" if name in road_names() else None
 
 
+def map_file(name: str) -> Path | None:
+    """Return the file of a shipped map, or None if there is none of that name."""
+    return road_directory("networks") / f"{name}.osm.pbf" if name in map_names() else None
+
+
+def map_names() -> list[str]:
+    """Return the names of the shipped maps, sorted."""
+    return sorted(path.name.removesuffix(".osm.pbf") for path in road_directory("networks").glob("*.osm.pbf"))
+
+
 def example_names() -> list[str]:
     """Return the names of the made-up places with obstacles and kerbs, sorted."""
     return sorted(path.stem for path in road_directory("examples").glob("*.geojson"))

@@ -28,6 +28,7 @@ from hdvplan.texts import printable
 if TYPE_CHECKING:  # a file is read, and refused, without the kernels that smooth it
     from hdvplan.road.road import Limits, Road
 
+LONG_M = 50e3  # from this length on a line is smoothed in windows, and planned in stretches
 _CLOSED_M = 0.01  # how near the last point must come to the first for a closed road
 _CLOSED_TURN = np.deg2rad(100.0)  # a road that returns to its start at a sharper angle merely crosses itself there
 _JUMP_M = 1e-6  # a limit's jump takes this long
@@ -72,6 +73,49 @@ class RoadOptions:
             raise OptionError(msg)
 
 
+@dataclass(frozen=True)
+class Line:
+    """What a file says of a road, and how it shall be read: all that is known before smoothing."""
+
+    name: str
+    raw: RawRoad
+    options: RoadOptions
+
+    @property
+    def long(self) -> bool:
+        """Whether it is smoothed in windows, and planned in stretches."""
+        points = self.length > LONG_M and not self.raw.is_profile and self.raw.rounded is None
+        return points and not is_closed(self.raw.points)
+
+    @property
+    def length(self) -> float:
+        """Along the given points, or of the profile [m]."""
+        steps = np.diff(self.raw.points, axis=0)
+        return float(self.raw.points[-1, 0] - self.raw.points[0, 0] if self.raw.is_profile else np.sum(np.hypot(*steps.T)))
+
+
+@dataclass(frozen=True)
+class Found:
+    """A road that was found: call it for the road itself, which takes longer. ``line`` is None of a scenario."""
+
+    make: Callable[[], Road]
+    options: RoadOptions
+    line: Line | None = None
+
+    def __call__(self) -> Road:
+        """Return the road in the direction and at the offset at which it is driven."""
+        if self.line is not None and self.line.long:
+            from hdvplan.road.windows import whole_road  # noqa: PLC0415 - as below
+
+            return whole_road(self.line)
+        from hdvplan.road.lane import offset_road, reversed_road  # noqa: PLC0415 - as below
+
+        road = self.make()
+        if self.options.reverse:
+            road = reversed_road(road)
+        return offset_road(road, self.options.offset) if self.options.offset else road
+
+
 def load_road(source: str | Path, options: RoadOptions = RoadOptions()) -> Road:
     """Return the road in the file ``source``, or the shipped road or scenario of that name; a file wins over a name.
 
@@ -82,8 +126,8 @@ def load_road(source: str | Path, options: RoadOptions = RoadOptions()) -> Road:
     return find_road(source, options)()
 
 
-def find_road(source: str | Path, options: RoadOptions = RoadOptions()) -> Callable[[], Road]:
-    """Read what ``load_road`` would load, and return what makes the road of it: that takes longer.
+def find_road(source: str | Path, options: RoadOptions = RoadOptions()) -> Found:
+    """Read what ``load_road`` would load, and return what makes the road of it.
 
     Raises:
         RoadError: no such file or name, or an unusable file.
@@ -92,27 +136,17 @@ def find_road(source: str | Path, options: RoadOptions = RoadOptions()) -> Calla
     path = Path(source)
     shipped, example = road_file(str(source)), example_file(str(source))
     if path.is_file():
-        make: Callable[[], Road] = partial(_road, printable(path.stem), _read(path, options), options)
+        line = Line(printable(path.stem), _read(path, options), options)
     elif shipped is not None:
         raw = _read(shipped, options)
-        make = partial(_road, shipped.stem, replace(raw, notice=raw.notice or NOTICE), options)
+        line = Line(shipped.stem, replace(raw, notice=raw.notice or NOTICE), options)
     elif example is not None:
-        make = partial(_road, example.stem, _read(example, options), options)
+        line = Line(example.stem, _read(example, options), options)
     elif str(source) in SCENARIOS:
-        make = SCENARIOS[str(source)]
+        return Found(SCENARIOS[str(source)], options)
     else:
         raise _unknown(source)
-    return partial(_driven, make, options)
-
-
-def _driven(make: Callable[[], Road], options: RoadOptions) -> Road:
-    """Return the road in the direction and at the offset at which it is driven."""
-    from hdvplan.road.lane import offset_road, reversed_road  # noqa: PLC0415 - see above
-
-    road = make()
-    if options.reverse:
-        road = reversed_road(road)
-    return offset_road(road, options.offset) if options.offset else road
+    return Found(partial(_road, line), options, line)
 
 
 def _unknown(source: str | Path) -> RoadError:
@@ -171,29 +205,40 @@ def _raw(path: Path, options: RoadOptions) -> RawRoad:
     return read_csv(text, path.name, crs=crs)
 
 
-def _road(name: str, raw: RawRoad, options: RoadOptions) -> Road:
+def _road(line: Line) -> Road:
+    return smoothed(line)[0]
+
+
+def smoothed(line: Line) -> tuple[Road, FloatArray]:
+    """Return the road of a line as it is drawn, and the arclengths of the line's points on it [m]; direction and offset are not applied.
+
+    Raises:
+        RoadError: the line cannot be smoothed within its options, or has widths and edges.
+
+    """
     from hdvplan.road.edges import edge_reaches, side_reaches  # noqa: PLC0415 - see above
     from hdvplan.road.path import from_curvature  # noqa: PLC0415 - see above
     from hdvplan.road.road import Road, Smoothing  # noqa: PLC0415 - see above
     from hdvplan.road.smooth import smooth_line, smoothing_of  # noqa: PLC0415 - see above
     from hdvplan.road.through import MAX_LENGTH_M, MIN_LENGTH_M, path_through  # noqa: PLC0415 - see above
 
+    name, raw, options = line.name, line.raw, line.options
     if raw.is_profile:
         s, kappa = raw.points.T
         s = s - s[0]
         if not MIN_LENGTH_M <= s[-1] <= MAX_LENGTH_M:
             msg = f"{name}: the profile is {s[-1]:g} m long; {MIN_LENGTH_M:g} m to {MAX_LENGTH_M / 1e3:g} km can be used"
             raise RoadError(msg)
-        return Road(name, from_curvature(s, kappa)).within(_limits(s, raw.reaches))
+        return Road(name, from_curvature(s, kappa)).within(_limits(s, raw.reaches)), s
     dense = None if raw.rounded is None else path_through(raw.rounded, options.max_curvature)
     smoothing: Smoothing | None
     if dense is None:
-        line = smooth_line(raw.points, closed=is_closed(raw.points), max_deviation=options.smooth, max_curvature=options.max_curvature)
-        path, smoothing, s = line.path, line.smoothing, line.s_points
+        smooth = smooth_line(raw.points, closed=is_closed(raw.points), max_deviation=options.smooth, max_curvature=options.max_curvature)
+        path, smoothing, s_points = smooth.path, smooth.smoothing, smooth.s_points
     else:
-        path, s = dense
-        smoothing = None if raw.rounded is raw.points else smoothing_of(path, raw.points, s)
-    reaches = raw.reaches
+        path, s_points = dense
+        smoothing = None if raw.rounded is raw.points else smoothing_of(path, raw.points, s_points)
+    s, reaches = s_points, raw.reaches
     if raw.sides is not None:
         reaches = side_reaches(path, s, raw.sides)
     notes = raw.notes
@@ -204,7 +249,7 @@ def _road(name: str, raw: RawRoad, options: RoadOptions) -> Road:
         s, reaches, more = edge_reaches(path, raw.edges)
         notes = (*notes, *(f"{name}: {note}" for note in more))
     road = Road(name, path, None, smoothing, raw.to_lonlat, raw.notice, raw.regions, notes=notes)
-    return road.within(_limits(s, reaches))
+    return road.within(_limits(s, reaches)), s_points
 
 
 def is_closed(points: FloatArray) -> bool:

@@ -118,6 +118,12 @@ def test_an_old_crs_member_is_honoured_and_overridden() -> None:
         (json.dumps(geometry([[11.9, 57.7], 5])), "point 2 is not a pair of finite numbers"),
         (json.dumps(feature(left_m=3)), "left_m with right_m"),
         (json.dumps(feature(width_m="7")), "width_m must be a positive number"),
+        (json.dumps(feature(width_m=[7, 7])), "width_m has 2 values for a line of 3 points"),
+        (json.dumps(feature(width_m=[7, None, 7])), "width_m must be a positive number of metres, not None"),
+        (
+            json.dumps(feature(geometry([LINE[:2], LINE[1:]], "MultiLineString"), width_m=[7, 7, 7, 7])),
+            "width_m is a list, and the line has",
+        ),
         (json.dumps({**geometry(), "crs": {}}), "names no coordinate reference system"),
         (json.dumps({**geometry(), "crs": {"properties": {"name": "EPSG:1"}}}), "unknown coordinate reference system"),
     ],
@@ -126,6 +132,12 @@ def test_each_mistake_is_named_in_one_line(document: str, message: str) -> None:
     with pytest.raises(RoadError, match=message) as caught:
         read_geojson(document, "f")
     assert "\n" not in str(caught.value)
+
+
+def test_widths_may_be_given_for_each_point_and_change_where_a_point_is_there_twice() -> None:
+    line = geometry([LINE[0], LINE[1], LINE[1], LINE[2]])
+    raw = read_geojson(json.dumps(feature(line, left_m=[3, 3, 2, 2], right_m=[4, 4, 4.5, 4.5])), "f")
+    np.testing.assert_array_equal(raw.reaches, [[3, 3, 2, 2], [4, 4, 4.5, 4.5]] * 2)
 
 
 def test_polygons_with_a_region_come_along_in_the_road_s_plane() -> None:

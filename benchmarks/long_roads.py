@@ -1,0 +1,178 @@
+"""Roads of 10, 100 and 1,000 km in stretches: memory, time a kilometre, and how near the plan is to the undivided one.
+
+python benchmarks/long_roads.py [--out results/long-roads] [--lengths 10,100,1000] [--whole 100] [--vehicles bus,...] [--half-width 4]
+
+A long line is that of a real road, end to end again and again. Every plan runs in a process of its own. Writes ``long_roads.csv`` (a row a
+plan: CPU time, largest memory, distances of the plan in stretches from the undivided one), ``forgetting.csv`` (how fast a plan forgets
+where it began), and run.json.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import resource
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from time import process_time
+
+import numpy as np
+import pandas as pd
+
+from hdvplan.api import drive_case, plan, prepare
+from hdvplan.case import Case
+from hdvplan.jit import FloatArray
+from hdvplan.need.stretch import stretch_of
+from hdvplan.record import write_record
+from hdvplan.report.files import write_plan
+from hdvplan.road.load import Line, find_road, load_road
+from hdvplan.road.road import Road
+from hdvplan.road.windows import whole_road
+from hdvplan.stretches.cutting import reach_of, stretches_of_line
+from hdvplan.stretches.planning import plan_in_stretches
+from hdvplan.vehicle.load import load_vehicle
+
+ROAD = "liechtenstein_schaan_balzers"  # 11.9 km with five roundabouts
+_LINK_M = 30.0  # straight between one time and the next
+_RUN_INS_M = (5, 10, 20, 40, 60, 80, 100, 150, 200, 300)
+_EVERY_M, _JUDGED_M = 500.0, 20.0  # places where forgetting is looked at, and over which length
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Measure every length, and write the tables."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--out", type=Path, default=Path("results/long-roads"))
+    parser.add_argument("--lengths", type=lambda text: [float(part) for part in text.split(",")], default=[10.0, 100.0, 1000.0])
+    parser.add_argument("--whole", type=float, default=100.0, help="longest that is planned undivided as well [km]")
+    parser.add_argument("--vehicles", type=lambda text: text.split(","), default=["bus", "tractor-trailer"])
+    parser.add_argument("--half-width", type=float, default=4.0)
+    parser.add_argument("--one", type=Path, help="plan this line, in stretches or --undivided, and print what it took")
+    parser.add_argument("--undivided", action="store_true")
+    options = parser.parse_args(arguments)
+    if options.one is not None:
+        print(json.dumps(measured(options.one, options.vehicles[0], options.half_width, options.out, undivided=options.undivided)))
+        return
+    options.out.mkdir(parents=True, exist_ok=True)
+    rows = []
+    for vehicle in options.vehicles:
+        for km in options.lengths:
+            rows += rows_of(km, vehicle, options.half_width, whole=km <= options.whole)
+            pd.DataFrame(rows).to_csv(options.out / "long_roads.csv", index=False, float_format="%.5g", lineterminator="\n")
+    forgotten = [row for vehicle in options.vehicles for row in forgetting(case_of(load_road(ROAD), vehicle, options.half_width))]
+    pd.DataFrame(forgotten).to_csv(options.out / "forgetting.csv", index=False, float_format="%.2e", lineterminator="\n")
+    write_record(options.out, [case_of(load_road(ROAD), vehicle, options.half_width) for vehicle in options.vehicles])
+
+
+def case_of(road: Road, vehicle: str, half_width: float) -> Case:
+    """Return the run on a road."""
+    return Case(road.with_limits(half_width, half_width), load_vehicle(vehicle))
+
+
+def rows_of(km: float, vehicle: str, half_width: float, *, whole: bool) -> list[dict[str, object]]:
+    """Return a row for the plan in stretches of a line this long, and one for the undivided plan."""
+    rows: list[dict[str, object]] = []
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        line = folder / "long.csv"
+        points = long_line(1e3 * km)
+        line.write_text("x,y\n" + "\n".join(f"{x:.3f},{y:.3f}" for x, y in points) + "\n", encoding="utf-8")
+        for way in (*([["--undivided"]] if whole else []), []):
+            out = folder / ("whole" if way else "stretches")
+            same = ["--vehicles", vehicle, "--half-width", str(half_width), "--out", str(out), "--one", str(line)]
+            ended = subprocess.run([sys.executable, __file__, *same, *way], check=True, capture_output=True, text=True)  # noqa: S603 - ourselves
+            rows.append({"km": km, "vehicle": vehicle, "plan": out.name} | json.loads(ended.stdout))
+            print(rows[-1], flush=True)
+        if whole:
+            rows[-1] |= apart(folder / "whole", folder / "stretches")
+            print(rows[-1], flush=True)
+    return rows
+
+
+def long_line(length: float) -> FloatArray:
+    """Return the line of ``ROAD``, end to end again and again, cut at a length [m]."""
+    points, at, heading, parts = line_of(ROAD).raw.points, np.zeros(2), 0.0, []
+    first, last = (float(np.arctan2(*step[::-1])) for step in (points[1] - points[0], points[-1] - points[-2]))
+    lap = float(np.sum(np.hypot(*np.diff(points, axis=0).T))) + _LINK_M
+    for _ in range(int(np.ceil(length / lap))):
+        turn = heading - first
+        turned = (points - points[0]) @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]) + at
+        parts.append(turned)
+        heading = last + turn
+        at = turned[-1] + _LINK_M * np.array([np.cos(heading), np.sin(heading)])
+    line = np.concatenate(parts)
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+    return line[along <= length]
+
+
+def line_of(road: str | Path) -> Line:
+    """Return the line of a road file, or of a shipped road."""
+    found = find_road(road).line
+    if found is None:
+        msg = f"{road} is a scenario, not a line"
+        raise ValueError(msg)
+    return found
+
+
+def measured(line: Path, vehicle: str, half_width: float, out: Path, *, undivided: bool) -> dict[str, object]:
+    """Plan a line in this process; return its length [km], CPU time [s] and largest memory [MB]."""
+    prepare(case_of(load_road("uturn"), vehicle, half_width))  # compiled code is loaded once, not by the kilometre
+    began = process_time()
+    if undivided:
+        write_plan(plan(case_of(whole_road(line_of(line)), vehicle, half_width)), out)
+        summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    else:
+        reach = reach_of(load_vehicle(vehicle), case_of(load_road("uturn"), vehicle, half_width).settings)
+        summary = plan_in_stretches(stretches_of_line(line_of(line), lambda road: case_of(road, vehicle, half_width), reach=reach), out)
+    spent, km = process_time() - began, 1e-3 * summary["length_m"]
+    stretches = summary.get("stretches", {"count": 1, "apart_m": 0.0})
+    return {
+        "cpu_s": spent,
+        "cpu_s_per_km": spent / km,
+        "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0,
+        "files_mb": sum(file.stat().st_size for file in out.iterdir()) / 1e6,
+        "stretches": stretches["count"],
+        "stretches_apart_mm": 1e3 * stretches["apart_m"],
+        "min_clearance_m": summary["min_clearance_m"],
+    }
+
+
+def apart(whole: Path, stretches: Path) -> dict[str, float]:
+    """Return how far two plans of the same line lie apart across the road, as driven and as swept [mm]."""
+    a, b = (pd.read_csv(folder / "path.csv") for folder in (whole, stretches))
+    rows = min(len(a), len(b))
+    a, b = a[:rows], b[:rows]
+    across = np.abs((b.y - a.y) * np.cos(a.heading) - (b.x - a.x) * np.sin(a.heading))
+    swept = [pd.read_csv(folder / "envelope.csv")[["left", "right"]].to_numpy(float) for folder in (whole, stretches)]
+    samples = min(map(len, swept))
+    reach = np.abs(swept[0][:samples] - swept[1][:samples])
+    return {
+        "path_apart_mm": 1e3 * float(np.max(across)),
+        "path_apart_p999_mm": 1e3 * float(np.quantile(across, 0.999)),
+        "swept_apart_mm": 1e3 * float(np.nanmax(reach)),
+        "swept_apart_p999_mm": 1e3 * float(np.nanquantile(reach, 0.999)),
+    }
+
+
+def forgetting(case: Case) -> list[dict[str, object]]:
+    """Return by how much plans that begin on the road differ from the plan of all of it, after run-ins of several lengths [m]."""
+    prepare(case)
+    whole = drive_case(case)
+    longest = _RUN_INS_M[-1] + _JUDGED_M
+    differences: dict[int, list[float]] = {run_in: [] for run_in in _RUN_INS_M}
+    for begin in np.arange(_EVERY_M, case.road.path.length - longest, _EVERY_M):
+        part = drive_case(stretch_of(case, float(begin), float(begin) + longest))
+        for run_in, found in differences.items():
+            there = (part.poses_s >= run_in) & (part.poses_s <= run_in + _JUDGED_M)
+            wanted = np.interp(part.poses_s[there] + begin, whole.poses_s, whole.poses_z[:, 0])
+            found.append(float(np.max(np.abs(part.poses_z[there, 0] - wanted))))
+    return [
+        {"vehicle": case.vehicle.name, "run_in_m": run_in, "places": len(found), "median_m": np.median(found), "max_m": max(found)}
+        for run_in, found in differences.items()
+    ]
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,99 @@
+"""What ``hdvplan plan`` does on a long road: it plans stretch by stretch, and writes as it goes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error, warn
+from hdvplan.errors import OptionError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from rich.table import Table
+
+    from hdvplan.road.load import Line
+    from hdvplan.stretches.cutting import CaseOf
+    from hdvplan.vehicle.model import Vehicle
+
+_JOINED_M = 1e-3  # by how much stretches may lie apart without a word
+
+
+def refuse_on_long(line: Line, asked: dict[str, bool]) -> None:
+    """Refuse options, by their names, that a plan in stretches does not have.
+
+    Raises:
+        OptionError: one is asked for.
+
+    """
+    from hdvplan.road.load import LONG_M
+
+    name = next((name for name, given in asked.items() if given), None)
+    if name is not None:
+        msg = f"{name} is not for roads of more than {1e-3 * LONG_M:.0f} km; {line.name} has {1e-3 * line.length:.0f} km"
+        raise OptionError(msg, hint="cut the road, and plan the part")
+
+
+def plan_long(line: Line, vehicle: Vehicle, case_of: CaseOf, reach: float, directory: Path, *, json: bool, quiet: bool) -> int:
+    """Plan a vehicle along a line in stretches, write the plan into a folder, and tell of it; return the exit code.
+
+    ``reach`` is how far beyond a stretch a plan sees [m].
+    """
+    from hdvplan.stretches.cutting import stretches_of_line
+    from hdvplan.stretches.planning import plan_in_stretches
+
+    note(f"{line.name} has {line.length / 1e3:.0f} km: it is planned in stretches, without pictures", quiet=quiet)
+    try:
+        with progress(f"planning {vehicle.name} along {line.name}", quiet=quiet) as on_progress:
+            summary = plan_in_stretches(
+                stretches_of_line(line, case_of, reach=reach), directory, on_progress=lambda done: on_progress(min(1.0, done / line.length))
+            )
+    except OSError as error:
+        msg = f"cannot write to {directory}: {error.strerror or error}"
+        raise OptionError(msg, hint="choose another folder with --out") from error
+    verdict = summary["verdict"]
+    if json:
+        print_json(summary)
+    elif not quiet:
+        print_line(verdict["text"])
+        print_tables(_table(summary, f"{directory}/"))
+    apart = summary["stretches"]["apart_m"]
+    if apart > _JOINED_M:
+        where = "near limits that are broken, more than one plan may exist"
+        warn(f"two stretches lie {1e3 * apart:.0f} mm apart where they meet: {where}", quiet=quiet)
+    return _exit_code(summary)
+
+
+def _exit_code(summary: dict[str, Any]) -> ExitCode:
+    """Return the exit code; what is broken is an error that names the deepest place."""
+    if summary["verdict"]["fits"] is not False:
+        return ExitCode.OK
+    breach = max(summary["breaches"], key=lambda one: one["depth_m"], default=None)
+    if breach is None:
+        report_error(f"status: {summary['status']}", "summary.json tells where")
+    else:
+        more = f", and at {len(summary['breaches']) - 1} more places" if len(summary["breaches"]) > 1 else ""
+        report_error(
+            f"the {breach['part']} of the {breach['unit']} breaks the {breach['side']} limit by {breach['depth_m']:.3f} m"
+            f" at s = {breach['s_deepest']:.1f} m{more}",
+            "summary.json lists all under breaches",
+        )
+    return ExitCode.BROKEN
+
+
+def _table(summary: dict[str, Any], directory: str) -> Table:
+    """Return the numbers of the plan."""
+    from hdvplan.report.grid import grid
+
+    clearance, times = summary["min_clearance_m"], summary["time_ms"]
+    rows = [
+        ("road length", f"{1e-3 * summary['length_m']:.1f}", "km", f"in {summary['stretches']['count']} stretches"),
+        ("max left", f"{summary['max_left_m']:.3f}", "m", ""),
+        ("max right", f"{summary['max_right_m']:.3f}", "m", ""),
+        ("mean |left + right|", f"{summary['mean_abs_imbalance_m']:.3f}", "m", "over the whole road"),
+        ("min clearance", "-" if clearance is None else f"{clearance:.3f}", "m", f"{len(summary['breaches'])} breaches"),
+        ("stretches apart", f"{1e3 * summary['stretches']['apart_m']:.3f}", "mm", "at most, where one goes over into the next"),
+        ("time per step", f"{times['mean']:.2f}", "ms", f"mean; p95 {times['p95']:.2f}, max {times['max']:.2f}"),
+    ]
+    title = f"{summary['vehicle']} on {summary['road']}"
+    return grid(title, ("", "value", "unit", "remark"), rows, text=("", "unit", "remark"), caption=f"written to {directory}")

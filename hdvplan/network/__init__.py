@@ -1,0 +1,1 @@
+"""Routes of a map as roads: what OpenStreetMap calls a route, stitched from its ways."""

@@ -1,0 +1,170 @@
+"""Read the routes of an OpenStreetMap file: relations, their ways, and where the nodes of these lie. The only user of osmium."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from hdvplan.errors import RoadError, did_you_mean
+
+_NOT_DRIVEN = ("platform", "stop")  # what such roles begin with
+_MOST_NAMED = 8  # kinds of routes or refs that a message lists
+
+
+@dataclass(frozen=True)
+class Member:
+    """A member of a relation: ``kind`` is n, w or r, ``ref`` the id of a node, way or relation, ``role`` as it is mapped."""
+
+    kind: str
+    ref: int
+    role: str = ""
+
+
+@dataclass(frozen=True)
+class Relation:
+    """A relation of the map, its members in their order."""
+
+    id: int
+    tags: Mapping[str, str]
+    members: tuple[Member, ...] = ()
+
+
+@dataclass(frozen=True)
+class Way:
+    """A way of the map, its nodes in its own direction."""
+
+    id: int
+    nodes: tuple[int, ...]
+    tags: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def closed(self) -> bool:
+        """Whether the way is a circle: it ends where it begins."""
+        return len(self.nodes) > 3 and self.nodes[0] == self.nodes[-1]  # noqa: PLR2004 - a circle has three nodes
+
+
+@dataclass(frozen=True)
+class Routes:
+    """The routes of a map: relations whose members are ways, or relations that are missing in the map; stops and platforms are left out.
+
+    ``ways`` are those that the map holds whole, by id; ``places`` are longitude and latitude [deg] of their nodes, by id.
+    """
+
+    relations: tuple[Relation, ...]
+    ways: Mapping[int, Way]
+    places: Mapping[int, tuple[float, float]]
+
+
+def read_routes(path: Path, kind: str, refs: tuple[str, ...] = ()) -> Routes:
+    """Return the routes of one ``kind``, such as ``bus``, in an OpenStreetMap file (.osm.pbf, .osm, .osm.gz, ...).
+
+    ``refs`` takes only the lines of these numbers. A route's members that are relations are replaced by their members. The file is read
+    three times or a little more; what is kept is what the routes need, so that memory does not grow with the map.
+
+    Raises:
+        RoadError: osmium is not installed, the file cannot be read, or it has no such route.
+
+    """
+    source = _Source(_osmium(), path)
+    try:
+        with path.open("rb"):
+            pass
+        routes = [relation for relation in source.relations(("route",)) if relation.tags.get("type", "route") == "route"]
+        chosen = _chosen(routes, kind, refs, path.name)
+        relations = _flattened(chosen, source)
+        ways = source.ways({member.ref for relation in relations for member in relation.members if member.kind == "w"})
+        places = source.places({node for way in ways.values() for node in way.nodes})
+    except OSError as error:
+        msg = f"map {path} cannot be read: {error.strerror or error}"
+        raise RoadError(msg) from error
+    except (RuntimeError, ValueError) as error:  # what osmium raises of a file that it does not understand
+        msg = f"{path.name} is no map that can be read, or it is cut off: {error}"
+        raise RoadError(msg, hint="give an OpenStreetMap file, such as .osm.pbf or .osm; fetch it again if it is one") from error
+    return Routes(relations, {key: way for key, way in ways.items() if len(way.nodes) > 1 and places.keys() >= set(way.nodes)}, places)
+
+
+def _osmium() -> ModuleType:
+    """Load osmium, which only maps need."""
+    try:
+        return import_module("osmium")
+    except ImportError as error:
+        msg = f"maps are read by osmium, which cannot be loaded: {error}"
+        raise RoadError(msg, hint="pip install 'hdvplan[osm]'") from error
+
+
+@dataclass(frozen=True)
+class _Source:
+    """A map that is read from its beginning each time: objects of osmium live only until the next one."""
+
+    osmium: ModuleType
+    path: Path
+
+    def relations(self, keys: tuple[str, ...] = (), ids: Iterable[int] = ()) -> Iterator[Relation]:
+        """Return the relations that have one of the tags ``keys``, or one of the ``ids``."""
+        wanted = self.osmium.filter.KeyFilter(*keys) if keys else self.osmium.filter.IdFilter(ids)
+        for one in self.osmium.FileProcessor(str(self.path), self.osmium.osm.RELATION).with_filter(wanted):
+            yield Relation(one.id, _tags(one), tuple(Member(member.type, member.ref, member.role) for member in one.members))
+
+    def ways(self, ids: set[int]) -> dict[int, Way]:
+        """Return the ways of these ids that are in the map."""
+        return {one.id: Way(one.id, tuple(node.ref for node in one.nodes), _tags(one)) for one in self._these(self.osmium.osm.WAY, ids)}
+
+    def places(self, ids: set[int]) -> dict[int, tuple[float, float]]:
+        """Return longitude and latitude [deg] of the nodes of these ids that are in the map."""
+        return {one.id: (one.location.lon, one.location.lat) for one in self._these(self.osmium.osm.NODE, ids)}
+
+    def _these(self, entity: object, ids: set[int]) -> Iterable[Any]:
+        return self.osmium.FileProcessor(str(self.path), entity).with_filter(self.osmium.filter.IdFilter(ids)) if ids else ()
+
+
+def _tags(one: Any) -> dict[str, str]:  # noqa: ANN401 - an object of osmium
+    return {tag.k: tag.v for tag in one.tags}
+
+
+def _chosen(routes: list[Relation], kind: str, refs: tuple[str, ...], name: str) -> list[Relation]:
+    """Return the routes of a kind with one of the refs.
+
+    Raises:
+        RoadError: there is none.
+
+    """
+    of_kind = [route for route in routes if route.tags.get("route") == kind]
+    if not of_kind:
+        kinds = Counter(route.tags["route"] for route in routes).most_common(_MOST_NAMED)
+        msg = f"{name} has no route relation with route={kind}"
+        there = ", ".join(f"{other} ({count})" for other, count in kinds)
+        raise RoadError(msg, hint=f"there are routes of other kinds: {there}" if there else "a cut of a map may have lost them")
+    known = sorted({route.tags["ref"] for route in of_kind if "ref" in route.tags})
+    unknown = [ref for ref in refs if ref not in known]
+    if unknown:
+        msg = f"{name} has no route={kind} with ref={unknown[0]}"
+        raise RoadError(msg, hint=did_you_mean(unknown[0], known, f"there are {', '.join(known[:_MOST_NAMED]) or 'none with a ref'}"))
+    return [route for route in of_kind if not refs or route.tags.get("ref") in refs]
+
+
+def _flattened(routes: list[Relation], source: _Source) -> tuple[Relation, ...]:
+    """Return routes with the members of their member relations in the place of these; stops and platforms are left out."""
+    known: dict[int, Relation] = {route.id: route for route in routes}
+    missing: set[int] = set()
+    while ahead := {member.ref for one in known.values() for member in _driven(one) if member.kind == "r"} - known.keys() - missing:
+        known |= {relation.id: relation for relation in source.relations(ids=ahead)}
+        missing |= ahead - known.keys()
+    return tuple(replace(route, members=tuple(_members(route, known, ()))) for route in routes)
+
+
+def _members(relation: Relation, known: Mapping[int, Relation], above: tuple[int, ...]) -> Iterator[Member]:
+    for member in _driven(relation):
+        if member.kind == "w" or member.ref not in known:
+            yield member
+        elif member.ref not in (*above, relation.id):  # a relation in itself ends there
+            yield from _members(known[member.ref], known, (*above, relation.id))
+
+
+def _driven(relation: Relation) -> list[Member]:
+    """Return the members of a relation that are driven."""
+    return [member for member in relation.members if member.kind in {"w", "r"} and not member.role.startswith(_NOT_DRIVEN)]

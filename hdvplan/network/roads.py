@@ -1,0 +1,128 @@
+"""A part of a route as a road file: GeoJSON as hdvplan loads it, with what the map says of every stretch."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from itertools import groupby
+
+import numpy as np
+
+from hdvplan import __version__
+from hdvplan.fileio import json_bytes
+from hdvplan.jit import FloatArray
+from hdvplan.network.osm import Relation
+from hdvplan.network.places import Places
+from hdvplan.network.stitch import Part
+from hdvplan.network.widths import Widths
+from hdvplan.road.crs import to_plane
+
+_ROUTE_TAGS = ("ref", "name", "from", "via", "to", "operator", "network", "colour")
+_WAY_TAGS = ("highway", "name", "lanes", "width", "maxspeed", "oneway", "surface", "junction", "bridge", "tunnel")
+_LONGEST_REF = 40  # letters of a ref that a file's name holds
+
+Json = dict[str, object]
+
+
+@dataclass(frozen=True)
+class RouteRoad:
+    """A road file of a route: its name, its length and how much of that has limits [m], and its content."""
+
+    file: str
+    length: float
+    with_limits: float
+    content: bytes
+
+
+@dataclass(frozen=True)
+class Position:
+    """Which part of a route: its number, from 1, of how many, and whether of the way back."""
+
+    number: int = 1
+    parts: int = 1
+    back: bool = False
+
+
+@dataclass(frozen=True)
+class _Stretch:
+    """Consecutive segments on one way, ``first`` to ``end``, and half the width of the road there [m]."""
+
+    first: int
+    end: int
+    half_width: float | None
+    said: Json
+
+
+def road_of_part(route: Relation, part: Part, at: Position, places: Places, widths: Widths, source: str) -> RouteRoad:
+    """Return a part of a route as a road; ``source`` is the map's name.
+
+    The line is the ways' own vertices, longitude and latitude; where the width changes, a vertex is there twice. Limits, half the width to
+    either side of the line, are in it where every stretch has one.
+    """
+    lonlat = np.array([places[node] for node in part.nodes])
+    s = _lengths(lonlat)
+    stretches = _stretches(part, s, widths)
+    limited = float(sum(s[one.end] - s[one.first] for one in stretches if one.half_width is not None))
+    vertices, reaches = _vertices(lonlat, stretches)
+    tags = {key: route.tags[key] for key in _ROUTE_TAGS if key in route.tags}
+    if at.back:
+        tags |= {key: route.tags[other] for key, other in (("from", "to"), ("to", "from")) if other in route.tags}
+    properties: Json = {
+        **tags,
+        "relation": route.id,
+        "route": route.tags.get("route", ""),
+        "direction": "back" if at.back else "there",
+        "part": at.number,
+        "parts": at.parts,
+        "length_m": round(float(s[-1]), 3),
+        **({} if reaches is None else {"left_m": reaches, "right_m": reaches}),
+        "lane_m": widths.lane,
+        "stretches": [one.said for one in stretches],
+        "attribution": "© OpenStreetMap contributors",
+        "licence": "ODbL-1.0",
+        "source_file": source,
+        "extracted_by": f"hdvplan {__version__}",
+    }
+    content: Json = {"type": "Feature", "properties": properties, "geometry": {"type": "LineString", "coordinates": vertices.tolist()}}
+    return RouteRoad(_file_name(route, at), float(s[-1]), limited, json_bytes(content, indent=None))
+
+
+def _lengths(lonlat: FloatArray) -> FloatArray:
+    """Return the length along a line at its vertices, in the plane in which hdvplan will load it [m]."""
+    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(to_plane(lonlat).points, axis=0).T))])
+
+
+def _stretches(part: Part, s: FloatArray, widths: Widths) -> list[_Stretch]:
+    found, first = [], 0
+    for way, segments in groupby(part.ways, key=lambda way: way):
+        end = first + len(list(segments))
+        half, from_ = widths.half_of(way.tags)
+        said: Json = {"s_from_m": round(float(s[first]), 3), "s_to_m": round(float(s[end]), 3), "way": way.id}
+        said |= {key: way.tags[key] for key in _WAY_TAGS if key in way.tags}
+        found.append(_Stretch(first, end, half, said | {"half_width_m": half, "half_width_from": from_}))
+        first = end
+    return found
+
+
+def _vertices(lonlat: FloatArray, stretches: list[_Stretch]) -> tuple[FloatArray, list[float] | None]:
+    """Return the vertices of the line, those at a change of width twice, and the half widths at them [m]; None where one is unknown."""
+    halves = [one.half_width for one in stretches]
+    known = [half for half in halves if half is not None]
+    if len(known) < len(halves):
+        return lonlat, None
+    rows, reaches = [0], [known[0]]
+    for number, (one, half) in enumerate(zip(stretches, known, strict=True)):
+        if number and half != known[number - 1]:
+            rows.append(one.first)
+            reaches.append(half)
+        rows += range(one.first + 1, one.end + 1)
+        reaches += [half] * (one.end - one.first)
+    return lonlat[rows], reaches
+
+
+def _file_name(route: Relation, at: Position) -> str:
+    """Return what the file is called: kind, ref and relation, the direction if it is the way back, and the part where there are several."""
+    words = [route.tags.get("route", "route"), route.tags.get("ref", "")[:_LONGEST_REF], str(route.id)]
+    words += [*(["back"] if at.back else []), *([str(at.number)] if at.parts > 1 else [])]
+    plain = [re.sub(r"[^\w.]+", "_", word).strip("._") for word in words]
+    return "-".join(word for word in plain if word) + ".geojson"

@@ -1,0 +1,138 @@
+"""Plan one stretch and judge its core: what goes back to the process that joins is small, and is the whole road's."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from hdvplan.api import drive_case, prepare
+from hdvplan.errors import HdvplanError, PlanError, SolverError
+from hdvplan.fileio import table_bytes
+from hdvplan.jit import FloatArray
+from hdvplan.judging.bodies import corners, pose_at
+from hdvplan.judging.result import Result, result_of
+from hdvplan.judging.verdict import verdict_of
+from hdvplan.passing.sides import choose_sides
+from hdvplan.report.files import envelope_table, path_table, profile_table, regions_json, steps_table
+from hdvplan.report.geojson import swept_geojson
+from hdvplan.report.summary import smoothing_of, summary_of, verdict_json
+from hdvplan.stretches.clipping import clipped
+from hdvplan.stretches.cutting import Stretch
+
+_PLACES = {"s_m", "s_from", "s_to", "s_deepest", "s_from_m", "s_to_m", "s_worst_m", "max_deviation_s_m", "max_curvature_s_m"}
+_LISTS = {"nearly_all", "lock_to_lock", "failed_steps"}  # of arclengths, or pairs of them
+TABLES = {"path.csv": path_table, "envelope.csv": envelope_table, "profile.csv": profile_table, "steps.csv": steps_table}
+_ENDS = {"path.csv", "envelope.csv", "profile.csv"}  # whose last row is the first of the next stretch
+
+Json = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Kept:
+    """What is kept of a judged stretch until all are joined: a summary as of a road of its own, at arclengths of the whole road.
+
+    ``times`` are those of its planning steps [s]. ``enters`` and ``leaves`` are the corners of all bodies where its core begins and ends,
+    shape (units, 4, 2), x, y [m].
+    """
+
+    key: str  # of its case
+    summary: Json
+    obstacles: dict[bytes, Json]  # nearest approaches, by the obstacles' outlines
+    regions: dict[bytes, Json]  # all regions beside it, likewise
+    times: FloatArray
+    enters: FloatArray
+    leaves: FloatArray
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A stretch that was planned: what is kept of it, and what is written at once."""
+
+    kept: Kept
+    headers: dict[str, bytes]  # of the files of ``TABLES``, and
+    rows: dict[str, bytes]  # what lies below them
+    features: list[Json]  # of swept.geojson
+
+
+def judged(stretch: Stretch) -> Judged:
+    """Plan a stretch from the begin of its run-in, and judge its core.
+
+    Raises:
+        RoadError: an obstacle has no room on the side on which it must be passed.
+        PlanError: as ``hdvplan.plan``; ``s_m`` is the whole road's.
+        SolverError: likewise.
+
+    """
+    case = stretch.case
+    try:
+        prepare(case)
+        road, passed = choose_sides(case)
+        driven = drive_case(replace(case, road=road))
+        here = [one for one in passed if stretch.core[0] <= 0.5 * (one.s_from + one.s_to) < stretch.core[1]]
+        moved = tuple(replace(one, s_from=one.s_from - stretch.core[0], s_to=one.s_to - stretch.core[0]) for one in here)
+        result = result_of(clipped(driven, *stretch.core), solver=case.solver, objective=case.objective, passed=moved)
+    except PlanError as error:
+        raise PlanError(_counted(error, stretch), s_m=error.s_m + stretch.begins, hint=error.hint) from error
+    except SolverError as error:
+        s = None if error.s_m is None else error.s_m + stretch.begins
+        raise SolverError(_counted(error, stretch), status=error.status, s_m=s, hint=error.hint) from error
+    tables = {name: _rows(result, name, stretch) for name in TABLES}
+    length = result.drive.road.path.length
+    ends = corners(result.drive, np.array([pose_at(result.drive, 0.0), pose_at(result.drive, length)]))
+    features = swept_geojson(result)["features"]
+    assert isinstance(features, list)  # noqa: S101 - for the type checker
+    summary = _summary(result, stretch)
+    outlines = [one.obstacle.polygon.wkb for one in result.approaches]
+    obstacles = dict(zip(outlines, summary.pop("obstacles"), strict=True))
+    regions = dict(zip([one.polygon.wkb for one in road.regions], regions_json(road), strict=True))
+    times = np.array([plan.times.total for plan in result.drive.plans])
+    parts = {name: content.partition(b"\n") for name, content in tables.items()}
+    kept = Kept(case.key, summary, obstacles, regions, times, ends[0], ends[1])
+    headers = {name: header + end for name, (header, end, _) in parts.items()}
+    return Judged(kept, headers, {name: rows for name, (_, _, rows) in parts.items()}, features)
+
+
+def _counted(error: HdvplanError, stretch: Stretch) -> str:
+    return f"{error}; this s counts from {stretch.begins:.0f} m along the road"
+
+
+def _begins(stretch: Stretch) -> float:
+    """Return the arclength of the whole road at which the core begins [m]."""
+    return stretch.begins + stretch.core[0]
+
+
+def _rows(result: Result, name: str, stretch: Stretch) -> bytes:
+    """Return the rows of one table of the core, at the whole road's arclengths and headings."""
+    table = dict(TABLES[name](result))
+    table["s"] = replace(table["s"], content=np.round(table["s"].content + _begins(stretch), 6))
+    if "heading" in table:
+        full = 2.0 * np.pi * np.round((stretch.turned - float(result.drive.road.path.at(0.0).heading)) / (2.0 * np.pi))
+        table["heading"] = replace(table["heading"], content=np.round(table["heading"].content + full, 9))
+    if name in _ENDS and not stretch.last:
+        table = {title: replace(column, content=column.content[:-1]) for title, column in table.items()}
+    return table_bytes(table)
+
+
+def _summary(result: Result, stretch: Stretch) -> Json:
+    """Return the core's summary at the whole road's arclengths."""
+    by = _begins(stretch)
+    summary = _moved(summary_of(result), by)
+    assert isinstance(summary, dict)  # noqa: S101 - for the type checker
+    verdict = verdict_of(result)
+    summary["verdict"] = verdict_json(result, replace(verdict, s=verdict.s + by))
+    summary["smoothing"] = smoothing_of(replace(result.drive.road, smoothing=stretch.smoothing))
+    return summary
+
+
+def _moved(value: object, by: float, key: str = "") -> object:
+    """Return a value of a summary with every arclength in it moved by ``by`` [m]."""
+    match value:
+        case dict():
+            return {name: _moved(one, by, name) for name, one in value.items()}
+        case list():
+            return [_moved(one, by, key) for one in value]
+        case float() if key in _PLACES | _LISTS:
+            return value + by
+    return value
