@@ -111,7 +111,7 @@ def routes_of(
 def _line(relation: Relation) -> tuple[str, ...]:
     """Return what relations of the same line have in common; a relation without a ref is a line by itself."""
     ref = relation.tags.get("ref")
-    return (str(relation.id),) if ref is None else ("ref", ref, relation.tags.get("operator", ""), relation.tags.get("network", ""))
+    return (str(relation.id),) if ref is None else ("ref", ref, relation.tags.get("network", ""))
 
 
 def _route(relation: Relation, found: Routes, kind: str, widths: Widths, source: str, *, alone: bool) -> Route:

@@ -72,15 +72,17 @@ def stitched(
     findings: list[Finding] = list(_passed_over(steps, runs, places))
     parts: list[Part] = []
     last = -1
+    place: Place | None = None
     for run in runs:
-        findings += _before(members, steps, last, run[0][0], places)
+        start, end = run[0][1].nodes[0], run[-1][1].nodes[-1]
+        findings += _before(members, steps, last, run[0][0], places, places[start] if place is None else place)
         for _, one in run:
             findings += _remarks(one, places)
         line, turns = _line([one for _, one in run], places)
         parts += line
         findings += turns
-        last = run[-1][0]
-    return tuple(parts), (*findings, *_before(members, steps, last, len(members), places))
+        last, place = run[-1][0], places[end]
+    return tuple(parts), (*findings, *_before(members, steps, last, len(members), places, place))
 
 
 def one_way(tags: Mapping[str, str], kind: str = "bus") -> int:
@@ -150,16 +152,19 @@ def _remarks(one: Pass, places: Places) -> Iterator[Finding]:
         yield Finding(Trouble.ROLE, f"{name} is driven against its role", place)
 
 
-def _before(members: Sequence[Member], steps: Sequence[Step | None], last: int, next_: int, places: Places) -> Iterator[Finding]:
-    """Return the finding of what lies between two runs, by the numbers of the members before and after; or before and after all runs."""
+def _before(
+    members: Sequence[Member], steps: Sequence[Step | None], last: int, next_: int, places: Places, place: Place | None
+) -> Iterator[Finding]:
+    """Return the finding of what lies between two runs, by the numbers of the members before and after; or before and after all runs.
+
+    ``place`` is where the run before ends, or the first one begins.
+    """
     before = steps[last] if last >= 0 else None
     after = steps[next_] if next_ < len(steps) else None
     missing = [member for member, step in zip(members[last + 1 : next_], steps[last + 1 : next_], strict=True) if step is None]
-    known = before or after
     if missing:
         what = f"{len(missing)} members are" if len(missing) > 1 else f"{_KINDS[missing[0].kind]} {missing[0].ref} is"
         where = " and ".join(f"{word} way {step.way.id}" for word, step in (("after", before), ("before", after)) if step is not None)
-        place = None if known is None else places[known.way.nodes[-1]]
         yield Finding(Trouble.MISSING, f"{what} not in the map{', ' if where else ''}{where}", place)
     elif before is not None and after is not None:
         yield _apart(steps, last, next_, places)

@@ -130,3 +130,14 @@ def test_every_road_of_a_country_loads_or_says_in_one_line_why_not(cli: Cli, tmp
             refused.append(str(error))
     assert not [message for message in refused if "\n" in message]
     assert loaded > 4 * len(refused)  # corners at junctions that are drawn as bare vertices cannot all be rounded
+
+
+def test_the_way_back_is_a_road_where_no_other_relation_of_the_line_has_it(cli: Cli, tmp_path: Path) -> None:
+    ways = (way(1, 401, 402), way(2, 402, 502, 503, 403, oneway="yes"), way(3, 403, 303, 302, 402, oneway="yes"), way(4, 403, 404))
+    members = tuple(Member("w", number) for number in (1, 2, 3, 4))
+    both = Relation(1, {"type": "route", "route": "bus", "ref": "11"}, members)
+    other = Relation(2, {"type": "route", "route": "bus", "ref": "11"}, (members[3], members[2], members[0]))
+    cli("roads", "extract", str(write_map(tmp_path / "m.osm", ways, [both])), "--out", "alone", "--quiet")
+    assert sorted(file.name for file in (tmp_path / "alone").glob("*.geojson")) == ["bus-11-1-back.geojson", "bus-11-1.geojson"]
+    cli("roads", "extract", str(write_map(tmp_path / "m.osm", ways, [both, other])), "--out", "two", "--quiet")
+    assert sorted(file.name for file in (tmp_path / "two").glob("*.geojson")) == ["bus-11-1.geojson", "bus-11-2.geojson"]
