@@ -8,6 +8,7 @@ The Python interface, in the order of use; everything else may change::
     result = hdvplan.plan(case)                                                # receding horizon, judged by simulation
     result.balance.max_left, result.balance.min_clearance, result.balance.breaches
     hdvplan.write_plan(result, Path("out"), pictures=["png"])                  # what `hdvplan plan` writes
+    hdvplan.study.run("lines.toml", "out")                                     # many cases, as `hdvplan study` plans them
 
 Names load when they are first used: ``import hdvplan`` itself, and so ``hdvplan --help``, stays quick.
 """
@@ -18,6 +19,7 @@ from typing import TYPE_CHECKING
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from hdvplan import study
     from hdvplan.api import plan, prove, solver
     from hdvplan.case import Case
     from hdvplan.errors import HdvplanError
@@ -57,6 +59,7 @@ _HOMES = {
     "prove": "hdvplan.api",
     "replanned": "hdvplan.finer",
     "solver": "hdvplan.api",
+    "study": "hdvplan.study",
     "summary_of": "hdvplan.report.summary",
     "verdict_of": "hdvplan.judging.verdict",
     "write_plan": "hdvplan.report.files",
@@ -84,6 +87,7 @@ __all__ = [
     "prove",
     "replanned",
     "solver",
+    "study",
     "summary_of",
     "verdict_of",
     "write_plan",
@@ -98,7 +102,8 @@ if not TYPE_CHECKING:  # else a type checker would believe in any name
         if name not in _HOMES:
             msg = f"module 'hdvplan' has no attribute {name!r}"
             raise AttributeError(msg)
-        value: object = getattr(import_module(_HOMES[name]), name)
+        home = import_module(_HOMES[name])
+        value: object = home if home.__name__ == f"hdvplan.{name}" else getattr(home, name)  # a package is public as a whole
         globals()[name] = value
         return value
 

@@ -83,7 +83,9 @@ def test_every_public_name_is_there_and_is_what_its_home_has() -> None:
     assert sorted(hdvplan.__all__) == dir(hdvplan)
     for name in hdvplan.__all__:
         assert getattr(hdvplan, name) is not None
-        if name != "__version__":
+        if name == "study":  # a package, public as a whole
+            assert hdvplan.study is import_module("hdvplan.study")
+        elif name != "__version__":
             assert getattr(import_module(getattr(hdvplan, name).__module__), name) is getattr(hdvplan, name)
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         _ = hdvplan.nothing  # type: ignore[attr-defined] # that is the point

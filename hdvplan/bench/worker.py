@@ -7,10 +7,7 @@ ended, the next cell gets a new one. It gives a sign of life after every plannin
 from __future__ import annotations
 
 import multiprocessing as mp
-import os
 import signal
-import sys
-import threading
 from collections.abc import Mapping, Sequence
 from multiprocessing.connection import Connection, wait
 from time import monotonic
@@ -21,6 +18,7 @@ from hdvplan.bench.samples import CRASHED, HUNG, OUT_OF_MEMORY, Measurement, end
 from hdvplan.bench.suite import Suite
 from hdvplan.case import Case
 from hdvplan.qp.workspace import WorkspaceMaker
+from hdvplan.serving import serve_parent
 
 FIRST = 4.0  # times as long as any other: a first step is iterated to convergence, and may load and compile
 _LOOK_S = 0.2  # how often the limits are looked at
@@ -111,9 +109,7 @@ class Worker:
 
 def _serve(pipe: Connection, life: Any, suite: Suite, cases: Sequence[Case], makers: Mapping[str, WorkspaceMaker]) -> None:  # noqa: ANN401 - ctypes array
     """Measure what is asked for until the pipe is closed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent decides
-    _die_with_the_parent()
-    _silence()
+    serve_parent()
     if suite.memory_limit is not None:
         _limit_memory(suite.memory_limit)
     bench = Bench(suite, cases, makers, _alive(life, suite))
@@ -135,27 +131,6 @@ def _alive(life: Any, suite: Suite) -> Alive:  # noqa: ANN401 - ctypes array
         life[_SINCE] = monotonic()
 
     return alive
-
-
-def _die_with_the_parent() -> None:
-    """End this process when its parent is gone, however that ended; the thread sleeps until then."""
-    parent = mp.parent_process()
-    if parent is not None:
-
-        def follow() -> None:
-            parent.join()
-            os._exit(1)
-
-        threading.Thread(target=follow, daemon=True).start()
-
-
-def _silence() -> None:
-    """Send what solvers print from C to nowhere: stdout is for the tables."""
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    for stream in (sys.stdout, sys.stderr):
-        stream.flush()
-    for descriptor in (1, 2):
-        os.dup2(nowhere, descriptor)
 
 
 def _limit_memory(gigabytes: float) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdvplan import __version__
-from hdvplan.cli import bench, compare, history, need, plan, report, reproduce, roads, solvers, turn, vehicles, warm_up
+from hdvplan.cli import bench, compare, history, need, plan, report, reproduce, roads, solvers, study, turn, vehicles, warm_up
 from hdvplan.cli.console import ExitCode, library_warnings_shown, report_error
 from hdvplan.cli.interruption import interruption_noted
 from hdvplan.cli.surroundings import give_matplotlib_a_folder
@@ -33,6 +33,7 @@ app = typer.Typer(
 app.command("plan")(plan.plan)
 app.command("need")(need.need)
 app.command("turn")(turn.turn)
+app.command("study")(study.study)
 app.command("report")(report.report)
 app.command("bench")(bench.bench)
 app.command("compare")(compare.compare)

@@ -29,7 +29,7 @@ from hdvplan.cli.options import (
     file_name,
     road_options,
 )
-from hdvplan.cli.plan import REFERENCE_SLACK, check_fits, reaches_of
+from hdvplan.cli.plan import check_fits, reaches_of
 from hdvplan.errors import OptionError
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ def need(
     if out is not None and out.exists() and not out.is_dir():
         msg = f"--out {out} is a file, not a folder"
         raise OptionError(msg)
-    from hdvplan.road.load import find_road
+    from hdvplan.road.load import REFERENCE_SLACK, find_road
     from hdvplan.vehicle.load import load_vehicle
 
     driven = load_vehicle(vehicle)

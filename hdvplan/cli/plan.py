@@ -43,7 +43,6 @@ if TYPE_CHECKING:
     from hdvplan.vehicle.model import Vehicle
 
 _NEAR_M = 0.05  # room to spare below which people ask whether more can be had
-REFERENCE_SLACK = 1.25  # a balanced lead axle turns wider than the road's centre, which may thus be tighter than its limit
 
 
 def plan(
@@ -140,7 +139,7 @@ def plan(
         msg = f"--out {out} is a file, not a folder"
         raise OptionError(msg)
     from hdvplan.planning.objective_names import check_objective
-    from hdvplan.road.load import find_road
+    from hdvplan.road.load import REFERENCE_SLACK, find_road
     from hdvplan.solvers.registry import DEFAULT, check_solver
     from hdvplan.vehicle.load import load_vehicle
 

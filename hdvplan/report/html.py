@@ -110,15 +110,15 @@ def report_html(plans: Sequence[PlanFiles], title: str, sections: Sequence[Secti
     """Return the page that shows ``plans`` side by side: summary, maps, diagrams, tables, step times; then ``sections``."""
     environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
     edges = _edges([plan.steps["total_ms"].to_numpy() for plan in plans]) if plans else np.empty(0)
-    return environment.from_string(_page("report.html.j2")).render(
+    return environment.from_string(page_part("report.html.j2")).render(
         title=title,
         version=__version__,
-        style=_page("report.css"),
-        script=_page("report.js"),
+        style=page_part("report.css"),
+        script=page_part("report.js"),
         summary=[[_row(plans, *row) for row in group] for group in (_DRIVEN, _COMPUTED)],
         plans=[_panel(plan, short, edges) for plan, short in zip(plans, short_labels(plans), strict=True)],
         sections=[_section(section) for section in sections],
-        data=_script_json([payload_of(plan) for plan in plans]),
+        data=script_json([payload_of(plan) for plan in plans]),
         directories=", ".join(str(plan.directory) for plan in plans),
     )
 
@@ -234,10 +234,11 @@ def _histogram(times: FloatArray, edges: FloatArray) -> Json:
     return {"bars": bars, "ticks": ticks, "count": len(times)}
 
 
-def _script_json(value: object) -> str:
+def script_json(value: object) -> str:
     """Return JSON that cannot end the script element which carries it."""
     return json.dumps(value, separators=(",", ":"), ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
 
 
-def _page(name: str) -> str:
+def page_part(name: str) -> str:
+    """Return a file that the page is made of: its template, style or script."""
     return (resources.files("hdvplan.report") / "page" / name).read_text(encoding="utf-8")

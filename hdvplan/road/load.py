@@ -29,6 +29,7 @@ if TYPE_CHECKING:  # a file is read, and refused, without the kernels that smoot
     from hdvplan.road.road import Limits, Road
 
 LONG_M = 50e3  # from this length on a line is smoothed in windows, and planned in stretches
+REFERENCE_SLACK = 1.25  # a balanced lead axle turns wider than the road's centre, which may thus be tighter than its limit
 _CLOSED_M = 0.01  # how near the last point must come to the first for a closed road
 _CLOSED_TURN = np.deg2rad(100.0)  # a road that returns to its start at a sharper angle merely crosses itself there
 _JUMP_M = 1e-6  # a limit's jump takes this long

@@ -49,6 +49,7 @@ def test_help_imports_nothing_heavy() -> None:
         (("plan", "text.geojson", "--vehicle", "bus"), 2),
         (("roads", "info", "header.csv"), 2),
         (("bench", "--solvers", "ricatti"), 2),
+        (("study", "text.geojson", "--out", "out"), 2),
         (("bench", "--objective", "geometrical"), 2),
     ],
 )
@@ -56,7 +57,7 @@ def test_lists_and_refusals_wait_for_nothing_that_is_slow_to_load(tmp_path: Path
     (tmp_path / "header.csv").write_text("easting,northing\n1,2\n", encoding="utf-8")
     (tmp_path / "text.geojson").write_text("no JSON", encoding="utf-8")
     slow = ["scipy.interpolate", "scipy.ndimage", "scipy.optimize", "pandas", "matplotlib", "qpsolvers", "pyproj.crs"]
-    slow += [] if arguments[0] == "bench" else ["numba"]  # a suite's settings name the discretisation, which is compiled
+    slow += [] if arguments[0] in {"bench", "study"} else ["numba"]  # their settings name the discretisation, which is compiled
     script = (
         f"import sys; from hdvplan.cli.app import run; code = run({list(arguments)}); print(code, [m for m in {slow} if m in sys.modules])"
     )
@@ -82,6 +83,7 @@ def test_help_is_there_at_once(tmp_path: Path) -> None:
         (),
         ("plan",),
         ("turn",),
+        ("study",),
         ("report",),
         ("bench",),
         ("compare",),

@@ -1,0 +1,164 @@
+"""``hdvplan study``: every combination of roads, vehicles and settings that a file names, planned, judged and ranked."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import contextmanager
+from pathlib import Path
+from time import monotonic
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hdvplan.cli.compiling import note_compiling
+from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error
+from hdvplan.cli.options import JsonOption, QuietOption
+from hdvplan.errors import OptionError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from rich.table import Table
+
+    from hdvplan.study import Engine, Results
+
+_LIMIT_S = 1800.0
+_TELL_S = 30.0  # between two lines of progress where there is no terminal
+_PLACES = 8  # of the ranking that are printed
+
+
+def study(
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE.toml", help="What to combine: roads, vehicles, widths and settings; docs/studies.md.")
+    ],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where to write; a study that is there already goes on.")],
+    workers: Annotated[int | None, typer.Option("--workers", metavar="N", help="Processes on this machine [default: one a core].")] = None,
+    scheduler: Annotated[
+        str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Run on the Dask cluster there, such as tcp://10.0.0.1:8786.")
+    ] = None,
+    cell_limit: Annotated[float, typer.Option("--cell-limit", metavar="S", help="A cell that takes longer is ended [s].")] = _LIMIT_S,
+    retries: Annotated[int, typer.Option("--retries", metavar="N", help="Further tries of a cell that failed, hung or was killed.")] = 1,
+    json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> int:
+    """Plan and judge every combination of roads, vehicles and settings, in parallel.
+
+    DIR gets cells.parquet (one row a combination), places.parquet (every breach and tightest place), ranking.csv, map.html and study.json.
+    What ended is kept: the same command goes on where it stopped, and runs anew only what has changed, failed, hung or was killed.
+
+    Exit code 0: every cell has an answer, whether YES or NO. 1: some failed, hung or were killed. 2: bad input.
+    """
+    if workers is not None and workers < 1:
+        msg = f"--workers must be a positive number, not {workers}"
+        raise OptionError(msg)
+    if not cell_limit > 0.0:
+        msg = f"--cell-limit must be a positive number of seconds, not {cell_limit:g}"
+        raise OptionError(msg)
+    if retries < 0:
+        msg = f"--retries must not be negative, but is {retries}"
+        raise OptionError(msg)
+    if scheduler is not None and workers is not None:
+        msg = "--workers are processes on this machine; a cluster has its own"
+        raise OptionError(msg, hint="leave out --workers or --scheduler")
+    from hdvplan.machine import use_one_thread
+
+    use_one_thread()  # before anything imports NumPy
+    from hdvplan.study.spec import read_study
+
+    wanted = read_study(file)
+    from hdvplan.bench.processes import ended_by_signals
+    from hdvplan.study import LocalEngine, connected, run
+
+    engine: Engine = LocalEngine(workers, cell_limit, retries) if scheduler is None else connected(scheduler, cell_limit)
+    note_compiling(quiet=quiet)
+    counted = [0, len(wanted)]
+    try:
+        with ended_by_signals(), _told(quiet=quiet) as tell:
+
+            def on_progress(done: int, total: int) -> None:
+                counted[:] = done, total
+                tell(done, total)
+
+            results = run(wanted, out, engine, on_progress=on_progress)
+    except OSError as error:
+        msg = f"cannot write to {out}: {error.strerror or error}"
+        raise OptionError(msg, hint="choose another folder with --out") from error
+    except (KeyboardInterrupt, SystemExit):
+        note(f"{counted[0]} of {counted[1]} cells are kept in {out}; the same command goes on from there")
+        raise
+    if json:
+        print_json({"out": str(out), "cells": counted[1], "outcomes": dict(results.outcomes), "fits": dict(results.fits)})
+    elif not quiet:
+        print_line(_summary(results, counted[1]))
+        print_tables(*_ranking(results))
+        print_line(f"written to {out}/")
+    if results.unanswered:
+        report_error(
+            f"{results.unanswered} cells have no answer", "the column reason of cells.parquet says why; the same command tries them again"
+        )
+        return ExitCode.BROKEN
+    return ExitCode.OK
+
+
+@contextmanager
+def _told(*, quiet: bool) -> Iterator[Callable[[int, int], None]]:
+    """Tell how far a study is: a bar at a terminal, else a line now and then, with the time left."""
+    if quiet or sys.stderr.isatty():
+        with progress("planning", quiet=quiet, undisturbed=True) as bar:
+            yield lambda done, total: bar(done / total)
+        return
+    began = last = monotonic()
+    before: int | None = None
+
+    def tell(done: int, total: int) -> None:
+        nonlocal last, before
+        before = done if before is None else before
+        if monotonic() - last < _TELL_S:
+            return
+        last = monotonic()
+        rate = (done - before) / (last - began)
+        left = f", about {_duration((total - done) / rate)} left" if rate > 0.0 else ""
+        note(f"{done} of {total} cells{left}")
+
+    yield tell
+
+
+def _duration(seconds: float) -> str:
+    """Return a time as people say it."""
+    minutes = round(seconds / 60.0)
+    if minutes < 1:
+        return f"{max(1, round(seconds))} s"
+    return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"  # noqa: PLR2004 - of an hour
+
+
+def _summary(results: Results, cells: int) -> str:
+    """Return the study in a sentence."""
+    words = [f"{count} {word}" for word in ("YES", "NO", "NEEDS") if (count := results.fits.get(word, 0))]
+    words += [f"{count} {ending}" for ending, count in sorted(results.outcomes.items()) if ending != "planned"]
+    return f"{cells} cells: {', '.join(words)}"
+
+
+def _ranking(results: Results) -> list[Table]:
+    """Return the head of the ranking as a table; nothing where every vehicle fits."""
+    from math import isnan
+
+    from hdvplan.report.grid import grid
+
+    ranking = results.ranking()
+    if ranking.empty:
+        return []
+
+    def number(value: float, digits: int) -> str:
+        return "-" if isnan(value) else f"{value:.{digits}f}"
+
+    rows = [
+        (
+            str(row["road"]), number(row["s_m"], 1), number(row["half_width_m"], 2), number(row["widening_m"], 2),
+            str(row["vehicles"]), str(row["which_vehicles"]),
+        )
+        for row in ranking.head(_PLACES).to_dict("records")
+    ]  # fmt: skip
+    columns = ("road", "s [m]", "half width [m]", "widening [m]", "vehicles", "which")
+    rest = len(ranking) - len(rows)
+    caption = f"and {rest} more in ranking.csv and map.html" if rest else None
+    return [grid("places that need the least widening", columns, rows, text=("road", "which"), one_line=("which",), caption=caption)]

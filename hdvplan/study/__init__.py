@@ -1,0 +1,44 @@
+"""Studies: every combination of roads, vehicles and settings planned and judged, in parallel, resumably, ending in a ranking on a map.
+
+From Python::
+
+    results = hdvplan.study.run("lines.toml", "out")     # or with engine=hdvplan.study.LocalEngine(workers=8)
+    results.cells()                                      # one row a cell, as in cells.parquet
+
+Names load when they are first used: what a study's file has wrong is said before its tables and engines are loaded.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from hdvplan.study.cluster import DaskEngine, connected
+    from hdvplan.study.conduct import Results, run
+    from hdvplan.study.engine import Engine
+    from hdvplan.study.local import LocalEngine
+    from hdvplan.study.spec import Study, read_study, study_of
+
+_HOMES = {
+    "DaskEngine": "cluster",
+    "Engine": "engine",
+    "LocalEngine": "local",
+    "Results": "conduct",
+    "Study": "spec",
+    "connected": "cluster",
+    "read_study": "spec",
+    "run": "conduct",
+    "study_of": "spec",
+}
+
+__all__ = ["DaskEngine", "Engine", "LocalEngine", "Results", "Study", "connected", "read_study", "run", "study_of"]
+
+if not TYPE_CHECKING:  # else a type checker would believe in any name
+
+    def __getattr__(name: str) -> object:
+        """Load a name when it is first asked for (PEP 562)."""
+        if name not in _HOMES:
+            msg = f"module 'hdvplan.study' has no attribute {name!r}"
+            raise AttributeError(msg)
+        value: object = getattr(import_module(f"hdvplan.study.{_HOMES[name]}"), name)
+        globals()[name] = value
+        return value

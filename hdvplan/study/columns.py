@@ -1,0 +1,128 @@
+"""The columns of a study's tables: their names, kinds, and where in ``summary.json`` and ``need.json`` their values come from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+
+from hdvplan.planning.settings import PlannerSettings
+from hdvplan.study.cells import SETTINGS, Row
+
+TEXT, NUMBER, COUNT, TRUTH, SHAPE = "text", "number", "count", "truth", "shape"
+PARALLEL = "parallel_"  # begins the names of what was measured beside other work: no benchmark, and never twice the same
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column; ``path`` leads to its value in a summary, "a.b" being b in a."""
+
+    name: str
+    kind: str
+    path: str = ""
+
+
+def _columns(kind: str, names: str, *, before: str = "", within: str = "") -> tuple[Column, ...]:
+    """Return columns of a kind, called ``before`` and the name of the entry, which lies ``within`` another one."""
+    return tuple(Column(before + name, kind, within + name) for name in names.split())
+
+
+_KINDS = {str: TEXT, bool: TRUTH, int: COUNT, float: NUMBER}
+
+COORDINATES = (  # before the parameters that vary, which stand behind the vehicle
+    *_columns(TEXT, "key road vehicle"),
+    *_columns(NUMBER, "half_width_m left_m right_m"),
+    *_columns(TEXT, "objective scheme solver"),
+    Column("offset_m", NUMBER),
+    Column("reverse", TRUTH),
+    *_columns(TEXT, "bias pass"),
+)
+CONDITIONS = tuple(
+    Column(f"settings_{field.name}", next(kind for like, kind in _KINDS.items() if isinstance(field.default, like)))
+    for field in fields(PlannerSettings)
+    if field.name in SETTINGS
+)
+ENDING = _columns(TEXT, "outcome reason case")
+SUMMARY = (
+    Column("verdict", TEXT, "verdict.text"),
+    Column("fits", TRUTH, "verdict.fits"),
+    *_columns(NUMBER, "spare_m s_m x y lon lat", within="verdict."),
+    *_columns(TEXT, "side unit part region obstacle", within="verdict."),
+    Column("wheels_spare_m", NUMBER, "verdict.wheels_spare_m"),
+    Column("verdict_half_width_m", NUMBER, "verdict.half_width_m"),
+    Column("proved", TRUTH, "verdict.proved"),
+    *_columns(TEXT, "kind unit", before="proof_", within="verdict.proof."),
+    *_columns(NUMBER, "s_from_m s_to_m", before="proof_", within="verdict.proof."),
+    *_columns(TEXT, "status"),
+    *_columns(NUMBER, "clearance_wanted_m length_m mean_bias_m"),
+    Column("plans", COUNT, "plans"),
+    *_columns(NUMBER, "max_left_m max_right_m imbalance_m mean_abs_imbalance_m mean_abs_off_bias_m expected_half_width_m"),
+    Column("tighter_than_balanced_circle", TRUTH, "tighter_than_balanced_circle"),
+    *_columns(NUMBER, "needed_half_width_m min_clearance_m limit_violation_m"),
+    *_columns(COUNT, "breaches obstacles failed_steps rescued_steps attempts"),
+    *_columns(NUMBER, "share s_m", before="manners_steering_", within="manners.steering."),
+    *_columns(NUMBER, "share s_m", before="manners_steering_rate_", within="manners.steering_rate."),
+    *_columns(NUMBER, "prediction_error_m sqp_iterations_mean"),
+    *_columns(COUNT, "sqp_iterations_max converged_plans steps_halved"),
+    *_columns(NUMBER, "merit_mean merit_max"),
+    *_columns(COUNT, "points duplicates", before="smoothing_", within="smoothing."),
+    *_columns(
+        NUMBER,
+        "max_deviation_m max_deviation_s_m rms_deviation_m max_curvature_per_m max_curvature_s_m",
+        before="smoothing_",
+        within="smoothing.",
+    ),
+    Column("step_m", NUMBER, "settings.step"),
+    *_columns(TEXT, "notice version"),
+)
+STEPS = _columns(NUMBER, "mean p50 p95 p99 max first", before=f"{PARALLEL}step_ms_", within="time_ms.")
+NEED = (
+    Column("need_text", TEXT, "text"),
+    *_columns(NUMBER, "half_width_m tolerance_m proved_below_m out_of_reach_m s_m x y lon lat", before="need_"),
+    *_columns(TEXT, "side unit part objective scheme", before="need_"),
+    Column("need_plans", COUNT, "plans"),
+    Column("need_fits", TRUTH, "fits"),
+    Column("need_widening_m2", NUMBER, "widening_m2"),
+    *(
+        Column(f"need_{kind}_{name}", TRUTH if name == "fits_then" else NUMBER, f"widening.{kind}.{name}")
+        for kind in ("least_area", "least_depth")
+        for name in ("area_m2", "depth_m", "fits_then")
+    ),
+)
+NEED_TIME = Column(f"{PARALLEL}need_s", NUMBER, "time_s")
+SPENT = (Column(f"{PARALLEL}attempts", COUNT), Column(f"{PARALLEL}cpu_s", NUMBER), Column(f"{PARALLEL}wall_s", NUMBER))
+GEOMETRY = Column("geometry", SHAPE)
+
+_PLACE = (
+    Column("kind", TEXT),
+    *_columns(NUMBER, "s_m s_from_m s_to_m x y lon lat depth_m spare_m area_m2"),
+    *_columns(TEXT, "side unit part region obstacle"),
+    GEOMETRY,
+)
+
+
+def cell_columns(varied: tuple[str, ...]) -> tuple[Column, ...]:
+    """Return the columns of ``cells.parquet`` for a study in which the parameters ``varied`` vary."""
+    return (*_coordinates(varied), *ENDING, *SUMMARY, *NEED, *CONDITIONS, *SPENT, *STEPS, NEED_TIME, GEOMETRY)
+
+
+def place_columns(varied: tuple[str, ...]) -> tuple[Column, ...]:
+    """Return the columns of ``places.parquet``, likewise."""
+    return (*_coordinates(varied), *_PLACE)
+
+
+def _coordinates(varied: tuple[str, ...]) -> tuple[Column, ...]:
+    behind = next(number for number, column in enumerate(COORDINATES, start=1) if column.name == "vehicle")
+    return (*COORDINATES[:behind], *(Column(name, NUMBER) for name in varied), *COORDINATES[behind:])
+
+
+def taken(told: Mapping[str, object], columns: tuple[Column, ...]) -> Row:
+    """Return the values of columns in what was told; a list counts as its length, or is several lines of text."""
+    row: Row = {}
+    for column in columns:
+        value: object = told
+        for name in column.path.split("."):
+            value = value.get(name) if isinstance(value, Mapping) else None
+        if isinstance(value, list):
+            value = len(value) if column.kind == COUNT else "\n".join(map(str, value))
+        row[column.name] = float(value) if column.kind == NUMBER and isinstance(value, int | float) else value
+    return row

@@ -1,0 +1,184 @@
+"""A study from its definition to its tables: what is known already is skipped, the rest runs on an engine, and all is put together."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hdvplan.errors import OptionError
+from hdvplan.fileio import csv_bytes, json_bytes, write_atomically
+from hdvplan.machine import commit, machine_facts, software
+from hdvplan.record import command, now
+from hdvplan.study.cells import Cell, cells_of
+from hdvplan.study.engine import Engine
+from hdvplan.study.local import LocalEngine
+from hdvplan.study.outcome import UNANSWERED
+from hdvplan.study.spec import Study, read_study, study_of
+from hdvplan.study.store import CELLS, PARTS, PLACES, Folder, Kept, Writer, kept_in, write_whole
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+RECORD, RANKING, PAGE = "study.json", "ranking.csv", "map.html"
+_OURS = (CELLS, PLACES, PARTS, RANKING, PAGE)
+
+Json = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Results:
+    """A finished study in its folder."""
+
+    folder: Path
+    outcomes: Mapping[str, int]  # cells by how they ended: planned, no plan, refused, failed, hung, killed
+    fits: Mapping[str, int]  # planned cells by their verdict: YES, NO, NEEDS
+
+    @property
+    def unanswered(self) -> int:
+        """How many cells failed, hung or were killed, at their last attempt."""
+        return sum(self.outcomes.get(ending, 0) for ending in UNANSWERED)
+
+    def cells(self) -> pd.DataFrame:
+        """Return one row a cell, in the study's order."""
+        return _table(self.folder / CELLS)
+
+    def places(self) -> pd.DataFrame:
+        """Return every tightest place, breach, dead end and widening, in the order of the cells."""
+        return _table(self.folder / PLACES)
+
+    def ranking(self) -> pd.DataFrame:
+        """Return the places that keep vehicles out, those that need the least widening first."""
+        import pandas as pd  # noqa: PLC0415 - slow to load
+
+        return pd.read_csv(self.folder / RANKING)
+
+
+def run(
+    study: Study | str | Path | Mapping[str, object],
+    out: str | Path,
+    engine: Engine | None = None,
+    *,
+    on_progress: Callable[[int, int], None] | None = None,
+) -> Results:
+    """Plan and judge all cells of a study that ``out`` does not hold yet, and write its tables, its ranking and its map there.
+
+    ``study`` is a TOML file, its entries, or a ``Study``; without an ``engine`` it runs in processes on this machine. ``on_progress``
+    receives the number of cells that have ended, and of all. Whatever interrupts the run: the cells that ended are kept.
+
+    Raises:
+        HdvplanError: a definition that makes no study (see ``read_study``), or a folder with files of others.
+        OSError: a file cannot be written.
+
+    """
+    defined = study if isinstance(study, Study) else study_of(study) if isinstance(study, Mapping) else read_study(Path(study))
+    chosen = LocalEngine() if engine is None else engine
+    folder = Folder(Path(out), defined.varied)
+    kept = kept_in(folder) if _is_ours(folder.path) else None
+    folder.path.mkdir(parents=True, exist_ok=True)
+    record = _begun(defined, folder.path, chosen)
+    done, total = 0 if kept is None else sum(1 for _ in cells_of(defined)) - sum(1 for _ in _left(defined, kept)), len(defined)
+    if on_progress is not None:
+        on_progress(done, total)
+    left = cells_of(defined) if kept is None else _left(defined, kept)
+    with Writer(folder) as writer, closing(chosen.run(left)) as ending:
+        for ended in ending:
+            writer.add(ended)
+            done += 1
+            if on_progress is not None:
+                on_progress(done, total)
+    del kept
+    write_whole(folder, (cell.key for cell in cells_of(defined)))
+    return _finished(folder, record)
+
+
+def _left(study: Study, kept: Kept) -> Iterator[Cell]:
+    """Yield the cells that are not answered yet."""
+    for cell in cells_of(study):
+        (at,) = kept.find([cell.key])
+        if at < 0 or not kept.answered[at]:
+            yield cell
+
+
+def _is_ours(folder: Path) -> bool:
+    """Tell whether a folder holds a study.
+
+    Raises:
+        OptionError: it holds files of the same names that are not of a study.
+
+    """
+    if folder.exists() and not folder.is_dir():
+        msg = f"{folder} is a file, not a folder"
+        raise OptionError(msg)
+    if "sessions" in _read(folder):
+        return True
+    there = next((name for name in (*_OURS, RECORD) if os.path.lexists(folder / name)), None)
+    if there is not None:
+        msg = f"{folder} holds {there}, which is not of a study"
+        raise OptionError(msg, hint="choose another folder with --out, or move it")
+    return False
+
+
+def _read(folder: Path) -> Json:
+    try:
+        found = json.loads((folder / RECORD).read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _begun(study: Study, folder: Path, engine: Engine) -> Json:
+    """Write and return the record of a study whose session begins: what was asked, and all sessions with machine and software."""
+    described = asdict(study)
+    for manner in described["manners"]:
+        manner["settings"] = {name: str(value) if isinstance(value, str) else value for name, value in manner["settings"].items()}
+    session = {
+        "started": now(),
+        "command": command(),
+        "engine": repr(engine),
+        "software": software(study.solvers, study.objectives),
+        "commit": commit(),
+        "machine": machine_facts(),
+    }
+    record = {"study": described, "cells": len(study), "sessions": [*_read(folder).get("sessions", []), session], "finished": None}
+    write_atomically(folder / RECORD, json_bytes(record))
+    return record
+
+
+def _finished(folder: Folder, record: Json) -> Results:
+    """Write what is made of the whole table; return the results."""
+    from hdvplan.study.map_page import write_page  # noqa: PLC0415 - they load pandas, which needs memory that cells have use for
+    from hdvplan.study.ranking import ranking_of  # noqa: PLC0415 - as above
+
+    results = Results(folder.path, *_counts(folder.path / CELLS))
+    ranking = ranking_of(folder.path / CELLS, folder.path / PLACES, folder.varied)
+    write_atomically(folder.path / RANKING, csv_bytes(ranking))
+    write_page(folder.path / PAGE, folder.path / CELLS, ranking, record["sessions"][0]["started"])
+    told = {"outcomes": dict(results.outcomes), "fits": dict(results.fits), "finished": now()}
+    write_atomically(folder.path / RECORD, json_bytes(record | told))
+    return results
+
+
+def _counts(cells: Path) -> tuple[Counter[str], Counter[str]]:
+    """Return how many cells ended how, and how many planned ones have which verdict."""
+    import pyarrow.parquet as pq  # noqa: PLC0415 - slow to load
+
+    words = {True: "YES", False: "NO", None: "NEEDS"}
+    outcomes, fits = Counter[str](), Counter[str]()
+    for batch in pq.ParquetFile(cells).iter_batches(columns=["outcome", "fits"]):
+        for outcome, fitting in zip(batch["outcome"].to_pylist(), batch["fits"].to_pylist(), strict=True):
+            outcomes[outcome] += 1
+            if outcome == "planned":
+                fits[words[fitting]] += 1
+    return outcomes, fits
+
+
+def _table(path: Path) -> pd.DataFrame:
+    import pandas as pd  # noqa: PLC0415 - slow to load
+
+    return pd.read_parquet(path)

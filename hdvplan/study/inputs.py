@@ -1,0 +1,264 @@
+"""The roads and vehicles that a study names: files, globs, folders and shipped names, and vehicles whose dimensions vary."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from hashlib import sha256
+from itertools import product
+from math import isfinite
+from pathlib import Path
+
+import numpy as np
+
+from hdvplan.errors import OptionError, RoadError, VehicleError, did_you_mean
+from hdvplan.road.library import example_file, example_names, road_file, road_names
+from hdvplan.road.scenarios import SCENARIOS
+from hdvplan.texts import printable
+from hdvplan.vehicle.load import load_vehicle
+from hdvplan.vehicle.model import Unit, Vehicle
+
+_ROAD_KEYS = ("road", "name", "layer", "roles", "road_ids", "lane")
+_GLOB = re.compile(r"[*?\[]")
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_RANGE = re.compile(rf"\s*({_NUMBER})\s*\.\.\s*({_NUMBER})\s*(?:in\s+(\d+))?\s*")
+_COUNT = 5  # values of a range that says no number
+_MOST = 100_000  # values of one parameter
+_DIGITS = 12  # decimals of a range's values: 3.5, not 3.5000000000000004
+_LEAD = ("max_curvature", "max_curvature_rate")  # of the vehicle, whose first unit steers
+_UNIT = tuple(field.name for field in fields(Unit) if field.name != "name")
+
+
+@dataclass(frozen=True)
+class RoadSource:
+    """A road of a study, not read yet: ``source`` is its file or shipped name, ``digest`` tells the content of the file.
+
+    The others choose a line of the file, as in ``RoadOptions``.
+    """
+
+    label: str  # what tables call it
+    source: str
+    digest: str
+    feature: str | None = None
+    layer: str | None = None
+    roles: tuple[str, ...] = ()
+    road_ids: str | None = None
+    lane: int | None = None
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A vehicle, and which of its parameters have which value in the study."""
+
+    vehicle: Vehicle
+    varied: tuple[tuple[str, float], ...] = ()
+
+
+def roads_of(entries: Sequence[object], folder: Path) -> tuple[RoadSource, ...]:
+    """Return the roads that entries name: files, globs and folders relative to ``folder``, shipped names, or tables with ``road``.
+
+    Raises:
+        OptionError: an entry of another kind.
+        RoadError: no such file or name, or one that cannot be read.
+
+    """
+    found: list[RoadSource] = []
+    for entry in entries:
+        table = entry if isinstance(entry, Mapping) else {"road": entry}
+        chosen = _chosen(table)
+        found += [replace(chosen, label=label, source=source, digest=road_digest(source)) for label, source in _sources(table, folder)]
+    return tuple(_told_apart(found))
+
+
+def road_digest(source: str) -> str:
+    """Return a digest of the content of a road's file, with the files that a Shapefile consists of; a scenario's is its name.
+
+    Raises:
+        RoadError: it cannot be read.
+
+    """
+    path = road_file(source) or example_file(source) or Path(source)
+    if source in SCENARIOS and not path.is_file():
+        return source
+    parts = sorted(path.parent.glob(f"{path.stem}.*")) if path.suffix.lower() == ".shp" else [path]
+    digest = sha256()
+    try:
+        for part in parts:
+            with part.open("rb") as file:
+                while block := file.read(1 << 20):
+                    digest.update(block)
+    except OSError as error:
+        msg = f"road file {path} cannot be read: {error.strerror or error}"
+        raise RoadError(msg) from error
+    return digest.hexdigest()[:32]
+
+
+def _chosen(table: Mapping[str, object]) -> RoadSource:
+    """Return what a road's table says of the line in its file."""
+    for key in table:
+        if key not in _ROAD_KEYS:
+            msg = f"unknown entry {key!r} of a road"
+            raise OptionError(msg, hint=did_you_mean(key, _ROAD_KEYS, f"entries: {', '.join(_ROAD_KEYS)}"))
+    roles, lane = table.get("roles", []), table.get("lane")
+    if not (isinstance(roles, list) and all(isinstance(role, str) for role in roles)):
+        msg = f"a road's roles must be a list of words, not {roles!r}"
+        raise OptionError(msg)
+    if lane is not None and (isinstance(lane, bool) or not isinstance(lane, int)):
+        msg = f"a road's lane must be a whole number, not {lane!r}"
+        raise OptionError(msg)
+    words = {key: table.get(key) for key in ("name", "layer", "road_ids")}
+    for key, value in words.items():
+        if value is not None and not isinstance(value, str):
+            msg = f"a road's {key} must be words in quotes, not {value!r}"
+            raise OptionError(msg)
+    name, layer, road_ids = (None if value is None else str(value) for value in words.values())
+    return RoadSource("", "", "", name, layer, tuple(map(str, roles)), road_ids, lane)
+
+
+def _sources(table: Mapping[str, object], folder: Path) -> list[tuple[str, str]]:
+    """Return what tables may call the roads of one entry, and where these are."""
+    name = table.get("road")
+    if not isinstance(name, str) or not name:
+        msg = f"a road of the study must be a file, a glob, a folder or a shipped name, not {name!r}"
+        raise OptionError(msg)
+    path = folder / name
+    if path.is_file():
+        return [(printable(path.stem), str(path))]
+    if path.is_dir() or _GLOB.search(name):
+        pattern = "*.geojson" if path.is_dir() else name
+        files = _globbed(path if path.is_dir() else folder, pattern)
+        if not files:
+            msg = f"no road file matches {name!r}" if _GLOB.search(name) else f"folder {name!r} has no road file *.geojson"
+            raise RoadError(msg, hint="globs are relative to the study's folder")
+        return [(printable(file.stem), str(file)) for file in files]
+    if road_file(name) is not None or example_file(name) is not None or name in SCENARIOS:
+        return [(name, name)]
+    known = [*road_names(), *example_names(), *SCENARIOS]
+    msg = f"no road file, shipped road or scenario is called {name!r}"
+    raise RoadError(
+        msg, hint=did_you_mean(name, known, "files are relative to the study's folder; `hdvplan roads list` has the names", most=3)
+    )
+
+
+def _globbed(folder: Path, pattern: str) -> list[Path]:
+    """Return the files that match, sorted; a pattern may be absolute."""
+    whole = Path(pattern)
+    try:
+        if whole.is_absolute():
+            return sorted(file for file in Path(whole.anchor).glob(str(whole.relative_to(whole.anchor))) if file.is_file())
+        return sorted(file for file in folder.glob(pattern) if file.is_file())
+    except (NotImplementedError, ValueError) as error:
+        msg = f"{pattern!r} is no glob: {error}"
+        raise RoadError(msg) from error
+
+
+def _told_apart(roads: Sequence[RoadSource]) -> list[RoadSource]:
+    """Return roads with labels that differ: by the chosen line, else by the whole path of the file, else by a number.
+
+    Raises:
+        OptionError: the same road twice.
+
+    """
+    twice = [road for road, count in Counter(roads).items() if count > 1]
+    if twice:
+        msg = f"the study names the road {twice[0].label} twice"
+        raise OptionError(msg)
+    named = [
+        replace(road, label=f"{road.label}:{road.feature or road.road_ids}") if road.feature or road.road_ids else road for road in roads
+    ]
+    renamings: tuple[Callable[[RoadSource, int], str], ...] = (
+        lambda road, _: printable(road.source),
+        lambda road, number: f"{road.label} ({number})",
+    )
+    for called in renamings:
+        counts = Counter(road.label for road in named)
+        named = [
+            replace(road, label=called(road, number)) if counts[road.label] > 1 else road for number, road in enumerate(named, start=1)
+        ]
+    return named
+
+
+def variants_of(names: Sequence[str], vary: Mapping[str, object], folder: Path) -> tuple[Variant, ...]:
+    """Return the vehicles that ``names`` name, presets, files or globs, with every combination of the values that ``vary`` gives them.
+
+    Its names are ``vehicle.parameter``, of the first unit, or ``vehicle.number.parameter``.
+
+    Raises:
+        OptionError: such a name that is none of a vehicle of the study and of its parameters, or values that are no numbers.
+        VehicleError: no such vehicle, or a value that it cannot have.
+
+    """
+    vehicles = _vehicles(names, folder)
+    swept: dict[str, list[tuple[str, list[float], Callable[[Vehicle, float], Vehicle]]]] = {name: [] for name in vehicles}
+    for name, values in vary.items():
+        owner = next((known for known in sorted(vehicles, key=len, reverse=True) if name.startswith(f"{known}.")), None)
+        if owner is None:
+            msg = f"vary names {name!r}, and no vehicle of the study is called that"
+            known = [f"{vehicle}.{name.rpartition('.')[2]}" for vehicle in vehicles]
+            raise OptionError(msg, hint=did_you_mean(name, known, f"its vehicles: {', '.join(vehicles)}"))
+        swept[owner].append((name, _values(name, values), _setter(name, name.removeprefix(f"{owner}."), vehicles[owner])))
+    found = []
+    for name, vehicle in vehicles.items():
+        for values in product(*(values for _, values, _ in swept[name])):
+            changed = vehicle
+            for (_, _, change), value in zip(swept[name], values, strict=True):
+                changed = change(changed, value)
+            varied = tuple((parameter, value) for (parameter, _, _), value in zip(swept[name], values, strict=True))
+            found.append(Variant(changed, varied))
+    return tuple(found)
+
+
+def _vehicles(names: Sequence[str], folder: Path) -> dict[str, Vehicle]:
+    """Return the vehicles by their names."""
+    found: dict[str, Vehicle] = {}
+    for name in names:
+        files: list[str | Path] = [folder / name] if (folder / name).is_file() else [name]
+        if _GLOB.search(name):
+            files = list(_globbed(folder, name))
+            if not files:
+                msg = f"no vehicle file matches {name!r}"
+                raise VehicleError(msg, hint="globs are relative to the study's folder")
+        for file in files:
+            vehicle = load_vehicle(file)
+            if vehicle.name in found:
+                msg = f"two vehicles of the study are called {vehicle.name!r}"
+                raise OptionError(msg, hint="give one of them another name in its file")
+            found[vehicle.name] = vehicle
+    return found
+
+
+def _values(name: str, given: object) -> list[float]:
+    """Return the values of a parameter: a number, a list of them, or a range such as ``3.4..3.8 in 5``."""
+    if isinstance(given, str) and (match := _RANGE.fullmatch(given)):
+        low, high, count = float(match[1]), float(match[2]), int(match[3] or _COUNT)
+        if not (low < high and 1 < count <= _MOST):
+            msg = f"vary {name}: the range {given!r} must rise, in 2 to {_MOST} values"
+            raise OptionError(msg)
+        return [round(float(value), _DIGITS) for value in np.linspace(low, high, count)]
+    values = given if isinstance(given, list) else [given]
+    numbers = [float(value) for value in values if isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)]
+    if not values or len(numbers) < len(values) or len(set(numbers)) < len(numbers):
+        msg = f"vary {name} must be different numbers or a range, not {given!r}"
+        raise OptionError(msg, hint=f'"{name}" = [3.4, 3.6, 3.8], or "3.4..3.8 in 5"')
+    return numbers
+
+
+def _setter(name: str, parameter: str, vehicle: Vehicle) -> Callable[[Vehicle, float], Vehicle]:
+    """Return what gives a vehicle another value of a parameter, such as ``wheelbase`` of its first unit, or ``2.wheelbase``."""
+    if parameter in _LEAD:
+        return lambda changed, value: replace(changed, **{parameter: value})  # type: ignore[arg-type] # both are numbers
+    number, _, own = parameter.rpartition(".")
+    index = int(number) - 1 if number.isascii() and number.isdigit() else 0 if not number else -1
+    if own not in _UNIT or not 0 <= index < len(vehicle.units):
+        msg = f"vary names {name!r}, and {vehicle.name} has no such parameter"
+        known = [*_UNIT, *_LEAD] if not number else [f"{unit}.{entry}" for unit in range(1, len(vehicle.units) + 1) for entry in _UNIT]
+        raise OptionError(msg, hint=did_you_mean(parameter, known, f"parameters: {', '.join(known)}; those of unit 2 are 2.{_UNIT[0]} ..."))
+
+    def change(changed: Vehicle, value: float) -> Vehicle:
+        units = list(changed.units)
+        units[index] = replace(units[index], **{own: value})  # type: ignore[arg-type] # every parameter is a number
+        return replace(changed, units=tuple(units))
+
+    return change

@@ -1,0 +1,167 @@
+"""The map of a study: one HTML file that needs no network, with its roads, the ranking's places, and a table that filters."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+import shapely
+from jinja2 import Environment
+
+from hdvplan import __version__
+from hdvplan.fileio import write_atomically
+from hdvplan.report.html import page_part, script_json
+from hdvplan.texts import encoded
+
+MOST_PLACES = 5000  # shown, in the ranking's order; the files hold all
+MOST_ROADS = 3000
+MOST_COURSES = 100_000  # of road, vehicle and width, by which lines are coloured
+MOST_CHOICES = 100  # widths, and vehicles, of the table and the filters; others are found by words
+_DIGITS = 5  # of degrees: a metre
+_SHOWN = (
+    "rank", "worst_rank", "widening_m", "widening_m2", "vehicles", "roads", "half_width_m", "left_m", "right_m", "road", "s_m", "lon",
+    "lat", "vehicle", "side", "unit", "part", "obstacle", "which_vehicles", "which_roads",
+)  # fmt: skip
+_WORDS = ("YES", "NO", "NEEDS", "no answer")  # the best first
+_READ = ("road", "vehicle", "half_width_m", "left_m", "right_m", "outcome", "fits", "notice", "geometry")
+_AT_ONCE = 4096  # rows in memory
+
+Json = dict[str, Any]
+
+
+def write_page(path: Path, cells: Path, ranking: pd.DataFrame, date: str) -> None:
+    """Write the page about the study whose whole table is ``cells``.
+
+    Raises:
+        OSError: the file cannot be written.
+
+    """
+    write_atomically(path, encoded(page_html(cells, ranking, date)))
+
+
+def page_html(cells: Path, ranking: pd.DataFrame, date: str) -> str:
+    """Return the page."""
+    told = _told(cells)
+    placed = [name for name in told.roads if name in told.lines][:MOST_ROADS]
+    data = {
+        "vehicles": list(told.vehicles),
+        "widths": list(told.widths),
+        "words": _WORDS,
+        "roads": [{"name": name, "line": told.lines[name]} for name in placed],
+        "courses": _courses(told, {told.roads[name]: number for number, name in enumerate(placed)}),
+        "places": [_place(row) for row in ranking.head(MOST_PLACES)[list(_SHOWN)].to_dict("records")],
+    }
+    return (
+        Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+        .from_string(_part("study.html.j2"))
+        .render(
+            version=__version__,
+            style=page_part("report.css") + _part("study.css"),
+            script=_part("study.js"),
+            data=script_json(data),
+            date=date[:10],
+            cells=told.cells,
+            roads=len(told.roads),
+            vehicles=list(told.vehicles)[:MOST_CHOICES],
+            widths=list(told.widths)[:MOST_CHOICES],
+            count=len(told.vehicles),
+            matrix=_matrix(told),
+            nowhere=len(told.roads) - len(told.lines),
+            roads_left=len(told.lines) - len(placed),
+            places_left=max(0, len(ranking) - MOST_PLACES),
+            found=len(ranking),
+            notices=sorted(told.notices),
+            unanswered=told.unanswered,
+        )
+    )
+
+
+@dataclass
+class _Told:
+    """What the page needs of a study's cells, gathered row by row: names in their order, and the best word of every course."""
+
+    roads: dict[str, int] = field(default_factory=dict)
+    vehicles: dict[str, int] = field(default_factory=dict)
+    widths: dict[str, int] = field(default_factory=dict)
+    lines: dict[str, list[list[float]]] = field(default_factory=dict)  # longitude and latitude [deg] of roads that lie on the Earth
+    best: dict[tuple[int, int, int], int] = field(default_factory=dict)  # by the numbers of road, vehicle and width
+    notices: set[str] = field(default_factory=set)
+    cells: int = 0
+    unanswered: int = 0
+
+    def add(self, road: str, vehicle: str, width: str, word: str, notice: str | None, line: bytes | None) -> None:
+        """Take a cell."""
+        names = ((self.roads, road), (self.vehicles, vehicle), (self.widths, width))
+        number = tuple(known.setdefault(name, len(known)) for known, name in names)
+        course = (number[0], number[1], number[2])
+        self.best[course] = min(self.best.get(course, len(_WORDS)), _WORDS.index(word))
+        self.cells += 1
+        self.unanswered += word == _WORDS[-1]
+        if notice is not None:
+            self.notices.add(notice)
+        if line is not None and road not in self.lines:
+            self.lines[road] = np.round(shapely.get_coordinates(shapely.from_wkb(line)), _DIGITS).tolist()
+
+
+def _told(cells: Path) -> _Told:
+    told = _Told()
+    for batch in pq.ParquetFile(cells).iter_batches(columns=list(_READ), batch_size=_AT_ONCE):
+        for road, vehicle, half_width, left, right, outcome, fits, notice, line in zip(
+            *(batch[name].to_pylist() for name in _READ), strict=True
+        ):
+            told.add(road, vehicle, width_text(half_width, left, right), _word(outcome, fits), notice, line)
+    return told
+
+
+def width_text(half_width: float | None, left: float | None, right: float | None) -> str:
+    """Return how a page names limits: at +-M, left and right, or the road's own."""
+    if half_width is not None:
+        return f"\u00b1 {half_width:g} m"
+    return "the road's own" if left is None else f"left {left:g} m, right {right:g} m"
+
+
+def _word(outcome: str, fits: bool | None) -> str:
+    if outcome == "no plan":
+        return "NO"
+    if outcome != "planned":
+        return _WORDS[-1]
+    return "NEEDS" if fits is None else "YES" if fits else "NO"
+
+
+def _matrix(told: _Told) -> list[Json]:
+    """Return for every vehicle and width how many of the roads it fits, by the best plan."""
+    counts: dict[tuple[int, int], list[int]] = {}
+    for (_, vehicle, width), word in told.best.items():
+        if word <= _WORDS.index("NO"):
+            fits = counts.setdefault((vehicle, width), [0, 0])
+            fits[0] += word == _WORDS.index("YES")
+            fits[1] += 1
+    rows = []
+    for name, vehicle in list(told.vehicles.items())[:MOST_CHOICES]:
+        found = [counts.get((vehicle, width)) for width in range(len(told.widths))[:MOST_CHOICES]]
+        rows.append({"vehicle": name, "cells": ["-" if of is None else f"{of[0]} of {of[1]}" for of in found]})
+    return rows
+
+
+def _courses(told: _Told, places: dict[int, int]) -> list[list[int]]:
+    """Return [road, vehicle, width, word], the road by its number among those that are shown."""
+    if len(told.best) > MOST_COURSES:
+        return []
+    return [[places[road], vehicle, width, word] for (road, vehicle, width), word in told.best.items() if road in places]
+
+
+def _place(row: Mapping[Any, Any]) -> Json:
+    """Return a place without what is missing; lengths to the centimetre, degrees to the decimetre."""
+    there = {name: value for name, value in row.items() if value is not None and value == value}  # noqa: PLR0124 - NaN
+    digits = Counter({"lon": 6, "lat": 6, "s_m": 1})
+    return {name: round(value, digits[name] or 2) if isinstance(value, float) else value for name, value in there.items()}
+
+
+def _part(name: str) -> str:
+    return (Path(__file__).parent / "page" / name).read_text(encoding="utf-8")

@@ -1,0 +1,110 @@
+"""The places that keep vehicles out, over all vehicles and roads of a study: near ones merged, with the widening that each needs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from hdvplan.jit import FloatArray
+from hdvplan.study.places import BREACH, DEAD_END, WIDENING
+
+MERGED_M = 25.0  # places nearer than this to a deeper one are one with it
+_AT_ONCE = 8192  # rows in memory
+_EARTH_M = 6_371_000.0
+_COURSE = ["half_width_m", "left_m", "right_m", "offset_m", "reverse", "pass"]  # with road and vehicle: what is asked, whatever the plan
+_WIDTH = ["half_width_m", "left_m", "right_m"]  # places of different widths are never one
+_CELL = ["key", "road", "vehicle", *_COURSE, "outcome", "fits", "spare_m"]
+_PLACE = ["key", "kind", "s_m", "x", "y", "lon", "lat", "depth_m", "area_m2", "side", "unit", "part", "obstacle"]
+COLUMNS = [
+    "rank", "worst_rank", "widening_m", "widening_m2", "vehicles", "roads", "courses", *_WIDTH, "road", "s_m", "lon", "lat", "x", "y",
+    "vehicle", "side", "unit", "part", "obstacle", "which_vehicles", "which_roads", "key",
+]  # fmt: skip
+
+
+def ranking_of(cells: Path, places: Path, varied: tuple[str, ...]) -> pd.DataFrame:
+    """Return the ranking of a study's tables: the places that need the least widening first, those without any plan last.
+
+    Of every road, vehicle and width the best cell counts: a vehicle that fits by one objective needs no widening. ``widening_m`` is
+    the most that any vehicle lacks there. Where the study asked for needs, it is the depth of the least widening, and ``widening_m2`` its
+    area. ``worst_rank`` counts from the place that lacks most.
+    """
+    found = _lacking(cells, places, varied)
+    if found.empty:
+        return pd.DataFrame(columns=COLUMNS)
+    frames = [_merged(group) for _, group in found.groupby(_WIDTH, dropna=False, sort=True)]
+    ranking = pd.concat(frames, ignore_index=True)
+    ranking["worst_rank"] = ranking["widening_m"].fillna(np.inf).rank(ascending=False, method="first").astype(int)
+    by = {"widening_m": True, "vehicles": False, "courses": False, "road": True, "s_m": True}
+    ranking = ranking.sort_values(list(by), ascending=list(by.values()), na_position="last", kind="stable", ignore_index=True)
+    ranking["rank"] = np.arange(1, len(ranking) + 1)
+    return ranking[COLUMNS]
+
+
+def _lacking(cells: Path, places: Path, varied: tuple[str, ...]) -> pd.DataFrame:
+    """Return the places where the best cells of courses lack room, with their courses; neither table is in memory as a whole."""
+    course = ["road", "vehicle", *varied, *_COURSE]
+    best = pd.DataFrame(columns=[*_CELL, *varied])
+    for part in _parts(cells, [*_CELL, *varied]):
+        table = part[part["fits"].notna() & part["outcome"].isin(["planned", "no plan"])]
+        table = table.assign(fits=table["fits"].astype(bool))
+        table = table if best.empty else pd.concat([best, table])
+        best = table.sort_values(["fits", "spare_m"], ascending=[False, False], na_position="last", kind="stable").drop_duplicates(course)
+    best = best[~best["fits"].astype(bool)]
+    found = [part[part["kind"].isin([BREACH, DEAD_END, WIDENING]) & part["key"].isin(best["key"])] for part in _parts(places, _PLACE)]
+    if not any(map(len, found)):
+        return pd.DataFrame()
+    at = pd.concat([part for part in found if len(part)])
+    widened = set(at.loc[at["kind"] == WIDENING, "key"])
+    at = at[(at["kind"] == WIDENING) == at["key"].isin(widened)]  # what must change, where it is known, else what the plan broke
+    return at.merge(best[["key", *course]], on="key", how="left").drop_duplicates(["key", "kind", "s_m", "side"])
+
+
+def _parts(path: Path, columns: list[str]) -> Iterator[pd.DataFrame]:
+    """Yield a table some rows at a time."""
+    for batch in pq.ParquetFile(path).iter_batches(batch_size=_AT_ONCE, columns=columns):
+        yield batch.to_pandas()
+
+
+def _merged(found: pd.DataFrame) -> pd.DataFrame:
+    """Return one row for all places around a deepest one."""
+    found = found.sort_values(["depth_m", "road", "s_m", "key"], ascending=[False, True, True, True], na_position="first", kind="stable")
+    points = _points(found)
+    tree = cKDTree(points)
+    owner = np.full(len(found), -1)
+    for number in range(len(found)):
+        if owner[number] < 0:
+            near = np.asarray(tree.query_ball_point(points[number], MERGED_M))
+            owner[near[owner[near] < 0]] = number
+    rows = []
+    for _, members in found.groupby(owner, sort=True):
+        deepest = members.iloc[0]
+        vehicles, roads = sorted(set(members["vehicle"])), sorted(set(members["road"]))
+        rows.append(
+            deepest.to_dict()
+            | {
+                "widening_m": deepest["depth_m"],
+                "widening_m2": members["area_m2"].max(),
+                "vehicles": len(vehicles),
+                "roads": len(roads),
+                "courses": members["key"].nunique(),
+                "which_vehicles": "; ".join(vehicles),
+                "which_roads": "; ".join(roads),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def _points(found: pd.DataFrame) -> NDArray[np.float64]:
+    """Return places in space [m], shape (n, 3): on the Earth by longitude and latitude; each road without them in a plane of its own."""
+    lon, lat = (np.deg2rad(found[name].to_numpy(float)) for name in ("lon", "lat"))
+    globe: FloatArray = _EARTH_M * np.column_stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)])
+    apart = 1e8 * (1.0 + pd.factorize(found["road"])[0])  # further than anything on the Earth
+    plane = np.column_stack([found[["x", "y"]].to_numpy(float), apart])
+    points: FloatArray = np.where(np.isnan(lon)[:, None], plane, globe)
+    return points

@@ -1,0 +1,201 @@
+"""What a study keeps: parts with the cells that ended, which are never changed, and in the end one table of all in the study's order."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from itertools import islice
+from pathlib import Path
+from time import monotonic, time_ns
+from typing import Self
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from hdvplan.errors import OptionError
+from hdvplan.jit import IntArray
+from hdvplan.study.cells import Row
+from hdvplan.study.columns import cell_columns, place_columns
+from hdvplan.study.engine import Done
+from hdvplan.study.geoparquet import LINES, POINTS, read_part, schema_of, write_rows, write_tables
+from hdvplan.study.outcome import UNANSWERED
+
+CELLS, PLACES, PARTS = "cells.parquet", "places.parquet", "parts"
+_KEY = "S32"  # a key as an array's entry
+_EVERY_S, _EVERY_ROWS = 10.0, 1024  # a part is written when either has passed
+_BLOCK = 4096  # cells of the final table that are put in order at a time
+_OPEN = 4  # parts that are kept in memory meanwhile
+
+
+@dataclass(frozen=True)
+class Folder:
+    """A study's folder, and the schemas of its tables."""
+
+    path: Path
+    varied: tuple[str, ...]
+    cells: pa.Schema = field(init=False)
+    places: pa.Schema = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Work out the schemas."""
+        object.__setattr__(self, "cells", schema_of(cell_columns(self.varied), LINES))
+        object.__setattr__(self, "places", schema_of(place_columns(self.varied), POINTS))
+
+    def part(self, kind: str, name: str) -> Path:
+        """Return where a part of ``cells`` or ``places`` is."""
+        return self.path / PARTS / kind / f"{name}.parquet"
+
+    def parts(self) -> list[str]:
+        """Return the names of the parts, oldest first."""
+        return sorted(file.stem for file in (self.path / PARTS / "cells").glob("*.parquet") if not file.name.startswith("."))
+
+
+@dataclass(frozen=True)
+class Kept:
+    """Where in the parts the row of every key is: of several the last; 40 bytes a cell."""
+
+    parts: tuple[str, ...]
+    keys: NDArray[np.bytes_]  # sorted
+    part: IntArray
+    row: IntArray
+    answered: NDArray[np.bool_]
+
+    def find(self, keys: Sequence[str]) -> IntArray:
+        """Return the places of keys in the arrays, shape (len(keys),); -1 for one that is not kept."""
+        wanted = np.array(keys, dtype=_KEY)
+        if not len(self.keys):
+            return np.full(len(wanted), -1, dtype=np.intp)
+        at = np.minimum(np.searchsorted(self.keys, wanted), len(self.keys) - 1)
+        found: IntArray = np.where(self.keys[at] == wanted, at, -1)
+        return found
+
+
+def kept_in(folder: Folder) -> Kept:
+    """Return what the parts in a folder hold.
+
+    Raises:
+        OptionError: a part is damaged.
+
+    """
+    names = tuple(folder.parts())
+    keys, parts, rows, answered = [np.empty(0, _KEY)], [np.empty(0, np.intp)], [np.empty(0, np.intp)], [np.empty(0, bool)]
+    for number, name in enumerate(names):
+        path = folder.part("cells", name)
+        try:
+            table = pq.ParquetFile(path).read(["key", "outcome"])
+        except (OSError, pa.ArrowException) as error:
+            msg = f"{path} cannot be read: {error}"
+            raise OptionError(msg, hint="delete it: what it held is planned again") from error
+        keys.append(np.array(table["key"].to_pylist(), dtype=_KEY))
+        parts.append(np.full(len(table), number, dtype=np.intp))
+        rows.append(np.arange(len(table), dtype=np.intp))
+        answered.append(np.array([outcome not in UNANSWERED for outcome in table["outcome"].to_pylist()], dtype=bool))
+    every = np.concatenate(keys)[::-1]  # the last is the first of its kind
+    unique, first = np.unique(every, return_index=True)
+    at = len(every) - 1 - first
+    return Kept(names, unique, np.concatenate(parts)[at], np.concatenate(rows)[at], np.concatenate(answered)[at])
+
+
+class Writer:
+    """Writes cells that ended as parts, some at a time; use it in a ``with`` block, which writes the rest whatever ends it."""
+
+    def __init__(self, folder: Folder) -> None:
+        """Prepare; the first part makes the folders."""
+        self._folder, self._since = folder, monotonic()
+        self._cells: list[Row] = []
+        self._places: list[Row] = []
+
+    def __enter__(self) -> Self:
+        """Do nothing yet."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Write what is left."""
+        self.flush()
+
+    def add(self, done: Done) -> None:
+        """Take a cell; it is on disk ten seconds later, or when there are many.
+
+        Raises:
+            OSError: a part cannot be written.
+
+        """
+        coordinates = done.cell.coordinates()
+        self._cells.append(coordinates | done.outcome.row | {"parallel_attempts": done.attempts})
+        self._places += [coordinates | place for place in done.outcome.places]
+        if len(self._cells) >= _EVERY_ROWS or monotonic() - self._since > _EVERY_S:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write what was taken since the last part; its cells come last: with them the part is there.
+
+        Raises:
+            OSError: the part cannot be written.
+
+        """
+        self._since = monotonic()
+        if not self._cells:
+            return
+        name = f"{time_ns()}-{os.getpid()}"  # 19 digits: names sort by age
+        for kind, rows, schema in (("places", self._places, self._folder.places), ("cells", self._cells, self._folder.cells)):
+            path = self._folder.part(kind, name)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_rows(path, rows, schema)
+        self._cells, self._places = [], []
+
+
+def write_whole(folder: Folder, keys: Iterable[str]) -> None:
+    """Write ``cells.parquet`` and ``places.parquet``: the kept rows of ``keys``, in their order.
+
+    What is in memory does not grow with the study, but for ``Kept``.
+
+    Raises:
+        OptionError: a part is damaged.
+        OSError: a file cannot be written.
+
+    """
+    kept = kept_in(folder)
+    read = lru_cache(maxsize=_OPEN)(lambda name: read_part(folder.part("cells", name), folder.cells))
+    beside = lru_cache(maxsize=_OPEN)(lambda name: read_part(folder.part("places", name), folder.places))
+    following = iter(keys)
+    blocks = [kept.find(block) for block in iter(lambda: list(islice(following, _BLOCK)), [])]
+    blocks = [block[block >= 0] for block in blocks]
+    write_tables(folder.path / PLACES, _in_order(kept, blocks, beside, _places), folder.places)
+    write_tables(folder.path / CELLS, _in_order(kept, blocks, read, _rows), folder.cells)
+    pa.default_memory_pool().release_unused()  # ranking and map have use for it
+
+
+def _in_order(
+    kept: Kept,
+    blocks: Sequence[IntArray],
+    read: Callable[[str], pa.Table],
+    taken: Callable[[pa.Table, Kept, IntArray], tuple[pa.Table, IntArray]],
+) -> Iterator[pa.Table]:
+    """Yield the rows that ``taken`` finds of every block of cells, in the cells' order."""
+    for block in blocks:
+        tables, ranks = [], []
+        for number in np.unique(kept.part[block]):
+            mine = np.flatnonzero(kept.part[block] == number)
+            table, of = taken(read(kept.parts[int(number)]), kept, block[mine])
+            tables.append(table)
+            ranks.append(mine[of])
+        if tables:
+            yield pa.concat_tables(tables).take(np.argsort(np.concatenate(ranks), kind="stable")).combine_chunks()
+
+
+def _rows(table: pa.Table, kept: Kept, cells: IntArray) -> tuple[pa.Table, IntArray]:
+    """Return the rows of cells, and the number of the cell that each belongs to."""
+    return table.take(kept.row[cells]), np.arange(len(cells))
+
+
+def _places(table: pa.Table, kept: Kept, cells: IntArray) -> tuple[pa.Table, IntArray]:
+    """Return the places of cells, likewise."""
+    keys = pa.array(kept.keys[cells].astype(str))
+    of = pc.index_in(table["key"], value_set=keys).combine_chunks()
+    there = pc.is_valid(of)
+    return table.filter(there), np.asarray(of.drop_null(), dtype=np.intp)

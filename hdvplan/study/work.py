@@ -1,0 +1,148 @@
+"""One cell: read the road, plan, judge, and say as rows of tables what came of it. Nothing that goes wrong here ends a study."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
+from pathlib import Path
+from time import perf_counter, process_time
+
+import numpy as np
+import shapely
+
+from hdvplan import api
+from hdvplan.case import Case
+from hdvplan.errors import HdvplanError, PlanError, QpDataError, RoadError, SolverError
+from hdvplan.finer import replanned
+from hdvplan.jit import FloatArray
+from hdvplan.judging.verdict import verdict_of
+from hdvplan.machine import software
+from hdvplan.need.answer import need_of
+from hdvplan.passing.sides import choose_sides
+from hdvplan.planning.bias import CENTRE, bias_named
+from hdvplan.plugins import said
+from hdvplan.report.needs import need_json
+from hdvplan.report.summary import summary_of
+from hdvplan.road.load import RoadOptions, find_road
+from hdvplan.road.road import Road
+from hdvplan.study.cells import Cell, Row
+from hdvplan.study.columns import NEED, NEED_TIME, STEPS, SUMMARY, taken
+from hdvplan.study.inputs import RoadSource, road_digest
+from hdvplan.study.outcome import FAILED, NO_PLAN, PLANNED, REFUSED, Outcome
+from hdvplan.study.places import dead_end, places_of, widening_places
+from hdvplan.study.spool import spooled
+
+_SPACING_M = 2.0  # of the line that stands for a road in tables
+_SIMPLER_M = 0.5  # its points that move it by no more are left out
+
+
+def work(cell: Cell) -> Outcome:
+    """Plan and judge a cell; whatever it raises is an outcome with its reason."""
+    cpu, wall = process_time(), perf_counter()
+    row: Row = {"reason": None}
+    places: list[Row] = []
+    try:
+        row["outcome"] = _answer(cell, row, places)
+    except HdvplanError as error:
+        row |= {"outcome": REFUSED, "reason": str(error)}
+    except Exception as error:  # noqa: BLE001 - a bug, or memory that does not suffice: the other cells go on
+        row |= {"outcome": FAILED, "reason": said(error)}
+    spent: Row = {"parallel_cpu_s": process_time() - cpu, "parallel_wall_s": perf_counter() - wall}
+    return Outcome(row | spent, tuple(places))
+
+
+def _answer(cell: Cell, row: Row, places: list[Row]) -> str:
+    """Fill the row and the places of a cell; return how it ended."""
+    loaded = _loaded(cell.road, cell.reading)
+    road, vehicle = loaded.road, cell.variant.vehicle
+    row |= {"geometry": loaded.line, "length_m": road.path.length, "notice": road.notice}
+    if cell.width is not None:
+        road = road.with_limits(cell.width.left, cell.width.right)
+    if cell.manner.side is not None:
+        road = road.passed_on(cell.manner.side)
+    case = Case(road, vehicle, cell.objective, cell.solver, cell.manner.settings)
+    if cell.manner.bias is not None:
+        sided = choose_sides(case)[0] if cell.manner.bias == CENTRE else road
+        case = replace(case, bias=bias_named(cell.manner.bias, sided.limits))
+    row["case"] = case.key
+    ending = _plan(case, row, places, prove=cell.prove, refine=cell.refine)
+    if cell.need:
+        _need(case, row, places)
+    return ending
+
+
+def _plan(case: Case, row: Row, places: list[Row], *, prove: bool, refine: bool) -> str:
+    try:
+        result = api.plan(case)
+    except (PlanError, QpDataError, SolverError) as error:
+        if isinstance(error, SolverError) and error.status is None:  # it is missing, or unknown
+            raise
+        row |= {"fits": False, "reason": str(error)}
+        s = getattr(error, "s_m", None)
+        if s is not None:
+            places.append(dead_end(case.road, float(s)))
+            row |= {name: places[-1][name] for name in ("s_m", "x", "y", "lon", "lat")}
+        return NO_PLAN
+    if prove and verdict_of(result).fits is False:
+        result = api.prove(result)
+    if refine:
+        result = replanned(result)
+    told = summary_of(result)
+    row["case"] = result.case.key  # of the stations that it was planned with
+    row |= taken(told, SUMMARY) | taken(told, STEPS)
+    places += places_of(result)
+    return PLANNED
+
+
+def _need(case: Case, row: Row, places: list[Row]) -> None:
+    """Add what the vehicle needs; where that cannot be found, the reason."""
+    began = perf_counter()
+    try:
+        need = need_of(case, prove=True)
+    except HdvplanError as error:
+        row["reason"] = f"{row['reason']}; need: {error}" if row["reason"] else f"need: {error}"
+        return
+    row |= taken(need_json(need, perf_counter() - began), (*NEED, NEED_TIME))
+    places += widening_places(need)
+
+
+@dataclass(frozen=True)
+class _Loaded:
+    """A road, and its line as WKB in longitude and latitude; None where it lies nowhere on the Earth."""
+
+    road: Road
+    line: bytes | None
+
+
+@lru_cache(maxsize=2)  # cells of one road and vehicle follow each other
+def _loaded(source: RoadSource, options: RoadOptions) -> _Loaded:
+    """Return the road of a cell, smoothed by this process or, if it was smoothed lately, by another one.
+
+    Raises:
+        RoadError: it cannot be read, or its file is another one than when the study began.
+
+    """
+    if road_digest(source.source) != source.digest:
+        msg = f"{Path(source.source).name} is another file here than where the study began"
+        raise RoadError(msg, hint="files must not change while a study runs, and must be the same on all machines")
+    return spooled(repr((source, options, software(())["source"])), partial(_load, source, options))
+
+
+def _load(source: RoadSource, options: RoadOptions) -> _Loaded:
+    road = find_road(source.source, options)()
+    return _Loaded(road, _line(road))
+
+
+def _line(road: Road) -> bytes | None:
+    if road.to_lonlat is None:
+        return None
+    s = np.linspace(0.0, road.path.length, max(2, int(np.ceil(road.path.length / _SPACING_M)) + 1))
+    plain = shapely.LineString(np.column_stack(road.path.to_plane(s, np.zeros(len(s)))))
+    simple = shapely.simplify(plain, _SIMPLER_M, preserve_topology=False)
+    placed = shapely.transform(simple, _degrees(road.to_lonlat))
+    return bytes(shapely.to_wkb(placed, byte_order=1))
+
+
+def _degrees(to_lonlat: Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]) -> Callable[[FloatArray], FloatArray]:
+    return lambda points: np.column_stack(to_lonlat(points[:, 0], points[:, 1]))

@@ -1,0 +1,64 @@
+"""Studies small enough for a test: a road of 60 m, a horizon of 30 m."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+from hdvplan.machine import THREADS
+from hdvplan.study.cells import Cell
+from hdvplan.study.engine import Done, Ending
+from hdvplan.study.outcome import Outcome, outcome_of
+from tests.cli.conftest import Cli, cli
+
+__all__ = ["Cli", "cli"]
+
+BEND = "s,kappa\n0,0\n20,0\n30,0.03\n40,0\n60,0\n"
+PLACED = (
+    '{"type": "Feature", "properties": {"name": "lane"}, "geometry": {"type": "LineString", "coordinates": '
+    "[[9.52, 47.14], [9.5203, 47.1402], [9.5206, 47.1404], [9.5208, 47.1406], [9.5209, 47.1409], [9.5209, 47.1412]]}}"
+)
+
+
+@dataclass
+class InHere:
+    """An engine that works in this process, in an order of its own, and counts what it was given."""
+
+    order: Callable[[list[Cell]], list[Cell]] = list
+    instead: Callable[[Cell], Outcome] = outcome_of
+    worked: list[str] = field(default_factory=list)
+
+    def run(self, cells: Iterable[Cell]) -> Ending:
+        """Yield the cells in that order."""
+        for cell in self.order(list(cells)):
+            self.worked.append(cell.key)
+            yield Done(cell, self.instead(cell), 1)
+
+
+@pytest.fixture(autouse=True)
+def _threads_stay_as_they_were(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in THREADS:
+        monkeypatch.setenv(name, os.environ.get(name, "1"))
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Return a folder with a bend without a place on the Earth, and a lane in Liechtenstein."""
+    (tmp_path / "bend.csv").write_text(BEND, encoding="utf-8")
+    (tmp_path / "lane.geojson").write_text(PLACED, encoding="utf-8")
+    return tmp_path
+
+
+@pytest.fixture
+def tiny() -> dict[str, object]:
+    """Return the entries of a study of eight cells."""
+    return {
+        "roads": ["bend.csv", "lane.geojson"],
+        "vehicles": ["bus", "tractor-trailer"],
+        "half_widths": [1.6, 3.5],
+        "settings": {"horizon": 30},
+    }

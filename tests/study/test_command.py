@@ -1,0 +1,122 @@
+"""``hdvplan study`` as its users start it."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from hdvplan.study.conduct import run as run_study
+from hdvplan.study.spec import read_study
+from tests.study.conftest import Cli, InHere
+from tests.study.test_engines import FAULTY
+from tests.study.test_run import exact
+
+STUDY = 'roads = ["bend.csv", "lane.geojson"]\nvehicles = ["bus"]\nhalf_widths = [1.6, 3.5]\nsettings.horizon = 30\n'
+
+
+@pytest.fixture
+def study_file(folder: Path) -> Path:
+    (folder / "study.toml").write_text(STUDY, encoding="utf-8")
+    return folder / "study.toml"
+
+
+@pytest.mark.slow
+def test_a_study_ends_in_0_with_its_files_and_a_sentence(cli: Cli, study_file: Path) -> None:
+    outcome = cli("study", "study.toml", "--out", "out", "--workers", "2")
+    assert outcome.code == 0
+    assert outcome.out.startswith("4 cells: 3 YES, 1 NO\n")
+    assert "places that need the least widening" in outcome.out
+    assert outcome.out.endswith("written to out/\n")
+    assert {path.name for path in Path("out").iterdir()} == {
+        "cells.parquet", "places.parquet", "ranking.csv", "map.html", "study.json", "parts"
+    }  # fmt: skip
+    again = cli("study", str(study_file), "--out", "out", "--json")
+    assert json.loads(again.out) == {"out": "out", "cells": 4, "outcomes": {"planned": 4}, "fits": {"YES": 3, "NO": 1}}
+    assert again.err == ""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="needs signals")
+def test_cells_without_an_answer_end_in_1(cli: Cli, study_file: Path) -> None:
+    Path("faulty.py").write_text(FAULTY, encoding="utf-8")
+    study_file.write_text(
+        STUDY.replace("[1.6, 3.5]", "[3.5]").replace("settings", 'solvers = ["faulty.py:Killing"]\nsettings'), encoding="utf-8"
+    )
+    outcome = cli("study", "study.toml", "--out", "out", "--workers", "1", "--retries", "0", "--quiet")
+    assert (outcome.code, outcome.out) == (1, "")
+    assert outcome.err.splitlines()[0] == "error: 2 cells have no answer"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("none.toml", "--out", "out"), "study none.toml cannot be read"),
+        (("study.toml", "--out", "out", "--workers", "0"), "--workers must be a positive number"),
+        (("study.toml", "--out", "out", "--retries", "-1"), "--retries must not be negative"),
+        (("study.toml", "--out", "out", "--cell-limit", "0"), "--cell-limit must be a positive number"),
+        (("study.toml", "--out", "out", "--workers", "2", "--scheduler", "tcp://127.0.0.1:1"), "a cluster has its own"),
+        (("study.toml", "--out", "bend.csv"), "is a file, not a folder"),
+        (("study.toml",), "missing option '--out'"),
+    ],
+)
+def test_a_mistake_ends_in_2_with_one_line(cli: Cli, study_file: Path, arguments: tuple[str, ...], words: str) -> None:
+    assert study_file.exists()
+    outcome = cli("study", *arguments)
+    assert (outcome.code, outcome.out) == (2, "")
+    assert outcome.err.startswith("error: ")
+    assert words in outcome.err.splitlines()[0]
+
+
+def test_the_page_is_whole_offline_and_takes_names_for_text(folder: Path) -> None:
+    (folder / "lane.geojson").rename(folder / "<script>alert(1)<.geojson")
+    (folder / "study.toml").write_text(STUDY.replace("lane.geojson", "*.geojson"), encoding="utf-8")
+    run_study(read_study(folder / "study.toml"), folder / "out", InHere())
+    page = (folder / "out" / "map.html").read_text(encoding="utf-8")
+    assert "<script>alert" not in page
+    assert "http" not in page.replace("http-equiv", "")
+    (data,) = [part for part in page.split("<script") if 'id="data"' in part]
+    told = json.loads(data.partition(">")[2].partition("</script>")[0])
+    assert [road["name"] for road in told["roads"]] == ["<script>alert(1)<"]
+    assert told["places"]
+    assert "<td>1 of 2</td><td>2 of 2</td>" in page
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="needs signals")
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
+def test_a_study_that_is_ended_goes_on_from_there(study_file: Path, number: signal.Signals, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(study_file.parent)
+    widths = ", ".join(f"{1.6 + 0.02 * step:.2f}" for step in range(60))
+    study_file.write_text(STUDY.replace("1.6, 3.5", widths), encoding="utf-8")
+    code = (
+        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "from hdvplan.study import store; store._EVERY_S = 0.2\n"
+        "from hdvplan.cli.entry import main; main()"
+    )
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+    command = [sys.executable, "-c", code, "study", "study.toml", "--out", "out", "--workers", "1"]
+    with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True) as process:  # noqa: S603
+        parts = study_file.parent / "out" / "parts" / "cells"
+        until = time.monotonic() + 120.0  # takes some seconds; a machine with other work takes longer
+        while not list(parts.glob("*.parquet")) and time.monotonic() < until:
+            time.sleep(0.05)
+        process.send_signal(number)
+        said = process.communicate(timeout=60.0)[1]
+    assert process.returncode == {signal.SIGKILL: -9, signal.SIGTERM: 143, signal.SIGINT: 130}[number]
+    assert number == signal.SIGKILL or "cells are kept in out; the same command goes on from there" in said
+    kept = sum(len(pd.read_parquet(part)) for part in parts.glob("*.parquet"))
+    assert 0 < kept < 120
+    rest = InHere()
+    resumed = run_study(read_study(study_file), "out", rest)
+    assert len(rest.worked) == 120 - kept
+    whole = run_study(read_study(study_file), "whole", InHere())
+    pd.testing.assert_frame_equal(exact(resumed.cells()), exact(whole.cells()))
+    pd.testing.assert_frame_equal(resumed.places(), whole.places())

@@ -1,0 +1,84 @@
+"""Which places a ranking has, what it merges, and in which order."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from hdvplan.study.cells import Row
+from hdvplan.study.columns import cell_columns, place_columns
+from hdvplan.study.geoparquet import LINES, POINTS, schema_of, write_rows
+from hdvplan.study.ranking import MERGED_M, ranking_of
+
+METRE = 1.0 / 111_195.0  # of latitude, in degrees on a sphere of 6371 km
+
+
+def _ranking(folder: Path, cells: list[Row], places: list[Row]) -> pd.DataFrame:
+    common: Row = {"objective": "geometric", "scheme": "rti", "solver": "riccati", "offset_m": 0.0, "reverse": False}
+    write_rows(folder / "cells.parquet", [common | cell for cell in cells], schema_of(cell_columns(()), LINES))
+    write_rows(folder / "places.parquet", [common | place for place in places], schema_of(place_columns(()), POINTS))
+    return ranking_of(folder / "cells.parquet", folder / "places.parquet", ())
+
+
+def _cell(key: str, vehicle: str = "bus", half_width: float = 3.0, **more: object) -> Row:
+    told: Row = {"key": key, "road": "line", "vehicle": vehicle, "half_width_m": half_width, "left_m": half_width, "right_m": half_width}
+    return told | {"outcome": "planned", "fits": False, "spare_m": -0.1} | more
+
+
+def _place(key: str, north: float, depth: float | None, **more: object) -> Row:
+    return {"key": key, "kind": "breach", "s_m": north, "lon": 9.5, "lat": 47.0 + north * METRE, "depth_m": depth, "side": "left"} | more
+
+
+def test_near_places_of_all_vehicles_are_one_that_needs_what_most_lack(tmp_path: Path) -> None:
+    cells = [_cell("a"), _cell("b", "truck")]
+    places = [_place("a", 0.0, 0.2), _place("b", 0.9 * MERGED_M, 0.5), _place("b", 3.0 * MERGED_M, 0.1)]
+    ranking = _ranking(tmp_path, cells, places)
+    assert ranking["widening_m"].tolist() == [0.1, 0.5]  # least first
+    assert ranking["worst_rank"].tolist() == [2, 1]
+    assert ranking["which_vehicles"].tolist() == ["truck", "bus; truck"]
+    assert ranking["vehicles"].tolist() == [1, 2]
+
+
+def test_places_in_a_row_do_not_merge_into_one_long_place(tmp_path: Path) -> None:
+    places = [_place("a", number * 0.9 * MERGED_M, 0.1 + 0.01 * number) for number in range(6)]
+    assert len(_ranking(tmp_path, [_cell("a")], places)) == 3
+
+
+def test_the_best_plan_of_a_vehicle_decides(tmp_path: Path) -> None:
+    fits = _cell("b", objective="lead-axle", fits=True, spare_m=0.1)
+    assert _ranking(tmp_path, [_cell("a"), fits], [_place("a", 0.0, 0.2)]).empty
+    less = _cell("b", objective="lead-axle", spare_m=-0.05)
+    assert _ranking(tmp_path, [_cell("a"), less], [_place("a", 0.0, 0.2), _place("b", 500.0, 0.05)])["widening_m"].tolist() == [0.05]
+
+
+def test_places_of_different_widths_are_not_one(tmp_path: Path) -> None:
+    ranking = _ranking(tmp_path, [_cell("a"), _cell("b", half_width=2.5)], [_place("a", 0.0, 0.2), _place("b", 0.0, 0.7)])
+    assert ranking[["half_width_m", "widening_m"]].to_numpy().tolist() == [[3.0, 0.2], [2.5, 0.7]]
+
+
+def test_a_place_without_any_plan_comes_last_and_is_the_worst(tmp_path: Path) -> None:
+    dead = _cell("b", "truck", outcome="no plan", spare_m=None)
+    ranking = _ranking(tmp_path, [_cell("a"), dead], [_place("a", 0.0, 0.2), _place("b", 500.0, None, kind="no plan")])
+    assert ranking["which_vehicles"].tolist() == ["bus", "truck"]
+    assert ranking["worst_rank"].tolist() == [2, 1]
+    assert pd.isna(ranking["widening_m"].iloc[1])
+
+
+def test_what_must_be_widened_counts_where_it_is_known(tmp_path: Path) -> None:
+    widening = _place("a", 0.0, 0.15, kind="widening", area_m2=2.5)
+    ranking = _ranking(tmp_path, [_cell("a")], [_place("a", 0.0, 0.2), widening])
+    assert ranking[["widening_m", "widening_m2"]].to_numpy().tolist() == [[0.15, 2.5]]
+
+
+@pytest.mark.parametrize(("roads", "count"), [(("line", "line"), 1), (("line", "other"), 2)])
+def test_roads_without_a_place_on_the_earth_lie_apart(tmp_path: Path, roads: tuple[str, str], count: int) -> None:
+    cells = [_cell("a", road=roads[0]), _cell("b", "truck", road=roads[1])]
+    nowhere: Row = {"lon": None, "lat": None, "x": 1.0, "y": 2.0}
+    assert len(_ranking(tmp_path, cells, [_place("a", 0.0, 0.2) | nowhere, _place("b", 5.0, 0.3) | nowhere])) == count
+
+
+def test_cells_that_fit_have_no_answer_or_no_limits_keep_nothing_out(tmp_path: Path) -> None:
+    cells = [_cell("a", fits=True), _cell("b", fits=None), _cell("c", outcome="killed", fits=None)]
+    assert _ranking(tmp_path, cells, [_place(key, 0.0, 0.1) for key in "abc"]).empty

@@ -1,0 +1,253 @@
+"""A study from its entries to its tables, in this process: what is kept, what is skipped, what runs anew."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+import shapely
+
+import hdvplan
+from hdvplan import api
+from hdvplan.errors import OptionError
+from hdvplan.report.summary import summary_of
+from hdvplan.study.cells import Cell, cells_of
+from hdvplan.study.columns import PARALLEL, SUMMARY, taken
+from hdvplan.study.conduct import Results, run
+from hdvplan.study.engine import Ending
+from hdvplan.study.outcome import FAILED, KILLED, ended, outcome_of
+from hdvplan.study.spec import study_of
+from tests.study.conftest import InHere
+
+Entries = dict[str, object]
+
+
+def exact(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a table without what was measured beside other work."""
+    return table.drop(columns=[name for name in table if str(name).startswith(PARALLEL)])
+
+
+def _run(folder: Path, entries: Entries, engine: InHere | None = None, out: str = "out") -> Results:
+    return run(study_of(entries, folder), folder / out, engine or InHere())
+
+
+def test_a_study_tells_of_every_cell_what_a_plan_tells(folder: Path, tiny: Entries) -> None:
+    table = _run(folder, tiny | {"roads": ["bend.csv"]}).cells()
+    assert list(zip(table["vehicle"], table["half_width_m"], strict=True)) == [
+        ("bus", 1.6), ("bus", 3.5), ("tractor-trailer", 1.6), ("tractor-trailer", 3.5)
+    ]  # fmt: skip
+    road = hdvplan.load_road(folder / "bend.csv")
+    for row in table.to_dict("records"):
+        limited = road.with_limits(row["half_width_m"], row["half_width_m"])
+        vehicle = hdvplan.load_vehicle(row["vehicle"])
+        result = hdvplan.replanned(api.plan(hdvplan.Case(limited, vehicle, settings=hdvplan.PlannerSettings(horizon=30.0))))
+        assert row["case"] == result.case.key
+        for name, value in taken(summary_of(result), SUMMARY).items():
+            assert pd.isna(row[name]) if value is None else row[name] == value, name
+        assert row["outcome"] == "planned"
+        assert row[f"{PARALLEL}cpu_s"] > 0.0
+
+
+def test_every_scalar_of_a_summary_has_a_column(folder: Path) -> None:
+    road = hdvplan.load_road(folder / "lane.geojson").with_limits(1.6, 1.6)
+    summary = summary_of(api.plan(hdvplan.Case(road, hdvplan.load_vehicle("bus"), settings=hdvplan.PlannerSettings(horizon=30.0))))
+    known = {column.path for column in SUMMARY} | {"road", "vehicle", "scheme", "solver", "objective"}  # these tell the cells apart
+    elsewhere = {"time_ms", "settings", "bodies", "wheels"}  # they have columns of their own, or are of the vehicle
+    for name, value in summary.items():
+        inside = value if isinstance(value, dict) else {}
+        scalars = [f"{name}.{part}" for part, one in inside.items() if not isinstance(one, dict | list)]
+        scalars = scalars if inside else [name] if not isinstance(value, list) else []
+        if name not in elsewhere:
+            assert set(scalars) - {"verdict.proof"} <= known  # an entry of its own where there is one
+
+
+def test_tables_open_as_geoparquet_with_lines_and_points(folder: Path, tiny: Entries) -> None:
+    results = _run(folder, tiny)
+    for name, kind in (("cells", "LineString"), ("places", "Point")):
+        about = json.loads(pq.read_schema(folder / "out" / f"{name}.parquet").metadata[b"geo"])
+        assert about["columns"]["geometry"] == {"encoding": "WKB", "geometry_types": [kind]}
+    cells, places = results.cells(), results.places()
+    on_earth = cells["road"] == "lane"
+    assert cells["geometry"].notna().tolist() == on_earth.tolist()
+    first = shapely.get_coordinates(shapely.from_wkb(cells[on_earth]["geometry"].iloc[0]))[0]
+    assert first == pytest.approx([9.52, 47.14], abs=2e-5)  # smoothing may move it by a metre
+    points = shapely.get_coordinates(shapely.from_wkb(places.dropna(subset="geometry")["geometry"].to_numpy()))
+    assert np.array_equal(points, places.dropna(subset="geometry")[["lon", "lat"]].to_numpy())
+
+
+def test_every_cell_has_its_tightest_place_and_all_its_breaches(folder: Path, tiny: Entries) -> None:
+    results = _run(folder, tiny)
+    cells, places = results.cells(), results.places()
+    assert places["key"].drop_duplicates().tolist() == cells["key"].tolist()  # in the order of the cells
+    tightest = places[places["kind"] == "tightest"].set_index("key")["spare_m"]
+    assert tightest.to_dict() == cells.set_index("key")["spare_m"].to_dict()
+    breaches = places[places["kind"] == "breach"].groupby("key").size()
+    assert breaches.reindex(cells["key"]).fillna(0).astype(int).tolist() == cells["breaches"].tolist()
+    assert cells["breaches"].sum() > 0
+
+
+def test_a_finished_study_plans_nothing_again_and_gives_the_same_tables(folder: Path, tiny: Entries) -> None:
+    before, again = _run(folder, tiny).cells(), InHere()
+    after = _run(folder, tiny, again).cells()
+    assert again.worked == []
+    pd.testing.assert_frame_equal(before, after)  # also what was measured: nothing was
+    assert len(json.loads((folder / "out" / "study.json").read_bytes())["sessions"]) == 2
+
+
+def test_only_what_changed_runs_anew(folder: Path, tiny: Entries) -> None:
+    _run(folder, tiny)
+    wider, engine = tiny | {"half_widths": [1.6, 2.5, 3.5]}, InHere()
+    assert len(_run(folder, wider, engine).cells()) == 12
+    assert len(engine.worked) == 4
+    (folder / "bend.csv").write_text("s,kappa\n0,0\n20,0\n30,0.02\n40,0\n60,0\n", encoding="utf-8")
+    changed = InHere()
+    _run(folder, wider, changed)
+    assert len(changed.worked) == 6
+    narrowed = InHere()
+    assert len(_run(folder, tiny, narrowed).cells()) == 8
+    assert narrowed.worked == []
+
+
+def test_the_order_in_which_cells_end_changes_nothing(folder: Path, tiny: Entries) -> None:
+    straight = _run(folder, tiny, out="straight")
+    backwards = _run(folder, tiny, InHere(order=lambda cells: cells[::-1]), out="backwards")
+    pd.testing.assert_frame_equal(exact(straight.cells()), exact(backwards.cells()))
+    pd.testing.assert_frame_equal(straight.places(), backwards.places())
+    pd.testing.assert_frame_equal(straight.ranking(), backwards.ranking())
+
+
+def test_what_ended_before_an_interruption_is_kept(folder: Path, tiny: Entries) -> None:
+    class Interrupted(InHere):
+        def run(self, cells: Iterable[Cell]) -> Ending:
+            for number, done in enumerate(super().run(cells)):
+                if number == 3:
+                    raise KeyboardInterrupt
+                yield done
+
+    with pytest.raises(KeyboardInterrupt):
+        _run(folder, tiny, Interrupted())
+    rest = InHere()
+    resumed = _run(folder, tiny, rest)
+    assert len(rest.worked) == 5
+    pd.testing.assert_frame_equal(exact(resumed.cells()), exact(_run(folder, tiny, out="undisturbed").cells()))
+
+
+def test_a_part_that_a_crash_left_without_its_cells_does_no_harm(folder: Path, tiny: Entries) -> None:
+    before = _run(folder, tiny).places()
+    places = folder / "out" / "parts" / "places"
+    (only,) = places.iterdir()
+    (places / "9999999999999999999-1.parquet").write_bytes(only.read_bytes())
+    pd.testing.assert_frame_equal(_run(folder, tiny).places(), before)
+
+
+@pytest.mark.parametrize("instead", [lambda _: ended(KILLED, "its process ended with SIGKILL"), lambda _: ended(FAILED, "MemoryError")])
+def test_a_cell_without_an_answer_is_a_row_and_runs_again_at_the_next_start(
+    folder: Path, tiny: Entries, instead: Callable[[Cell], object]
+) -> None:
+    bad = next(cells_of(study_of(tiny, folder))).key
+    results = _run(folder, tiny, InHere(instead=lambda cell: instead(cell) if cell.key == bad else outcome_of(cell)))  # type: ignore[arg-type,return-value] # an Outcome
+    row = results.cells().iloc[0]
+    assert results.unanswered == 1
+    assert row["reason"] in {"its process ended with SIGKILL", "MemoryError"}
+    assert pd.isna(row["fits"])
+    again = InHere()
+    mended = _run(folder, tiny, again)
+    assert again.worked == [bad]
+    assert (mended.unanswered, len(mended.cells())) == (0, 8)
+    pd.testing.assert_frame_equal(exact(mended.cells()), exact(_run(folder, tiny, out="undisturbed").cells()))
+
+
+def test_what_cannot_be_planned_is_a_row_with_its_reason(folder: Path, tiny: Entries) -> None:
+    (folder / "short.csv").write_text("s,kappa\n0,0\n6,0\n", encoding="utf-8")
+    (folder / "text.csv").write_text("nothing of a road\n", encoding="utf-8")
+    (folder / "tight.csv").write_text("s,kappa\n0,0\n20,0\n25,0.4\n45,0.4\n50,0\n60,0\n", encoding="utf-8")
+    results = _run(folder, tiny | {"roads": ["short.csv", "text.csv", "tight.csv"], "vehicles": ["bus"], "half_widths": [3.5]})
+    table = results.cells().set_index("road")
+    assert table["outcome"].to_dict() == {"short": "refused", "text": "refused", "tight": "no plan"}
+    assert table["reason"].notna().all()
+    assert not table.loc["tight", "fits"]
+    (dead_end,) = results.places().to_dict("records")
+    assert (dead_end["kind"], dead_end["s_m"]) == ("no plan", table.loc["tight", "s_m"])
+    assert results.unanswered == 0
+
+
+def test_a_file_that_changes_while_a_study_runs_is_refused(folder: Path, tiny: Entries) -> None:
+    study = study_of(tiny | {"roads": ["bend.csv"], "vehicles": ["bus"]}, folder)
+    (folder / "bend.csv").write_text("s,kappa\n0,0\n60,0\n", encoding="utf-8")
+    table = run(study, folder / "out", InHere()).cells()
+    assert set(table["outcome"]) == {"refused"}
+    assert table["reason"].str.contains("another file here").all()
+
+
+@pytest.mark.slow
+def test_needs_are_columns_and_widenings_are_places(folder: Path) -> None:
+    entries: Entries = {"roads": ["bend.csv"], "vehicles": ["bus"], "half_widths": [1.4], "need": True, "settings": {"horizon": 30}}
+    results = _run(folder, entries)
+    (row,) = results.cells().to_dict("records")
+    need = hdvplan.need_of(
+        hdvplan.Case(
+            hdvplan.load_road(folder / "bend.csv").with_limits(1.4, 1.4),
+            hdvplan.load_vehicle("bus"),
+            settings=hdvplan.PlannerSettings(horizon=30.0),
+        )
+    )
+    assert row["need_half_width_m"] == need.room.room
+    places = results.places()
+    widened = places[places["kind"] == "widening"]
+    assert widened["area_m2"].sum() == pytest.approx(row["need_widening_m2"], rel=1e-6)  # here the patches do not overlap
+    assert set(results.ranking()["widening_m2"]) == set(widened["area_m2"])
+
+
+def test_offsets_directions_and_varied_parameters_are_columns(folder: Path) -> None:
+    entries: Entries = {
+        "roads": ["bend.csv"],
+        "vehicles": ["bus"],
+        "half_widths": [3.5],
+        "vary": {"bus.wheelbase": [5.5, 6.0]},
+        "settings": {"horizon": 30, "reverse": [False, True], "clearance": 0.1},
+    }
+    results = _run(folder, entries)
+    table = results.cells()
+    assert table["bus.wheelbase"].tolist() == [5.5, 5.5, 6.0, 6.0]
+    assert table["reverse"].tolist() == [False, True, False, True]
+    assert set(table["settings_clearance"]) == {0.1}
+    assert table["max_left_m"].nunique() == 4
+    assert results.places()["bus.wheelbase"].notna().all()
+
+
+def test_progress_counts_what_was_kept(folder: Path, tiny: Entries) -> None:
+    _run(folder, tiny | {"vehicles": ["bus"]})
+    told: list[tuple[int, int]] = []
+    run(study_of(tiny, folder), folder / "out", InHere(), on_progress=lambda *now: told.append(now))
+    assert told == [(number, 8) for number in range(4, 9)]
+
+
+def test_a_folder_of_others_is_refused(folder: Path, tiny: Entries) -> None:
+    (folder / "out").mkdir()
+    (folder / "out" / "cells.parquet").write_bytes(b"mine")
+    with pytest.raises(OptionError, match=r"holds cells\.parquet, which is not of a study"):
+        _run(folder, tiny)
+    with pytest.raises(OptionError, match="is a file, not a folder"):
+        _run(folder, tiny, out="bend.csv")
+
+
+def test_a_damaged_part_is_named(folder: Path, tiny: Entries) -> None:
+    _run(folder, tiny)
+    (part,) = (folder / "out" / "parts" / "cells").iterdir()
+    part.write_bytes(b"PAR1 no more")
+    with pytest.raises(OptionError, match=f"{part.name} cannot be read"):
+        _run(folder, tiny)
+
+
+def test_a_study_may_be_run_from_python_by_its_file_or_its_entries(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(folder)
+    Path("study.toml").write_text('roads = ["bend.csv"]\nvehicles = ["bus"]\nsettings.horizon = 30\n', encoding="utf-8")
+    by_file = hdvplan.study.run("study.toml", "a", InHere())
+    by_entries = hdvplan.study.run({"roads": ["bend.csv"], "vehicles": ["bus"], "settings": {"horizon": 30}}, "b", InHere())
+    pd.testing.assert_frame_equal(exact(by_file.cells()), exact(by_entries.cells()))
+    assert by_file.fits == {"NEEDS": 1}

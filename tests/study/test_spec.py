@@ -1,0 +1,150 @@
+"""What a study's file may say, and what is told of one that says something else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from hdvplan.errors import HdvplanError
+from hdvplan.planning.settings import Scheme
+from hdvplan.study.cells import cells_of
+from hdvplan.study.spec import Width, read_study, study_of
+
+BASE: dict[str, object] = {"roads": ["uturn"], "vehicles": ["bus"]}
+
+
+def test_a_study_is_every_combination_of_what_it_names(folder: Path, tiny: dict[str, object]) -> None:
+    study = study_of(tiny | {"schemes": ["rti", "sqp"], "objectives": ["geometric", "lead-axle"]}, folder)
+    cells = list(cells_of(study))
+    assert len(study) == len(cells) == 2 * 2 * 2 * 2 * 2
+    told = {(c.road.label, c.variant.vehicle.name, c.width, c.objective, c.manner.settings.scheme) for c in cells}
+    assert len(told) == len(cells)
+    assert ("lane", "bus", Width(3.5, 3.5), "lead-axle", Scheme.SQP) in told
+
+
+def test_the_shortest_study_plans_as_plan_does_without_options() -> None:
+    (cell,) = cells_of(study_of(BASE))
+    assert (cell.width, cell.objective, cell.solver, cell.prove, cell.need) == (None, "geometric", "riccati", False, False)
+    assert cell.reading.max_curvature == 1.25 * cell.variant.vehicle.max_curvature
+
+
+def test_roads_are_files_globs_folders_shipped_names_and_lines_of_files(folder: Path) -> None:
+    (folder / "lines").mkdir()
+    for name in ("b", "a"):
+        (folder / "lines" / f"{name}.geojson").write_text((folder / "lane.geojson").read_text(encoding="utf-8"), encoding="utf-8")
+    entries = ["*.csv", "lines", "monaco_fairmont_hairpin", "uturn", {"road": "lane.geojson", "name": "lane"}]
+    study = study_of(BASE | {"roads": entries}, folder)
+    assert [road.label for road in study.roads] == ["bend", "a", "b", "monaco_fairmont_hairpin", "uturn", "lane:lane"]
+    assert study.roads[1].digest == study.roads[2].digest != study.roads[0].digest
+
+
+def test_roads_of_one_name_are_told_apart_by_their_files(folder: Path) -> None:
+    (folder / "north").mkdir()
+    (folder / "north" / "bend.csv").write_text("s,kappa\n0,0\n80,0\n", encoding="utf-8")
+    study = study_of(BASE | {"roads": ["bend.csv", "north/bend.csv"]}, folder)
+    assert [road.label for road in study.roads] == [str(folder / "bend.csv"), str(folder / "north" / "bend.csv")]
+
+
+@pytest.mark.parametrize(
+    ("given", "values"),
+    [([3.4, 3.6], [3.4, 3.6]), ("3.4..3.8 in 3", [3.4, 3.6, 3.8]), ("3.4..3.8", [3.4, 3.5, 3.6, 3.7, 3.8]), (3.5, [3.5])],
+)
+def test_a_vehicle_s_parameter_takes_the_values_of_a_list_or_a_range(given: object, values: list[float]) -> None:
+    study = study_of({"roads": ["uturn"], "vehicles": ["bus", "tractor-trailer"], "vary": {"tractor-trailer.wheelbase": given}})
+    assert study.varied == ("tractor-trailer.wheelbase",)
+    swept = [variant for variant in study.vehicles if variant.varied]
+    assert [variant.vehicle.units[0].wheelbase for variant in swept] == values
+    assert [dict(variant.varied)["tractor-trailer.wheelbase"] for variant in swept] == values
+    assert len(study.vehicles) == 1 + len(values)
+
+
+def test_parameters_of_trailers_and_of_the_steering_vary_too_with_or_without_quotes() -> None:
+    vary = {"tractor-trailer": {"2": {"wheelbase": [8.0, 9.0]}}, "tractor-trailer.max_curvature": [0.1, 0.12]}
+    study = study_of({"roads": ["uturn"], "vehicles": ["tractor-trailer"], "vary": vary})
+    got = [(variant.vehicle.units[1].wheelbase, variant.vehicle.max_curvature) for variant in study.vehicles]
+    assert got == [(8.0, 0.1), (8.0, 0.12), (9.0, 0.1), (9.0, 0.12)]
+
+
+def test_settings_that_are_lists_are_combined(folder: Path) -> None:
+    settings = {
+        "clearance": [0.0, 0.2],
+        "reverse": [False, True],
+        "offset": -1.75,
+        "bias": "centre",
+        "pass": "left",
+        "smooth": 2,
+        "proof": True,
+    }
+    study = study_of(BASE | {"settings": settings, "half_widths": [3.5]}, folder)
+    assert [(m.settings.clearance, m.reverse) for m in study.manners] == [(0.0, False), (0.0, True), (0.2, False), (0.2, True)]
+    assert {(m.offset, m.bias, m.side) for m in study.manners} == {(-1.75, "centre", "left")}
+    assert (study.smooth, study.prove) == (2.0, True)
+
+
+def test_left_and_right_are_pairs() -> None:
+    assert study_of(BASE | {"left": [2.0, 2.5], "right": [3.0, 3.5]}).widths == (Width(2.0, 3.0), Width(2.5, 3.5))
+
+
+def test_files_lie_beside_the_study_that_names_them(folder: Path) -> None:
+    (folder / "study.toml").write_text('roads = ["bend.csv"]\nvehicles = ["bus"]\n', encoding="utf-8")
+    assert read_study(folder / "study.toml").roads[0].source == str(folder / "bend.csv")
+
+
+@pytest.mark.parametrize(
+    ("entries", "words", "hint"),
+    [
+        ({"raods": ["uturn"]}, "unknown entry 'raods'", "did you mean 'roads'?"),
+        ({"roads": []}, "at least one entry", None),
+        ({"roads": ["uturn", "uturn"]}, "none twice", None),
+        ({"roads": ["uturm"]}, "no road file, shipped road or scenario is called 'uturm'", "did you mean 'uturn'"),
+        ({"roads": ["none/*.geojson"]}, "no road file matches 'none/*.geojson'", "relative to the study's folder"),
+        ({"roads": [3]}, "not 3", None),
+        ({"roads": [{"road": "uturn", "nmae": "x"}]}, "unknown entry 'nmae' of a road", "did you mean 'name'?"),
+        ({"vehicles": ["bsu"]}, "unknown vehicle 'bsu'", "did you mean 'bus'?"),
+        ({"vehicles": ["none*.toml"]}, "no vehicle file matches", None),
+        ({"half_widths": [-1.0]}, "positive numbers of metres, not -1", None),
+        ({"half_widths": ["wide"]}, "must be a number, not 'wide'", None),
+        ({"half_widths": [3.0], "left": [2.0], "right": [2.0]}, "cannot be combined", None),
+        ({"left": [2.0]}, "left needs right", "half_widths"),
+        ({"left": [2.0, 3.0], "right": [2.0]}, "are pairs", None),
+        ({"objectives": ["geometrical"]}, "unknown objective 'geometrical'", "did you mean 'geometric'?"),
+        ({"schemes": ["rit"]}, "schemes must be rti or sqp, not 'rit'", None),
+        ({"solvers": ["ricatti"]}, "unknown solver 'ricatti'", "did you mean 'riccati'?"),
+        ({"settings": {"horizont": 30}}, "unknown entry 'horizont' in the study's settings", "did you mean 'horizon'?"),
+        ({"settings": {"horizon": 30.3}}, "not a whole number of steps", None),
+        ({"settings": [1]}, "must be a table", "[settings]"),
+        ({"settings": {"smooth": -1}}, "allowed deviation must be a positive number", None),
+        ({"settings": {"reverse": "yes"}}, "must be true or false", None),
+        ({"need": "yes"}, "must be true or false", None),
+        ({"vary": {"bsu.wheelbase": [5.0]}}, "no vehicle of the study is called that", "did you mean 'bus.wheelbase'?"),
+        ({"vary": {"bus.wheelbas": [5.0]}}, "bus has no such parameter", "did you mean 'wheelbase'?"),
+        ({"vary": {"bus.2.wheelbase": [5.0]}}, "bus has no such parameter", None),
+        ({"vary": {"bus.wheelbase": "5..4"}}, "must rise", None),
+        ({"vary": {"bus.wheelbase": "five"}}, "different numbers or a range, not 'five'", "in 5"),
+        ({"vary": {"bus.wheelbase": [5.0, 5.0]}}, "different numbers", None),
+        ({"vary": {"bus.wheelbase": [500.0]}}, "must lie between", "metres"),
+    ],
+)
+def test_a_mistake_is_one_line_that_says_what_was_meant(entries: dict[str, object], words: str, hint: str | None) -> None:
+    with pytest.raises(HdvplanError) as caught:
+        study_of(BASE | entries)
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert hint is None or hint in str(caught.value.hint)
+
+
+def test_a_file_that_cannot_be_read_as_a_study_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(HdvplanError, match="cannot be read"):
+        read_study(tmp_path / "none.toml")
+    (tmp_path / "study.toml").write_text("vary.bus.wheelbase = 3.4..3.8\n", encoding="utf-8")
+    with pytest.raises(HdvplanError, match="is not valid TOML"):
+        read_study(tmp_path / "study.toml")
+
+
+def test_two_vehicles_of_one_name_are_refused(folder: Path) -> None:
+    from hdvplan.vehicle.load import preset_text  # noqa: PLC0415 - this test alone copies one
+
+    (folder / "copy.toml").write_text(preset_text("bus"), encoding="utf-8")
+    with pytest.raises(HdvplanError, match="two vehicles of the study are called 'bus'"):
+        study_of(BASE | {"vehicles": ["bus", "copy.toml"]}, folder)
