@@ -1,4 +1,4 @@
-"""What ``hdvplan bench`` holds a run against: another program, or committed counters."""
+"""What ``hdvplan bench`` compares a run with: another program, or committed counters."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def measured(suite: Path | None, given: Mapping[str, object], command: str | Non
 
     if command is not None:
         if suite is not None or given:
-            msg = "--command measures a command of your own: a suite and its options say nothing to it"
+            msg = "--command measures your own command: a suite and its options do not apply"
             raise OptionError(msg, hint="leave them out")
         return CommandWork(command_words(command))
     wanted = suite_of(dict(SUITE) | (read_suite(suite) if suite else {}) | dict(given))

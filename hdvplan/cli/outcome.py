@@ -1,4 +1,4 @@
-"""What ``hdvplan plan`` tells of a judged plan: warnings, tables, and the exit code with its message."""
+"""What ``hdvplan plan`` prints about a judged plan: warnings, tables, and the exit code with its message."""
 
 from __future__ import annotations
 
