@@ -27,13 +27,27 @@ if TYPE_CHECKING:
     from hdvplan.bench.work import CommandWork
 
 HistoryOption = Annotated[
-    Path | None, typer.Option("--history", metavar="DIR", help="With --against: keep the result there by commit; see `hdvplan history`.")
+    Path | None,
+    typer.Option(
+        "--history",
+        metavar="DIR",
+        help="With --against: keep the result there by commit; see `hdvplan history`.",
+        rich_help_panel="Comparison",
+    ),
 ]
 BisectOption = Annotated[
-    bool, typer.Option("--bisect", help="With --against: find the first revision that is red, if there is one, by halving.")
+    bool,
+    typer.Option(
+        "--bisect", help="With --against: find the first revision that is red, if there is one, by halving.", rich_help_panel="Comparison"
+    ),
 ]
 ProfileOption = Annotated[
-    bool, typer.Option("--profile", help="With --against: where red, run both sides under cProfile and show which functions gained time.")
+    bool,
+    typer.Option(
+        "--profile",
+        help="With --against: where red, run both sides under cProfile and show which functions gained time.",
+        rich_help_panel="Comparison",
+    ),
 ]
 
 

@@ -16,6 +16,7 @@ COMMANDS = [
     ("report",),
     ("bench",),
     ("compare",),
+    ("history",),
     ("reproduce",),
     ("roads",),
     ("roads", "list"),
