@@ -22,10 +22,10 @@ from hdvplan.vehicle.model import Vehicle
 
 
 def plan(case: Case, *, on_progress: Callable[[float], None] | None = None) -> Result:
-    """Plan ``case.vehicle`` along all of ``case.road`` in receding horizon and judge what an exact simulation of it sweeps.
+    """Plan ``case.vehicle`` along the whole of ``case.road`` in receding horizon, and judge the plan by an exact simulation.
 
-    Finds the side of every obstacle that can be passed on either. ``on_progress`` receives the driven share, 0 to 1. Loads and compiles
-    everything before the first timed step.
+    For every obstacle that can be passed on either side, both are tried. ``on_progress`` receives the driven share, 0 to 1. Everything
+    is loaded and compiled before the first timed step.
 
     Raises:
         OptionError: no such objective, or a bias that the road or the objective has no room for.
@@ -41,21 +41,21 @@ def plan(case: Case, *, on_progress: Callable[[float], None] | None = None) -> R
 
 
 def prove(result: Result, *, on_progress: Callable[[float], None] | None = None) -> Result:
-    """Return a judged plan that breaks its limits with a proof that nothing keeps them, where one is found; else as it is.
+    """Return a judged plan, with a proof that nothing keeps the limits if the plan breaks them and a proof is found.
 
-    ``plan`` does not look for one: it takes seconds a place. The verdict's ``proved`` and ``proof`` are what was found. ``on_progress``
+    ``plan`` does not look for proofs, because each takes seconds. The verdict has the result as ``proved`` and ``proof``. ``on_progress``
     receives the share of the tight stretches that are examined, 0 to 1.
     """
     return proved(result, on_progress=on_progress)
 
 
 def solver(name: str | SolverClass, tolerance: float | None = None) -> SolverMaker:
-    """Return what makes workspaces of a solver: for ``Case(solver=...)``, or to call it with a ``StageShape`` oneself.
+    """Return a factory for workspaces of a solver: for ``Case(solver=...)``, or to call with a ``StageShape``.
 
     ``name`` and ``tolerance`` are those of ``hdvplan.solvers.registry.solver_named``.
 
     Raises:
-        SolverError: unknown, not installed, cannot be loaded, or without a tolerance that could be set.
+        SolverError: unknown, not installed, cannot be loaded, or without a tolerance to set.
 
     """
     return solver_named(name, tolerance)
@@ -70,7 +70,7 @@ def drive_case(
 ) -> Drive:
     """Plan and execute a case without judging it; see ``drive``, and ``plan`` for the errors.
 
-    ``objective`` is what ``case.objective`` calls it where that is no name that users know.
+    ``objective`` replaces ``case.objective`` if that is not a public name.
     """
     return drive(
         case.road,
@@ -85,7 +85,7 @@ def drive_case(
 
 
 def prepare(case: Case) -> None:
-    """Load and compile what driving a case takes; nothing is left to do where this process has driven one of its kind.
+    """Load and compile the code that driving a case needs; a no-op if this process has driven a case of the same kind.
 
     Raises:
         OptionError: no such objective.

@@ -33,12 +33,12 @@ Json = dict[str, object]
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """One run: ``vehicle`` along ``road`` by the objective, solver and settings that the command line knows by the same names.
+    """One run: ``vehicle`` along ``road`` with an objective, a solver and settings, named as on the command line.
 
-    ``bias`` is where the middle of the swept area should lie, left positive. A case pickles, and gives the identical plan in another
-    process with the same versions on the same kind of machine. Cases are equal where their keys are. Names are looked up when the case
-    is planned: a case may name a solver that only another machine has. Objective and solver may be Python objects too
-    (``objective_named``, ``solver_named``): the case then pickles where they do, and has a key where their source can be read.
+    ``bias`` is the wanted middle of the swept area, left positive. A case can be pickled, and gives the identical plan in another process
+    with the same versions on the same kind of machine. Cases with equal keys are equal. Names are looked up when the case is planned: a
+    case may name a solver that only another machine has. Objective and solver may also be Python objects (``objective_named``,
+    ``solver_named``): the case can then be pickled if they can, and has a key if their source can be read.
     """
 
     road: Road
@@ -52,9 +52,9 @@ class Case:
     def key(self) -> str:
         """A digest of everything that changes the plan, 32 hexadecimal digits; the same in every process and on every platform.
 
-        Names and origins of road and vehicle are not in it. A road's geometry is, to its last bit: a file that another platform
-        smooths may differ there, a case that was pickled does not. A solver or objective in a file, or as an object, counts with its
-        name and the content of its file; one that is named counts with its name alone, like hdvplan's own: versions are no part of a key.
+        Names and origins of road and vehicle are excluded. A road's geometry is included to its last bit: a file that another platform
+        smooths may differ there, a pickled case does not. For a solver or objective in a file, or as an object, the key includes its
+        name and the content of its file; for a named one only the name, as for hdvplan's own: versions are not part of a key.
 
         Raises:
             OptionError: the source of such an object cannot be read, or does not tell what it does.

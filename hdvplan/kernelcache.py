@@ -29,7 +29,7 @@ class KernelFile(IndexDataCacheFile):
         self._stem = stem
 
     def _data_name(self, _number: int) -> str:
-        """Return a file name of its own for every overload.
+        """Return a distinct file name for every overload.
 
         Numba numbers them. Two processes that compile one kernel for different records at the same time would take the same number, and
         from then on the one's index could lead to the other's code, which reads the records in a wrong layout.
@@ -45,7 +45,7 @@ class KernelFile(IndexDataCacheFile):
 
 
 class KernelCache(_Cache):
-    """One kernel's cache, which its dispatcher asks before it compiles and tells what it has compiled."""
+    """One kernel's cache, which its dispatcher queries before it compiles, and fills afterwards."""
 
     def __init__(self, function: Callable[..., object], folders: CacheFolders) -> None:
         code = function.__code__

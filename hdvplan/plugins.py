@@ -62,7 +62,7 @@ def load(kind: Kind, name: str) -> Callable[..., object] | None:
 
 
 def _called(kind: Kind, name: str, get: Callable[[], object]) -> Callable[..., object]:
-    """Return what ``get`` returns; whatever goes wrong there is the author's, and one line."""
+    """Return what ``get`` returns; any failure there is the author's, and is reported in one line."""
     home, hint = name.rpartition(":")[0], None
     try:
         found = get()

@@ -1,4 +1,4 @@
-"""Hold two benchmarks against each other: exact counters first, then times, cell by cell and over all."""
+"""Compare two benchmarks: exact counters first, then times, cell by cell and over all."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def _cell_times(name: Name, decision: Decision | None, agreed: tuple[float, floa
 
 
 def _own_changes(base: Side, new: Side) -> list[Change]:
-    """Return the changed counters of commands of one's own."""
+    """Return the changed counters of a user's commands."""
     changes = []
     for cell in dict.fromkeys([*base.own, *new.own]):
         if cell not in base.own or cell not in new.own:

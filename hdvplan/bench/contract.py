@@ -81,7 +81,7 @@ def _recorded() -> tuple[Recorded, ...]:
 
 
 def checked(make: WorkspaceMaker) -> list[Finding]:
-    """Return what every rule of the contract finds of a solver; whatever it raises is a finding."""
+    """Return what every rule of the contract finds of a solver; anything that it raises is a finding."""
     return [_found(rule, make) for rule in CONTRACT]
 
 
@@ -208,7 +208,7 @@ def times_are_true(make: WorkspaceMaker, programs: Sequence[Recorded]) -> Findin
         took = perf_counter() - began
         told = result.update_time + result.solve_time + result.loading_time
         wrong += not (result.update_time >= 0.0 and result.solve_time > 0.0 and 0.5 * took <= told <= took)
-    return Finding(_title(times_are_true), wrong <= len(programs) // 10, f"{wrong} of {len(programs)} tell other times than the clock")
+    return Finding(_title(times_are_true), wrong <= len(programs) // 10, f"{wrong} of {len(programs)} report other times than the clock")
 
 
 CONTRACT: tuple[Rule, ...] = (

@@ -32,7 +32,7 @@ _RELEASE = re.compile(  # a version of PEP 440
 )
 _HASH = re.compile(r"[0-9a-f]{40}(?:[0-9a-f]{24})?")
 _ASKED_FOR = ("pyproject.toml", "setup.py", "setup.cfg", "requirements.txt", "uv.lock", "poetry.lock", "pdm.lock")
-_KEPT = 8  # environments of revisions; one takes up to half a gigabyte where it has packages of its own
+_KEPT = 8  # environments of revisions; one takes up to half a gigabyte where it has separate packages
 _READY = "ready"
 
 
@@ -70,7 +70,7 @@ def base_named(against: str, here: Checkout | None) -> Base:
     if against.endswith((".whl", ".tar.gz")) and path.is_file():
         return Base(against, install=path.resolve().as_uri())
     if here is None:
-        msg = f"{against!r} names a revision, but this is no git checkout"
+        msg = f"{against!r} names a revision, but this is not a git checkout"
         raise OptionError(msg, hint="name a release (hdvplan==0.1.0), or the path of a Python that has one")
     found = git(here.top, "rev-parse", "--verify", "--quiet", "--end-of-options", f"{against}^{{commit}}") if "\0" not in against else None
     if found is None or not _HASH.fullmatch(found):

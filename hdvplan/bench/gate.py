@@ -71,7 +71,7 @@ def judge(base: FloatArray, new: FloatArray, rule: Rule) -> Decision:
     """Decide from pairs in the order in which they were measured; from six pairs on, the later half is the repeat.
 
     ``base`` and ``new`` are (pairs, steps) times [s], row i of both measured one after the other, column j the same
-    planning step. A slowdown that a half of the pairs does not show by itself is not believed: where that half is quiet
+    planning step. A slowdown that one half of the pairs does not show does not count: where that half is quiet
     the verdict is FINE, else UNMEASURABLE.
 
     Raises:

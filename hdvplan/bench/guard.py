@@ -1,4 +1,4 @@
-"""One comparison from end to end: what is named is made ready, measured and compared, and nothing is left of it but its results."""
+"""One comparison from end to end: both sides are prepared, measured and compared, and only the results are left."""
 
 from __future__ import annotations
 
@@ -46,7 +46,8 @@ class Wanted:
 def guard(wanted: Wanted, out: Path, told: Told) -> Comparison:
     """Return the comparison of what is named with what is here; measured into ``out``.
 
-    Whatever ends it, signals too, takes its processes and temporary files away. What stays is ``out``, and revisions in the user's cache.
+    However it ends, also by signals, its processes and temporary files are removed. What stays is ``out``, and revisions in the user's
+    cache.
 
     Raises:
         OptionError: ``against`` names nothing, or ``out`` holds something else.

@@ -20,7 +20,7 @@ FEWEST = 7  # pairs: six can be turned round in 64 ways only
 _MOST_TURNED = 12  # pairs up to which all ways are looked at: 4096
 _DRAWN = 9999
 _LARGEST = 3.0  # a pair counts with at most this many medians of its statistic's absolute log ratios
-_SURE = 2.0  # standard deviations beyond the threshold: found 9 times of 10 where the spread is estimated from ten pairs
+_SURE = 2.0  # standard deviations beyond the threshold: found 9 times out of 10 where the spread is estimated from ten pairs
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,9 @@ class Agreement:
     """How the pairs agree in each statistic; (statistics,) arrays."""
 
     chance: FloatArray  # of an agreement as large as this in any of the statistics, where the sides are the same
-    detectable: FloatArray  # the ratio that would have been believed 9 times of 10, of few pairs with a repeat; infinite where none would
+    detectable: (
+        FloatArray  # the ratio that would have been believed 9 times out of 10, of few pairs with a repeat; infinite where none would
+    )
 
 
 def agreement(log_ratios: FloatArray) -> Agreement:
@@ -62,7 +64,7 @@ def _turned(pairs: int) -> FloatArray:
 
 
 def _detectable(log_ratios: FloatArray, largest: FloatArray) -> FloatArray:
-    """Return the ratio whose agreement exceeds what chance reaches once in a hundred ways, 9 times of 10.
+    """Return the ratio whose agreement exceeds what chance reaches once in a hundred ways, 9 times out of 10.
 
     Of too few pairs none would, but a suspicion has as many measured again: then it is the ratio that both batches together would show,
     with an equal share of the level for each statistic, as the ways to turn pairs that are not measured yet are not known.

@@ -1,4 +1,4 @@
-"""Processes of other programs: started in a group of their own, watched for time and memory, and ended whole."""
+"""Processes of other programs: started in a separate group, watched for time and memory, and ended with all their children."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class Scratch:
 
 
 def start(command: Sequence[str], variables: Mapping[str, str], scratch: Scratch, cwd: Path | None = None) -> Started:
-    """Start a command in a process group of its own.
+    """Start a command in a separate process group.
 
     Raises:
         OSError: it cannot be started.

@@ -1,4 +1,4 @@
-"""A program that can be measured: how its hdvplan or a command of one's own is started, and what it knows of suites."""
+"""A program that can be measured: how its hdvplan or a user's command is started, and which entries of suites it knows."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class ProgramError(MeasurementError):
 
 @dataclass(frozen=True)
 class Program:
-    """A program in an environment of its own: an interpreter, where it finds packages that are not installed there, and a folder."""
+    """A program in a separate environment: an interpreter, where it finds packages that are not installed there, and a folder."""
 
     name: str
     python: Path
@@ -54,7 +54,7 @@ class Program:
     folder: Path | None = None  # where it runs; None: where we do
 
     def hdvplan(self, *arguments: str, timed: Path) -> list[str]:
-        """Return the command line of its ``hdvplan``; the time of its imports [s] will stand in ``timed``."""
+        """Return the command line of its ``hdvplan``; the time of its imports [s] are written to ``timed``."""
         return [str(self.python), "-P", "-c", _TIMED, str(timed), *arguments]  # -P: never the package that lies where it runs
 
     def environment(self) -> dict[str, str]:
@@ -87,7 +87,7 @@ class Program:
         ended = finish(started)
         if ended.code != 0:
             msg = f"{self.name} ended with {ended.how} and says: {ended.words}"
-            raise ProgramError(msg, tail=ended.tail, code=ended.code, hint="run it there by itself")
+            raise ProgramError(msg, tail=ended.tail, code=ended.code, hint="run it there alone")
         return ended
 
     def suite_defaults(self, scratch: Scratch) -> Mapping[str, object]:

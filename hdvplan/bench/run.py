@@ -1,4 +1,4 @@
-"""All drives of a benchmark, in an order that lets drift hit all cells alike, each in a process that may die of it."""
+"""All drives of a benchmark, in an order that lets drift affect all cells equally, each in a process that may die."""
 
 from __future__ import annotations
 

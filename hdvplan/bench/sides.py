@@ -47,7 +47,7 @@ class Side:
     counters: pd.DataFrame
     processes: tuple[Mapping[Name, Steps], ...]
     about: tuple[Mapping[str, float], ...] = ()  # of every process as a whole: IMPORT [s], PEAK [bytes]
-    own: Mapping[Name, Mapping[str, object]] = field(default_factory=dict)  # counters that a command of one's own told
+    own: Mapping[Name, Mapping[str, object]] = field(default_factory=dict)  # counters that a user's command printed
 
 
 def read_side(path: Path) -> Side:
@@ -58,7 +58,7 @@ def read_side(path: Path) -> Side:
 
     """
     if not path.is_dir():
-        msg = f"{path} is no directory of hdvplan bench"
+        msg = f"{path} is not a folder of hdvplan bench"
         raise OptionError(msg)
     folders = [path] if _is_process(path) else sorted(folder for folder in path.iterdir() if _is_process(folder))
     if not folders:
@@ -113,7 +113,7 @@ def _tables(folder: Path) -> list[pd.DataFrame]:
 
 
 def _own_side(folders: list[Path], about: tuple[Mapping[str, float], ...]) -> Side:
-    """Return a side that a command of one's own has told."""
+    """Return a side from what a user's command printed."""
     told: list[dict[str, OwnSteps]] = []
     for folder in folders:
         try:
@@ -129,7 +129,7 @@ def _own_side(folders: list[Path], about: tuple[Mapping[str, float], ...]) -> Si
 
 
 def own_name(name: str) -> Name:
-    """Return the name of a cell of one's own as tables have it."""
+    """Return the name of a cell of a user's command as tables have it."""
     return name, "", "", "", AS_SET
 
 

@@ -1,6 +1,6 @@
-"""From samples to tables: pure functions over data frames, so that what the tables say can be tested on made-up numbers.
+"""From samples to tables: pure functions over data frames, so that the tables can be tested with invented numbers.
 
-A drive's first plan is made from nothing, iterated to convergence whatever the scheme; it is the cold start, has its own
+A drive's first plan has no warm start and is iterated to convergence with any scheme; it is the cold start, has its own
 column, and is no part of the other statistics. ``fastest``: every step counts with its fastest round. That is what the
 planner needs; mean, percentiles and max are what it took, with whatever else the machine did.
 """

@@ -10,9 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from hdvplan.errors import OptionError, did_you_mean
+from hdvplan.errors import OptionError
 from hdvplan.planning.objective_names import check_objective
 from hdvplan.planning.settings import PlannerSettings, Scheme
+from hdvplan.spelling import did_you_mean, meant_by
 
 # Gentle and tight, 345 m to 12 km: roundabouts, a loop that crosses itself, S-bends, a closed ring, hairpins, a U-turn.
 ROADS = (
@@ -170,7 +171,7 @@ class Suite:
 def visits(courses: int, cells: int, rounds: int) -> list[tuple[int, int]]:
     """Return (round, cell) in the order of measurement, for ``courses`` times ``cells`` cells.
 
-    Every round visits every course in an order of its own, and within a course its cells in an order of its own: the
+    Every round visits the courses in another order, and within a course its cells in another order: the
     cells that are compared lie seconds apart, and neither a warming processor nor a busy hour favours any of them.
     """
     order = []
@@ -210,7 +211,7 @@ def suite_of(entries: Mapping[str, object]) -> Suite:
     for name, value in entries.items():
         if name not in kinds:
             msg = f"unknown entry {name!r} in the suite"
-            raise OptionError(msg, hint=did_you_mean(name, kinds, f"entries: {', '.join(kinds)}"))
+            raise OptionError(msg, hint=did_you_mean(meant_by(name, kinds), f"entries: {', '.join(kinds)}"))
         values[name] = _entry(name, value, kinds[name])
     return Suite(**values)  # type: ignore[arg-type] # every value was brought to its field's type
 

@@ -1,4 +1,4 @@
-"""Hold solvers to the same accuracy: of every solver the loosest tolerance with which it meets a distance from the optimum, in metres.
+"""Compare solvers at the same accuracy: for every solver, the loosest tolerance that meets a distance from the optimum, in metres.
 
 Equal tolerances are not equal accuracies: each solver measures in its own way. So each is tried on recorded programs of every class of
 limits, from the loosest tolerance on, and tightened by a factor of ten wherever e_y lies too far from the reference's optimum.

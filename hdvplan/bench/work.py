@@ -1,4 +1,4 @@
-"""What is measured of a program: a suite of hdvplan's, or a command of one's own that says how long its planning steps took."""
+"""What is measured of a program: a suite of hdvplan's, or a user's command that says how long its planning steps took."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from hdvplan.errors import MeasurementError, OptionError
 from hdvplan.fileio import json_bytes, write_atomically
 from hdvplan.jit import FloatArray
 
-STEPS = "steps.json"  # in the folder of a process: what a command of one's own has printed
+STEPS = "steps.json"  # in the folder of a process: what a user's command has printed
 ABOUT = "process.json"  # in the folder of a process: what was measured of it as a whole
 _PROFILED = ("-m", "cProfile", "-o")
 _HINT = '{"cells": {"depot": {"steps_s": [0.0012, 0.0011]}}} is the least; docs/guarding-timing.md has the rest'
@@ -89,7 +89,7 @@ class CommandWork:
 
 @dataclass(frozen=True)
 class OwnSteps:
-    """What a command of one's own says of one cell."""
+    """What a user's command says about one cell."""
 
     steps: FloatArray  # (rounds, steps) times of planning steps [s]
     first: FloatArray  # (rounds,) or empty: the first plan, made from nothing [s]
@@ -130,7 +130,7 @@ def _numbers(name: str, key: str, value: object) -> FloatArray:
     try:
         numbers = np.array(value, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        msg = f"{name}: {key} is no list of numbers"
+        msg = f"{name}: {key} is not a list of numbers"
         raise ValueError(msg) from error
     if not np.all(np.isfinite(numbers)):
         msg = f"{name}: {key} is not finite throughout"

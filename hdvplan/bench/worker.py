@@ -1,4 +1,4 @@
-"""A process of its own for what may hang or crash: a solver's end is a row of the tables, never the benchmark's.
+"""A separate process for what may hang or crash: when a solver fails, the tables have a row, and the benchmark continues.
 
 One long-lived process measures one cell after the other, as loading libraries and kernels takes a second; where it dies or must be
 ended, the next cell gets a new one. It gives a sign of life after every planning step, outside of what is timed.
@@ -26,7 +26,7 @@ _SINCE, _ALLOWED, _STEPS = range(3)  # of the shared memory: when the last sign 
 
 
 class Worker:
-    """Measures cells in a process of its own; call it with a case's index and whether the drive is judged.
+    """Measures cells in a separate process; call it with a case's index and whether the drive is judged.
 
     Cases and makers must pickle. Use it in a ``with`` block, which ends the process.
     """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import traceback
 from io import TextIOWrapper
@@ -12,9 +13,11 @@ import typer
 from hdvplan import __version__
 from hdvplan.cli import bench, compare, history, need, plan, report, reproduce, roads, solvers, study, turn, vehicles, warm_up
 from hdvplan.cli.console import ExitCode, library_warnings_shown, report_error
+from hdvplan.cli.help import Command, Group
 from hdvplan.cli.interruption import interruption_noted
 from hdvplan.cli.surroundings import give_matplotlib_a_folder
 from hdvplan.errors import HdvplanError, MeasurementError, PlanError, QpDataError, SolverError, TurnError
+from hdvplan.spelling import did_you_mean, meant_by
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,26 +26,28 @@ _UsageError: type[Exception] = typer.BadParameter.__mro__[1]  # click's; newer v
 
 app = typer.Typer(
     name="hdvplan",
+    cls=Group,
     help="Can this bus or truck drive this real road, how evenly does it sweep it, and which QP solver plans it fast enough?",
     epilog="Exit codes: 0 done; 1 a limit is broken or no plan exists, or a regression; 2 bad input or usage; 3 could not measure; "
     "70 a bug in hdvplan; 130 interrupted.",
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # square brackets are units here, not markup
-    context_settings={"help_option_names": ["-h", "--help"]},
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 120},
 )
-app.command("plan")(plan.plan)
-app.command("need")(need.need)
-app.command("turn")(turn.turn)
-app.command("study")(study.study)
-app.command("report")(report.report)
-app.command("bench")(bench.bench)
-app.command("compare")(compare.compare)
-app.command("history")(history.history)
-app.command("reproduce")(reproduce.reproduce)
-app.add_typer(roads.app, name="roads")
-app.add_typer(vehicles.app, name="vehicles")
-app.command("solvers")(solvers.solvers)
-app.command("warm-up")(warm_up.warm_up)
+_VEHICLES, _MEASURING, _DATA = "Does my vehicle fit?", "How fast, and how exact?", "Roads, vehicles, solvers"
+app.command("plan", cls=Command, rich_help_panel=_VEHICLES)(plan.plan)
+app.command("need", cls=Command, rich_help_panel=_VEHICLES)(need.need)
+app.command("turn", cls=Command, rich_help_panel=_VEHICLES)(turn.turn)
+app.command("study", cls=Command, rich_help_panel=_VEHICLES)(study.study)
+app.command("report", cls=Command, rich_help_panel=_VEHICLES)(report.report)
+app.command("bench", cls=Command, rich_help_panel=_MEASURING)(bench.bench)
+app.command("compare", cls=Command, rich_help_panel=_MEASURING)(compare.compare)
+app.command("history", cls=Command, rich_help_panel=_MEASURING)(history.history)
+app.command("reproduce", cls=Command, rich_help_panel=_MEASURING)(reproduce.reproduce)
+app.add_typer(roads.app, name="roads", rich_help_panel=_DATA)
+app.add_typer(vehicles.app, name="vehicles", rich_help_panel=_DATA)
+app.command("solvers", cls=Command, rich_help_panel=_DATA)(solvers.solvers)
+app.command("warm-up", cls=Command, rich_help_panel=_DATA)(warm_up.warm_up)
 
 
 def _print_version(wanted: bool) -> None:
@@ -104,9 +109,7 @@ def _without_debug(arguments: Sequence[str]) -> tuple[list[str], bool]:
 def _report(error: Exception) -> ExitCode:
     """Write what went wrong and what to do next to stderr; return the exit code for it."""
     if isinstance(error, _UsageError):
-        message = error.format_message() if hasattr(error, "format_message") else str(error)
-        context = getattr(error, "ctx", None)
-        report_error(_uncapitalised(message), f"see `{context.command_path if context else 'hdvplan'} --help`")
+        report_error(*_usage(error))
         return ExitCode.USAGE
     if isinstance(error, HdvplanError):
         report_error(str(error), error.hint)
@@ -118,6 +121,20 @@ def _report(error: Exception) -> ExitCode:
         return ExitCode.USAGE
     report_error(f"internal: {type(error).__name__}: {error}", "this is a bug in hdvplan; run again with --debug and report the traceback")
     return ExitCode.INTERNAL
+
+
+def _usage(error: Exception) -> tuple[str, str]:
+    """Return what a usage error says, and its hint: what a misspelt name may have meant, else where the help is."""
+    said = error.format_message() if hasattr(error, "format_message") else str(error)
+    context = getattr(error, "ctx", None)
+    where = f"see `{context.command_path if context else 'hdvplan'} --help`"
+    option, command = getattr(error, "option_name", None), re.match(r"No such command '(.*?)'", said)
+    if context and command:
+        return f"no such command '{command[1]}'", did_you_mean(meant_by(command[1], context.command.commands), where)
+    if context and option and hasattr(error, "possibilities"):
+        known = [name for parameter in context.command.params for name in parameter.opts if name.startswith("--")]
+        return f"no such option: {option}", did_you_mean(meant_by(option, known), where)
+    return _uncapitalised(said), where
 
 
 def _is_failed_plan(error: HdvplanError) -> bool:

@@ -1,4 +1,4 @@
-"""What ``hdvplan bench`` holds a run against: another program, or committed counters."""
+"""What ``hdvplan bench`` compares a run with: another program, or committed counters."""
 
 from __future__ import annotations
 
@@ -27,13 +27,27 @@ if TYPE_CHECKING:
     from hdvplan.bench.work import CommandWork
 
 HistoryOption = Annotated[
-    Path | None, typer.Option("--history", metavar="DIR", help="With --against: keep the result there by commit; see `hdvplan history`.")
+    Path | None,
+    typer.Option(
+        "--history",
+        metavar="DIR",
+        help="With --against: keep the result there by commit; see `hdvplan history`.",
+        rich_help_panel="Comparison",
+    ),
 ]
 BisectOption = Annotated[
-    bool, typer.Option("--bisect", help="With --against: find the first revision that is red, if there is one, by halving.")
+    bool,
+    typer.Option(
+        "--bisect", help="With --against: find the first revision that is red, if there is one, by halving.", rich_help_panel="Comparison"
+    ),
 ]
 ProfileOption = Annotated[
-    bool, typer.Option("--profile", help="With --against: where red, run both sides under cProfile and show which functions gained time.")
+    bool,
+    typer.Option(
+        "--profile",
+        help="With --against: where red, run both sides under cProfile and show which functions gained time.",
+        rich_help_panel="Comparison",
+    ),
 ]
 
 
@@ -53,7 +67,7 @@ def measured(suite: Path | None, given: Mapping[str, object], command: str | Non
 
     if command is not None:
         if suite is not None or given:
-            msg = "--command measures a command of your own: a suite and its options say nothing to it"
+            msg = "--command measures your own command: a suite and its options do not apply"
             raise OptionError(msg, hint="leave them out")
         return CommandWork(command_words(command))
     wanted = suite_of(dict(SUITE) | (read_suite(suite) if suite else {}) | dict(given))

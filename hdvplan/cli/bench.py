@@ -3,13 +3,42 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from hdvplan.bench import PICTURE
-from hdvplan.cli import completion
 from hdvplan.cli.baselines import BisectOption, Further, HistoryOption, ProfileOption, gate, hold_to, measured
+from hdvplan.cli.bench_options import (
+    AccuracyOption,
+    AgainstOption,
+    BudgetOption,
+    CellLimitOption,
+    ClassesOption,
+    CommandOption,
+    CountersOption,
+    ExportQpsOption,
+    FreshOption,
+    HalfWidthOption,
+    HorizonOption,
+    InProcessOption,
+    MemoryLimitOption,
+    NoLimitsOption,
+    ObjectiveOption,
+    OutOption,
+    PinchOption,
+    PlotOption,
+    RenewOption,
+    ReplanOption,
+    RoadsOption,
+    RoundsOption,
+    SampleOption,
+    SchemesOption,
+    SlackOption,
+    SolversOption,
+    StepLimitOption,
+    StepOption,
+    SuiteOption,
+    VehiclesOption,
+)
 from hdvplan.cli.compare import FORMATS, ExpectChangesOption, FactorOption, FloorOption, FormatOption, rule_of, told_as_json
 from hdvplan.cli.compiling import note_compiling
 from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, warn
@@ -37,118 +66,55 @@ def with_picture(arguments: Sequence[str]) -> list[str]:
 
 
 def bench(
-    solvers: Annotated[
-        str | None,
-        typer.Option(
-            "--solvers",
-            metavar="A,B",
-            help="Names from `hdvplan solvers`, or your own: file.py:Class.",
-            autocompletion=completion.solver_list,
-        ),
-    ] = None,
-    vehicles: Annotated[
-        str | None, typer.Option("--vehicles", metavar="A,B", help="Presets or vehicle files.", autocompletion=completion.vehicle_list)
-    ] = None,
-    roads: Annotated[
-        str | None,
-        typer.Option("--roads", metavar="A,B", help="Road files, or names from `hdvplan roads list`.", autocompletion=completion.road_list),
-    ] = None,
-    schemes: Annotated[str | None, typer.Option("--schemes", metavar="rti,sqp", help="How often a step linearises and solves.")] = None,
-    objective: Annotated[
-        str | None, typer.Option("--objective", metavar="NAME", help="What all plans centre, as in `plan` [default: geometric].")
-    ] = None,
-    rounds: Annotated[int | None, typer.Option("--rounds", metavar="N", help="Drives of every cell.")] = None,
-    budget: Annotated[float | None, typer.Option("--budget", metavar="S", help="Most planning time of one drive [s].")] = None,
-    half_width: Annotated[float | None, typer.Option("--half-width", metavar="M", help="Limits at +-M [m].")] = None,
-    slack: Annotated[
-        float | None, typer.Option("--slack", metavar="M", help="Limits this far beyond the geometric half width [m].")
-    ] = None,
-    no_limits: Annotated[bool, typer.Option("--no-limits", help="Plan without limits.")] = False,
-    pinch: Annotated[
-        float | None, typer.Option("--pinch", metavar="M", help="Move the outer limit of the tightest bend inwards over 6 m of road [m].")
-    ] = None,
-    classes: Annotated[
-        str | None,
-        typer.Option("--classes", metavar="A,B", help="Classes of limits side by side: off, inactive, binding, unkeepable."),
-    ] = None,
-    accuracy: Annotated[
-        float | None, typer.Option("--accuracy", metavar="M", help="Give every solver the loosest tolerance that meets this [m].")
-    ] = None,
-    sample: Annotated[
-        int | None, typer.Option("--sample", metavar="N", help="Solve N recorded QPs of every drive instead of driving.")
-    ] = None,
-    step_limit: Annotated[
-        float | None, typer.Option("--step-limit", metavar="S", help="Longest planning step; a cell with a longer one is ended [s].")
-    ] = None,
-    cell_limit: Annotated[
-        float | None,
-        typer.Option("--cell-limit", metavar="S", help="Longest drive with its check by the reference; a longer one is ended [s]."),
-    ] = None,
-    memory_limit: Annotated[
-        float | None, typer.Option("--memory-limit", metavar="GB", help="Most memory of the measuring process, where the system can.")
-    ] = None,
-    plot: Annotated[
-        str | None,
-        typer.Option(
-            "--plot",
-            metavar="FILE",
-            help="Draw the run, by itself into DIR/bench.png: png, pdf, svg; tex, pgf: performance profiles as TikZ.",
-        ),
-    ] = None,
-    in_process: Annotated[
-        bool, typer.Option("--in-process", help="Measure in this process: no limits but --budget, and a crash ends the run.")
-    ] = False,
-    horizon: Annotated[float | None, typer.Option("--horizon", metavar="M", help="How far each plan looks ahead [m].")] = None,
-    step: Annotated[float | None, typer.Option("--step", metavar="M", help="Distance between stations [m].")] = None,
-    replan: Annotated[float | None, typer.Option("--replan", metavar="M", help="Distance driven before the next plan [m].")] = None,
-    suite: Annotated[
-        Path | None, typer.Option("--suite", metavar="FILE.toml", help="Read all of the above from a file; options override it.")
-    ] = None,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where to write, and to go on from.")] = Path("hdvplan-bench"),
-    fresh: Annotated[bool, typer.Option("--fresh", help="Throw away what an earlier run has left in DIR.")] = False,
-    against: Annotated[
-        str | None,
-        typer.Option(
-            "--against", metavar="REV", help="Measure a revision, a release (hdvplan==X) or another interpreter, interleaved, and compare."
-        ),
-    ] = None,
-    command: Annotated[
-        str | None,
-        typer.Option(
-            "--command", metavar="CMD", help="With --against: measure a command of your own, which prints planning times as JSON."
-        ),
-    ] = None,
+    solvers: SolversOption = None,
+    vehicles: VehiclesOption = None,
+    roads: RoadsOption = None,
+    schemes: SchemesOption = None,
+    objective: ObjectiveOption = None,
+    suite: SuiteOption = None,
+    half_width: HalfWidthOption = None,
+    slack: SlackOption = None,
+    no_limits: NoLimitsOption = False,
+    pinch: PinchOption = None,
+    classes: ClassesOption = None,
+    rounds: RoundsOption = None,
+    accuracy: AccuracyOption = None,
+    sample: SampleOption = None,
+    horizon: HorizonOption = None,
+    step: StepOption = None,
+    replan: ReplanOption = None,
+    budget: BudgetOption = None,
+    step_limit: StepLimitOption = None,
+    cell_limit: CellLimitOption = None,
+    memory_limit: MemoryLimitOption = None,
+    in_process: InProcessOption = False,
+    against: AgainstOption = None,
+    command: CommandOption = None,
+    counters: CountersOption = None,
+    renew: RenewOption = False,
     factor: FactorOption = None,
     floor: FloorOption = None,
     expect_changes: ExpectChangesOption = False,
     bisect: BisectOption = False,
     profile: ProfileOption = False,
     history: HistoryOption = None,
+    out: OutOption = Path("hdvplan-bench"),
+    fresh: FreshOption = False,
+    plot: PlotOption = None,
+    export_qps: ExportQpsOption = None,
     format_: FormatOption = "text",
-    counters: Annotated[
-        Path | None, typer.Option("--counters", metavar="FILE.csv", help="Hold iterations, sizes and envelopes to a committed baseline.")
-    ] = None,
-    export_qps: Annotated[
-        Path | None,
-        typer.Option(
-            "--export-qps",
-            metavar="DIR",
-            help="Time nothing: write the QPs of all drives as a test set for solvers, in qpbenchmark's format.",
-        ),
-    ] = None,
-    renew: Annotated[bool, typer.Option("--renew", help="Write FILE.csv of --counters instead.")] = False,
     json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> int:
-    """Time the planning of vehicles along roads, by scheme and QP solver.
+    """Time planning by road, vehicle, scheme and solver.
 
-    Every cell is driven once a round, in an order that lets a busy or warming machine hit all cells alike. A killed run
-    goes on where it stopped when the same command is given again.
+    A cell is one such combination. Solvers solve quadratic programs (QPs). Every cell is driven once a round, in an order that lets a busy
+    or warming machine affect all cells equally. To continue a run that was stopped, give the same command again.
 
     Defaults: ten shipped roads, bus and tractor-trailer, both schemes, riccati, piqp, clarabel and osqp, three rounds, limits
-    0.5 m beyond the geometric half width. A cell that cannot be planned is a row of the tables and ends nothing.
+    0.5 m beyond the geometric half width. A cell that cannot be planned is a row of the tables; the run continues.
 
-    With --against: two roads, riccati and six rounds; five fresh processes a side, interleaved, ten where a repeat is needed.
+    With --against: two roads, riccati and six rounds; five fresh processes for each side in alternation, ten if a repeat is needed.
     Exit codes then: 0 fine; 1 something became slower, counters changed, or the new program does not run; 2 bad input; 3 could not
     measure: noise, or a base that does not run. DIR has the result as JSON, JUnit XML, Markdown and for dashboards.
     """
@@ -172,7 +138,7 @@ def bench(
         msg = "--step-limit, --cell-limit and --memory-limit need a process that can be ended"
         raise OptionError(msg, hint="leave out --in-process")
     if export_qps is not None and (against is not None or counters is not None or plot is not None):
-        msg = "--export-qps times nothing: there is nothing for --against, --counters or --plot"
+        msg = "--export-qps measures nothing, so --against, --counters and --plot do not apply"
         raise OptionError(msg, hint="leave them out")
     from hdvplan.machine import use_one_thread
 
@@ -214,7 +180,7 @@ def bench(
         return ExitCode.OK
     record = None if fresh else recorded(wanted, out, only_drawn=plot is not None and counters is None)
     if record is not None and record["finished"]:
-        note(f"{out} holds this run, finished; --fresh measures again", quiet=quiet)
+        note(f"{out} has this run, finished; --fresh measures again", quiet=quiet)
     else:
         note_compiling(quiet=quiet)
         cases = cases_of(wanted)
@@ -235,7 +201,7 @@ def bench(
             raise OptionError(msg, hint="choose another folder with --out") from error
         except KeyboardInterrupt:
             count = len(wanted.cells()) * wanted.rounds
-            note(f"{count - remaining(wanted, out)} of {count} drives are kept in {out}; the same command goes on from there")
+            note(f"{count - remaining(wanted, out)} of {count} drives are saved in {out}; the same command continues the run")
             raise
     if plot is not None:
         picture = out / PICTURE if plot == PICTURE else Path(plot)

@@ -1,4 +1,4 @@
-"""``hdvplan compare``: hold two benchmark runs against each other, and show a comparison."""
+"""``hdvplan compare``: compare two benchmark runs, and show a comparison."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdvplan.cli.console import ExitCode, print_json, print_line, print_tables
+from hdvplan.cli.help import OUTPUT
 from hdvplan.cli.options import JsonOption, QuietOption, choice
 from hdvplan.errors import HdvplanError, OptionError
 
@@ -20,44 +21,75 @@ if TYPE_CHECKING:
     from hdvplan.bench.compare import Comparison
     from hdvplan.bench.gate import Rule
 
+DECISION = "Decision"  # options that say what a regression is
 FactorOption = Annotated[
-    float | None, typer.Option("--factor", metavar="X", help="A cell that takes more than X times as long has regressed [default: 1.08].")
+    float | None,
+    typer.Option(
+        "--factor", metavar="X", help="A cell that takes more than X times as long has regressed [default: 1.08].", rich_help_panel=DECISION
+    ),
 ]
 FloorOption = Annotated[
     float | None,
-    typer.Option("--floor", metavar="MS", help="Differences of the mean planning step below this do not count [ms; default: 0.01]."),
+    typer.Option(
+        "--floor",
+        metavar="MS",
+        help="Smaller differences of the mean planning step do not count [ms; default: 0.01].",
+        rich_help_panel=DECISION,
+    ),
 ]
 ExpectChangesOption = Annotated[
-    bool, typer.Option("--expect-changes", help="Show changed counters and envelopes, but do not call them a regression.")
+    bool,
+    typer.Option(
+        "--expect-changes", help="Show changed counters and envelopes, but do not count them as a regression.", rich_help_panel=DECISION
+    ),
 ]
 FormatOption = Annotated[
-    str, typer.Option("--format", metavar="text|github", help="github: annotations on stdout, a table in the step summary.")
+    str,
+    typer.Option(
+        "--format",
+        metavar="text|github",
+        help="github: annotations on stdout, a table in the step summary.",
+        rich_help_panel=OUTPUT,
+    ),
 ]
 FORMATS = ("text", "github")
 
 
 def compare(
-    base: Annotated[Path, typer.Argument(metavar="BASE", help="What it was: a directory of `hdvplan bench`, or of several such.")],
-    new: Annotated[Path, typer.Argument(metavar="NEW", help="What it is now.")],
+    base: Annotated[
+        Path, typer.Argument(metavar="BASE", help="The former run: a folder of `hdvplan bench`, or one with several such folders.")
+    ],
+    new: Annotated[Path, typer.Argument(metavar="NEW", help="The new run.")],
     factor: FactorOption = None,
     floor: FloorOption = None,
     envelope_tolerance: Annotated[
         float | None,
-        typer.Option("--envelope-tolerance", metavar="M", help="Envelopes that differ less are the same [m; default: 0.0001]."),
+        typer.Option(
+            "--envelope-tolerance",
+            metavar="M",
+            help="Envelopes that differ by less are equal [m; default: 0.0001].",
+            rich_help_panel=DECISION,
+        ),
     ] = None,
     expect_changes: ExpectChangesOption = False,
     reports: Annotated[
         Path | None,
-        typer.Option("--reports", metavar="DIR", help="Leave the comparison there as JSON, JUnit XML, Markdown and for dashboards."),
+        typer.Option(
+            "--reports",
+            metavar="DIR",
+            help="Also write the comparison as JSON, JUnit XML, Markdown and for dashboards.",
+            rich_help_panel=OUTPUT,
+        ),
     ] = None,
     format_: FormatOption = "text",
     json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> int:
-    """Compare two benchmarks of the same cells: exact counters first, then the time of a planning step.
+    """Compare two benchmark runs of the same cells.
 
-    Counters are QPs, iterations, non-zeros, statuses and the envelope; any change is shown. Times are compared pair by
-    pair, in the order of measurement; at least three pairs are needed. `hdvplan bench --against REV` measures such pairs.
+    Exact counters come first, then the times of planning steps. Counters are quadratic programs (QPs), iterations, non-zeros, statuses and
+    the envelope; any change is shown. Times are compared pair by pair, in the order of measurement; at least three pairs are needed.
+    `hdvplan bench --against REV` measures such pairs.
 
     Exit codes: 0 fine; 1 a cell became slower, or counters changed; 2 bad input or usage; 3 could not measure: the times
     are too uncertain.
@@ -92,7 +124,7 @@ def _compared(
 
 @contextmanager
 def told_as_json(*, json: bool) -> Iterator[None]:
-    """Print JSON also where the block ends in an error, or is interrupted: whoever parses stdout finds why there is no verdict."""
+    """Print JSON also where the block ends in an error, or is interrupted: a program that parses stdout finds the reason there."""
     try:
         yield
     except (HdvplanError, KeyboardInterrupt, SystemExit) as error:

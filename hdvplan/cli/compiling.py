@@ -1,4 +1,4 @@
-"""Tell that kernels compile while they do: a bar that counts them at a terminal, else one line."""
+"""Show that kernels compile: a bar that counts them at a terminal, else one line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the shell offers after TAB. Names come from where the commands look them up; files are the shell's own business."""
+"""What the shell offers after TAB. Names come from the same functions as in the commands; the shell completes files itself."""
 
 from __future__ import annotations
 

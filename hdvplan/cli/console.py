@@ -1,4 +1,4 @@
-"""Where output goes: results to stdout, everything said on the way to stderr."""
+"""Where output goes: results to stdout, everything else to stderr."""
 
 from __future__ import annotations
 
@@ -78,14 +78,20 @@ def print_line(text: str) -> None:
 
 
 def print_tables(*tables: Table) -> None:
-    """Write tables to stdout, in colour where it is a terminal and NO_COLOR is not set; only there are they made to fit its width."""
+    """Write tables to stdout: at a terminal in its width and, unless NO_COLOR is set, in colour; elsewhere without trailing blanks."""
     from rich.console import Console
 
     console = Console(highlight=False, soft_wrap=False)
     if not console.is_terminal and "COLUMNS" not in os.environ:
         console.width = _UNCUT
-    for table in tables:
-        console.print(table)
+    if console.is_terminal:
+        for table in tables:
+            console.print(table)
+        return
+    with console.capture() as captured:
+        for table in tables:
+            console.print(table)
+    sys.stdout.write("".join(f"{line.rstrip()}\n" for line in captured.get().splitlines()))
 
 
 def print_json(value: object) -> None:
@@ -97,8 +103,8 @@ def print_json(value: object) -> None:
 def progress(task: str, *, quiet: bool, undisturbed: bool = False) -> Iterator[Callable[[float], None]]:
     """Show a bar with the time left on stderr while the block runs; it receives the done share, 0 to 1.
 
-    A second one counts kernels while they compile. Silent where stderr is no terminal. ``undisturbed`` draws only when the share
-    changes: no thread of its own runs beside what is measured, and the time left is judged from the last hour.
+    A second bar counts kernels while they compile. Nothing is shown if stderr is not a terminal. With ``undisturbed`` the bar is drawn
+    only when the share changes: no other thread runs during a measurement, and the time left is estimated from the last hour.
     """
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn

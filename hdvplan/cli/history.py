@@ -23,7 +23,7 @@ def history(
     json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> int:
-    """Show how the numbers of the timing gate went over the commits, and in which commits they changed.
+    """Show planning times by commit.
 
     There is a table for each kind of machine and each suite or command: their numbers are never mixed. Each has a chart of its own:
     the second one's name ends in -2. Where all commits were measured against the same base, numbers are ratios to it, which do not

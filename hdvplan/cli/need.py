@@ -8,28 +8,29 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hdvplan.cli import completion
+from hdvplan.cli.checks import check_fits, reaches_of
 from hdvplan.cli.compiling import note_compiling
 from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error
+from hdvplan.cli.help import OUTPUT, PLANNING, VEHICLE
 from hdvplan.cli.options import (
+    ClearanceOption,
     CrsOption,
     FeatureOption,
     JsonOption,
     LaneOption,
     LayerOption,
     OffsetOption,
-    OutOption,
     QuietOption,
     ReverseOption,
     RoadArgument,
     RoadIdsOption,
     RoleOption,
     SmoothOption,
+    VehicleOption,
     choice,
     file_name,
     road_options,
 )
-from hdvplan.cli.plan import check_fits, reaches_of
 from hdvplan.errors import OptionError
 
 if TYPE_CHECKING:
@@ -43,17 +44,28 @@ _SIDES = ("left", "right")
 
 def need(
     road: RoadArgument,
-    vehicle: Annotated[
-        str, typer.Option("--vehicle", metavar="NAME|FILE.toml", help="A preset or a vehicle file.", autocompletion=completion.vehicles)
-    ],
+    vehicle: VehicleOption,
     fix: Annotated[
         str | None,
-        typer.Option("--fix", metavar="left|right", help="Hold this edge, at --left or --right or as the road has it; ask for the other."),
+        typer.Option(
+            "--fix",
+            metavar="left|right",
+            help="Fix this edge, at --left or --right or where the road has it, and find the least edge on the other side.",
+            rich_help_panel=VEHICLE,
+        ),
     ] = None,
-    half_width: Annotated[float | None, typer.Option("--half-width", metavar="M", help="The road's own limits: +-M [m].")] = None,
-    left: Annotated[float | None, typer.Option("--left", metavar="M", help="The road's own left limit, or the held one [m].")] = None,
-    right: Annotated[float | None, typer.Option("--right", metavar="M", help="The same on the right, positive [m].")] = None,
-    clearance: Annotated[float, typer.Option("--clearance", metavar="M", help="Room to keep from every limit and obstacle [m].")] = 0.0,
+    half_width: Annotated[
+        float | None,
+        typer.Option("--half-width", metavar="M", help="The road's own limits, M to either side [m].", rich_help_panel=VEHICLE),
+    ] = None,
+    left: Annotated[
+        float | None, typer.Option("--left", metavar="M", help="The road's own left limit, or the fixed one [m].", rich_help_panel=VEHICLE)
+    ] = None,
+    right: Annotated[
+        float | None,
+        typer.Option("--right", metavar="M", help="The road's own right limit, or the fixed one, positive [m].", rich_help_panel=VEHICLE),
+    ] = None,
+    clearance: ClearanceOption = 0.0,
     smooth: SmoothOption = None,
     crs: CrsOption = None,
     name: FeatureOption = None,
@@ -63,18 +75,29 @@ def need(
     lane: LaneOption = None,
     offset: OffsetOption = 0.0,
     reverse: ReverseOption = False,
-    out: OutOption = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Where to write [default: <road>.<vehicle>.need/].", rich_help_panel=OUTPUT)
+    ] = None,
     json: JsonOption = False,
-    plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw the picture need.png.")] = True,
-    proof: Annotated[bool, typer.Option("--proof/--no-proof", help="Look for the most room that is proved to be too little.")] = True,
+    plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw the picture need.png.", rich_help_panel=OUTPUT)] = True,
+    proof: Annotated[
+        bool,
+        typer.Option(
+            "--proof/--no-proof",
+            help="Find the most room that is proved to be too little.",
+            rich_help_panel=PLANNING,
+        ),
+    ] = True,
     quiet: QuietOption = False,
 ) -> int:
-    """Find the least room that a vehicle needs on a road, and the least widening where it does not fit.
+    """Find the least room that a vehicle needs on a road.
 
-    Tries objectives and schemes, each plan judged by its simulation, to 1 cm. Less is called out of reach where no plan was found: that is
-    no proof. What is proved to be too little, for any driving whatsoever, is told besides. Obstacles stay where they are.
+    Where the vehicle does not fit, the command also finds the least widening of the road's own limits.
 
-    Exit code 0: there is an answer. 1: no plan exists at any width, or with the held edge. 2: bad input.
+    It tries several objectives and schemes and judges each plan by its simulation, to 1 cm. Less room, for which no plan was found, is
+    called out of reach; that is not a proof. It also looks for room that is proved to be too little. Obstacles stay where they are.
+
+    Exit code 0: the answer was found. 1: no plan exists at any width, or with the fixed edge. 2: bad input.
     """
     held = None if fix is None else choice("--fix", fix, _SIDES)
     given = _given(held, half_width, left, right)
@@ -129,7 +152,7 @@ def need(
 
 
 def _given(held: str | None, half_width: float | None, left: float | None, right: float | None) -> tuple[float, float] | None:
-    """Return the road's own limits given as options, or None; of a held edge only its own option counts."""
+    """Return the road's own limits given as options, or None; for a fixed edge only the option of that edge counts."""
     if held is None:
         return reaches_of(half_width, left, right)
     asked = right if held == "left" else left
@@ -141,7 +164,7 @@ def _given(held: str | None, half_width: float | None, left: float | None, right
 
 
 def _held(road: Road, side: str, reach: float | None) -> Limits:
-    """Return limits whose edge on ``side`` is held: at ``reach`` [m], or the road's own.
+    """Return limits whose edge on ``side`` is fixed: at ``reach`` [m], or the road's own.
 
     Raises:
         OptionError: neither is there.
@@ -176,7 +199,7 @@ def _print(answer: Need, directory: Path) -> None:
 
 
 def _exit_code(answer: Need) -> ExitCode:
-    """Return the exit code; no plan at any width, or with the held edge, is an error."""
+    """Return the exit code; no plan at any width, or with the fixed edge, is an error."""
     from hdvplan.report.needs import need_lines
 
     if answer.room.result is not None:

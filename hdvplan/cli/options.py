@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdvplan.cli import completion
+from hdvplan.cli.help import OUTPUT, PLANNING, ROAD, VEHICLE
 from hdvplan.errors import OptionError
 
 if TYPE_CHECKING:
@@ -20,42 +21,97 @@ RoadArgument = Annotated[
     str,
     typer.Argument(
         metavar="ROAD",
-        help="A road file (CSV, GeoJSON, OpenDRIVE, or what GDAL reads), or a name from `hdvplan roads list`.",
+        help="A road file (CSV, GeoJSON, OpenDRIVE, or a format that GDAL reads), or a name from `hdvplan roads list`.",
         autocompletion=completion.roads,
     ),
 ]
+VehicleOption = Annotated[
+    str,
+    typer.Option(
+        "--vehicle",
+        metavar="NAME|FILE.toml",
+        help="A name from `hdvplan vehicles list`, or a vehicle file.",
+        autocompletion=completion.vehicles,
+        rich_help_panel=VEHICLE,
+    ),
+]
+HalfWidthOption = Annotated[
+    float | None, typer.Option("--half-width", metavar="M", help="Limits at M to either side of the line [m].", rich_help_panel=VEHICLE)
+]
+ClearanceOption = Annotated[
+    float, typer.Option("--clearance", metavar="M", help="Room to keep from every limit and obstacle [m].", rich_help_panel=VEHICLE)
+]
 SmoothOption = Annotated[
     float | None,
-    typer.Option("--smooth", metavar="M", help="Largest allowed deviation of the smoothed centre line from the given points [m]."),
+    typer.Option(
+        "--smooth",
+        metavar="M",
+        help="How far smoothing may move the road's line from the given points [m].",
+        rich_help_panel=ROAD,
+    ),
 ]
-CrsOption = Annotated[str | None, typer.Option("--crs", metavar="EPSG:N", help="Coordinate reference system of the road file.")]
+CrsOption = Annotated[
+    str | None, typer.Option("--crs", metavar="EPSG:N", help="Coordinate reference system of the road file.", rich_help_panel=ROAD)
+]
 FeatureOption = Annotated[
-    str | None, typer.Option("--name", "--id", metavar="NAME", help="Which line of the road file, by its name or id.")
+    str | None,
+    typer.Option("--name", "--id", metavar="NAME", help="Which line of the road file, by its name or id.", rich_help_panel=ROAD),
 ]
-LayerOption = Annotated[str | None, typer.Option("--layer", metavar="LAYER", help="Which layer of the road file, or sheet.")]
+LayerOption = Annotated[
+    str | None, typer.Option("--layer", metavar="LAYER", help="Which layer, or sheet, of the road file.", rich_help_panel=ROAD)
+]
 RoleOption = Annotated[
     list[str] | None,
     typer.Option(
         "--role",
-        metavar="NAME=obstacle|sweepable|edge",
-        help="What a layer or a feature of the road file is; may be repeated.",
+        metavar="NAME=ROLE",
+        help="What a layer or feature of the road file is: obstacle, sweepable or edge; may be repeated.",
+        rich_help_panel=ROAD,
     ),
 ]
 RoadIdsOption = Annotated[
     str | None,
-    typer.Option("--road-ids", metavar="A,B,...", help="Roads of an OpenDRIVE file, in driving order; -A: from its end; gaps are filled."),
+    typer.Option(
+        "--road-ids",
+        metavar="A,B,...",
+        help="Roads of an OpenDRIVE file, in driving order; -A drives a road from its end; gaps are filled.",
+        rich_help_panel=ROAD,
+    ),
 ]
 LaneOption = Annotated[
-    int | None, typer.Option("--lane", metavar="N", help="Lane of the first road; 0: along the reference line of all roads.")
+    int | None,
+    typer.Option(
+        "--lane", metavar="N", help="Lane of the first OpenDRIVE road; 0: along the reference line of all roads.", rich_help_panel=ROAD
+    ),
 ]
 OffsetOption = Annotated[
     float,
-    typer.Option("--offset", metavar="M", help="Drive this far left of the line, negative: right [m]; the file's edges stay."),
+    typer.Option(
+        "--offset",
+        metavar="M",
+        help="Drive this far to the left of the line, negative: to the right [m]; the file's edges stay.",
+        rich_help_panel=ROAD,
+    ),
 ]
-ReverseOption = Annotated[bool, typer.Option("--reverse", help="Drive the line from its end to its start; before --offset.")]
-JsonOption = Annotated[bool, typer.Option("--json", help="Write JSON to stdout, and nothing else.")]
-QuietOption = Annotated[bool, typer.Option("--quiet", help="No progress, notes or tables; errors remain.")]
-OutOption = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Where to write [default: <road>.<vehicle>/].")]
+ReverseOption = Annotated[
+    bool, typer.Option("--reverse", help="Drive the line from its end to its start; applied before --offset.", rich_help_panel=ROAD)
+]
+ObjectiveOption = Annotated[
+    str,
+    typer.Option(
+        "--objective",
+        metavar="NAME",
+        help="What the plan centres: geometric, balanced, geometric-fixed, lead-axle, trail-axle, art-weighted, art-weighted:0.45, "
+        "axle-max, body-max, one of an installed package, or your own: package.module:name, file.py:name.",
+        autocompletion=completion.objectives,
+        rich_help_panel=PLANNING,
+    ),
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="Write JSON to stdout, and nothing else.", rich_help_panel=OUTPUT)]
+QuietOption = Annotated[bool, typer.Option("--quiet", help="No progress, notes or tables; errors remain.", rich_help_panel=OUTPUT)]
+OutOption = Annotated[
+    Path | None, typer.Option("--out", metavar="DIR", help="Where to write [default: <road>.<vehicle>/].", rich_help_panel=OUTPUT)
+]
 
 
 def road_options(

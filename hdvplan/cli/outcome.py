@@ -1,4 +1,4 @@
-"""What ``hdvplan plan`` tells of a judged plan: warnings, tables, and the exit code with its message."""
+"""What ``hdvplan plan`` prints about a judged plan: warnings, tables, and the exit code with its message."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from hdvplan.cli.console import ExitCode, note, print_tables, progress, report_e
 if TYPE_CHECKING:
     from hdvplan.judging.result import Result
     from hdvplan.judging.verdict import Verdict
-    from hdvplan.road.road import Road
 
 _MOST_WARNINGS = 5
 
@@ -47,17 +46,6 @@ def warn_of(result: Result, verdict: Verdict, *, quiet: bool) -> None:
         warn(finding_text(finding, result.drive.vehicle.name), quiet=quiet)
     if len(findings) > _MOST_WARNINGS:
         warn(f"{len(findings) - _MOST_WARNINGS} more such places; summary.json lists all under fit", quiet=quiet)
-
-
-def warn_far_regions(road: Road, *, quiet: bool) -> None:
-    """Say which regions do not count: coordinates that are swapped, or of another system, would go unnoticed."""
-    from hdvplan.road.regions import OPEN_M, distances
-
-    apart = distances(road.path, road.regions)
-    far = apart[apart > OPEN_M]
-    if len(far):
-        nearest = f"the nearest of them {far.min():.0f} m"
-        warn(f"{len(far)} of {len(apart)} regions lie further than {OPEN_M:.0f} m from the road and do not count, {nearest}", quiet=quiet)
 
 
 def print_plan(result: Result, directory: Path) -> None:

@@ -9,15 +9,20 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdvplan.cli import completion
+from hdvplan.cli.checks import check_bias, check_fits, reaches_of, sheet_options, warn_far_regions
 from hdvplan.cli.compiling import note_compiling
 from hdvplan.cli.console import note, print_json, print_line, progress
+from hdvplan.cli.help import OUTPUT, PLANNING, VEHICLE
 from hdvplan.cli.lengthy import plan_long, refuse_on_long
 from hdvplan.cli.options import (
+    ClearanceOption,
     CrsOption,
     FeatureOption,
+    HalfWidthOption,
     JsonOption,
     LaneOption,
     LayerOption,
+    ObjectiveOption,
     OffsetOption,
     OutOption,
     QuietOption,
@@ -26,81 +31,44 @@ from hdvplan.cli.options import (
     RoadIdsOption,
     RoleOption,
     SmoothOption,
+    VehicleOption,
     choice,
     file_name,
     road_options,
 )
-from hdvplan.cli.outcome import exit_code_of, looked_again, print_plan, warn_far_regions, warn_of
-from hdvplan.errors import OptionError, RoadError
+from hdvplan.cli.outcome import exit_code_of, looked_again, print_plan, warn_of
+from hdvplan.errors import OptionError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from hdvplan.case import Case
     from hdvplan.judging.result import Result
     from hdvplan.report.paper import SheetOptions
     from hdvplan.road.road import Road
-    from hdvplan.vehicle.model import Vehicle
 
 _NEAR_M = 0.05  # room to spare below which people ask whether more can be had
 
 
 def plan(
     road: RoadArgument,
-    vehicle: Annotated[
-        str, typer.Option("--vehicle", metavar="NAME|FILE.toml", help="A preset or a vehicle file.", autocompletion=completion.vehicles)
-    ],
-    scheme: Annotated[
-        str,
-        typer.Option("--scheme", metavar="rti|sqp", help="One QP a step, or QPs to convergence.", autocompletion=completion.schemes),
-    ] = "rti",
-    solver: Annotated[
-        str | None,
-        typer.Option(
-            "--solver",
-            metavar="NAME",
-            help="A name from `hdvplan solvers`, or your own: package.module:Class, file.py:Class.",
-            autocompletion=completion.solvers,
-        ),
+    vehicle: VehicleOption,
+    half_width: HalfWidthOption = None,
+    left: Annotated[
+        float | None, typer.Option("--left", metavar="M", help="Left limit [m]; needs --right.", rich_help_panel=VEHICLE)
     ] = None,
-    objective: Annotated[
-        str,
-        typer.Option(
-            "--objective",
-            metavar="NAME",
-            help="geometric, balanced, geometric-fixed, lead-axle, trail-axle, art-weighted, art-weighted:0.45, axle-max, body-max, "
-            "one that an installed package offers, or your own: package.module:name, file.py:name.",
-            autocompletion=completion.objectives,
-        ),
-    ] = "geometric",
-    bias: Annotated[
-        str | None,
-        typer.Option(
-            "--bias",
-            metavar="M|FILE.csv|centre",
-            help="Where the middle of the swept area should lie [m], left positive: a number, a file with columns s,bias, "
-            "or half-way between the limits.",
-        ),
+    right: Annotated[
+        float | None, typer.Option("--right", metavar="M", help="Right limit, positive [m]; needs --left.", rich_help_panel=VEHICLE)
     ] = None,
-    half_width: Annotated[float | None, typer.Option("--half-width", metavar="M", help="Limits at +-M [m].")] = None,
-    left: Annotated[float | None, typer.Option("--left", metavar="M", help="Left limit [m]; needs --right.")] = None,
-    right: Annotated[float | None, typer.Option("--right", metavar="M", help="Right limit, positive [m]; needs --left.")] = None,
-    clearance: Annotated[float, typer.Option("--clearance", metavar="M", help="Room to keep from every limit and obstacle [m].")] = 0.0,
+    clearance: ClearanceOption = 0.0,
     pass_: Annotated[
         str | None,
         typer.Option(
             "--pass",
             metavar="left|right",
-            help="Pass all obstacles on the line on this side, as the vehicle drives; without it the better one is found.",
+            help="Pass all obstacles on the line on this side, as the vehicle drives [default: the better side].",
+            rich_help_panel=VEHICLE,
         ),
     ] = None,
-    horizon: Annotated[float, typer.Option("--horizon", metavar="M", help="How far each plan looks ahead [m].")] = 100.0,
-    step: Annotated[float, typer.Option("--step", metavar="M", help="Distance between stations [m].")] = 0.5,
-    replan: Annotated[float, typer.Option("--replan", metavar="M", help="Distance driven before the next plan [m].")] = 5.0,
-    smoothness: Annotated[float, typer.Option("--smoothness", metavar="W", help="Weight of curvature changes.")] = 1e3,
-    discretisation: Annotated[
-        str, typer.Option("--discretisation", metavar="midpoint|euler|gauss", help="How states are predicted.")
-    ] = "midpoint",
     smooth: SmoothOption = None,
     crs: CrsOption = None,
     name: FeatureOption = None,
@@ -110,26 +78,99 @@ def plan(
     lane: LaneOption = None,
     offset: OffsetOption = 0.0,
     reverse: ReverseOption = False,
-    out: OutOption = None,
-    json: JsonOption = False,
-    plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw the picture plan.png.")] = True,
-    formats: Annotated[
-        str, typer.Option("--format", metavar="A,B", help="png, pdf, svg: the picture; dxf, gpkg: layers for CAD and GIS.")
-    ] = "png",
-    sheet: Annotated[str | None, typer.Option("--sheet", metavar="a4|a3|...", help="Draw sheet.pdf to a round scale, up to a0.")] = None,
-    scale: Annotated[str | None, typer.Option("--scale", metavar="N", help="Of the sheet: 200 draws 1:200 [default: what fits].")] = None,
+    scheme: Annotated[
+        str,
+        typer.Option(
+            "--scheme",
+            metavar="rti|sqp",
+            help="rti: the real-time iteration, one quadratic program (QP) a step; sqp: QPs to convergence.",
+            autocompletion=completion.schemes,
+            rich_help_panel=PLANNING,
+        ),
+    ] = "rti",
+    solver: Annotated[
+        str | None,
+        typer.Option(
+            "--solver",
+            metavar="NAME",
+            help="A name from `hdvplan solvers`, or your own: package.module:Class, file.py:Class.",
+            autocompletion=completion.solvers,
+            rich_help_panel=PLANNING,
+        ),
+    ] = None,
+    objective: ObjectiveOption = "geometric",
+    bias: Annotated[
+        str | None,
+        typer.Option(
+            "--bias",
+            metavar="M|FILE.csv|centre",
+            help="Where the middle of the swept area should lie [m], left positive: a number, a file with columns s,bias, "
+            "or half-way between the limits.",
+            rich_help_panel=PLANNING,
+        ),
+    ] = None,
+    horizon: Annotated[
+        float, typer.Option("--horizon", metavar="M", help="How far each plan looks ahead [m].", rich_help_panel=PLANNING)
+    ] = 100.0,
+    step: Annotated[float, typer.Option("--step", metavar="M", help="Distance between stations [m].", rich_help_panel=PLANNING)] = 0.5,
+    replan: Annotated[
+        float, typer.Option("--replan", metavar="M", help="Distance driven before the next plan [m].", rich_help_panel=PLANNING)
+    ] = 5.0,
+    smoothness: Annotated[
+        float,
+        typer.Option(
+            "--curvature-weight",
+            "--smoothness",
+            metavar="W",
+            help="Weight of curvature changes in the objective: more makes the steering gentler. The road's line is smoothed by --smooth.",
+            rich_help_panel=PLANNING,
+        ),
+    ] = 1e3,
+    discretisation: Annotated[
+        str,
+        typer.Option(
+            "--discretisation", metavar="midpoint|euler|gauss", help="Rule by which states are predicted.", rich_help_panel=PLANNING
+        ),
+    ] = "midpoint",
     proof: Annotated[
-        bool, typer.Option("--proof/--no-proof", help="Where the plan breaks limits, look for a proof that nothing keeps them.")
+        bool,
+        typer.Option(
+            "--proof/--no-proof",
+            help="If the plan breaks limits, look for a proof that no plan keeps them.",
+            rich_help_panel=PLANNING,
+        ),
     ] = True,
     refine: Annotated[
-        bool, typer.Option("--refine/--no-refine", help="Where limits are broken by little, plan again with stations nearer together.")
+        bool,
+        typer.Option(
+            "--refine/--no-refine",
+            help="If the plan breaks limits by little, plan again with stations nearer together.",
+            rich_help_panel=PLANNING,
+        ),
     ] = True,
-    animate: Annotated[bool, typer.Option("--animate", help="Write drive.gif, a film of the drive.")] = False,
+    out: OutOption = None,
+    json: JsonOption = False,
+    plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw the picture plan.png.", rich_help_panel=OUTPUT)] = True,
+    formats: Annotated[
+        str,
+        typer.Option(
+            "--format", metavar="A,B", help="png, pdf, svg: the picture; dxf, gpkg: layers for CAD and GIS.", rich_help_panel=OUTPUT
+        ),
+    ] = "png",
+    sheet: Annotated[
+        str | None,
+        typer.Option("--sheet", metavar="a4|a3|...", help="Draw sheet.pdf at a round scale; up to a0.", rich_help_panel=OUTPUT),
+    ] = None,
+    scale: Annotated[
+        str | None,
+        typer.Option("--scale", metavar="N", help="Scale of the sheet: 200 draws 1:200 [default: what fits].", rich_help_panel=OUTPUT),
+    ] = None,
+    animate: Annotated[bool, typer.Option("--animate", help="Write drive.gif, a film of the drive.", rich_help_panel=OUTPUT)] = False,
     quiet: QuietOption = False,
 ) -> int:
     """Plan a vehicle along a road and write what it sweeps.
 
-    Plans in receding horizon along the whole road; what is judged and written is an accurate simulation of the plan.
+    Plans in receding horizon along the whole road. An accurate simulation of the plan is judged and written.
 
     Exit code 0: the driven path keeps all limits (to 1 cm). 1: it breaks one, or no plan exists. 2: bad input.
     """
@@ -199,7 +240,7 @@ def plan(
         if bias is not None:
             sided = choose_sides(case)[0] if bias == CENTRE else track  # the middle between limits is that of the sides found
             case = replace(case, bias=bias_named(bias, sided.limits))
-            _check_bias(case, bias)
+            check_bias(case, bias)
         result = api.plan(case, on_progress=on_progress)
     result = looked_again(result, proof=proof, refine=refine, quiet=quiet)
     directory = out or Path(f"{file_name(track.name)}.{file_name(driven.name)}")
@@ -213,76 +254,11 @@ def plan(
     elif not quiet:
         print_line(verdict_line(result, verdict))
     if verdict.fits and verdict.spare is not None and verdict.spare < _NEAR_M:
-        note("the plan goes as near as it may; --clearance M asks it to keep away", quiet=quiet)
+        note("the plan comes as near as limits allow; --clearance M keeps it away from them", quiet=quiet)
     warn_of(result, verdict, quiet=quiet)
     if not json and not quiet:
         print_plan(result, directory)
     return exit_code_of(result, verdict)
-
-
-def check_fits(road: Road, vehicle: Vehicle, reaches: tuple[float, float] | None) -> None:
-    """Refuse what makes planning ``vehicle`` pointless; ``reaches`` are the limits left and right that options gave [m].
-
-    Raises:
-        RoadError: the road is shorter than the vehicle.
-        OptionError: the options leave less room than the vehicle is wide.
-
-    """
-    length = vehicle.reach_ahead + vehicle.reach_behind
-    if road.path.length < length:
-        msg = f"the road is {road.path.length:.1f} m long, the {vehicle.name} {length:.1f} m"
-        raise RoadError(msg, hint="plan along a longer part of the road")
-    if reaches is not None and sum(reaches) < vehicle.width:
-        msg = f"limits are {sum(reaches):.2f} m apart; the {vehicle.name} is {vehicle.width:.2f} m wide"
-        raise OptionError(msg, hint="widen them with --half-width or --left and --right")
-
-
-def _check_bias(case: Case, given: str) -> None:
-    """Refuse a bias that leads off any road: nothing could be seen there.
-
-    Raises:
-        OptionError: it is larger than any road is wide.
-
-    """
-    from hdvplan.road.regions import OPEN_M
-
-    largest = float(abs(case.bias.offset).max())
-    if largest > OPEN_M:
-        msg = f"--bias {given} leads {largest:g} m off the road's centre; at most {OPEN_M:g} m can be asked for"
-        raise OptionError(msg)
-
-
-def reaches_of(half_width: float | None, left: float | None, right: float | None) -> tuple[float, float] | None:
-    """Return the limits given as options, left and right, or None."""
-    if half_width is not None:
-        if left is not None or right is not None:
-            msg = "--half-width sets both limits; it cannot be combined with --left and --right"
-            raise OptionError(msg)
-        return half_width, half_width
-    if left is None and right is None:
-        return None
-    if left is None or right is None:
-        given, missing = ("--left", "--right") if right is None else ("--right", "--left")
-        msg = f"{given} needs {missing}"
-        raise OptionError(msg, hint="or give --half-width for both")
-    return left, right
-
-
-def sheet_options(sheet: str | None, scale: str | None) -> SheetOptions | None:
-    """Return what the sheet is drawn on, or None without one.
-
-    Raises:
-        OptionError: no such paper or scale, or a scale without a sheet.
-
-    """
-    from hdvplan.report.paper import SheetOptions
-
-    if sheet is None:
-        if scale is not None:
-            msg = f"--scale {scale} needs a sheet"
-            raise OptionError(msg, hint="add --sheet a3")
-        return None
-    return SheetOptions.named(sheet, scale)
 
 
 def _write(

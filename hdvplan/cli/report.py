@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdvplan.cli.console import ExitCode, note, print_json, progress
+from hdvplan.cli.help import OUTPUT
 from hdvplan.cli.options import JsonOption, QuietOption
 from hdvplan.errors import OptionError
 
@@ -19,18 +20,26 @@ def report(
     directories: Annotated[
         list[Path] | None, typer.Argument(metavar="DIR", help="Folders that `hdvplan plan` has written.", show_default=False)
     ] = None,
-    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The HTML file to write.")] = Path("report.html"),
-    title: Annotated[str | None, typer.Option("--title", metavar="TEXT", help="Heading of the page [default: Swept path report].")] = None,
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The HTML file to write.", rich_help_panel=OUTPUT)] = Path(
+        "report.html"
+    ),
+    title: Annotated[
+        str | None,
+        typer.Option("--title", metavar="TEXT", help="Heading of the page [default: Swept path report].", rich_help_panel=OUTPUT),
+    ] = None,
     history: Annotated[
-        Path | None, typer.Option("--history", metavar="DIR", help="Add planning times by commit, from the folder of `bench --history`.")
+        Path | None,
+        typer.Option(
+            "--history", metavar="DIR", help="Add planning times by commit, from the folder of `bench --history`.", rich_help_panel=OUTPUT
+        ),
     ] = None,
     json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> int:
-    """Put plans side by side in one HTML file that needs no network.
+    """Put plans side by side in one HTML file that works offline.
 
-    It has the summaries, a map of each plan to pan and zoom with the vehicle wherever you point, diagrams over the road's length,
-    the tightest places and the distribution of the step times. With --history it has planning times by commit as well, or alone.
+    It has the summaries, a map of each plan to pan and zoom with the vehicle at the place that you point at, diagrams over the road's
+    length, the tightest places and the distribution of the step times. With --history it has planning times by commit as well, or alone.
     """
     from hdvplan.report.html import write_report
 

@@ -9,6 +9,7 @@ import typer
 
 from hdvplan.cli.compiling import note_compiling
 from hdvplan.cli.console import ExitCode, print_json, print_tables, progress
+from hdvplan.cli.help import OUTPUT
 from hdvplan.cli.options import JsonOption, QuietOption, choice
 from hdvplan.errors import OptionError
 
@@ -36,15 +37,15 @@ _SHARE = {
 
 def reproduce(
     name: Annotated[str, typer.Argument(metavar="NAME", help=f"{', '.join(NAMES)} or all.")] = _ALL,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where to write.")] = Path("results"),
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where to write.", rich_help_panel=OUTPUT)] = Path("results"),
     json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> int:
-    """Repeat the papers' experiments and the standards' manoeuvres, and set the published numbers beside ours.
+    """Repeat experiments of papers and turns of standards.
 
-    Writes NAME.md and NAME.csv (the table), NAME.png (the figure in the paper's layout) and NAME-data.csv for every study,
-    for all of them a summary, and run.json: what was driven, with which versions, on which machine. Where they differ by more than can
-    be read a remark says why, or that it is not explained.
+    Published numbers are beside ours. Writes NAME.md and NAME.csv (the table), NAME.png (the figure in the paper's layout) and
+    NAME-data.csv for every study, a summary for all of them, and run.json: what was driven, with which versions, on which machine. Where
+    published numbers and ours differ by more than the reading error, a remark says why, or that it is not explained.
     """
     chosen = NAMES if choice("NAME", name, [*NAMES, _ALL]) == _ALL else (name,)
     if out.exists() and not out.is_dir():

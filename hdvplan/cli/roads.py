@@ -11,9 +11,11 @@ import typer
 
 from hdvplan.cli import extract
 from hdvplan.cli.console import ExitCode, note, print_json, print_tables, progress
+from hdvplan.cli.help import OUTPUT, Command
 from hdvplan.cli.options import (
     CrsOption,
     FeatureOption,
+    HalfWidthOption,
     JsonOption,
     LaneOption,
     LayerOption,
@@ -33,7 +35,7 @@ if TYPE_CHECKING:
     from hdvplan.road.scenarios import Profile
 
 app = typer.Typer(help="List, examine, make and extract roads.", rich_markup_mode=None)
-app.command("extract")(extract.extract)
+app.command("extract", cls=Command)(extract.extract)
 
 
 class Shape(StrEnum):
@@ -44,7 +46,7 @@ class Shape(StrEnum):
     STURN = "sturn"
 
 
-@app.command("list")
+@app.command("list", cls=Command)
 def list_roads(json: JsonOption = False) -> int:
     """List the shipped roads and the scenarios."""
     from hdvplan.report.grid import grid
@@ -59,10 +61,10 @@ def list_roads(json: JsonOption = False) -> int:
     return ExitCode.OK
 
 
-@app.command("info")
+@app.command("info", cls=Command)
 def road_info(
     road: RoadArgument,
-    half_width: Annotated[float | None, typer.Option("--half-width", metavar="M", help="Limits at +-M [m].")] = None,
+    half_width: HalfWidthOption = None,
     smooth: SmoothOption = None,
     crs: CrsOption = None,
     name: FeatureOption = None,
@@ -73,18 +75,19 @@ def road_info(
     offset: OffsetOption = 0.0,
     reverse: ReverseOption = False,
     csv: Annotated[
-        Path | None, typer.Option("--csv", metavar="FILE", help="Write limits and the width that each vehicle needs over s.")
+        Path | None,
+        typer.Option("--csv", metavar="FILE", help="Write limits and the width that each vehicle needs over s.", rich_help_panel=OUTPUT),
     ] = None,
     json: JsonOption = False,
 ) -> int:
     """Examine a road, and which preset vehicles fit it.
 
-    A vehicle fits where the band that it sweeps evenly, in a circle as tight as the road is there, lies between the limits.
+    This is a forecast: in a circle as tight as the road at each place, does the vehicle, sweeping evenly, stay between the limits?
     """
     from hdvplan.road.load import find_road
 
     chosen = road_options(smooth, crs, name, offset=offset, reverse=reverse, layer=layer, roles=role, road_ids=road_ids, lane=lane)
-    found = find_road(road, chosen)  # bad files are told before more is loaded
+    found = find_road(road, chosen)  # bad files are refused before more is loaded
     from hdvplan.fileio import csv_bytes, write_atomically
     from hdvplan.judging.fit import facts_of, fit_of, fit_table
     from hdvplan.report.fit_tables import facts_table, findings_table, fits_table
@@ -132,19 +135,23 @@ def road_info(
     return ExitCode.OK
 
 
-@app.command("make")
+@app.command("make", cls=Command)
 def make_road(
     shape: Annotated[str, typer.Argument(metavar="NAME", help="uturn, roundabout or sturn.")],
     radius: Annotated[float | None, typer.Option("--radius", metavar="M", help="Smallest radius [m]; negative turns right.")] = None,
     max_curvature: Annotated[
         float | None, typer.Option("--max-curvature", metavar="K", help="Largest curvature [1/m]; negative turns right.")
     ] = None,
-    sharpness: Annotated[float | None, typer.Option("--sharpness", metavar="C", help="How fast curvature changes [1/m^2].")] = None,
-    angle: Annotated[float | None, typer.Option("--angle", metavar="DEG", help="By how much each turn turns [deg].")] = None,
-    lead_in: Annotated[float, typer.Option("--lead-in", metavar="M", help="Straight before [m].")] = 50.0,
-    lead_out: Annotated[float, typer.Option("--lead-out", metavar="M", help="Straight after [m].")] = 50.0,
-    half_width: Annotated[float | None, typer.Option("--half-width", metavar="M", help="Write limits at +-M [m] too.")] = None,
-    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="The file [default: NAME.csv]; - for stdout.")] = None,
+    sharpness: Annotated[float | None, typer.Option("--sharpness", metavar="C", help="Change of curvature per metre [1/m^2].")] = None,
+    angle: Annotated[float | None, typer.Option("--angle", metavar="DEG", help="Angle of each turn [deg].")] = None,
+    lead_in: Annotated[float, typer.Option("--lead-in", metavar="M", help="Straight before the first turn [m].")] = 50.0,
+    lead_out: Annotated[float, typer.Option("--lead-out", metavar="M", help="Straight after the last turn [m].")] = 50.0,
+    half_width: Annotated[
+        float | None, typer.Option("--half-width", metavar="M", help="Also write limits at M to either side [m].")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="The file [default: NAME.csv]; - for stdout.", rich_help_panel=OUTPUT)
+    ] = None,
     json: JsonOption = False,
 ) -> int:
     """Write a parametric road as a file for `hdvplan plan`.

@@ -1,4 +1,4 @@
-"""``hdvplan solvers``: every QP back end, installed or not, and what it supports; the contract that each one is held to."""
+"""``hdvplan solvers``: every QP back end, installed or not, and what it supports; the test of their contract."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ def solvers(
         typer.Option(
             "--check",
             metavar="NAME",
-            help="Hold this solver to what planning asks of it; your own: package.module:Class, file.py:Class.",
+            help="Test this solver against the contract of all solvers; your own: package.module:Class, file.py:Class.",
             autocompletion=completion.solvers,
         ),
     ] = None,
     json: JsonOption = False,
 ) -> int:
-    """List every QP solver and what it supports; with --check, try one.
+    """List the solvers of quadratic programs (QPs), or test one.
 
-    Exit code of --check: 0 it keeps all rules; 1 it breaks one; 2 it cannot be used.
+    Exit code of --check: 0 the solver keeps all rules; 1 it breaks one; 2 it cannot be used.
     """
     from dataclasses import asdict
 
@@ -59,7 +59,7 @@ def solvers(
 
 
 def _check(name: str, *, json: bool) -> int:
-    """Print what every rule of the contract finds."""
+    """Print the finding of every rule of the contract."""
     from dataclasses import asdict
 
     from hdvplan.solvers.registry import solver_named

@@ -41,7 +41,7 @@ def study(
     json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> int:
-    """Plan and judge every combination of roads, vehicles and settings, in parallel.
+    """Plan every combination of roads, vehicles and settings.
 
     DIR gets cells.parquet (one row a combination), places.parquet (every breach and tightest place), ranking.csv, map.html and study.json.
     What ended is kept: the same command goes on where it stopped, and runs anew only what has changed, failed, hung or was killed.

@@ -1,4 +1,4 @@
-"""Let Matplotlib work for users without a home that can be written: it would say so in a long line at every start."""
+"""Let Matplotlib work for users without a home that can be written: otherwise it prints a long warning at every start."""
 
 from __future__ import annotations
 

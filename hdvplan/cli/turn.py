@@ -9,6 +9,7 @@ import typer
 
 from hdvplan.cli import completion
 from hdvplan.cli.console import ExitCode, print_json, print_tables, report_error
+from hdvplan.cli.help import OUTPUT, VEHICLE
 from hdvplan.cli.options import JsonOption, QuietOption, choice, file_name
 from hdvplan.errors import OptionError
 
@@ -19,43 +20,76 @@ if TYPE_CHECKING:
 
 _STEADY = "steady"
 _GUIDE = "front-axle"
+_TURN = "Turn"  # options that describe it
 
 
 def turn(
     vehicle: Annotated[
         str | None,
-        typer.Option("--vehicle", metavar="NAME|FILE.toml", help="A preset or a vehicle file.", autocompletion=completion.vehicles),
+        typer.Option(
+            "--vehicle",
+            metavar="NAME|FILE.toml",
+            help="A name from `hdvplan vehicles list`, or a vehicle file.",
+            autocompletion=completion.vehicles,
+            rich_help_panel=VEHICLE,
+        ),
     ] = None,
     template: Annotated[
         str | None,
         typer.Option(
-            "--template", metavar="NAME|FILE.toml", help="A manoeuvre of a standard, or a file.", autocompletion=completion.templates
+            "--template",
+            metavar="NAME|FILE.toml",
+            help="A turn of a standard, from --list, or a file.",
+            autocompletion=completion.templates,
+            rich_help_panel=_TURN,
         ),
     ] = None,
-    radius: Annotated[float | None, typer.Option("--radius", metavar="M", help="Of the guided point's path [m]; needs --angle.")] = None,
+    radius: Annotated[
+        float | None,
+        typer.Option("--radius", metavar="M", help="Radius of the guided point's path [m]; needs --angle.", rich_help_panel=_TURN),
+    ] = None,
     angle: Annotated[
-        str | None, typer.Option("--angle", metavar="DEG|steady", help="Of the turn [degrees]; steady: in the circle until it settles.")
+        str | None,
+        typer.Option(
+            "--angle",
+            metavar="DEG|steady",
+            help="Angle of the turn [degrees]; steady: the circle, until the motion is steady.",
+            rich_help_panel=_TURN,
+        ),
     ] = None,
     guide: Annotated[
         str | None,
         typer.Option(
-            "--guide", metavar="POINT", help="What follows the path: front-axle (default), outer-front-wheel, front-corner or kingpin."
+            "--guide",
+            metavar="POINT",
+            help="The point that follows the path: front-axle (default), outer-front-wheel, front-corner or kingpin.",
+            rich_help_panel=_TURN,
         ),
     ] = None,
-    ramp: Annotated[float | None, typer.Option("--ramp", metavar="M", help="Path over which its curvature grows, and falls [m].")] = None,
-    standstill: Annotated[bool, typer.Option("--standstill", help="Turn the front wheels before the vehicle moves.")] = False,
-    list_: Annotated[bool, typer.Option("--list", help="Name the templates.")] = False,
-    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Where to write [default: <template>.<vehicle>/].")] = None,
+    ramp: Annotated[
+        float | None,
+        typer.Option("--ramp", metavar="M", help="Length of path over which the curvature grows, and falls [m].", rich_help_panel=_TURN),
+    ] = None,
+    standstill: Annotated[
+        bool, typer.Option("--standstill", help="Turn the front wheels before the vehicle moves.", rich_help_panel=_TURN)
+    ] = False,
+    list_: Annotated[bool, typer.Option("--list", help="List the templates.", rich_help_panel=_TURN)] = False,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Where to write [default: <template>.<vehicle>/].", rich_help_panel=OUTPUT)
+    ] = None,
     json: JsonOption = False,
-    plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw the picture turn.png.")] = True,
-    formats: Annotated[str, typer.Option("--format", metavar="A,B", help="Of the picture: png, pdf, svg or several.")] = "png",
+    plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw the picture turn.png.", rich_help_panel=OUTPUT)] = True,
+    formats: Annotated[
+        str, typer.Option("--format", metavar="A,B", help="Formats of the picture: png, pdf, svg.", rich_help_panel=OUTPUT)
+    ] = "png",
     quiet: QuietOption = False,
 ) -> int:
-    """Drive a prescribed turn exactly and print what it sweeps: radii, width, off-tracking, swing, angles.
+    """Drive a prescribed turn exactly and print what it sweeps.
 
-    A point of the vehicle follows line, arc and line; all turns are to the left, those to the right are their mirror images.
+    The figures are radii, width, off-tracking, swing and angles. A point of the vehicle follows a line, an arc and a line. All turns are to
+    the left; a turn to the right is the mirror image.
 
-    Exit code 0: driven, and what the template demands is met. 1: it is not, or the vehicle cannot drive it. 2: bad input.
+    Exit code 0: the vehicle drives the turn and meets the template's limits. 1: it does not meet them, or cannot drive it. 2: bad input.
     """
     if list_:
         return _list(json=json)

@@ -10,6 +10,7 @@ import typer
 
 from hdvplan.cli import completion
 from hdvplan.cli.console import ExitCode, note, print_json, print_tables
+from hdvplan.cli.help import OUTPUT, Command
 from hdvplan.cli.options import JsonOption, choice, file_name
 from hdvplan.errors import OptionError
 
@@ -19,10 +20,10 @@ if TYPE_CHECKING:
 app = typer.Typer(help="List and show the preset vehicles.", rich_markup_mode=None)
 
 _TITLES = {"papers": "vehicles of the papers", "europe": "Europe", "aashto": "design vehicles of AASHTO (USA)"}
-_CAPTION = "*: the axle steers too; radius: the tightest that the front wheels alone set"
+_CAPTION = "*: this axle steers too; radius: the least that the front wheels alone allow"
 
 
-@app.command("list")
+@app.command("list", cls=Command)
 def list_vehicles(json: JsonOption = False) -> int:
     """List the preset vehicles with their dimensions."""
     from hdvplan.report.grid import grid
@@ -50,18 +51,21 @@ def _row(vehicle: Vehicle) -> tuple[str, ...]:
     )
 
 
-@app.command("show")
+@app.command("show", cls=Command)
 def show_vehicle(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="A preset or a vehicle file.", autocompletion=completion.vehicles)],
-    file: Annotated[Path | None, typer.Argument(metavar="[FILE]", help="Where --plot draws [default: NAME.png]; png, pdf or svg.")] = None,
-    plot: Annotated[bool, typer.Option("--plot", help="Draw the vehicle with its dimensions instead.")] = False,
+    name: Annotated[
+        str,
+        typer.Argument(metavar="NAME", help="A name from `hdvplan vehicles list`, or a vehicle file.", autocompletion=completion.vehicles),
+    ],
+    file: Annotated[Path | None, typer.Argument(metavar="FILE", help="The picture of --plot [default: NAME.png]; png, pdf or svg.")] = None,
+    plot: Annotated[bool, typer.Option("--plot", help="Draw the vehicle with its dimensions instead.", rich_help_panel=OUTPUT)] = False,
     json: JsonOption = False,
 ) -> int:
     """Print a vehicle's TOML, ready to copy and edit; or draw it."""
     from hdvplan.vehicle.load import load_vehicle, vehicle_text
 
     if file is not None and not plot:
-        msg = f"{file} is where a drawing would go, but --plot is not given"
+        msg = f"{file} is a file for a drawing, but --plot is not given"
         raise OptionError(msg)
     vehicle, text = load_vehicle(name), vehicle_text(name)
     drawn = _draw(vehicle, file or Path(f"{file_name(vehicle.name)}.png")) if plot else None

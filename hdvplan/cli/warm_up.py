@@ -28,18 +28,18 @@ def warm_up(
         typer.Option(
             "--vehicle",
             metavar="NAME|FILE.toml",
-            help="Compile for such vehicles only; may be repeated [default: every kind that ships].",
+            help="Compile only for vehicles of this kind; may be repeated [default: every kind that ships].",
             autocompletion=completion.vehicles,
         ),
     ] = None,
     quiet: QuietOption = False,
 ) -> int:
-    """Compile what the first plan of every kind of vehicle needs, into a cache that other users may read.
+    """Compile the code of first plans, for all users.
 
-    The cache is NUMBA_CACHE_DIR/hdvplan, else ~/.cache/hdvplan. Others read it where their NUMBA_CACHE_DIR names the same folder;
-    they need not be able to write into it.
+    It compiles for every kind of vehicle, into a cache that other users can read. The cache is NUMBA_CACHE_DIR/hdvplan, else
+    ~/.cache/hdvplan. Others read it if their NUMBA_CACHE_DIR names the same folder; they need no permission to write there.
 
-    Exit code 2: it cannot be kept there.
+    Exit code 2: the code cannot be stored there.
     """
     from hdvplan.vehicle.load import load_vehicle, preset_names
 
@@ -49,7 +49,7 @@ def warm_up(
 
     folders = cache_folders()
     if folders.write is None or folders.note:
-        raise OptionError(folders.note, hint="warm-up needs a folder that lasts and that nobody else can write into")
+        raise OptionError(folders.note, hint="warm-up needs a lasting folder into which no other user can write")
     note_compiling(quiet=quiet)
     with progress("compiling", quiet=quiet) as on_progress:
         for done, driven in enumerate(vehicles):

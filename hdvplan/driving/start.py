@@ -1,6 +1,6 @@
-"""How a vehicle stands at the start of its road.
+"""The state of a vehicle at the start of its road.
 
-It stands in the stationary geometry of the road's first point and curvature: as if the road had always bent as it does there. In a bend
+It is the stationary geometry for the curvature at the road's first point, as if the road had always had this curvature. In a bend
 so tight that a body would not lie beside the road's continuation then, it comes along that continuation instead: a curvature that
 fades to zero, and a straight before it.
 """
@@ -53,7 +53,7 @@ def lies_beside(path: ReferencePath, vehicle: Vehicle, z: FloatArray) -> bool:
 
 
 def approach_to(road: Road, vehicle: Vehicle, settings: PlannerSettings) -> Road:
-    """Return the continuation before a road's start as a road of its own, on which the whole vehicle begins behind the bend."""
+    """Return the continuation before a road's start as a separate road, on which the whole vehicle begins behind the bend."""
     length = settings.replan * float(np.ceil((vehicle.reach_ahead + vehicle.reach_behind + _STRAIGHT_M) / settings.replan))
     path = road.path.stretch(-length, 0.0, vehicle.reach_behind + _ROOM_M, settings.horizon + vehicle.reach_ahead + _ROOM_M)
     if road.limits is None:

@@ -21,29 +21,29 @@ KEPT_M = 0.01  # a limit counts as kept when broken by no more than this, as sim
 class Breach:
     """A stretch of road over which a limit is broken."""
 
-    s_from: float  # [m]
-    s_to: float  # [m]
-    s_deepest: float  # [m]
-    depth: float  # at the deepest place [m]
-    side: str  # "left" or "right"
-    unit: int  # index of the body at the deepest place
-    part: str  # of that body, see ``contact``
-    region: str  # "drivable": wheels or wheelbase beyond the limit; "sweepable": a body beyond the overhangs' limit, or in an obstacle
-    obstacle: str | None = None  # what users call the obstacle that is hit, "" for one without a name; None for the road's own edge
+    s_from: float  #: where it begins [m]
+    s_to: float  #: where it ends [m]
+    s_deepest: float  #: where it is deepest [m]
+    depth: float  #: of the breach at the deepest place [m]
+    side: str  #: "left" or "right"
+    unit: int  #: index of the body at the deepest place
+    part: str  #: of that body, see ``contact``
+    region: str  #: "drivable": wheels or wheelbase beyond the limit; "sweepable": a body beyond the overhangs' limit, or in an obstacle
+    obstacle: str | None = None  #: the name of the obstacle that is hit, "" for one without a name; None for the road's own edge
 
 
 @dataclass(frozen=True)
 class Balance:
     """The envelope in numbers. Reaches are positive [m]."""
 
-    max_left: float
-    max_right: float
-    mean_abs_imbalance: float  # mean over s of |left(s) + right(s)| [m]
-    expected_half_width: float  # geometric, at the road's largest curvature [m]
-    saturated: bool  # no balanced circle is as tight as the road
-    min_clearance: float | None  # to edges and obstacles; negative when one is broken; None without limits [m]
-    breaches: tuple[Breach, ...]  # deeper than KEPT_M, in order of s
-    approaches: tuple[Approach, ...] = ()  # nearest to each obstacle
+    max_left: float  #: [m]
+    max_right: float  #: [m]
+    mean_abs_imbalance: float  #: mean over s of the absolute value of left(s) + right(s) [m]
+    expected_half_width: float  #: of the geometric weight, at the road's largest curvature [m]
+    saturated: bool  #: whether no balanced circle is as tight as the road
+    min_clearance: float | None  #: to edges and obstacles; negative when one is broken; None without limits [m]
+    breaches: tuple[Breach, ...]  #: deeper than KEPT_M, in order of s
+    approaches: tuple[Approach, ...] = ()  #: nearest to each obstacle
 
     @property
     def imbalance(self) -> float:
@@ -52,7 +52,7 @@ class Balance:
 
     @property
     def half_width(self) -> float:
-        """The constant half width that would have held everything the plan swept [m]."""
+        """The least constant half width that contains everything the plan swept [m]."""
         return max(self.max_left, self.max_right)
 
     @property

@@ -1,4 +1,4 @@
-"""Where the bodies of a driven vehicle were, for drawing."""
+"""The positions of the bodies of a driven vehicle, for drawing."""
 
 from __future__ import annotations
 

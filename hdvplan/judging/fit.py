@@ -40,7 +40,7 @@ class Trouble(StrEnum):
 class Finding:
     """A stretch of road that a vehicle does not fit, with what is there and what it needs at the worst place.
 
-    Metres between the limits for a width, 1/m for a curvature. Where overhangs have limits of their own, ``available`` is
+    Metres between the limits for a width, 1/m for a curvature. Where overhangs have separate limits,  ``available`` is
     between those limits that the worst part of the vehicle meets.
     """
 

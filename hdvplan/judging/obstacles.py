@@ -1,4 +1,4 @@
-"""How near the driven bodies came to every obstacle, in the plane: a judge that knows nothing of limits along s."""
+"""How near the driven bodies came to every obstacle, in the plane: independent of limits along s."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How an obstacle was passed, and what passing it on the other side would have cost."""
+"""How an obstacle was passed, and what the other side would have cost."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A proof that no driving whatsoever keeps the limits, as verdicts and needs carry it."""
+"""A proof that no drive keeps the limits, as part of verdicts and needs."""
 
 from __future__ import annotations
 

@@ -44,10 +44,10 @@ class Result:
     envelope: Envelope
     balance: Balance
     expected: Centring
-    fit: Fit  # what geometry said before planning
-    passed: tuple[Passed, ...] = ()  # the obstacles in order of s, and their sides
-    proof: Proof | None = None  # that nothing keeps the limits; None where none was found, or none was looked for
-    attempts: tuple[Attempt, ...] = ()  # where it was planned more than once, with stations nearer together each time: every one
+    fit: Fit  #: the forecast from stationary circles
+    passed: tuple[Passed, ...] = ()  #: the obstacles in order of s, and their sides
+    proof: Proof | None = None  #: that nothing keeps the limits; None if none was found or looked for
+    attempts: tuple[Attempt, ...] = ()  #: every plan, if it was planned more than once, with stations nearer together each time
 
     @property
     def solver(self) -> str:
@@ -66,7 +66,7 @@ class Result:
 
     @cached_property
     def edge_gaps(self) -> dict[tuple[str, str], FloatArray]:
-        """``gaps`` to the road's own edges: how near obstacles were is told by ``approaches``, in the plane."""
+        """``gaps`` to the road's own edges: ``approaches`` has the distances to obstacles, in the plane."""
         return self.gaps if self.drive.road.edges is None else gaps_of(self.drive, self.envelope, self.drive.road.edges)
 
     @property
@@ -103,7 +103,7 @@ class Result:
 
     @property
     def failed(self) -> tuple[Plan, ...]:
-        """The planning steps whose QP solution was refused by its recomputed residual: the last plan was driven on."""
+        """The planning steps whose QP solution the recomputed residuals refused; the vehicle followed the last plan."""
         return tuple(plan for plan in self.drive.plans if not plan.usable)
 
     @property
@@ -118,7 +118,7 @@ class Result:
 
     @property
     def two_regions(self) -> bool:
-        """Whether overhangs have limits of their own, so that a breach must say which."""
+        """Whether overhangs have separate limits, so that a breach must say which."""
         limits = self.drive.road.limits
         return limits is not None and limits.two_regions
 
@@ -165,7 +165,7 @@ def solver_texts(result: Result) -> list[str]:
     if result.failed:
         first = result.failed[0]
         where = f"first at s = {at[first.first]:.1f} m" + (f" ({first.reason})" if first.reason else "")
-        texts.append(f"{len(result.failed)} of {steps} planning steps were not solved, {where}: the last plan was driven on")
+        texts.append(f"{len(result.failed)} of {steps} planning steps were not solved, {where}: the vehicle followed the last plan")
     return texts
 
 

@@ -1,4 +1,4 @@
-"""The answer that people ask for: does the vehicle fit, how much is to spare or lacking, where, and which part of it decides."""
+"""The verdict: whether the vehicle fits, how much room is to spare or lacking, where, and which part decides."""
 
 from __future__ import annotations
 
@@ -25,24 +25,24 @@ class Verdict:
     """
 
     fits: bool | None
-    spare: float | None  # least room to a limit or an obstacle, less the clearance wanted; negative: lacking; None without limits [m]
-    clearance_wanted: float  # [m]
-    half_width: float  # of the swept area about the line; where ``fits`` is None with the clearance wanted [m]
-    s: float  # [m]
+    spare: float | None  #: least room to a limit or an obstacle, less the clearance wanted; negative: lacking; None without limits [m]
+    clearance_wanted: float  #: room that was to be kept from everything [m]
+    half_width: float  #: of the swept area about the line; where ``fits`` is None with the clearance wanted [m]
+    s: float  #: arclength of the place that decides [m]
     x: float
     y: float
     lonlat: tuple[float, float] | None
-    side: str  # of the vehicle, "left" or "right"
-    unit: int  # index of the body
-    part: str  # of the body, see ``contact``
-    region: str | None  # of the limit, see ``Breach``; None without limits, or where an obstacle decides
-    obstacle: str | None  # what users call the obstacle that decides, "" for one without a name; None where a limit of the road does
-    wheels_spare: float | None  # least room of wheels and what lies between them on the whole road, without the clearance [m]
-    proof: Proof | None = None  # that no driving whatsoever fits; None where ``fits``, and where no such proof is known
+    side: str  #: of the vehicle, "left" or "right"
+    unit: int  #: index of the body
+    part: str  #: of the body, see ``contact``
+    region: str | None  #: of the limit, see ``Breach``; None without limits, or where an obstacle decides
+    obstacle: str | None  #: the name of the obstacle that decides, "" for one without a name; None where a limit of the road does
+    wheels_spare: float | None  #: least room of wheels and what lies between them on the whole road, without the clearance [m]
+    proof: Proof | None = None  #: that no drive fits; None where ``fits``, and where no proof was found
 
     @property
     def proved(self) -> bool:
-        """Whether it is proved that nothing fits: a NO without that says only that no plan was found."""
+        """Whether it is proved that nothing fits. A NO without a proof says only that no plan was found."""
         return self.proof is not None
 
     @property
@@ -54,7 +54,7 @@ class Verdict:
 def verdict_of(result: Result) -> Verdict:
     """Return the verdict on a judged plan.
 
-    A limit, or the clearance wanted from it, counts as kept when it is broken by no more than ``KEPT_M``.
+    A limit, or the clearance from it, counts as kept if it is broken by at most ``KEPT_M``.
     """
     found = _found(result)
     return replace(found, proof=result.proof) if found.fits is False else found

@@ -23,37 +23,37 @@ from hdvplan.road.road import Limits
 class Place:
     """The point of a vehicle that decides how much room it needs; see ``Verdict`` for the frame."""
 
-    s: float  # [m]
+    s: float  #: arclength [m]
     x: float
     y: float
     lonlat: tuple[float, float] | None
-    side: str  # "left" or "right"
-    unit: int  # index of the body
-    part: str  # of the body, see ``contact``
+    side: str  #: "left" or "right"
+    unit: int  #: index of the body
+    part: str  #: of the body, see ``contact``
 
 
 @dataclass(frozen=True)
 class Need:
     """What ``case.vehicle`` needs on ``case.road``.
 
-    ``room`` is the least half width, or the least reach on ``side`` with the other edge held. ``widenings`` are those of the road's own
-    limits; None where it has none, or an edge was held. ``held`` is the least reach of the held edge with the other side wide open, asked
-    only where no plan keeps it.
+    ``room`` is the least half width, or the least reach on ``side`` with the other edge fixed. ``widenings`` are those of the road's own
+    limits; None if it has none, or an edge was fixed. ``held`` is the least reach of the fixed edge with the other side wide open; it is
+    computed only if no plan keeps that edge.
     """
 
     case: Case
     side: str | None
     room: Least
-    place: Place | None  # where ``room`` is decided; None where no plan was found
+    place: Place | None  #: where ``room`` is decided; None where no plan was found
     held: Least | None
     widenings: Widenings | None
-    bound: Bound | None = None  # room that is proved to be too little; None where nothing is proved, or no proof was asked for
+    bound: Bound | None = None  #: room that is proved to be too little; None if nothing is proved or no proof was wanted
 
 
 def need_of(case: Case, *, prove: bool = False, on_progress: Callable[[float], None] | None = None) -> Need:
     """Return the least half width for a case, and the least widening of its road's own limits where it has some.
 
-    ``prove`` looks for the largest half width that is proved to be too small as well, which takes some seconds more.
+    With ``prove`` the largest half width that is proved to be too small is also computed, which takes some seconds more.
     ``on_progress`` receives a share that grows from 0 to 1.
     """
     own = case.road.own_limits

@@ -1,4 +1,4 @@
-"""What a plan took of the room beside its line, told apart: room of the road itself, and room that obstacles decide."""
+"""The room that a plan used beside its line: room of the road itself, and room that obstacles limit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A part of a road as a road of its own: places far apart are looked at one by one."""
+"""A part of a road as a separate road: places far apart are examined one by one."""
 
 from __future__ import annotations
 

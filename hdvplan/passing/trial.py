@@ -40,7 +40,7 @@ def tried(case: Case, road: Obstructed, sides: Mapping[int, Side], s_from: float
 
 
 def _stretch(case: Case, road: Obstructed, sides: Mapping[int, Side], s_from: float, s_to: float) -> Road:
-    """Return a stretch as a road of its own that goes on, beyond both ends, as the whole one does."""
+    """Return a stretch as a separate road that continues, beyond both ends, as the whole one does."""
     vehicle, whole = case.vehicle, case.road
     before, after = vehicle.reach_behind + _ROOM_M, case.settings.horizon + vehicle.reach_ahead + _ROOM_M
     path = whole.path.stretch(s_from, s_to, before, after)

@@ -34,7 +34,7 @@ class Bias:
     offset: FloatArray
 
     def __post_init__(self) -> None:
-        """Refuse what is no function of s."""
+        """Refuse values that are not a function of s."""
         if not (len(self.s) and np.all(np.isfinite(self.s)) and np.all(np.isfinite(self.offset)) and np.all(np.diff(self.s) > 0.0)):
             msg = "a bias needs finite numbers at increasing arclengths"
             raise OptionError(msg)

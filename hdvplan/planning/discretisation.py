@@ -1,4 +1,4 @@
-"""How a planned curvature is turned into predicted states: one rule an entry, with its exact linearisation.
+"""How states are predicted from a planned curvature: one rule for each entry, with its exact linearisation.
 
 A rule says where the state is one station ahead, z_next = z + step * F(z, z_next, kappa), and how that changes with z and kappa. To add
 one: a member of ``Discretisation``, and its branch in ``advance`` and ``linearise_interval``.
@@ -68,7 +68,7 @@ def linearise_interval(
     rule z_next is where Newton's first step from ``ahead`` ends.
 
     The last state of the vehicle's own block is kappa of the interval before, and the first input its change: kappa's column of A is
-    B's. An active axle's wheels turn evenly between stations, by the motion's change of their angle and an input of their own.
+    B's. An active axle's wheels turn evenly between stations, by the motion's change of their angle and a separate input.
     """
     z, kappa = motion.z, motion.kappa
     n, rigid, f, a, b, half = z.size, 1 + units.size, work.f, work.a, work.b, 0.5 * step

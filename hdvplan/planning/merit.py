@@ -1,4 +1,4 @@
-"""What a motion is worth: the measure by which a QP's step is taken whole or shortened.
+"""The merit of a motion: the measure by which the step of a QP is taken in full or shortened.
 
 The l1 merit function of sequential quadratic programming (Han 1977; Nocedal, Wright 2006, sec. 18.4): the prices of all terms, which
 hold what broken limits cost, and every gap between a predicted state and the dynamics at a weight no smaller than its multiplier. A

@@ -1,4 +1,4 @@
-"""What users call objectives. A wrong name is refused here, without loading what plans."""
+"""The public names of objectives. A wrong name is refused here, before planning is loaded."""
 
 from __future__ import annotations
 

@@ -22,10 +22,10 @@ from hdvplan.vehicle.model import Vehicle
 
 @dataclass(frozen=True)
 class Goal:
-    """The terms of an objective, beside smoothness and what every program has."""
+    """The terms of an objective, in addition to smoothness and the terms of every program."""
 
     terms: tuple[Term, ...]
-    rounds: int | None = None  # most programs of a plan that iterates, where the settings allow more
+    rounds: int | None = None  #: most programs of a plan that iterates; None: as in the settings
 
 
 Objective = Callable[[Stations, Vehicle], Goal]
@@ -65,7 +65,7 @@ def art_weighted(stations: Stations, vehicle: Vehicle, share: float | None = Non
     return _centred(residual, stations, vehicle)
 
 
-def axle_max(stations: Stations, vehicle: Vehicle) -> Goal:  # noqa: ARG001 - every objective is told both
+def axle_max(stations: Stations, vehicle: Vehicle) -> Goal:  # noqa: ARG001 - every objective receives both
     """Keep small how far any axle gets off (J4 of [ART]): lead and auxiliary axle, every unit's own in longer chains."""
     return _furthest(stations, bodies=False)
 

@@ -24,7 +24,7 @@ class Scheme(StrEnum):
 
 @dataclass(frozen=True)
 class PlannerSettings:
-    """Everything a planner can be told. Lengths in metres.
+    """All settings of a planner. Lengths are in metres.
 
     Raises:
         OptionError: a value outside its range, or lengths that do not divide.
@@ -32,18 +32,18 @@ class PlannerSettings:
     """
 
     scheme: Scheme = Scheme.RTI
-    horizon: float = 100.0
-    step: float = 0.5
-    replan: float = 5.0
-    smoothness: float = 1e3  # w_kappa, the weight of (kappa_i - kappa_{i-1})^2 against squared metres [m^4]
+    horizon: float = 100.0  #: how far each plan looks ahead [m]
+    step: float = 0.5  #: distance between stations [m]
+    replan: float = 5.0  #: distance driven before the next plan [m]
+    smoothness: float = 1e3  #: w_kappa, the weight of (kappa_i - kappa_{i-1})^2 against squared metres [m^4]
     discretisation: Discretisation = Discretisation.MIDPOINT
-    clearance: float = 0.0  # room to keep from every limit and obstacle [m]
-    elastic_weight: float = 1e4  # exact penalty on a limit's violation [1/m]; above any multiplier seen on feasible roads
-    elastic_growth: float = 1e5  # what it grows by with depth [1/m^2]: rather many shallow violations than a deep one
-    overhang_cost: float = 1.0  # of an overhang's squared reach beyond the wheels' limit, against the centred error's square
-    sqp_tolerance: float = 1e-4  # SQP ends when no state moves further [m, rad]
-    sqp_iterations: int = 50  # at most
-    rti_repairs: int = 3  # QPs more, at most, for an RTI plan that would break a limit
+    clearance: float = 0.0  #: room to keep from every limit and obstacle [m]
+    elastic_weight: float = 1e4  #: exact penalty on a limit's violation [1/m]; above any multiplier seen on feasible roads
+    elastic_growth: float = 1e5  #: growth of the price with depth [1/m^2]: many shallow violations are cheaper than a deep one
+    overhang_cost: float = 1.0  #: weight of an overhang's squared reach beyond the wheels' limit, relative to the squared centring error
+    sqp_tolerance: float = 1e-4  #: SQP ends when no state moves further [m, rad]
+    sqp_iterations: int = 50  #: most iterations of a plan
+    rti_repairs: int = 3  #: most further QPs of an RTI plan that would break a limit
 
     def __post_init__(self) -> None:
         """Refuse what cannot be planned with."""

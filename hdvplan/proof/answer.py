@@ -1,7 +1,7 @@
 """Whether a road can be driven at all: a proof that it cannot, or nothing.
 
 What is proved holds for the kinematic model alone (no slip, forward along the road), for any start, and any steering up to the largest
-curvature at any rate. What is not proved is not thereby possible.
+curvature at any rate. What is not proved impossible need not be possible.
 """
 
 from __future__ import annotations

@@ -45,7 +45,7 @@ class Loose(NamedTuple):
 
 
 def outline_of(unit: Unit, *, two_regions: bool) -> Outline:
-    """Return a body's outline; between its axles it keeps to the drivable region where overhangs have one of their own."""
+    """Return a body's outline; between its axles it keeps to the drivable region where overhangs have a separate one."""
     ends = np.unique([-unit.rear_overhang, 0.0, min(unit.wheelbase, unit.front), unit.front])
     pieces = [np.linspace(a, b, int(np.ceil((b - a) / POINTS_M)) + 1) for a, b in pairwise(ends)]
     ahead = np.unique(np.concatenate(pieces)) if pieces else ends

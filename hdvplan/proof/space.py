@@ -1,4 +1,4 @@
-"""The free space beside a road, as a body meets it whose axle stands on one of the road's normals.
+"""The free space beside a road, for a body whose axle is on one of the road's normals.
 
 In the frame of the road's point at an arclength (u ahead, v to the left), the axle lies at (0, e). A body that keeps its heading and
 is moved along the normal moves in v alone: all its points keep their u. So the free space is wanted as the free intervals of v at every
@@ -25,7 +25,7 @@ from hdvplan.road.road import Road
 
 STRIP_M = 0.25  # of road per quadrilateral: limits are judged at these arclengths
 BIN_M = 0.1  # of u
-MOST = 6  # free intervals that are told apart at one u; of more, the outermost are joined
+MOST = 6  # free intervals that are stored for one u; of more, the outermost are joined
 _OUTSIDE_M = 60.0  # free beyond the ends of what is looked at: as far as any body reaches
 _ARC_M = 1e-3  # a limit between two normals against its chord, at a curvature of 0.1 1/m; and rounding
 _JUMP = 0.2  # slope of a limit from which it counts as a jump, which is judged at the arclengths around it alone

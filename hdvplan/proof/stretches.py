@@ -1,4 +1,4 @@
-"""Where on a road to look for a proof: around the places that a plan breaks, or that geometry expects it to break.
+"""Where on a road to look for a proof: around the breaches of a plan, and the places that the fit check calls too narrow.
 
 A proof on any stretch is one for the road, for nothing is supposed of how the vehicle enters it. Which stretches are examined is thus a
 matter of time alone.

@@ -1,16 +1,18 @@
 """A quadratic program in stages: the form in which one planning step reaches every solver.
 
+The program is::
+
     minimise    sum_i  1/2 x_i'Q_i x_i + q_i'x_i + 1/2 u_i'R_i u_i + r_i'u_i + penalty(sigma_i)
     subject to  x_0 given,  x_{i+1} = A_i x_i + B_i u_i + c_i
                 G_i x_i - sigma_i <= h_i,  sigma_i >= 0        (elastic rows)
                 x_low <= x_i <= x_high (some states),  u_low <= u_i <= u_high
 
-with penalty = linear * sigma + 1/2 quadratic * sigma^2 for each row: a large ``linear`` makes it an exact penalty, zero
+with penalty = linear sigma + 1/2 quadratic sigma^2 for each row: a large ``linear`` makes it an exact penalty, zero
 whenever the row can be kept.
 
-Kernels read and write records: one of ``stage_dtype`` for every stage 0..N, which holds what leaves the stage (A, B, c, R, r, bounds of
-u) and what the stage itself costs and may be (Q, q, bounds of x), and one of ``row_dtype`` for each of its rows. The first
-state is given, so its rows and bounds are not used. All values lie in one buffer; the named arrays are views into it, so that a
+Kernels read and write records: one of ``stage_dtype`` for every stage 0..N, which has the dynamics and the input (A, B, c, R, r, bounds
+of u) and the cost and bounds of the state (Q, q, bounds of x), and one of ``row_dtype`` for each of its rows. The first
+state is given, so its rows and bounds are not used. All values are in one buffer; the named arrays are views into it, so that a
 solver can gather its own matrices from fixed places.
 """
 
@@ -29,14 +31,14 @@ from hdvplan.jit import BoolArray, FloatArray, IntArray, Records, compiled
 class StageShape:
     """Sizes and zero pattern, fixed for a whole drive."""
 
-    stages: int  # N: intervals; states exist at 0..N
+    stages: int  #: N: intervals; states exist at 0..N
     states: int
     inputs: int
-    rows: int  # elastic rows at each of the stages 1..N; the fixed first state has none
-    bounded_states: tuple[int, ...] = ()  # indices of the states with bounds
-    a_pattern: BoolArray | None = None  # (states, states); where A can be non-zero, None: everywhere
+    rows: int  #: elastic rows at each of the stages 1..N; the fixed first state has none
+    bounded_states: tuple[int, ...] = ()  #: indices of the states with bounds
+    a_pattern: BoolArray | None = None  #: (states, states); where A can be non-zero, None: everywhere
     q_pattern: BoolArray | None = None
-    g_pattern: BoolArray | None = None  # (states,)
+    g_pattern: BoolArray | None = None  #: (states,)
 
     def __post_init__(self) -> None:
         """Refuse sizes that make no program."""
@@ -67,10 +69,10 @@ class StageQp:
 
     shape: StageShape
     buffer: FloatArray
-    stages: Records = field(init=False)  # (N+1,) of ``stage_dtype``
-    rows: Records = field(init=False)  # (N+1, p) of ``row_dtype``
-    x_first: FloatArray = field(init=False)  # (n,)
-    bounded: IntArray = field(init=False)  # indices of the bounded states
+    stages: Records = field(init=False)  #: (N+1,) of ``stage_dtype``
+    rows: Records = field(init=False)  #: (N+1, p) of ``row_dtype``
+    x_first: FloatArray = field(init=False)  #: (n,)
+    bounded: IntArray = field(init=False)  #: indices of the bounded states
 
     def __post_init__(self) -> None:
         """Lay the records over the buffer."""
@@ -232,8 +234,8 @@ def by_stage(array: Records | FloatArray) -> FloatArray:
 class StageSolution:
     """A primal-dual point of a ``StageQp``. Multipliers of inequalities are >= 0; those of bounds are upper less lower."""
 
-    stages: Records  # (N+1,) of ``point_dtype``
-    row_points: Records  # (N+1, p) of ``ROW_POINT``
+    stages: Records  #: (N+1,) of ``point_dtype``
+    row_points: Records  #: (N+1, p) of ``ROW_POINT``
 
     @classmethod
     def empty(cls, shape: StageShape) -> StageSolution:

@@ -1,4 +1,4 @@
-"""What planning asks of a QP solver: one persistent workspace, one status vocabulary, a point that others can judge."""
+"""The protocol of QP solvers: a persistent workspace, common statuses, a point that residuals can check."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from hdvplan.qp.program import StageQp, StageShape, StageSolution
 
 
 class Status(StrEnum):
-    """A solver's own word on its result, in one vocabulary. It is a claim: residuals decide."""
+    """What a solver claims about its result. Recomputed residuals decide."""
 
     SOLVED = "solved"
     INACCURATE = "inaccurate"
@@ -26,12 +26,12 @@ class QpResult(NamedTuple):
     status: Status
     point: StageSolution
     iterations: int
-    update_time: float  # handing the values over [s]
-    solve_time: float  # the solver's call and reading the result [s]
-    loading_time: float = 0.0  # compiling or loading code, once in a process: no part of a planning step [s]
-    leaves_guess: bool = True  # False: no inequality has a multiplier, and the next solve profits from nothing in the point
-    reason: str = ""  # of a failure, in the solver's own words
-    instead: str = ""  # why another solver than the one that was asked for has answered
+    update_time: float  #: time to hand over the values [s]
+    solve_time: float  #: time of the solver's call and of reading the result [s]
+    loading_time: float = 0.0  #: time to compile or load code, once in a process; not part of a planning step [s]
+    leaves_guess: bool = True  #: False: no inequality has a multiplier, and the point is no help for the next solve
+    reason: str = ""  #: the solver's reason for a failure
+    instead: str = ""  #: why another solver than the requested one answered
 
 
 class QpWorkspace(Protocol):

@@ -1,4 +1,4 @@
-"""The colours of pictures and maps, told apart by colour-blind readers and in print."""
+"""The colours of pictures and maps, which colour-blind readers can distinguish, also in print."""
 
 from __future__ import annotations
 

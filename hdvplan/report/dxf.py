@@ -57,7 +57,7 @@ _LOOKS = {
 def dxf_bytes(result: Result) -> bytes:
     """Return the drawing, in the road file's coordinate system or, where that is in degrees, in its UTM zone.
 
-    ``$INSUNITS`` is metres. Areas are closed polylines, holes too; every body has layers of its own.
+    ``$INSUNITS`` is metres. Areas are closed polylines, holes too; every body has separate layers.
     """
     system = drawing_system(result.drive.road)
     document = new(_VERSION, setup=True)
@@ -140,5 +140,5 @@ def _plain(line: str) -> str:
 
 
 def _literal(line: str) -> str:
-    """Return a line without what TEXT reads as a command: carets and percent signs are spaced out, control signs told by their numbers."""
+    """Return a line without what TEXT reads as a command: carets and percent signs are spaced, control signs are numbers."""
     return printable(line).replace("^", "^ ").replace("%%", "% %")

@@ -42,16 +42,16 @@ def write_plan(
     animate: bool = False,
     on_progress: Callable[[float], None] | None = None,
 ) -> None:
-    """Write all files of a plan into ``directory``, made if need be; a former plan's pictures that are not asked for go.
+    """Write all files of a plan into ``directory``, which is created if necessary.
 
-    A process that is killed leaves the former plan or this one.
+    Pictures of a former plan that are not wanted now are deleted. A killed process leaves the former plan or this one.
 
     ``pictures`` are the formats of the picture, of ``PICTURES``, ``drawings`` those of layers in the road's coordinate system, of
-    ``DRAWINGS``; ``sheet`` asks for a drawing to scale; ``animate`` adds the drive as a film. ``on_progress`` receives the
+    ``DRAWINGS``; ``sheet`` adds a drawing to scale, ``animate`` a film of the drive. ``on_progress`` receives the
     written share, 0 to 1.
 
     Raises:
-        OptionError: the sheet has no room for the vehicle at the scale asked for, or the folder holds files of others.
+        OptionError: the sheet has no room for the vehicle at this scale, or the folder has files that hdvplan did not write.
         OSError: the folder or a file cannot be written.
 
     """

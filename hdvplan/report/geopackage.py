@@ -1,4 +1,4 @@
-"""A plan as a GeoPackage: one layer of features for every layer of the drawing, for QGIS and whatever reads maps."""
+"""A plan as a GeoPackage: one layer of features for every layer of the drawing, for QGIS and other map programs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What stands above a picture: the answer, then who drove where."""
+"""The heading of a picture: the answer, then vehicle and road."""
 
 from __future__ import annotations
 

@@ -98,7 +98,7 @@ def _held_line(need: Need, vehicle: str) -> str:
     other = "right" if need.side == "left" else "left"
     if need.held is None or need.held.result is None or need.place is None:
         return f"NO: no plan was found for the {vehicle} that keeps the {other} edge, however wide the {need.side} is"
-    least = f"the {other} edge must be at least {need.held.room:.2f} m off even so, decided {_place_text(need, need.place)}"
+    least = f"the {other} edge must be at least {need.held.room:.2f} m off even then, decided {_place_text(need, need.place)}"
     return f"NO: no plan was found for the {vehicle} that keeps the {other} edge, however wide the {need.side} is; {least}"
 
 
@@ -119,7 +119,7 @@ def _widening_line(need: Need) -> str:
 
 
 def _why(need: Need) -> str:
-    """Return what stands in the way of every plan, as far as it is known."""
+    """Return what prevents every plan, as far as it is known."""
     if need.case.road.has_obstacles:
         return ": an obstacle is in the way"
     return f" ({need.room.failure})" if need.room.failure else ""

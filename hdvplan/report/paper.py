@@ -44,6 +44,6 @@ class SheetOptions:
             return cls(paper.lower())
         digits = scale.removeprefix("1:").strip()
         if not digits.isdecimal():
-            msg = f"--scale {scale!r} is no scale: give 200 or 1:200"
+            msg = f"--scale {scale!r} is not a scale: give 200 or 1:200"
             raise OptionError(msg)
         return cls(paper.lower(), int(digits))

@@ -45,7 +45,7 @@ def read_plan(directory: Path) -> PlanFiles:
     """
     settle(directory)
     if not (directory / "summary.json").is_file():
-        what = f"{directory} holds no plan: it has no summary.json" if directory.is_dir() else f"{directory} is no folder"
+        what = f"{directory} has no plan: summary.json is missing" if directory.is_dir() else f"{directory} is not a folder"
         raise OptionError(what, hint="give folders that `hdvplan plan` has written")
     try:
         summary, regions = (json.loads((directory / f"{name}.json").read_text(encoding="utf-8")) for name in ("summary", "regions"))
@@ -112,7 +112,7 @@ def _check_tables(plan: PlanFiles) -> None:
             raise ValueError(msg)
         words = [column for column in needed if not is_numeric_dtype(table[column])]
         if words:
-            msg = f"column {words[0]} holds something else than numbers"
+            msg = f"column {words[0]} has values that are not numbers"
             raise ValueError(msg)
     if len(plan.envelope) != len(plan.profile):
         msg = "envelope.csv and profile.csv differ in length"

@@ -1,6 +1,6 @@
 """The room at a place: between the body that reaches furthest and the road's edge, an obstacle or, without either, the centre.
 
-How near obstacles were is told by their approaches in the plane, as everywhere; edges are limits along s.
+Distances to obstacles are measured in the plane, as everywhere; edges are limits along s.
 """
 
 from __future__ import annotations

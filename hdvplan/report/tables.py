@@ -47,7 +47,7 @@ def planning_table(result: Result, directory: str) -> Table:
 
 
 def breach_table(result: Result) -> Table:
-    """Return the first broken limits in order of s; the region only where overhangs have limits of their own."""
+    """Return the first broken limits in order of s; the region only where overhangs have separate limits."""
     breaches = result.balance.breaches
     columns = ["from [m]", "to [m]", "deepest [m]", "depth [m]", "side", "body", "part"]
     rows = []
@@ -88,4 +88,4 @@ def _plans_remark(result: Result) -> str:
     settings, failed = result.drive.settings, len(result.failed)
     text = f"every {settings.replan:g} m, {settings.horizon:g} m ahead"
     text += f"; {len(result.rescued)} by another solver" if result.rescued else ""
-    return f"{text}; {failed} not solved, the last plan was driven on" if failed else text
+    return f"{text}; {failed} not solved, the vehicle followed the last plan" if failed else text

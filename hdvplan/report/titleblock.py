@@ -1,4 +1,4 @@
-"""What stands beside the map on a sheet: title block, legend, and the vehicle from the side and from above."""
+"""What is beside the map on a sheet: title block, legend, and the vehicle from the side and from above."""
 
 from __future__ import annotations
 

@@ -81,7 +81,7 @@ def _lines(features: list[Feature], name: str) -> list[_Line]:
 def _chosen(lines: list[_Line], choice: Choice, name: str) -> _Line:
     if not lines:
         msg = f"{name}: no LineString or MultiLineString in it"
-        raise RoadError(msg, hint="a road is a line feature; simplified map edges may have lost theirs")
+        raise RoadError(msg, hint="a road is a line feature; some simplified map exports have no geometry")
     there = lines if choice.layer is None else [line for line in lines if line.feature.layer == choice.layer]
     if not there:
         layers = sorted({line.feature.layer for line in lines if line.feature.layer})

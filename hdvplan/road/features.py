@@ -27,7 +27,7 @@ class Role(StrEnum):
     EDGE = "edge"
 
 
-_LAYERS = {  # layers of these names have a role without being told
+_LAYERS = {  # layers of these names have a role without --role
     **dict.fromkeys(("obstacle", "obstacles", "hinder", "hindernis", "hindernisse"), Role.OBSTACLE),
     **dict.fromkeys(("sweepable", "sweepables", "overrunnable", "uberfahrbar", "overkorbar"), Role.SWEEPABLE),
 }
@@ -77,7 +77,7 @@ _EDGES = {  # values of a property "edge", names, and layers
 class Feature:
     """A geometry as GeoJSON has it, what is known about it, the layer it lies in, and the system of its coordinates.
 
-    Without a ``system`` coordinates are metres in a plane of their own. ``drawn`` tells that a drawing program made it, which
+    Without a ``system`` coordinates are metres in a plane of their own. ``drawn`` says that a drawing program made it, which
     knows closed lines and no polygons.
     """
 

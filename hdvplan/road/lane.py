@@ -83,7 +83,7 @@ def _varies(columns: tuple[FloatArray, ...]) -> bool:
 
 
 def _moved(path: ReferencePath, offset: float, s: FloatArray, along: FloatArray) -> ReferencePath:
-    """Return the parallel line, with knots at equal arclengths of its own; ``along`` are its arclengths at ``s``."""
+    """Return the parallel line, with knots at equal arclengths; ``along`` are its arclengths at ``s``."""
     length = float(along[-1])
     knots = np.linspace(0.0, length, max(2, int(np.ceil(length / path.spacing))) + 1)
     at = np.clip(np.interp(knots, along, s), 0.0, path.length)

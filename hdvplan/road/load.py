@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hdvplan.errors import OptionError, RoadError, did_you_mean
+from hdvplan.errors import OptionError, RoadError
 from hdvplan.jit import FloatArray
 from hdvplan.road.features import Choice, roles_of
 from hdvplan.road.library import NOTICE, example_file, example_names, road_file, road_names
@@ -23,6 +22,7 @@ from hdvplan.road.raw import RawRoad
 from hdvplan.road.scenarios import SCENARIOS
 from hdvplan.road.steps import refuse_outliers
 from hdvplan.road.texts import refuse_unreadable, text_of
+from hdvplan.spelling import did_you_mean, meant_by
 from hdvplan.texts import printable
 
 if TYPE_CHECKING:  # a file is read, and refused, without the kernels that smooth it
@@ -34,7 +34,6 @@ _CLOSED_M = 0.01  # how near the last point must come to the first for a closed 
 _CLOSED_TURN = np.deg2rad(100.0)  # a road that returns to its start at a sharper angle merely crosses itself there
 _JUMP_M = 1e-6  # a limit's jump takes this long
 _TEXTS = {".csv", ".tsv", ".txt", ".dat", ".asc", ""}  # and what these hold is told by their text
-_SAME_FILE, _SAME_NAME = 0.8, 0.85  # similarity of the name of a file that may have been meant
 _TIGHTEST = 0.5  # smoothing stations 1 m apart cannot represent a radius below 2 m [1/m]
 
 
@@ -158,12 +157,9 @@ def _unknown(source: str | Path) -> RoadError:
     otherwise = "give a road file, or a name from `hdvplan roads list`"
     if not path.suffix and len(path.parts) == 1:
         msg = f"no road file, shipped road or scenario is called {str(source)!r}"
-        return RoadError(msg, hint=did_you_mean(path.name, names, otherwise, most=3))
+        return RoadError(msg, hint=did_you_mean(meant_by(path.name, names), otherwise))
     beside = [file.name for file in path.parent.iterdir() if file.is_file()] if path.parent.is_dir() else []
-    close = difflib.get_close_matches(path.name, beside, cutoff=_SAME_FILE) or difflib.get_close_matches(
-        path.stem, names, cutoff=_SAME_NAME
-    )
-    hint = f"did you mean {' or '.join(map(repr, close))}?" if close else otherwise
+    hint = did_you_mean(meant_by(path.name, beside) or meant_by(path.stem, names), otherwise)
     return RoadError(f"road file {path} does not exist", hint=hint)
 
 

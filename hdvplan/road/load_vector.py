@@ -50,8 +50,8 @@ def read_vector(path: Path, *, crs: str | None = None, choice: Choice) -> RawRoa
     with path.open("rb") as file:
         head = file.read(4096).decode("latin-1")
     if any(word in head for word in _NETWORK):
-        msg = f"{name} names other data instead of holding any"
-        raise RoadError(msg, hint=f"make it a file of its own first: {_CONVERT.format(name=name)}")
+        msg = f"{name} names other data and has none itself"
+        raise RoadError(msg, hint=f"convert it to a file with the data first: {_CONVERT.format(name=name)}")
     pyogrio = _pyogrio(name)
     try:
         content = _content(_Source(pyogrio, path), crs, choice)
@@ -61,7 +61,7 @@ def read_vector(path: Path, *, crs: str | None = None, choice: Choice) -> RawRoa
         return read_table(content, name, crs=crs)
     driver, features = content
     if not features:
-        msg = f"{name} holds no lines"
+        msg = f"{name} has no lines"
         raise RoadError(msg, hint="a road is a line feature; a file that was cut off may have lost its own")
     raw = road_of(features, name, choice)
     return replace(raw, notes=(*raw.notes, *_drawing_notes(path))) if driver == "DXF" else raw
@@ -73,7 +73,7 @@ def _pyogrio(name: str) -> ModuleType:
         return import_module("pyogrio")
     except ImportError as error:  # its wheel does not exist for every machine
         msg = f"{name} needs GDAL to be read, and pyogrio cannot be loaded: {error}"
-        raise RoadError(msg, hint="pip install pyogrio, or convert the file where it opens: ogr2ogr road.geojson FILE") from error
+        raise RoadError(msg, hint="pip install pyogrio, or convert the file first: ogr2ogr road.geojson FILE") from error
 
 
 @dataclass(frozen=True)
@@ -236,9 +236,9 @@ def _unreadable(path: Path, reason: str) -> RoadError:
     plain = re.sub(r"\S+\.(cpp|h), \d+: ", "", reason.splitlines()[0] if reason else "").replace(str(path), path.name)
     plain = plain.partition("; It might help")[0].rstrip(". ")
     if "not recognized" in plain:
-        msg = f"{path.name} is no vector file that can be read; it may be cut off, encrypted or of another kind"
+        msg = f"{path.name} is not a vector file that can be read; it may be cut off, encrypted or of another kind"
     elif "malformed" in plain:
         msg = f"{path.name} is damaged or cut off"
     else:
         msg = f"{path.name} cannot be read: {plain}"
-    return RoadError(msg, hint=f"convert it where it opens, such as: {_CONVERT.format(name=path.name)}")
+    return RoadError(msg, hint=f"convert it first, such as: {_CONVERT.format(name=path.name)}")

@@ -1,4 +1,4 @@
-"""OpenDRIVE as it stands in a file: reference lines of lines, arcs, spirals and cubics, and lanes of varying width beside them.
+"""OpenDRIVE as a file has it: reference lines of lines, arcs, spirals and cubics, and lanes of varying width beside them.
 
 Names and meanings are those of ASAM OpenDRIVE 1.8. Lateral positions t are positive to the left of the reference line;
 lanes have positive numbers on its left, negative ones on its right, counted from the middle.
@@ -128,7 +128,7 @@ class Section:
 
 @dataclass(frozen=True)
 class OdrRoad:
-    """A road: its reference line, the lanes' offset from it, and its sections; ``left_hand`` tells how it is driven."""
+    """A road: its reference line, the lanes' offset from it, and its sections; ``left_hand`` says on which side it is driven."""
 
     number: str
     length: float
@@ -167,12 +167,12 @@ def read_roads(path: Path) -> tuple[dict[str, OdrRoad], str | None]:
     try:
         root = ET.parse(path).getroot()  # noqa: S314 - expat itself limits how far entities grow
     except ET.ParseError as error:
-        msg = f"{path.name} is no XML, or was cut off: {error}"
+        msg = f"{path.name} is not XML, or was cut off: {error}"
         raise RoadError(msg) from error
     for element in root.iter():
         element.tag = element.tag.rpartition("}")[2]  # newer files have a namespace
     if root.tag != "OpenDRIVE":
-        msg = f"{path.name} is no OpenDRIVE file: it begins with <{root.tag}>"
+        msg = f"{path.name} is not an OpenDRIVE file: it begins with <{root.tag}>"
         raise RoadError(msg)
     roads: dict[str, OdrRoad] = {}
     for element in root.iter("road"):

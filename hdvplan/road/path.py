@@ -124,7 +124,7 @@ class ReferencePath:
         return ReferencePath(table, self.s_first - len(head) * self.spacing, self.spacing, self.length, self.closed)
 
     def stretch(self, s_from: float, s_to: float, before: float, after: float) -> ReferencePath:
-        """Return the part from ``s_from`` to ``s_to`` as a path of its own, whose table goes on along this one ``before`` and ``after`` it.
+        """Return the part from ``s_from`` to ``s_to`` as a separate path, whose table continues along this one ``before`` and ``after`` it.
 
         Arclengths count from ``s_from``; all in metres. Either end may lie beyond the road.
         """

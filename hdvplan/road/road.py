@@ -65,35 +65,35 @@ class Limits:
 
 @dataclass(frozen=True)
 class Smoothing:
-    """What the loader did to the given points to get a usable reference path."""
+    """How the given points were changed to get a usable reference path."""
 
-    points: int  # given points
-    duplicates: int  # points dropped because they repeat their neighbour
-    max_deviation: float  # furthest that the line was moved [m]
-    max_deviation_s: float  # where [m]
-    rms_deviation: float  # [m]
-    max_curvature: float  # of the smoothed line [1/m]
-    max_curvature_s: float  # where [m]
+    points: int  #: given points
+    duplicates: int  #: points dropped because they repeat their neighbour
+    max_deviation: float  #: furthest that the line was moved [m]
+    max_deviation_s: float  #: where [m]
+    rms_deviation: float  #: [m]
+    max_curvature: float  #: of the smoothed line [1/m]
+    max_curvature_s: float  #: where [m]
 
 
 @dataclass(frozen=True)
 class Road:
     """A named road that a vehicle can be planned along.
 
-    ``limits`` are what a vehicle must keep; ``band`` is what they were before ``regions`` cut them, for ``within``. Planning chooses the
-    sides on which obstacles are passed, and then cuts the band again.
+    ``limits`` are what a vehicle must keep; ``band`` are the limits before ``regions`` changed them, for ``within``. Planning chooses
+    the sides on which obstacles are passed, and then changes the band again.
     """
 
     name: str
     path: ReferencePath
     limits: Limits | None = None
     smoothing: Smoothing | None = None
-    to_lonlat: Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]] | None = None  # x, y [m] -> degrees
-    notice: str | None = None  # attribution that figures made from this road must carry
+    to_lonlat: Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]] | None = None  #: x, y [m] -> degrees
+    notice: str | None = None  #: attribution that figures made from this road must carry
     regions: tuple[Region, ...] = ()
     band: Limits | None = None
-    notes: tuple[str, ...] = ()  # what the reader of its file has to say to the user
-    edges: Limits | None = None  # the limits before obstacles cut them; None where there are none
+    notes: tuple[str, ...] = ()  #: notes from reading its file
+    edges: Limits | None = None  #: the limits before obstacles cut them; None where there are none
 
     @property
     def own_limits(self) -> Limits | None:
@@ -102,24 +102,24 @@ class Road:
 
     @property
     def has_obstacles(self) -> bool:
-        """Whether anything must be passed."""
+        """Whether the road has obstacles."""
         return any(region.kind is Kind.OBSTACLE for region in self.regions)
 
     @cached_property
     def obstructed(self) -> Obstructed | None:
-        """The road's band with its regions, which give the limits for any choice of the sides on which obstacles are passed."""
+        """The road's band with its regions: the limits for any choice of the sides on which obstacles are passed."""
         band = self.band
         given = None if band is None else (band.s, np.stack([band.left, band.right, band.left_sweep, band.right_sweep]))
         return obstructed(self.path, self.regions, given) if self.regions else None
 
     def within(self, band: Limits | None) -> Road:
-        """Return the road with the limits ``band``, or open without one, as its regions cut and widen them."""
+        """Return the road with the limits ``band``, or without limits if it is None, as its regions narrow and widen them."""
         road = replace(self, limits=band, band=band, edges=None)
         found = road.obstructed
         return road if found is None else road.passing(found.usual)
 
     def passed_on(self, side: Side) -> Road:
-        """Return the road with ``side`` given for every obstacle on its line that has none of its own."""
+        """Return the road with ``side`` given for every obstacle on its line that has none."""
         found = self.obstructed
         on_line = set() if found is None else {passage.region for passage in found.passages if passage.on_line}
         if not on_line:

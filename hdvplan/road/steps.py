@@ -1,4 +1,4 @@
-"""A point that lies impossibly far from its neighbours: a slip of the pen, or a coordinate that lost its digits."""
+"""A point that lies impossibly far from its neighbours: a wrong coordinate, or one that lost its digits."""
 
 from __future__ import annotations
 

@@ -80,9 +80,9 @@ def text_of(path: Path) -> str:
         except UnicodeDecodeError:
             text = content.decode(encoding or "cp1252")
     except UnicodeDecodeError as error:
-        msg = f"road file {path} cannot be read: it is no text"
+        msg = f"road file {path} cannot be read: it is not text"
         raise RoadError(msg) from error
     if "\0" in text:
-        msg = f"road file {path} cannot be read: it is no text"
+        msg = f"road file {path} cannot be read: it is not text"
         raise RoadError(msg, hint=f"if it is a map in another form, make it a road file: ogr2ogr road.gpkg {path.name}")
     return text

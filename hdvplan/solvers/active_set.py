@@ -1,4 +1,4 @@
-"""A warm start for stage QPs: which inequalities the last plan held tells nearly always which ones this plan holds.
+"""A warm start for stage QPs: the active inequalities of the last plan are nearly always those of this plan.
 
 A primal-dual active set method (Hintermüller, Ito, Kunisch 2003): active inequalities are equalities, kept by a stiff quadratic whose
 centre moves by their multipliers (augmented Lagrangian), so that a Riccati pass solves for everything at once; then every inequality

@@ -1,4 +1,4 @@
-"""Solvers from outside hdvplan: whatever their authors' code does becomes a result or one line."""
+"""Solvers from outside hdvplan: every result or failure of their code becomes a result or an error of one line."""
 
 from __future__ import annotations
 

@@ -154,7 +154,7 @@ class HpipmWorkspace:
         )  # fmt: skip
 
     def _made(self, kind: str, *given: object) -> Structure:
-        """Return one of HPIPM's structures with memory of its own."""
+        """Return one of HPIPM's structures with separate memory."""
         library = self._library
         structure = ctypes.create_string_buffer(_ROOM if kind in _CONDENSING else getattr(library, f"{kind}_strsize")())
         memory = ctypes.create_string_buffer(getattr(library, f"{kind}_memsize")(*given) + _ALIGNED)

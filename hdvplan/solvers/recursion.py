@@ -24,7 +24,7 @@ def recursion_of(shape: StageShape) -> Records:
 
 
 def weights_of(shape: StageShape) -> Records:
-    """Return the memory for weights of one's own, (N+1,) records."""
+    """Return memory for weights, (N+1,) records."""
     n, m = shape.states, shape.inputs
     sizes = {"Q": (n, n), "q": (n,), "R": (m, m), "r": (m,)}
     return np.zeros(shape.stages + 1, np.dtype([(name, float, size) for name, size in sizes.items()]))

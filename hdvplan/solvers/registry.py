@@ -1,4 +1,4 @@
-"""Every QP solver by the name that users give it, loaded only when asked for."""
+"""Every QP solver by its public name, loaded only when it is used."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ DEFAULT = "riccati"
 
 @dataclass(frozen=True)
 class SolverInfo:
-    """What a solver is and can do, as told by ``hdvplan solvers``."""
+    """What a solver is and can do, as ``hdvplan solvers`` prints it."""
 
     name: str
     version: str | None  # None: not installed

@@ -10,7 +10,7 @@ A guess from the last plan is tried before (``active_set``): where it holds, the
 
 Screening goes further than the first pass. Only inequalities near the screened point enter the iteration; all others are
 looked at after every step and join as soon as they come near. And the horizon behind the last of them is left out: the first
-pass's cost-to-go stands for it exactly.
+pass's cost-to-go replaces it exactly.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A second solver for what the first one fails at: whatever a solver raises, returns or claims, the drive goes on.
+"""A second solver for what the first one fails at: if a solver raises, hangs or returns a wrong point, the drive continues.
 
 A solver fails where it raises, where it does not answer within a time limit, and where its point, judged by residuals that are recomputed
 here, breaks the program or is far from its optimum. The same program is then solved by the second solver, and the result says so. Where
@@ -114,7 +114,7 @@ def largest_multiplier(point: StageSolution) -> float:
 
 
 def _within(limit_s: float, call: Callable[[], _Attempt]) -> _Attempt | None:
-    """Return what ``call`` returns, from a thread of its own; None where it has not returned within ``limit_s``."""
+    """Return what ``call`` returns, from a separate thread; None if it has not returned within ``limit_s``."""
     answers: SimpleQueue[_Attempt] = SimpleQueue()
     threading.Thread(target=lambda: answers.put(call()), daemon=True, name="a solver with a time limit").start()
     try:

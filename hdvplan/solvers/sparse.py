@@ -36,7 +36,7 @@ class _Gather:
 class SparseQp:
     """The sparse form of programs of one shape; ``load`` fills in the values of one of them.
 
-    Without ``elastic`` rows are hard and have no columns of their own: the same optimum wherever the rows can be kept.
+    Without ``elastic`` rows are hard and have no columns: the same optimum wherever the rows can be kept.
     """
 
     shape: StageShape

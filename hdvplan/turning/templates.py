@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from hdvplan.errors import OptionError, did_you_mean
+from hdvplan.errors import OptionError
+from hdvplan.spelling import did_you_mean, meant_by
 from hdvplan.turning.figures import Figures
 from hdvplan.turning.follow import tightest
 from hdvplan.turning.manoeuvre import GuidePoint, Manoeuvre, guide_offsets
@@ -112,7 +113,7 @@ def load_template(source: str | Path) -> Template:
             raise OptionError(msg, hint=f"templates: {', '.join(template_names())}") from error
     if source not in template_names():
         msg, names = f"unknown template {str(source)!r}", template_names()
-        raise OptionError(msg, hint=did_you_mean(str(source), names, f"templates: {', '.join(names)}; or give a TOML file"))
+        raise OptionError(msg, hint=did_you_mean(meant_by(str(source), names), f"templates: {', '.join(names)}; or give a TOML file"))
     return parse_template((_shipped() / f"{source}.toml").read_text(encoding="utf-8"), default_name=str(source))
 
 
@@ -185,7 +186,7 @@ def _check_keys(table: dict[str, object], known: tuple[str, ...], where: str) ->
     for key in table:
         if key not in known:
             msg = f"{where}: unknown entry {key!r}"
-            raise OptionError(msg, hint=did_you_mean(key, known, f"known entries: {', '.join(known)}"))
+            raise OptionError(msg, hint=did_you_mean(meant_by(key, known), f"known entries: {', '.join(known)}"))
 
 
 def _number(table: dict[str, object], key: str, where: str) -> float:

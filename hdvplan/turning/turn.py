@@ -1,4 +1,4 @@
-"""A manoeuvre driven, measured and held against what a standard demands."""
+"""A manoeuvre driven, measured and compared with the limits of a standard."""
 
 from __future__ import annotations
 

@@ -42,15 +42,15 @@ UNIT = np.dtype(
 class Unit:
     """One rigid body. Lengths in metres along the body's axis."""
 
-    wheelbase: float  # front axle (first unit) or coupling (others) to the axle [m]
-    front_overhang: float  # body ahead of the front axle or coupling; negative where a bare drawbar reaches further [m]
-    rear_overhang: float  # body behind the axle [m]
-    width: float  # [m]
-    hitch_offset: float = 0.0  # coupling of the next unit behind the axle; negative: ahead of it [m]
-    steering_ratio: float = 0.0  # of the axle's steering angle to the front wheels' or to the articulation; 0: not steered
-    max_steering_angle: float = MAX_ANGLE  # of this axle [rad]
-    max_steering_rate: float = 0.0  # of an axle that the plan steers, per metre travelled [rad/m]; 0: by the law
-    name: str = ""  # what messages and pictures call it
+    wheelbase: float  #: front axle (first unit) or coupling (others) to the axle [m]
+    front_overhang: float  #: body ahead of the front axle or coupling; negative where a bare drawbar reaches further [m]
+    rear_overhang: float  #: body behind the axle [m]
+    width: float  #: [m]
+    hitch_offset: float = 0.0  #: coupling of the next unit behind the axle; negative: ahead of it [m]
+    steering_ratio: float = 0.0  #: of the axle's steering angle to the front wheels' or to the articulation; 0: not steered
+    max_steering_angle: float = MAX_ANGLE  #: of this axle [rad]
+    max_steering_rate: float = 0.0  #: of an axle that the plan steers, per metre travelled [rad/m]; 0: by the law
+    name: str = ""  #: name in messages and pictures
 
     @property
     def front(self) -> float:
@@ -79,8 +79,8 @@ class Vehicle:
 
     name: str
     units: tuple[Unit, ...]
-    max_curvature: float = 0.1  # tan(front angle) / wheelbase: of the lead rear axle's path unless that is steered [1/m]
-    max_curvature_rate: float = 0.1  # per metre travelled [1/m^2]
+    max_curvature: float = 0.1  #: tan(front angle) / wheelbase: of the lead rear axle's path unless that is steered [1/m]
+    max_curvature_rate: float = 0.1  #: per metre travelled [1/m^2]
     source: str = ""
 
     def __post_init__(self) -> None:

@@ -138,7 +138,7 @@ def test_outside_a_checkout_a_revision_is_refused_with_what_would_do(cli: Cli, s
     outcome = cli("bench", "--against", "main", "--roads", short_road)
     assert (outcome.code, outcome.out) == (2, "")
     assert outcome.err == (
-        "error: 'main' names a revision, but this is no git checkout\n"
+        "error: 'main' names a revision, but this is not a git checkout\n"
         "hint: name a release (hdvplan==0.1.0), or the path of a Python that has one\n"
     )
 
@@ -164,7 +164,7 @@ def test_a_base_that_cannot_run_ends_in_3(cli: Cli, tmp_path: Path, short_road: 
     [
         (("--factor", "1.2"), "need --against"),
         (("--command", "true"), "need --against"),
-        (("--against", "HEAD", "--command", "true", "--rounds", "2"), "say nothing to it"),
+        (("--against", "HEAD", "--command", "true", "--rounds", "2"), "do not apply"),
         (("--against", "HEAD", "--command", "'"), "cannot be split"),
         (("--against", "HEAD", "--command", " "), "is empty"),
         (("--expect-changes",), "need --against"),
@@ -173,9 +173,9 @@ def test_a_base_that_cannot_run_ends_in_3(cli: Cli, tmp_path: Path, short_road: 
         (("--history", "kept"), "need --against"),
         (("--against", "hdvplan==0.1.0", "--command", "true", "--history", "kept"), "keeps results by commit"),
         (("--renew",), "--renew needs --counters"),
-        (("--export-qps", "qps", "--against", "HEAD"), "nothing for --against, --counters or --plot"),
-        (("--export-qps", "qps", "--counters", "c.csv"), "nothing for --against, --counters or --plot"),
-        (("--export-qps", "qps", "--plot", "b.png"), "nothing for --against, --counters or --plot"),
+        (("--export-qps", "qps", "--against", "HEAD"), "so --against, --counters and --plot do not apply"),
+        (("--export-qps", "qps", "--counters", "c.csv"), "so --against, --counters and --plot do not apply"),
+        (("--export-qps", "qps", "--plot", "b.png"), "so --against, --counters and --plot do not apply"),
         (("--against", "HEAD", "--counters", "c.csv"), "not with a file"),
         (("--against", "HEAD", "--roads", "nowhere"), "nowhere"),
         (("--against", "HEAD", "--solvers", "osqpp"), "unknown solver"),

@@ -115,7 +115,7 @@ def test_an_interrupted_run_says_how_to_go_on_and_does_not_repeat_what_it_has(
     command = ("bench", "--roads", short_road, *TINY, "--out", "run")
     outcome = cli(*command)
     assert outcome.code == 130
-    assert outcome.err == "3 of 8 drives are kept in run; the same command goes on from there\nerror: interrupted\n"
+    assert outcome.err == "3 of 8 drives are saved in run; the same command continues the run\nerror: interrupted\n"
     assert not (tmp_path / "run" / "timing.csv").exists()
     assert cli(*command).code == 0
     assert len(calls) == 4 + 5
@@ -125,7 +125,7 @@ def test_an_interrupted_run_says_how_to_go_on_and_does_not_repeat_what_it_has(
 
     again = cli(*command)
     assert again.code == 0
-    assert again.err.startswith("run holds this run, finished")
+    assert again.err.startswith("run has this run, finished")
     assert len(calls) == 9
     assert cli(*command, "--fresh").code == 0
     assert len(calls) == 17

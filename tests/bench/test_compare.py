@@ -269,7 +269,7 @@ def test_several_runs_in_a_folder_are_processes_of_one_side(cli: Cli, tmp_path: 
 @pytest.mark.parametrize(
     ("spoil", "words"),
     [
-        (shutil.rmtree, "is no directory of hdvplan bench"),
+        (shutil.rmtree, "is not a folder of hdvplan bench"),
         (lambda folder: (folder / "run.json").unlink(), "holds no benchmark"),
         (lambda folder: (folder / "samples.csv.gz").unlink(), "is without samples.csv.gz"),
         (lambda folder: (folder / "samples.csv.gz").write_bytes(b"\x1f\x8bnonsense"), "cannot be read"),

@@ -77,7 +77,7 @@ def test_a_held_edge_that_cannot_be_kept_is_a_no_with_what_it_takes(cli: Cli, be
     assert told["right_m"] is None
     assert told["least_left_m"] > 0.9
     assert told["proved_below_m"] is None  # it could be driven right of the line, which no plan here does
-    assert f"the left edge must be at least {told['least_left_m']:.2f} m off even so" in outcome.err
+    assert f"the left edge must be at least {told['least_left_m']:.2f} m off even then" in outcome.err
 
 
 @pytest.mark.parametrize(

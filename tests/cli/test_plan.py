@@ -143,7 +143,7 @@ def test_quiet_leaves_only_the_files(cli: Cli, tmp_path: Path, short_road: str) 
 
 
 def test_every_planning_option_reaches_the_planner(cli: Cli, short_road: str) -> None:
-    options = ("--scheme", "sqp", "--objective", "lead-axle", "--step", "1", "--replan", "10", "--smoothness", "500")
+    options = ("--scheme", "sqp", "--objective", "lead-axle", "--step", "1", "--replan", "10", "--curvature-weight", "500")
     outcome = cli("plan", short_road, "--vehicle", "bus", *QUICK, *options, "--discretisation", "euler", "--solver", "piqp", "--json")
     summary = json.loads(outcome.out)
     assert (summary["scheme"], summary["objective"], summary["solver"]) == ("sqp", "lead-axle", "piqp")

@@ -38,8 +38,8 @@ def test_the_report_says_as_json_what_it_wrote(cli: Cli, tmp_path: Path, plans: 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("nowhere",), "error: nowhere is no folder\n"),
-        ((".",), "error: . holds no plan: it has no summary.json\n"),
+        (("nowhere",), "error: nowhere is not a folder\n"),
+        ((".",), "error: . has no plan: summary.json is missing\n"),
         (("nowhere", "--out", "."), "error: --out . is a folder, not a file\n"),
         ((), "error: missing argument 'DIR'\n"),
     ],

@@ -19,6 +19,7 @@ ROOT = Path(__file__).parents[2]
 RUN = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 LINKED = [
     *RUN,
+    *sorted((ROOT / "docs" / "site").glob("*.md")),
     *(
         ROOT / name
         for name in ("CHANGELOG.md", "CONTRIBUTING.md", "RELEASING.md", "benchmarks/README.md", "results/README.md", "roads/README.md")

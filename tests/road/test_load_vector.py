@@ -249,7 +249,7 @@ def test_a_file_that_was_cut_off_is_refused_in_one_line(tmp_path: Path, name: st
 
 def test_what_no_driver_reads_names_the_command_that_converts_it(tmp_path: Path) -> None:
     (tmp_path / "a.dwg").write_bytes(b"AC1032" + bytes(200))
-    with pytest.raises(RoadError, match=r"a\.dwg is no vector file that can be read") as caught:
+    with pytest.raises(RoadError, match=r"a\.dwg is not a vector file that can be read") as caught:
         load_road(tmp_path / "a.dwg")
     assert "ogr2ogr road.gpkg a.dwg" in str(caught.value.hint)
 
@@ -263,7 +263,7 @@ def test_a_file_that_points_to_other_data_is_not_followed(tmp_path: Path) -> Non
 
 
 def test_points_alone_are_no_road(tmp_path: Path) -> None:
-    with pytest.raises(RoadError, match="holds no lines"):
+    with pytest.raises(RoadError, match="has no lines"):
         load_road(write(tmp_path / "a.gpkg", [shapely.Point(11.95, 57.7)]))
 
 

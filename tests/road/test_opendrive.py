@@ -212,9 +212,9 @@ def test_a_roundabout_is_driven_over_nine_roads() -> None:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("", "is no XML, or was cut off"),
-        ("<OpenDRIVE><road", "is no XML, or was cut off"),
-        ("<a/>", "is no OpenDRIVE file: it begins with <a>"),
+        ("", "is not XML, or was cut off"),
+        ("<OpenDRIVE><road", "is not XML, or was cut off"),
+        ("<a/>", "is not an OpenDRIVE file: it begins with <a>"),
         ("<OpenDRIVE/>", "has no roads"),
         ('<OpenDRIVE><road id="1"/></OpenDRIVE>', "road '1' cannot be used: it has no geometry"),
         (straight("1").replace('x="0.0"', 'x="east"'), "road '1' cannot be used: x of <geometry> is 'east', not a number"),

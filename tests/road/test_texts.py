@@ -61,7 +61,7 @@ def test_compressed_and_binary_files_are_told_apart_from_text(tmp_path: Path) ->
     (tmp_path / "a.csv.gz").write_bytes(gzip.compress(b"x,y\n"))
     refused(tmp_path / "a.csv.gz", r"is compressed \(gzip\)", "unpack it")
     (tmp_path / "a.csv").write_bytes(b"\x89PNG\r\n\x1a\n\x00\x00")
-    refused(tmp_path / "a.csv", "it is no text", "ogr2ogr")
+    refused(tmp_path / "a.csv", "it is not text", "ogr2ogr")
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "cp1252", "utf-16"])

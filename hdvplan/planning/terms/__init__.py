@@ -1,1 +1,1 @@
-"""The terms of a planning step's program: what a plan wants and what it must keep, one module each."""
+"""The terms of a planning step's program: what a plan optimises and what it must keep, one module each."""

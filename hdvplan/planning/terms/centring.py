@@ -24,7 +24,7 @@ _MEMORY = np.dtype([("foot", float), ("residual", float)])  # of one stage: of t
 class Residual:
     """Coefficients of the lateral error lead e_y + aux e_aux - target per station; shape (n,), ``target`` in metres.
 
-    The auxiliary axle is the one of unit number ``axle`` (from 0, or -1 for the last), of the lead unit its front axle.
+    The auxiliary axle is that of unit number ``axle`` (from 0, or -1 for the last); for the lead unit it is the front axle.
     """
 
     lead: FloatArray
@@ -48,7 +48,7 @@ class Residual:
 
 @dataclass(frozen=True)
 class Centring:
-    """The second term of the objective ([GEO] eq. 20)."""
+    """The squared residual of two axles' offsets, summed over the stations ([GEO] eq. 20)."""
 
     residual: Residual
 
@@ -75,7 +75,7 @@ class Axle(NamedTuple):
     """Which axle the auxiliary one is, and what its offset is measured from."""
 
     unit: int
-    ahead: float  # of its unit's axle: the front axle of the lead unit, else the unit's own [m]
+    ahead: float  #: of its unit's axle: the front axle of the lead unit, else the unit's own [m]
     curve: Curve
 
 
@@ -85,10 +85,10 @@ class CentringPart:
 
     scene: Scene
     axle: Axle
-    coefficients: Records  # (stations,) of ``COEFFICIENTS``
-    ahead: float  # of the auxiliary axle, see ``auxiliary_ahead`` [m]
-    stages: Records  # (N+1,)
-    weights: FloatArray  # (N+1,), of the squared residuals
+    coefficients: Records  #: (stations,) of ``COEFFICIENTS``
+    ahead: float  #: of the auxiliary axle, see ``auxiliary_ahead`` [m]
+    stages: Records  #: (N+1,)
+    weights: FloatArray  #: (N+1,), of the squared residuals
     violation: float = 0.0
 
     @property

@@ -8,7 +8,7 @@ from hdvplan.jit import FloatArray, Record, Records, inner
 from hdvplan.road.path import PLANNING_STEP_M, Curve, project
 from hdvplan.vehicle.kinematics import body_point
 
-CLEAR_M = 0.25  # a body that stays this far inside the limits by a safe bound needs no rows of its own
+CLEAR_M = 0.25  # a body that stays this far inside the limits by a safe bound needs no rows
 _BULGING = 0.5  # curvature times reach up to which a body is screened
 
 

@@ -3,7 +3,7 @@
 Beside the objective the wheels are wanted at the angles of the balanced circle of the road beside each axle: a trailer then steers
 where it is, not where its tractor is, and a straight leaves its wheels straight. Turning them costs, as it does for the front
 wheels. The objective and the limits decide the rest. Wheel angles are states of the motion; between stations they change
-evenly, and each change is an input of its own.
+evenly, and each change is a separate input.
 
 With this wish alone the semitrailer's worst reach and mean imbalance came out as low as with its axle's offset as a second residual.
 """

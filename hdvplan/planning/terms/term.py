@@ -37,39 +37,39 @@ class Place:
 
 @dataclass(frozen=True)
 class Scene:
-    """What a drive's programs are about, and the memory of one program: values and motion are overwritten at every step."""
+    """The data of a drive's programs, and the memory of one program: values and motion are overwritten at every step."""
 
     vehicle: Vehicle
     stations: Stations
     settings: PlannerSettings
-    units: Records  # ``vehicle.table()``
+    units: Records  #: ``vehicle.table()``
     qp: StageQp
     motion: Motion
 
 
 class Horizon(NamedTuple):
-    """What one planning step looks at."""
+    """The stages of one planning step."""
 
-    first: int  # station of stage 0
-    road: Records  # (N+1,) of ``STATION``
-    kappa_before: float  # held until stage 0 [1/m]
-    fixed: int  # stages that no later program can change
-    binding: bool  # whether limits bind in the last program, or none was solved yet
+    first: int  #: station of stage 0
+    road: Records  #: (N+1,) of ``STATION``
+    kappa_before: float  #: held until stage 0 [1/m]
+    fixed: int  #: stages that no later program can change
+    binding: bool  #: whether limits bind in the last program, or none was solved yet
 
 
 class Part(Protocol):
-    """A term in its place. Methods that linearise return -1, or a stage with a point of the vehicle that has no foot on the road."""
+    """A term in its place. Methods that linearise return -1, or a stage where a point of the vehicle has no foot on the road."""
 
     @property
     def memory(self) -> tuple[FloatArray, ...]:
-        """What the part keeps of every stage, as ``by_stage``: it is shifted with the plan."""
+        """The arrays that the part stores for every stage, as ``by_stage``: they are shifted with the plan."""
 
     @property
     def violation(self) -> float:
-        """The deepest breach of a limit by the motion that was last linearised at [m]; 0 where none is broken, or the part is none."""
+        """The deepest breach of a limit by the motion of the last linearisation [m]; 0 if none is broken, or the part is no limit."""
 
     def extend(self, horizon: Horizon, begin: int) -> int:
-        """Linearise at stages from ``begin`` >= 1 on, which the motion was extended by: nothing is known of them.
+        """Linearise at stages from ``begin`` >= 1 on, by which the motion was extended.
 
         Of the stages before, only the first state has changed.
         """
@@ -78,14 +78,14 @@ class Part(Protocol):
         """Linearise at the whole motion."""
 
     def price(self, horizon: Horizon) -> float:
-        """Return what the motion costs that was last linearised at: the term's share of the merit."""
+        """Return the cost of the motion of the last linearisation: the term's share of the merit."""
 
 
 class Term(Protocol):
-    """A wish or a limit, as data."""
+    """An objective or a limit, as data."""
 
     def needs(self, vehicle: Vehicle) -> Needs:
         """Return what the term adds to every stage."""
 
     def part(self, scene: Scene, place: Place) -> Part:
-        """Return the term in its place; writes what is constant over a drive."""
+        """Return the term in its place; write the values that are constant over a drive."""

@@ -1,0 +1,90 @@
+"""What ``plan`` and ``need`` refuse, or warn of, before they plan."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hdvplan.cli.console import warn
+from hdvplan.errors import OptionError, RoadError
+
+if TYPE_CHECKING:
+    from hdvplan.case import Case
+    from hdvplan.report.paper import SheetOptions
+    from hdvplan.road.road import Road
+    from hdvplan.vehicle.model import Vehicle
+
+
+def check_fits(road: Road, vehicle: Vehicle, reaches: tuple[float, float] | None) -> None:
+    """Refuse what makes planning ``vehicle`` pointless; ``reaches`` are the limits left and right that options gave [m].
+
+    Raises:
+        RoadError: the road is shorter than the vehicle.
+        OptionError: the options leave less room than the vehicle is wide.
+
+    """
+    length = vehicle.reach_ahead + vehicle.reach_behind
+    if road.path.length < length:
+        msg = f"the road is {road.path.length:.1f} m long, the {vehicle.name} {length:.1f} m"
+        raise RoadError(msg, hint="plan along a longer part of the road")
+    if reaches is not None and sum(reaches) < vehicle.width:
+        msg = f"limits are {sum(reaches):.2f} m apart; the {vehicle.name} is {vehicle.width:.2f} m wide"
+        raise OptionError(msg, hint="widen them with --half-width or --left and --right")
+
+
+def check_bias(case: Case, given: str) -> None:
+    """Refuse a bias that leads off any road: nothing could be seen there.
+
+    Raises:
+        OptionError: it is larger than any road is wide.
+
+    """
+    from hdvplan.road.regions import OPEN_M
+
+    largest = float(abs(case.bias.offset).max())
+    if largest > OPEN_M:
+        msg = f"--bias {given} leads {largest:g} m off the road's centre; at most {OPEN_M:g} m can be asked for"
+        raise OptionError(msg)
+
+
+def warn_far_regions(road: Road, *, quiet: bool) -> None:
+    """Say which regions do not count: coordinates that are swapped, or of another system, would go unnoticed."""
+    from hdvplan.road.regions import OPEN_M, distances
+
+    apart = distances(road.path, road.regions)
+    far = apart[apart > OPEN_M]
+    if len(far):
+        nearest = f"the nearest of them {far.min():.0f} m"
+        warn(f"{len(far)} of {len(apart)} regions lie further than {OPEN_M:.0f} m from the road and do not count, {nearest}", quiet=quiet)
+
+
+def reaches_of(half_width: float | None, left: float | None, right: float | None) -> tuple[float, float] | None:
+    """Return the limits given as options, left and right, or None."""
+    if half_width is not None:
+        if left is not None or right is not None:
+            msg = "--half-width sets both limits; it cannot be combined with --left and --right"
+            raise OptionError(msg)
+        return half_width, half_width
+    if left is None and right is None:
+        return None
+    if left is None or right is None:
+        given, missing = ("--left", "--right") if right is None else ("--right", "--left")
+        msg = f"{given} needs {missing}"
+        raise OptionError(msg, hint="or give --half-width for both")
+    return left, right
+
+
+def sheet_options(sheet: str | None, scale: str | None) -> SheetOptions | None:
+    """Return what the sheet is drawn on, or None without one.
+
+    Raises:
+        OptionError: no such paper or scale, or a scale without a sheet.
+
+    """
+    from hdvplan.report.paper import SheetOptions
+
+    if sheet is None:
+        if scale is not None:
+            msg = f"--scale {scale} needs a sheet"
+            raise OptionError(msg, hint="add --sheet a3")
+        return None
+    return SheetOptions.named(sheet, scale)

@@ -1,0 +1,40 @@
+"""What a misspelt name may have meant: a known name at a small edit distance, or one that contains it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+_LETTERS_AN_ERROR = 4  # one wrong letter in every four is still read as a misspelling
+_SHORTEST_PART = 4  # letters by which a part of a longer name is recognised
+_MOST_SHOWN = 3  # names in a hint; a part that more names contain says nothing
+
+
+def meant_by(name: str, known: Iterable[str]) -> list[str]:
+    """Return the known names that ``name`` may have meant, the nearest ones; none if nothing is near. Capitals do not matter."""
+    names, given = list(known), name.casefold()
+    distances = {other: _distance(given, other.casefold()) for other in names}
+    nearest = min(distances.values(), default=len(given))
+    if nearest <= max(1, len(given) // _LETTERS_AN_ERROR) and 2 * nearest < len(given):
+        return [other for other, distance in distances.items() if distance == nearest]
+    longer = [other for other in names if len(given) >= _SHORTEST_PART and given in other.casefold()]
+    return longer if len(longer) <= _MOST_SHOWN else []
+
+
+def did_you_mean(names: Sequence[str], otherwise: str) -> str:
+    """Return a hint that names up to three of what was meant; ``otherwise`` if there is none."""
+    return f"did you mean {' or '.join(map(repr, names[:_MOST_SHOWN]))}?" if names else otherwise
+
+
+def _distance(one: str, other: str) -> int:
+    """Return how many letters must be inserted, deleted, replaced or exchanged with their neighbour (optimal string alignment)."""
+    before: list[int] = []
+    last = list(range(len(other) + 1))
+    for i, letter in enumerate(one, start=1):
+        row = [i]
+        for j, second in enumerate(other, start=1):
+            cost = min(last[j] + 1, row[j - 1] + 1, last[j - 1] + (letter != second))
+            if i > 1 and j > 1 and letter == other[j - 2] and one[i - 2] == second:
+                cost = min(cost, before[j - 2] + 1)
+            row.append(cost)
+        before, last = last, row
+    return last[-1]

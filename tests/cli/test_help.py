@@ -1,0 +1,126 @@
+"""Help texts and tables read well in 80 and 120 columns, and in a pipe."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from tests.cli.conftest import Cli
+
+COMMANDS = [
+    (),
+    ("plan",),
+    ("need",),
+    ("turn",),
+    ("study",),
+    ("report",),
+    ("bench",),
+    ("compare",),
+    ("history",),
+    ("reproduce",),
+    ("roads",),
+    ("roads", "list"),
+    ("roads", "info"),
+    ("roads", "make"),
+    ("roads", "extract"),
+    ("vehicles",),
+    ("vehicles", "list"),
+    ("vehicles", "show"),
+    ("solvers",),
+    ("warm-up",),
+]
+GROUP = re.compile(r"^(\S.*):$", flags=re.MULTILINE)
+
+
+@pytest.mark.parametrize("columns", [80, 120])
+@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
+def test_help_fits_the_terminal_and_ends_no_line_in_blanks(
+    cli: Cli, monkeypatch: pytest.MonkeyPatch, command: tuple[str, ...], columns: int
+) -> None:
+    monkeypatch.setenv("COLUMNS", str(columns))
+    outcome = cli(*command, "--help")
+    assert (outcome.code, outcome.err) == (0, "")
+    lines = outcome.out.splitlines()
+    assert max(map(len, lines)) <= columns
+    assert not [line for line in lines if line != line.rstrip()]
+    assert "\x1b" not in outcome.out
+
+
+def test_a_wide_terminal_is_used(cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "120")
+    assert max(map(len, cli("plan", "--help").out.splitlines())) > 100  # the texts are longer than the usual 80 columns
+
+
+@pytest.mark.parametrize(
+    ("command", "groups"),
+    [
+        ("plan", ["Arguments", "Vehicle and room", "Road file", "Planning", "Output", "Options"]),
+        ("need", ["Arguments", "Vehicle and room", "Road file", "Output", "Planning", "Options"]),
+        ("turn", ["Vehicle and room", "Turn", "Output", "Options"]),
+        ("bench", ["What to measure", "Limits", "How to measure", "Comparison", "Decision", "Output", "Options"]),
+        ("compare", ["Arguments", "Decision", "Output", "Options"]),
+    ],
+)
+def test_options_are_grouped_by_what_they_are_for(cli: Cli, command: str, groups: list[str]) -> None:
+    text = cli(command, "--help").out
+    assert GROUP.findall(text) == groups
+    (rest,) = re.findall(r"^Options:\n(.*)\Z", text, flags=re.DOTALL | re.MULTILINE)
+    assert rest.split() == ["-h,", "--help", "Show", "this", "message", "and", "exit."]  # all others have a group
+
+
+def test_every_command_is_listed_with_a_whole_sentence(cli: Cli) -> None:
+    text = cli("--help").out
+    for command in COMMANDS:
+        if len(command) == 1:
+            (line,) = re.findall(rf"^  {command[0]} .*$", text, flags=re.MULTILINE)
+            assert line.endswith("."), line
+            assert not line.endswith("..."), line
+
+
+def test_the_road_s_smoothing_and_the_plan_s_smoothness_point_at_each_other(cli: Cli) -> None:
+    text = " ".join(cli("plan", "--help").out.split())
+    assert re.search(r"--smooth M How far smoothing may move the road's line", text)
+    assert re.search(r"--curvature-weight, --smoothness W Weight of curvature changes .* The road's line is smoothed by --smooth\.", text)
+
+
+@pytest.mark.parametrize("columns", [None, "80", "120"])
+@pytest.mark.parametrize("command", [("roads", "list"), ("vehicles", "list"), ("solvers",), ("roads", "info", "uturn"), ("turn", "--list")])
+def test_tables_in_a_pipe_end_no_line_in_blanks(
+    cli: Cli, monkeypatch: pytest.MonkeyPatch, command: tuple[str, ...], columns: str | None
+) -> None:
+    monkeypatch.delenv("COLUMNS") if columns is None else monkeypatch.setenv("COLUMNS", columns)
+    outcome = cli(*command)
+    assert outcome.code == 0
+    assert not [line for line in outcome.out.splitlines() if line != line.rstrip()]
+
+
+def test_a_plan_in_a_pipe_ends_no_line_in_blanks(cli: Cli, short_road: str) -> None:
+    outcome = cli("plan", short_road, "--vehicle", "bus", "--horizon", "30", "--no-plot")
+    assert not [line for line in (outcome.out + outcome.err).splitlines() if line != line.rstrip()]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "hint"),
+    [
+        (("plna",), "no such command 'plna'", "did you mean 'plan'?"),
+        (("roads", "lst"), "no such command 'lst'", "did you mean 'list'?"),
+        (("paint",), "no such command 'paint'", "see `hdvplan --help`"),
+        (("plan", "uturn", "--horizn", "50"), "no such option: --horizn", "did you mean '--horizon'?"),
+        (("plan", "uturn", "--speed", "50"), "no such option: --speed", "see `hdvplan plan --help`"),
+    ],
+)
+def test_a_misspelt_command_or_option_comes_with_what_it_may_have_meant(
+    cli: Cli, arguments: tuple[str, ...], error: str, hint: str
+) -> None:
+    outcome = cli(*arguments)
+    assert (outcome.code, outcome.out) == (2, "")
+    assert outcome.err == f"error: {error}\nhint: {hint}\n"
+
+
+def test_arguments_are_shown_by_their_names(cli: Cli) -> None:
+    text = cli("plan", "--help").out
+    assert text.startswith("Usage: hdvplan plan [OPTIONS] ROAD\n")
+    assert re.search(r"^  ROAD  A road file", text, flags=re.MULTILINE)
+    assert re.match(r"Usage: hdvplan vehicles show \[OPTIONS\] NAME \[?FILE\]?\n", cli("vehicles", "show", "--help").out)
+    assert "{" not in cli("report", "--help").out

@@ -1,0 +1,48 @@
+from __future__ import annotations
+
+import pytest
+
+from hdvplan.road.library import road_names
+from hdvplan.spelling import did_you_mean, meant_by
+from hdvplan.vehicle.load import preset_names
+
+NAMES = ["bus", "articulated-bus", "tractor-trailer", "tractor-trailer-24m", "tractor-semitrailer", "WB-62"]
+
+
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [
+        ("buss", ["bus"]),
+        ("sub", []),  # two letters of three
+        ("tractor-trialer", ["tractor-trailer"]),  # neighbours exchanged
+        ("tractor_trailer", ["tractor-trailer"]),
+        ("tractor-trailer-25m", ["tractor-trailer-24m"]),
+        ("wb-26", ["WB-62"]),
+        ("semitrailer", ["tractor-semitrailer"]),  # a part of one name
+        ("trailer", ["tractor-trailer", "tractor-trailer-24m", "tractor-semitrailer"]),
+        ("tram", []),
+        ("x", []),
+        ("", []),
+    ],
+)
+def test_only_what_is_near_or_contains_the_name_may_be_meant(name: str, meant: list[str]) -> None:
+    assert meant_by(name, NAMES) == meant
+
+
+def test_names_that_share_only_a_beginning_are_not_meant() -> None:
+    assert meant_by("goteborg_xyz", road_names()) == []
+    assert meant_by("goteborg", road_names()) == []  # a part of more names than a hint can show
+    assert meant_by("goteborg_nya_alen", road_names()) == ["goteborg_nya_allen"]
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_a_preset_with_one_wrong_letter_is_found(name: str) -> None:
+    wrong = name[:-1] + ("x" if name[-1] != "x" else "y")
+    if len(name) > 2:  # shorter names have no letters that are right often enough
+        assert name in meant_by(wrong, preset_names())
+
+
+def test_a_hint_shows_at_most_three_names_and_else_the_other_text() -> None:
+    assert did_you_mean(["a", "b"], "names: ...") == "did you mean 'a' or 'b'?"
+    assert did_you_mean(list("abcd"), "names: ...") == "did you mean 'a' or 'b' or 'c'?"
+    assert did_you_mean([], "names: ...") == "names: ..."
