@@ -7,6 +7,7 @@ import json
 import os
 import shutil
 import stat
+import tomllib
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -79,6 +80,23 @@ def json_bytes(value: object, *, indent: int | None = 2) -> bytes:
 
     """
     return encoded(json.dumps(value, indent=indent, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def read_toml(path: Path, what: str, *, hint: str | None = None) -> dict[str, object]:
+    """Return the entries of a TOML file; ``what`` it is, and a ``hint`` where it is not TOML, are for the message.
+
+    Raises:
+        OptionError: no such file, or not TOML.
+
+    """
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        msg = f"{what} {path} cannot be read: {error.strerror or error}"
+        raise OptionError(msg) from error
+    except (ValueError, RecursionError) as error:  # also of its encoding, or a number of thousands of digits
+        msg = f"{what} {path} is not valid TOML: {error}"
+        raise OptionError(msg, hint=hint) from error
 
 
 def write_atomically(path: Path, content: bytes) -> None:

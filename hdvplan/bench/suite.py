@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from itertools import product
@@ -11,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from hdvplan.errors import OptionError
+from hdvplan.fileio import read_toml
 from hdvplan.planning.objective_names import check_objective
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.spelling import did_you_mean, meant_by
@@ -189,14 +189,7 @@ def read_suite(path: Path) -> dict[str, object]:
         OptionError: no such file, or not TOML.
 
     """
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        msg = f"suite {path} cannot be read: {error.strerror or error}"
-        raise OptionError(msg) from error
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        msg = f"suite {path} is not valid TOML: {error}"
-        raise OptionError(msg) from error
+    return read_toml(path, "suite")
 
 
 def suite_of(entries: Mapping[str, object]) -> Suite:

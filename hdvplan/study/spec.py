@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -10,6 +9,7 @@ from math import isfinite
 from pathlib import Path
 
 from hdvplan.errors import OptionError, did_you_mean
+from hdvplan.fileio import read_toml
 from hdvplan.planning.discretisation import Discretisation
 from hdvplan.planning.objective_names import check_objective
 from hdvplan.planning.settings import PlannerSettings, Scheme
@@ -93,14 +93,7 @@ def read_entries(path: Path) -> dict[str, object]:
         OptionError: no such file, or not TOML.
 
     """
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        msg = f"study {path} cannot be read: {error.strerror or error}"
-        raise OptionError(msg) from error
-    except (ValueError, RecursionError) as error:  # also of its encoding, or a number of thousands of digits
-        msg = f"study {path} is not valid TOML: {error}"
-        raise OptionError(msg, hint='words stand in quotes: roads = ["line_11.geojson"]') from error
+    return read_toml(path, "study", hint='words stand in quotes: roads = ["line_11.geojson"]')
 
 
 def study_of(entries: Mapping[str, object], folder: Path = Path()) -> Study:

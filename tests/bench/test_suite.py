@@ -116,3 +116,10 @@ def test_a_suite_refuses_an_objective_that_nobody_knows() -> None:
         Suite(objective="balance")
     with pytest.raises(OptionError, match="must be a name"):
         suite_of({"objective": 3})
+
+
+@pytest.mark.parametrize("text", ["rounds = " + "9" * 5000, "roads = " + "[" * 5000], ids=["too many digits", "too deep"])
+def test_toml_that_python_itself_gives_up_on_is_refused_in_a_line(tmp_path: Path, text: str) -> None:
+    (tmp_path / "suite.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(OptionError, match=r"^suite .*suite\.toml is not valid TOML: "):
+        read_suite(tmp_path / "suite.toml")
