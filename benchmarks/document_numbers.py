@@ -148,17 +148,26 @@ def uturn_and_roundabout() -> list[str]:
     return texts
 
 
+def liechtenstein(vehicle: str) -> list[str]:
+    """Return for each width how many routes a bus can drive, and its share of their length in per cent."""
+    rows = table("liechtenstein/shares.csv")
+    rows = rows[rows["vehicle"] == vehicle]
+    shares = 100.0 * rows["km"] / rows["of_km"]
+    return [text for routes, share in zip(rows["routes"], shares, strict=True) for text in (str(routes), f"{share:.0f}")]
+
+
 def objectives(first: str, second: str) -> Callable[[], list[str]]:
     """Return what returns one row of the objectives' study."""
     return lambda: pairs("objectives", (first, second))
 
 
-README, RESULTS = "README.md", "docs/results.md"
+README, RESULTS, LIECHTENSTEIN = "README.md", "docs/results.md", "docs/liechtenstein.md"
 UTURN, SIDES = ("proposed method, max right", "proposed method, max left"), ("max left", "max right")
 FORMER = ("previous method, max right", "previous method, max left")
 CONSTANT = ("tractor curvature, constant part", "articulation, constant part")
 OUTSIDE = tuple(f"furthest outside, {what}" for what in ("overhang and wheelbase free", "wheelbase in the lane", "and overhangs at a cost"))
 VEHICLES = ("bus", "tractor-trailer", "tractor-trailer-24m")
+BUSES = ("citaro-k", "citaro", "citaro-le-u", "articulated-bus", "double-articulated-bus", "rear-steered-bus")
 FIGURES = (
     Figure(README, "U-turn at {} / {} m (published {} / {}), the roundabout at {} / {} m ({} / {})", uturn_and_roundabout),
     Figure(README, "takes {} ms for the bus and {} ms for the tractor-trailer (ten roads, one QP a step), {} and {} times", readme_speed),

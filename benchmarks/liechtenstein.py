@@ -45,7 +45,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--roads", type=Path, default=Path("benchmarks/studies/liechtenstein.bus"))
     parser.add_argument("--out", type=Path, default=Path("results/liechtenstein"))
     asked = parser.parse_args(arguments)
-    cells, ranking = pd.read_parquet(asked.study / CELLS), pd.read_csv(asked.study / RANKING)
+    every, ranking = pd.read_parquet(asked.study / CELLS), pd.read_csv(asked.study / RANKING)
+    cells = every[every["outcome"].isin(["planned", "no plan"])].astype({"fits": bool})  # a road may be shorter than the bus
     routes = routes_of(json.loads((asked.roads / EXTRACT).read_text(encoding="utf-8")))
     least = least_widths(cells)
     asked.out.mkdir(parents=True, exist_ok=True)
@@ -93,14 +94,14 @@ def least_widths(cells: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for (road, vehicle), group in cells.groupby(["road", "vehicle"], sort=False):
         downwards = group.sort_values("half_width_m", ascending=False)
-        enough = downwards["half_width_m"][downwards["fits"].astype(bool).cumprod().astype(bool)]
+        enough = downwards["half_width_m"][downwards["fits"].cumprod().astype(bool)]
         rows.append({"road": road, "vehicle": vehicle, "half_width_m": enough.min() if len(enough) else np.inf})
     return pd.DataFrame(rows).pivot_table(index="road", columns="vehicle", values="half_width_m", sort=False)
 
 
 def shares(cells: pd.DataFrame, routes: pd.DataFrame) -> pd.DataFrame:
     """Return a row for each vehicle and width: how many routes and roads it can drive, and how many kilometres of these."""
-    table = cells.merge(routes, on="road").astype({"fits": bool})
+    table = cells.merge(routes, on="road")
     rows = []
     for (vehicle, width), group in table.groupby(["vehicle", "half_width_m"], sort=False):
         whole = group.groupby("relation")["fits"].all()

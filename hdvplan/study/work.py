@@ -24,7 +24,6 @@ from hdvplan.planning.bias import CENTRE, bias_named
 from hdvplan.plugins import said
 from hdvplan.report.needs import need_json
 from hdvplan.report.summary import summary_of
-from hdvplan.road.crs import ToLonLat
 from hdvplan.road.load import LONG_M, Line, RoadOptions, find_road
 from hdvplan.road.road import Road
 from hdvplan.road.windows import whole_road
@@ -41,6 +40,8 @@ from hdvplan.study.spool import spooled
 _SPACING_M = 2.0  # of the line that stands for a road in tables
 _SIMPLER_M = 0.5  # its points that move it by no more are left out
 _UNPLANNED = (PlanError, QpDataError, SolverError)
+
+ToLonLat = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 
 
 def work(cell: Cell) -> Outcome:
