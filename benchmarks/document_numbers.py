@@ -9,9 +9,11 @@ With --check nothing is written, and the exit code is 1 where a number differs. 
 from __future__ import annotations
 
 import argparse
+import json
 import re
 import sys
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -156,6 +158,31 @@ def liechtenstein(vehicle: str) -> list[str]:
     return [text for routes, share in zip(rows["routes"], shares, strict=True) for text in (str(routes), f"{share:.0f}")]
 
 
+def extracted() -> list[str]:
+    """Return the number of roads, and their length [km]."""
+    first = table("liechtenstein/shares.csv").iloc[0]
+    return [str(first["of_roads"]), f"{first['of_km']:.0f}"]
+
+
+def narrow() -> list[str]:
+    """Return how many places keep a bus out at the least and at the largest width."""
+    counts = table("liechtenstein/ranking.csv")["half_width_m"].value_counts().sort_index()
+    return [str(counts.iloc[0]), str(counts.iloc[-1])]
+
+
+def unplanned() -> list[str]:
+    """Return the number of cells that were refused, and of those without a plan."""
+    ended = json.loads((ROOT / "results/liechtenstein/run.json").read_text(encoding="utf-8"))["outcomes"]
+    return [str(ended["refused"]), str(ended["no plan"])]
+
+
+def checked() -> list[str]:
+    """Return how many cells were planned again, by how much they differ at most [m], and how many are proved."""
+    rows = table("liechtenstein/checked.csv")
+    apart = (rows["spare_m"] - rows["study_spare_m"]).abs().max()
+    return [str(len(rows)), f"{apart:.2g}", str(int(rows["proved_from_m"].notna().sum()))]
+
+
 def objectives(first: str, second: str) -> Callable[[], list[str]]:
     """Return what returns one row of the objectives' study."""
     return lambda: pairs("objectives", (first, second))
@@ -167,7 +194,14 @@ FORMER = ("previous method, max right", "previous method, max left")
 CONSTANT = ("tractor curvature, constant part", "articulation, constant part")
 OUTSIDE = tuple(f"furthest outside, {what}" for what in ("overhang and wheelbase free", "wheelbase in the lane", "and overhangs at a cost"))
 VEHICLES = ("bus", "tractor-trailer", "tractor-trailer-24m")
-BUSES = ("citaro-k", "citaro", "citaro-le-u", "articulated-bus", "double-articulated-bus", "rear-steered-bus")
+BUSES = {
+    "citaro-k": "10.5",
+    "citaro": "12.0",
+    "citaro-le-u": "12.2",
+    "articulated-bus": "18.1",
+    "double-articulated-bus": "24",
+    "rear-steered-bus": "12",
+}
 FIGURES = (
     Figure(README, "U-turn at {} / {} m (published {} / {}), the roundabout at {} / {} m ({} / {})", uturn_and_roundabout),
     Figure(README, "takes {} ms for the bus and {} ms for the tractor-trailer (ten roads, one QP a step), {} and {} times", readme_speed),
@@ -209,6 +243,23 @@ FIGURES = (
     Figure(RESULTS, "on either side, {} of {} are", lambda: drawn()[2:]),
     Figure(RESULTS, "falls by {} % (bus) and {} % (tractor-trailer) on average", lambda: balanced()[:2]),
     Figure(RESULTS, "for a step that takes {} to {} times as long", lambda: balanced()[2:]),
+    Figure(LIECHTENSTEIN, "cuts the routes into {} roads of {} km", extracted),
+    *(
+        Figure(LIECHTENSTEIN, f"| `{bus}`, {long} m | {' | '.join(4 * ['{}, {}'])} |", partial(liechtenstein, bus))
+        for bus, long in BUSES.items()
+    ),
+    Figure(LIECHTENSTEIN, "At lanes of 2.75 m, {} places keep a bus out, at 3.5 m {}. The", narrow),
+    Figure(
+        LIECHTENSTEIN,
+        "{} of the cells were refused because the line turns on a radius below that of the bus, and {} have no plan",
+        unplanned,
+    ),
+    Figure(
+        LIECHTENSTEIN, "{} of the 16 routes are without a gap.", lambda: [str((table("liechtenstein/lines.csv")["whole"] == "yes").sum())]
+    ),
+    Figure(LIECHTENSTEIN, "of each bus, on {} different roads,", lambda: checked()[:1]),
+    Figure(LIECHTENSTEIN, "differs from the study's by at most {} m. For {} of them", lambda: checked()[1:]),
+    Figure(LIECHTENSTEIN, "[killed {} times]", lambda: [str(len(table("liechtenstein/kills.csv")))]),
 )
 
 
