@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import shapely
+from matplotlib.artist import Artist
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
@@ -76,7 +77,8 @@ def record(told: dict[str, Any]) -> dict[str, object]:
     asked |= {"roads": {road["label"]: road["digest"] for road in study["roads"]}}
     asked |= {"vehicles": [variant["vehicle"]["name"] for variant in study["vehicles"]]}
     made = {name: session[name] for name in ("engine", "commit", "software", "machine")}
-    began = {"commands": [session["command"], command()], "date": told["finished"], "written": now()}
+    ran = [[Path(word).name if Path(word).is_absolute() else word for word in words] for words in (session["command"], command())]
+    began = {"commands": ran, "date": told["finished"], "written": now()}
     return {"suite": asked, "cells": told["cells"], "outcomes": told["outcomes"], "fits": told["fits"]} | began | made
 
 
@@ -213,7 +215,7 @@ def figure(cells: pd.DataFrame, least: pd.DataFrame, ranking: pd.DataFrame) -> F
             panel.set_axis_off()
             panel.set_title(vehicle, fontsize="small")
         names = [*(f"lanes of {width:g} m" for width in widths), "none of these", f"too narrow at {widths[-1]:g} m"]
-        handles = [drawn.axes[0].plot([], [], color=colour, linewidth=2.0 * _LINE_PT)[0] for colour in colours.values()]
+        handles: list[Artist] = [drawn.axes[0].plot([], [], color=colour, linewidth=2.0 * _LINE_PT)[0] for colour in colours.values()]
         handles.append(drawn.axes[0].scatter([], [], s=2.0 * _DOT_PT2, color="black"))
         drawn.legend(handles, names, loc="outside lower center", ncols=len(names), title="fits all of the road from")
         drawn.text(1.0, 0.0, "© OpenStreetMap contributors, ODbL 1.0", ha="right", va="bottom", fontsize="x-small")

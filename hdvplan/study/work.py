@@ -172,15 +172,22 @@ def _loaded(source: RoadSource, options: RoadOptions) -> _Loaded:
     if road_digest(source.source) != source.digest:
         msg = f"{Path(source.source).name} is another file here than where the study began"
         raise RoadError(msg, hint="files must not change while a study runs, and must be the same on all machines")
-    return spooled(repr((source, options, software(())["source"])), partial(_load, source, options))
+    found = spooled(repr((source, options, software(())["source"])), partial(_load, source, options))
+    if isinstance(found, RoadError):
+        raise found
+    return found
 
 
-def _load(source: RoadSource, options: RoadOptions) -> _Loaded:
+def _load(source: RoadSource, options: RoadOptions) -> _Loaded | RoadError:
+    """Return the road, or why it cannot be smoothed: that takes as long, and every cell of the road would find it anew."""
     found = find_road(source.source, options)
     if found.line is not None and found.line.long:
         line, raw = found.line, found.line.raw
         return _Loaded(line, _shape(raw.points[::-1] if options.reverse else raw.points, raw.to_lonlat), line.length, raw.notice)
-    road = found()
+    try:
+        road = found()
+    except RoadError as error:
+        return error
     s = np.linspace(0.0, road.path.length, max(2, int(np.ceil(road.path.length / _SPACING_M)) + 1))
     points = np.column_stack(road.path.to_plane(s, np.zeros(len(s))))
     return _Loaded(road, _shape(points, road.to_lonlat), road.path.length, road.notice)
