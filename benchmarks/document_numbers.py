@@ -26,11 +26,19 @@ class Figure(NamedTuple):
     numbers: Callable[[], Sequence[str]]
 
 
-README, RESULTS, BALANCED = "README.md", "docs/results.md", "docs/balanced.md"
+README, RESULTS, BALANCED, LIECHTENSTEIN = "README.md", "docs/results.md", "docs/balanced.md", "docs/liechtenstein.md"
 FORMER = ("previous method, max right", "previous method, max left")
 CONSTANT = ("tractor curvature, constant part", "articulation, constant part")
 OUTSIDE = tuple(f"furthest outside, {what}" for what in ("overhang and wheelbase free", "wheelbase in the lane", "and overhangs at a cost"))
 VEHICLES = ("bus", "tractor-trailer", "tractor-trailer-24m")
+BUSES = {
+    "citaro-k": "10.5",
+    "citaro": "12.0",
+    "citaro-le-u": "12.2",
+    "articulated-bus": "18.1",
+    "double-articulated-bus": "24",
+    "rear-steered-bus": "12",
+}
 FIGURES = (
     Figure(README, "U-turn at {} / {} m (published {} / {}), the roundabout at {} / {} m ({} / {})", tables.uturn_and_roundabout),
     Figure(
@@ -112,6 +120,21 @@ FIGURES = (
     Figure(RESULTS, "on either side, {} of {} are", lambda: tables.drawn()[2:]),
     Figure(RESULTS, "falls by {} % (bus) and {} % (tractor-trailer) on average", lambda: tables.balanced()[:2]),
     Figure(RESULTS, "for a step that takes {} to {} times as long", lambda: tables.balanced()[2:]),
+    Figure(LIECHTENSTEIN, "cuts the routes into {} roads of {} km", tables.extracted),
+    *(
+        Figure(LIECHTENSTEIN, f"| `{bus}`, {long} m | {' | '.join(4 * ['{}, {}'])} |", partial(tables.liechtenstein, bus))
+        for bus, long in BUSES.items()
+    ),
+    Figure(LIECHTENSTEIN, "At lanes of 2.75 m, {} places keep a bus out, at 3.5 m {}. The", tables.narrow),
+    Figure(
+        LIECHTENSTEIN,
+        "{} of the cells were refused because the line turns on a radius below that of the bus, and {} have no plan",
+        tables.unplanned,
+    ),
+    Figure(LIECHTENSTEIN, "{} of the 16 routes are without a gap.", lambda: [tables.whole_routes()]),
+    Figure(LIECHTENSTEIN, "of each bus, on {} different roads,", lambda: tables.checked()[:1]),
+    Figure(LIECHTENSTEIN, "differs from the study's by at most {} m. For {} of them", lambda: tables.checked()[1:]),
+    Figure(LIECHTENSTEIN, "[killed {} times]", lambda: [tables.kills()]),
 )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -182,6 +183,49 @@ def uturn_and_roundabout() -> list[str]:
         both = pairs(study, quantities)
         texts += both[2:] + both[:2]
     return texts
+
+
+def liechtenstein(vehicle: str) -> list[str]:
+    """Return for each width how many routes a bus can drive, and its share of their length in per cent."""
+    rows = table("liechtenstein/shares.csv")
+    rows = rows[rows["vehicle"] == vehicle]
+    shares = 100.0 * rows["km"] / rows["of_km"]
+    return [text for routes, share in zip(rows["routes"], shares, strict=True) for text in (str(routes), f"{share:.0f}")]
+
+
+def extracted() -> list[str]:
+    """Return the number of roads, and their length [km]."""
+    first = table("liechtenstein/shares.csv").iloc[0]
+    return [str(first["of_roads"]), f"{first['of_km']:.0f}"]
+
+
+def narrow() -> list[str]:
+    """Return how many places keep a bus out at the least and at the largest width."""
+    counts = table("liechtenstein/ranking.csv")["half_width_m"].value_counts().sort_index()
+    return [str(counts.iloc[0]), str(counts.iloc[-1])]
+
+
+def unplanned() -> list[str]:
+    """Return the number of cells that were refused, and of those without a plan."""
+    ended = json.loads((ROOT / "results/liechtenstein/run.json").read_text(encoding="utf-8"))["outcomes"]
+    return [str(ended["refused"]), str(ended["no plan"])]
+
+
+def whole_routes() -> str:
+    """Return how many routes are extracted without a gap."""
+    return str((table("liechtenstein/lines.csv")["whole"] == "yes").sum())
+
+
+def kills() -> str:
+    """Return how often the study was killed."""
+    return str(len(table("liechtenstein/kills.csv")))
+
+
+def checked() -> list[str]:
+    """Return how many cells were planned again, by how much they differ at most [m], and how many are proved."""
+    rows = table("liechtenstein/checked.csv")
+    apart = (rows["spare_m"] - rows["study_spare_m"]).abs().max()
+    return [str(len(rows)), f"{apart:.2g}", str(int(rows["proved_from_m"].notna().sum()))]
 
 
 def objectives(first: str, second: str) -> Callable[[], list[str]]:

@@ -1,4 +1,4 @@
-"""What ``plan`` and ``need`` refuse, or warn of, before they plan."""
+"""What commands that plan refuse, or warn of, before they plan."""
 
 from __future__ import annotations
 
@@ -12,6 +12,18 @@ if TYPE_CHECKING:
     from hdvplan.report.paper import SheetOptions
     from hdvplan.road.road import Road
     from hdvplan.vehicle.model import Vehicle
+
+
+def check_workers(workers: int | None) -> None:
+    """Refuse a number of processes that cannot be.
+
+    Raises:
+        OptionError: it is not positive.
+
+    """
+    if workers is not None and workers < 1:
+        msg = f"--workers must be a positive number, not {workers}"
+        raise OptionError(msg)
 
 
 def check_fits(road: Road, vehicle: Vehicle, reaches: tuple[float, float] | None) -> None:

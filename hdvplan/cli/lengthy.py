@@ -34,20 +34,23 @@ def refuse_on_long(line: Line, asked: dict[str, bool]) -> None:
         raise OptionError(msg, hint="cut the road, and plan the part")
 
 
-def plan_long(line: Line, vehicle: Vehicle, case_of: CaseOf, reach: float, directory: Path, *, json: bool, quiet: bool) -> int:
+def plan_long(
+    line: Line, vehicle: Vehicle, case_of: CaseOf, reach: float, directory: Path, *, workers: int | None, json: bool, quiet: bool
+) -> int:
     """Plan a vehicle along a line in stretches, write the plan into a folder, and tell of it; return the exit code.
 
-    ``reach`` is how far beyond a stretch a plan sees [m].
+    ``reach`` is how far beyond a stretch a plan sees [m]; ``workers`` processes plan, as many as there are cores where it is None.
     """
+    from hdvplan.machine import usable_cores
     from hdvplan.stretches.cutting import stretches_of_line
     from hdvplan.stretches.planning import plan_in_stretches
+    from hdvplan.stretches.processes import processes
 
     note(f"{line.name} has {line.length / 1e3:.0f} km: it is planned in stretches, without pictures", quiet=quiet)
     try:
-        with progress(f"planning {vehicle.name} along {line.name}", quiet=quiet) as on_progress:
-            summary = plan_in_stretches(
-                stretches_of_line(line, case_of, reach=reach), directory, on_progress=lambda done: on_progress(min(1.0, done / line.length))
-            )
+        with progress(f"planning {vehicle.name} along {line.name}", quiet=quiet) as told, processes(workers or usable_cores()) as each:
+            cut = stretches_of_line(line, case_of, reach=reach)
+            summary = plan_in_stretches(cut, directory, each=each, on_progress=lambda done: told(min(1.0, done / line.length)))
     except OSError as error:
         msg = f"cannot write to {directory}: {error.strerror or error}"
         raise OptionError(msg, hint="choose another folder with --out") from error
@@ -85,7 +88,8 @@ def _table(summary: dict[str, Any], directory: str) -> Table:
     """Return the numbers of the plan."""
     from hdvplan.report.grid import grid
 
-    clearance, times = summary["min_clearance_m"], summary["time_ms"]
+    clearance, times, count = summary["min_clearance_m"], summary["time_ms"], summary["stretches"]["processes"]
+    beside = f", in {count} processes beside each other" if count > 1 else ""
     rows = [
         ("road length", f"{1e-3 * summary['length_m']:.1f}", "km", f"in {summary['stretches']['count']} stretches"),
         ("max left", f"{summary['max_left_m']:.3f}", "m", ""),
@@ -93,7 +97,7 @@ def _table(summary: dict[str, Any], directory: str) -> Table:
         ("mean |left + right|", f"{summary['mean_abs_imbalance_m']:.3f}", "m", "over the whole road"),
         ("min clearance", "-" if clearance is None else f"{clearance:.3f}", "m", f"{len(summary['breaches'])} breaches"),
         ("stretches apart", f"{1e3 * summary['stretches']['apart_m']:.3f}", "mm", "at most, where one goes over into the next"),
-        ("time per step", f"{times['mean']:.2f}", "ms", f"mean; p95 {times['p95']:.2f}, max {times['max']:.2f}"),
+        ("time per step", f"{times['mean']:.2f}", "ms", f"mean; p95 {times['p95']:.2f}, max {times['max']:.2f}{beside}"),
     ]
     title = f"{summary['vehicle']} on {summary['road']}"
     return grid(title, ("", "value", "unit", "remark"), rows, text=("", "unit", "remark"), caption=f"written to {directory}")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdvplan.cli import completion
-from hdvplan.cli.checks import check_bias, check_fits, reaches_of, sheet_options, warn_far_regions
+from hdvplan.cli.checks import check_bias, check_fits, check_workers, reaches_of, sheet_options, warn_far_regions
 from hdvplan.cli.compiling import note_compiling
 from hdvplan.cli.console import note, print_json, print_line, progress
 from hdvplan.cli.help import OUTPUT, PLANNING, VEHICLE
@@ -149,6 +149,15 @@ def plan(
         ),
     ] = True,
     out: OutOption = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            "--workers",
+            metavar="N",
+            help="Processes that plan a road of more than 50 km [default: one a core].",
+            rich_help_panel=PLANNING,
+        ),
+    ] = None,
     json: JsonOption = False,
     plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw the picture plan.png.", rich_help_panel=OUTPUT)] = True,
     formats: Annotated[
@@ -175,6 +184,7 @@ def plan(
     Exit code 0: the driven path keeps all limits (to 1 cm). 1: it breaks one, or no plan exists. 2: bad input.
     """
     reaches = reaches_of(half_width, left, right)
+    check_workers(workers)
     drawn_on = sheet_options(sheet, scale)
     if out is not None and out.exists() and not out.is_dir():
         msg = f"--out {out} is a file, not a folder"
@@ -228,7 +238,7 @@ def plan(
         along = NONE if bias is None else bias_named(bias, None)
         folder = out or Path(f"{file_name(found.line.name)}.{file_name(driven.name)}")
         cases, reach = (lambda track: replace(case_of(track), bias=along)), reach_of(driven, settings)
-        return plan_long(found.line, driven, cases, reach, folder, json=json, quiet=quiet)
+        return plan_long(found.line, driven, cases, reach, folder, workers=workers, json=json, quiet=quiet)
     with progress(f"smoothing {road}", quiet=quiet):
         case = case_of(found())
     track = case.road

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hdvplan.cli.checks import check_workers
 from hdvplan.cli.compiling import note_compiling
 from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error
 from hdvplan.cli.options import JsonOption, QuietOption
@@ -48,9 +49,7 @@ def study(
 
     Exit code 0: every cell has an answer, whether YES or NO. 1: some failed, hung or were killed. 2: bad input.
     """
-    if workers is not None and workers < 1:
-        msg = f"--workers must be a positive number, not {workers}"
-        raise OptionError(msg)
+    check_workers(workers)
     if not cell_limit > 0.0:
         msg = f"--cell-limit must be a positive number of seconds, not {cell_limit:g}"
         raise OptionError(msg)

@@ -48,6 +48,11 @@ class Stretch:
     last: bool
     smoothing: Smoothing | None  # of the line around it, at the whole road's arclengths
 
+    @property
+    def core_begins(self) -> float:
+        """Where the core begins along the whole road [m]."""
+        return self.begins + self.core[0]
+
 
 @dataclass(frozen=True)
 class _Core:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from hashlib import sha256
 from itertools import pairwise
 from typing import Any
 
@@ -49,8 +50,14 @@ def joined_summary(stretches: Sequence[Kept]) -> Json:
     summary["manners"] = _manners([one["manners"] for one in every])
     summary["smoothing"] = _smoothing([one["smoothing"] for one in every], lengths)
     summary["time_ms"] = times_json(np.concatenate([one.times for one in stretches]))
-    summary["stretches"] = {"count": len(every), "apart_m": max((_apart(*two) for two in pairwise(stretches)), default=0.0)}
+    apart = max((_apart(*two) for two in pairwise(stretches)), default=0.0)
+    summary["stretches"] = {"count": len(every), "processes": len({one.process for one in stretches}), "apart_m": apart}
     return summary
+
+
+def digest_of(stretches: Sequence[Kept]) -> str:
+    """Return a digest of the cases of a road's stretches."""
+    return sha256("".join(one.key for one in stretches).encode()).hexdigest()
 
 
 def _apart(before: Kept, after: Kept) -> float:

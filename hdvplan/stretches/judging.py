@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -33,8 +34,8 @@ Json = dict[str, Any]
 class Kept:
     """What is kept of a judged stretch until all are joined: a summary as of a road of its own, at arclengths of the whole road.
 
-    ``times`` are those of its planning steps [s]. ``enters`` and ``leaves`` are the corners of all bodies where its core begins and ends,
-    shape (units, 4, 2), x, y [m].
+    ``times`` are those of its planning steps [s], measured in the process ``process``. ``enters`` and ``leaves`` are the corners of all
+    bodies where its core begins and ends, shape (units, 4, 2), x, y [m].
     """
 
     key: str  # of its case
@@ -42,6 +43,7 @@ class Kept:
     obstacles: dict[bytes, Json]  # nearest approaches, by the obstacles' outlines
     regions: dict[bytes, Json]  # all regions beside it, likewise
     times: FloatArray
+    process: int
     enters: FloatArray
     leaves: FloatArray
 
@@ -56,8 +58,8 @@ class Judged:
     features: list[Json]  # of swept.geojson
 
 
-def judged(stretch: Stretch) -> Judged:
-    """Plan a stretch from the begin of its run-in, and judge its core.
+def planned(stretch: Stretch) -> Result:
+    """Plan a stretch from the begin of its run-in, and judge its core; arclengths count from the begin of that.
 
     Raises:
         RoadError: an obstacle has no room on the side on which it must be passed.
@@ -72,41 +74,43 @@ def judged(stretch: Stretch) -> Judged:
         driven = drive_case(replace(case, road=road))
         here = [one for one in passed if stretch.core[0] <= 0.5 * (one.s_from + one.s_to) < stretch.core[1]]
         moved = tuple(replace(one, s_from=one.s_from - stretch.core[0], s_to=one.s_to - stretch.core[0]) for one in here)
-        result = result_of(clipped(driven, *stretch.core), solver=case.solver, objective=case.objective, passed=moved)
+        return result_of(clipped(driven, *stretch.core), solver=case.solver, objective=case.objective, passed=moved)
     except PlanError as error:
         raise PlanError(_counted(error, stretch), s_m=error.s_m + stretch.begins, hint=error.hint) from error
     except SolverError as error:
         s = None if error.s_m is None else error.s_m + stretch.begins
         raise SolverError(_counted(error, stretch), status=error.status, s_m=s, hint=error.hint) from error
-    tables = {name: _rows(result, name, stretch) for name in TABLES}
-    length = result.drive.road.path.length
-    ends = corners(result.drive, np.array([pose_at(result.drive, 0.0), pose_at(result.drive, length)]))
-    features = swept_geojson(result)["features"]
-    assert isinstance(features, list)  # noqa: S101 - for the type checker
-    summary = _summary(result, stretch)
+
+
+def kept_of(result: Result, stretch: Stretch) -> Kept:
+    """Return what is kept of a judged stretch."""
+    drive, summary = result.drive, _summary(result, stretch)
+    ends = corners(drive, np.array([pose_at(drive, 0.0), pose_at(drive, drive.road.path.length)]))
     outlines = [one.obstacle.polygon.wkb for one in result.approaches]
     obstacles = dict(zip(outlines, summary.pop("obstacles"), strict=True))
-    regions = dict(zip([one.polygon.wkb for one in road.regions], regions_json(road), strict=True))
-    times = np.array([plan.times.total for plan in result.drive.plans])
-    parts = {name: content.partition(b"\n") for name, content in tables.items()}
-    kept = Kept(case.key, summary, obstacles, regions, times, ends[0], ends[1])
+    regions = dict(zip([one.polygon.wkb for one in drive.road.regions], regions_json(drive.road), strict=True))
+    times = np.array([plan.times.total for plan in drive.plans])
+    return Kept(stretch.case.key, summary, obstacles, regions, times, os.getpid(), ends[0], ends[1])
+
+
+def judged(stretch: Stretch) -> Judged:
+    """Plan a stretch as ``planned``, and return it as it is written and joined."""
+    result = planned(stretch)
+    parts = {name: _rows(result, name, stretch).partition(b"\n") for name in TABLES}
+    features = swept_geojson(result)["features"]
+    assert isinstance(features, list)  # noqa: S101 - for the type checker
     headers = {name: header + end for name, (header, end, _) in parts.items()}
-    return Judged(kept, headers, {name: rows for name, (_, _, rows) in parts.items()}, features)
+    return Judged(kept_of(result, stretch), headers, {name: rows for name, (_, _, rows) in parts.items()}, features)
 
 
 def _counted(error: HdvplanError, stretch: Stretch) -> str:
     return f"{error}; this s counts from {stretch.begins:.0f} m along the road"
 
 
-def _begins(stretch: Stretch) -> float:
-    """Return the arclength of the whole road at which the core begins [m]."""
-    return stretch.begins + stretch.core[0]
-
-
 def _rows(result: Result, name: str, stretch: Stretch) -> bytes:
     """Return the rows of one table of the core, at the whole road's arclengths and headings."""
     table = dict(TABLES[name](result))
-    table["s"] = replace(table["s"], content=np.round(table["s"].content + _begins(stretch), 6))
+    table["s"] = replace(table["s"], content=np.round(table["s"].content + stretch.core_begins, 6))
     if "heading" in table:
         full = 2.0 * np.pi * np.round((stretch.turned - float(result.drive.road.path.at(0.0).heading)) / (2.0 * np.pi))
         table["heading"] = replace(table["heading"], content=np.round(table["heading"].content + full, 9))
@@ -117,7 +121,7 @@ def _rows(result: Result, name: str, stretch: Stretch) -> bytes:
 
 def _summary(result: Result, stretch: Stretch) -> Json:
     """Return the core's summary at the whole road's arclengths."""
-    by = _begins(stretch)
+    by = stretch.core_begins
     summary = _moved(summary_of(result), by)
     assert isinstance(summary, dict)  # noqa: S101 - for the type checker
     verdict = verdict_of(result)

@@ -7,7 +7,6 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future
 from contextlib import ExitStack
-from hashlib import sha256
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,7 @@ from hdvplan.fileio import json_bytes
 from hdvplan.record import NAME, record_of
 from hdvplan.report.files import FILES
 from hdvplan.stretches.cutting import Stretch
-from hdvplan.stretches.joining import joined_summary
+from hdvplan.stretches.joining import digest_of, joined_summary
 from hdvplan.stretches.judging import TABLES, Judged, Kept, judged
 from hdvplan.texts import encoded
 
@@ -33,9 +32,9 @@ def plan_in_stretches(
     """Plan the stretches of a road, write the files of ``hdvplan plan`` for the whole of it, and return what ``summary.json`` says.
 
     ``each`` maps the planning over the stretches: ``map`` plans one after the other, ``side_by_side`` in the processes of an executor. What
-    is kept does not grow with the road but for its places and times. ``summary.json`` gains ``stretches``: their ``count`` and ``apart_m``,
-    the most by which a corner of a body lay off itself where one stretch goes over into the next. No picture is drawn. ``on_progress``
-    receives the length that is planned [m].
+    is kept does not grow with the road but for its places and times. ``summary.json`` gains ``stretches``: their ``count``, the number of
+    ``processes`` that planned them, beside each other if there are several, and ``apart_m``, the most by which a corner of a body lay off
+    itself where one stretch goes over into the next. No picture is drawn. ``on_progress`` receives the length that is planned [m].
 
     Raises:
         OptionError: the folder holds files of others.
@@ -70,8 +69,7 @@ def plan_in_stretches(
             swept.write(b"]}\n")
         regions = {outline: region for one in kept for outline, region in one.regions.items()}
         (aside / _REGIONS).write_bytes(json_bytes(list(regions.values()), indent=None))
-        digest = sha256("".join(one.key for one in kept).encode()).hexdigest()
-        record = record_of(cases) | {"stretches": {"count": len(kept), "digest": digest}}
+        record = record_of(cases) | {"stretches": {"count": len(kept), "digest": digest_of(kept)}}
         (aside / NAME).write_bytes(json_bytes(record))
         (aside / _SUMMARY).write_bytes(json_bytes(joined_summary(kept)))
 

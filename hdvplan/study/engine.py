@@ -6,6 +6,7 @@ from collections import defaultdict, deque
 from collections.abc import Generator, Iterable
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass
+from time import monotonic
 from typing import Protocol
 
 from hdvplan.errors import HdvplanError
@@ -15,6 +16,7 @@ from hdvplan.study.outcome import UNANSWERED, Outcome
 _LOOK_S = 0.5  # how often a pool is asked whether it still works
 _RENEWALS = 5  # of a pool that breaks again and again before any cell ends
 _WAITING = 1000  # cells, at most, that wait for their roads
+_PATIENCE_S = 30.0  # for which they wait: what takes longer is a long road, whose cells smooth it each for itself
 _OPENED = 16  # roads that count as smoothed, the latest
 
 
@@ -106,7 +108,7 @@ class _Queue:
         self._ahead = iter(cells)
         self._ready = deque[tuple[Cell, int]]()
         self._waiting: defaultdict[Smoothed, list[Cell]] = defaultdict(list)
-        self._opening: dict[Smoothed, str] = {}  # roads that are smoothed now, and the keys of the cells for which they are
+        self._opening: dict[Smoothed, tuple[str, float]] = {}  # roads that are smoothed now, for which cell's key, and since when
         self._opened = deque[Smoothed](maxlen=_OPENED)
         self._used_up = False
 
@@ -117,6 +119,8 @@ class _Queue:
 
     def take(self) -> tuple[Cell, int] | None:
         """Return the next cell and its attempt; None where there is none, or all wait for their roads."""
+        for road in [road for road, (_, since) in self._opening.items() if monotonic() - since > _PATIENCE_S]:
+            self._open(road)
         while not self._ready and sum(map(len, self._waiting.values())) < _WAITING:
             cell = next(self._ahead, None)
             if cell is None:
@@ -127,7 +131,7 @@ class _Queue:
                 self._waiting[road].append(cell)
                 continue
             if road not in self._opened:
-                self._opening[road] = cell.key
+                self._opening[road] = cell.key, monotonic()
             self._ready.append((cell, 1))
         return self._ready.popleft() if self._ready else None
 
@@ -138,7 +142,10 @@ class _Queue:
     def ended(self, cell: Cell) -> None:
         """Let the cells go on that waited for the road of this one."""
         road = cell.smoothed
-        if self._opening.get(road) == cell.key:
-            del self._opening[road]
-            self._opened.append(road)
-            self._ready.extend((other, 1) for other in self._waiting.pop(road, []))
+        if road in self._opening and self._opening[road][0] == cell.key:
+            self._open(road)
+
+    def _open(self, road: Smoothed) -> None:
+        del self._opening[road]
+        self._opened.append(road)
+        self._ready.extend((other, 1) for other in self._waiting.pop(road, []))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import multiprocessing as mp
-import os
 import signal
 import threading
 from collections.abc import Iterable
@@ -13,7 +12,7 @@ from dataclasses import dataclass
 
 import pebble
 
-from hdvplan.machine import use_one_thread
+from hdvplan.machine import usable_cores, use_one_thread
 from hdvplan.serving import serve_parent
 from hdvplan.study.cells import Cell
 from hdvplan.study.engine import Ending, run_in
@@ -36,8 +35,7 @@ class LocalEngine:
     @property
     def processes(self) -> int:
         """The number of processes."""
-        usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-        return usable if self.workers is None else self.workers
+        return usable_cores() if self.workers is None else self.workers
 
     def run(self, cells: Iterable[Cell]) -> Ending:
         """Yield every cell as it ends; see ``Engine``."""

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -11,26 +13,17 @@ from hdvplan.judging.result import Result, body_name
 from hdvplan.judging.verdict import point_of, verdict_of
 from hdvplan.need.answer import Need
 from hdvplan.report.needs import Patch, patches_of
+from hdvplan.report.summary import verdict_json
 from hdvplan.road.road import Road
 from hdvplan.study.cells import Row
 
 TIGHTEST, BREACH, DEAD_END, WIDENING = "tightest", "breach", "no plan", "widening"
+_VERDICT = ("s_m", "x", "y", "lon", "lat", "spare_m", "side", "unit", "part", "region", "obstacle")  # of a place
 
 
 def places_of(result: Result) -> list[Row]:
     """Return the tightest place of a plan, then its breaches in order of s, then obstacles entered beyond the road's ends."""
-    verdict, vehicle = verdict_of(result), result.drive.vehicle
-    tightest: Row = {
-        "kind": TIGHTEST,
-        "s_m": verdict.s,
-        **_at(verdict.x, verdict.y, verdict.lonlat),
-        "spare_m": verdict.spare,
-        "side": verdict.side,
-        "unit": body_name(vehicle, verdict.unit),
-        "part": verdict.part,
-        "region": verdict.region,
-        "obstacle": verdict.obstacle,
-    }
+    vehicle = result.drive.vehicle
     entered: list[Row] = [
         {
             "kind": BREACH,
@@ -47,12 +40,43 @@ def places_of(result: Result) -> list[Row]:
         }
         for near in result.entered
     ]
+    tightest = tightest_place(verdict_json(result, verdict_of(result)))
     return [tightest, *(_breach(result, breach) for breach in result.balance.breaches), *entered]
 
 
-def dead_end(road: Road, s: float) -> Row:
-    """Return the place at arclength ``s`` [m] from which no plan goes on: on the road's line."""
-    x, y = (float(value[0]) for value in road.path.to_plane(np.array([s]), np.zeros(1)))
+def tightest_place(verdict: Mapping[str, Any]) -> Row:
+    """Return the tightest place of a plan from the verdict in its summary."""
+    lonlat = None if verdict["lon"] is None else (verdict["lon"], verdict["lat"])
+    return {"kind": TIGHTEST} | {name: verdict[name] for name in _VERDICT} | {"geometry": _point(lonlat)}
+
+
+def moved(place: dict[str, Any], by: float) -> Row:
+    """Return a place with its arclengths moved by ``by`` [m]."""
+    return place | {name: place[name] + by for name in ("s_m", "s_from_m", "s_to_m")}
+
+
+def joined_places(places: Sequence[dict[str, Any]], summary: Mapping[str, Any]) -> list[Row]:
+    """Return the places of a road that was planned in stretches, from those of its stretches and its summary.
+
+    ``places`` are breaches, at arclengths of the whole road [m]. A breach that goes on over a cut is one; an obstacle beyond the end of a
+    stretch counts where the road ends there.
+    """
+    deepest = {_breached(place["s_m"], place["depth_m"], place): place for place in places}
+    breaches = [
+        deepest[_breached(one["s_deepest"], one["depth_m"], one)] | {"s_from_m": one["s_from"], "s_to_m": one["s_to"]}
+        for one in summary["breaches"]
+    ]
+    entered = [place for place in places if not 0.0 <= place["s_m"] <= summary["length_m"]]
+    return [tightest_place(summary["verdict"]), *breaches, *entered]
+
+
+def _breached(s: object, depth: object, told: Mapping[str, object]) -> tuple[object, ...]:
+    return (s, depth, *(told.get(name) for name in ("side", "region", "obstacle")))
+
+
+def dead_end(road: Road, s: float, begins: float = 0.0) -> Row:
+    """Return the place at arclength ``s`` [m] from which no plan goes on: on the line of a road that begins at arclength ``begins``."""
+    x, y = (float(value[0]) for value in road.path.to_plane(np.array([s - begins]), np.zeros(1)))
     return {"kind": DEAD_END, "s_m": s, **_at(x, y, _lonlat(road, x, y))}
 
 
@@ -104,7 +128,11 @@ def _widening(road: Road, patch: Patch) -> Row:
 def _at(x: float, y: float, lonlat: tuple[float, float] | None) -> Row:
     """Return a point's columns; its geometry is WKB in longitude and latitude."""
     lon, lat = lonlat or (None, None)
-    return {"x": x, "y": y, "lon": lon, "lat": lat, "geometry": None if lonlat is None else struct.pack("<BIdd", 1, 1, *lonlat)}
+    return {"x": x, "y": y, "lon": lon, "lat": lat, "geometry": _point(lonlat)}
+
+
+def _point(lonlat: tuple[float, float] | None) -> bytes | None:
+    return None if lonlat is None else struct.pack("<BIdd", 1, 1, *lonlat)
 
 
 def _lonlat(road: Road, x: float, y: float) -> tuple[float, float] | None:

@@ -212,10 +212,17 @@ def _list(entries: Mapping[str, object], name: str) -> list[object]:
     """Return an entry as a list without repetition; a single value is a list of one."""
     value = entries[name]
     values = list(value) if isinstance(value, list | tuple) else [value]
-    if not values or any(one in values[:number] for number, one in enumerate(values)):
+    if not values or _repeats(values):
         msg = f"{name} must name at least one entry, and none twice: {', '.join(map(str, values)) or 'nothing'}"
         raise OptionError(msg)
     return values
+
+
+def _repeats(values: list[object]) -> bool:
+    try:
+        return len(set(values)) < len(values)
+    except TypeError:  # tables have no hash; there are few of them
+        return any(one in values[:number] for number, one in enumerate(values))
 
 
 def _words(entries: Mapping[str, object], name: str, otherwise: str | None = None) -> tuple[str, ...]:

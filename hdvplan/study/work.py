@@ -13,7 +13,7 @@ import shapely
 
 from hdvplan import api
 from hdvplan.case import Case
-from hdvplan.errors import HdvplanError, PlanError, QpDataError, RoadError, SolverError
+from hdvplan.errors import HdvplanError, OptionError, PlanError, QpDataError, RoadError, SolverError
 from hdvplan.finer import replanned
 from hdvplan.jit import FloatArray
 from hdvplan.judging.verdict import verdict_of
@@ -24,17 +24,24 @@ from hdvplan.planning.bias import CENTRE, bias_named
 from hdvplan.plugins import said
 from hdvplan.report.needs import need_json
 from hdvplan.report.summary import summary_of
-from hdvplan.road.load import RoadOptions, find_road
+from hdvplan.road.load import LONG_M, Line, RoadOptions, find_road
 from hdvplan.road.road import Road
+from hdvplan.road.windows import whole_road
+from hdvplan.stretches.cutting import reach_of, stretches_of_line
+from hdvplan.stretches.joining import digest_of, joined_summary
+from hdvplan.stretches.judging import Kept, kept_of, planned
 from hdvplan.study.cells import Cell, Row
 from hdvplan.study.columns import NEED, NEED_TIME, STEPS, SUMMARY, taken
 from hdvplan.study.inputs import RoadSource, road_digest
 from hdvplan.study.outcome import FAILED, NO_PLAN, PLANNED, REFUSED, Outcome
-from hdvplan.study.places import dead_end, places_of, widening_places
+from hdvplan.study.places import BREACH, dead_end, joined_places, moved, places_of, widening_places
 from hdvplan.study.spool import spooled
 
 _SPACING_M = 2.0  # of the line that stands for a road in tables
 _SIMPLER_M = 0.5  # its points that move it by no more are left out
+_UNPLANNED = (PlanError, QpDataError, SolverError)
+
+ToLonLat = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 
 
 def work(cell: Cell) -> Outcome:
@@ -55,35 +62,37 @@ def work(cell: Cell) -> Outcome:
 def _answer(cell: Cell, row: Row, places: list[Row]) -> str:
     """Fill the row and the places of a cell; return how it ended."""
     loaded = _loaded(cell.road, cell.reading)
-    road, vehicle = loaded.road, cell.variant.vehicle
-    row |= {"geometry": loaded.line, "length_m": road.path.length, "notice": road.notice}
+    road = loaded.road
+    row |= {"geometry": loaded.shape, "length_m": loaded.length, "notice": loaded.notice}
+    if isinstance(road, Line):
+        ending = _plan_stretches(cell, road, row, places)
+    else:
+        case = _case(cell, road)
+        row["case"] = case.key
+        ending = _plan(case, row, places, prove=cell.prove, refine=cell.refine)
+    if cell.need:
+        _need(cell, road, row, places)
+    return ending
+
+
+def _case(cell: Cell, road: Road) -> Case:
+    """Return the case of a cell on a road, or on a stretch of it."""
     if cell.width is not None:
         road = road.with_limits(cell.width.left, cell.width.right)
     if cell.manner.side is not None:
         road = road.passed_on(cell.manner.side)
-    case = Case(road, vehicle, cell.objective, cell.solver, cell.manner.settings)
-    if cell.manner.bias is not None:
-        sided = choose_sides(case)[0] if cell.manner.bias == CENTRE else road
-        case = replace(case, bias=bias_named(cell.manner.bias, sided.limits))
-    row["case"] = case.key
-    ending = _plan(case, row, places, prove=cell.prove, refine=cell.refine)
-    if cell.need:
-        _need(case, row, places)
-    return ending
+    case = Case(road, cell.variant.vehicle, cell.objective, cell.solver, cell.manner.settings)
+    if cell.manner.bias is None:
+        return case
+    sided = choose_sides(case)[0] if cell.manner.bias == CENTRE else road
+    return replace(case, bias=bias_named(cell.manner.bias, sided.limits))
 
 
 def _plan(case: Case, row: Row, places: list[Row], *, prove: bool, refine: bool) -> str:
     try:
         result = api.plan(case)
-    except (PlanError, QpDataError, SolverError) as error:
-        if isinstance(error, SolverError) and error.status is None:  # it is missing, or unknown
-            raise
-        row |= {"fits": False, "reason": str(error)}
-        s = getattr(error, "s_m", None)
-        if s is not None:
-            places.append(dead_end(case.road, float(s)))
-            row |= {name: places[-1][name] for name in ("s_m", "x", "y", "lon", "lat")}
-        return NO_PLAN
+    except _UNPLANNED as error:
+        return _no_plan(error, case.road, 0.0, row, places)
     if prove and verdict_of(result).fits is False:
         result = api.prove(result)
     if refine:
@@ -95,11 +104,43 @@ def _plan(case: Case, row: Row, places: list[Row], *, prove: bool, refine: bool)
     return PLANNED
 
 
-def _need(case: Case, row: Row, places: list[Row]) -> None:
-    """Add what the vehicle needs; where that cannot be found, the reason."""
+def _plan_stretches(cell: Cell, line: Line, row: Row, places: list[Row]) -> str:
+    """Plan a long road as ``hdvplan plan`` does, stretch by stretch: memory does not grow with it. There are no proofs and finer plans."""
+    if cell.manner.bias == CENTRE:
+        msg = f"the bias {CENTRE} is not for roads of more than {LONG_M / 1e3:.0f} km"
+        raise OptionError(msg)
+    kept: list[Kept] = []
+    breaches: list[Row] = []
+    for stretch in stretches_of_line(line, partial(_case, cell), reach=reach_of(cell.variant.vehicle, cell.manner.settings)):
+        try:
+            result = planned(stretch)
+        except _UNPLANNED as error:
+            return _no_plan(error, stretch.case.road, stretch.begins, row, places)
+        kept.append(kept_of(result, stretch))
+        breaches += [moved(place, stretch.core_begins) for place in places_of(result) if place["kind"] == BREACH]
+    told = joined_summary(kept)
+    row |= taken(told, SUMMARY) | taken(told, STEPS) | {"case": digest_of(kept)}
+    places += joined_places(breaches, told)
+    return PLANNED
+
+
+def _no_plan(error: HdvplanError, road: Road, begins: float, row: Row, places: list[Row]) -> str:
+    """Say from where on no plan goes on; ``road`` begins at arclength ``begins`` of the cell's road [m]."""
+    if isinstance(error, SolverError) and error.status is None:  # it is missing, or unknown
+        raise error
+    row |= {"fits": False, "reason": str(error)}
+    s = getattr(error, "s_m", None)
+    if s is not None:
+        places.append(dead_end(road, float(s), begins))
+        row |= {name: places[-1][name] for name in ("s_m", "x", "y", "lon", "lat")}
+    return NO_PLAN
+
+
+def _need(cell: Cell, road: Road | Line, row: Row, places: list[Row]) -> None:
+    """Add what the vehicle needs; where that cannot be found, the reason. A long road is not cut, as by ``hdvplan need``."""
     began = perf_counter()
     try:
-        need = need_of(case, prove=True)
+        need = need_of(_case(cell, whole_road(road) if isinstance(road, Line) else road), prove=True)
     except HdvplanError as error:
         row["reason"] = f"{row['reason']}; need: {error}" if row["reason"] else f"need: {error}"
         return
@@ -109,10 +150,15 @@ def _need(case: Case, row: Row, places: list[Row]) -> None:
 
 @dataclass(frozen=True)
 class _Loaded:
-    """A road, and its line as WKB in longitude and latitude; None where it lies nowhere on the Earth."""
+    """A road, or the line of one that is too long to be loaded at once.
 
-    road: Road
-    line: bytes | None
+    ``shape`` is its line as WKB in longitude and latitude; None where it lies nowhere on the Earth. That of a long road is the given one.
+    """
+
+    road: Road | Line
+    shape: bytes | None
+    length: float
+    notice: str | None
 
 
 @lru_cache(maxsize=2)  # cells of one road and vehicle follow each other
@@ -126,23 +172,34 @@ def _loaded(source: RoadSource, options: RoadOptions) -> _Loaded:
     if road_digest(source.source) != source.digest:
         msg = f"{Path(source.source).name} is another file here than where the study began"
         raise RoadError(msg, hint="files must not change while a study runs, and must be the same on all machines")
-    return spooled(repr((source, options, software(())["source"])), partial(_load, source, options))
+    found = spooled(repr((source, options, software(())["source"])), partial(_load, source, options))
+    if isinstance(found, RoadError):
+        raise found
+    return found
 
 
-def _load(source: RoadSource, options: RoadOptions) -> _Loaded:
-    road = find_road(source.source, options)()
-    return _Loaded(road, _line(road))
-
-
-def _line(road: Road) -> bytes | None:
-    if road.to_lonlat is None:
-        return None
+def _load(source: RoadSource, options: RoadOptions) -> _Loaded | RoadError:
+    """Return the road, or why it cannot be smoothed: that takes as long, and every cell of the road would find it anew."""
+    found = find_road(source.source, options)
+    if found.line is not None and found.line.long:
+        line, raw = found.line, found.line.raw
+        return _Loaded(line, _shape(raw.points[::-1] if options.reverse else raw.points, raw.to_lonlat), line.length, raw.notice)
+    try:
+        road = found()
+    except RoadError as error:
+        return error
     s = np.linspace(0.0, road.path.length, max(2, int(np.ceil(road.path.length / _SPACING_M)) + 1))
-    plain = shapely.LineString(np.column_stack(road.path.to_plane(s, np.zeros(len(s)))))
-    simple = shapely.simplify(plain, _SIMPLER_M, preserve_topology=False)
-    placed = shapely.transform(simple, _degrees(road.to_lonlat))
+    points = np.column_stack(road.path.to_plane(s, np.zeros(len(s))))
+    return _Loaded(road, _shape(points, road.to_lonlat), road.path.length, road.notice)
+
+
+def _shape(points: FloatArray, to_lonlat: ToLonLat | None) -> bytes | None:
+    if to_lonlat is None:
+        return None
+    simple = shapely.simplify(shapely.LineString(points), _SIMPLER_M, preserve_topology=False)
+    placed = shapely.transform(simple, _degrees(to_lonlat))
     return bytes(shapely.to_wkb(placed, byte_order=1))
 
 
-def _degrees(to_lonlat: Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]) -> Callable[[FloatArray], FloatArray]:
+def _degrees(to_lonlat: ToLonLat) -> Callable[[FloatArray], FloatArray]:
     return lambda points: np.column_stack(to_lonlat(points[:, 0], points[:, 1]))

@@ -157,7 +157,7 @@ def _long_roads_are_short(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("_long_roads_are_short")
 def test_a_long_road_is_planned_in_stretches_from_the_command_line(cli: Cli, tmp_path: Path) -> None:
-    outcome = cli("plan", ROAD, "--vehicle", "bus", "--half-width", "3.5", "--out", "plan")
+    outcome = cli("plan", ROAD, "--vehicle", "bus", "--half-width", "3.5", "--workers", "1", "--out", "plan")
     assert outcome.code == 0
     assert outcome.out.startswith("YES")
     assert f"{ROAD} has 2 km: it is planned in stretches, without pictures" in outcome.err
@@ -169,7 +169,7 @@ def test_a_long_road_is_planned_in_stretches_from_the_command_line(cli: Cli, tmp
 
 @pytest.mark.usefixtures("_long_roads_are_short")
 def test_a_long_road_that_is_too_narrow_is_told_with_exit_code_1(cli: Cli) -> None:
-    outcome = cli("plan", ROAD, "--vehicle", "bus", "--half-width", "1.3", "--json", "--out", "plan")
+    outcome = cli("plan", ROAD, "--vehicle", "bus", "--half-width", "1.3", "--json", "--workers", "1", "--out", "plan")
     assert outcome.code == 1
     assert json.loads(outcome.out)["verdict"]["fits"] is False
     assert "error: the" in outcome.err

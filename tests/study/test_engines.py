@@ -193,6 +193,17 @@ def test_the_first_cell_of_a_road_goes_alone_and_the_others_wait_for_it(folder: 
     assert queue.empty
 
 
+def test_cells_wait_for_their_road_only_so_long(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    cells = _cells(folder, 3)
+    queue = _Queue(cells)
+    assert [queue.take(), queue.take()] == [(cells[0], 1), None]
+    monkeypatch.setattr("hdvplan.study.engine._PATIENCE_S", -1.0)  # it has passed
+    assert [queue.take(), queue.take()] == [(cells[1], 1), (cells[2], 1)]
+    queue.ended(cells[0])
+    assert queue.take() is None
+    assert queue.empty
+
+
 def test_few_cells_wait_for_a_road_that_has_many(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hdvplan.study.engine._WAITING", 3)
     taken: list[str] = []

@@ -16,6 +16,7 @@ import hdvplan
 from hdvplan import api
 from hdvplan.errors import OptionError
 from hdvplan.report.summary import summary_of
+from hdvplan.road.load import Found, RoadOptions, find_road
 from hdvplan.study.cells import Cell, cells_of
 from hdvplan.study.columns import PARALLEL, SUMMARY, taken
 from hdvplan.study.conduct import Results, run
@@ -251,3 +252,19 @@ def test_a_study_may_be_run_from_python_by_its_file_or_its_entries(folder: Path,
     by_entries = hdvplan.study.run({"roads": ["bend.csv"], "vehicles": ["bus"], "settings": {"horizon": 30}}, "b", InHere())
     pd.testing.assert_frame_equal(exact(by_file.cells()), exact(by_entries.cells()))
     assert by_file.fits == {"NEEDS": 1}
+
+
+def test_a_road_that_cannot_be_smoothed_is_tried_once(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    points = [*((float(x), 0.0) for x in range(0, 201, 10)), *((200.0 - x, 0.5) for x in range(10, 101, 10))]  # it turns on the spot
+    (folder / "back.csv").write_text("\n".join(["x,y", *(f"{x},{y}" for x, y in points)]), encoding="utf-8")
+    read: list[str] = []
+
+    def counted(source: str, options: RoadOptions) -> Found:
+        read.append(source)
+        return find_road(source, options)
+
+    monkeypatch.setattr("hdvplan.study.work.find_road", counted)
+    table = _run(folder, {"roads": ["back.csv"], "vehicles": ["bus"], "half_widths": [3.0, 3.5]}).cells()
+    assert table["outcome"].tolist() == ["refused", "refused"]
+    assert table["reason"].str.contains("turns back on itself").all()
+    assert len(read) == 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from time import process_time
 
 import pytest
 
@@ -148,3 +149,10 @@ def test_two_vehicles_of_one_name_are_refused(folder: Path) -> None:
     (folder / "copy.toml").write_text(preset_text("bus"), encoding="utf-8")
     with pytest.raises(HdvplanError, match="two vehicles of the study are called 'bus'"):
         study_of(BASE | {"vehicles": ["bus", "copy.toml"]}, folder)
+
+
+def test_a_hundred_thousand_widths_are_read_in_seconds() -> None:
+    began = process_time()
+    study = study_of(BASE | {"half_widths": [round(1.2 + 1e-5 * number, 5) for number in range(100_000)]})
+    assert len(study) == 100_000
+    assert process_time() - began < 10.0  # comparing each with each takes minutes

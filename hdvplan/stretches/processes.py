@@ -1,0 +1,41 @@
+"""Processes of this machine that plan the stretches of one long road side by side."""
+
+from __future__ import annotations
+
+import multiprocessing as mp
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+
+from hdvplan.errors import HdvplanError
+from hdvplan.machine import use_one_thread
+from hdvplan.serving import serve_parent
+from hdvplan.stretches.planning import Each, side_by_side
+
+_AHEAD = 2  # stretches for every process: one that it plans, and one that is ready
+
+
+@contextmanager
+def processes(count: int) -> Iterator[Each]:
+    """Yield what plans stretches in ``count`` processes, or in this one where that is 1; what they find is the same.
+
+    Whatever ends the block: stretches that no process has begun are not planned.
+
+    Raises:
+        HdvplanError: a process ended, such as by lack of memory.
+
+    """
+    if count == 1:
+        yield map
+        return
+    use_one_thread()  # the processes inherit it
+    spawned = mp.get_context("spawn")  # a forked process would share threads and locks with libraries that are loaded here
+    with ProcessPoolExecutor(count, mp_context=spawned, initializer=serve_parent) as executor:
+        try:
+            yield side_by_side(executor, _AHEAD * count)
+        except BrokenProcessPool as error:
+            msg = "a process that planned a stretch ended before it was done"
+            raise HdvplanError(msg, hint="it may have been killed for lack of memory: take fewer with --workers") from error
+        finally:
+            executor.shutdown(wait=False, cancel_futures=True)

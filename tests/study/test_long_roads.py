@@ -1,0 +1,131 @@
+"""Cells on roads that are planned in stretches: the same row as of a plan of the whole road, on any number of processes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import shapely
+
+import hdvplan
+from hdvplan.errors import PlanError
+from hdvplan.judging.result import Result
+from hdvplan.report.summary import summary_of
+from hdvplan.road.load import REFERENCE_SLACK, RoadOptions
+from hdvplan.stretches.cutting import Stretch
+from hdvplan.stretches.judging import planned
+from hdvplan.study.columns import SUMMARY, taken
+from hdvplan.study.conduct import Results, run
+from hdvplan.study.local import LocalEngine
+from hdvplan.study.places import joined_places
+from hdvplan.study.spec import study_of
+from tests.study.conftest import InHere
+from tests.study.test_run import exact
+
+Entries = dict[str, object]
+EXACT = ("fits", "side", "unit", "part", "region", "status", "plans", "breaches", "step_m", "proved")
+MILLIMETRE = (
+    "spare_m", "x", "y", "wheels_spare_m", "verdict_half_width_m", "max_left_m", "max_right_m", "imbalance_m", "mean_abs_imbalance_m",
+    "expected_half_width_m", "needed_half_width_m", "min_clearance_m", "limit_violation_m",
+)  # fmt: skip
+SHORT = {"horizon": 30, "step": 1, "replan": 10}  # sees little, and is quick
+
+
+def wave(length: float) -> str:
+    """Return a wavy road near Vaduz, 3 m to either side, with two narrow places: at 2 km, and 1 km before its end."""
+    x = np.arange(0.0, length, 25.0)
+    lon, lat = 9.3 + x / 75_900.0, 47.14 + 10.0 * np.sin(x / 100.0) / 111_200.0
+    reach = np.where((np.abs(x - 2000.0) < 40.0) | (np.abs(x - length + 1000.0) < 40.0), 1.0, 3.0).tolist()
+    line = {"type": "LineString", "coordinates": np.column_stack([lon, lat]).tolist()}
+    return json.dumps({"type": "Feature", "properties": {"left_m": reach, "right_m": reach}, "geometry": line})
+
+
+@pytest.fixture
+def long_folder(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return a folder with a road of 8 km, which is planned in two stretches."""
+    monkeypatch.setattr("hdvplan.road.load.LONG_M", 1000.0)
+    (folder / "wave.geojson").write_text(wave(8000.0), encoding="utf-8")
+    return folder
+
+
+def _run(folder: Path, entries: Entries) -> Results:
+    return run(study_of({"roads": ["wave.geojson"]} | entries, folder), folder / "out", InHere())
+
+
+def test_a_cell_on_a_long_road_tells_what_a_plan_of_the_whole_road_tells(long_folder: Path) -> None:
+    results = _run(long_folder, {"vehicles": ["P"], "settings": SHORT})
+    (row,) = results.cells().to_dict("records")
+    vehicle = hdvplan.load_vehicle("P")
+    road = hdvplan.load_road(long_folder / "wave.geojson", RoadOptions(max_curvature=REFERENCE_SLACK * vehicle.max_curvature))
+    whole = hdvplan.plan(hdvplan.Case(road, vehicle, settings=hdvplan.PlannerSettings(horizon=30.0, step=1.0, replan=10.0)))
+    assert (row["outcome"], row["stretches"]) == ("planned", 2)
+    assert row["stretches_apart_m"] < 1e-3  # what stretches may lie apart
+    told = taken(summary_of(whole), SUMMARY)
+    for name in EXACT:
+        assert row[name] == told[name], name
+    for name in MILLIMETRE:
+        assert row[name] == pytest.approx(told[name], abs=1e-3), name  # as above
+    assert (row["s_m"], row["length_m"]) == pytest.approx((told["s_m"], told["length_m"]), abs=0.01)  # lengths of lines that differ by 1 mm
+    places = results.places()
+    breaches = places[places["kind"] == "breach"]
+    assert len(breaches) == row["breaches"] == len(whole.balance.breaches) > 1
+    for found, breach in zip(breaches.to_dict("records"), whole.balance.breaches, strict=True):
+        assert (found["s_from_m"], found["s_to_m"]) == pytest.approx((breach.s_from, breach.s_to), abs=0.01)  # as above
+        assert found["depth_m"] == pytest.approx(breach.depth, abs=1e-3)  # as above
+    line = shapely.from_wkb(row["geometry"])
+    assert line.distance(shapely.points(row["lon"], row["lat"])) < 1e-4  # degrees: 10 m
+
+
+def test_where_a_stretch_has_no_plan_the_cell_has_the_place_on_the_whole_road(long_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def ends(stretch: Stretch) -> Result:
+        if stretch.number:
+            msg = "no further"
+            raise PlanError(msg, s_m=6000.0)
+        return planned(stretch)
+
+    monkeypatch.setattr("hdvplan.study.work.planned", ends)
+    results = _run(long_folder, {"vehicles": ["P"], "settings": SHORT})
+    (row,), (place,) = results.cells().to_dict("records"), results.places().to_dict("records")
+    assert (row["outcome"], row["s_m"], row["reason"]) == ("no plan", 6000.0, "no further")
+    assert not row["fits"]
+    assert (place["kind"], place["s_m"]) == ("no plan", 6000.0)
+    assert place["lon"] == pytest.approx(9.3 + 6000.0 / 75_900.0, abs=2e-3)  # waves are longer than their chord
+
+
+def test_the_middle_between_limits_is_refused_on_long_roads(long_folder: Path) -> None:
+    (row,) = _run(long_folder, {"vehicles": ["bus"], "half_widths": [3.5], "settings": {"bias": "centre"}}).cells().to_dict("records")
+    assert row["outcome"] == "refused"
+    assert "is not for roads of more than" in row["reason"]
+
+
+def test_a_breach_over_a_cut_is_one_place_and_an_obstacle_beyond_a_stretch_is_none() -> None:
+    def breach(s: float, depth: float, s_from: float, s_to: float) -> dict[str, object]:
+        told: dict[str, object] = {"side": "left", "region": "drivable", "obstacle": None, "x": s}
+        return told | {"s_m": s, "depth_m": depth, "s_from_m": s_from, "s_to_m": s_to}
+
+    verdict = dict.fromkeys(("s_m", "x", "y", "lon", "lat", "spare_m", "side", "unit", "part", "region", "obstacle"))
+    whole = {"side": "left", "region": "drivable", "obstacle": None, "depth_m": 0.3, "s_deepest": 101.0, "s_from": 90.0, "s_to": 104.0}
+    beyond = {"s_m": -4.0, "depth_m": 0.2, "obstacle": "a post"}
+    inside = beyond | {"s_m": 102.0}  # before the begin of the second stretch, which sees it as a breach of its own
+    found = joined_places(
+        [breach(95.0, 0.1, 90.0, 99.75), beyond, inside, breach(101.0, 0.3, 100.0, 104.0)],
+        {"verdict": verdict, "breaches": [whole], "length_m": 200.0},
+    )
+    assert [place.get("kind") for place in found] == ["tightest", None, None]
+    assert found[1] == breach(101.0, 0.3, 90.0, 104.0)
+    assert found[2] == beyond
+
+
+@pytest.mark.slow
+def test_a_road_of_more_than_50_km_is_the_same_on_any_number_of_processes(folder: Path) -> None:
+    (folder / "wave.geojson").write_text(wave(52_000.0), encoding="utf-8")
+    entries: Entries = {"roads": ["wave.geojson"], "vehicles": ["P", "citaro-k"], "settings": SHORT}
+    here = run(study_of(entries, folder), folder / "here", InHere())
+    assert here.cells()["stretches"].tolist() == [10, 10]
+    for workers in (1, 2):
+        there = run(study_of(entries, folder), folder / f"there{workers}", LocalEngine(workers))
+        pd.testing.assert_frame_equal(exact(here.cells()), exact(there.cells()))
+        pd.testing.assert_frame_equal(here.places(), there.places())
