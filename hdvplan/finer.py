@@ -1,8 +1,8 @@
-"""A plan that breaks its limits, planned again with stations nearer together.
+"""Plan again with stations nearer together where a plan breaks its limits.
 
-What a body may reach at a station is the narrowest that the limits are until the next one (``hdvplan.planning.stations``). Where a limit
-comes in at a slope, that is less room than there is: the slope times the distance of stations. On a road as wide as the vehicle can just
-use, the coarse plan then fails where a finer one does not.
+At each station the planner uses the narrowest limit up to the next one (``hdvplan.planning.stations``). Where a limit narrows at a slope,
+this takes away room: the slope times the distance between stations. On a road just wide enough for the vehicle, a coarse plan can therefore
+fail where a finer one does not.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from hdvplan.judging.result import Attempt, Result
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.planning.settings import MOST_STAGES, SHORTEST_STEP_M, PlannerSettings
 
-_DIVISORS = (2, 5)  # of the distance of stations: whole numbers, so that horizon and replanning distance stay whole numbers of them
+_DIVISORS = (2, 5)  # of the distance of stations: whole numbers, so that horizon and replanning distance remain multiples of it
 _WORTH = 0.5  # metres lacking per metre between stations beyond which a finer plan is not tried: limits at that slope are rare
 
 
 def replanned(result: Result, *, on_progress: Callable[[float], None] | None = None) -> Result:
     """Return the first plan with stations nearer together that keeps the limits which ``result`` breaks; else ``result``.
 
-    Either has what was tried in ``attempts``. One that lacks more room than stations can take away, or whose breach is proved to be
-    inevitable, is not planned again. ``on_progress`` receives the share of the attempts that are made, 0 to 1.
+    Both list in ``attempts`` what was tried. A plan is not repeated if it lacks more room than the distance between stations can take away,
+    or if its breach is proved to be inevitable. ``on_progress`` receives the share of the attempts that are made, 0 to 1.
     """
     verdict, last = verdict_of(result), result
     if verdict.fits is not False or verdict.proved:

@@ -1,4 +1,4 @@
-"""Where something that became worse began: revisions between base and working tree, compared with the base by halving."""
+"""Find the revision in which something became worse: those between base and working tree are compared with the base by bisection."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from hdvplan.bench.origin import Origin, Trial
 from hdvplan.bench.revisions import Revision
 from hdvplan.bench.suite import cell_words
 
-_SPARE = 3  # comparisons more than halving takes, for revisions that cannot be judged
-_LEAST_NOISE = 1e-3  # of the logarithms of ratios: below this all is equally clear
+_SPARE = 3  # comparisons beyond those of a bisection, for revisions that cannot be judged
+_LEAST_NOISE = 1e-3  # of the logarithms of ratios: smaller ones count as this
 
 
 @dataclass(frozen=True)
 class Symptom:
-    """One thing that a comparison calls worse: a counter or the time of a cell, a statistic of all cells, or a program that fails."""
+    """One finding of a comparison: a counter or the time of a cell, a statistic of all cells, or a program that fails."""
 
     words: str
     cell: tuple[str, ...] | None = None
@@ -86,10 +86,10 @@ def most_trials(count: int) -> int:
 
 
 def origin_of(symptom: Symptom, revisions: Sequence[Revision], compared: Callable[[Revision], Comparison]) -> Origin:
-    """Return where a symptom began that the last of ``revisions`` shows, and what lies before the first does not.
+    """Return where a symptom began that the last of ``revisions`` shows, and the state before the first does not.
 
     ``compared`` returns a revision's comparison with the base. The number of comparisons is the logarithm of that of the revisions, and
-    a few more where some cannot tell.
+    a few more if some revisions cannot be judged.
     """
     good, bad = -1, len(revisions) - 1
     trials: dict[int, Trial] = {}

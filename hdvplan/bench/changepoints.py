@@ -1,11 +1,11 @@
 """Where series of measurements change their level. Arrays in, indices out.
 
 The levels of a series are those of the segmentation with the least squared error plus a penalty for each change (optimal partitioning by
-ruptures: Truong, Oudre and Vayatis 2020), in units of the noise between neighbours. Measurements that lie far from their level are drawn
-towards it first, so that single ones decide nothing. The penalty is what the best single split of any of the series gains with a
-given probability when their residuals are put into random order, all series in the same one: so all together raise a false alarm with about
-that probability, however many they are and however they depend on each other (as in ``joint``). In 750 simulated histories of 10 to 60
-commits without a change, a level of 1 % gave 0.7 % with normal noise, and 2.4 % with the tails of Student's t with two degrees of freedom.
+ruptures: Truong, Oudre and Vayatis 2020), in units of the noise between neighbours. Measurements far from their level are first moved
+towards it, so that single outliers decide nothing. The penalty is what the best single split of any series gains, with a given probability,
+when the residuals are put into random order, the same order for all series. So all series together raise a false alarm with about that
+probability, whatever their number and their dependence (as in ``joint``). In 750 simulated histories of 10 to 60 commits without a change,
+a level of 1 % gave 0.7 % with normal noise, and 2.4 % with the tails of Student's t with two degrees of freedom.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from hdvplan.jit import FloatArray
 
 _SHORTEST = 2  # measurements that make a level
 _ORDERS, _BLOCK = 2000, 100  # random ones, from which the penalty is read, and how many at once
-_WINDOW = 5  # measurements in whose middle one must not lie apart
+_WINDOW = 5  # measurements around one that may be an outlier
 _APART = 3.0  # standard deviations
 _QUIET = 0.8  # share of the differences between neighbours that are noise; the largest may be changes
 _TRIMMED = 0.438  # mean of the squares that are kept of normal noise of unit variance
@@ -50,7 +50,7 @@ def change_points(table: FloatArray, level: float) -> list[list[int]]:
 
 
 def _calmed(logs: FloatArray) -> FloatArray:
-    """Return series whose single outliers are drawn to the median of their neighbours, to find first levels in."""
+    """Return series whose single outliers are moved to the median of their neighbours, for a first search of levels."""
     half = _WINDOW // 2
     padded = np.pad(logs, ((0, 0), (half, half)), mode="reflect")
     middle = np.median(sliding_window_view(padded, _WINDOW, axis=1), axis=2)
@@ -89,7 +89,7 @@ def _parted(row: FloatArray, changes: list[int]) -> tuple[FloatArray, FloatArray
 
 
 def _penalty(residuals: FloatArray, level: float) -> float:
-    """Return what the best change of any row gains with the probability ``level``, where the order of columns is random.
+    """Return the gain that the best change of any row exceeds with the probability ``level`` if the order of columns is random.
 
     A change is a split, or half of a pair of changes with a few columns between them.
     """

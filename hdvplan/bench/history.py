@@ -1,4 +1,4 @@
-"""Results of comparisons by commit: one small file for each commit, kind of machine and work, in a folder that can be a branch."""
+"""Results of comparisons by commit: a small file for each commit, kind of machine and work, in a folder that can be a branch."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _MACHINE = ("processor", "usable_cores", "platform", "python_minor")  # what mus
 
 @dataclass(frozen=True)
 class Entry:
-    """What was measured of one commit against a base, on what."""
+    """What was measured of one commit against a base, and on which machine."""
 
     revision: Revision
     measured: str  # ISO 8601
@@ -62,7 +62,7 @@ def entry_of(comparison: Comparison, revision: Revision, base: str, work: Suite 
 
 
 def work_words(work: Suite | CommandWork) -> dict[str, object]:
-    """Return what is done as plain values, without those that are usual, with a digest of every file that it names."""
+    """Return the work as plain values, without those that equal the default, and with a digest of every file that it names."""
     if isinstance(work, CommandWork):
         return {"command": list(work.words)}
     files = [Path(name) for name in (*work.roads, *work.vehicles) if Path(name).is_file()]
@@ -85,7 +85,7 @@ def write_entry(entry: Entry, folder: Path) -> Path:
 
 
 def read_entries(folder: Path) -> list[Entry]:
-    """Return what a folder holds, by date of commit; files with other names are left alone.
+    """Return the entries in a folder, by date of commit; files with other names are ignored.
 
     Raises:
         OptionError: there is no such folder, nothing in it, or a file that is damaged or of a later version.

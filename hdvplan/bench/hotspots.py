@@ -1,4 +1,4 @@
-"""Which functions take longer: both programs once more under cProfile, function by function."""
+"""The functions that take longer: both programs run once more under cProfile."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hdvplan.bench.processes import Scratch
 from hdvplan.bench.programs import Program, ProgramError
 from hdvplan.bench.work import Work
 
-_MOST = 10  # functions that are told
+_MOST = 10  # functions that are listed
 _LEAST = 0.01  # of the base's time: differences below this are noise of single runs
 _BUILT_IN = "~"  # cProfile's name of the file of what is not Python
 Functions = Mapping[str, tuple[float, int]]  # by name: own time [s], calls

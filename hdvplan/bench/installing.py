@@ -1,4 +1,4 @@
-"""Environments for programs: by uv where a project has a lock file of it and uv is there, else by venv and pip."""
+"""Environments for programs: by uv if a project has its lock file and uv is installed, else by venv and pip."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def reason(ended: Ended) -> str:
 
 
 def _uv_sync(uv: str, source: Path, folder: Path, scratch: Scratch, *, again: bool) -> Ended:
-    """Have uv install what the lock file says, with the groups that are usual, and the project as others would get it."""
+    """Have uv install what the lock file says, with the default groups, and the project as others would install it."""
     afresh = ["--reinstall-package", _project(source)] if again else []
     command = [uv, "sync", "--quiet", "--frozen", "--no-editable", "--no-progress", "--project", str(source), "--python", sys.executable]
     return run([*command, *afresh], _variables(scratch) | {"UV_PROJECT_ENVIRONMENT": str(folder)}, scratch, source)

@@ -1,4 +1,4 @@
-"""Where something that became worse began, as a comparison tells it."""
+"""The revision in which something became worse, as a comparison reports it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from hdvplan.bench.revisions import Revision
 
 @dataclass(frozen=True)
 class Trial:
-    """A revision that was compared with the base, and whether it shows the same; None: that could not be told."""
+    """A revision that was compared with the base, and whether it shows the same; None: not known."""
 
     revision: Revision
     shows: bool | None

@@ -1,4 +1,4 @@
-"""The commits of a checkout that a comparison names: which one is here, and which lie between it and another."""
+"""The commits of a checkout that a comparison names: the current one, and those between it and another."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Revision:
 
     @property
     def words(self) -> str:
-        """What to call it: the beginning of its hash, and its subject."""
+        """Its name in messages: the beginning of its hash, and its subject."""
         return self.subject if self.commit is None else f"{self.commit[:_SHORT]} {self.subject}"
 
 
@@ -49,9 +49,9 @@ def is_changed(here: Checkout) -> bool:
 
 
 def revisions_since(here: Checkout, base: str) -> tuple[Revision, ...]:
-    """Return what could have changed something since the commit ``base``, a hash: the first-parent history to what is here, oldest first.
+    """Return the revisions since the commit ``base``, a hash, that could have changed something: the first-parent history, oldest first.
 
-    Where ``base`` lies beside this history the commit at which both part comes first, as the difference may be in ``base``. Changes in the
+    If ``base`` is no ancestor, the commit at which both histories part comes first, as the difference may be in ``base``. Changes in the
     working tree come last.
 
     Raises:

@@ -97,7 +97,7 @@ def trend_figure(trend: Trend) -> Figure:
 
 
 def titles_of(trend: Trend) -> tuple[str, str]:
-    """Return what was measured on what, and how changes are found, each in a line."""
+    """Return one line about what was measured on which machine, and one about how changes are found."""
     last = trend.entries[-1]
     count = len(trend.entries)
     head = f"{count} commit{'s' * (count > 1)}: {_work(last.work)}; {last.machine.get('processor')}, {last.machine.get('python_minor')}"

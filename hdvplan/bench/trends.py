@@ -1,4 +1,4 @@
-"""How the numbers of a history went, commit by commit, and where they changed. Entries in, series out."""
+"""The numbers of a history by commit, and where they changed. Entries in, series out."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from hdvplan.jit import FloatArray
 
 Name = tuple[str, str, str]  # cell, what, unit
 LEVEL = 0.01  # about the probability that a history in which nothing changed shows a change point in any of its series
-_LEAST = 1.02  # ratio of two levels that is told; memory differs by less from commit to commit, and yet beyond chance
+_LEAST = 1.02  # ratio of two levels that is shown; memory differs by less between commits, and yet significantly
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Series:
     unit: str
     entries: tuple[Entry, ...]
     values: FloatArray  # in its unit
-    shown: FloatArray  # the same, or the ratio to the base: what changes are sought in
+    shown: FloatArray  # the same, or the ratio to the base: changes are searched in these
     levels: tuple[tuple[int, float], ...]  # where each begins, and its median of ``shown``
     changes: tuple[Change, ...]
 
@@ -56,12 +56,12 @@ class Trend:
     """The history of one kind of machine and work."""
 
     entries: tuple[Entry, ...]  # by date of commit
-    base: str | None  # that all entries share: numbers are shown as ratios to it, from which the machine's drift cancels
+    base: str | None  # that all entries share: numbers are shown as ratios to it, in which the drift of the machine cancels
     series: tuple[Series, ...]
 
 
 def trends_of(entries: Sequence[Entry]) -> tuple[Trend, ...]:
-    """Return one trend for each kind of machine and work, the one that was measured last first; they are never mixed."""
+    """Return one trend for each kind of machine and work, the latest measured first; they are never mixed."""
     kinds: dict[tuple[str, str], list[Entry]] = {}
     for entry in entries:
         kinds.setdefault(entry.kind, []).append(entry)

@@ -10,10 +10,10 @@ import numpy as np
 from hdvplan.bench.sides import Steps
 from hdvplan.jit import FloatArray, IntArray
 
-_SHARE = 0.8  # of the time that is added: the steps that are told hold so much of it
+_SHARE = 0.8  # of the added time: the steps that are named account for so much of it
 _ALIKE = 0.5  # of the least of these: steps that gained so much belong to them
 _FEW = 0.5  # of all steps; more are no place
-_MOST = 3  # stretches that are told
+_MOST = 3  # stretches that are named
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdvplan.cli.console import ExitCode, note, print_json, print_tables, progress, warn
+from hdvplan.cli.help import OUTPUT
 from hdvplan.cli.options import JsonOption, QuietOption, file_name
 from hdvplan.errors import OptionError
 
@@ -16,27 +17,42 @@ if TYPE_CHECKING:
 
     from hdvplan.network.extract import Route
 
-_COLUMNS = ("relation", "ref", "route", "roads", "length [km]", "ways missing", "gaps", "wrong order", "turns")
+_ROUTES, _LIMITS = "Routes", "Limits"  # groups of options
+_COLUMNS = ("relation", "ref", "route", "roads", "length [km]", "cuts", "missing")
 
 
 def extract(
     source: Annotated[Path, typer.Argument(metavar="MAP", help="A map of OpenStreetMap (.osm.pbf, .osm, .osm.gz), or liechtenstein.")],
-    route: Annotated[str, typer.Option("--route", metavar="KIND", help="Which routes, by their tag route.")] = "bus",
-    ref: Annotated[list[str] | None, typer.Option("--ref", metavar="REF", help="Only the line of this number; may be repeated.")] = None,
+    route: Annotated[
+        str, typer.Option("--route", metavar="KIND", help="Which routes: the value of their tag route.", rich_help_panel=_ROUTES)
+    ] = "bus",
+    ref: Annotated[
+        list[str] | None,
+        typer.Option("--ref", metavar="REF", help="Only the line with this number; may be repeated.", rich_help_panel=_ROUTES),
+    ] = None,
     lane: Annotated[
-        float | None, typer.Option("--lane-width", metavar="M", help="Width of a lane where the map only counts them [m] [default: 3.25].")
+        float | None,
+        typer.Option(
+            "--lane-width",
+            metavar="M",
+            help="Width of a lane where the map only has their number [m] [default: 3.25].",
+            rich_help_panel=_LIMITS,
+        ),
     ] = None,
     half_width: Annotated[
-        float | None, typer.Option("--half-width", metavar="M", help="Limits at +-M [m] of ways that tell neither width nor lanes.")
+        float | None,
+        typer.Option("--half-width", metavar="M", help="Limits at +-M [m] for ways without width and lanes.", rich_help_panel=_LIMITS),
     ] = None,
-    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Where to write [default: <map>.<kind>/].")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Where to write [default: <map>.<kind>/].", rich_help_panel=OUTPUT)
+    ] = None,
     json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> int:
-    """Write the routes of a map as road files, one for every stretch without gaps.
+    """Write the routes of a map as road files.
 
-    A route's ways are joined in its order, each turned so that it meets the next; roundabouts are driven from where a route enters them to
-    where it leaves them. Gaps, ways out of order and ways that the map lacks cut a route; each is told on a line of its own.
+    A route's ways are joined in its order, each turned so that it meets the next. Roundabouts are driven from where a route enters to where
+    it leaves. A route is cut at gaps, at ways out of order and at ways that the map lacks; a warning names each place.
     """
     if out is not None and out.exists() and not out.is_dir():
         msg = f"--out {out} is a file, not a folder"
@@ -65,13 +81,13 @@ def extract(
     elif not quiet:
         print_tables(_table(routes))
         roads = sum(len(one.roads) for one in routes)
-        note(f"wrote {roads} roads to {directory}/; {RECORD} and report.csv tell of them")
+        note(f"wrote {roads} roads, report.csv and {RECORD} to {directory}/")
     return ExitCode.OK
 
 
 def _table(routes: tuple[Route, ...]) -> Table:
-    """Return the routes and how many roads each became."""
-    from hdvplan.network.stitch import Trouble
+    """Return the routes, how many roads each became, at how many places it is cut, and how many of its ways the map lacks."""
+    from hdvplan.network.stitch import CUTS
     from hdvplan.report.grid import grid
 
     rows = [
@@ -81,7 +97,7 @@ def _table(routes: tuple[Route, ...]) -> Table:
             one.relation.tags.get("name", ""),
             str(len(one.roads)),
             f"{1e-3 * one.length:.1f}",
-            *(str(number) if number else "" for number in (one.missing, *map(one.count, (Trouble.GAP, Trouble.ORDER, Trouble.TURN)))),
+            *(str(number) if number else "" for number in (one.count(*CUTS), one.missing)),
         )
         for one in routes
     ]
@@ -90,4 +106,4 @@ def _table(routes: tuple[Route, ...]) -> Table:
     caption = (
         f"{whole} of {len(routes)} whole; limits known on {100.0 * limited:.0f} % of their length; © OpenStreetMap contributors, ODbL 1.0"
     )
-    return grid("routes", _COLUMNS, rows, text=("relation", "ref", "route"), one_line=("route",), caption=caption)
+    return grid("routes", _COLUMNS, rows, text=("route",), one_line=("route",), caption=caption)

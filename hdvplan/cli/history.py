@@ -1,4 +1,4 @@
-"""``hdvplan history``: how planning times went, commit by commit, and where they changed."""
+"""``hdvplan history``: planning times by commit, and where they changed."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from hdvplan.cli.console import ExitCode, note, print_json, print_tables
+from hdvplan.cli.help import OUTPUT
 from hdvplan.cli.options import JsonOption, QuietOption, choice
 from hdvplan.errors import OptionError
 
@@ -17,17 +18,18 @@ PICTURES = ("png", "pdf", "svg")
 def history(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="The folder that `hdvplan bench --against REV --history DIR` adds to.")],
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="The chart: png, pdf or svg [default: DIR/history.png].")
+        Path | None,
+        typer.Option("--out", metavar="FILE", help="The chart: png, pdf or svg [default: DIR/history.png].", rich_help_panel=OUTPUT),
     ] = None,
-    plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw the chart.")] = True,
+    plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw the chart.", rich_help_panel=OUTPUT)] = True,
     json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> int:
     """Show planning times by commit.
 
-    There is a table for each kind of machine and each suite or command: their numbers are never mixed. Each has a chart of its own:
-    the second one's name ends in -2. Where all commits were measured against the same base, numbers are ratios to it, which do not
-    change with the machine's condition. Of a hundred histories in which nothing changed, about one shows a change.
+    Each kind of machine and each suite or command has its own table and chart; the file of the second chart ends in -2. If all commits
+    were measured against the same base, the numbers are ratios to it, which do not depend on the state of the machine. About one in a
+    hundred histories shows a change although nothing changed.
     """
     from hdvplan.bench.history import read_entries
     from hdvplan.bench.trend_report import trend_figure, trend_json, trend_tables

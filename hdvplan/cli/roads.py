@@ -82,7 +82,8 @@ def road_info(
 ) -> int:
     """Examine a road, and which preset vehicles fit it.
 
-    This is a forecast: in a circle as tight as the road at each place, does the vehicle, sweeping evenly, stay between the limits?
+    This is a forecast. It takes a circle as tight as the road at each place, and asks whether the vehicle, sweeping it evenly, stays
+    between the limits.
     """
     from hdvplan.road.load import find_road
 

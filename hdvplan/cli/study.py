@@ -13,6 +13,7 @@ import typer
 from hdvplan.cli.checks import check_workers
 from hdvplan.cli.compiling import note_compiling
 from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error
+from hdvplan.cli.help import OUTPUT
 from hdvplan.cli.options import JsonOption, QuietOption
 from hdvplan.errors import OptionError
 
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
     from hdvplan.study import Engine, Results
 
+_RUNNING = "Running"  # a group of options
 _LIMIT_S = 1800.0
 _TELL_S = 30.0  # between two lines of progress where there is no terminal
 _PLACES = 8  # of the ranking that are printed
@@ -32,22 +34,39 @@ def study(
     file: Annotated[
         Path, typer.Argument(metavar="FILE.toml", help="What to combine: roads, vehicles, widths and settings; docs/studies.md.")
     ],
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where to write; a study that is there already goes on.")],
-    workers: Annotated[int | None, typer.Option("--workers", metavar="N", help="Processes on this machine [default: one a core].")] = None,
-    scheduler: Annotated[
-        str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Run on the Dask cluster there, such as tcp://10.0.0.1:8786.")
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Where to write; a study that is there is resumed.", rich_help_panel=OUTPUT)
+    ],
+    workers: Annotated[
+        int | None,
+        typer.Option("--workers", metavar="N", help="Processes on this machine [default: one for each core].", rich_help_panel=_RUNNING),
     ] = None,
-    cell_limit: Annotated[float, typer.Option("--cell-limit", metavar="S", help="A cell that takes longer is ended [s].")] = _LIMIT_S,
-    retries: Annotated[int, typer.Option("--retries", metavar="N", help="Further tries of a cell that failed, hung or was killed.")] = 1,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            "--scheduler",
+            metavar="ADDRESS",
+            help="Run on the Dask cluster at this address, such as tcp://10.0.0.1:8786.",
+            rich_help_panel=_RUNNING,
+        ),
+    ] = None,
+    cell_limit: Annotated[
+        float, typer.Option("--cell-limit", metavar="S", help="Longest time for one cell [s].", rich_help_panel=_RUNNING)
+    ] = _LIMIT_S,
+    retries: Annotated[
+        int,
+        typer.Option("--retries", metavar="N", help="Further tries of a cell that failed, hung or was killed.", rich_help_panel=_RUNNING),
+    ] = 1,
     json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> int:
     """Plan every combination of roads, vehicles and settings.
 
-    DIR gets cells.parquet (one row a combination), places.parquet (every breach and tightest place), ranking.csv, map.html and study.json.
-    What ended is kept: the same command goes on where it stopped, and runs anew only what has changed, failed, hung or was killed.
+    A combination is called a cell. DIR receives cells.parquet (one row for each cell), places.parquet (every breach and tightest place),
+    ranking.csv, map.html and study.json. Finished cells are kept: the same command resumes the study, and plans only the cells that are
+    new, have changed, failed, hung or were killed.
 
-    Exit code 0: every cell has an answer, whether YES or NO. 1: some failed, hung or were killed. 2: bad input.
+    Exit code 0: every cell has an answer, YES or NO. 1: some failed, hung or were killed. 2: bad input.
     """
     check_workers(workers)
     if not cell_limit > 0.0:
@@ -101,7 +120,7 @@ def study(
 
 @contextmanager
 def _told(*, quiet: bool) -> Iterator[Callable[[int, int], None]]:
-    """Tell how far a study is: a bar at a terminal, else a line now and then, with the time left."""
+    """Show the progress of a study: a bar at a terminal, else a line now and then, with the time left."""
     if quiet or sys.stderr.isatty():
         with progress("planning", quiet=quiet, undisturbed=True) as bar:
             yield lambda done, total: bar(done / total)

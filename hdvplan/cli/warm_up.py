@@ -10,6 +10,7 @@ import typer
 from hdvplan.cli import completion
 from hdvplan.cli.compiling import note_compiling
 from hdvplan.cli.console import ExitCode, print_line, progress
+from hdvplan.cli.help import VEHICLE
 from hdvplan.cli.options import QuietOption
 from hdvplan.errors import OptionError, PlanError, RoadError
 
@@ -30,14 +31,15 @@ def warm_up(
             metavar="NAME|FILE.toml",
             help="Compile only for vehicles of this kind; may be repeated [default: every kind that ships].",
             autocompletion=completion.vehicles,
+            rich_help_panel=VEHICLE,
         ),
     ] = None,
     quiet: QuietOption = False,
 ) -> int:
     """Compile the code of first plans, for all users.
 
-    It compiles for every kind of vehicle, into a cache that other users can read. The cache is NUMBA_CACHE_DIR/hdvplan, else
-    ~/.cache/hdvplan. Others read it if their NUMBA_CACHE_DIR names the same folder; they need no permission to write there.
+    The code for every kind of vehicle goes into a cache that other users can read: NUMBA_CACHE_DIR/hdvplan, else ~/.cache/hdvplan. Others
+    read it if their NUMBA_CACHE_DIR names the same folder; they need no permission to write there.
 
     Exit code 2: the code cannot be stored there.
     """
@@ -58,7 +60,7 @@ def warm_up(
     readable_by_all(folders.write)
     if not quiet:
         names = ", ".join(driven.name for driven in vehicles)
-        print_line(f"compiled for vehicles like {names}; others read it with NUMBA_CACHE_DIR={folders.write.parent.parent}")
+        print_line(f"compiled for vehicles like {names}; other users read it with NUMBA_CACHE_DIR={folders.write.parent.parent}")
     return ExitCode.OK
 
 

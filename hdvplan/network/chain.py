@@ -1,10 +1,10 @@
 """The chain of a route's ways: which way round each is driven, and from which of its nodes to which.
 
-Between two ways that are driven one after the other lies a joint, a node of both. All joints of a route are found together, as the
-cheapest chain in the order of its members (dynamic programming): first with the fewest breaks, then against the fewest one-ways and roles,
-then with as little as possible left out of the ways, then the shorter way round circles. Members of a route that is mapped for both
-directions come branch by branch where the directions part: ways that may be driven in one direction only can be passed over, if the ways
-before and behind them meet.
+Two ways that are driven one after the other share a joint, a node of both. All joints of a route are found together, as the cheapest chain
+in the order of its members (dynamic programming): first with the fewest breaks, then with the fewest ways driven against a one-way or a
+role, then with as little as possible left out of the ways, then by the shorter way round circles. If a route is mapped for both directions
+at once, its relation lists one branch after the other where the directions part. Ways that may be driven in one direction only can be
+passed over, if the ways before and after them meet.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from typing import Any
 from hdvplan.network.osm import Way
 from hdvplan.network.places import Places, length_of
 
-_BREAK_M = 1e9  # what a break weighs, as metres left out of a way
+_BREAK_M = 1e9  # cost of a break, as metres left out of a way
 _AGAINST_M = 1e6  # the same of driving a way against its one-way or its role,
 _LEFT_OUT_M = 1e4  # of a way that is left at the node where it was entered,
 _PASSED_M = 100.0  # of a way that is passed over, besides its length,
 _ROUND = 1e-3  # and of a metre round a circle
 _MOST_PASSED = 60  # ways that are passed over in a row
-_MOST_JOINTS = 50  # nodes that two ways share: more of them are looked at no more closely
+_MOST_JOINTS = 50  # nodes shared by two ways that are tried
 
 Trail = tuple[Any, ...]  # a linked list of what was driven: (trail before, number of the member, pass), () at the start
 

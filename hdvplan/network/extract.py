@@ -68,8 +68,8 @@ def extract(
 ) -> tuple[Route, ...]:
     """Write the routes of one ``kind`` in the map ``path`` into ``directory`` as road files, with ``report.csv`` and ``extract.json``.
 
-    A route with gaps becomes several roads. Files of a former extraction in the folder go. ``on_progress`` receives the share of the
-    routes that are stitched, 0 to 1.
+    A route with gaps becomes several roads. Files of an earlier extraction in the folder are removed. ``on_progress`` receives the share of
+    the routes that are stitched, 0 to 1.
 
     Raises:
         RoadError: osmium is missing, the file cannot be read, it has no such route, or no way of any.
@@ -131,7 +131,7 @@ def _route(relation: Relation, found: Routes, kind: str, widths: Widths, source:
 
 
 def record_of(routes: tuple[Route, ...], source: str, kind: str, widths: Widths) -> Json:
-    """Return what ``extract.json`` says: the map, what was asked for, and every route with its files and findings."""
+    """Return the content of ``extract.json``: the map, what was asked for, and every route with its files and findings."""
     told = [
         {
             "relation": route.relation.id,
@@ -191,7 +191,7 @@ def _column(values: list[int] | list[str]) -> Column:
 
 
 def _former(directory: Path) -> tuple[str, ...]:
-    """Return the road files that a former extraction wrote into a folder, as its record names them."""
+    """Return the road files that an earlier extraction wrote into a folder, as its record names them."""
     try:
         told = json.loads((directory / RECORD).read_bytes())
         names = [road["file"] for route in told["hdvplan_routes"] for road in route["roads"]]

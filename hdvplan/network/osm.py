@@ -64,7 +64,7 @@ def read_routes(path: Path, kind: str, refs: tuple[str, ...] = ()) -> Routes:
     """Return the routes of one ``kind``, such as ``bus``, in an OpenStreetMap file (.osm.pbf, .osm, .osm.gz, ...).
 
     ``refs`` takes only the lines of these numbers. A route's members that are relations are replaced by their members. The file is read
-    three times or a little more; what is kept is what the routes need, so that memory does not grow with the map.
+    three times or a little more. Only what the routes need is kept, so that memory does not grow with the map.
 
     Raises:
         RoadError: osmium is not installed, the file cannot be read, or it has no such route.

@@ -1,4 +1,4 @@
-"""A part of a route as a road file: GeoJSON as hdvplan loads it, with what the map says of every stretch."""
+"""A part of a route as a road file: GeoJSON as hdvplan loads it, with the tags of every stretch."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Stitch the ways of a route to lines: every way is turned so that it meets the next, and driven as far as the route follows it.
 
-Where two ways do not meet, or one that lies between them is not in the map, the line is cut: nothing is bridged. It is cut too where it
-turns back on the spot. ``chain.py`` finds how each way is driven.
+The line is cut where two ways do not meet, or a way between them is missing in the map: nothing is bridged. It is also cut where it turns
+back on the spot. ``chain.py`` finds how each way is driven.
 """
 
 from __future__ import annotations

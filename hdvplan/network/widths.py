@@ -1,4 +1,4 @@
-"""How wide the road is that a way stands for: what its tags say, and what is taken where they count lanes."""
+"""The width of the road that a way represents: from its tags, or from its number of lanes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from hdvplan.errors import OptionError
 
 LANE_M = 3.25  # of a lane where the map says only how many there are
 _FOOT_M = 0.3048
-_NARROWEST_M, _WIDEST_M = 1.5, 60.0  # a carriageway of another width is a slip of the mapper
+_NARROWEST_M, _WIDEST_M = 1.5, 60.0  # a carriageway of another width is an error in the map
 _MOST_LANES = 16
 _WIDTHS = ("width:carriageway", "width", "est_width")  # tags, in the order in which they are asked
 _METRES = re.compile(r"(\d+(?:[.,]\d+)?)\s*(?:m|metres?|meters?)?")
@@ -19,7 +19,7 @@ _FEET = re.compile(r"(\d+)\s*'\s*(?:(\d+)\s*\"?)?|(\d+(?:\.\d+)?)\s*(?:ft|feet)"
 
 @dataclass(frozen=True)
 class Widths:
-    """What is taken where tags do not give a width: that of a ``lane`` [m], and the ``half_width`` of ways that tell nothing [m] or None.
+    """Widths where tags give none: of a ``lane`` [m], and the ``half_width`` of ways without width and lanes [m], or None.
 
     Raises:
         OptionError: a number that is no width.

@@ -1,1 +1,1 @@
-"""Long roads in stretches: cut, planned one by one or side by side, and joined; memory does not grow with the road."""
+"""Long roads in stretches: cut, planned in turn or in parallel, and joined; memory does not grow with the road."""

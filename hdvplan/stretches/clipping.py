@@ -1,4 +1,4 @@
-"""The part of a drive that lies on the core of a stretch, as a drive of its own: what judges and draws a drive then knows no stretch."""
+"""The part of a drive on the core of a stretch, as a separate drive: the code that judges and draws drives need not know stretches."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
-"""Cut a long road into stretches that are planned by themselves, each with a run-in in which its plan forgets where it began.
+"""Cut a long road into stretches that are planned separately, each with a run-in after which the plan no longer depends on its start.
 
-A stretch has a core, the part of the road that it is there for. Before it lies the run-in, behind it the run-out: the vehicle drives on
-until its last body has left the core. Cores begin at multiples of the replanning distance, so that stations lie where those of the whole
-road do.
+Only the plan over the core of a stretch is kept. Before the core lies the run-in, behind it the run-out: the vehicle drives on until its
+last body has left the core. Cores begin at multiples of the replanning distance, so that the stations are those of the whole road.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Plan a long road in stretches, and write the files of its plan as the stretches come."""
+"""Plan a long road in stretches, and write the files of its plan as the stretches are finished."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def plan_in_stretches(
 
 
 def side_by_side(executor: Executor, most: int) -> Each:
-    """Return what plans stretches in the processes or threads of an executor, at most so many at a time: more would only fill memory."""
+    """Return a ``map`` over the processes or threads of an executor; at most ``most`` stretches are in memory."""
 
     def each(plan: Callable[[Stretch], Judged], stretches: Iterable[Stretch]) -> Iterator[Judged]:
         coming = iter(stretches)

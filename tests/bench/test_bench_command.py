@@ -83,15 +83,16 @@ def test_run_json_says_what_was_measured_with_what_and_where(cli: Cli, tmp_path:
 
 
 def test_the_headline_fits_80_columns_and_json_is_json(cli: Cli, short_road: str) -> None:
-    arguments = ("bench", "--roads", short_road, "--horizon", "30", "--rounds", "1", "--out", "run", "--vehicles", "bus,tractor-trailer")
-    outcome = cli(*arguments, "--solvers", "riccati,qpsolvers/clarabel")
+    what = ("--roads", short_road, "--vehicles", "bus,tractor-trailer", "--solvers", "riccati,qpsolvers/clarabel")
+    arguments = ("bench", *what, "--in-process", "--horizon", "30", "--rounds", "1", "--out", "run")
+    outcome = cli(*arguments)
     assert outcome.code == 0
     assert outcome.err.endswith("written to run/\n")
     assert "measuring" not in outcome.err  # no bar where there is no terminal
     assert max(len(line) for line in outcome.out.splitlines() if " fastest in " not in line) <= 80
     for words in ("bus, rti: one planning step [ms]", "tractor-trailer, sqp: one", "qpsolvers/clarabel", "SQP / RTI"):
         assert words in outcome.out
-    answer = json.loads(cli(*arguments, "--solvers", "riccati,qpsolvers/clarabel", "--json").out)
+    answer = json.loads(cli(*arguments, "--json").out)
     assert len(answer["timing"]) == 8
     assert [one["winner"] for one in answer["verdict"]] == ["riccati"] * 4  # four to thirty times as fast: no machine's mood turns that
     assert outcome.out.count("riccati is fastest in 100 % of 11 steps") == 4

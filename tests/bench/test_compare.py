@@ -4,6 +4,7 @@ import json
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,7 @@ STEPS = [2e-3, 1e-3, 1.2e-3, 0.8e-3, 1.1e-3]
 Change = Callable[[Measurement], Measurement]
 
 
+@cache  # most tests compare with the same one
 def side(*, slow: float = 1.0, processes: int = 3, rounds: int = 3, change: Change = lambda measured: measured) -> Side:
     """Return a side of two cells; ``slow`` and ``change`` concern the first."""
     random = np.random.default_rng(int(1000 * slow) + processes)

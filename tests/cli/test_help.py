@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import pytest
 
@@ -30,6 +31,7 @@ COMMANDS = [
     ("solvers",),
     ("warm-up",),
 ]
+PLANKEN = Path(__file__).parents[1] / "network" / "files" / "planken.osm.pbf"
 GROUP = re.compile(r"^(\S.*):$", flags=re.MULTILINE)
 
 
@@ -60,10 +62,13 @@ def test_a_wide_terminal_is_used(cli: Cli, monkeypatch: pytest.MonkeyPatch) -> N
         ("turn", ["Vehicle and room", "Turn", "Output", "Options"]),
         ("bench", ["What to measure", "Limits", "How to measure", "Comparison", "Decision", "Output", "Options"]),
         ("compare", ["Arguments", "Decision", "Output", "Options"]),
+        ("study", ["Arguments", "Output", "Running", "Options"]),
+        ("history", ["Arguments", "Output", "Options"]),
+        ("roads extract", ["Arguments", "Routes", "Limits", "Output", "Options"]),
     ],
 )
 def test_options_are_grouped_by_what_they_are_for(cli: Cli, command: str, groups: list[str]) -> None:
-    text = cli(command, "--help").out
+    text = cli(*command.split(), "--help").out
     assert GROUP.findall(text) == groups
     (rest,) = re.findall(r"^Options:\n(.*)\Z", text, flags=re.DOTALL | re.MULTILINE)
     assert rest.split() == ["-h,", "--help", "Show", "this", "message", "and", "exit."]  # all others have a group
@@ -85,14 +90,26 @@ def test_the_road_s_smoothing_and_the_plan_s_smoothness_point_at_each_other(cli:
 
 
 @pytest.mark.parametrize("columns", [None, "80", "120"])
-@pytest.mark.parametrize("command", [("roads", "list"), ("vehicles", "list"), ("solvers",), ("roads", "info", "uturn"), ("turn", "--list")])
-def test_tables_in_a_pipe_end_no_line_in_blanks(
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("roads", "list"),
+        ("vehicles", "list"),
+        ("solvers",),
+        ("roads", "info", "uturn"),
+        ("turn", "--list"),
+        ("roads", "extract", str(PLANKEN), "--out", "lines"),
+    ],
+)
+def test_tables_in_a_pipe_end_no_line_in_blanks_and_keep_the_width_that_is_set(
     cli: Cli, monkeypatch: pytest.MonkeyPatch, command: tuple[str, ...], columns: str | None
 ) -> None:
     monkeypatch.delenv("COLUMNS") if columns is None else monkeypatch.setenv("COLUMNS", columns)
     outcome = cli(*command)
     assert outcome.code == 0
-    assert not [line for line in outcome.out.splitlines() if line != line.rstrip()]
+    lines = outcome.out.splitlines()
+    assert not [line for line in lines if line != line.rstrip()]
+    assert columns is None or max(map(len, lines)) <= int(columns)
 
 
 def test_a_plan_in_a_pipe_ends_no_line_in_blanks(cli: Cli, short_road: str) -> None:

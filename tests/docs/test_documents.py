@@ -107,7 +107,24 @@ def test_every_link_leads_to_a_file_and_a_heading_that_exist(path: Path) -> None
 def test_the_citation_names_this_version_and_the_paper() -> None:
     cited = pytest.importorskip("yaml").safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     assert cited["version"] == hdvplan.__version__
-    assert any("Geometric Approach" in reference["title"] for reference in cited["references"])
+    (paper,) = (reference for reference in cited["references"] if "Geometric Approach" in reference["title"])
+    entry = (ROOT / "docs" / "researchers.md").read_text(encoding="utf-8").partition("```bibtex")[2].replace(r"{\aa}", "å")
+    names = [f"{author['given-names']} {author['family-names']}" for author in paper["authors"]]
+    for words in (paper["title"], " and ".join(names), paper["conference"]["name"], str(paper["year"])):
+        assert words in entry
+
+
+def test_the_readme_is_short() -> None:
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").split()) <= 1000
+
+
+def test_every_message_that_is_explained_is_one_that_the_program_has() -> None:
+    source = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "hdvplan").rglob("*.py"))
+    rows = re.findall(r"^\| (`[^|]+) \|", (ROOT / "docs" / "troubleshooting.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
+    assert rows
+    for message in (message for row in rows for message in re.findall(r"`([^`]+)`", row)):
+        for part in filter(None, message.removeprefix("error: ").strip(". ").split("...")):
+            assert part.strip() in source, f"nothing says {message!r}"
 
 
 def test_ci_runs_the_tests_as_the_readme_does() -> None:

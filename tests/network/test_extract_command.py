@@ -30,6 +30,9 @@ def test_a_map_becomes_a_folder_of_roads_with_a_report(cli: Cli, tmp_path: Path)
     outcome = cli("roads", "extract", str(town(tmp_path / "town.osm")), "--out", "roads")
     assert outcome.code == 0
     assert "1 of 2 whole" in outcome.out
+    assert outcome.out.split("────\n")[1].splitlines()[:2] == [
+        "        1    11   =A to B       1      0.2", "        2    11   =A to B       2      0.2      1"
+    ]  # fmt: skip
     assert "warning: relation 2 (ref 11): way 3 follows way 2 and does not meet it: a gap of 76 m" in outcome.err
     folder = tmp_path / "roads"
     assert sorted(file.name for file in folder.iterdir()) == [
