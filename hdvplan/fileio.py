@@ -82,6 +82,21 @@ def json_bytes(value: object, *, indent: int | None = 2) -> bytes:
     return encoded(json.dumps(value, indent=indent, ensure_ascii=False, allow_nan=False) + "\n")
 
 
+def read_json(path: Path) -> Any:  # noqa: ANN401 - what json.loads returns
+    """Return what a JSON file says.
+
+    Raises:
+        OSError: it cannot be read.
+        ValueError: it is not JSON in UTF-8, or nested too deeply.
+
+    """
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except RecursionError as error:
+        msg = f"{path.name} is nested too deeply"
+        raise ValueError(msg) from error
+
+
 def read_toml(path: Path, what: str, *, hint: str | None = None) -> dict[str, object]:
     """Return the entries of a TOML file; ``what`` it is, and a ``hint`` where it is not TOML, are for the message.
 
@@ -219,8 +234,8 @@ def settle(directory: Path) -> None:
 def _has_entry(path: Path, entry: str) -> bool:
     """Tell whether a file is a JSON object with an entry."""
     try:
-        found = json.loads(path.read_bytes())
-    except (OSError, ValueError, RecursionError):
+        found = read_json(path)
+    except (OSError, ValueError):
         return False
     return isinstance(found, dict) and entry in found
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gzip
-import json
 import re
 import zlib
 from collections.abc import Iterable, Mapping, Sequence
@@ -22,7 +21,7 @@ from hdvplan.bench.timing import LAYOUTS, captions, foot_of, latex, markdown, se
 from hdvplan.bench.verdict import findings_of, load_of
 from hdvplan.case import Case
 from hdvplan.errors import OptionError
-from hdvplan.fileio import csv_bytes, json_bytes, write_atomically
+from hdvplan.fileio import csv_bytes, json_bytes, read_json, write_atomically
 from hdvplan.machine import commit, load_average, machine_facts, software
 from hdvplan.record import NAME, command, now
 from hdvplan.texts import encoded
@@ -31,7 +30,7 @@ _PART = re.compile(r"\.?\d{5}\.\d+\.npz(\.\d+\.part)?")  # also one under way, l
 _SAMPLE_DIGITS = "%.7g"  # a sample's time to the nanosecond, in a third of the space
 _OTHERWISE = "start over with --fresh, or choose another folder with --out"
 
-Json = dict[str, Any]  # what json.loads returns
+Json = dict[str, Any]  # what read_json returns
 
 
 def recorded(suite: Suite, directory: Path, *, only_drawn: bool = False) -> Json | None:
@@ -44,7 +43,7 @@ def recorded(suite: Suite, directory: Path, *, only_drawn: bool = False) -> Json
 
     """
     try:
-        before = json.loads((directory / NAME).read_text(encoding="utf-8"))
+        before = read_json(directory / NAME)
     except OSError:
         return None
     except ValueError as error:
@@ -94,7 +93,7 @@ def finish(suite: Suite, directory: Path) -> None:
     cells = suite.cells()
     measured = [[read_part(part_file(directory, cell, round_)) for round_ in range(suite.rounds)] for cell in range(len(cells))]
     tables = tables_of(cells, measured, suite.accuracy)
-    record = json.loads((directory / NAME).read_text(encoding="utf-8"))
+    record = read_json(directory / NAME)
     at_end, finished = load_average(), now()
     load = load_of(tables.summary, record["sessions"], at_end, record["machine"]["usable_cores"], finished)
     findings = findings_of(tables.summary, load)
@@ -122,7 +121,7 @@ def read_record(directory: Path) -> Json:
 
     """
     try:
-        record = json.loads((directory / NAME).read_text(encoding="utf-8"))
+        record = read_json(directory / NAME)
     except (OSError, ValueError) as error:
         msg = f"{directory} holds no benchmark: {directory / NAME} cannot be read"
         raise OptionError(msg, hint="hdvplan bench --out DIR makes one") from error
@@ -139,7 +138,7 @@ def note_tolerances(directory: Path, tolerances: Mapping[str, float | None]) -> 
         OSError: the file cannot be written.
 
     """
-    record = json.loads((directory / NAME).read_text(encoding="utf-8"))
+    record = read_json(directory / NAME)
     write_atomically(directory / NAME, json_bytes(record | {"tolerances": dict(tolerances)}))
 
 

@@ -20,7 +20,7 @@ from hdvplan.bench.suite import Suite
 from hdvplan.bench.values import Value, values_of
 from hdvplan.bench.work import CommandWork
 from hdvplan.errors import OptionError
-from hdvplan.fileio import json_bytes, write_atomically
+from hdvplan.fileio import json_bytes, read_json, write_atomically
 from hdvplan.machine import machine_facts
 from hdvplan.record import NAME, now
 from hdvplan.texts import printable
@@ -103,7 +103,7 @@ def read_entries(folder: Path) -> list[Entry]:
 
 def _read(file: Path) -> Entry:
     try:
-        told = _of_this_format(json.loads(file.read_text(encoding="utf-8")))
+        told = _of_this_format(read_json(file))
         entry = Entry(
             Revision(_text(told["revision"]["commit"]), _text(told["revision"]["subject"]), _text(told["revision"]["committed"])),
             _text(told["measured"]), _text(told["base"]), dict(told["machine"]),
@@ -111,13 +111,13 @@ def _read(file: Path) -> Entry:
             dict(told["work"]), _text(told["verdict"]), tuple(_value(one) for one in told["values"]),
         )  # fmt: skip
         _instant(entry.revision.committed)
-    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
+    except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
         msg = f"{file} cannot be read: {error}"
         raise OptionError(msg, hint="delete it, and measure its commit again") from error
     return entry
 
 
-def _of_this_format(told: Any) -> Any:  # noqa: ANN401 - what json.loads returns
+def _of_this_format(told: Any) -> Any:  # noqa: ANN401 - what read_json returns
     if told["format"] != FORMAT:
         msg = f"its format is {told['format']}, and this version reads {FORMAT}"
         raise ValueError(msg)
@@ -153,7 +153,7 @@ def _machine() -> dict[str, object]:
 def _packages(out: Path) -> dict[str, str]:
     """Return the versions of libraries that the new side's first process has noted; a command of one's own notes none."""
     try:
-        told = json.loads((out / "new" / "00" / NAME).read_text(encoding="utf-8"))["software"]
+        told = read_json(out / "new" / "00" / NAME)["software"]
         return {"hdvplan": str(told["hdvplan"])} | {str(name): str(version) for name, version in told["packages"].items()}
     except (OSError, ValueError, LookupError, TypeError, AttributeError):
         return {}

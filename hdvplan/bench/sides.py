@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -16,6 +15,7 @@ from hdvplan.bench.stats import keyed
 from hdvplan.bench.suite import AS_SET, KEY
 from hdvplan.bench.work import ABOUT, STEPS, OwnSteps, steps_of
 from hdvplan.errors import OptionError
+from hdvplan.fileio import read_json
 from hdvplan.jit import FloatArray
 
 Name = tuple[str, ...]  # of a cell, as in KEY
@@ -117,7 +117,7 @@ def _own_side(folders: list[Path], about: tuple[Mapping[str, float], ...]) -> Si
     told: list[dict[str, OwnSteps]] = []
     for folder in folders:
         try:
-            told.append(steps_of(json.loads((folder / STEPS).read_text(encoding="utf-8"))))
+            told.append(steps_of(read_json(folder / STEPS)))
         except (OSError, ValueError) as error:
             msg = f"{folder / STEPS} cannot be read: {error}"
             raise OptionError(msg, hint="measure it again") from error
@@ -140,7 +140,7 @@ def _is_process(folder: Path) -> bool:
 def _about(folder: Path) -> dict[str, float]:
     """Return what is known of a process as a whole."""
     try:
-        told = json.loads((folder / ABOUT).read_text(encoding="utf-8"))
+        told = read_json(folder / ABOUT)
         return {name: float(told[name]) for name in (IMPORT, PEAK) if told.get(name) is not None}
     except (OSError, ValueError, AttributeError, TypeError):
         return {}

@@ -6,7 +6,7 @@ import json
 import logging
 import os
 import sys
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from enum import IntEnum
 from typing import TYPE_CHECKING
 
@@ -111,11 +111,13 @@ def progress(task: str, *, quiet: bool, undisturbed: bool = False) -> Iterator[C
 
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
     console = Console(stderr=True)
-    silent = quiet or not console.is_terminal
+    if quiet or not console.is_terminal:  # a bar that is disabled still ends with an empty line in older versions of Rich
+        yield lambda _: None
+        return
     memory = 3600.0 if undisturbed else 30.0  # [s]
-    with Progress(
-        *columns, console=console, transient=True, disable=silent, auto_refresh=not undisturbed, speed_estimate_period=memory
-    ) as bar:
+    with (
+        Progress(*columns, console=console, transient=True, auto_refresh=not undisturbed, speed_estimate_period=memory) as bar,
+        compilation_shown(bar),
+    ):
         known = bar.add_task(printable(task), total=1.0)
-        with nullcontext() if silent else compilation_shown(bar):
-            yield lambda share: bar.update(known, completed=share, refresh=undisturbed)
+        yield lambda share: bar.update(known, completed=share, refresh=undisturbed)

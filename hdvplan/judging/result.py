@@ -7,12 +7,14 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 
 from hdvplan.case import Case
 from hdvplan.centring.weights import Centring, CentringTable
 from hdvplan.driving.drive import Drive
 from hdvplan.jit import FloatArray
 from hdvplan.judging.balance import KEPT_M, Balance, Breach, balance_of, edges_of, gaps_of, wheel_gaps_of
+from hdvplan.judging.bodies import corners
 from hdvplan.judging.envelope import Envelope, envelope_of
 from hdvplan.judging.fit import Fit, fit_of
 from hdvplan.judging.obstacles import Approach
@@ -94,6 +96,17 @@ class Result:
     def approaches(self) -> tuple[Approach, ...]:
         """Where the drive came nearest to each obstacle."""
         return self.balance.approaches
+
+    @cached_property
+    def outlines(self) -> shapely.STRtree:
+        """The outlines of all bodies at all simulated poses; index i is body ``i % units`` at pose ``i // units``."""
+        outlines = corners(self.drive, np.arange(len(self.drive.poses_s)))
+        return shapely.STRtree(np.asarray(shapely.polygons(outlines.reshape(-1, 4, 2))))
+
+    @cached_property
+    def approached(self) -> FloatArray:
+        """Arclengths and distances of ``approaches``, shape (2, n) [m]."""
+        return np.array([[near.s, near.distance] for near in self.approaches]).reshape(-1, 2).T
 
     @property
     def entered(self) -> tuple[Approach, ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -13,7 +12,7 @@ import numpy as np
 
 from hdvplan import __version__
 from hdvplan.errors import RoadError
-from hdvplan.fileio import Column, Together, json_bytes, table_bytes
+from hdvplan.fileio import Column, Together, json_bytes, read_json, table_bytes
 from hdvplan.network.osm import Relation, Routes, read_routes
 from hdvplan.network.roads import Position, RouteRoad, road_of_part
 from hdvplan.network.stitch import CUTS, Finding, Trouble, stitched
@@ -193,8 +192,8 @@ def _column(values: list[int] | list[str]) -> Column:
 def _former(directory: Path) -> tuple[str, ...]:
     """Return the road files that an earlier extraction wrote into a folder, as its record names them."""
     try:
-        told = json.loads((directory / RECORD).read_bytes())
+        told = read_json(directory / RECORD)
         names = [road["file"] for route in told["hdvplan_routes"] for road in route["roads"]]
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+    except (OSError, ValueError, KeyError, TypeError):
         return ()
     return tuple(name for name in names if isinstance(name, str) and name.endswith(".geojson") and Path(name).name == name)

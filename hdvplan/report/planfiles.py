@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ import pandas as pd
 from pandas.api.types import is_numeric_dtype
 
 from hdvplan.errors import OptionError
-from hdvplan.fileio import settle
+from hdvplan.fileio import read_json, settle
 
 _TABLES = ("path", "envelope", "profile", "steps")
 _ENTRIES = dict.fromkeys(("road", "vehicle", "scheme", "solver", "objective", "status"), str) | {"time_ms": dict}
@@ -48,7 +47,7 @@ def read_plan(directory: Path) -> PlanFiles:
         what = f"{directory} has no plan: summary.json is missing" if directory.is_dir() else f"{directory} is not a folder"
         raise OptionError(what, hint="give folders that `hdvplan plan` has written")
     try:
-        summary, regions = (json.loads((directory / f"{name}.json").read_text(encoding="utf-8")) for name in ("summary", "regions"))
+        summary, regions = (read_json(directory / f"{name}.json") for name in ("summary", "regions"))
         _check_summary(summary)
         _check_list(regions, _REGION, "regions.json")
         tables = {name: pd.read_csv(directory / f"{name}.csv") for name in _TABLES}

@@ -113,15 +113,14 @@ def breach_place(result: Result, breach: Breach) -> tuple[float, float]:
 
 def approach_of(result: Result, breach: Breach) -> Approach:
     """Return the approach to the obstacle that a breach is about."""
-    return min(result.approaches, key=lambda near: abs(near.s - breach.s_deepest) + abs(near.distance + breach.depth))
+    s, distance = result.approached
+    return result.approaches[int(np.argmin(np.abs(s - breach.s_deepest) + np.abs(distance + breach.depth)))]
 
 
 def shared_with(result: Result, approach: Approach) -> BaseGeometry:
     """Return the area of an obstacle that bodies entered, at the simulated poses."""
-    outlines = corners(result.drive, np.arange(len(result.drive.poses_s)))
-    bodies = np.asarray(shapely.polygons(outlines.reshape(-1, 4, 2)))
-    inside = shapely.STRtree(bodies).query(approach.obstacle.polygon, predicate="intersects")
-    return shapely.union_all(shapely.intersection(bodies[inside], approach.obstacle.polygon))
+    inside = result.outlines.query(approach.obstacle.polygon, predicate="intersects")
+    return shapely.union_all(shapely.intersection(result.outlines.geometries[inside], approach.obstacle.polygon))
 
 
 def _sample(result: Result, s: float) -> int:

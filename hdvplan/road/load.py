@@ -20,7 +20,7 @@ from hdvplan.road.load_overpass import read_overpass
 from hdvplan.road.load_vector import read_vector
 from hdvplan.road.raw import RawRoad
 from hdvplan.road.scenarios import SCENARIOS
-from hdvplan.road.steps import refuse_outliers
+from hdvplan.road.steps import refuse_outliers, refuse_sparse
 from hdvplan.road.texts import refuse_unreadable, text_of
 from hdvplan.spelling import did_you_mean, meant_by
 from hdvplan.texts import printable
@@ -172,6 +172,7 @@ def _read(path: Path, options: RoadOptions) -> RawRoad:
         raise RoadError(msg) from error
     if not raw.is_profile:
         refuse_outliers(raw.points, raw.lines, path.name)
+        refuse_sparse(raw.points, path.name, LONG_M)
     return raw
 
 

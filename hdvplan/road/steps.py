@@ -1,4 +1,4 @@
-"""A point that lies impossibly far from its neighbours: a wrong coordinate, or one that lost its digits."""
+"""Points that lie impossibly far from their neighbours: wrong coordinates, or ones that lost their digits."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ _RATIO = 1000.0  # of a step to the median of those around it
 _SHORTEST_M = 1000.0  # a long straight may well have one step of hundreds of metres between dense bends
 _SAME_M = 0.02  # points this close repeat their neighbour
 _AROUND = 3  # steps looked at before and after
+_SPARSE_M = 1000.0  # between the points of a long line, on average: a small file makes no road of a thousand kilometres
 
 
 def refuse_outliers(points: FloatArray, lines: tuple[int, ...] | None, name: str) -> None:
@@ -35,3 +36,16 @@ def refuse_outliers(points: FloatArray, lines: tuple[int, ...] | None, name: str
                 f" {steps[at] / usual:.0f} times the steps around them"
             )
             raise RoadError(msg, hint="correct or remove the point that is wrong; on a long straight, add points between")
+
+
+def refuse_sparse(points: FloatArray, name: str, long: float) -> None:
+    """Refuse a line, shape (n, 2) [m], longer than ``long`` with fewer than one point a kilometre: it would lead straight across a country.
+
+    Raises:
+        RoadError: such a line.
+
+    """
+    length = float(np.sum(np.hypot(*np.diff(points, axis=0).T)))
+    if length > max(long, _SPARSE_M * len(points)):
+        msg = f"{name}: the line is {length / 1e3:.0f} km long, but has only {len(points)} points"
+        raise RoadError(msg, hint=f"a line of more than {long / 1e3:.0f} km needs one a kilometre; are its coordinates right?")

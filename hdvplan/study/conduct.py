@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
@@ -12,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hdvplan.errors import OptionError
-from hdvplan.fileio import csv_bytes, json_bytes, write_atomically
+from hdvplan.fileio import csv_bytes, json_bytes, read_json, write_atomically
 from hdvplan.machine import commit, machine_facts, software
 from hdvplan.record import command, now
 from hdvplan.study.cells import Cell, cells_of
@@ -126,8 +125,8 @@ def _is_ours(folder: Path) -> bool:
 
 def _read(folder: Path) -> Json:
     try:
-        found = json.loads((folder / RECORD).read_bytes())
-    except (OSError, ValueError, RecursionError):
+        found = read_json(folder / RECORD)
+    except (OSError, ValueError):
         return {}
     return found if isinstance(found, dict) else {}
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from hashlib import sha256
 from itertools import product
-from math import isfinite
+from math import isfinite, prod
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +25,7 @@ _GLOB = re.compile(r"[*?\[]")
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _RANGE = re.compile(rf"\s*({_NUMBER})\s*\.\.\s*({_NUMBER})\s*(?:in\s+(\d+))?\s*")
 _COUNT = 5  # values of a range that says no number
-_MOST = 100_000  # values of one parameter
+MOST = 100_000  # values of one parameter, variants of one vehicle, combinations of settings
 _DIGITS = 12  # decimals of a range's values: 3.5, not 3.5000000000000004
 _LEAD = ("max_curvature", "max_curvature_rate")  # of the vehicle, whose first unit steers
 _UNIT = tuple(field.name for field in fields(Unit) if field.name != "name")
@@ -201,6 +201,7 @@ def variants_of(names: Sequence[str], vary: Mapping[str, object], folder: Path) 
         swept[owner].append((name, _values(name, values), _setter(name, name.removeprefix(f"{owner}."), vehicles[owner])))
     found = []
     for name, vehicle in vehicles.items():
+        refuse_many(prod(len(values) for _, values, _ in swept[name]), f"variants of {vehicle.name}")
         for values in product(*(values for _, values, _ in swept[name])):
             changed = vehicle
             for (_, _, change), value in zip(swept[name], values, strict=True):
@@ -208,6 +209,18 @@ def variants_of(names: Sequence[str], vary: Mapping[str, object], folder: Path) 
             varied = tuple((parameter, value) for (parameter, _, _), value in zip(swept[name], values, strict=True))
             found.append(Variant(changed, varied))
     return tuple(found)
+
+
+def refuse_many(count: int, what: str) -> None:
+    """Refuse more combinations of what a study lists than can be kept in memory.
+
+    Raises:
+        OptionError: there are more than ``MOST``.
+
+    """
+    if count > MOST:
+        msg = f"the study asks for {count} {what}; {MOST} are the most"
+        raise OptionError(msg, hint="make several studies of it")
 
 
 def _vehicles(names: Sequence[str], folder: Path) -> dict[str, Vehicle]:
@@ -233,8 +246,8 @@ def _values(name: str, given: object) -> list[float]:
     """Return the values of a parameter: a number, a list of them, or a range such as ``3.4..3.8 in 5``."""
     if isinstance(given, str) and (match := _RANGE.fullmatch(given)):
         low, high, count = float(match[1]), float(match[2]), int(match[3] or _COUNT)
-        if not (low < high and 1 < count <= _MOST):
-            msg = f"vary {name}: the range {given!r} must rise, in 2 to {_MOST} values"
+        if not (low < high and 1 < count <= MOST):
+            msg = f"vary {name}: the range {given!r} must rise, in 2 to {MOST} values"
             raise OptionError(msg)
         return [round(float(value), _DIGITS) for value in np.linspace(low, high, count)]
     values = given if isinstance(given, list) else [given]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
-from math import isfinite
+from math import isfinite, prod
 from pathlib import Path
 
 from hdvplan.errors import OptionError, did_you_mean
@@ -16,7 +16,7 @@ from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.road.load import RoadOptions
 from hdvplan.road.regions import Side
 from hdvplan.solvers.registry import DEFAULT, check_solver
-from hdvplan.study.inputs import RoadSource, Variant, roads_of, variants_of
+from hdvplan.study.inputs import RoadSource, Variant, refuse_many, roads_of, variants_of
 
 _ENTRIES = ("roads", "vehicles", "half_widths", "left", "right", "objectives", "schemes", "solvers", "settings", "vary", "need")
 _LENGTHS = ("horizon", "step", "replan", "smoothness", "clearance")  # of the planner's settings
@@ -172,6 +172,7 @@ def _manners(schemes: Sequence[str], settings: Mapping[str, object]) -> tuple[Ma
     for scheme in schemes:
         _choice("schemes", scheme, list(Scheme))
     lists = {name: _list(settings, name) for name in settings if name not in _READING}
+    refuse_many(len(schemes) * prod(map(len, lists.values())), "combinations of settings")
     found = []
     for kind, *values in product(schemes, *lists.values()):
         chosen = dict(zip(lists, values, strict=True))

@@ -135,6 +135,7 @@ def test_an_interrupted_run_says_how_to_go_on_and_does_not_repeat_what_it_has(
 @pytest.mark.parametrize(
     ("file", "text", "words"),
     [
+        ("run.json", "[" * 3000, "run.json is nested too deeply"),
         ("run.json", "[]", "is not of a benchmark"),
         ("run.json", "{}", "is not of a benchmark"),
         ("timing.csv", "", "timing.csv cannot be read"),

@@ -7,7 +7,6 @@ import pickle
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,6 +14,7 @@ from tempfile import TemporaryDirectory
 import pytest
 
 import hdvplan
+from tests.cli.conftest import small_disk
 
 pytestmark = pytest.mark.slow  # most of them compile everything: half a minute each
 STRANGER, OTHER, NOBODY = 54321, 54322, 65534  # the first two are in no list of users
@@ -92,19 +92,6 @@ def scene() -> Iterator[Scene]:
         made = Scene(Path(name))
         made.own("temporary", 0, 0o1777)
         yield made
-
-
-@contextmanager
-def small_disk(folder: Path, options: str) -> Iterator[None]:
-    """Mount a disk of its own at ``folder``."""
-    try:
-        subprocess.run(["/bin/mount", "-t", "tmpfs", "-o", options, "tmpfs", folder], check=True, capture_output=True)  # noqa: S603 - fixed
-    except (OSError, subprocess.CalledProcessError):
-        pytest.skip("may not mount a disk")
-    try:
-        yield
-    finally:
-        subprocess.run(["/bin/umount", folder], check=True)  # noqa: S603 - fixed
 
 
 def test_without_a_home_and_without_a_name_temporary_files_keep_the_code_for_the_next_run(scene: Scene) -> None:

@@ -1,8 +1,8 @@
 """Kill commands at random moments: ``python -m tests.fuzz.kills [--kills 50] [--seed N]``.
 
 Every command runs over what an earlier run has left, and ends by SIGINT, SIGTERM or SIGKILL between its first moment and its last. What is
-there then must be the former result or the new one, whole, and the same command must afterwards end as if nothing had happened. Exit code
-1 where it is not so. Needs a system with signals.
+there then must be the former result or the new one, whole, and the same command must afterwards end as if nothing had happened; cells of a
+study that were kept are not planned again. Exit code 1 where it is not so. Needs a system with signals.
 """
 
 from __future__ import annotations
@@ -16,12 +16,15 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 from tempfile import TemporaryDirectory
+
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 from hdvplan.fileio import settle
 from tests.fuzz.tally import say
@@ -54,7 +57,9 @@ JOBS = (
         ),
         False,
     ),
+    Job("study", "study", tuple(("study", f"{name}.toml", "--out", "study", "--workers", "2") for name in ("one", "two")), False),
 )
+_STUDY = 'roads = ["uturn", "sturn"]\nvehicles = ["bus", "rigid-truck"]\nhalf_widths = [{}]\n'
 
 
 def main() -> int:
@@ -68,6 +73,8 @@ def main() -> int:
     jobs = [job for job in JOBS if job.name in chosen.jobs]
     with TemporaryDirectory() as name:
         folder = Path(name)
+        for study, widths in (("one", "3.0, 3.5, 4.0"), ("two", "4.0, 4.5, 5.0")):
+            (folder / f"{study}.toml").write_text(_STUDY.format(widths), encoding="utf-8")
         for plan, width in (("one", "4"), ("two", "5")):
             _whole(("plan", "uturn", "--vehicle", "bus", "--half-width", width, "--no-proof", "--out", plan), folder)
         known = {job.name: [_known(job, way, folder) for way in (0, 1)] for job in jobs}
@@ -97,7 +104,7 @@ def _known(job: Job, way: int, folder: Path) -> Known:
         began = time.monotonic()
         _whole(job.ways[way], folder)
         seconds = time.monotonic() - began
-        found.append(_digests(folder / job.out))
+        found.append(digests(folder / job.out))
     same = {name: digest for name, digest in found[0].items() if found[1].get(name) == digest}
     return Known(frozenset(found[0]), same, seconds)
 
@@ -117,14 +124,18 @@ def _killed(job: Job, way: int, by: signal.Signals, after: float, folder: Path, 
     if job.together:
         if out.is_dir():
             settle(out)  # as the next command would
-        left = _digests(out)
+        left = digests(out)
         if not any(_matches(left, one) for one in known):
             return f"neither the former result nor the new one: {sorted(left)}"
-    torn = [name for name in _digests(out) if _is_torn(out / name if out.is_dir() else out)]
+    torn = [name for name in _names(out) if is_torn(out / name if out.is_dir() else out)]
     if torn:
         return f"torn: {torn}"
+    kept = _cells(sorted(out.glob("parts/cells/[!.]*.parquet")))
     _whole(job.ways[way], folder)
-    left = _digests(out)
+    again = [key for key, seconds in _cells(out.glob("cells.parquet")).items() if kept.get(key, seconds) != seconds]
+    if again:
+        return f"planned again, though they were kept: {again}"
+    left = digests(out)
     wrong = [name for name, digest in known[way].digests.items() if left.get(name) != digest]
     return f"the next run differs in {wrong}" if wrong else ""
 
@@ -134,16 +145,16 @@ def _matches(left: dict[str, str], one: Known) -> bool:
     return visible == one.names and all(left[name] == digest for name, digest in one.digests.items())
 
 
-def _is_torn(path: Path) -> bool:
+def is_torn(path: Path) -> bool:
     """Tell whether a file that a reader would open ends in the middle."""
     if path.name.startswith(_HIDDEN) or "/." in str(path):
         return False
     content = path.read_bytes()
     match path.suffix:
-        case ".json" | ".geojson":
+        case ".json" | ".geojson" | ".parquet":
             try:
-                json.loads(content)
-            except ValueError:
+                pq.ParquetFile(path).read() if path.suffix == ".parquet" else json.loads(content)
+            except (OSError, ValueError, pa.ArrowException):
                 return True
         case ".png":
             return not content.endswith(b"IEND\xaeB`\x82")
@@ -177,10 +188,29 @@ def _started(words: Sequence[str], folder: Path) -> subprocess.Popen[str]:
     )
 
 
-def _digests(out: Path) -> dict[str, str]:
-    """Return the digest of every file, by its name in the folder; of a file its own."""
-    files = sorted(path for path in out.rglob("*") if path.is_file()) if out.is_dir() else [out] if out.exists() else []
-    return {str(path.relative_to(out)) if out.is_dir() else path.name: sha256(path.read_bytes()).hexdigest() for path in files}
+def _names(out: Path) -> list[str]:
+    """Return the names of all files in the folder; of a file its own."""
+    if not out.is_dir():
+        return [out.name] if out.exists() else []
+    return sorted(str(path.relative_to(out)) for path in out.rglob("*") if path.is_file())
+
+
+def digests(out: Path) -> dict[str, str]:
+    """Return the digests of all files by their names; of a table of a study without its times."""
+    return {name: sha256(_content(out / name if out.is_dir() else out)).hexdigest() for name in _names(out)}
+
+
+def _content(path: Path) -> bytes:
+    if path.suffix != ".parquet" or "parts" in path.parts:
+        return path.read_bytes()
+    table = pq.ParquetFile(path).read()
+    return repr(table.select([name for name in table.column_names if not name.startswith("parallel_")]).to_pylist()).encode()
+
+
+def _cells(files: Iterable[Path]) -> dict[str, float]:
+    """Return how long the cells in tables of a study took, by their keys: times tell whether they were planned anew."""
+    tables = [pq.ParquetFile(file).read(["key", "parallel_wall_s"]).to_pydict() for file in files]
+    return {key: seconds for table in tables for key, seconds in zip(table["key"], table["parallel_wall_s"], strict=True)}
 
 
 def _remove(out: Path) -> None:

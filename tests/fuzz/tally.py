@@ -26,9 +26,13 @@ class Tally:
         if outcome.fault:
             self.failures += 1
             say(f"FAILURE {target.name}: {outcome.fault}: {outcome.error[:200]}")
-            if self._keep is not None:
-                self._keep.mkdir(parents=True, exist_ok=True)
-                (self._keep / f"{self.failures:03d}-{target.path.name}").write_bytes(content)
+            self.keep(f"{self.failures:03d}-{target.path.name}", content)
+
+    def keep(self, name: str, content: bytes) -> None:
+        """Write an input that failed into the folder for those, if there is one."""
+        if self._keep is not None:
+            self._keep.mkdir(parents=True, exist_ok=True)
+            (self._keep / name).write_bytes(content)
 
     @property
     def total(self) -> int:

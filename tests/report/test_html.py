@@ -154,6 +154,7 @@ def test_a_folder_without_a_whole_plan_is_refused(kerbed: Result, tmp_path: Path
     ("name", "text"),
     [
         ("summary.json", "{"),
+        ("summary.json", "[" * 3000),
         ("summary.json", "{}"),
         ("summary.json", "[]"),
         ("summary.json", '{"bodies": 3}'),

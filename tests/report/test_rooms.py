@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 import shapely
 
+from hdvplan.driving.drive import Drive
+from hdvplan.jit import FloatArray, IntArray
 from hdvplan.judging.bodies import corners
 from hdvplan.judging.result import Result, result_of
 from hdvplan.judging.verdict import verdict_of
@@ -42,6 +44,25 @@ def test_a_van_that_is_hit_is_drawn_where_it_was_hit(straight: Result) -> None:
     (conflict,) = [feature for feature in drawn_features(result) if feature.layer == "conflicts"]
     assert conflict.properties["obstacle"] == "van"
     assert conflict.geometry.area == pytest.approx(5.0 * 0.27, rel=0.01)  # likewise
+
+
+def test_however_many_vans_are_hit_the_bodies_are_placed_once(straight: Result, monkeypatch: pytest.MonkeyPatch) -> None:
+    vans = [shapely.box(s, 1.0, s + 1.0, 3.0) for s in np.arange(10.0, 70.0, 4.0)]
+    regions = tuple(Region(Kind.OBSTACLE, van, str(number)) for number, van in enumerate(vans))
+    road = replace(straight.drive.road, regions=regions).within(straight.drive.road.limits)
+    result = result_of(replace(straight.drive, road=road), solver="piqp", objective="geometric")
+    calls: list[IntArray] = []
+
+    def counted(drive: Drive, numbers: IntArray) -> FloatArray:
+        calls.append(numbers)
+        return corners(drive, numbers)
+
+    monkeypatch.setattr("hdvplan.judging.result.corners", counted)
+    conflicts = [feature for feature in drawn_features(result) if feature.layer == "conflicts"]
+    assert len(calls) == 1  # once for each takes minutes where there are thousands
+    assert {feature.properties["obstacle"] for feature in conflicts} == {str(number) for number in range(len(vans))}
+    for feature in conflicts:
+        assert vans[int(str(feature.properties["obstacle"]))].buffer(1e-9).contains(feature.geometry)
 
 
 def test_the_vehicle_stands_where_it_is_tightest(kerbed: Result) -> None:

@@ -239,7 +239,7 @@ def test_a_folder_of_others_is_refused(folder: Path, tiny: Entries) -> None:
 
 def test_a_damaged_part_is_named(folder: Path, tiny: Entries) -> None:
     _run(folder, tiny)
-    (part,) = (folder / "out" / "parts" / "cells").iterdir()
+    part = next((folder / "out" / "parts" / "cells").iterdir())  # more than one where the machine is slow
     part.write_bytes(b"PAR1 no more")
     with pytest.raises(OptionError, match=f"{part.name} cannot be read"):
         _run(folder, tiny)
