@@ -9,18 +9,13 @@ With --check nothing is written, and the exit code is 1 where a number differs. 
 from __future__ import annotations
 
 import argparse
-import json
 import re
 import sys
 from collections.abc import Callable, Sequence
 from functools import partial
-from pathlib import Path
 from typing import NamedTuple
 
-import pandas as pd
-
-ROOT = Path(__file__).parents[1]
-_MILLI = 1e3
+import document_tables as tables
 
 
 class Figure(NamedTuple):
@@ -31,165 +26,7 @@ class Figure(NamedTuple):
     numbers: Callable[[], Sequence[str]]
 
 
-def table(name: str) -> pd.DataFrame:
-    """Return a table of results."""
-    return pd.read_csv(ROOT / "results" / name)
-
-
-def paper(study: str, quantity: str) -> tuple[float, float]:
-    """Return the published value of a quantity, and ours."""
-    rows = table("paper/summary.csv")
-    row = rows[(rows["study"] == study) & (rows["quantity"] == quantity)].iloc[0]
-    return float(row["published"]), float(row["ours"])
-
-
-def pairs(study: str, quantities: Sequence[str], form: str = "{:.2f}") -> list[str]:
-    """Return the published values of quantities, then ours."""
-    both = [paper(study, quantity) for quantity in quantities]
-    return [form.format(published) for published, _ in both] + [form.format(ours) for _, ours in both]
-
-
-def step(vehicle: str, scheme: str, solver: str, column: str = "fastest_mean_ms", name: str = "headline/summary.csv") -> float:
-    """Return a number of a benchmark's summary."""
-    rows = table(name)
-    return float(rows[(rows["vehicle"] == vehicle) & (rows["scheme"] == scheme) & (rows["solver"] == solver)].iloc[0][column])
-
-
-def headline(solver: str) -> list[str]:
-    """Return a solver's row of the headline table [ms]."""
-    texts = []
-    for vehicle in ("bus", "tractor-trailer"):
-        for scheme in ("rti", "sqp"):
-            mean, most = (step(vehicle, scheme, solver, f"fastest_{which}_ms") for which in ("mean", "max"))
-            texts += [f"{mean:.3g}", f"{most:.2g}"]
-    return texts
-
-
-def readme_speed() -> list[str]:
-    """Return the planning step of both vehicles [ms], and how many times as long PIQP takes."""
-    own, other = ([step(vehicle, "rti", solver) for vehicle in ("bus", "tractor-trailer")] for solver in ("riccati", "piqp"))
-    return [f"{value:.2f}" for value in own] + [f"{piqp / riccati:.0f}" for piqp, riccati in zip(other, own, strict=True)]
-
-
-def pinch() -> list[str]:
-    """Return the step with a pinch [ms], riccati's and PIQP's, of the tractor-trailer and of the bus."""
-    return [
-        f"{step(vehicle, 'rti', solver, name='pinch/summary.csv'):.2f}"
-        for vehicle in ("tractor-trailer", "bus")
-        for solver in ("riccati", "piqp")
-    ]
-
-
-def spread(solver: str) -> list[str]:
-    """Return the least and the largest factor of a solver's QP over the fastest one's, strict and at equal accuracy."""
-    texts = []
-    for regime in ("strict", "accuracy"):
-        rows = table(f"solvers/{regime}/summary.csv")
-        ratio = rows[rows["solver"] == solver]["ratio"]
-        texts += [f"{ratio.min():.2g}", f"{ratio.max():.2g}" if ratio.max() < 100.0 else f"{ratio.max():.0f}"]  # noqa: PLR2004 - no exponents
-    return texts
-
-
-def kept(vehicle: str) -> str:
-    """Return in how many of the runs of several widths a vehicle keeps all limits."""
-    rows = table("widths/widths.csv")
-    return str(int(((rows["vehicle"] == vehicle) & (rows["verdict"] == "kept")).sum()))
-
-
-def vans(apart: float) -> list[str]:
-    """Return the least and the largest factor that parked vans cost a step, this far apart [m]."""
-    rows = table("obstacles/obstacles.csv")
-    ratio = rows[rows["apart_m"] == apart]["ratio"]
-    return [f"{ratio.min():.1f}", f"{ratio.max():.1f}"]
-
-
-def balanced() -> list[str]:
-    """Return by how many per cent a place's imbalance falls, for both vehicles, and the least and largest factor of a step's time."""
-    gains = table("balanced/summary.csv")
-    gains = gains[gains["objective"] == "balanced"]
-    ratio = table("balanced/step-times.csv")["ratio"]
-    return [f"{gain:.0f}" for gain in gains["gain_percent"]] + [f"{ratio.min():.1f}", f"{ratio.max():.1f}"]
-
-
-def proved(vehicle: str) -> list[str]:
-    """Return how many of a vehicle's NO are proved, and of how many."""
-    rows = table("proof/widths.csv")
-    no = rows[(rows["vehicle"] == vehicle) & (rows["fits"].astype(str) == "False")]
-    return [str(int(no["kind"].notna().sum())), str(len(no))]
-
-
-def proofs() -> list[str]:
-    """Return of the bus how many are proved of how many, of the tractor-trailer too."""
-    return proved("bus") + proved("tractor-trailer")
-
-
-def contradictions() -> str:
-    """Return in a word how many runs are planned within their limits and called impossible."""
-    rows = table("proof/widths.csv")
-    return _counted(int(((rows["fits"].astype(str) == "True") & rows["kind"].notna()).sum()))
-
-
-def drawn() -> list[str]:
-    """Return of the random cases how many there are, how many are called impossible, and of the narrower ones how many are, of how many."""
-    rows = table("proof/random/random.csv")
-    rows = rows[rows["way"].notna()]
-    controls = rows["narrower_proved"].dropna().astype(str)
-    return [str(len(rows)), _counted(int(rows["proof"].notna().sum())), str(int((controls == "True").sum())), str(len(controls))]
-
-
-def _counted(number: int) -> str:
-    return str(number) if number else "none"
-
-
-def uturn_and_roundabout() -> list[str]:
-    """Return of both studies ours, then the published values."""
-    texts = []
-    for study, quantities in (("bus-uturn", UTURN), ("roundabout", SIDES)):
-        both = pairs(study, quantities)
-        texts += both[2:] + both[:2]
-    return texts
-
-
-def liechtenstein(vehicle: str) -> list[str]:
-    """Return for each width how many routes a bus can drive, and its share of their length in per cent."""
-    rows = table("liechtenstein/shares.csv")
-    rows = rows[rows["vehicle"] == vehicle]
-    shares = 100.0 * rows["km"] / rows["of_km"]
-    return [text for routes, share in zip(rows["routes"], shares, strict=True) for text in (str(routes), f"{share:.0f}")]
-
-
-def extracted() -> list[str]:
-    """Return the number of roads, and their length [km]."""
-    first = table("liechtenstein/shares.csv").iloc[0]
-    return [str(first["of_roads"]), f"{first['of_km']:.0f}"]
-
-
-def narrow() -> list[str]:
-    """Return how many places keep a bus out at the least and at the largest width."""
-    counts = table("liechtenstein/ranking.csv")["half_width_m"].value_counts().sort_index()
-    return [str(counts.iloc[0]), str(counts.iloc[-1])]
-
-
-def unplanned() -> list[str]:
-    """Return the number of cells that were refused, and of those without a plan."""
-    ended = json.loads((ROOT / "results/liechtenstein/run.json").read_text(encoding="utf-8"))["outcomes"]
-    return [str(ended["refused"]), str(ended["no plan"])]
-
-
-def checked() -> list[str]:
-    """Return how many cells were planned again, by how much they differ at most [m], and how many are proved."""
-    rows = table("liechtenstein/checked.csv")
-    apart = (rows["spare_m"] - rows["study_spare_m"]).abs().max()
-    return [str(len(rows)), f"{apart:.2g}", str(int(rows["proved_from_m"].notna().sum()))]
-
-
-def objectives(first: str, second: str) -> Callable[[], list[str]]:
-    """Return what returns one row of the objectives' study."""
-    return lambda: pairs("objectives", (first, second))
-
-
-README, RESULTS, LIECHTENSTEIN = "README.md", "docs/results.md", "docs/liechtenstein.md"
-UTURN, SIDES = ("proposed method, max right", "proposed method, max left"), ("max left", "max right")
+README, RESULTS, BALANCED, LIECHTENSTEIN = "README.md", "docs/results.md", "docs/balanced.md", "docs/liechtenstein.md"
 FORMER = ("previous method, max right", "previous method, max left")
 CONSTANT = ("tractor curvature, constant part", "articulation, constant part")
 OUTSIDE = tuple(f"furthest outside, {what}" for what in ("overhang and wheelbase free", "wheelbase in the lane", "and overhangs at a cost"))
@@ -203,63 +40,101 @@ BUSES = {
     "rear-steered-bus": "12",
 }
 FIGURES = (
-    Figure(README, "U-turn at {} / {} m (published {} / {}), the roundabout at {} / {} m ({} / {})", uturn_and_roundabout),
-    Figure(README, "takes {} ms for the bus and {} ms for the tractor-trailer (ten roads, one QP a step), {} and {} times", readme_speed),
-    Figure(README, "{} of the bus's {} `NO` and {} of the tractor-trailer's {} are proved", proofs),
-    Figure(RESULTS, "previous method: right / left [m] | {} / {} | {} / {} |", lambda: pairs("bus-uturn", FORMER)),
-    Figure(RESULTS, "geometric weight: right / left [m] | {} / {} | {} / {} |", lambda: pairs("bus-uturn", UTURN)),
-    Figure(RESULTS, "| roundabout: left / right [m] | {} / {} | {} / {} |", lambda: pairs("roundabout", SIDES)),
-    Figure(RESULTS, "curvature [1/m], articulation [rad] | {}, {} | {}, {} |", lambda: pairs("roundabout", CONSTANT, "{:.4f}")),
-    Figure(RESULTS, "(J1): left / right [m] | {} / {} | {} / {} |", objectives("J1 (tractor axle), max left", "J1, max right")),
-    Figure(RESULTS, "(J2): left / right [m] | {} / {} | {} / {} |", objectives("J2 (trailer axle), max left", "J2, max right")),
-    Figure(RESULTS, "(J3): left / right [m] | {} / {} | {} / {} |", objectives("J3 (both axles, weighted), max left", "J3, max right")),
-    Figure(RESULTS, "(J5): left / right [m] | {} / {} | {} / {} |", objectives("J5 (furthest body side), max left", "J5, max right")),
-    Figure(RESULTS, "time [s] (their laptop and MATLAB) | {} | {} |", lambda: pairs("objectives", ("J5, time at 0.1 m",))),
-    Figure(RESULTS, "(their road is not published) | {} / {} / {} | {} / {} / {} |", lambda: pairs("overhang", OUTSIDE)),
+    Figure(README, "U-turn at {} / {} m (published {} / {}), the roundabout at {} / {} m ({} / {})", tables.uturn_and_roundabout),
+    Figure(
+        README, "takes {} ms for the bus and {} ms for the tractor-trailer (ten roads, one QP a step), {} and {} times", tables.readme_speed
+    ),
+    Figure(README, "{} of the bus's {} `NO` and {} of the tractor-trailer's {} are proved", tables.proofs),
+    Figure(RESULTS, "previous method: right / left [m] | {} / {} | {} / {} |", lambda: tables.pairs("bus-uturn", FORMER)),
+    Figure(RESULTS, "geometric weight: right / left [m] | {} / {} | {} / {} |", lambda: tables.pairs("bus-uturn", tables.UTURN)),
+    Figure(RESULTS, "| roundabout: left / right [m] | {} / {} | {} / {} |", lambda: tables.pairs("roundabout", tables.SIDES)),
+    Figure(RESULTS, "curvature [1/m], articulation [rad] | {}, {} | {}, {} |", lambda: tables.pairs("roundabout", CONSTANT, "{:.4f}")),
+    Figure(RESULTS, "(J1): left / right [m] | {} / {} | {} / {} |", tables.objectives("J1 (tractor axle), max left", "J1, max right")),
+    Figure(RESULTS, "(J2): left / right [m] | {} / {} | {} / {} |", tables.objectives("J2 (trailer axle), max left", "J2, max right")),
+    Figure(
+        RESULTS, "(J3): left / right [m] | {} / {} | {} / {} |", tables.objectives("J3 (both axles, weighted), max left", "J3, max right")
+    ),
+    Figure(
+        RESULTS, "(J5): left / right [m] | {} / {} | {} / {} |", tables.objectives("J5 (furthest body side), max left", "J5, max right")
+    ),
+    Figure(RESULTS, "time [s] (their laptop and MATLAB) | {} | {} |", lambda: tables.pairs("objectives", ("J5, time at 0.1 m",))),
+    Figure(RESULTS, "(their road is not published) | {} / {} / {} | {} / {} / {} |", lambda: tables.pairs("overhang", OUTSIDE)),
     Figure(
         RESULTS,
         "| kept from a hard limit [m] | {} | {} |",
-        lambda: [f"{value:.1g}" for value in paper("overhang", "kept from a hard limit")],
+        lambda: [f"{value:.1g}" for value in tables.paper("overhang", "kept from a hard limit")],
     ),
-    Figure(RESULTS, "| `riccati` | {} / {} | {} / {} | {} / {} | {} / {} |", lambda: headline("riccati")),
-    Figure(RESULTS, "| `piqp` | {} / {} | {} / {} | {} / {} | {} / {} |", lambda: headline("piqp")),
-    Figure(RESULTS, "without screening and active set | {} to {} | {} to {} |", lambda: spread("riccati-ipm")),
-    Figure(RESULTS, "| `piqp` | {} to {} | {} to {} |", lambda: spread("piqp")),
-    Figure(RESULTS, "| `hpipm` | {} to {} | {} to {} |", lambda: spread("hpipm")),
-    Figure(RESULTS, "| `clarabel` | {} to {} | {} to {} |", lambda: spread("clarabel")),
-    Figure(RESULTS, "riccati takes {} ms on average against PIQP's {} for the tractor-trailer", lambda: pinch()[:2]),
-    Figure(RESULTS, "several programs a step, and riccati {} against {}", lambda: pinch()[2:]),
-    Figure(RESULTS, "every 500 m makes the step {} to {} times as long", lambda: vans(500.0)),
-    Figure(RESULTS, "one every 150 m {} to {} times", lambda: vans(150.0)),
+    Figure(RESULTS, "| `riccati` | {} / {} | {} / {} | {} / {} | {} / {} |", lambda: tables.headline("riccati")),
+    Figure(RESULTS, "| `piqp` | {} / {} | {} / {} | {} / {} | {} / {} |", lambda: tables.headline("piqp")),
+    Figure(RESULTS, "without screening and active set | {} to {} | {} to {} |", lambda: tables.spread("riccati-ipm")),
+    Figure(RESULTS, "| `piqp` | {} to {} | {} to {} |", lambda: tables.spread("piqp")),
+    Figure(RESULTS, "| `hpipm` | {} to {} | {} to {} |", lambda: tables.spread("hpipm")),
+    Figure(RESULTS, "| `clarabel` | {} to {} | {} to {} |", lambda: tables.spread("clarabel")),
+    Figure(RESULTS, "riccati takes {} ms on average against PIQP's {} for the tractor-trailer", lambda: tables.pinch()[:2]),
+    Figure(RESULTS, "several programs a step, and riccati {} against {}", lambda: tables.pinch()[2:]),
+    Figure(RESULTS, "every 500 m makes the step {} to {} times as long", lambda: tables.vans(500.0)),
+    Figure(RESULTS, "one every 150 m {} to {} times", lambda: tables.vans(150.0)),
+    Figure(RESULTS, "with four solvers: {} of OSQP's 40 do not end", lambda: [tables.unended("osqp")]),
+    Figure(RESULTS, "SQP takes {} times as long as RTI for the bus and {} times for the tractor-trailer", lambda: tables.schemes()[:2]),
+    Figure(RESULTS, "drive the same envelope to {} mm", lambda: tables.schemes()[2:]),
+    Figure(RESULTS, "in {} to {} times the time of our SQP, and agrees with its optimum to {} m", tables.peers),
+    Figure(RESULTS, "between two of these points by {} mm", lambda: tables.cut()[:1]),
+    Figure(RESULTS, "its path differs by up to {} mm", lambda: tables.cut()[1:]),
+    *(
+        Figure(
+            BALANCED,
+            f"{vehicle}, {name} | {{}} | {{}} % | {{}} % | +{{}} % | +{{}} % | x {{}} | x {{}} |",
+            partial(tables.balance_row, vehicle, name),
+        )
+        for vehicle in VEHICLES[:2]
+        for name in ("balanced, SQP", "deferred correction")
+    ),
+    *(
+        Figure(
+            BALANCED,
+            f"**{vehicle}, balanced** | **{{}}** | **{{}} %** | {{}} % | +{{}} % | +{{}} % | x {{}} | x {{}} |",
+            partial(tables.balance_row, vehicle, "balanced"),
+        )
+        for vehicle in VEHICLES[:2]
+    ),
+    *(
+        Figure(BALANCED, f"| {vehicle} | {words} | {{}} | {{}} | {{}} |", partial(tables.balance_time, vehicle, limits))
+        for vehicle, words, limits in (
+            ("bus", "none", "none"),
+            ("bus", "0.5 m beyond the half width", "0.5 m beyond"),
+            ("tractor-trailer", "none", "none"),
+            ("tractor-trailer", "0.5 m beyond", "0.5 m beyond"),
+        )
+    ),
+    Figure(BALANCED, "writing the rows take {} to {} us", tables.balance_more),
+    Figure("docs/design.md", "(IPOPT agrees to {} m wherever", lambda: tables.peers()[2:]),
     Figure(
         RESULTS,
         "keeps all limits in {} of 150 runs, the tractor-trailer in {}, the one of 24 m in {}.",
-        lambda: [kept(vehicle) for vehicle in VEHICLES],
+        lambda: [tables.kept(vehicle) for vehicle in VEHICLES],
     ),
-    Figure(RESULTS, "not kept, {} of the bus's {} are proved impossible, {} of the tractor-trailer's {} and", proofs),
-    Figure(RESULTS, "and {} of {} of the one of 24 m", lambda: proved("tractor-trailer-24m")),
-    Figure(RESULTS, "of the one of 24 m; {} of the kept ones is", lambda: [contradictions()]),
-    Figure(RESULTS, "In {} random cases as narrow as a drive that fits, {} is called impossible", lambda: drawn()[:2]),
-    Figure(RESULTS, "on either side, {} of {} are", lambda: drawn()[2:]),
-    Figure(RESULTS, "falls by {} % (bus) and {} % (tractor-trailer) on average", lambda: balanced()[:2]),
-    Figure(RESULTS, "for a step that takes {} to {} times as long", lambda: balanced()[2:]),
-    Figure(LIECHTENSTEIN, "cuts the routes into {} roads of {} km", extracted),
+    Figure(RESULTS, "not kept, {} of the bus's {} are proved impossible, {} of the tractor-trailer's {} and", tables.proofs),
+    Figure(RESULTS, "and {} of {} of the one of 24 m", lambda: tables.proved("tractor-trailer-24m")),
+    Figure(RESULTS, "of the one of 24 m; {} of the kept ones is", lambda: [tables.contradictions()]),
+    Figure(RESULTS, "In {} random cases as narrow as a drive that fits, {} is called impossible", lambda: tables.drawn()[:2]),
+    Figure(RESULTS, "on either side, {} of {} are", lambda: tables.drawn()[2:]),
+    Figure(RESULTS, "falls by {} % (bus) and {} % (tractor-trailer) on average", lambda: tables.balanced()[:2]),
+    Figure(RESULTS, "for a step that takes {} to {} times as long", lambda: tables.balanced()[2:]),
+    Figure(LIECHTENSTEIN, "cuts the routes into {} roads of {} km", tables.extracted),
     *(
-        Figure(LIECHTENSTEIN, f"| `{bus}`, {long} m | {' | '.join(4 * ['{}, {}'])} |", partial(liechtenstein, bus))
+        Figure(LIECHTENSTEIN, f"| `{bus}`, {long} m | {' | '.join(4 * ['{}, {}'])} |", partial(tables.liechtenstein, bus))
         for bus, long in BUSES.items()
     ),
-    Figure(LIECHTENSTEIN, "At lanes of 2.75 m, {} places keep a bus out, at 3.5 m {}. The", narrow),
+    Figure(LIECHTENSTEIN, "At lanes of 2.75 m, {} places keep a bus out, at 3.5 m {}. The", tables.narrow),
     Figure(
         LIECHTENSTEIN,
         "{} of the cells were refused because the line turns on a radius below that of the bus, and {} have no plan",
-        unplanned,
+        tables.unplanned,
     ),
-    Figure(
-        LIECHTENSTEIN, "{} of the 16 routes are without a gap.", lambda: [str((table("liechtenstein/lines.csv")["whole"] == "yes").sum())]
-    ),
-    Figure(LIECHTENSTEIN, "of each bus, on {} different roads,", lambda: checked()[:1]),
-    Figure(LIECHTENSTEIN, "differs from the study's by at most {} m. For {} of them", lambda: checked()[1:]),
-    Figure(LIECHTENSTEIN, "[killed {} times]", lambda: [str(len(table("liechtenstein/kills.csv")))]),
+    Figure(LIECHTENSTEIN, "{} of the 16 routes are without a gap.", lambda: [tables.whole_routes()]),
+    Figure(LIECHTENSTEIN, "of each bus, on {} different roads,", lambda: tables.checked()[:1]),
+    Figure(LIECHTENSTEIN, "differs from the study's by at most {} m. For {} of them", lambda: tables.checked()[1:]),
+    Figure(LIECHTENSTEIN, "[killed {} times]", lambda: [tables.kills()]),
 )
 
 
@@ -294,7 +169,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     check = parser.parse_args(arguments).check
     wrong = 0
     for figure in FIGURES:
-        path = ROOT / figure.document
+        path = tables.ROOT / figure.document
         text = path.read_text(encoding="utf-8")
         now = renewed(text, figure)
         if now != text:

@@ -8,7 +8,6 @@ piecewise quintic, written as a B-spline without loss.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Literal
@@ -16,6 +15,7 @@ from typing import Literal
 import casadi as ca
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
+from stage_blocks import Block, by_stage, counts, taken_apart, values_of
 
 from hdvplan.jit import FloatArray, IntArray, Records
 from hdvplan.planning.discretisation import Discretisation
@@ -24,11 +24,12 @@ from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.centring import Centring
 from hdvplan.road.path import ReferencePath, evaluate_many
-from hdvplan.vehicle.body import axles_behind, edge_points
+from hdvplan.vehicle.body import EDGE_POINT, axles_behind, edge_points
 from hdvplan.vehicle.model import Unit, Vehicle
 
 _DEGREE = 5
 _SAME_M = 1e-9  # the B-spline must be the road to within this
+_LOOKS = 501  # along an edge: every 3 cm of the longest body
 _REACH_M = 25.0  # road beyond the horizon's ends on which body points may have their feet
 _EVALUATIONS = ("nlp_f", "nlp_g", "nlp_grad_f", "nlp_jac_g", "nlp_hess_l")  # as CasADi's statistics name them
 
@@ -110,13 +111,15 @@ def exact_nlp(
         Block(planned, 1, s + (vehicle.lead.wheelbase if axle == 0 else -behind[axle]), input=True),
         Block(planned, starts.shape[1], starts, input=True),
     ]
-    order = _by_stage(variables)
+    order = by_stage(variables)
     x = ca.MX.sym("x", len(order))
-    z, held, kappa, aux_feet, feet = _taken_apart(x[np.argsort(order).tolist()], variables)
+    z, held, kappa, aux_feet, feet = taken_apart(x[np.argsort(order).tolist()], variables)
 
     k, between = points["curvature"][:stages], points["curvature_between"][:stages]
     reached = _advance(vehicle, settings.step).map(stages)(z[:, :-1], kappa, ca.DM(k).T, ca.DM(between).T)
-    placed = _placement(vehicle, axle).map(stages)(z[:, 1:], ca.DM(np.stack([points[name][ahead] for name in ("x", "y", "cos", "sin")])))
+    placed = _placement(vehicle, axle, edges).map(stages)(
+        z[:, 1:], ca.DM(np.stack([points[name][ahead] for name in ("x", "y", "cos", "sin")]))
+    )
     aux_along, aux_offset = project.map(stages)(aux_feet, placed[:2, :])
     centred = ca.DM(residual.lead[ahead]).T * z[0, 1:] + ca.DM(residual.aux[ahead]).T * aux_offset - ca.DM(residual.target[ahead]).T
     change, rate = kappa - held[:, :-1], vehicle.max_curvature_rate * settings.step
@@ -139,16 +142,16 @@ def exact_nlp(
             (Block(planned, starts.shape[1], 0.0, 0.0, np.inf, input=True), clearance - ca.repmat(margin, starts.shape[1], 1)),
         ]
     blocks = [block for block, _ in rows]
-    row_order = _by_stage(blocks)
+    row_order = by_stage(blocks)
     program = {"x": x, "f": cost, "g": ca.vertcat(*(ca.vec(value) for _, value in rows))[row_order.tolist()]}
-    x0 = _values(variables, lambda block: block.start)[order]
-    lbx, lbg = (_values(some, lambda block: block.low)[at] for some, at in ((variables, order), (blocks, row_order)))
-    ubx, ubg = (_values(some, lambda block: block.high)[at] for some, at in ((variables, order), (blocks, row_order)))
+    x0 = values_of(variables, lambda block: block.start)[order]
+    lbx, lbg = (values_of(some, lambda block: block.low)[at] for some, at in ((variables, order), (blocks, row_order)))
+    ubx, ubg = (values_of(some, lambda block: block.high)[at] for some, at in ((variables, order), (blocks, row_order)))
     options: dict[str, object] = {"print_time": False, "record_time": True}
     if method == "fatrop":
         options |= {
             "structure_detection": "manual", "N": stages, "nx": [n + 1] * (stages + 1), "equality": (lbg == ubg).tolist(),
-            "nu": _counts(variables, stages).tolist(), "ng": _counts(blocks, stages).tolist(),
+            "nu": counts(variables, stages).tolist(), "ng": counts(blocks, stages).tolist(),
             "fatrop.print_level": 0, "fatrop.tolerance": tolerance,
         }  # fmt: skip
     else:
@@ -158,45 +161,24 @@ def exact_nlp(
     return ExactNlp(solver, {name: ca.DM(value) for name, value in bounds.items()}, np.argsort(order), n, stages)
 
 
-@dataclass(frozen=True)
-class Block:
-    """Variables, or rows, of the same kind: ``size`` of them at each of some stages.
+def deepest_cut(vehicle: Vehicle, stations: Stations, z: FloatArray) -> float:
+    """Return by how much a plan (stages + 1, n) breaks its limits and their margin anywhere along the bodies' edges [m].
 
-    ``start`` is a number, or one for every entry. Inputs are those variables that are no states, and those rows that are
-    no dynamics.
+    The exact program looks at the sampled points of the edges alone; this looks everywhere.
     """
-
-    stages: IntArray
-    size: int
-    start: FloatArray | float
-    low: float = -np.inf
-    high: float = np.inf
-    input: bool = False
-
-
-def _by_stage(blocks: Sequence[Block]) -> IntArray:
-    """Return the order that lays blocks out stage by stage: states before inputs, dynamics before other rows."""
-    stage = np.concatenate([np.repeat(block.stages, block.size) for block in blocks])
-    after = np.concatenate([np.full(len(block.stages) * block.size, block.input) for block in blocks])
-    return np.lexsort((after, stage))
-
-
-def _counts(blocks: Sequence[Block], stages: int) -> IntArray:
-    """Return how many inputs, or rows beside the dynamics, each stage has."""
-    inputs = np.concatenate([np.repeat(block.stages, block.size) for block in blocks if block.input])
-    return np.bincount(inputs, minlength=stages + 1)
-
-
-def _values(blocks: Sequence[Block], of: Callable[[Block], FloatArray | float]) -> FloatArray:
-    """Return a number for every entry of blocks, from numbers, or arrays of all of a block's entries."""
-    return np.concatenate([np.broadcast_to(np.ravel(of(block)), len(block.stages) * block.size) for block in blocks])
-
-
-def _taken_apart(x: ca.MX, blocks: Sequence[Block]) -> list[ca.MX]:
-    """Return the blocks of a vector of variables as matrices (size, stages)."""
-    ends = np.cumsum([0, *(len(block.stages) * block.size for block in blocks)])
-    parts = ca.vertsplit(x, ends.tolist())
-    return [ca.reshape(part, block.size, len(block.stages)) for part, block in zip(parts, blocks, strict=True)]
+    if not stations.limits.values.size:
+        return 0.0
+    points = np.empty((len(vehicle.units), _LOOKS), EDGE_POINT)
+    for row, unit in zip(points, vehicle.units, strict=True):
+        row["ahead"] = np.linspace(-unit.rear_overhang, unit.front, _LOOKS)
+        row["overhang"] = (row["ahead"] < 0.0) | (row["ahead"] > unit.wheelbase)
+    place, clearance = _placement(vehicle, 0, points), _clearance(stations, points)
+    ahead, deepest = np.repeat((points["ahead"] - axles_behind(vehicle)[:, None]).ravel(), 2), 0.0
+    for state, at, s in zip(z[1:], stations.points[1:], stations.s[1:], strict=False):
+        x, y = np.array(place(state, [float(at[name]) for name in ("x", "y", "cos", "sin")])).reshape(-1, 2)[1:].T
+        gaps = np.array(clearance(*stations.path.project(x, y, s + ahead)))
+        deepest = max(deepest, float(at["margin"] - np.min(gaps)))
+    return deepest
 
 
 def road_spline(path: ReferencePath, first: float, last: float) -> BSpline:
@@ -279,12 +261,12 @@ def _wheels(unit: Unit, angle: ca.SX) -> ca.SX:
     return -ca.fmin(ca.fmax(unit.steering_ratio * angle, -unit.max_steering_angle), unit.max_steering_angle)
 
 
-def _placement(vehicle: Vehicle, auxiliary: int) -> ca.Function:
+def _placement(vehicle: Vehicle, auxiliary: int, points: Records) -> ca.Function:
     """Return (z, x, y, cos, sin of the road) -> x, y of the auxiliary axle, then of all points as unit, point, edge."""
     z, road = ca.SX.sym("z", vehicle.states), ca.SX.sym("road", 4)
     heading = ca.atan2(road[3], road[2]) + z[1]
     axle = ca.vertcat(road[0] - z[0] * road[3], road[1] + z[0] * road[2])
-    points, bodies = edge_points(vehicle), []
+    bodies: list[ca.SX] = []
     for i, unit in enumerate(vehicle.units):
         if i > 0:
             hitch = axle - vehicle.units[i - 1].hitch_offset * ca.vertcat(ca.cos(heading), ca.sin(heading))

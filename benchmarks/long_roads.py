@@ -18,6 +18,7 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from time import process_time
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -36,6 +37,7 @@ from hdvplan.stretches.planning import plan_in_stretches
 from hdvplan.vehicle.load import load_vehicle
 
 ROAD = "liechtenstein_schaan_balzers"  # 11.9 km with five roundabouts
+_FIRST_M = 2e3
 _LINK_M = 30.0  # straight between one time and the next
 _RUN_INS_M = (5, 10, 20, 40, 60, 80, 100, 150, 200, 300)
 _EVERY_M, _JUDGED_M = 500.0, 20.0  # places where forgetting is looked at, and over which length
@@ -66,6 +68,23 @@ def main(arguments: Sequence[str] | None = None) -> None:
     write_record(options.out, [case_of(load_road(ROAD), vehicle, options.half_width) for vehicle in options.vehicles])
 
 
+def planned(line: Path, vehicle: str, half_width: float, out: Path, *, undivided: bool) -> dict[str, Any]:
+    """Plan a line, whole or in stretches, write the plan, and return its summary."""
+    if undivided:
+        write_plan(plan(case_of(whole_road(line_of(line)), vehicle, half_width)), out)
+        return dict(json.loads((out / "summary.json").read_text(encoding="utf-8")))
+    reach = reach_of(load_vehicle(vehicle), case_of(load_road("uturn"), vehicle, half_width).settings)
+    return plan_in_stretches(stretches_of_line(line_of(line), lambda road: case_of(road, vehicle, half_width), reach=reach), out)
+
+
+def line_file(folder: Path, length: float) -> Path:
+    """Write a long line into a folder, and return its file."""
+    line = folder / "long.csv"
+    points = long_line(length)
+    line.write_text("x,y\n" + "\n".join(f"{x:.3f},{y:.3f}" for x, y in points) + "\n", encoding="utf-8")
+    return line
+
+
 def case_of(road: Road, vehicle: str, half_width: float) -> Case:
     """Return the run on a road."""
     return Case(road.with_limits(half_width, half_width), load_vehicle(vehicle))
@@ -76,9 +95,7 @@ def rows_of(km: float, vehicle: str, half_width: float, *, whole: bool) -> list[
     rows: list[dict[str, object]] = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        line = folder / "long.csv"
-        points = long_line(1e3 * km)
-        line.write_text("x,y\n" + "\n".join(f"{x:.3f},{y:.3f}" for x, y in points) + "\n", encoding="utf-8")
+        line = line_file(folder, 1e3 * km)
         for way in (*([["--undivided"]] if whole else []), []):
             out = folder / ("whole" if way else "stretches")
             same = ["--vehicles", vehicle, "--half-width", str(half_width), "--out", str(out), "--one", str(line)]
@@ -118,14 +135,10 @@ def line_of(road: str | Path) -> Line:
 
 def measured(line: Path, vehicle: str, half_width: float, out: Path, *, undivided: bool) -> dict[str, object]:
     """Plan a line in this process; return its length [km], CPU time [s] and largest memory [MB]."""
-    prepare(case_of(load_road("uturn"), vehicle, half_width))  # compiled code is loaded once, not by the kilometre
+    with tempfile.TemporaryDirectory() as name:  # what the first plan loads is loaded once, not by the kilometre
+        planned(line_file(Path(name), _FIRST_M), vehicle, half_width, Path(name, "first"), undivided=undivided)
     began = process_time()
-    if undivided:
-        write_plan(plan(case_of(whole_road(line_of(line)), vehicle, half_width)), out)
-        summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
-    else:
-        reach = reach_of(load_vehicle(vehicle), case_of(load_road("uturn"), vehicle, half_width).settings)
-        summary = plan_in_stretches(stretches_of_line(line_of(line), lambda road: case_of(road, vehicle, half_width), reach=reach), out)
+    summary = planned(line, vehicle, half_width, out, undivided=undivided)
     spent, km = process_time() - began, 1e-3 * summary["length_m"]
     stretches = summary.get("stretches", {"count": 1, "apart_m": 0.0})
     return {

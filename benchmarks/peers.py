@@ -15,7 +15,7 @@ from typing import get_args
 
 import numpy as np
 import pandas as pd
-from exact_nlp import Method, Optimum, exact_nlp
+from exact_nlp import Method, Optimum, deepest_cut, exact_nlp
 
 from hdvplan.api import prepare
 from hdvplan.bench.courses import with_limits
@@ -89,6 +89,7 @@ def compare(case: Case, repeats: int) -> dict[str, object]:
     return row | {
         "sqp_off_m": float(np.max(np.abs(exact["ipopt"].z[:, 0] - plans[0].z[:, 0]))),
         "violation_m": plan.violation,
+        "ipopt_cuts_m": deepest_cut(units, stations, exact["ipopt"].z),
     }
 
 
@@ -100,13 +101,15 @@ def markdown(table: pd.DataFrame) -> str:
         f"fatrop: the exact NLP with its exact Hessian by CasADi, tolerance {SAME_TOLERANCE:g}, building and differentiating it not "
         "counted. ms: fastest of the repeats, in turn; evaluating: the part of it in functions and derivatives, by CasADi's statistics. "
         "ratio: to SQP's time; own ratio: of the rest, the solver's own. differs: largest difference of e_y with both converged "
-        f"(SQP {CONVERGED.sqp_tolerance:g}, the others {CONVERGED_TOLERANCE:g}); sqp off: of SQP at the user's tolerance from IPOPT. "
+        f"(SQP {CONVERGED.sqp_tolerance:g}, the others {CONVERGED_TOLERANCE:g}); sqp off: of SQP at the user's tolerance from IPOPT; "
+        "ipopt cuts: how deep IPOPT's optimum breaks limits between the points at which the exact program looks. There the planner, which "
+        "looks between them too, plans another path. "
         f"One thread, {facts['processor']}, {facts['python']}."
     )
     counts = ("sqp_qps", *(f"{method}_{what}" for method in METHODS for what in ("iterations", "solved")))
     forms = dict.fromkeys(("road", "vehicle", "case", *counts), "{}")
     forms |= {f"{method}_{what}": "{:.0f}" for method in METHODS for what in ("ratio", "own_ratio")}
-    forms |= dict.fromkeys(("sqp_off_m", "violation_m", *(f"{method}_differs_m" for method in METHODS)), "{:.1e}")
+    forms |= dict.fromkeys(("sqp_off_m", "violation_m", "ipopt_cuts_m", *(f"{method}_differs_m" for method in METHODS)), "{:.1e}")
     text = pd.DataFrame({str(name): table[name].map(forms.get(str(name), "{:.2f}").format) for name in table}, dtype=str)
     text.columns = pd.Index([name.replace("_", " ") for name in text.columns])
     return f"{caption}\n\n{markdown_table(text, text=('road', 'vehicle', 'case'))}\n"

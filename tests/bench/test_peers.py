@@ -75,3 +75,18 @@ def test_the_road_is_a_b_spline_without_loss() -> None:
     np.testing.assert_allclose(spline(s).T, table[:2], atol=1e-11)  # rounding of coordinates of 100 m, solved for in a banded system
     tangent = spline.derivative()(s).T
     np.testing.assert_allclose(np.arctan2(tangent[1], tangent[0]), np.arctan2(table[3], table[2]), atol=1e-9)  # the same, per spacing
+
+
+def test_a_cut_is_found_anywhere_along_an_edge() -> None:
+    from exact_nlp import deepest_cut  # noqa: PLC0415 - on the path only here
+
+    units = load_vehicle("tractor-trailer")
+    s, one = np.array([0.0, 20.4, 20.5, 20.6, 60.0]), np.ones(5)
+    low = np.array([-3.0, -3.0, -2.0, -3.0, -3.0])  # a post between two of the sampled points, as the tractor passes it
+    road = replace(Road("post", from_curvature(np.array([0.0, 60.0]), np.zeros(2))), limits=Limits(s, 3.0 * one, low, 3.0 * one, low))
+    stations = stations_of(road, units, CentringTable.of(units), step=SETTINGS.step, horizon=SETTINGS.horizon)
+    straight = np.zeros((SETTINGS.stages + 1, units.states))
+    straight[:, 0] = -0.8
+    margin = float(stations.points["margin"][1])
+    deepest = 0.8 + 0.5 * max(unit.width for unit in units.units) + margin - 2.0
+    assert deepest_cut(units, stations, straight) == pytest.approx(deepest, abs=0.02)  # its tip is sampled every 3 cm, its flanks are steep
