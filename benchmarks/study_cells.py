@@ -28,7 +28,7 @@ from hdvplan.vehicle.load import load_vehicle
 VEHICLE = "P"
 SHORT: dict[str, Any] = {"horizon": 5.0, "step": 0.5, "replan": 5.0}  # the car looks 5 m ahead
 ROAD = "s,kappa\n0,0\n6,0\n9,0.02\n12,0\n20,0\n"  # 20 m
-_FIRST_M, _BY_M = 1.2, 1e-5  # the least half width, and from one cell to the next
+_WIDTHS, _FIRST_M, _BY_M = 100, 1.2, 0.01  # half widths, the least, and from one to the next; the rest are weights in the objective
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -41,8 +41,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     use_one_thread()
     with tempfile.TemporaryDirectory() as name:
         (Path(name) / "short.csv").write_text(ROAD, encoding="utf-8")
-        widths = [round(_FIRST_M + _BY_M * number, 5) for number in range(asked.cells)]
-        entries = {"roads": [str(Path(name) / "short.csv")], "vehicles": [VEHICLE], "half_widths": widths, "settings": SHORT}
+        widths = [round(_FIRST_M + _BY_M * number, 5) for number in range(_WIDTHS)]
+        weights = [PlannerSettings.smoothness + number for number in range(asked.cells // _WIDTHS)]
+        settings = SHORT | {"smoothness": weights}
+        entries = {"roads": [str(Path(name) / "short.csv")], "vehicles": [VEHICLE], "half_widths": widths, "settings": settings}
         rows: list[dict[str, float]] = []
         loaded, began, spent = memory(), perf_counter(), process_time()
 
@@ -54,7 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
         results = run(entries, Path(name) / "out", LocalEngine(asked.workers), on_progress=tell)
         row = {"cells": asked.cells, "wall_s": perf_counter() - began, "driver_cpu_s": process_time() - spent}
-        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
         work = float(results.cells()["parallel_wall_s"].sum())
         overhead = 1e3 * (asked.workers * rows[-1]["wall_s"] - work) / asked.cells
         rows.append(row | {"mb": peak - loaded, "work_s": work, "workers": asked.workers, "overhead_ms_per_cell": overhead})

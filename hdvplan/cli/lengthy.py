@@ -41,6 +41,7 @@ def plan_long(
 
     ``reach`` is how far beyond a stretch a plan sees [m]; ``workers`` processes plan, as many as there are cores where it is None.
     """
+    from hdvplan.bench.processes import ended_by_signals
     from hdvplan.machine import usable_cores
     from hdvplan.stretches.cutting import stretches_of_line
     from hdvplan.stretches.planning import plan_in_stretches
@@ -48,8 +49,9 @@ def plan_long(
 
     note(f"{line.name} has {line.length / 1e3:.0f} km: it is planned in stretches, without pictures", quiet=quiet)
     try:
-        with progress(f"planning {vehicle.name} along {line.name}", quiet=quiet) as told, processes(workers or usable_cores()) as each:
-            cut = stretches_of_line(line, case_of, reach=reach)
+        shown = progress(f"planning {vehicle.name} along {line.name}", quiet=quiet)
+        with ended_by_signals(), shown as told, processes(workers or usable_cores()) as each:
+            cut = stretches_of_line(line, case_of, reach=reach, each=each)
             summary = plan_in_stretches(cut, directory, each=each, on_progress=lambda done: told(min(1.0, done / line.length)))
     except OSError as error:
         msg = f"cannot write to {directory}: {error.strerror or error}"

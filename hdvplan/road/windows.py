@@ -1,4 +1,4 @@
-"""Smooth a long line in windows, one after the other, and put them together to one reference path.
+"""Smooth a long line in windows, and put them together to one reference path.
 
 Each window is smoothed by itself, with so much of the line around it that its ends do not matter, and is then sampled at multiples of
 the knot spacing of the whole road. Around the place where one window goes over into the next, the two lines, which differ by a millimetre
@@ -7,9 +7,10 @@ or so, are blended over ``BLEND_M``. Whoever takes all windows at once and whoev
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -28,6 +29,26 @@ BLEND_M = 50.0
 _BESIDE_M = 150.0  # of line on either side of a window: smoothing forgets the end of its line over less
 _HEADING_M = 0.5  # of headings that are followed along a road
 
+Thing = TypeVar("Thing")
+Made = TypeVar("Made")
+
+
+class Each(Protocol):
+    """Does a piece of work on each of many things, as ``map``: results come in the order of the things."""
+
+    def __call__(self, work: Callable[[Thing], Made], things: Iterable[Thing], /) -> Iterable[Made]:
+        """Yield what ``work`` makes of the things."""
+        ...
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """A part of a line, lengths along the whole line at its points, and the whole line's length [m]."""
+
+    line: Line
+    along: FloatArray
+    total: float
+
 
 @dataclass(frozen=True)
 class Window:
@@ -45,10 +66,11 @@ class Window:
     last: bool
 
 
-def windows_of(line: Line, length: float = WINDOW_M) -> Iterator[Window]:
+def windows_of(line: Line, length: float = WINDOW_M, *, each: Each = map) -> Iterator[Window]:
     """Smooth a line of points in windows of about ``length`` metres, in driving direction and at the line's offset.
 
-    The last one ends at the last multiple of the knot spacing, up to half a metre before the line.
+    ``each`` maps the smoothing over the windows, perhaps in other processes. The last window ends at the last multiple of the knot spacing,
+    up to half a metre before the line.
 
     Raises:
         RoadError: the line cannot be smoothed; its message says from where its arclengths count.
@@ -58,8 +80,7 @@ def windows_of(line: Line, length: float = WINDOW_M) -> Iterator[Window]:
     count = max(1, round(float(chord[-1]) / length))
     ends = np.linspace(0.0, float(chord[-1]), count + 1)
     begin, turned, place = 0.0, 0.0, (0.0, 0.0)
-    for number in range(count):
-        road, s, along = _driven(line, chord, float(ends[number]) - _BESIDE_M, float(ends[number + 1]) + _BESIDE_M)
+    for number, (road, s, along) in enumerate(each(_driven, _pieces(line, chord, ends))):
         start = float(road.path.project(*place, float(np.interp(ends[number], along, s)))[0]) if number else 0.0
         shift, last = begin - start, number == count - 1
         end = _on_knot(shift + (road.path.length if last else float(np.interp(ends[number + 1], along, s))))
@@ -87,7 +108,7 @@ def road_of(name: str, windows: Sequence[Window], s_from: float, s_to: float) ->
     Its arclengths count from ``s_from``.
     """
     first = windows[0].road
-    regions = tuple({id(region): region for window in windows for region in window.road.regions}.values())
+    regions = tuple(dict.fromkeys(region for window in windows for region in window.road.regions))
     notes = tuple(dict.fromkeys(note for window in windows for note in window.road.notes))
     path = _path(windows, s_from, s_to)
     road = Road(name, path, None, None, first.to_lonlat, first.notice, regions, notes=notes)
@@ -144,20 +165,27 @@ def _cut(band: Limits | None, window: Window) -> list[FloatArray]:
     return [s + window.shift, *band.table(s)]
 
 
-def _driven(line: Line, chord: FloatArray, first: float, last: float) -> tuple[Road, FloatArray, FloatArray]:
+def _pieces(line: Line, chord: FloatArray, ends: FloatArray) -> Iterator[_Piece]:
+    """Yield the parts of a line that windows are made of; ``ends`` are lengths along the driven line [m]."""
+    total = float(chord[-1])
+    for begin, end in pairwise(ends):
+        first, last = float(begin) - _BESIDE_M, float(end) + _BESIDE_M
+        part, along = _part(line.raw, chord, *((total - last, total - first) if line.options.reverse else (first, last)))
+        yield _Piece(replace(line, raw=part), along, total)
+
+
+def _driven(piece: _Piece) -> tuple[Road, FloatArray, FloatArray]:
     """Return the road of a part of a line in the direction and at the offset at which it is driven.
 
-    ``first`` and ``last`` are lengths along the driven line [m]. Also returned are, for the line's points there, arclengths on the road and
-    lengths along the whole line [m].
+    Also returned are, for the line's points there, arclengths on the road and lengths along the whole line [m].
 
     Raises:
         RoadError: it cannot be smoothed.
 
     """
-    total, options = float(chord[-1]), line.options
-    part, along = _part(line.raw, chord, *((total - last, total - first) if options.reverse else (first, last)))
+    along, total, options = piece.along, piece.total, piece.line.options
     try:
-        road, s = smoothed(replace(line, raw=part))
+        road, s = smoothed(piece.line)
         if options.reverse:
             road, s, along = reversed_road(road), (road.path.length - s)[::-1], (total - along)[::-1]
         if options.offset:

@@ -21,7 +21,7 @@ from hdvplan.road.load import Line
 from hdvplan.road.path import KNOT_SPACING_M
 from hdvplan.road.regions import OPEN_M, Region
 from hdvplan.road.road import Road, Smoothing
-from hdvplan.road.windows import WINDOW_M, Window, road_of, windows_of
+from hdvplan.road.windows import WINDOW_M, Each, Window, road_of, windows_of
 from hdvplan.vehicle.model import Vehicle
 
 RUN_IN_M = 200.0  # docs/networks.md says how fast a plan forgets where it began
@@ -75,8 +75,10 @@ def stretches_of_road(case: Case, *, core: float = WINDOW_M, run_in: float = RUN
         yield _stretch(number, case, here, run_in, case.road.smoothing if number == 0 else None)
 
 
-def stretches_of_line(line: Line, case_of: CaseOf, *, reach: float, core: float = WINDOW_M, run_in: float = RUN_IN_M) -> Iterator[Stretch]:
-    """Cut a line into stretches, smoothed window by window when they are asked for.
+def stretches_of_line(
+    line: Line, case_of: CaseOf, *, reach: float, core: float = WINDOW_M, run_in: float = RUN_IN_M, each: Each = map
+) -> Iterator[Stretch]:
+    """Cut a line into stretches, smoothed window by window when they are asked for; ``each`` maps the smoothing over the windows.
 
     ``case_of`` makes the case of a smoothed road; its bias counts along the whole road. ``reach`` is how far beyond a stretch a plan sees,
     as ``reach_of`` says [m]. The road of a stretch is that part of what ``hdvplan.road.windows.whole_road`` returns.
@@ -88,7 +90,7 @@ def stretches_of_line(line: Line, case_of: CaseOf, *, reach: float, core: float 
     if line.raw.is_profile or line.raw.rounded is not None:
         msg = f"{line.name}: only lines of points are planned in stretches"
         raise RoadError(msg)
-    for number, (before, here, after) in enumerate(_threes(windows_of(line, core))):
+    for number, (before, here, after) in enumerate(_threes(windows_of(line, core, each=each))):
         there = [window for window in (before, here, after) if window is not None]
         begins = _knot(max(there[0].begin, here.begin - run_in - 2.0 * reach))
         road = road_of(line.name, there, begins, _knot(min(there[-1].end, here.end + 3.0 * reach)))

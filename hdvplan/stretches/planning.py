@@ -12,16 +12,17 @@ from pathlib import Path
 from typing import Any
 
 from hdvplan.case import Case
+from hdvplan.errors import HdvplanError
 from hdvplan.fileio import json_bytes
 from hdvplan.record import NAME, record_of
 from hdvplan.report.files import FILES
+from hdvplan.road.windows import Each, Made, Thing
 from hdvplan.stretches.cutting import Stretch
 from hdvplan.stretches.joining import digest_of, joined_summary
-from hdvplan.stretches.judging import TABLES, Judged, Kept, judged
+from hdvplan.stretches.judging import TABLES, Kept, judged
 from hdvplan.texts import encoded
 
 Json = dict[str, Any]
-Each = Callable[[Callable[[Stretch], Judged], Iterable[Stretch]], Iterable[Judged]]  # as ``map``: results in the order of the stretches
 
 _SWEPT, _REGIONS, _SUMMARY = "swept.geojson", "regions.json", "summary.json"
 
@@ -78,14 +79,27 @@ def plan_in_stretches(
 
 
 def side_by_side(executor: Executor, most: int) -> Each:
-    """Return a ``map`` over the processes or threads of an executor; at most ``most`` stretches are in memory."""
+    """Return a ``map`` over the processes or threads of an executor; at most ``most`` things are in memory.
 
-    def each(plan: Callable[[Stretch], Judged], stretches: Iterable[Stretch]) -> Iterator[Judged]:
-        coming = iter(stretches)
-        ahead: deque[Future[Judged]] = deque(executor.submit(plan, stretch) for stretch in islice(coming, most))
+    As with ``map``, an error in the making of the things comes after the results of those before it.
+    """
+
+    def each(work: Callable[[Thing], Made], things: Iterable[Thing]) -> Iterator[Made]:
+        coming, failure = iter(things), list[HdvplanError]()
+        ahead = deque[Future[Made]]()
+
+        def take(count: int) -> None:
+            try:
+                ahead.extend(executor.submit(work, thing) for thing in islice(coming, count))
+            except HdvplanError as error:
+                failure.append(error)
+
+        take(most)
         while ahead:
             done = ahead.popleft().result()
-            ahead.extend(executor.submit(plan, stretch) for stretch in islice(coming, 1))
+            take(1)
             yield done
+        if failure:
+            raise failure[0]
 
     return each

@@ -10,17 +10,18 @@ from contextlib import contextmanager
 
 from hdvplan.errors import HdvplanError
 from hdvplan.machine import use_one_thread
+from hdvplan.road.windows import Each
 from hdvplan.serving import serve_parent
-from hdvplan.stretches.planning import Each, side_by_side
+from hdvplan.stretches.planning import side_by_side
 
-_AHEAD = 2  # stretches for every process: one that it plans, and one that is ready
+_AHEAD = 2  # for every process: one that it works on, and one that is ready
 
 
 @contextmanager
 def processes(count: int) -> Iterator[Each]:
-    """Yield what plans stretches in ``count`` processes, or in this one where that is 1; what they find is the same.
+    """Yield what smooths and plans in ``count`` processes, or in this one where that is 1; what they find is the same.
 
-    Whatever ends the block: stretches that no process has begun are not planned.
+    Whatever ends the block: what no process has begun is not done.
 
     Raises:
         HdvplanError: a process ended, such as by lack of memory.

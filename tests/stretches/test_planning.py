@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ import pytest
 
 import hdvplan
 from hdvplan.case import Case
-from hdvplan.errors import PlanError
+from hdvplan.errors import PlanError, RoadError
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
 from hdvplan.stretches.cutting import stretches_of_road
@@ -118,15 +119,28 @@ def test_an_executor_gives_the_same_files_in_any_number_of_workers(tmp_path: Pat
 def test_no_more_stretches_are_handed_out_than_asked_for() -> None:
     handed: list[int] = []
 
-    def numbers() -> Any:  # noqa: ANN401 - in place of stretches
+    def numbers() -> Iterator[int]:
         for number in range(10):
             handed.append(number)
             yield number
 
     with ThreadPoolExecutor(1) as executor:
-        found = side_by_side(executor, 3)(lambda number: -number, numbers())  # type: ignore[operator]
-        assert next(iter(found)) == 0  # type: ignore[comparison-overlap]
+        found = side_by_side(executor, 3)(lambda number: -number, numbers())
+        assert next(iter(found)) == 0
         assert len(handed) <= 4
+
+
+def test_an_error_in_what_comes_is_told_after_the_results_before_it() -> None:
+    def numbers() -> Iterator[int]:
+        yield from range(5)
+        msg = "no sixth"
+        raise RoadError(msg)
+
+    with ThreadPoolExecutor(2) as executor:
+        coming = iter(side_by_side(executor, 4)(lambda number: -number, numbers()))
+        assert [next(coming) for _ in range(5)] == [0, -1, -2, -3, -4]
+        with pytest.raises(RoadError, match="no sixth"):
+            next(coming)
 
 
 def test_a_breach_that_goes_on_over_a_cut_is_one() -> None:

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from hdvplan.case import Case
 from hdvplan.errors import HdvplanError
 from hdvplan.machine import THREADS
-from hdvplan.stretches.cutting import stretches_of_road
+from hdvplan.planning.settings import PlannerSettings
+from hdvplan.road.load import Line, find_road
+from hdvplan.stretches.cutting import reach_of, stretches_of_line, stretches_of_road
 from hdvplan.stretches.planning import plan_in_stretches
 from hdvplan.stretches.processes import processes
+from hdvplan.vehicle.load import load_vehicle
 from tests.cli.conftest import Cli
 from tests.stretches.test_cutting import ROAD, case_on
 
@@ -27,15 +34,35 @@ def _threads_stay_as_they_were(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setenv(name, os.environ.get(name, "1"))
 
 
+def lane_with_a_post(folder: Path) -> Line:
+    """Return a line of 2 km beside which a post stands, 12 m before the second of four windows."""
+    x = np.arange(0.0, 2001.0, 20.0)
+    line = {"type": "LineString", "coordinates": np.column_stack([x, 10.0 * np.sin(x / 100.0)]).tolist()}
+    post = {"type": "Polygon", "coordinates": [[[488.0, -16.0], [489.0, -16.0], [489.0, -15.0], [488.0, -15.0], [488.0, -16.0]]]}
+    features = [
+        {"type": "Feature", "properties": {"left_m": 3.5, "right_m": 3.5}, "geometry": line},
+        {"type": "Feature", "properties": {"region": "obstacle", "name": "post"}, "geometry": post},
+    ]
+    crs = {"type": "name", "properties": {"name": "EPSG:2056"}}
+    (folder / "lane.geojson").write_text(json.dumps({"type": "FeatureCollection", "crs": crs, "features": features}), encoding="utf-8")
+    found = find_road(folder / "lane.geojson").line
+    assert found is not None
+    return found
+
+
 @pytest.mark.slow
-def test_processes_plan_the_same_as_this_process(tmp_path: Path) -> None:
-    case = case_on(half_width=3.5)
-    alone = plan_in_stretches(stretches_of_road(case, core=300.0), tmp_path / "one")
+def test_processes_smooth_and_plan_the_same_as_this_process(tmp_path: Path) -> None:
+    line, bus = lane_with_a_post(tmp_path), load_vehicle("bus")
+    cut = partial(stretches_of_line, line, partial(Case, vehicle=bus), reach=reach_of(bus, PlannerSettings()), core=500.0)
+    alone = plan_in_stretches(cut(), tmp_path / "one")
     with processes(2) as each:
-        beside = plan_in_stretches(stretches_of_road(case, core=300.0), tmp_path / "two", each=each)
+        beside = plan_in_stretches(cut(each=each), tmp_path / "two", each=each)
     for name in FILES:
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
-    assert alone["stretches"] == {"count": 6, "processes": 1, "apart_m": beside["stretches"]["apart_m"]}
+    digests = [json.loads((tmp_path / name / "run.json").read_bytes())["stretches"]["digest"] for name in ("one", "two")]
+    assert digests[0] == digests[1]  # of all that was planned
+    assert [near["name"] for near in beside["obstacles"]] == ["post"]
+    assert alone["stretches"] == {"count": 4, "processes": 1, "apart_m": beside["stretches"]["apart_m"]}
     measured = {"time_ms": None, "stretches": None}
     assert alone | measured == beside | measured
 
