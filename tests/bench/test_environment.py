@@ -62,7 +62,7 @@ def new(scratch: Scratch) -> Program:
 
 
 def version_of(program: Program) -> str:
-    code = [str(program.python), "-P", "-c", "import hdvplan; print(hdvplan.VERSION)"]
+    code = [str(program.python), "-P", "-B", "-c", "import hdvplan; print(hdvplan.VERSION)"]  # it leaves no bytecode beside the source
     return subprocess.run(code, env=program.environment(), capture_output=True, text=True, check=True).stdout.strip()  # noqa: S603 - ours
 
 
