@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, fields
 from itertools import product
 from pathlib import Path
@@ -219,7 +220,8 @@ def _entry(name: str, value: object, like: object) -> object:
         if isinstance(value, int) and not isinstance(value, bool):
             return value
     elif (isinstance(like, float) or name in _OPTIONAL) and isinstance(value, int | float) and not isinstance(value, bool):
-        return float(value)
+        with suppress(OverflowError):  # TOML's integers have no end
+            return float(value)
     elif name in _OPTIONAL and value is None:
         return None
     kind = _KINDS.get(type(like), "a number")

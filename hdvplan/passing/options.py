@@ -26,6 +26,7 @@ class Options:
     sides: tuple[Side, ...]
     forced: bool = False
     reason: str | None = None
+    blocked: bool = False  # neither side has room: ``sides`` is the one that lacks less
 
     @property
     def open(self) -> bool:
@@ -144,6 +145,7 @@ def _by_room(case: Case, road: Obstructed, number: int, option: Options, fixed: 
         return option
     if len(closed) == len(option.sides):
         widest = max(rooms, key=lambda side: rooms[side])
-        return Options((widest,), reason=f"both sides are closed; {widest}: {closed[widest]}; {widest.other}: {closed[widest.other]}")
+        why = f"both sides are closed; {widest}: {closed[widest]}; {widest.other}: {closed[widest.other]}"
+        return Options((widest,), reason=why, blocked=True)
     ((side, why),) = closed.items()
     return Options((side.other,), reason=f"{side} is closed: {why}")

@@ -26,6 +26,7 @@ _LESS = 0.99  # of a cost: more is no reason to leave a side
 _DIGITS = 3  # of a violation in metres: smaller differences do not decide
 _MOST_TOGETHER = 20  # obstacles of a group whose sides are searched together: those of the next part stand beside the settled ones
 _MOST_TRIALS = 500  # of a road: they take half a minute, and several where the road is full; what is left is passed on its usual side
+_MOST_BLOCKED = 20  # obstacles without room on either side: on such a road no choice of the others' sides is worth minutes
 _UNTRIED = f"no other side was tried: the road has more obstacles than {_MOST_TRIALS} trials are enough for"
 
 Sides = dict[int, Side]
@@ -47,15 +48,17 @@ def choose_sides(case: Case) -> tuple[Road, tuple[Passed, ...]]:
     open_ = [number for number, option in enumerate(options) if option.open]
     near = independent_m(case, [road.passages[number] for number in open_])
     fixed = {number: side for number, side in chosen.items() if not options[number].open}
+    blocked = sum(option.blocked for option in options)
+    untried = f"no other side was tried: {blocked} obstacles block the road" if blocked > _MOST_BLOCKED else _UNTRIED
     known: dict[frozenset[tuple[int, Side]], Trial] = {}
     tried_: dict[int, tuple[Trial, Trial]] = {}
     for group in _groups(open_, road.passages, near):
         settled = fixed
         for first in range(0, len(group), _MOST_TOGETHER):
             part = group[first : first + _MOST_TOGETHER]
-            if len(known) >= _MOST_TRIALS:
+            if len(known) >= _MOST_TRIALS or blocked > _MOST_BLOCKED:
                 for number in part:
-                    options[number] = replace(options[number], reason=_UNTRIED)
+                    options[number] = replace(options[number], reason=untried)
                 continue
             attempt = _memory(case, road, settled, near, known)
             sides = _improved(_searched(part, road.passages, near, options, attempt), road.passages, near, attempt)

@@ -10,6 +10,7 @@ from hashlib import sha256
 from itertools import product
 from math import isfinite, prod
 from pathlib import Path
+from typing import TypeGuard
 
 import numpy as np
 
@@ -211,6 +212,14 @@ def variants_of(names: Sequence[str], vary: Mapping[str, object], folder: Path) 
     return tuple(found)
 
 
+def is_number(value: object) -> TypeGuard[float]:
+    """Tell whether an entry is a finite number: TOML's integers have no end."""
+    try:
+        return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
+    except OverflowError:
+        return False
+
+
 def refuse_many(count: int, what: str) -> None:
     """Refuse more combinations of what a study lists than can be kept in memory.
 
@@ -251,7 +260,7 @@ def _values(name: str, given: object) -> list[float]:
             raise OptionError(msg)
         return [round(float(value), _DIGITS) for value in np.linspace(low, high, count)]
     values = given if isinstance(given, list) else [given]
-    numbers = [float(value) for value in values if isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)]
+    numbers = [float(value) for value in values if is_number(value)]
     if not values or len(numbers) < len(values) or len(set(numbers)) < len(numbers):
         msg = f"vary {name} must be different numbers or a range, not {given!r}"
         raise OptionError(msg, hint=f'"{name}" = [3.4, 3.6, 3.8], or "3.4..3.8 in 5"')

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
-from math import isfinite, prod
+from math import prod
 from pathlib import Path
 
 from hdvplan.errors import OptionError, did_you_mean
@@ -16,7 +16,7 @@ from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.road.load import RoadOptions
 from hdvplan.road.regions import Side
 from hdvplan.solvers.registry import DEFAULT, check_solver
-from hdvplan.study.inputs import RoadSource, Variant, refuse_many, roads_of, variants_of
+from hdvplan.study.inputs import RoadSource, Variant, is_number, refuse_many, roads_of, variants_of
 
 _ENTRIES = ("roads", "vehicles", "half_widths", "left", "right", "objectives", "schemes", "solvers", "settings", "vary", "need")
 _LENGTHS = ("horizon", "step", "replan", "smoothness", "clearance")  # of the planner's settings
@@ -247,7 +247,7 @@ def _choice(name: str, value: object, choices: Sequence[str]) -> str:
 
 
 def _number(name: str, value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+    if not is_number(value):
         msg = f"the study's {name} must be a number, not {value!r}"
         raise OptionError(msg)
     return float(value)

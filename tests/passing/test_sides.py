@@ -149,6 +149,15 @@ def test_after_enough_trials_obstacles_are_passed_on_their_usual_side_and_say_so
     assert all("no other side was tried" in (one.reason or "") for one in passed[2:])
 
 
+def test_on_a_road_that_is_blocked_again_and_again_no_sides_are_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    walls = [(s, s + 1.0, -4.0, 4.0) for s in 60.0 + 5.0 * np.arange(21)]
+    case = Case(road_with([*walls, (260.0, 263.0, -1.0, 1.1)]), BUS)
+    assert trials_of(case, monkeypatch) == 0
+    last = choose_sides(case)[1][-1]
+    assert (last.side, last.own, last.reason) == (R, None, "no other side was tried: 21 obstacles block the road")
+    assert trials_of(Case(road_with([*walls[1:], (260.0, 263.0, -1.0, 1.1)]), BUS), monkeypatch) == 2
+
+
 def test_obstacles_close_each_other_one_by_one_and_only_those_beside_are_looked_at_again(monkeypatch: pytest.MonkeyPatch) -> None:
     looked, room = list[int](), Obstructed.room
 

@@ -124,6 +124,8 @@ def test_files_lie_beside_the_study_that_names_them(folder: Path) -> None:
         ({"vary": {"bus.wheelbase": "5..4"}}, "must rise", None),
         ({"vary": {"bus.wheelbase": "five"}}, "different numbers or a range, not 'five'", "in 5"),
         ({"vary": {"bus.wheelbase": [5.0, 5.0]}}, "different numbers", None),
+        ({"vary": {"bus.wheelbase": [10**400]}}, "different numbers", None),
+        ({"half_widths": [10**400]}, "half_widths must be a number", None),
         ({"vary": {"bus.wheelbase": [500.0]}}, "must lie between", "metres"),
         ({"vary": {"bus.wheelbase": "5..6 in 1000", "bus.width": "2..2.5 in 1000"}}, "1000000 variants of bus; 100000 are", "several"),
         ({"settings": {name: list(range(1, 400)) for name in ("horizon", "smoothness")}}, "159201 combinations of settings", "several"),
