@@ -25,8 +25,8 @@ def test_a_search_from_the_first_page_finds_the_page_that_explains_a_word(browse
     field = waiting.until(lambda page: page.find_element(By.CSS_SELECTOR, "input[name=q]"))
     field.send_keys("articulation")
     field.submit()
-    found = waiting.until(lambda page: page.find_elements(By.CSS_SELECTOR, "#search-results li a"))
-    assert any("extending" in str(link.get_attribute("href")) for link in found)
+    # Results appear one after the other: that they begin to appear does not tell that all are there.
+    assert waiting.until(lambda page: page.find_elements(By.CSS_SELECTOR, "#search-results li a[href*=extending]"))
 
 
 @pytest.mark.slow
