@@ -41,7 +41,7 @@ _SPACING_M = 2.0  # of the line that stands for a road in tables
 _SIMPLER_M = 0.5  # its points that move it by no more are left out
 _UNPLANNED = (PlanError, QpDataError, SolverError)
 
-ToLonLat = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
+_ToDegrees = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 
 
 def work(cell: Cell) -> Outcome:
@@ -193,7 +193,7 @@ def _load(source: RoadSource, options: RoadOptions) -> _Loaded | RoadError:
     return _Loaded(road, _shape(points, road.to_lonlat), road.path.length, road.notice)
 
 
-def _shape(points: FloatArray, to_lonlat: ToLonLat | None) -> bytes | None:
+def _shape(points: FloatArray, to_lonlat: _ToDegrees | None) -> bytes | None:
     if to_lonlat is None:
         return None
     simple = shapely.simplify(shapely.LineString(points), _SIMPLER_M, preserve_topology=False)
@@ -201,5 +201,5 @@ def _shape(points: FloatArray, to_lonlat: ToLonLat | None) -> bytes | None:
     return bytes(shapely.to_wkb(placed, byte_order=1))
 
 
-def _degrees(to_lonlat: ToLonLat) -> Callable[[FloatArray], FloatArray]:
+def _degrees(to_lonlat: _ToDegrees) -> Callable[[FloatArray], FloatArray]:
     return lambda points: np.column_stack(to_lonlat(points[:, 0], points[:, 1]))
