@@ -257,39 +257,41 @@ def gated(base: Sequence[Side], new: Sequence[Side]) -> Comparison:
 
 
 def end_to_end(programs: dict[str, Program], folder: Path, runs: Mapping[str, int]) -> pd.DataFrame:
-    """Run the real command in the copies, half of the runs of the same program under load; those that are already there are kept."""
+    """Run the real command in the copies, one of each after the other; those that are already there are kept.
+
+    Half of the runs of the same program are under load.
+    """
     file = folder / "end_to_end.csv"
     rows = pd.read_csv(file).to_dict("records") if file.is_file() else []
     verdicts = {0: Verdict.FINE, 1: Verdict.REGRESSED, 3: Verdict.UNMEASURABLE}
-    for name, count in runs.items():
-        for run in range(count):
-            situation = LOADS[run % 2] if name == SAME else LOADS[0]
-            if any((row["run"], row["program"]) == (run, name) for row in rows):
-                continue
-            print(f"end to end, {situation}: {name}, run {run + 1} of {count}", file=sys.stderr, flush=True)
-            program = programs[name]
-            command = [
-                str(program.python),
-                "-P",
-                "-m",
-                "hdvplan",
-                "bench",
-                "--against",
-                "HEAD",
-                "--quiet",
-                "--out",
-                str(folder / "against"),
-            ]
-            with load(situation == "loaded"):
-                began = time.monotonic()
-                ended = subprocess.run(  # noqa: S603 - our own
-                    command, cwd=program.folder, env=program.environment(), capture_output=True, text=True, check=False
-                )
-                seconds = time.monotonic() - began
-            said = (ended.stdout or ended.stderr).strip().splitlines()[-1]
-            verdict = verdicts.get(ended.returncode, f"ended with {ended.returncode}")
-            rows.append({"program": name, "situation": situation, "run": run, "verdict": str(verdict), "seconds": seconds, "said": said})
-            write_atomically(file, csv_bytes(pd.DataFrame(rows)))
+    for run, name in sorted(((run, name) for name, count in runs.items() for run in range(count)), key=lambda one: one[0]):
+        situation = LOADS[run % 2] if name == SAME else LOADS[0]
+        if any((row["run"], row["program"]) == (run, name) for row in rows):
+            continue
+        print(f"end to end, {situation}: {name}, run {run + 1} of {runs[name]}", file=sys.stderr, flush=True)
+        program = programs[name]
+        command = [
+            str(program.python),
+            "-P",
+            "-m",
+            "hdvplan",
+            "bench",
+            "--against",
+            "HEAD",
+            "--quiet",
+            "--out",
+            str(folder / "against"),
+        ]
+        with load(situation == "loaded"):
+            began = time.monotonic()
+            ended = subprocess.run(  # noqa: S603 - our own
+                command, cwd=program.folder, env=program.environment(), capture_output=True, text=True, check=False
+            )
+            seconds = time.monotonic() - began
+        said = (ended.stdout or ended.stderr).strip().splitlines()[-1]
+        verdict = verdicts.get(ended.returncode, f"ended with {ended.returncode}")
+        rows.append({"program": name, "situation": situation, "run": run, "verdict": str(verdict), "seconds": seconds, "said": said})
+        write_atomically(file, csv_bytes(pd.DataFrame(rows)))
     return pd.DataFrame(rows, columns=["program", "situation", "run", "verdict", "seconds", "said"])
 
 
