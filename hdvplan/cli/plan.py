@@ -205,8 +205,8 @@ def plan(
     from hdvplan import api
     from hdvplan.case import Case
     from hdvplan.judging.verdict import verdict_line, verdict_of
-    from hdvplan.passing.sides import choose_sides
-    from hdvplan.planning.bias import CENTRE, NONE, bias_named
+    from hdvplan.passing.biased import bias_asked, biased
+    from hdvplan.planning.bias import CENTRE, NONE
     from hdvplan.planning.discretisation import Discretisation
     from hdvplan.planning.settings import PlannerSettings, Scheme
     from hdvplan.report.files import DRAWINGS, PICTURES
@@ -235,7 +235,7 @@ def plan(
         refuse_on_long(found.line, dropped | {"--format dxf,gpkg": bool({*kinds} & {*DRAWINGS})})
         from hdvplan.stretches.cutting import reach_of
 
-        along = NONE if bias is None else bias_named(bias, None)
+        along = NONE if bias is None else bias_asked(bias, None)
         folder = out or Path(f"{file_name(found.line.name)}.{file_name(driven.name)}")
         cases, reach = (lambda track: replace(case_of(track), bias=along)), reach_of(driven, settings)
         return plan_long(found.line, driven, cases, reach, folder, workers=workers, json=json, quiet=quiet)
@@ -248,8 +248,7 @@ def plan(
     warn_far_regions(track, quiet=quiet)
     with progress(f"planning {driven.name} along {track.name}", quiet=quiet) as on_progress:
         if bias is not None:
-            sided = choose_sides(case)[0] if bias == CENTRE else track  # the middle between limits is that of the sides found
-            case = replace(case, bias=bias_named(bias, sided.limits))
+            case = biased(case, bias)
             check_bias(case, bias)
         result = api.plan(case, on_progress=on_progress)
     result = looked_again(result, proof=proof, refine=refine, quiet=quiet)

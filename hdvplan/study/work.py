@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
 from time import perf_counter, process_time
@@ -19,8 +19,8 @@ from hdvplan.jit import FloatArray
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.machine import software
 from hdvplan.need.answer import need_of
-from hdvplan.passing.sides import choose_sides
-from hdvplan.planning.bias import CENTRE, bias_named
+from hdvplan.passing.biased import biased
+from hdvplan.planning.bias import CENTRE
 from hdvplan.plugins import said
 from hdvplan.report.needs import need_json
 from hdvplan.report.summary import summary_of
@@ -82,10 +82,7 @@ def _case(cell: Cell, road: Road) -> Case:
     if cell.manner.side is not None:
         road = road.passed_on(cell.manner.side)
     case = Case(road, cell.variant.vehicle, cell.objective, cell.solver, cell.manner.settings)
-    if cell.manner.bias is None:
-        return case
-    sided = choose_sides(case)[0] if cell.manner.bias == CENTRE else road
-    return replace(case, bias=bias_named(cell.manner.bias, sided.limits))
+    return case if cell.manner.bias is None else biased(case, cell.manner.bias)
 
 
 def _plan(case: Case, row: Row, places: list[Row], *, prove: bool, refine: bool) -> str:
