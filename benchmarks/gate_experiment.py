@@ -1,8 +1,9 @@
 """Does the gate cry wolf, and does it bark? Comparisons of the same program with itself, and with programs that are worse in some way.
 
-Recorded: two copies of the working tree, both the same program, each process `hdvplan bench` with the gate's own suite, the copies
-in a new order each time; half of the processes run while another one keeps the other core busy in bursts. Comparisons are drawn from
-what was recorded, each with neighbours in time as the gate would have measured them: five pairs, ten where the first five are not fine.
+Recorded: two copies of the working tree, both the same program, as pairs of processes of `hdvplan bench` that take turns, with the
+gate's own suite, the copies in a new order each time; half of the pairs run while another process keeps a core busy in bursts.
+Comparisons are drawn from what was recorded, each of pairs near in time as the gate would have measured them: five, ten where the
+first five are not fine.
 A change for the worse is made to the recorded numbers of the new side. At last the real command is run end to end,
 `hdvplan bench --against`, in copies whose planner is patched.
 
@@ -29,10 +30,11 @@ from hdvplan.bench.compare import Comparison, compare
 from hdvplan.bench.counters import Tolerance
 from hdvplan.bench.courses import cases_of
 from hdvplan.bench.gate import BATCH, Rule, Verdict
-from hdvplan.bench.processes import ended_by_signals, scratch_folder
+from hdvplan.bench.processes import Started, Turns, ended_by_signals, scratch_folder
 from hdvplan.bench.programs import Program, present
 from hdvplan.bench.sides import IMPORT, PEAK, Name, Side, Steps, read_side
 from hdvplan.bench.suite import suite_of
+from hdvplan.bench.turns import in_turn, shared_cores
 from hdvplan.bench.work import ABOUT, SuiteWork, suite_entries, suite_text
 from hdvplan.fileio import csv_bytes, json_bytes, write_atomically
 from hdvplan.jit import FloatArray
@@ -197,26 +199,34 @@ def load(wanted: bool) -> Iterator[None]:
 
 
 def record(programs: dict[str, Program], folder: Path, rounds: int) -> None:
-    """Record ``rounds`` processes of BASE and SAME for each load; those that are already there are kept."""
+    """Record ``rounds`` pairs of processes of BASE and SAME for each load, as the gate does; those that are already there are kept."""
     (folder / "suite.toml").write_text(suite_text(suite_entries(suite_of(SUITE), suite_of({}).to_dict())), encoding="utf-8")
-    for name in (BASE, SAME):
-        _measure(programs[name], folder, folder / f"warm-{name}", warm=True)
+    _measure(programs, folder, {name: folder / f"warm-{name}" for name in (BASE, SAME)}, None)
+    cores = shared_cores(one_is_enough=SuiteWork.on_one_thread)
     for situation in LOADS:
         with load(situation == "loaded"):
             for round_ in range(rounds):
-                for name in np.random.default_rng([round_, LOADS.index(situation)]).permutation([BASE, SAME]):
-                    out = recorded(folder, situation, str(name), round_)
-                    if not (out / ABOUT).is_file():
-                        print(f"{situation}: {name}, process {round_ + 1} of {rounds}", file=sys.stderr, flush=True)
-                        _measure(programs[str(name)], folder, out)
+                order = np.random.default_rng([round_, LOADS.index(situation)]).permutation([BASE, SAME])
+                outs = {str(name): recorded(folder, situation, str(name), round_) for name in order}
+                if not all((out / ABOUT).is_file() for out in outs.values()):
+                    print(f"{situation}: pair {round_ + 1} of {rounds}", file=sys.stderr, flush=True)
+                    _measure(programs, folder, outs, Turns(cores[round_ % len(cores)]))
 
 
-def _measure(program: Program, folder: Path, out: Path, *, warm: bool = False) -> None:
-    """Run one process of a program as the gate does."""
+def _measure(programs: dict[str, Program], folder: Path, outs: Mapping[str, Path], turns: Turns | None) -> None:
+    """Run a process of each program that has a folder in ``outs``, in turn; without ``turns`` to compile."""
     with scratch_folder() as scratch:
-        timed = scratch.folder / "import"
-        ended = program.finish(program.start(SuiteWork(folder / "suite.toml").command(program, out, timed, warm=warm), scratch))
-        write_atomically(out / ABOUT, json_bytes({PEAK: ended.peak_bytes, IMPORT: float(timed.read_text(encoding="utf-8"))}))
+
+        def begin(name: str) -> Started:
+            shutil.rmtree(outs[name], ignore_errors=True)
+            command = SuiteWork(folder / "suite.toml").command(programs[name], outs[name], scratch.folder / name, warm=turns is None)
+            return programs[name].start(command, scratch, turns)
+
+        in_turn(begin(name) for name in outs)
+        for name, started in zip(outs, list(scratch.started), strict=True):
+            ended = programs[name].finish(started)
+            took = float((scratch.folder / name).read_text(encoding="utf-8"))
+            write_atomically(outs[name] / ABOUT, json_bytes({PEAK: ended.peak_bytes, IMPORT: took}))
 
 
 def recorded(folder: Path, situation: str, name: str, round_: int) -> Path:

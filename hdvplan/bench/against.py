@@ -1,11 +1,11 @@
-"""Measure two programs in the same job: interleaved fresh processes, and a repeat before anything but a fine verdict."""
+"""Measure two programs in the same job: pairs of fresh processes that take turns, and a repeat before anything but a fine verdict."""
 
 from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
@@ -13,9 +13,10 @@ from pathlib import Path
 from hdvplan.bench.compare import Comparison, compare, failed
 from hdvplan.bench.counters import Tolerance
 from hdvplan.bench.gate import BATCH, Rule, Verdict
-from hdvplan.bench.processes import Ended, Scratch, Started
+from hdvplan.bench.processes import Ended, Scratch, Started, Turns
 from hdvplan.bench.programs import Program, ProgramError
 from hdvplan.bench.sides import IMPORT, PEAK, read_side
+from hdvplan.bench.turns import in_turn, shared_cores
 from hdvplan.bench.work import ABOUT, Work
 from hdvplan.errors import OptionError
 from hdvplan.fileio import json_bytes, write_atomically
@@ -51,8 +52,8 @@ def measure_against(
     """Return the comparison of two programs, measured into ``out``/base and ``out``/new; ``on_progress`` receives the done share.
 
     Both do their work once for their compiled code, at the same time. Then five pairs of processes follow, each with the
-    other side first. Unless all is fine then, five more pairs are measured, and all ten decide. A program that fails ends it: a new
-    one that fails beside a base that does not is a regression.
+    other side first; the two of a pair take turns, on one core if that is enough for both. Unless all is fine then, five more pairs are
+    measured, and all ten decide. A program that fails ends it: a new one that fails beside a base that does not is a regression.
 
     Raises:
         OptionError: ``out`` holds something else, or neither program can use what it is given.
@@ -62,41 +63,61 @@ def measure_against(
     sides = dict(zip(SIDES, (base, new), strict=True))
     for side in SIDES:
         _clear(out / side)
-    numbers = count()
+    numbers, cores = count(), shared_cores(one_is_enough=base.work.on_one_thread and new.work.on_one_thread)
+    begun: dict[str, tuple[Started, Path, Path]] = {}
 
-    def begin(side: str, name: str, *, warm: bool = False) -> tuple[Started, Path, Path]:
+    def begin(side: str, name: str, turns: Turns | None = None) -> Started:
         timed, target = scratch.folder / f"import-{next(numbers)}", out / side / name
-        command = sides[side].work.command(sides[side].program, target, timed, warm=warm)
-        return sides[side].program.start(command, scratch), target, timed
+        with _blamed(side):
+            command = sides[side].work.command(sides[side].program, target, timed, warm=turns is None)
+            begun[side] = sides[side].program.start(command, scratch, turns), target, timed
+        return begun[side][0]
 
-    def complete(side: str, begun: tuple[Started, Path, Path]) -> None:
-        started, target, timed = begun
-        ended = sides[side].program.finish(started)
-        sides[side].work.keep(ended, target)
+    def complete(side: str) -> None:
+        started, target, timed = begun[side]
+        with _blamed(side):
+            ended = sides[side].program.finish(started)
+            sides[side].work.keep(ended, target)
         _note(target, ended, timed)
 
-    side = SIDES[0]
     try:
-        begun = {}
         for side in SIDES:
-            begun[side] = begin(side, "warm", warm=True)
+            begin(side, "warm")
         for side in SIDES:  # the base first: of what fails on both sides the new one is not to blame
-            complete(side, begun[side])
-        for side in SIDES:
+            complete(side)
             shutil.rmtree(out / side / "warm", ignore_errors=True)
         for pair in range(2 * BATCH):
-            for side in SIDES if pair % 2 == 0 else reversed(SIDES):
-                complete(side, begin(side, f"{pair:02d}"))
+            turns = Turns(cores[pair % len(cores)])
+            in_turn(begin(side, f"{pair:02d}", turns) for side in (SIDES if pair % 2 == 0 else reversed(SIDES)))
+            for side in SIDES:
+                complete(side)
             on_progress((pair + 1) / (2 * BATCH))
             if pair + 1 == BATCH and (first := compared(out, settings)).verdict is Verdict.FINE:
                 return first
             if pair + 1 == BATCH and first.verdict is Verdict.REGRESSED and not _in_times(first):
                 return first  # counters are the same in every process
-    except ProgramError as error:
-        if side == SIDES[0] and error.code == _BAD_USE and _fails_too(begun.get(SIDES[1]), new.program):
-            raise OptionError(str(error), hint=error.hint) from error
-        return failed(side, str(error), error.tail)
+    except _SideError as blamed:
+        if blamed.side == SIDES[0] and blamed.error.code == _BAD_USE and _fails_too(begun.get(SIDES[1]), new.program):
+            raise OptionError(str(blamed.error), hint=blamed.error.hint) from blamed.error
+        return failed(blamed.side, str(blamed.error), blamed.error.tail)
     return compared(out, settings)
+
+
+class _SideError(Exception):
+    """A program failed: on which side, and how."""
+
+    def __init__(self, side: str, error: ProgramError) -> None:
+        super().__init__(side)
+        self.side, self.error = side, error
+
+
+@contextmanager
+def _blamed(side: str) -> Iterator[None]:
+    """Say of a program that fails in the block which side it is."""
+    try:
+        yield
+    except ProgramError as error:
+        raise _SideError(side, error) from error
 
 
 def compared(out: Path, settings: Settings) -> Comparison:

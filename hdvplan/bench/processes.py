@@ -6,17 +6,19 @@ import json
 import os
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
 import threading
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from time import sleep
 from types import FrameType
 
+TURNS = "HDVPLAN_TURNS"  # the variable that tells a process of its descriptor; see ``hdvplan.bench.turns``
 TERMINATED = 143  # 128 + SIGTERM, as shells report it
 _SAID, _SPENT, _PRINTED = "said", "spent.json", "printed"
 _LONGEST_WORDS, _TAIL_LINES = 300, 20
@@ -24,8 +26,10 @@ _TRIES, _PAUSE_S = 50, 0.05
 # Between us and what is measured: the high-water mark of memory that a system reports for a process begins at that of the one which
 # started it, and ours has loaded tables and plots.
 _BETWEEN = """
-import json, resource, subprocess, sys
-code = subprocess.call(sys.argv[2:])
+import json, os, resource, subprocess, sys
+if sys.argv[2]:
+    os.sched_setaffinity(0, {int(sys.argv[2])})
+code = subprocess.call(sys.argv[3:], close_fds=False)
 peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
 with open(sys.argv[1], "w") as file:
     json.dump({"peak_bytes": peak}, file)
@@ -63,11 +67,19 @@ class Ended:
 
 
 @dataclass(frozen=True)
+class Turns:
+    """How a process is started that takes turns with another: on a ``core`` that they share; None: on any."""
+
+    core: int | None
+
+
+@dataclass(frozen=True)
 class Started:
-    """A process that runs, and the folder for what it says."""
+    """A process that runs, the folder for what it says, and our end of the sockets by which it has its turns."""
 
     process: subprocess.Popen[bytes]
     folder: Path
+    turns: socket.socket | None = None
 
 
 @dataclass(frozen=True)
@@ -78,20 +90,31 @@ class Scratch:
     started: list[Started]
 
 
-def start(command: Sequence[str], variables: Mapping[str, str], scratch: Scratch, cwd: Path | None = None) -> Started:
-    """Start a command in a separate process group.
+def start(
+    command: Sequence[str], variables: Mapping[str, str], scratch: Scratch, cwd: Path | None = None, turns: Turns | None = None
+) -> Started:
+    """Start a command in a separate process group; with ``turns``, if it knows of them and the system has them, it waits for its first.
 
     Raises:
         OSError: it cannot be started.
 
     """
     folder = Path(tempfile.mkdtemp(dir=scratch.folder))
-    measured = [sys.executable, "-I", "-S", "-c", _BETWEEN, str(folder / _SPENT), *command] if os.name == "posix" else list(command)
-    with (folder / _SAID).open("wb") as said, (folder / _PRINTED).open("wb") as printed, undisturbed():
+    posix, variables = os.name == "posix", dict(variables)
+    core = "" if turns is None or turns.core is None else str(turns.core)
+    measured = [sys.executable, "-I", "-S", "-c", _BETWEEN, str(folder / _SPENT), core, *command] if posix else list(command)
+    with ExitStack() as stack, undisturbed():
+        said, printed = (stack.enter_context((folder / name).open("wb")) for name in (_SAID, _PRINTED))
+        ours = None
+        if turns is not None and posix:
+            ours, theirs = socket.socketpair()
+            stack.enter_context(theirs)
+            variables[TURNS] = str(theirs.fileno())
         process = subprocess.Popen(  # noqa: S603 - no shell; what runs is the caller's
-            measured, env=dict(variables), stdin=subprocess.DEVNULL, stdout=printed, stderr=said, cwd=cwd, start_new_session=True
-        )
-        scratch.started.append(Started(process, folder))
+            measured, env=variables, stdin=subprocess.DEVNULL, stdout=printed, stderr=said, cwd=cwd, start_new_session=True,
+            pass_fds=[theirs.fileno()] if ours else [],
+        )  # fmt: skip
+        scratch.started.append(Started(process, folder, ours))
     return scratch.started[-1]
 
 
@@ -117,6 +140,8 @@ def end(started: Started) -> None:
         else:
             started.process.kill()
         started.process.wait()
+    if started.turns is not None:
+        started.turns.close()
 
 
 def run(command: Sequence[str], variables: Mapping[str, str], scratch: Scratch, cwd: Path | None = None) -> Ended:

@@ -10,7 +10,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from hdvplan.bench.processes import Ended, Scratch, Started, finish, run, start
+from hdvplan.bench.processes import Ended, Scratch, Started, Turns, finish, run, start
 from hdvplan.errors import MeasurementError
 from hdvplan.machine import THREADS
 
@@ -64,15 +64,15 @@ class Program:
         first = os.pathsep.join([str(self.python.parent), *filter(None, [mine.get("PATH")])])
         return mine | path | {"PATH": first, "PYTHONHASHSEED": "0"} | dict(self.variables)
 
-    def start(self, command: Sequence[str], scratch: Scratch) -> Started:
-        """Start a command of this program.
+    def start(self, command: Sequence[str], scratch: Scratch, turns: Turns | None = None) -> Started:
+        """Start a command of this program, with ``turns`` as one of two that take them.
 
         Raises:
             ProgramError: there is no such command.
 
         """
         try:
-            return start(command, self.environment() | {"TMPDIR": str(scratch.folder)}, scratch, self.folder)
+            return start(command, self.environment() | {"TMPDIR": str(scratch.folder)}, scratch, self.folder, turns)
         except (OSError, ValueError) as error:
             msg = f"{self.name} cannot be started: {error}"
             raise ProgramError(msg) from error

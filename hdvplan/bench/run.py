@@ -12,6 +12,7 @@ import numpy as np
 from hdvplan.bench.measure import Bench
 from hdvplan.bench.samples import CRASHED, HUNG, OUT_OF_MEMORY, OVER_BUDGET, Measurement, part_file, write_part
 from hdvplan.bench.suite import Suite, visits
+from hdvplan.bench.turns import turns
 from hdvplan.bench.worker import Worker
 from hdvplan.case import Case
 from hdvplan.qp.workspace import WorkspaceMaker
@@ -45,9 +46,10 @@ def run(
         if not part_file(directory, index, round_).exists()
     ]
     lengths = np.array([cases[index].road.path.length for index, _ in order])
-    with _measuring(suite, cases, makers, in_process=in_process) as measured_by:
+    with turns() as take_turn, _measuring(suite, cases, makers, in_process=in_process) as measured_by:
         for number, (index, round_) in enumerate(order):
             if not part_file(directory, index, round_).exists():  # such a round fills in the others
+                take_turn()
                 measured = measured_by(index, judged=round_ == 0)
                 only = measured.outcome in _FATAL or (suite.sample and measured.outcome == OVER_BUDGET)  # another round would end alike
                 last = suite.rounds if only else round_ + 1

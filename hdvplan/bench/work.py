@@ -7,7 +7,7 @@ import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -27,6 +27,10 @@ _HINT = '{"cells": {"depot": {"steps_s": [0.0012, 0.0011]}}} is the least; docs/
 class Work(Protocol):
     """What both programs do in every process."""
 
+    @property
+    def on_one_thread(self) -> bool:
+        """Whether it never uses more than one core at a time, so that both programs can share one."""
+
     def command(self, program: Program, out: Path, timed: Path, *, warm: bool) -> list[str]:
         """Return the command line; ``warm``: only so that what compiles is compiled. Imports are timed into the file ``timed``."""
 
@@ -42,6 +46,7 @@ class SuiteWork:
     """A benchmark of hdvplan, defined by a file in which every entry stands that this program knows."""
 
     file: Path
+    on_one_thread: ClassVar = True
 
     def command(self, program: Program, out: Path, timed: Path, *, warm: bool) -> list[str]:
         """See ``Work``."""
@@ -62,6 +67,7 @@ class CommandWork:
     """A command whose last line on stdout is JSON; see ``read_steps``."""
 
     words: tuple[str, ...]
+    on_one_thread: ClassVar = False
 
     def command(self, program: Program, out: Path, timed: Path, *, warm: bool) -> list[str]:  # noqa: ARG002 - see ``Work``
         """See ``Work``."""

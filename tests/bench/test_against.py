@@ -19,7 +19,7 @@ import pytest
 from hdvplan.bench.against import SUITE, Contender, Settings, measure_against
 from hdvplan.bench.compare import Comparison
 from hdvplan.bench.gate import Rule, Verdict
-from hdvplan.bench.processes import Scratch, Started, scratch_folder, start
+from hdvplan.bench.processes import Scratch, Started, Turns, scratch_folder, start
 from hdvplan.bench.programs import Program
 from hdvplan.bench.suite import Suite, read_suite, suite_of
 from hdvplan.bench.work import SuiteWork, suite_entries, suite_text
@@ -48,7 +48,7 @@ class Recorded(Program):
     fails: str = "never"  # in which of its processes; all: in every one
     code: int = 1
 
-    def start(self, command: Sequence[str], scratch: Scratch) -> Started:
+    def start(self, command: Sequence[str], scratch: Scratch, turns: Turns | None = None) -> Started:
         """Leave the run, and a process that has nothing to do."""
         out = Path(command[command.index("--out") + 1])
         self.diary.append((self.name, out.name))
@@ -56,7 +56,7 @@ class Recorded(Program):
         factor = self.slow if out.name.isdigit() and int(out.name) < self.slow_until else 1.0
         (out / "samples.csv.gz").write_bytes(slowed(self.run, factor))
         failing = f"import sys; sys.stderr.write('error: the licence has expired\\n'); sys.exit({self.code})"
-        return start([sys.executable, "-c", failing if self.fails in {out.name, "all"} else ""], os.environ, scratch)
+        return start([sys.executable, "-c", failing if self.fails in {out.name, "all"} else ""], os.environ, scratch, turns=turns)
 
 
 def measured(base: Program, new: Program, out: Path) -> Comparison:

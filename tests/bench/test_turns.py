@@ -1,0 +1,118 @@
+"""Two processes take turns: strictly one after the other, and never for ever if one ends, knows nothing of turns, or leaves children."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import pytest
+
+from hdvplan.bench.processes import TURNS, Scratch, Started, Turns, finish, scratch_folder, start
+from hdvplan.bench.turns import in_turn, turns
+
+ROOT = Path(__file__).parents[2]
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="turns are given by descriptors that a process inherits")
+
+# Writes its name at the beginning and end of every turn; the other one must not be between.
+DIARY = """
+import os, sys, time
+from hdvplan.bench.turns import turns
+name, diary, count = sys.argv[1], sys.argv[2], int(sys.argv[3])
+def note(word):
+    with open(diary, "a") as file:
+        file.write(f"{name} {word}\\n")
+note("loads")
+with turns() as take_turn:
+    for _ in range(count):
+        take_turn()
+        note("begins")
+        time.sleep(0.01)
+        note("ends")
+note("leaves")
+"""
+
+
+@pytest.fixture
+def scratch() -> Iterator[Scratch]:
+    with scratch_folder() as scratch:
+        yield scratch
+
+
+def started(scratch: Scratch, *arguments: str) -> Started:
+    variables = os.environ | {"PYTHONPATH": str(ROOT)}
+    return start([sys.executable, "-c", *arguments], variables, scratch, turns=Turns(None))
+
+
+def diary_of(scratch: Scratch, programs: Sequence[tuple[str, int]]) -> list[str]:
+    """Return what two processes wrote, of which each runs a program that wants so many turns."""
+    diary = scratch.folder / "diary"
+    in_turn(started(scratch, program, name, str(diary), str(count)) for name, (program, count) in zip("ab", programs, strict=True))
+    assert [finish(one).code for one in scratch.started] == [0, 0]
+    return diary.read_text(encoding="utf-8").splitlines()
+
+
+def test_both_load_one_after_the_other_and_then_have_turns_in_alternation(scratch: Scratch) -> None:
+    lines = diary_of(scratch, [(DIARY, 3), (DIARY, 3)])
+    assert lines[:2] == ["a loads", "b loads"]
+    assert lines[2:14] == [f"{name} {word}" for _ in range(3) for name in "ab" for word in ("begins", "ends")]
+    assert sorted(lines[14:]) == ["a leaves", "b leaves"]  # no earlier than both have had their turns
+
+
+def test_who_wants_more_turns_has_them_alone_at_the_end(scratch: Scratch) -> None:
+    lines = [line for line in diary_of(scratch, [(DIARY, 1), (DIARY, 4)]) if line.split()[1] in {"begins", "ends"}]
+    assert lines == ["a begins", "a ends"] + ["b begins", "b ends"] * 4
+
+
+UNAWARE = """
+import sys, time
+with open(sys.argv[2], "a") as file:
+    for word in ("begins", "ends"):
+        file.write(f"{sys.argv[1]} {word}\\n")
+        time.sleep(0.05)
+"""
+
+
+@pytest.mark.parametrize("programs", [[UNAWARE, DIARY], [DIARY, UNAWARE], [UNAWARE, UNAWARE]])
+def test_a_program_that_knows_nothing_of_turns_runs_before_or_after_the_other(scratch: Scratch, programs: list[str]) -> None:
+    lines = [line for line in diary_of(scratch, [(program, 1) for program in programs]) if line.split()[1] in {"begins", "ends"}]
+    one, other = lines[0][0], lines[2][0]
+    assert lines == [f"{one} begins", f"{one} ends", f"{other} begins", f"{other} ends"]
+
+
+CRASHES = "import os, sys; from hdvplan.bench.turns import turns\nwith turns() as take_turn:\n    take_turn(); os.abort()"
+CHILD = "import subprocess, sys; subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(60)'], close_fds=False)"
+
+
+@pytest.mark.parametrize("program", [CRASHES, CHILD, "import sys; sys.exit(3)"])
+def test_neither_a_crash_nor_a_child_that_stays_keeps_the_other_waiting(scratch: Scratch, program: str) -> None:
+    diary = scratch.folder / "diary"
+    in_turn(started(scratch, *arguments) for arguments in ((program,), (DIARY, "b", str(diary), "2")))
+    first, second = scratch.started
+    assert finish(second).code == 0
+    assert finish(first).code in {0, 3, 134}  # 134: ended by SIGABRT
+    assert diary.read_text(encoding="utf-8").count("ends") == 2
+
+
+def test_where_nobody_hands_out_turns_there_is_no_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
+    for told in (None, "", "nonsense", "987654"):
+        if told is not None:
+            monkeypatch.setenv(TURNS, told)
+        with turns() as take_turn:
+            take_turn()
+        assert TURNS not in os.environ
+
+
+def test_who_stops_asking_for_turns_in_an_error_ends_its_own(scratch: Scratch) -> None:
+    diary = scratch.folder / "diary"
+    raises = "from hdvplan.bench.turns import turns\nwith turns() as take_turn:\n    take_turn(); raise SystemExit(3)"
+    in_turn(started(scratch, *arguments) for arguments in ((raises,), (DIARY, "b", str(diary), "2")))
+    assert [finish(one).code for one in scratch.started] == [3, 0]
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="this system does not choose cores")
+def test_both_run_on_the_core_that_they_share(scratch: Scratch) -> None:
+    core = max(os.sched_getaffinity(0))
+    ended = finish(start([sys.executable, "-c", "import os; print(os.sched_getaffinity(0))"], os.environ, scratch, turns=Turns(core)))
+    assert ended.printed.strip() == str({core})
