@@ -327,13 +327,18 @@ def noise_of(folder: Path, rounds: int) -> str:
     """Return how much processes of the same program differ in the gate's statistic, in words, for each load."""
     words = []
     for situation in LOADS:
-        processes = [read_side(recorded(folder, situation, BASE, round_)).processes[0] for round_ in range(rounds)]
-        spreads = {}
-        for name, statistic in (("min", np.min), ("mean", np.mean)):
-            logs = [[np.log(statistic(steps.total, axis=0).mean()) for steps in process.values()] for process in processes]
-            spreads[name] = 100.0 * np.std(logs, axis=0, ddof=1).max()
-        words.append(f"{situation} {spreads['min']:.1f} % (of the plain mean: {spreads['mean']:.1f} %)")
-    return f"Standard deviation of a cell between processes, every step with its fastest round, in the worst cell: {', '.join(words)}."
+        alone, other = (
+            np.array([_cells(read_side(recorded(folder, situation, name, round_)).processes[0]) for round_ in range(rounds)])
+            for name in (BASE, SAME)
+        )
+        apart, together = (100.0 * float(np.std(logs, axis=0, ddof=1).max()) for logs in (alone, other - alone))
+        words.append(f"{situation} {apart:.1f} % from pair to pair, {together:.1f} % within a pair")
+    return f"Standard deviation of a cell's time, every step with its fastest round, in the worst cell: {'; '.join(words)}."
+
+
+def _cells(process: Mapping[Name, Steps]) -> list[float]:
+    """Return the logarithm of every cell's mean step, each step with its fastest round."""
+    return [float(np.log(steps.total.min(axis=0).mean())) for steps in process.values()]
 
 
 def markdown(table: pd.DataFrame, noise: str) -> str:

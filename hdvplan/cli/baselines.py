@@ -90,7 +90,7 @@ def gate(
     against: str, work: Suite | CommandWork, rule: Rule, out: Path, further: Further, *,
     expect_changes: bool, format_: str, json: bool, quiet: bool,
 ) -> ExitCode:  # fmt: skip
-    """Measure this program and another, interleaved into ``out``, show how they compare, and leave reports for other programs.
+    """Measure this program and another in turn into ``out``, show how they compare, and leave reports for other programs.
 
     Raises:
         OptionError: a road or vehicle that cannot be read, a program that is none, or ``out`` cannot be written.

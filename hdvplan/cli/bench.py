@@ -114,7 +114,7 @@ def bench(
     Defaults: ten shipped roads, bus and tractor-trailer, both schemes, riccati, piqp, clarabel and osqp, three rounds, limits
     0.5 m beyond the geometric half width. A cell that cannot be planned is a row of the tables; the run continues.
 
-    With --against: two roads, riccati and six rounds; five fresh processes for each side in alternation, ten if a repeat is needed.
+    With --against: two roads, riccati and six rounds; five fresh processes for each side, which take turns, ten if a repeat is needed.
     Exit codes then: 0 fine; 1 something became slower, counters changed, or the new program does not run; 2 bad input; 3 could not
     measure: noise, or a base that does not run. DIR has the result as JSON, JUnit XML, Markdown and for dashboards.
     """

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -103,6 +105,40 @@ def test_a_planner_of_ones_own_is_guarded(
         assert "measured 50 %" in outcome.err  # stderr is no terminal here
         times = read_side(theirs.parent / "gate" / "new").processes[0][own_name("depot")]
         assert (times.total.shape, times.s[1]) == ((3, 40), 5.0)
+
+
+# Takes turns as the documents say, and keeps a diary of its rounds outside of both trees.
+TAKES_TURNS = """
+import json, os, time
+turns = os.environ.get("HDVPLAN_TURNS")
+def take_turn():
+    if turns:
+        os.write(int(turns), b"?")
+        os.read(int(turns), 1)
+for round_ in range(3):
+    take_turn()
+    with open({diary!r}, "a") as file:
+        file.write(f"{{os.getpid()}} {{round_}}\\n" if turns else "")
+    time.sleep(0.01)
+take_turn()
+print(json.dumps({{"cells": {{"depot": [0.001, 0.002]}}}}))
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="turns are given by descriptors that a process inherits")
+def test_a_command_of_ones_own_can_take_turns(cli: Cli, theirs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(theirs)
+    diary = theirs.parent / "diary"
+    (theirs / "ours.py").write_text(TAKES_TURNS.format(diary=str(diary)), encoding="utf-8")
+    git(theirs, "commit", "--quiet", "--all", "--message", "two")
+    outcome = cli("bench", "--against", "HEAD", "--command", f"{sys.executable} ours.py", "--quiet", "--out", str(theirs.parent / "gate"))
+    assert outcome.code == 0, outcome.err
+    lines = [line.split() for line in diary.read_text(encoding="utf-8").splitlines()]
+    pairs = [lines[first : first + 6] for first in range(0, len(lines), 6)]
+    assert len(pairs) == 5
+    for pair in pairs:
+        assert [round_ for _, round_ in pair] == ["0", "0", "1", "1", "2", "2"]
+        assert all(one[0] != other[0] for one, other in pairwise(pair))  # never the same process twice
 
 
 def test_a_base_that_does_not_run_is_no_regression(cli: Cli, theirs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
