@@ -30,6 +30,7 @@ README, RESULTS, BALANCED, LIECHTENSTEIN = "README.md", "docs/results.md", "docs
 FORMER = ("previous method, max right", "previous method, max left")
 CONSTANT = ("tractor curvature, constant part", "articulation, constant part")
 OUTSIDE = tuple(f"furthest outside, {what}" for what in ("overhang and wheelbase free", "wheelbase in the lane", "and overhangs at a cost"))
+GUARDING = "docs/guarding-timing.md"
 VEHICLES = ("bus", "tractor-trailer", "tractor-trailer-24m")
 BUSES = {
     "citaro-k": "10.5",
@@ -139,6 +140,18 @@ FIGURES = (
         "docs/studies.md",
         "out used {} ms of a core for each. It grew by {} MB until the last cell, and by {} MB with the tables. A cell took {} ms of",
         tables.handed_out,
+    ),
+    Figure(
+        GUARDING, "of {} comparisons with an unchanged side {} were red, of {} with a worse one {} were.", partial(tables.gate, "drawn")
+    ),
+    Figure(
+        GUARDING,
+        "of {} runs with identical programs {} were red, of {} with copies that are worse in ten ways {} were.",
+        partial(tables.gate, "end to end"),
+    ),
+    Figure(GUARDING, "The longest of the former took {} s, of the latter {} s.", tables.gate_seconds),
+    Figure(
+        GUARDING, "differed from each other by up to {} % (standard deviation), and the two of a pair by up to {} %.", tables.gate_noise
     ),
 )
 

@@ -239,3 +239,24 @@ def handed_out() -> list[str]:
     last, end = rows.iloc[-2], rows.iloc[-1]
     spent = _MILLI * last["driver_cpu_s"] / last["cells"]
     return [f"{spent:.1f}", f"{last['mb']:.0f}", f"{end['mb']:.0f}", f"{end['overhead_ms_per_cell']:.1f}"]
+
+
+def gate(how: str) -> list[str]:
+    """Return how many comparisons of identical programs there were, how many of them were red, and the same of worse programs."""
+    rows = table("gate/gate.csv")
+    mine = rows[rows["how"] == how]
+    sides = (mine[mine["program"] == "same"], mine[mine["program"] != "same"])
+    return [str(int(side[column].sum())) for side in sides for column in ("comparisons", "regressed")]
+
+
+def gate_seconds() -> list[str]:
+    """Return how long the longest run of identical programs took, and that of worse ones [s]."""
+    rows = table("gate/gate.csv")
+    longest = rows.groupby(rows["program"] == "same")["longest [s]"].max()
+    return [f"{longest[True]:.0f}", f"{longest[False]:.0f}"]
+
+
+def gate_noise() -> list[str]:
+    """Return by how much times differ between pairs, and within a pair, in the worst cell and situation [%]."""
+    noise = table("gate/noise.csv")
+    return [f"{noise[column].max():.0f}" for column in ("between pairs [%]", "within a pair [%]")]

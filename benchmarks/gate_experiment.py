@@ -7,7 +7,7 @@ first five are not fine.
 A change for the worse is made to the recorded numbers of the new side. At last the real command is run end to end,
 `hdvplan bench --against`, in copies whose planner is patched.
 
-Writes gate.csv, gate.md and run.json. What was recorded is kept in --record; the same command goes on from there.
+Writes gate.csv, noise.csv, gate.md and run.json. What was recorded is kept in --record; the same command goes on from there.
 """
 
 from __future__ import annotations
@@ -310,7 +310,7 @@ def table_of(comparisons: Mapping[tuple[str, str], list[Comparison]], processes:
     rows: list[dict[str, object]] = []
     for (name, situation), found in comparisons.items():
         verdicts = [str(comparison.verdict) for comparison in found]
-        rows.append({"how": "drawn", "program": name, "situation": situation, "processes a side": processes} | _counts(verdicts))
+        rows.append({"how": "drawn", "program": name, "situation": situation, "pairs": processes} | _counts(verdicts))
     for key, mine in ends.groupby(["program", "situation"], sort=False):
         what = dict(zip(("program", "situation"), key, strict=True))
         longest = {"longest [s]": round(float(mine["seconds"].max()), 1)}
@@ -323,17 +323,17 @@ def _counts(verdicts: Sequence[str]) -> dict[str, object]:
     return {"comparisons": len(verdicts), **{name: verdicts.count(name) for name in names}}
 
 
-def noise_of(folder: Path, rounds: int) -> str:
-    """Return how much processes of the same program differ in the gate's statistic, in words, for each load."""
-    words = []
+def noise_of(folder: Path, rounds: int) -> pd.DataFrame:
+    """Return how much processes of the same program differ in the gate's statistic of the worst cell, for each load [%]."""
+    rows = []
     for situation in LOADS:
         alone, other = (
             np.array([_cells(read_side(recorded(folder, situation, name, round_)).processes[0]) for round_ in range(rounds)])
             for name in (BASE, SAME)
         )
         apart, together = (100.0 * float(np.std(logs, axis=0, ddof=1).max()) for logs in (alone, other - alone))
-        words.append(f"{situation} {apart:.1f} % from pair to pair, {together:.1f} % within a pair")
-    return f"Standard deviation of a cell's time, every step with its fastest round, in the worst cell: {'; '.join(words)}."
+        rows.append({"situation": situation, "between pairs [%]": round(apart, 1), "within a pair [%]": round(together, 1)})
+    return pd.DataFrame(rows)
 
 
 def _cells(process: Mapping[Name, Steps]) -> list[float]:
@@ -341,19 +341,24 @@ def _cells(process: Mapping[Name, Steps]) -> list[float]:
     return [float(np.log(steps.total.min(axis=0).mean())) for steps in process.values()]
 
 
-def markdown(table: pd.DataFrame, noise: str) -> str:
-    """Return the table with what a reader must know to believe it."""
+def markdown(table: pd.DataFrame, noise: pd.DataFrame) -> str:
+    """Return the tables with what a reader must know to believe them."""
     facts, rule = machine_facts(), Rule()
-    text = table.astype(object).where(table.notna(), "").map(lambda value: f"{value:g}" if isinstance(value, float) else str(value))
     caption = (
         f"How often `hdvplan bench --against` calls a program regressed: factor {rule.factor:g}, floor {1e3 * rule.floor:g} ms, eight "
-        "cells. drawn: from recorded processes of one program, each comparison from ten neighbours in time, its new side made worse by "
-        "calculation; end to end: the real command in a patched copy, with checkout "
-        f"and compilation. loaded: another process keeps the other core busy in bursts. {noise} "
+        "cells. drawn: from recorded pairs of processes of one program that took turns, each comparison from ten pairs near in time, its "
+        "new side made worse by calculation; end to end: the real command in a patched copy, with checkout and compilation. loaded: "
+        "another process keeps a core busy in bursts. "
         f"{facts['processor']}, {facts['usable_cores']} cores, {facts['python']}; load average at the end "
         f"{', '.join(f'{value:.1f}' for value in load_average() or [])}."
     )
-    return f"{caption}\n\n{markdown_table(text, text=('how', 'program', 'situation'))}\n"
+    below = "Standard deviation of a cell's time, every step with its fastest round, in the worst cell, of processes of one program:"
+    tables = (markdown_table(_told(one), text=("how", "program", "situation")) for one in (table, noise))
+    return "\n\n".join((caption, next(tables), below, next(tables))) + "\n"
+
+
+def _told(table: pd.DataFrame) -> pd.DataFrame:
+    return table.astype(object).where(table.notna(), "").map(lambda value: f"{value:g}" if isinstance(value, float) else str(value))
 
 
 def main() -> None:
@@ -382,9 +387,11 @@ def main() -> None:
     table = table_of(comparisons, rounds, ends)
     asked.out.mkdir(parents=True, exist_ok=True)
     write_atomically(asked.out / "gate.csv", csv_bytes(table))
-    write_atomically(asked.out / "gate.md", markdown(table, noise_of(folder, rounds)).encode())
+    noise = noise_of(folder, rounds)
+    write_atomically(asked.out / "noise.csv", csv_bytes(noise))
+    write_atomically(asked.out / "gate.md", markdown(table, noise).encode())
     write_record(asked.out, cases_of(suite_of(SUITE)))
-    print(markdown(table, noise_of(folder, rounds)))
+    print(markdown(table, noise))
 
 
 if __name__ == "__main__":

@@ -163,6 +163,8 @@ def scratch_folder() -> Iterator[Scratch]:
                 for started in scratch.started:
                     if started.process.returncode is None:  # the number of one that has been waited for may be another's by now
                         end(started)
+                    elif started.turns is not None:
+                        started.turns.close()
                 remove(scratch.folder)
 
 
