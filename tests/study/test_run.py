@@ -177,12 +177,25 @@ def test_what_cannot_be_planned_is_a_row_with_its_reason(folder: Path, tiny: Ent
     assert results.unanswered == 0
 
 
-def test_a_file_that_changes_while_a_study_runs_is_refused(folder: Path, tiny: Entries) -> None:
-    study = study_of(tiny | {"roads": ["bend.csv"], "vehicles": ["bus"]}, folder)
+def test_cells_whose_file_changes_meanwhile_have_no_answer_until_it_is_the_same_again(folder: Path, tiny: Entries) -> None:
+    entries = tiny | {"roads": ["bend.csv"], "vehicles": ["bus"]}
+    study, before = study_of(entries, folder), (folder / "bend.csv").read_text(encoding="utf-8")
     (folder / "bend.csv").write_text("s,kappa\n0,0\n60,0\n", encoding="utf-8")
     table = run(study, folder / "out", InHere()).cells()
-    assert set(table["outcome"]) == {"refused"}
+    assert set(table["outcome"]) == {"failed"}
     assert table["reason"].str.contains("another file here").all()
+    (folder / "bend.csv").write_text(before, encoding="utf-8")
+    assert set(_run(folder, entries).cells()["outcome"]) == {"planned"}
+
+
+def test_a_bias_that_changes_meanwhile_is_told(folder: Path, tiny: Entries) -> None:
+    (folder / "bias.csv").write_text("s,bias\n0,0.1\n60,0.2\n", encoding="utf-8")
+    entries = tiny | {"roads": ["bend.csv"], "vehicles": ["bus"], "settings": {"horizon": 30, "bias": "bias.csv"}}
+    assert set(_run(folder, entries).cells()["outcome"]) == {"planned"}
+    study = study_of(entries | {"half_widths": [3.0]}, folder)
+    (folder / "bias.csv").unlink()
+    (row,) = run(study, folder / "out", InHere()).cells().to_dict("records")
+    assert (row["outcome"], row["reason"].partition(":")[0]) == ("failed", "bias.csv cannot be read here")
 
 
 @pytest.mark.slow
