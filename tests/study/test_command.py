@@ -63,6 +63,7 @@ def test_cells_without_an_answer_end_in_1(cli: Cli, study_file: Path) -> None:
         (("study.toml", "--out", "out", "--retries", "-1"), "--retries must not be negative"),
         (("study.toml", "--out", "out", "--cell-limit", "0"), "--cell-limit must be a positive number"),
         (("study.toml", "--out", "out", "--workers", "2", "--scheduler", "tcp://127.0.0.1:1"), "a cluster has its own"),
+        (("study.toml", "--out", "out", "--retries", "2", "--scheduler", "tcp://127.0.0.1:1"), "as often as its scheduler is told"),
         (("study.toml", "--out", "bend.csv"), "is a file, not a folder"),
         (("study.toml",), "missing option '--out'"),
     ],
