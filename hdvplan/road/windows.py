@@ -186,6 +186,7 @@ def _driven(piece: _Piece) -> tuple[Road, FloatArray, FloatArray]:
     along, total, options = piece.along, piece.total, piece.line.options
     try:
         road, s = smoothed(piece.line)
+        road = replace(road, notes=(*piece.line.raw.notes, *_placed(road.notes[len(piece.line.raw.notes) :], along)))
         if options.reverse:
             road, s, along = reversed_road(road), (road.path.length - s)[::-1], (total - along)[::-1]
         if options.offset:
@@ -200,6 +201,11 @@ def _driven(piece: _Piece) -> tuple[Road, FloatArray, FloatArray]:
     return road, s, along
 
 
+def _placed(notes: Iterable[str], along: FloatArray) -> list[str]:
+    """Return notes on a part of a line with the lengths along the whole line between which it lies, at its points [m]."""
+    return [f"{note}; this is the part from {along[0]:.0f} to {along[-1]:.0f} m of the line, and s counts from its begin" for note in notes]
+
+
 def _part(raw: RawRoad, chord: FloatArray, first: float, last: float) -> tuple[RawRoad, FloatArray]:
     """Return the part of a line between two lengths along it, and the lengths along the whole line at its points [m]."""
     first, last = max(first, 0.0), min(last, float(chord[-1]))
@@ -209,7 +215,8 @@ def _part(raw: RawRoad, chord: FloatArray, first: float, last: float) -> tuple[R
     reaches = None if raw.reaches is None else _cut_rows(raw.reaches, chord, inside, first, last)
     sides = None if raw.sides is None else np.stack([_cut_rows(side.T, chord, inside, first, last).T for side in raw.sides])
     low, high = points.min(axis=0) - OPEN_M, points.max(axis=0) + OPEN_M
-    edges = tuple(edge for edge in raw.edges if np.all(edge.max(axis=0) >= low) and np.all(edge.min(axis=0) <= high))
+    near = tuple(edge for edge in raw.edges if np.all(edge.max(axis=0) >= low) and np.all(edge.min(axis=0) <= high))
+    edges = near or raw.edges[:1]  # the road is open where none is near
     regions = tuple(region for region in raw.regions if _overlaps(region, low, high))
     return replace(raw, points=points, reaches=reaches, sides=sides, edges=edges, regions=regions, lines=None), along
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hdvplan.case import Case
-from hdvplan.errors import RoadError
+from hdvplan.errors import OptionError, RoadError
 from hdvplan.jit import FloatArray
 from hdvplan.need.stretch import stretch_of
 from hdvplan.planning.bias import Bias
@@ -65,7 +65,13 @@ class _Core:
 
 
 def stretches_of_road(case: Case, *, core: float = WINDOW_M, run_in: float = RUN_IN_M) -> Iterator[Stretch]:
-    """Cut a case's road, as it is, into stretches of about ``core`` metres after a run-in of ``run_in`` metres."""
+    """Cut a case's road, as it is, into stretches of about ``core`` metres after a run-in of ``run_in`` metres.
+
+    Raises:
+        OptionError: a stretch would have no plan of its own.
+
+    """
+    _check_plans(case.settings, core)
     length = case.road.path.length
     count = max(1, round(length / core))
     bounds = [*(_on_grid(length * number / count, case.settings) for number in range(count)), length]
@@ -85,6 +91,7 @@ def stretches_of_line(
 
     Raises:
         RoadError: the line is no line of points, or it cannot be smoothed.
+        OptionError: as for ``stretches_of_road``.
 
     """
     if line.raw.is_profile or line.raw.rounded is not None:
@@ -95,6 +102,7 @@ def stretches_of_line(
         begins = _knot(max(there[0].begin, here.begin - run_in - 2.0 * reach))
         road = road_of(line.name, there, begins, _knot(min(there[-1].end, here.end + 3.0 * reach)))
         case = case_of(road)
+        _check_plans(case.settings, core)
         begin, end = _on_grid(here.begin, case.settings), here.end if after is None else _on_grid(after.begin, case.settings)
         core_here = _Core(begin - begins, end - begins, begins, here.turned, after is None)
         smoothing = here.road.smoothing
@@ -104,6 +112,13 @@ def stretches_of_line(
 def reach_of(vehicle: Vehicle, settings: PlannerSettings) -> float:
     """Return how far beyond a place a plan sees, or a body stands [m]."""
     return settings.horizon + vehicle.reach_ahead + vehicle.reach_behind + 2.0 * _ASKEW_M
+
+
+def _check_plans(settings: PlannerSettings, core: float) -> None:
+    """Refuse plans that are executed over so much road that the grid of their begins leaves a core without any."""
+    if settings.replan > 0.5 * core:
+        msg = f"a road that is planned in stretches of {core:g} m cannot be replanned every {settings.replan:g} m only"
+        raise OptionError(msg, hint="choose a smaller --replan")
 
 
 def _threes(windows: Iterable[Window]) -> Iterator[tuple[Window | None, Window, Window | None]]:

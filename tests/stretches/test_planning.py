@@ -15,6 +15,7 @@ import shapely
 
 import hdvplan
 from hdvplan.case import Case
+from hdvplan.cli.lengthy import _exit_code, _warn_of_steps
 from hdvplan.errors import HdvplanError, OptionError, PlanError, RoadError
 from hdvplan.judging.result import Result
 from hdvplan.planning.settings import PlannerSettings
@@ -256,3 +257,27 @@ def test_what_long_roads_do_not_have_is_refused_in_one_line(cli: Cli, option: tu
     outcome = cli("plan", ROAD, "--vehicle", "bus", *option)
     assert outcome.code == 2
     assert "is not for roads of more than 1 km" in outcome.err
+
+
+@pytest.mark.usefixtures("_long_roads_are_short")
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [(("--half-width", "1"), "limits are 2.00 m apart"), (("--bias", "50"), "--bias 50 leads 50 m off the road's centre")],
+    ids=["limits", "bias"],
+)
+def test_what_is_refused_on_a_short_road_is_refused_on_a_long_one(cli: Cli, options: tuple[str, str], words: str) -> None:
+    outcome = cli("plan", ROAD, "--vehicle", "bus", *options)
+    assert outcome.code == 2
+    assert words in outcome.err.splitlines()[0]
+
+
+def test_an_obstacle_that_is_entered_is_no_limit_and_steps_without_a_plan_are_told(capsys: pytest.CaptureFixture[str]) -> None:
+    breach = {"part": "front left corner", "unit": "bus", "side": "left", "depth_m": 0.25, "s_deepest": 60_000.0, "obstacle": "van"}
+    assert _exit_code({"verdict": {"fits": False}, "breaches": [breach], "status": "limits broken"}) == 1
+    assert "enters the obstacle 'van' by 0.250 m at s = 60000.0 m" in capsys.readouterr().err
+    steps = {"rescued_steps": [{"s_m": 5.0, "why": "it raised"}], "failed_steps": [7.0, 9.0], "plans": 10, "solver": "osqp"}
+    _warn_of_steps(steps, quiet=False)
+    assert capsys.readouterr().err.splitlines() == [
+        "warning: osqp failed in 1 of 10 planning steps, first at s = 5.0 m: it raised",
+        "warning: 2 of 10 planning steps were not solved, first at s = 7.0 m: the vehicle followed the last plan",
+    ]
