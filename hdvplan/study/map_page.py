@@ -160,7 +160,10 @@ def _place(row: Mapping[Any, Any]) -> Json:
     """Return a place without what is missing; lengths to the centimetre, degrees to the decimetre."""
     there = {name: value for name, value in row.items() if value is not None and value == value}  # noqa: PLR0124 - NaN
     digits = Counter({"lon": 6, "lat": 6, "s_m": 1})
-    return {name: round(value, digits[name] or 2) if isinstance(value, float) else value for name, value in there.items()}
+    width = width_text(*(there.pop(name, None) for name in ("half_width_m", "left_m", "right_m")))  # as in the choices, digit by digit
+    return {"width": width} | {
+        name: round(value, digits[name] or 2) if isinstance(value, float) else value for name, value in there.items()
+    }
 
 
 def _part(name: str) -> str:
