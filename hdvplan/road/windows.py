@@ -83,8 +83,8 @@ def windows_of(line: Line, length: float = WINDOW_M, *, each: Each = map) -> Ite
     for number, (road, s, along) in enumerate(each(_driven, _pieces(line, chord, ends))):
         start = float(road.path.project(*place, float(np.interp(ends[number], along, s)))[0]) if number else 0.0
         shift, last = begin - start, number == count - 1
-        end = _on_knot(shift + (road.path.length if last else float(np.interp(ends[number + 1], along, s))))
-        heading = _headings(road, [start, end - shift])
+        end = on_knot(shift + (road.path.length if last else float(np.interp(ends[number + 1], along, s))))
+        heading = headings(road, [start, end - shift])
         turned = float(heading[0] + 2.0 * np.pi * np.round((turned - heading[0]) / (2.0 * np.pi))) if number else float(heading[0])
         yield Window(road, shift, begin, end, turned, last)
         here = road.path.at(end - shift)
@@ -119,7 +119,8 @@ def road_of(name: str, windows: Sequence[Window], s_from: float, s_to: float) ->
     return road.within(Limits(s - s_from, left, right, left_sweep, right_sweep))
 
 
-def _on_knot(s: float) -> float:
+def on_knot(s: float) -> float:
+    """Return the last multiple of the knot spacing up to ``s`` [m]."""
     return KNOT_SPACING_M * float(np.floor(s / KNOT_SPACING_M + 1e-9))
 
 
@@ -232,7 +233,7 @@ def _overlaps(region: Region, low: FloatArray, high: FloatArray) -> bool:
     return bool(x_high >= low[0] and y_high >= low[1] and x_low <= high[0] and y_low <= high[1])
 
 
-def _headings(road: Road, at: list[float]) -> FloatArray:
+def headings(road: Road, at: list[float]) -> FloatArray:
     """Return a road's heading at arclengths, followed along it from its start, without jumps of a full turn [rad]."""
     fine = np.linspace(0.0, road.path.length, int(np.ceil(road.path.length / _HEADING_M)) + 1)
     return np.interp(at, fine, np.unwrap(road.path.at(fine).heading))
