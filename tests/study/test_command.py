@@ -98,6 +98,17 @@ def test_the_page_is_whole_offline_and_takes_names_for_text(folder: Path) -> Non
 
 
 @pytest.mark.parametrize("limits", ["half_widths = [1.625]", "left = [1.625]\nright = [1.5]", ""], ids=["even", "uneven", "own"])
+def test_the_page_holds_no_more_lines_than_it_shows(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hdvplan.study.map_page.MOST_ROADS", 1)
+    (folder / "other.geojson").write_text((folder / "lane.geojson").read_text(encoding="utf-8"), encoding="utf-8")
+    (folder / "study.toml").write_text(STUDY.replace("lane.geojson", "*.geojson"), encoding="utf-8")
+    run_study(read_study(folder / "study.toml"), folder / "out", InHere())
+    page = (folder / "out" / "map.html").read_text(encoding="utf-8")
+    assert [road["name"] for road in _told(page)["roads"]] == ["lane"]
+    assert "1 roads have no place on the Earth" in page
+    assert "Not shown: 1 roads and 0 places" in page
+
+
 def test_places_on_the_page_have_one_of_the_widths_to_choose_from(folder: Path, limits: str) -> None:
     lane = json.loads((folder / "lane.geojson").read_text(encoding="utf-8"))
     lane["properties"] |= {"left_m": 1.3, "right_m": 1.3}
