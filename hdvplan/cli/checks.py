@@ -8,7 +8,7 @@ from hdvplan.cli.console import warn
 from hdvplan.errors import OptionError, RoadError
 
 if TYPE_CHECKING:
-    from hdvplan.case import Case
+    from hdvplan.planning.bias import Bias
     from hdvplan.report.paper import SheetOptions
     from hdvplan.road.road import Road
     from hdvplan.vehicle.model import Vehicle
@@ -38,12 +38,22 @@ def check_fits(road: Road, vehicle: Vehicle, reaches: tuple[float, float] | None
     if road.path.length < length:
         msg = f"the road is {road.path.length:.1f} m long, the {vehicle.name} {length:.1f} m"
         raise RoadError(msg, hint="plan along a longer part of the road")
+    check_room(vehicle, reaches)
+
+
+def check_room(vehicle: Vehicle, reaches: tuple[float, float] | None) -> None:
+    """Refuse limits left and right that options gave [m] and that leave less room than ``vehicle`` is wide.
+
+    Raises:
+        OptionError: they do.
+
+    """
     if reaches is not None and sum(reaches) < vehicle.width:
         msg = f"limits are {sum(reaches):.2f} m apart; the {vehicle.name} is {vehicle.width:.2f} m wide"
         raise OptionError(msg, hint="widen them with --half-width or --left and --right")
 
 
-def check_bias(case: Case, given: str) -> None:
+def check_bias(bias: Bias, given: str) -> None:
     """Refuse a bias that leads off any road: nothing could be seen there.
 
     Raises:
@@ -52,7 +62,7 @@ def check_bias(case: Case, given: str) -> None:
     """
     from hdvplan.road.regions import OPEN_M
 
-    largest = float(abs(case.bias.offset).max())
+    largest = float(abs(bias.offset).max())
     if largest > OPEN_M:
         msg = f"--bias {given} leads {largest:g} m off the road's centre; at most {OPEN_M:g} m can be asked for"
         raise OptionError(msg)

@@ -56,12 +56,15 @@ def plan_long(
     except OSError as error:
         msg = f"cannot write to {directory}: {error.strerror or error}"
         raise OptionError(msg, hint="choose another folder with --out") from error
+    for remark in summary["notes"]:
+        note(remark, quiet=quiet)
     verdict = summary["verdict"]
     if json:
         print_json(summary)
     elif not quiet:
         print_line(verdict["text"])
         print_tables(_table(summary, f"{directory}/"))
+    _warn_of_steps(summary, quiet=quiet)
     apart = summary["stretches"]["apart_m"]
     if apart > _JOINED_M:
         where = "near limits that are broken, more than one plan may exist"
@@ -69,18 +72,33 @@ def plan_long(
     return _exit_code(summary)
 
 
+def _warn_of_steps(summary: dict[str, Any], *, quiet: bool) -> None:
+    """Say in how many planning steps the solver that was asked for found no plan."""
+    rescued, failed, plans = summary["rescued_steps"], summary["failed_steps"], summary["plans"]
+    if rescued:
+        first = rescued[0]
+        where = f"first at s = {first['s_m']:.1f} m: {first['why']}"
+        warn(f"{summary['solver']} failed in {len(rescued)} of {plans} planning steps, {where}", quiet=quiet)
+    if failed:
+        where = f"first at s = {failed[0]:.1f} m: the vehicle followed the last plan"
+        warn(f"{len(failed)} of {plans} planning steps were not solved, {where}", quiet=quiet)
+
+
 def _exit_code(summary: dict[str, Any]) -> ExitCode:
     """Return the exit code; what is broken is an error that names the deepest place."""
+    from hdvplan.road.regions import called
+
     if summary["verdict"]["fits"] is not False:
         return ExitCode.OK
     breach = max(summary["breaches"], key=lambda one: one["depth_m"], default=None)
     if breach is None:
         report_error(f"status: {summary['status']}", "summary.json tells where")
     else:
+        obstacle = breach["obstacle"]
+        what = f"breaks the {breach['side']} limit" if obstacle is None else f"enters {called(obstacle)}"
         more = f", and at {len(summary['breaches']) - 1} more places" if len(summary["breaches"]) > 1 else ""
         report_error(
-            f"the {breach['part']} of the {breach['unit']} breaks the {breach['side']} limit by {breach['depth_m']:.3f} m"
-            f" at s = {breach['s_deepest']:.1f} m{more}",
+            f"the {breach['part']} of the {breach['unit']} {what} by {breach['depth_m']:.3f} m at s = {breach['s_deepest']:.1f} m{more}",
             "summary.json lists all under breaches",
         )
     return ExitCode.BROKEN

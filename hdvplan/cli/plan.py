@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdvplan.cli import completion
-from hdvplan.cli.checks import check_bias, check_fits, check_workers, reaches_of, sheet_options, warn_far_regions
+from hdvplan.cli.checks import check_bias, check_fits, check_room, check_workers, reaches_of, sheet_options, warn_far_regions
 from hdvplan.cli.compiling import note_compiling
 from hdvplan.cli.console import note, print_json, print_line, progress
 from hdvplan.cli.help import OUTPUT, PLANNING, VEHICLE
@@ -235,7 +235,10 @@ def plan(
         refuse_on_long(found.line, dropped | {"--format dxf,gpkg": bool({*kinds} & {*DRAWINGS})})
         from hdvplan.stretches.cutting import reach_of
 
+        check_room(driven, reaches)
         along = NONE if bias is None else bias_asked(bias, None)
+        if bias is not None:
+            check_bias(along, bias)
         folder = out or Path(f"{file_name(found.line.name)}.{file_name(driven.name)}")
         cases, reach = (lambda track: replace(case_of(track), bias=along)), reach_of(driven, settings)
         return plan_long(found.line, driven, cases, reach, folder, workers=workers, json=json, quiet=quiet)
@@ -249,7 +252,7 @@ def plan(
     with progress(f"planning {driven.name} along {track.name}", quiet=quiet) as on_progress:
         if bias is not None:
             case = biased(case, bias)
-            check_bias(case, bias)
+            check_bias(case.bias, bias)
         result = api.plan(case, on_progress=on_progress)
     result = looked_again(result, proof=proof, refine=refine, quiet=quiet)
     directory = out or Path(f"{file_name(track.name)}.{file_name(driven.name)}")

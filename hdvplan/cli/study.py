@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 _RUNNING = "Running"  # a group of options
 _LIMIT_S = 1800.0
+_RETRIES = 1
 _TELL_S = 30.0  # between two lines of progress where there is no terminal
 _PLACES = 8  # of the ranking that are printed
 
@@ -54,9 +55,11 @@ def study(
         float, typer.Option("--cell-limit", metavar="S", help="Longest time for one cell [s].", rich_help_panel=_RUNNING)
     ] = _LIMIT_S,
     retries: Annotated[
-        int,
-        typer.Option("--retries", metavar="N", help="Further tries of a cell that failed, hung or was killed.", rich_help_panel=_RUNNING),
-    ] = 1,
+        int | None,
+        typer.Option(
+            "--retries", metavar="N", help="Further tries of a cell that failed, hung or was killed [default: 1].", rich_help_panel=_RUNNING
+        ),
+    ] = None,
     json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> int:
@@ -72,12 +75,15 @@ def study(
     if not cell_limit > 0.0:
         msg = f"--cell-limit must be a positive number of seconds, not {cell_limit:g}"
         raise OptionError(msg)
-    if retries < 0:
+    if retries is not None and retries < 0:
         msg = f"--retries must not be negative, but is {retries}"
         raise OptionError(msg)
     if scheduler is not None and workers is not None:
         msg = "--workers are processes on this machine; a cluster has its own"
         raise OptionError(msg, hint="leave out --workers or --scheduler")
+    if scheduler is not None and retries is not None:
+        msg = "--retries are of processes on this machine; a cluster tries as often as its scheduler is told"
+        raise OptionError(msg, hint="set distributed.scheduler.allowed-failures where the scheduler runs")
     from hdvplan.machine import use_one_thread
 
     use_one_thread()  # before anything imports NumPy
@@ -87,7 +93,11 @@ def study(
     from hdvplan.bench.processes import ended_by_signals
     from hdvplan.study import LocalEngine, connected, run
 
-    engine: Engine = LocalEngine(workers, cell_limit, retries) if scheduler is None else connected(scheduler, cell_limit)
+    engine: Engine = (
+        LocalEngine(workers, cell_limit, _RETRIES if retries is None else retries)
+        if scheduler is None
+        else connected(scheduler, cell_limit)
+    )
     note_compiling(quiet=quiet)
     counted = [0, len(wanted)]
     try:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -80,7 +79,7 @@ def extract(
     if not any(route.roads for route in routes):
         msg = f"{path.name}: none of the {len(routes)} routes has a way in it"
         raise RoadError(msg, hint="take an extract of the map that holds the routes' ways and their nodes")
-    contents: dict[str, Callable[[], bytes]] = {road.file: partial(bytes, road.content) for route in routes for road in route.roads}
+    contents: dict[str, Callable[[], bytes]] = {road.file: road.content for route in routes for road in route.roads}
     contents[REPORT] = lambda: table_bytes(_table(routes))
     contents[RECORD] = lambda: json_bytes(record_of(routes, path.name, kind, widths))
     Together(RECORD, _former(directory), {RECORD: "hdvplan_routes"}).write(directory, contents)

@@ -74,9 +74,7 @@ def read_routes(path: Path, kind: str, refs: tuple[str, ...] = ()) -> Routes:
     try:
         with path.open("rb"):
             pass
-        routes = [relation for relation in source.relations(("route",)) if relation.tags.get("type", "route") == "route"]
-        chosen = _chosen(routes, kind, refs, path.name)
-        relations = _flattened(chosen, source)
+        relations = _flattened(_chosen(source, kind, refs), source)
         ways = source.ways({member.ref for relation in relations for member in relation.members if member.kind == "w"})
         places = source.places({node for way in ways.values() for node in way.nodes})
     except OSError as error:
@@ -126,18 +124,21 @@ def _tags(one: Any) -> dict[str, str]:  # noqa: ANN401 - an object of osmium
     return {tag.k: tag.v for tag in one.tags}
 
 
-def _chosen(routes: list[Relation], kind: str, refs: tuple[str, ...], name: str) -> list[Relation]:
+def _chosen(source: _Source, kind: str, refs: tuple[str, ...]) -> list[Relation]:
     """Return the routes of a kind with one of the refs.
 
     Raises:
         RoadError: there is none.
 
     """
-    of_kind = [route for route in routes if route.tags.get("route") == kind]
+    name, kinds, of_kind = source.path.name, Counter[str](), list[Relation]()
+    for relation in source.relations(("route",)):  # of all kinds: only one is kept
+        if relation.tags.get("type", "route") == "route":
+            kinds[relation.tags["route"]] += 1
+            of_kind += [relation] if relation.tags["route"] == kind else []
     if not of_kind:
-        kinds = Counter(route.tags["route"] for route in routes).most_common(_MOST_NAMED)
         msg = f"{name} has no route relation with route={kind}"
-        there = ", ".join(f"{other} ({count})" for other, count in kinds)
+        there = ", ".join(f"{other} ({count})" for other, count in kinds.most_common(_MOST_NAMED))
         raise RoadError(msg, hint=f"there are routes of other kinds: {there}" if there else "a cut of a map may have lost them")
     known = sorted({route.tags["ref"] for route in of_kind if "ref" in route.tags})
     unknown = [ref for ref in refs if ref not in known]

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from itertools import groupby
 
 import numpy as np
@@ -26,12 +28,15 @@ Json = dict[str, object]
 
 @dataclass(frozen=True)
 class RouteRoad:
-    """A road file of a route: its name, its length and how much of that has limits [m], and its content."""
+    """A road file of a route: its name, its length and how much of that has limits [m], and what makes its content.
+
+    The contents of all roads of a country take more memory than its routes.
+    """
 
     file: str
     length: float
     with_limits: float
-    content: bytes
+    content: Callable[[], bytes]
 
 
 @dataclass(frozen=True)
@@ -59,10 +64,14 @@ def road_of_part(route: Relation, part: Part, at: Position, places: Places, widt
     The line is the ways' own vertices, longitude and latitude; where the width changes, a vertex is there twice. Limits, half the width to
     either side of the line, are in it where every stretch has one.
     """
-    lonlat = np.array([places[node] for node in part.nodes])
-    s = _lengths(lonlat)
-    stretches = _stretches(part, s, widths)
-    limited = float(sum(s[one.end] - s[one.first] for one in stretches if one.half_width is not None))
+    s = _lengths(_lonlat(part, places))
+    limited = float(sum(s[one.end] - s[one.first] for one in _stretches(part, s, widths) if one.half_width is not None))
+    return RouteRoad(_file_name(route, at), float(s[-1]), limited, partial(_content, route, part, at, places, widths, source, s))
+
+
+def _content(route: Relation, part: Part, at: Position, places: Places, widths: Widths, source: str, s: FloatArray) -> bytes:
+    """Return a road file; ``s`` are the lengths along the line at its vertices [m]."""
+    lonlat, stretches = _lonlat(part, places), _stretches(part, s, widths)
     vertices, reaches = _vertices(lonlat, stretches)
     tags = {key: route.tags[key] for key in _ROUTE_TAGS if key in route.tags}
     if at.back:
@@ -84,7 +93,11 @@ def road_of_part(route: Relation, part: Part, at: Position, places: Places, widt
         "extracted_by": f"hdvplan {__version__}",
     }
     content: Json = {"type": "Feature", "properties": properties, "geometry": {"type": "LineString", "coordinates": vertices.tolist()}}
-    return RouteRoad(_file_name(route, at), float(s[-1]), limited, json_bytes(content, indent=None))
+    return json_bytes(content, indent=None)
+
+
+def _lonlat(part: Part, places: Places) -> FloatArray:
+    return np.array([places[node] for node in part.nodes])
 
 
 def _lengths(lonlat: FloatArray) -> FloatArray:

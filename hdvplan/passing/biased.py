@@ -23,6 +23,9 @@ def bias_asked(text: str, limits: Limits | None) -> Bias:
     except OverflowError as error:  # a whole number of hundreds of digits, which no float holds
         msg = f"bias file {text}: a bias needs finite numbers at increasing arclengths"
         raise OptionError(msg) from error
+    except ValueError as error:  # such as a zero byte in a name
+        msg = f"--bias {text!r} cannot be read: {error}"
+        raise OptionError(msg) from error
 
 
 def biased(case: Case, text: str) -> Case:

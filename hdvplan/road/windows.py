@@ -83,8 +83,8 @@ def windows_of(line: Line, length: float = WINDOW_M, *, each: Each = map) -> Ite
     for number, (road, s, along) in enumerate(each(_driven, _pieces(line, chord, ends))):
         start = float(road.path.project(*place, float(np.interp(ends[number], along, s)))[0]) if number else 0.0
         shift, last = begin - start, number == count - 1
-        end = _on_knot(shift + (road.path.length if last else float(np.interp(ends[number + 1], along, s))))
-        heading = _headings(road, [start, end - shift])
+        end = on_knot(shift + (road.path.length if last else float(np.interp(ends[number + 1], along, s))))
+        heading = headings(road, [start, end - shift])
         turned = float(heading[0] + 2.0 * np.pi * np.round((turned - heading[0]) / (2.0 * np.pi))) if number else float(heading[0])
         yield Window(road, shift, begin, end, turned, last)
         here = road.path.at(end - shift)
@@ -119,7 +119,8 @@ def road_of(name: str, windows: Sequence[Window], s_from: float, s_to: float) ->
     return road.within(Limits(s - s_from, left, right, left_sweep, right_sweep))
 
 
-def _on_knot(s: float) -> float:
+def on_knot(s: float) -> float:
+    """Return the last multiple of the knot spacing up to ``s`` [m]."""
     return KNOT_SPACING_M * float(np.floor(s / KNOT_SPACING_M + 1e-9))
 
 
@@ -186,6 +187,7 @@ def _driven(piece: _Piece) -> tuple[Road, FloatArray, FloatArray]:
     along, total, options = piece.along, piece.total, piece.line.options
     try:
         road, s = smoothed(piece.line)
+        road = replace(road, notes=(*piece.line.raw.notes, *_placed(road.notes[len(piece.line.raw.notes) :], along)))
         if options.reverse:
             road, s, along = reversed_road(road), (road.path.length - s)[::-1], (total - along)[::-1]
         if options.offset:
@@ -200,6 +202,11 @@ def _driven(piece: _Piece) -> tuple[Road, FloatArray, FloatArray]:
     return road, s, along
 
 
+def _placed(notes: Iterable[str], along: FloatArray) -> list[str]:
+    """Return notes on a part of a line with the lengths along the whole line between which it lies, at its points [m]."""
+    return [f"{note}; this is the part from {along[0]:.0f} to {along[-1]:.0f} m of the line, and s counts from its begin" for note in notes]
+
+
 def _part(raw: RawRoad, chord: FloatArray, first: float, last: float) -> tuple[RawRoad, FloatArray]:
     """Return the part of a line between two lengths along it, and the lengths along the whole line at its points [m]."""
     first, last = max(first, 0.0), min(last, float(chord[-1]))
@@ -209,7 +216,8 @@ def _part(raw: RawRoad, chord: FloatArray, first: float, last: float) -> tuple[R
     reaches = None if raw.reaches is None else _cut_rows(raw.reaches, chord, inside, first, last)
     sides = None if raw.sides is None else np.stack([_cut_rows(side.T, chord, inside, first, last).T for side in raw.sides])
     low, high = points.min(axis=0) - OPEN_M, points.max(axis=0) + OPEN_M
-    edges = tuple(edge for edge in raw.edges if np.all(edge.max(axis=0) >= low) and np.all(edge.min(axis=0) <= high))
+    near = tuple(edge for edge in raw.edges if np.all(edge.max(axis=0) >= low) and np.all(edge.min(axis=0) <= high))
+    edges = near or raw.edges[:1]  # the road is open where none is near
     regions = tuple(region for region in raw.regions if _overlaps(region, low, high))
     return replace(raw, points=points, reaches=reaches, sides=sides, edges=edges, regions=regions, lines=None), along
 
@@ -225,7 +233,7 @@ def _overlaps(region: Region, low: FloatArray, high: FloatArray) -> bool:
     return bool(x_high >= low[0] and y_high >= low[1] and x_low <= high[0] and y_low <= high[1])
 
 
-def _headings(road: Road, at: list[float]) -> FloatArray:
+def headings(road: Road, at: list[float]) -> FloatArray:
     """Return a road's heading at arclengths, followed along it from its start, without jumps of a full turn [rad]."""
     fine = np.linspace(0.0, road.path.length, int(np.ceil(road.path.length / _HEADING_M)) + 1)
     return np.interp(at, fine, np.unwrap(road.path.at(fine).heading))

@@ -12,21 +12,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hdvplan.case import Case
-from hdvplan.errors import RoadError
-from hdvplan.jit import FloatArray
+from hdvplan.errors import OptionError, RoadError
 from hdvplan.need.stretch import stretch_of
 from hdvplan.planning.bias import Bias
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.road.load import Line
-from hdvplan.road.path import KNOT_SPACING_M
 from hdvplan.road.regions import OPEN_M, Region
 from hdvplan.road.road import Road, Smoothing
-from hdvplan.road.windows import WINDOW_M, Each, Window, road_of, windows_of
+from hdvplan.road.windows import WINDOW_M, Each, Window, headings, on_knot, road_of, windows_of
 from hdvplan.vehicle.model import Vehicle
 
 RUN_IN_M = 200.0  # docs/networks.md says how fast a plan forgets where it began
 _ASKEW_M = 20.0  # for bodies askew
-_SPACING_M = 0.5  # of headings that are followed along a road
+_SPACING_M = 0.5  # of points of a road beside which regions count
 
 CaseOf = Callable[[Road], Case]
 
@@ -65,11 +63,17 @@ class _Core:
 
 
 def stretches_of_road(case: Case, *, core: float = WINDOW_M, run_in: float = RUN_IN_M) -> Iterator[Stretch]:
-    """Cut a case's road, as it is, into stretches of about ``core`` metres after a run-in of ``run_in`` metres."""
+    """Cut a case's road, as it is, into stretches of about ``core`` metres after a run-in of ``run_in`` metres.
+
+    Raises:
+        OptionError: a stretch would have no plan of its own.
+
+    """
+    _check_plans(case.settings, core)
     length = case.road.path.length
     count = max(1, round(length / core))
     bounds = [*(_on_grid(length * number / count, case.settings) for number in range(count)), length]
-    turned = _headings(case.road, bounds)
+    turned = headings(case.road, bounds)
     for number in range(count):
         here = _Core(bounds[number], bounds[number + 1], 0.0, float(turned[number]), number == count - 1)
         yield _stretch(number, case, here, run_in, case.road.smoothing if number == 0 else None)
@@ -85,6 +89,7 @@ def stretches_of_line(
 
     Raises:
         RoadError: the line is no line of points, or it cannot be smoothed.
+        OptionError: as for ``stretches_of_road``.
 
     """
     if line.raw.is_profile or line.raw.rounded is not None:
@@ -92,9 +97,10 @@ def stretches_of_line(
         raise RoadError(msg)
     for number, (before, here, after) in enumerate(_threes(windows_of(line, core, each=each))):
         there = [window for window in (before, here, after) if window is not None]
-        begins = _knot(max(there[0].begin, here.begin - run_in - 2.0 * reach))
-        road = road_of(line.name, there, begins, _knot(min(there[-1].end, here.end + 3.0 * reach)))
+        begins = on_knot(max(there[0].begin, here.begin - run_in - 2.0 * reach))
+        road = road_of(line.name, there, begins, on_knot(min(there[-1].end, here.end + 3.0 * reach)))
         case = case_of(road)
+        _check_plans(case.settings, core)
         begin, end = _on_grid(here.begin, case.settings), here.end if after is None else _on_grid(after.begin, case.settings)
         core_here = _Core(begin - begins, end - begins, begins, here.turned, after is None)
         smoothing = here.road.smoothing
@@ -104,6 +110,13 @@ def stretches_of_line(
 def reach_of(vehicle: Vehicle, settings: PlannerSettings) -> float:
     """Return how far beyond a place a plan sees, or a body stands [m]."""
     return settings.horizon + vehicle.reach_ahead + vehicle.reach_behind + 2.0 * _ASKEW_M
+
+
+def _check_plans(settings: PlannerSettings, core: float) -> None:
+    """Refuse plans that are executed over so much road that the grid of their begins leaves a core without any."""
+    if settings.replan > 0.5 * core:
+        msg = f"a road that is planned in stretches of {core:g} m cannot be replanned every {settings.replan:g} m only"
+        raise OptionError(msg, hint="choose a smaller --replan")
 
 
 def _threes(windows: Iterable[Window]) -> Iterator[tuple[Window | None, Window, Window | None]]:
@@ -143,16 +156,6 @@ def _near(regions: tuple[Region, ...], road: Road, start: float, end: float) -> 
     bounds = np.array([region.polygon.bounds for region in regions])
     there = np.all(bounds[:, 2:] >= low, axis=1) & np.all(bounds[:, :2] <= high, axis=1)
     return tuple(region for region, counts in zip(regions, there, strict=True) if counts)
-
-
-def _headings(road: Road, at: list[float]) -> FloatArray:
-    """Return a road's heading at arclengths, followed along it from its start, without jumps of a full turn [rad]."""
-    fine = np.linspace(0.0, road.path.length, int(np.ceil(road.path.length / _SPACING_M)) + 1)
-    return np.interp(at, fine, np.unwrap(road.path.at(fine).heading))
-
-
-def _knot(s: float) -> float:
-    return KNOT_SPACING_M * float(np.floor(s / KNOT_SPACING_M + 1e-9))
 
 
 def _on_grid(s: float, settings: PlannerSettings) -> float:

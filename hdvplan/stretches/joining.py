@@ -16,7 +16,7 @@ from hdvplan.stretches.judging import Kept
 Json = dict[str, Any]
 
 _FIRST = (
-    "clearance_wanted_m", "road", "vehicle", "scheme", "solver", "objective", "bodies", "wheels", "settings", "notice", "notes", "version",
+    "clearance_wanted_m", "road", "vehicle", "scheme", "solver", "objective", "bodies", "wheels", "settings", "notice", "version",
 )  # fmt: skip
 _SUMS = ("length_m", "plans", "converged_plans", "steps_halved")
 _MOST = (
@@ -33,7 +33,7 @@ _WORST_FIRST = ("limits broken", "obstacle entered", "clearance not kept", "some
 def joined_summary(stretches: Sequence[Kept]) -> Json:
     """Return the summary of a whole road from what is kept of its stretches, in their order."""
     every: list[Json] = [one.summary for one in stretches]
-    summary: Json = {"verdict": _verdict([one["verdict"] for one in every])}
+    summary: Json = {"verdict": _verdict(every)}
     summary |= {key: every[0][key] for key in _FIRST}
     summary |= {key: sum(one[key] for one in every) for key in _SUMS}
     summary |= {key: _of(max, [one[key] for one in every]) for key in _MOST} | {
@@ -43,6 +43,7 @@ def joined_summary(stretches: Sequence[Kept]) -> Json:
     summary |= {key: _mean([one[key] for one in every], lengths) for key in _BY_LENGTH}
     summary |= {key: _mean([one[key] for one in every], plans) for key in _BY_PLANS}
     summary |= {key: [item for one in every for item in one[key]] for key in _LISTS}
+    summary["notes"] = list(dict.fromkeys(note for one in every for note in one["notes"]))
     summary["imbalance_m"] = summary["max_left_m"] - summary["max_right_m"]
     summary["status"] = min((one["status"] for one in every), key=_WORST_FIRST.index)
     summary["breaches"] = _breaches([breach for one in every for breach in one["breaches"]])
@@ -84,11 +85,19 @@ def _mean(values: Sequence[float | None], weights: Sequence[float]) -> float | N
     return float(np.average([value for value, _ in there], weights=[weight for _, weight in there])) if there else None
 
 
-def _verdict(verdicts: list[Json]) -> Json:
-    """Return the verdict of the place that decides: the least room, or without limits the widest reach."""
-    return min(verdicts, key=lambda one: -one["half_width_m"] if one["spare_m"] is None else one["spare_m"]) | {
-        "half_width_m": max(one["half_width_m"] for one in verdicts)
-    }
+def _verdict(every: Sequence[Json]) -> Json:
+    """Return the verdict of the place that decides: the least room, or where no stretch has limits the widest reach.
+
+    A road without limits has stretches with obstacles, which leave room or none, and others that only say what they need.
+    """
+    verdicts: list[Json] = [one["verdict"] for one in every]
+    judged = [verdict for verdict in verdicts if verdict["spare_m"] is not None]
+    if not judged:
+        return max(verdicts, key=lambda one: one["half_width_m"])
+    decides = min(judged, key=lambda one: one["spare_m"])
+    known = decides["wheels_spare_m"] is not None
+    wheels = _of(min, [one["wheels_spare_m"] for one in judged]) if known else None
+    return decides | {"half_width_m": max(one["needed_half_width_m"] for one in every), "wheels_spare_m": wheels}
 
 
 def _breaches(breaches: list[Json]) -> list[Json]:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from hdvplan.api import drive_case, prepare
-from hdvplan.errors import HdvplanError, PlanError, SolverError
+from hdvplan.errors import HdvplanError, PlanError, RoadError, SolverError
 from hdvplan.fileio import table_bytes
 from hdvplan.jit import FloatArray
 from hdvplan.judging.bodies import corners, pose_at
@@ -62,24 +65,18 @@ def planned(stretch: Stretch) -> Result:
     """Plan a stretch from the begin of its run-in, and judge its core; arclengths count from the begin of that.
 
     Raises:
-        RoadError: an obstacle has no room on the side on which it must be passed.
-        PlanError: as ``hdvplan.plan``; ``s_m`` is the whole road's.
-        SolverError: likewise.
+        HdvplanError: what ``hdvplan.plan`` raises; ``s_m`` is the whole road's.
 
     """
     case = stretch.case
-    try:
+    with _counted_from(stretch.begins):
         prepare(case)
         road, passed = choose_sides(case)
         driven = drive_case(replace(case, road=road))
-        here = [one for one in passed if stretch.core[0] <= 0.5 * (one.s_from + one.s_to) < stretch.core[1]]
-        moved = tuple(replace(one, s_from=one.s_from - stretch.core[0], s_to=one.s_to - stretch.core[0]) for one in here)
+    here = [one for one in passed if stretch.core[0] <= 0.5 * (one.s_from + one.s_to) < stretch.core[1]]
+    moved = tuple(replace(one, s_from=one.s_from - stretch.core[0], s_to=one.s_to - stretch.core[0]) for one in here)
+    with _counted_from(stretch.core_begins):
         return result_of(clipped(driven, *stretch.core), solver=case.solver, objective=case.objective, passed=moved)
-    except PlanError as error:
-        raise PlanError(_counted(error, stretch), s_m=error.s_m + stretch.begins, hint=error.hint) from error
-    except SolverError as error:
-        s = None if error.s_m is None else error.s_m + stretch.begins
-        raise SolverError(_counted(error, stretch), status=error.status, s_m=s, hint=error.hint) from error
 
 
 def kept_of(result: Result, stretch: Stretch) -> Kept:
@@ -103,8 +100,19 @@ def judged(stretch: Stretch) -> Judged:
     return Judged(kept_of(result, stretch), headers, {name: rows for name, (_, _, rows) in parts.items()}, features)
 
 
-def _counted(error: HdvplanError, stretch: Stretch) -> str:
-    return f"{error}; this s counts from {stretch.begins:.0f} m along the road"
+@contextmanager
+def _counted_from(begins: float) -> Iterator[None]:
+    """Let errors in the block have the whole road's arclengths: theirs count from ``begins`` [m], which a message that has one says."""
+    try:
+        yield
+    except HdvplanError as error:
+        moved = copy(error)
+        if isinstance(moved, RoadError | PlanError | SolverError) and moved.s_m is not None:
+            moved.s_m += begins
+        elif "s = " not in str(error):
+            raise
+        moved.args = (f"{error}; this s counts from {begins:.0f} m along the road",)
+        raise moved from error
 
 
 def _rows(result: Result, name: str, stretch: Stretch) -> bytes:

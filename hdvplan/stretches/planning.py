@@ -45,6 +45,7 @@ def plan_in_stretches(
     """
     cases: list[Case] = []
     kept: list[Kept] = []
+    summary: Json = {}
 
     def noted() -> Iterator[Stretch]:
         for stretch in stretches:
@@ -72,10 +73,11 @@ def plan_in_stretches(
         (aside / _REGIONS).write_bytes(json_bytes(list(regions.values()), indent=None))
         record = record_of(cases) | {"stretches": {"count": len(kept), "digest": digest_of(kept)}}
         (aside / NAME).write_bytes(json_bytes(record))
-        (aside / _SUMMARY).write_bytes(json_bytes(joined_summary(kept)))
+        summary.update(joined_summary(kept))
+        (aside / _SUMMARY).write_bytes(json_bytes(summary))
 
     FILES.fill(directory, (*TABLES, _SWEPT, _REGIONS, NAME, _SUMMARY), fill)
-    return joined_summary(kept)
+    return summary
 
 
 def side_by_side(executor: Executor, most: int) -> Each:

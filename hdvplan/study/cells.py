@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, fields, replace
 from functools import lru_cache
-from hashlib import sha256
 from itertools import product
-from pathlib import Path
 
-from hdvplan.machine import software
 from hdvplan.planning.settings import PlannerSettings
-from hdvplan.plugins import OBJECTIVE, SOLVER, identity_of, is_reference, version_of
 from hdvplan.road.load import REFERENCE_SLACK, RoadOptions
+from hdvplan.study.digests import content_digest
 from hdvplan.study.inputs import RoadSource, Variant
 from hdvplan.study.spec import Manner, Study, Width
 
-FORMAT = 1  # of the key: raise it when the same content gets another key
-_DIGITS = 32  # of a digest in hexadecimal: 128 bits
+FORMAT = 2  # of the key: raise it when the same content gets another key
 
 Row = dict[str, object]  # of a table, by its columns
 Smoothed = tuple[RoadSource, float, float, bool]  # what tells one smoothed road from another within a study
@@ -90,51 +85,40 @@ SETTINGS = tuple(field.name for field in fields(PlannerSettings) if field.name !
 
 def cells_of(study: Study) -> Iterator[Cell]:
     """Yield the cells of a study, those of one road and vehicle behind each other."""
-    parts = (study.roads, study.vehicles, study.widths, study.objectives, study.solvers, study.manners)
-    for road, variant, width, objective, solver, manner in product(*parts):
+    for road, variant, width, objective, solver, manner in product(*study.parts):
         cell = Cell("", road, variant, width, objective, solver, manner, study.smooth, study.crs, study.prove, study.refine, study.need)
-        yield replace(cell, key=_key(cell))
+        yield replace(cell, key=_key(cell, study.code[solver, objective]))
 
 
-def _key(cell: Cell) -> str:
-    """Return a digest of everything that decides a cell's row: contents of files, names, settings and software.
+def _key(cell: Cell, code: str) -> str:
+    """Return a digest of everything that decides a cell's row: contents of files, names, settings and ``code``, a digest of the software.
 
     The same in every process, and on every machine with the same software.
     """
     width = None if cell.width is None else [cell.width.left, cell.width.right]
     asked = [FORMAT, width, cell.smooth, cell.crs, cell.prove, cell.refine, cell.need]
-    parts = [asked, _road(cell.road), _variant(cell.variant), _manner(cell.manner), _software(cell.solver, cell.objective)]
-    return _digest(parts)
+    parts = [asked, _road(cell.road), _variant(cell.variant), _manner(cell.manner), code]
+    return content_digest(parts)
 
 
 @lru_cache(maxsize=8)
 def _road(road: RoadSource) -> str:
     content = asdict(road)
     del content["source"]  # where a file lies says nothing of what is in it
-    return _digest(content)
+    return content_digest(content)
 
 
 @lru_cache(maxsize=4096)
 def _variant(variant: Variant) -> str:
-    return _digest(asdict(variant))
+    return content_digest(asdict(variant))
 
 
 @lru_cache(maxsize=4096)
 def _manner(manner: Manner) -> str:
-    file = Path(manner.bias or "")
-    return _digest([asdict(manner), sha256(file.read_bytes()).hexdigest() if file.is_file() else None])
-
-
-@lru_cache(maxsize=64)
-def _software(solver: str, objective: str) -> str:
-    """Return a digest of hdvplan's source, the libraries' versions, and of what users brought."""
-    brought = [[*identity_of(name), version_of(kind, name)] for kind, name in ((SOLVER, solver), (OBJECTIVE, objective))]
-    named = tuple(name for name in (solver,) if not is_reference(name))
-    return _digest([software(named), brought])
-
-
-def _digest(content: object) -> str:
-    return sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:_DIGITS]
+    content = asdict(manner)
+    if manner.bias_digest is not None:
+        del content["bias"]  # as above
+    return content_digest(content)
 
 
 def _plain(value: object) -> object:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 import threading
 from collections.abc import Iterable
-from concurrent.futures import Future
+from concurrent.futures import CancelledError, Future
 from dataclasses import dataclass
 from typing import Any
 
-from hdvplan.errors import OptionError
+from hdvplan.errors import HdvplanError, OptionError
+from hdvplan.machine import software
+from hdvplan.plugins import said
 from hdvplan.study.cells import Cell
 from hdvplan.study.engine import Ending, run_in
 from hdvplan.study.outcome import FAILED, KILLED, Outcome, ended, outcome_of
@@ -64,21 +66,33 @@ class _DaskPool:
     def __init__(self, client: Any, limit: float) -> None:  # noqa: ANN401 - see ``DaskEngine``
         self._client, self._limit = client, limit
         self._executor = client.get_executor(pure=False)
+        self._source = str(software(())["source"])
 
     @property
     def width(self) -> int:
-        """How many cells are under way: the cluster may grow and shrink."""
-        return max(1, _AHEAD * len(self._client.nthreads()))
+        """How many cells are under way: the cluster may grow and shrink.
+
+        Raises:
+            HdvplanError: the scheduler does not answer.
+
+        """
+        try:
+            return max(1, _AHEAD * len(self._client.nthreads()))
+        except Exception as error:  # Dask and Tornado raise many kinds
+            msg = f"the Dask scheduler does not answer any more: {said(error)}"
+            raise HdvplanError(msg, hint="start it, then the same command again: it goes on from the cells that ended") from error
 
     def submit(self, cell: Cell) -> Future[Outcome]:
         """Hand a cell to the scheduler."""
-        future: Future[Outcome] = self._executor.submit(_within, cell, self._limit)
+        future: Future[Outcome] = self._executor.submit(_within, cell, self._limit, self._source)
         return future
 
     def outcome_of(self, error: BaseException) -> Outcome:
         """Return what an error of Dask's says of a cell."""
         if type(error).__name__ == "KilledWorker":
             return ended(KILLED, f"its workers ended: they were killed, or it took longer than {self._limit:g} s")
+        if isinstance(error, CancelledError):
+            return ended(KILLED, "Dask gave it up: its scheduler ended, or somebody cancelled it")
         return ended(FAILED, f"{type(error).__name__}: {error}")
 
     def renewed(self) -> bool:
@@ -86,8 +100,13 @@ class _DaskPool:
         return False
 
 
-def _within(cell: Cell, limit: float) -> Outcome:
-    """Work on a cell in a Dask worker, which ends where that takes too long."""
+def _within(cell: Cell, limit: float, source: str) -> Outcome:
+    """Work on a cell in a Dask worker, which ends where that takes too long.
+
+    ``source`` is the digest of the source of hdvplan that is in the cell's key.
+    """
+    if software(())["source"] != source:
+        return ended(FAILED, "this worker has another version of hdvplan than the process that hands cells out")
     watch = threading.Timer(limit, os._exit, (_TOO_LONG,))
     watch.daemon = True
     watch.start()

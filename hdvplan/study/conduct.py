@@ -55,7 +55,10 @@ class Results:
         """Return the places that keep vehicles out, those that need the least widening first."""
         import pandas as pd  # noqa: PLC0415 - slow to load
 
-        return pd.read_csv(self.folder / RANKING)
+        from hdvplan.study.ranking import WORDS  # noqa: PLC0415 - as above
+
+        words = dict.fromkeys(WORDS, str)  # a road may be called 007, or NA
+        return pd.read_csv(self.folder / RANKING, dtype=words, keep_default_na=False, na_values=[""])
 
 
 def run(
@@ -85,7 +88,7 @@ def run(
     if on_progress is not None:
         on_progress(done, total)
     left = cells_of(defined) if kept is None else _left(defined, kept)
-    with Writer(folder) as writer, closing(chosen.run(left)) as ending:
+    with closing(chosen.run(left)) as ending, Writer(folder) as writer:  # written before processes are ended, which may take long
         for ended in ending:
             writer.add(ended)
             done += 1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict, deque
 from collections.abc import Generator, Iterable
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from dataclasses import dataclass
 from time import monotonic
 from typing import Protocol
@@ -82,7 +82,7 @@ def run_in(pool: Pool, cells: Iterable[Cell], retries: int) -> Ending:
         ready, _ = wait(under_way, timeout=_LOOK_S, return_when=FIRST_COMPLETED)
         for future in ready:
             cell, attempt = under_way.pop(future)
-            error = future.exception()
+            error = CancelledError() if future.cancelled() else future.exception()
             outcome = future.result() if error is None else pool.outcome_of(error)
             if outcome.ending in UNANSWERED and attempt <= retries:
                 queue.again(cell, attempt + 1)

@@ -6,6 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from glob import escape
 from hashlib import sha256
 from itertools import product
 from math import isfinite, prod
@@ -22,9 +23,10 @@ from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Unit, Vehicle
 
 _ROAD_KEYS = ("road", "name", "layer", "roles", "road_ids", "lane")
+_SEVERAL = (".shp", ".tab", ".mif")  # of which each consists of several files
 _GLOB = re.compile(r"[*?\[]")
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-_RANGE = re.compile(rf"\s*({_NUMBER})\s*\.\.\s*({_NUMBER})\s*(?:in\s+(\d+))?\s*")
+_RANGE = re.compile(rf"\s*({_NUMBER})\s*\.\.\s*({_NUMBER})\s*(?:in\s+(\d{1, 9}))?\s*")
 _COUNT = 5  # values of a range that says no number
 MOST = 100_000  # values of one parameter, variants of one vehicle, combinations of settings
 _DIGITS = 12  # decimals of a range's values: 3.5, not 3.5000000000000004
@@ -74,7 +76,7 @@ def roads_of(entries: Sequence[object], folder: Path) -> tuple[RoadSource, ...]:
 
 
 def road_digest(source: str) -> str:
-    """Return a digest of the content of a road's file, with the files that a Shapefile consists of; a scenario's is its name.
+    """Return a digest of the content of a road's file, or files: a Shapefile and a MapInfo table have several. A scenario's is its name.
 
     Raises:
         RoadError: it cannot be read.
@@ -83,7 +85,7 @@ def road_digest(source: str) -> str:
     path = road_file(source) or example_file(source) or Path(source)
     if source in SCENARIOS and not path.is_file():
         return source
-    parts = sorted(path.parent.glob(f"{path.stem}.*")) if path.suffix.lower() == ".shp" else [path]
+    parts = sorted(path.parent.glob(f"{escape(path.stem)}.*")) if path.suffix.lower() in _SEVERAL else [path]
     digest = sha256()
     try:
         for part in parts:
@@ -193,13 +195,20 @@ def variants_of(names: Sequence[str], vary: Mapping[str, object], folder: Path) 
     """
     vehicles = _vehicles(names, folder)
     swept: dict[str, list[tuple[str, list[float], Callable[[Vehicle, float], Vehicle]]]] = {name: [] for name in vehicles}
+    named: dict[str, tuple[str, str]] = {}
     for name, values in vary.items():
         owner = next((known for known in sorted(vehicles, key=len, reverse=True) if name.startswith(f"{known}.")), None)
         if owner is None:
             msg = f"vary names {name!r}, and no vehicle of the study is called that"
             known = [f"{vehicle}.{name.rpartition('.')[2]}" for vehicle in vehicles]
             raise OptionError(msg, hint=did_you_mean(name, known, f"its vehicles: {', '.join(vehicles)}"))
-        swept[owner].append((name, _values(name, values), _setter(name, name.removeprefix(f"{owner}."), vehicles[owner])))
+        parameter = name.removeprefix(f"{owner}.").removeprefix("1.")  # of the first unit
+        known_as = next((other for other, same in named.items() if same == (owner, parameter)), None)
+        if known_as is not None:
+            msg = f"vary names {name!r}, which is {known_as!r}"
+            raise OptionError(msg)
+        named[name] = owner, parameter
+        swept[owner].append((name, _values(name, values), _setter(name, parameter, vehicles[owner])))
     found = []
     for name, vehicle in vehicles.items():
         refuse_many(prod(len(values) for _, values, _ in swept[name]), f"variants of {vehicle.name}")
@@ -220,15 +229,15 @@ def is_number(value: object) -> TypeGuard[float]:
         return False
 
 
-def refuse_many(count: int, what: str) -> None:
+def refuse_many(count: int, what: str, most: int = MOST) -> None:
     """Refuse more combinations of what a study lists than can be kept in memory.
 
     Raises:
-        OptionError: there are more than ``MOST``.
+        OptionError: there are more than ``most``.
 
     """
-    if count > MOST:
-        msg = f"the study asks for {count} {what}; {MOST} are the most"
+    if count > most:
+        msg = f"the study asks for {count} {what}; {most} are the most"
         raise OptionError(msg, hint="make several studies of it")
 
 
@@ -255,7 +264,7 @@ def _values(name: str, given: object) -> list[float]:
     """Return the values of a parameter: a number, a list of them, or a range such as ``3.4..3.8 in 5``."""
     if isinstance(given, str) and (match := _RANGE.fullmatch(given)):
         low, high, count = float(match[1]), float(match[2]), int(match[3] or _COUNT)
-        if not (low < high and 1 < count <= MOST):
+        if not (-np.inf < low < high < np.inf and 1 < count <= MOST):
             msg = f"vary {name}: the range {given!r} must rise, in 2 to {MOST} values"
             raise OptionError(msg)
         return [round(float(value), _DIGITS) for value in np.linspace(low, high, count)]

@@ -48,7 +48,7 @@ def write_page(path: Path, cells: Path, ranking: pd.DataFrame, date: str) -> Non
 def page_html(cells: Path, ranking: pd.DataFrame, date: str) -> str:
     """Return the page."""
     told = _told(cells)
-    placed = [name for name in told.roads if name in told.lines][:MOST_ROADS]
+    placed = list(told.lines)
     data = {
         "vehicles": list(told.vehicles),
         "widths": list(told.widths),
@@ -72,8 +72,8 @@ def page_html(cells: Path, ranking: pd.DataFrame, date: str) -> str:
             widths=list(told.widths)[:MOST_CHOICES],
             count=len(told.vehicles),
             matrix=_matrix(told),
-            nowhere=len(told.roads) - len(told.lines),
-            roads_left=len(told.lines) - len(placed),
+            nowhere=len(told.roads) - len(told.placed),
+            roads_left=len(told.placed) - len(placed),
             places_left=max(0, len(ranking) - MOST_PLACES),
             found=len(ranking),
             notices=sorted(told.notices),
@@ -89,7 +89,8 @@ class _Told:
     roads: dict[str, int] = field(default_factory=dict)
     vehicles: dict[str, int] = field(default_factory=dict)
     widths: dict[str, int] = field(default_factory=dict)
-    lines: dict[str, list[list[float]]] = field(default_factory=dict)  # longitude and latitude [deg] of roads that lie on the Earth
+    placed: set[str] = field(default_factory=set)  # roads that lie on the Earth
+    lines: dict[str, list[list[float]]] = field(default_factory=dict)  # longitude and latitude [deg] of those that are shown
     best: dict[tuple[int, int, int], int] = field(default_factory=dict)  # by the numbers of road, vehicle and width
     notices: set[str] = field(default_factory=set)
     cells: int = 0
@@ -105,8 +106,10 @@ class _Told:
         self.unanswered += word == _WORDS[-1]
         if notice is not None:
             self.notices.add(notice)
-        if line is not None and road not in self.lines:
-            self.lines[road] = np.round(shapely.get_coordinates(shapely.from_wkb(line)), _DIGITS).tolist()
+        if line is not None and road not in self.placed:
+            self.placed.add(road)
+            if len(self.lines) < MOST_ROADS:
+                self.lines[road] = np.round(shapely.get_coordinates(shapely.from_wkb(line)), _DIGITS).tolist()
 
 
 def _told(cells: Path) -> _Told:
@@ -160,7 +163,10 @@ def _place(row: Mapping[Any, Any]) -> Json:
     """Return a place without what is missing; lengths to the centimetre, degrees to the decimetre."""
     there = {name: value for name, value in row.items() if value is not None and value == value}  # noqa: PLR0124 - NaN
     digits = Counter({"lon": 6, "lat": 6, "s_m": 1})
-    return {name: round(value, digits[name] or 2) if isinstance(value, float) else value for name, value in there.items()}
+    width = width_text(*(there.pop(name, None) for name in ("half_width_m", "left_m", "right_m")))  # as in the choices, digit by digit
+    return {"width": width} | {
+        name: round(value, digits[name] or 2) if isinstance(value, float) else value for name, value in there.items()
+    }
 
 
 def _part(name: str) -> str:

@@ -12,27 +12,30 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from hdvplan.jit import FloatArray
-from hdvplan.study.places import BREACH, DEAD_END, WIDENING
+from hdvplan.study.places import BREACH, DEAD_END, TIGHTEST, WIDENING
 
 MERGED_M = 25.0  # places nearer than this to a deeper one are one with it
 _AT_ONCE = 8192  # rows in memory
 _EARTH_M = 6_371_000.0
-_COURSE = ["half_width_m", "left_m", "right_m", "offset_m", "reverse", "pass"]  # with road and vehicle: what is asked, whatever the plan
+_CLEARANCE = "settings_clearance"
+# With road and vehicle: what is asked, whatever the plan.
+_COURSE = ["half_width_m", "left_m", "right_m", "offset_m", "reverse", "pass", _CLEARANCE]
 _WIDTH = ["half_width_m", "left_m", "right_m"]  # places of different widths are never one
 _CELL = ["key", "road", "vehicle", *_COURSE, "outcome", "fits", "spare_m"]
-_PLACE = ["key", "kind", "s_m", "x", "y", "lon", "lat", "depth_m", "area_m2", "side", "unit", "part", "obstacle"]
+_PLACE = ["key", "kind", "s_m", "x", "y", "lon", "lat", "depth_m", "spare_m", "area_m2", "side", "unit", "part", "obstacle"]
 COLUMNS = [
     "rank", "worst_rank", "widening_m", "widening_m2", "vehicles", "roads", "courses", *_WIDTH, "road", "s_m", "lon", "lat", "x", "y",
     "vehicle", "side", "unit", "part", "obstacle", "which_vehicles", "which_roads", "key",
 ]  # fmt: skip
+WORDS = ("road", "vehicle", "side", "unit", "part", "obstacle", "which_vehicles", "which_roads", "key")  # of the columns
 
 
 def ranking_of(cells: Path, places: Path, varied: tuple[str, ...]) -> pd.DataFrame:
     """Return the ranking of a study's tables: the places that need the least widening first, those without any plan last.
 
-    Of every road, vehicle and width the best cell counts: a vehicle that fits by one objective needs no widening. ``widening_m`` is
-    the most that any vehicle lacks there. Where the study asked for needs, it is the depth of the least widening, and ``widening_m2`` its
-    area. ``worst_rank`` counts from the place that lacks most.
+    Of every road, vehicle, width and clearance the best cell counts: a vehicle that fits by one objective needs no widening.
+    ``widening_m`` is the most that any vehicle lacks there, with the clearance that was asked for. Where the study asked for needs, it is
+    the depth of the least widening, and ``widening_m2`` its area. ``worst_rank`` counts from the place that lacks most.
     """
     found = _lacking(cells, places, varied)
     if found.empty:
@@ -56,13 +59,18 @@ def _lacking(cells: Path, places: Path, varied: tuple[str, ...]) -> pd.DataFrame
         table = table if best.empty else pd.concat([best, table])
         best = table.sort_values(["fits", "spare_m"], ascending=[False, False], na_position="last", kind="stable").drop_duplicates(course)
     best = best[~best["fits"].astype(bool)]
-    found = [part[part["kind"].isin([BREACH, DEAD_END, WIDENING]) & part["key"].isin(best["key"])] for part in _parts(places, _PLACE)]
+    kinds = [BREACH, DEAD_END, TIGHTEST, WIDENING]
+    found = [part[part["kind"].isin(kinds) & part["key"].isin(best["key"])] for part in _parts(places, _PLACE)]
     if not any(map(len, found)):
         return pd.DataFrame()
     at = pd.concat([part for part in found if len(part)])
     widened = set(at.loc[at["kind"] == WIDENING, "key"])
     at = at[(at["kind"] == WIDENING) == at["key"].isin(widened)]  # what must change, where it is known, else what the plan broke
-    return at.merge(best[["key", *course]], on="key", how="left").drop_duplicates(["key", "kind", "s_m", "side"])
+    broken = set(at.loc[at["kind"] != TIGHTEST, "key"])
+    at = at[(at["kind"] != TIGHTEST) == at["key"].isin(broken)]  # the tightest place where all that is lacking is the clearance
+    at = at.merge(best[["key", *course]], on="key", how="left").drop_duplicates(["key", "kind", "s_m", "side"])
+    kept = at[_CLEARANCE].astype(float).fillna(0.0).where(at["kind"] == BREACH, 0.0)
+    return at.assign(depth_m=(at["depth_m"] + kept).where(at["kind"] != TIGHTEST, -at["spare_m"]))
 
 
 def _parts(path: Path, columns: list[str]) -> Iterator[pd.DataFrame]:

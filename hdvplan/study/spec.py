@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 from math import prod
 from pathlib import Path
@@ -13,15 +14,19 @@ from hdvplan.fileio import read_toml
 from hdvplan.planning.discretisation import Discretisation
 from hdvplan.planning.objective_names import check_objective
 from hdvplan.planning.settings import PlannerSettings, Scheme
+from hdvplan.plugins import digest_of
 from hdvplan.road.load import RoadOptions
 from hdvplan.road.regions import Side
 from hdvplan.solvers.registry import DEFAULT, check_solver
-from hdvplan.study.inputs import RoadSource, Variant, is_number, refuse_many, roads_of, variants_of
+from hdvplan.study.digests import code_digest
+from hdvplan.study.entries import choice, flattened, list_of, number, repeats, table_of, truth, word, words_of
+from hdvplan.study.inputs import RoadSource, Variant, refuse_many, roads_of, variants_of
 
 _ENTRIES = ("roads", "vehicles", "half_widths", "left", "right", "objectives", "schemes", "solvers", "settings", "vary", "need")
 _LENGTHS = ("horizon", "step", "replan", "smoothness", "clearance")  # of the planner's settings
 _READING = ("smooth", "crs", "proof", "refine")  # settings that every cell has in common
 _SETTINGS = (*_LENGTHS, "discretisation", "offset", "reverse", "bias", "pass", *_READING)
+_MOST_CELLS = 100_000_000  # of one study: 5 GB of keys, and two days to hand them out
 
 
 @dataclass(frozen=True)
@@ -40,7 +45,11 @@ class Manner:
     offset: float = 0.0
     reverse: bool = False
     bias: str | None = None  # as ``hdvplan plan --bias`` takes it
+    bias_digest: str | None = None  # of the content of its file, where it has one
     side: Side | None = None  # on which obstacles on the line are passed; None: the better one
+
+
+_Parts = tuple[tuple[RoadSource, ...], tuple[Variant, ...], tuple[Width | None, ...], tuple[str, ...], tuple[str, ...], tuple[Manner, ...]]
 
 
 @dataclass(frozen=True)
@@ -64,13 +73,21 @@ class Study:
         """The names of the parameters that vary, in the order of the study; each is a column of the tables."""
         return tuple(dict.fromkeys(name for variant in self.vehicles for name, _ in variant.varied))
 
+    @property
+    def parts(
+        self,
+    ) -> tuple[tuple[RoadSource, ...], tuple[Variant, ...], tuple[Width | None, ...], tuple[str, ...], tuple[str, ...], tuple[Manner, ...]]:
+        """What is combined, the outermost first: roads, vehicles, widths, objectives, solvers and manners."""
+        return self.roads, self.vehicles, self.widths, self.objectives, self.solvers, self.manners
+
+    @cached_property
+    def code(self) -> Mapping[tuple[str, str], str]:
+        """Digests of the code that plans, by solver and objective, as it is when they are first asked for: a study keeps its keys."""
+        return {pair: code_digest(*pair) for pair in product(self.solvers, self.objectives)}
+
     def __len__(self) -> int:
         """Return the number of cells."""
-        parts: tuple[Sequence[object], ...] = (self.roads, self.vehicles, self.widths, self.objectives, self.solvers, self.manners)
-        count = 1
-        for part in parts:
-            count *= len(part)
-        return count
+        return prod(map(len, self.parts))
 
 
 def read_study(path: Path) -> Study:
@@ -111,31 +128,41 @@ def study_of(entries: Mapping[str, object], folder: Path = Path()) -> Study:
         if name not in entries:
             msg = f"the study names no {name}"
             raise OptionError(msg, hint=f'{name} = ["{"uturn" if name == "roads" else "bus"}"], for example')
-    objectives, solvers = _words(entries, "objectives", "geometric"), _words(entries, "solvers", DEFAULT)
+    objectives, solvers = (
+        tuple(_beside(name, folder) for name in words_of(entries, kind, usual))
+        for kind, usual in (("objectives", "geometric"), ("solvers", DEFAULT))
+    )
     for objective in objectives:
         check_objective(objective)
     for solver in solvers:
         check_solver(solver)
-    settings = _table(entries, "settings")
+    settings = table_of(entries, "settings")
     for name in settings:
         if name not in _SETTINGS:
             msg = f"unknown entry {name!r} in the study's settings"
             raise OptionError(msg, hint=did_you_mean(name, _SETTINGS, f"settings: {', '.join(_SETTINGS)}"))
-    smooth = _number("smooth", settings.get("smooth", RoadOptions.smooth))
+    smooth = number("smooth", settings.get("smooth", RoadOptions.smooth))
     RoadOptions(smooth=smooth)  # refuses what no road can be read with
-    return Study(
-        roads=roads_of(_list(entries, "roads"), folder),
-        vehicles=variants_of(_words(entries, "vehicles"), _flat(_table(entries, "vary")), folder),
+    crs = word("crs", settings["crs"]) if "crs" in settings else None
+    if crs is not None:
+        from hdvplan.road.crs import parse_crs  # noqa: PLC0415 - few studies need it
+
+        parse_crs(crs)
+    study = Study(
+        roads=roads_of(list_of(entries, "roads"), folder),
+        vehicles=variants_of(words_of(entries, "vehicles"), flattened(table_of(entries, "vary")), folder),
         widths=_widths(entries),
         objectives=objectives,
         solvers=solvers,
-        manners=_manners(_words(entries, "schemes", Scheme.RTI), settings),
+        manners=_manners(words_of(entries, "schemes", Scheme.RTI), settings, folder),
         smooth=smooth,
-        crs=_word("crs", settings["crs"]) if "crs" in settings else None,
-        prove=_truth("proof", settings.get("proof", False)),
-        refine=_truth("refine", settings.get("refine", True)),
-        need=_truth("need", entries.get("need", False)),
+        crs=crs,
+        prove=truth("proof", settings.get("proof", False)),
+        refine=truth("refine", settings.get("refine", True)),
+        need=truth("need", entries.get("need", False)),
     )
+    refuse_many(prod(map(len, study.parts)), "cells", _MOST_CELLS)
+    return study
 
 
 def _widths(entries: Mapping[str, object]) -> tuple[Width | None, ...]:
@@ -151,15 +178,19 @@ def _widths(entries: Mapping[str, object]) -> tuple[Width | None, ...]:
         raise OptionError(msg, hint="or give half_widths for both")
     if "left" not in entries:
         return (None,)
-    left, right = _reaches(entries, "left"), _reaches(entries, "right")
+    left, right = _reaches(entries, "left", repeated=True), _reaches(entries, "right", repeated=True)
     if len(left) != len(right):
         msg = f"left and right are pairs, but there are {len(left)} and {len(right)} of them"
         raise OptionError(msg)
-    return tuple(Width(*pair) for pair in zip(left, right, strict=True))
+    pairs = list(zip(left, right, strict=True))
+    if repeats(pairs):
+        msg = "left and right must name no pair twice"
+        raise OptionError(msg)
+    return tuple(Width(*pair) for pair in pairs)
 
 
-def _reaches(entries: Mapping[str, object], name: str) -> list[float]:
-    reaches = [_number(name, value) for value in _list(entries, name)]
+def _reaches(entries: Mapping[str, object], name: str, *, repeated: bool = False) -> list[float]:
+    reaches = [number(name, value) for value in list_of(entries, name, repeated=repeated)]
     for reach in reaches:
         if not reach > 0.0:
             msg = f"{name} must be positive numbers of metres, not {reach:g}"
@@ -167,94 +198,56 @@ def _reaches(entries: Mapping[str, object], name: str) -> list[float]:
     return reaches
 
 
-def _manners(schemes: Sequence[str], settings: Mapping[str, object]) -> tuple[Manner, ...]:
+def _manners(schemes: Sequence[str], settings: Mapping[str, object], folder: Path) -> tuple[Manner, ...]:
     """Return every combination of the settings; each of them may be a list."""
     for scheme in schemes:
-        _choice("schemes", scheme, list(Scheme))
-    lists = {name: _list(settings, name) for name in settings if name not in _READING}
+        choice("schemes", scheme, list(Scheme))
+    lists = {name: list_of(settings, name) for name in settings if name not in _READING}
     refuse_many(len(schemes) * prod(map(len, lists.values())), "combinations of settings")
+    if "bias" in lists:
+        lists["bias"] = [_bias(value, folder) for value in lists["bias"]]
     found = []
     for kind, *values in product(schemes, *lists.values()):
         chosen = dict(zip(lists, values, strict=True))
-        lengths = {name: _number(name, chosen[name]) for name in _LENGTHS if name in chosen}
-        rule = _choice("discretisation", chosen.get("discretisation", Discretisation.MIDPOINT), list(Discretisation))
+        lengths = {name: number(name, chosen[name]) for name in _LENGTHS if name in chosen}
+        rule = choice("discretisation", chosen.get("discretisation", Discretisation.MIDPOINT), list(Discretisation))
         planner = PlannerSettings(scheme=Scheme(str(kind)), discretisation=Discretisation(rule), **lengths)  # type: ignore[arg-type] # all are lengths or weights
-        bias = chosen.get("bias")
-        side = _choice("pass", chosen["pass"], list(Side)) if "pass" in chosen else None
+        given = chosen.get("bias")
+        bias, bias_digest = given if isinstance(given, tuple) else (None, None)
+        side = choice("pass", chosen["pass"], list(Side)) if "pass" in chosen else None
         found.append(
             Manner(
                 planner,
-                offset=_number("offset", chosen.get("offset", 0.0)),
-                reverse=_truth("reverse", chosen.get("reverse", False)),
-                bias=None if bias is None else bias if isinstance(bias, str) else repr(_number("bias", bias)),
+                offset=number("offset", chosen.get("offset", 0.0)),
+                reverse=truth("reverse", chosen.get("reverse", False)),
+                bias=bias,
+                bias_digest=bias_digest,
                 side=None if side is None else Side(side),
             )
         )
     return tuple(found)
 
 
-def _flat(table: Mapping[str, object], before: str = "") -> dict[str, object]:
-    """Return a table in which ``a.b`` may stand in quotes or not."""
-    flat: dict[str, object] = {}
-    for name, value in table.items():
-        flat |= _flat(value, f"{before}{name}.") if isinstance(value, dict) else {before + name: value}
-    return flat
+def _bias(value: object, folder: Path) -> tuple[str, str | None]:
+    """Return a bias as ``hdvplan plan --bias`` takes it, and a digest of its file, which lies in ``folder`` or is none.
 
+    Raises:
+        OptionError: it is none, or its file cannot be used.
 
-def _table(entries: Mapping[str, object], name: str) -> Mapping[str, object]:
-    value = entries.get(name, {})
-    if not isinstance(value, Mapping):
-        msg = f"the study's {name} must be a table, not {value!r}"
-        raise OptionError(msg, hint=f"it begins with a line [{name}]")
-    return value
-
-
-def _list(entries: Mapping[str, object], name: str) -> list[object]:
-    """Return an entry as a list without repetition; a single value is a list of one."""
-    value = entries[name]
-    values = list(value) if isinstance(value, list | tuple) else [value]
-    if not values or _repeats(values):
-        msg = f"{name} must name at least one entry, and none twice: {', '.join(map(str, values)) or 'nothing'}"
-        raise OptionError(msg)
-    return values
-
-
-def _repeats(values: list[object]) -> bool:
-    try:
-        return len(set(values)) < len(values)
-    except TypeError:  # tables have no hash; there are few of them
-        return any(one in values[:number] for number, one in enumerate(values))
-
-
-def _words(entries: Mapping[str, object], name: str, otherwise: str | None = None) -> tuple[str, ...]:
-    if name not in entries and otherwise is not None:
-        return (otherwise,)
-    return tuple(_word(name, value) for value in _list(entries, name))
-
-
-def _word(name: str, value: object) -> str:
+    """
     if not isinstance(value, str):
-        msg = f"the study's {name} must be words in quotes, not {value!r}"
-        raise OptionError(msg)
-    return value
+        return repr(number("bias", value)), None
+    from hdvplan.passing.biased import bias_asked  # noqa: PLC0415 - few studies have such a word, and it loads what plans
+    from hdvplan.planning.bias import CENTRE  # noqa: PLC0415 - as above
+
+    if value == CENTRE:  # of limits that only the roads know
+        return value, None
+    text = str(folder / value) if (folder / value).is_file() else value
+    bias_asked(text, None)
+    return text, digest_of(Path(text)) if Path(text).is_file() else None
 
 
-def _choice(name: str, value: object, choices: Sequence[str]) -> str:
-    if value not in choices:
-        msg = f"{name} must be {', '.join(choices[:-1])} or {choices[-1]}, not {value!r}"
-        raise OptionError(msg)
-    return str(value)
-
-
-def _number(name: str, value: object) -> float:
-    if not is_number(value):
-        msg = f"the study's {name} must be a number, not {value!r}"
-        raise OptionError(msg)
-    return float(value)
-
-
-def _truth(name: str, value: object) -> bool:
-    if not isinstance(value, bool):
-        msg = f"the study's {name} must be true or false, not {value!r}"
-        raise OptionError(msg)
-    return value
+def _beside(name: str, folder: Path) -> str:
+    """Return the name of a solver or an objective; of one in a file in ``folder``, ``file.py:name``, with the folder."""
+    file, _, own = name.rpartition(":")
+    return f"{folder / file}:{own}" if file.endswith(".py") and (folder / file).is_file() else name

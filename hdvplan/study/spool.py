@@ -24,7 +24,7 @@ def spooled(name: str, make: Callable[[], Thing]) -> Thing:
     if folder is None:
         return make()
     path = folder / f"{sha256(name.encode()).hexdigest()[:32]}.pickle"
-    with suppress(FileNotFoundError):
+    with suppress(Exception):  # none is there, or a crash of the machine left half of one: the next one replaces it
         found: Thing = pickle.loads(path.read_bytes())  # noqa: S301 - see ``_folder``
         return found
     made = make()

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import islice
 from pathlib import Path
-from time import monotonic, time_ns
+from time import time_ns
 from typing import Self
 
 import numpy as np
@@ -27,7 +28,7 @@ from hdvplan.study.outcome import UNANSWERED
 
 CELLS, PLACES, PARTS = "cells.parquet", "places.parquet", "parts"
 _KEY = "S32"  # a key as an array's entry
-_EVERY_S, _EVERY_ROWS = 10.0, 1024  # a part is written when either has passed
+_EVERY_S, _EVERY_ROWS = 10.0, 1024  # a part is written after so long, or with so many cells
 _BLOCK = 4096  # cells of the final table that are put in order at a time
 _OPEN = 4  # parts that are kept in memory meanwhile
 
@@ -102,20 +103,26 @@ def kept_in(folder: Folder) -> Kept:
 
 
 class Writer:
-    """Writes cells that ended as parts, some at a time; use it in a ``with`` block, which writes the rest whatever ends it."""
+    """Writes cells that ended as parts, some at a time; use it in a ``with`` block, which writes the rest whatever ends it.
+
+    A thread does so every ten seconds: the next cell may take half an hour.
+    """
 
     def __init__(self, folder: Folder) -> None:
         """Prepare; the first part makes the folders."""
-        self._folder, self._since = folder, monotonic()
+        self._folder, self._writing, self._over = folder, threading.Lock(), threading.Event()
         self._cells: list[Row] = []
         self._places: list[Row] = []
+        self._failed: OSError | None = None
 
     def __enter__(self) -> Self:
-        """Do nothing yet."""
+        """Begin to write."""
+        threading.Thread(target=self._flush_often, daemon=True).start()
         return self
 
     def __exit__(self, *_: object) -> None:
         """Write what is left."""
+        self._over.set()
         self.flush()
 
     def add(self, done: Done) -> None:
@@ -125,10 +132,14 @@ class Writer:
             OSError: a part cannot be written.
 
         """
+        if self._failed is not None:
+            raise self._failed
         coordinates = done.cell.coordinates()
-        self._cells.append(coordinates | done.outcome.row | {"parallel_attempts": done.attempts})
-        self._places += [coordinates | place for place in done.outcome.places]
-        if len(self._cells) >= _EVERY_ROWS or monotonic() - self._since > _EVERY_S:
+        with self._writing:
+            # Places first: an interruption must not leave a cell without them.
+            self._places += [coordinates | place for place in done.outcome.places]
+            self._cells.append(coordinates | done.outcome.row | {"parallel_attempts": done.attempts})
+        if len(self._cells) >= _EVERY_ROWS:
             self.flush()
 
     def flush(self) -> None:
@@ -138,15 +149,23 @@ class Writer:
             OSError: the part cannot be written.
 
         """
-        self._since = monotonic()
-        if not self._cells:
-            return
-        name = f"{time_ns()}-{os.getpid()}"  # 19 digits: names sort by age
-        for kind, rows, schema in (("places", self._places, self._folder.places), ("cells", self._cells, self._folder.cells)):
-            path = self._folder.part(kind, name)
-            path.parent.mkdir(parents=True, exist_ok=True)
-            write_rows(path, rows, schema)
-        self._cells, self._places = [], []
+        with self._writing:
+            if not self._cells:
+                return
+            name = f"{time_ns()}-{os.getpid()}"  # 19 digits: names sort by age
+            for kind, rows, schema in (("places", self._places, self._folder.places), ("cells", self._cells, self._folder.cells)):
+                path = self._folder.part(kind, name)
+                path.parent.mkdir(parents=True, exist_ok=True)
+                write_rows(path, rows, schema)
+            self._cells, self._places = [], []
+
+    def _flush_often(self) -> None:
+        """Write now and then; the next cell tells what went wrong."""
+        while not self._over.wait(_EVERY_S):
+            try:
+                self.flush()
+            except OSError as error:
+                self._failed = error
 
 
 def write_whole(folder: Folder, keys: Iterable[str]) -> None:

@@ -21,6 +21,7 @@ from hdvplan.machine import software
 from hdvplan.need.answer import need_of
 from hdvplan.passing.biased import biased
 from hdvplan.planning.bias import CENTRE
+from hdvplan.plugins import digest_of as file_digest
 from hdvplan.plugins import said
 from hdvplan.report.needs import need_json
 from hdvplan.report.summary import summary_of
@@ -44,6 +45,10 @@ _UNPLANNED = (PlanError, QpDataError, SolverError)
 _ToDegrees = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 
 
+class _ChangedError(HdvplanError):
+    """A file is another one than when the study began, or cannot be read here: the cell has no answer until that is mended."""
+
+
 def work(cell: Cell) -> Outcome:
     """Plan and judge a cell; whatever it raises is an outcome with its reason."""
     cpu, wall = process_time(), perf_counter()
@@ -51,6 +56,8 @@ def work(cell: Cell) -> Outcome:
     places: list[Row] = []
     try:
         row["outcome"] = _answer(cell, row, places)
+    except (_ChangedError, SolverError) as error:  # also a solver that only this machine lacks
+        row |= {"outcome": FAILED, "reason": str(error)}
     except HdvplanError as error:
         row |= {"outcome": REFUSED, "reason": str(error)}
     except Exception as error:  # noqa: BLE001 - a bug, or memory that does not suffice: the other cells go on
@@ -61,6 +68,9 @@ def work(cell: Cell) -> Outcome:
 
 def _answer(cell: Cell, row: Row, places: list[Row]) -> str:
     """Fill the row and the places of a cell; return how it ended."""
+    manner = cell.manner
+    if manner.bias is not None and manner.bias_digest is not None:
+        _check_unchanged(manner.bias, manner.bias_digest, lambda name: file_digest(Path(name)))
     loaded = _loaded(cell.road, cell.reading)
     road = loaded.road
     row |= {"geometry": loaded.shape, "length_m": loaded.length, "notice": loaded.notice}
@@ -73,6 +83,23 @@ def _answer(cell: Cell, row: Row, places: list[Row]) -> str:
     if cell.need:
         _need(cell, road, row, places)
     return ending
+
+
+def _check_unchanged(name: str, digest: str, digest_here: Callable[[str], str]) -> None:
+    """Refuse to plan with a file that is not the one in the cell's key.
+
+    Raises:
+        _ChangedError: it is another one, or cannot be read.
+
+    """
+    try:
+        same = digest_here(name) == digest
+    except (RoadError, OSError) as error:
+        msg = f"{Path(name).name} cannot be read here: {error}"
+        raise _ChangedError(msg) from error
+    if not same:
+        msg = f"{Path(name).name} is another file here than where the study began"
+        raise _ChangedError(msg)
 
 
 def _case(cell: Cell, road: Road) -> Case:
@@ -163,13 +190,12 @@ def _loaded(source: RoadSource, options: RoadOptions) -> _Loaded:
     """Return the road of a cell, smoothed by this process or, if it was smoothed lately, by another one.
 
     Raises:
-        RoadError: it cannot be read, or its file is another one than when the study began.
+        _ChangedError: its file is another one than when the study began.
+        RoadError: it cannot be read.
 
     """
-    if road_digest(source.source) != source.digest:
-        msg = f"{Path(source.source).name} is another file here than where the study began"
-        raise RoadError(msg, hint="files must not change while a study runs, and must be the same on all machines")
-    found = spooled(repr((source, options, software(())["source"])), partial(_load, source, options))
+    _check_unchanged(source.source, source.digest, road_digest)
+    found = spooled(repr((source, options, software(()))), partial(_load, source, options))
     if isinstance(found, RoadError):
         raise found
     return found

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import weakref
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import pytest
 
 from hdvplan.errors import RoadError
 from hdvplan.network import osm
-from hdvplan.network.osm import Member, Relation, read_routes
+from hdvplan.network.osm import Member, Relation, Way, read_routes
 from tests.network.maps import write_map
 from tests.network.town import PLACES, way
 
@@ -70,6 +72,26 @@ def test_a_map_without_relations_says_why_that_may_be(tmp_path: Path) -> None:
     with pytest.raises(RoadError) as caught:
         read_routes(write_map(tmp_path / "m.osm", WAYS, []), "bus")
     assert caught.value.hint == "a cut of a map may have lost them"
+
+
+def test_routes_of_other_kinds_are_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    read, ways = osm._Source.relations, osm._Source.ways
+    seen, kept = list[weakref.ref[Relation]](), list[int]()
+
+    def watched(source: osm._Source, keys: tuple[str, ...] = (), ids: Iterable[int] = ()) -> Iterator[Relation]:
+        for relation in read(source, keys, ids):
+            seen.append(weakref.ref(relation))
+            yield relation
+
+    def counted(source: osm._Source, ids: set[int]) -> dict[int, Way]:
+        kept.append(sum(one() is not None for one in seen))
+        return ways(source, ids)
+
+    monkeypatch.setattr(osm._Source, "relations", watched)
+    monkeypatch.setattr(osm._Source, "ways", counted)
+    hiking = [Relation(number, {"type": "route", "route": "hiking"}, (Member("w", 1),)) for number in range(10, 20)]
+    read_routes(write_map(tmp_path / "m.osm", WAYS, [route(9, Member("w", 1)), *hiking]), "bus")
+    assert (len(seen), kept) == (11, [0])  # the route itself was copied without its stops
 
 
 def test_a_route_master_is_no_route(tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ def road(*ways: Way) -> RouteRoad:
 
 
 def properties(made: RouteRoad) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads(made.content)["properties"]
+    found: dict[str, Any] = json.loads(made.content())["properties"]
     return found
 
 
@@ -81,7 +81,7 @@ def test_a_road_file_tells_its_route_and_what_the_map_says_along_it() -> None:
 
 def test_the_length_is_that_of_the_line_that_hdvplan_loads(tmp_path: Path) -> None:
     made = road(way(1, 101, 102, 103, 104))
-    (tmp_path / made.file).write_bytes(made.content)
+    (tmp_path / made.file).write_bytes(made.content())
     assert load_road(tmp_path / made.file).path.length == pytest.approx(made.length, abs=1e-3)  # the file keeps 1 cm, the line is straight
 
 
@@ -93,7 +93,7 @@ def test_without_a_width_somewhere_a_road_has_no_limits() -> None:
 
 def test_limits_change_where_the_ways_do(tmp_path: Path) -> None:
     made = road(way(1, 101, 102, 103, width="6"), way(2, 103, 104, lanes="2"), way(3, 104, 105, 106, width="6.5"))
-    (tmp_path / made.file).write_bytes(made.content)
+    (tmp_path / made.file).write_bytes(made.content())
     loaded = load_road(tmp_path / made.file)
     assert loaded.limits is not None
     at = made.length * np.array([0.1, 0.39, 0.41, 0.9])  # the widths change at two fifths
@@ -103,7 +103,7 @@ def test_limits_change_where_the_ways_do(tmp_path: Path) -> None:
 
 def test_the_attribution_that_the_licence_asks_for_travels_with_the_road(tmp_path: Path) -> None:
     made = road(way(1, 101, 102))
-    (tmp_path / made.file).write_bytes(made.content)
+    (tmp_path / made.file).write_bytes(made.content())
     assert load_road(tmp_path / made.file).notice == "© OpenStreetMap contributors, ODbL 1.0"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import pickle
 from dataclasses import replace
 from itertools import pairwise
@@ -12,11 +13,13 @@ import pytest
 
 from hdvplan.api import drive_case
 from hdvplan.case import Case
-from hdvplan.errors import RoadError
+from hdvplan.errors import OptionError, RoadError
+from hdvplan.jit import FloatArray
 from hdvplan.judging.envelope import envelope_of
 from hdvplan.judging.result import result_of
 from hdvplan.planning.bias import Bias
 from hdvplan.road.load import Found, RoadOptions, find_road, load_road
+from hdvplan.road.regions import OPEN_M
 from hdvplan.road.windows import road_of, windows_of
 from hdvplan.stretches.clipping import clipped
 from hdvplan.stretches.cutting import Stretch, reach_of, stretches_of_line, stretches_of_road
@@ -161,6 +164,31 @@ def test_stretches_lie_on_the_road_that_all_windows_make_to_rounding() -> None:
         here, there = one.case.road.path.at(s), whole.path.at(s + one.begins)
         for name in ("x", "y", "curvature"):
             np.testing.assert_allclose(getattr(here, name), getattr(there, name), atol=1e-9)  # rounding of arclengths
+
+
+def test_where_no_edge_is_drawn_near_a_road_is_open_and_a_note_says_in_which_part(tmp_path: Path) -> None:
+    def drawn(x: FloatArray, beside: float, **properties: str) -> dict[str, object]:
+        line = np.column_stack([x, 10.0 * np.sin(x / 100.0) + beside])
+        return {"type": "Feature", "properties": properties, "geometry": {"type": "LineString", "coordinates": line.tolist()}}
+
+    x = np.arange(0.0, 2001.0, 20.0)
+    features = [drawn(x, 0.0), drawn(x[:31], 3.0, edge="left"), drawn(x[:31], -3.0, edge="right")]
+    crs = {"type": "name", "properties": {"name": "EPSG:2056"}}
+    (tmp_path / "edges.geojson").write_text(json.dumps({"type": "FeatureCollection", "crs": crs, "features": features}), encoding="utf-8")
+    line = find_road(tmp_path / "edges.geojson").line
+    assert line is not None
+    first, *_, last = windows_of(line, 500.0)
+    assert first.road.own_limits is not None
+    assert last.road.own_limits is not None
+    assert np.max(first.road.own_limits.left) == pytest.approx(3.0, abs=0.05)  # the edges lie 3 m beside it across, not along its normals
+    assert np.min(last.road.own_limits.left) == pytest.approx(OPEN_M, abs=1e-9)  # rounding
+    assert any("no edge on the left: it is open to 20 m; this is the part from 13" in note for note in last.road.notes)
+
+
+def test_plans_too_long_for_a_stretch_are_refused() -> None:
+    case = case_on()
+    with pytest.raises(OptionError, match="stretches of 180 m cannot be replanned every 100 m only"):
+        next(stretches_of_road(replace(case, settings=replace(case.settings, replan=100.0)), core=180.0))
 
 
 def test_windows_are_blended_without_a_kink() -> None:

@@ -11,16 +11,24 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+import shapely
 
 import hdvplan
 from hdvplan.case import Case
-from hdvplan.errors import PlanError, RoadError
+from hdvplan.cli.lengthy import _exit_code, _warn_of_steps
+from hdvplan.errors import HdvplanError, OptionError, PlanError, RoadError
+from hdvplan.judging.result import Result
+from hdvplan.planning.settings import PlannerSettings
 from hdvplan.road.path import from_curvature
+from hdvplan.road.regions import Kind, Region, Side
 from hdvplan.road.road import Road
-from hdvplan.stretches.cutting import stretches_of_road
-from hdvplan.stretches.joining import _breaches
+from hdvplan.road.windows import whole_road
+from hdvplan.stretches.cutting import reach_of, stretches_of_line, stretches_of_road
+from hdvplan.stretches.joining import _breaches, _verdict
+from hdvplan.stretches.judging import planned
 from hdvplan.stretches.planning import plan_in_stretches, side_by_side
 from tests.cli.conftest import Cli
+from tests.stretches.lanes import lane_with_a_post
 from tests.stretches.test_cutting import ROAD, case_on
 
 EXACT = (
@@ -164,6 +172,59 @@ def test_where_no_plan_exists_the_place_is_that_on_the_whole_road(tmp_path: Path
     assert list(tmp_path.iterdir()) == []
 
 
+def test_an_obstacle_decides_on_a_road_that_has_no_limits_elsewhere(tmp_path: Path) -> None:
+    line, bus = lane_with_a_post(tmp_path, None), hdvplan.load_vehicle("bus")
+    one: dict[str, Any] = hdvplan.summary_of(hdvplan.plan(Case(whole_road(line), bus)))
+    cut = stretches_of_line(line, lambda road: Case(road, bus), reach=reach_of(bus, PlannerSettings()), core=500.0)
+    joined = plan_in_stretches(cut, tmp_path / "joined")
+    assert one["verdict"]["obstacle"] == "post"
+    for key in ("fits", "obstacle", "side", "part"):
+        assert joined["verdict"][key] == one["verdict"][key], key
+    assert joined["verdict"]["spare_m"] == pytest.approx(one["verdict"]["spare_m"], abs=1e-3)  # what is promised
+
+
+def test_a_no_is_told_whatever_other_stretches_need() -> None:
+    def said(fits: bool | None, spare: float | None, half_width: float, wheels: float | None = None) -> dict[str, Any]:
+        verdict = {"fits": fits, "spare_m": spare, "half_width_m": half_width, "wheels_spare_m": wheels}
+        return {"verdict": verdict, "needed_half_width_m": half_width}
+
+    needs, no, yes = said(None, None, 4.0), said(False, -0.4, 3.0, 0.1), said(True, 0.2, 2.0)
+    assert _verdict([needs, no, yes]) == {"fits": False, "spare_m": -0.4, "half_width_m": 4.0, "wheels_spare_m": 0.1}
+    assert _verdict([no, said(False, -0.2, 3.0, -0.1)])["wheels_spare_m"] == -0.1
+    assert _verdict([yes, needs]) == {"fits": True, "spare_m": 0.2, "half_width_m": 4.0, "wheels_spare_m": None}
+    assert _verdict([needs, said(None, None, 3.0)]) == needs["verdict"]
+
+
+def test_an_obstacle_without_room_on_its_side_is_told_with_its_place_on_the_whole_road(tmp_path: Path) -> None:
+    path = from_curvature(np.array([0.0, 1200.0]), np.zeros(2))
+    x, y = path.to_plane(np.array([900.0, 901.0, 901.0, 900.0]), np.array([-1.0, -1.0, 3.4, 3.4]))
+    wall = Region(Kind.OBSTACLE, shapely.Polygon(np.column_stack([x, y])), "wall", Side.LEFT)
+    case = Case(Road("lane", path, regions=(wall,)).with_limits(3.5, 3.5), hdvplan.load_vehicle("bus"))
+    with pytest.raises(RoadError, match=r"cannot be passed on the left.*this s counts from .* m along the road") as caught:
+        plan_in_stretches(stretches_of_road(case, core=300.0), tmp_path)
+    assert caught.value.s_m == pytest.approx(900.5, abs=1.0)  # the middle of the wall, in cells of half a metre
+
+
+@pytest.mark.parametrize(
+    ("error", "s_m"),
+    [(PlanError("at s = 7.0 m a body is lost", s_m=7.0), 607.0), (OptionError("a bias leaves no road at s = 7.0 m"), None)],
+    ids=["plan", "option"],
+)
+def test_what_is_found_when_a_stretch_is_judged_counts_from_its_core(
+    monkeypatch: pytest.MonkeyPatch, error: HdvplanError, s_m: float | None
+) -> None:
+    def refused(*_: object, **__: object) -> Result:
+        raise error
+
+    monkeypatch.setattr("hdvplan.stretches.judging.result_of", refused)
+    path = from_curvature(np.array([0.0, 900.0]), np.zeros(2))
+    *_, last = stretches_of_road(Case(Road("lane", path), hdvplan.load_vehicle("bus")), core=300.0)
+    assert last.core_begins == 600.0
+    with pytest.raises(type(error), match=r"at s = 7\.0 m.*this s counts from 600 m along the road") as caught:
+        planned(last)
+    assert getattr(caught.value, "s_m", None) == s_m
+
+
 @pytest.fixture
 def _long_roads_are_short(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hdvplan.road.load.LONG_M", 1000.0)
@@ -196,3 +257,27 @@ def test_what_long_roads_do_not_have_is_refused_in_one_line(cli: Cli, option: tu
     outcome = cli("plan", ROAD, "--vehicle", "bus", *option)
     assert outcome.code == 2
     assert "is not for roads of more than 1 km" in outcome.err
+
+
+@pytest.mark.usefixtures("_long_roads_are_short")
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [(("--half-width", "1"), "limits are 2.00 m apart"), (("--bias", "50"), "--bias 50 leads 50 m off the road's centre")],
+    ids=["limits", "bias"],
+)
+def test_what_is_refused_on_a_short_road_is_refused_on_a_long_one(cli: Cli, options: tuple[str, str], words: str) -> None:
+    outcome = cli("plan", ROAD, "--vehicle", "bus", *options)
+    assert outcome.code == 2
+    assert words in outcome.err.splitlines()[0]
+
+
+def test_an_obstacle_that_is_entered_is_no_limit_and_steps_without_a_plan_are_told(capsys: pytest.CaptureFixture[str]) -> None:
+    breach = {"part": "front left corner", "unit": "bus", "side": "left", "depth_m": 0.25, "s_deepest": 60_000.0, "obstacle": "van"}
+    assert _exit_code({"verdict": {"fits": False}, "breaches": [breach], "status": "limits broken"}) == 1
+    assert "enters the obstacle 'van' by 0.250 m at s = 60000.0 m" in capsys.readouterr().err
+    steps = {"rescued_steps": [{"s_m": 5.0, "why": "it raised"}], "failed_steps": [7.0, 9.0], "plans": 10, "solver": "osqp"}
+    _warn_of_steps(steps, quiet=False)
+    assert capsys.readouterr().err.splitlines() == [
+        "warning: osqp failed in 1 of 10 planning steps, first at s = 5.0 m: it raised",
+        "warning: 2 of 10 planning steps were not solved, first at s = 7.0 m: the vehicle followed the last plan",
+    ]

@@ -10,19 +10,18 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from hdvplan.case import Case
 from hdvplan.errors import HdvplanError
 from hdvplan.machine import THREADS
 from hdvplan.planning.settings import PlannerSettings
-from hdvplan.road.load import Line, find_road
 from hdvplan.stretches.cutting import reach_of, stretches_of_line, stretches_of_road
 from hdvplan.stretches.planning import plan_in_stretches
 from hdvplan.stretches.processes import processes
 from hdvplan.vehicle.load import load_vehicle
 from tests.cli.conftest import Cli
+from tests.stretches.lanes import lane_with_a_post
 from tests.stretches.test_cutting import ROAD, case_on
 
 FILES = ("path.csv", "envelope.csv", "profile.csv", "swept.geojson", "regions.json")
@@ -32,22 +31,6 @@ FILES = ("path.csv", "envelope.csv", "profile.csv", "swept.geojson", "regions.js
 def _threads_stay_as_they_were(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in THREADS:
         monkeypatch.setenv(name, os.environ.get(name, "1"))
-
-
-def lane_with_a_post(folder: Path) -> Line:
-    """Return a line of 2 km beside which a post stands, 12 m before the second of four windows."""
-    x = np.arange(0.0, 2001.0, 20.0)
-    line = {"type": "LineString", "coordinates": np.column_stack([x, 10.0 * np.sin(x / 100.0)]).tolist()}
-    post = {"type": "Polygon", "coordinates": [[[488.0, -16.0], [489.0, -16.0], [489.0, -15.0], [488.0, -15.0], [488.0, -16.0]]]}
-    features = [
-        {"type": "Feature", "properties": {"left_m": 3.5, "right_m": 3.5}, "geometry": line},
-        {"type": "Feature", "properties": {"region": "obstacle", "name": "post"}, "geometry": post},
-    ]
-    crs = {"type": "name", "properties": {"name": "EPSG:2056"}}
-    (folder / "lane.geojson").write_text(json.dumps({"type": "FeatureCollection", "crs": crs, "features": features}), encoding="utf-8")
-    found = find_road(folder / "lane.geojson").line
-    assert found is not None
-    return found
 
 
 @pytest.mark.slow

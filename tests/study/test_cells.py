@@ -11,6 +11,7 @@ import pytest
 from hdvplan.study.cells import cells_of
 from hdvplan.study.inputs import road_digest
 from hdvplan.study.spec import study_of
+from tests.study.test_spec import OBJECTIVE
 
 BASE: dict[str, object] = {"roads": ["bend.csv"], "vehicles": ["bus"], "half_widths": [3.5]}
 
@@ -57,15 +58,30 @@ def test_a_file_that_changes_changes_its_key_and_one_that_moves_does_not(folder:
 
 def test_a_file_of_one_s_own_code_counts_with_its_content(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder)
-    source = "from hdvplan.planning.objectives import objective_named\n\n\ndef mine():\n    return objective_named('geometric')\n"
-    (folder / "mine.py").write_text(source, encoding="utf-8")
+    (folder / "mine.py").write_text(OBJECTIVE, encoding="utf-8")
     before = _key(folder, BASE | {"objectives": ["mine.py:mine"]})
     assert before == _key(folder, BASE | {"objectives": ["mine.py:mine"]})
-    from hdvplan.study import cells  # noqa: PLC0415 - another process would read the file anew
-
-    cells._software.cache_clear()
-    (folder / "mine.py").write_text(source + "# changed\n", encoding="utf-8")
+    (folder / "mine.py").write_text(OBJECTIVE + "# changed\n", encoding="utf-8")
     assert before != _key(folder, BASE | {"objectives": ["mine.py:mine"]})
+
+
+def test_a_study_keeps_its_keys_while_its_files_change(folder: Path) -> None:
+    (folder / "mine.py").write_text(OBJECTIVE, encoding="utf-8")
+    study = study_of(BASE | {"objectives": ["mine.py:mine"]}, folder)
+    before = [cell.key for cell in cells_of(study)]
+    (folder / "mine.py").write_text(OBJECTIVE + "# changed\n", encoding="utf-8")
+    assert [cell.key for cell in cells_of(study)] == before
+
+
+def test_a_bias_counts_with_the_content_of_its_file(folder: Path) -> None:
+    bias = folder / "bias.csv"
+    bias.write_text("s,bias\n0,0.1\n60,0.2\n", encoding="utf-8")
+    before = _key(folder, BASE | {"settings": {"bias": "bias.csv"}})
+    (folder / "elsewhere").mkdir()
+    bias = bias.rename(folder / "elsewhere" / "bias.csv")
+    assert _key(folder, BASE | {"settings": {"bias": "elsewhere/bias.csv"}}) == before
+    bias.write_text("s,bias\n0,0.1\n60,0.3\n", encoding="utf-8")
+    assert _key(folder, BASE | {"settings": {"bias": "elsewhere/bias.csv"}}) != before
 
 
 def test_a_key_is_the_same_in_every_process(folder: Path) -> None:
@@ -77,9 +93,12 @@ def test_a_key_is_the_same_in_every_process(folder: Path) -> None:
     assert other.stdout.strip() == _key(folder, BASE)
 
 
-def test_the_parts_of_a_shapefile_count_together(tmp_path: Path) -> None:
-    for part in ("shp", "dbf"):
-        (tmp_path / f"line.{part}").write_bytes(b"1")
-    before = road_digest(str(tmp_path / "line.shp"))
-    (tmp_path / "line.dbf").write_bytes(b"2")
-    assert road_digest(str(tmp_path / "line.shp")) != before
+@pytest.mark.parametrize(
+    ("name", "part"), [("line.shp", "line.dbf"), ("line[1].shp", "line[1].dbf"), ("line.TAB", "line.MAP"), ("line.mif", "line.mid")]
+)
+def test_the_parts_of_a_road_in_several_files_count_together(tmp_path: Path, name: str, part: str) -> None:
+    for file in (name, part):
+        (tmp_path / file).write_bytes(b"1")
+    before = road_digest(str(tmp_path / name))
+    (tmp_path / part).write_bytes(b"2")
+    assert road_digest(str(tmp_path / name)) != before

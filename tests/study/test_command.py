@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pytest
@@ -63,6 +64,7 @@ def test_cells_without_an_answer_end_in_1(cli: Cli, study_file: Path) -> None:
         (("study.toml", "--out", "out", "--retries", "-1"), "--retries must not be negative"),
         (("study.toml", "--out", "out", "--cell-limit", "0"), "--cell-limit must be a positive number"),
         (("study.toml", "--out", "out", "--workers", "2", "--scheduler", "tcp://127.0.0.1:1"), "a cluster has its own"),
+        (("study.toml", "--out", "out", "--retries", "2", "--scheduler", "tcp://127.0.0.1:1"), "as often as its scheduler is told"),
         (("study.toml", "--out", "bend.csv"), "is a file, not a folder"),
         (("study.toml",), "missing option '--out'"),
     ],
@@ -75,6 +77,13 @@ def test_a_mistake_ends_in_2_with_one_line(cli: Cli, study_file: Path, arguments
     assert words in outcome.err.splitlines()[0]
 
 
+def _told(page: str) -> dict[str, Any]:
+    """Return the data of a page."""
+    (data,) = [part for part in page.split("<script") if 'id="data"' in part]
+    told: dict[str, Any] = json.loads(data.partition(">")[2].partition("</script>")[0])
+    return told
+
+
 def test_the_page_is_whole_offline_and_takes_names_for_text(folder: Path) -> None:
     (folder / "lane.geojson").rename(folder / "<script>alert(1)<.geojson")
     (folder / "study.toml").write_text(STUDY.replace("lane.geojson", "*.geojson"), encoding="utf-8")
@@ -82,11 +91,35 @@ def test_the_page_is_whole_offline_and_takes_names_for_text(folder: Path) -> Non
     page = (folder / "out" / "map.html").read_text(encoding="utf-8")
     assert "<script>alert" not in page
     assert "http" not in page.replace("http-equiv", "")
-    (data,) = [part for part in page.split("<script") if 'id="data"' in part]
-    told = json.loads(data.partition(">")[2].partition("</script>")[0])
+    told = _told(page)
     assert [road["name"] for road in told["roads"]] == ["<script>alert(1)<"]
     assert told["places"]
     assert "<td>1 of 2</td><td>2 of 2</td>" in page
+
+
+@pytest.mark.parametrize("limits", ["half_widths = [1.625]", "left = [1.625]\nright = [1.5]", ""], ids=["even", "uneven", "own"])
+def test_the_page_holds_no_more_lines_than_it_shows(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hdvplan.study.map_page.MOST_ROADS", 1)
+    (folder / "other.geojson").write_text((folder / "lane.geojson").read_text(encoding="utf-8"), encoding="utf-8")
+    (folder / "study.toml").write_text(STUDY.replace("lane.geojson", "*.geojson"), encoding="utf-8")
+    run_study(read_study(folder / "study.toml"), folder / "out", InHere())
+    page = (folder / "out" / "map.html").read_text(encoding="utf-8")
+    assert [road["name"] for road in _told(page)["roads"]] == ["lane"]
+    assert "1 roads have no place on the Earth" in page
+    assert "Not shown: 1 roads and 0 places" in page
+
+
+def test_places_on_the_page_have_one_of_the_widths_to_choose_from(folder: Path, limits: str) -> None:
+    lane = json.loads((folder / "lane.geojson").read_text(encoding="utf-8"))
+    lane["properties"] |= {"left_m": 1.3, "right_m": 1.3}
+    (folder / "lane.geojson").write_text(json.dumps(lane), encoding="utf-8")
+    (folder / "study.toml").write_text(
+        STUDY.replace("half_widths = [1.6, 3.5]", limits).replace('"bus"', '"tractor-trailer"'), encoding="utf-8"
+    )
+    run_study(read_study(folder / "study.toml"), folder / "out", InHere())
+    told = _told((folder / "out" / "map.html").read_text(encoding="utf-8"))
+    assert told["places"]
+    assert {place["width"] for place in told["places"]} <= set(told["widths"])
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ import signal
 import sys
 import time
 from collections.abc import Iterable
-from concurrent.futures import Future
+from concurrent.futures import CancelledError, Future
 from pathlib import Path
 
 import pandas as pd
@@ -16,7 +16,7 @@ import pytest
 from hdvplan.errors import HdvplanError, OptionError
 from hdvplan.study import spool
 from hdvplan.study.cells import Cell, cells_of
-from hdvplan.study.cluster import connected
+from hdvplan.study.cluster import DaskEngine, _DaskPool, _within, connected
 from hdvplan.study.conduct import run
 from hdvplan.study.engine import _Queue, run_in
 from hdvplan.study.local import LocalEngine
@@ -68,7 +68,10 @@ class Scripted:
             self._broken = True
             return future
         ending = next(self._endings)
-        if ending == "error":
+        if ending == "cancelled":
+            future.cancel()
+            future.set_running_or_notify_cancel()  # as Dask does it
+        elif ending == "error":
             future.set_exception(OSError("gone"))
         else:
             future.set_result(Outcome({"outcome": ending}))
@@ -97,6 +100,8 @@ def test_a_cell_that_is_not_answered_is_tried_again_as_often_as_allowed(folder: 
     assert (mended.outcome.ending, mended.attempts) == (PLANNED, 2)
     (given_up,) = run_in(Scripted(["error", FAILED, "error"]), [cell], retries=2)
     assert (given_up.outcome.row, given_up.attempts) == ({"outcome": KILLED, "reason": "gone"}, 3)
+    (cancelled,) = run_in(Scripted(["cancelled"]), [cell], retries=0)
+    assert cancelled.outcome.ending == KILLED
     (refused,) = run_in(Scripted(["refused"]), [cell], retries=5)
     assert refused.attempts == 1
 
@@ -171,6 +176,34 @@ def test_a_cluster_without_dask_is_refused_in_one_line(monkeypatch: pytest.Monke
     assert "hdvplan[dask]" in str(caught.value.hint)
 
 
+class Gone:
+    """A client of a Dask cluster whose scheduler has ended."""
+
+    def get_executor(self, **_: object) -> None:
+        """Give nothing to hand cells to."""
+
+    def nthreads(self) -> dict[str, int]:
+        """Find nobody who knows."""
+        msg = "in <Client>: Stream is closed"
+        raise OSError(msg)
+
+
+def test_a_scheduler_that_ends_is_one_line_that_says_how_to_go_on(folder: Path) -> None:
+    with pytest.raises(HdvplanError, match="the Dask scheduler does not answer any more: OSError: in <Client>") as caught:
+        list(DaskEngine(Gone()).run(_cells(folder, 1)))
+    assert "goes on from the cells that ended" in str(caught.value.hint)
+    given_up = _DaskPool(Gone(), 60.0).outcome_of(CancelledError())
+    assert given_up.ending == KILLED
+    assert "somebody cancelled it" in str(given_up.row["reason"])
+
+
+def test_a_worker_with_another_version_answers_no_cell(folder: Path) -> None:
+    (cell,) = _cells(folder, 1)
+    outcome = _within(cell, 60.0, "another source")
+    assert outcome.ending == FAILED
+    assert "another version of hdvplan" in str(outcome.row["reason"])
+
+
 def test_a_process_s_end_is_named() -> None:
     from hdvplan.study.local import _exit_name  # noqa: PLC0415 - a private word
 
@@ -233,5 +266,9 @@ def test_a_smoothed_road_is_kept_for_other_processes(tmp_path: Path, monkeypatch
         time.sleep(0.02)  # files differ in age
     assert made == ["a", "b", "c"]
     assert len(list(tmp_path.iterdir())) == 2  # the newest
+    newest = max(tmp_path.iterdir(), key=lambda path: path.stat().st_mtime)
+    newest.write_bytes(newest.read_bytes()[:-1])  # what a crash of the machine may leave
+    assert spool.spooled("c", lambda: make("c")) == "C"
+    assert made == ["a", "b", "c", "c"]
     monkeypatch.setattr(spool, "_folder", lambda _: None)
     assert spool.spooled("a", lambda: make("a")) == "A"

@@ -53,6 +53,19 @@ def test_the_best_plan_of_a_vehicle_decides(tmp_path: Path) -> None:
     assert _ranking(tmp_path, [_cell("a"), less], [_place("a", 0.0, 0.2), _place("b", 500.0, 0.05)])["widening_m"].tolist() == [0.05]
 
 
+def test_a_clearance_that_is_not_kept_is_lacking_too(tmp_path: Path) -> None:
+    cells = [_cell("a", settings_clearance=0.25, spare_m=-0.125), _cell("b", "truck", settings_clearance=0.25, spare_m=-0.75)]
+    tightest = [_place("a", 0.0, None, kind="tightest", spare_m=-0.125), _place("b", 500.0, None, kind="tightest", spare_m=-0.75)]
+    ranking = _ranking(tmp_path, cells, [*tightest, _place("b", 500.0, 0.5, spare_m=-0.5)])
+    assert ranking[["which_vehicles", "widening_m"]].to_numpy().tolist() == [["bus", 0.125], ["truck", 0.75]]
+
+
+def test_a_vehicle_that_fits_closely_may_still_keep_no_clearance(tmp_path: Path) -> None:
+    cells = [_cell("a", settings_clearance=0.0, fits=True, spare_m=0.1), _cell("b", settings_clearance=0.25, spare_m=-0.125)]
+    ranking = _ranking(tmp_path, cells, [_place("b", 0.0, None, kind="tightest", spare_m=-0.125)])
+    assert ranking["widening_m"].tolist() == [0.125]
+
+
 def test_places_of_different_widths_are_not_one(tmp_path: Path) -> None:
     ranking = _ranking(tmp_path, [_cell("a"), _cell("b", half_width=2.5)], [_place("a", 0.0, 0.2), _place("b", 0.0, 0.7)])
     assert ranking[["half_width_m", "widening_m"]].to_numpy().tolist() == [[3.0, 0.2], [2.5, 0.7]]

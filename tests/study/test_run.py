@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
+import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
@@ -138,6 +141,61 @@ def test_what_ended_before_an_interruption_is_kept(folder: Path, tiny: Entries) 
     pd.testing.assert_frame_equal(exact(resumed.cells()), exact(_run(folder, tiny, out="undisturbed").cells()))
 
 
+def test_a_cell_is_on_disk_soon_whenever_the_next_one_ends(folder: Path, tiny: Entries, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hdvplan.study.store._EVERY_S", 0.05)
+    parts, kept = folder / "out" / "parts" / "cells", list[int]()
+
+    class Long(InHere):
+        def run(self, cells: Iterable[Cell]) -> Ending:
+            for number, done in enumerate(super().run(cells)):
+                until = time.monotonic() + 30.0  # a busy machine takes longer
+                while number == 1 and not list(parts.glob("*.parquet")) and time.monotonic() < until:
+                    time.sleep(0.01)
+                kept.append(len(list(parts.glob("*.parquet"))))
+                yield done
+
+    results = _run(folder, tiny, Long())
+    assert kept[:2] == [0, 1]
+    assert len(results.cells()) == 8
+
+
+def test_what_ended_is_written_before_processes_are_ended(folder: Path, tiny: Entries) -> None:
+    kept: list[bool] = []
+
+    class Slow(InHere):
+        def run(self, cells: Iterable[Cell]) -> Ending:
+            try:
+                yield from super().run(cells)
+            finally:
+                kept.append((folder / "out" / "parts" / "cells").is_dir())
+
+    def interrupted(done: int, _: int) -> None:
+        if done == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run(study_of(tiny, folder), folder / "out", Slow(), on_progress=interrupted)
+    assert kept == [True]
+
+
+def test_a_disk_that_is_full_ends_a_study_at_its_next_cell(folder: Path, tiny: Entries, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("hdvplan.study.store.write_rows", full)
+    monkeypatch.setattr("hdvplan.study.store._EVERY_S", 0.01)
+    engine = InHere()
+    with pytest.raises(OSError, match=os.strerror(errno.ENOSPC)):
+        _run(folder, tiny, engine)
+    assert 0 < len(engine.worked) < 8  # each takes longer than a part waits
+
+
+def test_a_road_is_called_as_it_is_in_the_ranking_too(folder: Path, tiny: Entries) -> None:
+    (folder / "bend.csv").rename(folder / "007.csv")
+    results = _run(folder, tiny | {"roads": ["007.csv"], "half_widths": [1.4]})
+    assert set(results.ranking()["road"]) == set(results.cells()["road"]) == {"007"}
+
+
 def test_a_part_that_a_crash_left_without_its_cells_does_no_harm(folder: Path, tiny: Entries) -> None:
     before = _run(folder, tiny).places()
     places = folder / "out" / "parts" / "places"
@@ -177,12 +235,25 @@ def test_what_cannot_be_planned_is_a_row_with_its_reason(folder: Path, tiny: Ent
     assert results.unanswered == 0
 
 
-def test_a_file_that_changes_while_a_study_runs_is_refused(folder: Path, tiny: Entries) -> None:
-    study = study_of(tiny | {"roads": ["bend.csv"], "vehicles": ["bus"]}, folder)
+def test_cells_whose_file_changes_meanwhile_have_no_answer_until_it_is_the_same_again(folder: Path, tiny: Entries) -> None:
+    entries = tiny | {"roads": ["bend.csv"], "vehicles": ["bus"]}
+    study, before = study_of(entries, folder), (folder / "bend.csv").read_text(encoding="utf-8")
     (folder / "bend.csv").write_text("s,kappa\n0,0\n60,0\n", encoding="utf-8")
     table = run(study, folder / "out", InHere()).cells()
-    assert set(table["outcome"]) == {"refused"}
+    assert set(table["outcome"]) == {"failed"}
     assert table["reason"].str.contains("another file here").all()
+    (folder / "bend.csv").write_text(before, encoding="utf-8")
+    assert set(_run(folder, entries).cells()["outcome"]) == {"planned"}
+
+
+def test_a_bias_that_changes_meanwhile_is_told(folder: Path, tiny: Entries) -> None:
+    (folder / "bias.csv").write_text("s,bias\n0,0.1\n60,0.2\n", encoding="utf-8")
+    entries = tiny | {"roads": ["bend.csv"], "vehicles": ["bus"], "settings": {"horizon": 30, "bias": "bias.csv"}}
+    assert set(_run(folder, entries).cells()["outcome"]) == {"planned"}
+    study = study_of(entries | {"half_widths": [3.0]}, folder)
+    (folder / "bias.csv").unlink()
+    (row,) = run(study, folder / "out", InHere()).cells().to_dict("records")
+    assert (row["outcome"], row["reason"].partition(":")[0]) == ("failed", "bias.csv cannot be read here")
 
 
 @pytest.mark.slow

@@ -13,6 +13,7 @@ from hdvplan.study.cells import cells_of
 from hdvplan.study.spec import Width, read_study, study_of
 
 BASE: dict[str, object] = {"roads": ["uturn"], "vehicles": ["bus"]}
+OBJECTIVE = "from hdvplan.planning.objectives import objective_named\n\n\ndef mine():\n    return objective_named('geometric')\n"
 
 
 def test_a_study_is_every_combination_of_what_it_names(folder: Path, tiny: dict[str, object]) -> None:
@@ -84,12 +85,23 @@ def test_settings_that_are_lists_are_combined(folder: Path) -> None:
 
 
 def test_left_and_right_are_pairs() -> None:
+    assert study_of(BASE | {"left": [3.0, 3.5], "right": [2.5, 2.5]}).widths == (Width(3.0, 2.5), Width(3.5, 2.5))
     assert study_of(BASE | {"left": [2.0, 2.5], "right": [3.0, 3.5]}).widths == (Width(2.0, 3.0), Width(2.5, 3.5))
 
 
 def test_files_lie_beside_the_study_that_names_them(folder: Path) -> None:
     (folder / "study.toml").write_text('roads = ["bend.csv"]\nvehicles = ["bus"]\n', encoding="utf-8")
     assert read_study(folder / "study.toml").roads[0].source == str(folder / "bend.csv")
+
+
+def test_biases_and_code_lie_beside_the_study_too(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (folder / "elsewhere").mkdir()
+    (folder / "bias.csv").write_text("s,bias\n0,0.1\n60,0.2\n", encoding="utf-8")
+    (folder / "mine.py").write_text(OBJECTIVE, encoding="utf-8")
+    monkeypatch.chdir(folder / "elsewhere")
+    study = study_of(BASE | {"objectives": ["mine.py:mine"], "settings": {"bias": "bias.csv"}}, folder)
+    assert study.manners[0].bias == str(folder / "bias.csv")
+    assert study.objectives == (f"{folder / 'mine.py'}:mine",)
 
 
 @pytest.mark.parametrize(
@@ -109,6 +121,7 @@ def test_files_lie_beside_the_study_that_names_them(folder: Path) -> None:
         ({"half_widths": [3.0], "left": [2.0], "right": [2.0]}, "cannot be combined", None),
         ({"left": [2.0]}, "left needs right", "half_widths"),
         ({"left": [2.0, 3.0], "right": [2.0]}, "are pairs", None),
+        ({"left": [2.0, 3.0, 2.0], "right": [2.0, 2.0, 2.0]}, "no pair twice", None),
         ({"objectives": ["geometrical"]}, "unknown objective 'geometrical'", "did you mean 'geometric'?"),
         ({"schemes": ["rit"]}, "schemes must be rti or sqp, not 'rit'", None),
         ({"solvers": ["ricatti"]}, "unknown solver 'ricatti'", "did you mean 'riccati'?"),
@@ -122,6 +135,13 @@ def test_files_lie_beside_the_study_that_names_them(folder: Path) -> None:
         ({"vary": {"bus.wheelbas": [5.0]}}, "bus has no such parameter", "did you mean 'wheelbase'?"),
         ({"vary": {"bus.2.wheelbase": [5.0]}}, "bus has no such parameter", None),
         ({"vary": {"bus.wheelbase": "5..4"}}, "must rise", None),
+        ({"vary": {"bus.wheelbase": "5..1e999"}}, "must rise", None),
+        ({"vary": {"bus.wheelbase": f"5..6 in {5000 * '1'}"}}, "different numbers or a range", None),
+        ({"vary": {"bus.wheelbase": [5.0], "bus.1.wheelbase": [6.0]}}, "vary names 'bus.1.wheelbase', which is 'bus.wheelbase'", None),
+        ({"vary": {"bus.wheelbase": [5.0], "bus": {"wheelbase": [6.0]}}}, "'bus.wheelbase' twice", None),
+        ({"settings": {"bias": "left"}}, "neither a number of metres", None),
+        ({"settings": {"bias": "a\0b"}}, "cannot be read", None),
+        ({"settings": {"crs": "EPSG:0"}}, "unknown coordinate reference system", "EPSG code"),
         ({"vary": {"bus.wheelbase": "five"}}, "different numbers or a range, not 'five'", "in 5"),
         ({"vary": {"bus.wheelbase": [5.0, 5.0]}}, "different numbers", None),
         ({"vary": {"bus.wheelbase": [10**400]}}, "different numbers", None),
@@ -129,6 +149,11 @@ def test_files_lie_beside_the_study_that_names_them(folder: Path) -> None:
         ({"vary": {"bus.wheelbase": [500.0]}}, "must lie between", "metres"),
         ({"vary": {"bus.wheelbase": "5..6 in 1000", "bus.width": "2..2.5 in 1000"}}, "1000000 variants of bus; 100000 are", "several"),
         ({"settings": {name: list(range(1, 400)) for name in ("horizon", "smoothness")}}, "159201 combinations of settings", "several"),
+        (
+            {"half_widths": [1.0 + 1e-5 * n for n in range(100_000)], "settings": {"smoothness": list(range(1, 1002))}},
+            "100100000 cells; 100000000 are the most",
+            "several",
+        ),
     ],
 )
 def test_a_mistake_is_one_line_that_says_what_was_meant(entries: dict[str, object], words: str, hint: str | None) -> None:

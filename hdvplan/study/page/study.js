@@ -10,14 +10,9 @@
   const place = ([lon, lat]) => [(lon * Math.PI) / 180, Math.asinh(Math.tan((lat * Math.PI) / 180))];
 
   const roads = data.roads.map((road) => ({ name: road.name, points: road.line.map(place), word: "unknown" }));
-  const places = data.places.map((one) => ({ ...one, width: widthText(one), at: one.lon === undefined ? null : place([one.lon, one.lat]),
-    text: [one.road, one.vehicle, one.side, one.unit, one.part, one.obstacle, one.which_vehicles, one.which_roads, widthText(one)].join(" ").toLowerCase() }));
+  const places = data.places.map((one) => ({ ...one, at: one.lon === undefined ? null : place([one.lon, one.lat]),
+    text: [one.road, one.vehicle, one.side, one.unit, one.part, one.obstacle, one.which_vehicles, one.which_roads, one.width].join(" ").toLowerCase() }));
   let shown = places, chosen = null, view = null, order = { by: "rank", down: false };
-
-  function widthText(one) {
-    if (one.half_width_m !== undefined) return `\u00b1 ${one.half_width_m} m`;
-    return one.left_m === undefined ? "the road's own" : `left ${one.left_m} m, right ${one.right_m} m`;
-  }
 
   // ---- filters
   function filter() {

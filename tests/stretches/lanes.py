@@ -1,0 +1,26 @@
+"""A lane that is cut into stretches, as a file."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from hdvplan.road.load import Line, find_road
+
+
+def lane_with_a_post(folder: Path, reach: float | None = 3.5) -> Line:
+    """Return a line of 2 km beside which a post stands, 12 m before the second of four windows; ``reach`` are its limits [m]."""
+    x = np.arange(0.0, 2001.0, 20.0)
+    line = {"type": "LineString", "coordinates": np.column_stack([x, 10.0 * np.sin(x / 100.0)]).tolist()}
+    post = {"type": "Polygon", "coordinates": [[[488.0, -16.0], [489.0, -16.0], [489.0, -15.0], [488.0, -15.0], [488.0, -16.0]]]}
+    features = [
+        {"type": "Feature", "properties": {} if reach is None else {"left_m": reach, "right_m": reach}, "geometry": line},
+        {"type": "Feature", "properties": {"region": "obstacle", "name": "post"}, "geometry": post},
+    ]
+    crs = {"type": "name", "properties": {"name": "EPSG:2056"}}
+    (folder / "lane.geojson").write_text(json.dumps({"type": "FeatureCollection", "crs": crs, "features": features}), encoding="utf-8")
+    found = find_road(folder / "lane.geojson").line
+    assert found is not None
+    return found
