@@ -16,7 +16,7 @@ import pytest
 from hdvplan.bench import environment, installing
 from hdvplan.bench.checkout import checkout
 from hdvplan.bench.environment import Base, base_named, base_program, new_program
-from hdvplan.bench.processes import Ended, Scratch, scratch_folder, start
+from hdvplan.bench.processes import Ended, Scratch, ended_by_signals, scratch_folder, start
 from hdvplan.bench.programs import Program, ProgramError
 from hdvplan.errors import OptionError
 from tests.bench.conftest import Cli
@@ -239,3 +239,16 @@ def test_processes_of_a_block_end_with_it() -> None:
         started = start([sys.executable, "-c", "import time; time.sleep(600)"], os.environ, scratch)
     assert started.process.returncode is not None
     assert not scratch.folder.exists()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there is no such signal")
+def test_a_signal_that_is_ignored_stays_so() -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as behind nohup
+    try:
+        with ended_by_signals():
+            assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+            with pytest.raises(SystemExit):
+                signal.raise_signal(signal.SIGTERM)
+        assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)
