@@ -96,10 +96,11 @@ def gate(
         OptionError: a road or vehicle that cannot be read, a program that is none, or ``out`` cannot be written.
 
     """
-    from hdvplan.bench.against import Settings
+    from hdvplan.bench.against import SIDES, Settings
     from hdvplan.bench.gate import Verdict
     from hdvplan.bench.guard import Told, Wanted, guard, suspects, traced
     from hdvplan.bench.reports import write_reports
+    from hdvplan.bench.versions import version_words, versions_of
     from hdvplan.bench.work import CommandWork
 
     if not isinstance(work, CommandWork):
@@ -111,6 +112,8 @@ def gate(
     try:
         with _told_progress(quiet=quiet) as told:
             comparison = guard(wanted, out, Told(lambda step: note(step, quiet=quiet), told))
+        if comparison.failure is None and (versions := version_words(*(versions_of(out / side / "00") for side in SIDES))):
+            note(f"versions differ: {', '.join(versions)}", quiet=quiet)
         write_reports(comparison, rule, again, out)
         if further.history is not None and kept is not None:
             _keep(comparison, kept, wanted, out, further.history, quiet=quiet)
