@@ -144,6 +144,7 @@ def bench(
 
     one_thread = use_one_thread()  # before anything imports NumPy
     from hdvplan.bench.suite import read_suite, suite_of
+    from hdvplan.planning.objective_names import check_objective
     from hdvplan.solvers.registry import check_solver, solver_named
 
     given = {
@@ -161,6 +162,7 @@ def bench(
             return gate(against, what, rule, out, further, expect_changes=expect_changes, format_=format_, json=json, quiet=quiet)
     entries = read_suite(suite) if suite else {}
     wanted = suite_of(entries | {name: value for name, value in given.items() if value is not None})
+    check_objective(wanted.objective)
     for name in wanted.solvers:
         check_solver(name)  # what is wrong with names is said before more is loaded
     from hdvplan.bench.courses import cases_of
