@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
+import tomllib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from hdvplan.bench.programs import ProgramError
+from hdvplan.errors import OptionError
 
 
 @dataclass(frozen=True)
@@ -24,15 +28,30 @@ class Checkout:
         return (self.top / "hdvplan" / "__init__.py").is_file()
 
     @property
-    def is_package(self) -> bool:
-        """Whether pip can install it."""
-        return any((self.top / name).is_file() for name in ("pyproject.toml", "setup.py"))
+    def package(self) -> Path | None:
+        """The folder that pip can install, within the checkout: the nearest at or above ``below``; None where there is none."""
+        return next((folder for folder in (self.below, *self.below.parents) if _can_be_installed(self.top / folder)), None)
 
 
 def checkout() -> Checkout | None:
-    """Return the git checkout that the working directory is in; None outside."""
-    top = git(None, "rev-parse", "--show-toplevel")
-    return Checkout(Path(top), Path.cwd().resolve().relative_to(Path(top).resolve())) if top else None
+    """Return the git checkout that the working directory is in; None outside.
+
+    Raises:
+        OptionError: there is one that cannot be read: git is not installed, or does not trust its owner.
+
+    """
+    ended, here = _run(None, "rev-parse", "--show-toplevel"), Path.cwd()
+    if ended is not None and ended.returncode == 0:
+        top = Path(_text(ended.stdout))
+        return Checkout(top, here.resolve().relative_to(top.resolve()))
+    found = next((folder for folder in (here, *here.parents) if os.path.lexists(folder / ".git")), None)
+    if found is None:
+        return None
+    lines = [] if ended is None else _text(ended.stderr).splitlines()
+    said = "git is not installed" if ended is None else (lines or ["git says nothing"])[0].removeprefix("fatal: ")
+    advice = "install git" if ended is None else next((line for line in lines if "--add safe.directory" in line), None)
+    msg = f"the git checkout {found} cannot be read: {said}"
+    raise OptionError(msg, hint=advice)
 
 
 def export(top: Path, commit: str, source: Path, folder: Path) -> None:
@@ -46,22 +65,54 @@ def export(top: Path, commit: str, source: Path, folder: Path) -> None:
         raise ProgramError(msg)
 
 
-def copy_tree(top: Path, target: Path) -> None:
-    """Copy the files of a working tree that git knows or would add."""
-    listed = git(top, "ls-files", "-z", "--cached", "--others", "--exclude-standard") or ""
+def copy_tree(top: Path, target: Path, apart: Sequence[Path] = ()) -> None:
+    """Copy the files of a working tree that git knows or would add; links as links, as ``export`` writes them.
+
+    Of the folders in ``apart``, which hold results, only what git knows is copied: build systems would take them for packages.
+    """
+    within = [folder.resolve().relative_to(top.resolve()) for folder in apart if top.resolve() in folder.resolve().parents]
+    without = [f"--exclude=/{_literal(folder.as_posix())}/" for folder in within]
+    listed = git(top, "ls-files", "-z", "--cached", "--others", "--exclude-standard", *without) or ""
     for name in filter(None, listed.split("\0")):
-        if (top / name).is_file():
+        if (top / name).is_symlink() or (top / name).is_file():
             (target / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(top / name, target / name)
+            shutil.copy2(top / name, target / name, follow_symlinks=False)
 
 
 def git(top: Path | None, *arguments: str, variables: dict[str, str] | None = None) -> str | None:
     """Return what git prints in a checkout, the working directory without one; None where it fails or there is no git."""
+    ended = _run(top, *arguments, variables=variables)
+    return _text(ended.stdout) if ended is not None and ended.returncode == 0 else None
+
+
+def _run(top: Path | None, *arguments: str, variables: dict[str, str] | None = None) -> subprocess.CompletedProcess[bytes] | None:
+    """Run git; None where there is none."""
     program = shutil.which("git")
     if program is None:
         return None
     where = [] if top is None else ["-C", str(top)]
-    ended = subprocess.run(  # noqa: S603 - no shell
+    return subprocess.run(  # noqa: S603 - no shell
         [program, *where, *arguments], capture_output=True, check=False, env=os.environ | (variables or {}), stdin=subprocess.DEVNULL
     )
-    return os.fsdecode(ended.stdout).strip() if ended.returncode == 0 else None
+
+
+def _text(said: bytes) -> str:
+    return os.fsdecode(said).strip()
+
+
+def _literal(path: str) -> str:
+    """Return a path as a pattern of git that matches nothing else."""
+    return re.sub(r"([*?\[\]\\])", r"\\\1", path)
+
+
+def _can_be_installed(folder: Path) -> bool:
+    """Tell whether pip finds a project in a folder; a pyproject.toml may only set up tools."""
+    if (folder / "setup.py").is_file():
+        return True
+    try:
+        entries = tomllib.loads((folder / "pyproject.toml").read_text(encoding="utf-8"))
+    except OSError:
+        return False
+    except ValueError:
+        return True  # pip says what is wrong with it
+    return not {"project", "build-system"}.isdisjoint(entries) or (folder / "setup.cfg").is_file()

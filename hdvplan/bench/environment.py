@@ -12,8 +12,8 @@ import re
 import shutil
 import sys
 import tomllib
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -75,7 +75,7 @@ def base_named(against: str, here: Checkout | None) -> Base:
     found = git(here.top, "rev-parse", "--verify", "--quiet", "--end-of-options", f"{against}^{{commit}}") if "\0" not in against else None
     if found is None or not _HASH.fullmatch(found):
         msg = f"no revision {against!r} in {here.top}"
-        raise OptionError(msg, hint="a shallow clone lacks other branches: fetch them first")
+        raise OptionError(msg, hint="a shallow clone lacks other branches and older commits: fetch them first")
     return Base(against, commit=found)
 
 
@@ -84,6 +84,7 @@ def base_program(base: Base, here: Checkout | None, scratch: Scratch, cache: Pat
 
     A revision of hdvplan with the dependencies of the working tree uses the present packages. That of another project, and
     anything to install, has an environment of its own. A revision of what pip cannot install runs by the present interpreter.
+    What is installed is the project nearest to the folder in which the comparison starts.
 
     Raises:
         OptionError: a release or file that cannot be installed.
@@ -103,26 +104,30 @@ def base_program(base: Base, here: Checkout | None, scratch: Scratch, cache: Pat
     assert here is not None  # noqa: S101 - a commit is one of a checkout
     assert base.commit is not None  # noqa: S101 - what else there is was dealt with
     name = f"{base.words} ({base.commit[:9]})" if not base.commit.startswith(base.words) else base.commit[:9]
-    with _kept(cache, f"{base.commit}-{_request(here.top)}") as (folder, ready):
+    package = here.package
+    with _kept(cache, f"{base.commit}-{_request(here.top, package)}") as (folder, ready):
         source, python = folder / "source", Path(sys.executable)
         if not ready:
             on_step(f"checking out {name}")
             export(here.top, base.commit, source, folder)
         own = Checkout(source, here.below)
-        if here.is_package and (not here.is_ours or _dependencies(source) not in {None, _dependencies(here.top)}):
+        if package is not None and (not here.is_ours or _dependencies(source) not in {None, _dependencies(here.top)}):
             python = folder / "venv" / PYTHON
             if not ready:
                 on_step(f"installing {name}, once for this revision")
-                install(source, folder / "venv", name, scratch)
+                install(source / package, folder / "venv", name, scratch)
     below = source / here.below if (source / here.below).is_dir() else source
     found = source if own.is_ours and python == Path(sys.executable) else None
     return Program(name, python, found, {"NUMBA_CACHE_DIR": str(folder / "compiled")}, below)
 
 
-def new_program(here: Checkout | None, scratch: Scratch, cache: Path, on_step: Callable[[str], None]) -> Program:
+def new_program(
+    here: Checkout | None, scratch: Scratch, cache: Path, on_step: Callable[[str], None], apart: Sequence[Path] = ()
+) -> Program:
     """Make the other side ready: the working tree with all that is changed in it; outside of a checkout the hdvplan that is running.
 
-    The working tree of another project is installed into an environment that is kept for its requirements.
+    The working tree of another project is installed into an environment that is kept for its requirements, without the results in the
+    folders ``apart``.
 
     Raises:
         ProgramError: it cannot be installed.
@@ -132,26 +137,28 @@ def new_program(here: Checkout | None, scratch: Scratch, cache: Path, on_step: C
         return present("the running hdvplan", PACKAGE.parent)
     if here.is_ours:
         return present("the working tree", here.top)
-    if not here.is_package:
+    package = here.package
+    if package is None:
         return present("the working tree", None, here.top / here.below)
     name = "the working tree"
-    with _kept(cache, f"new-{_digest(str(here.top).encode())}-{_request(here.top)}") as (folder, ready):
+    with _kept(cache, f"new-{_digest(os.fsencode(here.top))}-{_request(here.top, package)}") as (folder, ready):
         on_step(f"installing {name}")
         source = scratch.folder / "working-tree"  # building leaves files beside the sources
-        copy_tree(here.top, source)
-        install(source, folder / "venv", name, scratch, again=ready)
+        copy_tree(here.top, source, (*apart, cache))
+        install(source / package, folder / "venv", name, scratch, again=ready)
     return Program(name, folder / "venv" / PYTHON, None, {}, here.top / here.below)
 
 
 def cache_folder(scratch: Scratch) -> Path:
     """Return where environments of revisions are kept; a temporary folder where the user has no place for it."""
-    try:
-        home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "hdvplan" / "gate"
+    with suppress(OSError, RuntimeError):
+        home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache").absolute() / "hdvplan" / "gate"
         home.mkdir(parents=True, exist_ok=True)
-    except (OSError, RuntimeError):
-        home = scratch.folder / "cache"
-        home.mkdir(exist_ok=True)
-    return home
+        if os.access(home, os.W_OK):
+            return home
+    temporary = scratch.folder / "cache"
+    temporary.mkdir(exist_ok=True)
+    return temporary
 
 
 @contextmanager
@@ -194,10 +201,11 @@ def _dependencies(source: Path) -> str | None:
     return repr((project.get("dependencies", []), project.get("requires-python")))
 
 
-def _request(top: Path) -> str:
-    """Return a digest of the interpreter and of the files that say what else is needed."""
-    files = [(top / name).read_bytes() for name in _ASKED_FOR if (top / name).is_file()]
-    return _digest(b"\0".join([sys.executable.encode(), sys.version.encode(), *files]))
+def _request(top: Path, package: Path | None) -> str:
+    """Return a digest of the interpreter, of the project's folder, and of the files that say what else is needed."""
+    folder = top / (package or ".")
+    files = [(folder / name).read_bytes() for name in _ASKED_FOR if (folder / name).is_file()]
+    return _digest(b"\0".join([sys.executable.encode(), sys.version.encode(), os.fsencode(package or ""), *files]))
 
 
 def _digest(content: bytes) -> str:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
 
-from hdvplan.bench.against import Contender, Settings, measure_against
+from hdvplan.bench.against import REPORTS, Contender, Settings, measure_against
 from hdvplan.bench.bisect import clearest_symptom, most_trials, origin_of
 from hdvplan.bench.checkout import checkout
 from hdvplan.bench.compare import Comparison, failed
@@ -41,16 +41,17 @@ class Wanted:
     against: str
     work: Suite | CommandWork
     settings: Settings
+    history: Path | None = None  # a folder of results, which is no part of the working tree
 
 
 def guard(wanted: Wanted, out: Path, told: Told) -> Comparison:
     """Return the comparison of what is named with what is here; measured into ``out``.
 
     However it ends, also by signals, its processes and temporary files are removed. What stays is ``out``, and revisions in the user's
-    cache.
+    cache. The reports of an earlier comparison go first, so that none is taken for this one's.
 
     Raises:
-        OptionError: ``against`` names nothing, or ``out`` holds something else.
+        OptionError: ``against`` names nothing, ``out`` holds something else, or the checkout cannot be read.
         OSError: ``out`` cannot be written.
 
     """
@@ -58,12 +59,15 @@ def guard(wanted: Wanted, out: Path, told: Told) -> Comparison:
         here = checkout()
         named = base_named(wanted.against, here)
         cache = cache_folder(scratch)
+        apart = [out, *filter(None, [wanted.history])]
         out.mkdir(parents=True, exist_ok=True)
+        for report in REPORTS:
+            (out / report).unlink(missing_ok=True)
         if isinstance(wanted.work, Suite):
             (out / "suite.toml").write_text(suite_text(suite_entries(placed(wanted.work), wanted.work.to_dict())), encoding="utf-8")
         return _compared(
             lambda: base_program(named, here, scratch, cache, told.step),
-            lambda: new_program(here, scratch, cache, told.step),
+            lambda: new_program(here, scratch, cache, told.step, apart),
             wanted, out.absolute(), scratch, told,
         )  # fmt: skip
 

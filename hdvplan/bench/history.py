@@ -7,7 +7,7 @@ import platform
 import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from datetime import datetime
+from datetime import UTC, datetime
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -18,11 +18,12 @@ from hdvplan.bench.compare import Comparison
 from hdvplan.bench.revisions import Revision
 from hdvplan.bench.suite import Suite
 from hdvplan.bench.values import Value, values_of
+from hdvplan.bench.versions import versions_of
 from hdvplan.bench.work import CommandWork
 from hdvplan.errors import OptionError
 from hdvplan.fileio import json_bytes, read_json, write_atomically
 from hdvplan.machine import machine_facts
-from hdvplan.record import NAME, now
+from hdvplan.record import now
 from hdvplan.texts import printable
 
 FORMAT = 1  # of the files
@@ -57,7 +58,7 @@ class Entry:
 def entry_of(comparison: Comparison, revision: Revision, base: str, work: Suite | CommandWork, out: Path) -> Entry:
     """Return what a comparison, measured into ``out``, says about a commit."""
     return Entry(
-        revision, now(), base, _machine(), _packages(out), work_words(work), str(comparison.verdict), values_of(comparison)
+        revision, now(), base, _machine(), versions_of(out / "new" / "00"), work_words(work), str(comparison.verdict), values_of(comparison)
     )  # fmt: skip
 
 
@@ -111,7 +112,7 @@ def _read(file: Path) -> Entry:
             dict(told["work"]), _text(told["verdict"]), tuple(_value(one) for one in told["values"]),
         )  # fmt: skip
         _instant(entry.revision.committed)
-    except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, OverflowError) as error:
         msg = f"{file} cannot be read: {error}"
         raise OptionError(msg, hint="delete it, and measure its commit again") from error
     return entry
@@ -141,22 +142,14 @@ def _known(told: Mapping[str, object]) -> dict[str, object]:
 
 
 def _instant(committed: str) -> datetime:
-    return datetime.fromisoformat(committed)
+    instant = datetime.fromisoformat(committed)
+    return instant if instant.tzinfo else instant.replace(tzinfo=UTC)  # git writes the zone, a file may lack it
 
 
 def _machine() -> dict[str, object]:
     facts = machine_facts()
     python = ".".join(platform.python_version_tuple()[:2])
     return facts | {"platform": f"{platform.system()} {platform.machine()}", "python_minor": f"{platform.python_implementation()} {python}"}
-
-
-def _packages(out: Path) -> dict[str, str]:
-    """Return the versions of libraries that the new side's first process has noted; a command of one's own notes none."""
-    try:
-        told = read_json(out / "new" / "00" / NAME)["software"]
-        return {"hdvplan": str(told["hdvplan"])} | {str(name): str(version) for name, version in told["packages"].items()}
-    except (OSError, ValueError, LookupError, TypeError, AttributeError):
-        return {}
 
 
 def _digest(told: object) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pstats
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePath
@@ -14,6 +15,7 @@ from hdvplan.bench.work import Work
 _MOST = 10  # functions that are listed
 _LEAST = 0.01  # of the base's time: differences below this are noise of single runs
 _BUILT_IN = "~"  # cProfile's name of the file of what is not Python
+_ADDRESS = re.compile(r" at 0x[0-9A-Fa-f]+")  # in the names of some of these; another one in every process
 Functions = Mapping[str, tuple[float, int]]  # by name: own time [s], calls
 
 
@@ -51,7 +53,7 @@ def profile_of(program: Program, work: Work, scratch: Scratch) -> Functions:
     file.unlink(missing_ok=True)
     command = work.profiled(program, scratch.folder / "profiled", file)
     if command is None:
-        msg = f"{program.name} cannot be profiled: its command does not begin with python"
+        msg = f"{program.name} cannot be profiled: its command does not begin with python and a file or -m"
         raise ProgramError(msg)
     program.finish(program.start(command, scratch))
     return functions_in(file, [path for path in (program.source, program.folder) if path is not None])
@@ -72,7 +74,7 @@ def functions_in(file: Path, roots: list[Path]) -> Functions:
         raise ProgramError(msg) from error
     found: dict[str, tuple[float, int]] = {}
     for (source, _, function), (_, calls, own, _, _) in told.items():
-        name = function if source == _BUILT_IN else f"{_short(source, roots)}: {function}"
+        name = _ADDRESS.sub("", function) if source == _BUILT_IN else f"{_short(source, roots)}: {function}"
         seconds, before = found.get(name, (0.0, 0))
         found[name] = (seconds + own, before + calls)
     return found

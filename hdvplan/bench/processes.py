@@ -179,7 +179,10 @@ def remove(folder: Path) -> None:
 
 @contextmanager
 def ended_by_signals() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP end the block as an exception does, so that it cleans up; the exit code is as shells report it."""
+    """Let SIGTERM and SIGHUP end the block as an exception does, so that it cleans up; the exit code is as shells report it.
+
+    A signal that is ignored stays so, as SIGHUP behind nohup.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -187,7 +190,8 @@ def ended_by_signals() -> Iterator[None]:
     def leave(number: int, _: FrameType | None) -> None:
         raise SystemExit(128 + number)
 
-    before = {number: signal.signal(number, leave) for number in _SIGNALS if number != signal.SIGINT}
+    heard = [number for number in _SIGNALS if number != signal.SIGINT and signal.getsignal(number) is not signal.SIG_IGN]
+    before = {number: signal.signal(number, leave) for number in heard}
     try:
         yield
     finally:

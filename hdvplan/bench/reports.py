@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
 
-from hdvplan.bench.compare import CellTimes, Comparison
+from hdvplan.bench.compare import CellTimes, Comparison, no_longer_planned
 from hdvplan.bench.comparison import change_words, comparison_markdown, verdict_line, word_of
+from hdvplan.bench.counters import Change
 from hdvplan.bench.gate import Rule, Verdict
 from hdvplan.bench.hotspots import hotspots_json
 from hdvplan.bench.origin import origin_json, origin_words
@@ -21,6 +22,7 @@ from hdvplan.bench.where import place_words
 from hdvplan.fileio import json_bytes, write_atomically
 
 _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_SHOWN = 10  # annotations of one kind that GitHub shows of a step
 
 
 def write_reports(comparison: Comparison, rule: Rule, again: str | None, folder: Path) -> None:
@@ -74,11 +76,8 @@ def junit_xml(comparison: Comparison, rule: Rule) -> bytes:
     failure = comparison.failure
     kind = None if failure is None else "error" if comparison.verdict is Verdict.REGRESSED else "skipped"
     cases.append(("programs", "both run", kind, "" if failure is None else f"{failure.message}\n{failure.tail}"))
-    changed: dict[tuple[str, ...], list[str]] = {}
-    for change in comparison.changes:
-        changed.setdefault(change.cell, []).append(change_words(change))
     counted = "failure" if comparison.verdict is Verdict.REGRESSED else None
-    cases += [("counters", cell_words(cell), counted, "; ".join(words)) for cell, words in changed.items()]
+    cases += [("counters", cell_words(cell), counted, _changed_words(changes)) for cell, changes in _changed(comparison).items()]
     for entry in comparison.times:
         verdict = entry.decision.verdict if entry.decision else Verdict.UNMEASURABLE
         cases.append(("mean planning step", cell_words(entry.cell), _KINDS[verdict], _words(entry)))
@@ -99,29 +98,54 @@ def junit_xml(comparison: Comparison, rule: Rule) -> bytes:
 
 
 def github_annotations(comparison: Comparison, rule: Rule) -> list[str]:
-    """Return the workflow commands that make GitHub Actions show what is wrong: one a changed or slower cell, then the verdict."""
-    found = [
-        _command("error" if comparison.verdict is Verdict.REGRESSED else "notice", f"{cell_words(change.cell)}: {change_words(change)}")
-        for change in comparison.changes
-    ]
-    found += [
-        _command("error", f"{cell_words(entry.cell)}: {_words(entry)}")
+    """Return the workflow commands that make GitHub Actions show the verdict, then what is wrong, the worst first.
+
+    Of one step GitHub shows ten of a kind: more are counted in the last one.
+    """
+    kind = {Verdict.FINE: "notice", Verdict.REGRESSED: "error", Verdict.UNMEASURABLE: "warning"}[comparison.verdict]
+    tail = comparison.failure.tail if comparison.failure else ""
+    found = [_command(kind, verdict_line(comparison, rule) + (f"\n{tail}" if tail else ""))]
+    if comparison.origin is not None:
+        found.append(_command("error", origin_words(comparison.origin)))
+    worse = [
+        ((1, entry.decision.ratio), "error", f"{cell_words(entry.cell)}: {_words(entry)}")
         for entry in comparison.times
         if entry.decision is not None and entry.decision.verdict is Verdict.REGRESSED
     ]
-    found += [
-        _command("error", f"{one.statistic.name}: {one.base:.3f} {one.statistic.unit} before, {one.new:.3f} now")
+    worse += [
+        ((1, one.ratio), "error", f"{one.statistic.name}: {one.base:.3f} {one.statistic.unit} before, {one.new:.3f} now")
         for one in comparison.found
         if one.verdict is Verdict.REGRESSED
     ]
-    if comparison.origin is not None:
-        found.append(_command("error", origin_words(comparison.origin)))
-    kind = {Verdict.FINE: "notice", Verdict.REGRESSED: "error", Verdict.UNMEASURABLE: "warning"}[comparison.verdict]
-    tail = comparison.failure.tail if comparison.failure else ""
-    return [*found, _command(kind, verdict_line(comparison, rule) + (f"\n{tail}" if tail else ""))]
+    counted = "error" if comparison.verdict is Verdict.REGRESSED else "notice"
+    worse += [
+        ((2 if any(map(no_longer_planned, changes)) else 0, 0.0), counted, f"{cell_words(cell)}: {_changed_words(changes)}")
+        for cell, changes in _changed(comparison).items()
+    ]
+    found += [_command(mark, words) for _, mark, words in sorted(worse, key=lambda entry: entry[0], reverse=True)]
+    if len(found) <= _SHOWN:
+        return found
+    return [*found[: _SHOWN - 1], _command(counted, f"and {len(found) - _SHOWN + 1} more: the summary of this step has all")]
+
+
+def refusal_annotation(message: str, hint: str | None) -> str:
+    """Return the workflow command that takes a comparison's place where it could not begin."""
+    return _command("error", message + (f"\nhint: {hint}" if hint else ""))
 
 
 _KINDS = {Verdict.FINE: None, Verdict.REGRESSED: "failure", Verdict.UNMEASURABLE: "skipped"}
+
+
+def _changed(comparison: Comparison) -> dict[tuple[str, ...], list[Change]]:
+    """Return the changed counters by cell."""
+    found: dict[tuple[str, ...], list[Change]] = {}
+    for change in comparison.changes:
+        found.setdefault(change.cell, []).append(change)
+    return found
+
+
+def _changed_words(changes: Sequence[Change]) -> str:
+    return "; ".join(map(change_words, changes))
 
 
 def _words(entry: CellTimes) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from hdvplan.bench.changepoints import change_points
 from hdvplan.bench.history import Entry
 from hdvplan.bench.values import Value
+from hdvplan.bench.versions import version_words
 from hdvplan.jit import FloatArray
 
 Name = tuple[str, str, str]  # cell, what, unit
@@ -98,7 +99,7 @@ def _series(
         begins = [0, *changed]
         medians = [float(np.median(levels[begin:end])) for begin, end in zip(begins, [*changed, len(levels)], strict=True)]
         changes = [
-            Change(at, before, after, _versions(entries[at - 1], entries[at]))
+            Change(at, before, after, version_words(entries[at - 1].packages, entries[at].packages))
             for at, before, after in zip(changed, medians[:-1], medians[1:], strict=True)
             if max(after / before, before / after) >= _LEAST
         ]
@@ -112,9 +113,3 @@ def _name(value: Value) -> Name:
 
 def _is_known(value: Value) -> bool:
     return bool(np.isfinite(value.new) and value.new > 0.0 and np.isfinite(value.base) and value.base > 0.0)
-
-
-def _versions(before: Entry, after: Entry) -> tuple[str, ...]:
-    """Return which libraries changed between two entries, in words."""
-    old, new = before.packages, after.packages
-    return tuple(f"{name} {old.get(name, '-')} -> {new.get(name, '-')}" for name in {**old, **new} if old.get(name) != new.get(name))

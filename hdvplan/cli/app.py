@@ -66,9 +66,14 @@ def _root(
 
 def main() -> None:
     """Run the command line of this process and exit with its code."""
+    sys.exit(run_process())
+
+
+def run_process() -> int:
+    """Run the command line of this process and return its code."""
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # as stderr: names may hold what a terminal's encoding has not
-    sys.exit(run(sys.argv[1:]))
+    return run(sys.argv[1:])
 
 
 def run(arguments: Sequence[str]) -> int:

@@ -96,10 +96,11 @@ def gate(
         OptionError: a road or vehicle that cannot be read, a program that is none, or ``out`` cannot be written.
 
     """
-    from hdvplan.bench.against import Settings
+    from hdvplan.bench.against import SIDES, Settings
     from hdvplan.bench.gate import Verdict
     from hdvplan.bench.guard import Told, Wanted, guard, suspects, traced
     from hdvplan.bench.reports import write_reports
+    from hdvplan.bench.versions import version_words, versions_of
     from hdvplan.bench.work import CommandWork
 
     if not isinstance(work, CommandWork):
@@ -107,10 +108,12 @@ def gate(
     revisions = suspects(against) if further.bisect else ()
     kept = None if further.history is None else _commit_here(further.history, quiet=quiet)
     again = _again(against, work, rule, out, expect_changes=expect_changes)
-    wanted = Wanted(against, work, Settings(rule, expect_changes, further.profile))
+    wanted = Wanted(against, work, Settings(rule, expect_changes, further.profile), further.history)
     try:
         with _told_progress(quiet=quiet) as told:
             comparison = guard(wanted, out, Told(lambda step: note(step, quiet=quiet), told))
+        if comparison.failure is None and (versions := version_words(*(versions_of(out / side / "00") for side in SIDES))):
+            note(f"versions differ: {', '.join(versions)}", quiet=quiet)
         write_reports(comparison, rule, again, out)
         if further.history is not None and kept is not None:
             _keep(comparison, kept, wanted, out, further.history, quiet=quiet)
@@ -120,9 +123,17 @@ def gate(
             comparison = replace(comparison, origin=origin)
             write_reports(comparison, rule, again, out)
     except OSError as error:
-        msg = f"cannot measure into {out}: {error.strerror or error}"
-        raise OptionError(msg, hint="choose another folder with --out") from error
+        raise _cannot_write(error, out) from error
     return show(comparison, rule, format_=format_, json=json, quiet=quiet, again=again)
+
+
+def _cannot_write(error: OSError, out: Path) -> OptionError:
+    """Return what is said of a file that cannot be written: one in ``out``, or of a cache or temporary folder."""
+    file, folder = Path(str(error.filename or out)).absolute(), out.absolute()
+    reason = error.strerror or error
+    if file.is_relative_to(folder) or folder.is_relative_to(file):
+        return OptionError(f"cannot measure into {out}: {reason}", hint="choose another folder with --out")
+    return OptionError(f"cannot measure: {file}: {reason}", hint="TMPDIR and XDG_CACHE_HOME choose other folders")
 
 
 def _commit_here(folder: Path, *, quiet: bool) -> Revision | None:

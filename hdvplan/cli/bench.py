@@ -39,7 +39,7 @@ from hdvplan.cli.bench_options import (
     SuiteOption,
     VehiclesOption,
 )
-from hdvplan.cli.compare import FORMATS, ExpectChangesOption, FactorOption, FloorOption, FormatOption, rule_of, told_as_json
+from hdvplan.cli.compare import FORMATS, ExpectChangesOption, FactorOption, FloorOption, FormatOption, rule_of, told_to_programs
 from hdvplan.cli.compiling import note_compiling
 from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, warn
 from hdvplan.cli.options import JsonOption, QuietOption, choice
@@ -144,6 +144,7 @@ def bench(
 
     one_thread = use_one_thread()  # before anything imports NumPy
     from hdvplan.bench.suite import read_suite, suite_of
+    from hdvplan.planning.objective_names import check_objective
     from hdvplan.solvers.registry import check_solver, solver_named
 
     given = {
@@ -155,12 +156,13 @@ def bench(
     }  # fmt: skip
     if against is not None:
         asked = {name: value for name, value in given.items() if value is not None}
-        with told_as_json(json=json):
+        with told_to_programs(json=json, format_=format_):
             what = measured(suite, asked, command)
             rule = rule_of(factor, floor)
             return gate(against, what, rule, out, further, expect_changes=expect_changes, format_=format_, json=json, quiet=quiet)
     entries = read_suite(suite) if suite else {}
     wanted = suite_of(entries | {name: value for name, value in given.items() if value is not None})
+    check_objective(wanted.objective)
     for name in wanted.solvers:
         check_solver(name)  # what is wrong with names is said before more is loaded
     from hdvplan.bench.courses import cases_of

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hdvplan.cli.console import ExitCode, print_json, print_line, print_tables
+from hdvplan.cli.console import ExitCode, print_json, print_line, print_tables, warn
 from hdvplan.cli.help import OUTPUT
 from hdvplan.cli.options import JsonOption, QuietOption, choice
 from hdvplan.errors import HdvplanError, OptionError
@@ -95,7 +95,7 @@ def compare(
     are too uncertain.
     """
     choice("--format", format_, FORMATS)
-    with told_as_json(json=json):
+    with told_to_programs(json=json, format_=format_):
         return _compared(base, new, rule_of(factor, floor), envelope_tolerance, expect_changes, reports, format_, json=json, quiet=quiet)
 
 
@@ -123,16 +123,19 @@ def _compared(
 
 
 @contextmanager
-def told_as_json(*, json: bool) -> Iterator[None]:
-    """Print JSON also where the block ends in an error, or is interrupted: a program that parses stdout finds the reason there."""
+def told_to_programs(*, json: bool, format_: str) -> Iterator[None]:
+    """Say also on stdout why the block ends in an error, or that it was interrupted: programs that parse it find the reason there."""
     try:
         yield
     except (HdvplanError, KeyboardInterrupt, SystemExit) as error:
-        if json:
-            from hdvplan.bench.reports import refusal_json
+        if json or format_ == "github":
+            from hdvplan.bench.reports import refusal_annotation, refusal_json
 
-            told = isinstance(error, HdvplanError)
-            print_json(refusal_json(str(error) if told else "interrupted", error.hint if isinstance(error, HdvplanError) else None))
+            message, hint = (str(error), error.hint) if isinstance(error, HdvplanError) else ("interrupted", None)
+            if json:
+                print_json(refusal_json(message, hint))
+            else:
+                print_line(refusal_annotation(message, hint))
         raise
 
 
@@ -176,12 +179,7 @@ def show(comparison: Comparison, rule: Rule, *, format_: str, json: bool, quiet:
 
 
 def _summarise(markdown: str) -> None:
-    """Append to the step summary of GitHub Actions; outside of it write to stdout.
-
-    Raises:
-        OptionError: the summary cannot be written.
-
-    """
+    """Append to the step summary of GitHub Actions, or say that it cannot be written, which is no verdict; elsewhere write to stdout."""
     summary = os.environ.get("GITHUB_STEP_SUMMARY")
     if not summary:
         sys.stdout.write(markdown)
@@ -190,5 +188,4 @@ def _summarise(markdown: str) -> None:
         with Path(summary).open("a", encoding="utf-8") as file:
             file.write(markdown)
     except OSError as error:
-        msg = f"cannot write the step summary {summary}: {error.strerror or error}"
-        raise OptionError(msg) from error
+        warn(f"cannot write the step summary {summary}: {error.strerror or error}")

@@ -24,6 +24,7 @@ from hdvplan.bench.programs import Program
 from hdvplan.bench.suite import Suite, read_suite, suite_of
 from hdvplan.bench.work import SuiteWork, suite_entries, suite_text
 from hdvplan.cli.app import run
+from hdvplan.cli.baselines import measured as wanted_of
 from hdvplan.errors import MeasurementError, OptionError
 from tests.bench.conftest import Cli
 
@@ -210,3 +211,14 @@ def test_the_real_command_measures_the_head_against_the_working_tree(tmp_path: P
     assert ended.returncode == 0, ended.stderr
     assert ended.stdout.startswith("fine: ")
     assert run(["compare", str(tmp_path / "out" / "base"), str(tmp_path / "out" / "new"), "--factor", "10", "--expect-changes"]) == 0
+
+
+def test_an_objective_of_ones_own_is_loaded_by_the_programs_that_are_compared_alone(cli: Cli) -> None:
+    wanted = wanted_of(None, {"objective": "nowhere:middle"}, None)
+    assert isinstance(wanted, Suite)
+    assert wanted.objective == "nowhere:middle"
+    with pytest.raises(OptionError, match="unknown objective"):
+        wanted_of(None, {"objective": "nowhere"}, None)
+    outcome = cli("bench", "--objective", "nowhere:middle")
+    assert outcome.code == 2
+    assert outcome.err.startswith("error: objective 'nowhere:middle' cannot be loaded: ModuleNotFoundError")

@@ -258,6 +258,20 @@ def test_changed_counters_are_red_in_every_format(
     assert "**fine: " in outcome.out
 
 
+def test_a_refusal_is_an_annotation_too_and_a_summary_that_cannot_be_written_changes_no_verdict(
+    cli: Cli, tmp_path: Path, two_runs: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    outcome = cli("compare", "base", "missing", "--format", "github")
+    assert outcome.code == 2
+    assert outcome.out == "::error title=planning time::missing is not a folder of hdvplan bench\n"
+    assert outcome.err == "error: missing is not a folder of hdvplan bench\n"
+    monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(tmp_path))  # a folder
+    outcome = cli("compare", *(path.name for path in two_runs), "--format", "github")
+    assert outcome.code == 0
+    assert outcome.out.startswith("::notice title=planning time::fine: ")
+    assert outcome.err == f"warning: cannot write the step summary {tmp_path}: Is a directory\n"
+
+
 def test_several_runs_in_a_folder_are_processes_of_one_side(cli: Cli, tmp_path: Path, two_runs: tuple[Path, Path]) -> None:
     for number in range(4):
         for name in ("base", "new"):

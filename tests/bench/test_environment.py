@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import signal
@@ -14,10 +15,11 @@ from pathlib import Path
 import pytest
 
 from hdvplan.bench import environment, installing
-from hdvplan.bench.checkout import checkout
+from hdvplan.bench.checkout import Checkout, checkout, copy_tree
 from hdvplan.bench.environment import Base, base_named, base_program, new_program
-from hdvplan.bench.processes import Ended, Scratch, scratch_folder, start
+from hdvplan.bench.processes import Ended, Scratch, ended_by_signals, scratch_folder, start
 from hdvplan.bench.programs import Program, ProgramError
+from hdvplan.cli.baselines import _cannot_write
 from hdvplan.errors import OptionError
 from tests.bench.conftest import Cli
 
@@ -239,3 +241,122 @@ def test_processes_of_a_block_end_with_it() -> None:
         started = start([sys.executable, "-c", "import time; time.sleep(600)"], os.environ, scratch)
     assert started.process.returncode is not None
     assert not scratch.folder.exists()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there is no such signal")
+def test_a_signal_that_is_ignored_stays_so() -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as behind nohup
+    try:
+        with ended_by_signals():
+            assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+            with pytest.raises(SystemExit):
+                signal.raise_signal(signal.SIGTERM)
+        assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+def test_a_checkout_of_another_user_is_refused_with_what_git_advises(
+    cli: Cli, ours: Path, short_road: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(ours / "hdvplan")
+    monkeypatch.setenv("GIT_TEST_ASSUME_DIFFERENT_OWNER", "1")  # as in a container whose user is not that of the checkout
+    monkeypatch.setenv("GIT_CONFIG_GLOBAL", os.devnull)
+    monkeypatch.setenv("GIT_CONFIG_NOSYSTEM", "1")
+    for against in ("HEAD~1", "hdvplan==0.1.0"):  # a release too is compared with what is here
+        outcome = cli("bench", "--against", against, "--roads", short_road, "--quiet")
+        assert (outcome.code, outcome.out) == (2, "")
+        words, hint = outcome.err.splitlines()
+        assert words.startswith(f"error: the git checkout {ours} cannot be read: detected dubious ownership")
+        assert hint == f"hint: git config --global --add safe.directory {ours}"
+
+
+@pytest.mark.usefixtures("ours")
+def test_a_checkout_without_git_says_that_it_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hdvplan.bench.checkout.shutil.which", lambda _: None)
+    with pytest.raises(OptionError, match="cannot be read: git is not installed"):
+        checkout()
+
+
+PROJECT, TOOLS = '[project]\nname = "ours"\nversion = "1"\n', "[tool.ruff]\n"
+
+
+@pytest.mark.parametrize(
+    ("files", "package"),
+    [
+        ({}, None),
+        ({"pyproject.toml": PROJECT}, ""),
+        ({"pyproject.toml": "[build-system]\n"}, ""),
+        ({"setup.py": ""}, ""),
+        ({"planner/pyproject.toml": PROJECT, "pyproject.toml": PROJECT}, "planner"),
+        ({"planner/pyproject.toml": TOOLS, "pyproject.toml": PROJECT}, ""),
+        ({"map/pyproject.toml": PROJECT}, None),
+        ({"pyproject.toml": TOOLS}, None),
+        ({"pyproject.toml": TOOLS, "setup.cfg": "[metadata]\nname = ours\n"}, ""),
+        ({"pyproject.toml": "["}, ""),  # pip says what is wrong with it
+    ],
+)
+def test_the_nearest_project_is_what_is_installed_and_a_file_for_tools_is_none(
+    tmp_path: Path, files: dict[str, str], package: str | None
+) -> None:
+    for name, content in files.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(content, encoding="utf-8")
+    assert Checkout(tmp_path, Path("planner", "gate")).package == (None if package is None else Path(package))
+
+
+def test_a_project_below_the_top_of_its_repository_is_installed_at_both_revisions(
+    tmp_path: Path, scratch: Scratch, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    top = tmp_path / "all"
+    (top / "planner").mkdir(parents=True)
+    (top / "planner" / "pyproject.toml").write_text(PROJECT, encoding="utf-8")
+    git(tmp_path, "init", "--quiet", str(top))
+    git(top, "add", ".")
+    git(top, "commit", "--quiet", "--message", "one")
+    monkeypatch.chdir(top / "planner")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    installed: list[Path] = []
+    monkeypatch.setattr(environment, "install", lambda source, *_, **__: installed.append(source))
+    programs = [base("HEAD", scratch), new(scratch)]
+    assert [source.name for source in installed] == ["planner", "planner"]
+    assert sys.executable not in {str(program.python) for program in programs}  # which would be the same program twice
+    assert [program.folder is not None and program.folder.name for program in programs] == ["planner", "planner"]
+
+
+def test_a_working_tree_is_copied_with_links_as_links_and_without_results(ours: Path, tmp_path: Path) -> None:
+    for name in ("new.py", "gate/base/00/run.json", "gate/tracked.txt", "hdvplan/gate/data.csv", "a[b]/x"):
+        (ours / name).parent.mkdir(parents=True, exist_ok=True)
+        (ours / name).write_text("", encoding="utf-8")
+    (ours / "data").symlink_to("hdvplan")
+    (ours / "nowhere").symlink_to("missing")
+    git(ours, "add", "gate/tracked.txt")
+    copy_tree(ours, tmp_path / "copy", [ours / "gate", Path("a[b]"), ours, tmp_path])
+    found = {str(path.relative_to(tmp_path / "copy")) for path in (tmp_path / "copy").rglob("*") if path.is_symlink() or path.is_file()}
+    assert found == {
+        "pyproject.toml", "hdvplan/__init__.py", "new.py", "gate/tracked.txt", "hdvplan/gate/data.csv", "data", "nowhere"
+    }  # fmt: skip
+    assert (tmp_path / "copy" / "data").readlink() == Path("hdvplan")
+
+
+def test_where_no_cache_can_be_written_a_temporary_one_does(tmp_path: Path, scratch: Scratch, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    assert environment.cache_folder(scratch) == tmp_path / "cache" / "hdvplan" / "gate"
+    monkeypatch.setattr("hdvplan.bench.environment.os.access", lambda *_: False)  # root may write everywhere
+    assert environment.cache_folder(scratch).parent == scratch.folder
+
+
+@pytest.mark.parametrize(
+    ("file", "words", "hint"),
+    [
+        (None, "cannot measure into gate: no space left", "--out"),
+        ("gate/new/00", "cannot measure into gate: no space left", "--out"),
+        ("", "cannot measure into gate: no space left", "--out"),
+        ("/cache/hdvplan/x.lock", "cannot measure: /cache/hdvplan/x.lock: no space left", "XDG_CACHE_HOME"),
+    ],
+)
+@pytest.mark.skipif(sys.platform == "win32", reason="paths of this kind")
+def test_a_file_that_cannot_be_written_is_named_with_what_would_help(file: str | None, words: str, hint: str) -> None:
+    error = _cannot_write(OSError(errno.ENOSPC, "no space left", file), Path("gate"))
+    assert str(error) == words
+    assert hint in str(error.hint)

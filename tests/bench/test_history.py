@@ -90,6 +90,31 @@ def test_a_damaged_file_is_named(tmp_path: Path, text: str, words: str) -> None:
     assert entry(2, 1.0).file in str(caught.value)
 
 
+def test_a_time_without_a_zone_and_a_number_without_a_float_do_not_end_in_a_bug(tmp_path: Path) -> None:
+    write_entry(entry(1, 1.0), tmp_path)
+    other = entry(2, 1.0)
+    file = write_entry(replace(other, revision=replace(other.revision, committed="2026-01-01T03:00:00")), tmp_path)
+    assert [one.revision.subject for one in read_entries(tmp_path)] == ["change 1", "change 2"]
+    told = json.loads(file.read_text(encoding="utf-8"))
+    told["values"][0]["new"] = 10**400
+    file.write_text(json.dumps(told), encoding="utf-8")
+    with pytest.raises(OptionError, match="too large"):
+        read_entries(tmp_path)
+
+
+def test_versions_that_differ_between_the_sides_are_told(cli: Cli, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for side, numpy in (("base", "2.1"), ("new", "2.2")):
+        folder = tmp_path / "out" / side / "00"
+        folder.mkdir(parents=True)
+        told = {"software": {"hdvplan": "0.1.0", "packages": {"numpy": numpy, "numba": "0.61"}}}
+        (folder / "run.json").write_text(json.dumps(told), encoding="utf-8")
+    python = tmp_path / "python"
+    python.touch(mode=0o755)
+    monkeypatch.setattr("hdvplan.bench.guard._compared", lambda *_: of_one_cell())
+    outcome = cli("bench", "--against", str(python), "--command", "ours", "--out", "out")
+    assert (outcome.code, outcome.err) == (0, "versions differ: numpy 2.1 -> 2.2\n")
+
+
 @pytest.mark.parametrize("name", ["revision", "measured", "machine", "values", "packages", "work", "base"])
 def test_no_field_of_a_file_is_trusted(tmp_path: Path, name: str) -> None:
     file = write_entry(entry(1, 1.0), tmp_path)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from cProfile import Profile
 from pathlib import Path
 
 import pytest
@@ -76,3 +77,10 @@ def test_files_are_named_as_both_sides_have_them_and_damage_is_an_error(tmp_path
         (tmp_path / "damaged").write_bytes(content)
         with pytest.raises(ProgramError, match="cannot be read"):
             functions_in(tmp_path / "damaged", [])
+
+
+def test_names_of_built_in_functions_have_no_addresses_which_differ_in_every_process(tmp_path: Path) -> None:
+    profile = Profile()
+    profile.runcall(lambda: tuple.__new__(tuple, ()))
+    profile.dump_stats(tmp_path / "profile")
+    assert "<built-in method __new__ of type object>" in functions_in(tmp_path / "profile", [])

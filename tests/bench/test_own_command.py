@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from hdvplan.bench.against import REPORTS
 from hdvplan.bench.processes import Ended
 from hdvplan.bench.programs import ProgramError
 from hdvplan.bench.sides import own_name, read_side
@@ -148,3 +149,21 @@ def test_a_base_that_does_not_run_is_no_regression(cli: Cli, theirs: Path, monke
     outcome = cli("bench", "--against", "HEAD", "--command", f"{sys.executable} ours.py", "--quiet", "--out", str(theirs.parent / "gate"))
     assert outcome.code == 3
     assert outcome.out.splitlines()[-1].startswith("could not measure: HEAD (")
+
+
+def test_reports_of_an_earlier_comparison_are_not_taken_for_those_of_one_that_was_ended(
+    cli: Cli, theirs: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def ended(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.chdir(theirs)
+    monkeypatch.setattr("hdvplan.bench.guard._compared", ended)
+    out = theirs.parent / "gate"
+    out.mkdir()
+    for name in REPORTS:
+        (out / name).write_text("fine", encoding="utf-8")
+    (out / "notes.txt").write_text("ours", encoding="utf-8")
+    outcome = cli("bench", "--against", "HEAD", "--command", "python ours.py", "--out", str(out), "--json")
+    assert (outcome.code, json.loads(outcome.out)["summary"]) == (130, "interrupted")
+    assert [path.name for path in out.iterdir()] == ["notes.txt"]

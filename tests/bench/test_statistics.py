@@ -14,16 +14,18 @@ import pytest
 
 from hdvplan.bench.compare import Comparison, compare, failed
 from hdvplan.bench.comparison import comparison_markdown, verdict_line, wrong_rows
-from hdvplan.bench.counters import COUNTS, IN_STEPS, LENGTHS, WORK, Tolerance
+from hdvplan.bench.counters import COUNTS, IN_STEPS, LENGTHS, WORK, Change, Tolerance
 from hdvplan.bench.gate import Rule, Verdict
+from hdvplan.bench.origin import Origin
 from hdvplan.bench.reports import comparison_json, github_annotations, junit_xml, write_reports
+from hdvplan.bench.revisions import Revision
 from hdvplan.bench.sides import IMPORT, PEAK, Name, Side, Steps
 from hdvplan.bench.suite import KEY
 from hdvplan.jit import FloatArray
 
 CELLS: tuple[Name, ...] = tuple((road, vehicle, "rti", "riccati", "as set") for road in ("bend", "ring") for vehicle in ("bus", "truck"))
 ROUNDS, STEPS = 6, 40
-Change = Callable[[Steps, np.random.Generator], Steps]
+Worse = Callable[[Steps, np.random.Generator], Steps]
 NO_COUNTERS = pd.DataFrame(columns=[*KEY, "status", *COUNTS, *WORK, *LENGTHS, IN_STEPS])
 
 
@@ -31,7 +33,7 @@ def unchanged(steps: Steps, _: np.random.Generator) -> Steps:
     return steps
 
 
-def side(seed: int, change: Change = unchanged, pairs: int = 10, about: Mapping[str, float] | None = None) -> Side:
+def side(seed: int, change: Worse = unchanged, pairs: int = 10, about: Mapping[str, float] | None = None) -> Side:
     """Return a side of processes that differ by a percent or so; ``change`` concerns all cells."""
     random = np.random.default_rng(seed)
     usual = {name: np.random.default_rng(7 + number).uniform(1e-4, 4e-4, STEPS) for number, name in enumerate(CELLS)}
@@ -90,7 +92,7 @@ def names(comparison: Comparison) -> set[str]:
         (unchanged, {PEAK: 1e8}, {"memory"}),
     ],
 )
-def test_what_the_fastest_rounds_do_not_show_is_found(change: Change, about: Mapping[str, float], found: set[str], seed: int) -> None:
+def test_what_the_fastest_rounds_do_not_show_is_found(change: Worse, about: Mapping[str, float], found: set[str], seed: int) -> None:
     comparison = held(side(seed, change, about=about))
     assert comparison.verdict is Verdict.REGRESSED
     assert found <= names(comparison)
@@ -198,3 +200,25 @@ def test_dashboards_get_the_numbers_of_the_new_side(tmp_path: Path) -> None:
     suite = fromstring((tmp_path / "junit.xml").read_text(encoding="utf-8"))  # noqa: S314 - our own
     assert suite.get("failures") == "1"
     assert suite.get("tests") == str(1 + len(CELLS) + len(comparison.found))
+
+
+def test_github_shows_the_verdict_then_the_worst_and_counts_what_it_would_drop() -> None:
+    cells = [(f"road {number}", "bus", "rti", "riccati", "as set") for number in range(20)]
+    changes = tuple(Change(cell, counter, "3", "4") for cell in cells for counter in ("qps", "iterations"))
+    lost = Change(("lost", "bus", "rti", "riccati", "as set"), "status", "ok", "crashed")
+    slower = held(side(1, lambda steps, _: added(steps, 0.3 * steps.total)))
+    comparison = replace(slower, changes=(*changes, lost), origin=Origin("mean step", (Revision("a" * 40, "sort"),), ()))
+    lines = [line.removeprefix("::error title=planning time::") for line in github_annotations(comparison, Rule())]
+    assert len(lines) == 10  # what GitHub shows of a step
+    assert lines[0] == verdict_line(comparison, Rule())
+    assert lines[1] == "mean step: first in aaaaaaaaa sort"
+    assert lines[2] == "lost bus rti riccati: status was ok, is crashed"
+    ratios = [float(line.split(": ")[1].split(" times")[0]) for line in lines[3:] if "times as long" in line]
+    assert len(ratios) >= 3
+    assert ratios == sorted(ratios, reverse=True)
+    worse = len(CELLS) + len(names(comparison))
+    assert lines[-1] == f"and {2 + 1 + worse + len(cells) - 9} more: the summary of this step has all"
+    few = github_annotations(replace(comparison, times=(), found=(), changes=changes[:2], origin=None), Rule())
+    assert [line.removeprefix("::error title=planning time::") for line in few[1:]] == [
+        "road 0 bus rti riccati: qps was 3, is 4; iterations was 3, is 4"
+    ]

@@ -14,6 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hdvplan.vehicle.load import vehicle_text
+
 HEAVY = ("numpy", "numba", "scipy", "pandas", "matplotlib", "shapely", "pyproj", "pyogrio", "rich.table")
 COMMAND = (sys.executable, "-m", "hdvplan")
 _PATIENCE_S = 120.0  # takes 1 s; a machine with other work has taken 15
@@ -136,6 +138,15 @@ def test_a_broken_limit_ends_in_1_with_json_still_on_stdout(tmp_path: Path) -> N
     assert ended.returncode == 1
     assert json.loads(ended.stdout)["status"] == "limits broken"
     assert ended.stderr.splitlines()[-2].startswith("error: the ")
+
+
+def test_signs_that_the_encoding_of_stdout_lacks_are_escaped(tmp_path: Path) -> None:
+    (tmp_path / "ours.toml").write_text(f"# Länge\n{vehicle_text('bus')}", encoding="utf-8")
+    ascii_only = _environment() | {"PYTHONIOENCODING": "ascii"}
+    command = [*COMMAND, "vehicles", "show", "ours.toml"]
+    ended = subprocess.run(command, cwd=tmp_path, env=ascii_only, capture_output=True, text=True, check=False)  # noqa: S603 - our own
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert ended.stdout.startswith("# L\\xe4nge\n")
 
 
 def test_a_bad_road_ends_in_2_without_a_traceback(tmp_path: Path) -> None:
