@@ -10,9 +10,9 @@ def main() -> None:
     """Run the command line of this process and exit with its code."""
     code = 130  # interrupted, as shells report it
     try:
-        from hdvplan.cli.app import run
+        from hdvplan.cli.app import run_process
 
-        code = run(sys.argv[1:])
+        code = run_process()
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is said and written
     except KeyboardInterrupt:
         signal.signal(signal.SIGINT, signal.SIG_IGN)

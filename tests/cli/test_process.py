@@ -14,6 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hdvplan.vehicle.load import preset_text
+
 HEAVY = ("numpy", "numba", "scipy", "pandas", "matplotlib", "shapely", "pyproj", "pyogrio", "rich.table")
 COMMAND = (sys.executable, "-m", "hdvplan")
 _PATIENCE_S = 120.0  # takes 1 s; a machine with other work has taken 15
@@ -119,6 +121,15 @@ def test_the_version_is_the_package_s(tmp_path: Path) -> None:
     from hdvplan import __version__  # noqa: PLC0415 - the process under test must not profit
 
     assert hdvplan(tmp_path, "--version").stdout == f"hdvplan {__version__}\n"
+
+
+def test_a_letter_that_the_terminal_s_encoding_has_not_is_shown_as_its_number(tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text(f"# Bårgård\n{preset_text('bus')}", encoding="utf-8")
+    command = (*COMMAND, "vehicles", "show", "mine.toml")
+    environment = _environment() | {"PYTHONIOENCODING": "ascii"}
+    ended = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)  # noqa: S603 - our own
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert ended.stdout.startswith("# B\\xe5rg\\xe5rd\n")
 
 
 def test_a_plan_ends_in_0_with_tables_on_stdout_and_silence_on_stderr(tmp_path: Path) -> None:
