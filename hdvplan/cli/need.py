@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hdvplan.cli.checks import check_fits, reaches_of
+from hdvplan.cli.checks import check_fits, reaches_of, warn_far_regions
 from hdvplan.cli.compiling import note_compiling
 from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error
 from hdvplan.cli.help import OUTPUT, PLANNING, VEHICLE
@@ -128,6 +128,7 @@ def need(
     for remark in track.notes:
         note(remark, quiet=quiet)
     check_fits(track, driven, None)
+    warn_far_regions(track, quiet=quiet)
     case = Case(track, driven, settings=settings)
     began = perf_counter()
     with progress(f"looking for the least room of {driven.name} on {track.name}", quiet=quiet) as on_progress:
