@@ -147,6 +147,17 @@ def test_every_module_that_the_documents_point_at_exists() -> None:
             assert (ROOT / module).is_file(), f"{_name(path)} points at {module}"
 
 
+def test_what_the_documents_find_in_a_module_is_there() -> None:
+    found = [
+        (path, name, module)
+        for path in RUN
+        for name, module in re.findall(r"`(\w+)`\s(?:in\s|\()`((?:hdvplan|benchmarks|tests)/[\w/]+\.py)`", path.read_text(encoding="utf-8"))
+    ]
+    assert found
+    for path, name, module in found:
+        assert re.search(rf"\b{name}\b", (ROOT / module).read_text(encoding="utf-8")), f"{_name(path)} finds {name} in {module}"
+
+
 MODULES = [block for block in blocks_of((ROOT / "docs" / "extending.md").read_text(encoding="utf-8")) if block.body.startswith('"""')]
 
 
