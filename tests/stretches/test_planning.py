@@ -14,6 +14,7 @@ import pytest
 
 import hdvplan
 from hdvplan.case import Case
+from hdvplan.cli.lengthy import _exit_code
 from hdvplan.errors import PlanError, RoadError
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
@@ -188,6 +189,18 @@ def test_a_long_road_that_is_too_narrow_is_told_with_exit_code_1(cli: Cli) -> No
     assert json.loads(outcome.out)["verdict"]["fits"] is False
     assert "error: the" in outcome.err
     assert "breaks the left limit by" in outcome.err
+
+
+def test_an_error_on_a_long_road_names_the_obstacle_and_else_what_decides(capsys: pytest.CaptureFixture[str]) -> None:
+    verdict = {"fits": False, "text": "NO: 0.20 m lacking of the 0.30 m to keep at s = 7.0 m"}
+    breach = {"s_deepest": 100.0, "depth_m": 0.3, "side": "left", "unit": "bus", "part": "front corner", "obstacle": "van"}
+    for breaches, said in (
+        ([breach], "the front corner of the bus enters the obstacle 'van' by 0.300 m at s = 100.0 m"),
+        ([breach | {"obstacle": None}], "the front corner of the bus breaks the left limit by 0.300 m at s = 100.0 m"),
+        ([], verdict["text"][4:]),
+    ):
+        assert _exit_code({"verdict": verdict, "breaches": breaches}) == 1
+        assert capsys.readouterr().err.startswith(f"error: {said}\nhint: summary.json ")
 
 
 @pytest.mark.usefixtures("_long_roads_are_short")
