@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdvplan.cli import completion
+from hdvplan.cli.checks import check_folder
 from hdvplan.cli.console import ExitCode, print_json, print_line, print_tables, report_error
 from hdvplan.cli.help import OUTPUT, VEHICLE
 from hdvplan.cli.options import JsonOption, QuietOption, choice, file_name
@@ -96,9 +97,7 @@ def turn(
     if vehicle is None:
         msg = "missing option '--vehicle'"
         raise OptionError(msg, hint="`hdvplan vehicles list` names the presets, `hdvplan turn --list` the templates")
-    if out is not None and out.exists() and not out.is_dir():
-        msg = f"--out {out} is a file, not a folder"
-        raise OptionError(msg)
+    check_folder(out)
     from hdvplan.report.turns import PICTURES, broken_words, turn_json, turn_table, verdict, write_turn
     from hdvplan.turning.turn import turn as drive
     from hdvplan.vehicle.load import load_vehicle
