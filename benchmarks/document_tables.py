@@ -258,7 +258,7 @@ def joints() -> list[str]:
 
 def _long(km: int, plan: str) -> dict[str, Any]:
     rows = table("long-roads/long_roads.csv")
-    return dict(rows[(rows["km"] == km) & (rows["plan"] == plan)].iloc[0])
+    return {str(name): value for name, value in rows[(rows["km"] == km) & (rows["plan"] == plan)].iloc[0].items()}
 
 
 def _power(value: float) -> str:
