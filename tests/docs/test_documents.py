@@ -147,6 +147,14 @@ def test_every_module_that_the_documents_point_at_exists() -> None:
             assert (ROOT / module).is_file(), f"{_name(path)} points at {module}"
 
 
+def test_the_design_explains_every_layer() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    layers = project["tool"]["importlinter"]["contracts"][0]["layers"]
+    design = (ROOT / "docs" / "design.md").read_text(encoding="utf-8")
+    for name in " | ".join(layers).split(" | "):
+        assert f"`{name}`" in design or f"`{name}.py`" in design, f"docs/design.md does not say what {name} owns"
+
+
 def test_what_the_documents_find_in_a_module_is_there() -> None:
     found = [
         (path, name, module)
