@@ -27,6 +27,7 @@ class Figure(NamedTuple):
 
 
 README, RESULTS, BALANCED, LIECHTENSTEIN = "README.md", "docs/results.md", "docs/balanced.md", "docs/liechtenstein.md"
+NETWORKS = "docs/networks.md"
 FORMER = ("previous method, max right", "previous method, max left")
 CONSTANT = ("tractor curvature, constant part", "articulation, constant part")
 OUTSIDE = tuple(f"furthest outside, {what}" for what in ("overhang and wheelbase free", "wheelbase in the lane", "and overhangs at a cost"))
@@ -136,6 +137,14 @@ FIGURES = (
     Figure(LIECHTENSTEIN, "of each bus, on {} different roads,", lambda: tables.checked()[:1]),
     Figure(LIECHTENSTEIN, "differs from the study's by at most {} m. For {} of them", lambda: tables.checked()[1:]),
     Figure(LIECHTENSTEIN, "[killed {} times]", lambda: [tables.kills()]),
+    Figure(NETWORKS, f"| largest difference of e_y [m] |{7 * ' {} |'}", tables.forgotten),
+    *(
+        Figure(NETWORKS, f"| {words} | {plan} | {{}} | {{}} |", partial(tables.long_road, km, name))
+        for km, words in ((10, "10 km"), (100, "100 km"), (1000, "1,000 km"))
+        for name, plan in (("whole", "undivided"), ("stretches", "in stretches"))
+        if (km, name) != (1000, "whole")  # it was not planned
+    ),
+    Figure(NETWORKS, "The {} stretches of 1,000 km meet to {} m", tables.joints),
     Figure(
         "docs/studies.md",
         "out used {} ms of a core for each. It grew by {} MB until the last cell, and by {} MB with the tables. A cell took {} ms of",

@@ -64,16 +64,16 @@ def _root(
     """Read the options that every command has; ``run`` has already taken --debug out."""
 
 
-def main() -> None:
-    """Run the command line of this process and exit with its code."""
-    sys.exit(run_process())
-
-
 def run_process() -> int:
-    """Run the command line of this process and return its code."""
+    """Run the command line of this process and return its exit code."""
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # as stderr: names may hold what a terminal's encoding has not
     return run(sys.argv[1:])
+
+
+def main() -> None:
+    """Run the command line of this process and exit with its code."""
+    sys.exit(run_process())
 
 
 def run(arguments: Sequence[str]) -> int:

@@ -41,14 +41,12 @@ from hdvplan.cli.bench_options import (
 )
 from hdvplan.cli.compare import FORMATS, ExpectChangesOption, FactorOption, FloorOption, FormatOption, rule_of, told_to_programs
 from hdvplan.cli.compiling import note_compiling
-from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, warn
+from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, rows_json, warn
 from hdvplan.cli.options import JsonOption, QuietOption, choice
 from hdvplan.errors import OptionError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
-
-    from pandas import DataFrame
 
     from hdvplan.bench.suite import Suite
     from hdvplan.case import Case
@@ -220,7 +218,7 @@ def bench(
     tables, told = {name: read_table(out, name) for name in LAYOUTS}, read_record(out)
     if json:
         head = {"out": str(out), "verdict": told["verdict"], "load": told["load"], "untuned": told.get("untuned", [])}
-        print_json(head | {name: _rows(tables[name]) for name in LAYOUTS})
+        print_json(head | {name: rows_json(tables[name]) for name in LAYOUTS})
     elif not quiet:
         print_tables(*summary_tables(tables, told.get("tolerances")))
         for finding in told["verdict"]:
@@ -247,11 +245,6 @@ def _tolerances(
         found = tuned(suite, cases, on_progress)
     note_tolerances(out, found)
     return found
-
-
-def _rows(table: DataFrame) -> list[dict[str, object]]:
-    """Return a table's rows for JSON, which has no NaN."""
-    return [{str(name): None if value != value else value for name, value in row.items()} for row in table.to_dict("records")]  # noqa: PLR0124 - NaN
 
 
 def _names(text: str | None) -> list[str] | None:

@@ -8,6 +8,8 @@ from hdvplan.cli.console import warn
 from hdvplan.errors import OptionError, RoadError
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from hdvplan.planning.bias import Bias
     from hdvplan.report.paper import SheetOptions
     from hdvplan.road.road import Road
@@ -24,6 +26,18 @@ def check_workers(workers: int | None) -> None:
     if workers is not None and workers < 1:
         msg = f"--workers must be a positive number, not {workers}"
         raise OptionError(msg)
+
+
+def check_folder(out: Path | None) -> None:
+    """Refuse a place of output that is a file.
+
+    Raises:
+        OptionError: it is.
+
+    """
+    if out is not None and out.exists() and not out.is_dir():
+        msg = f"--out {out} is a file, not a folder"
+        raise OptionError(msg, hint="choose another folder with --out")
 
 
 def check_fits(road: Road, vehicle: Vehicle, reaches: tuple[float, float] | None) -> None:

@@ -16,6 +16,7 @@ from hdvplan.texts import encoded, printable
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+    from pandas import DataFrame
     from rich.table import Table
 
 
@@ -97,6 +98,11 @@ def print_tables(*tables: Table) -> None:
 def print_json(value: object) -> None:
     """Write ``value`` as JSON to stdout."""
     sys.stdout.write(encoded(json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False) + "\n").decode())
+
+
+def rows_json(table: DataFrame) -> list[dict[str, object]]:
+    """Return a table's rows for JSON, which has no NaN."""
+    return [{str(name): None if value != value else value for name, value in row.items()} for row in table.to_dict("records")]  # noqa: PLR0124 - NaN
 
 
 @contextmanager

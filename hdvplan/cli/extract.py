@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hdvplan.cli.checks import check_folder
 from hdvplan.cli.console import ExitCode, note, print_json, print_tables, progress, warn
 from hdvplan.cli.help import OUTPUT
 from hdvplan.cli.options import JsonOption, QuietOption, file_name
@@ -54,9 +55,7 @@ def extract(
     A route's ways are joined in its order, each turned so that it meets the next. Roundabouts are driven from where a route enters to where
     it leaves. A route is cut at gaps, at ways out of order and at ways that the map lacks; a warning names each place.
     """
-    if out is not None and out.exists() and not out.is_dir():
-        msg = f"--out {out} is a file, not a folder"
-        raise OptionError(msg)
+    check_folder(out)
     from hdvplan.network.extract import RECORD, record_of
     from hdvplan.network.extract import extract as extracted
     from hdvplan.network.widths import USUAL, Widths

@@ -86,22 +86,28 @@ def _warn_of_steps(summary: dict[str, Any], *, quiet: bool) -> None:
 
 def _exit_code(summary: dict[str, Any]) -> ExitCode:
     """Return the exit code; what is broken is an error that names the deepest place."""
-    from hdvplan.road.regions import called
-
     if summary["verdict"]["fits"] is not False:
         return ExitCode.OK
+    from hdvplan.road.regions import called
+
     breach = max(summary["breaches"], key=lambda one: one["depth_m"], default=None)
     if breach is None:
-        report_error(f"status: {summary['status']}", "summary.json tells where")
+        report_error(summary["verdict"]["text"].removeprefix("NO: "), "summary.json has more under verdict and obstacles")
     else:
-        obstacle = breach["obstacle"]
-        what = f"breaks the {breach['side']} limit" if obstacle is None else f"enters {called(obstacle)}"
+        broken = f"breaks the {breach['side']} limit" if breach["obstacle"] is None else f"enters {called(breach['obstacle'])}"
         more = f", and at {len(summary['breaches']) - 1} more places" if len(summary["breaches"]) > 1 else ""
         report_error(
-            f"the {breach['part']} of the {breach['unit']} {what} by {breach['depth_m']:.3f} m at s = {breach['s_deepest']:.1f} m{more}",
+            f"the {breach['part']} of the {breach['unit']} {broken} by {breach['depth_m']:.3f} m at s = {breach['s_deepest']:.1f} m{more}",
             "summary.json lists all under breaches",
         )
     return ExitCode.BROKEN
+
+
+def _limits_remark(summary: dict[str, Any]) -> str:
+    if summary["min_clearance_m"] is None:
+        return f"limits off; the plan needs a half width of {summary['needed_half_width_m']:.2f} m"
+    count = len(summary["breaches"])
+    return f"limits broken at {count} place{'s' * (count > 1)}, listed in summary.json" if count else "limits kept"
 
 
 def _table(summary: dict[str, Any], directory: str) -> Table:
@@ -115,7 +121,7 @@ def _table(summary: dict[str, Any], directory: str) -> Table:
         ("max left", f"{summary['max_left_m']:.3f}", "m", ""),
         ("max right", f"{summary['max_right_m']:.3f}", "m", ""),
         ("mean |left + right|", f"{summary['mean_abs_imbalance_m']:.3f}", "m", "over the whole road"),
-        ("min clearance", "-" if clearance is None else f"{clearance:.3f}", "m", f"{len(summary['breaches'])} breaches"),
+        ("min clearance", "-" if clearance is None else f"{clearance:.3f}", "m", _limits_remark(summary)),
         ("stretches apart", f"{1e3 * summary['stretches']['apart_m']:.3f}", "mm", "at most, where one goes over into the next"),
         ("time per step", f"{times['mean']:.2f}", "ms", f"mean; p95 {times['p95']:.2f}, max {times['max']:.2f}{beside}"),
     ]

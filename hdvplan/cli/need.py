@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hdvplan.cli.checks import check_fits, reaches_of
+from hdvplan.cli.checks import check_fits, check_folder, reaches_of, warn_far_regions
 from hdvplan.cli.compiling import note_compiling
 from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error
 from hdvplan.cli.help import OUTPUT, PLANNING, VEHICLE
@@ -101,9 +101,7 @@ def need(
     """
     held = None if fix is None else choice("--fix", fix, _SIDES)
     given = _given(held, half_width, left, right)
-    if out is not None and out.exists() and not out.is_dir():
-        msg = f"--out {out} is a file, not a folder"
-        raise OptionError(msg)
+    check_folder(out)
     from hdvplan.road.load import REFERENCE_SLACK, find_road
     from hdvplan.vehicle.load import load_vehicle
 
@@ -128,6 +126,7 @@ def need(
     for remark in track.notes:
         note(remark, quiet=quiet)
     check_fits(track, driven, None)
+    warn_far_regions(track, quiet=quiet)
     case = Case(track, driven, settings=settings)
     began = perf_counter()
     with progress(f"looking for the least room of {driven.name} on {track.name}", quiet=quiet) as on_progress:

@@ -67,7 +67,8 @@ def exit_code_of(result: Result, verdict: Verdict) -> ExitCode:
     if breach is not None and (hit is None or breach.depth >= -hit.distance):
         report_error(
             breach_text(result, breach),
-            f"this plan sweeps a half width of {verdict.half_width:.2f} m; `hdvplan need ROAD` finds the least room that a plan exists for",
+            f"this plan sweeps a half width of {verdict.half_width:.2f} m; "
+            "`hdvplan need ROAD --vehicle NAME` finds the least room that a plan exists for",
         )
     elif hit is not None:
         report_error(
@@ -79,6 +80,6 @@ def exit_code_of(result: Result, verdict: Verdict) -> ExitCode:
         report_error(
             f"only {kept:.3f} m of the wanted clearance of {verdict.clearance_wanted:.3f} m are kept "
             f"from {'an obstacle' if verdict.obstacle is not None else f'the {verdict.side} limit'} at s = {verdict.s:.1f} m",
-            "the vehicle fits without that clearance; `hdvplan need ROAD --clearance M` finds the room that it takes",
+            "the vehicle fits without that clearance; `hdvplan need ROAD --vehicle NAME --clearance M` finds the room that it takes",
         )
     return ExitCode.BROKEN

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdvplan.cli import completion
-from hdvplan.cli.checks import check_bias, check_fits, check_room, check_workers, reaches_of, sheet_options, warn_far_regions
+from hdvplan.cli.checks import check_bias, check_fits, check_folder, check_room, check_workers, reaches_of, sheet_options, warn_far_regions
 from hdvplan.cli.compiling import note_compiling
 from hdvplan.cli.console import note, print_json, print_line, progress
 from hdvplan.cli.help import OUTPUT, PLANNING, VEHICLE
@@ -186,9 +186,7 @@ def plan(
     reaches = reaches_of(half_width, left, right)
     check_workers(workers)
     drawn_on = sheet_options(sheet, scale)
-    if out is not None and out.exists() and not out.is_dir():
-        msg = f"--out {out} is a file, not a folder"
-        raise OptionError(msg)
+    check_folder(out)
     from hdvplan.planning.objective_names import check_objective
     from hdvplan.road.load import REFERENCE_SLACK, find_road
     from hdvplan.solvers.registry import DEFAULT, check_solver

@@ -7,16 +7,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hdvplan.cli.checks import check_folder
 from hdvplan.cli.compiling import note_compiling
-from hdvplan.cli.console import ExitCode, print_json, print_tables, progress
+from hdvplan.cli.console import ExitCode, print_json, print_tables, progress, rows_json
 from hdvplan.cli.help import OUTPUT
 from hdvplan.cli.options import JsonOption, QuietOption, choice
 from hdvplan.errors import OptionError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-    from pandas import DataFrame
 
     from hdvplan.reproduce.study import Progress, Study
 
@@ -48,9 +47,7 @@ def reproduce(
     published numbers and ours differ by more than the reading error, a remark says why, or that it is not explained.
     """
     chosen = NAMES if choice("NAME", name, [*NAMES, _ALL]) == _ALL else (name,)
-    if out.exists() and not out.is_dir():
-        msg = f"--out {out} is a file, not a folder"
-        raise OptionError(msg)
+    check_folder(out)
     from hdvplan.machine import use_one_thread
 
     use_one_thread()  # before anything imports NumPy
@@ -59,7 +56,7 @@ def reproduce(
     with progress("reproducing", quiet=quiet, undisturbed=True) as on_progress:
         studies = _run(chosen, out, on_progress)
     if json:
-        print_json({study.name: _rows(study.table()) for study in studies})
+        print_json({study.name: rows_json(study.table()) for study in studies})
     elif not quiet:
         _print(studies, out)
     return ExitCode.OK
@@ -105,8 +102,3 @@ def _print(studies: list[Study], out: Path) -> None:
     rows = table[columns].itertuples(index=False, name=None)
     caption = f"written to {out}/; {'NAME' if several else studies[0].name}.md has the remarks"
     print_tables(grid(title, columns, rows, text=("study", "quantity"), caption=caption))
-
-
-def _rows(table: DataFrame) -> list[dict[str, object]]:
-    """Return a table's rows for JSON, which has no NaN."""
-    return [{str(name): None if value != value else value for name, value in row.items()} for row in table.to_dict("records")]  # noqa: PLR0124 - NaN

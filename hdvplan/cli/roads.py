@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdvplan.cli import extract
+from hdvplan.cli.checks import warn_far_regions
 from hdvplan.cli.console import ExitCode, note, print_json, print_tables, progress
 from hdvplan.cli.help import OUTPUT, Command
 from hdvplan.cli.options import (
@@ -100,6 +101,7 @@ def road_info(
         track = found()
     for remark in track.notes:
         note(remark)
+    warn_far_regions(track, quiet=False)
     if half_width is not None:
         track = track.with_limits(half_width, half_width)
     vehicles = [load_vehicle(preset) for preset in preset_names()]

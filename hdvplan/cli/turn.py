@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdvplan.cli import completion
-from hdvplan.cli.console import ExitCode, print_json, print_tables, report_error
+from hdvplan.cli.checks import check_folder
+from hdvplan.cli.console import ExitCode, print_json, print_line, print_tables, report_error
 from hdvplan.cli.help import OUTPUT, VEHICLE
 from hdvplan.cli.options import JsonOption, QuietOption, choice, file_name
 from hdvplan.errors import OptionError
@@ -96,14 +97,12 @@ def turn(
     if vehicle is None:
         msg = "missing option '--vehicle'"
         raise OptionError(msg, hint="`hdvplan vehicles list` names the presets, `hdvplan turn --list` the templates")
-    if out is not None and out.exists() and not out.is_dir():
-        msg = f"--out {out} is a file, not a folder"
-        raise OptionError(msg)
+    check_folder(out)
     from hdvplan.report.turns import PICTURES, broken_words, turn_json, turn_table, verdict, write_turn
     from hdvplan.turning.turn import turn as drive
     from hdvplan.vehicle.load import load_vehicle
 
-    pictures = [choice("--format", kind, PICTURES) for kind in formats.split(",")] if plot else []
+    pictures = [choice("--format", kind.strip(), PICTURES) for kind in formats.split(",")] if plot else []
     wanted = _wanted(template, radius, angle, guide, ramp, standstill=standstill)
     found = drive(load_vehicle(vehicle), wanted)
     directory = out or Path(_folder(found))
@@ -115,7 +114,7 @@ def turn(
     if json:
         print_json(turn_json(found))
     elif not quiet:
-        typer.echo(verdict(found))
+        print_line(verdict(found))
         print_tables(turn_table(found, f"{directory}/"))
     broken = [limit for limit in found.limits if not limit.kept(found.figures)]
     for limit in broken:

@@ -19,6 +19,7 @@ from hdvplan.fileio import write_atomically
 from hdvplan.jit import FloatArray
 from hdvplan.report.payload import label_of, payload_of, tight_places
 from hdvplan.report.planfiles import PlanFiles, read_plan
+from hdvplan.road.regions import called
 from hdvplan.texts import encoded
 
 MOST_BREACHES = 20  # listed; the summary file holds all
@@ -169,7 +170,7 @@ def _panel(plan: PlanFiles, short: str, edges: FloatArray) -> Json:
             "depth": f"{breach['depth_m']:.3f}",
             "side": breach["side"],
             "body": breach["unit"],
-            "region": breach["region"],
+            "limit": _broken(breach),
         }
         for breach in breaches[:MOST_BREACHES]
     ]
@@ -191,6 +192,12 @@ def _panel(plan: PlanFiles, short: str, edges: FloatArray) -> Json:
         "times": _histogram(plan.steps["total_ms"].to_numpy(), edges),
         "notice": summary.get("notice"),
     }
+
+
+def _broken(breach: Json) -> str:
+    """Return what a breach is of: an obstacle, by its name, or a limit of the road, by what it binds."""
+    obstacle = breach.get("obstacle")
+    return str(breach["region"]) if obstacle is None else called(obstacle)
 
 
 def verdict_text(summary: Json) -> Json:

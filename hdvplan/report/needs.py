@@ -111,11 +111,10 @@ def _widening_line(need: Need) -> str:
         return f"NO: the {vehicle} does not fit, and no widening of the road's own limits would do{_why(need)}"
     area, depth = (area_of(_patches(need, widening)) for widening in (widenings.area, widenings.depth))
     both = widenings.area.result is not None and widenings.depth.result is not None
-    least = (
-        f"widening the road by {area:.1f} m2 {'would do' if both else 'is lacking at least'}, {widenings.area.depth:.2f} m at the deepest"
-    )
+    least = f"widening the road by {area:.1f} m2 would do" if both else f"at least {area:.1f} m2 of road are lacking"
+    deep = f"{widenings.area.depth:.2f} m at the deepest, or {depth:.1f} m2 nowhere deeper than {widenings.depth.depth:.2f} m"
     rest = "" if both else "; no plan along the whole road was found with it"
-    return f"NO: the {vehicle} does not fit; {least}, or {depth:.1f} m2 nowhere deeper than {widenings.depth.depth:.2f} m{rest}"
+    return f"NO: the {vehicle} does not fit; {least}, {deep}{rest}"
 
 
 def _why(need: Need) -> str:

@@ -11,11 +11,10 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
-from matplotlib.path import Path as Outline
-from shapely.geometry.base import BaseGeometry
 
 from hdvplan.judging.result import body_name
 from hdvplan.report.colours import BREACH, INK, MUTED
+from hdvplan.report.maps import outline_of, swept_label
 from hdvplan.report.style import body_colour, body_fill, styled
 from hdvplan.report.turns import swept_area, verdict, wheel_tracks
 from hdvplan.turning.follow import Followed
@@ -51,9 +50,8 @@ def draw_turn(axes: Axes, turn: Turn) -> None:
     driven, chart = turn.driven, chart_of(turn.driven)
     units = range(len(driven.vehicle.units))
     for unit in reversed(units):  # the lead unit on top: of the others shows what they sweep besides
-        name = body_name(driven.vehicle, unit)
-        label = f"swept by {name}" if unit == 0 else f"swept by {name} only"
-        axes.add_patch(PathPatch(_outline(swept_area(driven, unit)), facecolor=body_fill(unit), edgecolor="none", label=label))
+        shape, label = outline_of(swept_area(driven, unit)), swept_label(driven.vehicle, unit)
+        axes.add_patch(PathPatch(shape, facecolor=body_fill(unit), edgecolor="none", label=label))
     for unit, side, track in wheel_tracks(driven):
         label = "wheel tracks" if unit == 0 and side == "left" else ""
         axes.plot(*track.T, color=body_colour(unit), linewidth=0.6, label=label or None)
@@ -83,7 +81,7 @@ def compared_figure(first: Followed, second: Followed, names: tuple[str, str], t
         figure = Figure(figsize=(12.0, 5.6), layout="constrained")
         plane, reach = figure.subplots(1, 2, width_ratios=(1.0, 1.1))
         for number, (driven, name, colour) in enumerate(zip((first, second), names, colours, strict=True)):
-            area = _outline(shapely.union_all([swept_area(driven, unit) for unit in range(len(driven.vehicle.units))]))
+            area = outline_of(shapely.union_all([swept_area(driven, unit) for unit in range(len(driven.vehicle.units))]))
             fill = {"facecolor": body_fill(0) if number else "none", "edgecolor": colour, "linewidth": 1.6, "zorder": 2 - number}
             plane.add_patch(PathPatch(area, label=f"swept, {name}", **fill))
             band = band_of(driven)
@@ -170,12 +168,6 @@ def _shown_poses(driven: Followed) -> list[int]:
         return [0, len(driven.s) - 1]
     out = driven.path.starts[-1] - driven.manoeuvre.lead_out_of(driven.vehicle)
     return [0, int(driven.s.searchsorted(out)), len(driven.s) - 1]
-
-
-def _outline(area: BaseGeometry) -> Outline:
-    polygons = [part for part in shapely.get_parts(area) if isinstance(part, shapely.Polygon)]
-    rings = [ring for polygon in polygons for ring in (polygon.exterior, *polygon.interiors)]
-    return Outline.make_compound_path(*(Outline(np.asarray(ring.coords), closed=True) for ring in rings))
 
 
 def turns_figure(turns: Mapping[str, Turn], inside: Mapping[str, float]) -> Figure:

@@ -11,6 +11,7 @@ import numpy as np
 
 from hdvplan.errors import OptionError
 from hdvplan.spelling import did_you_mean, meant_by
+from hdvplan.texts import printable
 from hdvplan.turning.figures import Figures
 from hdvplan.turning.follow import tightest
 from hdvplan.turning.manoeuvre import GuidePoint, Manoeuvre, guide_offsets
@@ -126,10 +127,10 @@ def parse_template(text: str, *, default_name: str) -> Template:
     """
     try:
         document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:  # of a number of thousands of digits
         msg = f"template {default_name!r} is not valid TOML: {error}"
         raise OptionError(msg) from error
-    name = str(document.get("name", default_name))
+    name = printable(str(document.get("name", default_name)))
     where = f"template {name!r}"
     _check_keys(document, _TOP_KEYS, where)
     unit = document.get("length_unit", "m")
@@ -152,8 +153,11 @@ def parse_template(text: str, *, default_name: str) -> Template:
         raise OptionError(msg)
     point = guide_point(given.get("guide", GuidePoint.FRONT_AXLE), where)
     probe = Manoeuvre(1e3 if radius is None else radius, angle, point, standstill=standstill, **lengths)  # refuses what is no turn
+    if angle is None and "frontal_swing" in limits:
+        msg = f"{where}: frontal_swing is measured in the exit, and a full circle has none"
+        raise OptionError(msg, hint="give an angle, or leave frontal_swing out")
     demands = tuple(Limit(key, *_LIMITS[key], _number(limits, key, where) * METRES[unit]) for key in limits)
-    source = str(document.get("source", ""))
+    source = printable(str(document.get("source", "")))
     return Template(name, source, point, radius, angle, probe.ramp, probe.lead_in, probe.lead_out, standstill, demands)
 
 

@@ -50,8 +50,12 @@ def test_a_region_too_far_away_to_count_is_said(cli: Cli, tmp_path: Path) -> Non
     (tmp_path / "far.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": [road, van]}), encoding="utf-8")
     outcome = cli("plan", "far.geojson", *QUICK)
     assert outcome.code == 0
-    assert outcome.err.startswith("warning: 1 of 1 regions lie further than 20 m from the road and do not count, the nearest of them ")
-    (region,) = json.loads(cli("roads", "info", "far.geojson", "--json").out)["regions"]
+    said = "warning: 1 of 1 regions lie further than 20 m from the road and do not count, the nearest of them "
+    assert outcome.err.startswith(said)
+    assert cli("need", "far.geojson", "--vehicle", "bus", "--no-plot", "--no-proof").err.startswith(said)
+    outcome = cli("roads", "info", "far.geojson", "--json")
+    assert outcome.err.startswith(said)
+    (region,) = json.loads(outcome.out)["regions"]
     assert region["distance_m"] > 1e6
 
 

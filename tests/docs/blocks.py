@@ -18,10 +18,11 @@ import re
 import shlex
 from dataclasses import dataclass
 from pathlib import Path
+from textwrap import dedent
 
 from hdvplan.cli.app import run
 
-_FENCE = re.compile(r"^```(?P<info>[^`\n]*)\n(?P<body>.*?)^```$", re.DOTALL | re.MULTILINE)
+FENCE = re.compile(r"^(?P<indent> *)```(?P<info>[^`\n]*)\n(?P<body>.*?)^(?P=indent)```$", re.DOTALL | re.MULTILINE)  # also in a list
 _EXIT = re.compile(r"#\s*exit code (?P<codes>\d(?:(?:, | or )\d)*)")
 
 
@@ -43,9 +44,9 @@ class Block:
 def blocks_of(text: str) -> list[Block]:
     """Return the fenced blocks of a document in their order."""
     found = []
-    for match in _FENCE.finditer(text):
+    for match in FENCE.finditer(text):
         language, *words = match["info"].split() or [""]
-        found.append(Block(language, tuple(words), match["body"], text.count("\n", 0, match.start()) + 1))
+        found.append(Block(language, tuple(words), dedent(match["body"]), text.count("\n", 0, match.start()) + 1))
     return found
 
 

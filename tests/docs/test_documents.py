@@ -13,7 +13,9 @@ import pytest
 
 import hdvplan
 from hdvplan.report.summary import summary_of
-from tests.docs.blocks import Block, Reader, blocks_of, runnable
+from hdvplan.road.library import road_names
+from hdvplan.vehicle.load import preset_names
+from tests.docs.blocks import FENCE, Block, Reader, blocks_of, runnable
 
 ROOT = Path(__file__).parents[2]
 RUN = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -35,7 +37,7 @@ def _name(path: Path) -> str:
 
 def _prose(text: str) -> str:
     """Return a document without its code."""
-    return re.sub(r"`[^`\n]*`", "", re.sub(r"^```.*?^```$", "", text, flags=re.DOTALL | re.MULTILINE))
+    return re.sub(r"`[^`\n]*`", "", FENCE.sub("", text))
 
 
 def _has(words: tuple[str, ...], path: Path) -> bool:
@@ -145,6 +147,25 @@ def test_every_module_that_the_documents_point_at_exists() -> None:
             assert (ROOT / module).is_file(), f"{_name(path)} points at {module}"
 
 
+def test_the_design_explains_every_layer() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    layers = project["tool"]["importlinter"]["contracts"][0]["layers"]
+    design = (ROOT / "docs" / "design.md").read_text(encoding="utf-8")
+    for name in " | ".join(layers).split(" | "):
+        assert f"`{name}`" in design or f"`{name}.py`" in design, f"docs/design.md does not say what {name} owns"
+
+
+def test_what_the_documents_find_in_a_module_is_there() -> None:
+    found = [
+        (path, name, module)
+        for path in RUN
+        for name, module in re.findall(r"`(\w+)`\s(?:in\s|\()`((?:hdvplan|benchmarks|tests)/[\w/]+\.py)`", path.read_text(encoding="utf-8"))
+    ]
+    assert found
+    for path, name, module in found:
+        assert re.search(rf"\b{name}\b", (ROOT / module).read_text(encoding="utf-8")), f"{_name(path)} finds {name} in {module}"
+
+
 MODULES = [block for block in blocks_of((ROOT / "docs" / "extending.md").read_text(encoding="utf-8")) if block.body.startswith('"""')]
 
 
@@ -155,6 +176,23 @@ def test_modules_to_copy_pass_the_project_s_rules(block: Block, command: tuple[s
     file = str(ROOT / "hdvplan" / "solvers" / "mine.py")  # as if it stood there
     ran = subprocess.run([*arguments, "--stdin-filename", file, "-"], input=block.body, capture_output=True, text=True, check=False)  # noqa: S603
     assert ran.returncode == 0, ran.stdout
+
+
+def test_a_block_in_a_list_is_a_block_like_others() -> None:
+    listed = "- first:\n\n  ```sh\n  hdvplan solvers\n  ```\n\n- second\n\n```text output\nriccati\n```\n"
+    assert [(block.language, block.body, block.line) for block in blocks_of(listed)] == [
+        ("sh", "hdvplan solvers\n", 3),
+        ("text", "riccati\n", 9),
+    ]
+
+
+def test_the_documents_count_what_ships() -> None:
+    vehicles, roads = len(preset_names()), len(road_names())
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    verdicts = (ROOT / "results" / "widths" / "widths.csv").read_text(encoding="utf-8").count("\n") - 1  # less the header
+    for words in (f"{vehicles} presets", f"{roads} real roads ship", f"{verdicts} verdicts**: {roads} roads"):
+        assert words in readme
+    assert f"shows {vehicles} vehicles" in (ROOT / "docs" / "route-engineers.md").read_text(encoding="utf-8")
 
 
 def test_both_modules_to_copy_are_found() -> None:

@@ -9,8 +9,9 @@ import shapely
 from hdvplan.api import plan
 from hdvplan.case import Case
 from hdvplan.judging.verdict import verdict_of
-from hdvplan.need.answer import need_of
+from hdvplan.need.answer import Need, need_of
 from hdvplan.need.room import least_half_width
+from hdvplan.need.search import Least
 from hdvplan.need.stretch import stretch_of
 from hdvplan.need.widening import Widening, Widenings, least_widenings
 from hdvplan.report.needs import area_of, need_json, need_lines, patches_of
@@ -60,6 +61,15 @@ def test_the_least_area_is_smaller_and_the_least_depth_shallower(narrow: Case, f
     assert found.depth.depth < found.area.depth
     # An even widening by what is lacking would do, and no even widening by clearly less: 2 cm are tolerances of need and verdict.
     assert LACK_M - 0.03 < found.depth.depth < LACK_M + 0.03
+
+
+def test_a_widening_with_which_no_plan_was_found_is_told_as_what_is_lacking_at_least(narrow: Case, found: Widenings) -> None:
+    assert found.area is not None
+    nothing = Least(np.inf, None, 1.27, 15.0, 6, None)
+    need = Need(narrow, None, nothing, None, None, replace(found, area=replace(found.area, result=None)))
+    said = need_lines(need)[0]
+    assert said.startswith(f"NO: the bus does not fit; at least {need_json(need, 0.0)['widening_m2']:.1f} m2 of road are lacking, ")
+    assert said.endswith("; no plan along the whole road was found with it")
 
 
 def test_a_road_that_is_wide_enough_needs_no_widening(narrow: Case) -> None:

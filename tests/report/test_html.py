@@ -142,6 +142,13 @@ def test_obstacles_and_kerbs_come_with_their_distances_and_where_they_lie(straig
     assert 'class="swatch sweepable"' in page
 
 
+def test_a_breach_names_the_obstacle_that_is_entered_not_the_region_of_a_limit(plan: PlanFiles) -> None:
+    edge, *_ = plan.summary["breaches"]
+    for obstacle, said in (("hoarding", "the obstacle &#39;hoarding&#39;"), ("", "an obstacle"), (None, edge["region"])):
+        page = report_html([replace(plan, summary=plan.summary | {"breaches": [edge | {"obstacle": obstacle}]})], "one breach")
+        assert f'<td class="text">{edge["unit"]}</td><td class="text">{said}</td></tr>' in page
+
+
 @pytest.mark.parametrize("missing", ["summary.json", "path.csv", "profile.csv", "steps.csv", "regions.json"])
 def test_a_folder_without_a_whole_plan_is_refused(kerbed: Result, tmp_path: Path, missing: str) -> None:
     write_plan(kerbed, tmp_path)

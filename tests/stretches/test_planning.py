@@ -251,6 +251,26 @@ def test_a_long_road_that_is_too_narrow_is_told_with_exit_code_1(cli: Cli) -> No
     assert "breaks the left limit by" in outcome.err
 
 
+def test_an_error_on_a_long_road_names_the_obstacle_and_else_what_decides(capsys: pytest.CaptureFixture[str]) -> None:
+    text = "NO: 0.20 m lacking of the 0.30 m to keep at s = 7.0 m"
+    breach: dict[str, object] = {
+        "s_deepest": 100.0,
+        "depth_m": 0.3,
+        "side": "left",
+        "unit": "bus",
+        "part": "front corner",
+        "obstacle": "van",
+    }
+    cases: list[tuple[list[dict[str, object]], str]] = [
+        ([breach], "the front corner of the bus enters the obstacle 'van' by 0.300 m at s = 100.0 m"),
+        ([breach | {"obstacle": None}], "the front corner of the bus breaks the left limit by 0.300 m at s = 100.0 m"),
+        ([], text[4:]),
+    ]
+    for breaches, said in cases:
+        assert _exit_code({"verdict": {"fits": False, "text": text}, "breaches": breaches}) == 1
+        assert capsys.readouterr().err.startswith(f"error: {said}\nhint: summary.json ")
+
+
 @pytest.mark.usefixtures("_long_roads_are_short")
 @pytest.mark.parametrize("option", [("--sheet", "a3"), ("--animate",), ("--format", "dxf"), ("--bias", "centre", "--half-width", "4")])
 def test_what_long_roads_do_not_have_is_refused_in_one_line(cli: Cli, option: tuple[str, ...]) -> None:

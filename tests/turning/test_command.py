@@ -83,11 +83,11 @@ def test_json_has_the_agreed_names_and_nothing_else_is_said(cli: Cli) -> None:  
 def test_a_template_and_a_vehicle_of_one_s_own_run_from_files(cli: Cli, tmp_path: Path) -> None:  # noqa: F811
     (tmp_path / "gate.toml").write_text(TEMPLATE, encoding="utf-8")
     (tmp_path / "mine.toml").write_text(VEHICLE, encoding="utf-8")
-    outcome = cli("turn", "--vehicle", "mine.toml", "--template", "gate.toml", "--json", "--format", "svg")
+    outcome = cli("turn", "--vehicle", "mine.toml", "--template", "gate.toml", "--json", "--format", "svg, png")
     assert outcome.code == 0
     found = json.loads(outcome.out)
     assert (found["template"], found["radius_m"], found["complies"]) == ("depot gate", 45.0 * 0.3048, True)
-    assert (tmp_path / "depot-gate.mine" / "turn.svg").is_file()
+    assert {path.name for path in (tmp_path / "depot-gate.mine").glob("turn.???")} == {"turn.svg", "turn.png"}
 
 
 def test_the_list_names_every_template_in_a_terminal_s_width(cli: Cli) -> None:  # noqa: F811

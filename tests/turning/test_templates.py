@@ -64,6 +64,9 @@ def test_a_template_of_one_s_own_needs_a_radius_and_an_angle_alone() -> None:
         ("[manoeuvre]\nradius = 12\nangle = 90\n[limits]\ninside_radius = '5'", "inside_radius must be a number"),
         ("length_unit = 'yd'\n[manoeuvre]\nradius = 12\nangle = 90", "'m' or 'ft'"),
         ("length_unit = ['ft']\n[manoeuvre]\nradius = 12\nangle = 90", "'m' or 'ft'"),
+        ("[manoeuvre]\nradius = 12\nangle = 'steady'\n[limits]\nfrontal_swing = 0.5", "a full circle has none"),
+        (f"[manoeuvre]\nradius = 12\nangle = 1{'0' * 5000}", "not valid TOML"),
+        ("a = " + "[" * 5000, "not valid TOML"),
         ("manoeuvre = 3", "must be a table"),
         ("[turn]\nradius = 3", "unknown entry 'turn'"),
     ],
@@ -71,6 +74,12 @@ def test_a_template_of_one_s_own_needs_a_radius_and_an_angle_alone() -> None:
 def test_a_template_that_cannot_be_used_says_why(text: str, words: str) -> None:
     with pytest.raises(OptionError, match=words):
         parse_template(text, default_name="mine")
+
+
+def test_nothing_in_a_template_s_words_steers_a_terminal() -> None:
+    words = r'name = "red\u001b[31m"' + "\n" + r'source = "a\nb"' + "\n[manoeuvre]\nradius = 15\nangle = 90\n"
+    template = parse_template(words, default_name="mine")
+    assert (template.name, template.source) == (r"red\x1b[31m", "a b")
 
 
 def test_an_unknown_template_suggests_the_nearest() -> None:
