@@ -128,7 +128,8 @@ def test_what_neither_program_can_use_is_the_users_mistake(finished_run: Path, t
 
 def test_a_suite_is_written_out_in_full_so_that_no_sides_defaults_count(tmp_path: Path) -> None:
     other = Suite().to_dict() | {"slack": 0.3, "objective": "lead-axle", "rounds": 9}  # another version's defaults
-    for entries in (dict(SUITE), {"limits": False, "horizon": 50.0}, {"roads": ("uturn", 'a "road".csv'), "pinch": 0.3, "budget": 1.5}):
+    names = ('a "road".csv', "\U00020bb7.csv", "a\x7fb.csv", "a\\b.csv")
+    for entries in (dict(SUITE), {"limits": False, "horizon": 50.0}, {"roads": ("uturn", *names), "pinch": 0.3, "budget": 1.5}):
         wanted = suite_of(entries)
         (tmp_path / "suite.toml").write_text(suite_text(suite_entries(wanted, other)), encoding="utf-8")
         assert suite_of(other | read_suite(tmp_path / "suite.toml")) == wanted
