@@ -25,7 +25,11 @@ _TRIES, _PAUSE_S = 50, 0.05
 # started it, and ours has loaded tables and plots.
 _BETWEEN = """
 import json, resource, subprocess, sys
-code = subprocess.call(sys.argv[2:])
+try:
+    code = subprocess.call(sys.argv[2:])
+except OSError as error:
+    print(f"error: {sys.argv[2]} cannot be started: {error.strerror}", file=sys.stderr)
+    sys.exit(127)
 peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
 with open(sys.argv[1], "w") as file:
     json.dump({"peak_bytes": peak}, file)

@@ -155,3 +155,11 @@ def test_reports_of_an_earlier_comparison_are_not_taken_for_those_of_one_that_wa
     outcome = cli("bench", "--against", "HEAD", "--command", "python ours.py", "--out", str(out), "--json")
     assert (outcome.code, json.loads(outcome.out)["summary"]) == (130, "interrupted")
     assert [path.name for path in out.iterdir()] == ["notes.txt"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a process between would say so")
+def test_a_command_that_neither_side_has_is_the_users_mistake(cli: Cli, theirs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(theirs)
+    outcome = cli("bench", "--against", "HEAD", "--command", "no-such-planner", "--quiet", "--out", str(theirs.parent / "gate"))
+    assert outcome.code == 2
+    assert "says: no-such-planner cannot be started: No such file or directory" in outcome.err
