@@ -53,6 +53,7 @@ class Comparison:
     failure: Failure | None = None
     origin: Origin | None = None  # where the worst of it began
     hotspots: tuple[Hotspot, ...] = ()  # functions that take longer, the worst first
+    expected: bool = False  # changed counters are no regression, as the user expects them
 
 
 def compare(base: Side, new: Side, rule: Rule, tolerance: Tolerance, *, expect_changes: bool) -> Comparison:
@@ -75,6 +76,7 @@ def compare(base: Side, new: Side, rule: Rule, tolerance: Tolerance, *, expect_c
         verdict,
         min(len(base.processes), len(new.processes)),
         found,
+        expected=expect_changes,
     )
 
 
