@@ -26,7 +26,7 @@ from hdvplan.fileio import json_bytes, write_atomically
 SUITE: Mapping[str, object] = {"roads": ("uturn", "monaco_fairmont_hairpin"), "solvers": ("riccati",), "rounds": 6}
 SIDES = ("base", "new")
 REPORTS = ("comparison.json", "junit.xml", "benchmark.json", "bencher.json", "summary.md", "suite.toml")  # beside the sides' folders
-_BAD_USE = 2  # exit code
+_BAD_USE = (2, 126, 127)  # exit codes: of hdvplan, and of what cannot be started
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def measure_against(
             if pair + 1 == BATCH and first.verdict is Verdict.REGRESSED and not _in_times(first):
                 return first  # counters are the same in every process
     except _SideError as blamed:
-        if blamed.side == SIDES[0] and blamed.error.code == _BAD_USE and _fails_too(begun.get(SIDES[1]), new.program):
+        if blamed.side == SIDES[0] and blamed.error.code in _BAD_USE and _fails_too(begun.get(SIDES[1]), new.program):
             raise OptionError(str(blamed.error), hint=blamed.error.hint) from blamed.error
         return failed(blamed.side, str(blamed.error), blamed.error.tail)
     return compared(out, settings)
@@ -121,9 +121,14 @@ def _blamed(side: str) -> Iterator[None]:
 
 
 def compared(out: Path, settings: Settings) -> Comparison:
-    """Return the comparison of what is in ``out``."""
-    base, new = (read_side(out / side) for side in SIDES)
-    return compare(base, new, settings.rule, Tolerance(), expect_changes=settings.expect_changes)
+    """Return the comparison of what is in ``out``; a side that cannot be read is one that failed."""
+    sides = {}
+    for side in SIDES:
+        try:
+            sides[side] = read_side(out / side)
+        except OptionError as error:  # what was measured a moment ago: its program wrote something else
+            return failed(side, str(error), "")
+    return compare(sides[SIDES[0]], sides[SIDES[1]], settings.rule, Tolerance(), expect_changes=settings.expect_changes)
 
 
 def _in_times(comparison: Comparison) -> bool:
@@ -139,7 +144,7 @@ def _fails_too(begun: tuple[Started, Path, Path] | None, program: Program) -> bo
     try:
         program.finish(begun[0])
     except ProgramError as error:
-        return error.code == _BAD_USE
+        return error.code in _BAD_USE
     return False
 
 

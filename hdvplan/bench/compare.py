@@ -14,8 +14,8 @@ from hdvplan.bench.gate import Decision, Rule, Verdict, judge
 from hdvplan.bench.hotspots import Hotspot
 from hdvplan.bench.joint import FEWEST, LEVEL
 from hdvplan.bench.origin import Origin
-from hdvplan.bench.samples import CRASHED, FAILED, HUNG, OK, OUT_OF_MEMORY
-from hdvplan.bench.sides import Name, Side, Steps
+from hdvplan.bench.samples import LOST, OK
+from hdvplan.bench.sides import Name, Side
 from hdvplan.bench.statistics import Found, joint_findings
 from hdvplan.bench.where import Place, place_of
 from hdvplan.jit import FloatArray
@@ -53,6 +53,7 @@ class Comparison:
     failure: Failure | None = None
     origin: Origin | None = None  # where the worst of it began
     hotspots: tuple[Hotspot, ...] = ()  # functions that take longer, the worst first
+    expected: bool = False  # changed counters are no regression, as the user expects them
 
 
 def compare(base: Side, new: Side, rule: Rule, tolerance: Tolerance, *, expect_changes: bool) -> Comparison:
@@ -60,9 +61,9 @@ def compare(base: Side, new: Side, rule: Rule, tolerance: Tolerance, *, expect_c
 
     What was planned before and is not any more is one in any case.
     """
-    changes = (*changes_of(base.counters, new.counters, tolerance), *_own_changes(base, new))
-    names = [name for name in base.processes[0] if all(name in process for process in (*base.processes, *new.processes))]
-    pairs = {name: _pairs([one[name] for one in base.processes], [one[name] for one in new.processes]) for name in names}
+    changes = (*changes_of(base.counters, new.counters, tolerance), *_own_changes(base, new), *_lost_changes(base, new))
+    names = [name for name in _names(base) if name in _names(new)]
+    pairs = {name: _pairs(base, new, name) for name in names}
     decisions = {name: None if both is None else judge(*both, rule) for name, both in pairs.items()}
     ratios = {name: both[1].mean(axis=1) / both[0].mean(axis=1) for name, both in pairs.items() if both is not None and _known(*both)}
     found, agreed = joint_findings(base, new, rule, ratios)
@@ -75,6 +76,7 @@ def compare(base: Side, new: Side, rule: Rule, tolerance: Tolerance, *, expect_c
         verdict,
         min(len(base.processes), len(new.processes)),
         found,
+        expected=expect_changes,
     )
 
 
@@ -92,7 +94,7 @@ def failed(side: str, message: str, tail: str) -> Comparison:
 
 def no_longer_planned(change: Change) -> bool:
     """Tell whether a change is a cell that was planned to its end before, and is not now."""
-    lost = change.counter == "status" and change.base == OK and change.new in {FAILED, CRASHED, HUNG, OUT_OF_MEMORY}
+    lost = change.counter == "status" and change.base == OK and change.new in LOST
     return lost or (change.counter == "cell" and change.new == "missing")
 
 
@@ -133,8 +135,21 @@ def _verdict(changes: tuple[Change, ...], times: tuple[CellTimes, ...], found: t
     return Verdict.FINE if verdicts == {Verdict.FINE} and Verdict.UNMEASURABLE not in wider else Verdict.UNMEASURABLE
 
 
-def _pairs(base: list[Steps], new: list[Steps]) -> tuple[FloatArray, FloatArray] | None:
-    """Return the (pairs, steps) times of both sides' processes, as many processes and rounds of both; None where steps differ."""
+def _lost_changes(base: Side, new: Side) -> list[Change]:
+    """Return the cells that the new program lost in some of its processes, and the base in none."""
+    return [Change(cell, "status", OK, status) for cell, status in new.lost.items() if cell not in base.lost]
+
+
+def _names(side: Side) -> dict[Name, None]:
+    """Return the cells of which any process has steps."""
+    return dict.fromkeys(name for process in side.processes for name in process)
+
+
+def _pairs(before: Side, now: Side, name: Name) -> tuple[FloatArray, FloatArray] | None:
+    """Return the (pairs, steps) times of a cell, as many processes and rounds of both; None where steps differ, or a process has none."""
+    base, new = ([process[name] for process in side.processes if name in process] for side in (before, now))
+    if len(base) < len(before.processes) or len(new) < len(now.processes):
+        return None
     if len({steps.total.shape[1] for steps in (*base, *new)}) > 1:
         return None
     processes, rounds = min(len(base), len(new)), min(len(steps.total) for steps in (*base, *new))

@@ -22,6 +22,7 @@ from hdvplan.bench.revisions import Revision, revisions_since
 from hdvplan.bench.suite import Suite
 from hdvplan.bench.work import CommandWork, SuiteWork, Work, placed, suite_entries, suite_text
 from hdvplan.errors import MeasurementError, OptionError
+from hdvplan.texts import encoded
 
 _BASE, _NEW = "base", "new"
 
@@ -64,7 +65,7 @@ def guard(wanted: Wanted, out: Path, told: Told) -> Comparison:
         for report in REPORTS:
             (out / report).unlink(missing_ok=True)
         if isinstance(wanted.work, Suite):
-            (out / "suite.toml").write_text(suite_text(suite_entries(placed(wanted.work), wanted.work.to_dict())), encoding="utf-8")
+            (out / "suite.toml").write_bytes(encoded(suite_text(suite_entries(placed(wanted.work), wanted.work.to_dict()))))
         return _compared(
             lambda: base_program(named, here, scratch, cache, told.step),
             lambda: new_program(here, scratch, cache, told.step, apart),
@@ -152,5 +153,5 @@ def _work(program: Program, wanted: Suite | CommandWork, scratch: Scratch, side:
     if isinstance(wanted, CommandWork):
         return wanted
     file = scratch.folder / f"{side}.toml"
-    file.write_text(suite_text(suite_entries(placed(wanted), program.suite_defaults(scratch))), encoding="utf-8")
+    file.write_bytes(encoded(suite_text(suite_entries(placed(wanted), program.suite_defaults(scratch)))))
     return SuiteWork(file)

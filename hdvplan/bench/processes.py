@@ -29,7 +29,11 @@ _BETWEEN = """
 import json, os, resource, subprocess, sys
 if sys.argv[2]:
     os.sched_setaffinity(0, {int(sys.argv[2])})
-code = subprocess.call(sys.argv[3:], close_fds=False)
+try:
+    code = subprocess.call(sys.argv[3:], close_fds=False)
+except OSError as error:
+    print(f"error: {sys.argv[3]} cannot be started: {error.strerror}", file=sys.stderr)
+    sys.exit(127)
 peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
 with open(sys.argv[1], "w") as file:
     json.dump({"peak_bytes": peak}, file)

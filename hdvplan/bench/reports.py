@@ -76,8 +76,10 @@ def junit_xml(comparison: Comparison, rule: Rule) -> bytes:
     failure = comparison.failure
     kind = None if failure is None else "error" if comparison.verdict is Verdict.REGRESSED else "skipped"
     cases.append(("programs", "both run", kind, "" if failure is None else f"{failure.message}\n{failure.tail}"))
-    counted = "failure" if comparison.verdict is Verdict.REGRESSED else None
-    cases += [("counters", cell_words(cell), counted, _changed_words(changes)) for cell, changes in _changed(comparison).items()]
+    cases += [
+        ("counters", cell_words(cell), "failure" if _counts(changes, comparison) else None, _changed_words(changes))
+        for cell, changes in _changed(comparison).items()
+    ]
     for entry in comparison.times:
         verdict = entry.decision.verdict if entry.decision else Verdict.UNMEASURABLE
         cases.append(("mean planning step", cell_words(entry.cell), _KINDS[verdict], _words(entry)))
@@ -117,15 +119,18 @@ def github_annotations(comparison: Comparison, rule: Rule) -> list[str]:
         for one in comparison.found
         if one.verdict is Verdict.REGRESSED
     ]
-    counted = "error" if comparison.verdict is Verdict.REGRESSED else "notice"
     worse += [
-        ((2 if any(map(no_longer_planned, changes)) else 0, 0.0), counted, f"{cell_words(cell)}: {_changed_words(changes)}")
+        (
+            (2 if any(map(no_longer_planned, changes)) else 0, 0.0),
+            "error" if _counts(changes, comparison) else "notice",
+            f"{cell_words(cell)}: {_changed_words(changes)}",
+        )
         for cell, changes in _changed(comparison).items()
     ]
     found += [_command(mark, words) for _, mark, words in sorted(worse, key=lambda entry: entry[0], reverse=True)]
     if len(found) <= _SHOWN:
         return found
-    return [*found[: _SHOWN - 1], _command(counted, f"and {len(found) - _SHOWN + 1} more: the summary of this step has all")]
+    return [*found[: _SHOWN - 1], _command(kind, f"and {len(found) - _SHOWN + 1} more: the summary of this step has all")]
 
 
 def refusal_annotation(message: str, hint: str | None) -> str:
@@ -142,6 +147,11 @@ def _changed(comparison: Comparison) -> dict[tuple[str, ...], list[Change]]:
     for change in comparison.changes:
         found.setdefault(change.cell, []).append(change)
     return found
+
+
+def _counts(changes: Sequence[Change], comparison: Comparison) -> bool:
+    """Tell whether the changed counters of a cell are a regression."""
+    return not comparison.expected or any(map(no_longer_planned, changes))
 
 
 def _changed_words(changes: Sequence[Change]) -> str:

@@ -29,6 +29,7 @@ DISTANCES = ("distance_m", "distance_u", "scale")  # see ``ReferenceCheck.take``
 OK, FAILED, OVER_BUDGET = "ok", "failed", "over budget"
 UNRECORDED = "nothing recorded"  # of a sample: the reference cannot drive the course, whatever the solver
 CRASHED, HUNG, OUT_OF_MEMORY = "crashed", "out of time", "out of memory"
+LOST = frozenset({FAILED, CRASHED, HUNG, OUT_OF_MEMORY})  # no plan, which is no matter of a budget
 
 
 @dataclass(frozen=True)

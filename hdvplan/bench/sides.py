@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from hdvplan.bench.counters import counters_of
+from hdvplan.bench.samples import LOST, OK
 from hdvplan.bench.stats import keyed
 from hdvplan.bench.suite import AS_SET, KEY
 from hdvplan.bench.work import ABOUT, STEPS, OwnSteps, steps_of
@@ -48,6 +49,7 @@ class Side:
     processes: tuple[Mapping[Name, Steps], ...]
     about: tuple[Mapping[str, float], ...] = ()  # of every process as a whole: IMPORT [s], PEAK [bytes]
     own: Mapping[Name, Mapping[str, object]] = field(default_factory=dict)  # counters that a user's command printed
+    lost: Mapping[Name, str] = field(default_factory=dict)  # cells that ended well in the first process, and how they did in a later one
 
 
 def read_side(path: Path) -> Side:
@@ -70,7 +72,8 @@ def read_side(path: Path) -> Side:
     tables = [_tables(folder) for folder in folders]
     timing, envelope, samples = tables[0]
     try:
-        return Side(counters_of(samples, timing, envelope), tuple(times_of(samples) for _, _, samples in tables), about)
+        times = tuple(times_of(samples) for _, _, samples in tables)
+        return Side(counters_of(samples, timing, envelope), times, about, lost=_lost([timing for timing, _, _ in tables]))
     except (ArithmeticError, LookupError, TypeError, ValueError) as error:  # a damaged table may hold anything
         msg = f"{path} cannot be read: its tables are not those of hdvplan bench"
         raise OptionError(msg, hint="measure it again") from error
@@ -98,6 +101,15 @@ def times_of(samples: pd.DataFrame) -> dict[Name, Steps]:
             places,
         )
     return cells
+
+
+def _lost(timings: Sequence[pd.DataFrame]) -> dict[Name, str]:
+    """Return the cells that ended well in the first process, and crashed or failed in a later one."""
+    first, *later = (
+        {tuple(map(str, key)): str(status) for *key, status in timing[[*KEY, "status"]].itertuples(index=False, name=None)}
+        for timing in timings
+    )
+    return {cell: status for ended in later for cell, status in ended.items() if first.get(cell) == OK and status in LOST}
 
 
 def _tables(folder: Path) -> list[pd.DataFrame]:

@@ -55,6 +55,9 @@ class SuiteWork:
 
     def keep(self, ended: Ended, out: Path) -> None:
         """See ``Work``: the benchmark has written its run directory."""
+        if not (out / "run.json").is_file():
+            msg = f"it ended well, but there is no benchmark in {out}"
+            raise ProgramError(msg, tail=ended.tail)
 
     def profiled(self, program: Program, out: Path, file: Path) -> list[str] | None:
         """See ``Work``; in one process, as cProfile sees no other."""
@@ -77,9 +80,9 @@ class CommandWork:
         """See ``Work``."""
         lines = ended.printed.strip().splitlines()
         try:
-            told = json.loads(ended.printed if ended.printed.strip().startswith("{") else lines[-1])
+            told = json.loads(lines[-1] if lines[-1].lstrip().startswith("{") else ended.printed, parse_constant=_refused)
             steps_of(told)
-        except (ValueError, IndexError) as error:
+        except (ValueError, IndexError, RecursionError) as error:
             reason = str(error) if lines and lines[-1].lstrip().startswith("{") else f"its last line is {(lines or ['nothing'])[-1][:80]!r}"
             msg = f"{self.words[0]} prints no planning times: {reason}"
             raise ProgramError(msg, tail="\n".join(lines[-5:]), hint=_HINT) from error
@@ -101,6 +104,12 @@ class OwnSteps:
     first: FloatArray  # (rounds,) or empty: the first plan, made from nothing [s]
     s: FloatArray  # (steps,) arclength where each begins [m]; NaN where it is not told
     counters: Mapping[str, object]
+
+
+def _refused(name: str) -> None:
+    """Refuse what Python's reader of JSON takes for a number, and no other does."""
+    msg = f"{name} is no number"
+    raise ValueError(msg)
 
 
 def steps_of(told: object) -> dict[str, OwnSteps]:
@@ -135,7 +144,7 @@ def _cell(name: str, cell: Mapping[str, object]) -> OwnSteps:
 def _numbers(name: str, key: str, value: object) -> FloatArray:
     try:
         numbers = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         msg = f"{name}: {key} is not a list of numbers"
         raise ValueError(msg) from error
     if not np.all(np.isfinite(numbers)):
@@ -165,8 +174,12 @@ def suite_entries(suite: Suite, known: Mapping[str, object]) -> dict[str, object
 
 
 def suite_text(entries: Mapping[str, object]) -> str:
-    """Return entries of a suite as TOML; words, numbers, truth values and lists of words stand there as in JSON."""
-    return "".join(f"{name} = {json.dumps(value)}\n" for name, value in entries.items())
+    """Return entries of a suite as TOML; words, numbers, truth values and lists of words stand there as in JSON.
+
+    TOML has no surrogate pairs and no bare delete, which JSON has.
+    """
+    lines = (f"{name} = {json.dumps(value, ensure_ascii=False)}\n" for name, value in entries.items())
+    return "".join(lines).replace("\x7f", "\\u007f")
 
 
 def placed(suite: Suite) -> Suite:

@@ -16,7 +16,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from hdvplan.bench.against import SUITE, Contender, Settings, measure_against
+from hdvplan.bench.against import SUITE, Contender, Settings, compared, measure_against
 from hdvplan.bench.compare import Comparison
 from hdvplan.bench.gate import Rule, Verdict
 from hdvplan.bench.processes import Scratch, Started, Turns, scratch_folder, start
@@ -128,7 +128,8 @@ def test_what_neither_program_can_use_is_the_users_mistake(finished_run: Path, t
 
 def test_a_suite_is_written_out_in_full_so_that_no_sides_defaults_count(tmp_path: Path) -> None:
     other = Suite().to_dict() | {"slack": 0.3, "objective": "lead-axle", "rounds": 9}  # another version's defaults
-    for entries in (dict(SUITE), {"limits": False, "horizon": 50.0}, {"roads": ("uturn", 'a "road".csv'), "pinch": 0.3, "budget": 1.5}):
+    names = ('a "road".csv', "\U00020bb7.csv", "a\x7fb.csv", "a\\b.csv")
+    for entries in (dict(SUITE), {"limits": False, "horizon": 50.0}, {"roads": ("uturn", *names), "pinch": 0.3, "budget": 1.5}):
         wanted = suite_of(entries)
         (tmp_path / "suite.toml").write_text(suite_text(suite_entries(wanted, other)), encoding="utf-8")
         assert suite_of(other | read_suite(tmp_path / "suite.toml")) == wanted
@@ -222,3 +223,14 @@ def test_an_objective_of_ones_own_is_loaded_by_the_programs_that_are_compared_al
     outcome = cli("bench", "--objective", "nowhere:middle")
     assert outcome.code == 2
     assert outcome.err.startswith("error: objective 'nowhere:middle' cannot be loaded: ModuleNotFoundError")
+
+
+def test_a_side_that_left_no_benchmark_that_can_be_read_is_one_that_failed(finished_run: Path, tmp_path: Path) -> None:
+    for name in ("base", "new"):
+        shutil.copytree(finished_run, tmp_path / name / "00")
+    settings = Settings(Rule(), expect_changes=False)
+    for name, verdict in (("new", Verdict.REGRESSED), ("base", Verdict.UNMEASURABLE)):
+        (tmp_path / name / "00" / "samples.csv.gz").write_bytes(b"")
+        comparison = compared(tmp_path, settings)
+        assert comparison.failure is not None
+        assert (comparison.verdict, comparison.failure.side) == (verdict, name)

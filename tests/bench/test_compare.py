@@ -14,7 +14,7 @@ import pytest
 from hdvplan.bench.compare import Comparison, compare, compare_counters
 from hdvplan.bench.counters import Tolerance, counters_of, read_counters, write_counters
 from hdvplan.bench.gate import Rule, Verdict
-from hdvplan.bench.samples import FAILED, OVER_BUDGET, Measurement
+from hdvplan.bench.samples import CRASHED, FAILED, OVER_BUDGET, Measurement
 from hdvplan.bench.sides import Side, read_side, times_of
 from hdvplan.bench.stats import samples_of, tables_of
 from hdvplan.bench.suite import Cell
@@ -152,6 +152,36 @@ def test_a_cell_that_one_side_lacks_is_a_change() -> None:
     (change,) = held(whole, without).changes
     assert (change.cell[2], change.counter, change.base, change.new) == ("sqp", "cell", "measured", "missing")
     assert held(whole, without).verdict is Verdict.REGRESSED
+
+
+def test_a_cell_that_crashes_in_one_process_of_several_is_a_lost_plan_and_never_left_out() -> None:
+    whole = side()
+    others = {name: steps for name, steps in whole.processes[2].items() if name != KEY}
+    flaky = replace(whole, processes=(*whole.processes[:2], others), lost={KEY: CRASHED})
+    for expect_changes in (False, True):
+        comparison = held(whole, flaky, expect_changes=expect_changes)
+        assert comparison.verdict is Verdict.REGRESSED
+        (change,) = comparison.changes
+        assert (change.cell, change.counter, change.base, change.new) == (KEY, "status", "ok", "crashed")
+    for base, new in ((flaky, whole), (flaky, flaky)):  # which says nothing about the new program
+        comparison = held(base, new)
+        assert comparison.verdict is Verdict.UNMEASURABLE
+        assert [entry.decision is None for entry in comparison.times] == [True, False]
+
+
+def test_a_crash_in_a_later_process_is_read(two_runs: tuple[Path, Path], tmp_path: Path) -> None:
+    for number in range(3):
+        shutil.copytree(two_runs[0], tmp_path / "runs" / f"{number:02d}")
+    last = tmp_path / "runs" / "02"
+    timing = pd.read_csv(last / "timing.csv")
+    crashed = timing["solver"] == "piqp"
+    timing.assign(status=timing["status"].where(~crashed, CRASHED)).to_csv(last / "timing.csv", index=False)
+    rewrite(last, lambda samples: samples[samples["solver"] != "piqp"])
+    found = read_side(tmp_path / "runs")
+    ((cell, status),) = found.lost.items()
+    assert (cell[3], status) == ("piqp", "crashed")
+    assert cell in found.processes[0]
+    assert read_side(two_runs[0]).lost == {}
 
 
 def test_of_one_process_a_side_the_rounds_count_and_three_are_needed() -> None:

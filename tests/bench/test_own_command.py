@@ -15,7 +15,7 @@ from hdvplan.bench.against import REPORTS
 from hdvplan.bench.processes import Ended
 from hdvplan.bench.programs import ProgramError
 from hdvplan.bench.sides import own_name, read_side
-from hdvplan.bench.work import CommandWork, command_words, steps_of
+from hdvplan.bench.work import CommandWork, SuiteWork, command_words, steps_of
 from hdvplan.errors import OptionError
 from tests.bench.conftest import Cli
 
@@ -48,11 +48,35 @@ def test_what_is_no_list_of_times_is_refused(told: object) -> None:
         steps_of(told)
 
 
-@pytest.mark.parametrize("printed", ["", "hello\n", "{]\n", '{"cells": {"a": [0]}}\n'])
+@pytest.mark.parametrize(
+    "printed",
+    [
+        "", "hello\n", "{]\n", '{"cells": {"a": [0]}}\n', '{"cells": {"a": [1]}}\nhello\n', '{"cells": {"a": [1' + "0" * 400 + "]}}",
+        '{"cells": {"a": {"steps_s": [1], "counters": {"gap": NaN}}}}\n', pytest.param('{"cells": ' + "[" * 100_000, id="nested"),
+    ],
+)  # fmt: skip
 def test_a_command_that_prints_no_times_is_a_failed_program(printed: str, tmp_path: Path) -> None:
     with pytest.raises(ProgramError, match="ours prints no planning times") as caught:
         CommandWork(("ours",)).keep(Ended(0, printed, "", None), tmp_path / "00")
     assert "steps_s" in str(caught.value.hint)
+
+
+@pytest.mark.parametrize(
+    "printed",
+    [
+        '{"level": "info"}\n{"cells": {"a": [0.001]}}\n',
+        "loading {\n" + '{"cells": {"a": [0.001]}}',
+        '{\n "cells": {\n  "a": [0.001]\n }\n}\n',
+    ],
+)
+def test_the_last_line_counts_whatever_a_log_says_before_and_json_may_have_several_lines(printed: str, tmp_path: Path) -> None:
+    CommandWork(("ours",)).keep(Ended(0, printed, "", None), tmp_path / "00")
+    assert json.loads((tmp_path / "00" / "steps.json").read_text(encoding="utf-8")) == {"cells": {"a": [0.001]}}
+
+
+def test_a_suite_that_ends_well_without_a_benchmark_is_a_failed_program(tmp_path: Path) -> None:
+    with pytest.raises(ProgramError, match="there is no benchmark in"):
+        SuiteWork(tmp_path / "suite.toml").keep(Ended(0, "", "", None), tmp_path / "00")
 
 
 def test_words_are_split_as_a_shell_would_and_nothing_else_is_done() -> None:
@@ -167,3 +191,11 @@ def test_reports_of_an_earlier_comparison_are_not_taken_for_those_of_one_that_wa
     outcome = cli("bench", "--against", "HEAD", "--command", "python ours.py", "--out", str(out), "--json")
     assert (outcome.code, json.loads(outcome.out)["summary"]) == (130, "interrupted")
     assert [path.name for path in out.iterdir()] == ["notes.txt"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a process between would say so")
+def test_a_command_that_neither_side_has_is_the_users_mistake(cli: Cli, theirs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(theirs)
+    outcome = cli("bench", "--against", "HEAD", "--command", "no-such-planner", "--quiet", "--out", str(theirs.parent / "gate"))
+    assert outcome.code == 2
+    assert "says: no-such-planner cannot be started: No such file or directory" in outcome.err

@@ -222,3 +222,17 @@ def test_github_shows_the_verdict_then_the_worst_and_counts_what_it_would_drop()
     assert [line.removeprefix("::error title=planning time::") for line in few[1:]] == [
         "road 0 bus rti riccati: qps was 3, is 4; iterations was 3, is 4"
     ]
+
+
+def test_counters_that_were_expected_to_change_are_no_failures_beside_what_is_slower() -> None:
+    slower = replace(held(side(1, lambda steps, _: added(steps, 0.3 * steps.total))), found=())
+    changed = replace(slower, changes=(Change(CELLS[0], "iterations", "3", "4"), Change(CELLS[1], "status", "ok", "crashed")))
+    for expected, marks, failures in ((False, ("error", "error"), 2), (True, ("notice", "error"), 1)):
+        comparison = replace(changed, expected=expected)
+        lines = github_annotations(comparison, Rule())
+        told = [next(line for line in lines if words in line) for words in ("iterations was", "status was")]
+        assert tuple(line.split(" ")[0].strip(":") for line in told) == marks
+        suite = fromstring(junit_xml(comparison, Rule()))  # noqa: S314 - our own
+        cases = [case for case in suite.iter("testcase") if case.get("classname") == "counters"]
+        assert sum(case.find("failure") is not None for case in cases) == failures
+    assert compare(side(0), side(1), Rule(), Tolerance(), expect_changes=True).expected
