@@ -97,7 +97,6 @@ def test_the_page_is_whole_offline_and_takes_names_for_text(folder: Path) -> Non
     assert "<td>1 of 2</td><td>2 of 2</td>" in page
 
 
-@pytest.mark.parametrize("limits", ["half_widths = [1.625]", "left = [1.625]\nright = [1.5]", ""], ids=["even", "uneven", "own"])
 def test_the_page_holds_no_more_lines_than_it_shows(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hdvplan.study.map_page.MOST_ROADS", 1)
     (folder / "other.geojson").write_text((folder / "lane.geojson").read_text(encoding="utf-8"), encoding="utf-8")
@@ -109,6 +108,7 @@ def test_the_page_holds_no_more_lines_than_it_shows(folder: Path, monkeypatch: p
     assert "Not shown: 1 roads and 0 places" in page
 
 
+@pytest.mark.parametrize("limits", ["half_widths = [1.625]", "left = [1.625]\nright = [1.5]", ""], ids=["even", "uneven", "own"])
 def test_places_on_the_page_have_one_of_the_widths_to_choose_from(folder: Path, limits: str) -> None:
     lane = json.loads((folder / "lane.geojson").read_text(encoding="utf-8"))
     lane["properties"] |= {"left_m": 1.3, "right_m": 1.3}
