@@ -160,7 +160,9 @@ FIGURES = (
     ),
     Figure(GUARDING, "The longest of the former took {} s, of the latter {} s.", tables.gate_seconds),
     Figure(
-        GUARDING, "differed from each other by up to {} % (standard deviation), and the two of a pair by up to {} %.", tables.gate_noise
+        GUARDING,
+        "from pair to pair by {} % (standard deviation; {} % under load), and within a pair by {} % ({} % under load).",
+        tables.gate_noise,
     ),
 )
 
