@@ -12,6 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from hdvplan.errors import TurnError
 from hdvplan.jit import BoolArray, FloatArray
 from hdvplan.turning.follow import Followed
 
@@ -119,6 +120,10 @@ def band_of(driven: Followed, *, joined: bool = True) -> Band:
 
     Without ``joined`` only the poses themselves are covered: an outline drawn every so often. Of a full circle it is the band
     of the last quarter turn.
+
+    Raises:
+        TurnError: no cross-section of a full circle is passed by all of every body: the circle's centre is within one, or nearly so.
+
     """
     chart, driven = chart_of(driven), _steady_part(driven)
     tracks = []
@@ -131,6 +136,10 @@ def band_of(driven: Followed, *, joined: bool = True) -> Band:
     begin, end = min(low for low, _ in ends), max(high for _, high in ends)
     if driven.manoeuvre.angle is None:  # what every body has passed
         begin, end = max(t[0].max() for t, _ in tracks), min(t[-1].min() for t, _ in tracks)
+        if end <= begin:
+            radius, name = driven.manoeuvre.radius, driven.vehicle.name
+            msg = f"on a radius of {radius:.2f} m the {name} reaches around the circle's centre: the band that it sweeps has no inner edge"
+            raise TurnError(msg, radius_m=radius, hint="choose a larger radius")
     first = np.floor(begin / STATION_M)
     count = int(np.ceil(end / STATION_M) - first) + 1
     stations = STATION_M * (first + np.arange(count))

@@ -39,7 +39,7 @@ def turn(vehicle: Vehicle, manoeuvre: Manoeuvre | Template) -> Turn:
     """Drive ``vehicle`` through a manoeuvre, or a standard's, and measure it.
 
     Raises:
-        TurnError: the vehicle cannot drive it.
+        TurnError: the vehicle cannot drive it, or reaches around the centre of a full circle.
         OptionError: the standard's ramps are too long for the vehicle's radius.
 
     """

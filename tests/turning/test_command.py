@@ -129,6 +129,12 @@ def test_what_cannot_be_driven_as_asked_is_refused_in_one_line(
     assert words in outcome.err.splitlines()[0]
 
 
+def test_a_circle_whose_centre_is_within_a_body_ends_in_1(cli: Cli) -> None:  # noqa: F811
+    outcome = cli("turn", "--vehicle", "b-double", "--radius", "13.47", "--angle", "steady", "--guide", "front-corner")
+    assert (outcome.code, outcome.out) == (1, "")
+    assert "the b-double reaches around the circle's centre" in outcome.err.splitlines()[0]
+
+
 def test_a_kingpin_that_a_vehicle_has_not_ends_in_1(cli: Cli) -> None:  # noqa: F811
     outcome = cli("turn", "--vehicle", "bus", "--radius", "12", "--angle", "90", "--guide", "kingpin")
     assert outcome.code == 1
