@@ -74,9 +74,7 @@ class Study:
         return tuple(dict.fromkeys(name for variant in self.vehicles for name, _ in variant.varied))
 
     @property
-    def parts(
-        self,
-    ) -> tuple[tuple[RoadSource, ...], tuple[Variant, ...], tuple[Width | None, ...], tuple[str, ...], tuple[str, ...], tuple[Manner, ...]]:
+    def parts(self) -> _Parts:
         """What is combined, the outermost first: roads, vehicles, widths, objectives, solvers and manners."""
         return self.roads, self.vehicles, self.widths, self.objectives, self.solvers, self.manners
 
