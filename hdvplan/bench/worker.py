@@ -49,15 +49,18 @@ class Worker:
 
     def __call__(self, index: int, *, judged: bool, solver: str | None = None) -> Measurement:
         """Return the measurement of a case by its own solver or another; one without steps where the process did not survive it."""
-        pipe = self._pipe if self._pipe is not None and self._process.is_alive() else self._start()
-        self._life[:] = [monotonic(), self._suite.cell_limit, 0.0]
-        pipe.send((index, judged, solver))
+        try:
+            pipe = self._pipe if self._pipe is not None and self._process.is_alive() else self._start()
+            self._life[:] = [monotonic(), self._suite.cell_limit, 0.0]
+            pipe.send((index, judged, solver))
+        except ConnectionError:
+            return self._crashed()
         began = monotonic()
         while True:
             if pipe in wait([pipe, self._process.sentinel], timeout=_LOOK_S):
                 try:
                     return self._received(pipe)
-                except EOFError:
+                except (EOFError, ConnectionError):
                     return self._crashed()
             if not self._process.is_alive():
                 return self._crashed()
@@ -78,16 +81,23 @@ class Worker:
     def _start(self) -> Connection:
         self._end()
         pipe, theirs = self._context.Pipe()
-        self._process = self._context.Process(
+        process = self._context.Process(
             target=_serve, args=(theirs, self._life, self._suite, self._cases, self._makers), daemon=True, name="hdvplan bench"
         )
-        self._process.start()
-        theirs.close()  # so that its end is seen here
-        self._pipe = pipe
+        try:
+            process.start()
+        except BaseException:
+            pipe.close()
+            raise
+        finally:
+            theirs.close()  # so that its end is seen here
+        self._process, self._pipe = process, pipe
         return pipe
 
     def _crashed(self) -> Measurement:
-        """Return the row of a cell in which the process died."""
+        """Return the row of a cell in which the process died, or before which it did."""
+        if self._process is None:
+            return ended(CRASHED, "the process ended while it was started")
         self._process.join()
         code, steps = int(self._process.exitcode or 0), int(self._life[_STEPS])
         self._end()

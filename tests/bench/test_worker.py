@@ -1,11 +1,12 @@
 from __future__ import annotations
 
+import multiprocessing.context
 import os
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,9 @@ from hdvplan.bench.stats import tables_of
 from hdvplan.bench.suite import Suite, tuning_key
 from hdvplan.bench.timing import untuned
 from hdvplan.bench.tuning import tuned
-from hdvplan.qp.workspace import WorkspaceMaker
+from hdvplan.bench.worker import Worker
+from hdvplan.qp.program import StageShape
+from hdvplan.qp.workspace import QpWorkspace, WorkspaceMaker
 from hdvplan.solvers.registry import solver_named
 from tests.fakes import Fake
 
@@ -74,6 +77,40 @@ def test_a_worker_measures_what_this_process_measures(tiny: Suite, tmp_path: Pat
     for (one,), (other,) in zip(there, here, strict=True):
         counted = ["qp_count", "iterations", "usable", "status", "primal", "dual", "gap", "distance_m", "scale"]
         pd.testing.assert_frame_equal(one.table()[counted], other.table()[counted], check_exact=True)
+
+
+class Fatal:
+    """A solver whose maker ends the process that receives it."""
+
+    def __reduce__(self) -> tuple[Callable[[int], object], tuple[int]]:
+        """Leave."""
+        return os._exit, (3,)
+
+    def __call__(self, shape: StageShape) -> QpWorkspace:
+        """Make none."""
+        raise NotImplementedError
+
+
+def test_a_process_that_ends_before_its_first_cell_is_a_row(tiny: Suite, tmp_path: Path) -> None:
+    found = rows(suite := replace(tiny, solvers=("piqp",), rounds=1), measured(suite, {"piqp": Fatal()}, tmp_path))
+    assert found["piqp"]["message"] == "the process ended with code 3 in step 0"
+
+
+@pytest.mark.parametrize(("error", "row"), [(RuntimeError("no main module"), None), (BrokenPipeError(), "while it was started")])
+def test_a_process_that_cannot_be_started_hides_no_reason(
+    tiny: Suite, monkeypatch: pytest.MonkeyPatch, error: Exception, row: str | None
+) -> None:
+    def start(_: object) -> None:
+        raise error
+
+    monkeypatch.setattr(multiprocessing.context.SpawnProcess, "start", start)
+    suite = replace(tiny, solvers=("piqp",))
+    with Worker(suite, cases_of(suite), {"piqp": Fake("wrong")}) as worker:
+        if row is None:
+            with pytest.raises(RuntimeError, match="no main module"):
+                worker(0, judged=True)
+        else:
+            assert row in worker(0, judged=True).message
 
 
 @pytest.mark.parametrize(
@@ -145,11 +182,12 @@ def test_tolerances_are_as_loose_as_the_accuracy_in_metres_allows(tiny: Suite, t
     assert loosely > tightly
     makers: dict[str, WorkspaceMaker] = {name: Fake("raising") for name in tight.solvers}  # tuned ones take their places
     makers |= {name: solver_named(name.partition(",")[0], tolerance) for name, tolerance in second.items()}
-    timing = tables_of(tight.cells(), measured(tight, makers, tmp_path), tight.accuracy).timing
+    timing = tables_of(tight.cells(), measured(tight, makers, tmp_path, in_process=True), tight.accuracy).timing
     assert list(timing["status"]) == ["ok", "ok"]
     assert (timing["distance_m"] <= 2e-5).all()  # what the caption promises
 
 
+@pytest.mark.slow
 def test_a_course_that_the_reference_cannot_drive_takes_no_tolerance_from_any_solver(tiny: Suite, tmp_path: Path) -> None:
     tight = tmp_path / "tight.csv"
     tight.write_text("s,kappa\n0,0\n20,0\n30,0.3\n60,0.3\n70,0\n90,0\n", encoding="utf-8")
