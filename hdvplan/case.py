@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
+from hdvplan.errors import RoadError
 from hdvplan.planning.bias import NONE, Bias
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.plugins import identity_of, name_of
@@ -25,6 +26,7 @@ if TYPE_CHECKING:  # a case is made and compared without loading what plans
 FORMAT = 1  # of the key: raise it when the same content gets another key
 _DEFAULTS = PlannerSettings()
 _DIGITS = 32  # of a digest in hexadecimal: 128 bits
+_WIDEST_M = 100e3  # from the road's centre to a limit: further out projections end, and at last numbers
 _NAMED = ("objective", "solver")  # fields that name what users may bring
 _UNPLANNED = {"name", "source", "label", "notice", "notes", "smoothing", "edges", "to_lonlat"}  # fields that say where a value came from
 
@@ -47,6 +49,23 @@ class Case:
     solver: str | SolverClass = DEFAULT
     settings: PlannerSettings = _DEFAULTS
     bias: Bias = NONE
+
+    def __post_init__(self) -> None:
+        """Refuse limits of the road that lie where coordinates end.
+
+        Raises:
+            RoadError: one does.
+
+        """
+        limits = self.road.limits
+        if limits is None:
+            return
+        for side, values in (("left", limits.left_sweep), ("right", limits.right_sweep)):
+            far = np.flatnonzero(np.abs(values) > _WIDEST_M)
+            if far.size:
+                s = float(limits.s[far[0]])
+                msg = f"the {side} limit at s = {s:.1f} m is {abs(values[far[0]]):g} m away; at most {_WIDEST_M / 1e3:g} km can be meant"
+                raise RoadError(msg, s_m=s, hint="leave the limit out where there is none")
 
     @cached_property
     def key(self) -> str:

@@ -16,6 +16,7 @@ import pytest
 
 import hdvplan
 from hdvplan.case import Case
+from hdvplan.errors import RoadError
 from hdvplan.jit import FloatArray
 from hdvplan.machine import commit, software
 from hdvplan.planning.bias import Bias
@@ -56,7 +57,7 @@ def from_csv(folder: Path) -> Case:
 
 
 def with_regions(_folder: Path) -> Case:
-    road = load_road("street_corner", RoadOptions(offset=-0.25))
+    road = load_road("parked_van", RoadOptions(offset=-0.25))
     return Case(road, load_vehicle("bus"), "art-weighted:0.45", "piqp", replace(BRIEF, scheme=Scheme.SQP))
 
 
@@ -187,3 +188,11 @@ def test_a_record_says_what_was_run_with_what_where_and_when(tmp_path: Path, mon
 def test_a_script_s_command_is_recorded_without_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.argv", ["/home/somebody/benchmarks/horizon.py", "--rounds", "1"])
     assert command() == ["horizon.py", "--rounds", "1"]
+
+
+@pytest.mark.parametrize(("left", "right", "side"), [(1e8, 3.0, "left"), (3.0, 1e8, "right"), (1e308, 1e308, "left")])
+def test_a_limit_beyond_all_projections_is_refused(left: float, right: float, side: str) -> None:
+    """No longitude lies 100,000 km beside a road: what is swept could not be written."""
+    with pytest.raises(RoadError, match=rf"the {side} limit at s = 0\.0 m is 1e\+\d+ m away; at most 100 km"):
+        replace(PLAIN, road=PLAIN.road.with_limits(left, right))
+    assert replace(PLAIN, road=PLAIN.road.with_limits(9999.0, 9999.0)).key

@@ -8,13 +8,16 @@ import numpy as np
 
 from hdvplan.centring.weights import CentringTable
 from hdvplan.driving.drive import Drive
-from hdvplan.jit import FloatArray
+from hdvplan.jit import FloatArray, IntArray
 from hdvplan.judging.contact import contact
 from hdvplan.judging.envelope import SPACING_M, Envelope, envelope_of
 from hdvplan.judging.obstacles import Approach, approaches
 from hdvplan.road.road import Limits
 
 KEPT_M = 0.01  # a limit counts as kept when broken by no more than this, as simulated
+_ROUNDING_M = 1e-9  # of a limit at a station
+
+Gaps = dict[tuple[str, str], FloatArray]  # rooms, (units, n) [m], by the side and the region of a limit
 
 
 @dataclass(frozen=True)
@@ -85,7 +88,7 @@ def edges_of(drive: Drive) -> Limits | None:
     return drive.road.limits if drive.road.edges is None else drive.road.edges
 
 
-def gaps_of(drive: Drive, envelope: Envelope, limits: Limits | None) -> dict[tuple[str, str], FloatArray]:
+def gaps_of(drive: Drive, envelope: Envelope, limits: Limits | None) -> Gaps:
     """Return the room that every body leaves to ``limits``, shape (units, n) [m], negative beyond them, by the limit's side and region.
 
     Empty without limits; NaN where a body never was. "drivable" binds wheels and wheelbase where overhangs have limits of
@@ -99,7 +102,7 @@ def gaps_of(drive: Drive, envelope: Envelope, limits: Limits | None) -> dict[tup
     return gaps | wheel_gaps_of(drive, envelope.s, limits) if limits.two_regions else gaps
 
 
-def wheel_gaps_of(drive: Drive, s: FloatArray, limits: Limits | None) -> dict[tuple[str, str], FloatArray]:
+def wheel_gaps_of(drive: Drive, s: FloatArray, limits: Limits | None) -> Gaps:
     """Return ``gaps_of`` wheels and what lies between a body's axles alone, at the envelope's arclengths ``s`` [m]."""
     if limits is None:
         return {}
@@ -108,9 +111,62 @@ def wheel_gaps_of(drive: Drive, s: FloatArray, limits: Limits | None) -> dict[tu
     return {("left", "drivable"): left - axles.left, ("right", "drivable"): axles.right - right}
 
 
+def edge_gaps_of(drive: Drive, envelope: Envelope) -> Gaps:
+    """Return ``gaps_of`` the road's own edges, see ``edges_of``, corners between the envelope's stations included."""
+    edges = edges_of(drive)
+    return at_corners(gaps_of(drive, envelope, edges), envelope.s, edges)
+
+
+def at_corners(gaps: Gaps, s: FloatArray, limits: Limits | None) -> Gaps:
+    """Return ``gaps_of`` at arclengths ``s`` [m] with what corners of the limits leave that neither station beside them sees.
+
+    They count at the nearer station. Of other corners one station is as narrow, and what is read from files stays so for ``TABLE_M``.
+    """
+    if limits is None:
+        return gaps
+    found: Gaps = {}
+    table, corners = limits.table(s), _corners(limits, s)
+    for (side, region), gap in gaps.items():
+        row, sign = _row(side, region), 1.0 if side == "left" else -1.0
+        places, narrowest, nearest = corners[row]
+        found[side, region] = gap.copy()
+        for room, reach in zip(found[side, region], sign * table[row] - gap, strict=True):
+            np.fmin.at(room, nearest, sign * narrowest - np.interp(places, s, reach))
+    return found
+
+
+def judged_table(limits: Limits, s: FloatArray) -> FloatArray:
+    """Return the limits (4, n) that ``at_corners`` judges at stations ``s`` [m]: the nearest ones have those of corners in between."""
+    table = limits.table(s)
+    for row, narrow, (_, narrowest, nearest) in zip(table, (np.minimum, np.maximum) * 2, _corners(limits, s), strict=True):
+        narrow.at(row, nearest, narrowest)
+    return table
+
+
+def _corners(limits: Limits, s: FloatArray) -> list[tuple[FloatArray, FloatArray, IntArray]]:
+    """Return for every row of the limits those corners that are narrower than the limit at both stations around them.
+
+    Arclengths and signed limits there [m], and the numbers of the nearest of the stations ``s``, which are evenly spaced.
+    """
+    inside = (limits.s >= s[0]) & (limits.s <= s[-1])
+    place = np.where(inside, limits.s - s[0], 0.0) / SPACING_M
+    before, after, nearest = (pick(place).astype(np.int64) for pick in (np.floor, np.ceil, np.rint))
+    columns = (limits.left, limits.right, limits.left_sweep, limits.right_sweep)
+    found = []
+    for column, row, sign in zip(columns, limits.table(s), (1.0, -1.0, 1.0, -1.0), strict=True):
+        unseen = inside & (sign * column < np.minimum(sign * row[before], sign * row[after]) - _ROUNDING_M)
+        found.append((limits.s[unseen], column[unseen], nearest[unseen]))
+    return found
+
+
+def _row(side: str, region: str) -> int:
+    """Return the row of ``Limits.table`` that a limit is in; without separate ones for overhangs both rows are equal."""
+    return ("left", "right").index(side) + (2 if region == "sweepable" else 0)
+
+
 def _clearance(drive: Drive, envelope: Envelope, near: tuple[Approach, ...]) -> tuple[float | None, tuple[Breach, ...]]:
     """Return the least room, and every breach: of the road's edges as limits along s say, of obstacles as they lie in the plane."""
-    gaps = gaps_of(drive, envelope, edges_of(drive))
+    gaps = edge_gaps_of(drive, envelope)
     if not gaps:
         return None, ()
     breaches = [breach for (side, region), gap in gaps.items() for breach in _breaches(drive, envelope.s, gap, side, region)]

@@ -25,14 +25,24 @@ def contact(drive: Drive, unit: int, side: str, s: float, *, axles_only: bool) -
     front, rear = (min(body.wheelbase, body.front), 0.0) if axles_only else (body.front, -body.rear_overhang)
     ahead = np.linspace(rear, front, int(np.ceil((front - rear) / _SPACING_M)) + 1)
     across = 0.5 * body.width * (1.0 if side == "left" else -1.0)
+    laps = (0.0, drive.road.path.length) if drive.road.path.closed else (0.0,)  # what lies beyond the end of a closed road is its begin
+    _, furthest = max(_furthest(drive, unit, ahead, across, s + lap) for lap in laps)
+    return part_named(body, furthest)
+
+
+def _furthest(drive: Drive, unit: int, ahead: FloatArray, across: float, s: float) -> tuple[float, float]:
+    """Return how far the side ``across`` of a body's axis reaches outwards at arclength ``s``, and with what ``ahead`` of its axle [m]."""
     behind = float(axles_behind(drive.vehicle)[unit])
-    first, last = np.searchsorted(drive.poses_s, [s + behind - front - _ROOM_M, s + behind - rear + _ROOM_M])
+    first, last = np.searchsorted(drive.poses_s, [s + behind - ahead[-1] - _ROOM_M, s + behind - ahead[0] + _ROOM_M])
     near = np.arange(first, min(int(last) + 1, len(drive.poses_s)))
+    if not len(near):
+        return -np.inf, float(ahead[0])
     poses = placed(drive, near)[:, unit, None]
     x, y = poses["x"] + ahead * poses["cos"] - across * poses["sin"], poses["y"] + ahead * poses["sin"] + across * poses["cos"]
     foot, offset = drive.stations.path.project(x, y, drive.poses_s[near, None] - behind + ahead)
     reach: FloatArray = np.where(np.abs(foot - s) <= _SPACING_M, np.sign(across) * offset, -np.inf)
-    return part_named(body, float(ahead[int(np.argmax(reach)) % len(ahead)]))
+    at = int(np.argmax(reach))
+    return float(reach.flat[at]), float(ahead[at % len(ahead)])
 
 
 def part_named(body: Unit, ahead: float) -> str:

@@ -19,6 +19,7 @@ from hdvplan.vehicle.kinematics import POSE, body_point, place
 
 SPACING_M = 0.25  # of outline points and of the envelope's stations
 _WITHIN = 0.9  # curvature times offset up to which a few such steps can be trusted
+_ROUNDING = 1e-6  # of feet, as a part of the stations' spacing: a body without rear overhang begins at s = 0
 
 # The foot of an outline's point on the road: at this pose, and where it was at the two before [m].
 _FOOT = np.dtype([(name, float) for name in ("s", "offset", "s_before", "offset_before", "s_earlier")])
@@ -46,7 +47,7 @@ class Envelope:
 
 
 def envelope_of(drive: Drive, *, axles_only: bool = False) -> Envelope:
-    """Measure the envelope of an executed drive over 0 <= s <= the road's length.
+    """Measure the envelope of an executed drive over 0 <= s <= the road's length; on a closed road what lies beyond its end is its begin.
 
     ``axles_only`` measures the part between each unit's first and last axle, which must stay on the drivable region.
 
@@ -55,7 +56,10 @@ def envelope_of(drive: Drive, *, axles_only: bool = False) -> Envelope:
 
     """
     path, units = drive.stations.path, drive.vehicle.table()
-    stations = SPACING_M * np.arange(int(np.floor(drive.road.path.length / SPACING_M + 1e-9)) + 1, dtype=np.float64)
+    length = drive.road.path.length
+    count = int(np.floor(length / SPACING_M + 1e-9)) + 1
+    beyond = int(np.ceil(drive.vehicle.reach_ahead / SPACING_M)) if drive.road.path.closed else 0
+    stations = SPACING_M * np.arange(count + beyond, dtype=np.float64)
     low, high, lost = _sweep(
         units, _outlines(units, axles_only=axles_only), path.curve,
         drive.poses_s, np.ascontiguousarray(drive.poses_z), stations,
@@ -64,7 +68,13 @@ def envelope_of(drive: Drive, *, axles_only: bool = False) -> Envelope:
         s = float(drive.poses_s[lost])
         msg = f"at s = {s:.1f} m a body reaches beyond the road's centre of curvature"
         raise PlanError(msg, s_m=s)
-    return Envelope(stations, np.where(np.isfinite(high), high, np.nan), np.where(np.isfinite(low), low, np.nan))
+    left, right = np.where(np.isfinite(high), high, np.nan), np.where(np.isfinite(low), low, np.nan)
+    own = stations[:count]
+    again = own + length <= stations[-1] if drive.road.path.closed else np.zeros(count, dtype=bool)
+    for reach, pick in ((left, np.fmax), (right, np.fmin)):
+        for of_unit in reach:
+            of_unit[:count][again] = pick(of_unit[:count][again], np.interp(own[again] + length, stations, of_unit))
+    return Envelope(own, left[:, :count], right[:, :count])
 
 
 def _outlines(units: Records, *, axles_only: bool) -> FloatArray:
@@ -159,9 +169,9 @@ def _cover(
     """Widen the envelope of ``unit`` by a straight piece in the (s, offset) plane."""
     if s_to < s_from or (s_to == s_from and e_to < e_from):
         s_from, e_from, s_to, e_to = s_to, e_to, s_from, e_from
-    begin = max(0, int(np.ceil((s_from - stations[0]) / spacing)))
-    end = min(stations.size - 1, int(np.floor((s_to - stations[0]) / spacing)))
+    begin = max(0, int(np.ceil((s_from - stations[0]) / spacing - _ROUNDING)))
+    end = min(stations.size - 1, int(np.floor((s_to - stations[0]) / spacing + _ROUNDING)))
     for j in range(begin, end + 1):
-        part = (stations[j] - s_from) / (s_to - s_from) if s_to > s_from else 0.0
+        part = min(max((stations[j] - s_from) / (s_to - s_from), 0.0), 1.0) if s_to > s_from else 0.0
         offset = e_from + part * (e_to - e_from)
         low[unit, j], high[unit, j] = min(low[unit, j], offset), max(high[unit, j], e_to if s_to == s_from else offset)

@@ -179,7 +179,7 @@ def finding_text(finding: Finding, vehicle: str) -> str:
     if finding.trouble is Trouble.WIDTH:
         return f"too narrow for the {vehicle} {place}: limits {_apart(finding.available)}, needs {finding.needed:.2f} m"
     if finding.trouble is Trouble.CURVATURE:
-        evenly = f"sweeping it evenly needs a curvature of {finding.needed:.3f} 1/m, it can do {finding.available:.3f} 1/m"
+        evenly = f"sweeping it evenly needs a curvature of {finding.needed:.3f} 1/m, the vehicle steers {finding.available:.3f} 1/m at most"
         return f"too tight for the {vehicle} {place}: {evenly}"
     return f"too tight for the {vehicle} {place}: no balanced circle is this tight"
 

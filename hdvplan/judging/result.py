@@ -13,7 +13,7 @@ from hdvplan.case import Case
 from hdvplan.centring.weights import Centring, CentringTable
 from hdvplan.driving.drive import Drive
 from hdvplan.jit import FloatArray
-from hdvplan.judging.balance import KEPT_M, Balance, Breach, balance_of, edges_of, gaps_of, wheel_gaps_of
+from hdvplan.judging.balance import KEPT_M, Balance, Breach, Gaps, at_corners, balance_of, edges_of, gaps_of, wheel_gaps_of
 from hdvplan.judging.bodies import corners
 from hdvplan.judging.envelope import Envelope, envelope_of
 from hdvplan.judging.fit import Fit, fit_of
@@ -62,14 +62,16 @@ class Result:
         return self.case.objective_name
 
     @cached_property
-    def gaps(self) -> dict[tuple[str, str], FloatArray]:
+    def gaps(self) -> Gaps:
         """The room that every body leaves to the limits, (units, n) [m], by side and region; empty without limits."""
         return gaps_of(self.drive, self.envelope, self.drive.road.limits)
 
     @cached_property
-    def edge_gaps(self) -> dict[tuple[str, str], FloatArray]:
-        """``gaps`` to the road's own edges: ``approaches`` has the distances to obstacles, in the plane."""
-        return self.gaps if self.drive.road.edges is None else gaps_of(self.drive, self.envelope, self.drive.road.edges)
+    def edge_gaps(self) -> Gaps:
+        """``gaps`` to the road's own edges, corners between stations included; ``approaches`` has the distances to obstacles."""
+        edges = self.drive.road.edges
+        own = self.gaps if edges is None else gaps_of(self.drive, self.envelope, edges)
+        return at_corners(own, self.envelope.s, edges_of(self.drive))
 
     @property
     def clearance(self) -> FloatArray | None:
@@ -79,7 +81,7 @@ class Result:
         """
         if not self.gaps or self.balance.min_clearance is None:
             return None
-        least: FloatArray = np.fmin.reduce(np.concatenate(list(self.gaps.values())), axis=0)
+        least: FloatArray = np.fmin.reduce(np.concatenate([*self.gaps.values(), *self.edge_gaps.values()]), axis=0)
         for near in self.approaches:
             if 0.0 <= near.s <= self.drive.road.path.length:
                 at = int(np.argmin(np.abs(self.envelope.s - near.s)))
@@ -89,8 +91,9 @@ class Result:
     @cached_property
     def wheel_room(self) -> float | None:
         """Least room that wheels, and what lies between a body's axles, leave to their limits, negative beyond them [m]; None without."""
-        gaps = wheel_gaps_of(self.drive, self.envelope.s, edges_of(self.drive)).values()
-        return min((float(np.nanmin(gap)) for gap in gaps), default=None)
+        edges, s = edges_of(self.drive), self.envelope.s
+        gaps = at_corners(wheel_gaps_of(self.drive, s, edges), s, edges)
+        return min((float(np.nanmin(gap)) for gap in gaps.values()), default=None)
 
     @property
     def approaches(self) -> tuple[Approach, ...]:

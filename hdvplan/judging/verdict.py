@@ -9,6 +9,7 @@ import numpy as np
 from hdvplan.jit import FloatArray
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.contact import contact
+from hdvplan.judging.envelope import envelope_of
 from hdvplan.judging.obstacles import Approach
 from hdvplan.judging.proof import Proof
 from hdvplan.judging.result import Result, body_name
@@ -152,7 +153,7 @@ def _needs(result: Result) -> Verdict:
     reach = left if side == "left" else right
     unit, at = (int(number) for number in np.unravel_index(np.nanargmax(reach), reach.shape))
     half_width, s = float(reach[unit, at]), float(envelope.s[at])
-    x, y, lonlat = point_of(result, unit, side, s)
+    x, y, lonlat = point_of(result, unit, side, s, axles_only=False)
     part = contact(result.drive, unit, side, s, axles_only=False)
     wanted = result.case.settings.clearance
     return Verdict(None, None, wanted, half_width + wanted, s, x, y, lonlat, side, unit, part, None, None, None)
@@ -162,7 +163,7 @@ def _at_limit(result: Result, tightest: _Tightest, wanted: float) -> Verdict:
     spare, half = tightest.room - wanted, result.balance.half_width
     axles_only = tightest.region == "drivable" and result.two_regions
     part = contact(result.drive, tightest.unit, tightest.side, tightest.s, axles_only=axles_only)
-    x, y, lonlat = point_of(result, tightest.unit, tightest.side, tightest.s)
+    x, y, lonlat = point_of(result, tightest.unit, tightest.side, tightest.s, axles_only=axles_only)
     wheels = result.wheel_room if tightest.room < -KEPT_M else None
     return Verdict(
         spare >= -KEPT_M, spare, wanted, half, tightest.s, x, y, lonlat, tightest.side, tightest.unit, part, tightest.region,
@@ -178,9 +179,12 @@ def _at_obstacle(result: Result, near: Approach, wanted: float) -> Verdict:
     )  # fmt: skip
 
 
-def point_of(result: Result, unit: int, side: str, s: float) -> tuple[float, float, tuple[float, float] | None]:
-    """Return the outermost point of a body at arclength ``s`` in the plane, x and y [m], and its longitude and latitude [deg]."""
-    envelope = result.envelope
+def point_of(result: Result, unit: int, side: str, s: float, *, axles_only: bool) -> tuple[float, float, tuple[float, float] | None]:
+    """Return the outermost point of a body at arclength ``s`` in the plane, x and y [m], and its longitude and latitude [deg].
+
+    ``axles_only`` looks at the part between its axles, as in ``contact``.
+    """
+    envelope = envelope_of(result.drive, axles_only=True) if axles_only else result.envelope
     offset = (envelope.left if side == "left" else envelope.right)[unit, int(np.argmin(np.abs(envelope.s - s)))]
     x, y = result.drive.stations.path.to_plane(np.array([s]), np.array([offset]))
     return float(x[0]), float(y[0]), _lonlat(result, float(x[0]), float(y[0]))

@@ -10,7 +10,7 @@ from hdvplan.case import Case
 from hdvplan.driving.drive import Drive, drive
 from hdvplan.errors import PlanError, SolverError
 from hdvplan.jit import FloatArray
-from hdvplan.judging.balance import KEPT_M, edges_of, gaps_of
+from hdvplan.judging.balance import KEPT_M, edge_gaps_of
 from hdvplan.judging.envelope import SPACING_M, envelope_of
 from hdvplan.judging.obstacles import approaches
 from hdvplan.judging.passed import Trial
@@ -60,7 +60,7 @@ def _limits(road: Obstructed, sides: Mapping[int, Side], s_from: float, before: 
 
 def _judged(driven: Drive) -> Trial:
     envelope, settings = envelope_of(driven), driven.settings
-    gaps = gaps_of(driven, envelope, edges_of(driven))
+    gaps = edge_gaps_of(driven, envelope)
     distances = [(approach.distance, approach.s_to - approach.s_from + SPACING_M) for approach in approaches(driven)]
     clearance = min(*(float(np.nanmin(gap)) for gap in gaps.values()), *(distance for distance, _ in distances))
     lacking = settings.clearance - clearance

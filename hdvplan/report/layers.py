@@ -10,7 +10,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from hdvplan.jit import BoolArray, FloatArray
-from hdvplan.judging.balance import Breach, edges_of
+from hdvplan.judging.balance import Breach, edges_of, judged_table
 from hdvplan.judging.bodies import corners, pose_at
 from hdvplan.judging.result import Result, body_name, breach_text, entered_text
 from hdvplan.judging.wheels import TRACK_NOTE, wheel_tracks
@@ -226,7 +226,7 @@ def conflict_area(result: Result, breach: Breach) -> BaseGeometry:
     assert edges is not None  # noqa: S101 - what is broken exists
     shown = (envelope.s >= breach.s_from - _BESIDE_M) & (envelope.s <= breach.s_to + _BESIDE_M)
     s = envelope.s[shown]
-    limit = edges.table(s)[("left", "right").index(breach.side) + (2 if breach.region == "sweepable" else 0)]
+    limit = judged_table(edges, s)[("left", "right").index(breach.side) + (2 if breach.region == "sweepable" else 0)]
     depth = np.fmax(0.0, -np.fmin.reduce(result.edge_gaps[breach.side, breach.region][:, shown], axis=0))
     reach = limit + depth if breach.side == "left" else limit - depth
     return swept_area(road.path, s, np.fmax(limit, reach), np.fmin(limit, reach))

@@ -13,7 +13,7 @@ from matplotlib.path import Path as Outline
 from shapely.geometry.base import BaseGeometry
 
 from hdvplan.jit import BoolArray, FloatArray, IntArray
-from hdvplan.judging.balance import KEPT_M, Breach
+from hdvplan.judging.balance import KEPT_M, Breach, judged_table
 from hdvplan.judging.bodies import corners, pose_at
 from hdvplan.judging.result import Result, body_name
 from hdvplan.judging.wheels import wheel_tracks
@@ -165,7 +165,7 @@ def edge_beyond(limits: Limits, s: FloatArray, key: tuple[str, str], gap: FloatA
 
     NaN where the least room ``gap`` counts as kept.
     """
-    limit = limits.table(s)[_row(*key)]
+    limit = judged_table(limits, s)[_row(*key)]
     beyond = limit - gap if key[0] == "left" else limit + gap
     return limit, np.where(gap < -KEPT_M, beyond, np.nan)
 

@@ -12,7 +12,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from hdvplan.jit import FloatArray
-from hdvplan.judging.balance import KEPT_M, Breach, edges_of
+from hdvplan.judging.balance import KEPT_M, Breach, edges_of, judged_table
 from hdvplan.judging.bodies import corners
 from hdvplan.judging.obstacles import Approach
 from hdvplan.judging.result import Result
@@ -90,7 +90,8 @@ def edge_offset(result: Result, s: float, side: str, region: str) -> float:
     """Return the signed offset of the road's own edge [m]."""
     edges = edges_of(result.drive)
     assert edges is not None  # noqa: S101 - without limits there is nothing to be near
-    return float(edges.table(np.array([s]))[("left", "right").index(side) + (2 if region == "sweepable" else 0), 0])
+    table = judged_table(edges, result.envelope.s)
+    return float(table[("left", "right").index(side) + (2 if region == "sweepable" else 0), _sample(result, s)])
 
 
 def pose_touching(result: Result, room: Room) -> int:

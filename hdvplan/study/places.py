@@ -93,7 +93,8 @@ def _breach(result: Result, breach: Breach) -> Row:
     if breach.obstacle is not None and hit is not None:
         x, y, lonlat = hit.x, hit.y, _lonlat(result.drive.road, hit.x, hit.y)
     else:
-        x, y, lonlat = point_of(result, breach.unit, breach.side, breach.s_deepest)
+        of_wheels = breach.region == "drivable" and result.two_regions
+        x, y, lonlat = point_of(result, breach.unit, breach.side, breach.s_deepest, axles_only=of_wheels)
     return {
         "kind": BREACH,
         "s_m": breach.s_deepest,

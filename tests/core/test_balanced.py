@@ -32,8 +32,9 @@ from hdvplan.vehicle.model import Vehicle
 from tests.core.chains import three_units
 from tests.core.scenes import extended, horizon_at, linearised, move, part_of
 
-VEHICLES = [load_vehicle("bus"), load_vehicle("tractor-trailer"), three_units()]
-each_vehicle = pytest.mark.parametrize("vehicle", VEHICLES, ids=lambda v: v.name)
+VEHICLES = [load_vehicle("bus"), load_vehicle("tractor-trailer")]
+LONG = pytest.param(three_units(), marks=pytest.mark.slow)
+each_vehicle = pytest.mark.parametrize("vehicle", [*VEHICLES, LONG], ids=lambda v: v.name)
 ROAD = road_of("sturn", sturn_profile(0.05, 0.01))
 RTI = PlannerSettings()
 

@@ -9,11 +9,12 @@ from hdvplan.driving.drive import Drive
 from hdvplan.errors import PlanError
 from hdvplan.jit import FloatArray
 from hdvplan.judging.balance import KEPT_M, balance_of
+from hdvplan.judging.contact import contact
 from hdvplan.judging.envelope import envelope_of
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import stations_of
-from hdvplan.road.path import ReferencePath
+from hdvplan.road.path import ReferencePath, from_samples
 from hdvplan.road.road import Limits, Road
 from hdvplan.vehicle.body import axles_behind
 from hdvplan.vehicle.load import load_vehicle
@@ -65,6 +66,16 @@ def test_an_envelope_knows_where_a_trailer_never_was() -> None:
     assert found.s[-1] == pytest.approx(60.0)
 
 
+def test_rounding_leaves_no_station_without_a_reach() -> None:
+    bus = load_vehicle("bus")
+    blunt = replace(bus, units=(replace(bus.lead, rear_overhang=0.0),))  # its rear edge begins on the road's first station
+    done = executed(straight(), blunt, np.zeros(2))
+    late = replace(done, poses_s=done.poses_s + 1e-9)  # as coordinates of a million metres are rounded
+    found = balance_of(late, envelope_of(late))
+    assert (found.max_left, found.max_right) == pytest.approx((1.27, 1.27), abs=1e-9)
+    assert found.mean_abs_imbalance == pytest.approx(0.0, abs=1e-9)
+
+
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("name", ["bus", "tractor-trailer", "tractor-trailer-paper"])
 def test_a_vehicle_in_a_circle_sweeps_the_analytic_radii(name: str, sign: float) -> None:
@@ -82,6 +93,19 @@ def test_a_vehicle_in_a_circle_sweeps_the_analytic_radii(name: str, sign: float)
     # chord against arc between poses and outline points 0.25 m apart
     assert np.max(np.abs(outside[passed] - (outer - radius))) < 2e-3
     assert np.max(np.abs(inside[passed] - (radius - inner))) < 2e-3
+
+
+def test_what_is_swept_beyond_the_end_of_a_closed_road_counts_at_its_begin() -> None:
+    vehicle, radius = load_vehicle("bus"), 20.0
+    turned = np.linspace(0.0, 2.0 * np.pi, 252)
+    x, y, curvature = radius * np.sin(turned), radius * (1.0 - np.cos(turned)), np.full(252, 1.0 / radius)
+    ring = from_samples(x, y, turned, curvature, 2.0 * np.pi * radius / 251, closed=True)
+    lead = 1.0 / stationary(vehicle, np.array([1.0 / radius])).kappa[0]
+    done = executed(ring, vehicle, np.array([radius - lead, 0.0]))
+    outside = -envelope_of(done).reach_right
+    # The front corner stands ahead of the first metres, and comes there at the end of the round.
+    assert np.max(np.abs(outside[:20] - outside[200])) < 2e-3  # chord against arc, as above
+    assert contact(done, 0, "right", 2.0, axles_only=False) == "front corner"
 
 
 def test_between_the_axles_a_bus_reaches_less_far_out() -> None:

@@ -24,8 +24,9 @@ from tests.core.chains import on_road, three_units, winding
 from tests.core.scenes import extended, horizon_at, linearised, move, part_of
 
 STEP, STAGES, FIRST = 0.5, 12, 30
-VEHICLES = [load_vehicle("bus"), load_vehicle("tractor-trailer"), three_units()]
-each_vehicle = pytest.mark.parametrize("vehicle", VEHICLES, ids=lambda v: v.name)
+VEHICLES = [load_vehicle("bus"), load_vehicle("tractor-trailer")]
+LONG = pytest.param(three_units(), marks=pytest.mark.slow)
+each_vehicle = pytest.mark.parametrize("vehicle", [*VEHICLES, LONG], ids=lambda v: v.name)
 PLACES_M = 0.05  # between the places of an edge that are looked at
 NEAR_M = 0.01  # the tightest place of an edge is found to this: see the tests of rows
 
@@ -76,7 +77,7 @@ def check(vehicle: Vehicle, stations: Stations, first: int, z: FloatArray, part:
 @each_vehicle
 @pytest.mark.parametrize("varying", [False, True])
 @given(seed=st.integers(0, 10**6))
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=25, deadline=None, derandomize=True)
 def test_what_is_remembered_of_an_edge_never_promises_too_much(vehicle: Vehicle, varying: bool, seed: int) -> None:
     random = np.random.default_rng(seed)
     limits = walled(random, varying=varying)

@@ -18,6 +18,8 @@ from hdvplan.vehicle.load import load_vehicle
 
 SETTINGS = PlannerSettings(horizon=50.0)
 FADE_M = 10.0  # of the curvature beyond a road's end
+# For the a-double kernels of four units are compiled, which no other test of the default suite needs.
+each_vehicle = pytest.mark.parametrize("vehicle", ["tractor-trailer-24m", pytest.param("a-double", marks=pytest.mark.slow)])
 
 
 def driven(vehicle: str, s: list[float], curvature: list[float]) -> Drive:
@@ -30,7 +32,7 @@ def reaches(drive: Drive) -> FloatArray:
     return np.stack([envelope.reach_left, envelope.reach_right])
 
 
-@pytest.mark.parametrize("vehicle", ["a-double", "tractor-trailer-24m"])
+@each_vehicle
 def test_a_long_vehicle_comes_into_a_tight_first_bend_along_the_road_s_continuation(vehicle: str) -> None:
     begins = driven(vehicle, [0.0, 11.0, 17.0, 80.0], [-0.124, -0.124, 0.0, 0.0])
     units = load_vehicle(vehicle)
@@ -49,7 +51,7 @@ def test_a_vehicle_that_lies_beside_the_continuation_starts_as_if_the_road_had_a
     np.testing.assert_array_equal(begins.z[0], begins.stations.centring.states[0])
 
 
-@pytest.mark.parametrize("vehicle", ["a-double", "tractor-trailer-24m"])
+@each_vehicle
 def test_a_road_may_end_in_a_tight_bend(vehicle: str) -> None:
     ends = driven(vehicle, [0.0, 63.0, 69.0, 80.0], [0.0, 0.0, -0.124, -0.124])
     assert np.all(np.isfinite(ends.z))

@@ -122,12 +122,20 @@ def test_obstacles_far_apart_are_tried_by_themselves(monkeypatch: pytest.MonkeyP
     assert tries == 6  # either side of each
 
 
-@pytest.mark.parametrize("seed", [1, 10])
-@pytest.mark.parametrize("vehicle", ["bus", "tractor-trailer"])
+@pytest.mark.parametrize(
+    ("seed", "vehicle"),
+    [
+        (1, "bus"),
+        (10, "tractor-trailer"),
+        pytest.param(10, "bus", marks=pytest.mark.slow),
+        pytest.param(1, "tractor-trailer", marks=pytest.mark.slow),
+    ],
+)
 def test_whatever_brute_force_finds_free_is_found(seed: int, vehicle: str) -> None:
     found_as_by_force(slalom(seed, 3, (5.0, 25.0)), vehicle)
 
 
+@pytest.mark.slow
 def test_the_work_is_linear_in_the_number_of_obstacles(monkeypatch: pytest.MonkeyPatch) -> None:
     boxes = [(60.0 + 14.0 * i, 62.0 + 14.0 * i, -1.2 - 0.2 * (i % 2), 1.4 - 0.2 * (i % 2)) for i in range(9)]
     three, six, nine = (trials_of(Case(road_with(boxes[:count]), BUS), monkeypatch) for count in (3, 6, 9))

@@ -39,6 +39,14 @@ def test_the_place_is_the_point_of_the_body_nearest_to_the_limit(bus: Result) ->
     assert abs(offset[0]) == pytest.approx(3.0 - (verdict.spare or 0.0), abs=1e-6)  # the U-turn's limits are 3 m off
 
 
+def test_the_place_of_wheels_over_their_limit_is_their_own_and_not_the_overhangs(bus: Result) -> None:
+    ends, one = np.array([0.0, 200.0]), np.ones(2)
+    verdict = verdict_of(judged(bus, limits=Limits(ends, 5.0 * one, -1.0 * one, 5.0 * one, -5.0 * one)))
+    assert (verdict.region, verdict.side) == ("drivable", "right")
+    _, offset = bus.drive.stations.path.project(np.array([verdict.x]), np.array([verdict.y]), np.array([verdict.s]))
+    assert offset[0] == pytest.approx((verdict.spare or 0.0) - 1.0, abs=1e-6)  # feet are good to a micrometre
+
+
 def test_a_road_without_limits_says_what_it_needs(trailer: Result) -> None:
     verdict = verdict_of(trailer)
     assert (verdict.fits, verdict.spare, verdict.wheels_spare) == (None, None, None)
@@ -80,6 +88,24 @@ def test_a_wall_thinner_than_any_step_is_not_driven_through_unseen(straight: Res
     verdict = verdict_of(judged(straight, regions=(wall,)))
     assert verdict.fits is False
     assert (verdict.spare or 0.0) < -0.5  # as deep as the bus is wide on either side, at the least
+
+
+def test_a_post_between_two_stations_of_the_envelope_is_not_driven_through_unseen(straight: Result) -> None:
+    s, left, right = np.array([0.0, 30.05, 30.1, 30.15, 80.0]), np.array([3.0, 3.0, 0.5, 3.0, 3.0]), np.full(5, -2.0)
+    judged_ = judged(straight, limits=Limits(s, left, right, left, right))
+    verdict = verdict_of(judged_)
+    assert (verdict.fits, verdict.side, verdict.s) == (False, "left", 30.0)  # the station next to it
+    # The drive keeps to its straight line to the solver's tolerance.
+    assert verdict.spare == pytest.approx(0.5 - straight.balance.max_left, abs=1e-3)
+    assert verdict.spare == judged_.balance.min_clearance
+    assert judged_.wheel_room == pytest.approx(verdict.spare, abs=1e-3)  # as above
+    assert "; wheels leave the road by " in line(judged_)
+
+
+def test_corners_of_limits_that_widen_the_room_between_stations_change_nothing(straight: Result) -> None:
+    s, left, right = np.array([0.0, 30.05, 30.1, 30.15, 80.0]), np.array([3.0, 3.0, 5.0, 3.0, 3.0]), np.full(5, -2.0)
+    even, wider = (judged(straight, limits=Limits(s, reach, right, reach, right)) for reach in (np.full(5, 3.0), left))
+    assert wider.balance.min_clearance == even.balance.min_clearance
 
 
 def test_what_counts_as_kept_is_never_called_lacking(bus: Result) -> None:
