@@ -95,7 +95,8 @@ def need(
     Where the vehicle does not fit, the command also finds the least widening of the road's own limits.
 
     It tries several objectives and schemes and judges each plan by its simulation, to 1 cm. Less room, for which no plan was found, is
-    called out of reach; that is not a proof. It also looks for room that is proved to be too little. Obstacles stay where they are.
+    called out of reach; that is not a proof. It also looks for room that is proved to be too little. Obstacles stay where they are. DIR
+    receives need.json, the picture need.png, and the widening as GeoJSON.
 
     Exit code 0: the answer was found. 1: no plan exists at any width, or with the fixed edge. 2: bad input.
     """

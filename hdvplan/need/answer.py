@@ -12,7 +12,7 @@ from hdvplan.judging.contact import contact
 from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import point_of
 from hdvplan.need.bound import Bound, proved_below
-from hdvplan.need.measure import OUTWARDS, taken_by
+from hdvplan.need.measure import OUTWARDS, ROWS, taken_by
 from hdvplan.need.room import ASKED, edge_band, even_band, least_edge, least_half_width
 from hdvplan.need.search import TOLERANCE_M, WIDE_M, Least
 from hdvplan.need.widening import Widenings, least_widenings
@@ -102,16 +102,16 @@ def _place(result: Result | None, side: str | None) -> Place | None:
     """Return where a plan reached furthest over the road's own limits, on one side or on either."""
     if result is None:
         return None
-    took, rows = taken_by(result), {"left": [2], "right": [3], None: [2, 3]}[side]
-    reach = np.where(took.own[rows], took.reach[rows], -np.inf)
+    took, rows = taken_by(result), [0, 1, 2, 3] if side is None else ASKED[side]
+    reach = np.where(took.counts[rows], took.reach[rows], -np.inf)
     # A plan may reach as far at many places, where nothing keeps it from it: the one that decides leaves the least room opposite.
-    opposite = [5 - row for row in rows]
+    opposite = [row ^ 1 for row in rows]
     limits = result.drive.road.limits
     room = reach * 0.0 if limits is None else (OUTWARDS * limits.table(took.s) - took.reach)[opposite]
-    row, at = np.unravel_index(np.argmin(np.where(reach >= np.max(reach) - TOLERANCE_M, room, np.inf)), reach.shape)
-    where, s = ("left", "right")[rows[int(row)] - 2], float(took.s[at])
-    envelope = result.envelope
-    of_units = envelope.left[:, at] if where == "left" else -envelope.right[:, at]
-    unit = int(np.nanargmax(of_units))
-    x, y, lonlat = point_of(result, unit, where, s)
-    return Place(s, x, y, lonlat, where, unit, contact(result.drive, unit, where, s, axles_only=False))
+    first, at = np.unravel_index(np.argmin(np.where(reach >= np.max(reach) - TOLERANCE_M, room, np.inf)), reach.shape)
+    row, s = rows[int(first)], float(took.s[at])
+    where, overhangs = ROWS[row % 2], result.two_regions and row > 1
+    unit = int(np.nanargmin(result.gaps[where, "sweepable" if overhangs else "drivable"][:, at]))
+    axles_only = result.two_regions and not overhangs
+    x, y, lonlat = point_of(result, unit, where, s, axles_only=axles_only)
+    return Place(s, x, y, lonlat, where, unit, contact(result.drive, unit, where, s, axles_only=axles_only))

@@ -70,7 +70,7 @@ def _places(least: Least, rows: Sequence[int], place: float | None) -> list[Stre
     if least.result is None:
         return [] if place is None else [Stretch(place, place, 0.0)]
     took = taken_by(least.result)
-    reach: FloatArray = np.max(np.where(took.own[rows], took.reach[rows], -np.inf), axis=0)
+    reach: FloatArray = np.max(np.where(took.counts[rows], took.reach[rows], -np.inf), axis=0)
     near = reach > np.max(reach) - _WITHIN_M
     ends = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]]).astype(int)))
     runs = [slice(begin, end) for begin, end in zip(ends[::2], ends[1::2], strict=True)]

@@ -25,12 +25,12 @@ class Taken:
 
     s: FloatArray
     reach: FloatArray
-    own: BoolArray  # where the limit there is the road's own, not that of an obstacle or a sweepable area
+    counts: BoolArray  # where no sweepable area goes beyond the road's own limit: with less room than was reached, it would be broken
     passes: bool  # whether what obstacles and sweepable areas leave is kept, to ``KEPT_M``
 
     def beyond(self, band: Limits) -> FloatArray:
         """Return how far the plan reached beyond a road's own limits, negative within, -inf where they do not count, (4, n) [m]."""
-        beyond: FloatArray = np.where(self.own, self.reach - OUTWARDS * band.table(self.s), -np.inf)
+        beyond: FloatArray = np.where(self.counts, self.reach - OUTWARDS * band.table(self.s), -np.inf)
         return beyond
 
 
@@ -41,7 +41,7 @@ def taken_by(result: Result) -> Taken:
     assert limits is not None  # noqa: S101 - for the type checker: all that is asked here is asked about limits
     table = OUTWARDS * limits.table(s)
     band = table if road.band is None else OUTWARDS * road.band.table(s)
-    own = np.abs(table - band) <= _SAME_M
+    own, counts = np.abs(table - band) <= _SAME_M, table - band <= _SAME_M  # what an obstacle cuts counts: a narrower band would cut it
     gaps = np.full(table.shape, np.inf)
     for (side, region), of_units in result.gaps.items():
         rows = [0, 2] if not limits.two_regions else [2] if region == "sweepable" else [0]
@@ -49,4 +49,4 @@ def taken_by(result: Result) -> Taken:
     gaps[np.isnan(gaps)] = np.inf
     kept = gaps >= clearance - KEPT_M
     clear = all(approach.distance >= clearance - KEPT_M for approach in result.approaches)
-    return Taken(s, table - gaps + clearance, own, clear and bool(np.all(kept | own)))
+    return Taken(s, table - gaps + clearance, counts, clear and bool(np.all(kept | own)))

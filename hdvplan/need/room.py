@@ -39,7 +39,7 @@ def least_half_width(case: Case, *, on_progress: Callable[[float], None] | None 
     """
 
     def needed(took: Taken) -> float:
-        return float(np.max(took.reach, initial=0.0, where=took.own)) if took.passes else np.inf
+        return float(np.max(took.reach, initial=0.0, where=took.counts)) if took.passes else np.inf
 
     question = Question(even_band(case.road), needed, 0.5 * case.vehicle.width)
     return least(case, question, on_progress=on_progress)
@@ -55,7 +55,7 @@ def least_edge(case: Case, held: Limits, side: str, *, on_progress: Callable[[fl
     def needed(took: Taken) -> float:
         if not took.passes or np.max(took.beyond(held)[kept]) > _HELD_M:
             return np.inf
-        return float(np.max(took.reach[asked], initial=0.0, where=took.own[asked]))
+        return float(np.max(took.reach[asked], initial=0.0, where=took.counts[asked]))
 
     opposite: FloatArray = np.abs(held.table(held.s)[kept])
     question = Question(edge_band(held, side), needed, max(0.0, case.vehicle.width - float(np.min(opposite))))

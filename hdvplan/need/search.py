@@ -15,6 +15,8 @@ import numpy as np
 from hdvplan import api
 from hdvplan.case import Case
 from hdvplan.errors import HdvplanError, PlanError, RoadError, SolverError
+from hdvplan.judging.balance import KEPT_M
+from hdvplan.judging.obstacles import Approach
 from hdvplan.judging.result import Result
 from hdvplan.need.measure import Taken, taken_by
 from hdvplan.planning.settings import Scheme
@@ -63,6 +65,7 @@ class Least:
     out_of_reach: float  # the most room within which every attempt failed, or the least that may be asked for [m]
     plans: int  # that were made
     failure: HdvplanError | None  # of the last attempt that ended in one
+    blocked: Approach | None = None  # the obstacle that the last plan which does not pass comes too near to, if there is one
 
 
 def least(
@@ -121,6 +124,8 @@ def _tried(
             best = replace(best, failure=made)
             continue
         took = taken_by(made)
+        if not took.passes:
+            best = replace(best, blocked=_too_near(made) or best.blocked)
         if on_result is not None:
             on_result(made, took)
         needed = question.needed(took)
@@ -129,3 +134,10 @@ def _tried(
         if not every and best.room <= room + _ROUNDING_M:
             break
     return best
+
+
+def _too_near(result: Result) -> Approach | None:
+    """Return how a plan passes the obstacle to which it keeps least of the clearance wanted; None if it keeps it to all."""
+    nearest = min(result.approaches, key=lambda approach: approach.distance, default=None)
+    wanted = result.case.settings.clearance - KEPT_M
+    return nearest if nearest is not None and nearest.distance < wanted else None

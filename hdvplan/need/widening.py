@@ -61,7 +61,7 @@ class Widenings:
     """The widening of least area and the one of least largest depth.
 
     Both are None where the vehicle fits as the road is, and ``fitting`` is the plan; all are None where no widening of the road's own
-    limits would do: an obstacle is in the way, or no plan exists at any width.
+    limits was found that would do: an obstacle is in the way, or no plan was found at any width.
     """
 
     area: Widening | None
@@ -95,10 +95,19 @@ def least_widenings(case: Case, own: Limits, *, on_progress: Callable[[float], N
         breached = [place for result, lacking in fits if result is None for place in _places(case, lacking)]
         if all(result is not None for result, _ in fits):
             break
-    least_area, least_depth = (_along(case, own, stations, outwards, fit) for outwards, fit in zip((area, depth), fits, strict=True))
-    if least_area.result is not None and least_area.depth <= least_depth.depth:
-        least_depth = least_area
-    return Widenings(least_area, least_depth, None)
+    return chosen(*(_along(case, own, stations, outwards, fit) for outwards, fit in zip((area, depth), fits, strict=True)))
+
+
+def chosen(area: Widening, depth: Widening) -> Widenings:
+    """Return the widenings of a search for the least area and of one for the least depth: each the other one where that is better.
+
+    One with which a plan was found is better than one without.
+    """
+    if area.result is not None and (depth.result is None or area.depth <= depth.depth):
+        return Widenings(area, area, None)
+    if depth.result is not None and (area.result is None or _area(depth.outwards) <= _area(area.outwards)):
+        return Widenings(depth, depth, None)
+    return Widenings(area, depth, None)
 
 
 def _along(case: Case, own: Limits, s: FloatArray, outwards: FloatArray, fit: tuple[Result | None, FloatArray]) -> Widening:

@@ -16,13 +16,14 @@ from hdvplan.judging.verdict import place_text, proof_text
 from hdvplan.need.answer import Need, Place
 from hdvplan.need.bound import Bound
 from hdvplan.need.measure import ROWS
-from hdvplan.need.search import TOLERANCE_M, WIDE_M
+from hdvplan.need.search import TOLERANCE_M, WIDE_M, Least
 from hdvplan.need.widening import Widening
 from hdvplan.report.colours import BREACH
 from hdvplan.report.geojson import area_style, feature, swept_area
 from hdvplan.report.grid import grid
 from hdvplan.report.summary import proof_json
 from hdvplan.road.path import ReferencePath
+from hdvplan.road.regions import called
 from hdvplan.road.road import Limits, Road
 
 Json = dict[str, object]
@@ -81,7 +82,7 @@ def need_lines(need: Need) -> list[str]:
         where = "to both sides of the line" if need.side is None else f"on the {need.side}"
         lines.append(f"NEEDS {need.room.room:.2f} m {where} for the {vehicle}{kept}: decided {_place_text(need, need.place)}")
     elif need.side is None:
-        lines.append(f"NO: no plan was found for the {vehicle} at any half width up to {WIDE_M:.0f} m{kept}{_why(need)}")
+        lines.append(f"NO: no plan was found for the {vehicle} at any half width up to {WIDE_M:.0f} m{kept}{_why(need.room)}")
     else:
         lines.append(_held_line(need, vehicle))
     if need.bound is not None:
@@ -98,7 +99,7 @@ def _held_line(need: Need, vehicle: str) -> str:
     other = "right" if need.side == "left" else "left"
     if need.held is None or need.held.result is None or need.place is None:
         return f"NO: no plan was found for the {vehicle} that keeps the {other} edge, however wide the {need.side} is"
-    least = f"the {other} edge must be at least {need.held.room:.2f} m off even then, decided {_place_text(need, need.place)}"
+    least = f"one was found with the {other} edge {need.held.room:.2f} m off, decided {_place_text(need, need.place)}"
     return f"NO: no plan was found for the {vehicle} that keeps the {other} edge, however wide the {need.side} is; {least}"
 
 
@@ -108,7 +109,7 @@ def _widening_line(need: Need) -> str:
     if widenings.fitting is not None:
         return f"YES: the {vehicle} fits within the road's own limits"
     if widenings.area is None or widenings.depth is None:
-        return f"NO: the {vehicle} does not fit, and no widening of the road's own limits would do{_why(need)}"
+        return f"NO: the {vehicle} does not fit, and no widening of the road's own limits was found that would do{_why(need.room)}"
     area, depth = (area_of(_patches(need, widening)) for widening in (widenings.area, widenings.depth))
     both = widenings.area.result is not None and widenings.depth.result is not None
     least = f"widening the road by {area:.1f} m2 would do" if both else f"at least {area:.1f} m2 of road are lacking"
@@ -117,11 +118,11 @@ def _widening_line(need: Need) -> str:
     return f"NO: the {vehicle} does not fit; {least}, {deep}{rest}"
 
 
-def _why(need: Need) -> str:
-    """Return what prevents every plan, as far as it is known."""
-    if need.case.road.has_obstacles:
-        return ": an obstacle is in the way"
-    return f" ({need.room.failure})" if need.room.failure else ""
+def _why(room: Least) -> str:
+    """Return what prevents every plan, as far as it is known; nothing where a plan was found."""
+    if room.result is None and room.blocked is not None:
+        return f": {called(room.blocked.obstacle.label)} is in the way at s = {room.blocked.s:.1f} m"
+    return f" ({room.failure})" if room.result is None and room.failure is not None else ""
 
 
 def _patches(need: Need, widening: Widening) -> tuple[Patch, ...]:

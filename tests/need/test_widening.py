@@ -8,16 +8,16 @@ import shapely
 
 from hdvplan.api import plan
 from hdvplan.case import Case
+from hdvplan.errors import PlanError
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.need.answer import Need, need_of
-from hdvplan.need.room import least_half_width
 from hdvplan.need.search import Least
 from hdvplan.need.stretch import stretch_of
-from hdvplan.need.widening import Widening, Widenings, least_widenings
+from hdvplan.need.widening import Widening, Widenings, chosen, least_widenings
 from hdvplan.report.needs import area_of, need_json, need_lines, patches_of
 from hdvplan.road.regions import Kind, Region
 from hdvplan.road.road import Limits, Road
-from tests.need.test_room import BUS, case_on
+from tests.need.test_room import BUS, bend_of_16_m, case_on, least_in_the_bend
 
 LACK_M = 0.25
 
@@ -25,8 +25,8 @@ LACK_M = 0.25
 @pytest.fixture(scope="module")
 def narrow() -> Case:
     """A quarter turn whose limits lack a quarter of a metre on either side."""
-    case = case_on([0.0, 30.0, 38.0, 60.0, 68.0, 110.0], [0.0, 0.0, 0.0625, 0.0625, 0.0, 0.0])
-    half = least_half_width(case).room - LACK_M
+    case = bend_of_16_m()
+    half = least_in_the_bend().room - LACK_M
     return replace(case, road=case.road.with_limits(half, half))
 
 
@@ -72,6 +72,19 @@ def test_a_widening_with_which_no_plan_was_found_is_told_as_what_is_lacking_at_l
     assert said.endswith("; no plan along the whole road was found with it")
 
 
+def test_a_widening_with_which_a_plan_was_found_stands_for_both(narrow: Case, found: Widenings) -> None:
+    assert found.area is not None
+    assert found.depth is not None
+    nowhere = Least(np.inf, None, 1.27, 15.0, 6, None)
+    for area, depth in ((replace(found.area, result=None), found.depth), (found.area, replace(found.depth, result=None))):
+        told, fits = chosen(area, depth), area if area.result is not None else depth
+        assert told == Widenings(fits, fits, None)
+        assert " m2 would do, " in need_lines(Need(narrow, None, nowhere, None, None, told))[0]
+    worse = replace(found.area, outwards=10.0 * found.area.outwards)  # after repairs
+    assert chosen(worse, found.depth) == Widenings(found.depth, found.depth, None)
+    assert chosen(found.area, found.depth) == found
+
+
 def test_a_road_that_is_wide_enough_needs_no_widening(narrow: Case) -> None:
     wide = narrow.road.with_limits(4.0, 4.0)
     assert wide.limits is not None
@@ -86,8 +99,18 @@ def test_no_widening_helps_where_an_obstacle_blocks_the_road() -> None:
     road = replace(case.road, regions=(wall,)).with_limits(3.0, 3.0)
     need = need_of(replace(case, road=road))
     assert need.widenings == Widenings(None, None, None)
-    assert need_lines(need)[0].endswith("no widening of the road's own limits would do: an obstacle is in the way")
+    said = need_lines(need)[0]
+    assert "no widening of the road's own limits was found that would do: the obstacle 'wall' is in the way at s = 50." in said
     assert need_json(need, 0.0)["widening_m2"] is None
+
+
+def test_an_obstacle_that_is_not_in_the_way_is_not_blamed() -> None:
+    shed = Region(Kind.OBSTACLE, shapely.box(50.0, 10.0, 55.0, 15.0), "shed")
+    case = case_on([0.0, 100.0], [0.0, 0.0])
+    case = replace(case, road=replace(case.road, regions=(shed,)))
+    too_tight = Least(np.inf, None, 1.27, 15.0, 2, PlanError("the road bends too tightly", s_m=20.0))
+    (said,) = need_lines(Need(case, None, too_tight, None, None, None))
+    assert said == "NO: no plan was found for the bus at any half width up to 15 m (the road bends too tightly)"
 
 
 def test_patches_lie_between_the_old_and_the_new_limit() -> None:
