@@ -25,6 +25,8 @@ if TYPE_CHECKING:  # files of other kinds need no pandas
 _ROWS_AT_ONCE = 1000
 _NEW, _GONE = ".hdvplan-new", ".gone"  # the folder of files that are written together, and in it the names of those that go
 _LONGEST = 40  # letters of a name that go into that of a file under way
+_LARGEST = 2_000_000_000  # bytes of a file that hdvplan wrote: tables of a road of thousands of kilometres
+_LONGEST_TEXT = 16_000_000  # letters of a text by hand, or by a script: a study of 100,000 roads
 
 
 @dataclass(frozen=True)
@@ -86,15 +88,46 @@ def read_json(path: Path) -> Any:  # noqa: ANN401 - what json.loads returns
     """Return what a JSON file says.
 
     Raises:
-        OSError: it cannot be read.
+        OSError: it cannot be read, or is too large.
         ValueError: it is not JSON in UTF-8, or nested too deeply.
 
     """
+    refuse_endless(path)
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except RecursionError as error:
         msg = f"{path.name} is nested too deeply"
         raise ValueError(msg) from error
+
+
+def refuse_endless(path: Path) -> None:
+    """Refuse to read a device, a pipe, a link to one, or a file larger than all that hdvplan writes: a folder may come from anybody.
+
+    Raises:
+        OSError: it is one of these, or not there.
+
+    """
+    state = path.stat()
+    if not stat.S_ISREG(state.st_mode):
+        raise OSError(errno.EINVAL, "it is not a file", str(path))
+    if state.st_size > _LARGEST:
+        raise OSError(errno.EFBIG, f"it has {state.st_size / 1e6:.0f} MB; at most {_LARGEST / 1e6:.0f} MB are read", str(path))
+
+
+def read_text(path: Path) -> str:
+    """Return a text that somebody wrote, such as TOML; it may come from a pipe, but not without end.
+
+    Raises:
+        OSError: it cannot be read.
+        ValueError: it is not UTF-8, too long, or ``path`` is no path.
+
+    """
+    with path.open(encoding="utf-8") as file:
+        text = file.read(_LONGEST_TEXT + 1)
+    if len(text) > _LONGEST_TEXT:
+        msg = f"it has more than {_LONGEST_TEXT / 1e6:.0f} MB"
+        raise ValueError(msg)
+    return text
 
 
 def read_toml(path: Path, what: str, *, hint: str | None = None) -> dict[str, object]:
@@ -105,7 +138,7 @@ def read_toml(path: Path, what: str, *, hint: str | None = None) -> dict[str, ob
 
     """
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(read_text(path))
     except OSError as error:
         msg = f"{what} {path} cannot be read: {error.strerror or error}"
         raise OptionError(msg) from error
@@ -215,13 +248,13 @@ def settle(directory: Path) -> None:
     """Complete the result of a process that was killed after it had written all of it; see ``Together``.
 
     Raises:
-        OSError: a file cannot be moved.
+        OSError: a file cannot be moved, or what is there is not of hdvplan.
 
     """
     aside = directory / _NEW
     if aside.is_symlink() or not (aside / _GONE).is_file():
         return
-    gone = (aside / _GONE).read_text(encoding="utf-8").split("\n")
+    gone = _names_in(aside / _GONE)
     for name in gone:
         if not (name == gone[0] and not (aside / name).exists()):  # the last file has its place already
             (directory / name).unlink(missing_ok=True)
@@ -229,6 +262,19 @@ def settle(directory: Path) -> None:
     for name in sorted(names, key=lambda name: name == gone[0]):
         (aside / name).replace(directory / name)
     shutil.rmtree(aside)
+
+
+def _names_in(path: Path) -> list[str]:
+    """Return the names of files in a folder that a file lists. A folder may come from anybody: what lies elsewhere is not taken away.
+
+    Raises:
+        OSError: it lists something else.
+
+    """
+    names = path.read_text(encoding="utf-8", errors="replace").split("\n")
+    if any(name in {"", ".."} or "\0" in name or Path(name).name != name for name in names):
+        raise OSError(errno.EINVAL, "it names more than files of its folder", str(path))
+    return names
 
 
 def _has_entry(path: Path, entry: str) -> bool:

@@ -12,9 +12,11 @@ _MOST_SHOWN = 3  # names in a hint; a part that more names contain says nothing
 def meant_by(name: str, known: Iterable[str]) -> list[str]:
     """Return the known names that ``name`` may have meant, the nearest ones; none if nothing is near. Capitals do not matter."""
     names, given = list(known), name.casefold()
-    distances = {other: _distance(given, other.casefold()) for other in names}
+    most = max(1, len(given) // _LETTERS_AN_ERROR)
+    near = [other for other in names if abs(len(other.casefold()) - len(given)) <= most]  # a name of a megabyte is compared to none
+    distances = {other: _distance(given, other.casefold()) for other in near}
     nearest = min(distances.values(), default=len(given))
-    if nearest <= max(1, len(given) // _LETTERS_AN_ERROR) and 2 * nearest < len(given):
+    if nearest <= most and 2 * nearest < len(given):
         return [other for other, distance in distances.items() if distance == nearest]
     longer = [other for other in names if len(given) >= _SHORTEST_PART and given in other.casefold()]
     return longer if len(longer) <= _MOST_SHOWN else []

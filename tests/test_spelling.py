@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from time import process_time
+
 import pytest
 
 from hdvplan.road.library import road_names
@@ -46,3 +48,9 @@ def test_a_hint_shows_at_most_three_names_and_else_the_other_text() -> None:
     assert did_you_mean(["a", "b"], "names: ...") == "did you mean 'a' or 'b'?"
     assert did_you_mean(list("abcd"), "names: ...") == "did you mean 'a' or 'b' or 'c'?"
     assert did_you_mean([], "names: ...") == "names: ..."
+
+
+def test_a_name_of_a_megabyte_is_compared_to_none() -> None:
+    began = process_time()
+    assert meant_by("x" * 1_000_000, NAMES) == []
+    assert process_time() - began < 5.0  # takes a millisecond; letter by letter it took a minute

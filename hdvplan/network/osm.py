@@ -6,14 +6,17 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from importlib import import_module
+from itertools import count
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from hdvplan.errors import RoadError, did_you_mean
+from hdvplan.errors import RoadError
+from hdvplan.spelling import did_you_mean, meant_by
 
 _NOT_DRIVEN = ("platform", "stop")  # what such roles begin with
 _MOST_NAMED = 8  # kinds of routes or refs that a message lists
+_MOST_MEMBERS = 100_000  # of a route: the longest have some thousands
 
 
 @dataclass(frozen=True)
@@ -144,7 +147,9 @@ def _chosen(source: _Source, kind: str, refs: tuple[str, ...]) -> list[Relation]
     unknown = [ref for ref in refs if ref not in known]
     if unknown:
         msg = f"{name} has no route={kind} with ref={unknown[0]}"
-        raise RoadError(msg, hint=did_you_mean(unknown[0], known, f"there are {', '.join(known[:_MOST_NAMED]) or 'none with a ref'}"))
+        raise RoadError(
+            msg, hint=did_you_mean(meant_by(unknown[0], known), f"there are {', '.join(known[:_MOST_NAMED]) or 'none with a ref'}")
+        )
     return [route for route in of_kind if not refs or route.tags.get("ref") in refs]
 
 
@@ -155,15 +160,18 @@ def _flattened(routes: list[Relation], source: _Source) -> tuple[Relation, ...]:
     while ahead := {member.ref for one in known.values() for member in _driven(one) if member.kind == "r"} - known.keys() - missing:
         known |= {relation.id: relation for relation in source.relations(ids=ahead)}
         missing |= ahead - known.keys()
-    return tuple(replace(route, members=tuple(_members(route, known, ()))) for route in routes)
+    return tuple(replace(route, members=tuple(_members(route, known, (), count()))) for route in routes)
 
 
-def _members(relation: Relation, known: Mapping[int, Relation], above: tuple[int, ...]) -> Iterator[Member]:
+def _members(relation: Relation, known: Mapping[int, Relation], above: tuple[int, ...], seen: Iterator[int]) -> Iterator[Member]:
     for member in _driven(relation):
+        if next(seen) >= _MOST_MEMBERS:  # relations that hold others twice, which do so too, double with each
+            msg = f"relation {(*above, relation.id)[0]} has more than {_MOST_MEMBERS} members, with those of the relations in it"
+            raise RoadError(msg)
         if member.kind == "w" or member.ref not in known:
             yield member
         elif member.ref not in (*above, relation.id):  # a relation in itself ends there
-            yield from _members(known[member.ref], known, (*above, relation.id))
+            yield from _members(known[member.ref], known, (*above, relation.id), seen)
 
 
 def _driven(relation: Relation) -> list[Member]:

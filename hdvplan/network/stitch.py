@@ -112,7 +112,7 @@ def _line(run: Sequence[Pass], places: Places) -> tuple[list[Part], list[Finding
     for at in range(1, len(nodes) - 1):
         angle = turn(*(places[node] for node in nodes[at - 1 : at + 2]))
         if angle > _TURN_BACK_DEG:
-            text = f"way {ways[at].id} goes on from way {ways[at - 1].id} with a turn of {angle:.0f} degrees on the spot"
+            text = f"way {ways[at].id} continues way {ways[at - 1].id} with a turn of {angle:.0f} degrees on the spot"
             findings.append(Finding(Trouble.TURN, text, places[nodes[at]]))
             parts.append(Part(tuple(nodes[begin : at + 1]), tuple(ways[begin:at])))
             begin = at
@@ -128,7 +128,7 @@ def _passed_over(steps: Sequence[Step | None], runs: Sequence[Run], places: Plac
         row = [step.way for _, step in group if step is not None]
         if over:
             listed = ", ".join(str(way.id) for way in row[:_NAMED]) + (", ..." if len(row) > _NAMED else "")
-            yield Finding(Trouble.OTHER, f"passed over as of the other direction: {_ways(len(row))} {listed}", places[row[0].nodes[0]])
+            yield Finding(Trouble.OTHER, f"left out as part of the other direction: {_ways(len(row))} {listed}", places[row[0].nodes[0]])
 
 
 def _ways(count: int) -> str:
@@ -139,15 +139,17 @@ def _remarks(one: Pass, places: Places) -> Iterator[Finding]:
     """Return what is odd about how a way is driven."""
     name, place, way = f"way {one.step.way.id}", places[one.nodes[0]], one.step.way
     if len(one.nodes) == 1:
-        yield Finding(Trouble.LEFT_OUT, f"{name} is left where it is entered: nothing of it is driven", place)
+        yield Finding(Trouble.LEFT_OUT, f"the route leaves {name} where it enters it: nothing of it is driven", place)
         return
     if len(one.nodes) < len(way.nodes) and not way.closed:
         driven, whole = (length_of(nodes, places) for nodes in (one.nodes, way.nodes))
-        yield Finding(Trouble.IN_PART, f"of {name} only {driven:.0f} of {whole:.0f} m are driven: it is not split where it is left", place)
+        yield Finding(
+            Trouble.IN_PART, f"of {name} only {driven:.0f} of {whole:.0f} m are driven: it is not split where the route leaves it", place
+        )
     if one.nodes[0] == one.nodes[-1] and way.closed:
-        yield Finding(Trouble.ROUND, f"{name} is a circle that is left where it is entered: it is driven once round", place)
+        yield Finding(Trouble.ROUND, f"{name} is a circle that the route leaves where it enters it: it is driven once around", place)
     if one.step.one_way == -one.direction:
-        yield Finding(Trouble.ONE_WAY, f"{name} is driven against its one-way", place)
+        yield Finding(Trouble.ONE_WAY, f"{name} is driven against its one-way direction", place)
     if one.step.role == -one.direction:
         yield Finding(Trouble.ROLE, f"{name} is driven against its role", place)
 

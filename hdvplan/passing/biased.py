@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 from hdvplan.case import Case
 from hdvplan.errors import OptionError
 from hdvplan.passing.sides import choose_sides
 from hdvplan.planning.bias import CENTRE, Bias, bias_named
 from hdvplan.road.road import Limits
+
+_PACKED = {".gz", ".bz2", ".zip", ".xz", ".zst", ".tar"}  # which pandas unpacks as far as it can, and then raises anything
 
 
 def bias_asked(text: str, limits: Limits | None) -> Bias:
@@ -18,6 +21,9 @@ def bias_asked(text: str, limits: Limits | None) -> Bias:
         OptionError: none of these, a file that cannot be read, numbers that cannot be used, or a centre without limits.
 
     """
+    if Path(text).suffix.lower() in _PACKED:
+        msg = f"bias file {text} is packed"
+        raise OptionError(msg, hint="unpack it, and give the file in it")
     try:
         return bias_named(text, limits)
     except OverflowError as error:  # a whole number of hundreds of digits, which no float holds

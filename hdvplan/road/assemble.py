@@ -20,6 +20,8 @@ from hdvplan.texts import printable
 
 _SNAP_M = 0.01
 _LISTED = 20  # lines that a question names
+_LONGEST = 100  # letters of each
+_MOST_PARTS = 5000  # of a line that are joined: a bus route has hundreds, and a country's network takes hours
 _WIDTHS = ("left_m", "right_m", "width_m")
 
 
@@ -112,7 +114,8 @@ def _listed(lines: list[_Line]) -> str:
     """Return the names of lines, with their layers where there are several."""
     several = len({line.feature.layer for line in lines}) > 1
     names = [
-        (repr(line.feature.labels[0]) if line.feature.labels else "(unnamed)") + (f" in {line.feature.layer!r}" if several else "")
+        (repr(line.feature.labels[0][:_LONGEST]) if line.feature.labels else "(unnamed)")
+        + (f" in {line.feature.layer!r}" if several else "")
         for line in lines[:_LISTED]
     ]
     return ", ".join(names) + (", ..." if len(lines) > _LISTED else "")
@@ -123,6 +126,9 @@ def _joined(parts: list[FloatArray], name: str, *, directed: bool) -> FloatArray
     in_order = all(np.hypot(*(after[0] - before[-1])) <= _SNAP_M for before, after in pairwise(parts))
     if in_order:
         return np.concatenate(parts)
+    if len(parts) > _MOST_PARTS:
+        msg = f"{name}: the line has {len(parts)} parts out of order; at most {_MOST_PARTS} are joined"
+        raise RoadError(msg, hint="is it a network? give its lines as features of their own, and choose one with --id")
     ends = np.array([point for part in parts for point in (part[0], part[-1])])
     for i, part in enumerate(parts):
         for row in (0, -1):
@@ -133,7 +139,8 @@ def _joined(parts: list[FloatArray], name: str, *, directed: bool) -> FloatArray
         start, end = (merged.project(shapely.Point(parts[0][row])) for row in (0, -1))
         return np.asarray(merged.coords if directed or start < end else merged.reverse().coords, dtype=float)
     pieces = [np.asarray(piece.coords, dtype=float) for piece in merged.geoms]
-    gaps = [min(float(np.hypot(*(other[0] - piece[-1]))) for j, other in enumerate(pieces) if j != i) for i, piece in enumerate(pieces)]
+    starts = np.array([piece[0] for piece in pieces])
+    gaps = [float(np.min(np.delete(np.hypot(*(starts - piece[-1]).T), i))) for i, piece in enumerate(pieces)]
     listed = ", ".join(f"{gap:.2f} m" for gap in sorted(gaps)[: len(pieces) - 1][:10])
     msg = f"{name}: the line's {len(parts)} parts do not join to one; from an end to the next start there are gaps of {listed}"
     raise RoadError(msg, hint="join the parts, or turn the ones that run backwards" if directed else "join them, or choose one with --id")

@@ -16,6 +16,8 @@ from hdvplan.road.regions import Kind, Region, Side
 from hdvplan.texts import printable
 
 _POLYGONS = {"Polygon", "MultiPolygon"}
+_LONGEST_LABEL = 250  # letters of a name that is told and drawn
+_MOST_CROSSING = 2000  # points of a polygon that crosses itself: it does so as often as the square of their number
 
 
 @dataclass(frozen=True)
@@ -33,7 +35,7 @@ class Beside:
         given, role = feature.properties.get("region"), role_of(feature, self.choice)
         if given is None and (role not in {Role.OBSTACLE, Role.SWEEPABLE} or feature.geometry is self.line):
             return []
-        label = printable(feature.labels[0] if feature.labels else feature.layer)
+        label = printable(feature.labels[0] if feature.labels else feature.layer)[:_LONGEST_LABEL]
         where = f"{self.name}: region {label!r}" if label else f"{self.name}: region {number}"
         if given is not None and given not in list(Kind):
             msg = f"{where} is {given!r}; a region is obstacle or sweepable"
@@ -81,7 +83,12 @@ class Beside:
             msg = f"{where} has no coordinates"
             raise RoadError(msg)
         placed = [self._placed(coordinates_of(ring, where, fewest=3), where) for ring in rings]
-        whole = shapely.make_valid(shapely.Polygon(placed[0], placed[1:]))
+        drawn = shapely.Polygon(placed[0], placed[1:])
+        count = int(shapely.get_num_coordinates(drawn))
+        if count > _MOST_CROSSING and not drawn.is_valid:
+            msg = f"{where} crosses itself, and has {count} points; at most {_MOST_CROSSING} are taken apart"
+            raise RoadError(msg, hint="repair it first: ogr2ogr -makevalid one.gpkg FILE")
+        whole = shapely.make_valid(drawn)
         parts = [part for part in shapely.get_parts(shapely.get_parts(whole)) if isinstance(part, shapely.Polygon)]
         if not parts:
             msg = f"{where} has no area"

@@ -53,7 +53,7 @@ class Columns:
 def folded(title: str) -> str:
     """Return a name without case, accents, units in brackets and punctuation: ``Längengrad [°]`` is ``langengrad``."""
     plain = unicodedata.normalize("NFKD", title.replace("ø", "o").replace("Ø", "o").casefold())
-    plain = re.sub(r"[\[(].*?[\])]", "", "".join(sign for sign in plain if not unicodedata.combining(sign)))
+    plain = re.sub(r"[\[(][^\])]*[\])]?", "", "".join(sign for sign in plain if not unicodedata.combining(sign)))
     return re.sub(r"\W+", "_", plain).strip("_")
 
 

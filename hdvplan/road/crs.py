@@ -17,6 +17,8 @@ if TYPE_CHECKING:  # many roads are in metres, and need no PROJ
 LONLAT = "OGC:CRS84"
 _LOCAL = "+proj=tmerc +ellps=WGS84 +units=m +k=1 +x_0=0 +y_0=0 "  # in this order: of planes made here alone
 _LARGEST_LON, _LARGEST_LAT = 180.0, 90.0  # [deg]
+_STEP_M = 100.0  # over which a system's scale is measured
+_FALSE_LENGTHS = 0.01  # share by which lengths may be wrong: 3 cm of 3 m
 _DEGREES_SPACING = 1e-2  # of points
 _DEGREES_LENGTH = 5.0  # no road is this short in metres, or this long in degrees
 
@@ -75,7 +77,7 @@ def parse_crs(name: str) -> CRS:
 
     try:
         crs = CRS.from_user_input(name)
-    except CRSError as error:
+    except (CRSError, UnicodeError) as error:  # the second of undecodable bytes
         msg = f"unknown coordinate reference system {name!r}"
         raise RoadError(msg, hint="give an EPSG code, such as --crs EPSG:3006") from error
     if crs.is_projected:
@@ -94,6 +96,24 @@ def parse_crs(name: str) -> CRS:
 
 
 def to_plane(points: FloatArray, name: str = LONLAT) -> Plane:
+    """Return points in a plane in which lengths are true; as ``placed``.
+
+    Raises:
+        RoadError: as ``placed``, or lengths in this system are wrong by more than 1 % here.
+
+    """
+    plane = placed(points, name)
+    here = plane.points[len(points) // 2]
+    lon, lat = plane.to_lonlat(*(here + _STEP_M * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])).T)
+    scale = _STEP_M / np.array([_distance(lon[0], lat[0], lon[i], lat[i]) for i in (1, 2)])
+    wrong = scale[np.argmax(np.abs(scale - 1.0))] - 1.0
+    if not abs(wrong) <= _FALSE_LENGTHS:
+        msg = f"lengths in {name} are wrong by {100.0 * wrong:+.1f} % here"
+        raise RoadError(msg, hint="give longitude and latitude, or a metric system of this place such as its UTM zone")
+    return plane
+
+
+def placed(points: FloatArray, name: str) -> Plane:
     """Return points of the system ``name`` in a plane: projected ones as they are, geographic ones projected.
 
     ``points`` has shape (n, 2): easting and northing [m] or longitude and latitude [deg], always in this order. The
@@ -106,11 +126,11 @@ def to_plane(points: FloatArray, name: str = LONLAT) -> Plane:
     """
     plane = name if parse_crs(name).is_projected else _local(_lonlat(name, points))
     to_lonlat, into = ToLonLat(plane), IntoPlane(name, plane)
-    placed = into(points)
-    if not np.all(np.isfinite(to_lonlat(placed[:, 0], placed[:, 1]))):
+    there = into(points)
+    if not np.all(np.isfinite(to_lonlat(there[:, 0], there[:, 1]))):
         msg = f"the coordinates lie outside the area of {name}"
         raise RoadError(msg, hint="check --crs and that the order is easting, northing (or longitude, latitude)")
-    return Plane(placed, to_lonlat, into)
+    return Plane(there, to_lonlat, into)
 
 
 def is_local(to_lonlat: ToLonLat) -> bool:
@@ -145,7 +165,7 @@ def needs_lonlat(name: str) -> bool:
     except RoadError:
         try:
             crs: CRS | None = CRS.from_user_input(name)
-        except CRSError:
+        except (CRSError, UnicodeError):
             crs = None
         if crs is None or not (crs.is_projected or crs.is_geographic):
             raise
@@ -181,6 +201,13 @@ def check_lonlat(points: FloatArray, where: str) -> None:
     if np.all(np.abs(lon) <= _LARGEST_LAT) and np.all(np.abs(lat) <= _LARGEST_LON):
         raise RoadError(msg, hint="longitude and latitude look swapped: longitude comes first")
     raise RoadError(msg, hint="if the coordinates are metres, name their system, such as --crs EPSG:3006")
+
+
+def _distance(lon: float, lat: float, other_lon: float, other_lat: float) -> float:
+    """Return the length of the geodesic between two places [m]."""
+    from pyproj import Geod  # noqa: PLC0415 - see above
+
+    return float(Geod(ellps="WGS84").inv(lon, lat, other_lon, other_lat)[2])
 
 
 def _local(lonlat: FloatArray) -> str:

@@ -17,6 +17,14 @@ from hdvplan.road.columns import folded
 Json = dict[str, Any]
 _IDS = ("name", "id", "@id", "osm_id", "ref")
 LINES = {"LineString", "MultiLineString"}
+OPTIONS = {  # of the command line, by what readers of roads call them
+    "crs": "--crs",
+    "feature": "--name",
+    "layer": "--layer",
+    "roles": "--role",
+    "road_ids": "--road-ids",
+    "lane": "--lane",
+}
 
 
 class Role(StrEnum):
@@ -113,6 +121,19 @@ def roles_of(given: tuple[str, ...]) -> dict[str, Role]:
             raise OptionError(msg, hint="NAME is a layer or a feature of the road file, such as --role hoarding=obstacle")
         roles[name] = Role(role)
     return roles
+
+
+def refuse_unheeded(what: str, options: object, *names: str) -> None:
+    """Refuse those ``options`` of these ``names`` that were given, for ``what`` cannot heed them.
+
+    Raises:
+        RoadError: one was given.
+
+    """
+    given = next((name for name in names if getattr(options, name) not in {None, ()}), None)
+    if given is not None:
+        msg = f"{what} has no use for {OPTIONS[given]}"
+        raise RoadError(msg, hint=f"leave {OPTIONS[given]} out")
 
 
 def labels_of(item: Json) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from hdvplan.errors import OptionError, RoadError
 from hdvplan.jit import FloatArray
-from hdvplan.road.features import Choice, roles_of
+from hdvplan.road.features import OPTIONS, Choice, refuse_unheeded, roles_of
 from hdvplan.road.library import NOTICE, example_file, example_names, road_file, road_names
 from hdvplan.road.load_csv import has_wkt, read_csv
 from hdvplan.road.load_geojson import json_object, read_geojson
@@ -20,7 +20,7 @@ from hdvplan.road.load_overpass import read_overpass
 from hdvplan.road.load_vector import read_vector
 from hdvplan.road.raw import RawRoad
 from hdvplan.road.scenarios import SCENARIOS
-from hdvplan.road.steps import refuse_outliers, refuse_sparse
+from hdvplan.road.steps import refuse_far, refuse_outliers, refuse_sparse
 from hdvplan.road.texts import refuse_unreadable, text_of
 from hdvplan.spelling import did_you_mean, meant_by
 from hdvplan.texts import printable
@@ -143,6 +143,7 @@ def find_road(source: str | Path, options: RoadOptions = RoadOptions()) -> Found
     elif example is not None:
         line = Line(example.stem, _read(example, options), options)
     elif str(source) in SCENARIOS:
+        refuse_unheeded(f"the scenario {source}", options, *OPTIONS)
         return Found(SCENARIOS[str(source)], options)
     else:
         raise _unknown(source)
@@ -170,7 +171,11 @@ def _read(path: Path, options: RoadOptions) -> RawRoad:
     except OSError as error:
         msg = f"road file {path} cannot be read: {error.strerror or error}"
         raise RoadError(msg) from error
+    except RecursionError as error:
+        msg = f"{path.name} is nested too deeply"
+        raise RoadError(msg) from error
     if not raw.is_profile:
+        refuse_far(raw.points, path.name)
         refuse_outliers(raw.points, raw.lines, path.name)
         refuse_sparse(raw.points, path.name, LONG_M)
     return raw
@@ -183,6 +188,7 @@ def _raw(path: Path, options: RoadOptions) -> RawRoad:
     if suffix == ".xodr":
         from hdvplan.road.load_opendrive import read_opendrive  # noqa: PLC0415 - few files need it
 
+        refuse_unheeded(f"{path.name}: an OpenDRIVE file", options, "crs", "feature", "layer", "roles")
         return read_opendrive(path, road_ids=options.road_ids, lane=options.lane)
     if options.road_ids is not None or options.lane is not None:
         msg = f"{path.name} has no road ids and lanes to choose; OpenDRIVE files (.xodr) have"
@@ -191,6 +197,7 @@ def _raw(path: Path, options: RoadOptions) -> RawRoad:
     if suffix in {".json", ".geojson"} or (text is not None and text.lstrip().startswith("{")):
         document = json_object(text or text_of(path), path.name)
         if "elements" in document:
+            refuse_unheeded(f"{path.name}: a file of OpenStreetMap", options, "crs")
             return read_overpass(document, path.name, choice=choice)
         if document.get("type") == "Topology" or "geometryType" in document:
             return read_vector(path, crs=crs, choice=choice)
@@ -200,6 +207,7 @@ def _raw(path: Path, options: RoadOptions) -> RawRoad:
     if options.feature is not None:
         msg = f"{path.name}: a CSV file has no features to choose {options.feature!r} from"
         raise RoadError(msg)
+    refuse_unheeded(f"{path.name}: a CSV file", options, "layer", "roles")
     return read_csv(text, path.name, crs=crs)
 
 

@@ -13,9 +13,10 @@ from hdvplan.jit import FloatArray
 from hdvplan.road.columns import LAYOUTS, Columns, columns_of, has_geometry, is_header, unread_note
 from hdvplan.road.crs import LONLAT, check_lonlat, is_geographic, looks_like_degrees, to_plane
 from hdvplan.road.raw import RawRoad
+from hdvplan.road.steps import LARGEST_M
 
 _SEPARATORS = ("\t", ";", "|", ",")  # the first that the header has; decimal commas cannot occur in a header
-_LARGEST_M = 1e8  # beyond it a double's rounding of a position shows in the curvature
+_QUOTE = '"'  # which nothing can be separated by
 _TIGHTEST_PROFILE = 0.5  # [1/m]
 _LOST_DECIMALS = 3  # fewer than in any other row: one or two may be trailing zeros
 
@@ -143,7 +144,7 @@ def _uncommented(numbered: Iterator[tuple[int, str]]) -> Iterator[str]:
 
 def _is_excel_hint(line: str) -> bool:
     """Tell Excel's first line that names the separator."""
-    return len(line) == 5 and line.lower().startswith("sep=")  # noqa: PLR2004
+    return len(line) == 5 and line.lower().startswith("sep=") and line[4] != _QUOTE  # noqa: PLR2004
 
 
 def _separator(line: str) -> str:
@@ -262,7 +263,7 @@ def _check_profile(points: FloatArray, columns: Columns, lines: list[int], name:
 
 
 def _check_metres(points: FloatArray, columns: Columns, lines: list[int], name: str) -> None:
-    large = np.argwhere(np.abs(points) > _LARGEST_M)
+    large = np.argwhere(np.abs(points) > LARGEST_M)
     if large.size:
         row, axis = large[0]
         title = columns.titles[columns.position[axis]]

@@ -12,8 +12,8 @@ import numpy as np
 from hdvplan.errors import RoadError
 from hdvplan.jit import FloatArray
 from hdvplan.road.blend import rounded, wrapped
-from hdvplan.road.crs import to_plane
-from hdvplan.road.opendrive import DRIVEN, SAME_M, OdrRoad, Section, read_roads
+from hdvplan.road.crs import placed
+from hdvplan.road.opendrive import DRIVEN, LONGEST_M, SAME_M, OdrRoad, Section, read_roads
 from hdvplan.road.raw import RawRoad
 
 _SPACING_M = 0.25  # of the points on lanes and edges
@@ -43,8 +43,12 @@ class _Piece:
         cells = [np.linspace(lo, hi, max(1, int(np.ceil((hi - lo) / _SPACING_M))) + 1) for lo, hi in pairwise(ends)]
         s = np.unique(np.concatenate(cells))
         s[-1] -= 2.0 * SAME_M  # still in the section
+        return self._at(s)
+
+    def _at(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the lines at arclengths ``s`` of the road; see ``lines``."""
         t = self.offsets(s)
-        here = road.reference(s)
+        here = self.road.reference(s)
         normal = np.stack([-np.sin(here.heading), np.cos(here.heading)], axis=1)
         points: FloatArray = np.stack([here.x, here.y], axis=1) + t[:, 0, :, None] * normal
         (offset, slope, bend), stretch = t[0], 1.0 - here.curvature * t[0, 0]
@@ -65,7 +69,7 @@ class _Piece:
 
     def ends(self) -> tuple[FloatArray, FloatArray]:
         """Return x, y, heading where the middle begins and where it ends in its driving direction."""
-        points, heading, _ = self.lines()
+        points, heading, _ = self._at(np.array([self.section.start, self.section.end - 2.0 * SAME_M]))
         return np.append(points[0, 0], heading[0]), np.append(points[0, -1], heading[-1])
 
 
@@ -95,15 +99,23 @@ def read_opendrive(path: Path, *, road_ids: str | None, lane: int | None) -> Raw
     roads, projection = read_roads(path)
     stops = _stops(roads, road_ids, name)
     pieces = _pieces(roads, reference=lane == 0)
-    route = _route(pieces, stops, lane, name)
-    lines = [piece.lines() for piece in route]
+    with np.errstate(all="ignore"):  # what is not finite is refused
+        route = _route(pieces, stops, lane, name)
+        length = sum(piece.section.end - piece.section.start for piece in route)
+        if length > LONGEST_M:
+            msg = f"{name}: the way is {1e-3 * length:.0f} km long; at most {1e-3 * LONGEST_M:.0f} km are driven"
+            raise RoadError(msg, hint="choose a part of it with --road-ids")
+        lines = [piece.lines() for piece in route]
     points, heading, curvature = (np.concatenate([line[part] for line in lines], axis=axis) for part, axis in ((0, 1), (1, 0), (2, 0)))
+    if not all(np.all(np.isfinite(values)) for values in (points, heading, curvature)):
+        msg = f"{name}: a lane on the way has no direction somewhere: it passes through the centre of a bend, or its curve stands still"
+        raise RoadError(msg, hint="choose other roads or another lane with --road-ids and --lane")
     middle = points[0]
     driven = ", ".join(f"{'' if piece.forward else '-'}{piece.road.number} lane {piece.lane}" for piece in _first_of_each(route))
     raw = RawRoad(middle, sides=points[1:], rounded=rounded(middle, heading, curvature), notes=(f"{name}: over roads {driven}",))
     if projection is None or any(words in projection for words in _NOWHERE):
         return raw
-    return replace(raw, to_lonlat=to_plane(middle, projection.strip()).to_lonlat)
+    return replace(raw, to_lonlat=placed(middle, projection.strip()).to_lonlat)
 
 
 def _stops(roads: dict[str, OdrRoad], road_ids: str | None, name: str) -> list[_Stop]:
@@ -188,10 +200,9 @@ def _continuations(pieces: list[_Piece]) -> list[list[int]]:
     found = []
     for number, (_, end) in enumerate(ends):
         apart = np.hypot(*(starts[:, :2] - end[:2]).T)
-        linked = np.array([_goes_on(pieces[number], other) for other in pieces])
-        near = apart <= np.where(linked, _LINKED_M, _MEET_M)
         turn = np.abs(wrapped(starts[:, 2] - end[2]))
-        found.append([other for other in np.flatnonzero(near & (turn <= _MEET_TURN)).tolist() if other != number])
+        near = np.flatnonzero((apart <= _LINKED_M) & (turn <= _MEET_TURN)).tolist()
+        found.append([other for other in near if other != number and (apart[other] <= _MEET_M or _goes_on(pieces[number], pieces[other]))])
     return found
 
 

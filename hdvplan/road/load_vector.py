@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
+from contextlib import closing, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib import import_module
@@ -25,6 +26,8 @@ from hdvplan.road.raw import RawRoad
 from hdvplan.road.regions import Kind
 
 _MOST_FEATURES = 200_000
+_MOST_STEPS = 50_000_000  # of SQLite for one view: a second or two
+_SQLITE = "SQLite format 3\0"
 _POINTS_ONLY = {"Point", "MultiPoint", "2.5D Point", "Point Z", "Point M", "Point ZM", "MultiPoint Z", "3D Point", "3D MultiPoint"}
 _SHEETS = {"XLSX", "ODS", "XLS"}
 _DRAWINGS = {"DXF", "DGN", "CAD"}
@@ -33,6 +36,7 @@ _NETWORK = ("<OGRVRTDataSource", "<OGRWFSDataSource", "<OGRCSWDataSource", "gdal
 _HEADER_BYTES = 65536  # of a drawing, which hold its settings
 _UNITS = {1: "inches", 2: "feet", 4: "millimetres", 5: "centimetres", 7: "kilometres"}
 _OLD = "cp1252"  # texts that are no UTF-8
+_OF_ADDRESSES = re.compile(r"[!?;\t\n\r\ud800-\udfff]")  # what begins another part, what is left out, and undecodable bytes
 _CONVERT = "ogr2ogr road.gpkg {name}"
 
 
@@ -52,11 +56,13 @@ def read_vector(path: Path, *, crs: str | None = None, choice: Choice) -> RawRoa
     if any(word in head for word in _NETWORK):
         msg = f"{name} names other data and has none itself"
         raise RoadError(msg, hint=f"convert it to a file with the data first: {_CONVERT.format(name=name)}")
-    pyogrio = _pyogrio(name)
+    pyogrio, plain = _pyogrio(name), _plain(path)
+    if head.startswith(_SQLITE):
+        _refuse_endless_views(plain)
     try:
-        content = _content(_Source(pyogrio, path), crs, choice)
+        content = _content(_Source(pyogrio, plain), crs, choice)
     except UnicodeDecodeError:
-        content = _content(_Source(pyogrio, path, _OLD), crs, choice)
+        content = _content(_Source(pyogrio, plain, _OLD), crs, choice)
     if isinstance(content, Table):
         return read_table(content, name, crs=crs)
     driver, features = content
@@ -65,6 +71,43 @@ def read_vector(path: Path, *, crs: str | None = None, choice: Choice) -> RawRoa
         raise RoadError(msg, hint="a road is a line feature; a file that was cut off may have lost its own")
     raw = road_of(features, name, choice)
     return replace(raw, notes=(*raw.notes, *_drawing_notes(path))) if driver == "DXF" else raw
+
+
+def _plain(path: Path) -> Path:
+    """Return the whole path of a file, which pyogrio reads as an address: it would open another file, or ask the network for one.
+
+    Raises:
+        RoadError: a sign in it has a meaning in addresses.
+
+    """
+    whole = path.absolute()  # no address of another kind begins with a slash
+    odd = _OF_ADDRESSES.search(whole.as_posix())
+    if odd is not None:
+        msg = f"{path} cannot be given to GDAL: its path has the sign {odd[0]!r}"
+        raise RoadError(msg, hint="rename it, or copy it to a folder with a plain name")
+    return whole
+
+
+def _refuse_endless_views(path: Path) -> None:
+    """Refuse a database with a view that would never be read to its end: GDAL counts the rows of every layer first.
+
+    Raises:
+        RoadError: there is one.
+
+    """
+    import sqlite3  # noqa: PLC0415 - few files need it
+
+    with suppress(sqlite3.DatabaseError), closing(sqlite3.connect(f"{path.as_uri()}?mode=ro", uri=True)) as base:  # GDAL tells of damage
+        base.set_progress_handler(lambda: 1, _MOST_STEPS)  # ends a statement after so many steps
+        for (view,) in base.execute("SELECT name FROM sqlite_master WHERE type = 'view'").fetchall():
+            quoted = str(view).replace('"', '""')
+            try:
+                rows = sum(1 for _ in base.execute(f'SELECT 1 FROM "{quoted}" LIMIT {_MOST_FEATURES + 1}'))  # noqa: S608 - quoted
+            except sqlite3.OperationalError as error:
+                rows = _MOST_FEATURES + 1 if "interrupted" in str(error) else 0  # else it calls what only GDAL has
+            if rows > _MOST_FEATURES:
+                msg = f"{path.name}: view {view!r} has no end, or more than {_MOST_FEATURES} rows"
+                raise RoadError(msg, hint=f"write the layer that you need to a file of its own: {_CONVERT.format(name=path.name)} LAYER")
 
 
 def _pyogrio(name: str) -> ModuleType:
@@ -180,6 +223,8 @@ def _geometries(shapes: NDArray[np.object_], name: str, layer: str) -> list[Any]
 
 def _value(value: Any, title: str) -> object:  # noqa: ANN401 - whatever a database holds
     """Return a field's value as JSON would have it, None where it is missing; widths as numbers."""
+    if isinstance(value, np.ndarray):  # of a field that holds several
+        return value.tolist()
     if value is None or value != value:  # noqa: PLR0124 - NaN and NaT mean missing
         return None
     plain = value.item() if isinstance(value, np.generic) else value

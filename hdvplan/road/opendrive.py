@@ -20,6 +20,9 @@ DRIVEN = {"driving", "bidirectional", "entry", "exit", "onRamp", "offRamp", "con
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)  # exact to rounding over several radians
 _CURVES = ("line", "arc", "spiral", "poly3", "paramPoly3")
 SAME_M = 1e-6  # arclengths of sections and of their functions that are meant to be the same differ by rounding
+LONGEST_M = 200e3  # of a road, and of the way that is driven
+_SHORTEST_M = 1e-9  # of a geometry
+_LARGEST = 1e9  # of any number: from here on powers of it come to the end of what floats hold
 _STEP_M = 1e-3  # for the curvature's derivative
 _CELL_M = 0.05  # of a cubic's arclength
 
@@ -166,7 +169,7 @@ def read_roads(path: Path) -> tuple[dict[str, OdrRoad], str | None]:
     """
     try:
         root = ET.parse(path).getroot()  # noqa: S314 - expat itself limits how far entities grow
-    except ET.ParseError as error:
+    except (ET.ParseError, LookupError, ValueError) as error:  # the last two of an encoding that expat does not read
         msg = f"{path.name} is not XML, or was cut off: {error}"
         raise RoadError(msg) from error
     for element in root.iter():
@@ -196,8 +199,8 @@ def _number(element: ET.Element, name: str, default: float | None = None) -> flo
         value = float(text or "")
     except ValueError:
         value = np.nan
-    if not np.isfinite(value):
-        msg = f"{name} of <{element.tag}> is {text!r}, not a number"
+    if not abs(value) <= _LARGEST:
+        msg = f"{name} of <{element.tag}> is {text and text[:40]!r}, not a number{'' if np.isnan(value) else ' that can be used'}"
         raise ValueError(msg)
     return value
 
@@ -210,6 +213,9 @@ def _road(element: ET.Element, number: str) -> OdrRoad:
     length = geometries[-1].s + geometries[-1].length
     found = element.findall("lanes/laneSection")
     starts = [*(_number(item, "s") for item in found), length]
+    if max(starts) - min(starts) > LONGEST_M:
+        msg = f"it is {1e-3 * (max(starts) - min(starts)):.0f} km long; at most {1e-3 * LONGEST_M:.0f} km are read"
+        raise ValueError(msg)
     sections = tuple(_section(item, lo, hi) for item, lo, hi in zip(found, starts[:-1], starts[1:], strict=True) if hi > lo)
     offset = _cubics(element.findall("lanes/laneOffset"), "s")
     return OdrRoad(number, length, tuple(geometries), offset, sections, element.get("rule") == "LHT")
@@ -218,7 +224,7 @@ def _road(element: ET.Element, number: str) -> OdrRoad:
 def _geometry(element: ET.Element) -> Geometry:
     curve = next((child for child in element if child.tag in _CURVES), None)
     length = _number(element, "length")
-    if curve is None or length <= 0.0:
+    if curve is None or length < _SHORTEST_M:
         msg = f"the geometry at s = {element.get('s')} has no curve or no length"
         raise ValueError(msg)
     s, x, y, heading = (_number(element, name) for name in ("s", "x", "y", "hdg"))

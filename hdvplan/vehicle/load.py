@@ -7,6 +7,7 @@ from importlib import resources
 from pathlib import Path
 
 from hdvplan.errors import VehicleError
+from hdvplan.fileio import read_text
 from hdvplan.spelling import did_you_mean, meant_by
 from hdvplan.texts import printable
 from hdvplan.vehicle.model import Unit, Vehicle
@@ -22,6 +23,8 @@ _AIM = 0.6  # of an active axle's angle to the articulation on constant curves, 
 _UNIT_KEYS = ("name", *_DIMENSION_KEYS, *_STEERING_KEYS, _RADIUS_KEY, "steered", *_AXLE_KEYS)
 _LENGTH_TOLERANCE_M = 0.01
 _LARGEST_RADIUS_M = 1e6
+_MOST_UNITS = 16  # road trains on roads have up to nine; what planning takes grows with the cube of their number
+_LONGEST_NAME = 120  # letters
 _GROUPS = ("papers", "europe", "aashto")
 
 
@@ -70,11 +73,11 @@ def vehicle_text(source: str | Path) -> str:
     if not _is_file(source):
         return preset_text(str(source))
     try:
-        return Path(source).read_text(encoding="utf-8")
+        return read_text(Path(source))
     except FileNotFoundError as error:
         msg = f"vehicle file {source} does not exist"
         raise VehicleError(msg, hint=f"presets: {', '.join(preset_names())}") from error
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ValueError) as error:
         msg = f"vehicle file {source} cannot be read: {error}"
         raise VehicleError(msg) from error
 
@@ -98,10 +101,14 @@ def parse_vehicle(text: str, *, default_name: str) -> Vehicle:
         msg = f"vehicle {default_name!r} is not valid TOML: {error}"
         raise VehicleError(msg) from error
     name = printable(str(document.get("name", default_name)))
+    _check_name(name, f"vehicle {name[:_LONGEST_NAME]!r}")
     _check_keys(document, _TOP_KEYS, f"vehicle {name!r}")
     tables = document.get("unit", [])
     if not (isinstance(tables, list) and all(isinstance(table, dict) for table in tables)):
         msg = f"vehicle {name!r}: 'unit' must be [[unit]] tables, one per body from the front"
+        raise VehicleError(msg, field="unit")
+    if len(tables) > _MOST_UNITS:
+        msg = f"vehicle {name!r} has {len(tables)} units; at most {_MOST_UNITS} are planned"
         raise VehicleError(msg, field="unit")
     metres = _metres(document, name)
     units = tuple(_unit(table, number, name, metres) for number, table in enumerate(tables, start=1))
@@ -171,7 +178,15 @@ def _unit(table: dict[str, object], number: int, name: str, metres: float) -> Un
     if not isinstance(called, str) or ("name" in table and not called.strip()):
         msg = f"{where}: name must be a word, not {called!r}"
         raise VehicleError(msg, field="name")
+    _check_name(printable(called), where)
     return Unit(**values, name=printable(called))
+
+
+def _check_name(name: str, where: str) -> None:
+    """Refuse a name that no picture and no file can be called by."""
+    if len(name) > _LONGEST_NAME:
+        msg = f"{where}: the name has {len(name)} letters; at most {_LONGEST_NAME} are drawn"
+        raise VehicleError(msg, field="name", hint="give a shorter name")
 
 
 def _check_steered(table: dict[str, object], number: int, where: str) -> None:

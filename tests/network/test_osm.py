@@ -48,6 +48,14 @@ def test_relations_that_hold_each_other_end_where_they_come_again(tmp_path: Path
     assert read_routes(path, "bus").relations[0].members == (Member("w", 1), Member("w", 2))
 
 
+@pytest.mark.parametrize("last", [(), (Member("w", 1),)])
+def test_relations_that_double_with_each_other_are_refused(tmp_path: Path, last: tuple[Member, ...]) -> None:
+    doubling = [Relation(number, {}, (Member("r", number + 1), Member("r", number + 1))) for number in range(20, 60)]
+    path = write_map(tmp_path / "m.osm", WAYS, [route(9, Member("r", 20)), *doubling, Relation(60, {}, last)])
+    with pytest.raises(RoadError, match="relation 9 has more than 100000 members"):
+        read_routes(path, "bus")
+
+
 def test_a_way_of_which_nodes_are_missing_is_missing(tmp_path: Path) -> None:
     path = write_map(tmp_path / "m.osm", WAYS, [route(9, *(Member("w", number) for number in (1, 2, 3, 4)))], without={101})
     assert set(read_routes(path, "bus").ways) == {2, 3}
@@ -58,7 +66,7 @@ def test_lines_are_chosen_by_their_numbers(tmp_path: Path) -> None:
     assert [one.id for one in read_routes(path, "bus", ("13", "11")).relations] == [11, 13]
     with pytest.raises(RoadError, match=r"m\.osm has no route=bus with ref=112") as caught:
         read_routes(path, "bus", ("112",))
-    assert caught.value.hint == "did you mean '12'?"
+    assert caught.value.hint == "did you mean '11' or '12'?"
 
 
 def test_a_kind_that_the_map_lacks_is_refused_with_those_that_it_has(tmp_path: Path) -> None:

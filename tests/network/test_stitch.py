@@ -138,7 +138,7 @@ def test_a_line_may_cross_itself_at_a_node() -> None:
 def test_driving_against_a_one_way_is_told_and_cuts_nothing() -> None:
     parts, findings = stitch(way(1, 101, 102), way(2, 103, 102, oneway="yes"), way(3, 103, 104))
     assert parts == [(101, 102, 103, 104)]
-    assert [(finding.trouble, finding.text) for finding in findings] == [(Trouble.ONE_WAY, "way 2 is driven against its one-way")]
+    assert [(finding.trouble, finding.text) for finding in findings] == [(Trouble.ONE_WAY, "way 2 is driven against its one-way direction")]
 
 
 def test_driving_against_a_role_is_told_and_cuts_nothing() -> None:
@@ -157,7 +157,7 @@ def test_two_ways_that_meet_at_both_ends_are_driven_there_and_back() -> None:
 def test_a_way_that_is_left_at_a_node_in_it_is_driven_in_part() -> None:
     parts, findings = stitch(way(1, 101, 102, 103, 104), way(2, 103, 203))
     assert parts == [(101, 102, 103, 203)]
-    assert [finding.text for finding in findings] == ["of way 1 only 151 of 227 m are driven: it is not split where it is left"]
+    assert [finding.text for finding in findings] == ["of way 1 only 151 of 227 m are driven: it is not split where the route leaves it"]
 
 
 def test_a_way_that_is_left_where_it_is_entered_is_told_and_not_driven() -> None:
@@ -174,7 +174,7 @@ THERE, BACK = way(2, 402, 502, 503, 403, oneway="yes"), way(3, 403, 303, 302, 40
 def test_where_a_route_is_mapped_for_both_directions_only_the_ways_of_one_are_driven(order: tuple[int, ...]) -> None:
     parts, findings = stitch(A, THERE, BACK, C, order=order)
     assert parts == [(401, 402, 502, 503, 403, 404)]
-    assert [(finding.trouble, finding.text) for finding in findings] == [(Trouble.OTHER, "passed over as of the other direction: way 3")]
+    assert [(finding.trouble, finding.text) for finding in findings] == [(Trouble.OTHER, "left out as part of the other direction: way 3")]
 
 
 def test_the_members_the_other_way_round_give_the_way_back() -> None:

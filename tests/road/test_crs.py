@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pyproj import Geod
+from pyproj import Geod, Transformer
 
 from hdvplan.errors import RoadError
 from hdvplan.road.crs import parse_crs, to_plane
@@ -36,6 +36,7 @@ def test_lengths_agree_with_the_geodesic_and_points_return(lon: float, lat: floa
         ("EPSG:4978", "neither a projected nor a geographic"),
         ("EPSG:999999", "unknown coordinate reference system"),
         ("nonsense", "unknown coordinate reference system"),
+        ("EPSG:\udcff", "unknown coordinate reference system"),
     ],
 )
 def test_unsuitable_systems_are_refused(name: str, message: str) -> None:
@@ -74,3 +75,25 @@ def test_the_ways_into_the_plane_and_back_pickle(name: str) -> None:
     x, y = plane.points.T
     np.testing.assert_array_equal(again.to_lonlat(x, y), plane.to_lonlat(x, y))
     np.testing.assert_array_equal(again.into(points), plane.points)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "EPSG:3395",  # Mercator on the ellipsoid
+        "+proj=merc +a=6378137 +b=6378137 +lat_ts=0 +lon_0=0 +k=1 +units=m +nadgrids=@null +wktext +no_defs",  # Web Mercator by hand
+        "EPSG:3857+5773",  # with heights
+        "+proj=eqc +ellps=WGS84 +units=m",  # degrees drawn as squares
+        "EPSG:32631",  # UTM, four zones away
+    ],
+)
+def test_systems_in_which_lengths_are_wrong_are_refused_by_how_much(name: str) -> None:
+    x, y = Transformer.from_crs("OGC:CRS84", name, always_xy=True).transform(np.array([27.90, 27.91]), np.array([57.70, 57.70]))
+    with pytest.raises(RoadError, match=r"lengths .*are wrong by \+?\d"):
+        to_plane(np.stack([x, y], axis=1), name)
+
+
+@pytest.mark.parametrize("name", ["EPSG:32632", "EPSG:32633", "EPSG:3006", "EPSG:3035"])
+def test_systems_of_a_neighbouring_zone_and_of_all_europe_are_good_enough(name: str) -> None:
+    x, y = Transformer.from_crs("OGC:CRS84", name, always_xy=True).transform(np.array([11.97, 11.98]), np.array([57.70, 57.70]))
+    assert to_plane(np.stack([x, y], axis=1), name).points.shape == (2, 2)

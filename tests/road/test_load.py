@@ -105,6 +105,27 @@ def test_a_file_that_is_no_text_is_refused(tmp_path: Path) -> None:
         load_road(tmp_path / "road.csv")
 
 
+@pytest.mark.parametrize(
+    ("source", "content", "options", "said"),
+    [
+        ("uturn", None, RoadOptions(crs="EPSG:3006"), "the scenario uturn has no use for --crs"),
+        ("uturn", None, RoadOptions(lane=0), "the scenario uturn has no use for --lane"),
+        ("road.csv", STRAIGHT, RoadOptions(layer="streets"), "road.csv: a CSV file has no use for --layer"),
+        ("road.csv", STRAIGHT, RoadOptions(roles=("van=obstacle",)), "road.csv: a CSV file has no use for --role"),
+        ("road.xodr", "<OpenDRIVE/>", RoadOptions(feature="A"), "road.xodr: an OpenDRIVE file has no use for --name"),
+        ("road.json", '{"elements": []}', RoadOptions(crs="EPSG:3006"), "road.json: a file of OpenStreetMap has no use for --crs"),
+    ],
+)
+def test_options_that_a_road_cannot_heed_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, source: str, content: str | None, options: RoadOptions, said: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    if content is not None:
+        Path(source).write_text(content, encoding="utf-8")
+    with pytest.raises(RoadError, match=said):
+        load_road(source, options)
+
+
 @pytest.mark.parametrize("options", [{"smooth": 0.0}, {"smooth": float("nan")}, {"max_curvature": 0.0}, {"max_curvature": 0.6}])
 def test_impossible_options_are_refused(options: dict[str, float]) -> None:
     with pytest.raises(OptionError):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -11,6 +13,7 @@ import shapely
 
 from hdvplan.errors import RoadError
 from hdvplan.road.features import Choice
+from hdvplan.road.load import load_road
 from hdvplan.road.load_geojson import json_object
 from hdvplan.road.load_geojson import read_geojson as read_document
 from hdvplan.road.raw import RawRoad
@@ -197,3 +200,49 @@ def test_the_notice_is_the_attribution_with_the_licence() -> None:
 def test_members_of_the_wrong_kind_are_refused_by_name(document: str, message: str) -> None:
     with pytest.raises(RoadError, match=message):
         read_geojson(document, "f")
+
+
+def test_geometries_in_each_other_are_refused_however_deep_they_are(tmp_path: Path) -> None:
+    """Each version of Python gives up at depths of its own: while it reads the file, or later."""
+    for depth in (100, *range(430, 500), 1500):
+        shape = '{"type": "GeometryCollection", "geometries": [' * depth + "]}" * depth
+        (tmp_path / "deep.geojson").write_text(shape, encoding="utf-8")
+        with pytest.raises(RoadError):
+            load_road(tmp_path / "deep.geojson")
+
+
+def test_a_name_of_nothing_but_brackets_takes_no_time() -> None:
+    began = process_time()
+    assert len(read_geojson(json.dumps(feature(name="(" * 300_000)), "f").points) == len(LINE)
+    assert process_time() - began < 10.0  # takes 0.1 s; where every bracket looked for its end it took minutes
+
+
+def test_a_network_of_streets_in_one_line_is_refused_at_once() -> None:
+    streets = [[[11.9 + 1e-4 * number, 57.7], [11.9 + 1e-4 * number, 57.70005]] for number in range(5001)]
+    began = process_time()
+    with pytest.raises(RoadError, match="5001 parts out of order"):
+        read_geojson(json.dumps(geometry(streets, "MultiLineString")), "f")
+    with pytest.raises(RoadError, match=r"3000 parts do not join to one; .* gaps of 8\.\d\d m"):
+        read_geojson(json.dumps(geometry(streets[:3000], "MultiLineString")), "f")
+    assert process_time() - began < 20.0  # takes 1 s; gap by gap it took half a minute, and an hour of 30,000 parts
+
+
+def test_a_scribble_of_thousands_of_points_is_refused_at_once_and_a_clean_outline_is_not() -> None:
+    angle = np.linspace(0.0, 2.0 * np.pi, 5000, endpoint=False)
+    ring = np.stack([11.98 + 1e-3 * np.cos(angle), 57.70 + 1e-3 * np.sin(angle)], axis=1)
+    scribble = np.random.default_rng(0).permutation(ring)
+    assert len(read_geojson(collection(feature(), feature(geometry([ring.tolist()], "Polygon"), region="obstacle")), "f").regions) == 1
+    began = process_time()
+    with pytest.raises(RoadError, match="region 1 crosses itself, and has 5001 points"):
+        read_geojson(collection(feature(), feature(geometry([scribble.tolist()], "Polygon"), region="obstacle")), "f")
+    assert process_time() - began < 10.0  # takes 0.1 s; to take it apart a minute and gigabytes
+
+
+def test_names_of_megabytes_are_told_by_their_beginnings() -> None:
+    document = collection(feature(name="a" * 100_000), feature(name="b" * 100_000))
+    with pytest.raises(RoadError, match="2 lines, and none is chosen") as caught:
+        read_geojson(document, "f")
+    assert len(str(caught.value)) < 300
+    square = geometry([[[11.97, 57.7], [11.971, 57.7], [11.971, 57.701], [11.97, 57.7]]], "Polygon")
+    (region,) = read_geojson(collection(feature(), feature(square, region="obstacle", name="c" * 100_000)), "f").regions
+    assert region.label == "c" * 250

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import sqlite3
 import warnings
 from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -262,6 +264,21 @@ def test_a_file_that_points_to_other_data_is_not_followed(tmp_path: Path) -> Non
         load_road(tmp_path / "a.vrt")
 
 
+@pytest.mark.parametrize("name", ["old!road.gpkg", "road.gpkg;1.gpkg", "ro\tad.gpkg", "\udcff.gpkg"])
+def test_a_name_that_would_lead_to_another_file_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    """Pyogrio takes paths for addresses: of the first three it would read the file beside it."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / name).write_bytes(write(tmp_path / "road.gpkg", [LINE]).read_bytes())
+    with pytest.raises(RoadError, match="its path has the sign"):
+        load_road(name)
+
+
+def test_a_name_that_begins_as_an_address_is_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "http:road.gpkg").write_bytes(write(tmp_path / "road.gpkg", [LINE]).read_bytes())
+    assert load_road("http:road.gpkg").path.length == pytest.approx(load_road("road.gpkg").path.length)
+
+
 def test_points_alone_are_no_road(tmp_path: Path) -> None:
     with pytest.raises(RoadError, match="has no lines"):
         load_road(write(tmp_path / "a.gpkg", [shapely.Point(11.95, 57.7)]))
@@ -277,3 +294,29 @@ def test_without_gdal_the_refusal_says_what_to_install(tmp_path: Path, monkeypat
     with pytest.raises(RoadError, match="needs GDAL") as caught:
         load_road(file)
     assert "pip install pyogrio" in str(caught.value.hint)
+
+
+@pytest.mark.parametrize("far", [1e9, 1e16, 1e200])
+def test_a_line_where_no_map_lies_is_refused_whatever_its_file(tmp_path: Path, far: float) -> None:
+    with pytest.raises(RoadError, match=r"point 1, at 1e\+\d+, 0 m, is too far out"):
+        load_road(write(tmp_path / "far.fgb", [shapely.LineString([[far, 0.0], [far + 50.0, 0.0], [far + 100.0, 1.0]])], crs=None))
+
+
+@pytest.mark.parametrize("only", ["", " WHERE n < 0"])
+def test_a_view_without_end_is_refused_and_other_views_are_not(tmp_path: Path, only: str) -> None:
+    path = write(tmp_path / "road.gpkg", [LINE])
+    with closing(sqlite3.connect(path)) as base:
+        base.execute("CREATE VIEW named AS SELECT * FROM road")
+        base.commit()
+        assert load_road(path).path.length > 50.0
+        base.execute(f"CREATE VIEW a AS WITH RECURSIVE c(n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM c) SELECT n FROM c{only}")  # noqa: S608 - fixed
+        base.commit()
+    with pytest.raises(RoadError, match=r"road\.gpkg: view 'a' has no end"):
+        load_road(path)
+
+
+def test_fields_that_hold_several_values_are_read(tmp_path: Path) -> None:
+    properties = {"name": "A", "words": ["a", "b"], "numbers": [1, 2], "shares": [0.5, 1.5], "nothing": []}
+    document = {"type": "Feature", "properties": properties, "geometry": shapely.geometry.mapping(LINE)}
+    (tmp_path / "road.geojsonl").write_text(json.dumps(document) + "\n", encoding="utf-8")
+    assert load_road(tmp_path / "road.geojsonl", RoadOptions(feature="A")).path.length > 50.0

@@ -161,7 +161,7 @@ polygons = st.lists(st.tuples(st.floats(-8.0, 8.0), st.floats(-6.0, 6.0)), min_s
     bend=st.floats(-0.1, 0.1), places=st.lists(st.tuples(st.floats(5.0, 75.0), polygons), min_size=1, max_size=3),
     phase=st.floats(0.0, 1.0), width=st.sampled_from([None, 2.0, 5.0]),
 )  # fmt: skip
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_no_point_of_any_obstacle_lies_within_the_limits_that_planning_uses(
     bend: float, places: list[tuple[float, list[tuple[float, float]]]], phase: float, width: float | None
 ) -> None:
