@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 import traceback
+from functools import cache
 from io import TextIOWrapper
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer.main import get_command
 
 from hdvplan import __version__
 from hdvplan.cli import bench, compare, history, need, plan, report, reproduce, roads, solvers, study, turn, vehicles, warm_up
@@ -20,21 +23,23 @@ from hdvplan.errors import HdvplanError, MeasurementError, PlanError, QpDataErro
 from hdvplan.spelling import did_you_mean, meant_by
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
 _UsageError: type[Exception] = typer.BadParameter.__mro__[1]  # click's; newer versions of Typer carry their own click
 
 app = typer.Typer(
     name="hdvplan",
     cls=Group,
-    help="Can this bus or truck drive this real road, how evenly does it sweep it, and which QP solver plans it fast enough?",
+    help="Can this bus or truck drive this real road, how evenly does it sweep it, and which solver of quadratic programs (QPs) plans it "
+    "fast enough?",
     epilog="Exit codes: 0 done; 1 a limit is broken or no plan exists, or a regression; 2 bad input or usage; 3 could not measure; "
     "70 a bug in hdvplan; 130 interrupted.",
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # square brackets are units here, not markup
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 120},
 )
-_VEHICLES, _MEASURING, _DATA = "Does my vehicle fit?", "How fast, and how exact?", "Roads, vehicles, solvers"
+_VEHICLES, _MEASURING = "Does my vehicle fit?", "How fast, and how exact?"
+_DATA, _INSTALLATION = "Roads, vehicles, solvers", "Installation"
 app.command("plan", cls=Command, rich_help_panel=_VEHICLES)(plan.plan)
 app.command("need", cls=Command, rich_help_panel=_VEHICLES)(need.need)
 app.command("turn", cls=Command, rich_help_panel=_VEHICLES)(turn.turn)
@@ -47,7 +52,7 @@ app.command("reproduce", cls=Command, rich_help_panel=_MEASURING)(reproduce.repr
 app.add_typer(roads.app, name="roads", rich_help_panel=_DATA)
 app.add_typer(vehicles.app, name="vehicles", rich_help_panel=_DATA)
 app.command("solvers", cls=Command, rich_help_panel=_DATA)(solvers.solvers)
-app.command("warm-up", cls=Command, rich_help_panel=_DATA)(warm_up.warm_up)
+app.command("warm-up", cls=Command, rich_help_panel=_INSTALLATION)(warm_up.warm_up)
 
 
 def _print_version(wanted: bool) -> None:
@@ -68,12 +73,31 @@ def run_process() -> int:
     """Run the command line of this process and return its exit code."""
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # as stderr: names may hold what a terminal's encoding has not
-    return run(sys.argv[1:])
+    return _written(run(sys.argv[1:]))
 
 
 def main() -> None:
     """Run the command line of this process and exit with its code."""
     sys.exit(run_process())
+
+
+@cache
+def command_line() -> Callable[..., object]:
+    """Return what runs the commands. Typer reads the options of all of them for it: a process that runs several does that once."""
+    return get_command(app)
+
+
+def _written(code: int) -> int:
+    """Return the exit code once stdout is written: at the end of the process Python would say what went wrong, in lines of its own."""
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python tries once more
+        if isinstance(error, BrokenPipeError) or code == ExitCode.USAGE:  # its reader, such as head, has enough; or all is said
+            return code
+        report_error(f"stdout: {error.strerror}")
+        return ExitCode.USAGE
+    return code
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -87,9 +111,13 @@ def run(arguments: Sequence[str]) -> int:
             if "bench" in arguments:
                 arguments = bench.with_picture(arguments)
             with library_warnings_shown():
-                code = app(args=arguments or ["--help"], prog_name="hdvplan", standalone_mode=False)
+                code = command_line()(args=arguments or ["--help"], prog_name="hdvplan", standalone_mode=False)
         except (KeyboardInterrupt, typer.Abort):
             code = ExitCode.INTERRUPTED
+        except SystemExit as left:
+            if not isinstance(left.__context__, BrokenPipeError):
+                raise
+            return ExitCode.UNREAD  # Typer leaves by 1 then, which is that of a broken limit
         except Exception as error:  # noqa: BLE001 - the single place that turns errors into messages
             failed = error
             if debug:
@@ -97,10 +125,12 @@ def run(arguments: Sequence[str]) -> int:
         if interrupted() or code == ExitCode.INTERRUPTED:
             report_error("interrupted")
             return ExitCode.INTERRUPTED
+    if isinstance(failed, BrokenPipeError):  # nobody reads what is written any more: a process that SIGPIPE ends says nothing either
+        return ExitCode.UNREAD
     if failed is not None:
         return _report(failed)
     if not arguments:
-        return ExitCode.USAGE  # the help was an answer to nothing asked
+        return ExitCode.USAGE  # no command was given: the help was printed
     return int(code) if isinstance(code, int) else ExitCode.OK
 
 
@@ -123,6 +153,11 @@ def _report(error: Exception) -> ExitCode:
         return ExitCode.BROKEN if _is_failed_plan(error) else ExitCode.USAGE
     if isinstance(error, OSError) and error.strerror:  # of a file or a folder, which no program can mend
         report_error(f"{error.filename}: {error.strerror}" if error.filename else error.strerror)
+        return ExitCode.USAGE
+    if isinstance(error, MemoryError):  # of this machine, or what a container leaves of it
+        report_error(
+            " ".join(f"there is not enough memory; {error}".split()).rstrip("; "), "try a shorter part of the road, or fewer --workers"
+        )
         return ExitCode.USAGE
     report_error(f"internal: {type(error).__name__}: {error}", "this is a bug in hdvplan; run again with --debug and report the traceback")
     return ExitCode.INTERNAL

@@ -38,21 +38,23 @@ HistoryOption = Annotated[
 BisectOption = Annotated[
     bool,
     typer.Option(
-        "--bisect", help="With --against: find the first revision that is red, if there is one, by halving.", rich_help_panel="Comparison"
+        "--bisect",
+        help="With --against: if something regressed, find the first revision that has it, by bisection.",
+        rich_help_panel="Comparison",
     ),
 ]
 ProfileOption = Annotated[
     bool,
     typer.Option(
         "--profile",
-        help="With --against: where red, run both sides under cProfile and show which functions gained time.",
+        help="With --against: if something regressed, run both sides under cProfile and show which functions take longer.",
         rich_help_panel="Comparison",
     ),
 ]
 
 
 def measured(suite: Path | None, given: Mapping[str, object], command: str | None) -> Suite | CommandWork:
-    """Return what a comparison measures: a command of one's own, or a suite.
+    """Return what a comparison measures: a user's own command, or a suite.
 
     Raises:
         OptionError: no such suite, settings that contradict each other, or a command that is none.

@@ -164,7 +164,7 @@ def bench(
     for name in wanted.solvers:
         check_solver(name)  # what is wrong with names is said before more is loaded
     from hdvplan.bench.courses import cases_of
-    from hdvplan.bench.directory import begin, discard, finish, read_record, read_table, recorded
+    from hdvplan.bench.directory import begin, damage_told, discard, finish, read_record, read_table, recorded
     from hdvplan.bench.run import remaining, run
     from hdvplan.bench.timing import LAYOUTS, summary_tables
 
@@ -180,7 +180,7 @@ def bench(
         return ExitCode.OK
     record = None if fresh else recorded(wanted, out, only_drawn=plot is not None and counters is None)
     if record is not None and record["finished"]:
-        note(f"{out} has this run, finished; --fresh measures again", quiet=quiet)
+        note(f"{out} already has this run; --fresh measures again", quiet=quiet)
     else:
         note_compiling(quiet=quiet)
         cases = cases_of(wanted)
@@ -208,7 +208,8 @@ def bench(
         from hdvplan.bench.pictures import draw
 
         try:
-            draw(out, picture)
+            with damage_told(out):
+                draw(out, picture)
         except OSError as error:
             msg = f"cannot write {picture}: {error.strerror or error}"
             raise OptionError(msg) from error
@@ -216,17 +217,18 @@ def bench(
     if counters is not None:
         return hold_to(counters, out, renew, format_=format_, json=json, quiet=quiet)
     tables, told = {name: read_table(out, name) for name in LAYOUTS}, read_record(out)
-    if json:
-        head = {"out": str(out), "verdict": told["verdict"], "load": told["load"], "untuned": told.get("untuned", [])}
-        print_json(head | {name: rows_json(tables[name]) for name in LAYOUTS})
-    elif not quiet:
-        print_tables(*summary_tables(tables, told.get("tolerances")))
-        for finding in told["verdict"]:
-            print_line(finding["text"])
-        for warning in (told["load"]["warning"], *told.get("untuned", [])):
-            if warning:
-                warn(warning)
-        note(f"written to {out}/")
+    with damage_told(out):
+        if json:
+            head = {"out": str(out), "verdict": told["verdict"], "load": told["load"], "untuned": told.get("untuned", [])}
+            print_json({**head, **{name: rows_json(tables[name]) for name in LAYOUTS}})
+        elif not quiet:
+            print_tables(*summary_tables(tables, told.get("tolerances")))
+            for finding in told["verdict"]:
+                print_line(finding["text"])
+            for warning in (told["load"]["warning"], *told.get("untuned", [])):
+                if warning:
+                    warn(warning)
+            note(f"written to {out}/")
     return ExitCode.OK
 
 

@@ -87,9 +87,9 @@ def compare(
 ) -> int:
     """Compare two benchmark runs of the same cells.
 
-    Exact counters come first, then the times of planning steps. Counters are quadratic programs (QPs), iterations, non-zeros, statuses and
-    the envelope; any change is shown. Times are compared pair by pair, in the order of measurement; at least three pairs are needed.
-    `hdvplan bench --against REV` measures such pairs.
+    A cell is a combination of road, vehicle, scheme and solver. Exact counters come first, then the times of planning steps. Counters are
+    quadratic programs (QPs), iterations, non-zeros, statuses and the envelope; any change is shown. Times are compared pair by pair, in the
+    order of measurement; at least three pairs are needed. `hdvplan bench --against REV` measures such pairs.
 
     Exit codes: 0 fine; 1 a cell became slower, or counters changed; 2 bad input or usage; 3 could not measure: the times
     are too uncertain.
@@ -124,7 +124,7 @@ def _compared(
 
 @contextmanager
 def told_to_programs(*, json: bool, format_: str) -> Iterator[None]:
-    """Say also on stdout why the block ends in an error, or that it was interrupted: programs that parse it find the reason there."""
+    """Report on stdout, too, why the block ends in an error, or that it was interrupted: programs that parse it find the reason there."""
     try:
         yield
     except (HdvplanError, KeyboardInterrupt, SystemExit) as error:

@@ -32,6 +32,7 @@ class ExitCode(IntEnum):
     UNMEASURED = 3  # nothing can be said about planning times
     INTERNAL = 70  # a bug in hdvplan (EX_SOFTWARE of sysexits.h)
     INTERRUPTED = 130  # Ctrl-C, as shells report it
+    UNREAD = 141  # nobody reads stdout any more, likewise (SIGPIPE)
 
 
 def report_error(message: str, hint: str | None = None) -> None:

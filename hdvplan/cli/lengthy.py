@@ -1,4 +1,4 @@
-"""What ``hdvplan plan`` does on a long road: it plans stretch by stretch, and writes as it goes."""
+"""What ``hdvplan plan`` does on a long road: it plans and writes stretch by stretch."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from hdvplan.stretches.cutting import CaseOf
     from hdvplan.vehicle.model import Vehicle
 
-_JOINED_M = 1e-3  # by how much stretches may lie apart without a word
+_JOINED_M = 1e-3  # stretches that lie further apart get a warning
 
 
 def refuse_on_long(line: Line, asked: dict[str, bool]) -> None:
@@ -37,7 +37,7 @@ def refuse_on_long(line: Line, asked: dict[str, bool]) -> None:
 def plan_long(
     line: Line, vehicle: Vehicle, case_of: CaseOf, reach: float, directory: Path, *, workers: int | None, json: bool, quiet: bool
 ) -> int:
-    """Plan a vehicle along a line in stretches, write the plan into a folder, and tell of it; return the exit code.
+    """Plan a vehicle along a line in stretches, write the plan into a folder, and print its summary; return the exit code.
 
     ``reach`` is how far beyond a stretch a plan sees [m]; ``workers`` processes plan, as many as there are cores where it is None.
     """
@@ -115,14 +115,14 @@ def _table(summary: dict[str, Any], directory: str) -> Table:
     from hdvplan.report.grid import grid
 
     clearance, times, count = summary["min_clearance_m"], summary["time_ms"], summary["stretches"]["processes"]
-    beside = f", in {count} processes beside each other" if count > 1 else ""
+    beside = f", in {count} processes at a time" if count > 1 else ""
     rows = [
         ("road length", f"{1e-3 * summary['length_m']:.1f}", "km", f"in {summary['stretches']['count']} stretches"),
         ("max left", f"{summary['max_left_m']:.3f}", "m", ""),
         ("max right", f"{summary['max_right_m']:.3f}", "m", ""),
         ("mean |left + right|", f"{summary['mean_abs_imbalance_m']:.3f}", "m", "over the whole road"),
         ("min clearance", "-" if clearance is None else f"{clearance:.3f}", "m", _limits_remark(summary)),
-        ("stretches apart", f"{1e3 * summary['stretches']['apart_m']:.3f}", "mm", "at most, where one goes over into the next"),
+        ("stretches apart", f"{1e3 * summary['stretches']['apart_m']:.3f}", "mm", "at most, where two stretches meet"),
         ("time per step", f"{times['mean']:.2f}", "ms", f"mean; p95 {times['p95']:.2f}, max {times['max']:.2f}{beside}"),
     ]
     title = f"{summary['vehicle']} on {summary['road']}"

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
     from hdvplan.road.load import RoadOptions
 
+_LONGEST_NAME = 110  # bytes; a file's name has up to 255
+
 RoadArgument = Annotated[
     str,
     typer.Argument(
@@ -46,7 +48,7 @@ SmoothOption = Annotated[
     typer.Option(
         "--smooth",
         metavar="M",
-        help="How far smoothing may move the road's line from the given points [m].",
+        help="How far smoothing may move the road's line from the given points [m] [default: 5].",
         rich_help_panel=ROAD,
     ),
 ]
@@ -81,7 +83,10 @@ RoadIdsOption = Annotated[
 LaneOption = Annotated[
     int | None,
     typer.Option(
-        "--lane", metavar="N", help="Lane of the first OpenDRIVE road; 0: along the reference line of all roads.", rich_help_panel=ROAD
+        "--lane",
+        metavar="N",
+        help="Lane of the first OpenDRIVE road [default: the outermost that leads to the last]; 0: along the reference line of all roads.",
+        rich_help_panel=ROAD,
     ),
 ]
 OffsetOption = Annotated[
@@ -89,7 +94,7 @@ OffsetOption = Annotated[
     typer.Option(
         "--offset",
         metavar="M",
-        help="Drive this far to the left of the line, negative: to the right [m]; the file's edges stay.",
+        help="Drive this far to the left of the line, negative: to the right [m]; the file's edges do not move.",
         rich_help_panel=ROAD,
     ),
 ]
@@ -167,5 +172,5 @@ def choice(option: str, value: str, choices: Sequence[str]) -> str:
 
 
 def file_name(name: str) -> str:
-    """Return ``name`` with what files should not be called by replaced."""
-    return re.sub(r"[^\w.-]+", "-", name)
+    """Return ``name`` with what files should not be called by replaced, short enough for two of them to be one file's name."""
+    return re.sub(r"[^\w.-]+", "-", name).encode()[:_LONGEST_NAME].decode(errors="ignore")

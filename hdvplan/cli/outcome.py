@@ -30,7 +30,7 @@ def looked_again(result: Result, *, proof: bool, refine: bool, quiet: bool) -> R
 
 
 def warn_of(result: Result, verdict: Verdict, *, quiet: bool) -> None:
-    """Say what a driver would find too much, and where a vehicle does not fit that geometry expects it so: it may tell why."""
+    """Warn of what a driver would find too much and, where a vehicle does not fit, of the places that the fit check calls too narrow."""
     from hdvplan.judging.fit import finding_text
     from hdvplan.judging.manners import manners_of, manners_texts
     from hdvplan.judging.result import attempts_text, solver_texts
@@ -68,7 +68,7 @@ def exit_code_of(result: Result, verdict: Verdict) -> ExitCode:
         report_error(
             breach_text(result, breach),
             f"this plan sweeps a half width of {verdict.half_width:.2f} m; "
-            "`hdvplan need ROAD --vehicle NAME` finds the least room that a plan exists for",
+            "`hdvplan need ROAD --vehicle NAME` finds the least room that a plan needs",
         )
     elif hit is not None:
         report_error(

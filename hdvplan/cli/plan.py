@@ -54,10 +54,17 @@ def plan(
     vehicle: VehicleOption,
     half_width: HalfWidthOption = None,
     left: Annotated[
-        float | None, typer.Option("--left", metavar="M", help="Left limit [m]; needs --right.", rich_help_panel=VEHICLE)
+        float | None,
+        typer.Option("--left", metavar="M", help="Limit at M to the left of the line [m]; needs --right.", rich_help_panel=VEHICLE),
     ] = None,
     right: Annotated[
-        float | None, typer.Option("--right", metavar="M", help="Right limit, positive [m]; needs --left.", rich_help_panel=VEHICLE)
+        float | None,
+        typer.Option(
+            "--right",
+            metavar="M",
+            help="Limit at M to the right of the line, a positive number [m]; needs --left.",
+            rich_help_panel=VEHICLE,
+        ),
     ] = None,
     clearance: ClearanceOption = 0.0,
     pass_: Annotated[
@@ -65,7 +72,7 @@ def plan(
         typer.Option(
             "--pass",
             metavar="left|right",
-            help="Pass all obstacles on the line on this side, as the vehicle drives [default: the better side].",
+            help="Pass all obstacles on the line on this side, seen in the direction of travel [default: the better side].",
             rich_help_panel=VEHICLE,
         ),
     ] = None,
@@ -93,7 +100,7 @@ def plan(
         typer.Option(
             "--solver",
             metavar="NAME",
-            help="A name from `hdvplan solvers`, or your own: package.module:Class, file.py:Class.",
+            help="A name from `hdvplan solvers`, or your own: package.module:Class, file.py:Class [default: riccati].",
             autocompletion=completion.solvers,
             rich_help_panel=PLANNING,
         ),
@@ -179,9 +186,10 @@ def plan(
 ) -> int:
     """Plan a vehicle along a road and write what it sweeps.
 
-    Plans in receding horizon along the whole road. An accurate simulation of the plan is judged and written.
+    Plans in receding horizon along the whole road, simulates the plan exactly and judges the simulation. The first line is the verdict:
+    YES, NO or, on a road without limits, NEEDS. DIR receives summary.json, tables as CSV, swept.geojson for a map, and the picture.
 
-    Exit code 0: the driven path keeps all limits (to 1 cm). 1: it breaks one, or no plan exists. 2: bad input.
+    Exit code 0: the driven path keeps all limits (to 1 cm), or the road has none. 1: it breaks one, or no plan exists. 2: bad input.
     """
     reaches = reaches_of(half_width, left, right)
     check_workers(workers)
@@ -199,7 +207,7 @@ def plan(
         smooth, crs, name, REFERENCE_SLACK * driven.max_curvature, offset=offset, reverse=reverse, layer=layer, roles=role,
         road_ids=road_ids, lane=lane,
     )  # fmt: skip
-    found = find_road(road, wanted)  # what the files have wrong is said before more is loaded
+    found = find_road(road, wanted)  # mistakes in the files are reported before more is loaded
     from hdvplan import api
     from hdvplan.case import Case
     from hdvplan.judging.verdict import verdict_line, verdict_of

@@ -11,7 +11,10 @@ from hdvplan.cli.compiling import note_compiling
 from hdvplan.cli.console import ExitCode, print_json, print_line, print_tables
 from hdvplan.cli.options import JsonOption
 
-_CAPTION = "n: native workspace; w: starts warm; i: detects infeasibility; ?: not known before it is loaded; version -: not installed"
+_CAPTION = (
+    "n: has a workspace in hdvplan, updated in place; w: starts warm; i: detects infeasibility; ?: not known before it is loaded; "
+    "version -: not installed"
+)
 
 
 def solvers(

@@ -33,7 +33,8 @@ _PLACES = 8  # of the ranking that are printed
 
 def study(
     file: Annotated[
-        Path, typer.Argument(metavar="FILE.toml", help="What to combine: roads, vehicles, widths and settings; docs/studies.md.")
+        Path,
+        typer.Argument(metavar="FILE.toml", help="What to combine: roads, vehicles, widths and settings; docs/studies.md describes it."),
     ],
     out: Annotated[
         Path, typer.Option("--out", metavar="DIR", help="Where to write; a study that is there is resumed.", rich_help_panel=OUTPUT)
@@ -79,10 +80,10 @@ def study(
         msg = f"--retries must not be negative, but is {retries}"
         raise OptionError(msg)
     if scheduler is not None and workers is not None:
-        msg = "--workers are processes on this machine; a cluster has its own"
+        msg = "--workers is for processes on this machine; a cluster has its own"
         raise OptionError(msg, hint="leave out --workers or --scheduler")
     if scheduler is not None and retries is not None:
-        msg = "--retries are of processes on this machine; a cluster tries as often as its scheduler is told"
+        msg = "--retries is for processes on this machine; on a cluster a setting of Dask decides"
         raise OptionError(msg, hint="set distributed.scheduler.allowed-failures where the scheduler runs")
     from hdvplan.machine import use_one_thread
 
@@ -112,7 +113,7 @@ def study(
         msg = f"cannot write to {out}: {error.strerror or error}"
         raise OptionError(msg, hint="choose another folder with --out") from error
     except (KeyboardInterrupt, SystemExit):
-        note(f"{counted[0]} of {counted[1]} cells are kept in {out}; the same command goes on from there")
+        note(f"{counted[0]} of {counted[1]} cells are kept in {out}; the same command continues the study")
         raise
     if json:
         print_json({"out": str(out), "cells": counted[1], "outcomes": dict(results.outcomes), "fits": dict(results.fits)})

@@ -11,7 +11,8 @@ _ROOM = 4_000_000  # bytes: its list of fonts, and more
 
 
 def give_matplotlib_a_folder() -> None:
-    """Name a temporary folder for Matplotlib's files where its usual ones cannot be written; what the user has named stays."""
+    """Name a temporary folder for Matplotlib's files where its usual ones cannot be written; one that the user has named stays."""
+    os.environ.pop("MPLBACKEND", None)  # for windows: files need none, and one that is not installed here ends the import
     if "MPLCONFIGDIR" in os.environ or sys.platform == "win32" or _usual_are_writable():
         return
     from hdvplan.cachefolders import temporary_folder

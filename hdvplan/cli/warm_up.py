@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
+import logging
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -15,7 +16,7 @@ from hdvplan.cli.options import QuietOption
 from hdvplan.errors import OptionError, PlanError, RoadError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Iterator
 
     from hdvplan.vehicle.model import Vehicle
 
@@ -53,10 +54,12 @@ def warm_up(
     if folders.write is None or folders.note:
         raise OptionError(folders.note, hint="warm-up needs a lasting folder into which no other user can write")
     note_compiling(quiet=quiet)
-    with progress("compiling", quiet=quiet) as on_progress:
+    with progress("compiling", quiet=quiet) as on_progress, _heard() as warnings:
         for done, driven in enumerate(vehicles):
             on_progress(done / len(vehicles))
             _compile(driven)
+    if warnings:
+        raise OptionError(warnings[0], hint="make room there, and warm up again")
     readable_by_all(folders.write)
     if not quiet:
         names = ", ".join(driven.name for driven in vehicles)
@@ -67,6 +70,23 @@ def warm_up(
 def _one_of_each_kind(vehicles: Iterable[Vehicle]) -> list[Vehicle]:
     """Return a vehicle of every kind that has machine code of its own: of as many units and axles that the plan steers."""
     return list({(len(driven.units), len(driven.active)): driven for driven in vehicles}.values())
+
+
+@contextmanager
+def _heard() -> Iterator[list[str]]:
+    """Yield what the library logs while the block runs: it plans without a cache, too, and merely says so."""
+    said: list[str] = []
+
+    class Heard(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            said.append(record.getMessage())
+
+    library, handler = logging.getLogger("hdvplan"), Heard(logging.WARNING)
+    library.addHandler(handler)
+    try:
+        yield said
+    finally:
+        library.removeHandler(handler)
 
 
 def _compile(driven: Vehicle) -> None:

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon, Rectangle
 from matplotlib.transforms import Affine2D
 
-from hdvplan.report.style import body_colour, body_fill
+from hdvplan.report.style import body_colour, body_fill, styled
 from hdvplan.vehicle.model import Unit, Vehicle
 
 WIDTH_IN = 11.0
@@ -21,6 +21,7 @@ _TURNED_DEG = 14.0  # how far steered wheels are drawn turned
 _LINE = "0.25"
 
 
+@styled()
 def vehicle_figure(vehicle: Vehicle) -> Figure:
     """Return the drawing of a vehicle, its front to the left, dimensions in metres and a legend of all entries."""
     total, count = vehicle.reach_ahead + vehicle.reach_behind, len(vehicle.units)

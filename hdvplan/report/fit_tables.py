@@ -10,15 +10,17 @@ from hdvplan.report.tables import smoothing_remark
 from hdvplan.road.road import Road
 
 _MOST_FINDINGS = 5  # of each vehicle in the table
+_STRAIGHT_PER_M = 5e-5  # a radius of 20 km; less curvature is shown as 0
 _COLUMN = {"width": ("width [m]", 2), "curvature": ("curvature [1/m]", 3), "circle": ("no even circle", 0)}  # words and digits
 
 
 def facts_table(road: Road, facts: RoadFacts) -> Table:
     """Return a road's numbers."""
-    curvature = f"radius {1.0 / facts.max_curvature:.2f} m, " if facts.max_curvature > 0.0 else ""
+    bends = facts.max_curvature > _STRAIGHT_PER_M
+    curvature = f"radius {1.0 / facts.max_curvature:.2f} m, at s = {facts.max_curvature_s:.1f} m" if bends else "straight"
     rows = [
         ("length", f"{facts.length:.1f}", "m", "closed" if facts.closed else ""),
-        ("largest curvature", f"{facts.max_curvature:.4f}", "1/m", f"{curvature}at s = {facts.max_curvature_s:.1f} m"),
+        ("largest curvature", f"{facts.max_curvature:.4f}", "1/m", curvature),
     ]
     if road.smoothing is not None and facts.point_spacing is not None:
         rows.append(("mean point spacing", f"{facts.point_spacing:.2f}", "m", "of the given points"))
@@ -46,7 +48,7 @@ def findings_table(fits: list[Fit]) -> list[Table]:
     left_out = sum(max(0, len(fit.findings) - _MOST_FINDINGS) for fit in fits)
     caption = f"the first {_MOST_FINDINGS} of each; --json lists {left_out} more" if left_out else None
     columns = ("vehicle", "from [m]", "to [m]", "what", "has", "needs")
-    return [grid("where geometry says no", columns, rows, text=("vehicle", "what"), caption=caption)] if rows else []
+    return [grid("stretches where a vehicle does not fit", columns, rows, text=("vehicle", "what"), caption=caption)] if rows else []
 
 
 def _fit_remark(fit: Fit) -> str:

@@ -17,6 +17,7 @@ from hdvplan import __version__
 from hdvplan.errors import OptionError
 from hdvplan.fileio import write_atomically
 from hdvplan.jit import FloatArray
+from hdvplan.judging.balance import KEPT_M
 from hdvplan.report.payload import label_of, payload_of, tight_places
 from hdvplan.report.planfiles import PlanFiles, read_plan
 from hdvplan.road.regions import called
@@ -97,6 +98,7 @@ def write_report(
         ArithmeticError,
         AttributeError,
         LookupError,
+        RecursionError,
         TemplateError,
         TypeError,
         ValueError,
@@ -185,7 +187,7 @@ def _panel(plan: PlanFiles, short: str, edges: FloatArray) -> Json:
         "places": [place | {"at": f"{place['s']:.1f}", "value": f"{place['value']:.3f}"} for place in tight_places(plan)],
         "obstacles": [
             {"s": near["s_m"], "name": near["name"] or "obstacle", "distance": f"{near['distance_m']:.3f}", "body": near["unit"]}
-            | {"hit": near["distance_m"] < 0.0}
+            | {"hit": near["distance_m"] < -KEPT_M}
             for near in sorted(summary["obstacles"], key=lambda near: float(near["distance_m"]))[:MOST_OBSTACLES]
         ],
         "regions": sorted({region["region"] for region in plan.regions}),

@@ -10,7 +10,7 @@ import pandas as pd
 from pandas.api.types import is_numeric_dtype
 
 from hdvplan.errors import OptionError
-from hdvplan.fileio import read_json, settle
+from hdvplan.fileio import read_json, refuse_endless, settle
 
 _TABLES = ("path", "envelope", "profile", "steps")
 _ENTRIES = dict.fromkeys(("road", "vehicle", "scheme", "solver", "objective", "status"), str) | {"time_ms": dict}
@@ -42,7 +42,11 @@ def read_plan(directory: Path) -> PlanFiles:
         OptionError: the folder holds no plan, or one whose files are incomplete or damaged.
 
     """
-    settle(directory)
+    try:
+        settle(directory)
+    except OSError as error:
+        msg = f"the plan in {directory} cannot be read: {error}"
+        raise OptionError(msg) from error
     if not (directory / "summary.json").is_file():
         what = f"{directory} has no plan: summary.json is missing" if directory.is_dir() else f"{directory} is not a folder"
         raise OptionError(what, hint="give folders that `hdvplan plan` has written")
@@ -50,7 +54,7 @@ def read_plan(directory: Path) -> PlanFiles:
         summary, regions = (read_json(directory / f"{name}.json") for name in ("summary", "regions"))
         _check_summary(summary)
         _check_list(regions, _REGION, "regions.json")
-        tables = {name: pd.read_csv(directory / f"{name}.csv") for name in _TABLES}
+        tables = {name: _table(directory / f"{name}.csv") for name in _TABLES}
         plan = PlanFiles(directory, summary, **tables, regions=regions)
         _check_tables(plan)
     except FileNotFoundError as error:
@@ -60,6 +64,11 @@ def read_plan(directory: Path) -> PlanFiles:
         msg = f"the plan in {directory} cannot be read: {error}"
         raise OptionError(msg, hint="plan again") from error
     return plan
+
+
+def _table(path: Path) -> pd.DataFrame:
+    refuse_endless(path)
+    return pd.read_csv(path)
 
 
 def _check_summary(summary: object) -> None:
@@ -72,7 +81,7 @@ def _check_summary(summary: object) -> None:
     entries = summary if isinstance(summary, dict) else {}
     for name, kind in _ENTRIES.items():
         if not isinstance(entries.get(name), kind):
-            msg = f"summary.json says no {name}"
+            msg = f"summary.json has no {name}"
             raise ValueError(msg)  # noqa: TRY004 - of a file's content
     for name, value in entries.items():
         if name.endswith("_m") and not isinstance(value, int | float | None):

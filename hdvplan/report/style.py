@@ -45,6 +45,7 @@ _STYLE = {
     "pdf.fonttype": 42,  # text stays text
     "svg.fonttype": "none",
     "text.parse_math": False,  # a dollar in the name of a road is a dollar
+    "text.usetex": False,  # whatever the user's own settings are: names are no TeX, and LaTeX may be missing
     "svg.hashsalt": "hdvplan",  # the same plan gives the same file
     "xtick.color": MUTED,
     "xtick.labelsize": "small",

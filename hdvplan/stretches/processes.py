@@ -21,7 +21,7 @@ _AHEAD = 2  # for every process: one that it works on, and one that is ready
 def processes(count: int) -> Iterator[Each]:
     """Yield what smooths and plans in ``count`` processes, or in this one where that is 1; what they find is the same.
 
-    Whatever ends the block: what no process has begun is not done.
+    Whatever ends the block: what no process has begun is not done. An exception does not wait for what is under way either.
 
     Raises:
         HdvplanError: a process ended, such as by lack of memory.
@@ -31,6 +31,7 @@ def processes(count: int) -> Iterator[Each]:
         yield map
         return
     use_one_thread()  # the processes inherit it
+    before = set(mp.active_children())
     spawned = mp.get_context("spawn")  # a forked process would share threads and locks with libraries that are loaded here
     with ProcessPoolExecutor(count, mp_context=spawned, initializer=serve_parent) as executor:
         try:
@@ -38,5 +39,10 @@ def processes(count: int) -> Iterator[Each]:
         except BrokenProcessPool as error:
             msg = "a process that planned a stretch ended before it was done"
             raise HdvplanError(msg, hint="it may have been killed for lack of memory: take fewer with --workers") from error
-        finally:
+        except BaseException:  # Ctrl-C, too: the processes leave it to this one, and a stretch takes seconds
             executor.shutdown(wait=False, cancel_futures=True)
+            for process in set(mp.active_children()) - before:
+                process.kill()
+                process.join()
+            raise
+        executor.shutdown(wait=False, cancel_futures=True)

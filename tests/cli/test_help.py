@@ -44,6 +44,7 @@ def test_help_fits_the_terminal_and_ends_no_line_in_blanks(
     outcome = cli(*command, "--help")
     assert (outcome.code, outcome.err) == (0, "")
     lines = outcome.out.splitlines()
+    assert lines[0].startswith("Usage: hdvplan")
     assert max(map(len, lines)) <= columns
     assert not [line for line in lines if line != line.rstrip()]
     assert "\x1b" not in outcome.out

@@ -8,6 +8,7 @@ import re
 import sqlite3
 import stat
 from collections.abc import Callable
+from contextlib import closing
 from html import unescape
 from pathlib import Path
 from typing import Any
@@ -102,7 +103,7 @@ def test_obstacles_of_any_name_are_drawn_and_told(cli: Cli, tmp_path: Path) -> N
     drawing = ezdxf.readfile(tmp_path / "out" / "plan.dxf")  # type: ignore[attr-defined] # exported
     texts = {text.dxf.text for text in drawing.modelspace().query("TEXT")}
     assert len(texts & {_literal(name) for name in NAMES}) == len(NAMES)
-    with sqlite3.connect(tmp_path / "out" / "plan.gpkg") as layers:
+    with closing(sqlite3.connect(tmp_path / "out" / "plan.gpkg")) as layers:
         assert layers.execute("PRAGMA integrity_check").fetchone() == ("ok",)
     told = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
     assert [one["name"] for one in told["passed"]] == [printable(name) for name in NAMES]
@@ -268,3 +269,49 @@ def test_words_of_a_table_begin_no_formula_and_end_no_cell() -> None:
     table = pd.DataFrame({"road": ["=1+1", "+x", "-x", "@a", "-5", "a,b", "\tx"], "m": [-1.0, 2, 3, 4, 5, 6, 7]})
     lines = csv_bytes(table).decode().splitlines()
     assert lines[1:] == ["'=1+1,-1.0", "'+x,2.0", "'-x,3.0", "'@a,4.0", "-5,5.0", '"a,b",6.0', "'\tx,7.0"]
+
+
+@pytest.mark.skipif(not Path("/dev/zero").exists(), reason="there is no such device")
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        ("plan uturn --vehicle endless.toml", "vehicle file endless.toml cannot be read: it has more than 16 MB"),
+        ("turn --vehicle bus --template endless.toml", "template file endless.toml cannot be read: it has more than 16 MB"),
+        ("study endless.toml --out out", "study endless.toml is not valid TOML: it has more than 16 MB"),
+        ("bench --suite endless.toml --out out", "suite endless.toml is not valid TOML: it has more than 16 MB"),
+    ],
+)
+def test_a_text_that_never_ends_is_refused(cli: Cli, tmp_path: Path, command: str, words: str) -> None:
+    (tmp_path / "endless.toml").symlink_to("/dev/zero")
+    outcome = cli(*command.split())
+    assert (outcome.code, outcome.err.splitlines()[0]) == (2, f"error: {words}")
+
+
+@pytest.mark.parametrize("name", ["summary.json", "regions.json", "path.csv", "steps.csv"])
+@pytest.mark.parametrize("kind", ["device", "pipe", "huge"])
+def test_a_plan_s_folder_of_others_is_not_read_without_end(cli: Cli, tmp_path: Path, name: str, kind: str) -> None:
+    (tmp_path / "road.csv").write_text(ROAD, encoding="utf-8")
+    assert cli("plan", "road.csv", "--vehicle", "bus", "--no-plot", "--out", "plan").code == 0
+    file = tmp_path / "plan" / name
+    file.unlink()
+    if kind == "device":
+        file.symlink_to("/dev/zero")
+    elif kind == "pipe":
+        os.mkfifo(file)
+    else:
+        with file.open("wb") as made:
+            made.truncate(10**12)  # takes no room
+    outcome = cli("report", "plan")
+    assert (outcome.code, outcome.err.count("error: ")) == (2, 1)
+    assert not (tmp_path / "report.html").exists()
+
+
+@pytest.mark.parametrize("sign", ["x", "ä", "\U00020000"])
+def test_a_road_and_a_vehicle_with_the_longest_names_have_a_folder(cli: Cli, tmp_path: Path, sign: str) -> None:
+    road, vehicle = sign * (240 // len(sign.encode())), sign * (110 // len(sign.encode()))
+    (tmp_path / f"{road}.csv").write_text(ROAD, encoding="utf-8")
+    toml = f'name = "{vehicle}"\n[[unit]]\nwheelbase = 6.0\nwidth = 2.5\nmax_curvature = 0.1\nmax_curvature_rate = 0.1\n'
+    (tmp_path / "v.toml").write_text(toml, encoding="utf-8")
+    outcome = cli("plan", f"{road}.csv", "--vehicle", "v.toml", "--no-plot")
+    assert outcome.code == 0, outcome.err
+    assert len(list(tmp_path.glob("*/summary.json"))) == 1

@@ -102,7 +102,7 @@ def test_a_broken_limit_ends_in_1_and_says_which_where_and_by_how_much(cli: Cli,
 
 
 def test_a_clearance_that_is_not_kept_ends_in_1_although_no_limit_is_broken(cli: Cli, tmp_path: Path, short_road: str) -> None:
-    outcome = cli("plan", short_road, "--vehicle", "bus", *QUICK, "--half-width", "2", "--clearance", "0.5")
+    outcome = cli("plan", short_road, "--vehicle", "bus", *QUICK, "--half-width", "2", "--clearance", "0.5", "--no-proof", "--no-refine")
     assert outcome.code == 1
     assert outcome.out.startswith("NO: ")
     assert "error: only 0." in outcome.err

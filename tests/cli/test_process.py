@@ -83,28 +83,10 @@ def test_help_is_there_at_once(tmp_path: Path) -> None:
         after = os.times()
         return after.children_user + after.children_system - before.children_user - before.children_system
 
-    assert min(seconds() for _ in range(3)) < 0.4  # caches may be cold once, not three times
+    assert any(seconds() < 0.4 for _ in range(3))  # caches may be cold once, not three times
 
 
-@pytest.mark.parametrize(
-    "command",
-    [
-        (),
-        ("plan",),
-        ("turn",),
-        ("study",),
-        ("report",),
-        ("bench",),
-        ("compare",),
-        ("history",),
-        ("roads",),
-        ("roads", "list"),
-        ("roads", "info"),
-        ("roads", "make"),
-        ("vehicles",),
-        ("solvers",),
-    ],
-)
+@pytest.mark.parametrize("command", [(), ("bench",), ("roads", "info")])  # of the others their tests of help ask in one process
 def test_every_command_explains_itself(tmp_path: Path, command: tuple[str, ...]) -> None:
     ended = hdvplan(tmp_path, *command, "--help")
     assert (ended.returncode, ended.stderr) == (0, "")
@@ -132,12 +114,19 @@ def test_a_plan_ends_in_0_with_tables_on_stdout_and_silence_on_stderr(tmp_path: 
 
 
 def test_a_broken_limit_ends_in_1_with_json_still_on_stdout(tmp_path: Path) -> None:
-    ended = hdvplan(
-        tmp_path, "plan", "sturn", "--vehicle", "tractor-trailer-24m", "--half-width", "1.5", "--no-plot", "--horizon", "50", "--json"
-    )
+    narrow = ("--half-width", "1.5", "--no-proof", "--no-refine")
+    ended = hdvplan(tmp_path, "plan", "sturn", "--vehicle", "tractor-trailer-24m", *narrow, "--no-plot", "--horizon", "50", "--json")
     assert ended.returncode == 1
     assert json.loads(ended.stdout)["status"] == "limits broken"
     assert ended.stderr.splitlines()[-2].startswith("error: the ")
+
+
+def test_a_picture_needs_nothing_of_what_the_user_has_set_up_for_others(tmp_path: Path) -> None:
+    (tmp_path / "matplotlibrc").write_text("text.usetex: True\n", encoding="utf-8")
+    elsewhere = _environment() | {"MPLBACKEND": "nonsense"}
+    command = [*COMMAND, "vehicles", "show", "bus", "--plot"]
+    ended = subprocess.run(command, cwd=tmp_path, env=elsewhere, capture_output=True, text=True, check=False)  # noqa: S603 - our own
+    assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "wrote bus.png\n")
 
 
 def test_signs_that_the_encoding_of_stdout_lacks_are_escaped(tmp_path: Path) -> None:
@@ -147,6 +136,32 @@ def test_signs_that_the_encoding_of_stdout_lacks_are_escaped(tmp_path: Path) -> 
     ended = subprocess.run(command, cwd=tmp_path, env=ascii_only, capture_output=True, text=True, check=False)  # noqa: S603 - our own
     assert (ended.returncode, ended.stderr) == (0, "")
     assert ended.stdout.startswith("# L\\xe4nge\n")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a shell of Unix")
+@pytest.mark.parametrize(
+    ("streams", "code", "said"),
+    [
+        (">&-", 0, ""),
+        ("2>&-", 0, ""),
+        ("<&- >&- 2>&-", 0, ""),
+        (">/dev/full", 2, "No space left on device\n"),
+        ("| true", 0, ""),
+    ],
+)
+@pytest.mark.parametrize("command", ["vehicles list", "vehicles list --json", "roads make uturn"])
+def test_streams_that_cannot_be_written_are_no_bug(tmp_path: Path, command: str, streams: str, code: int, said: str) -> None:
+    if streams == ">/dev/full" and (command.startswith("roads") or not Path("/dev/full").exists()):
+        pytest.skip("nothing is written to stdout, or there is no such device")
+    script = f'set -o pipefail; "$0" -m hdvplan {command} {streams}'
+    ended = subprocess.run(  # noqa: S603 - our own
+        ["/bin/bash", "-c", script, sys.executable], cwd=tmp_path, env=_environment(), capture_output=True, text=True, check=False
+    )
+    assert ended.returncode in ({code, 141} if "true" in streams else {code})  # 141: it came to the end of the pipe while it wrote
+    lines = [line for line in ended.stderr.splitlines(keepends=True) if not line.startswith("wrote uturn.csv: ")]
+    assert len(lines) == bool(said)
+    assert all(line.startswith("error: ") and line.endswith(said) for line in lines)
+    assert command.startswith("vehicles") or (tmp_path / "uturn.csv").read_text(encoding="utf-8").startswith("s,kappa\n0.0,0.0\n")
 
 
 def test_a_bad_road_ends_in_2_without_a_traceback(tmp_path: Path) -> None:
@@ -194,7 +209,7 @@ def test_an_interruption_that_a_library_turns_into_something_else_still_ends_as_
             raise end
         return 0
 
-    monkeypatch.setattr(app, "app", interrupted)
+    monkeypatch.setattr(app, "command_line", lambda: interrupted)
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where pytest runs in the background
     try:
         assert app.run(["roads", "list"]) == 130
@@ -202,6 +217,29 @@ def test_an_interruption_that_a_library_turns_into_something_else_still_ends_as_
     finally:
         signal.signal(signal.SIGINT, before)
     assert capsys.readouterr() == ("", "error: interrupted\n")
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (MemoryError(), "error: there is not enough memory"),
+        (
+            MemoryError("Unable to allocate 29.8 GiB\nfor an array"),
+            "error: there is not enough memory; Unable to allocate 29.8 GiB for an array",
+        ),
+    ],
+)
+def test_too_little_memory_is_no_bug(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], error: MemoryError, said: str
+) -> None:
+    from hdvplan.cli import app  # noqa: PLC0415 - the other tests' processes must not profit
+
+    def without_memory(**_: object) -> int:
+        raise error
+
+    monkeypatch.setattr(app, "command_line", lambda: without_memory)
+    assert app.run(["roads", "list"]) == 2
+    assert capsys.readouterr().err.splitlines()[0] == said
 
 
 @pytest.mark.slow

@@ -19,10 +19,10 @@ def bend(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_a_bus_that_cannot_pass_the_hairpin_gets_a_proof_with_its_stretch(cli: Cli, tmp_path: Path) -> None:
-    outcome = cli("plan", "monaco_fairmont_hairpin", "--vehicle", "bus", "--half-width", "2.25", "--no-plot", "--out", "out")
+def test_a_bus_that_cannot_pass_gets_a_proof_with_its_stretch(cli: Cli, bend: Path) -> None:
+    outcome = cli("plan", *BEND, "--half-width", TOO_LITTLE_M, "--out", "out")
     assert outcome.code == 1
-    summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
+    summary = json.loads((bend / "out" / "summary.json").read_text(encoding="utf-8"))
     verdict, proof = summary["verdict"], summary["verdict"]["proof"]
     assert (verdict["fits"], verdict["proved"]) == (False, True)
     assert (proof["kind"], proof["unit"]) == ("motion", "bus")

@@ -45,7 +45,7 @@ def test_a_lane_of_an_opendrive_file_is_planned_within_its_edges_or_says_where_n
     refused = cli("roads", "info", str(OPENDRIVE))
     assert refused.code == 2
     assert "16 roads, and none is chosen" in refused.err
-    planned = cli("plan", str(OPENDRIVE), "--road-ids", "2,1", "--vehicle", "bus", "--no-plot", "--json")
+    planned = cli("plan", str(OPENDRIVE), "--road-ids", "2,1", "--vehicle", "bus", "--no-plot", "--no-proof", "--no-refine", "--json")
     summary = json.loads(planned.out)
     assert planned.code == 1  # 2.5 to 3.6 m of lane are too narrow for a bus in a turn
     assert summary["limit_violation_m"] > 0.1

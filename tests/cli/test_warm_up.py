@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import subprocess
 import sys
@@ -21,6 +22,17 @@ def test_a_cache_that_would_not_last_is_refused(cli: Cli, monkeypatch: pytest.Mo
     ended = cli("warm-up")
     assert ended.code == 2
     assert ended.err.startswith("error: compiled code is not kept (the disk is full)\nhint: ")
+
+
+def test_code_that_could_not_be_kept_is_no_success(cli: Cli, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    from hdvplan.cachefolders import CacheFolders  # noqa: PLC0415 - beside what it stands in for
+
+    full = "compiled code is not kept (/opt/hdvplan: No space left on device): the next run compiles again"
+    monkeypatch.setattr("hdvplan.jit.cache_folders", lambda: CacheFolders((tmp_path,), tmp_path))
+    monkeypatch.setattr("hdvplan.cli.warm_up._compile", lambda _: logging.getLogger("hdvplan").warning(full))
+    ended = cli("warm-up", "--vehicle", "bus")
+    assert (ended.code, ended.out) == (2, "")
+    assert f"error: {full}\n" in ended.err
 
 
 def test_an_unknown_vehicle_is_refused_before_anything_compiles(cli: Cli) -> None:

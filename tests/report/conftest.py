@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 import pytest
@@ -16,6 +18,20 @@ from hdvplan.road.road import Limits, Road
 from hdvplan.road.scenarios import SCENARIOS
 from hdvplan.solvers.registry import solver_named
 from hdvplan.vehicle.load import load_vehicle
+
+Made = TypeVar("Made")
+
+
+def once(make: Callable[[Result], Made]) -> Callable[[Result], Made]:
+    """Return ``make`` as a function that makes one thing of a plan for all tests: they change nothing in it."""
+    known: dict[int, tuple[Result, Made]] = {}
+
+    def get(result: Result) -> Made:
+        if id(result) not in known:
+            known[id(result)] = result, make(result)  # with the plan, so that no other one gets its identity
+        return known[id(result)][1]
+
+    return get
 
 
 def driven(road: Road, vehicle: str) -> Result:

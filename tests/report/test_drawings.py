@@ -27,6 +27,7 @@ from hdvplan.report.placing import drawing_system, map_system
 from hdvplan.road.crs import to_plane
 from hdvplan.road.load import RoadOptions, load_road
 from hdvplan.road.regions import Kind, Region
+from tests.report.conftest import once
 
 HAMNGATAN = np.array([[11.95, 57.7], [11.951, 57.7]])  # lon, lat: there the plane of the tests' roads lies
 
@@ -51,6 +52,7 @@ def mapped(kerbed: Result) -> Result:
     return replace(kerbed, drive=replace(kerbed.drive, road=road))
 
 
+@once
 def opened(result: Result) -> Drawing:
     return read(StringIO(dxf_bytes(result).decode()))
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from contextlib import suppress
 from io import BytesIO
 from pathlib import Path
@@ -10,9 +11,11 @@ import pandas as pd
 import pytest
 
 from hdvplan.driving.simulate import simulate
+from hdvplan.errors import OptionError
 from hdvplan.fileio import Column, json_bytes, settle, table_bytes, write_atomically
 from hdvplan.judging.result import Result
 from hdvplan.report.files import Table, envelope_table, path_table, picture_bytes, profile_table, steps_table, write_plan
+from hdvplan.report.planfiles import read_plan
 
 
 def test_the_summary_is_there_last(bus: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -30,11 +33,19 @@ def test_the_summary_is_there_last(bus: Result, tmp_path: Path, monkeypatch: pyt
     assert sorted(file.name for file in tmp_path.iterdir()) == sorted(there[1:])
 
 
+@pytest.fixture(scope="module")
+def drawn(bus: Result, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a plan's files with its picture; copy them before you change them."""
+    folder = tmp_path_factory.mktemp("drawn")
+    write_plan(bus, folder, pictures=["svg"])
+    return folder
+
+
 @pytest.mark.parametrize("killed_after", range(12))
 def test_whenever_a_run_is_killed_the_former_plan_or_the_new_one_is_there(
-    bus: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, killed_after: int
+    bus: Result, drawn: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, killed_after: int
 ) -> None:
-    write_plan(bus, tmp_path, pictures=["svg"])
+    shutil.copytree(drawn, tmp_path, dirs_exist_ok=True)
     former = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
     monkeypatch.setattr("hdvplan.report.files.json_bytes", lambda *_, **__: b"{}")  # the new plan differs in its JSON
     moves, real = [0], {name: getattr(Path, name) for name in ("replace", "unlink")}
@@ -57,6 +68,25 @@ def test_whenever_a_run_is_killed_the_former_plan_or_the_new_one_is_there(
     settle(tmp_path)
     found = {file.name: file.read_bytes() for file in tmp_path.iterdir() if file.is_file()}
     assert (found == former) if killed_after == 0 else (found["summary.json"] == b"{}" and "plan.svg" not in found and len(found) == 8)
+
+
+@pytest.mark.parametrize("named", ["../mine.txt", "{}/mine.txt", "..", "", "plan/../../mine.txt", "summary.json\0"])
+def test_a_folder_of_others_takes_no_file_away_that_lies_elsewhere(tmp_path: Path, named: str) -> None:
+    (tmp_path / "mine.txt").write_text("mine", encoding="utf-8")
+    aside = tmp_path / "plan" / ".hdvplan-new"
+    aside.mkdir(parents=True)
+    (aside / ".gone").write_text("summary.json\n" + named.format(tmp_path), encoding="utf-8")
+    with pytest.raises(OptionError, match="names more than files of its folder"):
+        read_plan(tmp_path / "plan")
+    assert (tmp_path / "mine.txt").read_text(encoding="utf-8") == "mine"
+
+
+def test_a_folder_with_a_damaged_result_under_way_is_refused(tmp_path: Path) -> None:
+    aside = tmp_path / ".hdvplan-new"
+    aside.mkdir()
+    (aside / ".gone").write_bytes(b"\xff\xfe")
+    with pytest.raises(OptionError):
+        read_plan(tmp_path)
 
 
 def test_a_failing_run_leaves_the_former_plan(bus: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

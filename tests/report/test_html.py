@@ -3,6 +3,7 @@ from __future__ import annotations
 import base64
 import json
 import re
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,6 +29,13 @@ def plan(kerbed: Result, tmp_path_factory: pytest.TempPathFactory) -> PlanFiles:
     folder = tmp_path_factory.mktemp("kerbed")
     write_plan(kerbed, folder)
     return read_plan(folder)
+
+
+@pytest.fixture
+def copied(plan: PlanFiles, tmp_path: Path) -> Path:
+    """Return a folder of the test's own with the files of the plan."""
+    shutil.copytree(plan.directory, tmp_path, dirs_exist_ok=True)
+    return tmp_path
 
 
 def unpacked(column: dict[str, object]) -> FloatArray:
@@ -111,21 +119,19 @@ def test_the_page_shows_the_summary_s_numbers(plan: PlanFiles, kerbed: Result) -
 @pytest.mark.parametrize(
     "entry", ["road", "vehicle", "scheme", "solver", "objective", "status", "bodies", "breaches", "obstacles", "time_ms"]
 )
-def test_a_summary_without_what_the_page_needs_is_refused(kerbed: Result, tmp_path: Path, entry: str) -> None:
-    write_plan(kerbed, tmp_path)
-    summary = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
+def test_a_summary_without_what_the_page_needs_is_refused(copied: Path, entry: str) -> None:
+    summary = json.loads((copied / "summary.json").read_text(encoding="utf-8"))
     del summary[entry]
-    (tmp_path / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
+    (copied / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
     with pytest.raises(OptionError, match=entry):
-        write_report([tmp_path], tmp_path / "report.html")
+        write_report([copied], copied / "report.html")
 
 
-def test_a_summary_with_words_for_numbers_is_refused(kerbed: Result, tmp_path: Path) -> None:
-    write_plan(kerbed, tmp_path)
-    summary = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
-    (tmp_path / "summary.json").write_text(json.dumps(summary | {"max_left_m": "x"}), encoding="utf-8")
+def test_a_summary_with_words_for_numbers_is_refused(copied: Path) -> None:
+    summary = json.loads((copied / "summary.json").read_text(encoding="utf-8"))
+    (copied / "summary.json").write_text(json.dumps(summary | {"max_left_m": "x"}), encoding="utf-8")
     with pytest.raises(OptionError, match=r"max_left_m of .* must be a number"):
-        write_report([tmp_path], tmp_path / "report.html")
+        write_report([copied], copied / "report.html")
 
 
 def test_obstacles_and_kerbs_come_with_their_distances_and_where_they_lie(straight: Result, tmp_path: Path) -> None:
@@ -140,6 +146,10 @@ def test_obstacles_and_kerbs_come_with_their_distances_and_where_they_lie(straig
     page = report_html([plan], "obstacles")
     assert re.search(r'<td class="text">van</td><td>0\.730</td><td class="text">bus</td>', page)  # 2 m less half of 2.54 m
     assert 'class="swatch sweepable"' in page
+    (near,) = plan.summary["obstacles"]
+    for distance, entered in ((-0.008, False), (-0.012, True)):  # as far as a limit counts as kept, and further
+        told = replace(plan, summary=plan.summary | {"obstacles": [near | {"distance_m": distance}]})
+        assert (f'class="bad">{distance:.3f}</td>' in report_html([told], "obstacles")) is entered
 
 
 def test_a_breach_names_the_obstacle_that_is_entered_not_the_region_of_a_limit(plan: PlanFiles) -> None:
@@ -150,11 +160,10 @@ def test_a_breach_names_the_obstacle_that_is_entered_not_the_region_of_a_limit(p
 
 
 @pytest.mark.parametrize("missing", ["summary.json", "path.csv", "profile.csv", "steps.csv", "regions.json"])
-def test_a_folder_without_a_whole_plan_is_refused(kerbed: Result, tmp_path: Path, missing: str) -> None:
-    write_plan(kerbed, tmp_path)
-    (tmp_path / missing).unlink()
+def test_a_folder_without_a_whole_plan_is_refused(copied: Path, missing: str) -> None:
+    (copied / missing).unlink()
     with pytest.raises(OptionError, match=missing):
-        read_plan(tmp_path)
+        read_plan(copied)
 
 
 @pytest.mark.parametrize(
@@ -173,12 +182,11 @@ def test_a_folder_without_a_whole_plan_is_refused(kerbed: Result, tmp_path: Path
         ("path.csv", "s,x\n0,1\n"),
     ],
 )
-def test_a_damaged_plan_is_refused(kerbed: Result, tmp_path: Path, name: str, text: str) -> None:
-    write_plan(kerbed, tmp_path)
-    (tmp_path / name).write_text(text, encoding="utf-8")
+def test_a_damaged_plan_is_refused(copied: Path, name: str, text: str) -> None:
+    (copied / name).write_text(text, encoding="utf-8")
     with pytest.raises(OptionError, match="cannot be read"):
-        write_report([tmp_path], tmp_path / "report.html")
-    assert not (tmp_path / "report.html").exists()
+        write_report([copied], copied / "report.html")
+    assert not (copied / "report.html").exists()
 
 
 @pytest.mark.slow

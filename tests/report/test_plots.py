@@ -18,7 +18,9 @@ from hdvplan.report.plots import plan_figure
 from hdvplan.report.windows import tightest_windows
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
-from tests.report.conftest import driven
+from tests.report.conftest import driven, once
+
+drawn = once(plan_figure)
 
 
 def labels(figure: Figure) -> set[str]:
@@ -38,7 +40,7 @@ def metres_an_inch(axes: Axes) -> float:
 
 
 def test_a_single_body_has_a_map_an_envelope_a_curvature_and_step_times(bus: Result) -> None:
-    figure = plan_figure(bus)
+    figure = drawn(bus)
     assert labels(figure) == {"", "reach", "curvature", "step time"}
     assert figure.axes[0].get_aspect() == 1.0  # to scale
     assert figure.get_suptitle() == verdict_title(bus, verdict_of(bus))
@@ -46,20 +48,20 @@ def test_a_single_body_has_a_map_an_envelope_a_curvature_and_step_times(bus: Res
 
 
 def test_an_articulated_vehicle_shows_its_articulation_and_the_road_its_notice(trailer: Result) -> None:
-    figure = plan_figure(trailer)
+    figure = drawn(trailer)
     assert labels(figure) == {"", "reach", "curvature", "articulation", "step time"}
     assert figure.get_supxlabel() == "© the surveyors"
 
 
 def test_a_long_road_is_an_overview_with_its_tightest_places_enlarged(long: Result) -> None:
-    figure = plan_figure(long)
+    figure = drawn(long)
     assert len(maps(figure)) == 3
     assert [axes.get_title(loc="left")[:8] for axes in maps(figure)[1:]] == ["A: reach", "B: reach"]
 
 
 def test_enlargements_are_all_to_one_scale_and_have_a_bar_that_says_it(long: Result, kerbed: Result) -> None:
     for result in (long, kerbed):
-        figure = plan_figure(result)
+        figure = drawn(result)
         figure.draw_without_rendering()
         scales = [metres_an_inch(axes) for axes in maps(figure)[1:]]
         assert scales == pytest.approx([scales[0]] * len(scales), rel=1e-6)
@@ -73,13 +75,13 @@ def test_enlargements_are_all_to_one_scale_and_have_a_bar_that_says_it(long: Res
 
 def test_the_title_is_the_answer_in_its_colour(kerbed: Result, trailer: Result) -> None:
     for result, colour in ((kerbed, BREACH), (trailer, INK)):
-        suptitle = plan_figure(result).texts
+        suptitle = drawn(result).texts
         (title,) = [text for text in suptitle if text.get_text() == verdict_title(result, verdict_of(result))]
         assert title.get_color() == colour
 
 
 def test_a_broken_limit_is_drawn_with_its_depth_on_the_map_and_over_s(kerbed: Result) -> None:
-    figure = plan_figure(kerbed)
+    figure = drawn(kerbed)
     deepest = f"{kerbed.balance.violation:.2f} m"
     road, enlarged = maps(figure)[0], maps(figure)[1:]
     reach = next(axes for axes in figure.axes if axes.get_ylabel().startswith("reach"))
@@ -128,7 +130,7 @@ def test_the_style_leaves_matplotlib_s_settings_alone(bus: Result) -> None:
 
 def test_every_map_is_large_enough_to_see_the_bodies(long: Result, bus: Result) -> None:
     for result in (long, bus):
-        figure = plan_figure(result)
+        figure = drawn(result)
         figure.draw_without_rendering()
         for axes in maps(figure)[1:]:
             assert metres_an_inch(axes) < 20.0  # a bus of 12 m is one and a half centimetres

@@ -6,10 +6,11 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
 
 from hdvplan.jit import FloatArray
 from hdvplan.report.colours import BODY_COLOURS, BREACH, INK
-from hdvplan.report.style import body_dark, body_fill, styled
+from hdvplan.report.style import body_dark, body_fill, figure_bytes, styled
 
 # Machado, Oliveira and Fernandes, A Physiologically-based Model for Simulation of Color Vision Deficiency (2009), severity 1; linear RGB.
 SIGHT = {
@@ -46,3 +47,12 @@ def test_the_style_stays_inside_its_block() -> None:
     with styled():
         assert mpl.rcParams["pdf.fonttype"] == 42
     assert dict(mpl.rcParams) == before
+
+
+def test_names_in_pictures_are_no_tex_though_the_user_s_settings_ask_for_it() -> None:
+    with mpl.rc_context({"text.usetex": True}):
+        with styled():
+            figure = Figure()
+            figure.text(0.5, 0.5, r"\input{/etc/passwd}")
+        drawn = figure_bytes(figure, "svg")
+    assert rb"\input{/etc/passwd}" in drawn

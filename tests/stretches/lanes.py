@@ -9,6 +9,8 @@ import numpy as np
 
 from hdvplan.road.load import Line, find_road
 
+PLANE = "+proj=tmerc +lat_0=47 +lon_0=8 +ellps=WGS84 +units=m"  # lengths are true around its origin
+
 
 def lane_with_a_post(folder: Path, reach: float | None = 3.5) -> Line:
     """Return a line of 2 km beside which a post stands, 12 m before the second of four windows; ``reach`` are its limits [m]."""
@@ -19,7 +21,7 @@ def lane_with_a_post(folder: Path, reach: float | None = 3.5) -> Line:
         {"type": "Feature", "properties": {} if reach is None else {"left_m": reach, "right_m": reach}, "geometry": line},
         {"type": "Feature", "properties": {"region": "obstacle", "name": "post"}, "geometry": post},
     ]
-    crs = {"type": "name", "properties": {"name": "EPSG:2056"}}
+    crs = {"type": "name", "properties": {"name": PLANE}}
     (folder / "lane.geojson").write_text(json.dumps({"type": "FeatureCollection", "crs": crs, "features": features}), encoding="utf-8")
     found = find_road(folder / "lane.geojson").line
     assert found is not None

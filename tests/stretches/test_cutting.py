@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import pickle
 from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 
@@ -20,16 +21,24 @@ from hdvplan.judging.result import result_of
 from hdvplan.planning.bias import Bias
 from hdvplan.road.load import Found, RoadOptions, find_road, load_road
 from hdvplan.road.regions import OPEN_M
+from hdvplan.road.road import Road
 from hdvplan.road.windows import road_of, windows_of
 from hdvplan.stretches.clipping import clipped
 from hdvplan.stretches.cutting import Stretch, reach_of, stretches_of_line, stretches_of_road
 from hdvplan.vehicle.load import load_vehicle
+from tests.stretches.lanes import PLANE
 
 ROAD = "goteborg_nya_allen"  # 1852 m
 
 
+@cache
+def smoothed(road: str) -> Road:
+    """Return a shipped road, smoothed once for all tests."""
+    return load_road(road)
+
+
 def case_on(road: str = ROAD, *, vehicle: str = "bus", half_width: float | None = None) -> Case:
-    track = load_road(road)
+    track = smoothed(road)
     return Case(track if half_width is None else track.with_limits(half_width, half_width), load_vehicle(vehicle))
 
 
@@ -40,6 +49,12 @@ def of_line(found: Found, *, core: float = 500.0, bias: Bias | None = None) -> l
     return list(
         stretches_of_line(found.line, lambda road: replace(case, road=road), reach=reach_of(case.vehicle, case.settings), core=core)
     )
+
+
+@cache
+def cut_from_its_line() -> tuple[Stretch, ...]:
+    """Return the stretches of the road's line, smoothed once for all tests."""
+    return tuple(of_line(find_road(ROAD)))
 
 
 def test_cores_cover_the_road_once_and_begin_where_a_plan_of_the_whole_road_begins() -> None:
@@ -86,9 +101,8 @@ def test_a_clipped_drive_is_judged_as_a_drive_of_its_own() -> None:
 
 
 def test_stretches_that_are_smoothed_by_themselves_lie_on_the_line_of_the_whole() -> None:
-    found = find_road(ROAD)
-    whole = found()
-    for one in of_line(found):
+    whole = smoothed(ROAD)
+    for one in cut_from_its_line():
         s = np.arange(one.core[0], one.core[1], 5.0)
         here = one.case.road.path.at(s)
         feet, apart = whole.path.extended(10.0, 10.0).project(here.x, here.y, s + one.begins)
@@ -99,7 +113,7 @@ def test_stretches_that_are_smoothed_by_themselves_lie_on_the_line_of_the_whole(
 
 
 def test_stretches_of_a_line_meet_in_place_heading_and_curvature() -> None:
-    for before, after in pairwise(of_line(find_road(ROAD))):
+    for before, after in pairwise(cut_from_its_line()):
         end, start = before.case.road.path.at(before.core[1]), after.case.road.path.at(after.core[0])
         assert before.begins + before.core[1] == pytest.approx(after.begins + after.core[0], abs=1e-9)  # rounding
         assert np.hypot(end.x - start.x, end.y - start.y) < 1e-3  # as above
@@ -159,7 +173,7 @@ def test_stretches_lie_on_the_road_that_all_windows_make_to_rounding() -> None:
     assert found.line is not None
     windows = list(windows_of(found.line, 500.0))
     whole = road_of("whole", windows, 0.0, windows[-1].end)
-    for one in of_line(found):
+    for one in cut_from_its_line():
         s = np.arange(one.core[0], one.core[1], 0.7)
         here, there = one.case.road.path.at(s), whole.path.at(s + one.begins)
         for name in ("x", "y", "curvature"):
@@ -173,7 +187,7 @@ def test_where_no_edge_is_drawn_near_a_road_is_open_and_a_note_says_in_which_par
 
     x = np.arange(0.0, 2001.0, 20.0)
     features = [drawn(x, 0.0), drawn(x[:31], 3.0, edge="left"), drawn(x[:31], -3.0, edge="right")]
-    crs = {"type": "name", "properties": {"name": "EPSG:2056"}}
+    crs = {"type": "name", "properties": {"name": PLANE}}
     (tmp_path / "edges.geojson").write_text(json.dumps({"type": "FeatureCollection", "crs": crs, "features": features}), encoding="utf-8")
     line = find_road(tmp_path / "edges.geojson").line
     assert line is not None
@@ -195,7 +209,7 @@ def test_windows_are_blended_without_a_kink() -> None:
     found = find_road(ROAD)
     assert found.line is not None
     windows = list(windows_of(found.line, 500.0))
-    path, at_once = road_of("whole", windows, 0.0, windows[-1].end).path, found().path
+    path, at_once = road_of("whole", windows, 0.0, windows[-1].end).path, smoothed(ROAD).path
     s = np.arange(0.0, path.length, 0.25)
     here = path.at(s)
     feet, apart = at_once.extended(10.0, 10.0).project(here.x, here.y, s)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import multiprocessing as mp
 import os
 import signal
 import sys
+import time
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -70,3 +72,28 @@ def test_a_process_that_is_killed_is_an_error_with_a_hint() -> None:
 def test_no_process_is_refused(cli: Cli) -> None:
     outcome = cli("plan", ROAD, "--vehicle", "bus", "--workers", "0")
     assert (outcome.code, outcome.err.splitlines()[0]) == (2, "error: --workers must be a positive number, not 0")
+
+
+def _left_early(error: BaseException | type[BaseException]) -> None:
+    with processes(2) as each:
+        for _ in each(time.sleep, [0.0, 600.0, 600.0]):
+            raise error
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("error", [KeyboardInterrupt, SystemExit, HdvplanError("no plan")])
+def test_nobody_waits_for_what_is_under_way_once_it_is_over(error: BaseException | type[BaseException]) -> None:
+    before = set(mp.active_children())
+    began = time.monotonic()
+    with pytest.raises((KeyboardInterrupt, SystemExit, HdvplanError)):
+        _left_early(error)
+    assert time.monotonic() - began < 60.0  # takes as long as processes need to start: seconds, where the machine has other work more
+    while set(mp.active_children()) != before and time.monotonic() - began < 60.0:
+        time.sleep(0.05)  # they are dead; a thread of the executor may be about to note it
+    assert set(mp.active_children()) == before
+
+
+def test_more_processes_than_any_machine_has_cores_are_refused(cli: Cli) -> None:
+    for command in (("plan", ROAD, "--vehicle", "bus"), ("study", "study.toml", "--out", "out")):
+        outcome = cli(*command, "--workers", "100000")
+        assert (outcome.code, outcome.err.splitlines()[0]) == (2, "error: --workers must be at most 1000, not 100000")
