@@ -85,14 +85,22 @@ def planning_code(solvers: tuple[str, ...]) -> str:
         file = _PACKAGE.parent / (name.replace(".", "/") + ".py")
         if name in found or not file.is_file():
             continue
-        tree = ast.parse(file.read_bytes())
-        for node in ast.walk(tree):
-            if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("hdvplan."):
-                ahead.append(node.module)
-            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node, clean=False) is not None:
-                node.body = node.body[1:]
-        found[name] = ast.dump(tree)
+        found[name], imported = _code_in(file.read_bytes())
+        ahead += imported
     return hashlib.sha256(repr(sorted(found.items())).encode()).hexdigest()[:16]
+
+
+@cache  # what plans is the same with most solvers
+def _code_in(source: bytes) -> tuple[str, tuple[str, ...]]:
+    """Return a module's code without comments, docstrings and layout, and which modules of ours it imports."""
+    tree = ast.parse(source)
+    imported = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("hdvplan."):
+            imported.append(node.module)
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node, clean=False) is not None:
+            node.body = node.body[1:]
+    return ast.dump(tree), tuple(imported)
 
 
 @cache

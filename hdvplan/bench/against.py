@@ -163,6 +163,6 @@ def _clear(folder: Path) -> None:
     if not folder.exists():
         return
     if not folder.is_dir() or any(not (entry.name.isdigit() or entry.name == "warm") for entry in folder.iterdir()):
-        msg = f"{folder} holds something else than an earlier comparison"
+        msg = f"{folder} holds files that are not of an earlier comparison"
         raise OptionError(msg, hint="choose another folder with --out")
     shutil.rmtree(folder)

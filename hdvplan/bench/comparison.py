@@ -203,7 +203,7 @@ def _caption(comparison: Comparison) -> str:
     hidden = any(one.unseen for one in comparison.found)
     unseen = " Could not see: a change of the size that counts could hide in the noise." if hidden else ""
     return (
-        f"Every step with its fastest sample; new/base and its interval from {pairs} pairs of processes. Visible from: the smallest "
+        f"Every step with its fastest round; new/base and its interval from {pairs} pairs of processes. Visible from: the smallest "
         f"slowdown that these pairs would have shown 9 times out of 10{repeat} (- where there are too few).{unseen}"
     )
 

@@ -258,4 +258,4 @@ def _worse(one: float, other: float) -> float:
 
 
 def _title(rule: Callable[..., object]) -> str:
-    return (rule.__doc__ or rule.__name__).splitlines()[0].rstrip(".")
+    return (rule.__doc__ or rule.__name__).splitlines()[0].rstrip(".").replace("``", "`")

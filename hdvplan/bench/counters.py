@@ -135,7 +135,7 @@ def read_counters(path: Path) -> pd.DataFrame:
 
     """
     try:
-        table = keyed(pd.read_csv(path))
+        table = keyed(pd.read_csv(path, compression=None))  # a packed one is no table: unpacking raises anything
     except OSError as error:
         msg = f"counters {path} cannot be read: {error.strerror or error}"
         raise OptionError(msg, hint="--renew writes them") from error

@@ -5,7 +5,8 @@ from __future__ import annotations
 import gzip
 import re
 import zlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict
 from hashlib import sha256
 from pathlib import Path
@@ -14,7 +15,7 @@ from typing import Any
 import pandas as pd
 
 from hdvplan.bench import PICTURE
-from hdvplan.bench.samples import part_file, read_part
+from hdvplan.bench.samples import part_file, read_part, read_plain
 from hdvplan.bench.stats import tables_of
 from hdvplan.bench.suite import Suite
 from hdvplan.bench.timing import LAYOUTS, captions, foot_of, latex, markdown, settings_words, untuned
@@ -23,6 +24,7 @@ from hdvplan.case import Case
 from hdvplan.errors import OptionError
 from hdvplan.fileio import csv_bytes, json_bytes, read_json, write_atomically
 from hdvplan.machine import commit, load_average, machine_facts, software
+from hdvplan.plugins import said
 from hdvplan.record import NAME, command, now
 from hdvplan.texts import encoded
 
@@ -49,7 +51,7 @@ def recorded(suite: Suite, directory: Path, *, only_drawn: bool = False) -> Json
     except ValueError as error:
         msg = f"{directory / 'run.json'} cannot be read: {error}"
         raise OptionError(msg, hint=_OTHERWISE) from error
-    if not isinstance(before, dict) or not {"sessions", "finished"} <= set(before):
+    if not isinstance(before, dict) or not isinstance(before.get("sessions"), list) or "finished" not in before:
         msg = f"{directory / 'run.json'} is not of a benchmark"
         raise OptionError(msg, hint=_OTHERWISE)
     wanted = _conditions(suite)
@@ -150,9 +152,9 @@ def read_table(directory: Path, name: str) -> pd.DataFrame:
 
     """
     try:
-        return pd.read_csv(directory / f"{name}.csv")
+        return read_plain(directory / f"{name}.csv")
     except (OSError, ValueError) as error:
-        msg = f"{directory / f'{name}.csv'} cannot be read: {error.strerror if isinstance(error, OSError) else error}"
+        msg = f"{directory / f'{name}.csv'} cannot be read: {_reason(error)}"
         raise OptionError(msg, hint=_OTHERWISE) from error
 
 
@@ -164,10 +166,25 @@ def read_samples(directory: Path) -> pd.DataFrame:
 
     """
     try:
-        return pd.read_csv(directory / "samples.csv.gz")
+        return read_plain(directory / "samples.csv.gz")
     except (OSError, EOFError, ValueError, zlib.error) as error:
-        msg = f"{directory / 'samples.csv.gz'} cannot be read: {error.strerror if isinstance(error, OSError) else error}"
+        msg = f"{directory / 'samples.csv.gz'} cannot be read: {_reason(error)}"
         raise OptionError(msg, hint="measure again with --fresh") from error
+
+
+@contextmanager
+def damage_told(directory: Path) -> Iterator[None]:
+    """Let what the tables of a finished run raise in the block be a refusal: a file that somebody changed may hold anything.
+
+    Raises:
+        OptionError: one of them is damaged.
+
+    """
+    try:
+        yield
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        msg = f"the run in {directory} cannot be shown: {said(error)}"
+        raise OptionError(msg, hint="a file of it is damaged: measure again with --fresh") from error
 
 
 def discard(directory: Path) -> None:
@@ -209,6 +226,10 @@ def _difference(before: object, now: object) -> str:
     if isinstance(before.get(name), dict) and isinstance(now.get(name), dict):
         return _difference(before[name], now[name])
     return f"{name} was {_short(before.get(name))}, is {_short(now.get(name))}"
+
+
+def _reason(error: Exception) -> str:
+    return str(getattr(error, "strerror", None) or error)  # that of gzip has none
 
 
 def _short(value: object) -> str:

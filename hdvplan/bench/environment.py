@@ -19,9 +19,9 @@ from hashlib import sha256
 from pathlib import Path
 
 from hdvplan.bench.checkout import Checkout, copy_tree, export, git
-from hdvplan.bench.installing import PYTHON, environment, install, pip, reason
+from hdvplan.bench.installing import PYTHON, environment, install, is_unreached, pip, reason
 from hdvplan.bench.processes import Scratch, remove, undisturbed
-from hdvplan.bench.programs import Program, present
+from hdvplan.bench.programs import Program, ProgramError, present
 from hdvplan.errors import OptionError
 
 PACKAGE = Path(__file__).parents[1]
@@ -88,7 +88,7 @@ def base_program(base: Base, here: Checkout | None, scratch: Scratch, cache: Pat
 
     Raises:
         OptionError: a release or file that cannot be installed.
-        ProgramError: a revision that cannot be installed.
+        ProgramError: a revision that cannot be installed, or no package index answers.
 
     """
     if base.python is not None:
@@ -98,6 +98,9 @@ def base_program(base: Base, here: Checkout | None, scratch: Scratch, cache: Pat
         python = environment(scratch.folder / "base", scratch)
         ended = pip(python, scratch, base.install)
         if ended.code != 0:
+            if is_unreached(ended):
+                msg = f"{base.words} cannot be installed: no package index answers"
+                raise ProgramError(msg, tail=ended.tail, code=ended.code)
             msg = f"{base.words} cannot be installed: {reason(ended)}"
             raise OptionError(msg)
         return Program(base.words, python, None, {"NUMBA_CACHE_DIR": str(scratch.folder / "compiled")})

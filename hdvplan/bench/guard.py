@@ -87,7 +87,7 @@ def suspects(against: str) -> tuple[Revision, ...]:
         raise OptionError(msg, hint="name a commit, branch or tag with --against")
     found = revisions_since(here, named.commit)
     if not found:
-        msg = f"there is no revision between {against!r} and what is here"
+        msg = f"there is no revision between {against!r} and the working tree"
         raise OptionError(msg, hint="leave out --bisect")
     return found
 

@@ -13,6 +13,7 @@ from hdvplan.bench.processes import Ended, Scratch, run
 from hdvplan.bench.programs import ProgramError
 
 PYTHON = Path("Scripts/python.exe" if os.name == "nt" else "bin/python")  # in an environment
+_NO_ANSWER = re.compile(r"WARNING: Retrying|connection broken by|Could not fetch URL|ConnectionError|timed out", re.IGNORECASE)
 _NOT_OURS = {"PYTHONPATH", "PIP_REQUIRE_VIRTUALENV", "VIRTUAL_ENV", "UV_PROJECT_ENVIRONMENT", "UV_PYTHON"}
 
 
@@ -60,6 +61,11 @@ def reason(ended: Ended) -> str:
     raised = [line for line in lines if re.match(r"\w*(?:Error|Exception)\b.*:", line) and not line.startswith("ERROR")]
     errors = [line.partition(": ")[2] for line in lines if line.lower().startswith("error: ")]
     return (raised or errors or lines or ["the installer says nothing"])[-1]
+
+
+def is_unreached(ended: Ended) -> bool:
+    """Tell whether pip got no answer from a package index: in the end it says then, too, that there is no such version."""
+    return _NO_ANSWER.search(ended.said) is not None
 
 
 def _uv_sync(uv: str, source: Path, folder: Path, scratch: Scratch, *, again: bool) -> Ended:

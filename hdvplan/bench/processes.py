@@ -42,6 +42,10 @@ sys.exit(code if code >= 0 else 128 - code)
 _SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 
+class _SignalError(KeyboardInterrupt):
+    """A signal that ends a block, with the exit code. Who guards against other people's code lets it through as Ctrl-C, unlike sys.exit."""
+
+
 @dataclass(frozen=True)
 class Ended:
     """How a process ended: its code as shells report it, stdout, stderr, and its largest memory [bytes], where known."""
@@ -192,12 +196,14 @@ def ended_by_signals() -> Iterator[None]:
         return
 
     def leave(number: int, _: FrameType | None) -> None:
-        raise SystemExit(128 + number)
+        raise _SignalError(128 + number)
 
     heard = [number for number in _SIGNALS if number != signal.SIGINT and signal.getsignal(number) is not signal.SIG_IGN]
     before = {number: signal.signal(number, leave) for number in heard}
     try:
         yield
+    except _SignalError as error:
+        raise SystemExit(*error.args) from None
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

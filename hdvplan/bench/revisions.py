@@ -60,7 +60,7 @@ def revisions_since(here: Checkout, base: str) -> tuple[Revision, ...]:
     """
     fork = git(here.top, "merge-base", base, "HEAD")
     if not fork:
-        msg = f"{base[:_SHORT]} and what is here have no common history"
+        msg = f"{base[:_SHORT]} and the working tree have no common history"
         raise OptionError(msg, hint="a shallow clone lacks older commits: fetch them first")
     listed = git(here.top, "rev-list", "--first-parent", "--reverse", f"{fork}..HEAD") or ""
     beside = [] if fork == base else [fork]

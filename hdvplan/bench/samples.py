@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import gzip
 import json
+import zlib
 from dataclasses import dataclass, field, fields
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
+from zipfile import BadZipFile
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from hdvplan.errors import HdvplanError
-from hdvplan.fileio import json_bytes, write_atomically
+from hdvplan.errors import HdvplanError, OptionError
+from hdvplan.fileio import json_bytes, refuse_endless, write_atomically
 from hdvplan.jit import FloatArray
 
 if TYPE_CHECKING:  # tables of times can be read where nothing can be planned
@@ -26,6 +29,7 @@ NUMBERS = (
 )  # fmt: skip
 COUNTS = ("qp_count", "iterations")
 DISTANCES = ("distance_m", "distance_u", "scale")  # see ``ReferenceCheck.take``
+_LARGEST = 1_000_000_000  # bytes of an unpacked table: ten million planning steps
 OK, FAILED, OVER_BUDGET = "ok", "failed", "over budget"
 UNRECORDED = "nothing recorded"  # of a sample: the reference cannot drive the course, whatever the solver
 CRASHED, HUNG, OUT_OF_MEMORY = "crashed", "out of time", "out of memory"
@@ -143,8 +147,21 @@ def write_part(path: Path, measured: Measurement) -> None:
 
 
 def read_part(path: Path) -> Measurement:
-    """Return a kept measurement."""
-    with np.load(path) as arrays:
+    """Return a kept measurement.
+
+    Raises:
+        OptionError: it is damaged, such as by a crash of the machine.
+
+    """
+    try:
+        return _read_part(path)
+    except (OSError, EOFError, LookupError, NotImplementedError, TypeError, ValueError, BadZipFile, zlib.error) as error:
+        msg = f"{path} cannot be read: {error}"
+        raise OptionError(msg, hint="delete it: the same command measures it again") from error
+
+
+def _read_part(path: Path) -> Measurement:
+    with path.open("rb") as file, np.load(file) as arrays:  # NumPy leaves a file open that it cannot read
         words = json.loads(arrays["words"].tobytes())
         judged = Judgement(**{one.name: arrays[one.name][()] for one in fields(Judgement)}) if "e_y" in arrays else None
         statuses = tuple(words["statuses"])
@@ -158,3 +175,24 @@ def read_part(path: Path) -> Measurement:
             arrays["distances"],
             words["first_step"],
         )
+
+
+def read_plain(path: Path) -> pd.DataFrame:
+    """Return a table that was written as CSV, packed by gzip or not.
+
+    Raises:
+        OSError: it cannot be read, or is too large.
+        EOFError: it is cut off.
+        ValueError: it is no table, or unpacks to too much.
+        zlib.error: it is damaged.
+
+    """
+    refuse_endless(path)
+    if path.suffix != ".gz":
+        return pd.read_csv(path)
+    with gzip.open(path) as file:
+        content = file.read(_LARGEST + 1)  # a megabyte can be a gigabyte of nothing
+    if len(content) > _LARGEST:
+        msg = f"it unpacks to more than {_LARGEST / 1e6:.0f} MB"
+        raise ValueError(msg)
+    return pd.read_csv(BytesIO(content))

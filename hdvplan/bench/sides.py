@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from hdvplan.bench.counters import counters_of
-from hdvplan.bench.samples import LOST, OK
+from hdvplan.bench.samples import LOST, OK, read_plain
 from hdvplan.bench.stats import keyed
 from hdvplan.bench.suite import AS_SET, KEY
 from hdvplan.bench.work import ABOUT, STEPS, OwnSteps, steps_of
@@ -114,11 +114,11 @@ def _lost(timings: Sequence[pd.DataFrame]) -> dict[Name, str]:
 
 def _tables(folder: Path) -> list[pd.DataFrame]:
     try:
-        return [keyed(pd.read_csv(folder / name)) for name in TABLES]
+        return [keyed(read_plain(folder / name)) for name in TABLES]
     except FileNotFoundError as error:
         unfinished = (folder / "parts").is_dir()
         msg = f"{folder} is {'not finished' if unfinished else f'without {Path(error.filename).name}'}"
-        raise OptionError(msg, hint="give its command again; it goes on from there" if unfinished else "measure it again") from error
+        raise OptionError(msg, hint="run its command again: it continues the run" if unfinished else "measure it again") from error
     except (OSError, EOFError, ValueError, zlib.error) as error:
         msg = f"{folder} cannot be read: {error}"
         raise OptionError(msg, hint="measure it again") from error

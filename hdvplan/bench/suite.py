@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, fields
 from itertools import product
+from math import prod
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,7 @@ ROADS = (
 )
 _LISTS = ("roads", "vehicles", "schemes", "solvers")
 AS_SET = "as set"
+_MOST_DRIVES = 100_000  # of one benchmark: weeks, and as many files
 CLASSES = {
     "off": "no limits",
     "inactive": "limits beyond what the tightest bend asks for",
@@ -129,6 +131,12 @@ class Suite:
         if self.rounds < 1:
             msg = f"rounds must be a positive number, not {self.rounds}"
             raise OptionError(msg)
+        drives = (
+            prod(len(named) for named in (self.roads, self.vehicles, self.schemes, self.solvers, self.classes or (AS_SET,))) * self.rounds
+        )
+        if drives > _MOST_DRIVES:
+            msg = f"the suite asks for {drives} drives; {_MOST_DRIVES} are the most"
+            raise OptionError(msg, hint="make several suites of it")
         if self.sample < 0:
             msg = f"sample must not be negative, but is {self.sample}"
             raise OptionError(msg)
@@ -142,7 +150,7 @@ class Suite:
                 msg = f"unknown class of limits {name!r}" if name not in CLASSES else f"classes name {name!r} twice"
                 raise OptionError(msg, hint=f"classes: {', '.join(CLASSES)}")
         if self.classes and (self.half_width is not None or not self.limits):
-            msg = "classes of limits have their own places"
+            msg = "classes of limits set the limits themselves"
             raise OptionError(msg, hint="leave out --half-width and --no-limits; --slack and --pinch are measures of the classes")
         if not self.limits and (self.half_width is not None or self.pinch is not None):
             msg = "without limits there is no half width and no pinch"

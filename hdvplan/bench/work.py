@@ -56,7 +56,7 @@ class SuiteWork:
     def keep(self, ended: Ended, out: Path) -> None:
         """See ``Work``: the benchmark has written its run directory."""
         if not (out / "run.json").is_file():
-            msg = f"it ended well, but there is no benchmark in {out}"
+            msg = f"it ended with exit code 0, but there is no benchmark in {out}"
             raise ProgramError(msg, tail=ended.tail)
 
     def profiled(self, program: Program, out: Path, file: Path) -> list[str] | None:

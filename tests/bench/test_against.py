@@ -93,7 +93,7 @@ def test_an_earlier_comparison_is_replaced_but_nothing_else_is_deleted(finished_
     for _ in range(2):
         assert measured(base, new, tmp_path).verdict is Verdict.FINE
     (tmp_path / "base" / "thesis.txt").write_text("irreplaceable", encoding="utf-8")
-    with pytest.raises(OptionError, match="something else"):
+    with pytest.raises(OptionError, match="not of an earlier comparison"):
         measured(base, new, tmp_path)
     assert (tmp_path / "base" / "thesis.txt").exists()
 

@@ -211,6 +211,14 @@ def test_a_baseline_that_is_none_is_refused_with_a_hint(tmp_path: Path, content:
     assert "--renew" in str(caught.value.hint)
 
 
+@pytest.mark.parametrize("ending", ["gz", "bz2", "xz", "zip", "zst", "tar"])
+def test_a_packed_baseline_is_refused_like_any_other_file(tmp_path: Path, ending: str) -> None:
+    file = tmp_path / f"counters.csv.{ending}"
+    file.write_bytes(b"\x1f\x8b\x08\x00PK\x03\x04")
+    with pytest.raises(OptionError, match="cannot be read"):
+        read_counters(file)
+
+
 @pytest.fixture
 def two_runs(tmp_path: Path, finished_run: Path) -> tuple[Path, Path]:
     """Return two runs of which the second has the first's times, so that nothing depends on the machine's mood."""

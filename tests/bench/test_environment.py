@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -32,17 +33,25 @@ def git(folder: Path, *arguments: str) -> str:
     return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()  # noqa: S603 - fixed
 
 
-@pytest.fixture
-def ours(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return a repository that looks like one of hdvplan, with two commits, and go there."""
-    top = tmp_path / "checkout"
+@pytest.fixture(scope="module")
+def committed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a repository that looks like one of hdvplan, with two commits; copy it before you change it."""
+    top = tmp_path_factory.mktemp("committed")
     (top / "hdvplan").mkdir(parents=True)
     (top / "pyproject.toml").write_text('[project]\nname = "hdvplan"\ndependencies = ["numpy"]\n', encoding="utf-8")
-    git(tmp_path, "init", "--quiet", str(top))
+    git(top, "init", "--quiet")
     for version in ("1", "2"):
         (top / "hdvplan" / "__init__.py").write_text(f"VERSION = {version}\n", encoding="utf-8")
         git(top, "add", ".")
         git(top, "commit", "--quiet", "--message", version)
+    return top
+
+
+@pytest.fixture
+def ours(committed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return such a repository of the test's own, and go there."""
+    top = tmp_path / "checkout"
+    shutil.copytree(committed, top)
     monkeypatch.chdir(top)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     return top
@@ -201,6 +210,30 @@ def test_a_release_goes_to_pip_behind_the_end_of_its_options(scratch: Scratch, m
 
 
 @pytest.mark.usefixtures("ours")
+@pytest.mark.parametrize(
+    ("before", "error", "words"),
+    [
+        ("", OptionError, "No matching distribution found for hdvplan==9"),
+        (
+            "WARNING: Retrying (Retry(total=0)) after connection broken by 'NewConnectionError(...)': /simple/hdvplan/\n",
+            ProgramError,
+            "no package index answers",
+        ),
+        ("WARNING: Could not fetch URL https://index/simple/hdvplan/: there was a problem\n", ProgramError, "no package index answers"),
+    ],
+)
+def test_a_release_that_nobody_can_be_asked_for_is_no_mistake_of_the_user(
+    scratch: Scratch, monkeypatch: pytest.MonkeyPatch, before: str, error: type[Exception], words: str
+) -> None:
+    """Pip ends in the same words whether there is no such version or nobody answers; the first is exit code 2, the second 3."""
+    said = f"{before}ERROR: Could not find a version that satisfies hdvplan==9\nERROR: No matching distribution found for hdvplan==9\n"
+    monkeypatch.setattr(installing, "run", lambda *_: Ended(1, "", said, None))
+    monkeypatch.setattr(environment, "environment", lambda folder, _: folder / "python")
+    with pytest.raises(error, match=f"hdvplan==9 cannot be installed: {words}"):
+        base("hdvplan==9", scratch)
+
+
+@pytest.mark.usefixtures("ours")
 def test_a_wheel_goes_to_pip_as_the_address_of_a_file(tmp_path: Path) -> None:
     wheel = tmp_path / "hdvplan-1.0-py3-none-any; evil @ http.whl"
     wheel.touch()
@@ -243,14 +276,19 @@ def test_processes_of_a_block_end_with_it() -> None:
     assert not scratch.folder.exists()
 
 
+def _ended_while_another_signal_is_ignored() -> None:
+    with ended_by_signals():
+        assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+        signal.raise_signal(signal.SIGTERM)
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no such signal")
 def test_a_signal_that_is_ignored_stays_so() -> None:
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as behind nohup
     try:
-        with ended_by_signals():
-            assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
-            with pytest.raises(SystemExit):
-                signal.raise_signal(signal.SIGTERM)
+        with pytest.raises(SystemExit) as left:
+            _ended_while_another_signal_is_ignored()
+        assert left.value.code == 143
         assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
     finally:
         signal.signal(signal.SIGHUP, before)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import gc
+import gzip
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -11,11 +12,12 @@ import pytest
 from hdvplan.bench.courses import cases_of
 from hdvplan.bench.measure import measure
 from hdvplan.bench.run import remaining, run
-from hdvplan.bench.samples import FAILED, OK, OVER_BUDGET, Measurement, part_file, read_part, write_part
+from hdvplan.bench.samples import FAILED, NUMBERS, OK, OVER_BUDGET, Measurement, part_file, read_part, read_plain, write_part
 from hdvplan.bench.stats import tables_of
 from hdvplan.bench.suite import Suite
 from hdvplan.case import Case
 from hdvplan.driving.simulate import simulate
+from hdvplan.errors import OptionError
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 from hdvplan.qp.workspace import QpResult, QpWorkspace, Status, WorkspaceMaker
 from hdvplan.solvers.registry import solver_named
@@ -181,6 +183,17 @@ def test_a_kept_measurement_reads_back_exactly(case: Case, tmp_path: Path) -> No
     assert [path.name for path in (tmp_path / "parts").iterdir()] == [file.name]  # nothing half-written is left
 
 
+@pytest.mark.parametrize("keep", [0, 1, 40, -30])
+def test_a_damaged_measurement_is_named_with_what_to_do(tmp_path: Path, keep: int) -> None:
+    file = part_file(tmp_path, 0, 0)
+    write_part(file, Measurement(np.zeros((2, len(NUMBERS))), ("solved", "solved"), OK, "", 0, None))
+    assert read_part(file).outcome == OK
+    file.write_bytes(file.read_bytes()[:keep])
+    with pytest.raises(OptionError, match="cannot be read") as caught:
+        read_part(file)
+    assert "delete it" in str(caught.value.hint)
+
+
 def test_the_counters_of_all_rounds_are_the_same(case: Case) -> None:
     first, second = (measure(case, solver_named("osqp"), budget=60.0, judged=False) for _ in range(2))
     assert list(first.table()["iterations"]) == list(second.table()["iterations"])
@@ -194,3 +207,12 @@ def test_every_kind_of_objective_is_timed_and_its_own_columns_and_rows_are_count
     assert measured.table()["usable"].all()
     rows = measured.nonzeros - measure(usual, RICCATI, budget=60.0, judged=False).nonzeros
     assert (rows > 0) == (objective != "balanced")  # a largest reach has rows of its own for every watched point
+
+
+def test_a_table_that_unpacks_to_more_than_memory_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hdvplan.bench.samples._LARGEST", 1_000_000)
+    (tmp_path / "samples.csv.gz").write_bytes(gzip.compress(b"a\n" + b"0\n" * 600_000))
+    with pytest.raises(ValueError, match="unpacks to more than 1 MB"):
+        read_plain(tmp_path / "samples.csv.gz")
+    (tmp_path / "samples.csv.gz").write_bytes(gzip.compress(b"a\n" + b"0\n" * 400_000))
+    assert len(read_plain(tmp_path / "samples.csv.gz")) == 400_000
