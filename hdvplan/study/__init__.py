@@ -5,7 +5,7 @@ From Python::
     results = hdvplan.study.run("lines.toml", "out")     # or with engine=hdvplan.study.LocalEngine(workers=8)
     results.cells()                                      # one row a cell, as in cells.parquet
 
-Names load when they are first used: what a study's file has wrong is said before its tables and engines are loaded.
+Names load when they are first used: mistakes in a study's file are reported before its tables and engines are loaded.
 """
 
 from importlib import import_module

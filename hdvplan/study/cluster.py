@@ -24,8 +24,8 @@ _TOO_LONG = 75  # exit code of a worker whose cell took too long (EX_TEMPFAIL of
 class DaskEngine:
     """The workers of a Dask cluster, one thread each; ``client`` is a ``distributed.Client``.
 
-    A cell that takes longer than ``limit`` [s] ends its worker, as nothing else ends a solver that hangs; Dask's nanny starts a new one.
-    How often Dask tries a cell whose worker ended is the scheduler's ``distributed.scheduler.allowed-failures``.
+    A cell that takes longer than ``limit`` [s] ends its worker, because nothing else can end a solver that hangs; Dask's nanny starts a
+    new one. How often Dask tries a cell whose worker ended is the scheduler's ``distributed.scheduler.allowed-failures``.
     """
 
     client: Any  # distributed has no types
@@ -80,7 +80,7 @@ class _DaskPool:
             return max(1, _AHEAD * len(self._client.nthreads()))
         except Exception as error:  # Dask and Tornado raise many kinds
             msg = f"the Dask scheduler does not answer any more: {said(error)}"
-            raise HdvplanError(msg, hint="start it, then the same command again: it goes on from the cells that ended") from error
+            raise HdvplanError(msg, hint="start it, then the same command again: it continues with the cells that are missing") from error
 
     def submit(self, cell: Cell) -> Future[Outcome]:
         """Hand a cell to the scheduler."""

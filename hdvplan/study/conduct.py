@@ -117,7 +117,10 @@ def _is_ours(folder: Path) -> bool:
     if folder.exists() and not folder.is_dir():
         msg = f"{folder} is a file, not a folder"
         raise OptionError(msg)
-    if "sessions" in _read(folder):
+    if any("\ud800" <= sign <= "\udfff" for sign in str(folder)):
+        msg = f"{folder} has bytes in its name that are no text; files of tables cannot lie there"
+        raise OptionError(msg, hint="choose another folder with --out")
+    if _sessions(folder):
         return True
     there = next((name for name in (*_OURS, RECORD) if os.path.lexists(folder / name)), None)
     if there is not None:
@@ -126,12 +129,16 @@ def _is_ours(folder: Path) -> bool:
     return False
 
 
-def _read(folder: Path) -> Json:
+def _sessions(folder: Path) -> list[Json]:
+    """Return what the record of a study in a folder says of its sessions; nothing where there is none."""
     try:
         found = read_json(folder / RECORD)
     except (OSError, ValueError):
-        return {}
-    return found if isinstance(found, dict) else {}
+        return []
+    sessions = found.get("sessions") if isinstance(found, dict) else None
+    if not isinstance(sessions, list) or not all(isinstance(one, dict) and isinstance(one.get("started"), str) for one in sessions):
+        return []
+    return sessions
 
 
 def _begun(study: Study, folder: Path, engine: Engine) -> Json:
@@ -147,7 +154,7 @@ def _begun(study: Study, folder: Path, engine: Engine) -> Json:
         "commit": commit(),
         "machine": machine_facts(),
     }
-    record = {"study": described, "cells": len(study), "sessions": [*_read(folder).get("sessions", []), session], "finished": None}
+    record = {"study": described, "cells": len(study), "sessions": [*_sessions(folder), session], "finished": None}
     write_atomically(folder / RECORD, json_bytes(record))
     return record
 

@@ -13,7 +13,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from hdvplan.errors import OptionError
-from hdvplan.fileio import write_atomically
+from hdvplan.fileio import refuse_special, write_atomically
 from hdvplan.study.cells import Row
 from hdvplan.study.columns import COUNT, GEOMETRY, NUMBER, SHAPE, TEXT, TRUTH, Column
 
@@ -52,9 +52,11 @@ def write_tables(path: Path, tables: Iterable[pa.Table], schema: pa.Schema) -> N
         OSError: it cannot be written.
 
     """
+    refuse_special(path)
     aside = path.with_name(f".{path.name}.part")
     try:
-        with pq.ParquetWriter(aside, schema, compression=_PACKING) as writer:
+        aside.unlink(missing_ok=True)
+        with aside.open("xb") as file, pq.ParquetWriter(file, schema, compression=_PACKING) as writer:  # never through a link
             for table in tables:
                 writer.write_table(table)
         aside.replace(path)
@@ -76,7 +78,7 @@ def read_part(path: Path, schema: pa.Schema) -> pa.Table:
         arrays = [
             table.column(field.name).cast(field.type) if field.name in there else pa.nulls(len(table), field.type) for field in schema
         ]
-    except (OSError, pa.ArrowException) as error:
+    except (OSError, pa.ArrowException, LookupError) as error:
         msg = f"{path} cannot be read: {error}"
         raise OptionError(msg, hint="delete it: what it held is planned again") from error
     return pa.table(arrays, schema=schema)

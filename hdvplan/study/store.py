@@ -89,13 +89,13 @@ def kept_in(folder: Folder) -> Kept:
         path = folder.part("cells", name)
         try:
             table = pq.ParquetFile(path).read(["key", "outcome"])
-        except (OSError, pa.ArrowException) as error:
+            keys.append(np.array(table["key"].to_pylist(), dtype=_KEY))
+            answered.append(np.array([outcome not in UNANSWERED for outcome in table["outcome"].to_pylist()], dtype=bool))
+        except (OSError, pa.ArrowException, LookupError, TypeError, ValueError) as error:  # a damaged table may hold anything
             msg = f"{path} cannot be read: {error}"
             raise OptionError(msg, hint="delete it: what it held is planned again") from error
-        keys.append(np.array(table["key"].to_pylist(), dtype=_KEY))
         parts.append(np.full(len(table), number, dtype=np.intp))
         rows.append(np.arange(len(table), dtype=np.intp))
-        answered.append(np.array([outcome not in UNANSWERED for outcome in table["outcome"].to_pylist()], dtype=bool))
     every = np.concatenate(keys)[::-1]  # the last is the first of its kind
     unique, first = np.unique(every, return_index=True)
     at = len(every) - 1 - first

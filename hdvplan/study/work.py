@@ -98,7 +98,7 @@ def _check_unchanged(name: str, digest: str, digest_here: Callable[[str], str]) 
         msg = f"{Path(name).name} cannot be read here: {error}"
         raise _ChangedError(msg) from error
     if not same:
-        msg = f"{Path(name).name} is another file here than where the study began"
+        msg = f"{Path(name).name} differs here from the file with which the study began"
         raise _ChangedError(msg)
 
 

@@ -83,15 +83,23 @@ def follow(vehicle: Vehicle, manoeuvre: Manoeuvre, *, spacing: float = POSE_M) -
     if isinstance(driven, Followed):
         return driven
     least = _least_radius(vehicle, manoeuvre)
-    turn, angle = ("a full circle", "steady") if manoeuvre.angle is None else (f"{np.rad2deg(manoeuvre.angle):g} degrees",) * 2
+    turn = "a full circle" if manoeuvre.angle is None else f"{np.rad2deg(manoeuvre.angle):g} degrees"
     more = (
         f"no radius up to {_LARGEST_M:.0f} m is possible"
         if least is None
         else f"least radius {least:.2f} m, {least - manoeuvre.radius:.2f} m more"
     )
     msg = f"the {vehicle.name} cannot drive {turn} with its {manoeuvre.point} on a radius of {manoeuvre.radius:.2f} m: {driven}; {more}"
-    hint = None if least is None else f"what it can: --radius {least:.2f} --angle {angle.split()[0]} --guide {manoeuvre.point}"
+    hint = None if least is None else f"it can drive: {_options(replace(manoeuvre, radius=least))}"
     raise TurnError(msg, radius_m=manoeuvre.radius, least_radius_m=least, hint=hint)
+
+
+def _options(manoeuvre: Manoeuvre) -> str:
+    """Return the options of ``hdvplan turn`` that describe ``manoeuvre``."""
+    angle = "steady" if manoeuvre.angle is None else f"{np.rad2deg(manoeuvre.angle):g}"
+    ramp = f" --ramp {manoeuvre.ramp:g}" if manoeuvre.ramp > 0.0 else ""
+    standstill = " --standstill" if manoeuvre.standstill else ""
+    return f"--radius {manoeuvre.radius:.2f} --angle {angle} --guide {manoeuvre.point}{ramp}{standstill}"
 
 
 def tightest(vehicle: Vehicle, manoeuvre_point: tuple[float, float]) -> float:

@@ -52,13 +52,14 @@ class Manoeuvre:
         lengths = {"radius": self.radius, "ramp": self.ramp, "lead_in": self.lead_in, "lead_out": self.lead_out or 0.0, "angle": angle}
         for name, value in lengths.items():
             if not (np.isfinite(value) and value >= 0.0):
-                msg = f"{name} = {value:g} must be a positive number"
+                said = f"{np.rad2deg(value):g} degrees" if name == "angle" else f"{value:g}"
+                msg = f"{name} = {said} must be a positive number"
                 raise OptionError(msg)
         if self.radius == 0.0 or self.angle == 0.0:
             msg = "a turn needs a radius and an angle above 0"
             raise OptionError(msg)
         if self.angle is not None and self.angle * self.radius < self.ramp:
-            most = self.angle * self.radius
+            most = np.floor(100.0 * self.angle * self.radius) / 100.0  # what can be given, to a centimetre
             msg = f"ramps of {self.ramp:g} m turn by more than the angle; at this radius they may be {most:.2f} m long"
             raise OptionError(msg)
         if self.standstill and self.ramp > 0.0:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from hdvplan.errors import OptionError
+from hdvplan.fileio import read_text
 from hdvplan.spelling import did_you_mean, meant_by
 from hdvplan.texts import printable
 from hdvplan.turning.figures import Figures
@@ -107,8 +108,8 @@ def load_template(source: str | Path) -> Template:
     path = Path(source)
     if path.suffix == ".toml" or path.is_file():
         try:
-            return parse_template(path.read_text(encoding="utf-8"), default_name=path.stem)
-        except (OSError, UnicodeDecodeError) as error:
+            return parse_template(read_text(path), default_name=path.stem)
+        except (OSError, ValueError) as error:
             reason = error.strerror if isinstance(error, OSError) else error
             msg = f"template file {source} cannot be read: {reason}"
             raise OptionError(msg, hint=f"templates: {', '.join(template_names())}") from error

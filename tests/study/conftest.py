@@ -12,7 +12,7 @@ import pytest
 from hdvplan.machine import THREADS
 from hdvplan.study.cells import Cell
 from hdvplan.study.engine import Done, Ending
-from hdvplan.study.outcome import Outcome, outcome_of
+from hdvplan.study.outcome import UNANSWERED, Outcome, outcome_of
 from tests.cli.conftest import Cli, cli
 
 __all__ = ["Cli", "cli"]
@@ -24,12 +24,28 @@ PLACED = (
 )
 
 
+_OUTCOMES: dict[str, Outcome] = {}  # by the cells' keys, which stand for all that an answer depends on
+
+
+def known_outcome(cell: Cell) -> Outcome:
+    """Return the outcome of a cell that was worked out before in this process, or else work it out."""
+    if cell.key not in _OUTCOMES:
+        found = outcome_of(cell)
+        if found.ending in UNANSWERED:
+            return found  # a file that is another one now
+        _OUTCOMES[cell.key] = found
+    return _OUTCOMES[cell.key]
+
+
 @dataclass
 class InHere:
-    """An engine that works in this process, in an order of its own, and counts what it was given."""
+    """An engine that works in this process, in an order of its own, and counts what it was given.
+
+    Cells of one key have one outcome: it is worked out once for all tests but those with an ``instead`` of their own.
+    """
 
     order: Callable[[list[Cell]], list[Cell]] = list
-    instead: Callable[[Cell], Outcome] = outcome_of
+    instead: Callable[[Cell], Outcome] = known_outcome
     worked: list[str] = field(default_factory=list)
 
     def run(self, cells: Iterable[Cell]) -> Ending:

@@ -64,7 +64,7 @@ def test_cells_without_an_answer_end_in_1(cli: Cli, study_file: Path) -> None:
         (("study.toml", "--out", "out", "--retries", "-1"), "--retries must not be negative"),
         (("study.toml", "--out", "out", "--cell-limit", "0"), "--cell-limit must be a positive number"),
         (("study.toml", "--out", "out", "--workers", "2", "--scheduler", "tcp://127.0.0.1:1"), "a cluster has its own"),
-        (("study.toml", "--out", "out", "--retries", "2", "--scheduler", "tcp://127.0.0.1:1"), "as often as its scheduler is told"),
+        (("study.toml", "--out", "out", "--retries", "2", "--scheduler", "tcp://127.0.0.1:1"), "a setting of Dask decides"),
         (("study.toml", "--out", "bend.csv"), "is a file, not a folder"),
         (("study.toml",), "missing option '--out'"),
     ],
@@ -144,7 +144,7 @@ def test_a_study_that_is_ended_goes_on_from_there(study_file: Path, number: sign
         process.send_signal(number)
         said = process.communicate(timeout=60.0)[1]
     assert process.returncode == {signal.SIGKILL: -9, signal.SIGTERM: 143, signal.SIGINT: 130}[number]
-    assert number == signal.SIGKILL or "cells are kept in out; the same command goes on from there" in said
+    assert number == signal.SIGKILL or "cells are kept in out; the same command continues the study" in said
     kept = sum(len(pd.read_parquet(part)) for part in parts.glob("*.parquet"))
     assert 0 < kept < 120
     rest = InHere()

@@ -191,7 +191,7 @@ class Gone:
 def test_a_scheduler_that_ends_is_one_line_that_says_how_to_go_on(folder: Path) -> None:
     with pytest.raises(HdvplanError, match="the Dask scheduler does not answer any more: OSError: in <Client>") as caught:
         list(DaskEngine(Gone()).run(_cells(folder, 1)))
-    assert "goes on from the cells that ended" in str(caught.value.hint)
+    assert "continues with the cells that are missing" in str(caught.value.hint)
     given_up = _DaskPool(Gone(), 60.0).outcome_of(CancelledError())
     assert given_up.ending == KILLED
     assert "somebody cancelled it" in str(given_up.row["reason"])

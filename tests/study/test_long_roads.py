@@ -20,6 +20,7 @@ from hdvplan.stretches.judging import planned
 from hdvplan.study.columns import SUMMARY, taken
 from hdvplan.study.conduct import Results, run
 from hdvplan.study.local import LocalEngine
+from hdvplan.study.outcome import outcome_of
 from hdvplan.study.places import joined_places
 from hdvplan.study.spec import study_of
 from tests.study.conftest import InHere
@@ -52,7 +53,8 @@ def long_folder(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def _run(folder: Path, entries: Entries) -> Results:
-    return run(study_of({"roads": ["wave.geojson"]} | entries, folder), folder / "out", InHere())
+    engine = InHere(instead=outcome_of)  # what is patched here is in no key
+    return run(study_of({"roads": ["wave.geojson"]} | entries, folder), folder / "out", engine)
 
 
 def test_a_cell_on_a_long_road_tells_what_a_plan_of_the_whole_road_tells(long_folder: Path) -> None:

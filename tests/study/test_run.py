@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import shapely
@@ -26,7 +27,7 @@ from hdvplan.study.conduct import Results, run
 from hdvplan.study.engine import Ending
 from hdvplan.study.outcome import FAILED, KILLED, ended, outcome_of
 from hdvplan.study.spec import study_of
-from tests.study.conftest import InHere
+from tests.study.conftest import InHere, known_outcome
 
 Entries = dict[str, object]
 
@@ -41,7 +42,7 @@ def _run(folder: Path, entries: Entries, engine: InHere | None = None, out: str 
 
 
 def test_a_study_tells_of_every_cell_what_a_plan_tells(folder: Path, tiny: Entries) -> None:
-    table = _run(folder, tiny | {"roads": ["bend.csv"]}).cells()
+    table = _run(folder, tiny | {"roads": ["bend.csv"]}, InHere(instead=outcome_of)).cells()
     assert list(zip(table["vehicle"], table["half_width_m"], strict=True)) == [
         ("bus", 1.6), ("bus", 3.5), ("tractor-trailer", 1.6), ("tractor-trailer", 3.5)
     ]  # fmt: skip
@@ -118,8 +119,8 @@ def test_only_what_changed_runs_anew(folder: Path, tiny: Entries) -> None:
 
 
 def test_the_order_in_which_cells_end_changes_nothing(folder: Path, tiny: Entries) -> None:
-    straight = _run(folder, tiny, out="straight")
-    backwards = _run(folder, tiny, InHere(order=lambda cells: cells[::-1]), out="backwards")
+    straight = _run(folder, tiny, InHere(instead=outcome_of), out="straight")
+    backwards = _run(folder, tiny, InHere(order=lambda cells: cells[::-1], instead=outcome_of), out="backwards")
     pd.testing.assert_frame_equal(exact(straight.cells()), exact(backwards.cells()))
     pd.testing.assert_frame_equal(straight.places(), backwards.places())
     pd.testing.assert_frame_equal(straight.ranking(), backwards.ranking())
@@ -154,7 +155,7 @@ def test_a_cell_is_on_disk_soon_whenever_the_next_one_ends(folder: Path, tiny: E
                 kept.append(len(list(parts.glob("*.parquet"))))
                 yield done
 
-    results = _run(folder, tiny, Long())
+    results = _run(folder, tiny, Long(instead=outcome_of))
     assert kept[:2] == [0, 1]
     assert len(results.cells()) == 8
 
@@ -174,7 +175,7 @@ def test_what_ended_is_written_before_processes_are_ended(folder: Path, tiny: En
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run(study_of(tiny, folder), folder / "out", Slow(), on_progress=interrupted)
+        run(study_of(tiny, folder), folder / "out", Slow(instead=outcome_of), on_progress=interrupted)
     assert kept == [True]
 
 
@@ -184,7 +185,7 @@ def test_a_disk_that_is_full_ends_a_study_at_its_next_cell(folder: Path, tiny: E
 
     monkeypatch.setattr("hdvplan.study.store.write_rows", full)
     monkeypatch.setattr("hdvplan.study.store._EVERY_S", 0.01)
-    engine = InHere()
+    engine = InHere(instead=outcome_of)
     with pytest.raises(OSError, match=os.strerror(errno.ENOSPC)):
         _run(folder, tiny, engine)
     assert 0 < len(engine.worked) < 8  # each takes longer than a part waits
@@ -209,7 +210,7 @@ def test_a_cell_without_an_answer_is_a_row_and_runs_again_at_the_next_start(
     folder: Path, tiny: Entries, instead: Callable[[Cell], object]
 ) -> None:
     bad = next(cells_of(study_of(tiny, folder))).key
-    results = _run(folder, tiny, InHere(instead=lambda cell: instead(cell) if cell.key == bad else outcome_of(cell)))  # type: ignore[arg-type,return-value] # an Outcome
+    results = _run(folder, tiny, InHere(instead=lambda cell: instead(cell) if cell.key == bad else known_outcome(cell)))  # type: ignore[arg-type,return-value] # an Outcome
     row = results.cells().iloc[0]
     assert results.unanswered == 1
     assert row["reason"] in {"its process ended with SIGKILL", "MemoryError"}
@@ -239,9 +240,9 @@ def test_cells_whose_file_changes_meanwhile_have_no_answer_until_it_is_the_same_
     entries = tiny | {"roads": ["bend.csv"], "vehicles": ["bus"]}
     study, before = study_of(entries, folder), (folder / "bend.csv").read_text(encoding="utf-8")
     (folder / "bend.csv").write_text("s,kappa\n0,0\n60,0\n", encoding="utf-8")
-    table = run(study, folder / "out", InHere()).cells()
+    table = run(study, folder / "out", InHere(instead=outcome_of)).cells()
     assert set(table["outcome"]) == {"failed"}
-    assert table["reason"].str.contains("another file here").all()
+    assert table["reason"].str.contains("differs here from the file").all()
     (folder / "bend.csv").write_text(before, encoding="utf-8")
     assert set(_run(folder, entries).cells()["outcome"]) == {"planned"}
 
@@ -252,7 +253,7 @@ def test_a_bias_that_changes_meanwhile_is_told(folder: Path, tiny: Entries) -> N
     assert set(_run(folder, entries).cells()["outcome"]) == {"planned"}
     study = study_of(entries | {"half_widths": [3.0]}, folder)
     (folder / "bias.csv").unlink()
-    (row,) = run(study, folder / "out", InHere()).cells().to_dict("records")
+    (row,) = run(study, folder / "out", InHere(instead=outcome_of)).cells().to_dict("records")
     assert (row["outcome"], row["reason"].partition(":")[0]) == ("failed", "bias.csv cannot be read here")
 
 
@@ -316,6 +317,34 @@ def test_a_damaged_part_is_named(folder: Path, tiny: Entries) -> None:
         _run(folder, tiny)
 
 
+@pytest.mark.parametrize("columns", [{"mine": [1]}, {"key": ["\u00e4"], "outcome": ["planned"]}])
+def test_a_table_of_others_among_the_parts_is_named(folder: Path, tiny: Entries, columns: dict[str, list[object]]) -> None:
+    _run(folder, tiny | {"roads": ["bend.csv"], "vehicles": ["bus"]})
+    pq.write_table(pa.table(columns), folder / "out" / "parts" / "cells" / "mine.parquet")
+    with pytest.raises(OptionError, match=r"mine\.parquet cannot be read"):
+        _run(folder, tiny)
+
+
+@pytest.mark.parametrize("sessions", [5, "abc", [], [{}], [{"started": 1}]])
+def test_a_record_that_is_none_of_a_study_is_refused(folder: Path, tiny: Entries, sessions: object) -> None:
+    (folder / "out").mkdir()
+    (folder / "out" / "study.json").write_text(json.dumps({"sessions": sessions}), encoding="utf-8")
+    with pytest.raises(OptionError, match=r"holds study\.json, which is not of a study"):
+        _run(folder, tiny)
+
+
+def test_tables_are_written_through_no_link_and_into_no_folder_of_undecodable_bytes(folder: Path, tiny: Entries) -> None:
+    (folder / "secret").write_text("mine", encoding="utf-8")
+    (folder / "out").mkdir()
+    for name in (".cells.parquet.part", ".places.parquet.part"):
+        (folder / "out" / name).symlink_to(folder / "secret")
+    assert len(_run(folder, tiny).cells()) == 8
+    assert (folder / "secret").read_text(encoding="utf-8") == "mine"
+    with pytest.raises(OptionError, match="bytes in its name that are no text"):
+        _run(folder, tiny, out="\udcff")
+    assert not os.path.lexists(folder / "\udcff")
+
+
 def test_a_study_may_be_run_from_python_by_its_file_or_its_entries(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder)
     Path("study.toml").write_text('roads = ["bend.csv"]\nvehicles = ["bus"]\nsettings.horizon = 30\n', encoding="utf-8")
@@ -335,7 +364,8 @@ def test_a_road_that_cannot_be_smoothed_is_tried_once(folder: Path, monkeypatch:
         return find_road(source, options)
 
     monkeypatch.setattr("hdvplan.study.work.find_road", counted)
-    table = _run(folder, {"roads": ["back.csv"], "vehicles": ["bus"], "half_widths": [3.0, 3.5]}).cells()
+    entries: Entries = {"roads": ["back.csv"], "vehicles": ["bus"], "half_widths": [3.0, 3.5]}
+    table = _run(folder, entries, InHere(instead=outcome_of)).cells()
     assert table["outcome"].tolist() == ["refused", "refused"]
     assert table["reason"].str.contains("turns back on itself").all()
     assert len(read) == 1

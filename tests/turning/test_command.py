@@ -106,6 +106,7 @@ def test_the_list_names_every_template_in_a_terminal_s_width(cli: Cli) -> None: 
         (("--vehicle", "bus", "--radius", "12", "--angle", "right"), "--angle must be a number"),
         (("--vehicle", "bus", "--radius", "12", "--angle", "nan"), "angle = nan"),
         (("--vehicle", "bus", "--radius", "-12", "--angle", "90"), "radius = -12"),
+        (("--vehicle", "bus", "--radius", "12", "--angle", "-90"), "angle = -90 degrees"),
         (("--vehicle", "bus", "--radius", "1e6", "--angle", "90"), "km long"),
         (("--vehicle", "bus", "--radius", "1e6", "--angle", "steady"), "km long"),
         (("--vehicle", "bus", "--radius", "12", "--angle", "1e9"), "km long"),

@@ -1,5 +1,7 @@
 """The figures of manoeuvres: published ones, closed forms, an independent integration, and relations between them."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 import shapely
@@ -21,8 +23,14 @@ CANNOT = {"a-double", "b-double"}  # drive a circle of 12.5 m
 FAIL = {"citaro-le-mu", "double-articulated-bus", "truck-dolly-semitrailer"}  # to keep 5.30 m inside it
 
 
+@cache
+def driven_through(template: str, name: str) -> Turn:
+    """Return a preset's turn through a shipped template, driven once for all tests."""
+    return turn(load_vehicle(name), load_template(template))
+
+
 def minimum_turn(name: str) -> Turn:
-    return turn(load_vehicle(name), load_template("aashto-180"))
+    return driven_through("aashto-180", name)
 
 
 @pytest.mark.parametrize("name", sorted(published.TURN_INSIDE))
@@ -53,8 +61,7 @@ def test_the_wheelbase_deemed_to_comply_is_that_of_the_formula(width: float, pri
 
 @pytest.mark.parametrize("name", sorted(set(preset_groups()["europe"]) - CANNOT))
 def test_a_european_preset_in_the_european_circle_agrees_with_an_independent_integration(name: str) -> None:
-    vehicle, template = load_vehicle(name), load_template("eu-circle")
-    found = turn(vehicle, template)
+    vehicle, found = load_vehicle(name), driven_through("eu-circle", name)
     rounds = 8.0 * np.pi * 12.5 if len(vehicle.units) < 3 else 20.0 * np.pi * 12.5
     s = np.array([0.0, 5.0 + rounds])
     poses = rolled(vehicle, *guide_offsets(GuidePoint.FRONT_CORNER, vehicle), 12.5, 5.0, s)
@@ -78,7 +85,7 @@ def radii(vehicle: Vehicle, poses: Poses, centre: np.ndarray[tuple[int], np.dtyp
 
 @pytest.mark.parametrize(("name", "inside", "width", "swing"), [("citaro-le-u", 6.29, 6.21, 0.61), ("citaro-le-mu", 5.14, 7.36, 0.69)])
 def test_a_citaro_in_the_european_circle_has_its_known_figures(name: str, inside: float, width: float, swing: float) -> None:
-    circle = turn(load_vehicle(name), load_template("eu-circle")).figures
+    circle = driven_through("eu-circle", name).figures
     assert circle.bodies.inside == pytest.approx(inside, abs=0.005)  # known to a centimetre
     assert circle.swept_width == pytest.approx(width, abs=0.005)
     assert turn(load_vehicle(name), load_template("swing-out")).figures.tail_swing[0] == pytest.approx(swing, abs=0.005)

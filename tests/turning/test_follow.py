@@ -117,6 +117,30 @@ def test_a_short_turn_may_be_tighter_than_a_circle() -> None:
     assert 5.0 < caught.value.least_radius_m < tightest(bus, (6.0, 0.0)) - 0.2
 
 
+@pytest.mark.parametrize(
+    ("manoeuvre", "options"),
+    [
+        (Manoeuvre(4.0, 0.5 * np.pi, ramp=1.0), "--angle 90 --guide front-axle --ramp 1"),
+        (Manoeuvre(8.0, None, standstill=True), "--angle steady --guide front-axle --standstill"),
+    ],
+)
+def test_the_hint_has_all_options_of_a_turn_that_can_be_driven(manoeuvre: Manoeuvre, options: str) -> None:
+    with pytest.raises(TurnError) as caught:
+        follow(load_vehicle("bus"), manoeuvre)
+    assert caught.value.hint == f"it can drive: --radius {caught.value.least_radius_m:.2f} {options}"
+
+
+def test_the_radius_of_the_hint_is_the_least_with_its_ramp() -> None:
+    bus = load_vehicle("bus")
+    with pytest.raises(TurnError) as caught:
+        follow(bus, Manoeuvre(5.0, 0.5 * np.pi, ramp=4.0))
+    least = caught.value.least_radius_m
+    assert least is not None
+    follow(bus, Manoeuvre(least, 0.5 * np.pi, ramp=4.0))
+    with pytest.raises(TurnError):
+        follow(bus, Manoeuvre(least, 0.5 * np.pi))
+
+
 def test_a_trailer_that_would_be_pushed_backwards_is_refused_with_the_radius_at_which_it_just_follows() -> None:
     vehicle = chain(3.0, 10.0)
     with pytest.raises(TurnError, match="unit 2 would be pushed backwards") as caught:
@@ -138,6 +162,7 @@ def test_a_kingpin_behind_the_axle_or_missing_cannot_guide() -> None:
         ({"radius": -3.0}, "radius = -3"),
         ({"angle": 0.0}, "above 0"),
         ({"angle": 0.5, "ramp": 6.0}, "5.00 m long"),
+        ({"angle": 0.5 * np.pi, "ramp": 16.0}, "15.70 m long"),  # 15.708 m: what is said can be given
         ({"ramp": 1.0, "standstill": True}, "standstill"),
     ],
 )

@@ -70,7 +70,7 @@
   }
 
   function describe(one) {
-    const lacking = one.widening_m === undefined ? "no plan goes on" : `${one.widening_m.toFixed(2)} m lacking`;
+    const lacking = one.widening_m === undefined ? "the vehicle cannot be planned further" : `${one.widening_m.toFixed(2)} m lacking`;
     return `${one.road}, s = ${one.s_m} m, ${one.width}: ${lacking}${one.side ? ` on the ${one.side}` : ""}; ${one.which_vehicles}`;
   }
 
