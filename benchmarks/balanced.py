@@ -8,15 +8,28 @@ from __future__ import annotations
 import argparse
 import gc
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from scipy.ndimage import gaussian_filter1d
+from balanced_drives import (
+    CURVATURES,
+    EXAMPLE,
+    RTI,
+    SHARPNESSES,
+    SQP,
+    VEHICLES,
+    balanced_with,
+    case_road,
+    corrected,
+    deferred,
+    numbers,
+    run,
+)
+from balanced_pictures import draw_convergence, draw_examples, draw_roads
 
 from hdvplan.api import drive_case, prepare
 from hdvplan.bench.courses import with_limits
@@ -25,141 +38,62 @@ from hdvplan.case import Case
 from hdvplan.errors import HdvplanError
 from hdvplan.fileio import csv_bytes, write_atomically
 from hdvplan.jit import FloatArray
-from hdvplan.judging.envelope import envelope_of
 from hdvplan.machine import use_one_thread
-from hdvplan.planning.assembly import assemble
-from hdvplan.planning.objectives import Goal, Objective, balanced, geometric
-from hdvplan.planning.planner import Plan
-from hdvplan.planning.settings import PlannerSettings, Scheme
-from hdvplan.planning.stations import Stations
-from hdvplan.planning.terms.balance import BalancePart, EnvelopeBalance
-from hdvplan.planning.terms.centring import Centring, CentringPart, Residual
-from hdvplan.planning.terms.term import Horizon, Needs, Place, Scene
+from hdvplan.planning.objectives import balanced, geometric
 from hdvplan.record import write_record
 from hdvplan.report.markdown import markdown_table
-from hdvplan.reproduce.swept import Swept, road_of, swept, whole_manoeuvre
+from hdvplan.reproduce.swept import Swept, whole_manoeuvre
 from hdvplan.road.load import load_road
 from hdvplan.road.road import Road
-from hdvplan.road.scenarios import sturn_profile
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 
-VEHICLES = ("bus", "tractor-trailer")
-CURVATURES = (0.03, 0.045, 0.06, 0.08)  # [1/m]
-SHARPNESSES = (0.005, 0.01, 0.02)  # [1/m^2]
-EXAMPLE = (0.06, 0.01)
 FINE = {"sharpness", "mean_abs_imbalance_m", "geometric_m", "balanced_m"}  # columns that need a tenth of a millimetre
 WORDS = {"vehicle", "objective", "rule", "road", "limits"}  # columns that hold no numbers
+CAPTIONS = {
+    "s-turns": (
+        "S-turns",
+        (
+            "Every S-turn (curvature [1/m], sharpness [1/m^2]) with every objective: imbalance of a place, mean and largest [m], "
+            "furthest reach [m], sum of squared changes of curvature [1/m^2], largest curvature [1/m], quadratic programs a step."
+        ),
+    ),
+    "summary": (
+        "S-turns together",
+        (
+            "All S-turns together. gain: how much less the mean imbalance of a place is than with the geometric objective, on "
+            "average and on the worst road; furthest: growth of the largest reach, likewise; ratios: against the geometric "
+            "objective, the largest curvature on the worst road."
+        ),
+    ),
+    "convergence": (
+        "One horizon, planned repeatedly",
+        (
+            "One horizon on an S-turn, planned repeatedly with each rule: imbalance of a place, mean and largest [m], furthest "
+            "reach [m], sum of squared changes of curvature [1/m^2] and largest curvature [1/m] after so many rounds."
+        ),
+    ),
+    "trade-off": (
+        "Gain against reach",
+        (
+            "S-turns together, for other parameters of the objective. rounding: up to which imbalance it is quadratic (1000 m: "
+            "always); share: of the stationary residual; gain and growth of the largest reach on the worst road as in the summary."
+        ),
+    ),
+    "step-times": (
+        "Time of a planning step",
+        "Mean step of the real-time iteration, each step with its fastest round, and the ratio of both objectives.",
+    ),
+    "roads": (
+        "Real roads",
+        (
+            "The benchmark's ten roads with their limits, by the geometric and by the balanced objective: mean and worst imbalance "
+            "of a place, furthest reach, least clearance [m]; ratio of the sums of squared changes of curvature."
+        ),
+    ),
+}  # title, and what the columns are
 ROUNDS = (1, 2, 3, 4, 6, 8, 10, 15, 20, 30, 50)
 TIMED_ROUNDS = 8  # every step counts with the fastest: a busy machine only ever adds time
-RTI, SQP = PlannerSettings(), PlannerSettings(scheme=Scheme.SQP)
-
-# The deferred correction that the method replaces: K e_y + e_aux - c(s), c lowered by a share of the low-passed imbalance.
-CRUDE_GAIN = 0.35
-CRUDE_LOW_PASS_M = 2.0
-
-
-def balanced_with(**changes: float) -> Objective:
-    """Return the objective with other values in the place of its defaults."""
-    return partial(_changed, changes)
-
-
-def _changed(changes: Mapping[str, float], stations: Stations, vehicle: Vehicle) -> Goal:
-    goal, of_term = balanced(stations, vehicle), {name: value for name, value in changes.items() if name != "rounds"}
-    term = replace(_balance_of(goal), **of_term)  # type: ignore[arg-type] # names of fields that are numbers
-    return Goal((term,), int(changes["rounds"]) if "rounds" in changes else goal.rounds)
-
-
-def _balance_of(goal: Goal) -> EnvelopeBalance:
-    (term,) = (term for term in goal.terms if isinstance(term, EnvelopeBalance))
-    return term
-
-
-def _residual_of(goal: Goal) -> Residual:
-    (term,) = (term for term in goal.terms if isinstance(term, Centring))
-    return term.residual
-
-
-def case_of(road: Road, vehicle: Vehicle, objective: Objective, settings: PlannerSettings) -> Case:
-    """Return a run by an objective that need not have a name that users know."""
-    if not isinstance(objective, partial):
-        return Case(road, vehicle, getattr(objective, "__name__", "unnamed"), settings=settings)
-    changes = ", ".join(f"{name}={value:g}" for name, value in objective.args[0].items())
-    return Case(road, vehicle, f"balanced: {changes}", settings=settings)
-
-
-def run(road: Road, vehicle: Vehicle, objective: Objective, settings: PlannerSettings, driven: list[Case]) -> Swept:
-    """Drive and measure; what was driven is added to ``driven``."""
-    driven.append(case_of(road, vehicle, objective, settings))
-    return swept(driven[-1], objective)
-
-
-def case_road(curvature: float, sharpness: float) -> Road:
-    """Return one S-turn of the family."""
-    return road_of("sturn", sturn_profile(curvature, sharpness))
-
-
-def numbers(found: Swept) -> dict[str, float]:
-    """Return what a drive is judged by; lengths in metres."""
-    kappa, imbalance = found.drive.kappa, np.abs(found.left - found.right)
-    return {
-        "mean_abs_imbalance_m": float(np.mean(imbalance)),
-        "max_abs_imbalance_m": float(np.max(imbalance)),
-        "furthest_m": found.furthest,
-        "sum_squared_changes": float(np.sum(np.diff(kappa) ** 2)),
-        "max_kappa_per_m": float(np.max(np.abs(kappa))),
-        "programs": float(np.mean([plan.qp_count for plan in found.drive.plans[1:]] or [1])),
-    }
-
-
-class Deferred:
-    """The crude rule in receding horizon: a term like centring, whose target c every plan corrects for the next ones."""
-
-    def __init__(self, vehicle: Vehicle, settings: PlannerSettings) -> None:
-        self._settings = settings
-        self._middle = round(0.5 * (vehicle.reach_ahead - vehicle.reach_behind) / settings.step)
-
-    def objective(self, stations: Stations, vehicle: Vehicle) -> Goal:
-        """Return the geometric residual with a target that ``correct`` changes."""
-        self._residual = _residual_of(geometric(stations, vehicle))
-        measured = Goal((replace(_balance_of(balanced(stations, vehicle)), ahead=np.inf),))
-        self._measured, (self._dynamics, *others) = assemble(vehicle, stations, measured, self._settings)
-        (self._balance,) = (part for part in others if isinstance(part, BalancePart))
-        return Goal((self,))
-
-    def needs(self, vehicle: Vehicle) -> Needs:
-        """Return nothing: see ``Term``."""
-        return Centring(self._residual).needs(vehicle)
-
-    def part(self, scene: Scene, place: Place) -> CentringPart:
-        """Return centring in its place: see ``Term``."""
-        self._centring = Centring(self._residual).part(scene, place)
-        return self._centring
-
-    def correct(self, plan: Plan) -> None:
-        """Lower c by the gain times the low-passed imbalance of this plan, taken at the middle of the vehicle."""
-        scene, balance, targets = self._measured, self._balance, self._centring.coefficients["target"]
-        horizon = Horizon(plan.first, scene.stations.points[plan.first : plan.first + self._settings.stages + 1], 0.0, 0, binding=True)
-        scene.motion.z[:], scene.motion.kappa[:] = plan.z, plan.kappa
-        self._dynamics.extend(horizon, 1)
-        balance.centring.extend(horizon, 1)
-        balance.linearise(horizon)
-        reach = balance.measured.reached["reach"]
-        here = np.arange(max(plan.first - balance.window.before, 0), plan.first + balance.window.places)
-        measured = reach[0, here] - reach[1, here]
-        smooth = gaussian_filter1d(np.where(np.isfinite(measured), measured, 0.0), CRUDE_LOW_PASS_M / self._settings.step, mode="nearest")
-        stage = here - self._middle
-        inside = (stage >= plan.first) & (stage < len(targets))
-        weight = self._residual.lead[stage[inside]]
-        targets[stage[inside]] -= CRUDE_GAIN * 0.5 * (1.0 + weight) * smooth[inside]
-
-
-def deferred(road: Road, vehicle: Vehicle, settings: PlannerSettings, driven: list[Case]) -> Swept:
-    """Drive with the crude rule."""
-    rule = Deferred(vehicle, settings)
-    driven.append(Case(road, vehicle, "deferred correction", settings=settings))
-    done = drive_case(driven[-1], rule.objective, on_plan=rule.correct)
-    return Swept(driven[-1], done, envelope_of(done))
 
 
 def family(driven: list[Case]) -> pd.DataFrame:
@@ -254,27 +188,11 @@ def convergence(driven: list[Case]) -> pd.DataFrame:
         rows.append({"vehicle": name, "rule": "geometric", "rounds": 0} | start)
         target: FloatArray | None = None
         for rounds in range(1, max(ROUNDS) + 1):
-            found_c, target = _corrected(Case(road, vehicle, f"geometric, target corrected {rounds - 1} times", settings=settings), target)
+            found_c, target = corrected(Case(road, vehicle, f"geometric, target corrected {rounds - 1} times", settings=settings), target)
             driven.append(found_c.case)
             if rounds in ROUNDS:
                 rows.append({"vehicle": name, "rule": "deferred correction", "rounds": rounds} | numbers(found_c))
     return pd.DataFrame(rows)
-
-
-def _corrected(case: Case, target: FloatArray | None) -> tuple[Swept, FloatArray]:
-    """Plan the whole manoeuvre to convergence with the target c, and return the next one by the crude rule."""
-
-    def objective(stations: Stations, vehicle: Vehicle) -> Goal:
-        residual = _residual_of(geometric(stations, vehicle))
-        return Goal((Centring(residual if target is None else replace(residual, target=target)),))
-
-    found, vehicle = swept(case, objective), case.vehicle
-    stations = found.drive.stations
-    middle = 0.5 * (vehicle.reach_ahead - vehicle.reach_behind)
-    smooth = gaussian_filter1d(found.left - found.right, CRUDE_LOW_PASS_M / 0.25, mode="nearest")
-    seen = np.interp(stations.s + middle, found.envelope.s, smooth, right=0.0)
-    residual = _residual_of(objective(stations, vehicle))
-    return found, residual.target - CRUDE_GAIN * 0.5 * (1.0 + residual.lead) * seen
 
 
 def real_roads(driven: list[Case]) -> pd.DataFrame:
@@ -321,86 +239,6 @@ def step_times(driven: list[Case]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def example(name: str) -> dict[str, Swept]:
-    """Return the example S-turn driven with both objectives."""
-    road, vehicle = case_road(*EXAMPLE), load_vehicle(name)
-    return {objective: swept(Case(road, vehicle, objective, settings=RTI)) for objective in ("geometric", "balanced")}
-
-
-def draw_examples(path: Path) -> None:
-    """Draw reach to both sides, imbalance and curvature of the example."""
-    from matplotlib.figure import Figure  # noqa: PLC0415 - takes half a second
-
-    from hdvplan.report.style import styled  # noqa: PLC0415 - as above
-
-    with styled():
-        figure = Figure(figsize=(11.0, 8.0), layout="constrained")
-        axes = figure.subplots(3, len(VEHICLES), sharex="col", sharey="row")
-        for column, name in enumerate(VEHICLES):
-            for (way, found), colour in zip(example(name).items(), ("0.45", "#0072B2"), strict=True):
-                s = found.envelope.s
-                axes[0, column].plot(s, found.left, color=colour, label=f"{way}: left")
-                axes[0, column].plot(s, found.right, color=colour, linestyle="--", label="right")
-                axes[1, column].plot(s, found.left - found.right, color=colour, label=way)
-                axes[2, column].plot(found.drive.stations.s[: len(found.drive.kappa)], found.drive.kappa, color=colour, label=way)
-            axes[0, column].plot(s, found.expected.half_width, color="#E69F00", linewidth=0.8, label="stationary half width")
-            axes[2, column].plot(s, found.drive.road.path.at(s).curvature, color="#E69F00", linewidth=0.8, label="road")
-            axes[0, column].set_title(name)
-            axes[2, column].set_xlabel("arclength s [m]")
-        for row, label in enumerate(("reach [m]", "left + right [m]", "curvature [1/m]")):
-            axes[row, 0].set_ylabel(label)
-            axes[row, 0].legend(fontsize="small")
-            for panel in axes[row]:
-                panel.grid(visible=True, alpha=0.3)
-        figure.suptitle(f"S-turn of {EXAMPLE[0]:g} 1/m and {EXAMPLE[1]:g} 1/m^2, receding horizon, as simulated")
-        figure.savefig(path, dpi=120)
-
-
-def draw_convergence(table: pd.DataFrame, trades: pd.DataFrame, path: Path) -> None:
-    """Draw the imbalance over rounds, and gain against reach."""
-    from matplotlib.figure import Figure  # noqa: PLC0415 - takes half a second
-
-    from hdvplan.report.style import styled  # noqa: PLC0415 - as above
-
-    with styled():
-        figure = Figure(figsize=(11.0, 4.2), layout="constrained")
-        over, against = figure.subplots(1, 2)
-        for name, line in zip(VEHICLES, ("--", "-"), strict=True):
-            mine = table[table["vehicle"] == name]
-            for rule, part in mine[mine["rounds"] > 0].groupby("rule"):
-                over.loglog(part["rounds"], part["mean_abs_imbalance_m"], linestyle=line, marker=".", label=f"{name}: {rule}")
-            here = trades[trades["vehicle"] == name]
-            for what, part in (("magnitude", here[here["rounding_m"] < 1.0]), ("square", here[here["rounding_m"] > 1.0])):
-                against.plot(part["furthest_most_percent"], part["gain_percent"], linestyle=line, marker="o", label=f"{name}: {what}")
-        over.set(xlabel="programs, or corrections of c", ylabel="mean |left + right| [m]", title="One horizon over the whole S-turn")
-        against.set(
-            xlabel="largest growth of a largest reach [%]", ylabel="gain in mean |left + right| [%]", title="Share of the residual 0 to 0.3"
-        )
-        for panel in (over, against):
-            panel.grid(visible=True, alpha=0.3)
-            panel.legend(fontsize="x-small")
-        figure.savefig(path, dpi=120)
-
-
-def draw_roads(table: pd.DataFrame, path: Path) -> None:
-    """Draw the mean imbalance on the real roads."""
-    from matplotlib.figure import Figure  # noqa: PLC0415 - takes half a second
-
-    from hdvplan.report.style import styled  # noqa: PLC0415 - as above
-
-    with styled():
-        figure = Figure(figsize=(11.0, 4.5), layout="constrained")
-        for axes, name in zip(figure.subplots(1, len(VEHICLES), sharey=True), VEHICLES, strict=True):
-            wide = table[table["vehicle"] == name].pivot_table(index="road", columns="objective", values="mean_abs_imbalance_m", sort=False)
-            rows = np.arange(len(wide))
-            for offset, way, colour in ((-0.2, "geometric", "0.6"), (0.2, "balanced", "#0072B2")):
-                axes.barh(rows + offset, wide[way], height=0.4, color=colour, label=way)
-            axes.set(yticks=rows, yticklabels=wide.index, xlabel="mean |left + right| [m]", title=name)
-            axes.invert_yaxis()
-            axes.legend()
-        figure.savefig(path, dpi=120)
-
-
 def road_gains(table: pd.DataFrame) -> pd.DataFrame:
     """Return one row a road and vehicle, both objectives beside each other."""
     rows = []
@@ -434,7 +272,8 @@ def write(out: Path, name: str, table: pd.DataFrame) -> None:
         if text[column].dtype == float:
             digits = 1 if column.endswith("percent") else 6 if column == "sum_squared_changes" else 4 if column in FINE else 3
             text[column] = text[column].map(f"{{:.{digits}f}}".format)
-    write_atomically(out / f"{name}.md", f"{markdown_table(text, text=WORDS)}\n".encode())
+    title, about = CAPTIONS[name]
+    write_atomically(out / f"{name}.md", f"# {title}\n\n{about}\n\n{markdown_table(text, text=WORDS)}\n".encode())
 
 
 def main() -> None:

@@ -15,6 +15,8 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import NamedTuple
 
+import document_balance as balance
+import document_lengths as lengths
 import document_tables as tables
 
 
@@ -27,11 +29,11 @@ class Figure(NamedTuple):
 
 
 README, RESULTS, BALANCED, LIECHTENSTEIN = "README.md", "docs/results.md", "docs/balanced.md", "docs/liechtenstein.md"
-NETWORKS = "docs/networks.md"
+NETWORKS, PROOF = "docs/networks.md", "docs/proof.md"
 FORMER = ("previous method, max right", "previous method, max left")
 CONSTANT = ("tractor curvature, constant part", "articulation, constant part")
 OUTSIDE = tuple(f"furthest outside, {what}" for what in ("overhang and wheelbase free", "wheelbase in the lane", "and overhangs at a cost"))
-GUARDING = "docs/guarding-timing.md"
+GUARDING, STUDIES = "docs/guarding-timing.md", "docs/studies.md"
 VEHICLES = ("bus", "tractor-trailer", "tractor-trailer-24m")
 BUSES = {
     "citaro-k": "10.5",
@@ -44,10 +46,13 @@ BUSES = {
 FIGURES = (
     Figure(README, "U-turn at {} / {} m (published {} / {}), the roundabout at {} / {} m ({} / {})", tables.uturn_and_roundabout),
     Figure(
-        README, "takes {} ms for the bus and {} ms for the tractor-trailer (ten roads, one QP a step), {} and {} times", tables.readme_speed
+        README,
+        "takes {} ms for the bus and {} ms for the tractor-trailer (ten roads, one QP a step). PIQP takes {} and {} times as long",
+        tables.readme_speed,
     ),
+    Figure(README, "a plan fits in {} of {} cases; within 2 cm less, {} of {} plans fit", tables.least_room),
     Figure(README, "{} of the bus's {} `NO` and {} of the tractor-trailer's {} are proved", tables.proofs),
-    Figure(RESULTS, "previous method: right / left [m] | {} / {} | {} / {} |", lambda: tables.pairs("bus-uturn", FORMER)),
+    Figure(RESULTS, "previous method: furthest right / left [m] | {} / {} | {} / {} |", lambda: tables.pairs("bus-uturn", FORMER)),
     Figure(RESULTS, "geometric weight: right / left [m] | {} / {} | {} / {} |", lambda: tables.pairs("bus-uturn", tables.UTURN)),
     Figure(RESULTS, "| roundabout: left / right [m] | {} / {} | {} / {} |", lambda: tables.pairs("roundabout", tables.SIDES)),
     Figure(RESULTS, "curvature [1/m], articulation [rad] | {}, {} | {}, {} |", lambda: tables.pairs("roundabout", CONSTANT, "{:.4f}")),
@@ -86,7 +91,7 @@ FIGURES = (
         Figure(
             BALANCED,
             f"{vehicle}, {name} | {{}} | {{}} % | {{}} % | +{{}} % | +{{}} % | x {{}} | x {{}} |",
-            partial(tables.balance_row, vehicle, name),
+            partial(balance.balance_row, vehicle, name),
         )
         for vehicle in VEHICLES[:2]
         for name in ("balanced, SQP", "deferred correction")
@@ -95,12 +100,12 @@ FIGURES = (
         Figure(
             BALANCED,
             f"**{vehicle}, balanced** | **{{}}** | **{{}} %** | {{}} % | +{{}} % | +{{}} % | x {{}} | x {{}} |",
-            partial(tables.balance_row, vehicle, "balanced"),
+            partial(balance.balance_row, vehicle, "balanced"),
         )
         for vehicle in VEHICLES[:2]
     ),
     *(
-        Figure(BALANCED, f"| {vehicle} | {words} | {{}} | {{}} | {{}} |", partial(tables.balance_time, vehicle, limits))
+        Figure(BALANCED, f"| {vehicle} | {words} | {{}} | {{}} | {{}} |", partial(balance.balance_time, vehicle, limits))
         for vehicle, words, limits in (
             ("bus", "none", "none"),
             ("bus", "0.5 m beyond the half width", "0.5 m beyond"),
@@ -108,7 +113,37 @@ FIGURES = (
             ("tractor-trailer", "0.5 m beyond", "0.5 m beyond"),
         )
     ),
-    Figure(BALANCED, "writing the rows take {} to {} us", tables.balance_more),
+    Figure(BALANCED, "writing the rows take {} to {} us", balance.balance_more),
+    Figure(BALANCED, "reach therefore differ by up to {} m", lambda: [balance.worst_imbalance()]),
+    Figure(BALANCED, "(the bus in the figure below: {} and {} mm of mean imbalance)", balance.relaxed),
+    Figure(
+        BALANCED,
+        "tractor-trailer gains {} % and reaches {} % further; with squares and without the share {} % and {} %.",
+        lambda: balance.trade_offs((balance.ROUNDED, 0.0), (balance.SQUARES, 0.0)),
+    ),
+    Figure(BALANCED, "{} % at +{} % against {} % at +{} %.", lambda: balance.trade_offs((balance.ROUNDED, 0.015), (balance.SQUARES, 0.1))),
+    Figure(BALANCED, "peaks are {} to {} times as high at a sharpness of 0.005 1/m^2, and up to {} times", balance.trailer_peaks),
+    Figure(BALANCED, "the bus's are {} to {} times as high", balance.bus_peaks),
+    Figure(BALANCED, "falls by {} to {} % for the tractor-trailer on all ten roads", balance.trailer_gains),
+    Figure(
+        BALANCED,
+        "for the bus by {} to {} % on eight. On `liechtenstein_planken` ({} %) and `monaco_fairmont_hairpin` ({} %)",
+        balance.bus_gains,
+    ),
+    Figure(BALANCED, "*falls* in {} of the {} drives, and grows by {} % at most", balance.reaches),
+    Figure(
+        "docs/maths.md",
+        "published values are {} m left and {} m right. The corrected weight gives {} m and {} m",
+        lambda: tables.pairs("roundabout", tables.SIDES),
+    ),
+    Figure(
+        "docs/maths.md",
+        "weight of (1 - K) e_y + K e_trailer: {} and {} for its two vehicles, where 1 / (1 + K) is {} and {}",
+        tables.weights,
+    ),
+    Figure(RESULTS, "by exhaustive search / by geometry | {}, {} / - | {}, {} / {}, {} |", tables.all_weights),
+    Figure(RESULTS, "agrees, the size does not ({} % and {} % against {} % and {} %)", tables.gains),
+    Figure(RESULTS, "{} solvers on the same recorded QPs", lambda: [tables.solvers()]),
     Figure("docs/design.md", "(IPOPT agrees to {} m wherever", lambda: tables.peers()[2:]),
     Figure(
         RESULTS,
@@ -120,8 +155,10 @@ FIGURES = (
     Figure(RESULTS, "of the one of 24 m; {} of the kept ones is", lambda: [tables.contradictions()]),
     Figure(RESULTS, "In {} random cases as narrow as a drive that fits, {} is called impossible", lambda: tables.drawn()[:2]),
     Figure(RESULTS, "on either side, {} of {} are", lambda: tables.drawn()[2:]),
-    Figure(RESULTS, "falls by {} % (bus) and {} % (tractor-trailer) on average", lambda: tables.balanced()[:2]),
-    Figure(RESULTS, "for a step that takes {} to {} times as long", lambda: tables.balanced()[2:]),
+    Figure(RESULTS, "falls by {} % (bus) and {} % (tractor-trailer) on average", lambda: balance.balanced()[:2]),
+    Figure(RESULTS, "for a step that takes {} to {} times as long", lambda: balance.balanced()[2:]),
+    Figure(PROOF, "in the median {} m for the bus and {} m for the tractor-trailer. Runs", tables.gaps),
+    Figure(PROOF, "it took {} s of processor time on average for the bus and {} s for the tractor-trailer.", tables.proof_seconds),
     Figure(LIECHTENSTEIN, "cuts the routes into {} roads of {} km", tables.extracted),
     *(
         Figure(LIECHTENSTEIN, f"| `{bus}`, {long} m | {' | '.join(4 * ['{}, {}'])} |", partial(tables.liechtenstein, bus))
@@ -137,25 +174,26 @@ FIGURES = (
     Figure(LIECHTENSTEIN, "of each bus, on {} different roads,", lambda: tables.checked()[:1]),
     Figure(LIECHTENSTEIN, "differs from the study's by at most {} m. For {} of them", lambda: tables.checked()[1:]),
     Figure(LIECHTENSTEIN, "[killed {} times]", lambda: [tables.kills()]),
-    Figure(NETWORKS, f"| largest difference of e_y [m] |{7 * ' {} |'}", tables.forgotten),
+    Figure(NETWORKS, f"| largest difference of e_y [m] |{7 * ' {} |'}", lengths.forgotten),
     *(
-        Figure(NETWORKS, f"| {words} | {plan} | {{}} | {{}} |", partial(tables.long_road, km, name))
+        Figure(NETWORKS, f"| {words} | {plan} | {{}} | {{}} |", partial(lengths.long_road, km, name))
         for km, words in ((10, "10 km"), (100, "100 km"), (1000, "1,000 km"))
         for name, plan in (("whole", "undivided"), ("stretches", "in stretches"))
         if (km, name) != (1000, "whole")  # it was not planned
     ),
-    Figure(NETWORKS, "The {} stretches of 1,000 km meet to {} m", tables.joints),
+    Figure(NETWORKS, "The {} stretches of 1,000 km meet to {} m", lengths.joints),
     Figure(
-        "docs/studies.md",
-        "out used {} ms of a core for each. It grew by {} MB until the last cell, and by {} MB with the tables. A cell took {} ms of",
-        tables.handed_out,
+        STUDIES,
+        "cells out used {} ms of a core for each. It grew by {} MB until the last cell, and by {} MB with the tables. A cell took {} ms of",
+        lengths.handed_out,
     ),
-    Figure(
-        GUARDING, "of {} comparisons with an unchanged side {} were red, of {} with a worse one {} were.", partial(tables.gate, "drawn")
-    ),
+    Figure(STUDIES, "took {} s of processor time per km and {} MB of memory", lengths.planned_in_stretches),
+    Figure(STUDIES, "so some {} core hours with the time of the bus", lambda: lengths.continent()[:1]),
+    Figure(STUDIES, "would keep it busy for at least {} hours", lambda: lengths.continent()[1:]),
+    Figure(GUARDING, "{} of {} comparisons with an unchanged side were red, and {} of {} with a worse one.", partial(tables.gate, "drawn")),
     Figure(
         GUARDING,
-        "of {} runs with identical programs {} were red, of {} with copies that are worse in ten ways {} were.",
+        "command: {} of {} with identical programs was red, and {} of {} with copies that are worse in ten ways.",
         partial(tables.gate, "end to end"),
     ),
     Figure(GUARDING, "The longest of the former took {} s, of the latter {} s.", tables.gate_seconds),

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
@@ -55,6 +54,14 @@ def readme_speed() -> list[str]:
     return [f"{value:.2f}" for value in own] + [f"{piqp / riccati:.0f}" for piqp, riccati in zip(other, own, strict=True)]
 
 
+def least_room() -> list[str]:
+    """Return how many cases fit within 1 cm more than needed, of how many, and how many plans do within 2 cm less, of how many."""
+    rows = table("need/need.csv")
+    fits = rows["fits_1_cm_wider"].astype(str) == "True"
+    counts = (fits.sum(), len(rows), rows["fitting_2_cm_narrower"].sum(), rows["tried_2_cm_narrower"].sum())
+    return [str(int(count)) for count in counts]
+
+
 def pinch() -> list[str]:
     """Return the step with a pinch [ms], riccati's and PIQP's, of the tractor-trailer and of the bus."""
     return [
@@ -72,6 +79,31 @@ def spread(solver: str) -> list[str]:
         ratio = rows[rows["solver"] == solver]["ratio"]
         texts += [f"{ratio.min():.2g}", f"{ratio.max():.2g}" if ratio.max() < 100.0 else f"{ratio.max():.0f}"]  # noqa: PLR2004 - no exponents
     return texts
+
+
+def solvers() -> str:
+    """Return how many solvers were measured on the same QPs."""
+    return str(table("solvers/strict/summary.csv")["solver"].nunique())
+
+
+_WEIGHED = ("tractor-trailer-24m", "tractor-trailer")
+
+
+def weights() -> list[str]:
+    """Return the best weights of two vehicles, as searched and as published, then those that geometry gives."""
+    searched = [f"{paper('objectives', f'{vehicle}: K by search')[1]:.2f}" for vehicle in _WEIGHED]
+    return searched + [f"{paper('objectives', f'{vehicle}: K geometric')[1]:.3f}" for vehicle in _WEIGHED]
+
+
+def all_weights() -> list[str]:
+    """Return the published weights, then ``weights``."""
+    return [f"{paper('objectives', f'{vehicle}: K by search')[0]:.2f}" for vehicle in _WEIGHED] + weights()
+
+
+def gains() -> list[str]:
+    """Return how much a varying weight gains over a fixed one, for both vehicles, then the published values [%]."""
+    both = [paper("s-turns", f"{vehicle}: gain in absolute D, most") for vehicle in ("bus", "tractor-trailer")]
+    return [f"{ours:.0f}" for _, ours in both] + [f"{published:.0f}" for published, _ in both]
 
 
 def kept(vehicle: str) -> str:
@@ -116,37 +148,6 @@ def cut() -> list[str]:
     return [f"{_MILLI * rows[name].max():.0f}" for name in ("ipopt_cuts_m", "ipopt_differs_m")]
 
 
-def balanced() -> list[str]:
-    """Return by how many per cent a place's imbalance falls, for both vehicles, and the least and largest factor of a step's time."""
-    gains = table("balanced/summary.csv")
-    gains = gains[gains["objective"] == "balanced"]
-    ratio = table("balanced/step-times.csv")["ratio"]
-    return [f"{gain:.0f}" for gain in gains["gain_percent"]] + [f"{ratio.min():.1f}", f"{ratio.max():.1f}"]
-
-
-def balance_row(vehicle: str, objective: str) -> list[str]:
-    """Return one row of the study of the balance: imbalance [m], gains [%], growth of the reach [%] and of the curvature."""
-    rows = table("balanced/summary.csv")
-    row = rows[(rows["vehicle"] == vehicle) & (rows["objective"] == objective)].iloc[0]
-    forms = {"gain_percent": "{:.1f}", "least_gain_percent": "{:.1f}", "furthest_mean_percent": "{:.1f}", "furthest_most_percent": "{:.1f}"}
-    forms |= {"squared_changes_ratio": "{:.2f}", "max_kappa_ratio": "{:.2f}"}
-    return [f"{row['mean_abs_imbalance_m']:.2g}"] + [form.format(row[name]) for name, form in forms.items()]
-
-
-def balance_time(vehicle: str, limits: str) -> list[str]:
-    """Return the time of a step with the geometric objective and with the balance [ms], and the factor."""
-    rows = table("balanced/step-times.csv")
-    row = rows[(rows["vehicle"] == vehicle) & (rows["limits"] == limits)].iloc[0]
-    return [f"{row['geometric_ms']:.3f}", f"{row['balanced_ms']:.3f}", f"{row['ratio']:.2f}"]
-
-
-def balance_more() -> list[str]:
-    """Return the least and the most that the balance adds to a step [us]."""
-    rows = table("balanced/step-times.csv")
-    more = 1e3 * (rows["balanced_ms"] - rows["geometric_ms"])
-    return [f"{more.min():.0f}", f"{more.max():.0f}"]
-
-
 def proved(vehicle: str) -> list[str]:
     """Return how many of a vehicle's NO are proved, and of how many."""
     rows = table("proof/widths.csv")
@@ -157,6 +158,19 @@ def proved(vehicle: str) -> list[str]:
 def proofs() -> list[str]:
     """Return of the bus how many are proved of how many, of the tractor-trailer too."""
     return proved("bus") + proved("tractor-trailer")
+
+
+def gaps() -> list[str]:
+    """Return the median of what lies between the least room planned and the most proved too little, of both vehicles [m]."""
+    rows = table("proof/need.csv")
+    medians = (rows["half_width"] - rows["proved_below"]).groupby(rows["vehicle"]).median()
+    return [f"{medians[vehicle]:.2f}" for vehicle in ("bus", "tractor-trailer")]
+
+
+def proof_seconds() -> list[str]:
+    """Return the mean processor time of an examination, of both vehicles [s]."""
+    means = table("proof/widths.csv").groupby("vehicle")["proof_cpu_s"].mean()
+    return [f"{means[vehicle]:.1f}" for vehicle in ("bus", "tractor-trailer")]
 
 
 def contradictions() -> str:
@@ -234,52 +248,12 @@ def objectives(first: str, second: str) -> Callable[[], list[str]]:
     return lambda: pairs("objectives", (first, second))
 
 
-RUN_INS_M = (10, 20, 40, 60, 80, 100, 150)
-
-
-def forgotten() -> list[str]:
-    """Return how far a bus's plan is from one that began this far before it, at most [m]."""
-    rows = table("long-roads/forgetting.csv")
-    most = rows[rows["vehicle"] == "bus"].set_index("run_in_m")["max_m"]
-    return [_power(most[run_in]) for run_in in RUN_INS_M]
-
-
-def long_road(km: int, plan: str) -> list[str]:
-    """Return the largest memory of a plan of a long road [MB], and its CPU time [s/km]."""
-    row = _long(km, plan)
-    return [f"{row['peak_mb']:.0f}", f"{row['cpu_s_per_km']:.2f}"]
-
-
-def joints() -> list[str]:
-    """Return in how many stretches the longest road was planned, and how far they lie apart where they meet [m]."""
-    row = _long(1000, "stretches")
-    return [str(row["stretches"]), _power(row["stretches_apart_mm"] / _MILLI)]
-
-
-def _long(km: int, plan: str) -> dict[str, Any]:
-    rows = table("long-roads/long_roads.csv")
-    return {str(name): value for name, value in rows[(rows["km"] == km) & (rows["plan"] == plan)].iloc[0].items()}
-
-
-def _power(value: float) -> str:
-    """Return a number to one digit, such as 7e-3."""
-    return f"{value:.0e}".replace("e-0", "e-")
-
-
-def handed_out() -> list[str]:
-    """Return the driver's time for each of very many cells [ms], its growth without and with tables [MB], and the overhead [ms]."""
-    rows = table("study-cells/study_cells.csv")
-    last, end = rows.iloc[-2], rows.iloc[-1]
-    spent = _MILLI * last["driver_cpu_s"] / last["cells"]
-    return [f"{spent:.1f}", f"{last['mb']:.0f}", f"{end['mb']:.0f}", f"{end['overhead_ms_per_cell']:.1f}"]
-
-
 def gate(how: str) -> list[str]:
-    """Return how many comparisons of identical programs there were, how many of them were red, and the same of worse programs."""
+    """Return how many comparisons of identical programs were red, of how many, and the same of worse programs."""
     rows = table("gate/gate.csv")
     mine = rows[rows["how"] == how]
     sides = (mine[mine["program"] == "same"], mine[mine["program"] != "same"])
-    return [str(int(side[column].sum())) for side in sides for column in ("comparisons", "regressed")]
+    return [str(int(side[column].sum())) for side in sides for column in ("regressed", "comparisons")]
 
 
 def gate_seconds() -> list[str]:

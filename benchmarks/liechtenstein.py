@@ -40,6 +40,39 @@ from hdvplan.vehicle.load import load_vehicle
 
 _WORST = 10  # places of each width
 _WORDS = ("line", "lines", "name", "vehicle", "vehicles", "road", "street", "side", "place")  # columns of text
+_CAPTIONS = {
+    "shares": (
+        "What each bus can drive",
+        (
+            "half_width_m: the lane that the bus has to either side of the line. It can drive so many routes, roads and kilometres, "
+            "of how many; places_too_narrow keep it out, and roads_too_tight cannot be planned, because they bend too tightly. © "
+            "OpenStreetMap contributors, Open Database License (ODbL) 1.0."
+        ),
+    ),
+    "lines": (
+        "The least lane for each line",
+        (
+            "The least half width [m] of the study with which a bus fits on all roads of a route; -: with none. whole: the map has "
+            "the route without a gap. © OpenStreetMap contributors, Open Database License (ODbL) 1.0."
+        ),
+    ),
+    "worst": (
+        "The places that lack most room",
+        (
+            "The ten worst of each half width. widening_m: the most that a bus lacks there; -: it cannot be planned further. way: "
+            "number in OpenStreetMap; vehicles, courses: which buses it keeps out, and how many combinations of bus and road. © "
+            "OpenStreetMap contributors, Open Database License (ODbL) 1.0."
+        ),
+    ),
+    "checked": (
+        "Cells planned again",
+        (
+            "The worst cell of each bus, no road twice, planned separately: room to spare at s (negative: lacking), the same in the "
+            "study, and the stretch over which it is proved that nothing can be driven. © OpenStreetMap contributors, Open Database "
+            "License (ODbL) 1.0."
+        ),
+    ),
+}  # title, and what the columns are
 _COLOURS = ("#440154", "#31688e", "#35b779", "#b8c400")  # the widths, the least first
 _NONE = "#d7191c"  # no width is enough
 _LINE_PT, _DOT_PT2, _PANEL_IN = 1.6, 8.0, (1.9, 4.6)
@@ -63,7 +96,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         table.to_csv(asked.out / f"{name}.csv", index=False, float_format="%.6g", lineterminator="\n")
         shown = table.map(lambda value: f"{value:g}" if isinstance(value, float) else value).fillna("-").replace("nan", "-")
         text = markdown_table(shown, text=[column for column in table if column in _WORDS])
-        (asked.out / f"{name}.md").write_text(text + "\n", encoding="utf-8")
+        title, about = _CAPTIONS[name]
+        (asked.out / f"{name}.md").write_text(f"# {title}\n\n{about}\n\n{text}\n", encoding="utf-8")
     shutil.copyfile(asked.study / RANKING, asked.out / RANKING)
     (asked.out / "map.png").write_bytes(figure_bytes(figure(cells, least, ranking), "png"))
     told = json.loads((asked.study / RECORD).read_text(encoding="utf-8"))
