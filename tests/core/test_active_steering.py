@@ -53,8 +53,9 @@ def one_active() -> Vehicle:
     return Vehicle("one active", (lead, dolly, replace(last, max_steering_rate=0.0)))
 
 
-CHAINS = [load_vehicle("semitrailer-active"), active(), one_active()]
-each_chain = pytest.mark.parametrize("vehicle", CHAINS, ids=lambda v: v.name)
+CHAINS = [load_vehicle("semitrailer-active"), active()]
+each_chain = pytest.mark.parametrize("vehicle", [*CHAINS, one_active()], ids=lambda v: v.name)
+MIXED = pytest.param(one_active(), marks=pytest.mark.slow)  # kernels are compiled for its number of states
 boxes = st.lists(st.floats(-1.0, 1.0), min_size=6, max_size=6)
 
 
@@ -123,7 +124,7 @@ def test_the_simulation_agrees_with_turning_wheels_rolling_in_the_plane(vehicle:
 
 
 @pytest.mark.parametrize("rule", list(Discretisation))
-@each_chain
+@pytest.mark.parametrize("vehicle", [*CHAINS, MIXED], ids=lambda v: v.name)
 def test_linearised_dynamics_are_newtons_step_by_state_curvature_and_change_of_angle(vehicle: Vehicle, rule: Discretisation) -> None:
     """By the derivatives of the gap to the rule: 0 = gap + by_z dz + by_change d change + by_kappa d kappa + by_ahead dz_next."""
     stages, n, rigid, random = 9, vehicle.states, vehicle.rigid_states, np.random.default_rng(3)
@@ -296,6 +297,7 @@ def test_active_steering_keeps_limits_that_a_law_cannot() -> None:
     assert furthest(own) < stationary(own.vehicle, np.array([1.0 / 17.88])).half_width[0] - 0.01  # more than its aim, on purpose
 
 
+@pytest.mark.slow  # kernels are compiled for its state beside those of the wheels
 def test_the_largest_reach_as_objective_steers_too() -> None:
     own = driven("semitrailer-active", objective=body_max)
     assert all(plan.usable for plan in own.plans)

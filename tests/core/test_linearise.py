@@ -1,5 +1,5 @@
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -39,6 +39,12 @@ def prepared(vehicle: Vehicle) -> Stations:
     return stations_of(Road("winding", winding()), vehicle, CentringTable.of(vehicle), step=STEP, horizon=STAGES * STEP)
 
 
+@cache
+def of_the_bus() -> Stations:
+    """Return the stations of a bus; nothing may be written to them."""
+    return prepared(VEHICLES[0])
+
+
 def motion(vehicle: Vehicle, seed: int = 0) -> tuple[FloatArray, FloatArray]:
     """Return states and curvatures that satisfy nothing at all."""
     random = np.random.default_rng(seed)
@@ -63,9 +69,6 @@ def laid_out(vehicle: Vehicle, seed: int = 0, rule: Discretisation = Discretisat
     scene, _ = assemble(vehicle, prepared(vehicle), Goal((centring,)), settings(rule))
     move(scene, *motion(vehicle, seed))
     return scene, Dynamics(), centring
-
-
-STATIONS = prepared(VEHICLES[0])
 
 
 def gap_of(
@@ -218,8 +221,11 @@ def test_inputs_bound_and_weigh_the_curvature_and_its_change(seed: int) -> None:
     random, vehicle, weight = np.random.default_rng(seed), VEHICLES[0], 700.0
     before, most, change = float(random.uniform(-0.1, 0.1)), 0.1, 0.05
     scene, _ = assemble(
-        replace(vehicle, max_curvature=most, max_curvature_rate=change / STEP), STATIONS, Goal(()), replace(settings(), smoothness=weight)
-    )  # fmt: skip
+        replace(vehicle, max_curvature=most, max_curvature_rate=change / STEP),
+        of_the_bus(),
+        Goal(()),
+        replace(settings(), smoothness=weight),
+    )
     scene.qp.buffer[:] = np.nan
     qp, part, horizon = scene.qp, Smoothness().part(scene, NOWHERE), horizon_at(scene, FIRST, before=before)
     kappa, z = random.uniform(-0.1, 0.1, STAGES), np.zeros((STAGES + 1, vehicle.states))

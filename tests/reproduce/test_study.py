@@ -67,6 +67,7 @@ def pipes(study: Study) -> set[int]:
     return {line.count("|") for line in markdown(study).splitlines() if line.startswith("|")}
 
 
+@pytest.mark.slow
 def test_every_row_that_differs_has_a_remark_and_every_remark_is_one_line(uturn_study: Study, roundabout_study: Study) -> None:
     for study in (uturn_study, roundabout_study, timing(silent, ("goteborg_lindholmsallen_uturn",))):
         assert [row.quantity for row in study.rows if row.differs and not row.remark] == []

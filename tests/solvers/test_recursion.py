@@ -66,11 +66,27 @@ class Passes:
         return True
 
 
-@given(size=st.sampled_from([(1, 1), (1, 2), (3, 1), (4, 2), (6, 3)]), stages=st.integers(1, 12), seed=st.integers(0, 10**6))
+Size = tuple[int, int, tuple[int, ...]]  # states, inputs and bounded states, for each of which kernels are compiled in seconds
+SIZES: tuple[Size, ...] = ((1, 1, ()), (3, 2, ()), (4, 2, (1, 3)))  # the least, and those of other tests
+MORE_SIZES: tuple[Size, ...] = ((1, 2, ()), (3, 1, ()), (6, 3, ()))
+
+
+@given(size=st.sampled_from(SIZES), stages=st.integers(1, 12), seed=st.integers(0, 10**6))
 @few
-def test_the_passes_solve_the_optimality_conditions(size: tuple[int, int], stages: int, seed: int) -> None:
-    states, inputs = size  # of few sizes, for each of which kernels are compiled
-    qp = random_program(StageShape(stages, states, inputs, 0), seed) if states > 1 else one_state(stages, inputs, seed)
+def test_the_passes_solve_the_optimality_conditions(size: Size, stages: int, seed: int) -> None:
+    passes_solve(size, stages, seed)
+
+
+@pytest.mark.slow
+@given(size=st.sampled_from(MORE_SIZES), stages=st.integers(1, 12), seed=st.integers(0, 10**6))
+@few
+def test_the_passes_solve_the_optimality_conditions_of_more_sizes(size: Size, stages: int, seed: int) -> None:
+    passes_solve(size, stages, seed)
+
+
+def passes_solve(size: Size, stages: int, seed: int) -> None:
+    states, inputs, bounded = size
+    qp = random_program(StageShape(stages, states, inputs, 0, bounded), seed) if states > 1 else one_state(stages, inputs, seed)
     passes = Passes(qp)
     assert passes.run(qp)
     x, u, dynamics = linear_quadratic(qp)
@@ -183,7 +199,7 @@ def test_the_adjoint_makes_every_state_stationary() -> None:
 
 
 def test_compiled_kernels_do_what_their_python_says() -> None:
-    qp = free_program(StageShape(3, 3, 2, 2, (1,)), 6)
+    qp = free_program(shape(rows=2, stages=3), 6)
     fast, slow = Passes(qp), Passes(qp)
     assert fast.run(qp)
     stages, weights, work, points = (array.view(np.recarray) for array in (qp.stages, slow.weights, slow.work, slow.point.stages))

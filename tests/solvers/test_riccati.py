@@ -166,6 +166,7 @@ def test_one_wrong_status_is_put_right(wrong: str) -> None:
     assert quick > 0
 
 
+@pytest.mark.slow  # kernels are compiled for its size
 def test_balancing_the_inputs_may_take_iterations_more() -> None:
     sizes = StageShape(1, 6, 3, 6)
     qp = random_program(sizes, 35, tightness=0.2)
@@ -196,9 +197,10 @@ def test_a_free_row_is_no_row_at_all() -> None:
 
 
 def test_a_starting_point_far_outside_its_bounds_comes_in() -> None:
-    sizes = StageShape(30, 2, 1, 0, (0, 1))
-    qp = StageQp.empty(sizes)
-    qp.A[:], qp.B[:, 1, 0], qp.R[:], qp.q[:, 0] = [[1.2, 0.5], [0.0, 1.1]], 1.0, 1e-3, -1.0  # runs away, and is paid for it
+    sizes = shape(rows=0, stages=30)
+    qp = StageQp.empty(sizes)  # the bounded states and the first input alone are used: kernels are compiled for every size
+    qp.A[:, 1, 1], qp.A[:, 1, 3], qp.A[:, 3, 3], qp.B[:, 3, 0] = 1.2, 0.5, 1.1, 1.0
+    qp.R[:], qp.q[:, 1] = 1e-3 * np.eye(2), -1.0  # runs away, and is paid for it
     qp.x_low[:], qp.x_high[:], qp.u_low[:], qp.u_high[:] = -1.0, 1.0, -2.0, 2.0
     result = RiccatiWorkspace(sizes).solve(qp, None)
     assert result.status is Status.SOLVED

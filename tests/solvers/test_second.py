@@ -1,5 +1,7 @@
 """A drive goes on whatever its solver does: another one answers, and the drive says so."""
 
+import signal
+import sys
 from dataclasses import replace
 from itertools import product
 from time import perf_counter
@@ -9,6 +11,7 @@ import numpy as np
 import pytest
 
 from hdvplan.api import drive_case, plan
+from hdvplan.bench.processes import ended_by_signals
 from hdvplan.case import Case
 from hdvplan.driving.drive import Drive, drive
 from hdvplan.errors import HdvplanError, SolverError
@@ -18,7 +21,8 @@ from hdvplan.judging.result import Result, result_of, solver_texts
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.settings import PlannerSettings, Scheme
-from hdvplan.qp.workspace import Status, WorkspaceMaker
+from hdvplan.qp.program import StageQp, StageSolution
+from hdvplan.qp.workspace import QpResult, Status, WorkspaceMaker
 from hdvplan.report.summary import summary_of
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
@@ -157,3 +161,19 @@ def judged(make: WorkspaceMaker, settings: PlannerSettings, road: Road, vehicle:
     half = float(np.nanmax(np.abs([envelope_of(wide).left, envelope_of(wide).right]))) - 2.0 * KEPT_M
     found = drive(road.with_limits(half, half), load_vehicle(vehicle), geometric, make, settings)
     return result_of(found, solver="mine", objective="geometric")
+
+
+class Stopped(RiccatiWorkspace):
+    """A solver during whose work somebody ends the command."""
+
+    def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
+        """See ``QpWorkspace``."""
+        signal.raise_signal(signal.SIGTERM)
+        return super().solve(qp, guess)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs signals")
+def test_a_signal_that_comes_while_a_solver_works_is_no_failure_of_the_solver() -> None:
+    with pytest.raises(SystemExit) as left, ended_by_signals():
+        driven(backed(Stopped, RiccatiWorkspace))
+    assert left.value.code == 143
