@@ -16,10 +16,9 @@ from hdvplan.jit import FloatArray
 from hdvplan.judging.result import Result
 from hdvplan.report.files import write_plan
 from hdvplan.report.html import write_report
-from tests.browser.test_report_page import CHROMIUM, DRIVER, browser, settled  # noqa: F401 - a fixture among them
+from tests.browser.test_report_page import browser, pytestmark, settled  # noqa: F401 - a fixture, and when it runs
 from tests.report.conftest import kerbed, long, trailer  # noqa: F401 - fixtures
 
-pytestmark = pytest.mark.skipif(CHROMIUM is None or DRIVER is None, reason="needs Chromium and chromedriver on the path")
 A4_PT = (595.0, 842.0)
 DENSITIES = "[...document.querySelectorAll('canvas')].map((c) => [c.width / c.clientWidth, c.height / c.clientHeight])"
 PAPER_PX = 703  # A4 less two margins of 12 mm, in pixels of 1/96 inch

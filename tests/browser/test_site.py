@@ -18,7 +18,6 @@ from selenium.webdriver.support.wait import WebDriverWait
 PATIENCE_S = 20.0  # for a search of some tenths of a second on a busy machine
 
 
-@pytest.mark.slow
 def test_a_search_from_the_first_page_finds_the_page_that_explains_a_word(browser: webdriver.Chrome, site: Path) -> None:  # noqa: F811
     browser.get((site / "index.html").as_uri())
     waiting = WebDriverWait(browser, PATIENCE_S)
@@ -29,7 +28,6 @@ def test_a_search_from_the_first_page_finds_the_page_that_explains_a_word(browse
     assert waiting.until(lambda page: page.find_elements(By.CSS_SELECTOR, "#search-results li a[href*=extending]"))
 
 
-@pytest.mark.slow
 def test_a_page_from_the_disk_asks_for_nothing_else(browser: webdriver.Chrome, site: Path) -> None:  # noqa: F811
     browser.get_log("performance")  # type: ignore[no-untyped-call] # as selenium has it
     browser.get((site / "docs" / "gallery.html").as_uri())
