@@ -199,7 +199,7 @@
       if (view.scale < 1.5) { pen.beginPath(); pen.arc(px(x), py(y), 4, 0, 7); pen.fill(); }
       else if (!written.some((other) => other.side === side && Math.abs(other.deepest - deepest) * plan.spacing < 8)) {
         pen.textAlign = sign * panel.sin[deepest] > 0 ? "right" : "left";
-        pen.fillText(`${depth.toFixed(2)} m`, px(x), py(y) + 4);
+        write(pen, `${depth.toFixed(2)} m`, px(x), py(y) + 4);
         written.push(breach);
       }
     }
@@ -210,7 +210,7 @@
     pen.arc(px(at.x[0]), py(at.y[0]), 4, 0, 7);
     pen.fill();
     pen.textAlign = "left";
-    pen.fillText("start", px(at.x[0]) + 7, py(at.y[0]) - 6);
+    write(pen, "start", px(at.x[0]) + 7, py(at.y[0]) - 6);
     drawBodies(panel, panel.cursor, pen, px, py, 1);
     if (view.scale < 1.5) { // bodies are specks: a ring says where they are
       pen.strokeStyle = css("--accent");
@@ -225,6 +225,16 @@
   }
 
   // Where the outer wheels rolled, over the samples that are seen.
+  function write(pen, text, x, y) { // on a pale edge of its own, as lines pass below it
+    pen.save();
+    pen.strokeStyle = css("--panel");
+    pen.lineWidth = 3.5;
+    pen.lineJoin = "round";
+    pen.strokeText(text, x, y);
+    pen.restore();
+    pen.fillText(text, x, y);
+  }
+
   function drawTracks(panel, seen, pen, px, py) {
     pen.setLineDash([6, 3]);
     pen.lineWidth = 0.9;
