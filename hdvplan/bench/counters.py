@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from pandas.api.types import is_numeric_dtype
 
 from hdvplan.bench.samples import OVER_BUDGET
 from hdvplan.bench.stats import keyed
@@ -47,7 +48,13 @@ class Change:
 
 
 def counters_of(samples: pd.DataFrame, timing: pd.DataFrame, envelope: pd.DataFrame) -> pd.DataFrame:
-    """Return one row a cell: KEY, status, counts, work, lengths and the digest of the first drive's steps."""
+    """Return one row a cell: KEY, status, counts, work, lengths and the digest of the first drive's steps.
+
+    Raises:
+        ValueError: a table has something else than numbers; of tables that were read, other errors as well.
+
+    """
+    _check_numbers(envelope, LENGTHS)
     first = samples[samples["round"] == 0]
     rows = []
     for key, steps in first.groupby(KEY, sort=False):
@@ -105,6 +112,19 @@ def changes_of(base: pd.DataFrame, new: pd.DataFrame, tolerance: Tolerance) -> l
     return changes
 
 
+def _check_numbers(table: pd.DataFrame, columns: tuple[str, ...]) -> None:
+    """Refuse columns with words, or with numbers that no float holds.
+
+    Raises:
+        ValueError: there is one.
+
+    """
+    words = next((name for name in columns if not is_numeric_dtype(table[name])), None)
+    if words is not None and len(table):
+        msg = f"column {words} has values that are not numbers"
+        raise ValueError(msg)
+
+
 def _by_cell(table: pd.DataFrame) -> dict[tuple[str, ...], dict[str, Any]]:
     return {tuple(str(row[name]) for name in KEY): {str(name): value for name, value in row.items()} for row in table.to_dict("records")}
 
@@ -146,4 +166,9 @@ def read_counters(path: Path) -> pd.DataFrame:
     if missing:
         msg = f"counters {path} have no column {missing[0]!r}"
         raise OptionError(msg, hint="--renew rewrites them")
+    try:
+        _check_numbers(table, (*COUNTS, *WORK, *LENGTHS))
+    except ValueError as error:
+        msg = f"counters {path} cannot be read: {error}"
+        raise OptionError(msg, hint="--renew rewrites them") from error
     return table

@@ -93,7 +93,8 @@ def write_report(
         if on_progress is not None:
             on_progress((number + 1) / (len(directories) + 1))
     try:
-        page = encoded(report_html(plans, title, sections))
+        with np.errstate(over="raise", divide="raise", invalid="raise"):  # else such numbers are warned of, and the page shows nothing
+            page = encoded(report_html(plans, title, sections))
     except (
         ArithmeticError,
         AttributeError,

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from pandas.api.types import is_numeric_dtype
+from pandas.api.types import is_bool_dtype, is_numeric_dtype
 
 from hdvplan.errors import OptionError
 from hdvplan.fileio import read_json, refuse_endless, settle
@@ -68,7 +68,7 @@ def read_plan(directory: Path) -> PlanFiles:
 
 def _table(path: Path) -> pd.DataFrame:
     refuse_endless(path)
-    return pd.read_csv(path)
+    return pd.read_csv(path, low_memory=False)  # a word in a long column of numbers: an object column, and no warning
 
 
 def _check_summary(summary: object) -> None:
@@ -118,7 +118,7 @@ def _check_tables(plan: PlanFiles) -> None:
         if table.empty:
             msg = "a table has no rows"
             raise ValueError(msg)
-        words = [column for column in needed if not is_numeric_dtype(table[column])]
+        words = [column for column in needed if is_bool_dtype(table[column]) or not is_numeric_dtype(table[column])]
         if words:
             msg = f"column {words[0]} has values that are not numbers"
             raise ValueError(msg)

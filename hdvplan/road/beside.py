@@ -13,6 +13,7 @@ from hdvplan.jit import FloatArray
 from hdvplan.road.crs import Plane
 from hdvplan.road.features import LINES, Choice, Feature, Json, Role, coordinates_of, flat, parts_of, role_of
 from hdvplan.road.regions import Kind, Region, Side
+from hdvplan.road.steps import refuse_far
 from hdvplan.texts import printable
 
 _POLYGONS = {"Polygon", "MultiPolygon"}
@@ -72,9 +73,11 @@ class Beside:
 
     def _placed(self, points: FloatArray, where: str) -> FloatArray:
         placed = points if self.plane is None else self.plane.into(points)
-        if not np.all(np.isfinite(placed)):
+        lonlat = placed if self.plane is None else np.stack(self.plane.to_lonlat(*placed.T), axis=1)
+        if not (np.all(np.isfinite(placed)) and np.all(np.isfinite(lonlat))):
             msg = f"{where} lies outside the road's coordinate reference system"
             raise RoadError(msg)
+        refuse_far(placed, where)
         return placed
 
     def _polygons(self, rings: object, where: str) -> list[shapely.Polygon]:

@@ -105,7 +105,10 @@ def to_plane(points: FloatArray, name: str = LONLAT) -> Plane:
     plane = placed(points, name)
     here = plane.points[len(points) // 2]
     lon, lat = plane.to_lonlat(*(here + _STEP_M * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])).T)
-    scale = _STEP_M / np.array([_distance(lon[0], lat[0], lon[i], lat[i]) for i in (1, 2)])
+    apart = np.array([_distance(lon[0], lat[0], lon[i], lat[i]) for i in (1, 2)])
+    if not np.all(apart > 0.0):  # far outside, where many coordinates lead to one place, or to none
+        raise _outside(name)
+    scale = _STEP_M / apart
     wrong = scale[np.argmax(np.abs(scale - 1.0))] - 1.0
     if not abs(wrong) <= _FALSE_LENGTHS:
         msg = f"lengths in {name} are wrong by {100.0 * wrong:+.1f} % here"
@@ -128,9 +131,13 @@ def placed(points: FloatArray, name: str) -> Plane:
     to_lonlat, into = ToLonLat(plane), IntoPlane(name, plane)
     there = into(points)
     if not np.all(np.isfinite(to_lonlat(there[:, 0], there[:, 1]))):
-        msg = f"the coordinates lie outside the area of {name}"
-        raise RoadError(msg, hint="check --crs and that the order is easting, northing (or longitude, latitude)")
+        raise _outside(name)
     return Plane(there, to_lonlat, into)
+
+
+def _outside(name: str) -> RoadError:
+    msg = f"the coordinates lie outside the area of {name}"
+    return RoadError(msg, hint="check --crs and that the order is easting, northing (or longitude, latitude)")
 
 
 def is_local(to_lonlat: ToLonLat) -> bool:

@@ -148,7 +148,8 @@ def _content(source: _Source, crs: str | None, choice: Choice) -> Table | tuple[
     """
     errors = source.pyogrio.errors
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # GDAL's remarks on fields that no road needs
+        warnings.simplefilter("ignore", RuntimeWarning)  # GDAL's remarks on fields that no road needs,
+        warnings.simplefilter("ignore", UserWarning)  # and on measures beside coordinates, which it drops
         try:
             layers = _layers(source)
             driver = layers[0][2] if layers else ""
@@ -159,7 +160,11 @@ def _content(source: _Source, crs: str | None, choice: Choice) -> Table | tuple[
             if source.encoding is None:
                 raise
             raise _unreadable(source.path, "its texts are in no known encoding") from error
-        except (errors.DataSourceError, errors.DataLayerError, errors.FeatureError) as error:
+        except (errors.DataSourceError, errors.DataLayerError, errors.FeatureError, OverflowError, ValueError) as error:  # of a date, too
+            raise _unreadable(source.path, str(error)) from error
+        except Exception as error:
+            if not type(error).__module__.startswith("pyogrio."):  # it passes on some of GDAL's own as classes that are not public
+                raise
             raise _unreadable(source.path, str(error)) from error
 
 

@@ -211,6 +211,14 @@ def test_a_baseline_that_is_none_is_refused_with_a_hint(tmp_path: Path, content:
     assert "--renew" in str(caught.value.hint)
 
 
+@pytest.mark.parametrize("column", ["max_left_m", "nonzeros", "iterations"])
+def test_a_baseline_with_words_for_numbers_is_refused(tmp_path: Path, column: str) -> None:
+    write_counters(side().counters, tmp_path / "counters.csv")
+    pd.read_csv(tmp_path / "counters.csv").assign(**{column: "many"}).to_csv(tmp_path / "counters.csv", index=False)
+    with pytest.raises(OptionError, match=f"column {column} has values that are not numbers"):
+        read_counters(tmp_path / "counters.csv")
+
+
 @pytest.mark.parametrize("ending", ["gz", "bz2", "xz", "zip", "zst", "tar"])
 def test_a_packed_baseline_is_refused_like_any_other_file(tmp_path: Path, ending: str) -> None:
     file = tmp_path / f"counters.csv.{ending}"
@@ -337,6 +345,26 @@ def test_what_is_no_run_is_refused(cli: Cli, two_runs: tuple[Path, Path], spoil:
     assert (outcome.code, outcome.out) == (2, "")
     assert outcome.err.startswith("error: new")
     assert words in outcome.err
+
+
+@pytest.mark.parametrize(
+    ("name", "column", "value"),
+    [
+        ("envelope.csv", "max_left_m", "x"),
+        ("envelope.csv", "min_clearance_m", "9" * 400),
+        ("timing.csv", "nonzeros", "x"),
+        ("samples.csv.gz", "total_s", "x"),
+        ("samples.csv.gz", "qp_count", "1e300"),
+    ],
+)
+def test_a_table_with_something_else_than_numbers_is_refused(
+    cli: Cli, two_runs: tuple[Path, Path], name: str, column: str, value: str
+) -> None:
+    file = two_runs[1] / name
+    pd.read_csv(file, dtype=str).assign(**{column: value}).to_csv(file, index=False)
+    outcome = cli("compare", "base", "new")
+    assert (outcome.code, outcome.out) == (2, "")
+    assert outcome.err.startswith("error: new cannot be read: its tables are not those of hdvplan bench")
 
 
 @pytest.mark.parametrize(

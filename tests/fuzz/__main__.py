@@ -1,8 +1,8 @@
 """Fuzz what hdvplan reads: ``python -m tests.fuzz --minutes 60 [--seed N] [--keep DIR]``.
 
 Damages small valid files of every kind, hands each to its command, and counts what came of it. Exit code 1 where any input was met by a
-traceback, an exit code that there is not, more than one error line, impossible numbers, or more than 90 s of CPU time; ``--keep`` writes
-those inputs down.
+traceback, a warning of a library, an exit code that there is not, more than one error line, impossible numbers, or more than 90 s of CPU
+time; ``--keep`` writes those inputs down.
 """
 
 from __future__ import annotations

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +17,7 @@ from hdvplan.road.load import RoadOptions, find_road
 from hdvplan.study.spec import read_study
 from hdvplan.vehicle.load import load_vehicle
 from tests.fuzz import seeds
-from tests.fuzz.targets import Target, make_targets
+from tests.fuzz.targets import Target, make_targets, warnings_raised
 
 _WATCHED = (
     "hdvplan.road.",
@@ -53,8 +52,7 @@ class Reading:
         before = self.path.read_bytes()
         self.path.write_bytes(content)
         try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
+            with warnings_raised():
                 self.read(self.path)
         except HdvplanError as error:
             return "" if str(error).strip() else f"{type(error).__name__} that says nothing"

@@ -27,6 +27,8 @@ class Tally:
             self.failures += 1
             say(f"FAILURE {target.name}: {outcome.fault}: {outcome.error[:200]}")
             self.keep(f"{self.failures:03d}-{target.path.name}", content)
+            if outcome.trace:
+                self.keep(f"{self.failures:03d}-{target.path.name}.trace", outcome.trace.encode())
 
     def keep(self, name: str, content: bytes) -> None:
         """Write an input that failed into the folder for those, if there is one."""

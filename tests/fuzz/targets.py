@@ -7,8 +7,9 @@ import json
 import math
 import shutil
 import time
-from collections.abc import Callable
-from contextlib import chdir, redirect_stderr, redirect_stdout
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import chdir, contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from hdvplan.cli.app import run
 from tests.fuzz import seeds
 
 LIMIT_S = 90.0  # of CPU time, for one file of some kilobytes; a vehicle of another kind than those before takes up to 40 s to compile
+_CODES = {0, 1, 2, 3}
 _QUIET = ("--no-plot", "--no-proof", "--quiet", "--out", "out")
 
 
@@ -30,13 +32,17 @@ class Target:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a command ended: ``fault`` says what it must not do, "" where it did none of it; ``planned`` whether it answered."""
+    """How a command ended: ``fault`` says what it must not do, "" where it did none of it; ``planned`` whether it answered.
+
+    ``trace`` is what the same command said with --debug where it had ended in exit code 70.
+    """
 
     code: int
     error: str
     seconds: float
     planned: bool
     fault: str
+    trace: str = ""
 
 
 def make_targets(folder: Path) -> list[Target]:
@@ -56,7 +62,9 @@ def make_targets(folder: Path) -> list[Target]:
         shutil.copytree("run", "base")
     report, compare = ("report", "plan", "--out", "page.html", "--quiet"), ("compare", "base", "run")
     targets += [Target(f"plan/{file.name}", file, report) for file in sorted((folder / "plan").iterdir()) if file.name != "run.json"]
-    targets += [Target(f"run/{name}", folder / "run" / name, compare) for name in ("run.json", "samples.csv.gz", "timing.csv")]
+    targets += [
+        Target(f"run/{name}", folder / "run" / name, compare) for name in ("run.json", "samples.csv.gz", "timing.csv", "envelope.csv")
+    ]
     return targets
 
 
@@ -66,20 +74,39 @@ def tried(target: Target, content: bytes) -> Outcome:
     before = target.path.read_bytes()
     target.path.write_bytes(content)
     shutil.rmtree(folder / "out", ignore_errors=True)
-    out, err, began = io.StringIO(), io.StringIO(), time.process_time()
+    began, trace = time.process_time(), ""
     try:
-        with chdir(folder), redirect_stdout(out), redirect_stderr(err):
-            code = run(list(target.command))
+        code, out, err = _ran(target.command, folder)
+        seconds = time.process_time() - began
+        if code not in _CODES:
+            again, _, said = _ran(("--debug", *target.command), folder)
+            trace = f"again, with --debug: exit {again}\n{said}"
     finally:
         target.path.write_bytes(before)
-    seconds = time.process_time() - began
     summary = folder / "out" / "summary.json"
     planned = summary.is_file() if target.command[0] == "plan" else code in {0, 1}
-    errors = [line for line in err.getvalue().splitlines() if line.startswith("error: ")]
-    fault = _fault(code, errors, out.getvalue() + err.getvalue(), seconds)
+    errors = [line for line in err.splitlines() if line.startswith("error: ")]
+    fault = _fault(code, errors, out + err, seconds)
     if not fault and target.command[0] == "plan" and planned:
         fault = _nonsense(summary, code)
-    return Outcome(code, errors[0] if errors else "", seconds, planned, fault)
+    return Outcome(code, errors[0] if errors else "", seconds, planned, fault, trace)
+
+
+def _ran(command: Sequence[str], folder: Path) -> tuple[int, str, str]:
+    """Run a command in a folder; return its exit code, and what it wrote to stdout and stderr."""
+    out, err = io.StringIO(), io.StringIO()
+    with chdir(folder), redirect_stdout(out), redirect_stderr(err), warnings_raised():
+        code = run(list(command))
+    return code, out.getvalue(), err.getvalue()
+
+
+@contextmanager
+def warnings_raised() -> Iterator[None]:
+    """Make errors of warnings in the block, as pytest does: each would be a line on stderr that says nothing to users."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", "The 'generic' unit for NumPy timedelta", DeprecationWarning)  # as in pyproject.toml
+        yield
 
 
 def _road(path: Path) -> Target:
@@ -88,7 +115,7 @@ def _road(path: Path) -> Target:
 
 def _fault(code: int, errors: list[str], said: str, seconds: float) -> str:
     tests: dict[str, Callable[[], bool]] = {
-        f"exit {code}": lambda: code not in {0, 1, 2, 3},
+        f"exit {code}": lambda: code not in _CODES,
         "a traceback": lambda: "Traceback" in said,
         f"{len(errors)} errors with exit {code}": lambda: len(errors) != (code == 2) and not (code in {1, 3} and len(errors) <= 1),
         "control signs": lambda: any(not (sign.isprintable() or sign == "\n") for sign in said),

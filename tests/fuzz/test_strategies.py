@@ -46,4 +46,4 @@ def test_damaged_files_are_answered_or_refused_in_a_line() -> None:
             rng = random.Random(seed)  # noqa: S311 - no secret
             target = rng.choice(targets)
             outcome = tried(target, content := mutated(target.path.read_bytes(), rng))
-            assert outcome.fault == "", f"{outcome.error}\nseed {seed}, {target.name}: {content[:_SHOWN]!r}"
+            assert outcome.fault == "", f"{outcome.error}\nseed {seed}, {target.name}: {content[:_SHOWN]!r}\n{outcome.trace}"

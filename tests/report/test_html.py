@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import shapely
 
@@ -187,6 +188,36 @@ def test_a_damaged_plan_is_refused(copied: Path, name: str, text: str) -> None:
     with pytest.raises(OptionError, match="cannot be read"):
         write_report([copied], copied / "report.html")
     assert not (copied / "report.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "column", "value"),
+    [
+        ("path", "x", "1e300"),  # beyond what the page's numbers hold
+        ("path", "e_y", "inf"),
+        ("steps", "s", "1e308"),
+        ("steps", "total_ms", "1e308"),
+        ("steps", "total_ms", "inf"),
+        ("steps", "total_ms", "True"),
+    ],
+)
+def test_a_plan_with_impossible_numbers_is_refused_without_a_warning(copied: Path, name: str, column: str, value: str) -> None:
+    file = copied / f"{name}.csv"
+    table = pd.read_csv(file, dtype=str)
+    table.loc[:: 1 if value == "True" else 2, column] = value  # a column of truth values alone is one
+    table.to_csv(file, index=False)
+    with pytest.raises(OptionError, match=r"cannot be (read|shown)"):
+        write_report([copied], copied / "report.html")
+    assert not (copied / "report.html").exists()
+
+
+def test_a_long_table_with_a_word_is_refused_without_a_warning(copied: Path) -> None:
+    file = copied / "path.csv"
+    table = pd.concat([pd.read_csv(file)] * 200, ignore_index=True)
+    table["x"] = [*table["x"].astype(str)[1:], "word"]
+    table.to_csv(file, index=False)
+    with pytest.raises(OptionError, match="column x has values that are not numbers"):
+        read_plan(copied)
 
 
 @pytest.mark.slow

@@ -320,3 +320,25 @@ def test_fields_that_hold_several_values_are_read(tmp_path: Path) -> None:
     document = {"type": "Feature", "properties": properties, "geometry": shapely.geometry.mapping(LINE)}
     (tmp_path / "road.geojsonl").write_text(json.dumps(document) + "\n", encoding="utf-8")
     assert load_road(tmp_path / "road.geojsonl", RoadOptions(feature="A")).path.length > 50.0
+
+
+def test_measures_beside_the_coordinates_are_dropped_without_a_warning(tmp_path: Path) -> None:
+    path = write(tmp_path / "road.gpkg", [GRID_LINE], crs="EPSG:3006")
+    with closing(sqlite3.connect(path)) as base:
+        base.execute("UPDATE gpkg_geometry_columns SET m = 1")
+        base.commit()
+    assert load_road(path).path.length == pytest.approx(load_road(reference(tmp_path)).path.length, rel=1e-4)  # of two projections
+
+
+@pytest.mark.parametrize(
+    "error",
+    [type("CPLE_AppDefinedError", (Exception,), {"__module__": "pyogrio._err"})("is malformed"), ValueError("year 0 is out of range")],
+)
+def test_whatever_gdal_says_of_damage_is_a_refusal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise error
+
+    path = write(tmp_path / "road.gpkg", [LINE])
+    monkeypatch.setattr(pyogrio.raw, "read", fail)
+    with pytest.raises(RoadError, match=r"^road\.gpkg (is damaged or cut off|cannot be read: year 0 is out of range)$"):
+        load_road(path)
