@@ -81,6 +81,7 @@ def test_a_slowdown_is_repeated_before_it_is_red(finished_run: Path, tmp_path: P
     assert comparison.processes == 10
 
 
+@pytest.mark.slow
 def test_a_slowdown_that_the_repeat_does_not_show_is_not_red(finished_run: Path, tmp_path: Path) -> None:
     base = Recorded("base", Path(sys.executable), run=finished_run)
     comparison = measured(base, Recorded("new", Path(sys.executable), run=finished_run, slow=1.3, slow_until=5), tmp_path)

@@ -292,6 +292,7 @@ def test_over_budget_is_a_row_and_the_run_ends_well(cli: Cli, tmp_path: Path, sh
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs SIGKILL")
+@pytest.mark.slow
 def test_a_killed_process_goes_on_where_it_stopped(tmp_path: Path, short_road: str) -> None:
     environment = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
     environment["PYTHONPATH"] = os.pathsep.join(path for path in sys.path if path)

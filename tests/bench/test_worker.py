@@ -171,6 +171,7 @@ def test_a_sample_of_programs_is_the_same_for_all_solvers_and_has_those_where_li
     assert list(timing["limits"]) == ["off", "off", "binding", "binding"]
 
 
+@pytest.mark.slow
 def test_tolerances_are_as_loose_as_the_accuracy_in_metres_allows(tiny: Suite, tmp_path: Path) -> None:
     loose, tight = (replace(tiny, solvers=("riccati", "osqp"), sample=4, rounds=1, accuracy=accuracy) for accuracy in (1e-2, 1e-5))
     cases = cases_of(loose)

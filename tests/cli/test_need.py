@@ -71,6 +71,7 @@ def test_a_road_wide_enough_is_a_yes(cli: Cli, bend: str) -> None:
     assert outcome.out.startswith("YES: the bus fits within the road's own limits\nNEEDS ")
 
 
+@pytest.mark.slow
 def test_a_held_edge_that_cannot_be_kept_is_a_no_with_what_it_takes(cli: Cli, bend: str) -> None:
     outcome = cli("need", bend, "--vehicle", "bus", "--fix", "left", "--left", "0.9", "--json", "--no-plot")
     assert outcome.code == 1
