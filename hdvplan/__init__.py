@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from hdvplan.report.summary import summary_of
     from hdvplan.road.load import RoadOptions, load_road
     from hdvplan.road.road import Limits, Road
+    from hdvplan.stepping import Stepper
     from hdvplan.vehicle.load import load_vehicle
     from hdvplan.vehicle.model import Unit, Vehicle
 
@@ -49,6 +50,7 @@ _HOMES = {
     "Result": "hdvplan.judging.result",
     "Road": "hdvplan.road.road",
     "RoadOptions": "hdvplan.road.load",
+    "Stepper": "hdvplan.stepping",
     "Unit": "hdvplan.vehicle.model",
     "Vehicle": "hdvplan.vehicle.model",
     "load_road": "hdvplan.road.load",
@@ -76,6 +78,7 @@ __all__ = [
     "Result",
     "Road",
     "RoadOptions",
+    "Stepper",
     "Unit",
     "Vehicle",
     "__version__",

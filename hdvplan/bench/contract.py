@@ -80,9 +80,17 @@ def _recorded() -> tuple[Recorded, ...]:
     return tuple(found)
 
 
-def checked(make: WorkspaceMaker) -> list[Finding]:
-    """Return what every rule of the contract finds of a solver; anything that it raises is a finding."""
-    return [_found(rule, make) for rule in CONTRACT]
+def checked(make: WorkspaceMaker, on_finding: Callable[[Finding], None] | None = None) -> list[Finding]:
+    """Return what every rule of the contract finds of a solver; anything that it raises is a finding.
+
+    ``on_finding`` receives each finding as soon as it is known: with a slow solver a rule takes minutes.
+    """
+    findings = []
+    for rule in CONTRACT:
+        findings.append(_found(rule, make))
+        if on_finding is not None:
+            on_finding(findings[-1])
+    return findings
 
 
 def _found(rule: Rule, make: WorkspaceMaker) -> Finding:

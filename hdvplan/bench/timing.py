@@ -111,15 +111,18 @@ def captions(
             f"bind, as far as there are any. Warm from the reference's last solution, shifted; cold: the same QPs from zeros. {setting}"
         )
     if suite.accuracy is not None:
-        setting = f"Every solver at the loosest tolerance, by decades, that keeps e_y within {suite.accuracy:g} m of the optimum. {setting}"
+        setting = (
+            f"Every solver at the loosest tolerance, by decades, that keeps e_y within {suite.accuracy:g} m of the optimum on a sample of "
+            f"the recorded QPs. {setting}"
+        )
+    proof = f" (accepted: primal residual to {PRIMAL_M:g} m, dual and gap to {DUAL:g} of the largest multiplier)"
     times = (
         f"Milliseconds of one whole planning step: linearise the motion, update (gather the QP's values into the solver's own arrays), "
-        f"solve (the solver's own call), check (recompute residuals, take the step). {how_ranked()}. "
+        f"solve (the solver's own call), check (recompute residuals, take the step). {how_ranked(suite.accuracy)}. "
         "mean, percentiles and max: by the clock, all rounds. fastest: every step counted with its fastest round; "
         "cold: a drive's first plan, in no other column. failures: steps whose recomputed primal residual forbids driving them, "
         "and drives that failed; unsolved: steps whose QP the solver itself does not call solved, usable or not; off the optimum: largest "
-        f"distance of e_y from the reference's optimum of the same QP (accepted: primal residual to {PRIMAL_M:g} m, "
-        f"dual and gap to {DUAL:g} of the largest multiplier). "
+        f"distance of e_y from the reference's optimum of the same QP{'' if suite.accuracy else proof}. "
         f"{setting} {accuracy(tables.summary, tolerances)}"
     )
     swept = (

@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 
+from hdvplan.bench.acceptance import TUNED
 from hdvplan.bench.ranking import SHIFT_MS, unit_of
 from hdvplan.bench.suite import AS_SET, GROUP
 
@@ -155,10 +156,15 @@ def _share(share: float) -> str:
     return f"{percent:.0f} %" if percent in {0.0, 100.0} else f"{min(max(percent, 0.1), 99.9):.1f} %"
 
 
-def how_ranked() -> str:
-    """Return the rule of the ranking, for captions."""
+def how_ranked(accuracy: float | None = None) -> str:
+    """Return the rule of the ranking, for captions; ``accuracy`` is the one to which solvers are held [m]."""
+    rule = (
+        "steps whose recomputed residuals prove them"
+        if accuracy is None
+        else f"steps with e_y within {TUNED * accuracy:g} m of the optimum of the same QP, solved and proved by the reference"
+    )
     return (
         f"step: geometric mean, shifted by {SHIFT_MS:g} ms, of processor time over the accepted steps, each with its fastest round; "
         "x best: the same over the steps that both did; won: share of steps in which the solver was fastest of those with all steps "
-        "accepted; accepted: steps whose recomputed residuals prove them"
+        f"accepted; accepted: {rule}"
     )

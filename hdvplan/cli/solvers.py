@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from hdvplan.cli import completion
 from hdvplan.cli.compiling import note_compiling
-from hdvplan.cli.console import ExitCode, print_json, print_line, print_tables
+from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables
 from hdvplan.cli.options import JsonOption
+
+if TYPE_CHECKING:
+    from hdvplan.bench.contract import Finding
 
 _CAPTION = (
     "n: has a workspace in hdvplan, updated in place; w: starts warm; i: detects infeasibility; ?: not known before it is loaded; "
@@ -69,13 +72,16 @@ def _check(name: str, *, json: bool) -> int:
 
     make = solver_named(name)
     note_compiling(quiet=json)
-    from hdvplan.bench.contract import checked, samples
+    from hdvplan.bench.contract import CONTRACT, checked, samples
 
-    make(samples()[0].qp.shape)  # a class that cannot be made is no broken rule
-    findings = checked(make)
+    programs = samples()
+    make(programs[0].qp.shape)  # a class that cannot be made is no broken rule
+    note(f"{len(CONTRACT)} rules, on {len(programs)} programs each; each rule is printed when it is done", quiet=json)
+    findings = checked(make, None if json else _print_finding)
     if json:
         print_json([asdict(finding) for finding in findings])
-    else:
-        for finding in findings:
-            print_line(f"{'ok  ' if finding.kept else 'FAIL'} {finding.rule}: {finding.said}")
     return ExitCode.OK if all(finding.kept for finding in findings) else ExitCode.BROKEN
+
+
+def _print_finding(finding: Finding) -> None:
+    print_line(f"{'ok  ' if finding.kept else 'FAIL'} {finding.rule}: {finding.said}")

@@ -9,8 +9,8 @@ import pytest
 
 from hdvplan.bench.samples import FAILED, OVER_BUDGET, Measurement
 from hdvplan.bench.stats import SOME_UNSOLVED, reference_solver, status_of, tables_of
-from hdvplan.bench.suite import Cell
-from hdvplan.bench.timing import accuracy
+from hdvplan.bench.suite import Cell, Suite
+from hdvplan.bench.timing import accuracy, captions
 from hdvplan.planning.settings import Scheme
 from tests.bench.conftest import made_up
 
@@ -152,6 +152,15 @@ def test_the_samples_are_every_step_of_every_drive() -> None:
     assert list(samples["round"]) == [0, 0, 1, 0]
     assert list(samples["step"]) == [0, 1, 0, 0]
     assert list(samples["scheme"]) == ["rti", "rti", "rti", "sqp"]
+
+
+def test_a_caption_says_by_which_rule_steps_were_accepted() -> None:
+    found, machine = tables_of([cell()], [[made_up([0.1, 0.2])]]), {"processor": "any", "python": "any"}
+    own, held = (captions(Suite(solvers=("riccati",), accuracy=accuracy), machine, found)["summary"] for accuracy in (None, 1e-4))
+    assert "accepted: steps whose recomputed residuals prove them" in own
+    assert "dual and gap" in own
+    assert "accepted: steps with e_y within 0.0002 m of the optimum" in held
+    assert "dual and gap" not in held  # residuals decide nothing here
 
 
 def test_on_a_sample_the_default_solver_is_told_its_tolerance_and_distance_as_all_others() -> None:

@@ -1,0 +1,112 @@
+"""Planning one step at a time, for a loop of your own: a simulator, a controller, a state that is measured.
+
+``hdvplan.plan`` closes the loop itself, with an exact simulation. Here the caller says where the vehicle is before each plan.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hdvplan.api import prepare
+from hdvplan.case import Case
+from hdvplan.centring.weights import CentringTable
+from hdvplan.driving.simulate import simulate
+from hdvplan.driving.start import lies_beside, start_of
+from hdvplan.errors import OptionError, PlanError, RoadError
+from hdvplan.jit import FloatArray
+from hdvplan.passing.sides import choose_sides
+from hdvplan.planning.objectives import objective_named
+from hdvplan.planning.planner import Plan, Planner
+from hdvplan.planning.stations import stations_of
+from hdvplan.solvers.second import dependable
+
+
+class Stepper:
+    """A case's planner between two steps, and where its vehicle is.
+
+    ``at`` is the station of the vehicle's lead rear axle, ``s`` its arclength [m], ``z`` the state there (n,): e_y [m], e_psi, the
+    articulation angles, and the angles of wheels that the plan steers [rad]; ``kappa`` is the curvature that was driven until there
+    [1/m]. Planning starts warm from the last plan, as in ``hdvplan.plan``.
+    """
+
+    def __init__(self, case: Case) -> None:
+        """Load, compile and prepare all that planning needs, and put the vehicle at the start of the road.
+
+        Raises:
+            RoadError: the road is shorter than the vehicle, or an obstacle has no room on the side on which it must be passed.
+            PlanError: the road begins in a bend too tight to start in.
+            OptionError: no such objective, or a bias that the road or the objective has no room for.
+            SolverError: no such solver, or not installed.
+
+        """
+        prepare(case)
+        road, _ = choose_sides(case)
+        vehicle, settings = case.vehicle, case.settings
+        length = vehicle.reach_ahead + vehicle.reach_behind
+        if road.path.length < length:
+            msg = f"the road is {road.path.length:.1f} m long, shorter than the vehicle ({length:.1f} m)"
+            raise RoadError(msg)
+        self.case = case
+        self._stations = stations_of(road, vehicle, CentringTable.of(vehicle), step=settings.step, horizon=settings.horizon, bias=case.bias)
+        self.z, self.kappa = start_of(self._stations, vehicle)
+        if not lies_beside(self._stations.path, vehicle, self.z):
+            msg = "the road begins in a bend too tight to start in"
+            raise PlanError(msg, s_m=0.0, hint="let the road begin further back")
+        goal = objective_named(case.objective)(self._stations, vehicle)
+        self._planner = Planner(vehicle, self._stations, goal, settings, dependable(case.solver))
+        self._end = int(np.ceil(road.path.length / settings.step - 1e-9))
+        self.at = 0
+
+    @property
+    def s(self) -> float:
+        """The arclength of the vehicle's lead rear axle [m]."""
+        return float(self._stations.s[self.at])
+
+    @property
+    def done(self) -> bool:
+        """Whether the end of the road is reached."""
+        return self.at >= self._end
+
+    @property
+    def count(self) -> int:
+        """How many stations further the next plan is made: ``PlannerSettings.replan``, or what is left of the road."""
+        return min(self.case.settings.executed, self._end - self.at)
+
+    def plan(self) -> Plan:
+        """Plan over one horizon from where the vehicle is: states ``z`` (N + 1, n) at the stations, curvatures ``kappa`` (N,) between.
+
+        Raises:
+            PlanError: a point of the vehicle has no foot on the road.
+            SolverError: the first plan could not be solved, or none over the length of one.
+
+        """
+        return self._planner.plan(self.at, np.ascontiguousarray(self.z), self.kappa)
+
+    def simulate(self, plan: Plan) -> FloatArray:
+        """Return the exact states at this and the next ``count`` stations, (count + 1, n), while driving ``plan``; nothing moves.
+
+        Raises:
+            PlanError: the motion leaves the model's domain.
+
+        """
+        count, vehicle, settings = self.count, self.case.vehicle, self.case.settings
+        wheels = plan.z[: count + 1, vehicle.rigid_states :]
+        z = np.ascontiguousarray(self.z)
+        states = simulate(vehicle.table(), self._stations.path, self.s, settings.step, z, plan.kappa[:count], 1, wheels)
+        if not np.all(np.isfinite(states)):
+            msg = f"behind s = {self.s:.1f} m the motion leaves the road-aligned model's domain"
+            raise PlanError(msg, s_m=self.s)
+        return states
+
+    def arrive(self, z: FloatArray, kappa: float) -> None:
+        """Put the vehicle ``count`` stations further, in the state ``z`` there, after driving the curvature ``kappa`` [1/m].
+
+        Raises:
+            OptionError: the state has another shape, or is not finite.
+
+        """
+        z = np.array(z, dtype=float)
+        if z.shape != self.z.shape or not (np.all(np.isfinite(z)) and np.isfinite(kappa)):
+            msg = f"a state of the {self.case.vehicle.name} is {len(self.z)} finite numbers, and a finite curvature"
+            raise OptionError(msg)
+        self.at, self.z, self.kappa = self.at + self.count, z, float(kappa)
