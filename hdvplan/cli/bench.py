@@ -176,7 +176,7 @@ def bench(
         except OSError as error:
             msg = f"cannot write to {export_qps}: {error.strerror or error}"
             raise OptionError(msg, hint="choose another folder") from error
-        note(f"{len(files)} sequences written to {export_qps}/", quiet=quiet)
+        note(f"wrote {export_qps}/, sequences of QPs: {len(files)}", quiet=quiet)
         return ExitCode.OK
     record = None if fresh else recorded(wanted, out, only_drawn=plot is not None and counters is None)
     if record is not None and record["finished"]:
