@@ -46,7 +46,7 @@ _DRIVEN = (
     ("limit violation", "m", "limit_violation_m", 3, "furthest that the vehicle reaches beyond a limit"),
 )
 _MANNER = ("objective", "scheme", "solver")
-_WIDTH = ("width between limits", "m", "where the road is narrowest, as the plan was asked for")
+_WIDTH = ("width between limits", "m", "where the road is narrowest, obstacles included")
 _COMPUTED = (
     ("objective", "", "objective", None, "what the plan centres between the sides"),
     ("scheme", "", "scheme", None, "rti: one quadratic program a step; sqp: as many as it takes"),
