@@ -80,6 +80,12 @@ def need(
     ] = None,
     json: JsonOption = False,
     plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw the picture need.png.", rich_help_panel=OUTPUT)] = True,
+    formats: Annotated[
+        str,
+        typer.Option(
+            "--format", metavar="A,B", help="png, pdf, svg: the picture; dxf, gpkg: layers for CAD and GIS.", rich_help_panel=OUTPUT
+        ),
+    ] = "png",
     proof: Annotated[
         bool,
         typer.Option(
@@ -96,7 +102,7 @@ def need(
 
     It tries several objectives and schemes and judges each plan by its simulation, to 1 cm. Less room, for which no plan was found, is
     called out of reach; that is not a proof. It also looks for room that is proved to be too little. Obstacles stay where they are. DIR
-    receives need.json, the picture need.png, and the widening as GeoJSON.
+    receives need.json, the picture need.png, and the widening as GeoJSON; with --format dxf,gpkg also as layers of a drawing.
 
     Exit code 0: the answer was found. 1: no plan exists at any width, or with the fixed edge. 2: bad input.
     """
@@ -115,9 +121,11 @@ def need(
     from hdvplan.case import Case
     from hdvplan.need.answer import edge_need_of, need_of
     from hdvplan.planning.settings import PlannerSettings
+    from hdvplan.report.files import DRAWINGS, PICTURES
     from hdvplan.report.need_files import write_need
     from hdvplan.report.needs import need_json
 
+    kinds = [choice("--format", kind.strip(), (*PICTURES, *DRAWINGS)) for kind in formats.split(",")]
     settings = PlannerSettings(clearance=clearance)
     note_compiling(quiet=quiet)
     with progress(f"smoothing {road}", quiet=quiet):
@@ -140,7 +148,7 @@ def need(
     told = need_json(answer, perf_counter() - began)
     directory = out or Path(f"{file_name(track.name)}.{file_name(driven.name)}.need")
     try:
-        write_need(answer, told, directory, plot=plot)
+        write_need(answer, told, directory, [kind for kind in kinds if plot or kind in DRAWINGS])
     except OSError as error:
         msg = f"cannot write to {directory}: {error.strerror or error}"
         raise OptionError(msg, hint="choose another folder with --out") from error

@@ -198,11 +198,13 @@ def plan(
     from hdvplan.planning.objective_names import check_objective
     from hdvplan.road.load import REFERENCE_SLACK, find_road
     from hdvplan.solvers.registry import DEFAULT, check_solver
-    from hdvplan.vehicle.load import load_vehicle
+    from hdvplan.vehicle.load import read_vehicle
 
     check_solver(solver or DEFAULT)
     check_objective(objective)
-    driven = load_vehicle(vehicle)
+    driven, remark = read_vehicle(vehicle)
+    if remark is not None:
+        note(remark, quiet=quiet)
     wanted = road_options(
         smooth, crs, name, REFERENCE_SLACK * driven.max_curvature, offset=offset, reverse=reverse, layer=layer, roles=role,
         road_ids=road_ids, lane=lane,

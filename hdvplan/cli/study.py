@@ -67,8 +67,8 @@ def study(
     """Plan every combination of roads, vehicles and settings.
 
     A combination is called a cell. DIR receives cells.parquet (one row for each cell), places.parquet (every breach and tightest place),
-    ranking.csv, map.html and study.json. Finished cells are kept: the same command resumes the study, and plans only the cells that are
-    new, have changed, failed, hung or were killed.
+    table.xlsx for spreadsheets, ranking.csv, map.html and study.json. Finished cells are kept: the same command resumes the study, and
+    plans only the cells that are new, have changed, failed, hung or were killed.
 
     Exit code 0: every cell has an answer, YES or NO. 1: some failed, hung or were killed. 2: bad input.
     """
@@ -182,12 +182,12 @@ def _ranking(results: Results) -> list[Table]:
 
     rows = [
         (
-            str(row["road"]), number(row["s_m"], 1), number(row["half_width_m"], 2), number(row["widening_m"], 2),
-            str(row["vehicles"]), str(row["which_vehicles"]),
+            str(row["road"]), number(row["s_m"], 1), number(row["lat"], 5), number(row["lon"], 5), number(row["half_width_m"], 2),
+            number(row["widening_m"], 2), str(row["vehicles"]), str(row["which_vehicles"]),
         )
         for row in ranking.head(_PLACES).to_dict("records")
     ]  # fmt: skip
-    columns = ("road", "s [m]", "half width [m]", "widening [m]", "vehicles", "which")
+    columns = ("road", "s [m]", "lat", "lon", "half width [m]", "widening [m]", "vehicles", "which")
     rest = len(ranking) - len(rows)
     caption = f"and {rest} more in ranking.csv and map.html" if rest else None
     return [grid("places that need the least widening", columns, rows, text=("road", "which"), one_line=("which",), caption=caption)]

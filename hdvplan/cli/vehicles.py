@@ -62,12 +62,14 @@ def show_vehicle(
     json: JsonOption = False,
 ) -> int:
     """Print a vehicle's TOML, ready to copy and edit; or draw it."""
-    from hdvplan.vehicle.load import load_vehicle, vehicle_text
+    from hdvplan.vehicle.load import read_vehicle, vehicle_text
 
     if file is not None and not plot:
         msg = f"{file} is a file for a drawing, but --plot is not given"
         raise OptionError(msg)
-    vehicle, text = load_vehicle(name), vehicle_text(name)
+    (vehicle, remark), text = read_vehicle(name), vehicle_text(name)
+    if remark is not None:
+        note(remark)
     drawn = _draw(vehicle, file or Path(f"{file_name(vehicle.name)}.png")) if plot else None
     if json:
         print_json(_described(vehicle) | ({} if drawn is None else {"file": str(drawn)}))

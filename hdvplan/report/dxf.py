@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from io import StringIO
 from typing import TYPE_CHECKING
@@ -51,11 +52,16 @@ _LOOKS = {
     Layer.TRACKS: _Look(9, "DASHED2", 18),
     Layer.CLEARANCE: _Look(4, width=18),
     Layer.CONFLICTS: _Look(1, width=70),
+    Layer.WIDENING: _Look(1, width=50),
+    Layer.WIDENING_LEAST_DEPTH: _Look(6, "DASHED", 35),
 }
+_HATCHED = (Layer.CONFLICTS, Layer.WIDENING)
 
 
-def dxf_bytes(result: Result) -> bytes:
+def dxf_bytes(result: Result, features: Sequence[Drawn] | None = None, answer: Sequence[str] | None = None) -> bytes:
     """Return the drawing, in the road file's coordinate system or, where that is in degrees, in its UTM zone.
+
+    ``features`` are those of the plan, and ``answer``, the first lines of the notes, is its verdict, unless they are given.
 
     ``$INSUNITS`` is metres. Areas are closed polylines, holes too; every body has separate layers.
     """
@@ -67,11 +73,11 @@ def dxf_bytes(result: Result) -> bytes:
     document.header.custom_vars.append("hdvplan", __version__)
     document.header.custom_vars.append("coordinates", system.note)
     space = document.modelspace()
-    features = drawn_features(result)
+    features = drawn_features(result) if features is None else features
     for feature in features:
         _draw(document, space, feature, system)
     bounds = shapely.total_bounds([system.place(feature.geometry) for feature in features])
-    _write_notes(document, space, result, system, bounds)
+    _write_notes(document, space, result, system, bounds, [answer_line(result)] if answer is None else answer)
     buffer = StringIO()
     document.write(buffer)
     return document.encode(buffer.getvalue())
@@ -88,7 +94,7 @@ def _draw(document: Drawing, space: Modelspace, feature: Drawn, system: System) 
         for polygon in polygons:
             for ring in (polygon.exterior, *polygon.interiors):
                 space.add_lwpolyline(ring.coords[:-1], close=True, dxfattribs={"layer": layer})
-        if feature.layer is Layer.CONFLICTS:
+        if feature.layer in _HATCHED:
             _fill(space, polygons, layer)
         where = np.array(placed.representative_point().coords[0])
     if feature.label:
@@ -114,11 +120,11 @@ def _layer(document: Drawing, feature: Drawn) -> str:
     return name
 
 
-def _write_notes(document: Drawing, space: Modelspace, result: Result, system: System, bounds: FloatArray) -> None:
-    """Write verdict, road, vehicle, coordinates and sources above everything else, which lies within ``bounds``."""
+def _write_notes(document: Drawing, space: Modelspace, result: Result, system: System, bounds: FloatArray, answer: Sequence[str]) -> None:
+    """Write the answer, road, vehicle, coordinates and sources above everything else, which lies within ``bounds``."""
     drive = result.drive
     lines = [
-        answer_line(result),
+        *answer,
         f"road: {drive.road.name}, {drive.road.path.length:.1f} m",
         f"vehicle: {drive.vehicle.name}",
         f"coordinates: {system.note}",

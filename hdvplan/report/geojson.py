@@ -20,7 +20,8 @@ from hdvplan.road.road import Limits, Road
 
 CHUNK_M = 50.0  # a road's swept area is cut into pieces this long: each is simple even where the road crosses itself
 CENTRE_SPACING_M = 0.5
-_DEGREES_GRID = 1e-7  # about 1 cm
+_DEGREES = 7  # decimals: about 1 cm
+_FINE_DEGREES = 9  # about 0.1 mm, for areas that are centimetres wide
 _METRES_GRID = 1e-3
 _SIMPLER_M = 1e-3  # points are left out that would move no line by more: nine of ten
 _FRAME_NOTE = "planar coordinates in metres: the road file has no geographic position"
@@ -116,12 +117,13 @@ def _points(path: ReferencePath, s: FloatArray, offset: FloatArray) -> FloatArra
     return np.column_stack(path.to_plane(s, offset))
 
 
-def feature(geometry: BaseGeometry, road: Road, properties: Json) -> Json:
-    """Return a feature in the road's own coordinates; polygons wind as RFC 7946 wants them."""
+def feature(geometry: BaseGeometry, road: Road, properties: Json, *, fine: bool = False) -> Json:
+    """Return a feature in the road's own coordinates, degrees to 1 cm or, ``fine``, to 0.1 mm; polygons wind as RFC 7946 wants them."""
     if road.to_lonlat is None:
         placed, grid, digits = geometry, _METRES_GRID, 3
     else:
-        placed, grid, digits = shapely.transform(geometry, _lonlat(road.to_lonlat)), _DEGREES_GRID, 7
+        digits = _FINE_DEGREES if fine else _DEGREES
+        placed, grid = shapely.transform(geometry, _lonlat(road.to_lonlat)), 10.0**-digits
     if not isinstance(placed, shapely.LineString):
         placed = _polygons(_rounded(placed, grid))
     return {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -18,15 +19,17 @@ from hdvplan.report.placing import map_system
 _NOWHERE = 'LOCAL_CS["metres of the road file",UNIT["metre",1],AXIS["x",EAST],AXIS["y",NORTH]]'
 
 
-def geopackage_bytes(result: Result) -> bytes:
+def geopackage_bytes(result: Result, features: Sequence[Drawn] | None = None) -> bytes:
     """Return the GeoPackage, in the road file's coordinate system; areas are MultiPolygons. Layers without features are left out.
+
+    ``features`` are those of the plan unless they are given.
 
     Raises:
         OSError: there is no room for temporary files.
 
     """
     system = map_system(result.drive.road)
-    features = drawn_features(result)
+    features = drawn_features(result) if features is None else features
     with TemporaryDirectory() as folder:
         path = Path(folder) / "plan.gpkg"
         for layer in Layer:
@@ -50,7 +53,7 @@ def geopackage_bytes(result: Result) -> bytes:
         return path.read_bytes()
 
 
-def _column(features: list[Drawn], name: str) -> NDArray[np.generic]:
+def _column(features: Sequence[Drawn], name: str) -> NDArray[np.generic]:
     """Return a property of all features of a layer: numbers, with NaN where there is none, or words."""
     values = [feature.properties[name] for feature in features]
     if all(isinstance(value, int) for value in values):

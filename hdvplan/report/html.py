@@ -30,33 +30,35 @@ _PLOT = (10.0, 310.0, 8.0, 120.0)  # of the histogram: left, right, top, bottom
 
 Json = dict[str, Any]
 
-# name, unit, key in the summary ("a.b" is b in a), digits (None: as it is)
+# name, unit, key in the summary ("a.b" is b in a), digits (None: as it is), and what it means
 _DRIVEN = (
-    ("vehicle", "", "vehicle", None),
-    ("road", "", "road", None),
-    ("status", "", "status", None),
-    ("road length", "m", "length_m", 1),
-    ("max left", "m", "max_left_m", 3),
-    ("max right", "m", "max_right_m", 3),
-    ("imbalance", "m", "imbalance_m", 3),
-    ("mean |left + right|", "m", "mean_abs_imbalance_m", 3),
-    ("expected half width", "m", "expected_half_width_m", 3),
-    ("needed half width", "m", "needed_half_width_m", 3),
-    ("min clearance", "m", "min_clearance_m", 3),
-    ("limit violation", "m", "limit_violation_m", 3),
+    ("vehicle", "", "vehicle", None, ""),
+    ("road", "", "road", None, ""),
+    ("status", "", "status", None, "ok: the vehicle keeps all limits, to 1 cm"),
+    ("road length", "m", "length_m", 1, "along the driven line"),
+    ("max left", "m", "max_left_m", 3, "furthest that any part of the vehicle reaches to the left of the line"),
+    ("max right", "m", "max_right_m", 3, "the same to the right"),
+    ("imbalance", "m", "imbalance_m", 3, "max left less max right: 0 where the two extremes agree"),
+    ("mean |left + right|", "m", "mean_abs_imbalance_m", 3, "the imbalance of each place, averaged over the road"),
+    ("expected half width", "m", "expected_half_width_m", 3, "reach to either side in a steady circle as tight as the tightest bend"),
+    ("needed half width", "m", "needed_half_width_m", 3, "room to both sides of the line that would hold all that this plan sweeps"),
+    ("min clearance", "m", "min_clearance_m", 3, "least room between the vehicle and a limit; negative: it reaches beyond"),
+    ("limit violation", "m", "limit_violation_m", 3, "furthest that the vehicle reaches beyond a limit"),
 )
+_MANNER = ("objective", "scheme", "solver")
+_WIDTH = ("width between limits", "m", "where the road is narrowest, obstacles included")
 _COMPUTED = (
-    ("objective", "", "objective", None),
-    ("scheme", "", "scheme", None),
-    ("solver", "", "solver", None),
-    ("planning steps", "", "plans", None),
-    ("SQP iterations, mean", "", "sqp_iterations_mean", 2),
-    ("SQP iterations, max", "", "sqp_iterations_max", None),
-    ("step time, mean", "ms", "time_ms.mean", 3),
-    ("step time, p50", "ms", "time_ms.p50", 3),
-    ("step time, p95", "ms", "time_ms.p95", 3),
-    ("step time, p99", "ms", "time_ms.p99", 3),
-    ("step time, max", "ms", "time_ms.max", 3),
+    ("objective", "", "objective", None, "what the plan centres between the sides"),
+    ("scheme", "", "scheme", None, "rti: one quadratic program a step; sqp: as many as it takes"),
+    ("solver", "", "solver", None, "of the quadratic programs"),
+    ("planning steps", "", "plans", None, "how often the plan was renewed along the road"),
+    ("SQP iterations, mean", "", "sqp_iterations_mean", 2, "quadratic programs a step"),
+    ("SQP iterations, max", "", "sqp_iterations_max", None, ""),
+    ("step time, mean", "ms", "time_ms.mean", 3, "computing time of a step; nothing about the drive"),
+    ("step time, p50", "ms", "time_ms.p50", 3, "the median"),
+    ("step time, p95", "ms", "time_ms.p95", 3, "the 95th percentile"),
+    ("step time, p99", "ms", "time_ms.p99", 3, "the 99th percentile"),
+    ("step time, max", "ms", "time_ms.max", 3, ""),
 )
 
 
@@ -119,8 +121,9 @@ def report_html(plans: Sequence[PlanFiles], title: str, sections: Sequence[Secti
         version=__version__,
         style=page_part("report.css"),
         script=page_part("report.js"),
-        summary=[[_row(plans, *row) for row in group] for group in (_DRIVEN, _COMPUTED)],
-        plans=[_panel(plan, short, edges) for plan, short in zip(plans, short_labels(plans), strict=True)],
+        summary=[*(_row(plans, *row) for row in _DRIVEN[:4]), _width_row(plans), *(_row(plans, *row) for row in _DRIVEN[4:])],
+        computed=[_row(plans, *row) for row in _COMPUTED],
+        plans=[_panel(plan, _heading(plan, plans), short, edges) for plan, short in zip(plans, short_labels(plans), strict=True)],
         sections=[_section(section) for section in sections],
         data=script_json([payload_of(plan) for plan in plans]),
         directories=", ".join(str(plan.directory) for plan in plans),
@@ -129,7 +132,7 @@ def report_html(plans: Sequence[PlanFiles], title: str, sections: Sequence[Secti
 
 def short_labels(plans: Sequence[PlanFiles]) -> list[str]:
     """Return what tells these plans apart: only what differs, or the vehicle; folders where nothing does."""
-    keys = ("vehicle", "road", "objective", "scheme", "solver")
+    keys = ("vehicle", "road", *_MANNER)
     differing = [key for key in keys if len({plan.summary[key] for plan in plans}) > 1] or ["vehicle"]
     labels = [", ".join(str(plan.summary[key]) for key in differing) for plan in plans]
     if len(set(labels)) < len(labels):
@@ -149,8 +152,23 @@ def _section(section: Section) -> Json:
     }
 
 
-def _row(plans: Sequence[PlanFiles], name: str, unit: str, key: str, digits: int | None) -> Json:
-    return {"name": name, "unit": unit, "cells": [_cell(plan.summary, key, digits) for plan in plans]}
+def _row(plans: Sequence[PlanFiles], name: str, unit: str, key: str, digits: int | None, meaning: str) -> Json:
+    return {"name": name, "unit": unit, "cells": [_cell(plan.summary, key, digits) for plan in plans], "meaning": meaning}
+
+
+def _width_row(plans: Sequence[PlanFiles]) -> Json:
+    """Return the least width between the limits of each plan, which its summary has not; a dash without limits."""
+    name, unit, meaning = _WIDTH
+    widths = [plan.envelope["left_limit"] - plan.envelope["right_limit"] for plan in plans]
+    cells = [{"text": f"{width.min():.2f}" if width.notna().any() else "-", "bad": False} for width in widths]
+    return {"name": name, "unit": unit, "cells": cells, "meaning": meaning}
+
+
+def _heading(plan: PlanFiles, plans: Sequence[PlanFiles]) -> str:
+    """Return vehicle and road, and how it was planned only where that tells plans apart."""
+    subject = f"{plan.summary['vehicle']} on {plan.summary['road']}"
+    manners = {tuple(str(other.summary[key]) for key in _MANNER) for other in plans}
+    return subject if len(manners) == 1 else label_of(plan.summary)
 
 
 def _cell(summary: Json, key: str, digits: int | None) -> Json:
@@ -162,7 +180,7 @@ def _cell(summary: Json, key: str, digits: int | None) -> Json:
     return {"text": text, "bad": bad}
 
 
-def _panel(plan: PlanFiles, short: str, edges: FloatArray) -> Json:
+def _panel(plan: PlanFiles, heading: str, short: str, edges: FloatArray) -> Json:
     summary = plan.summary
     breaches = sorted(summary["breaches"], key=lambda breach: -breach["depth_m"])
     rows = [
@@ -178,7 +196,7 @@ def _panel(plan: PlanFiles, short: str, edges: FloatArray) -> Json:
         for breach in breaches[:MOST_BREACHES]
     ]
     return {
-        "label": label_of(summary),
+        "label": heading,
         "short": short,
         "verdict": verdict_text(summary),
         "broken": bool(breaches),
@@ -198,9 +216,11 @@ def _panel(plan: PlanFiles, short: str, edges: FloatArray) -> Json:
 
 
 def _broken(breach: Json) -> str:
-    """Return what a breach is of: an obstacle, by its name, or a limit of the road, by what it binds."""
+    """Return what a breach is of: an obstacle, by its name, or an edge of the road, by what it binds."""
     obstacle = breach.get("obstacle")
-    return str(breach["region"]) if obstacle is None else called(obstacle)
+    if obstacle is not None:
+        return called(obstacle)
+    return "edge for overhangs" if breach["region"] == "sweepable" else "edge of the road"
 
 
 def verdict_text(summary: Json) -> Json:

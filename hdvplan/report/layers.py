@@ -43,6 +43,8 @@ class Layer(StrEnum):
     VEHICLES = "vehicle_outlines"
     CLEARANCE = "clearance"
     CONFLICTS = "conflicts"
+    WIDENING = "widening"  # of a need: those of least area, and of least depth
+    WIDENING_LEAST_DEPTH = "widening_least_depth"
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from textwrap import fill
 
 import numpy as np
@@ -11,14 +10,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 
-from hdvplan.judging.result import Result, result_of
 from hdvplan.need.answer import Need
 from hdvplan.report.colours import BREACH, INK, MUTED
 from hdvplan.report.maps import draw_map, outline_of
-from hdvplan.report.needs import Patch, need_lines, patches_of
+from hdvplan.report.need_layers import shown_plan
+from hdvplan.report.needs import Patch, need_lines
 from hdvplan.report.style import SLIDE_IN, styled
 from hdvplan.report.windows import Window
-from hdvplan.road.road import Limits, Road
+from hdvplan.road.road import Road
 
 _AROUND_M = 20.0  # of a place that is shown
 _TITLE = 150  # characters in a line
@@ -26,19 +25,23 @@ _MOST = 4  # places shown, the largest first
 _WHITE = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8}
 
 
-def need_figure(need: Need, own: Limits | None) -> Figure:
-    """Return the picture of a need: where to widen the limits ``own``, or where the room that is needed is decided.
+def need_figure(need: Need) -> Figure:
+    """Return the picture of a need: where to widen the road's own limits, or where the room that is needed is decided.
 
     Raises:
         ValueError: no plan was found, so there is nothing to draw.
 
     """
     with styled():
-        return _need_figure(need, own)
+        return _need_figure(need)
 
 
-def _need_figure(need: Need, own: Limits | None) -> Figure:
-    shown, patches = _shown(need, own)
+def _need_figure(need: Need) -> Figure:
+    plan = shown_plan(need)
+    if plan is None:
+        msg = "no plan was found: there is nothing to draw"
+        raise ValueError(msg)
+    shown, patches = plan
     road = shown.drive.road
     windows = _windows(need, patches, road)
     figure = Figure(figsize=SLIDE_IN, layout="constrained")
@@ -58,26 +61,6 @@ def _need_figure(need: Need, own: Limits | None) -> Figure:
     if road.notice is not None:
         figure.supxlabel(road.notice, fontsize="x-small", color=MUTED, x=0.99, ha="right")
     return figure
-
-
-def _shown(need: Need, own: Limits | None) -> tuple[Result, tuple[Patch, ...]]:
-    """Return the plan to draw, on the road that is asked about, and where that road is widened."""
-    widened, road = need.widenings, need.case.road
-    widening = None if widened is None else widened.area
-    if widening is not None and widening.result is not None and own is not None:
-        return _on(widening.result, road), patches_of(widening, own, road.path)
-    if widened is not None and widened.fitting is not None:
-        return widened.fitting, ()
-    best = need.room.result or (None if need.held is None else need.held.result)
-    if best is None:
-        msg = "no plan was found: there is nothing to draw"
-        raise ValueError(msg)
-    return _on(best, replace(road, limits=None, band=None, edges=None, regions=())), ()
-
-
-def _on(result: Result, road: Road) -> Result:
-    """Return the same drive judged on another road of the same line."""
-    return result_of(replace(result.drive, road=road), solver=result.solver, objective=result.objective)
 
 
 def _windows(need: Need, patches: tuple[Patch, ...], road: Road) -> list[Window]:

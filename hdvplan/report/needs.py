@@ -223,7 +223,7 @@ def widening_geojson(need: Need, widening: Widening) -> Json:
 
 def _feature(patch: Patch, road: Road, common: Json) -> Json:
     measured = {name: round(value, 3) if isinstance(value, float) else value for name, value in _patch_json(patch).items()}
-    return feature(patch.polygon, road, common | measured | area_style(BREACH))
+    return feature(patch.polygon, road, common | measured | area_style(BREACH), fine=True)
 
 
 def widening_table(need: Need, widening: Widening, title: str) -> Table:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from rich.table import Table
 
+from hdvplan.judging.fit import facts_of
 from hdvplan.judging.result import Result, body_name
 from hdvplan.report.grid import grid
 from hdvplan.report.summary import needed_half_width, step_times_ms
@@ -27,6 +28,9 @@ def balance_table(result: Result) -> Table:
         ("expected half width", f"{balance.expected_half_width:.3f}", "m", tighter),
         ("min clearance", "-" if balance.min_clearance is None else f"{balance.min_clearance:.3f}", "m", _limits_remark(result)),
     ]
+    facts = facts_of(drive.road)
+    if facts.narrowest is not None:
+        rows.insert(0, ("narrowest limits", f"{facts.narrowest:.2f}", "m", f"apart, first at s = {facts.narrowest_s:.1f} m"))
     if drive.road.smoothing is not None:
         rows.insert(0, ("line moved by", f"{drive.road.smoothing.max_deviation:.2f}", "m", smoothing_remark(drive.road.smoothing)))
     rows.insert(0, ("road length", f"{drive.road.path.length:.1f}", "m", ""))

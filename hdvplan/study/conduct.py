@@ -24,8 +24,8 @@ from hdvplan.study.store import CELLS, PARTS, PLACES, Folder, Kept, Writer, kept
 if TYPE_CHECKING:
     import pandas as pd
 
-RECORD, RANKING, PAGE = "study.json", "ranking.csv", "map.html"
-_OURS = (CELLS, PLACES, PARTS, RANKING, PAGE)
+RECORD, RANKING, PAGE, WORKBOOK = "study.json", "ranking.csv", "map.html", "table.xlsx"
+_OURS = (CELLS, PLACES, PARTS, RANKING, PAGE, WORKBOOK)
 
 Json = dict[str, Any]
 
@@ -163,10 +163,12 @@ def _finished(folder: Folder, record: Json) -> Results:
     """Write what is made of the whole table; return the results."""
     from hdvplan.study.map_page import write_page  # noqa: PLC0415 - they load pandas, which needs memory that cells have use for
     from hdvplan.study.ranking import ranking_of  # noqa: PLC0415 - as above
+    from hdvplan.study.workbook import write_workbook  # noqa: PLC0415 - as above
 
     results = Results(folder.path, *_counts(folder.path / CELLS))
     ranking = ranking_of(folder.path / CELLS, folder.path / PLACES, folder.varied)
     write_atomically(folder.path / RANKING, csv_bytes(ranking))
+    write_workbook(folder.path / WORKBOOK, folder.path / CELLS, folder.varied)
     write_page(folder.path / PAGE, folder.path / CELLS, ranking, record["sessions"][0]["started"])
     told = {"outcomes": dict(results.outcomes), "fits": dict(results.fits), "finished": now()}
     write_atomically(folder.path / RECORD, json_bytes(record | told))

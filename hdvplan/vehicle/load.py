@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from importlib import resources
 from pathlib import Path
+
+import numpy as np
 
 from hdvplan.errors import VehicleError
 from hdvplan.fileio import read_text
@@ -15,12 +18,13 @@ from hdvplan.vehicle.model import Unit, Vehicle
 _TOP_KEYS = ("name", "source", "length_unit", "unit")
 _STEERING_KEYS = ("max_curvature", "max_curvature_rate")
 _DIMENSION_KEYS = ("wheelbase", "front_overhang", "rear_overhang", "width", "hitch_offset", "length")
-_RADIUS_KEY = "turning_radius"  # another way to say max_curvature
+_RADIUS_KEY, _CIRCLE_KEY = "turning_radius", "turning_circle"  # other ways to say max_curvature
+_DECIMAL_COMMA = re.compile(r"^\s*\w+\s*=\s*[+-]?\d+,\d+\s*(#.*)?$", re.MULTILINE)
 METRES = {"m": 1.0, "ft": 0.3048}  # exactly: the international foot
 _AXLE_KEYS = ("steering_ratio", "max_steering_angle", "max_steering_rate")
 _ACTIVE, _ACTIVELY = "active", 'steered = "active"'
 _AIM = 0.6  # of an active axle's angle to the articulation on constant curves, where a file does not say
-_UNIT_KEYS = ("name", *_DIMENSION_KEYS, *_STEERING_KEYS, _RADIUS_KEY, "steered", *_AXLE_KEYS)
+_UNIT_KEYS = ("name", *_DIMENSION_KEYS, *_STEERING_KEYS, _RADIUS_KEY, _CIRCLE_KEY, "steered", *_AXLE_KEYS)
 _LENGTH_TOLERANCE_M = 0.01
 _LARGEST_RADIUS_M = 1e6
 _MOST_UNITS = 16  # road trains on roads have up to nine; what planning takes grows with the cube of their number
@@ -60,7 +64,19 @@ def load_vehicle(source: str | Path) -> Vehicle:
         VehicleError: no such preset or file, not TOML, an unknown, missing or impossible entry.
 
     """
-    return parse_vehicle(vehicle_text(source), default_name=Path(source).stem if _is_file(source) else str(source))
+    return read_vehicle(source)[0]
+
+
+def read_vehicle(source: str | Path) -> tuple[Vehicle, str | None]:
+    """Return a vehicle as ``load_vehicle`` does, and what is assumed of its steering; None where its file says how far it turns.
+
+    Raises:
+        VehicleError: as ``load_vehicle``.
+
+    """
+    text = vehicle_text(source)  # once: it may come from a pipe
+    vehicle = parse_vehicle(text, default_name=Path(source).stem if _is_file(source) else str(source))
+    return vehicle, _assumed(text, vehicle)
 
 
 def vehicle_text(source: str | Path) -> str:
@@ -99,7 +115,8 @@ def parse_vehicle(text: str, *, default_name: str) -> Vehicle:
         document = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:  # of a number of thousands of digits
         msg = f"vehicle {default_name!r} is not valid TOML: {error}"
-        raise VehicleError(msg) from error
+        hint = "decimal numbers have a point: 6.9, not 6,9" if _DECIMAL_COMMA.search(text) else None
+        raise VehicleError(msg, hint=hint) from error
     name = printable(str(document.get("name", default_name)))
     _check_name(name, f"vehicle {name[:_LONGEST_NAME]!r}")
     _check_keys(document, _TOP_KEYS, f"vehicle {name!r}")
@@ -114,7 +131,7 @@ def parse_vehicle(text: str, *, default_name: str) -> Vehicle:
     units = tuple(_unit(table, number, name, metres) for number, table in enumerate(tables, start=1))
     lead = tables[0] if tables else {}
     steering = {key: _number(lead, key, f"vehicle {name!r}, unit 1") for key in _STEERING_KEYS if key in lead}
-    if _RADIUS_KEY in lead:
+    if _RADIUS_KEY in lead or _CIRCLE_KEY in lead:
         steering["max_curvature"] = _curvature(lead, units[0], f"vehicle {name!r}, unit 1", metres)
     return Vehicle(name, units, source=printable(str(document.get("source", ""))), **steering)
 
@@ -129,16 +146,38 @@ def _metres(document: dict[str, object], name: str) -> float:
 
 
 def _curvature(lead: dict[str, object], unit: Unit, where: str, metres: float) -> float:
-    """Return the largest curvature from the least radius of the front axle's middle."""
-    if "max_curvature" in lead or unit.steering_ratio > 0.0:
-        msg = f"{where}: {_RADIUS_KEY} contradicts {'max_curvature' if 'max_curvature' in lead else 'a steered rear axle'}"
-        raise VehicleError(msg, field=_RADIUS_KEY, hint="give max_curvature alone: tan(front wheels' angle) / wheelbase [1/m]")
+    """Return the largest curvature from the least radius of the front axle's middle, or from the circle between walls."""
+    ways = [key for key in (_RADIUS_KEY, _CIRCLE_KEY, "max_curvature") if key in lead]
+    if len(ways) > 1 or unit.steering_ratio > 0.0:
+        msg = f"{where}: {ways[0]} contradicts {ways[1] if len(ways) > 1 else 'a steered rear axle'}"
+        raise VehicleError(msg, field=ways[0], hint="give max_curvature alone: tan(front wheels' angle) / wheelbase [1/m]")
+    if _CIRCLE_KEY in lead:
+        return _curvature_between_walls(metres * _number(lead, _CIRCLE_KEY, where), unit, where)
     radius = metres * _number(lead, _RADIUS_KEY, where)
     if not unit.wheelbase < radius <= _LARGEST_RADIUS_M:
         limit = f"larger than the wheelbase of {unit.wheelbase:g} m" if radius <= unit.wheelbase else f"at most {_LARGEST_RADIUS_M:g} m"
         msg = f"{where}: {_RADIUS_KEY} = {radius:g} m must be {limit}"
         raise VehicleError(msg, field=_RADIUS_KEY, hint="it is the least radius of the middle of the front axle")
     return float(1.0 / (radius**2 - unit.wheelbase**2) ** 0.5)
+
+
+def _curvature_between_walls(diameter: float, unit: Unit, where: str) -> float:
+    """Return the largest curvature of the rear axle's path from the diameter of the circle that the outer front corner draws."""
+    front = unit.wheelbase + unit.front_overhang
+    least = 2.0 * float(np.hypot(front, unit.width))  # then the rear axle turns about its inner end
+    if not least < diameter <= 2.0 * _LARGEST_RADIUS_M:
+        limit = f"larger than {least:.2f} m for these dimensions" if diameter <= least else f"at most {2.0 * _LARGEST_RADIUS_M:g} m"
+        msg = f"{where}: {_CIRCLE_KEY} = {diameter:g} m must be {limit}"
+        raise VehicleError(msg, field=_CIRCLE_KEY, hint="it is the diameter of the turning circle between walls")
+    return float(1.0 / (((0.5 * diameter) ** 2 - front**2) ** 0.5 - 0.5 * unit.width))
+
+
+def _assumed(text: str, vehicle: Vehicle) -> str | None:
+    lead: dict[str, object] = next(iter(tomllib.loads(text).get("unit", [])), {})
+    if any(key in lead for key in ("max_curvature", _RADIUS_KEY, _CIRCLE_KEY)):
+        return None
+    least = f"{1.0 / vehicle.max_curvature:.1f} m"
+    return f"{vehicle.name}: no {_CIRCLE_KEY} or max_curvature is given: the rear axle's least radius is assumed to be {least}"
 
 
 def _presets() -> resources.abc.Traversable:
@@ -149,7 +188,7 @@ def _unit(table: dict[str, object], number: int, name: str, metres: float) -> Un
     where = f"vehicle {name!r}, unit {number}"
     _check_keys(table, _UNIT_KEYS, where)
     if number > 1:
-        for key in (*_STEERING_KEYS, _RADIUS_KEY):
+        for key in (*_STEERING_KEYS, _RADIUS_KEY, _CIRCLE_KEY):
             if key in table:
                 msg = f"{where}: {key} belongs to unit 1, whose axle the steering moves"
                 raise VehicleError(msg, field=key)

@@ -3,7 +3,12 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import pyogrio
 import pytest
+import shapely
+from ezdxf.entities.lwpolyline import LWPolyline
+from ezdxf.entities.mtext import MText
+from ezdxf.filemanagement import readfile
 
 from tests.cli.conftest import Cli
 
@@ -49,7 +54,7 @@ def test_json_is_all_that_stdout_gets(cli: Cli, bend: str) -> None:
 
 
 def test_a_road_too_narrow_is_a_no_with_the_kerb_to_take_away(cli: Cli, tmp_path: Path, bend: str) -> None:
-    outcome = cli("need", bend, "--vehicle", "bus", "--half-width", "2.1", "--out", "out", "--no-proof")
+    outcome = cli("need", bend, "--vehicle", "bus", "--half-width", "2.1", "--out", "out", "--no-proof", "--format", "dxf,gpkg")
     assert outcome.code == 0
     told = json.loads((tmp_path / "out" / "need.json").read_text(encoding="utf-8"))
     assert outcome.out.startswith(f"NO: the bus does not fit; widening the road by {told['widening_m2']:.1f} m2 would do, ")
@@ -63,6 +68,21 @@ def test_a_road_too_narrow_is_a_no_with_the_kerb_to_take_away(cli: Cli, tmp_path
         )
     assert "least area" in outcome.out
     assert "least depth" in outcome.out
+    drawing, said = readfile(tmp_path / "out" / "need.dxf"), told["widening"]["least_area"]["places"]
+    areas = [line for line in drawing.modelspace().query('LWPOLYLINE[layer=="WIDENING"]') if isinstance(line, LWPolyline)]
+    assert sum(shapely.Polygon(line.vertices()).area for line in areas) == pytest.approx(told["widening_m2"], abs=1e-3)
+    assert len(drawing.modelspace().query('TEXT[layer=="WIDENING"]')) == len(said)
+    assert not drawing.modelspace().query('*[layer=="CONFLICTS"]')  # they lie in the areas that are to be widened
+    (notes,) = drawing.modelspace().query("MTEXT")
+    assert isinstance(notes, MText)
+    assert notes.text.startswith("NO: the bus does not fit; widening the road by ")
+    layers = {name for name, _ in pyogrio.list_layers(tmp_path / "out" / "need.gpkg")}
+    assert {"road", "limits", "envelope", "widening", "widening_least_depth"} <= layers
+    meta, _, shapes, fields = pyogrio.raw.read(tmp_path / "out" / "need.gpkg", layer="widening")
+    assert len(shapes) == len(said)
+    columns = dict(zip(meta["fields"], fields, strict=True))
+    for name, key in (("depth_m", "depth_m"), ("area_m2", "area_m2"), ("s_m", "s_deepest")):
+        assert columns[name] == pytest.approx([place[key] for place in said])
 
 
 def test_a_road_wide_enough_is_a_yes(cli: Cli, bend: str) -> None:

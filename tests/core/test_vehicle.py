@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from hdvplan.errors import VehicleError
 from hdvplan.vehicle.body import POINTS_PER_EDGE, edge_points
-from hdvplan.vehicle.load import load_vehicle, parse_vehicle, preset_groups, preset_names, preset_text
+from hdvplan.vehicle.load import load_vehicle, parse_vehicle, preset_groups, preset_names, preset_text, read_vehicle
 from hdvplan.vehicle.model import Unit, Vehicle
 from tests.core.chains import few, three_units, vehicles
 
@@ -118,12 +118,38 @@ def test_a_file_in_feet_says_the_same_as_one_in_metres() -> None:
         (BUS + "turning_radius = 11.0\nmax_curvature = 0.1", "turning_radius"),
         (BUS + "turning_radius = 11.0\nsteering_ratio = 0.2", "turning_radius"),
         (BUS + BUS + "turning_radius = 11.0", "turning_radius"),
+        (BUS + BUS + "turning_circle = 22.0", "turning_circle"),
+        (BUS + "turning_circle = 17.7", "turning_circle"),
+        (BUS + "turning_circle = inf", "turning_circle"),
+        (BUS + "turning_circle = 22.0\nmax_curvature = 0.1", "turning_circle"),
+        (BUS + "turning_circle = 22.0\nsteering_ratio = 0.2", "turning_circle"),
     ],
 )
 def test_units_and_radii_that_make_no_sense_are_refused(text: str, field: str) -> None:
     with pytest.raises(VehicleError) as caught:
         parse_vehicle(text, default_name="x")
     assert caught.value.field == field
+
+
+def test_the_turning_circle_between_walls_is_that_of_the_outer_front_corner() -> None:
+    bus = parse_vehicle(BUS + "turning_circle = 22.0", default_name="x")
+    corner = np.hypot(1.0 / bus.max_curvature + 0.5 * bus.lead.width, bus.lead.wheelbase + bus.lead.front_overhang)
+    assert 2.0 * corner == pytest.approx(22.0, rel=1e-12)
+    feet = parse_vehicle('length_unit = "ft"' + BUS + "turning_circle = 22.0", default_name="x")
+    assert feet.max_curvature == pytest.approx(bus.max_curvature / 0.3048, rel=1e-12)
+
+
+def test_a_decimal_comma_is_told() -> None:
+    with pytest.raises(VehicleError) as caught:
+        parse_vehicle(BUS + "rear_overhang = 3,4 # m", default_name="x")
+    assert caught.value.hint == "decimal numbers have a point: 6.9, not 6,9"
+
+
+def test_a_steering_limit_that_is_assumed_is_told(tmp_path: Path) -> None:
+    (tmp_path / "bus.toml").write_text(BUS, encoding="utf-8")
+    _, remark = read_vehicle(tmp_path / "bus.toml")
+    assert remark == "bus: no turning_circle or max_curvature is given: the rear axle's least radius is assumed to be 10.0 m"
+    assert read_vehicle("citaro")[1] is read_vehicle("WB-62")[1] is None
 
 
 def test_every_preset_names_its_source_and_its_text_parses_to_it() -> None:

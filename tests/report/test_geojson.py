@@ -8,12 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
+from pyproj import Geod
 from shapely.geometry import shape
 
 from hdvplan.fileio import json_bytes
 from hdvplan.jit import FloatArray
 from hdvplan.judging.result import Result
+from hdvplan.report.geojson import feature as feature_of
 from hdvplan.report.geojson import swept_area, swept_geojson
+from hdvplan.road.crs import to_plane
 from hdvplan.road.path import from_curvature
 
 
@@ -108,3 +111,12 @@ def test_on_a_map_the_coordinates_are_degrees_and_carry_the_attribution(straight
     assert (south, north) == pytest.approx((57.0 - 1.27 / 111e3, 57.0 + 1.27 / 111e3), abs=1e-7)
     assert centre["properties"]["attribution"] == "© the surveyors"
     assert all(round(value, 7) == value for point in centre["geometry"]["coordinates"] for value in point)
+
+
+def test_a_fine_area_keeps_its_size_in_degrees(straight: Result) -> None:
+    plane = to_plane(np.array([[11.95, 57.7], [11.951, 57.7]]))
+    road = replace(straight.drive.road, to_lonlat=plane.to_lonlat)
+    sliver = shapely.box(10.0, 2.0, 14.3, 2.026)  # a kerb to be taken away: a grid of 1 cm would change a third of it
+    drawn = shape(json.loads(json_bytes(feature_of(sliver, road, {}, fine=True)))["geometry"])
+    area, _ = Geod(ellps="WGS84").geometry_area_perimeter(drawn)
+    assert area == pytest.approx(sliver.area, rel=0.01)

@@ -117,6 +117,27 @@ def test_the_page_shows_the_summary_s_numbers(plan: PlanFiles, kerbed: Result) -
     assert counted == len(kerbed.drive.plans)  # the histogram loses no step
 
 
+def test_every_number_comes_with_its_meaning_and_the_width_that_was_asked_for(plan: PlanFiles, kerbed: Result) -> None:
+    page = report_html([plan], "For the council")
+    limits = kerbed.drive.road.limits
+    assert limits is not None
+    width = float(np.min(limits.left - limits.right))
+    assert f'<th scope="row">width between limits</th><td class="unit">m</td><td>{width:.2f}</td>' in page
+    open_road = replace(plan, envelope=plan.envelope.assign(left_limit=np.nan, right_limit=np.nan))
+    assert '<th scope="row">width between limits</th><td class="unit">m</td><td>-</td>' in report_html([open_road], "No limits")
+    for name in ("needed half width", "min clearance", "imbalance"):
+        assert re.search(rf'<th scope="row">{name}</th>.*<td class="meaning">\w', page)
+
+
+def test_how_it_was_planned_is_folded_away_and_named_only_where_it_tells_plans_apart(plan: PlanFiles) -> None:
+    page = report_html([plan], "For the council")
+    assert "<h2>bus on uturn</h2>" in page
+    shown, _, folded = page.partition("<details>")
+    assert "SQP iterations" in folded
+    assert not any(word in shown for word in ("SQP iterations", "Time of a planning step", "piqp on "))
+    assert "piqp" in report_html([plan, replace(plan, summary=plan.summary | {"solver": "osqp"})], "Two").partition("<details>")[0]
+
+
 @pytest.mark.parametrize(
     "entry", ["road", "vehicle", "scheme", "solver", "objective", "status", "bodies", "breaches", "obstacles", "time_ms"]
 )
@@ -154,8 +175,8 @@ def test_obstacles_and_kerbs_come_with_their_distances_and_where_they_lie(straig
 
 
 def test_a_breach_names_the_obstacle_that_is_entered_not_the_region_of_a_limit(plan: PlanFiles) -> None:
-    edge, *_ = plan.summary["breaches"]
-    for obstacle, said in (("hoarding", "the obstacle &#39;hoarding&#39;"), ("", "an obstacle"), (None, edge["region"])):
+    edge = plan.summary["breaches"][0] | {"region": "drivable"}
+    for obstacle, said in (("hoarding", "the obstacle &#39;hoarding&#39;"), ("", "an obstacle"), (None, "edge of the road")):
         page = report_html([replace(plan, summary=plan.summary | {"breaches": [edge | {"obstacle": obstacle}]})], "one breach")
         assert f'<td class="text">{edge["unit"]}</td><td class="text">{said}</td></tr>' in page
 

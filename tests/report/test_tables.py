@@ -67,6 +67,11 @@ def test_a_broken_limit_is_told_with_place_depth_side_and_body(kerbed: Result) -
     assert "limits broken by" in " ".join(printed(balance_table(kerbed)))
 
 
+def test_the_width_that_a_plan_was_asked_to_keep_is_told(straight: Result) -> None:
+    (row,) = [line for line in printed(balance_table(straight)) if "narrowest limits" in line]
+    assert row.split()[2:] == ["5.00", "m", "apart,", "first", "at", "s", "=", "0.0", "m"]
+
+
 def test_the_region_is_told_only_where_overhangs_have_limits_of_their_own(kerbed: Result, bus: Result) -> None:
     assert any("region" in line for line in printed(breach_table(kerbed)))
     breach = Breach(10.0, 12.0, 11.0, 0.1, "left", 0, "front corner", "sweepable")
