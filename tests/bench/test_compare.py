@@ -202,6 +202,13 @@ def test_a_baseline_leaves_room_for_another_machine_but_not_for_more_work(tmp_pa
     assert compare_counters(baseline.assign(nonzeros=99), counters).verdict is Verdict.REGRESSED
 
 
+def test_cells_that_all_failed_before_their_first_step_count_nothing() -> None:
+    tables = tables_of(CELLS, [[made_up(STEPS)], [made_up(STEPS)]])
+    counters = counters_of(tables.samples.iloc[:0], tables.timing, tables.envelope)
+    assert counters[["steps", "qps", "iterations"]].to_numpy().tolist() == [[0, 0, 0], [0, 0, 0]]
+    assert counters["step by step"].tolist() == ["none", "none"]
+
+
 @pytest.mark.parametrize("content", [None, "", "road,vehicle\nbend,bus\n", "\xff"])
 def test_a_baseline_that_is_none_is_refused_with_a_hint(tmp_path: Path, content: str | None) -> None:
     if content is not None:
