@@ -23,6 +23,7 @@ LENGTHS = ("max_left_m", "max_right_m", "mean_abs_imbalance_m", "min_clearance_m
 IN_STEPS = "step by step"  # a digest of every step's counts and status
 ENVELOPE_TOLERANCE_M = 1e-4
 WORK_TOLERANCE = 0.02
+_LARGEST = 2.0**53  # whole number that a float holds beside its neighbours
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,11 @@ def counters_of(samples: pd.DataFrame, timing: pd.DataFrame, envelope: pd.DataFr
     done = pd.DataFrame(rows, columns=[*KEY, "steps", "failures", "unsolved", *WORK, IN_STEPS])
     table = timing[[*KEY, "status", "nonzeros"]].merge(done, on=KEY, how="left").merge(envelope[[*KEY, *LENGTHS]], on=KEY, how="left")
     whole = [*COUNTS, *WORK]
-    table[whole] = table[whole].fillna(0).astype(int)  # a cell that failed before its first step
+    counts = table[whole].astype(float).fillna(0.0)  # a cell that failed before its first step
+    if np.any(np.abs(counts) > _LARGEST):
+        msg = "a table counts more than can be counted"
+        raise ValueError(msg)
+    table[whole] = counts.astype(int)
     table[IN_STEPS] = table[IN_STEPS].fillna("none")
     return table[[*KEY, "status", *COUNTS, *WORK, *LENGTHS, IN_STEPS]]
 

@@ -14,7 +14,7 @@ from hdvplan.bench.counters import counters_of
 from hdvplan.bench.samples import LOST, OK, read_plain
 from hdvplan.bench.stats import keyed
 from hdvplan.bench.suite import AS_SET, KEY
-from hdvplan.bench.work import ABOUT, STEPS, OwnSteps, steps_of
+from hdvplan.bench.work import ABOUT, LONGEST_S, SHORTEST_S, STEPS, OwnSteps, steps_of
 from hdvplan.errors import OptionError
 from hdvplan.fileio import read_json
 from hdvplan.jit import FloatArray
@@ -23,6 +23,7 @@ Name = tuple[str, ...]  # of a cell, as in KEY
 TABLES = ("timing.csv", "envelope.csv", "samples.csv.gz")
 PARTS = ("linearise", "update", "solve", "check")
 IMPORT, PEAK = "import_s", "peak_bytes"
+_MOST_BYTES = 1e18  # more than any machine has
 
 
 @dataclass(frozen=True)
@@ -80,10 +81,20 @@ def read_side(path: Path) -> Side:
 
 
 def times_of(samples: pd.DataFrame) -> dict[Name, Steps]:
-    """Return every cell's steps of one process; only whole rounds: a cell that ended at its budget has no other."""
+    """Return every cell's steps of one process; only whole rounds: a cell that ended at its budget has no other.
+
+    Raises:
+        ValueError: a time that no clock shows; of tables that were read, other errors as well.
+
+    """
     outer = "outer_s" if "outer_s" in samples else None  # older versions did not take it
     parts = [part for part in PARTS if f"{part}_s" in samples]
-    columns = ["total_s", *filter(None, [outer]), *(f"{part}_s" for part in parts)]
+    wholes = ["total_s", *filter(None, [outer])]
+    columns = [*wholes, *(f"{part}_s" for part in parts)]
+    times = np.abs(samples[columns].to_numpy(np.float64))
+    if np.any(times > LONGEST_S) or np.any((times[:, : len(wholes)] > 0.0) & (times[:, : len(wholes)] < SHORTEST_S)):
+        msg = "a planning step took a time that no clock shows"
+        raise ValueError(msg)
     cells = {}
     for key, mine in samples.groupby(KEY, sort=False):
         steps = mine[mine["step"] > 0]
@@ -153,6 +164,7 @@ def _about(folder: Path) -> dict[str, float]:
     """Return what is known of a process as a whole."""
     try:
         told = read_json(folder / ABOUT)
-        return {name: float(told[name]) for name in (IMPORT, PEAK) if told.get(name) is not None}
-    except (OSError, ValueError, AttributeError, TypeError):
+        known = {name: float(told[name]) for name in (IMPORT, PEAK) if told.get(name) is not None}
+    except (OSError, OverflowError, ValueError, AttributeError, TypeError):
         return {}
+    return {name: value for name, value in known.items() if SHORTEST_S <= value <= _MOST_BYTES}

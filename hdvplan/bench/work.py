@@ -96,6 +96,9 @@ class CommandWork:
         return [first, *_PROFILED, str(file), *others] if known else None
 
 
+SHORTEST_S, LONGEST_S = 1e-12, 1e9  # of a time: no clock shows others, and ratios of them come to the end of what floats hold
+
+
 @dataclass(frozen=True)
 class OwnSteps:
     """What a user's command says about one cell."""
@@ -132,7 +135,8 @@ def _cell(name: str, cell: Mapping[str, object]) -> OwnSteps:
     steps = np.atleast_2d(_numbers(name, "steps_s", cell.get("steps_s")))
     first, s = (np.atleast_1d(_numbers(name, key, cell.get(key, []))) for key in ("first_s", "s_m"))
     counters = cell.get("counters", {})
-    if steps.ndim != 2 or not steps.size or np.any(steps <= 0.0) or np.any(first <= 0.0):  # noqa: PLR2004 - a table
+    shown = all(np.all((times >= SHORTEST_S) & (times <= LONGEST_S)) for times in (steps, first))
+    if steps.ndim != 2 or not steps.size or not shown:  # noqa: PLR2004 - a table
         msg = f"{name}: steps_s are positive times in seconds, one list or one a round, all of one length"
         raise ValueError(msg)
     if len(s) not in {0, steps.shape[1]} or not isinstance(counters, dict):

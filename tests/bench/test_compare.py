@@ -202,6 +202,13 @@ def test_a_baseline_leaves_room_for_another_machine_but_not_for_more_work(tmp_pa
     assert compare_counters(baseline.assign(nonzeros=99), counters).verdict is Verdict.REGRESSED
 
 
+def test_cells_that_all_failed_before_their_first_step_count_nothing() -> None:
+    tables = tables_of(CELLS, [[made_up(STEPS)], [made_up(STEPS)]])
+    counters = counters_of(tables.samples.iloc[:0], tables.timing, tables.envelope)
+    assert counters[["steps", "qps", "iterations"]].to_numpy().tolist() == [[0, 0, 0], [0, 0, 0]]
+    assert counters["step by step"].tolist() == ["none", "none"]
+
+
 @pytest.mark.parametrize("content", [None, "", "road,vehicle\nbend,bus\n", "\xff"])
 def test_a_baseline_that_is_none_is_refused_with_a_hint(tmp_path: Path, content: str | None) -> None:
     if content is not None:
@@ -318,6 +325,12 @@ def test_a_refusal_is_an_annotation_too_and_a_summary_that_cannot_be_written_cha
     assert outcome.err == f"warning: cannot write the step summary {tmp_path}: Is a directory\n"
 
 
+@pytest.mark.parametrize("told", [f'{{"import_s": {"9" * 400}}}', '{"import_s": 1e300, "peak_bytes": 1e-300}', "[]"])
+def test_impossible_numbers_about_a_process_are_not_known(two_runs: tuple[Path, Path], told: str) -> None:
+    (two_runs[0] / "process.json").write_text(told, encoding="utf-8")
+    assert read_side(two_runs[0]).about == ({},)
+
+
 def test_several_runs_in_a_folder_are_processes_of_one_side(cli: Cli, tmp_path: Path, two_runs: tuple[Path, Path]) -> None:
     for number in range(4):
         for name in ("base", "new"):
@@ -355,6 +368,9 @@ def test_what_is_no_run_is_refused(cli: Cli, two_runs: tuple[Path, Path], spoil:
         ("timing.csv", "nonzeros", "x"),
         ("samples.csv.gz", "total_s", "x"),
         ("samples.csv.gz", "qp_count", "1e300"),
+        ("samples.csv.gz", "total_s", "1e-300"),
+        ("samples.csv.gz", "outer_s", "inf"),
+        ("samples.csv.gz", "solve_s", "-1e300"),
     ],
 )
 def test_a_table_with_something_else_than_numbers_is_refused(

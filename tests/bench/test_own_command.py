@@ -41,6 +41,7 @@ def test_the_least_is_a_list_of_times() -> None:
         {}, [], {"cells": {}}, {"cells": {"a": []}}, {"cells": {"a": [0.0]}}, {"cells": {"a": [-1.0]}}, {"cells": {"a": ["x"]}},
         {"cells": {"a": [[1.0], [1.0, 2.0]]}}, {"cells": {"a": [float("nan")]}}, {"cells": {"a": {"steps_s": [1.0], "s_m": [1.0, 2.0]}}},
         {"cells": {"a": {"steps_s": [1.0], "counters": 3}}}, {"cells": {"a": {"steps_s": None}}}, {"cells": {"a": [[[1.0]]]}},
+        {"cells": {"a": [1.0, 1e-300]}},
     ],
 )  # fmt: skip
 def test_what_is_no_list_of_times_is_refused(told: object) -> None:
