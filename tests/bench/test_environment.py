@@ -147,7 +147,19 @@ def test_an_unknown_revision_is_a_usage_error(cli: Cli, ours: Path, short_road: 
     outcome = cli("bench", "--against", "no-such-branch", "--roads", short_road)
     assert outcome.code == 2
     assert "no revision 'no-such-branch'" in outcome.err
-    assert "hint: a shallow clone lacks other branches" in outcome.err
+    assert "hint: git branch --all and git tag list the names" in outcome.err
+
+
+def test_a_revision_that_a_shallow_clone_lacks_is_said_to_be_cut_off(
+    committed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    git(tmp_path, "clone", "--quiet", "--depth", "1", committed.as_uri(), "shallow")
+    git(tmp_path, "clone", "--quiet", committed.as_uri(), "whole")
+    for name, words in (("shallow", "this clone is shallow"), ("whole", "git branch --all")):
+        monkeypatch.chdir(tmp_path / name)
+        with pytest.raises(OptionError, match="no revision 'HEAD~5'") as raised:
+            base_named("HEAD~5", checkout())
+        assert words in str(raised.value.hint)
 
 
 HOSTILE = [
