@@ -86,9 +86,12 @@ def compare_counters(baseline: pd.DataFrame, measured: pd.DataFrame) -> Comparis
     return Comparison(changes, (), Verdict.REGRESSED if changes else Verdict.FINE, 1)
 
 
-def failed(side: str, message: str, tail: str) -> Comparison:
-    """Return the comparison of programs of which one could not be measured: a new one is a regression, a base prevents an answer."""
-    verdict = Verdict.REGRESSED if side == "new" else Verdict.UNMEASURABLE
+def failed(side: str, message: str, tail: str, *, blameless: bool = False) -> Comparison:
+    """Return the comparison of programs of which one could not be measured: a new one is a regression, a base prevents an answer.
+
+    So does a ``blameless`` failure, which says nothing about the program.
+    """
+    verdict = Verdict.REGRESSED if side == "new" and not blameless else Verdict.UNMEASURABLE
     return Comparison((), (), verdict, 0, (), Failure(side, message, tail))
 
 

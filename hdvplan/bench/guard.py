@@ -17,7 +17,7 @@ from hdvplan.bench.gate import Verdict
 from hdvplan.bench.hotspots import hotspots, profile_of
 from hdvplan.bench.origin import Origin
 from hdvplan.bench.processes import Scratch, ended_by_signals, scratch_folder
-from hdvplan.bench.programs import Program, ProgramError
+from hdvplan.bench.programs import Program, ProgramError, UnreachedError
 from hdvplan.bench.revisions import Revision, revisions_since
 from hdvplan.bench.suite import Suite
 from hdvplan.bench.work import CommandWork, SuiteWork, Work, placed, suite_entries, suite_text
@@ -129,7 +129,8 @@ def _compared(
             program = made()
             contenders[side] = Contender(program, _work(program, wanted.work, scratch, side))
     except MeasurementError as error:
-        return failed(side, str(error), error.tail if isinstance(error, ProgramError) else "")
+        tail = error.tail if isinstance(error, ProgramError) else ""
+        return failed(side, str(error), tail, blameless=isinstance(error, UnreachedError))
     told.step(f"base: {contenders[_BASE].program.name}; new: {contenders[_NEW].program.name}")
     comparison = measure_against(contenders[_BASE], contenders[_NEW], wanted.settings, out, scratch, told.progress)
     if not wanted.settings.profile or comparison.verdict is not Verdict.REGRESSED or comparison.failure is not None:
