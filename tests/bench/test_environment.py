@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from hdvplan.bench import environment, installing
-from hdvplan.bench.checkout import Checkout, checkout, copy_tree
+from hdvplan.bench.checkout import Checkout, checkout, copy_tree, export
 from hdvplan.bench.environment import Base, base_named, base_program, new_program
 from hdvplan.bench.processes import Ended, Scratch, ended_by_signals, scratch_folder, start
 from hdvplan.bench.programs import Program, ProgramError
@@ -92,6 +92,12 @@ def test_a_revision_is_exported_once_and_the_checkout_is_only_read(ours: Path, s
     assert base(git(ours, "rev-parse", "HEAD~1"), scratch).source == old.source  # by any name
     assert marked.exists()
     assert base("HEAD", scratch).source != old.source
+
+
+def test_a_revision_that_cannot_be_checked_out_says_why(ours: Path, tmp_path: Path) -> None:
+    with pytest.raises(ProgramError, match=r"out into .*: Not a valid object name no-such") as raised:
+        export(ours, "no-such", tmp_path / "source", tmp_path)
+    assert "no-such" in raised.value.tail.lower()
 
 
 def test_a_revision_without_a_project_file_runs_with_what_is_installed(ours: Path, scratch: Scratch) -> None:
