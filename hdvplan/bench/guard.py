@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
@@ -52,7 +54,7 @@ def guard(wanted: Wanted, out: Path, told: Told) -> Comparison:
     cache. The reports of an earlier comparison go first, so that none is taken for this one's.
 
     Raises:
-        OptionError: ``against`` names nothing, ``out`` holds something else, or the checkout cannot be read.
+        OptionError: ``against`` names nothing, ``out`` holds something else or is in use, or the checkout cannot be read.
         OSError: ``out`` cannot be written.
 
     """
@@ -62,15 +64,42 @@ def guard(wanted: Wanted, out: Path, told: Told) -> Comparison:
         cache = cache_folder(scratch)
         apart = [out, *filter(None, [wanted.history])]
         out.mkdir(parents=True, exist_ok=True)
-        for report in REPORTS:
-            (out / report).unlink(missing_ok=True)
-        if isinstance(wanted.work, Suite):
-            (out / "suite.toml").write_bytes(encoded(suite_text(suite_entries(placed(wanted.work), wanted.work.to_dict()))))
-        return _compared(
-            lambda: base_program(named, here, scratch, cache, told.step),
-            lambda: new_program(here, scratch, cache, told.step, apart),
-            wanted, out.absolute(), scratch, told,
-        )  # fmt: skip
+        with _alone_in(out):
+            for report in REPORTS:
+                (out / report).unlink(missing_ok=True)
+            if isinstance(wanted.work, Suite):
+                (out / "suite.toml").write_bytes(encoded(suite_text(suite_entries(placed(wanted.work), wanted.work.to_dict()))))
+            return _compared(
+                lambda: base_program(named, here, scratch, cache, told.step),
+                lambda: new_program(here, scratch, cache, told.step, apart),
+                wanted, out.absolute(), scratch, told,
+            )  # fmt: skip
+
+
+@contextmanager
+def _alone_in(out: Path) -> Iterator[None]:
+    """Keep a second comparison out of a folder, where the system has such locks; this one goes with the process and leaves no file.
+
+    Raises:
+        OptionError: another comparison measures into it.
+
+    """
+    try:
+        import fcntl  # noqa: PLC0415 - not on Windows
+    except ImportError:
+        yield
+        return
+    folder = os.open(out, os.O_RDONLY)
+    try:
+        with suppress(OSError):  # some network file systems have none
+            try:
+                fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError as error:
+                msg = f"another comparison measures into {out}"
+                raise OptionError(msg, hint="choose another folder with --out") from error
+        yield
+    finally:
+        os.close(folder)
 
 
 def suspects(against: str) -> tuple[Revision, ...]:

@@ -192,6 +192,23 @@ def test_a_new_program_that_cannot_be_installed_without_an_index_is_no_regressio
     assert outcome.code == code
 
 
+@pytest.mark.skipif(os.name != "posix", reason="folders are locked by flock")
+def test_a_second_comparison_is_kept_out_of_the_folder_of_the_first(cli: Cli, theirs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import fcntl  # noqa: PLC0415 - not on Windows
+
+    monkeypatch.chdir(theirs)
+    out = theirs.parent / "gate"
+    out.mkdir()
+    (out / "junit.xml").write_text("of the first", encoding="utf-8")
+    first = os.open(out, os.O_RDONLY)
+    fcntl.flock(first, fcntl.LOCK_EX)
+    outcome = cli("bench", "--against", "HEAD", "--command", "python ours.py", "--out", str(out))
+    os.close(first)
+    assert outcome.code == 2
+    assert "another comparison measures into" in outcome.err
+    assert (out / "junit.xml").read_text(encoding="utf-8") == "of the first"
+
+
 def test_reports_of_an_earlier_comparison_are_not_taken_for_those_of_one_that_was_ended(
     cli: Cli, theirs: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
