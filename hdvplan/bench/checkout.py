@@ -13,6 +13,7 @@ from pathlib import Path
 
 from hdvplan.bench.programs import ProgramError
 from hdvplan.errors import OptionError
+from hdvplan.texts import printable
 
 
 @dataclass(frozen=True)
@@ -55,14 +56,21 @@ def checkout() -> Checkout | None:
 
 
 def export(top: Path, commit: str, source: Path, folder: Path) -> None:
-    """Write the files of a commit, through an index of our own."""
+    """Write the files of a commit, through an index of our own.
+
+    Raises:
+        ProgramError: git cannot, such as on a full disk.
+
+    """
     index = {"GIT_INDEX_FILE": str(folder / "index")}
     source.mkdir()
-    if git(top, "read-tree", commit, variables=index) is None or (
-        git(top, "checkout-index", "--all", "--force", f"--prefix={source}/", variables=index) is None
-    ):
-        msg = f"git cannot check {commit[:9]} out into {source}"
-        raise ProgramError(msg)
+    for command in (("read-tree", commit), ("checkout-index", "--all", "--force", f"--prefix={source}/")):
+        ended = _run(top, *command, variables=index)
+        if ended is None or ended.returncode != 0:
+            tail = "" if ended is None else _text(ended.stderr)
+            said = ([line for line in tail.splitlines() if line] or ["git says nothing"])[-1].removeprefix("fatal: ")
+            msg = f"git cannot check {commit[:9]} out into {source}: {printable(said)}"
+            raise ProgramError(msg, tail=tail)
 
 
 def copy_tree(top: Path, target: Path, apart: Sequence[Path] = ()) -> None:

@@ -71,7 +71,7 @@ def compare(base: Side, new: Side, rule: Rule, tolerance: Tolerance, *, expect_c
     verdict = _verdict(changes, times, found, expect_changes=expect_changes)
     short = _short_names([change.cell for change in changes] + names)
     return Comparison(
-        tuple(replace(change, cell=short[change.cell]) for change in changes),
+        tuple(replace(change, cell=short[change.cell], why=_why(change, new)) for change in changes),
         tuple(replace(entry, cell=short[entry.cell]) for entry in times),
         verdict,
         min(len(base.processes), len(new.processes)),
@@ -86,9 +86,12 @@ def compare_counters(baseline: pd.DataFrame, measured: pd.DataFrame) -> Comparis
     return Comparison(changes, (), Verdict.REGRESSED if changes else Verdict.FINE, 1)
 
 
-def failed(side: str, message: str, tail: str) -> Comparison:
-    """Return the comparison of programs of which one could not be measured: a new one is a regression, a base prevents an answer."""
-    verdict = Verdict.REGRESSED if side == "new" else Verdict.UNMEASURABLE
+def failed(side: str, message: str, tail: str, *, blameless: bool = False) -> Comparison:
+    """Return the comparison of programs of which one could not be measured: a new one is a regression, a base prevents an answer.
+
+    So does a ``blameless`` failure, which says nothing about the program.
+    """
+    verdict = Verdict.REGRESSED if side == "new" and not blameless else Verdict.UNMEASURABLE
     return Comparison((), (), verdict, 0, (), Failure(side, message, tail))
 
 
@@ -96,6 +99,11 @@ def no_longer_planned(change: Change) -> bool:
     """Tell whether a change is a cell that was planned to its end before, and is not now."""
     lost = change.counter == "status" and change.base == OK and change.new in LOST
     return lost or (change.counter == "cell" and change.new == "missing")
+
+
+def _why(change: Change, new: Side) -> str:
+    """Return the last words of a cell that is no longer planned."""
+    return new.last_words.get(change.cell, "") if no_longer_planned(change) else ""
 
 
 def _cell_times(name: Name, decision: Decision | None, agreed: tuple[float, float] | None, base: Side, new: Side) -> CellTimes:

@@ -42,7 +42,8 @@ def verdict_line(comparison: Comparison, rule: Rule) -> str:
     cells = len(comparison.times)
     lost = len({change.cell for change in comparison.changes if no_longer_planned(change)})
     changed = len({change.cell for change in comparison.changes})
-    parts = [f"no plan in {lost} cell{_s(lost)} where there was one"] if lost else []
+    why = next((f" ({change.why})" for change in comparison.changes if change.why), "")
+    parts = [f"no plan in {lost} cell{_s(lost)} where there was one{why}"] if lost else []
     parts += [f"counters changed in {changed} cell{_s(changed)}"] if changed else []
     if slower:
         worst = max(slower, key=lambda entry: entry.decision.ratio if entry.decision else 0.0)
@@ -140,7 +141,7 @@ def change_words(change: Change) -> str:
     """Return a changed counter as a sentence."""
     if change.counter == IN_STEPS:
         return "totals unchanged, per-step counts differ"
-    return f"{change.counter} was {change.base}, is {change.new}"
+    return f"{change.counter} was {change.base}, is {change.new}" + (f" ({change.why})" if change.why else "")
 
 
 def word_of(one: Found) -> str:

@@ -46,6 +46,7 @@ class Change:
     counter: str
     base: str
     new: str
+    why: str = ""  # of a cell that is no longer planned: what its drive said last
 
 
 def counters_of(samples: pd.DataFrame, timing: pd.DataFrame, envelope: pd.DataFrame) -> pd.DataFrame:

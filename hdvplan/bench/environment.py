@@ -75,8 +75,15 @@ def base_named(against: str, here: Checkout | None) -> Base:
     found = git(here.top, "rev-parse", "--verify", "--quiet", "--end-of-options", f"{against}^{{commit}}") if "\0" not in against else None
     if found is None or not _HASH.fullmatch(found):
         msg = f"no revision {against!r} in {here.top}"
-        raise OptionError(msg, hint="a shallow clone lacks other branches and older commits: fetch them first")
+        raise OptionError(msg, hint=_missing(here))
     return Base(against, commit=found)
+
+
+def _missing(here: Checkout) -> str:
+    """Return what to do about a revision that a checkout lacks."""
+    if git(here.top, "rev-parse", "--is-shallow-repository") == "true":
+        return "this clone is shallow: without older commits and other branches (GitHub: fetch-depth: 0, GitLab: GIT_DEPTH: 0)"
+    return "git branch --all and git tag list the names; git fetch brings what was pushed since"
 
 
 def base_program(base: Base, here: Checkout | None, scratch: Scratch, cache: Path, on_step: Callable[[str], None]) -> Program:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
@@ -17,7 +19,7 @@ from hdvplan.bench.gate import Verdict
 from hdvplan.bench.hotspots import hotspots, profile_of
 from hdvplan.bench.origin import Origin
 from hdvplan.bench.processes import Scratch, ended_by_signals, scratch_folder
-from hdvplan.bench.programs import Program, ProgramError
+from hdvplan.bench.programs import Program, ProgramError, UnreachedError
 from hdvplan.bench.revisions import Revision, revisions_since
 from hdvplan.bench.suite import Suite
 from hdvplan.bench.work import CommandWork, SuiteWork, Work, placed, suite_entries, suite_text
@@ -52,7 +54,7 @@ def guard(wanted: Wanted, out: Path, told: Told) -> Comparison:
     cache. The reports of an earlier comparison go first, so that none is taken for this one's.
 
     Raises:
-        OptionError: ``against`` names nothing, ``out`` holds something else, or the checkout cannot be read.
+        OptionError: ``against`` names nothing, ``out`` holds something else or is in use, or the checkout cannot be read.
         OSError: ``out`` cannot be written.
 
     """
@@ -62,15 +64,42 @@ def guard(wanted: Wanted, out: Path, told: Told) -> Comparison:
         cache = cache_folder(scratch)
         apart = [out, *filter(None, [wanted.history])]
         out.mkdir(parents=True, exist_ok=True)
-        for report in REPORTS:
-            (out / report).unlink(missing_ok=True)
-        if isinstance(wanted.work, Suite):
-            (out / "suite.toml").write_bytes(encoded(suite_text(suite_entries(placed(wanted.work), wanted.work.to_dict()))))
-        return _compared(
-            lambda: base_program(named, here, scratch, cache, told.step),
-            lambda: new_program(here, scratch, cache, told.step, apart),
-            wanted, out.absolute(), scratch, told,
-        )  # fmt: skip
+        with _alone_in(out):
+            for report in REPORTS:
+                (out / report).unlink(missing_ok=True)
+            if isinstance(wanted.work, Suite):
+                (out / "suite.toml").write_bytes(encoded(suite_text(suite_entries(placed(wanted.work), wanted.work.to_dict()))))
+            return _compared(
+                lambda: base_program(named, here, scratch, cache, told.step),
+                lambda: new_program(here, scratch, cache, told.step, apart),
+                wanted, out.absolute(), scratch, told,
+            )  # fmt: skip
+
+
+@contextmanager
+def _alone_in(out: Path) -> Iterator[None]:
+    """Keep a second comparison out of a folder, where the system has such locks; this one goes with the process and leaves no file.
+
+    Raises:
+        OptionError: another comparison measures into it.
+
+    """
+    try:
+        import fcntl  # noqa: PLC0415 - not on Windows
+    except ImportError:
+        yield
+        return
+    folder = os.open(out, os.O_RDONLY)
+    try:
+        with suppress(OSError):  # some network file systems have none
+            try:
+                fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError as error:
+                msg = f"another comparison measures into {out}"
+                raise OptionError(msg, hint="choose another folder with --out") from error
+        yield
+    finally:
+        os.close(folder)
 
 
 def suspects(against: str) -> tuple[Revision, ...]:
@@ -129,7 +158,8 @@ def _compared(
             program = made()
             contenders[side] = Contender(program, _work(program, wanted.work, scratch, side))
     except MeasurementError as error:
-        return failed(side, str(error), error.tail if isinstance(error, ProgramError) else "")
+        tail = error.tail if isinstance(error, ProgramError) else ""
+        return failed(side, str(error), tail, blameless=isinstance(error, UnreachedError))
     told.step(f"base: {contenders[_BASE].program.name}; new: {contenders[_NEW].program.name}")
     comparison = measure_against(contenders[_BASE], contenders[_NEW], wanted.settings, out, scratch, told.progress)
     if not wanted.settings.profile or comparison.verdict is not Verdict.REGRESSED or comparison.failure is not None:

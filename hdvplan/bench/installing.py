@@ -10,10 +10,11 @@ import tomllib
 from pathlib import Path
 
 from hdvplan.bench.processes import Ended, Scratch, run
-from hdvplan.bench.programs import ProgramError
+from hdvplan.bench.programs import ProgramError, UnreachedError
 
 PYTHON = Path("Scripts/python.exe" if os.name == "nt" else "bin/python")  # in an environment
 _NO_ANSWER = re.compile(r"WARNING: Retrying|connection broken by|Could not fetch URL|ConnectionError|timed out", re.IGNORECASE)
+_NO_VERSION = re.compile(r"\(from versions: none\)|Max retries exceeded|ReadTimeoutError")
 _NOT_OURS = {"PYTHONPATH", "PIP_REQUIRE_VIRTUALENV", "VIRTUAL_ENV", "UV_PROJECT_ENVIRONMENT", "UV_PYTHON"}
 
 
@@ -35,6 +36,7 @@ def install(source: Path, folder: Path, name: str, scratch: Scratch, *, again: b
     """Install a source tree into the environment ``folder``; ``again``: only itself, into one that has its requirements.
 
     Raises:
+        UnreachedError: pip got no answer from a package index.
         ProgramError: it cannot be installed.
 
     """
@@ -45,6 +47,9 @@ def install(source: Path, folder: Path, name: str, scratch: Scratch, *, again: b
         python = folder / PYTHON if again else environment(folder, scratch)
         ended = pip(python, scratch, source.as_uri(), *(("--no-deps", "--force-reinstall") if again else ()))
     if ended.code != 0:
+        if is_unreached(ended) and _NO_VERSION.search(ended.said):  # a build that fails after a retry is the program's own failure
+            msg = f"{name} cannot be installed: no package index answers"
+            raise UnreachedError(msg, tail=ended.tail, code=ended.code)
         msg = f"{name} cannot be installed: {reason(ended)}"
         raise ProgramError(msg, tail=ended.tail, code=ended.code)
 

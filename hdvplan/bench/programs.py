@@ -43,6 +43,10 @@ class ProgramError(MeasurementError):
         self.tail, self.code = tail, code
 
 
+class UnreachedError(ProgramError):
+    """A program cannot be installed because no package index answers, which says nothing about the program."""
+
+
 @dataclass(frozen=True)
 class Program:
     """A program in a separate environment: an interpreter, where it finds packages that are not installed there, and a folder."""

@@ -52,7 +52,9 @@ def comparison_json(comparison: Comparison, rule: Rule, again: str | None = None
         "again": again,
         "failure": None if failure is None else {"side": failure.side, "message": failure.message, "tail": failure.tail},
         "changes": [
-            dict(zip(KEY, change.cell, strict=True)) | {"counter": change.counter, "base": change.base, "new": change.new}
+            dict(zip(KEY, change.cell, strict=True))
+            | {"counter": change.counter, "base": change.base, "new": change.new}
+            | ({"why": change.why} if change.why else {})
             for change in comparison.changes
         ],
         "times": [dict(zip(KEY, entry.cell, strict=True)) | _numbers(entry) for entry in comparison.times],

@@ -6,6 +6,7 @@ import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from textwrap import shorten
 
 import numpy as np
 import pandas as pd
@@ -18,12 +19,14 @@ from hdvplan.bench.work import ABOUT, LONGEST_S, SHORTEST_S, STEPS, OwnSteps, st
 from hdvplan.errors import OptionError
 from hdvplan.fileio import read_json
 from hdvplan.jit import FloatArray
+from hdvplan.texts import printable
 
 Name = tuple[str, ...]  # of a cell, as in KEY
 TABLES = ("timing.csv", "envelope.csv", "samples.csv.gz")
 PARTS = ("linearise", "update", "solve", "check")
 IMPORT, PEAK = "import_s", "peak_bytes"
 _MOST_BYTES = 1e18  # more than any machine has
+_LONGEST = 300  # characters of a drive's last words
 
 
 @dataclass(frozen=True)
@@ -51,6 +54,7 @@ class Side:
     about: tuple[Mapping[str, float], ...] = ()  # of every process as a whole: IMPORT [s], PEAK [bytes]
     own: Mapping[Name, Mapping[str, object]] = field(default_factory=dict)  # counters that a user's command printed
     lost: Mapping[Name, str] = field(default_factory=dict)  # cells that ended well in the first process, and how they did in a later one
+    last_words: Mapping[Name, str] = field(default_factory=dict)  # of cells without a plan in any process: why, in one line
 
 
 def read_side(path: Path) -> Side:
@@ -74,7 +78,8 @@ def read_side(path: Path) -> Side:
     timing, envelope, samples = tables[0]
     try:
         times = tuple(times_of(samples) for _, _, samples in tables)
-        return Side(counters_of(samples, timing, envelope), times, about, lost=_lost([timing for timing, _, _ in tables]))
+        timings = [timing for timing, _, _ in tables]
+        return Side(counters_of(samples, timing, envelope), times, about, lost=_lost(timings), last_words=_last_words(timings))
     except (ArithmeticError, LookupError, TypeError, ValueError) as error:  # a damaged table may hold anything
         msg = f"{path} cannot be read: its tables are not those of hdvplan bench"
         raise OptionError(msg, hint="measure it again") from error
@@ -121,6 +126,18 @@ def _lost(timings: Sequence[pd.DataFrame]) -> dict[Name, str]:
         for timing in timings
     )
     return {cell: status for ended in later for cell, status in ended.items() if first.get(cell) == OK and status in LOST}
+
+
+def _last_words(timings: Sequence[pd.DataFrame]) -> dict[Name, str]:
+    """Return what the drives without a plan said last, by cell; of several processes the first one that said something."""
+    found: dict[Name, str] = {}
+    for timing in timings:
+        if "message" not in timing:
+            continue
+        for *key, status, message in timing[[*KEY, "status", "message"]].itertuples(index=False, name=None):
+            if status in LOST and isinstance(message, str):
+                found.setdefault(tuple(map(str, key)), shorten(printable(message), _LONGEST, placeholder=" ..."))
+    return found
 
 
 def _tables(folder: Path) -> list[pd.DataFrame]:

@@ -184,6 +184,25 @@ def test_a_crash_in_a_later_process_is_read(two_runs: tuple[Path, Path], tmp_pat
     assert read_side(two_runs[0]).lost == {}
 
 
+def test_a_plan_that_is_lost_says_its_last_words_in_every_format(cli: Cli, two_runs: tuple[Path, Path]) -> None:
+    new = two_runs[1]
+    timing = pd.read_csv(new / "timing.csv")
+    failed, words = timing["solver"] == "piqp", "solver 'piqp' raises AttributeError: no\x1b[2J attribute"
+    timing.assign(status=timing["status"].where(~failed, FAILED), message=np.where(failed, words, "")).to_csv(
+        new / "timing.csv", index=False
+    )
+    rewrite(new, lambda samples: samples[samples["solver"] != "piqp"])
+    line = cli("compare", "base", "new", "--reports", "reports").out.splitlines()[-1]
+    assert line.startswith("regressed: no plan in 1 cell where there was one (solver 'piqp' raises AttributeError: no")
+    assert "\x1b" not in line
+    change = json.loads(Path("reports/comparison.json").read_text(encoding="utf-8"))["changes"][0]
+    assert (change["counter"], change["why"].split(":")[0]) == ("status", "solver 'piqp' raises AttributeError")
+    for report in ("junit.xml", "summary.md"):
+        assert "raises AttributeError" in Path("reports", report).read_text(encoding="utf-8")
+    annotations = cli("compare", "base", "new", "--format", "github").out.splitlines()
+    assert all("raises AttributeError" in line for line in annotations if line.startswith("::error"))
+
+
 def test_of_one_process_a_side_the_rounds_count_and_three_are_needed() -> None:
     assert held(side(processes=1), side(processes=1, slow=1.0001)).verdict is Verdict.FINE
     assert held(side(processes=1), side(processes=1, slow=1.3)).verdict is Verdict.REGRESSED

@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from hdvplan.bench import environment, installing
-from hdvplan.bench.checkout import Checkout, checkout, copy_tree
+from hdvplan.bench.checkout import Checkout, checkout, copy_tree, export
 from hdvplan.bench.environment import Base, base_named, base_program, new_program
 from hdvplan.bench.processes import Ended, Scratch, ended_by_signals, scratch_folder, start
 from hdvplan.bench.programs import Program, ProgramError
@@ -94,6 +94,12 @@ def test_a_revision_is_exported_once_and_the_checkout_is_only_read(ours: Path, s
     assert base("HEAD", scratch).source != old.source
 
 
+def test_a_revision_that_cannot_be_checked_out_says_why(ours: Path, tmp_path: Path) -> None:
+    with pytest.raises(ProgramError, match=r"out into .*: Not a valid object name no-such") as raised:
+        export(ours, "no-such", tmp_path / "source", tmp_path)
+    assert "no-such" in raised.value.tail.lower()
+
+
 def test_a_revision_without_a_project_file_runs_with_what_is_installed(ours: Path, scratch: Scratch) -> None:
     git(ours, "rm", "--quiet", "pyproject.toml")
     git(ours, "commit", "--quiet", "--message", "bare")
@@ -147,7 +153,19 @@ def test_an_unknown_revision_is_a_usage_error(cli: Cli, ours: Path, short_road: 
     outcome = cli("bench", "--against", "no-such-branch", "--roads", short_road)
     assert outcome.code == 2
     assert "no revision 'no-such-branch'" in outcome.err
-    assert "hint: a shallow clone lacks other branches" in outcome.err
+    assert "hint: git branch --all and git tag list the names" in outcome.err
+
+
+def test_a_revision_that_a_shallow_clone_lacks_is_said_to_be_cut_off(
+    committed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    git(tmp_path, "clone", "--quiet", "--depth", "1", committed.as_uri(), "shallow")
+    git(tmp_path, "clone", "--quiet", committed.as_uri(), "whole")
+    for name, words in (("shallow", "this clone is shallow"), ("whole", "git branch --all")):
+        monkeypatch.chdir(tmp_path / name)
+        with pytest.raises(OptionError, match="no revision 'HEAD~5'") as raised:
+            base_named("HEAD~5", checkout())
+        assert words in str(raised.value.hint)
 
 
 HOSTILE = [

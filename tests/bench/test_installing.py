@@ -13,7 +13,7 @@ import pytest
 from hdvplan.bench import installing
 from hdvplan.bench.installing import PYTHON, install, reason
 from hdvplan.bench.processes import Ended, Scratch, scratch_folder
-from hdvplan.bench.programs import ProgramError
+from hdvplan.bench.programs import ProgramError, UnreachedError
 
 PROJECT = """
 [build-system]
@@ -116,6 +116,30 @@ def test_a_project_without_a_name_cannot_be_installed_again(source: Path, tmp_pa
 )
 def test_the_reason_is_the_exception_of_a_build_or_the_installers_own(said: str, words: str) -> None:
     assert reason(Ended(1, "", said, None)) == words
+
+
+RETRIED = "WARNING: Retrying (Retry(total=0)) after connection broken by 'NewConnectionError(...)': /simple/numpy/\n"
+NONE = "ERROR: Could not find a version that satisfies the requirement numpy (from versions: {})\nERROR: No matching distribution found\n"
+
+
+@pytest.mark.parametrize(
+    ("said", "unreached"),
+    [
+        (RETRIED + NONE.format("none"), True),
+        (NONE.format("none"), False),  # the index answers, and has no such project
+        (RETRIED + NONE.format("1.0"), False),
+        (RETRIED + "ValueError: half a commit\nERROR: Failed to build\n", False),
+    ],
+)
+@pytest.mark.usefixtures("commands")
+def test_an_index_that_does_not_answer_is_told_from_a_project_that_cannot_be_installed(
+    source: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, said: str, *, unreached: bool
+) -> None:
+    monkeypatch.setattr("shutil.which", lambda _: None)
+    monkeypatch.setattr(installing, "run", lambda *_: Ended(1, "", said, None))
+    with scratch_folder() as scratch, pytest.raises(ProgramError) as raised:
+        install(source, tmp_path / "venv", "theirs", scratch, again=True)
+    assert isinstance(raised.value, UnreachedError) == unreached
 
 
 @pytest.mark.slow  # it builds a project

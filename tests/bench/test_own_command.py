@@ -13,7 +13,7 @@ import pytest
 
 from hdvplan.bench.against import REPORTS
 from hdvplan.bench.processes import Ended
-from hdvplan.bench.programs import ProgramError
+from hdvplan.bench.programs import ProgramError, UnreachedError
 from hdvplan.bench.sides import own_name, read_side
 from hdvplan.bench.work import CommandWork, SuiteWork, command_words, steps_of
 from hdvplan.errors import OptionError
@@ -174,6 +174,40 @@ def test_a_base_that_does_not_run_is_no_regression(cli: Cli, theirs: Path, monke
     outcome = cli("bench", "--against", "HEAD", "--command", f"{sys.executable} ours.py", "--quiet", "--out", str(theirs.parent / "gate"))
     assert outcome.code == 3
     assert outcome.out.splitlines()[-1].startswith("could not measure: HEAD (")
+
+
+@pytest.mark.parametrize(("error", "code"), [(UnreachedError, 3), (ProgramError, 1)])
+def test_a_new_program_that_cannot_be_installed_without_an_index_is_no_regression(
+    cli: Cli, theirs: Path, monkeypatch: pytest.MonkeyPatch, error: type[ProgramError], code: int
+) -> None:
+    def install(_source: Path, _folder: Path, name: str, *_: object, **_again: object) -> None:
+        if name == "the working tree":
+            raise error(name)
+
+    monkeypatch.chdir(theirs)
+    (theirs / "pyproject.toml").write_text('[project]\nname = "theirs"\nversion = "1"\n', encoding="utf-8")
+    git(theirs, "add", ".")
+    git(theirs, "commit", "--quiet", "--message", "two")
+    monkeypatch.setattr("hdvplan.bench.environment.install", install)
+    outcome = cli("bench", "--against", "HEAD", "--command", "python ours.py", "--quiet", "--out", str(theirs.parent / "gate"))
+    assert outcome.code == code
+
+
+@pytest.mark.skipif(os.name != "posix", reason="folders are locked by flock")
+def test_a_second_comparison_is_kept_out_of_the_folder_of_the_first(cli: Cli, theirs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import fcntl  # noqa: PLC0415 - not on Windows
+
+    monkeypatch.chdir(theirs)
+    out = theirs.parent / "gate"
+    out.mkdir()
+    (out / "junit.xml").write_text("of the first", encoding="utf-8")
+    first = os.open(out, os.O_RDONLY)
+    fcntl.flock(first, fcntl.LOCK_EX)
+    outcome = cli("bench", "--against", "HEAD", "--command", "python ours.py", "--out", str(out))
+    os.close(first)
+    assert outcome.code == 2
+    assert "another comparison measures into" in outcome.err
+    assert (out / "junit.xml").read_text(encoding="utf-8") == "of the first"
 
 
 def test_reports_of_an_earlier_comparison_are_not_taken_for_those_of_one_that_was_ended(
