@@ -21,6 +21,7 @@ ABOVE = {
     "README.md",
     "RELEASING.md",
     "pyproject.toml",
+    ".dockerignore",
     ".gitignore",
 }
 
