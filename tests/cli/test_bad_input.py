@@ -150,7 +150,7 @@ def test_an_unexpected_exception_is_one_line_and_a_code_of_its_own(cli: Cli, mon
         msg = "index 3 is\nout of bounds"
         raise IndexError(msg)
 
-    monkeypatch.setattr("hdvplan.vehicle.load.load_vehicle", fail)
+    monkeypatch.setattr("hdvplan.vehicle.load.read_vehicle", fail)
     refused(cli("plan", "uturn", *BUS), "internal: IndexError: index 3 is out of bounds", "--debug", code=70)
 
 
@@ -166,7 +166,7 @@ def test_an_interrupt_is_reported_as_shells_do(cli: Cli, monkeypatch: pytest.Mon
     def interrupt(_name: str) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("hdvplan.vehicle.load.load_vehicle", interrupt)
+    monkeypatch.setattr("hdvplan.vehicle.load.read_vehicle", interrupt)
     refused(cli("plan", "uturn", *BUS), "interrupted", code=130)
 
 
