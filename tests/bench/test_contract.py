@@ -156,6 +156,25 @@ def test_a_rule_is_printed_before_the_next_one_begins(capsys: pytest.CaptureFixt
     assert capsys.readouterr().out.startswith("ok NaN, infinity and crossed bounds raise QpDataError")
 
 
+def test_a_solver_that_cannot_be_made_is_refused_before_anything_compiles(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(contract, "samples", lambda: pytest.fail("programs were planned"))
+    assert run(["solvers", "--check", "tests.bench.test_contract:Unmade"]) == 2
+    assert "no licence" in capsys.readouterr().err
+
+
+class Unmade:
+    """A solver that cannot be made."""
+
+    name, starts_warm = "unmade", False
+
+    def __init__(self, shape: StageShape) -> None:
+        """Refuse."""
+        msg = "no licence"
+        raise OSError(msg)
+
+
 class Late:
     """A solver that raises."""
 
