@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hdvplan.cli.console import warn
+from hdvplan.cli.console import note, warn
 from hdvplan.errors import OptionError, RoadError
 
 if TYPE_CHECKING:
@@ -31,6 +31,21 @@ def check_workers(workers: int | None) -> None:
     if workers is not None and workers > _MOST_WORKERS:
         msg = f"--workers must be at most {_MOST_WORKERS}, not {workers}"
         raise OptionError(msg)
+
+
+def vehicle_named(source: str, *, quiet: bool) -> Vehicle:
+    """Return a preset or the vehicle of a file, and say what is assumed where the file does not tell how far it turns.
+
+    Raises:
+        VehicleError: there is none, or its file is refused.
+
+    """
+    from hdvplan.vehicle.load import read_vehicle
+
+    vehicle, remark = read_vehicle(source)
+    if remark is not None:
+        note(remark, quiet=quiet)
+    return vehicle
 
 
 def check_folder(out: Path | None) -> None:

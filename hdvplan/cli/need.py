@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hdvplan.cli.checks import check_fits, check_folder, reaches_of, warn_far_regions
+from hdvplan.cli.checks import check_fits, check_folder, reaches_of, vehicle_named, warn_far_regions
 from hdvplan.cli.compiling import note_compiling
 from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error
 from hdvplan.cli.help import OUTPUT, PLANNING, VEHICLE
@@ -110,9 +110,8 @@ def need(
     given = _given(held, half_width, left, right)
     check_folder(out)
     from hdvplan.road.load import REFERENCE_SLACK, find_road
-    from hdvplan.vehicle.load import load_vehicle
 
-    driven = load_vehicle(vehicle)
+    driven = vehicle_named(vehicle, quiet=quiet)
     wanted = road_options(
         smooth, crs, name, REFERENCE_SLACK * driven.max_curvature, offset=offset, reverse=reverse, layer=layer, roles=role,
         road_ids=road_ids, lane=lane,

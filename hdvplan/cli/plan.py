@@ -9,7 +9,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdvplan.cli import completion
-from hdvplan.cli.checks import check_bias, check_fits, check_folder, check_room, check_workers, reaches_of, sheet_options, warn_far_regions
+from hdvplan.cli.checks import (
+    check_bias,
+    check_fits,
+    check_folder,
+    check_room,
+    check_workers,
+    reaches_of,
+    sheet_options,
+    vehicle_named,
+    warn_far_regions,
+)
 from hdvplan.cli.compiling import note_compiling
 from hdvplan.cli.console import note, print_json, print_line, progress
 from hdvplan.cli.help import OUTPUT, PLANNING, VEHICLE
@@ -198,13 +208,10 @@ def plan(
     from hdvplan.planning.objective_names import check_objective
     from hdvplan.road.load import REFERENCE_SLACK, find_road
     from hdvplan.solvers.registry import DEFAULT, check_solver
-    from hdvplan.vehicle.load import read_vehicle
 
     check_solver(solver or DEFAULT)
     check_objective(objective)
-    driven, remark = read_vehicle(vehicle)
-    if remark is not None:
-        note(remark, quiet=quiet)
+    driven = vehicle_named(vehicle, quiet=quiet)
     wanted = road_options(
         smooth, crs, name, REFERENCE_SLACK * driven.max_curvature, offset=offset, reverse=reverse, layer=layer, roles=role,
         road_ids=road_ids, lane=lane,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdvplan.cli import completion
-from hdvplan.cli.checks import check_folder
+from hdvplan.cli.checks import check_folder, vehicle_named
 from hdvplan.cli.console import ExitCode, print_json, print_line, print_tables, report_error
 from hdvplan.cli.help import OUTPUT, VEHICLE
 from hdvplan.cli.options import JsonOption, QuietOption, choice, file_name
@@ -100,11 +100,10 @@ def turn(
     check_folder(out)
     from hdvplan.report.turns import PICTURES, broken_words, turn_json, turn_table, verdict, write_turn
     from hdvplan.turning.turn import turn as drive
-    from hdvplan.vehicle.load import load_vehicle
 
     pictures = [choice("--format", kind.strip(), PICTURES) for kind in formats.split(",")] if plot else []
     wanted = _wanted(template, radius, angle, guide, ramp, standstill=standstill)
-    found = drive(load_vehicle(vehicle), wanted)
+    found = drive(vehicle_named(vehicle, quiet=quiet), wanted)
     directory = out or Path(_folder(found))
     try:
         write_turn(found, directory, pictures=pictures)

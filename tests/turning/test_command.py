@@ -53,6 +53,13 @@ def test_a_vehicle_that_complies_ends_in_0_with_its_figures(cli: Cli, tmp_path: 
     assert {path.name for path in folder.iterdir()} == {"poses.csv", "width.csv", "turn.geojson", "turn.json", "turn.png"}
 
 
+def test_what_is_assumed_of_a_vehicle_is_said(cli: Cli, tmp_path: Path) -> None:  # noqa: F811
+    (tmp_path / "mine.toml").write_text(VEHICLE.replace("turning_radius = 38\n", ""), encoding="utf-8")
+    outcome = cli("turn", "--vehicle", "mine.toml", "--radius", "14", "--angle", "90", "--no-plot")
+    assert outcome.code == 0
+    assert outcome.err == "mine: no turning_circle or max_curvature is given: the rear axle's least radius is assumed to be 10.0 m\n"
+
+
 def test_a_vehicle_that_does_not_comply_ends_in_1_and_says_by_how_much(cli: Cli) -> None:  # noqa: F811
     outcome = cli("turn", "--vehicle", "citaro-le-mu", "--template", "eu-circle", "--no-plot")
     assert outcome.code == 1
