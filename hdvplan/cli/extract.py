@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 _ROUTES, _LIMITS = "Routes", "Limits"  # groups of options
 _COLUMNS = ("relation", "ref", "route", "roads", "length [km]", "cuts", "missing")
+_WARNINGS = 10  # shown one by one
 
 
 def extract(
@@ -53,7 +54,8 @@ def extract(
     """Write the routes of a map as road files.
 
     A route's ways are joined in its order, each turned so that it meets the next. Roundabouts are driven from where a route enters to where
-    it leaves. A route is cut at gaps, at ways out of order and at ways that the map lacks; a warning names each place.
+    it leaves. A route is cut at gaps, at ways out of order and at ways that the map lacks; warnings name the first ten places, extract.json
+    names all.
     """
     check_folder(out)
     from hdvplan.network.extract import RECORD, record_of
@@ -71,10 +73,7 @@ def extract(
     except OSError as error:
         msg = f"cannot write to {directory}: {error.strerror or error}"
         raise OptionError(msg, hint="choose another folder with --out") from error
-    for one in routes:
-        for finding in one.findings:
-            place = "" if finding.place is None else f", at {finding.place[1]:.5f}, {finding.place[0]:.5f}"
-            warn(f"{one.label}: {finding.text}{place}", quiet=quiet)
+    _warn_of(routes, directory, quiet=quiet)
     if json:
         print_json(record_of(routes, source.name, route, widths))
     elif not quiet:
@@ -82,6 +81,18 @@ def extract(
         roads = sum(len(one.roads) for one in routes)
         note(f"wrote {roads} roads, report.csv and {RECORD} to {directory}/")
     return ExitCode.OK
+
+
+def _warn_of(routes: tuple[Route, ...], directory: Path, *, quiet: bool) -> None:
+    """Warn of the first findings one by one, and of the others by their number: a whole network has hundreds."""
+    from hdvplan.network.extract import RECORD
+
+    findings = [(one.label, finding) for one in routes for finding in one.findings]
+    for label, finding in findings[:_WARNINGS]:
+        place = "" if finding.place is None else f", at {finding.place[1]:.5f}, {finding.place[0]:.5f}"
+        warn(f"{label}: {finding.text}{place}", quiet=quiet)
+    if len(findings) > _WARNINGS:
+        warn(f"{len(findings) - _WARNINGS} more remarks on routes are in {directory}/{RECORD}", quiet=quiet)
 
 
 def _table(routes: tuple[Route, ...]) -> Table:
