@@ -66,6 +66,7 @@ def steered_by_law(_folder: Path) -> Case:
     return Case(road, load_vehicle("semitrailer-steered"), "balanced", settings=BRIEF, bias=Bias.constant(-0.1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [from_csv, with_regions, pytest.param(steered_by_law, marks=pytest.mark.slow)])
 def test_a_case_that_another_process_unpickles_has_the_same_key_and_gives_the_identical_plan(
     make: Callable[[Path], Case], tmp_path: Path

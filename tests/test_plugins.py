@@ -97,6 +97,7 @@ def test_a_plan_with_a_solver_and_an_objective_from_files_says_so(capsys: pytest
     assert summary["max_left_m"] == ours.balance.max_left
 
 
+@pytest.mark.slow
 def test_a_bench_takes_a_solver_from_a_file(capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["--vehicles", "bus", "--roads", "sturn", "--schemes", "rti", "--rounds", "1", "--horizon", "40", "--out", "out", "--json"]
     assert run(["bench", "--solvers", "riccati,mine.py:Mine", "--objective", "aims.py:front", *arguments]) == 0

@@ -89,6 +89,7 @@ def test_a_slowdown_that_the_repeat_does_not_show_is_not_red(finished_run: Path,
     assert comparison.verdict is not Verdict.REGRESSED
 
 
+@pytest.mark.slow
 def test_an_earlier_comparison_is_replaced_but_nothing_else_is_deleted(finished_run: Path, tmp_path: Path) -> None:
     base, new = (Recorded(name, Path(sys.executable), run=finished_run) for name in ("base", "new"))
     for _ in range(2):

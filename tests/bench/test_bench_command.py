@@ -335,6 +335,7 @@ def test_a_finished_run_whose_tables_were_changed_is_refused(
     assert ": None" not in outcome.err
 
 
+@pytest.mark.slow
 def test_a_finished_run_is_drawn_by_the_same_command(cli: Cli, tmp_path: Path, short_road: str) -> None:
     command = ("bench", "--roads", short_road, *SHORTEST, "--out", "run", "--quiet")
     assert cli(*command, "--plot").code == 0

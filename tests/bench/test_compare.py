@@ -16,7 +16,7 @@ from hdvplan.bench.counters import Tolerance, counters_of, read_counters, write_
 from hdvplan.bench.gate import Rule, Verdict
 from hdvplan.bench.samples import CRASHED, FAILED, OVER_BUDGET, Measurement
 from hdvplan.bench.sides import Side, read_side, times_of
-from hdvplan.bench.stats import samples_of, tables_of
+from hdvplan.bench.stats import envelope_table, samples_of, tables_of, timing_table
 from hdvplan.bench.suite import Cell
 from hdvplan.errors import OptionError
 from hdvplan.planning.settings import Scheme
@@ -39,9 +39,10 @@ def side(*, slow: float = 1.0, processes: int = 3, rounds: int = 3, change: Chan
             drives = [made_up([factor * t * (1.0 + 0.02 * random.random()) for t in STEPS], iterations=3) for _ in range(rounds)]
             measured.append([change(drive) for drive in drives] if factor is slow and not measured else drives)
         found.append(measured)
-    first = tables_of(CELLS, found[0])
-    counters = counters_of(first.samples, first.timing, first.envelope)
-    return Side(counters, tuple(times_of(samples_of(CELLS, measured)) for measured in found))
+    samples = [samples_of(CELLS, measured) for measured in found]
+    envelope = envelope_table(CELLS, [measured[0].judgement for measured in found[0]])
+    counters = counters_of(samples[0], timing_table(samples[0], CELLS, found[0]), envelope)
+    return Side(counters, tuple(times_of(table) for table in samples))
 
 
 def held(base: Side, new: Side, *, expect_changes: bool = False) -> Comparison:

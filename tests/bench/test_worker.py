@@ -64,6 +64,7 @@ def test_hangs_and_crashes_are_rows_that_end_no_run_and_are_not_met_again_in_the
     assert [found[name]["success"] for name in ("riccati", "piqp", "osqp")] == [1.0, 0.0, 0.0]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux refuses memory by its data segment")
 def test_a_solver_that_takes_too_much_memory_is_a_row(tiny: Suite, tmp_path: Path) -> None:
     suite = replace(tiny, solvers=("riccati", "piqp"), rounds=1, memory_limit=8.0)
@@ -138,6 +139,7 @@ def test_a_solver_that_waits_is_not_flattered_by_its_processor_time(tiny: Suite,
         assert found["riccati"]["step_ms"] > 2.0  # what it sleeps
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="looks for processes in /proc")
 def test_a_killed_benchmark_leaves_no_process_behind(tmp_path: Path, short_road: str) -> None:
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}

@@ -53,6 +53,7 @@ def test_json_is_all_that_stdout_gets(cli: Cli, bend: str) -> None:
     assert (told["proved_below_m"], told["proof"]) == (None, None)
 
 
+@pytest.mark.slow
 def test_a_road_too_narrow_is_a_no_with_the_kerb_to_take_away(cli: Cli, tmp_path: Path, bend: str) -> None:
     outcome = cli("need", bend, "--vehicle", "bus", "--half-width", "2.1", "--out", "out", "--no-proof", "--format", "dxf,gpkg")
     assert outcome.code == 0

@@ -253,7 +253,7 @@ def test_a_signal_at_any_moment_ends_the_command_as_shells_expect(tmp_path: Path
     as_at_a_shell = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
     arguments = [sys.executable, "-c", f"{as_at_a_shell}; from hdvplan.cli.entry import main; main()", "plan", "uturn", "--vehicle", "bus"]
     ended = []
-    for share in np.linspace(0.01, 0.97, 25):
+    for share in np.linspace(0.01, 0.97, 13):
         with subprocess.Popen(  # noqa: S603 - our own
             arguments, cwd=tmp_path, env=_environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         ) as process:
@@ -263,7 +263,7 @@ def test_a_signal_at_any_moment_ends_the_command_as_shells_expect(tmp_path: Path
         ended.append((process.returncode, err))
     assert {code for code, _ in ended} <= codes
     assert {err for code, err in ended if code == 130} <= {"error: interrupted\n"}
-    assert sum(code != 0 for code, _ in ended) > 10  # most came in time
+    assert sum(code != 0 for code, _ in ended) > 6  # most came in time
 
 
 def _opened(pipe: Path) -> int:

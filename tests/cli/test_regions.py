@@ -177,6 +177,7 @@ def test_the_sides_of_obstacles_are_found_and_told_with_what_the_others_would_ha
     assert summary["verdict"]["fits"] is True
 
 
+@pytest.mark.slow
 def test_a_side_is_given_by_an_option_or_a_property(cli: Cli, tmp_path: Path) -> None:
     def sides(*options: str, given: tuple[str | None, ...] = ()) -> list[tuple[str, bool]]:
         road = obstacles_on_a_road(tmp_path, *given)

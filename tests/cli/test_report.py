@@ -56,6 +56,7 @@ def test_a_report_that_cannot_be_written_is_refused(cli: Cli, plans: tuple[str, 
     assert outcome.err.startswith("error: cannot write missing/report.html: ")
 
 
+@pytest.mark.slow
 def test_a_plan_brings_the_pictures_and_the_film_asked_for(cli: Cli, tmp_path: Path, short_road: str) -> None:
     arguments = ("plan", short_road, "--vehicle", "bus", "--horizon", "30", "--quiet", "--out", "made")
     assert cli(*arguments, "--format", "svg,pdf", "--animate").code == 0

@@ -7,6 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from tests.cli.conftest import Cli
 
 OPENDRIVE = Path(__file__).parents[1] / "road" / "files" / "bendplatz.xodr"
@@ -53,6 +55,7 @@ def test_a_lane_of_an_opendrive_file_is_planned_within_its_edges_or_says_where_n
     assert straight.code == 0
 
 
+@pytest.mark.slow
 def test_tables_and_geojson_do_without_gdal(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("x,y\n0,0\n50,0\n", encoding="utf-8")
     (tmp_path / "a.geojson").write_text('{"type": "LineString", "coordinates": [[11.95, 57.7], [11.951, 57.7]]}', encoding="utf-8")

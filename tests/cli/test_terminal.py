@@ -36,6 +36,7 @@ def at_a_terminal(folder: Path, *arguments: str, **environment: str) -> str:
     return b"".join(chunks).decode()
 
 
+@pytest.mark.slow
 def test_a_terminal_gets_progress_with_the_time_left_and_no_colour_if_it_asks_for_none(tmp_path: Path) -> None:
     arguments = ("plan", "sturn", "--vehicle", "bus", "--no-plot", "--horizon", "50")
     coloured, plain = at_a_terminal(tmp_path, *arguments), at_a_terminal(tmp_path, *arguments, NO_COLOR="1")

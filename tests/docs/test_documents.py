@@ -18,7 +18,8 @@ from hdvplan.vehicle.load import preset_names
 from tests.docs.blocks import FENCE, Block, Reader, blocks_of, runnable
 
 ROOT = Path(__file__).parents[2]
-RUN = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+README = ROOT / "README.md"
+RUN = [README, *sorted((ROOT / "docs").glob("*.md"))]
 LINKED = [
     *RUN,
     *sorted((ROOT / "docs" / "site").glob("*.md")),
@@ -63,14 +64,17 @@ def _in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr("hdvplan.jit.is_compiled", lambda: True)  # the first run of an installation says one line more
 
 
-@pytest.mark.parametrize("path", RUN, ids=_name)
+_SLOW = [path for path in RUN if _has(("slow",), path)]
+
+
+@pytest.mark.parametrize("path", [README, *(path for path in RUN if path not in _SLOW)], ids=_name)
 def test_every_block_runs_in_its_order(path: Path) -> None:
     _run(path, slow=False)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("path", [path for path in RUN if _has(("slow",), path)], ids=_name)
-def test_slow_blocks_run_among_the_others(path: Path) -> None:
+@pytest.mark.parametrize("path", _SLOW, ids=_name)
+def test_pages_with_slow_blocks_run_as_a_whole(path: Path) -> None:
     assert _run(path, slow=True)
 
 

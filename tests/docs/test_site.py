@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -28,17 +26,6 @@ def test_every_document_is_in_the_contents() -> None:
     contents = (SITE / "index.md").read_text(encoding="utf-8")
     for path in (ROOT / "docs").glob("*.md"):
         assert re.search(rf"^(?:.* <)?/docs/{path.stem}>?$", contents, flags=re.MULTILINE), f"docs/site/index.md does not list {path.name}"
-
-
-@pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Build the site; any warning of Sphinx, such as a link that leads nowhere, is an error."""
-    pytest.importorskip("sphinx", reason="needs pip install '.[docs]'")
-    folder = tmp_path_factory.mktemp("site")
-    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-d", str(folder / "trees"), "-c", str(SITE)]
-    built = subprocess.run([*command, str(ROOT), str(folder / "html")], capture_output=True, text=True, check=False)  # noqa: S603 - our own
-    assert built.returncode == 0, built.stderr
-    return folder / "html"
 
 
 @pytest.mark.slow

@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from tests.browser.test_report_page import browser, pytestmark  # noqa: F401 - fixture, and where it is skipped
-from tests.docs.test_site import site  # noqa: F401 - fixture
 
 pytest.importorskip("selenium", reason="the extra 'test' installs selenium")
 from selenium import webdriver

@@ -126,6 +126,7 @@ def test_a_street_between_two_walls_needs_what_the_vehicle_takes() -> None:
     assert found.room == pytest.approx(0.5 * BUS.width, abs=1e-6)  # as on the straight road without walls
 
 
+@pytest.mark.slow
 def test_kerbs_that_overhangs_pass_over_leave_wheels_the_room_that_is_needed(bend: Case) -> None:
     path = bend.road.path
     s = np.linspace(0.0, path.length, 221)

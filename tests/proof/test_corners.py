@@ -23,12 +23,14 @@ def best() -> corners.Turn:
     return min((narrowest(BUS.lead, BUS.max_curvature, start) for start in starts(BUS.max_curvature, 4)), key=lambda way: way.width)
 
 
+@pytest.mark.slow
 def test_every_start_leads_to_the_same_least_width(best: corners.Turn) -> None:
     other = narrowest(BUS.lead, BUS.max_curvature, starts(BUS.max_curvature, 10)[9])
     assert other.width == pytest.approx(best.width, abs=1e-5)  # a local optimum's last step
     assert best.width == pytest.approx(EXACT_M, abs=2e-3)  # its poses are 0.25 m apart
 
 
+@pytest.mark.slow
 def test_the_least_width_is_driven_from_corridor_to_corridor(best: corners.Turn) -> None:
     x, y, heading = corners.poses(best.given)
     outer, inner = reaches(BUS.lead, best.given)

@@ -100,6 +100,7 @@ def test_limits_far_away_shrink_neither_map_nor_envelope(bus: Result) -> None:
     assert "of overhangs" not in reach.get_legend_handles_labels()[1]  # they have no limits of their own
 
 
+@pytest.mark.slow
 def test_names_of_many_bodies_and_limits_stay_inside_the_picture(kerbed: Result) -> None:
     figure = plan_figure(driven(kerbed.drive.road, "truck-dolly-semitrailer"))
     figure.draw_without_rendering()

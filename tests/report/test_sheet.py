@@ -92,6 +92,7 @@ def test_fonts_are_embedded_and_nothing_is_a_picture(kerbed: Result) -> None:
         assert pictures == []
 
 
+@pytest.mark.slow
 def test_the_title_says_what_a_file_needs(trailer: Result, kerbed: Result) -> None:
     text = " ".join(read(trailer).pages[0].extract_text().split())
     for words in (

@@ -50,6 +50,7 @@ def test_what_cannot_be_reproduced_is_refused_in_one_line(cli: Cli, tmp_path: Pa
     assert outcome.err.splitlines()[0].startswith("error: ")
 
 
+@pytest.mark.slow
 def test_a_process_of_its_own_leaves_the_same_files(tmp_path: Path) -> None:
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
     ended = subprocess.run(  # noqa: S603 - our own
@@ -68,3 +69,6 @@ def test_all_writes_every_study_and_a_summary(cli: Cli, tmp_path: Path) -> None:
     assert written == tables | {"summary.md", "summary.csv", "run.json"}
     assert set(pd.read_csv(tmp_path / "all" / "summary.csv")["study"]) == set(NAMES)
     assert max(len(line) for line in outcome.out.splitlines()) <= 80
+    times = pd.read_csv(tmp_path / "all" / "timing.csv", index_col="quantity").filter(like=": mean", axis="index")
+    assert len(times) > 0
+    assert (times["ours"] < times["published"]).all()

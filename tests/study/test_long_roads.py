@@ -57,6 +57,7 @@ def _run(folder: Path, entries: Entries) -> Results:
     return run(study_of({"roads": ["wave.geojson"]} | entries, folder), folder / "out", engine)
 
 
+@pytest.mark.slow
 def test_a_cell_on_a_long_road_tells_what_a_plan_of_the_whole_road_tells(long_folder: Path) -> None:
     results = _run(long_folder, {"vehicles": ["P"], "settings": SHORT})
     (row,) = results.cells().to_dict("records")
