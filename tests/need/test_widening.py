@@ -41,6 +41,7 @@ def within(case: Case, own: Limits, widening: Widening, share: float) -> Case:
     return replace(case, road=case.road.within(part.widened(own)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["area", "depth"])
 def test_the_vehicle_fits_after_the_change_and_not_with_5_percent_less(narrow: Case, found: Widenings, kind: str) -> None:
     widening, own = getattr(found, kind), narrow.road.limits
@@ -51,6 +52,7 @@ def test_the_vehicle_fits_after_the_change_and_not_with_5_percent_less(narrow: C
         assert verdict_of(plan(replace(within(narrow, own, widening, 0.95), objective=objective))).fits is False
 
 
+@pytest.mark.slow
 def test_the_least_area_is_smaller_and_the_least_depth_shallower(narrow: Case, found: Widenings) -> None:
     assert found.area is not None
     assert found.depth is not None
@@ -63,6 +65,7 @@ def test_the_least_area_is_smaller_and_the_least_depth_shallower(narrow: Case, f
     assert LACK_M - 0.03 < found.depth.depth < LACK_M + 0.03
 
 
+@pytest.mark.slow
 def test_a_widening_with_which_no_plan_was_found_is_told_as_what_is_lacking_at_least(narrow: Case, found: Widenings) -> None:
     assert found.area is not None
     nothing = Least(np.inf, None, 1.27, 15.0, 6, None)
@@ -72,6 +75,7 @@ def test_a_widening_with_which_no_plan_was_found_is_told_as_what_is_lacking_at_l
     assert said.endswith("; no plan along the whole road was found with it")
 
 
+@pytest.mark.slow
 def test_a_widening_with_which_a_plan_was_found_stands_for_both(narrow: Case, found: Widenings) -> None:
     assert found.area is not None
     assert found.depth is not None

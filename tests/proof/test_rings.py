@@ -30,6 +30,7 @@ def test_a_whole_ring_gives_away_less_than_a_millimetre_to_any_steering(name: st
     assert least_half_width(unit, radius, 0.5 * np.pi) < steady - 2e-3  # a quarter does give something away, if little
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "radius"), CELLS)
 def test_a_ring_as_wide_as_the_least_is_not_called_impossible(name: str, radius: float) -> None:
     vehicle = load_vehicle(name)

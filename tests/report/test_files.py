@@ -201,6 +201,7 @@ def read_back(table: Table) -> pd.DataFrame:
     return pd.read_csv(BytesIO(table_bytes(table)))
 
 
+@pytest.mark.slow
 def test_pictures_come_in_the_formats_asked_for(bus: Result, tmp_path: Path) -> None:
     write_plan(bus, tmp_path)
     (tmp_path / "plan.png").write_bytes(b"old")

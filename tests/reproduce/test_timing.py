@@ -26,6 +26,7 @@ def test_every_planning_step_but_the_first_is_timed() -> None:
     assert (steps["qps"] == 1).all()
 
 
+@pytest.mark.slow
 def test_a_table_has_every_vehicle_scheme_and_solver_beside_the_published_number(short: Study) -> None:
     rows = by_name(short)
     for vehicle in ("bus", "tractor-trailer"):
@@ -37,6 +38,7 @@ def test_a_table_has_every_vehicle_scheme_and_solver_beside_the_published_number
     assert by_name(short)["bus, riccati: SQP / RTI, max"].published is not None
 
 
+@pytest.mark.slow
 def test_the_speed_up_is_stated_as_what_it_is(short: Study) -> None:
     row = by_name(short)["bus, RTI, riccati: mean"]
     assert row.published is not None

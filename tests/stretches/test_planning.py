@@ -80,6 +80,7 @@ def test_the_files_of_a_plan_in_stretches_are_those_of_the_whole_plan_to_a_milli
     assert joined == json.loads((tmp_path / "joined" / "summary.json").read_text(encoding="utf-8"))
 
 
+@pytest.mark.slow
 def test_the_place_that_decides_and_the_breaches_are_those_of_the_whole_road(tmp_path: Path) -> None:
     case = case_on("liechtenstein_planken", half_width=2.2)
     one = whole(case, tmp_path / "whole")
