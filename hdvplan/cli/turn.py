@@ -81,7 +81,7 @@ def turn(
     json: JsonOption = False,
     plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw the picture turn.png.", rich_help_panel=OUTPUT)] = True,
     formats: Annotated[
-        str, typer.Option("--format", metavar="A,B", help="Formats of the picture: png, pdf, svg.", rich_help_panel=OUTPUT)
+        str, typer.Option("--format", metavar="A,B", help="Formats of the picture: png, pdf, svg; dxf for CAD.", rich_help_panel=OUTPUT)
     ] = "png",
     quiet: QuietOption = False,
 ) -> int:
@@ -98,15 +98,15 @@ def turn(
         msg = "missing option '--vehicle'"
         raise OptionError(msg, hint="`hdvplan vehicles list` names the presets, `hdvplan turn --list` the templates")
     check_folder(out)
-    from hdvplan.report.turns import PICTURES, broken_words, turn_json, turn_table, verdict, write_turn
+    from hdvplan.report.turns import KINDS, broken_words, turn_json, turn_table, verdict, write_turn
     from hdvplan.turning.turn import turn as drive
 
-    pictures = [choice("--format", kind.strip(), PICTURES) for kind in formats.split(",")] if plot else []
+    kinds = [choice("--format", kind.strip(), KINDS) for kind in formats.split(",")]
     wanted = _wanted(template, radius, angle, guide, ramp, standstill=standstill)
     found = drive(vehicle_named(vehicle, quiet=quiet), wanted)
     directory = out or Path(_folder(found))
     try:
-        write_turn(found, directory, pictures=pictures)
+        write_turn(found, directory, kinds=[kind for kind in kinds if plot or kind == "dxf"])
     except OSError as error:
         msg = f"cannot write to {directory}: {error.strerror or error}"
         raise OptionError(msg, hint="choose another folder with --out") from error

@@ -1,4 +1,4 @@
-"""A plan as a DXF drawing in metres: polylines on layers, with what a CAD program needs to draw and to switch them."""
+"""A DXF drawing in metres: polylines on layers, with what a CAD program needs to draw and to switch them."""
 
 from __future__ import annotations
 
@@ -52,6 +52,7 @@ _LOOKS = {
     Layer.TRACKS: _Look(9, "DASHED2", 18),
     Layer.CLEARANCE: _Look(4, width=18),
     Layer.CONFLICTS: _Look(1, width=70),
+    Layer.GUIDED_PATH: _Look(8, "CENTER"),
     Layer.WIDENING: _Look(1, width=50),
     Layer.WIDENING_LEAST_DEPTH: _Look(6, "DASHED", 35),
 }
@@ -62,10 +63,26 @@ def dxf_bytes(result: Result, features: Sequence[Drawn] | None = None, answer: S
     """Return the drawing, in the road file's coordinate system or, where that is in degrees, in its UTM zone.
 
     ``features`` are those of the plan, and ``answer``, the first lines of the notes, is its verdict, unless they are given.
+    """
+    drive, system = result.drive, drawing_system(result.drive.road)
+    notes = [
+        *([answer_line(result)] if answer is None else answer),
+        f"road: {drive.road.name}, {drive.road.path.length:.1f} m",
+        f"vehicle: {drive.vehicle.name}",
+        f"coordinates: {system.note}",
+        f"wheel tracks: {TRACK_NOTE}",
+        f"hdvplan {__version__}",
+    ]
+    if drive.road.notice:
+        notes.append(drive.road.notice)
+    return drawing_bytes(drawn_features(result) if features is None else features, system, notes)
+
+
+def drawing_bytes(features: Sequence[Drawn], system: System, notes: Sequence[str]) -> bytes:
+    """Return a drawing of ``features`` in ``system``, with the lines ``notes`` above everything else.
 
     ``$INSUNITS`` is metres. Areas are closed polylines, holes too; every body has separate layers.
     """
-    system = drawing_system(result.drive.road)
     document = new(_VERSION, setup=True)
     document.units = units.M
     document.header["$MEASUREMENT"] = 1
@@ -73,11 +90,10 @@ def dxf_bytes(result: Result, features: Sequence[Drawn] | None = None, answer: S
     document.header.custom_vars.append("hdvplan", __version__)
     document.header.custom_vars.append("coordinates", system.note)
     space = document.modelspace()
-    features = drawn_features(result) if features is None else features
     for feature in features:
         _draw(document, space, feature, system)
     bounds = shapely.total_bounds([system.place(feature.geometry) for feature in features])
-    _write_notes(document, space, result, system, bounds, [answer_line(result)] if answer is None else answer)
+    _write_notes(document, space, bounds, notes)
     buffer = StringIO()
     document.write(buffer)
     return document.encode(buffer.getvalue())
@@ -120,19 +136,8 @@ def _layer(document: Drawing, feature: Drawn) -> str:
     return name
 
 
-def _write_notes(document: Drawing, space: Modelspace, result: Result, system: System, bounds: FloatArray, answer: Sequence[str]) -> None:
-    """Write the answer, road, vehicle, coordinates and sources above everything else, which lies within ``bounds``."""
-    drive = result.drive
-    lines = [
-        *answer,
-        f"road: {drive.road.name}, {drive.road.path.length:.1f} m",
-        f"vehicle: {drive.vehicle.name}",
-        f"coordinates: {system.note}",
-        f"wheel tracks: {TRACK_NOTE}",
-        f"hdvplan {__version__}",
-    ]
-    if drive.road.notice:
-        lines.append(drive.road.notice)
+def _write_notes(document: Drawing, space: Modelspace, bounds: FloatArray, lines: Sequence[str]) -> None:
+    """Write lines above everything else, which lies within ``bounds``."""
     document.layers.add(_NOTES, color=7)
     left, low, right, high = (float(bound) for bound in bounds)
     height = min(max(_NOTES_SHARE * max(right - left, high - low), _NOTES_M[0]), _NOTES_M[1])

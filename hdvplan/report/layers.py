@@ -43,6 +43,7 @@ class Layer(StrEnum):
     VEHICLES = "vehicle_outlines"
     CLEARANCE = "clearance"
     CONFLICTS = "conflicts"
+    GUIDED_PATH = "guided_path"  # of a prescribed turn
     WIDENING = "widening"  # of a need: those of least area, and of least depth
     WIDENING_LEAST_DEPTH = "widening_least_depth"
 

@@ -16,7 +16,7 @@ from hdvplan.judging.result import body_name
 from hdvplan.report.colours import BREACH, INK, MUTED
 from hdvplan.report.maps import outline_of, swept_label
 from hdvplan.report.style import body_colour, body_fill, styled
-from hdvplan.report.turns import swept_area, verdict, wheel_tracks
+from hdvplan.report.turns import shown_poses, swept_area, verdict, wheel_tracks
 from hdvplan.turning.follow import Followed
 from hdvplan.turning.swept import band_of, chart_of, front_track
 from hdvplan.turning.turn import Turn
@@ -56,7 +56,7 @@ def draw_turn(axes: Axes, turn: Turn) -> None:
         label = "wheel tracks" if unit == 0 and side == "left" else ""
         axes.plot(*track.T, color=body_colour(unit), linewidth=0.6, label=label or None)
     axes.plot(*driven.guide[:, :2].T, color=INK, linewidth=1.0, linestyle=(0, (7, 3)), label=f"path of the {_words(driven)}")
-    for pose in _shown_poses(driven):
+    for pose in shown_poses(driven):
         axes.add_collection(
             PolyCollection([driven.corners(unit)[pose] for unit in units], facecolors="none", edgecolors=INK, linewidths=0.9, zorder=3)
         )
@@ -160,14 +160,6 @@ def _draw_angles(axes: Axes, driven: Followed) -> None:
 def _words(driven: Followed) -> str:
     """Return what the guided point is called."""
     return str(driven.manoeuvre.point).replace("-", " ")
-
-
-def _shown_poses(driven: Followed) -> list[int]:
-    """Return the pose at the begin, the one when the turn ends, and the last."""
-    if driven.manoeuvre.angle is None:
-        return [0, len(driven.s) - 1]
-    out = driven.path.starts[-1] - driven.manoeuvre.lead_out_of(driven.vehicle)
-    return [0, int(driven.s.searchsorted(out)), len(driven.s) - 1]
 
 
 def turns_figure(turns: Mapping[str, Turn], inside: Mapping[str, float]) -> Figure:

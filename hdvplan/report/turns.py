@@ -18,6 +18,7 @@ from hdvplan.fileio import Together, csv_bytes, json_bytes
 from hdvplan.jit import FloatArray
 from hdvplan.judging.result import body_name
 from hdvplan.report.colours import INK, MUTED
+from hdvplan.report.files import PICTURES
 from hdvplan.report.grid import grid
 from hdvplan.report.style import body_colour, figure_bytes
 from hdvplan.turning.follow import Followed
@@ -26,7 +27,7 @@ from hdvplan.turning.templates import Limit, figure
 from hdvplan.turning.turn import Turn
 
 Json = dict[str, object]
-PICTURES = ("png", "pdf", "svg")
+KINDS = (*PICTURES, "dxf")
 _AREA_M = 0.2  # between the poses that a swept area is joined from: short by 0.7 mm at a radius of 7 m
 _TRACK_M = 0.25
 _SIMPLER_M = 1e-3
@@ -177,13 +178,21 @@ def wheel_tracks(driven: Followed) -> list[tuple[int, str, FloatArray]]:
     return tracks
 
 
+def shown_poses(driven: Followed) -> list[int]:
+    """Return the pose at the begin, the one when the turn ends, and the last."""
+    if driven.manoeuvre.angle is None:
+        return [0, len(driven.s) - 1]
+    out = driven.path.starts[-1] - driven.manoeuvre.lead_out_of(driven.vehicle)
+    return [0, int(driven.s.searchsorted(out)), len(driven.s) - 1]
+
+
 def every(driven: Followed, spacing: float) -> slice:
     """Return the poses about ``spacing`` apart [m]."""
     return slice(None, None, max(1, round(spacing / float(np.median(np.diff(driven.s))))))
 
 
-def write_turn(turn: Turn, directory: Path, *, pictures: Collection[str] = ()) -> None:
-    """Write ``turn.json``, ``poses.csv``, ``width.csv``, ``turn.geojson`` and the pictures, of ``PICTURES``, into ``directory``.
+def write_turn(turn: Turn, directory: Path, *, kinds: Collection[str] = ()) -> None:
+    """Write ``turn.json``, ``poses.csv``, ``width.csv``, ``turn.geojson`` and what is drawn, of ``KINDS``, into ``directory``.
 
     Raises:
         OptionError: the folder holds files of others.
@@ -195,12 +204,16 @@ def write_turn(turn: Turn, directory: Path, *, pictures: Collection[str] = ()) -
         "width.csv": lambda: csv_bytes(width_table(turn)),
         "turn.geojson": lambda: json_bytes(turn_geojson(turn), indent=None),
     }
-    contents |= {f"turn.{kind}": partial(_picture, turn, kind) for kind in pictures}
+    contents |= {f"turn.{kind}": partial(_drawn, turn, kind) for kind in kinds}
     contents["turn.json"] = lambda: json_bytes(turn_json(turn))
-    Together("turn.json", (), {"turn.json": "swept_width_m"}).write(directory, contents)
+    Together("turn.json", tuple(f"turn.{kind}" for kind in KINDS), {"turn.json": "swept_width_m"}).write(directory, contents)
 
 
-def _picture(turn: Turn, kind: str) -> bytes:
+def _drawn(turn: Turn, kind: str) -> bytes:
+    if kind == "dxf":
+        from hdvplan.report.turn_layers import turn_dxf  # noqa: PLC0415 - as below
+
+        return turn_dxf(turn)
     from hdvplan.report.turn_plots import turn_figure  # noqa: PLC0415 - Matplotlib takes half a second to import
 
     return figure_bytes(turn_figure(turn), kind)
