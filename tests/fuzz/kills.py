@@ -26,9 +26,11 @@ from tempfile import TemporaryDirectory
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+import hdvplan
 from hdvplan.fileio import settle
 from tests.fuzz.tally import say
 
+_PACKAGE = Path(hdvplan.__file__).parent
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
 _HIDDEN = "."  # how names of files begin that are only there while a command runs
 
@@ -119,7 +121,7 @@ def _killed(job: Job, way: int, by: signal.Signals, after: float, folder: Path, 
         process.wait(after)
     process.send_signal(by)
     said = process.communicate(timeout=60)[1]
-    if process.returncode not in {0, 1, 130, 143, -by} or "Traceback" in said:
+    if process.returncode not in {0, 1, 130, 143, -by} or ("Traceback" in said and not before_us(process.returncode, said)):
         return f"exit {process.returncode}: {said[-300:]}"
     if job.together:
         if out.is_dir():
@@ -138,6 +140,11 @@ def _killed(job: Job, way: int, by: signal.Signals, after: float, folder: Path, 
     left = digests(out)
     wrong = [name for name, digest in known[way].digests.items() if left.get(name) != digest]
     return f"the next run differs in {wrong}" if wrong else ""
+
+
+def before_us(code: int, said: str) -> bool:
+    """Tell whether Ctrl-C came while Python itself was starting, before it had come to hdvplan."""
+    return code == -signal.SIGINT and str(_PACKAGE) not in said
 
 
 def _matches(left: dict[str, str], one: Known) -> bool:
