@@ -97,13 +97,14 @@ def _refuse_endless_views(path: Path) -> None:
     """
     import sqlite3  # noqa: PLC0415 - few files need it
 
-    with suppress(sqlite3.DatabaseError), closing(sqlite3.connect(f"{path.as_uri()}?mode=ro", uri=True)) as base:  # GDAL tells of damage
+    damaged = (sqlite3.DatabaseError, UnicodeDecodeError)  # the second of what SQLite quotes; GDAL tells of both
+    with suppress(*damaged), closing(sqlite3.connect(f"{path.as_uri()}?mode=ro", uri=True)) as base:
         base.set_progress_handler(lambda: 1, _MOST_STEPS)  # ends a statement after so many steps
         for (view,) in base.execute("SELECT name FROM sqlite_master WHERE type = 'view'").fetchall():
             quoted = str(view).replace('"', '""')
             try:
                 rows = sum(1 for _ in base.execute(f'SELECT 1 FROM "{quoted}" LIMIT {_MOST_FEATURES + 1}'))  # noqa: S608 - quoted
-            except sqlite3.OperationalError as error:
+            except (sqlite3.OperationalError, UnicodeDecodeError) as error:
                 rows = _MOST_FEATURES + 1 if "interrupted" in str(error) else 0  # else it calls what only GDAL has
             if rows > _MOST_FEATURES:
                 msg = f"{path.name}: view {view!r} has no end, or more than {_MOST_FEATURES} rows"

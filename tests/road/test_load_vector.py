@@ -315,6 +315,15 @@ def test_a_view_without_end_is_refused_and_other_views_are_not(tmp_path: Path, o
         load_road(path)
 
 
+def test_a_database_whose_own_words_are_damaged_is_refused(tmp_path: Path) -> None:
+    path = write(tmp_path / "road.gpkg", [LINE])
+    damaged = path.read_bytes().replace(b'CREATE TABLE "road"', b'CREATE TABL\xd6 "road"')  # SQLite quotes it when it complains
+    assert damaged != path.read_bytes()
+    path.write_bytes(damaged)
+    with pytest.raises(RoadError, match=r"road\.gpkg is damaged or cut off"):
+        load_road(path)
+
+
 def test_fields_that_hold_several_values_are_read(tmp_path: Path) -> None:
     properties = {"name": "A", "words": ["a", "b"], "numbers": [1, 2], "shares": [0.5, 1.5], "nothing": []}
     document = {"type": "Feature", "properties": properties, "geometry": shapely.geometry.mapping(LINE)}
