@@ -74,6 +74,7 @@ def test_a_fine_first_batch_is_enough_and_the_sides_take_turns_in_being_first(fi
     assert sorted(path.name for path in (tmp_path / "new").iterdir()) == [f"{number:02d}" for number in range(5)]  # nothing of warming up
 
 
+@pytest.mark.slow
 def test_a_slowdown_is_repeated_before_it_is_red(finished_run: Path, tmp_path: Path) -> None:
     base = Recorded("base", Path(sys.executable), run=finished_run)
     comparison = measured(base, Recorded("new", Path(sys.executable), run=finished_run, slow=1.3), tmp_path)

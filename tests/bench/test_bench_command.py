@@ -91,6 +91,7 @@ def test_run_json_says_what_was_measured_with_what_and_where(cli: Cli, tmp_path:
     assert record["finished"] >= session["started"]
 
 
+@pytest.mark.slow
 def test_the_headline_fits_80_columns_and_json_is_json(cli: Cli, short_road: str) -> None:
     what = ("--roads", short_road, "--vehicles", "bus,tractor-trailer", "--solvers", "riccati,qpsolvers/clarabel")
     arguments = ("bench", *what, "--in-process", "--horizon", "30", "--rounds", "1", "--out", "run")
@@ -108,6 +109,7 @@ def test_the_headline_fits_80_columns_and_json_is_json(cli: Cli, short_road: str
     assert answer["timing"][0]["message"] is None
 
 
+@pytest.mark.slow
 def test_an_interrupted_run_says_how_to_go_on_and_does_not_repeat_what_it_has(
     cli: Cli, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, short_road: str
 ) -> None:
@@ -198,6 +200,7 @@ def test_parts_of_an_unknown_run_are_not_used(cli: Cli, tmp_path: Path, short_ro
     assert cli("bench", "--roads", short_road, *SHORTEST, "--out", "run").code == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("profile", "words"), [("0,0\n20,0\n30,0.3\n60,0.3\n70,0\n90,0\n", "bends too tightly"), ("0,0\n20,0\n", "the drive has only one step")]
 )
@@ -247,6 +250,7 @@ def test_fresh_deletes_only_what_a_benchmark_writes(cli: Cli, tmp_path: Path, sh
     assert "notes.txt" in files_of(tmp_path / "run")
 
 
+@pytest.mark.slow
 def test_options_override_the_suite_s_file(cli: Cli, tmp_path: Path, short_road: str) -> None:
     (tmp_path / "mine.toml").write_text(
         f'roads = ["{short_road}"]\nvehicles = ["bus"]\nsolvers = ["piqp"]\nrounds = 7\nhorizon = 30\n', encoding="utf-8"

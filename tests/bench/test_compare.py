@@ -137,6 +137,7 @@ def test_a_cell_that_fails_at_once_on_both_sides_has_not_changed() -> None:
     assert next(change.counter for change in held(side(), failed).changes) == "status"
 
 
+@pytest.mark.slow
 def test_how_far_a_cell_came_within_its_budget_is_no_counter() -> None:
     def ended(steps: int) -> Side:
         return side(change=lambda m: replace(m, steps=m.steps[:steps], statuses=m.statuses[:steps], outcome=OVER_BUDGET, judgement=None))
@@ -204,6 +205,7 @@ def test_a_plan_that_is_lost_says_its_last_words_in_every_format(cli: Cli, two_r
     assert all("raises AttributeError" in line for line in annotations if line.startswith("::error"))
 
 
+@pytest.mark.slow
 def test_of_one_process_a_side_the_rounds_count_and_three_are_needed() -> None:
     assert held(side(processes=1), side(processes=1, slow=1.0001)).verdict is Verdict.FINE
     assert held(side(processes=1), side(processes=1, slow=1.3)).verdict is Verdict.REGRESSED

@@ -260,6 +260,7 @@ def test_a_wheel_goes_to_pip_as_the_address_of_a_file(tmp_path: Path) -> None:
     assert ";" not in wheel.as_uri()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="process groups")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_comparison_that_is_killed_leaves_neither_processes_nor_temporary_files(

@@ -42,6 +42,7 @@ def solved(row: Any) -> FloatArray:  # noqa: ANN401 - a row of pandas
     return np.array(solution.x)
 
 
+@pytest.mark.slow
 def test_an_independent_solver_finds_our_solutions(files: list[Path]) -> None:
     kinds = set()
     for file in files:

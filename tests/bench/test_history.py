@@ -276,6 +276,7 @@ def test_what_is_no_history_is_refused(cli: Cli, tmp_path: Path, arguments: tupl
     assert (outcome.code, outcome.err.startswith(words)) == (2, True)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("git") is None, reason="needs git")
 def test_a_result_is_kept_only_where_it_is_of_a_commit(cli: Cli, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from tests.bench.test_bisect import OURS, git  # noqa: PLC0415 - a repository as there

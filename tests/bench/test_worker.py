@@ -47,6 +47,7 @@ def tiny(tiny: Suite) -> Suite:
     return replace(tiny, schemes=("rti",))
 
 
+@pytest.mark.slow
 def test_hangs_and_crashes_are_rows_that_end_no_run_and_are_not_met_again_in_the_next_round(tiny: Suite, tmp_path: Path) -> None:
     suite = replace(tiny, solvers=("riccati", "piqp", "osqp", "clarabel"), step_limit=0.5)
     makers: dict[str, WorkspaceMaker]
@@ -72,6 +73,7 @@ def test_a_solver_that_takes_too_much_memory_is_a_row(tiny: Suite, tmp_path: Pat
     assert {name: row["status"] for name, row in found.items()} == {"riccati": "ok", "piqp": "out of memory"}
 
 
+@pytest.mark.slow
 def test_a_worker_measures_what_this_process_measures(tiny: Suite, tmp_path: Path) -> None:
     suite, makers = replace(tiny, rounds=1), {"riccati": RICCATI, "piqp": solver_named("piqp")}
     there, here = measured(suite, makers, tmp_path / "a"), measured(suite, makers, tmp_path / "b", in_process=True)

@@ -251,6 +251,7 @@ def test_a_benchmark_deletes_no_folder_of_parts_that_is_not_its_own(cli: Cli, tm
     assert (tmp_path / "parts" / "screws.txt").read_text(encoding="utf-8") == "mine"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["\\u001b[31mred", "$\\\\frac$", "<b>a\\nb", "../../up", "."])
 def test_a_vehicle_of_any_name_is_planned(cli: Cli, tmp_path: Path, name: str) -> None:
     toml = f'name = "{name}"\n[[unit]]\nname = "{name}"\nwheelbase = 6.0\nwidth = 2.5\nmax_curvature = 0.1\nmax_curvature_rate = 0.1\n'

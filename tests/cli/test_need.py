@@ -122,6 +122,7 @@ def test_what_cannot_be_meant_is_refused(cli: Cli, bend: str, options: tuple[str
     assert outcome.out == ""
 
 
+@pytest.mark.slow
 def test_what_no_width_cures_is_not_blamed_on_an_obstacle(cli: Cli, bend: str) -> None:
     outcome = cli("need", bend, "--vehicle", "bus", "--half-width", "4", "--clearance", "14.5", "--no-plot")
     assert outcome.code == 1

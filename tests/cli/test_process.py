@@ -138,6 +138,7 @@ def test_signs_that_the_encoding_of_stdout_lacks_are_escaped(tmp_path: Path) -> 
     assert ended.stdout.startswith("# L\\xe4nge\n")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a shell of Unix")
 @pytest.mark.parametrize(
     ("streams", "code", "said"),

@@ -101,6 +101,7 @@ def test_routes_none_of_whose_ways_are_in_the_map_are_refused(cli: Cli, tmp_path
     assert "none of the 1 routes has a way in it" in outcome.err
 
 
+@pytest.mark.slow
 def test_a_bus_drives_a_road_of_a_real_map(cli: Cli, tmp_path: Path) -> None:
     assert cli("roads", "extract", str(FILES / "planken.osm.pbf"), "--out", "roads", "--quiet").code == 0
     road = min((tmp_path / "roads").glob("*.geojson"))

@@ -122,6 +122,7 @@ def test_obstacles_far_apart_are_tried_by_themselves(monkeypatch: pytest.MonkeyP
     assert tries == 6  # either side of each
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "vehicle"),
     [

@@ -190,6 +190,7 @@ def held(sets: Sets, i: int, e: float, heading: float) -> bool:
 
 @settings(max_examples=50, deadline=None)
 @given(st.sampled_from([2.6, 3.2, 4.5]), st.floats(0.0, 1.0), st.floats(0.0, 1.0), steerings)
+@pytest.mark.slow
 def test_a_bus_that_fits_is_within_every_set_however_it_steers(
     half_width: float, cell: float, share: float, steering: list[Steering]
 ) -> None:

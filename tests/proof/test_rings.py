@@ -21,6 +21,7 @@ LACKS_M = 0.015  # of half width: 3 cm of width
 PAIRS = [("tractor-trailer", 17.88), ("tractor-trailer", 25.0), ("tractor-trailer-paper", 17.88)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", RIGID)
 @pytest.mark.parametrize("radius", RADII_M)
 def test_a_whole_ring_gives_away_less_than_a_millimetre_to_any_steering(name: str, radius: float) -> None:

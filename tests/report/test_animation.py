@@ -17,6 +17,7 @@ def close_to(image: FloatArray, colour: tuple[int, int, int]) -> int:
     return int(np.sum(np.max(np.abs(image - np.array(colour)), axis=-1) < 30.0))
 
 
+@pytest.mark.slow
 def test_the_film_shows_the_bodies_driving_and_what_they_sweep(trailer: Result) -> None:
     frames = _film(trailer, Window(90.0, 120.0))
     assert abs(len(frames) - 30.0 / 0.75) < 2.0  # a frame every 0.75 m

@@ -64,6 +64,7 @@ def test_twenty_metres_are_a_hundred_millimetres_at_1_to_200(bus: Result) -> Non
     assert "1:200" in page.extract_text()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("paper", "scale"), [("a4", 500), ("a2", 200), ("a0", 100)])
 def test_the_road_lies_to_scale_on_the_paper(straight: Result, paper: str, scale: int) -> None:
     page = read(straight, paper, scale).pages[0]

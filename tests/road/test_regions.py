@@ -252,6 +252,7 @@ def scattered(path: ReferencePath, count: int) -> tuple[Region, ...]:
     return (*boxes, Region(Kind.OBSTACLE, over_start), Region(Kind.SWEEPABLE, around))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("closed", [False, True])
 def test_polygons_are_cut_together_as_they_are_one_by_one(closed: bool) -> None:
     path = from_curvature(np.array([0.0, 40.0 * np.pi]), np.array([0.05, 0.05]))

@@ -266,6 +266,7 @@ def test_on_recorded_drives_it_always_ends_early(vehicle: str, half_width: float
     assert max(counts) <= 40  # of 100; the most that these drives took was 30
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("vehicle", "half_width"), [("bus", 1.5), ("tractor-trailer", 1.75)])
 def test_a_horizon_of_eight_hundred_metres_is_solved_like_any_other(vehicle: str, half_width: float) -> None:
     s = np.arange(0.0, 901.0, 20.0)

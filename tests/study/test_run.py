@@ -118,6 +118,7 @@ def test_only_what_changed_runs_anew(folder: Path, tiny: Entries) -> None:
     assert narrowed.worked == []
 
 
+@pytest.mark.slow
 def test_the_order_in_which_cells_end_changes_nothing(folder: Path, tiny: Entries) -> None:
     straight = _run(folder, tiny, InHere(instead=outcome_of), out="straight")
     backwards = _run(folder, tiny, InHere(order=lambda cells: cells[::-1], instead=outcome_of), out="backwards")

@@ -182,6 +182,7 @@ def test_the_picture_is_to_scale_and_its_title_is_the_verdict() -> None:
     assert any(text.get_text().endswith(" m") for text in plane.texts)  # the scale bar's length
 
 
+@pytest.mark.slow
 def test_planning_needs_less_room_than_the_front_axle_on_the_line() -> None:
     case, line = turn_of("WB-40", 0.5 * np.pi)
     planned = planned_along(case, line)

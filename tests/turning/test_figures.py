@@ -91,6 +91,7 @@ def test_a_citaro_in_the_european_circle_has_its_known_figures(name: str, inside
     assert turn(load_vehicle(name), load_template("swing-out")).figures.tail_swing[0] == pytest.approx(swing, abs=0.005)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("radius", "around"), [(13.48, True), (13.55, False)])
 def test_a_vehicle_that_reaches_around_the_circle_s_centre_has_no_band_and_one_that_nearly_does_has(radius: float, around: bool) -> None:
     driven = follow(load_vehicle("b-double"), Manoeuvre(radius, None, GuidePoint.FRONT_CORNER))
