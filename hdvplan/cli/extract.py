@@ -73,7 +73,7 @@ def extract(
     except OSError as error:
         msg = f"cannot write to {directory}: {error.strerror or error}"
         raise OptionError(msg, hint="choose another folder with --out") from error
-    _warn_of(routes, directory, quiet=quiet)
+    _warn_of(routes, directory / RECORD, quiet=quiet)
     if json:
         print_json(record_of(routes, source.name, route, widths))
     elif not quiet:
@@ -83,16 +83,14 @@ def extract(
     return ExitCode.OK
 
 
-def _warn_of(routes: tuple[Route, ...], directory: Path, *, quiet: bool) -> None:
+def _warn_of(routes: tuple[Route, ...], record: Path, *, quiet: bool) -> None:
     """Warn of the first findings one by one, and of the others by their number: a whole network has hundreds."""
-    from hdvplan.network.extract import RECORD
-
     findings = [(one.label, finding) for one in routes for finding in one.findings]
     for label, finding in findings[:_WARNINGS]:
         place = "" if finding.place is None else f", at {finding.place[1]:.5f}, {finding.place[0]:.5f}"
         warn(f"{label}: {finding.text}{place}", quiet=quiet)
     if len(findings) > _WARNINGS:
-        warn(f"{len(findings) - _WARNINGS} more remarks on routes are in {directory}/{RECORD}", quiet=quiet)
+        warn(f"{len(findings) - _WARNINGS} more remarks on routes are in {record}", quiet=quiet)
 
 
 def _table(routes: tuple[Route, ...]) -> Table:

@@ -28,6 +28,7 @@ from hdvplan.cli.options import (
     SmoothOption,
     VehicleOption,
     choice,
+    drawn_formats,
     file_name,
     road_options,
 )
@@ -124,7 +125,7 @@ def need(
     from hdvplan.report.need_files import write_need
     from hdvplan.report.needs import need_json
 
-    kinds = [choice("--format", kind.strip(), (*PICTURES, *DRAWINGS)) for kind in formats.split(",")]
+    kinds = drawn_formats(formats, PICTURES, DRAWINGS, plot=plot)
     settings = PlannerSettings(clearance=clearance)
     note_compiling(quiet=quiet)
     with progress(f"smoothing {road}", quiet=quiet):
@@ -147,7 +148,7 @@ def need(
     told = need_json(answer, perf_counter() - began)
     directory = out or Path(f"{file_name(track.name)}.{file_name(driven.name)}.need")
     try:
-        write_need(answer, told, directory, [kind for kind in kinds if plot or kind in DRAWINGS])
+        write_need(answer, told, directory, kinds)
     except OSError as error:
         msg = f"cannot write to {directory}: {error.strerror or error}"
         raise OptionError(msg, hint="choose another folder with --out") from error

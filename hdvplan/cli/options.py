@@ -171,6 +171,17 @@ def choice(option: str, value: str, choices: Sequence[str]) -> str:
     return value
 
 
+def drawn_formats(text: str, pictures: Sequence[str], drawings: Sequence[str], *, plot: bool) -> list[str]:
+    """Return what ``--format A,B`` asks for, of these; without ``plot`` no pictures.
+
+    Raises:
+        OptionError: one is none of them.
+
+    """
+    kinds = [choice("--format", kind.strip(), (*pictures, *drawings)) for kind in text.split(",")]
+    return [kind for kind in kinds if plot or kind in drawings]
+
+
 def file_name(name: str) -> str:
     """Return ``name`` with what files should not be called by replaced, short enough for two of them to be one file's name."""
     return re.sub(r"[^\w.-]+", "-", name).encode()[:_LONGEST_NAME].decode(errors="ignore")

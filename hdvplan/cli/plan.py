@@ -43,6 +43,7 @@ from hdvplan.cli.options import (
     SmoothOption,
     VehicleOption,
     choice,
+    drawn_formats,
     file_name,
     road_options,
 )
@@ -227,7 +228,7 @@ def plan(
     from hdvplan.report.files import DRAWINGS, PICTURES
     from hdvplan.road.regions import Side
 
-    kinds = [choice("--format", kind.strip(), (*PICTURES, *DRAWINGS)) for kind in formats.split(",")]
+    kinds = drawn_formats(formats, PICTURES, DRAWINGS, plot=plot)
     side = None if pass_ is None else Side(choice("--pass", pass_, list(Side)))
     settings = PlannerSettings(
         scheme=Scheme(choice("--scheme", scheme, list(Scheme))),
@@ -272,7 +273,7 @@ def plan(
     result = looked_again(result, proof=proof, refine=refine, quiet=quiet)
     directory = out or Path(f"{file_name(track.name)}.{file_name(driven.name)}")
     with progress(f"writing {directory}/", quiet=quiet) as on_progress:
-        _write(result, directory, [kind for kind in kinds if plot or kind in DRAWINGS], drawn_on, animate, on_progress)
+        _write(result, directory, kinds, drawn_on, animate, on_progress)
     from hdvplan.report.summary import summary_of
 
     verdict = verdict_of(result)

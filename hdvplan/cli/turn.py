@@ -11,7 +11,7 @@ from hdvplan.cli import completion
 from hdvplan.cli.checks import check_folder, vehicle_named
 from hdvplan.cli.console import ExitCode, print_json, print_line, print_tables, report_error
 from hdvplan.cli.help import OUTPUT, VEHICLE
-from hdvplan.cli.options import JsonOption, QuietOption, choice, file_name
+from hdvplan.cli.options import JsonOption, QuietOption, drawn_formats, file_name
 from hdvplan.errors import OptionError
 
 if TYPE_CHECKING:
@@ -98,15 +98,16 @@ def turn(
         msg = "missing option '--vehicle'"
         raise OptionError(msg, hint="`hdvplan vehicles list` names the presets, `hdvplan turn --list` the templates")
     check_folder(out)
-    from hdvplan.report.turns import KINDS, broken_words, turn_json, turn_table, verdict, write_turn
+    from hdvplan.report.files import PICTURES
+    from hdvplan.report.turns import TURN_DRAWINGS, broken_words, turn_json, turn_table, verdict, write_turn
     from hdvplan.turning.turn import turn as drive
 
-    kinds = [choice("--format", kind.strip(), KINDS) for kind in formats.split(",")]
+    kinds = drawn_formats(formats, PICTURES, TURN_DRAWINGS, plot=plot)
     wanted = _wanted(template, radius, angle, guide, ramp, standstill=standstill)
     found = drive(vehicle_named(vehicle, quiet=quiet), wanted)
     directory = out or Path(_folder(found))
     try:
-        write_turn(found, directory, kinds=[kind for kind in kinds if plot or kind == "dxf"])
+        write_turn(found, directory, kinds=kinds)
     except OSError as error:
         msg = f"cannot write to {directory}: {error.strerror or error}"
         raise OptionError(msg, hint="choose another folder with --out") from error

@@ -69,13 +69,16 @@ def dxf_bytes(result: Result, features: Sequence[Drawn] | None = None, answer: S
         *([answer_line(result)] if answer is None else answer),
         f"road: {drive.road.name}, {drive.road.path.length:.1f} m",
         f"vehicle: {drive.vehicle.name}",
-        f"coordinates: {system.note}",
-        f"wheel tracks: {TRACK_NOTE}",
-        f"hdvplan {__version__}",
+        *how_to_read(system),
     ]
     if drive.road.notice:
         notes.append(drive.road.notice)
     return drawing_bytes(drawn_features(result) if features is None else features, system, notes)
+
+
+def how_to_read(system: System) -> list[str]:
+    """Return the lines of the notes that say what coordinates and wheel tracks are, and who drew them."""
+    return [f"coordinates: {system.note}", f"wheel tracks: {TRACK_NOTE}", f"hdvplan {__version__}"]
 
 
 def drawing_bytes(features: Sequence[Drawn], system: System, notes: Sequence[str]) -> bytes:

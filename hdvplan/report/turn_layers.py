@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import shapely
 
-from hdvplan import __version__
 from hdvplan.jit import FloatArray
 from hdvplan.judging.result import body_name
-from hdvplan.judging.wheels import TRACK_NOTE
-from hdvplan.report.dxf import drawing_bytes
+from hdvplan.report.dxf import drawing_bytes, how_to_read
 from hdvplan.report.layers import SIMPLER_M, Drawn, Layer, Value
 from hdvplan.report.placing import System
 from hdvplan.report.turns import shown_poses, swept_area, verdict, wheel_tracks
@@ -26,9 +24,7 @@ def turn_dxf(turn: Turn) -> bytes:
         verdict(turn),
         *([] if template is None else [f"template: {template.name}; {template.source}"]),
         f"vehicle: {turn.driven.vehicle.name}",
-        f"coordinates: {system.note}",
-        f"wheel tracks: {TRACK_NOTE}",
-        f"hdvplan {__version__}",
+        *how_to_read(system),
     ]
     return drawing_bytes(turn_features(turn), system, notes)
 

@@ -27,7 +27,7 @@ from hdvplan.turning.templates import Limit, figure
 from hdvplan.turning.turn import Turn
 
 Json = dict[str, object]
-KINDS = (*PICTURES, "dxf")
+TURN_DRAWINGS = ("dxf",)  # for CAD; it lies nowhere on a map
 _AREA_M = 0.2  # between the poses that a swept area is joined from: short by 0.7 mm at a radius of 7 m
 _TRACK_M = 0.25
 _SIMPLER_M = 1e-3
@@ -192,7 +192,9 @@ def every(driven: Followed, spacing: float) -> slice:
 
 
 def write_turn(turn: Turn, directory: Path, *, kinds: Collection[str] = ()) -> None:
-    """Write ``turn.json``, ``poses.csv``, ``width.csv``, ``turn.geojson`` and what is drawn, of ``KINDS``, into ``directory``.
+    """Write ``turn.json``, ``poses.csv``, ``width.csv``, ``turn.geojson`` and what is drawn into ``directory``.
+
+    ``kinds`` are those of ``PICTURES`` and ``TURN_DRAWINGS`` that are drawn.
 
     Raises:
         OptionError: the folder holds files of others.
@@ -206,7 +208,8 @@ def write_turn(turn: Turn, directory: Path, *, kinds: Collection[str] = ()) -> N
     }
     contents |= {f"turn.{kind}": partial(_drawn, turn, kind) for kind in kinds}
     contents["turn.json"] = lambda: json_bytes(turn_json(turn))
-    Together("turn.json", tuple(f"turn.{kind}" for kind in KINDS), {"turn.json": "swept_width_m"}).write(directory, contents)
+    names = tuple(f"turn.{kind}" for kind in (*PICTURES, *TURN_DRAWINGS))
+    Together("turn.json", names, {"turn.json": "swept_width_m"}).write(directory, contents)
 
 
 def _drawn(turn: Turn, kind: str) -> bytes:
