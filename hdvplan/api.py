@@ -10,6 +10,7 @@ from hdvplan.case import Case
 from hdvplan.driving.drive import Drive, drive, warm_up
 from hdvplan.judging.result import Result, result_of
 from hdvplan.passing.sides import choose_sides
+from hdvplan.planning.bias import CENTRE, bias_named
 from hdvplan.planning.discretisation import Discretisation
 from hdvplan.planning.objective_names import WEIGHTED, share_of
 from hdvplan.planning.objectives import Objective, objective_named
@@ -38,6 +39,20 @@ def plan(case: Case, *, on_progress: Callable[[float], None] | None = None) -> R
     road, passed = choose_sides(case)
     driven = drive_case(replace(case, road=road), on_progress=on_progress)
     return result_of(driven, solver=case.solver, objective=case.objective, passed=passed)
+
+
+def biased(case: Case, text: str) -> Case:
+    """Return the case with the bias that users call ``text``: metres, a file with columns s,bias, or ``centre`` of the limits.
+
+    That is between the limits of the sides on which the obstacles are passed.
+
+    Raises:
+        OptionError: as for ``bias_named``.
+        RoadError: an obstacle has no room on the side on which it must be passed.
+
+    """
+    road = choose_sides(case)[0] if text == CENTRE else case.road
+    return replace(case, bias=bias_named(text, road.limits))
 
 
 def prove(result: Result, *, on_progress: Callable[[float], None] | None = None) -> Result:

@@ -221,8 +221,7 @@ def plan(
     from hdvplan import api
     from hdvplan.case import Case
     from hdvplan.judging.verdict import verdict_line, verdict_of
-    from hdvplan.passing.biased import bias_asked, biased
-    from hdvplan.planning.bias import CENTRE, NONE
+    from hdvplan.planning.bias import CENTRE, NONE, bias_named
     from hdvplan.planning.discretisation import Discretisation
     from hdvplan.planning.settings import PlannerSettings, Scheme
     from hdvplan.report.files import DRAWINGS, PICTURES
@@ -252,7 +251,7 @@ def plan(
         from hdvplan.stretches.cutting import reach_of
 
         check_room(driven, reaches)
-        along = NONE if bias is None else bias_asked(bias, None)
+        along = NONE if bias is None else bias_named(bias, None)
         if bias is not None:
             check_bias(along, bias)
         folder = out or Path(f"{file_name(found.line.name)}.{file_name(driven.name)}")
@@ -267,7 +266,7 @@ def plan(
     warn_far_regions(track, quiet=quiet)
     with progress(f"planning {driven.name} along {track.name}", quiet=quiet) as on_progress:
         if bias is not None:
-            case = biased(case, bias)
+            case = api.biased(case, bias)
             check_bias(case.bias, bias)
         result = api.plan(case, on_progress=on_progress)
     result = looked_again(result, proof=proof, refine=refine, quiet=quiet)

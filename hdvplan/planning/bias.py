@@ -12,12 +12,13 @@ from pathlib import Path
 
 import numpy as np
 
-from hdvplan.errors import OptionError
+from hdvplan.errors import OptionError, RoadError
 from hdvplan.jit import FloatArray
+from hdvplan.road.load_csv import read_columns
 from hdvplan.road.road import Limits
 
 CENTRE = "centre"
-_COLUMNS = ["s", "bias"]
+_COLUMNS = ("s", "bias")
 _TIGHTEST = 0.9  # curvature times bias up to which the road beside the centre can be driven
 
 
@@ -70,9 +71,24 @@ def bias_named(text: str, limits: Limits | None) -> Bias:
             raise OptionError(msg, hint="give them with --left and --right, or in the road file")
         return Bias.between(limits)
     try:
-        return Bias.constant(float(text))
+        offset = float(text)
     except ValueError:
-        return _read(Path(text))
+        return _of_file(Path(text))
+    return Bias.constant(offset)
+
+
+def _of_file(path: Path) -> Bias:
+    try:
+        s, offset = read_columns(path, _COLUMNS, "bias file")
+        return Bias(s, offset)
+    except (OSError, ValueError) as error:  # a name may have a zero byte
+        msg = f"--bias {path} is neither a number of metres, {CENTRE!r}, nor a file that can be read"
+        raise OptionError(msg) from error
+    except RoadError as error:
+        raise OptionError(str(error), hint=error.hint) from error
+    except OptionError as error:
+        msg = f"bias file {path.name}: {error}"
+        raise OptionError(msg) from error
 
 
 def shifted(curvature: FloatArray, offset: FloatArray, s: FloatArray) -> FloatArray:
@@ -88,26 +104,3 @@ def shifted(curvature: FloatArray, offset: FloatArray, s: FloatArray) -> FloatAr
         msg = f"a bias of {offset[int(np.argmax(turned))]:g} m leaves no road at s = {at:.1f} m, which bends by {np.max(turned):.2f} of it"
         raise OptionError(msg, hint="choose a smaller --bias")
     return curvature / (1.0 - turned)
-
-
-def _read(path: Path) -> Bias:
-    import pandas as pd  # noqa: PLC0415 - few runs have such a file
-
-    try:
-        table = pd.read_csv(path, comment="#", skipinitialspace=True)
-    except OSError as error:
-        msg = f"--bias {path} is neither a number of metres, {CENTRE!r}, nor a file that can be read"
-        raise OptionError(msg) from error
-    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
-        msg = f"bias file {path} is no CSV"
-        raise OptionError(msg, hint=f"its header is {','.join(_COLUMNS)}") from error
-    missing = [name for name in _COLUMNS if name not in table.columns]
-    if missing:
-        msg = f"bias file {path} has no column {missing[0]!r}"
-        raise OptionError(msg, hint=f"its header is {','.join(_COLUMNS)}")
-    values = table[_COLUMNS].apply(pd.to_numeric, errors="coerce").to_numpy(float)
-    try:
-        return Bias(values[:, 0], values[:, 1])
-    except OptionError as error:
-        msg = f"bias file {path}: {error}"
-        raise OptionError(msg) from error

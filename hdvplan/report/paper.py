@@ -9,6 +9,7 @@ from hdvplan.errors import OptionError
 PAPERS_MM = {"a4": (297.0, 210.0), "a3": (420.0, 297.0), "a2": (594.0, 420.0), "a1": (841.0, 594.0), "a0": (1189.0, 841.0)}  # landscape
 SCALES = (50, 100, 200, 250, 500, 1000, 2000)  # round ones, largest first: 1:50
 _SMALLEST = 5000
+_DIGITS = 100  # of a number that is worth reading
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ class SheetOptions:
         if scale is None:
             return cls(paper.lower())
         digits = scale.removeprefix("1:").strip()
-        if not digits.isdecimal():
+        if not digits.isdecimal() or len(digits) > _DIGITS:
             msg = f"--scale {scale!r} is not a scale: give 200 or 1:200"
             raise OptionError(msg)
         return cls(paper.lower(), int(digits))

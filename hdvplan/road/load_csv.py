@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from hdvplan.errors import RoadError
 from hdvplan.jit import FloatArray
-from hdvplan.road.columns import LAYOUTS, Columns, columns_of, has_geometry, is_header, unread_note
+from hdvplan.road.columns import LAYOUTS, Columns, columns_of, folded, has_geometry, is_header, unread_note
 from hdvplan.road.crs import LONLAT, check_lonlat, is_geographic, looks_like_degrees, to_plane
 from hdvplan.road.raw import RawRoad
 from hdvplan.road.steps import LARGEST_M
+from hdvplan.road.texts import refuse_unreadable, text_of
 
 _SEPARATORS = ("\t", ";", "|", ",")  # the first that the header has; decimal commas cannot occur in a header
 _QUOTE = '"'  # which nothing can be separated by
 _TIGHTEST_PROFILE = 0.5  # [1/m]
+_SHOWN = 60  # letters of a cell in a message
 _LOST_DECIMALS = 3  # fewer than in any other row: one or two may be trailing zeros
 
 
@@ -47,6 +50,32 @@ def read_csv(text: str, name: str, *, crs: str | None = None) -> RawRoad:
     return read_table(_table(text, name), name, crs=crs)
 
 
+def read_columns(path: Path, wanted: Sequence[str], what: str) -> list[FloatArray]:
+    """Return the ``wanted`` columns of a CSV file, written as a road's may be; ``what`` the file is, is for the messages.
+
+    A column may have its unit in its title: ``s``, ``s_m`` and ``S [m]`` are the same.
+
+    Raises:
+        RoadError: no such file of text, a column that is missing or there twice, or what is not a finite number.
+        OSError: it cannot be read.
+
+    """
+    if not path.is_file():  # a pipe or a device may have no end
+        raise FileNotFoundError(path)
+    refuse_unreadable(path, what)
+    name = f"{what} {path.name}"
+    layout = f"its header is {','.join(wanted)}"
+    table = _table(text_of(path, what), name, layout)
+    titles = [folded(title).removesuffix("_m") for title in table.titles]
+    for title in wanted:
+        if titles.count(title) != 1:
+            msg = f"{name}: column {title} occurs twice" if title in titles else f"{name} has no column {title!r}"
+            raise RoadError(msg, hint=layout)
+    at = {title: titles.index(title) for title in wanted}
+    values = _numbers(table, at, name)
+    return [values[title] for title in wanted]
+
+
 def has_wkt(text: str) -> bool:
     """Tell whether a CSV text has a column of well-known text."""
     header = next((line for line in text.splitlines() if line.strip() and not line.startswith("#") and not _is_excel_hint(line)), "")
@@ -61,7 +90,7 @@ def read_table(table: Table, name: str, *, crs: str | None = None) -> RawRoad:
 
     """
     columns = columns_of(table.titles, name)
-    values = _numbers(table, columns, name)
+    values = _numbers(table, columns.at, name)
     points = np.stack([values[key] for key in columns.position], axis=1)
     if len(points) < 2:  # noqa: PLR2004
         msg = f"{name}: a road needs at least two points, this one has {len(points)}"
@@ -93,8 +122,8 @@ def read_table(table: Table, name: str, *, crs: str | None = None) -> RawRoad:
     return replace(raw, points=plane.points, to_lonlat=plane.to_lonlat)
 
 
-def _table(text: str, name: str) -> Table:
-    """Return the cells of a CSV text without comments and empty rows.
+def _table(text: str, name: str, layout: str = LAYOUTS) -> Table:
+    """Return the cells of a CSV text without comments and empty rows; ``layout`` is the hint where there is no header.
 
     Raises:
         RoadError: no header, or rows that do not fit it.
@@ -118,11 +147,11 @@ def _table(text: str, name: str) -> Table:
                 break
         elif content:
             separator = separator or _separator(line)
-            titles = _header(_fields(content, separator), name, number)
+            titles = _header(_fields(content, separator), name, number, layout)
             break
     if not titles:
         msg = f"{name} is empty"
-        raise RoadError(msg, hint=LAYOUTS)
+        raise RoadError(msg, hint=layout)
     body = csv.reader(_uncommented(numbered), delimiter=separator, skipinitialspace=True)
     skipped = number  # lines up to the header
     try:
@@ -155,10 +184,10 @@ def _fields(line: str, separator: str) -> list[str]:
     return [field.strip().strip('"').strip() for field in line.strip().split(separator)]
 
 
-def _header(fields: list[str], name: str, number: int) -> list[str]:
+def _header(fields: list[str], name: str, number: int, layout: str) -> list[str]:
     if all(_is_number(field.replace(",", ".")) for field in fields):
         msg = f"{name}, line {number}: the first line must name the columns, found numbers"
-        raise RoadError(msg, hint=LAYOUTS)
+        raise RoadError(msg, hint=layout)
     return fields
 
 
@@ -182,29 +211,30 @@ def _fitted(cells: list[str], titles: list[str], separator: str, where: str) -> 
     return cells
 
 
-def _numbers(table: Table, columns: Columns, name: str) -> dict[str, FloatArray]:
+def _numbers(table: Table, at: dict[str, int], name: str) -> dict[str, FloatArray]:
     """Return the columns that have a meaning as numbers; one decimal sign holds for the whole table."""
-    cells = {key: [row[number] for row in table.rows] for key, number in columns.at.items()}
+    cells = {key: [row[number] for row in table.rows] for key, number in at.items()}
     comma = any("," in cell for column in cells.values() for cell in column)
     values: dict[str, FloatArray] = {}
     for key, column in cells.items():
+        title = table.titles[at[key]]
         if comma:
             odd = next((row for row, cell in enumerate(column) if "." in cell or cell.count(",") > 1), None)
             if odd is not None:
-                msg = f"{name}, line {table.lines[odd]}, column {columns.titles[key]}: {column[odd]!r} is not a number"
+                msg = f"{name}, line {table.lines[odd]}, column {title}: {column[odd][:_SHOWN]!r} is not a number"
                 raise RoadError(msg, hint="use one decimal sign throughout, and nothing between thousands")
             column = [cell.replace(",", ".") for cell in column]  # noqa: PLW2901
         bad = next((row for row, cell in enumerate(column) if not _is_number(cell)), None)
         if bad is not None:
-            msg = f"{name}, line {table.lines[bad]}, column {columns.titles[key]}: {column[bad]!r} is not a number"
+            msg = f"{name}, line {table.lines[bad]}, column {title}: {column[bad][:_SHOWN]!r} is not a number"
             raise RoadError(msg)
         values[key] = np.array(column, dtype=float)
         endless = np.flatnonzero(~np.isfinite(values[key]))
         if endless.size:
-            msg = f"{name}, line {table.lines[endless[0]]}, column {columns.titles[key]}: {column[endless[0]]} is not a finite number"
+            msg = f"{name}, line {table.lines[endless[0]]}, column {title}: {column[endless[0]][:_SHOWN]} is not a finite number"
             raise RoadError(msg)
-        if table.open_ended and columns.at[key] == len(table.titles) - 1 and _is_cut_off(column):
-            msg = f"{name}, line {table.lines[-1]}, column {columns.titles[key]}: {column[-1]!r} has lost digits, and the file ends there"
+        if table.open_ended and at[key] == len(table.titles) - 1 and _is_cut_off(column):
+            msg = f"{name}, line {table.lines[-1]}, column {title}: {column[-1]!r} has lost digits, and the file ends there"
             raise RoadError(msg, hint="the file looks cut off: fetch it again, or remove its last line")
     return values
 

@@ -19,8 +19,8 @@ _OTHERS = {
 }
 
 
-def refuse_unreadable(path: Path) -> None:
-    """Refuse a file that is empty, too large to be a road, an archive, or encrypted.
+def refuse_unreadable(path: Path, wanted: str = "road file") -> None:
+    """Refuse a file that is too large to be a road, an archive, or encrypted; what is ``wanted`` is for the messages.
 
     Raises:
         RoadError: one of these; says what to do instead.
@@ -29,22 +29,22 @@ def refuse_unreadable(path: Path) -> None:
     """
     size = path.stat().st_size
     if size > _LARGEST_MB * 1e6:
-        msg = f"{path.name} has {size / 1e6:.0f} MB; road files of at most {_LARGEST_MB} MB are read"
+        msg = f"{path.name} has {size / 1e6:.0f} MB; {wanted}s of at most {_LARGEST_MB} MB are read"
         raise RoadError(msg, hint=f"take out the road first: ogr2ogr -spat XMIN YMIN XMAX YMAX road.gpkg {path.name}")
     with path.open("rb") as file:
         head = file.read(8)
     what = next((what for mark, what in _OTHERS.items() if head.startswith(mark)), None)
     if what is not None:
-        msg = f"{path.name} is {what}, not a road file"
+        msg = f"{path.name} is {what}, not a {wanted}"
         raise RoadError(msg, hint="unpack it, and give the file in it")
     if head.startswith(b"\xd0\xcf\x11\xe0"):
         msg = f"{path.name} is an old or an encrypted Office file"
         raise RoadError(msg, hint="save it without a password as .xlsx or .csv")
     if head.startswith((b"PK\x03\x04", b"PK\x05\x06")):
-        _refuse_archive(path)
+        _refuse_archive(path, wanted)
 
 
-def _refuse_archive(path: Path) -> None:
+def _refuse_archive(path: Path, wanted: str) -> None:
     try:
         with zipfile.ZipFile(path) as archive:
             members = archive.infolist()
@@ -56,15 +56,15 @@ def _refuse_archive(path: Path) -> None:
         raise RoadError(msg, hint="save it without a password")
     if path.suffix.lower() not in _PACKED:
         names = ", ".join(member.filename for member in members[:5]) + (", ..." if len(members) > 5 else "")  # noqa: PLR2004
-        msg = f"{path.name} is a zip archive, not a road file"
+        msg = f"{path.name} is a zip archive, not a {wanted}"
         raise RoadError(msg, hint=f"unpack it, and give the file in it: {names}" if names else "it is empty")
     unpacked = sum(member.file_size for member in members)
     if unpacked > _LARGEST_MB * 1e6:
-        msg = f"{path.name} unpacks to {unpacked / 1e6:.0f} MB; road files of at most {_LARGEST_MB} MB are read"
+        msg = f"{path.name} unpacks to {unpacked / 1e6:.0f} MB; {wanted}s of at most {_LARGEST_MB} MB are read"
         raise RoadError(msg, hint="take out the road first")
 
 
-def text_of(path: Path) -> str:
+def text_of(path: Path, wanted: str = "road file") -> str:
     """Return a text file's text: UTF-8, or UTF-16 as its first bytes say, or else Windows-1252.
 
     Raises:
@@ -80,9 +80,9 @@ def text_of(path: Path) -> str:
         except UnicodeDecodeError:
             text = content.decode(encoding or "cp1252")
     except UnicodeDecodeError as error:
-        msg = f"road file {path} cannot be read: it is not text"
+        msg = f"{wanted} {path} cannot be read: it is not text"
         raise RoadError(msg) from error
     if "\0" in text:
-        msg = f"road file {path} cannot be read: it is not text"
+        msg = f"{wanted} {path} cannot be read: it is not text"
         raise RoadError(msg, hint=f"if it is a map in another form, make it a road file: ogr2ogr road.gpkg {path.name}")
     return text

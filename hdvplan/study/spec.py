@@ -236,13 +236,12 @@ def _bias(value: object, folder: Path) -> tuple[str, str | None]:
     """
     if not isinstance(value, str):
         return repr(number("bias", value)), None
-    from hdvplan.passing.biased import bias_asked  # noqa: PLC0415 - few studies have such a word, and it loads what plans
-    from hdvplan.planning.bias import CENTRE  # noqa: PLC0415 - as above
+    from hdvplan.planning.bias import CENTRE, bias_named  # noqa: PLC0415 - few studies have such a word
 
     if value == CENTRE:  # of limits that only the roads know
         return value, None
     text = str(folder / value) if (folder / value).is_file() else value
-    bias_asked(text, None)
+    bias_named(text, None)
     return text, digest_of(Path(text)) if Path(text).is_file() else None
 
 

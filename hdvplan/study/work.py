@@ -19,7 +19,6 @@ from hdvplan.jit import FloatArray
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.machine import software
 from hdvplan.need.answer import need_of
-from hdvplan.passing.biased import biased
 from hdvplan.planning.bias import CENTRE
 from hdvplan.plugins import digest_of as file_digest
 from hdvplan.plugins import said
@@ -109,7 +108,7 @@ def _case(cell: Cell, road: Road) -> Case:
     if cell.manner.side is not None:
         road = road.passed_on(cell.manner.side)
     case = Case(road, cell.variant.vehicle, cell.objective, cell.solver, cell.manner.settings)
-    return case if cell.manner.bias is None else biased(case, cell.manner.bias)
+    return case if cell.manner.bias is None else api.biased(case, cell.manner.bias)
 
 
 def _plan(case: Case, row: Row, places: list[Row], *, prove: bool, refine: bool) -> str:

@@ -31,6 +31,7 @@ def test_without_a_picture_drawings_are_still_made(cli: Cli, tmp_path: Path, sho
     [
         (("--sheet", "a7"), "--sheet must be a4, a3"),
         (("--sheet", "a3", "--scale", "big"), "--scale 'big' is not a scale"),
+        (("--sheet", "a3", "--scale", 5000 * "1"), "is not a scale"),
         (("--sheet", "a3", "--scale", "2"), "must lie between 10 and 5000"),
         (("--scale", "200"), "--scale 200 needs a sheet"),
         (("--format", "dwg"), "--format must be png, pdf, svg, dxf or gpkg"),

@@ -94,6 +94,21 @@ def test_a_bias_is_read_from_a_file(tmp_path: Path) -> None:
     assert bias.at(np.array([-1.0, 0.0, 25.0, 99.0])).tolist() == pytest.approx([0.1, 0.1, -0.05, -0.2])
 
 
+@pytest.mark.parametrize(
+    "content",
+    [
+        "s;bias\n0;0,1\n50;-0,2\n",
+        "\ufeffs [m]\tBias\tnote\r\n0\t0.1\tkerb\r\n50\t-0.2\t\r\n",
+        "sep=|\ns_m|bias_m\n0|0,1\n# half-way\n50|-0,2\n",
+    ],
+    ids=["semicolons and commas", "tabs", "bars"],
+)
+def test_a_bias_file_may_be_written_as_a_road_file_may(tmp_path: Path, content: str) -> None:
+    file = tmp_path / "bias.csv"
+    file.write_text(content, encoding="utf-8")
+    assert bias_named(str(file), None).at(np.array([0.0, 25.0])).tolist() == pytest.approx([0.1, -0.05])
+
+
 def test_a_bias_is_a_number() -> None:
     assert bias_named("-0.25", None).at(np.zeros(2)).tolist() == [-0.25, -0.25]
 
@@ -103,10 +118,15 @@ def test_a_bias_is_a_number() -> None:
     [
         ("s,offset\n0,1\n", "no column 'bias'"),
         ("s,bias\n0,1\n0,2\n", "increasing"),
-        ("s,bias\n0,left\n", "finite"),
+        ("s,bias\n0,left\n", "line 2, column bias: 'left' is not a number"),
         ("s,bias\n", "finite"),
-        ("", "no CSV"),
-        ('s,bias\n"0,1\n', "no CSV"),
+        ("", "is empty"),
+        ('s,bias\n"0,1\n', "1 values for 2 columns"),
+        ("s,bias,bias\n0,1,2\n", "column bias occurs twice"),
+        (f"s,bias\n0,{400 * '1'}\n", "not a finite number"),
+        (f"s,bias\n0,1\n{5000 * '1'},1\n", "not a finite number"),
+        ("PK\x03\x04", "damaged or cut-off archive"),
+        ("BZh", "compressed"),
     ],
 )
 def test_a_file_that_is_no_bias_is_refused_by_name(tmp_path: Path, content: str, words: str) -> None:
@@ -117,7 +137,7 @@ def test_a_file_that_is_no_bias_is_refused_by_name(tmp_path: Path, content: str,
     assert "bias.csv" in str(caught.value)
 
 
-@pytest.mark.parametrize("text", ["missing.csv", "center", "nan", "inf"])
+@pytest.mark.parametrize("text", ["missing.csv", "center", "nan", "inf", "1e400", "-" + 400 * "1", "a\0b", 5000 * "x", "."])
 def test_what_is_no_bias_is_refused(text: str) -> None:
     with pytest.raises(OptionError):
         bias_named(text, None)

@@ -11,7 +11,7 @@ from types import FunctionType
 from hdvplan.bench.sides import read_side
 from hdvplan.bench.suite import read_suite, suite_of
 from hdvplan.errors import HdvplanError
-from hdvplan.passing.biased import bias_asked
+from hdvplan.planning.bias import bias_named
 from hdvplan.report.planfiles import read_plan
 from hdvplan.road.load import RoadOptions, find_road
 from hdvplan.study.spec import read_study
@@ -31,7 +31,7 @@ _WATCHED = (
 )
 _READ: dict[str, Callable[[Path], object]] = {
     "truck.toml": load_vehicle,
-    "bias.csv": lambda path: bias_asked(str(path), None),
+    "bias.csv": lambda path: bias_named(str(path), None),
     "suite.toml": lambda path: suite_of(read_suite(path)),
     "study.toml": read_study,
     "lane.xodr": lambda path: find_road(path, RoadOptions(road_ids="2", lane=0)),  # as ``seeds.road_options`` says

@@ -140,7 +140,7 @@ def test_biases_and_code_lie_beside_the_study_too(folder: Path, monkeypatch: pyt
         ({"vary": {"bus.wheelbase": [5.0], "bus.1.wheelbase": [6.0]}}, "vary names 'bus.1.wheelbase', which is 'bus.wheelbase'", None),
         ({"vary": {"bus.wheelbase": [5.0], "bus": {"wheelbase": [6.0]}}}, "'bus.wheelbase' twice", None),
         ({"settings": {"bias": "left"}}, "neither a number of metres", None),
-        ({"settings": {"bias": "a\0b"}}, "cannot be read", None),
+        ({"settings": {"bias": "a\0b"}}, "neither a number of metres", None),
         ({"settings": {"crs": "EPSG:0"}}, "unknown coordinate reference system", "EPSG code"),
         ({"vary": {"bus.wheelbase": "five"}}, "different numbers or a range, not 'five'", "in 5"),
         ({"vary": {"bus.wheelbase": [5.0, 5.0]}}, "different numbers", None),
