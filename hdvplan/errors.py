@@ -7,8 +7,7 @@ parse text.
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 
 
 class HdvplanError(Exception):
@@ -90,9 +89,3 @@ class MeasurementError(HdvplanError):
 def _remade(kind: type[HdvplanError], *args: object) -> HdvplanError:
     """Return an error whose attributes are still to be set."""
     return kind.__new__(kind, *args)
-
-
-def did_you_mean(name: str, known: Iterable[str], otherwise: str, *, most: int = 1) -> str:
-    """Return the hint for a name that nobody knows: up to ``most`` known ones that are spelled alike; ``otherwise`` where none is."""
-    close = difflib.get_close_matches(name, list(known), n=most)
-    return f"did you mean {' or '.join(map(repr, close))}?" if close else otherwise

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 _LETTERS_AN_ERROR = 4  # one wrong letter in every four is still read as a misspelling
 _SHORTEST_PART = 4  # letters by which a part of a longer name is recognised
@@ -12,7 +12,7 @@ _MOST_SHOWN = 3  # names in a hint; a part that more names contain says nothing
 def meant_by(name: str, known: Iterable[str]) -> list[str]:
     """Return the known names that ``name`` may have meant, the nearest ones; none if nothing is near. Capitals do not matter."""
     names, given = list(known), name.casefold()
-    most = max(1, len(given) // _LETTERS_AN_ERROR)
+    most = max(1, round(sum(map(str.isalnum, given)) / _LETTERS_AN_ERROR))
     near = [other for other in names if abs(len(other.casefold()) - len(given)) <= most]  # a name of a megabyte is compared to none
     distances = {other: _distance(given, other.casefold()) for other in near}
     nearest = min(distances.values(), default=len(given))
@@ -22,9 +22,10 @@ def meant_by(name: str, known: Iterable[str]) -> list[str]:
     return longer if len(longer) <= _MOST_SHOWN else []
 
 
-def did_you_mean(names: Sequence[str], otherwise: str) -> str:
-    """Return a hint that names up to three of what was meant; ``otherwise`` if there is none."""
-    return f"did you mean {' or '.join(map(repr, names[:_MOST_SHOWN]))}?" if names else otherwise
+def did_you_mean(name: str, known: Iterable[str], otherwise: str) -> str:
+    """Return the hint for a name that nobody knows: up to three known ones that it may have meant; ``otherwise`` where none is near."""
+    meant = meant_by(name, known)
+    return f"did you mean {' or '.join(map(repr, meant[:_MOST_SHOWN]))}?" if meant else otherwise
 
 
 def _distance(one: str, other: str) -> int:

@@ -16,7 +16,7 @@ from hdvplan.fileio import read_toml
 from hdvplan.planning.objective_names import check_objective
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.plugins import is_reference
-from hdvplan.spelling import did_you_mean, meant_by
+from hdvplan.spelling import did_you_mean
 
 # Gentle and tight, 345 m to 12 km: roundabouts, a loop that crosses itself, S-bends, a closed ring, hairpins, a U-turn.
 ROADS = (
@@ -215,7 +215,7 @@ def suite_of(entries: Mapping[str, object]) -> Suite:
     for name, value in entries.items():
         if name not in kinds:
             msg = f"unknown entry {name!r} in the suite"
-            raise OptionError(msg, hint=did_you_mean(meant_by(name, kinds), f"entries: {', '.join(kinds)}"))
+            raise OptionError(msg, hint=did_you_mean(name, kinds, f"entries: {', '.join(kinds)}"))
         values[name] = _entry(name, value, kinds[name])
     return Suite(**values)  # type: ignore[arg-type] # every value was brought to its field's type
 

@@ -20,7 +20,7 @@ from hdvplan.cli.help import Command, Group
 from hdvplan.cli.interruption import interruption_noted
 from hdvplan.cli.surroundings import give_matplotlib_a_folder
 from hdvplan.errors import HdvplanError, MeasurementError, PlanError, QpDataError, SolverError, TurnError
-from hdvplan.spelling import did_you_mean, meant_by
+from hdvplan.spelling import did_you_mean
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -170,10 +170,10 @@ def _usage(error: Exception) -> tuple[str, str]:
     where = f"see `{context.command_path if context else 'hdvplan'} --help`"
     option, command = getattr(error, "option_name", None), re.match(r"No such command '(.*?)'", said)
     if context and command:
-        return f"no such command '{command[1]}'", did_you_mean(meant_by(command[1], context.command.commands), where)
+        return f"no such command '{command[1]}'", did_you_mean(command[1], context.command.commands, where)
     if context and option and hasattr(error, "possibilities"):
         known = [name for parameter in context.command.params for name in parameter.opts if name.startswith("--")]
-        return f"no such option: {option}", did_you_mean(meant_by(option, known), where)
+        return f"no such option: {option}", did_you_mean(option, known, where)
     return _uncapitalised(said), where
 
 

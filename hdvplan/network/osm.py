@@ -12,7 +12,7 @@ from types import ModuleType
 from typing import Any
 
 from hdvplan.errors import RoadError
-from hdvplan.spelling import did_you_mean, meant_by
+from hdvplan.spelling import did_you_mean
 
 _NOT_DRIVEN = ("platform", "stop")  # what such roles begin with
 _MOST_NAMED = 8  # kinds of routes or refs that a message lists
@@ -147,9 +147,7 @@ def _chosen(source: _Source, kind: str, refs: tuple[str, ...]) -> list[Relation]
     unknown = [ref for ref in refs if ref not in known]
     if unknown:
         msg = f"{name} has no route={kind} with ref={unknown[0]}"
-        raise RoadError(
-            msg, hint=did_you_mean(meant_by(unknown[0], known), f"there are {', '.join(known[:_MOST_NAMED]) or 'none with a ref'}")
-        )
+        raise RoadError(msg, hint=did_you_mean(unknown[0], known, f"there are {', '.join(known[:_MOST_NAMED]) or 'none with a ref'}"))
     return [route for route in of_kind if not refs or route.tags.get("ref") in refs]
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from hdvplan import plugins
-from hdvplan.errors import OptionError, did_you_mean
+from hdvplan.errors import OptionError
+from hdvplan.spelling import did_you_mean
 
 WEIGHTED = "art-weighted"
 OBJECTIVE_NAMES = ("geometric", "geometric-fixed", "lead-axle", "trail-axle", WEIGHTED, "axle-max", "body-max", "balanced")

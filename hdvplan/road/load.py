@@ -22,7 +22,7 @@ from hdvplan.road.raw import RawRoad
 from hdvplan.road.scenarios import SCENARIOS
 from hdvplan.road.steps import refuse_far, refuse_outliers, refuse_sparse
 from hdvplan.road.texts import refuse_unreadable, text_of
-from hdvplan.spelling import did_you_mean, meant_by
+from hdvplan.spelling import did_you_mean
 from hdvplan.texts import printable
 
 if TYPE_CHECKING:  # a file is read, and refused, without the kernels that smooth it
@@ -158,9 +158,9 @@ def _unknown(source: str | Path) -> RoadError:
     otherwise = "give a road file, or a name from `hdvplan roads list`"
     if not path.suffix and len(path.parts) == 1:
         msg = f"no road file, shipped road or scenario is called {str(source)!r}"
-        return RoadError(msg, hint=did_you_mean(meant_by(path.name, names), otherwise))
+        return RoadError(msg, hint=did_you_mean(path.name, names, otherwise))
     beside = [file.name for file in path.parent.iterdir() if file.is_file()] if path.parent.is_dir() else []
-    hint = did_you_mean(meant_by(path.name, beside) or meant_by(path.stem, names), otherwise)
+    hint = did_you_mean(path.name, beside, did_you_mean(path.stem, names, otherwise))
     return RoadError(f"road file {path} does not exist", hint=hint)
 
 

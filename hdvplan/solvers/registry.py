@@ -10,8 +10,9 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, cast
 
 from hdvplan import plugins
-from hdvplan.errors import SolverError, did_you_mean
+from hdvplan.errors import SolverError
 from hdvplan.solvers.catalogue import GENERIC, NATIVE, THROUGH, Generic, Native
+from hdvplan.spelling import did_you_mean
 
 if TYPE_CHECKING:  # names are listed and refused without loading the QP's kernels
     from hdvplan.qp.program import StageShape

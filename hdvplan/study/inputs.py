@@ -18,7 +18,7 @@ import numpy as np
 from hdvplan.errors import OptionError, RoadError, VehicleError
 from hdvplan.road.library import example_file, example_names, road_file, road_names
 from hdvplan.road.scenarios import SCENARIOS
-from hdvplan.spelling import did_you_mean, meant_by
+from hdvplan.spelling import did_you_mean
 from hdvplan.texts import printable
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Unit, Vehicle
@@ -104,7 +104,7 @@ def _chosen(table: Mapping[str, object]) -> RoadSource:
     for key in table:
         if key not in _ROAD_KEYS:
             msg = f"unknown entry {key!r} of a road"
-            raise OptionError(msg, hint=did_you_mean(meant_by(key, _ROAD_KEYS), f"entries: {', '.join(_ROAD_KEYS)}"))
+            raise OptionError(msg, hint=did_you_mean(key, _ROAD_KEYS, f"entries: {', '.join(_ROAD_KEYS)}"))
     roles, lane = table.get("roles", []), table.get("lane")
     if not (isinstance(roles, list) and all(isinstance(role, str) for role in roles)):
         msg = f"a road's roles must be a list of words, not {roles!r}"
@@ -141,9 +141,7 @@ def _sources(table: Mapping[str, object], folder: Path) -> list[tuple[str, str]]
         return [(name, name)]
     known = [*road_names(), *example_names(), *SCENARIOS]
     msg = f"no road file, shipped road or scenario is called {name!r}"
-    raise RoadError(
-        msg, hint=did_you_mean(meant_by(name, known), "files are relative to the study's folder; `hdvplan roads list` has the names")
-    )
+    raise RoadError(msg, hint=did_you_mean(name, known, "files are relative to the study's folder; `hdvplan roads list` has the names"))
 
 
 def _globbed(folder: Path, pattern: str) -> list[Path]:
@@ -202,7 +200,7 @@ def variants_of(names: Sequence[str], vary: Mapping[str, object], folder: Path) 
         if owner is None:
             msg = f"vary names {name!r}, and no vehicle of the study is called that"
             known = [f"{vehicle}.{name.rpartition('.')[2]}" for vehicle in vehicles]
-            raise OptionError(msg, hint=did_you_mean(meant_by(name, known), f"its vehicles: {', '.join(vehicles)}"))
+            raise OptionError(msg, hint=did_you_mean(name, known, f"its vehicles: {', '.join(vehicles)}"))
         parameter = name.removeprefix(f"{owner}.").removeprefix("1.")  # of the first unit
         known_as = next((other for other, same in named.items() if same == (owner, parameter)), None)
         if known_as is not None:
@@ -286,9 +284,7 @@ def _setter(name: str, parameter: str, vehicle: Vehicle) -> Callable[[Vehicle, f
     if own not in _UNIT or not 0 <= index < len(vehicle.units):
         msg = f"vary names {name!r}, and {vehicle.name} has no such parameter"
         known = [*_UNIT, *_LEAD] if not number else [f"{unit}.{entry}" for unit in range(1, len(vehicle.units) + 1) for entry in _UNIT]
-        raise OptionError(
-            msg, hint=did_you_mean(meant_by(parameter, known), f"parameters: {', '.join(known)}; those of unit 2 are 2.{_UNIT[0]} ...")
-        )
+        raise OptionError(msg, hint=did_you_mean(parameter, known, f"parameters: {', '.join(known)}; those of unit 2 are 2.{_UNIT[0]} ..."))
 
     def change(changed: Vehicle, value: float) -> Vehicle:
         units = list(changed.units)

@@ -18,7 +18,7 @@ from hdvplan.plugins import digest_of
 from hdvplan.road.load import RoadOptions
 from hdvplan.road.regions import Side
 from hdvplan.solvers.registry import DEFAULT, check_solver
-from hdvplan.spelling import did_you_mean, meant_by
+from hdvplan.spelling import did_you_mean
 from hdvplan.study.digests import code_digest
 from hdvplan.study.entries import choice, flattened, list_of, number, repeats, table_of, truth, word, words_of
 from hdvplan.study.inputs import RoadSource, Variant, refuse_many, roads_of, variants_of
@@ -122,7 +122,7 @@ def study_of(entries: Mapping[str, object], folder: Path = Path()) -> Study:
     for name in entries:
         if name not in _ENTRIES:
             msg = f"unknown entry {name!r} in the study"
-            raise OptionError(msg, hint=did_you_mean(meant_by(name, _ENTRIES), f"entries: {', '.join(_ENTRIES)}"))
+            raise OptionError(msg, hint=did_you_mean(name, _ENTRIES, f"entries: {', '.join(_ENTRIES)}"))
     for name in ("roads", "vehicles"):
         if name not in entries:
             msg = f"the study names no {name}"
@@ -139,7 +139,7 @@ def study_of(entries: Mapping[str, object], folder: Path = Path()) -> Study:
     for name in settings:
         if name not in _SETTINGS:
             msg = f"unknown entry {name!r} in the study's settings"
-            raise OptionError(msg, hint=did_you_mean(meant_by(name, _SETTINGS), f"settings: {', '.join(_SETTINGS)}"))
+            raise OptionError(msg, hint=did_you_mean(name, _SETTINGS, f"settings: {', '.join(_SETTINGS)}"))
     smooth = number("smooth", settings.get("smooth", RoadOptions.smooth))
     RoadOptions(smooth=smooth)  # refuses what no road can be read with
     crs = word("crs", settings["crs"]) if "crs" in settings else None

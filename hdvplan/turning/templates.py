@@ -11,7 +11,7 @@ import numpy as np
 
 from hdvplan.errors import OptionError
 from hdvplan.fileio import read_text
-from hdvplan.spelling import did_you_mean, meant_by
+from hdvplan.spelling import did_you_mean
 from hdvplan.texts import printable
 from hdvplan.turning.figures import Figures
 from hdvplan.turning.follow import tightest
@@ -115,7 +115,7 @@ def load_template(source: str | Path) -> Template:
             raise OptionError(msg, hint=f"templates: {', '.join(template_names())}") from error
     if source not in template_names():
         msg, names = f"unknown template {str(source)!r}", template_names()
-        raise OptionError(msg, hint=did_you_mean(meant_by(str(source), names), f"templates: {', '.join(names)}; or give a TOML file"))
+        raise OptionError(msg, hint=did_you_mean(str(source), names, f"templates: {', '.join(names)}; or give a TOML file"))
     return parse_template((_shipped() / f"{source}.toml").read_text(encoding="utf-8"), default_name=str(source))
 
 
@@ -191,7 +191,7 @@ def _check_keys(table: dict[str, object], known: tuple[str, ...], where: str) ->
     for key in table:
         if key not in known:
             msg = f"{where}: unknown entry {key!r}"
-            raise OptionError(msg, hint=did_you_mean(meant_by(key, known), f"known entries: {', '.join(known)}"))
+            raise OptionError(msg, hint=did_you_mean(key, known, f"known entries: {', '.join(known)}"))
 
 
 def _number(table: dict[str, object], key: str, where: str) -> float:

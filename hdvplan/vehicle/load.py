@@ -11,7 +11,7 @@ import numpy as np
 
 from hdvplan.errors import VehicleError
 from hdvplan.fileio import read_text
-from hdvplan.spelling import did_you_mean, meant_by
+from hdvplan.spelling import did_you_mean
 from hdvplan.texts import printable
 from hdvplan.vehicle.model import Unit, Vehicle
 
@@ -52,7 +52,7 @@ def preset_text(name: str) -> str:
     known = {preset.lower(): (group, preset) for group, presets in preset_groups().items() for preset in presets}
     if name.lower() not in known:
         msg, presets = f"unknown vehicle {name!r}", preset_names()
-        raise VehicleError(msg, hint=did_you_mean(meant_by(name, presets), f"presets: {', '.join(presets)}; or give a TOML file"))
+        raise VehicleError(msg, hint=did_you_mean(name, presets, f"presets: {', '.join(presets)}; or give a TOML file"))
     group, preset = known[name.lower()]
     return (_presets() / group / f"{preset}.toml").read_text(encoding="utf-8")
 
@@ -270,7 +270,7 @@ def _check_keys(table: dict[str, object], known: tuple[str, ...], where: str) ->
     for key in table:
         if key not in known:
             msg = f"{where}: unknown entry {key!r}"
-            raise VehicleError(msg, field=key, hint=did_you_mean(meant_by(key, known), f"known entries: {', '.join(known)}"))
+            raise VehicleError(msg, field=key, hint=did_you_mean(key, known, f"known entries: {', '.join(known)}"))
 
 
 def _number(table: dict[str, object], key: str, where: str) -> float:

@@ -188,9 +188,10 @@ def test_a_road_that_begins_in_a_bend_tighter_than_the_steering_is_driven_or_ref
 
 def test_an_unknown_objective_is_met_with_the_right_word() -> None:
     assert objective_named("geometric") is geometric
-    with pytest.raises(OptionError) as caught:
-        objective_named("geometrical")
-    assert caught.value.hint == "did you mean 'geometric'?"
+    for misspelt in ("geometrical", "Geometric"):
+        with pytest.raises(OptionError) as caught:
+            objective_named(misspelt)
+        assert caught.value.hint == "did you mean 'geometric'?"
 
 
 def test_a_drive_begins_with_no_more_curvature_than_the_vehicle_has() -> None:

@@ -32,7 +32,7 @@ def test_every_installed_solver_can_be_made_under_its_own_name() -> None:
 
 
 @pytest.mark.parametrize(
-    ("asked", "meant"), [("piqpp", "piqp"), ("ricatti", "riccati"), ("OSQP", None), ("qpsolver/daqp", "qpsolvers/daqp"), ("gurobi", None)]
+    ("asked", "meant"), [("piqpp", "piqp"), ("ricatti", "riccati"), ("OSQP", "osqp"), ("qpsolver/daqp", "qpsolvers/daqp"), ("gurobi", None)]
 )
 def test_an_unknown_name_is_met_with_the_nearest_or_with_all(asked: str, meant: str | None) -> None:
     with pytest.raises(SolverError) as caught:
