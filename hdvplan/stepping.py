@@ -9,15 +9,13 @@ import numpy as np
 
 from hdvplan.api import prepare
 from hdvplan.case import Case
-from hdvplan.centring.weights import CentringTable
+from hdvplan.driving.drive import ready
 from hdvplan.driving.simulate import simulate
-from hdvplan.driving.start import lies_beside, start_of
-from hdvplan.errors import OptionError, PlanError, RoadError
+from hdvplan.errors import OptionError, PlanError
 from hdvplan.jit import FloatArray
 from hdvplan.passing.sides import choose_sides
 from hdvplan.planning.objectives import objective_named
 from hdvplan.planning.planner import Plan, Planner
-from hdvplan.planning.stations import stations_of
 from hdvplan.solvers.second import dependable
 
 
@@ -30,11 +28,11 @@ class Stepper:
     """
 
     def __init__(self, case: Case) -> None:
-        """Load, compile and prepare all that planning needs, and put the vehicle at the start of the road.
+        """Load, compile and prepare all that planning needs, and put the vehicle at the start of the road, where ``hdvplan.plan`` puts it.
 
         Raises:
             RoadError: the road is shorter than the vehicle, or an obstacle has no room on the side on which it must be passed.
-            PlanError: the road begins in a bend too tight to start in.
+            PlanError: the road begins in a bend into which the vehicle cannot be driven.
             OptionError: no such objective, or a bias that the road or the objective has no room for.
             SolverError: no such solver, or not installed.
 
@@ -42,18 +40,10 @@ class Stepper:
         prepare(case)
         road, _ = choose_sides(case)
         vehicle, settings = case.vehicle, case.settings
-        length = vehicle.reach_ahead + vehicle.reach_behind
-        if road.path.length < length:
-            msg = f"the road is {road.path.length:.1f} m long, shorter than the vehicle ({length:.1f} m)"
-            raise RoadError(msg)
+        objective, solver = objective_named(case.objective), dependable(case.solver)
         self.case = case
-        self._stations = stations_of(road, vehicle, CentringTable.of(vehicle), step=settings.step, horizon=settings.horizon, bias=case.bias)
-        self.z, self.kappa = start_of(self._stations, vehicle)
-        if not lies_beside(self._stations.path, vehicle, self.z):
-            msg = "the road begins in a bend too tight to start in"
-            raise PlanError(msg, s_m=0.0, hint="let the road begin further back")
-        goal = objective_named(case.objective)(self._stations, vehicle)
-        self._planner = Planner(vehicle, self._stations, goal, settings, dependable(case.solver))
+        self._stations, (self.z, self.kappa) = ready(road, vehicle, objective, solver, settings, case.bias)
+        self._planner = Planner(vehicle, self._stations, objective(self._stations, vehicle), settings, solver)
         self._end = int(np.ceil(road.path.length / settings.step - 1e-9))
         self.at = 0
 

@@ -6,6 +6,10 @@ import numpy as np
 import pytest
 
 import hdvplan
+from hdvplan.api import drive_case
+from hdvplan.errors import PlanError
+from hdvplan.planning.bias import Bias
+from hdvplan.road.path import from_curvature
 
 
 def case_of(vehicle: str, half_width: float) -> hdvplan.Case:
@@ -39,6 +43,29 @@ def test_a_plan_begins_where_the_vehicle_is_put() -> None:
     second = stepper.plan()
     assert np.allclose(second.z[0], stepper.z, atol=1e-12)
     assert abs(second.z[-1, 0] - first.z[-1, 0]) < 0.05  # and it comes back
+
+
+def into_a_bend(curvature: float, offset: float) -> hdvplan.Case:
+    path = from_curvature(np.array([0.0, 11.0, 17.0, 60.0]), np.array([curvature, curvature, 0.0, 0.0]))
+    vehicle, settings = hdvplan.load_vehicle("tractor-trailer-24m"), hdvplan.PlannerSettings(horizon=50.0)
+    return hdvplan.Case(hdvplan.Road("bend", path), vehicle, settings=settings, bias=Bias.constant(offset))
+
+
+@pytest.mark.parametrize("offset", [0.0, -0.1])
+def test_a_loop_starts_in_a_tight_bend_as_plan_does(offset: float) -> None:
+    case = into_a_bend(-0.124, offset)
+    stepper, drive = hdvplan.Stepper(case), drive_case(case)
+    assert not np.array_equal(drive.z[0], drive.stations.centring.states[0])  # it has come along the road's continuation
+    assert np.array_equal(stepper.z, drive.z[0])
+    for expected in drive.plans[:2]:
+        plan = stepper.plan()
+        assert np.array_equal(plan.kappa, expected.kappa)
+        stepper.arrive(drive.z[stepper.at + stepper.count], plan.kappa[stepper.count - 1])
+
+
+def test_a_bend_that_cannot_be_driven_into_is_said_before_the_first_step() -> None:
+    with pytest.raises(PlanError, match="a bend into which the tractor-trailer-24m cannot be driven"):
+        hdvplan.Stepper(into_a_bend(-0.2, 0.0))
 
 
 @pytest.mark.parametrize("wrong", [[0.0], [0.0, np.nan]])

@@ -73,6 +73,14 @@ def drive(
         PlanError: the vehicle cannot be planned further, or the executed motion leaves the model's domain.
 
     """
+    stations, begin = ready(road, vehicle, objective, make_workspace, settings, bias)
+    return _driven(road, vehicle, objective, make_workspace, settings, stations, begin, bias, on_progress, on_plan)
+
+
+def ready(
+    road: Road, vehicle: Vehicle, objective: Objective, make_workspace: WorkspaceMaker, settings: PlannerSettings, bias: Bias
+) -> tuple[Stations, Start]:
+    """Return the stations of a drive, and how the vehicle stands at the first of them; see ``drive`` for arguments and errors."""
     length = vehicle.reach_ahead + vehicle.reach_behind
     if road.path.length < length:
         msg = f"the road is {road.path.length:.1f} m long, shorter than the vehicle ({length:.1f} m)"
@@ -81,7 +89,7 @@ def drive(
     begin = start_of(stations, vehicle)
     if not lies_beside(stations.path, vehicle, begin.z):
         begin = _arrived(road, vehicle, objective, make_workspace, settings, bias)
-    return _driven(road, vehicle, objective, make_workspace, settings, stations, begin, bias, on_progress, on_plan)
+    return stations, begin
 
 
 def _driven(
