@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -46,7 +46,7 @@ class RoadOptions:
     tightest reference curvature that the caller's vehicle can follow [1/m]. ``reverse`` drives the line the other way;
     ``offset`` moves the reference to the left of the driving direction [m], such as -1.75 to the middle of the right lane.
     ``roles`` say what layers or features beside the line are, such as ``hoarding=obstacle``. ``road_ids`` are the roads of
-    an OpenDRIVE file to drive over, such as ``3,12,-5``, and ``lane`` the lane on the first of them.
+    an OpenDRIVE file to drive over, such as ``3,12,-5`` or ``("3", "12", "-5")``, and ``lane`` the lane on the first of them.
     """
 
     smooth: float = 5.0
@@ -57,7 +57,7 @@ class RoadOptions:
     reverse: bool = False
     layer: str | None = None
     roles: tuple[str, ...] = ()
-    road_ids: str | None = None
+    road_ids: str | Sequence[str] | None = None
     lane: int | None = None
 
     def __post_init__(self) -> None:
@@ -71,6 +71,11 @@ class RoadOptions:
         if not np.isfinite(self.offset):
             msg = f"the offset must be a number of metres, not {self.offset:g}"
             raise OptionError(msg)
+        ids = self.road_ids
+        one_by_one = isinstance(ids, tuple | list) and len(ids) > 0 and all(isinstance(one, str) for one in ids)
+        if not (ids is None or isinstance(ids, str) or one_by_one):
+            msg = f"road_ids must be ids of roads as text, not {ids!r}"
+            raise OptionError(msg, hint='such as "3,12,-5" or ("3", "12", "-5")')
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -84,10 +85,10 @@ class _Stop:
         return piece.road.number == self.road and self.forward in {None, piece.forward}
 
 
-def read_opendrive(path: Path, *, road_ids: str | None, lane: int | None) -> RawRoad:
+def read_opendrive(path: Path, *, road_ids: str | Sequence[str] | None, lane: int | None) -> RawRoad:
     """Return the lanes along a route in an OpenDRIVE file: their middle, and their edges beside it.
 
-    ``road_ids`` are the roads to drive over, separated by commas; a minus sign drives one from its end. Between roads that
+    ``road_ids`` are the roads to drive over, one by one or separated by commas; a minus sign drives one from its end. Between roads that
     do not meet, the shortest way is taken. ``lane`` is the lane on the first road, without which the outermost one that
     leads there is taken; 0 drives along the reference lines themselves, between the outermost lanes' edges.
 
@@ -118,14 +119,14 @@ def read_opendrive(path: Path, *, road_ids: str | None, lane: int | None) -> Raw
     return replace(raw, to_lonlat=placed(middle, projection.strip()).to_lonlat)
 
 
-def _stops(roads: dict[str, OdrRoad], road_ids: str | None, name: str) -> list[_Stop]:
+def _stops(roads: dict[str, OdrRoad], road_ids: str | Sequence[str] | None, name: str) -> list[_Stop]:
     if road_ids is None:
         if len(roads) == 1:
             return [_Stop(next(iter(roads)), None)]
         msg = f"{name}: {len(roads)} roads, and none is chosen: {_listed(roads)}"
         raise RoadError(msg, hint="choose where to drive, such as --road-ids FROM,TO")
     stops = []
-    for text in (part.strip() for part in road_ids.split(",")):
+    for text in (part.strip() for part in (road_ids.split(",") if isinstance(road_ids, str) else road_ids)):
         forward = False if text.startswith("-") and text not in roads else None
         number = text if text in roads else text.removeprefix("-")
         if number not in roads:

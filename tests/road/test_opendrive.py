@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import quad, solve_ivp
 from scipy.special import fresnel
 
-from hdvplan.errors import RoadError
+from hdvplan.errors import OptionError, RoadError
 from hdvplan.jit import FloatArray
 from hdvplan.road.load import RoadOptions, load_road
 from hdvplan.road.load_opendrive import read_opendrive
@@ -229,6 +229,18 @@ def test_each_unusable_file_is_refused_in_one_line(tmp_path: Path, content: str,
     with pytest.raises(RoadError, match=message) as caught:
         load_road(tmp_path / "map.xodr")
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("ids", [("0", "5"), ["0", "5"], " 0, 5"])
+def test_road_ids_may_be_given_one_by_one(ids: str | list[str]) -> None:
+    road, wanted = (load_road(FILES / "neuweiler.xodr", RoadOptions(road_ids=given)) for given in (ids, "0,5"))
+    np.testing.assert_array_equal(road.path.coefficients, wanted.path.coefficients)
+
+
+@pytest.mark.parametrize("ids", [5, (0, 5), (), [None]])
+def test_road_ids_that_are_no_text_are_refused(ids: object) -> None:
+    with pytest.raises(OptionError, match="road_ids must be ids of roads as text, not"):
+        RoadOptions(road_ids=ids)  # type: ignore[arg-type] # that is the point
 
 
 def test_road_ids_are_for_opendrive_alone(tmp_path: Path) -> None:
