@@ -28,7 +28,6 @@ _DEFAULTS = PlannerSettings()
 _DIGITS = 32  # of a digest in hexadecimal: 128 bits
 _WIDEST_M = 100e3  # from the road's centre to a limit: further out projections end, and at last numbers
 _NAMED = ("objective", "solver")  # fields that name what users may bring
-_UNPLANNED = {"name", "source", "label", "notice", "notes", "smoothing", "edges", "to_lonlat"}  # fields that say where a value came from
 
 Json = dict[str, object]
 
@@ -71,9 +70,10 @@ class Case:
     def key(self) -> str:
         """A digest of everything that changes the plan, 32 hexadecimal digits; the same in every process and on every platform.
 
-        Names and origins of road and vehicle are excluded. A road's geometry is included to its last bit: a file that another platform
-        smooths may differ there, a pickled case does not. For a solver or objective in a file, or as an object, the key includes its
-        name and the content of its file; for a named one only the name, as for hdvplan's own: versions are not part of a key.
+        Names and origins of road and vehicle are excluded: fields whose metadata has ``decides`` as False. A road's geometry is included
+        to its last bit: a file that another platform smooths may differ there, a pickled case does not. For a solver or objective in a
+        file, or as an object, the key includes its name and the content of its file; for a named one only the name, as for hdvplan's own:
+        versions are not part of a key.
 
         Raises:
             OptionError: the source of such an object cannot be read, or does not tell what it does.
@@ -173,10 +173,18 @@ def _content(value: object) -> object:
         case tuple():
             return [_content(one) for one in value]
     if is_dataclass(value):
-        left_out = _UNPLANNED | {"limits" if isinstance(value, Road) and value.has_obstacles else "band"}  # obstacles cut the band again
-        return {field.name: _content(getattr(value, field.name)) for field in fields(value) if field.name not in left_out}
+        follows = _following(value) if isinstance(value, Road) else set()
+        decisive = [field.name for field in fields(value) if field.metadata.get("decides", True) and field.name not in follows]
+        return {name: _content(getattr(value, name)) for name in decisive}
     msg = f"a case cannot hold a {type(value).__name__}"
     raise TypeError(msg)
+
+
+def _following(road: Road) -> set[str]:
+    """Return the fields of a road that follow from others: obstacles cut the band again; without them, what is cut is what holds."""
+    if road.has_obstacles:
+        return {"limits", "edges"}
+    return {"band"} if road.edges is not None else {"band", "edges"}
 
 
 def _settings(settings: PlannerSettings) -> Json:

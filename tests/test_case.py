@@ -8,11 +8,14 @@ import pickle
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+import shapely
 
 import hdvplan
 from hdvplan.case import Case
@@ -20,10 +23,12 @@ from hdvplan.errors import RoadError
 from hdvplan.jit import FloatArray
 from hdvplan.machine import commit, software
 from hdvplan.planning.bias import Bias
+from hdvplan.planning.objectives import geometric
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.record import command, record_of, write_record
 from hdvplan.road.load import RoadOptions, load_road
 from hdvplan.road.path import ReferencePath
+from hdvplan.road.regions import Kind, Region
 from hdvplan.road.road import Limits, Road
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Unit, Vehicle
@@ -94,6 +99,36 @@ def test_the_key_depends_on_nothing_but_the_content() -> None:
         ended = subprocess.run([sys.executable, "-c", show], cwd=ROOT, env=environment, capture_output=True, text=True, check=True)  # noqa: S603 - our own
         # As computed on x86-64 by Python 3.11. One setting more makes it another key; the same content in another form, another FORMAT.
         assert ended.stdout.strip() == "887d2d2820ca653c863d28e3bb9f8ab8"
+
+
+def test_the_key_of_a_road_with_obstacles_is_what_it_was() -> None:
+    case = straight()
+    regions = (Region(Kind.OBSTACLE, shapely.box(40.0, 1.0, 44.0, 3.0), "a van"), Region(Kind.SWEEPABLE, shapely.box(60.0, 2.0, 70.0, 5.0)))
+    road = replace(case.road, regions=regions, notes=("a note",), notice="© somebody").within(case.road.limits)
+    key = replace(case, road=road, objective="balanced", bias=Bias.constant(0.25)).key
+    assert key == "6ef6aa1e4232e0fc092c71aff651825d"  # as computed on x86-64 by Python 3.11 while fields were left out by their names
+
+
+@dataclass(frozen=True)
+class Options:
+    """What somebody's objective may be made with: fields that are called as others here that decide nothing."""
+
+    name: str = "wide"
+    source: float = 1.0
+    edges: tuple[float, ...] = (1.0, 2.0)
+    notes: str = ""
+
+
+@pytest.mark.parametrize("change", [{"name": "narrow"}, {"source": 2.0}, {"edges": (1.0, 3.0)}, {"notes": "x"}])
+def test_only_fields_that_say_so_decide_nothing(change: dict[str, Any]) -> None:
+    one, other = (replace(PLAIN, objective=partial(geometric, options=options)) for options in (Options(), Options(**change)))  # type: ignore[call-arg] # never called
+    assert one.key != other.key
+
+
+def test_edges_that_a_road_without_obstacles_is_judged_by_are_in_the_key() -> None:
+    road = PLAIN.road.with_limits(3.0, 3.0)
+    wider, widest = (replace(road, edges=Limits.constant(width, width, PLAIN.road.path.length)) for width in (4.0, 5.0))
+    assert len({replace(PLAIN, road=one).key for one in (road, wider, widest)}) == 3
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
@@ -44,7 +44,7 @@ class Region:
 
     kind: Kind
     polygon: shapely.Polygon
-    label: str = ""
+    label: str = field(default="", metadata={"decides": False})
     side: Side | None = None
 
 

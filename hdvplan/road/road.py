@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -84,15 +84,16 @@ class Road:
     the sides on which obstacles are passed, and then changes the band again.
     """
 
-    name: str
+    name: str = field(metadata={"decides": False})
     path: ReferencePath
     limits: Limits | None = None
-    smoothing: Smoothing | None = None
-    to_lonlat: Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]] | None = None  #: x, y [m] -> degrees
-    notice: str | None = None  #: attribution that figures made from this road must carry
+    smoothing: Smoothing | None = field(default=None, metadata={"decides": False})
+    #: x, y [m] -> degrees
+    to_lonlat: Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]] | None = field(default=None, metadata={"decides": False})
+    notice: str | None = field(default=None, metadata={"decides": False})  #: attribution that figures made from this road must carry
     regions: tuple[Region, ...] = ()
     band: Limits | None = None
-    notes: tuple[str, ...] = ()  #: notes from reading its file
+    notes: tuple[str, ...] = field(default=(), metadata={"decides": False})  #: notes from reading its file
     edges: Limits | None = None  #: the limits before obstacles cut them; None where there are none
 
     @property

@@ -12,7 +12,7 @@ A trailer's axle with a ``max_steering_rate`` is active: the plan steers it, and
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -50,7 +50,7 @@ class Unit:
     steering_ratio: float = 0.0  #: of the axle's steering angle to the front wheels' or to the articulation; 0: not steered
     max_steering_angle: float = MAX_ANGLE  #: of this axle [rad]
     max_steering_rate: float = 0.0  #: of an axle that the plan steers, per metre travelled [rad/m]; 0: by the law
-    name: str = ""  #: name in messages and pictures
+    name: str = field(default="", metadata={"decides": False})  #: name in messages and pictures
 
     @property
     def front(self) -> float:
@@ -77,24 +77,24 @@ class Vehicle:
 
     """
 
-    name: str
+    name: str = field(metadata={"decides": False})
     units: tuple[Unit, ...]
     max_curvature: float = 0.1  #: tan(front angle) / wheelbase: of the lead rear axle's path unless that is steered [1/m]
     max_curvature_rate: float = 0.1  #: per metre travelled [1/m^2]
-    source: str = ""
+    source: str = field(default="", metadata={"decides": False})
 
     def __post_init__(self) -> None:
         """Refuse impossible dimensions by name."""
         if not self.units:
             msg = f"vehicle {self.name!r} has no unit"
             raise VehicleError(msg, hint="describe the bus or tractor in a [[unit]] table")
-        for field, value, unit in (
+        for name, value, unit in (
             ("max_curvature", self.max_curvature, "1/m"),
             ("max_curvature_rate", self.max_curvature_rate, "1/m^2"),
         ):
             if not (np.isfinite(value) and 0.0 < value <= 1.0):
-                msg = f"vehicle {self.name!r}: {field} = {value:g} {unit} must lie above 0 and be at most 1"
-                raise VehicleError(msg, field=field)
+                msg = f"vehicle {self.name!r}: {name} = {value:g} {unit} must lie above 0 and be at most 1"
+                raise VehicleError(msg, field=name)
         for number, unit_ in enumerate(self.units, start=1):
             self._check_unit(number, unit_)
 
@@ -102,11 +102,11 @@ class Vehicle:
         drawbar = unit.wheelbase if number > 1 else 0.0  # a body begins ahead of its axle
         lowest = {"wheelbase": 0.5, "front_overhang": 0.0 - drawbar, "rear_overhang": 0.0, "width": 0.5, "hitch_offset": -unit.wheelbase}
         highest = {"width": 5.0}
-        for field, low in lowest.items():
-            value, high = getattr(unit, field), highest.get(field, MAX_DIMENSION_M)
+        for name, low in lowest.items():
+            value, high = getattr(unit, name), highest.get(name, MAX_DIMENSION_M)
             if not (np.isfinite(value) and low <= value <= high):
-                msg = f"vehicle {self.name!r}, unit {number}: {field} = {value:g} m must lie between {low:g} and {high:g} m"
-                raise VehicleError(msg, field=field, hint="dimensions are in metres")
+                msg = f"vehicle {self.name!r}, unit {number}: {name} = {value:g} m must lie between {low:g} and {high:g} m"
+                raise VehicleError(msg, field=name, hint="dimensions are in metres")
         if not (np.isfinite(unit.steering_ratio) and 0.0 <= unit.steering_ratio <= MAX_RATIO):
             msg = f"vehicle {self.name!r}, unit {number}: steering_ratio = {unit.steering_ratio:g} must lie between 0 and {MAX_RATIO:g}"
             raise VehicleError(msg, field="steering_ratio", hint="a positive ratio turns the wheels out of the bend")
