@@ -20,7 +20,8 @@ from hdvplan.case import Case
 from hdvplan.driving.drive import drive
 from hdvplan.jit import FloatArray, IntArray
 from hdvplan.planning.objectives import objective_named
-from hdvplan.planning.planner import USABLE_RESIDUAL, Plan
+from hdvplan.planning.planner import Plan
+from hdvplan.qp.judge import USABLE_RESIDUAL
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 from hdvplan.qp.residuals import residuals
 from hdvplan.qp.workspace import QpResult, QpWorkspace, WorkspaceMaker

@@ -20,12 +20,12 @@ from hdvplan.planning.objectives import Goal
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.term import Horizon
+from hdvplan.qp.judge import USABLE_RESIDUAL, Judge
 from hdvplan.qp.program import StageSolution, by_stage
-from hdvplan.qp.residuals import Residuals, residuals
+from hdvplan.qp.residuals import Residuals
 from hdvplan.qp.workspace import QpResult, Status, WorkspaceMaker
 from hdvplan.vehicle.model import Vehicle
 
-USABLE_RESIDUAL = 1e-3  # a QP solution whose recomputed primal residual exceeds this is not driven [m]
 _SHORTEST_STEP = 1.0 / 32.0  # a step is halved no further; some of it must be taken, as the vehicle has moved on
 _REPAIRED_M = 0.01  # RTI leaves a smaller predicted violation to the next step
 _STALLED = 1e-3  # SQP ends when a shortened step lowers the merit by a smaller share than this
@@ -74,7 +74,8 @@ class Planner:
         self._scene, self._parts = assemble(vehicle, stations, goal, settings)
         self._rounds = min(settings.sqp_iterations, goal.rounds or settings.sqp_iterations)
         qp, motion = self._scene.qp, self._scene.motion
-        self._workspace = make_workspace(qp.shape)
+        workspace = make_workspace(qp.shape)
+        self._workspace = workspace if isinstance(workspace, Judge) else Judge(workspace)
         self._guess = StageSolution.empty(qp.shape) if self._workspace.starts_warm else None
         multipliers = () if self._guess is None else self._guess.numbers
         memory = (array for part in self._parts for array in part.memory)
@@ -111,12 +112,9 @@ class Planner:
         times.linearise = perf_counter() - began
         qp_count, qp_iterations, halvings, violation, moved, merit, instead = 0, 0, 0, 0.0, np.inf, None, ""
         while qp_count < self._rounds:
-            result = self._solve(times)
+            result, judged = self._solve(times)
             qp_count, qp_iterations, instead = qp_count + 1, qp_iterations + result.iterations, result.instead or instead
-            mark = perf_counter()
-            judged = residuals(qp, result.point)
             usable = bool(judged.primal <= USABLE_RESIDUAL)  # False for NaN too
-            times.check += perf_counter() - mark
             if not usable:
                 violation = self._violation()
                 break
@@ -186,13 +184,14 @@ class Planner:
             msg = f"at s = {s:.1f} m a point of the {name} lies beyond the road's centre of curvature: the road bends too tightly for it"
             raise PlanError(msg, s_m=s, hint="smooth the road more (--smooth), or plan with a shorter vehicle")
 
-    def _solve(self, times: StepTimes) -> QpResult:
+    def _solve(self, times: StepTimes) -> tuple[QpResult, Residuals]:
         mark = perf_counter()
-        result = self._workspace.solve(self._scene.qp, self._guess if self._guessed else None)
-        times.update += perf_counter() - mark - result.solve_time - result.loading_time
+        result, judged, checking = self._workspace.judged(self._scene.qp, self._guess if self._guessed else None)
+        times.update += perf_counter() - mark - result.solve_time - result.loading_time - checking
         times.solve += result.solve_time
+        times.check += checking
         times.loading += result.loading_time
-        return result
+        return result, judged
 
     def _step(self, horizon: Horizon, point: StageSolution, worth: float | None) -> tuple[float, float | None, int]:
         """Move by a QP's solution, halved until the merit is no larger than ``worth``; return the move, merit and halvings.

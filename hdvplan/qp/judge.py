@@ -1,0 +1,147 @@
+"""Every solver's result is judged here, once; and what is refused, a second solver solves: a drive goes on whatever its solver does.
+
+A solver fails where it raises, where it does not answer within a time limit, and where its point, judged by residuals that are recomputed
+here, breaks the program or is far from its optimum. The same program is then solved by the second solver, and the result says so. Where
+that fails too, the result is ``failed``: planning then drives the last plan on, as far as it reaches.
+
+Benchmarks use solvers alone: there a failure is a row.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from functools import partial
+from queue import Empty, SimpleQueue
+from time import perf_counter
+from typing import NamedTuple
+
+import numpy as np
+
+from hdvplan.errors import HdvplanError, SolverError
+from hdvplan.plugins import said
+from hdvplan.qp.program import StageQp, StageSolution
+from hdvplan.qp.residuals import Residuals, residuals
+from hdvplan.qp.workspace import QpResult, QpWorkspace, Status, WorkspaceMaker
+
+USABLE_RESIDUAL = 1e-3  # a point whose primal residual exceeds this is refused, and not driven [m]
+WRONG = 1e-2  # residual of the Lagrangian beside the largest multiplier: honest solvers stay below 6e-4, other optima are at 1 and above
+_NONE = Residuals(np.nan, np.nan, np.nan)
+
+
+class Judgement(NamedTuple):
+    """A result, and how far it is from optimal; ``time`` is what telling that took [s]."""
+
+    result: QpResult
+    residuals: Residuals
+    time: float
+
+
+def backed(make: WorkspaceMaker, second: WorkspaceMaker, *, limit_s: float | None = None) -> WorkspaceMaker:
+    """Return the maker of workspaces that have ``second`` solve what the first one fails at.
+
+    ``limit_s`` bounds one solve [s]. It takes a thread, and is meant for solvers that are not known to end. One that has not answered is
+    never asked again: its thread cannot be stopped. Such a solver gets a copy of the program: what it writes there changes no judgement.
+    """
+    return lambda shape: Judge(make(shape), second, limit_s)
+
+
+class Judge:
+    """A workspace whose results are judged, with another one behind it, if any, which is made when it is first needed."""
+
+    def __init__(self, first: QpWorkspace, second: WorkspaceMaker | None = None, limit_s: float | None = None) -> None:
+        self._first, self._make, self._limit = first, second, limit_s
+        self._second: QpWorkspace | None = None
+        self._hangs = ""
+        self.name, self.starts_warm = first.name, first.starts_warm
+
+    def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
+        """Solve ``qp``; see ``QpWorkspace``."""
+        return self.judged(qp, guess).result
+
+    def judged(self, qp: StageQp, guess: StageSolution | None) -> Judgement:
+        """Solve ``qp`` and judge the result. Only the time of the solver that answers counts as solving.
+
+        Raises:
+            Exception: without a second solver, whatever the first one raises.
+
+        """
+        if self._make is None:
+            return _judged(qp, self._first.solve(qp, guess))
+        began = perf_counter()
+        found, why = self._asked(qp, guess)
+        if found is not None and not why:
+            return found
+        second = self._second = self._make(qp.shape) if self._second is None else self._second
+        lost = perf_counter() - began
+        rescued, again = _attempt(partial(second.solve, qp, None), qp)
+        if rescued is None or again:
+            point = StageSolution.empty(qp.shape)
+            point.x[:] = np.nan
+            return Judgement(QpResult(Status.FAILED, point, 0, lost, 0.0, reason=f"{why}; {second.name}: {again}"), _NONE, 0.0)
+        result = rescued.result
+        result = result._replace(loading_time=result.loading_time + lost, instead=f"{why}; solved by {second.name}")
+        return rescued._replace(result=result)
+
+    def _asked(self, qp: StageQp, guess: StageSolution | None) -> tuple[Judgement | None, str]:
+        """Return the first solver's result, and why it is refused: nothing where it is not."""
+        if self._hangs:
+            return None, self._hangs
+        solve = self._first.solve if self._limit is None else partial(self._in_time, self._limit)
+        return _attempt(partial(solve, qp, guess), qp)
+
+    def _in_time(self, limit_s: float, qp: StageQp, guess: StageSolution | None) -> QpResult:
+        """Have a separate thread solve a copy: one that is late must not see the next program's values.
+
+        Raises:
+            SolverError: it has not answered in time.
+            BaseException: whatever the solver raises.
+
+        """
+        own = StageQp(qp.shape, qp.buffer.copy())
+        answers: SimpleQueue[QpResult | BaseException] = SimpleQueue()
+
+        def answer() -> None:
+            try:
+                answers.put(self._first.solve(own, guess))
+            except BaseException as error:  # noqa: BLE001 - raised again by who waits
+                answers.put(error)
+
+        threading.Thread(target=answer, daemon=True, name="a solver with a time limit").start()
+        try:
+            found = answers.get(timeout=limit_s)
+        except Empty:
+            self._hangs = f"no answer within {limit_s:g} s"
+            raise SolverError(self._hangs) from None
+        if isinstance(found, BaseException):
+            raise found
+        return found
+
+
+def _judged(qp: StageQp, result: QpResult) -> Judgement:
+    began = perf_counter()
+    found = residuals(qp, result.point)
+    return Judgement(result, found, perf_counter() - began)
+
+
+def _attempt(solve: Callable[[], QpResult], qp: StageQp) -> tuple[Judgement | None, str]:
+    """Return a solver's result, judged by ``qp``, and why it is refused."""
+    try:
+        found = _judged(qp, solve())
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # noqa: BLE001 - compiled solvers panic with what is no Exception, others leave by sys.exit
+        return None, str(error) if isinstance(error, HdvplanError) else said(error)
+    result, judged, _ = found
+    own = f": {result.reason}" if result.reason else ""
+    if not judged.primal <= USABLE_RESIDUAL:  # NaN too
+        return found, f"it says {result.status}{own}, with a primal residual of {judged.primal:.2g}"
+    if judged.dual > WRONG and judged.dual > WRONG * largest_multiplier(result.point):
+        return found, f"it says {result.status}{own}, far from the optimum: dual residual {judged.dual:.2g}"
+    return found, ""
+
+
+def largest_multiplier(point: StageSolution) -> float:
+    """Return a point's largest multiplier."""
+    parts = (point.dynamics, point.rows, point.x_bounds, point.u_bounds)
+    return max([float(np.max(np.abs(part))) for part in parts if part.size])
