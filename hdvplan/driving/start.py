@@ -7,6 +7,7 @@ fades to zero, and a straight before it.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ from hdvplan.jit import FloatArray
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations
 from hdvplan.road.path import ReferencePath, evaluate_many, project_many
-from hdvplan.road.road import Limits, Road
+from hdvplan.road.road import Road
 from hdvplan.vehicle.body import axles_behind
 from hdvplan.vehicle.kinematics import POSE, place
 from hdvplan.vehicle.model import Vehicle
@@ -58,6 +59,5 @@ def approach_to(road: Road, vehicle: Vehicle, settings: PlannerSettings) -> Road
     path = road.path.stretch(-length, 0.0, vehicle.reach_behind + _ROOM_M, settings.horizon + vehicle.reach_ahead + _ROOM_M)
     if road.limits is None:
         return Road(road.name, path)
-    limits = road.limits
-    columns = (limits.left, limits.right, limits.left_sweep, limits.right_sweep)
-    return Road(road.name, path, Limits(limits.s + length, *columns))
+    limits = road.limits.along(road.path, path.s_first - length, path.s_last - length)
+    return Road(road.name, path, replace(limits, s=limits.s + length))

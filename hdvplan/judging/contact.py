@@ -25,7 +25,8 @@ def contact(drive: Drive, unit: int, side: str, s: float, *, axles_only: bool) -
     front, rear = (min(body.wheelbase, body.front), 0.0) if axles_only else (body.front, -body.rear_overhang)
     ahead = np.linspace(rear, front, int(np.ceil((front - rear) / _SPACING_M)) + 1)
     across = 0.5 * body.width * (1.0 if side == "left" else -1.0)
-    laps = (0.0, drive.road.path.length) if drive.road.path.closed else (0.0,)  # what lies beyond the end of a closed road is its begin
+    lap = drive.road.path.length
+    laps = (-lap, 0.0, lap) if drive.road.path.closed else (0.0,)  # what lies beyond either end of a closed road is beside the other
     _, furthest = max(_furthest(drive, unit, ahead, across, s + lap) for lap in laps)
     return part_named(body, furthest)
 

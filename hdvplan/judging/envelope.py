@@ -47,7 +47,7 @@ class Envelope:
 
 
 def envelope_of(drive: Drive, *, axles_only: bool = False) -> Envelope:
-    """Measure the envelope of an executed drive over 0 <= s <= the road's length; on a closed road what lies beyond its end is its begin.
+    """Measure the envelope of an executed drive over 0 <= s <= the road's length, where a closed road has what lies beyond either end.
 
     ``axles_only`` measures the part between each unit's first and last axle, which must stay on the drivable region.
 
@@ -56,10 +56,11 @@ def envelope_of(drive: Drive, *, axles_only: bool = False) -> Envelope:
 
     """
     path, units = drive.stations.path, drive.vehicle.table()
-    length = drive.road.path.length
+    length, closed = drive.road.path.length, drive.road.path.closed
     count = int(np.floor(length / SPACING_M + 1e-9)) + 1
-    beyond = int(np.ceil(drive.vehicle.reach_ahead / SPACING_M)) if drive.road.path.closed else 0
-    stations = SPACING_M * np.arange(count + beyond, dtype=np.float64)
+    reaches = (drive.vehicle.reach_behind, drive.vehicle.reach_ahead)
+    before, beyond = (int(np.ceil(reach / SPACING_M)) if closed else 0 for reach in reaches)
+    stations = SPACING_M * np.arange(-before, count + beyond, dtype=np.float64)
     low, high, lost = _sweep(
         units, _outlines(units, axles_only=axles_only), path.curve,
         drive.poses_s, np.ascontiguousarray(drive.poses_z), stations,
@@ -69,12 +70,12 @@ def envelope_of(drive: Drive, *, axles_only: bool = False) -> Envelope:
         msg = f"at s = {s:.1f} m a body reaches beyond the road's centre of curvature"
         raise PlanError(msg, s_m=s)
     left, right = np.where(np.isfinite(high), high, np.nan), np.where(np.isfinite(low), low, np.nan)
-    own = stations[:count]
-    again = own + length <= stations[-1] if drive.road.path.closed else np.zeros(count, dtype=bool)
+    own = slice(before, before + count)
     for reach, pick in ((left, np.fmax), (right, np.fmin)):
         for of_unit in reach:
-            of_unit[:count][again] = pick(of_unit[:count][again], np.interp(own[again] + length, stations, of_unit))
-    return Envelope(own, left[:, :count], right[:, :count])
+            laps = [np.interp(stations[own] + lap, stations, of_unit, np.nan, np.nan) for lap in (-length, length)] if closed else []
+            of_unit[own] = pick.reduce([of_unit[own], *laps])
+    return Envelope(stations[own], left[:, own], right[:, own])
 
 
 def _outlines(units: Records, *, axles_only: bool) -> FloatArray:

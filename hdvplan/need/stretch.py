@@ -6,7 +6,6 @@ from dataclasses import replace
 
 from hdvplan.case import Case
 from hdvplan.planning.bias import Bias
-from hdvplan.road.road import Limits
 
 
 def stretch_of(case: Case, s_from: float, s_to: float) -> Case:
@@ -17,12 +16,12 @@ def stretch_of(case: Case, s_from: float, s_to: float) -> Case:
     road, vehicle, settings = case.road, case.vehicle, case.settings
     beside = settings.horizon + vehicle.reach_ahead + vehicle.reach_behind + _ROOM_M
     path = road.path.stretch(s_from, s_to, beside, beside)
-    cut = replace(road, path=path, smoothing=None, limits=None, band=None).within(_moved(road.own_limits, s_from))
+    limits = road.own_limits
+    if limits is not None:
+        limits = limits.along(road.path, s_from - beside, s_to + beside)
+        limits = replace(limits, s=limits.s - s_from)
+    cut = replace(road, path=path, smoothing=None, limits=None, band=None).within(limits)
     return replace(case, road=cut, bias=Bias(case.bias.s - s_from, case.bias.offset))
 
 
 _ROOM_M = 20.0  # for bodies askew
-
-
-def _moved(limits: Limits | None, s_from: float) -> Limits | None:
-    return None if limits is None else replace(limits, s=limits.s - s_from)

@@ -17,7 +17,7 @@ from hdvplan.jit import FloatArray, Records
 from hdvplan.planning.bias import NONE, Bias, shifted
 from hdvplan.planning.running import running
 from hdvplan.road.path import ReferencePath, evaluate_many
-from hdvplan.road.road import Road
+from hdvplan.road.road import Limits, Road
 from hdvplan.vehicle.model import Vehicle
 
 LIMIT_SPACING_M = 0.2  # limits are tabulated this finely along s
@@ -148,32 +148,27 @@ def _beside(values: FloatArray, k: FloatArray, factor: float, vehicle: Vehicle) 
 
 
 def limit_table(road: Road, path: ReferencePath, step: float) -> LimitTable:
-    """Tabulate the road's limits over the whole extended path for stations ``step`` [m] apart; end values hold beyond the road's ends."""
+    """Tabulate the road's limits over the whole extended path for stations ``step`` [m] apart; ``Limits.along`` says what holds there."""
     if road.limits is None:
         return LimitTable(np.empty((4, 0)), 0.0, LIMIT_SPACING_M)
     every = round(LIMIT_SPACING_M / _FINE_M)
     count = int(np.ceil((path.s_last - path.s_first) / LIMIT_SPACING_M)) + 1
     s = path.s_first + _FINE_M * np.arange(every * count, dtype=np.float64)
-    around = np.asarray(np.mod(s, road.path.length), np.float64)
-    values = road.limits.table(around if road.path.closed else s)
+    limits = road.limits.along(road.path, float(s[0]), float(s[-1]))
+    values = limits.table(s)
     fine = LimitTable(values, float(s[0]), _FINE_M)
-    _cover_corners(fine, road)
+    _cover_corners(fine, limits)
     reach = int(np.ceil((_STRETCH * step + LIMIT_SPACING_M) / _FINE_M))
     narrowest = [running(pick, row, reach, reach) for pick, row in zip((np.minimum, np.maximum) * 2, values, strict=True)]
     table = np.ascontiguousarray(np.stack(narrowest)[:, ::every])
     return LimitTable(table, float(s[0]), LIMIT_SPACING_M, road.limits.two_regions)
 
 
-def _cover_corners(fine: LimitTable, road: Road) -> None:
-    """Narrow the entries around every corner of the road's limits down to it: it may lie between two entries."""
-    limits = road.limits
-    if limits is None:
-        return
+def _cover_corners(fine: LimitTable, limits: Limits) -> None:
+    """Narrow the entries around every corner of the limits down to it: it may lie between two entries."""
     columns, narrower = (limits.left, limits.right, limits.left_sweep, limits.right_sweep), (np.minimum, np.maximum) * 2
-    last = fine.values.shape[1] - 1
-    for lap in (-road.path.length, 0.0, road.path.length) if road.path.closed else (0.0,):
-        place = (limits.s + lap - fine.s_first) / fine.spacing
-        inside = (place >= 0.0) & (place <= last)
-        for entry in (np.floor(place[inside]).astype(int), np.ceil(place[inside]).astype(int)):
-            for row, column, narrow in zip(fine.values, columns, narrower, strict=True):
-                narrow.at(row, entry, column[inside])
+    place = (limits.s - fine.s_first) / fine.spacing
+    inside = (place >= 0.0) & (place <= fine.values.shape[1] - 1)
+    for entry in (np.floor(place[inside]).astype(int), np.ceil(place[inside]).astype(int)):
+        for row, column, narrow in zip(fine.values, columns, narrower, strict=True):
+            narrow.at(row, entry, column[inside])

@@ -62,6 +62,20 @@ class Limits:
         columns = (self.left, self.right, self.left_sweep, self.right_sweep)
         return np.stack([np.interp(s, self.s, column) for column in columns])
 
+    def along(self, path: ReferencePath, s_from: float, s_to: float) -> Limits:
+        """Return the limits from ``s_from`` to ``s_to`` [m] of a road on ``path``, which may lie beyond its ends.
+
+        On a closed road they are the same in every lap.
+        """
+        if not path.closed:
+            return self
+        inside, length = (self.s > 0.0) & (self.s < path.length), path.length
+        columns = np.stack([self.left, self.right, self.left_sweep, self.right_sweep])[:, inside]
+        ends = self.table(np.array([0.0, length]))
+        lap, values = np.concatenate([[0.0], self.s[inside], [length]]), np.concatenate([ends[:, :1], columns, ends[:, 1:]], axis=1)
+        laps = length * np.arange(np.floor(s_from / length), np.ceil(s_to / length))
+        return Limits(np.concatenate([lap + one for one in laps]), *np.tile(values, len(laps)))
+
 
 @dataclass(frozen=True)
 class Smoothing:

@@ -95,17 +95,32 @@ def test_a_vehicle_in_a_circle_sweeps_the_analytic_radii(name: str, sign: float)
     assert np.max(np.abs(inside[passed] - (radius - inner))) < 2e-3
 
 
-def test_what_is_swept_beyond_the_end_of_a_closed_road_counts_at_its_begin() -> None:
-    vehicle, radius = load_vehicle("bus"), 20.0
+def closed_ring(radius: float = 20.0) -> ReferencePath:
+    """Return a circle to the left, driven once round."""
     turned = np.linspace(0.0, 2.0 * np.pi, 252)
     x, y, curvature = radius * np.sin(turned), radius * (1.0 - np.cos(turned)), np.full(252, 1.0 / radius)
-    ring = from_samples(x, y, turned, curvature, 2.0 * np.pi * radius / 251, closed=True)
+    return from_samples(x, y, turned, curvature, 2.0 * np.pi * radius / 251, closed=True)
+
+
+def test_what_is_swept_beyond_the_end_of_a_closed_road_counts_at_its_begin() -> None:
+    vehicle, radius, ring = load_vehicle("bus"), 20.0, closed_ring()
     lead = 1.0 / stationary(vehicle, np.array([1.0 / radius])).kappa[0]
     done = executed(ring, vehicle, np.array([radius - lead, 0.0]))
     outside = -envelope_of(done).reach_right
     # The front corner stands ahead of the first metres, and comes there at the end of the round.
     assert np.max(np.abs(outside[:20] - outside[200])) < 2e-3  # chord against arc, as above
     assert contact(done, 0, "right", 2.0, axles_only=False) == "front corner"
+
+
+def test_a_limit_at_a_lap_s_end_holds_for_what_stands_there_at_the_start() -> None:
+    vehicle, ring = load_vehicle("bus"), closed_ring()
+    states = np.zeros((round(ring.length / 0.25) + 1, 2))
+    states[0, 0] = 0.5  # it begins left of the line, and drives the rest of the lap on it
+    done = executed(ring, vehicle, states, limits([0.0, 123.0, 124.0, 125.0, ring.length], [3.0, 3.0, 1.5, 3.0, 3.0], [9.0] * 5))
+    (breach,) = balance_of(done, envelope_of(done)).breaches
+    assert (breach.s_deepest, breach.side, breach.part) == (124.0, "left", "rear overhang")
+    # its side lies 1.77 m inside the tangent at the start, so 18.23 m from the centre; chord against arc, as above
+    assert breach.depth == pytest.approx(20.0 - 18.23 / np.cos((ring.length - 124.0) / 20.0) - 1.5, abs=2e-3)
 
 
 def test_between_the_axles_a_bus_reaches_less_far_out() -> None:

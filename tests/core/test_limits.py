@@ -1,9 +1,15 @@
 import numpy as np
 import pytest
 
+from hdvplan.case import Case
+from hdvplan.driving.start import approach_to
 from hdvplan.errors import OptionError, RoadError
 from hdvplan.jit import FloatArray
-from hdvplan.road.road import Limits
+from hdvplan.need.stretch import stretch_of
+from hdvplan.planning.settings import PlannerSettings
+from hdvplan.road.path import ReferencePath, from_samples
+from hdvplan.road.road import Limits, Road
+from hdvplan.vehicle.load import load_vehicle
 
 S = np.array([0.0, 10.0, 30.0])
 WIDE = np.array([3.0, 2.5, 3.0])
@@ -13,6 +19,29 @@ def test_limits_are_linear_between_and_held_beyond() -> None:
     table = Limits(S, WIDE, -WIDE, WIDE + 1.0, -WIDE - 0.5).table(np.array([-5.0, 5.0, 10.0, 20.0, 99.0]))
     reach = np.array([3.0, 2.75, 2.5, 2.75, 3.0])
     assert np.allclose(table, [reach, -reach, reach + 1.0, -reach - 0.5], rtol=0.0, atol=1e-12)
+
+
+def ring(length: float = 30.0) -> ReferencePath:
+    turned = np.linspace(0.0, 2.0 * np.pi, 101)
+    radius = length / (2.0 * np.pi)
+    x, y, curvature = radius * np.sin(turned), radius * (1.0 - np.cos(turned)), np.full(101, 1.0 / radius)
+    return from_samples(x, y, turned, curvature, length / 100, closed=True)
+
+
+def test_on_a_closed_road_limits_are_the_same_in_every_lap() -> None:
+    table = Limits(S, WIDE, -WIDE, WIDE, -WIDE).along(ring(), -40.0, 95.0).table(np.array([-40.0, -20.0, -10.0, 15.0, 40.0, 95.0]))
+    np.testing.assert_allclose(table[0], [2.75, 2.5, 2.75, 2.625, 2.5, 2.75], rtol=0.0, atol=1e-12)
+
+
+def test_what_comes_to_the_start_of_a_closed_road_keeps_the_limits_of_the_lap_s_end() -> None:
+    end = np.array([0.0, 28.0, 29.0, 30.0])
+    narrow = Limits(end, np.array([4.0, 4.0, 2.0, 4.0]), np.full(4, -4.0), np.array([4.0, 4.0, 2.0, 4.0]), np.full(4, -4.0))
+    vehicle, settings = load_vehicle("bus"), PlannerSettings(horizon=20.0)
+    way = approach_to(Road("ring", ring(), narrow), vehicle, settings)
+    part = stretch_of(Case(Road("ring", ring(), narrow, band=narrow), vehicle, settings=settings), 0.0, 15.0)
+    for road, start in ((way, way.path.length), (part.road, 0.0)):
+        assert road.limits is not None
+        assert road.limits.table(np.array([start - 1.0]))[0] == pytest.approx(2.0)
 
 
 def changed(values: FloatArray, by: float) -> FloatArray:
