@@ -12,7 +12,9 @@ from hdvplan.errors import OptionError, RoadError
 from hdvplan.jit import FloatArray
 from hdvplan.road.obstructed import Obstructed, obstructed
 from hdvplan.road.path import ReferencePath
-from hdvplan.road.regions import Kind, Region, Side
+from hdvplan.road.regions import OPEN_M, Kind, Region, Side
+
+_JUMP_M = 1e-3  # over which limits end
 
 
 @dataclass(frozen=True)
@@ -20,8 +22,8 @@ class Limits:
     """Signed lateral limits [m] at increasing arclengths ``s`` [m]: left positive, right negative, linear between.
 
     ``left`` and ``right`` bound wheels and everything between the axles (the drivable region of [BUS]); overhangs may
-    reach ``left_sweep`` and ``right_sweep``, which are at least as wide. Beyond the ends the last value holds. Where obstacles
-    block the road, the left limit lies right of the right one.
+    reach ``left_sweep`` and ``right_sweep``, which are at least as wide. Beyond the ends the last value holds as far as the road goes,
+    ``along`` says what holds beyond that. Where obstacles block the road, the left limit lies right of the right one.
     """
 
     s: FloatArray
@@ -63,18 +65,22 @@ class Limits:
         return np.stack([np.interp(s, self.s, column) for column in columns])
 
     def along(self, path: ReferencePath, s_from: float, s_to: float) -> Limits:
-        """Return the limits from ``s_from`` to ``s_to`` [m] of a road on ``path``, which may lie beyond its ends.
+        """Return the limits that hold from ``s_from`` to ``s_to`` [m] of a road on ``path``, which may lie beyond its ends.
 
-        On a closed road they are the same in every lap.
+        On a closed road they are the same in every lap. On an open one nothing is kept or judged before its first and beyond its last
+        point, so that the road is open to ``OPEN_M`` there, unless limits are given there: a road that was cut goes on.
         """
-        if not path.closed:
-            return self
-        inside, length = (self.s > 0.0) & (self.s < path.length), path.length
+        ends = np.array([0.0, path.length]) if path.closed else np.array([min(0.0, self.s[0]), max(path.length, self.s[-1])])
+        inside, held = (self.s > ends[0]) & (self.s < ends[1]), self.table(ends)
         columns = np.stack([self.left, self.right, self.left_sweep, self.right_sweep])[:, inside]
-        ends = self.table(np.array([0.0, length]))
-        lap, values = np.concatenate([[0.0], self.s[inside], [length]]), np.concatenate([ends[:, :1], columns, ends[:, 1:]], axis=1)
-        laps = length * np.arange(np.floor(s_from / length), np.ceil(s_to / length))
-        return Limits(np.concatenate([lap + one for one in laps]), *np.tile(values, len(laps)))
+        s, values = np.concatenate([ends[:1], self.s[inside], ends[1:]]), np.concatenate([held[:, :1], columns, held[:, 1:]], axis=1)
+        if path.closed:
+            laps = path.length * np.arange(np.floor(s_from / path.length), np.ceil(s_to / path.length))
+            return Limits(np.concatenate([s + lap for lap in laps]), *np.tile(values, len(laps)))
+        outwards = np.array([[1.0], [-1.0], [1.0], [-1.0]])
+        free = outwards * np.maximum(outwards * held, OPEN_M)
+        s, values = np.concatenate([s[:1] - _JUMP_M, s, s[-1:] + _JUMP_M]), np.concatenate([free[:, :1], values, free[:, 1:]], axis=1)
+        return Limits(s, *values)
 
 
 @dataclass(frozen=True)

@@ -1,15 +1,19 @@
 import numpy as np
 import pytest
 
+from hdvplan.api import drive_case
 from hdvplan.case import Case
 from hdvplan.driving.start import approach_to
 from hdvplan.errors import OptionError, RoadError
 from hdvplan.jit import FloatArray
+from hdvplan.judging.balance import balance_of
+from hdvplan.judging.envelope import envelope_of
 from hdvplan.need.stretch import stretch_of
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.road.path import ReferencePath, from_samples
 from hdvplan.road.road import Limits, Road
 from hdvplan.vehicle.load import load_vehicle
+from tests.core.chains import arc
 
 S = np.array([0.0, 10.0, 30.0])
 WIDE = np.array([3.0, 2.5, 3.0])
@@ -31,6 +35,27 @@ def ring(length: float = 30.0) -> ReferencePath:
 def test_on_a_closed_road_limits_are_the_same_in_every_lap() -> None:
     table = Limits(S, WIDE, -WIDE, WIDE, -WIDE).along(ring(), -40.0, 95.0).table(np.array([-40.0, -20.0, -10.0, 15.0, 40.0, 95.0]))
     np.testing.assert_allclose(table[0], [2.75, 2.5, 2.75, 2.625, 2.5, 2.75], rtol=0.0, atol=1e-12)
+
+
+def test_on_an_open_road_nothing_holds_before_its_first_and_beyond_its_last_point() -> None:
+    path, s = arc(0.0, 30.0), np.array([-5.0, -0.1, 0.0, 10.0, 30.0, 30.1, 99.0])
+    table = Limits(S, WIDE, -10.0 * WIDE, WIDE, -10.0 * WIDE).along(path, -5.0, 99.0).table(s)
+    np.testing.assert_allclose(table[0], [20.0, 20.0, 3.0, 2.5, 3.0, 20.0, 20.0], rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(table[1], [-30.0, -30.0, -30.0, -25.0, -30.0, -30.0, -30.0], rtol=0.0, atol=1e-12)  # wider than open
+
+
+def test_limits_that_are_given_beyond_a_road_hold_there() -> None:
+    part = Limits(S - 10.0, WIDE, -WIDE, WIDE, -WIDE).along(arc(0.0, 10.0), -99.0, 99.0)  # the middle of a longer road
+    np.testing.assert_allclose(part.table(np.array([-10.1, -10.0, 0.0, 20.0, 20.1]))[0], [20.0, 3.0, 2.5, 3.0, 20.0], rtol=0.0, atol=1e-12)
+
+
+def test_what_lies_beyond_the_road_s_end_does_not_push_the_plan_over_a_limit_on_the_road() -> None:
+    # The lane leaves the line to the left by one in eight: a front that follows it comes 1.2 m further to the left beyond the end.
+    s = np.array([0.0, 40.0, 55.0, 70.0])
+    left, right = np.array([3.0, 3.0, 3.375, 5.25]), np.array([-3.0, -3.0, 0.375, 2.25])
+    slanted = Road("slanted", arc(0.0, 70.0), Limits(s, left, right, left, right))
+    found = balance_of(done := drive_case(Case(slanted, load_vehicle("bus"), settings=PlannerSettings(horizon=50.0))), envelope_of(done))
+    assert found.breaches == ()
 
 
 def test_what_comes_to_the_start_of_a_closed_road_keeps_the_limits_of_the_lap_s_end() -> None:
