@@ -29,7 +29,10 @@ _WARM_UP_CURVATURE = 0.02  # [1/m]
 
 @dataclass(frozen=True)
 class Drive:
-    """What was executed: one sample per station from the road's start to its end, and every plan on the way."""
+    """What was executed: one sample per station from the road's start to its end, and every plan on the way.
+
+    The poses go on beyond the end with the rest of the last plan, until the last body has left the road or that plan ends.
+    """
 
     road: Road
     vehicle: Vehicle
@@ -96,10 +99,9 @@ def _driven(
     road: Road, vehicle: Vehicle, objective: Objective, make_workspace: WorkspaceMaker, settings: PlannerSettings, stations: Stations,
     begin: Start, bias: Bias, on_progress: Callable[[float], None] | None = None, on_plan: Callable[[Plan], None] | None = None,
 ) -> Drive:  # fmt: skip
-    """Plan and execute from a start to the road's end."""
+    """Plan and execute from a start to the road's end, then what is left of the last plan, so that all bodies leave the road."""
     goal = objective(stations, vehicle)
     planner = Planner(vehicle, stations, goal, settings, make_workspace)
-    units = vehicle.table()
     keep = int(np.ceil(settings.step / POSE_SPACING_M))
     total = int(np.ceil(road.path.length / settings.step - 1e-9))
     z, kappa_before = begin
@@ -110,12 +112,7 @@ def _driven(
         if on_plan is not None:
             on_plan(plan)
         count = min(settings.executed, total - at)
-        wheels = plan.z[: count + 1, vehicle.rigid_states :]
-        part = simulate(units, stations.path, float(stations.s[at]), settings.step, z, plan.kappa[:count], keep, wheels)
-        if not np.all(np.isfinite(part)):
-            s = float(stations.s[at] + settings.step / keep * np.argmin(np.isfinite(part[:, 0])))
-            msg = f"at s = {s:.1f} m the executed motion leaves the road-aligned model's domain"
-            raise PlanError(msg, s_m=s)
+        part = _executed(vehicle, stations, plan, slice(0, count), z, keep)
         error = max(error, float(np.max(np.abs(part[::keep, 0] - plan.z[: count + 1, 0]))))
         fine.append(part[1:])
         executed.append(plan.kappa[:count])
@@ -123,11 +120,31 @@ def _driven(
         z, kappa_before, at = part[-1], float(plan.kappa[count - 1]), at + count
         if on_progress is not None:
             on_progress(at / total)
+    leaving = slice(count, count + int(np.ceil(vehicle.reach_behind / settings.step)))
+    fine.append(_executed(vehicle, stations, plan, leaving, z, keep)[1:])
     poses = np.concatenate(fine)
     poses_s = settings.step / keep * np.arange(len(poses), dtype=np.float64)
     return Drive(
-        road, vehicle, settings, stations, goal, poses[::keep], np.concatenate(executed), poses_s, poses, tuple(plans), error, bias
+        road, vehicle, settings, stations, goal, poses[: keep * total + 1 : keep], np.concatenate(executed), poses_s, poses,
+        tuple(plans), error, bias,
     )  # fmt: skip
+
+
+def _executed(vehicle: Vehicle, stations: Stations, plan: Plan, part: slice, z: FloatArray, keep: int) -> FloatArray:
+    """Return ``keep`` simulated states for each step of a part of a plan, which begins in state ``z``.
+
+    Raises:
+        PlanError: the motion leaves the model's domain.
+
+    """
+    kappa, begin, step = plan.kappa[part], float(stations.s[plan.first + part.start]), stations.step
+    wheels = plan.z[part.start : part.start + len(kappa) + 1, vehicle.rigid_states :]
+    states = simulate(vehicle.table(), stations.path, begin, step, z, kappa, keep, wheels)
+    if not np.all(np.isfinite(states)):
+        s = begin + step / keep * float(np.argmin(np.isfinite(states[:, 0])))
+        msg = f"at s = {s:.1f} m the executed motion leaves the road-aligned model's domain"
+        raise PlanError(msg, s_m=s)
+    return states
 
 
 def _arrived(

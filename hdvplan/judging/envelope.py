@@ -58,8 +58,8 @@ def envelope_of(drive: Drive, *, axles_only: bool = False) -> Envelope:
     path, units = drive.stations.path, drive.vehicle.table()
     length, closed = drive.road.path.length, drive.road.path.closed
     count = int(np.floor(length / SPACING_M + 1e-9)) + 1
-    reaches = (drive.vehicle.reach_behind, drive.vehicle.reach_ahead)
-    before, beyond = (int(np.ceil(reach / SPACING_M)) if closed else 0 for reach in reaches)
+    behind, ahead = drive.vehicle.reach_behind, drive.vehicle.reach_ahead
+    before, beyond = (int(np.ceil(reach / SPACING_M)) if closed else 0 for reach in (behind, ahead + behind))
     stations = SPACING_M * np.arange(-before, count + beyond, dtype=np.float64)
     low, high, lost = _sweep(
         units, _outlines(units, axles_only=axles_only), path.curve,

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
+import shapely.affinity
 from numpy.typing import NDArray
 
 from hdvplan.driving.drive import Drive
@@ -15,6 +16,9 @@ from hdvplan.judging.contact import part_named
 from hdvplan.road.path import project_many
 from hdvplan.road.regions import Kind, Region
 from hdvplan.vehicle.body import axles_behind
+
+_ROUNDING_M = 1e-6  # of arclengths
+_DIGITS = 9  # of depths, which are rounded to compare them [m]
 
 Shapes = NDArray[np.object_]
 
@@ -38,13 +42,18 @@ class Approach:
 
 
 def approaches(drive: Drive) -> tuple[Approach, ...]:
-    """Return the nearest approach to each obstacle of the road, at the simulated poses (at most 0.25 m apart)."""
+    """Return the nearest approach to each obstacle of the road, at the simulated poses (at most 0.25 m apart).
+
+    Once the lead axle has left an open road, only what is still on the road counts.
+    """
     obstacles = [region for region in drive.road.regions if region.kind is Kind.OBSTACLE]
     if not obstacles:
         return ()
     polygons = np.array([obstacle.polygon for obstacle in obstacles], dtype=object)
     outlines = corners(drive, np.arange(len(drive.poses_s)))
     bodies = np.asarray(shapely.polygons(outlines.reshape(-1, 4, 2)))
+    leaving = np.repeat(drive.poses_s > _last(drive), outlines.shape[1])
+    bodies[leaving] = shapely.intersection(bodies[leaving], _before_end(drive))
     tree = shapely.STRtree(bodies)
     within, entered = _entered(drive, polygons, bodies, tree)
     apart = np.setdiff1d(np.arange(len(polygons)), within)
@@ -61,6 +70,20 @@ def approaches(drive: Drive) -> tuple[Approach, ...]:
         span, point = (float(s_from[i]), float(s_to[i])), (float(x[i]), float(y[i]))
         found.append(Approach(obstacle, float(places["distance"][i]), float(s[i]), *span, *point, int(unit[i]), side, part))
     return tuple(found)
+
+
+def _last(drive: Drive) -> float:
+    """Return the arclength of the last station: the lead axle has left the road beyond it [m]; endless on a closed road."""
+    return np.inf if drive.road.path.closed else float(drive.stations.s[len(drive.kappa)]) + _ROUNDING_M
+
+
+def _before_end(drive: Drive) -> shapely.Polygon:
+    """Return what lies before the normal at the road's end, as far as bodies of a vehicle reach that is leaving it."""
+    end = drive.road.path.at(drive.road.path.length)
+    reach = 2.0 * (drive.vehicle.reach_ahead + drive.vehicle.reach_behind)
+    x, y = float(end.x), float(end.y)
+    before = shapely.box(x - reach, y - reach, x, y + reach)
+    return shapely.affinity.rotate(before, float(end.heading), origin=(x, y), use_radians=True)
 
 
 def _beside(obstacles: Shapes, bodies: Shapes, tree: shapely.STRtree) -> NDArray[np.void]:
@@ -86,21 +109,18 @@ def _entered(drive: Drive, obstacles: Shapes, bodies: Shapes, tree: shapely.STRt
     places = np.empty(len(numbers), _PLACE)
     if not len(numbers):
         return numbers, places
-    depths = _depths(points, shapely.boundary(bodies[inside])[owner], shapely.boundary(obstacles)[met[owner]])
+    spots = shapely.points(points)
+    in_body = shapely.distance(spots, shapely.boundary(bodies[inside])[owner])
+    # How far within the outline of the body or of the obstacle, whichever is further.
+    depths = np.maximum(in_body, shapely.distance(spots, shapely.boundary(obstacles)[met[owner]]))
     row = np.repeat(np.arange(len(numbers)), np.diff(np.append(first, len(owner))))
-    greatest = np.flatnonzero(depths == np.maximum.reduceat(depths, first)[row])
-    deepest = greatest[np.unique(row[greatest], return_index=True)[1]]
+    ranked = np.lexsort((-in_body, -np.round(depths, _DIGITS), row))  # of places equally deep that furthest in a body
+    deepest = ranked[np.unique(row[ranked], return_index=True)[1]]
     pose, unit = np.divmod(inside[owner], len(drive.vehicle.units))
     s = _along(drive, pose, unit, _on_bodies(drive, pose, unit, points)[0], points)
     places["body"], places["point"], places["distance"] = inside[owner[deepest]], points[deepest], -depths[deepest]
     places["s_from"], places["s_to"] = np.minimum.reduceat(s, first), np.maximum.reduceat(s, first)
     return numbers, places
-
-
-def _depths(points: FloatArray, bodies: Shapes, obstacles: Shapes) -> FloatArray:
-    """Return how far points of overlaps lie within the outline of the body or of the obstacle, whichever is further [m]."""
-    places = shapely.points(points)
-    return np.maximum(shapely.distance(places, bodies), shapely.distance(places, obstacles))
 
 
 def _on_bodies(drive: Drive, poses: IntArray, units: IntArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:

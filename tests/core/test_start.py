@@ -55,7 +55,19 @@ def test_a_vehicle_that_lies_beside_the_continuation_starts_as_if_the_road_had_a
 def test_a_road_may_end_in_a_tight_bend(vehicle: str) -> None:
     ends = driven(vehicle, [0.0, 63.0, 69.0, 80.0], [0.0, 0.0, -0.124, -0.124])
     assert np.all(np.isfinite(ends.z))
-    assert np.nanmax(np.abs(reaches(ends))) < 6.0  # a tractor's front, and nothing that has folded
+    goes_on = driven(vehicle, [0.0, 63.0, 69.0, 80.0, 90.0, 150.0], [0.0, 0.0, -0.124, -0.124, 0.0, 0.0])
+    np.testing.assert_allclose(reaches(ends), reaches(goes_on)[:, : reaches(ends).shape[1]], atol=0.02)
+
+
+def test_a_trailer_sweeps_the_last_metres_as_if_the_road_went_on() -> None:
+    s, k = [0.0, 63.0, 69.0, 80.0], [0.0, 0.0, 0.05, 0.05]
+    ends = driven("tractor-trailer", s, k)
+    goes_on = driven("tractor-trailer", [*s, 80.0 + FADE_M, 120.0], [*k, 0.0, 0.0])
+    here, there = envelope_of(ends), envelope_of(goes_on)
+    # The rest of the last plan is driven as it was planned: its discretisation differs from the simulation by some millimetres.
+    np.testing.assert_allclose(here.left[1], there.left[1, : len(here.s)], atol=0.01)
+    np.testing.assert_allclose(here.right[1], there.right[1, : len(here.s)], atol=0.01)
+    assert len(ends.z) == len(ends.kappa) + 1 == 161  # what was planned and is told as executed ends with the road
 
 
 def test_a_first_bend_that_cannot_be_driven_into_is_said() -> None:

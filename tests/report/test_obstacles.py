@@ -13,7 +13,10 @@ from hdvplan.judging.envelope import envelope_of
 from hdvplan.judging.obstacles import approaches
 from hdvplan.judging.result import Result, breach_text
 from hdvplan.judging.verdict import verdict_line, verdict_of
+from hdvplan.planning.settings import PlannerSettings
+from hdvplan.road.path import from_curvature
 from hdvplan.road.regions import Kind, Region, Side
+from hdvplan.road.road import Road
 from hdvplan.vehicle.load import load_vehicle
 from tests.passing.arrangements import road_with
 
@@ -38,6 +41,20 @@ def test_the_place_of_the_nearest_approach_is_told_on_the_road_in_the_plane_and_
     assert touched.y == pytest.approx(-1.0, abs=1e-6)
     assert touched.s_from == pytest.approx(50.0, abs=1e-6)
     assert touched.s_to == pytest.approx(51.0, abs=1e-6)
+
+
+def test_when_the_lead_axle_has_left_the_road_only_what_is_still_on_it_can_hit_something() -> None:
+    bend = Road("bend", from_curvature(np.array([0.0, 50.0, 56.0, 80.0]), np.array([0.0, 0.0, 0.05, 0.05])))
+    drive = drive_case(Case(bend, load_vehicle("tractor-trailer"), settings=PlannerSettings(horizon=50.0)))
+    inside = float(envelope_of(drive).left[1, -16])  # of the trailer, 4 m before the end
+    x, y = bend.path.to_plane(76.0, inside)
+    far = drive.stations.path.at(90.0)  # further on than the front was when the lead axle left the road
+    spots = [shapely.Point(float(x), float(y)).buffer(0.1), shapely.Point(float(far.x), float(far.y)).buffer(0.1)]
+    regions = tuple(Region(Kind.OBSTACLE, spot) for spot in spots)
+    on_road, beyond = approaches(replace(drive, road=replace(bend, regions=regions)))
+    assert on_road.distance < 0.0
+    assert (on_road.unit, on_road.side) == (1, "left")
+    assert beyond.distance > 5.0  # 10 m beyond the end, and the front 4.63 m beyond the axle
 
 
 def test_an_obstacle_that_is_hit_is_one_breach_with_its_depth_in_the_plane(straight: Result) -> None:
