@@ -9,6 +9,7 @@ import platform
 import shutil
 import subprocess
 import sys
+import tomllib
 from functools import cache
 from importlib import metadata
 from pathlib import Path
@@ -19,6 +20,7 @@ from hdvplan.planning.objective_names import OBJECTIVE_NAMES
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "RAYON_NUM_THREADS", "NUMBA_NUM_THREADS")
 _PACKAGES = ("numpy", "scipy", "numba", "pandas", "piqp", "clarabel", "osqp", "qpsolvers", "casadi")
 _PACKAGE = Path(__file__).parent
+BEHAVIOUR = _PACKAGE / "behaviour.toml"
 
 
 def use_one_thread() -> bool:
@@ -53,7 +55,7 @@ def load_average() -> list[float] | None:
 
 @cache
 def software(solvers: tuple[str, ...], objectives: tuple[str, ...] = ()) -> dict[str, object]:
-    """Return hdvplan's version and a digest of its source, and the versions of the libraries that ``solvers`` use.
+    """Return hdvplan's version, a digest of its source, its behaviour, and the versions of the libraries that ``solvers`` use.
 
     What users brought, a solver or an objective, has its package's version, or its file's digest.
     """
@@ -64,6 +66,7 @@ def software(solvers: tuple[str, ...], objectives: tuple[str, ...] = ()) -> dict
     return {
         "hdvplan": __version__,
         "source": digest.hexdigest()[:16],
+        "behaviour": behaviour(),
         "planning": planning_code(solvers),
         "packages": _versions(solvers, objectives),
     }
@@ -101,6 +104,11 @@ def _code_in(source: bytes) -> tuple[str, tuple[str, ...]]:
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node, clean=False) is not None:
             node.body = node.body[1:]
     return ast.dump(tree), tuple(imported)
+
+
+def behaviour() -> dict[str, int]:
+    """Return the integer of every area of what hdvplan does; one is raised where results made before may be others now."""
+    return {area: int(table["number"]) for area, table in tomllib.loads(BEHAVIOUR.read_text(encoding="utf-8")).items()}
 
 
 @cache

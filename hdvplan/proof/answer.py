@@ -96,7 +96,7 @@ def _by_motion(road: Road, vehicle: Vehicle, spaces: tuple[Beside, Beside], firs
     Nothing more is followed where the coarse set would not even be lost with less room, the second of ``spaces``, and the fine ones only
     around places where it would. That saves time, and proves nothing.
     """
-    follow = _follower(road, vehicle)
+    follow = follower(road, vehicle)
     if follow is None:
         return None
     unit = len(followed(vehicle)) - 1
@@ -139,7 +139,7 @@ def followed(vehicle: Vehicle) -> tuple[Unit, ...]:
     return vehicle.units[: 1 if len(vehicle.units) == 1 or vehicle.units[1].active else 2]
 
 
-def _follower(road: Road, vehicle: Vehicle) -> Follow | None:
+def follower(road: Road, vehicle: Vehicle) -> Follow | None:
     """Return what follows the leading units along a stretch, None where none can be followed."""
     kappa = vehicle.max_curvature * (1.0 + _MORE_CURVATURE)
     nothing = np.empty((0, 0), np.int64), np.empty((0, 0, 0, 2))

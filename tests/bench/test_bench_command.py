@@ -81,7 +81,7 @@ def test_run_json_says_what_was_measured_with_what_and_where(cli: Cli, tmp_path:
     record = json.loads((tmp_path / "run" / "run.json").read_text(encoding="utf-8"))
     assert record["settings"]["roads"] == [short_road]
     assert (record["settings"]["pinch"], record["settings"]["rounds"], record["settings"]["slack"]) == (0.3, 1, 0.5)
-    assert {"hdvplan", "source", "packages"} <= set(record["software"])
+    assert {"hdvplan", "source", "behaviour", "packages"} <= set(record["software"])
     assert {"numpy", "piqp", "osqp"} <= set(record["software"]["packages"])
     assert {"processor", "cores", "governor", "python", "system"} <= set(record["machine"])
     cases = cases_of(suite_of(record["settings"]))

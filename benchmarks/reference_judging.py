@@ -1,0 +1,135 @@
+"""What the behaviour reference holds of judging, on prescribed motions that no planner has touched, and of proofs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from reference_scenes import Quantities, Told, case_of, error_of
+
+from hdvplan.case import Case
+from hdvplan.centring.weights import CentringTable
+from hdvplan.driving.drive import POSE_SPACING_M, Drive
+from hdvplan.driving.simulate import simulate
+from hdvplan.errors import HdvplanError
+from hdvplan.jit import FloatArray
+from hdvplan.judging.balance import KEPT_M
+from hdvplan.judging.manners import manners_of
+from hdvplan.judging.result import Result, result_of
+from hdvplan.judging.verdict import verdict_of
+from hdvplan.judging.wheels import wheel_tracks
+from hdvplan.planning.objectives import Goal
+from hdvplan.planning.stations import stations_of
+from hdvplan.proof.answer import follower, proof_of
+from hdvplan.proof.space import beside
+
+_STATIONS = 4  # of a reachable set that are compared
+_BEYOND_M = 50.0  # of the stretch that is followed: no point of a vehicle has its foot further away
+_ROUNDING_M = 5e-3  # of a judged plan, as the reference's own room
+
+
+def judged(told: Told) -> Quantities:
+    """Return envelope, room, breaches, verdict and manners of a prescribed motion: the road's own curvature, and a sine beside it."""
+    case = case_of(told)
+    try:
+        result = result_of(_prescribed(case, told), solver=case.solver, objective=case.objective)
+    except HdvplanError as error:
+        return error_of(error)
+    return _of_envelope(result) | _of_room(result) | _of_verdict(result) | _of_steering(result)
+
+
+def _prescribed(case: Case, told: Told) -> Drive:
+    """Return the drive of curvatures that are given beforehand, without a plan.
+
+    ``swing`` is the sine's size [1/m] and length [m], ``wheels`` the same of actively steered axles [rad], ``start`` the state at s = 0.
+    """
+    settings, vehicle, path = case.settings, case.vehicle, case.road.path
+    stations = stations_of(case.road, vehicle, CentringTable.of(vehicle), step=settings.step, horizon=settings.horizon, bias=case.bias)
+    total = int(np.ceil(path.length / settings.step - 1e-9))
+    halfway = settings.step * (np.arange(total, dtype=np.float64) + 0.5)
+    kappa = np.clip(path.at(halfway).curvature + _sine(told.get("swing"), halfway), -vehicle.max_curvature, vehicle.max_curvature)
+    z = np.zeros(vehicle.states)
+    z[: len(told.get("start", ()))] = told.get("start", ())
+    wheels = np.tile(_sine(told.get("wheels"), settings.step * np.arange(total + 1.0))[:, None], (1, len(vehicle.active)))
+    keep = int(np.ceil(settings.step / POSE_SPACING_M))
+    poses = simulate(vehicle.table(), stations.path, 0.0, settings.step, z, kappa, keep, wheels)
+    poses_s = settings.step / keep * np.arange(len(poses), dtype=np.float64)
+    return Drive(case.road, vehicle, settings, stations, Goal(()), poses[::keep], kappa, poses_s, poses, (), 0.0, case.bias)
+
+
+def _sine(given: tuple[float, float] | None, s: FloatArray) -> FloatArray:
+    size, length = given or (0.0, 1.0)
+    return np.asarray(size * np.sin(2.0 * np.pi * s / length), np.float64)
+
+
+def _of_envelope(result: Result) -> Quantities:
+    envelope, balance = result.envelope, result.balance
+    found: Quantities = {"left": balance.max_left, "right": balance.max_right, "imbalance": balance.mean_abs_imbalance}
+    found |= {"expected": balance.expected_half_width, "saturated": str(balance.saturated)}
+    for unit in range(len(envelope.left)):
+        found |= {
+            f"left mean {unit}": float(np.nanmean(envelope.left[unit])),
+            f"right mean {unit}": float(np.nanmean(envelope.right[unit])),
+        }
+    tracks = [float(np.sum(np.hypot(*np.diff(track.points, axis=0).T))) for track in wheel_tracks(result.drive)]
+    return found | {"tracks": float(np.sum(tracks)), "aim": float(np.mean(result.aim)), "forecast": result.fit.half_width}
+
+
+def _of_room(result: Result) -> Quantities:
+    found: Quantities = {}
+    for (side, region), gaps in result.edge_gaps.items():
+        found |= {f"room {side} {region} {unit}": float(np.nanmin(gap)) for unit, gap in enumerate(gaps)}
+    for number, breach in enumerate(result.balance.breaches, start=1):
+        found |= {f"depth {number}": breach.depth, f"s_from {number}": breach.s_from, f"s_to {number}": breach.s_to}
+        found |= {f"who {number}": f"{breach.side} {breach.unit} {breach.part} {breach.region}", f"hit {number}": str(breach.obstacle)}
+    for number, near in enumerate(result.approaches, start=1):
+        found |= {f"distance {number}": near.distance, f"x {number}": near.x, f"y {number}": near.y}
+        found[f"nearest {number}"] = f"{near.side} {near.unit} {near.part}"
+    if result.fit.spare is not None:
+        found["forecast spare"] = result.fit.spare
+    findings = result.fit.findings
+    return found | {"findings": len(findings), "lacking": sum(max(one.needed - one.available, 0.0) for one in findings)}
+
+
+def _of_verdict(result: Result) -> Quantities:
+    verdict = verdict_of(result)
+    found: Quantities = {"verdict": verdict.word, "status": result.status, "half_width": verdict.half_width}
+    found |= {"s": verdict.s, "x": verdict.x, "y": verdict.y, "side": verdict.side, "unit": verdict.unit, "part": verdict.part}
+    found |= {"region": str(verdict.region), "obstacle": str(verdict.obstacle)}
+    return found | {name: value for name, value in (("spare", verdict.spare), ("wheels_spare", verdict.wheels_spare)) if value is not None}
+
+
+def _of_steering(result: Result) -> Quantities:
+    manners = manners_of(result.drive)
+    found: Quantities = {"swings": len(manners.swings)}
+    for name, use in (("curvature", manners.curvature), ("rate", manners.rate)):
+        found |= {f"{name} share": use.share, f"{name} full": sum(last - first for first, last in use.stretches)}
+    return found
+
+
+def proved(told: Told) -> Quantities:
+    """Return what is proved of a road within its limits, or within each of several half ``widths`` [m], and what can be reached there."""
+    found: Quantities = {}
+    for width in told.get("widths", [None]):
+        case = case_of(told if width is None else {**told, "limits": [width, width]})
+        proof = proof_of(case, told.get("s_from"), told.get("s_to"))
+        name = "" if width is None else f" within {width:g}"
+        found[f"proof{name}"] = "none" if proof is None else proof.kind
+        if proof is not None:
+            found |= {f"unit{name}": proof.unit, f"s_from{name}": proof.s_from, f"s_to{name}": proof.s_to}
+    return found | (_reached(told) if "reach" in told else {})
+
+
+def _reached(told: Told) -> Quantities:
+    """Return bounds of what the leading units reach over the stretch ``reach`` [m], at the coarsest resolution."""
+    case, (first, last) = case_of(told), told["reach"]
+    follow = follower(replace(case.road, path=case.road.path.extended(_BEYOND_M, _BEYOND_M)), case.vehicle)
+    space = beside(case.road, first - _BEYOND_M, last + _BEYOND_M, room=KEPT_M + _ROUNDING_M)
+    if follow is None or space is None:
+        return {"followed": "nothing"}
+    frame, reached = follow.run(space, follow.resolutions[0], first, last)
+    found: Quantities = {"empty": reached.empty, "open": reached.open}
+    for at in np.linspace(0, len(frame.s) - 1, _STATIONS + 2).astype(int)[1:-1]:
+        bounds = {"low": reached.low, "high": reached.high, "turned right": reached.right, "turned left": reached.left}
+        found |= {f"{name} at {frame.s[at]:.1f}": float(values[at]) for name, values in bounds.items() if np.isfinite(values[at])}
+    return found
