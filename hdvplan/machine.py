@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import hashlib
 import os
 import platform
@@ -67,43 +66,8 @@ def software(solvers: tuple[str, ...], objectives: tuple[str, ...] = ()) -> dict
         "hdvplan": __version__,
         "source": digest.hexdigest()[:16],
         "behaviour": behaviour(),
-        "planning": planning_code(solvers),
         "packages": _versions(solvers, objectives),
     }
-
-
-@cache
-def planning_code(solvers: tuple[str, ...]) -> str:
-    """Return a digest of the code that plans with ``solvers``: of every module that driving and these solvers import, at any remove.
-
-    Comments, docstrings and layout are not in it, nor are readers of road files, reports or the command line: it changes where a table of
-    planning times may.
-    """
-    from hdvplan.solvers.registry import home_of  # noqa: PLC0415 - as below
-
-    found: dict[str, str] = {}
-    ahead = ["hdvplan.driving.drive", *filter(None, map(home_of, solvers))]
-    while ahead:
-        name = ahead.pop()
-        file = _PACKAGE.parent / (name.replace(".", "/") + ".py")
-        if name in found or not file.is_file():
-            continue
-        found[name], imported = _code_in(file.read_bytes())
-        ahead += imported
-    return hashlib.sha256(repr(sorted(found.items())).encode()).hexdigest()[:16]
-
-
-@cache  # what plans is the same with most solvers
-def _code_in(source: bytes) -> tuple[str, tuple[str, ...]]:
-    """Return a module's code without comments, docstrings and layout, and which modules of ours it imports."""
-    tree = ast.parse(source)
-    imported = []
-    for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("hdvplan."):
-            imported.append(node.module)
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node, clean=False) is not None:
-            node.body = node.body[1:]
-    return ast.dump(tree), tuple(imported)
 
 
 def behaviour() -> dict[str, int]:
