@@ -13,6 +13,8 @@ ROOT = Path(__file__).parents[1]
 LICENCES = {"LICENSE", "roads/opendrive/LICENSE", "roads/osm/ODbL-1.0.txt"}
 SHIPPED = ("hdvplan/", "roads/", "tests/", "benchmarks/", "docs/", ".ci/")  # folders of the sdist; of files above them:
 ABOVE = {
+    "hatch_build.py",
+    ".clang-format",
     "CHANGELOG.md",
     "CITATION.cff",
     "CONTRIBUTING.md",
@@ -40,11 +42,18 @@ def wheel_faults(wheel: Path) -> set[str]:
         metadata = email.message_from_bytes(archive.read(about))
         licences = {name.partition("/licenses/")[2] for name in archive.namelist() if "/licenses/" in name}
     wanted = {name for name in tracked() if name.startswith("hdvplan/")}
-    wanted |= {f"hdvplan/_{name}" for name in tracked() if name.startswith("roads/")}
+    wanted |= {f"hdvplan/_{name}" for name in tracked() if name.startswith("roads/")} | libraries(wheel.stem)
     faults = (
         _differences(inside, wanted) | _differences(licences, LICENCES) | _differences(set(metadata.get_all("License-File", [])), LICENCES)
     )
     return faults | ({"License-Expression"} if metadata["License-Expression"] != "MIT AND ODbL-1.0" else set())
+
+
+def libraries(wheel: str) -> set[str]:
+    """Return the compiled core that the wheel of a platform has."""
+    suffix = ".dll" if "-win" in wheel else ".dylib" if "-macosx" in wheel else ".so"
+    kinds = ("baseline", "avx2") if wheel.endswith(("x86_64", "amd64")) else ("baseline",)
+    return {f"hdvplan/_core_{kind}{suffix}" for kind in kinds}
 
 
 def sdist_faults(sdist: Path) -> set[str]:
@@ -60,10 +69,10 @@ def _differences(found: set[str], wanted: set[str]) -> set[str]:
 
 
 def main() -> int:
-    """Print every fault of the one wheel and the one sdist in a folder; return 1 if there is one."""
+    """Print every fault of the wheels and the sdists in a folder; return 1 if there is one."""
     folder = Path(sys.argv[1])
-    (wheel,), (sdist,) = folder.glob("*.whl"), folder.glob("*.tar.gz")
-    faults = {wheel.name: wheel_faults(wheel), sdist.name: sdist_faults(sdist)}
+    faults = {wheel.name: wheel_faults(wheel) for wheel in sorted(folder.glob("*.whl"))}
+    faults |= {sdist.name: sdist_faults(sdist) for sdist in folder.glob("*.tar.gz")}
     for name, found in faults.items():
         print(f"{name}: {'as it should be' if not found else ', '.join(sorted(found))}")  # noqa: T201 - a script
     return 1 if any(faults.values()) else 0

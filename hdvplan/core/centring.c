@@ -1,0 +1,70 @@
+#include "centring.h"
+
+#include <math.h>
+
+#include "cost.h"
+#include "kinematics.h"
+#include "path.h"
+
+/* Adds Q, q of one stage's squared residual for a vehicle of n states, and notes foot and residual; 0 without a foot.
+ */
+HDV_INLINE int
+centre(const struct hdv_centring *own, const struct hdv_scene *scene, int64_t i, int64_t n, double near) {
+    const struct hdv_residual *weigh = own->residuals + scene->first + i;
+    const struct hdv_pose *poses = scene->poses + i * scene->unit_count;
+    struct plane_point axle = body_point(poses + own->unit, own->ahead, 0.0);
+    struct foot foot = project(own->curve, axle.x, axle.y, near, PLANNING_STEP_M);
+    if (isnan(foot.offset)) {
+        return 0;
+    }
+    double gradient[HDV_MOST_STATES];
+    point_gradient(poses, own->unit, axle, scene->road + i, -foot.sin, foot.cos, n, gradient);
+    for (int64_t j = 0; j < n; j++) {
+        gradient[j] *= weigh->aux;
+    }
+    gradient[0] += weigh->lead;
+    double e_y = state_at(scene->motion, scene->states, i)[0];
+    struct hdv_centred centred = {foot.s, weigh->lead * e_y + weigh->aux * foot.offset - weigh->target};
+    own->memory[scene->at + i] = centred;
+    add_square(
+        program_stage(&scene->program, i), scene->program.shape.states, n, gradient, centred.residual, own->weights[i]
+    );
+    return 1;
+}
+
+/* The same for all stages from begin on; returns -1, or the stage whose axle has no foot. */
+HDV_INLINE int64_t
+centre_all(const struct hdv_centring *own, const struct hdv_scene *scene, int64_t n, int64_t begin, int64_t fresh) {
+    for (int64_t i = begin; i <= scene->program.shape.stages; i++) {
+        double near = fresh ? scene->road[i].s + own->beside : own->memory[scene->at + i].foot;
+        if (!centre(own, scene, i, n, near)) {
+            return i;
+        }
+    }
+    return -1;
+}
+
+/* Adds Q, q of the squared residuals. Feet are searched from the last ones, or from where they are on a straight. */
+int64_t hdv_linearise_centring(void *data, const struct hdv_scene *scene, int64_t begin, int64_t fresh) {
+    switch (scene->states) {
+    case 2:
+        return centre_all(data, scene, 2, begin, fresh);
+    case 3:
+        return centre_all(data, scene, 3, begin, fresh);
+    case 4:
+        return centre_all(data, scene, 4, begin, fresh);
+    default:
+        return centre_all(data, scene, scene->states, begin, fresh);
+    }
+}
+
+/* Sum of the weighted squares of the last linearisation. */
+double hdv_price_centring(void *data, const struct hdv_scene *scene) {
+    const struct hdv_centring *own = data;
+    double total = 0.0;
+    for (int64_t i = 1; i <= scene->program.shape.stages; i++) {
+        double residual = own->memory[scene->at + i].residual;
+        total += own->weights[i] * (residual * residual);
+    }
+    return total;
+}

@@ -1,0 +1,464 @@
+/* Mehrotra's predictor-corrector method, with one Riccati factorisation an iteration: inequalities only add to a
+ * stage's Hessian (Rao, Wright, Rawlings 1998; Frison, Diehl 2020). All iterates keep the dynamics, so only
+ * inequalities have residuals.
+ *
+ * Only inequalities that come near the point take part, each a row value <= limit of one interval, with a slack and a
+ * multiplier (s, mu) and, for elastic rows, a second pair (sigma, nu) that is eliminated by hand:
+ *
+ *     W = w v / (w + v),   w = mu / s,   v = nu / sigma + quadratic,
+ *
+ * which stays exact however large the weights grow. The Newton system that is left is a linear-quadratic control
+ * problem. All others are looked at after every step and join as soon as they come near. The horizon behind the last of
+ * them is left out: the cost-to-go that was there before replaces it exactly.
+ */
+#include "numbers.h"
+#include "riccati.h"
+#include "solver.h"
+
+#include <math.h>
+#include <string.h>
+
+enum { ITERATIONS = 100, EXTRA = 3 }; /* EXTRA may go into balancing the inputs once all inequalities are settled */
+
+static const double near_rows = 0.3;   /* rows closer than this are chosen [m] */
+static const double near_bounds = 0.3; /* bounds closer than this share of their range are */
+static const double start_slack = 0.1; /* least slack at the start, for rows [m] and as a share of a bound's range */
+static const double least_price = 0.1; /* least multiplier of an elastic variable at the start */
+static const double start = 100.0;     /* complementarity at the start; rows cost 1e4, so less starts too near a wall */
+static const double balanced =
+    1e-7; /* of the Lagrangian's gradient by the inputs, relative to the largest multiplier */
+
+/* An iterate: where it stands, and which inequalities take part. */
+struct iterate {
+    struct hdv_solver *solver;
+    const struct hdv_program *program;
+    const struct hdv_point *point;
+    struct hdv_series weights, steps; /* of steps x, u */
+    int64_t count;                    /* of the chosen inequalities */
+    int64_t end; /* the last stage that one of them touches; beyond it stands the first pass's cost-to-go */
+    double mean; /* product of slack and multiplier */
+};
+
+struct step {
+    double *x, *u, *gradient_x, *gradient_u;
+};
+
+HDV_INLINE struct step step_at(const struct iterate *now, int64_t n, int64_t m, int64_t i) {
+    double *x = now->steps.first + i * now->steps.stride;
+    struct step view = {x, x + n, x + n + m, x + 2 * n + m};
+    return view;
+}
+
+/* Write a row's pair; it starts where the row is, its elastic variable taking up what it lacks. gap = h - g'x. */
+static void start_row(struct hdv_pair *pair, struct row row, double gap, double product) {
+    double s = larger(gap, start_slack), price = *row.linear;
+    double mu = price > 0.0 ? smaller(product / s, 0.5 * price) : product / s;
+    double nu = larger(price - mu, least_price);
+    pair->s = s;
+    pair->mu = mu;
+    pair->sigma = larger(product / nu, s - gap);
+    pair->nu = nu;
+    pair->limit = *row.h;
+    pair->linear = price;
+    pair->quadratic = *row.quadratic;
+}
+
+/* Write the pair of a bound's side; return whether v has come near it, or need not. A broken bound starts with a slack
+ * as large as the breach. */
+static int
+start_bound(struct hdv_pair *pair, double v, double low, double high, int lower, double product, int everything) {
+    double width = smaller(high - low, 1.0), gap = lower ? v - low : high - v;
+    if (gap > near_bounds * width && !(everything && gap < INFINITY))
+        return 0;
+    pair->s = larger(larger(fabs(gap), start_slack * width), 1e-6);
+    pair->mu = product / pair->s;
+    pair->limit = lower ? -low : high;
+    return 1;
+}
+
+/* Let the next pair, which has been written, take part. */
+static void choose(struct iterate *now, uint8_t *member, int64_t kind, int64_t stage, int64_t index) {
+    struct hdv_pair *pair = now->solver->pairs + now->count;
+    pair->kind = kind;
+    pair->stage = stage;
+    pair->index = index;
+    *member = 1;
+    now->count += 1;
+}
+
+/* Let the sides of a bound take part that have come near. ``kind`` is that of the upper side, the lower one's follows.
+ */
+static void join_bound(
+    struct iterate *now, uint8_t *member, double v, double low, double high, int64_t kind, int64_t stage, int64_t index
+) {
+    for (int lower = 0; lower < 2; ++lower) {
+        struct hdv_pair *pair = now->solver->pairs + now->count;
+        if (!member[lower] && start_bound(pair, v, low, high, lower, now->mean, !now->solver->screens))
+            choose(now, member + lower, kind + lower, stage, index);
+    }
+}
+
+/* Let the rows of stage i take part that have come near. */
+HDV_INLINE void join_rows(struct iterate *now, uint8_t *member, const double *x, int64_t n, int64_t i) {
+    for (int64_t number = 0; number < now->program->shape.rows; ++number) {
+        struct row row = row_at(now->program->rows, n, now->program->shape.rows, i, number);
+        double gap = *row.h;
+        for (int64_t j = 0; j < n; ++j)
+            gap -= row.g[j] * x[j];
+        if ((gap <= near_rows || !now->solver->screens) && !member[number]) {
+            start_row(now->solver->pairs + now->count, row, gap, now->mean);
+            choose(now, member + number, HDV_ROW, i, number);
+        }
+    }
+}
+
+/* Choose the inequalities that have come near the point, or all, in addition to those already chosen; each starts with
+ * complementarity
+ * ``mean``. Returns the last stage whose state has an inequality that joined, or whose input is followed by such a
+ * state; or 0. */
+HDV_INLINE int64_t join(struct iterate *now, int64_t n, int64_t m) {
+    const struct hdv_program *program = now->program;
+    const struct hdv_shape *shape = &program->shape;
+    int64_t b = shape->bounded, p = shape->rows, end = 0;
+    for (int64_t i = 0; i <= shape->stages; ++i) {
+        uint8_t *member = now->solver->member + i * inequalities_of(shape);
+        struct stage stage = stage_at(program->stages, n, m, b, i);
+        struct point point = point_at(now->point->stages, n, m, b, i);
+        int64_t before = now->count;
+        if (i > 0 && (*stage.live > 0.0 || !now->solver->screens))
+            join_rows(now, member, point.x, n, i);
+        for (int64_t bound = 0; bound < b && i > 0; ++bound)
+            join_bound(
+                now, member + p + 2 * bound, point.x[program->bounded[bound]], stage.x_low[bound], stage.x_high[bound],
+                HDV_X_HIGH, i, bound
+            );
+        end = now->count > before ? i : end;
+        before = now->count;
+        for (int64_t j = 0; j < m && i < shape->stages; ++j)
+            join_bound(now, member + p + 2 * (b + j), point.u[j], stage.u_low[j], stage.u_high[j], HDV_U_HIGH, i, j);
+        end = now->count > before ? i + 1 : end;
+    }
+    return end;
+}
+
+/* Write the derivatives of 1/2 v'Hv + g'v at v. */
+HDV_INLINE void
+derive(const double *H, const double *g, const double *v, int64_t size, double *hessian, double *gradient) {
+    for (int64_t j = 0; j < size; ++j) {
+        double sum = g[j];
+        for (int64_t k = 0; k < size; ++k) {
+            hessian[j * size + k] = H[j * size + k];
+            sum += H[j * size + k] * v[k];
+        }
+        gradient[j] = sum;
+    }
+}
+
+/* Write the objective's derivatives at the point, up to ``end``, where ``tail`` is the cost-to-go (P, p). */
+HDV_INLINE void objective(const struct iterate *now, const double *tail, int64_t n, int64_t m) {
+    const struct hdv_program *program = now->program;
+    for (int64_t i = 0; i < now->end; ++i) {
+        struct stage stage = stage_at(program->stages, n, m, program->shape.bounded, i);
+        struct point point = point_at(now->point->stages, n, m, program->shape.bounded, i);
+        struct weights to = weights_at(&now->weights, n, m, i);
+        struct step step = step_at(now, n, m, i);
+        derive(stage.Q, stage.q, point.x, n, to.Q, step.gradient_x);
+        derive(stage.R, stage.r, point.u, m, to.R, step.gradient_u);
+    }
+    const double *x = point_at(now->point->stages, n, m, program->shape.bounded, now->end).x;
+    derive(
+        tail, tail + n * n, x, n, weights_at(&now->weights, n, m, now->end).Q, step_at(now, n, m, now->end).gradient_x
+    );
+}
+
+/* The sign with which a bound's value counts. */
+static double sign_of(const struct hdv_pair *pair) {
+    return pair->kind == HDV_X_LOW || pair->kind == HDV_U_LOW ? -1.0 : 1.0;
+}
+
+/* An inequality's value at x, u: g'x of a row, or +-x or +-u. */
+HDV_INLINE double
+value_of(const struct hdv_program *program, const struct hdv_pair *pair, const double *x, const double *u, int64_t n) {
+    if (pair->kind > HDV_X_LOW)
+        return sign_of(pair) * u[pair->index];
+    if (pair->kind != HDV_ROW)
+        return sign_of(pair) * x[program->bounded[pair->index]];
+    struct row row = row_at(program->rows, n, program->shape.rows, pair->stage, pair->index);
+    double sum = 0.0;
+    for (int64_t j = 0; j < n; ++j)
+        sum += row.g[j] * x[j];
+    return sum;
+}
+
+/* Eliminate the elastic variable of a row, whose slack and multiplier have weight ``pair->w``; return the weight of
+ * both. */
+static double weight_of_row(struct hdv_pair *pair) {
+    pair->per_sigma = 1.0 / pair->sigma;
+    pair->v = pair->nu * pair->per_sigma + pair->quadratic;
+    pair->per_both = 1.0 / (pair->w + pair->v);
+    return pair->w * (pair->v * pair->per_both);
+}
+
+/* Add an inequality's weight to the Hessian. */
+HDV_INLINE void
+add_weight(const struct iterate *now, const struct hdv_pair *pair, double weight, int64_t n, int64_t m) {
+    struct weights to = weights_at(&now->weights, n, m, pair->stage);
+    if (pair->kind == HDV_ROW) {
+        const double *g = row_at(now->program->rows, n, now->program->shape.rows, pair->stage, pair->index).g;
+        for (int64_t j = 0; j < n; ++j)
+            for (int64_t k = 0; k < n; ++k)
+                to.Q[j * n + k] += weight * (g[j] * g[k]);
+    } else if (pair->kind <= HDV_X_LOW) {
+        to.Q[now->program->bounded[pair->index] * (n + 1)] += weight;
+    } else {
+        to.R[pair->index * (m + 1)] += weight;
+    }
+}
+
+/* Add the weights of the chosen inequalities to the Hessians; write the mean product, return the largest error. A
+ * pair's error is its product or, where its multiplier is large, its slack: both vanish at the optimum. */
+HDV_INLINE double weigh(struct iterate *now, int64_t n, int64_t m) {
+    double products = 0.0, total = 0.0, largest = 0.0;
+    for (int64_t item = 0; item < now->count; ++item) {
+        struct hdv_pair *pair = now->solver->pairs + item;
+        struct point point = point_at(now->point->stages, n, m, now->program->shape.bounded, pair->stage);
+        products += 1.0;
+        total += pair->mu * pair->s;
+        largest = larger(largest, smaller(pair->mu, 1.0) * pair->s);
+        pair->per_s = 1.0 / pair->s;
+        pair->w = pair->mu * pair->per_s;
+        pair->residual = pair->s - pair->limit + value_of(now->program, pair, point.x, point.u, n);
+        double weight = pair->w;
+        if (pair->kind == HDV_ROW) {
+            pair->residual -= pair->sigma;
+            products += 1.0;
+            total += pair->nu * pair->sigma;
+            largest = larger(largest, smaller(pair->nu, 1.0) * pair->sigma);
+            weight = weight_of_row(pair);
+        }
+        add_weight(now, pair, weight, n, m);
+        largest = larger(largest, fabs(pair->residual));
+    }
+    now->mean = total / products;
+    return largest;
+}
+
+/* Write an inequality's part of the Newton step's right-hand side; return what it pushes against its value with. */
+static double push(struct hdv_pair *pair, double target, int second_order) {
+    double over = pair->mu * pair->s - target + (second_order ? pair->d_mu * pair->d_s : 0.0);
+    pair->first = pair->w * pair->residual - over * pair->per_s;
+    if (pair->kind != HDV_ROW)
+        return pair->mu + pair->first;
+    pair->under = pair->nu * pair->sigma - target + (second_order ? pair->d_nu * pair->d_sigma : 0.0);
+    pair->second = pair->mu + pair->nu - pair->linear - pair->quadratic * pair->sigma - pair->under * pair->per_sigma;
+    return pair->mu + (pair->v * pair->first - pair->w * pair->second) * pair->per_both;
+}
+
+/* Write the linear terms of the Newton step towards complementarity ``target``. With ``second_order`` the last step's
+ * products are made up for. */
+HDV_INLINE void aim(const struct iterate *now, double target, int second_order, int64_t n, int64_t m) {
+    const struct hdv_program *program = now->program;
+    for (int64_t i = 0; i <= now->end; ++i) {
+        struct weights to = weights_at(&now->weights, n, m, i);
+        struct step step = step_at(now, n, m, i);
+        memcpy(to.q, step.gradient_x, (size_t)n * sizeof(double));
+        memcpy(to.r, step.gradient_u, (size_t)m * sizeof(double));
+    }
+    for (int64_t item = 0; item < now->count; ++item) {
+        struct hdv_pair *pair = now->solver->pairs + item;
+        struct weights to = weights_at(&now->weights, n, m, pair->stage);
+        double pushed = push(pair, target, second_order);
+        if (pair->kind == HDV_ROW) {
+            const double *g = row_at(program->rows, n, program->shape.rows, pair->stage, pair->index).g;
+            for (int64_t j = 0; j < n; ++j)
+                to.q[j] += g[j] * pushed;
+        } else if (pair->kind <= HDV_X_LOW) {
+            to.q[program->bounded[pair->index]] += sign_of(pair) * pushed;
+        } else {
+            to.r[pair->index] += sign_of(pair) * pushed;
+        }
+    }
+}
+
+/* How far v may go along d, if no further than ``length``, until it vanishes. */
+HDV_INLINE double shortened(double length, double v, double d) {
+    return v + length * d < 0.0 ? -v / d : length;
+}
+
+/* Write the step of slack, multiplier and elastic variable where the value moves by ``along``; return how far they may
+ * go. */
+static double step_pair(struct hdv_pair *pair, double along, double length) {
+    double d_s = -pair->residual - along, d_mu = pair->w * along + pair->first;
+    if (pair->kind == HDV_ROW) {
+        pair->d_sigma = (d_mu + pair->second) * pair->per_both;
+        d_s += pair->d_sigma;
+        d_mu = (pair->v * d_mu - pair->w * pair->second) * pair->per_both;
+        pair->d_nu = -(pair->under + pair->nu * pair->d_sigma) * pair->per_sigma;
+        length = shortened(length, pair->sigma, pair->d_sigma);
+        length = shortened(length, pair->nu, pair->d_nu);
+    }
+    pair->d_s = d_s;
+    pair->d_mu = d_mu;
+    return shortened(shortened(length, pair->s, d_s), pair->mu, d_mu);
+}
+
+/* Write the Newton step in the intervals before ``end`` from the recursion's K and k; return how far it may go. */
+HDV_INLINE double newton_step(struct iterate *now, int64_t n, int64_t m) {
+    struct hdv_solver *solver = now->solver;
+    memset(step_at(now, n, m, 0).x, 0, (size_t)n * sizeof(double));
+    hdv_sweep_ahead(now->program, solver->work, &now->steps, 0, now->end, 0);
+    double length = 1.0; /* divisions only where it shrinks */
+    for (int64_t item = 0; item < now->count; ++item) {
+        struct hdv_pair *pair = solver->pairs + item;
+        struct step step = step_at(now, n, m, pair->stage);
+        length = step_pair(pair, value_of(now->program, pair, step.x, step.u, n), length);
+    }
+    return length;
+}
+
+/* Return the mean product that ``length`` of the step would leave. */
+static double mean_after(const struct iterate *now, double length) {
+    double products = 0.0, total = 0.0;
+    for (int64_t item = 0; item < now->count; ++item) {
+        const struct hdv_pair *pair = now->solver->pairs + item;
+        products += 1.0;
+        total += (pair->s + length * pair->d_s) * (pair->mu + length * pair->d_mu);
+        if (pair->kind == HDV_ROW) {
+            products += 1.0;
+            total += (pair->sigma + length * pair->d_sigma) * (pair->nu + length * pair->d_nu);
+        }
+    }
+    return total / products;
+}
+
+/* The predictor aims at complementarity 0; the corrector at a target that the predictor's success tells, with its
+ * second-order term. Returns how far to go, or -1 where an input has no curvature. */
+HDV_INLINE double predict_and_correct(struct iterate *now, int64_t n, int64_t m) {
+    aim(now, 0.0, 0, n, m);
+    if (!hdv_factorise(now->program, &now->weights, now->solver->work, now->end, 0))
+        return -1.0;
+    double share = mean_after(now, newton_step(now, n, m)) / now->mean;
+    double target = larger(
+        now->mean * (share * share * share), 0.01 * now->solver->tolerance
+    ); /* no pair may run far ahead of the others */
+    aim(now, target, 1, n, m);
+    hdv_sweep_back(now->program, &now->weights, now->solver->work, now->end);
+    return smaller(1.0, 0.995 * newton_step(now, n, m));
+}
+
+/* Take ``length`` of the step. States are computed again: the rounding of iterates far away must not stay. */
+HDV_INLINE void move(struct iterate *now, double length, int64_t n, int64_t m) {
+    const struct hdv_program *program = now->program;
+    for (int64_t item = 0; item < now->count; ++item) {
+        struct hdv_pair *pair = now->solver->pairs + item;
+        pair->s += length * pair->d_s;
+        pair->mu += length * pair->d_mu;
+        if (pair->kind == HDV_ROW) {
+            pair->sigma += length * pair->d_sigma;
+            pair->nu += length * pair->d_nu;
+        }
+    }
+    for (int64_t i = 0; i < now->end; ++i) {
+        struct stage stage = stage_at(program->stages, n, m, program->shape.bounded, i);
+        struct point point = point_at(now->point->stages, n, m, program->shape.bounded, i);
+        double *ahead = point_at(now->point->stages, n, m, program->shape.bounded, i + 1).x;
+        for (int64_t j = 0; j < m; ++j)
+            point.u[j] += length * step_at(now, n, m, i).u[j];
+        for (int64_t j = 0; j < n; ++j) {
+            double sum = stage.c[j];
+            for (int64_t k = 0; k < n; ++k)
+                sum += stage.A[j * n + k] * point.x[k];
+            for (int64_t k = 0; k < m; ++k)
+                sum += stage.B[j * m + k] * point.u[k];
+            ahead[j] = sum;
+        }
+    }
+    struct hdv_series motion = motion_of(program, now->point);
+    hdv_sweep_ahead(program, now->solver->work, &motion, now->end, program->shape.stages, 1);
+}
+
+/* Write zeros for elastic variables and multipliers of inequalities. */
+static void clear(const struct hdv_program *program, const struct hdv_point *point) {
+    const struct hdv_shape *shape = &program->shape;
+    int64_t n = shape->states, m = shape->inputs, b = shape->bounded;
+    memset(point->rows, 0, (size_t)((shape->stages + 1) * shape->rows * 2) * sizeof(double));
+    for (int64_t i = 0; i <= shape->stages; ++i)
+        memset(point_at(point->stages, n, m, b, i).x_bounds, 0, (size_t)(b + m) * sizeof(double));
+}
+
+/* Write elastic variables and multipliers to where the program has them, and those of the dynamics; what was never
+ * chosen is zero. */
+static double publish(const struct iterate *now) {
+    const struct hdv_shape *shape = &now->program->shape;
+    int64_t n = shape->states, m = shape->inputs, b = shape->bounded;
+    clear(now->program, now->point);
+    for (int64_t item = 0; item < now->count; ++item) {
+        const struct hdv_pair *pair = now->solver->pairs + item;
+        struct point point = point_at(now->point->stages, n, m, b, pair->stage);
+        double *of_row = now->point->rows + 2 * (pair->stage * shape->rows + pair->index);
+        if (pair->kind == HDV_ROW) {
+            of_row[0] = pair->sigma;
+            of_row[1] = pair->mu;
+        } else if (pair->kind <= HDV_X_LOW) {
+            point.x_bounds[pair->index] += sign_of(pair) * pair->mu;
+        } else {
+            point.u_bounds[pair->index] += sign_of(pair) * pair->mu;
+        }
+    }
+    return hdv_adjoint(now->program, now->point);
+}
+
+/* Weigh the objective at the point and all that has come near it; return the largest error. ``tail`` keeps (P, p) of
+ * the stage ``end`` as they were before anything took part. */
+HDV_INLINE double linearise(struct iterate *now, double *tail, int64_t n, int64_t m) {
+    int64_t joined = join(now, n, m);
+    if (joined > now->end) { /* beyond the old end P and p are still the first pass's */
+        now->end = joined;
+        memcpy(tail, recursion_at(now->solver->work, n, m, joined).P, (size_t)(n * n + n) * sizeof(double));
+    }
+    objective(now, tail, n, m);
+    return weigh(now, n, m);
+}
+
+/* The interior point from the first pass's point, whose cost-to-go is in ``work``. */
+HDV_INLINE int64_t interior(struct iterate *now, int64_t *count, int64_t n, int64_t m) {
+    double tail[HDV_MOST_STATES * (HDV_MOST_STATES + 1)];
+    int64_t refined = 0;
+    for (int64_t iteration = 0; iteration < ITERATIONS; ++iteration) {
+        *count += 1;
+        double error = linearise(now, tail, n, m);
+        if (error < now->solver->tolerance && isfinite(now->mean)) {
+            int settled = publish(now) < balanced;
+            if (settled || ++refined > EXTRA)
+                return settled ? HDV_SOLVED : HDV_INACCURATE;
+        }
+        double length = isfinite(now->mean) ? predict_and_correct(now, n, m) : -1.0;
+        if (length < 0.0) {
+            publish(now);
+            return HDV_NUMERICAL;
+        }
+        move(now, length, n, m);
+    }
+    publish(now);
+    return HDV_ITERATION_LIMIT;
+}
+
+/* Solve a program whose first pass is in ``point`` and in the solver's work; return how that ended. */
+int64_t hdv_interior(
+    struct hdv_solver *solver, const struct hdv_program *program, const struct hdv_point *point, int64_t *count
+) {
+    const struct hdv_shape *shape = &program->shape;
+    int64_t n = shape->states, m = shape->inputs;
+    struct hdv_series weights = {solver->weights, weights_size(n, m)}, steps = {solver->steps, 2 * (n + m)};
+    struct iterate now = {solver, program, point, weights, steps, 0, 0, start};
+    memset(solver->member, 0, (size_t)((shape->stages + 1) * inequalities_of(shape)));
+    if (n == 3 && m == 1)
+        return interior(&now, count, 3, 1);
+    if (n == 4 && m == 1)
+        return interior(&now, count, 4, 1);
+    if (n == 5 && m == 1)
+        return interior(&now, count, 5, 1);
+    if (n == 6 && m == 1)
+        return interior(&now, count, 6, 1);
+    return interior(&now, count, n, m);
+}

@@ -1,0 +1,56 @@
+#include "intervals.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "numbers.h"
+
+/* Add an interval where there is no room for one more: the nearest one grows until it holds it. */
+static void squeeze(struct interval *pieces, int64_t total, double low, double high) {
+    struct interval *nearest = pieces;
+    double least = INFINITY;
+    for (int64_t p = 0; p < total; p++) {
+        double distance = larger(low - pieces[p].high, pieces[p].low - high);
+        if (distance < least) {
+            nearest = &pieces[p];
+            least = distance;
+        }
+    }
+    nearest->low = smaller(low, nearest->low);
+    nearest->high = larger(high, nearest->high);
+}
+
+/* Add [low, high] to disjoint, rising pieces and return how many there are, at most so many: of too many, the closest
+ * are joined. */
+int64_t join_interval(struct interval *pieces, int64_t total, int64_t most, double low, double high) {
+    int64_t first = 0;
+    if (low > high) {
+        return total;
+    }
+    while (first < total && pieces[first].high < low) {
+        first++;
+    }
+    int64_t last = first;
+    while (last < total && pieces[last].low <= high) { /* first <= p < last become one with the new one */
+        low = smaller(low, pieces[last].low);
+        high = larger(high, pieces[last].high);
+        last++;
+    }
+    if (last == first && total == most) {
+        squeeze(pieces, total, low, high);
+        return total;
+    }
+    memmove(&pieces[first + 1], &pieces[last], (size_t)(total - last) * sizeof *pieces);
+    pieces[first] = (struct interval){low, high};
+    return total - (last - first) + 1;
+}
+
+/* Copy intervals to where there is room for fewer, the last of which are joined; return how many there are. */
+int64_t keep_intervals(struct interval *found, int64_t number, struct interval *pieces, int64_t most) {
+    while (number > most) {
+        found[number - 2].high = found[number - 1].high;
+        number--;
+    }
+    memcpy(pieces, found, (size_t)number * sizeof *pieces);
+    return number;
+}

@@ -1,0 +1,84 @@
+#include "motion.h"
+
+#include <math.h>
+
+#include "numbers.h"
+#include "sizes.h"
+
+static const double STEEPEST = 1.3;  /* largest heading error a plan may reach: the model's domain ends at pi/2 [rad] */
+static const double INSIDE = 0.05;   /* smallest 1 - e_y k a plan may reach */
+static const double SHORTEST = 1e-3; /* share of a step below which it is not taken at all */
+
+/* A wanted value, brought within what can be steered from the one before. */
+static double steered(double wanted, double before, double change, double most) {
+    double highest = smaller(smaller(wanted, before + change), most);
+    return larger(larger(highest, before - change), -most);
+}
+
+/* Extends a motion of which kept stages are known, and lets it begin at start (states,).
+ *
+ * From stage kept on, and for the curvature that leads there, it takes the road's stationary geometry, states (N+1,
+ * states) and curvatures (N+1,) [1/m], brought within what can be steered: at most most, changing by at most change a
+ * station; of the curvature first, then of the wheels that the plan steers. A motion that keeps these bounds keeps them
+ * after any share of a program's step. */
+void hdv_guess_motion(
+    const struct hdv_scene *scene, const double *start, const double *states, const double *curvatures, int64_t kept,
+    const double *most, const double *change, int64_t wheels
+) {
+    int64_t n = scene->states, last = scene->program.shape.stages;
+    for (int64_t j = 0; j < n; j++) {
+        state_at(scene->motion, n, 0)[j] = start[j];
+    }
+    for (int64_t i = kept > 1 ? kept : 1; i <= last; i++) {
+        double *z = state_at(scene->motion, n, i), *before = state_at(scene->motion, n, i - 1);
+        for (int64_t j = 0; j < n; j++) {
+            int64_t wheel = j - (n - wheels) + 1;
+            double wanted = states[i * n + j];
+            z[j] = wheel > 0 ? steered(wanted, before[j], change[wheel], most[wheel]) : wanted;
+        }
+    }
+    for (int64_t i = kept > 1 ? kept - 1 : 0; i <= last; i++) {
+        double held = i > 0 ? state_at(scene->motion, n, i - 1)[n] : scene->kappa_before;
+        state_at(scene->motion, n, i)[n] = steered(curvatures[i], held, change[0], most[0]);
+    }
+}
+
+/* Whether a motion, moved by so much of a solution, stays in the model's domain. */
+static int stays_inside(const struct hdv_scene *scene, const struct hdv_point *solution, double length) {
+    const struct hdv_shape *shape = &scene->program.shape;
+    for (int64_t i = 1; i <= shape->stages; i++) {
+        const double *z = state_at(scene->motion, scene->states, i);
+        const double *x = point_at(solution->stages, shape->states, shape->inputs, shape->bounded, i).x;
+        double e_y = z[0] + length * x[0], e_psi = z[1] + length * x[1];
+        if (!(fabs(e_psi) < STEEPEST && 1.0 - e_y * scene->road[i].curvature > INSIDE)) {
+            return 0;
+        }
+    }
+    return 1;
+}
+
+/* Moves a motion by a share of a program's solution, halved as long as it would leave the model's domain.
+ *
+ * The first state is given: a solver's residual must not move it. Returns the largest change of a state [m, rad], or
+ * infinity where no part of the step could be taken. */
+double hdv_take_step(const struct hdv_scene *scene, const struct hdv_point *solution, double share) {
+    const struct hdv_shape *shape = &scene->program.shape;
+    int64_t n = scene->states;
+    double length = share, largest = 0.0;
+    while (!stays_inside(scene, solution, length)) {
+        if (!(length > SHORTEST)) {
+            return INFINITY;
+        }
+        length *= 0.5;
+    }
+    for (int64_t i = 1; i <= shape->stages; i++) {
+        double *z = state_at(scene->motion, n, i);
+        const double *x = point_at(solution->stages, shape->states, shape->inputs, shape->bounded, i).x;
+        for (int64_t j = 0; j < n; j++) {
+            z[j] += length * x[j];
+            largest = larger(largest, length * fabs(x[j]));
+        }
+        state_at(scene->motion, n, i - 1)[n] += length * x[n];
+    }
+    return largest;
+}

@@ -1,0 +1,16 @@
+#include "path.h"
+
+void hdv_evaluate_many(const struct hdv_curve *curve, int64_t count, const double *s, struct path_point *points) {
+    for (int64_t i = 0; i < count; i++) {
+        points[i] = evaluate(curve, s[i]);
+    }
+}
+
+void hdv_project_many(
+    const struct hdv_curve *curve, int64_t count, const double *x, const double *y, const double *near,
+    double last_step, struct foot *feet
+) {
+    for (int64_t i = 0; i < count; i++) {
+        feet[i] = project(curve, x[i], y[i], near[i], last_step);
+    }
+}

@@ -1,0 +1,118 @@
+/* Proofs that nothing fits: what bodies can reach at all in the free space beside a road. docs/proof.md has the
+ * reasoning.
+ *
+ * Every rounding goes outwards: what is called occupied is occupied, and what is called out of reach is out of reach.
+ */
+#ifndef HDVPLAN_PROVE_H
+#define HDVPLAN_PROVE_H
+
+#include "hdvplan.h"
+#include "intervals.h"
+
+enum { HDV_FREE_INTERVALS = 6, HDV_SIDES = 16 }; /* free intervals stored for one place; sides of a polygon */
+#define HDV_BIN_M 0.1                            /* of u, ahead of the axle */
+#define HDV_ROUNDING 1e-9                        /* of coordinates [m] */
+
+/* What lies beside a stretch of road in the plane; quadrilaterals in order of s. */
+struct hdv_beside {
+    const double *quads;   /* (2, quad_count, 4, 2): for wheels, and for whole bodies [m] */
+    const double *s;       /* (quad_count + 1,), arclengths of the normals [m] */
+    const double *blocked; /* (blocked_count, 3, 2), triangles of obstacles [m] */
+    const double *corners; /* (corner_count, 2), of obstacles [m] */
+    int64_t quad_count, blocked_count, corner_count;
+};
+
+/* The road's points at the stations of a proof. */
+struct hdv_frame {
+    const double *s, *x, *y; /* (stations,) [m] */
+    const double *heading;   /* (stations,), unwrapped [rad] */
+    int64_t stations;
+};
+
+/* Points of one body that must lie in free space. */
+struct hdv_outline {
+    const double *points;  /* (point_count, 2), ahead of its point of reference and left of its middle [m] */
+    const int64_t *region; /* (point_count,) 0: the drivable one, 1: the one for overhangs */
+    int64_t point_count;
+    double rear, front, half; /* of the body, ahead of the point of reference, and half its width [m] */
+    double reach;             /* of the furthest point [m] */
+};
+
+/* A free interval of v over a bin of u: between two straight lines, at the bin's first u, and their slopes. */
+struct hdv_line {
+    double low, high;       /* [m] */
+    double of_low, of_high; /* slopes */
+};
+
+/* A quadrilateral or triangle in the road's frame at one station; and where it meets one bin: over all of it, at its
+ * first line and at its last. Empty intervals are infinite. */
+struct hdv_shape_near {
+    double u[4], v[4];
+    struct interval extent; /* of u */
+    struct interval whole, first, last;
+};
+
+/* What lies around a vehicle whose leading axle stands on one of the road's normals, in the road's frame there (u
+ * ahead, v to the left). */
+struct hdv_around {
+    const struct hdv_beside *beside;
+    double reach;           /* of the bodies, from the axle [m] */
+    int64_t two_regions;    /* 1: wheels have less room than bodies */
+    int64_t bins;           /* of u: bin n begins at (n - bins / 2) HDV_BIN_M */
+    int64_t *free;          /* (2, bins), how many intervals a bin has, by regions */
+    struct hdv_line *lines; /* (2, bins, HDV_FREE_INTERVALS) */
+    double *corners;        /* (corner_count, 2), of obstacles near by; corners_near of them */
+    int64_t corners_near;
+    struct interval near;              /* offsets between which the axle can stand on its own normal [m] */
+    struct hdv_shape_near *quads;      /* (quad_count,) memory */
+    struct hdv_shape_near *triangles;  /* (blocked_count,) memory */
+    const struct hdv_shape_near **met; /* (quad_count,) memory: the quadrilaterals that meet one bin */
+};
+
+/* A body's poses in the road's frame but for its offset e: its heading is turned off the road's within spread, its
+ * point of reference lies at (u, e) within give. */
+struct loose_pose {
+    double turned, spread; /* [rad] */
+    double u, give;        /* [m] */
+};
+
+/* Cells of the heading: cell j holds first + j size <= theta < first + (j + 1) size. */
+struct hdv_grid {
+    double first, size; /* [rad] */
+    int64_t cells;
+};
+
+/* Cells from begin to before end that may hold anything, of those from lowest to before highest that are followed. */
+struct cell_span {
+    int64_t begin, end, lowest, highest;
+};
+
+/* What was reached at every station, arrays (stations,). */
+struct hdv_reached {
+    int64_t empty;        /* the first station with nothing, or -1 */
+    int64_t open;         /* the last that bounds nothing, or -1 */
+    double *low, *high;   /* of the offset [m] */
+    double *right, *left; /* of the heading off the road's [rad] */
+    int64_t *filled;      /* cells */
+};
+
+/* A road's normal at a station, seen from the one before. */
+struct chord_frame {
+    double ahead, across; /* of the new point, along the new normal's direction and across it [m] */
+    double turn;          /* of the heading [rad] */
+    double cos, sin;      /* of the turn */
+};
+
+void around_at(struct hdv_around *around, const struct hdv_frame *frame, int64_t i);
+int64_t trim(
+    const struct hdv_outline *outline, struct loose_pose pose, const struct hdv_around *around, struct interval *pieces,
+    int64_t number
+);
+struct chord_frame chord_at(const struct hdv_frame *frame, int64_t i);
+double most_turned(double kappa, double furthest, double off, double steepest);
+
+/* Return the first station at which the body fits in no pose, its axle on the normal there; -1 if there is none. */
+HDV_EXPORT int64_t
+hdv_fits(const struct hdv_outline *outline, const struct hdv_frame *frame, struct hdv_around *around);
+
+#endif

@@ -1,0 +1,178 @@
+/* How far a point is from optimal, recomputed from the program: the judge of every solver alike. */
+#include "residuals.h"
+#include "numbers.h"
+#include "sizes.h"
+
+#include <math.h>
+
+/* larger() drops a NaN, the sum of all that was looked at keeps it. */
+struct judged {
+    double primal, dual, gap, sum;
+};
+
+/* Complementarity of a bound of v, whose multiplier is that of the upper side less that of the lower. */
+HDV_INLINE void judge_bound(double v, double low, double high, double multiplier, struct judged *to) {
+    double over = v - high, under = low - v;
+    to->primal = larger(larger(to->primal, over), under);
+    to->gap += fabs(larger(multiplier, 0.0) * over) + fabs(larger(-multiplier, 0.0) * under);
+}
+
+/* Gradient of the Lagrangian by state j of stage i. */
+HDV_INLINE double slope_of_state(
+    const struct hdv_program *program, const struct hdv_point *point, int64_t n, int64_t m, int64_t i, int64_t j
+) {
+    const struct hdv_shape *shape = &program->shape;
+    int64_t b = shape->bounded, p = shape->rows;
+    struct stage stage = stage_at(program->stages, n, m, b, i);
+    struct point own = point_at(point->stages, n, m, b, i);
+    double slope = stage.q[j] + own.dynamics[j];
+    for (int64_t k = 0; k < n; ++k)
+        slope += stage.Q[j * n + k] * own.x[k];
+    if (i < shape->stages) {
+        const double *dynamics = point_at(point->stages, n, m, b, i + 1).dynamics;
+        for (int64_t k = 0; k < n; ++k)
+            slope -= stage.A[k * n + j] * dynamics[k];
+    }
+    for (int64_t bound = 0; bound < b && i > 0; ++bound)
+        if (program->bounded[bound] == j)
+            slope += own.x_bounds[bound];
+    for (int64_t row = 0; row < p && i > 0 && *stage.live > 0.0; ++row)
+        slope += row_at(program->rows, n, p, i, row).g[j] * point->rows[2 * (i * p + row) + 1];
+    return slope;
+}
+
+/* Gradient of the Lagrangian by input j of stage i. */
+HDV_INLINE double slope_of_input(
+    const struct hdv_program *program, const struct hdv_point *point, int64_t n, int64_t m, int64_t i, int64_t j
+) {
+    int64_t b = program->shape.bounded;
+    struct stage stage = stage_at(program->stages, n, m, b, i);
+    struct point own = point_at(point->stages, n, m, b, i), ahead = point_at(point->stages, n, m, b, i + 1);
+    double slope = stage.r[j] + own.u_bounds[j];
+    for (int64_t k = 0; k < m; ++k)
+        slope += stage.R[j * m + k] * own.u[k];
+    for (int64_t k = 0; k < n; ++k)
+        slope -= stage.B[k * m + j] * ahead.dynamics[k];
+    return slope;
+}
+
+/* Row g'x - sigma <= h with sigma >= 0, whose multiplier is linear + quadratic sigma - multiplier. */
+HDV_INLINE void
+judge_row(const double *x, struct row own, const double *of_row, int live, int64_t n, struct judged *to) {
+    double sigma = of_row[0], multiplier = of_row[1], value = -*own.h - sigma;
+    for (int64_t k = 0; k < n && live; ++k)
+        value += own.g[k] * x[k];
+    double of_sigma = *own.linear + *own.quadratic * sigma - multiplier;
+    to->primal = larger(larger(to->primal, value), -sigma);
+    to->dual = larger(larger(to->dual, -multiplier), -of_sigma);
+    to->gap += fabs(larger(multiplier, 0.0) * value) + fabs(larger(of_sigma, 0.0) * sigma);
+    to->sum += value + of_sigma;
+}
+
+/* What belongs to the state of stage i. */
+HDV_INLINE void judge_state(
+    const struct hdv_program *program, const struct hdv_point *point, int64_t n, int64_t m, int64_t i, struct judged *to
+) {
+    int64_t b = program->shape.bounded, p = program->shape.rows;
+    struct stage stage = stage_at(program->stages, n, m, b, i);
+    struct point own = point_at(point->stages, n, m, b, i);
+    for (int64_t j = 0; j < n; ++j) {
+        double slope = slope_of_state(program, point, n, m, i, j);
+        to->dual = larger(to->dual, fabs(slope));
+        to->sum += slope;
+    }
+    for (int64_t row = 0; row < p && i > 0; ++row)
+        judge_row(
+            own.x, row_at(program->rows, n, p, i, row), point->rows + 2 * (i * p + row), *stage.live > 0.0, n, to
+        );
+    for (int64_t bound = 0; bound < b && i > 0; ++bound)
+        judge_bound(own.x[program->bounded[bound]], stage.x_low[bound], stage.x_high[bound], own.x_bounds[bound], to);
+}
+
+/* What belongs to the interval behind stage i: dynamics and inputs. */
+HDV_INLINE void judge_interval(
+    const struct hdv_program *program, const struct hdv_point *point, int64_t n, int64_t m, int64_t i, struct judged *to
+) {
+    int64_t b = program->shape.bounded;
+    struct stage stage = stage_at(program->stages, n, m, b, i);
+    struct point own = point_at(point->stages, n, m, b, i), ahead = point_at(point->stages, n, m, b, i + 1);
+    for (int64_t j = 0; j < n; ++j) {
+        double missed = stage.c[j] - ahead.x[j];
+        for (int64_t k = 0; k < n; ++k)
+            missed += stage.A[j * n + k] * own.x[k];
+        for (int64_t k = 0; k < m; ++k)
+            missed += stage.B[j * m + k] * own.u[k];
+        to->primal = larger(to->primal, fabs(missed));
+        to->sum += missed;
+    }
+    for (int64_t j = 0; j < m; ++j) {
+        double slope = slope_of_input(program, point, n, m, i, j);
+        to->dual = larger(to->dual, fabs(slope));
+        to->sum += slope;
+        judge_bound(own.u[j], stage.u_low[j], stage.u_high[j], own.u_bounds[j], to);
+    }
+}
+
+HDV_INLINE void judge(
+    const struct hdv_program *program, const struct hdv_point *point, int64_t n, int64_t m, struct hdv_residuals *found
+) {
+    struct judged to = {0.0, 0.0, 0.0, 0.0};
+    for (int64_t j = 0; j < n; ++j)
+        to.primal = larger(to.primal, fabs(point->stages[j] - program->x_first[j]));
+    for (int64_t i = 0; i <= program->shape.stages; ++i) {
+        judge_state(program, point, n, m, i, &to);
+        if (i < program->shape.stages)
+            judge_interval(program, point, n, m, i, &to);
+    }
+    int finite = fabs(to.sum) < INFINITY;
+    found->primal = finite ? to.primal : NAN;
+    found->dual = finite ? to.dual : NAN;
+    found->gap = finite ? to.gap : NAN;
+}
+
+/* Write the residuals of a point; NaN where anything in it is not finite. */
+void hdv_residuals(const struct hdv_program *program, const struct hdv_point *point, struct hdv_residuals *found) {
+    int64_t n = program->shape.states, m = program->shape.inputs;
+    if (n == 3 && m == 1)
+        judge(program, point, 3, 1, found);
+    else if (n == 4 && m == 1)
+        judge(program, point, 4, 1, found);
+    else if (n == 5 && m == 1)
+        judge(program, point, 5, 1, found);
+    else if (n == 6 && m == 1)
+        judge(program, point, 6, 1, found);
+    else
+        judge(program, point, n, m, found);
+}
+
+/* The sum of many numbers, which is finite where all of them are; eight at a time, as each addition waits for the one
+ * before. */
+static double sum_of(const double *numbers, int64_t count) {
+    double sums[8] = {0.0}, total = 0.0;
+    int64_t whole = count - count % 8;
+    for (int64_t i = 0; i < whole; i += 8)
+        for (int64_t lane = 0; lane < 8; ++lane)
+            sums[lane] += numbers[i + lane];
+    for (int64_t i = whole; i < count; ++i)
+        total += numbers[i];
+    for (int64_t lane = 0; lane < 8; ++lane)
+        total += sums[lane];
+    return total;
+}
+
+/* Return the faults of a program's values. Their sum is not finite where one of them is not, or where they are huge. */
+int64_t hdv_check(const struct hdv_program *program) {
+    const struct hdv_shape *shape = &program->shape;
+    int64_t n = shape->states, m = shape->inputs, b = shape->bounded, last = shape->stages;
+    double sum = sum_of(program->stages, (last + 1) * stage_size(n, m, b));
+    sum += sum_of(program->rows, (last + 1) * shape->rows * (n + 3)) + sum_of(program->x_first, n);
+    int64_t faults = fabs(sum) < INFINITY ? 0 : HDV_NOT_FINITE;
+    for (int64_t i = 0; i <= last; ++i) {
+        struct stage stage = stage_at(program->stages, n, m, b, i);
+        for (int64_t bound = 0; bound < b && i > 0; ++bound)
+            faults |= stage.x_low[bound] > stage.x_high[bound] ? HDV_CROSSED : 0;
+        for (int64_t j = 0; j < m && i < last; ++j)
+            faults |= stage.u_low[j] > stage.u_high[j] ? HDV_CROSSED : 0;
+    }
+    return faults;
+}

@@ -1,0 +1,19 @@
+/* How far a primal-dual point is from optimal, and whether a program's values can be solved at all. */
+#ifndef HDVPLAN_RESIDUALS_H
+#define HDVPLAN_RESIDUALS_H
+
+#include "hdvplan.h"
+
+struct hdv_residuals {
+    double primal; /* largest violation of dynamics, rows and bounds [m, rad, 1/m] */
+    double dual;   /* largest entry of the Lagrangian's gradient */
+    double gap;    /* |complementarity| summed over all inequalities */
+};
+
+enum hdv_fault { HDV_NOT_FINITE = 1, HDV_CROSSED = 2 };
+
+HDV_EXPORT int64_t hdv_check(const struct hdv_program *program);
+HDV_EXPORT void
+hdv_residuals(const struct hdv_program *program, const struct hdv_point *point, struct hdv_residuals *found);
+
+#endif

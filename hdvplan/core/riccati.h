@@ -1,0 +1,94 @@
+/* Riccati recursion for the equality part of a stage QP: one pass back and one ahead solve it.
+ *
+ * The cost-to-go of stage i is 1/2 x'P_i x + p_i'x. Its inputs are eliminated one by one, the last first: input j is
+ * u_j = -K_j x - sum_{t < j} L_jt u_t - k_j, and L_jj is the inverse of its curvature. What is kept of a stage is one
+ * record: P, p, K, k, L. Weights are those of any records in which Q, q, R, r follow each other: the program's own, or
+ * with what inequalities add. Memory that fits into the processor's first cache is what makes this fast.
+ */
+#ifndef HDVPLAN_RICCATI_H
+#define HDVPLAN_RICCATI_H
+
+#include "sizes.h"
+
+struct recursion {
+    double *P, *p, *K, *k, *L;
+};
+
+HDV_INLINE int64_t recursion_size(int64_t n, int64_t m) {
+    return n * n + n + m * n + m + m * m;
+}
+
+HDV_INLINE struct recursion recursion_at(double *work, int64_t n, int64_t m, int64_t i) {
+    double *P = work + i * recursion_size(n, m), *p = P + n * n, *K = p + n, *k = K + m * n;
+    struct recursion view = {P, p, K, k, k + m};
+    return view;
+}
+
+/* Records with Q, q, R, r one behind the other, or with x, u: the first such number, and how many lie from stage to
+ * stage. */
+struct hdv_series {
+    double *first;
+    int64_t stride;
+};
+
+struct weights {
+    double *Q, *q, *R, *r;
+};
+
+HDV_INLINE int64_t weights_size(int64_t n, int64_t m) {
+    return n * n + n + m * m + m;
+}
+
+HDV_INLINE struct weights weights_at(const struct hdv_series *weights, int64_t n, int64_t m, int64_t i) {
+    double *Q = weights->first + i * weights->stride, *q = Q + n * n, *R = q + n;
+    struct weights view = {Q, q, R, R + m * m};
+    return view;
+}
+
+/* The program's own weights. */
+HDV_INLINE struct hdv_series own_weights(const struct hdv_program *program) {
+    int64_t n = program->shape.states, m = program->shape.inputs, b = program->shape.bounded;
+    struct hdv_series series = {stage_at(program->stages, n, m, b, 0).Q, stage_size(n, m, b)};
+    return series;
+}
+
+/* x and u of a point. */
+HDV_INLINE struct hdv_series motion_of(const struct hdv_program *program, const struct hdv_point *point) {
+    const struct hdv_shape *shape = &program->shape;
+    struct hdv_series series = {point->stages, point_size(shape->states, shape->inputs, shape->bounded)};
+    return series;
+}
+
+/* u = -K x - L u - k, and x+ = A x + B u + c; without c where it is not ``affine``. */
+HDV_INLINE void roll(
+    struct stage stage, struct recursion own, const double *x, double *u, double *ahead, int64_t n, int64_t m,
+    int affine
+) {
+    for (int64_t j = 0; j < m; ++j) {
+        u[j] = -own.k[j];
+        for (int64_t t = 0; t < n; ++t)
+            u[j] -= own.K[j * n + t] * x[t];
+        for (int64_t t = 0; t < j; ++t)
+            u[j] -= own.L[j * m + t] * u[t];
+    }
+    for (int64_t j = 0; j < n; ++j) {
+        ahead[j] = affine ? stage.c[j] : 0.0;
+        for (int64_t t = 0; t < n; ++t)
+            ahead[j] += stage.A[j * n + t] * x[t];
+        for (int64_t t = 0; t < m; ++t)
+            ahead[j] += stage.B[j * m + t] * u[t];
+    }
+}
+
+HDV_EXPORT int64_t hdv_factorise(
+    const struct hdv_program *program, const struct hdv_series *weights, double *work, int64_t end, int64_t affine
+);
+HDV_EXPORT void
+hdv_sweep_back(const struct hdv_program *program, const struct hdv_series *weights, double *work, int64_t end);
+HDV_EXPORT void hdv_sweep_ahead(
+    const struct hdv_program *program, double *work, const struct hdv_series *motion, int64_t begin, int64_t end,
+    int64_t affine
+);
+HDV_EXPORT double hdv_adjoint(const struct hdv_program *program, const struct hdv_point *point);
+
+#endif

@@ -1,0 +1,142 @@
+/* One solve of a stage QP, and the memory for it: see solver.h. */
+#include "riccati.h"
+#include "solver.h"
+#include "vectors.h"
+
+#include <string.h>
+
+/* Numbers of the memory's parts, in the order of struct hdv_solver. */
+struct parts {
+    int64_t work, weights, steps, inequalities;
+};
+
+static struct parts parts_of(const struct hdv_shape *shape) {
+    int64_t n = shape->states, m = shape->inputs, count = shape->stages + 1;
+    struct parts parts = {
+        count * recursion_size(n, m), count * weights_size(n, m), count * 2 * (n + m), count * inequalities_of(shape)
+    };
+    return parts;
+}
+
+/* Return how many bytes a solver of such programs takes. */
+int64_t hdv_solver_size(const struct hdv_shape *shape) {
+    struct parts parts = parts_of(shape);
+    int64_t numbers = parts.work + parts.weights + parts.steps, sides = parts.inequalities;
+    int64_t records = sides * (int64_t)sizeof(struct hdv_inequality) + (sides + 1) * (int64_t)sizeof(struct hdv_pair);
+    return (int64_t)sizeof(struct hdv_solver) + numbers * (int64_t)sizeof(double) + records + sides;
+}
+
+/* Lay a solver out in ``memory``, which begins with its struct hdv_solver. */
+void hdv_solver_in(void *memory, const struct hdv_shape *shape, double tolerance, int64_t screens) {
+    struct parts parts = parts_of(shape);
+    struct hdv_solver *solver = memory;
+    solver->work = (double *)(solver + 1);
+    solver->weights = solver->work + parts.work;
+    solver->steps = solver->weights + parts.weights;
+    solver->inequalities = (struct hdv_inequality *)(solver->steps + parts.steps);
+    solver->pairs = (struct hdv_pair *)(solver->inequalities + parts.inequalities);
+    solver->member = (uint8_t *)(solver->pairs + parts.inequalities + 1);
+    solver->tolerance = tolerance;
+    solver->screens = screens;
+}
+
+/* Return whether stage i breaks an inequality. */
+HDV_INLINE int breaks(
+    const struct hdv_program *program, struct stage stage, const double *x, const double *u, int64_t n, int64_t m,
+    int64_t i
+) {
+    int64_t b = program->shape.bounded, p = program->shape.rows;
+    int any = 0;
+    for (int64_t row = 0; row < p && i > 0 && *stage.live > 0.0; ++row)
+        any |= breach(row_at(program->rows, n, p, i, row), x, n) > 0.0;
+    for (int64_t bound = 0; bound < b && i > 0; ++bound) {
+        double v = x[program->bounded[bound]];
+        any |= v > stage.x_high[bound] || v < stage.x_low[bound];
+    }
+    for (int64_t j = 0; j < m && i < program->shape.stages; ++j)
+        any |= u[j] > stage.u_high[j] || u[j] < stage.u_low[j];
+    return any;
+}
+
+/* The multipliers of the dynamics, -(P x + p): without inequalities the cost-to-go's gradient has less rounding than an
+ * adjoint pass. */
+HDV_INLINE void multiply_out(struct recursion own, const double *x, double *dynamics, int64_t n) {
+    vector gradient, P;
+    load(gradient, own.p, n);
+    for (int64_t t = 0; t < n; ++t) {
+        load(P, own.P + t * n, n);
+        add(gradient, x[t], P, n);
+    }
+    for (int64_t j = 0; j < n; ++j)
+        dynamics[j] = -entry(gradient, j);
+}
+
+/* Roll the feedback out from the first state; write the primal-dual point, return whether it breaks an inequality. */
+HDV_INLINE int roll_out(
+    const struct hdv_solver *solver, const struct hdv_program *program, const struct hdv_point *to, int64_t n, int64_t m
+) {
+    int64_t b = program->shape.bounded;
+    double x[HDV_MOST_STATES], u[HDV_MOST_INPUTS], ahead[HDV_MOST_STATES];
+    int any = 0;
+    for (int64_t j = 0; j < n; ++j)
+        x[j] = program->x_first[j];
+    for (int64_t i = 0; i <= program->shape.stages; ++i) {
+        struct stage stage = stage_at(program->stages, n, m, b, i);
+        struct recursion own = recursion_at(solver->work, n, m, i);
+        struct point point = point_at(to->stages, n, m, b, i);
+        roll(stage, own, x, u, ahead, n, m, 1);
+        any |= breaks(program, stage, x, u, n, m, i);
+        multiply_out(own, x, point.dynamics, n);
+        for (int64_t j = 0; j < m; ++j) {
+            point.u[j] = u[j];
+            point.u_bounds[j] = 0.0;
+        }
+        for (int64_t j = 0; j < n; ++j) {
+            point.x[j] = x[j];
+            x[j] = ahead[j];
+        }
+        for (int64_t j = 0; j < b; ++j)
+            point.x_bounds[j] = 0.0;
+    }
+    memset(to->rows, 0, (size_t)((program->shape.stages + 1) * program->shape.rows * 2) * sizeof(double));
+    return any;
+}
+
+/* Solve a program without its inequalities; return whether that has worked, and write whether the point breaks one. */
+static int screen(struct hdv_solver *solver, const struct hdv_program *program, const struct hdv_point *to, int *any) {
+    struct hdv_series weights = own_weights(program);
+    int64_t n = program->shape.states, m = program->shape.inputs;
+    if (!hdv_factorise(program, &weights, solver->work, program->shape.stages, 1))
+        return 0;
+    if (n == 3 && m == 1)
+        *any = roll_out(solver, program, to, 3, 1);
+    else if (n == 4 && m == 1)
+        *any = roll_out(solver, program, to, 4, 1);
+    else if (n == 5 && m == 1)
+        *any = roll_out(solver, program, to, 5, 1);
+    else if (n == 6 && m == 1)
+        *any = roll_out(solver, program, to, 6, 1);
+    else
+        *any = roll_out(solver, program, to, n, m);
+    return 1;
+}
+
+/* Solve a program. Of ``guess``, which may be null, only multipliers and elastic variables matter. */
+void hdv_solve(
+    struct hdv_solver *solver, const struct hdv_program *program, const struct hdv_point *guess,
+    const struct hdv_point *point, struct hdv_solved *solved
+) {
+    struct hdv_solved found = {HDV_SOLVED, 0, 1};
+    int any = 0;
+    memcpy(point->stages, program->x_first, (size_t)program->shape.states * sizeof(double));
+    int guessed = guess != NULL && solver->screens;
+    if (!guessed || !hdv_settle(solver, program, guess, point, &found.factorisations)) {
+        int passed = screen(solver, program, point, &any);
+        found.ending = passed ? HDV_SOLVED : HDV_NUMERICAL;
+        found.factorisations += passed;
+        found.binding = any || !solver->screens;
+        if (passed && found.binding)
+            found.ending = hdv_interior(solver, program, point, &found.factorisations);
+    }
+    *solved = found;
+}
