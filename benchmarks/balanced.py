@@ -31,13 +31,13 @@ from balanced_drives import (
 )
 from balanced_pictures import draw_convergence, draw_examples, draw_roads
 
-from hdvplan.api import drive_case, prepare
+from hdvplan.api import drive_case
+from hdvplan.arrays import FloatArray
 from hdvplan.bench.courses import with_limits
 from hdvplan.bench.suite import ROADS, Suite
 from hdvplan.case import Case
 from hdvplan.errors import HdvplanError
 from hdvplan.fileio import csv_bytes, write_atomically
-from hdvplan.jit import FloatArray
 from hdvplan.machine import use_one_thread
 from hdvplan.planning.objectives import balanced, geometric
 from hdvplan.record import write_record
@@ -224,8 +224,6 @@ def step_times(driven: list[Case]) -> pd.DataFrame:
             fastest: dict[str, FloatArray] = {}
             cases = [Case(road, vehicle, objective, settings=RTI) for objective in ("geometric", "balanced")]
             driven += cases
-            for case in cases:
-                prepare(case)
             for _ in range(TIMED_ROUNDS):
                 for case in cases:
                     gc.collect()
@@ -280,9 +278,14 @@ def main() -> None:
     """Measure everything and write it."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("results/balanced"), metavar="DIR")
-    out = parser.parse_args().out
+    parser.add_argument("--only", choices=("s-turns", "roads"), help="make this table alone")
+    asked = parser.parse_args()
+    out: Path = asked.out
     out.mkdir(parents=True, exist_ok=True)
     driven: list[Case] = []
+    if asked.only:
+        write(out, asked.only, family(driven) if asked.only == "s-turns" else road_gains(real_roads(driven)))
+        return
     cases = family(driven)
     write(out, "s-turns", cases)
     write(out, "summary", summary(cases))

@@ -10,8 +10,8 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from hdvplan.api import drive_case
+from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
-from hdvplan.jit import FloatArray
 from hdvplan.judging.envelope import envelope_of
 from hdvplan.planning.assembly import assemble
 from hdvplan.planning.objectives import Goal, Objective, balanced, geometric

@@ -71,9 +71,14 @@ def minor(version: str) -> list[str]:
     return version.split(".")[:2]
 
 
+def listed_stale(results: Path) -> set[str]:
+    """Return the folders that stale.txt names."""
+    return {line.split()[0] for line in (results / "stale.txt").read_text(encoding="utf-8").splitlines() if line and line[0] != "#"}
+
+
 def check(results: Path, table: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """Return what is wrong: a folder that ``table`` does not name, a stale one that is not listed, a listed one that is not stale."""
-    listed = {line.split()[0] for line in (results / "stale.txt").read_text(encoding="utf-8").splitlines() if line and line[0] != "#"}
+    listed = listed_stale(results)
     folders = sorted(path for path in results.iterdir() if path.is_dir())
     wrong = [f"{name}: there is no such folder; take it out of results.toml" for name in table if name not in {one.name for one in folders}]
     for folder in folders:

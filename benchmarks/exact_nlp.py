@@ -17,7 +17,7 @@ import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 from stage_blocks import Block, by_stage, counts, taken_apart, values_of
 
-from hdvplan.jit import FloatArray, IntArray, Records
+from hdvplan.arrays import FloatArray, IntArray, Records
 from hdvplan.planning.discretisation import Discretisation
 from hdvplan.planning.objectives import Goal
 from hdvplan.planning.settings import PlannerSettings
@@ -194,10 +194,10 @@ def road_spline(path: ReferencePath, first: float, last: float) -> BSpline:
     knots = np.concatenate([np.repeat(breaks[0], 6), np.repeat(breaks[1:-1], 3), np.repeat(breaks[-1], 6)])
     sites = np.array([np.mean(knots[i + 1 : i + 1 + _DEGREE]) for i in range(len(knots) - _DEGREE - 1)])
     sites = np.clip(sites, breaks[0], breaks[-1])  # the mean of equal numbers may differ from them in the last bit
-    xy = evaluate_many(path.curve, sites)[:2].T
+    xy = evaluate_many(path, sites)[:2].T
     spline = make_interp_spline(sites, xy, k=_DEGREE, t=knots)
     probes = np.linspace(breaks[0], breaks[-1], 7 * len(breaks))
-    error = np.max(np.abs(spline(probes) - evaluate_many(path.curve, probes)[:2].T))
+    error = np.max(np.abs(spline(probes) - evaluate_many(path, probes)[:2].T))
     if not error < _SAME_M:
         msg = f"the road's B-spline is off by {error:.1e} m"
         raise ArithmeticError(msg)

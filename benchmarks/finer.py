@@ -2,7 +2,7 @@
 
 Writes random.csv, roads.csv, finer.md, run.json.
 
-python benchmarks/finer.py [--out results/finer] [--seeds 80] [--room 0.05] [--proof results/proof/widths.csv]
+python benchmarks/finer.py [--out results/finer] [--first 0] [--seeds 80] [--room 0.05] [--proof results/proof/widths.csv]
 
 A known drive is no plan: it may steer faster than the vehicle's rate allows, so that not every missed one can be found.
 """
@@ -17,6 +17,7 @@ from time import process_time
 
 import numpy as np
 import pandas as pd
+from cases import case_within, free_case
 from proof_cases import fitting
 
 from hdvplan import api
@@ -31,13 +32,11 @@ from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.centring import Centring, Residual
 from hdvplan.record import write_record
 from hdvplan.report.markdown import markdown_table
-from hdvplan.road.load import RoadOptions, load_road
 from hdvplan.road.road import Limits
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 
 VEHICLES = ("bus", "rigid-truck", "tractor-trailer", "articulated-bus")
-_SLACK = 1.25  # the reference may bend more than the vehicle, as in `hdvplan plan`
 _RATE = 1.001  # of the vehicle's largest change of curvature: rounding
 
 
@@ -45,16 +44,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Plan, plan again where the limits are broken, and write the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("results/finer"))
+    parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--seeds", type=int, default=80)
     parser.add_argument("--room", type=float, default=0.05)
     parser.add_argument("--proof", type=Path, default=Path("results/proof/widths.csv"))
     options = parser.parse_args(arguments)
     options.out.mkdir(parents=True, exist_ok=True)
-    seeds = pd.DataFrame(filter(None, (_driven(seed, options.room) for seed in range(options.seeds))))
+    seeds = pd.DataFrame(filter(None, (_driven(seed, options.room) for seed in range(options.first, options.first + options.seeds))))
     table = pd.read_csv(options.proof)
     unproved = table[~table["fits"] & table["kind"].isna()]
     unproved = unproved[["road", "vehicle", "half_width"]]
-    cases = [_case(str(road), str(vehicle), float(half)) for road, vehicle, half in unproved.itertuples(index=False, name=None)]
+    cases = [
+        case_within(free_case(str(road), str(vehicle)), float(half)) for road, vehicle, half in unproved.itertuples(index=False, name=None)
+    ]
     roads = unproved.reset_index(drop=True).join(pd.DataFrame(map(_tried, cases)))
     for name, rows in (("random", seeds), ("roads", roads)):
         rows.to_csv(options.out / f"{name}.csv", index=False, float_format="%.4f", lineterminator="\n")
@@ -94,11 +96,6 @@ def _following(case: Case, drive: Drive) -> float:
 def _lacking(result: Result) -> float:
     verdict = verdict_of(result)
     return 0.0 if verdict.fits else -(verdict.spare or 0.0)
-
-
-def _case(road: str, name: str, half_width: float) -> Case:
-    vehicle = load_vehicle(name)
-    return Case(load_road(road, RoadOptions(max_curvature=_SLACK * vehicle.max_curvature)).with_limits(half_width, half_width), vehicle)
 
 
 def _tried(case: Case) -> dict[str, object]:

@@ -16,10 +16,12 @@ import argparse
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -57,7 +59,7 @@ def copies(folder: Path, wanted: Sequence[str]) -> Iterator[dict[str, Program]]:
             shutil.rmtree(tree, ignore_errors=True)  # left by a run that was killed
             git("-C", str(ROOT), "worktree", "prune")
             git("-C", str(ROOT), "worktree", "add", "--detach", str(tree), "HEAD")
-            made[name] = present(name, tree, tree, {"NUMBA_CACHE_DIR": str(folder / "compiled")})
+            made[name] = present(name, tree, tree)
             with (tree / "hdvplan" / "planning" / "planner.py").open("a", encoding="utf-8") as module:
                 module.write(PATCHES.get(name, ""))
         yield made
@@ -72,7 +74,7 @@ def git(*arguments: str) -> str:
 
 
 @contextmanager
-def load(wanted: bool) -> Iterator[None]:
+def load(*, wanted: bool) -> Iterator[None]:
     """Keep one core busy in bursts of a few tenths of a second while the block runs."""
     if not wanted:
         yield
@@ -94,11 +96,11 @@ def load(wanted: bool) -> Iterator[None]:
 
 def record(programs: dict[str, Program], folder: Path, rounds: int) -> None:
     """Record ``rounds`` pairs of processes of BASE and SAME for each load, as the gate does; those that are already there are kept."""
-    (folder / "suite.toml").write_text(suite_text(suite_entries(suite_of(SUITE), suite_of({}).to_dict())), encoding="utf-8")
+    _write_suite(folder)
     _measure(programs, folder, {name: folder / f"warm-{name}" for name in (BASE, SAME)}, None)
     cores = shared_cores(one_is_enough=SuiteWork.on_one_thread)
     for situation in LOADS:
-        with load(situation == "loaded"):
+        with load(wanted=situation == "loaded"):
             for round_ in range(rounds):
                 order = np.random.default_rng([round_, LOADS.index(situation)]).permutation([BASE, SAME])
                 outs = {str(name): recorded(folder, situation, str(name), round_) for name in order}
@@ -107,8 +109,26 @@ def record(programs: dict[str, Program], folder: Path, rounds: int) -> None:
                     _measure(programs, folder, outs, Turns(cores[round_ % len(cores)]))
 
 
+def _write_suite(folder: Path) -> None:
+    (folder / "suite.toml").write_text(suite_text(suite_entries(suite_of(SUITE), suite_of({}).to_dict())), encoding="utf-8")
+
+
+def decided_once(out: Path) -> None:
+    """Write gate.csv as drawn from one recorded process of this tree that stands for all: what the gate decides without noise."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        _write_suite(folder)
+        first = folder / "one"
+        _measure({BASE: present(BASE, ROOT, ROOT)}, folder, {BASE: first}, None)
+        for which, round_ in product((BASE, SAME), range(2 * BATCH)):
+            shutil.copytree(first, recorded(folder, LOADS[0], which, round_))
+        comparisons = {(one, LOADS[0]): found for one, found in drawn(folder, LOADS[0], 2 * BATCH, 50).items()}
+    table = table_of(comparisons, 2 * BATCH, pd.DataFrame(columns=["program", "situation"]))
+    write_atomically(out / "gate.csv", csv_bytes(table))
+
+
 def _measure(programs: dict[str, Program], folder: Path, outs: Mapping[str, Path], turns: Turns | None) -> None:
-    """Run a process of each program that has a folder in ``outs``, in turn; without ``turns`` to compile."""
+    """Run a process of each program that has a folder in ``outs``, in turn; without ``turns`` to warm up."""
     with scratch_folder() as scratch:
 
         def begin(name: str) -> Started:
@@ -186,7 +206,7 @@ def end_to_end(programs: dict[str, Program], folder: Path, runs: Mapping[str, in
             "--out",
             str(folder / "against"),
         ]
-        with load(situation == "loaded"):
+        with load(wanted=situation == "loaded"):
             began = time.monotonic()
             ended = subprocess.run(  # noqa: S603 - our own
                 command, cwd=program.folder, env=program.environment(), capture_output=True, text=True, check=False
@@ -263,7 +283,12 @@ def main() -> None:
     parser.add_argument("--processes", type=int, default=60, metavar="N", help="of both copies, half of them under load")
     parser.add_argument("--draws", type=int, default=100, metavar="N", help="comparisons of every program, twice as many of the same one")
     parser.add_argument("--runs", type=int, default=3, metavar="N", help="end to end, of every program; 20 of the same one")
+    parser.add_argument("--once", action="store_true", help="write gate.csv of one process alone, without noise: seconds")
     asked = parser.parse_args()
+    if asked.once:
+        asked.out.mkdir(parents=True, exist_ok=True)
+        decided_once(asked.out)
+        return
     rounds = asked.processes // len(LOADS)
     if rounds < 2 * BATCH:
         parser.error(f"--processes must be at least {2 * BATCH * len(LOADS)}")

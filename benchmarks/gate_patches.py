@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from hdvplan.arrays import FloatArray
 from hdvplan.bench.sides import IMPORT, PEAK, Name, Steps
-from hdvplan.jit import FloatArray
 
 SAME = "same"
 Process = tuple[Mapping[Name, Steps], Mapping[str, float]]

@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import json
 import shutil
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,7 @@ from matplotlib.figure import Figure
 
 from hdvplan.api import plan, prove
 from hdvplan.case import Case
+from hdvplan.cli.app import run
 from hdvplan.fileio import json_bytes, write_atomically
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.network.extract import RECORD as EXTRACT
@@ -84,7 +86,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--study", type=Path, default=Path("benchmarks/studies/liechtenstein.out"))
     parser.add_argument("--roads", type=Path, default=Path("benchmarks/studies/liechtenstein.bus"))
     parser.add_argument("--out", type=Path, default=Path("results/liechtenstein"))
+    parser.add_argument("--again", metavar="ROAD,VEHICLE,HALF_WIDTH", help="plan this cell again, and write its row of checked.csv alone")
     asked = parser.parse_args(arguments)
+    if asked.again:
+        again(asked.again, asked.out)
+        return
     cells, ranking = pd.read_parquet(asked.study / CELLS), pd.read_csv(asked.study / RANKING)
     cells["fits"] = cells["outcome"].eq("planned") & cells["fits"].eq(other=True)
     routes = routes_of(json.loads((asked.roads / EXTRACT).read_text(encoding="utf-8")))
@@ -200,20 +206,34 @@ def worst(ranking: pd.DataFrame, roads: Path) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def again(cell: str, out: Path) -> None:
+    """Extract the roads again, plan one cell on them, "ROAD,VEHICLE,HALF_WIDTH", and write its row of ``checked``."""
+    road, vehicle, half_width = cell.split(",")
+    if run(["roads", "extract", "liechtenstein", "--quiet", "--out", str(out / "bus")]):
+        sys.exit(1)
+    pd.DataFrame([planned_again(out / "bus", road, vehicle, float(half_width))]).to_csv(out / "checked.csv", index=False)
+
+
+def planned_again(folder: Path, name: str, vehicle_name: str, width: float) -> dict[str, object]:
+    """Plan a cell by itself, look for a proof, and return its row of ``checked``, without the study's numbers."""
+    file, vehicle = folder / f"{name}.geojson", load_vehicle(vehicle_name)
+    road = load_road(file, RoadOptions(max_curvature=REFERENCE_SLACK * vehicle.max_curvature))
+    result = prove(plan(Case(road.with_limits(width, width), vehicle)))
+    verdict = verdict_of(result)
+    street, _ = street_at(file, verdict.s)
+    row = {"vehicle": vehicle.name, "road": name, "street": street, "half_width_m": width, "case": result.case.key}
+    there = verdict.proof
+    row |= {"spare_m": verdict.spare, "s_m": verdict.s}
+    return row | {"proved_from_m": there and there.s_from, "proved_to_m": there and there.s_to}
+
+
 def checked(cells: pd.DataFrame, folder: Path) -> pd.DataFrame:
     """Plan each vehicle's worst cell again by itself, no road twice, and look for a proof; the study's numbers stand beside."""
     rows: list[dict[str, object]] = []
     for _, group in cells[cells["outcome"] == "planned"].sort_values("spare_m").groupby("vehicle", sort=False):
         cell = group[~group["road"].isin([row["road"] for row in rows])].iloc[0]
-        vehicle, width = load_vehicle(cell["vehicle"]), cell["half_width_m"]
-        road = load_road(folder / f"{cell['road']}.geojson", RoadOptions(max_curvature=REFERENCE_SLACK * vehicle.max_curvature))
-        result = prove(plan(Case(road.with_limits(width, width), vehicle)))
-        verdict = verdict_of(result)
-        street, _ = street_at(folder / f"{cell['road']}.geojson", verdict.s)
-        row = {"vehicle": vehicle.name, "road": cell["road"], "street": street, "half_width_m": width, "case": result.case.key}
-        row |= {"spare_m": verdict.spare, "s_m": verdict.s, "study_spare_m": cell["spare_m"], "study_s_m": cell["s_m"]}
-        there = verdict.proof
-        rows.append(row | {"proved_from_m": there and there.s_from, "proved_to_m": there and there.s_to})
+        row = planned_again(folder, cell["road"], cell["vehicle"], cell["half_width_m"])
+        rows.append(row | {"study_spare_m": cell["spare_m"], "study_s_m": cell["s_m"]})
     return pd.DataFrame(rows)
 
 

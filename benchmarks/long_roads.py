@@ -23,9 +23,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from hdvplan.api import drive_case, plan, prepare
+from hdvplan.api import drive_case, plan
+from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
-from hdvplan.jit import FloatArray
 from hdvplan.need.stretch import stretch_of
 from hdvplan.record import write_record
 from hdvplan.report.files import write_plan
@@ -171,7 +171,6 @@ def apart(whole: Path, stretches: Path) -> dict[str, float]:
 
 def forgetting(case: Case) -> list[dict[str, object]]:
     """Return by how much plans that begin on the road differ from the plan of all of it, after run-ins of several lengths [m]."""
-    prepare(case)
     whole = drive_case(case)
     longest = _RUN_INS_M[-1] + _JUDGED_M
     differences: dict[int, list[float]] = {run_in: [] for run_in in _RUN_INS_M}

@@ -9,13 +9,13 @@ schemes and starts look for a plan 2 cm narrower: none may fit.
 from __future__ import annotations
 
 import argparse
-import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from time import process_time
 
 import pandas as pd
+from cases import case_within, free_case, suite_roads
 
 from hdvplan.api import plan
 from hdvplan.case import Case
@@ -27,12 +27,9 @@ from hdvplan.planning.bias import Bias
 from hdvplan.planning.settings import Scheme
 from hdvplan.record import write_record
 from hdvplan.report.markdown import markdown_table
-from hdvplan.road.load import RoadOptions, load_road
-from hdvplan.vehicle.load import load_vehicle
 
 VEHICLES = ("bus", "tractor-trailer", "tractor-trailer-24m")
 HUNTED = ("monaco_fairmont_hairpin", "goteborg_lindholmsallen_uturn", "newyork_columbus_circle")
-_SLACK = 1.25  # the reference may bend more than the vehicle, as in `hdvplan plan`
 _WIDER_M, _NARROWER_M = 0.01, 0.02
 _OBJECTIVES = ("geometric", "balanced", "lead-axle", "trail-axle", "art-weighted", "geometric-fixed", "axle-max", "body-max")
 _STARTS_M = (-0.3, 0.3)  # biases that begin the search elsewhere
@@ -42,15 +39,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Find and check every need, and write the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("results/need"))
-    parser.add_argument("--roads", type=lambda text: text.split(","), default=_suite_roads())
+    parser.add_argument("--roads", type=lambda text: text.split(","), default=suite_roads())
     parser.add_argument("--vehicles", type=lambda text: text.split(","), default=list(VEHICLES))
     parser.add_argument("--hunted", type=lambda text: text.split(","), default=list(HUNTED))
     options = parser.parse_args(arguments)
     rows, cases = [], []
     for name in options.roads:
-        for vehicle in map(load_vehicle, options.vehicles):
-            road = load_road(name, RoadOptions(max_curvature=_SLACK * vehicle.max_curvature))
-            cases.append(Case(replace(road, limits=None), vehicle))
+        for vehicle in options.vehicles:
+            cases.append(free_case(name, vehicle))
             rows.append(checked(cases[-1], hunted=name in options.hunted))
             print(*rows[-1].values(), sep="  ", flush=True)
     table = pd.DataFrame(rows)
@@ -58,11 +54,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     table.to_csv(options.out / "need.csv", index=False, float_format="%.4f", lineterminator="\n")
     (options.out / "need.md").write_text(markdown(table), encoding="utf-8")
     write_record(options.out, cases)
-
-
-def _suite_roads() -> list[str]:
-    roads: list[str] = tomllib.loads(Path("benchmarks/suite.toml").read_text(encoding="utf-8"))["roads"]
-    return roads
 
 
 def checked(case: Case, *, hunted: bool) -> dict[str, object]:
@@ -74,7 +65,7 @@ def checked(case: Case, *, hunted: bool) -> dict[str, object]:
         return row | {"message": str(need.room.failure)}
     at = {"s": need.place.s, "body": body_name(case.vehicle, need.place.unit), "part": need.place.part, "side": need.place.side}
     row |= {"half_width": need.room.room, "plans": need.room.plans, **at, "by": need.room.result.objective}
-    wider = plan(_within(case, need.room.room + _WIDER_M))
+    wider = plan(case_within(case, need.room.room + _WIDER_M))
     row["fits_1_cm_wider"] = bool(verdict_of(wider).fits)
     if hunted:
         tried = list(_hunted(case, need))
@@ -84,7 +75,7 @@ def checked(case: Case, *, hunted: bool) -> dict[str, object]:
 
 def _hunted(case: Case, need: Need) -> Iterator[bool]:
     """Yield whether a plan fits 2 cm less than the need, for every objective, scheme and start; a plan that cannot be made does not."""
-    narrow = _within(case, need.room.room - _NARROWER_M)
+    narrow = case_within(case, need.room.room - _NARROWER_M)
     ways = [(objective, scheme, 0.0) for objective in _OBJECTIVES for scheme in Scheme]
     ways += [("geometric", scheme, start) for scheme in Scheme for start in _STARTS_M]
     for objective, scheme, start in ways:
@@ -95,10 +86,6 @@ def _hunted(case: Case, need: Need) -> Iterator[bool]:
             yield False
         else:
             yield bool(verdict_of(made).fits)
-
-
-def _within(case: Case, half_width: float) -> Case:
-    return replace(case, road=case.road.with_limits(half_width, half_width))
 
 
 def markdown(table: pd.DataFrame) -> str:

@@ -14,16 +14,15 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from cases import case_within, free_case
 
-from hdvplan.api import drive_case, prepare
+from hdvplan.api import drive_case
 from hdvplan.case import Case
 from hdvplan.judging.balance import balance_of
 from hdvplan.judging.envelope import envelope_of
 from hdvplan.record import write_record
 from hdvplan.report.markdown import markdown_table
-from hdvplan.road.load import RoadOptions, load_road
 from hdvplan.road.road import Limits, Road
-from hdvplan.vehicle.load import load_vehicle
 
 ROADS = {"goteborg_nya_allen": 3.0, "goteborg_tuvevagen_brunnsbo": 3.5}  # with their half widths [m]
 VEHICLES = ("bus", "tractor-trailer")
@@ -46,12 +45,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     rows: list[dict[str, object]] = []
     driven: list[Case] = []
     for name, half_width in ROADS.items():
-        for vehicle in map(load_vehicle, VEHICLES):
-            road = load_road(name, RoadOptions(max_curvature=1.25 * vehicle.max_curvature)).with_limits(half_width, half_width)
+        for vehicle in VEHICLES:
+            free = case_within(free_case(name, vehicle), half_width)
             for apart in APART_M:
-                parked, vans = with_vans(road, half_width, apart)
-                pair = Case(road, vehicle), Case(parked, vehicle)
-                rows.append({"road": name, "vehicle": vehicle.name, "apart_m": apart, "vans": vans} | compared(*pair, options.rounds))
+                parked, vans = with_vans(free.road, half_width, apart)
+                pair = free, replace(free, road=parked)
+                rows.append({"road": name, "vehicle": vehicle, "apart_m": apart, "vans": vans} | compared(*pair, options.rounds))
                 driven += pair
                 print(*rows[-1].values(), sep="  ", flush=True)
     table = pd.DataFrame(rows)
@@ -75,7 +74,6 @@ def with_vans(road: Road, half_width: float, apart: float) -> tuple[Road, int]:
 
 def compared(free: Case, parked: Case, rounds: int) -> dict[str, object]:
     """Return of one row both mean steps, their ratio, and whether the vans were passed."""
-    prepare(parked)
     times: dict[Case, list[list[float]]] = {free: [], parked: []}
     for _ in range(rounds):
         for case, found in times.items():

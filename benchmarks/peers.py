@@ -17,7 +17,6 @@ import numpy as np
 import pandas as pd
 from exact_nlp import Method, Optimum, deepest_cut, exact_nlp
 
-from hdvplan.api import prepare
 from hdvplan.bench.courses import with_limits
 from hdvplan.bench.suite import Suite
 from hdvplan.case import Case
@@ -59,7 +58,6 @@ def compare(case: Case, repeats: int) -> dict[str, object]:
     def solved(method: Method, tolerance: float) -> Callable[[], Optimum]:
         return exact_nlp(units, stations, goal, USER, kappa_before, tolerance=tolerance, method=method).solve
 
-    prepare(case)
     plan, again = planned(CONVERGED), {method: solved(method, SAME_TOLERANCE) for method in METHODS}
     plans: list[Plan] = []
     optima: dict[Method, list[Optimum]] = {method: [] for method in METHODS}

@@ -2,7 +2,8 @@
 
 Writes need.csv, widths.csv, proof.md, run.json.
 
-python benchmarks/proof.py [--out results/proof] [--roads a,b] [--vehicles a,b] [--widths results/widths/widths.csv] [--skip need|widths]
+python benchmarks/proof.py [--out results/proof] [--roads a,b] [--vehicles a,b] [--half-widths 1.75,3] [--skip need|widths]
+    [--widths results/widths/widths.csv]
 
 Goes on where it stopped. A cell that is planned within its limits is examined too: a proof there would be a contradiction.
 """
@@ -10,14 +11,13 @@ Goes on where it stopped. A cell that is planned within its limits is examined t
 from __future__ import annotations
 
 import argparse
-import tomllib
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from dataclasses import replace
-from functools import cache
+from itertools import product
 from pathlib import Path
 from time import process_time
 
 import pandas as pd
+from cases import case_within, free_case, suite_roads
 
 from hdvplan.api import plan
 from hdvplan.case import Case
@@ -31,11 +31,8 @@ from hdvplan.proof.answer import proof_of
 from hdvplan.proof.stretches import stretches_of
 from hdvplan.record import write_record
 from hdvplan.report.markdown import markdown_table
-from hdvplan.road.load import RoadOptions, load_road
-from hdvplan.vehicle.load import load_vehicle
 
 VEHICLES = ("bus", "citaro-k", "tractor-trailer")
-_SLACK = 1.25  # the reference may bend more than the vehicle, as in `hdvplan plan`
 
 Row = dict[str, object]
 
@@ -44,42 +41,33 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Prove, and write the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("results/proof"))
-    parser.add_argument("--roads", type=lambda text: text.split(","), default=_suite_roads())
-    parser.add_argument("--vehicles", type=lambda text: text.split(","), default=list(VEHICLES))
+    parser.add_argument("--roads", type=lambda text: text.split(","))
+    parser.add_argument("--vehicles", type=lambda text: text.split(","))
+    parser.add_argument("--half-widths", type=lambda text: [float(part) for part in text.split(",")], help="of the runs in --widths")
     parser.add_argument("--widths", type=Path, default=Path("results/widths/widths.csv"))
     parser.add_argument("--skip", choices=("need", "widths"))
     options = parser.parse_args(arguments)
     options.out.mkdir(parents=True, exist_ok=True)
     pairs = []
     if options.skip != "need":
-        wanted = [(road, vehicle) for road in options.roads for vehicle in options.vehicles]
-        _filled(options.out / "need.csv", ["road", "vehicle"], wanted, lambda road, vehicle: bounded(_case(road, vehicle)))
+        wanted = list(product(options.roads or suite_roads(), options.vehicles or VEHICLES))
+        _filled(options.out / "need.csv", ["road", "vehicle"], wanted, lambda road, vehicle: bounded(free_case(road, vehicle)))
         pairs += wanted
     if options.skip != "widths":
         runs = pd.read_csv(options.widths)
         runs = runs[runs["verdict"] != "refused"]
+        for name, asked in (("road", options.roads), ("vehicle", options.vehicles), ("half_width", options.half_widths)):
+            runs = runs if asked is None else runs[runs[name].isin(asked)]
         keys = list(runs[["road", "vehicle", "half_width"]].itertuples(index=False, name=None))
         _filled(
             options.out / "widths.csv",
             ["road", "vehicle", "half_width"],
             keys,
-            lambda road, vehicle, half_width: examined(_case(road, vehicle), float(half_width)),
+            lambda road, vehicle, half_width: examined(free_case(road, vehicle), float(half_width)),
         )
         pairs += [(road, vehicle) for road, vehicle, _ in keys]
     (options.out / "proof.md").write_text(markdown(options.out), encoding="utf-8")
-    write_record(options.out, [_case(road, vehicle) for road, vehicle in dict.fromkeys(pairs)])
-
-
-def _suite_roads() -> list[str]:
-    roads: list[str] = tomllib.loads(Path("benchmarks/suite.toml").read_text(encoding="utf-8"))["roads"]
-    return roads
-
-
-@cache
-def _case(road: str, name: str) -> Case:
-    vehicle = load_vehicle(name)
-    loaded = load_road(road, RoadOptions(max_curvature=_SLACK * vehicle.max_curvature))
-    return Case(replace(loaded, limits=None), vehicle)
+    write_record(options.out, [free_case(road, vehicle) for road, vehicle in dict.fromkeys(pairs)])
 
 
 def _filled(table: Path, keys: list[str], wanted: Iterable[tuple[object, ...]], row_of: Callable[..., Row]) -> None:
@@ -107,7 +95,7 @@ def examined(case: Case, half_width: float) -> Row:
     """Return what a plan within a half width comes to, and what is proved on its tight stretches, whether it fits or not."""
     began = process_time()
     try:
-        result = plan(replace(case, road=case.road.with_limits(half_width, half_width)))
+        result = plan(case_within(case, half_width))
     except HdvplanError:
         return {"fits": "", **_told(None), "stretches": 0, "examined_m": 0.0, "plan_cpu_s": process_time() - began, "proof_cpu_s": 0.0}
     between = process_time()

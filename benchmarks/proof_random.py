@@ -1,6 +1,6 @@
 """Proofs held against drives that fit: none of the cases may be called impossible. Writes random.csv, run.json; goes on where it stopped.
 
-python benchmarks/proof_random.py [--out results/proof/random] [--cases 1000] [--vehicles a,b] [--narrower 0.2]
+python benchmarks/proof_random.py [--out results/proof/random] [--first 0] [--cases 1000] [--vehicles a,b] [--narrower 0.2]
 
 Every tenth case is tried again with limits, and obstacles, nearer by ``--narrower`` metres on both sides: a proof that proves nothing
 would never be wrong.
@@ -29,6 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Try to prove what is driven, and write a row a case."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("results/proof/random"))
+    parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--cases", type=int, default=1000)
     parser.add_argument("--vehicles", type=lambda text: text.split(","), default=list(VEHICLES))
     parser.add_argument("--narrower", type=float, default=0.2)
@@ -36,7 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options.out.mkdir(parents=True, exist_ok=True)
     table = options.out / "random.csv"
     done = set(pd.read_csv(table)["seed"]) if table.exists() else set()
-    for seed in range(options.cases):
+    for seed in range(options.first, options.first + options.cases):
         if seed not in done:
             row = tried(seed, options.vehicles[seed % len(options.vehicles)], options.narrower)
             pd.DataFrame([row]).to_csv(table, mode="a", header=not table.exists(), index=False, float_format="%.3f", lineterminator="\n")

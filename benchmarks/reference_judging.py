@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 from reference_scenes import Quantities, Told, case_of, error_of
 
+from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.centring.weights import CentringTable
 from hdvplan.driving.drive import POSE_SPACING_M, Drive
 from hdvplan.driving.simulate import simulate
 from hdvplan.errors import HdvplanError
-from hdvplan.jit import FloatArray
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.manners import manners_of
 from hdvplan.judging.result import Result, result_of

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import shapely
 
+from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.errors import HdvplanError
-from hdvplan.jit import FloatArray
 from hdvplan.planning.bias import Bias
 from hdvplan.planning.discretisation import Discretisation
 from hdvplan.planning.settings import PlannerSettings, Scheme

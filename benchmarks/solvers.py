@@ -15,7 +15,7 @@ from pathlib import Path
 import pandas as pd
 
 from hdvplan.bench.stats import summary_table
-from hdvplan.bench.suite import CLASSES, ROADS
+from hdvplan.bench.suite import CLASSES, ROADS, read_suite, suite_of
 from hdvplan.bench.timing import reasons_of
 from hdvplan.cli.app import run
 from hdvplan.fileio import write_atomically
@@ -27,7 +27,7 @@ SOLVERS = (
     "riccati", "riccati-ipm", "hpipm", "piqp", "osqp", "clarabel", "daqp", "proxqp", "qpalm", "scs", "highs", "cvxopt", "quadprog", "ecos",
     "qpax",
 )  # fmt: skip
-VEHICLES = ("bus", "tractor-trailer")
+SUITE = Path(__file__).with_name("solvers.toml")
 ACCURACY_M = 1e-4  # a hundredth of the centimetre to which limits are judged
 REGIMES = {
     "strict": ("Strict: each solver at its own tight tolerance; accepted by its residuals.", ()),
@@ -36,8 +36,6 @@ REGIMES = {
         ("--accuracy", str(ACCURACY_M)),
     ),
 }
-# A drive's QPs, and of how many a slow solver gets: as many as it solves, warm and cold, in the budget, one at least.
-SAMPLE, ROUNDS, BUDGET_S, STEP_LIMIT_S, CELL_LIMIT_S = 6, 2, 0.3, 1.0, 60.0
 
 
 def chosen() -> tuple[list[str], list[str]]:
@@ -57,7 +55,7 @@ def at_a_glance(summary: pd.DataFrame) -> pd.DataFrame:
     """Return of one benchmark, solver by solver, how many times as long as the fastest it takes, for every vehicle and class of limits."""
     order = summary.groupby("solver")["ratio"].median().sort_values(na_position="last").index
     rows: dict[str, dict[str, str]] = {str(solver): {"solver": str(solver)} for solver in order}
-    for vehicle in VEHICLES:
+    for vehicle in summary["vehicle"].unique():
         for limits in CLASSES:
             here = summary[(summary["vehicle"] == vehicle) & (summary["limits"] == limits)]
             for solver, ratio, share, whole in here[["solver", "ratio", "success", "whole"]].itertuples(index=False, name=None):
@@ -75,11 +73,12 @@ def _cell(ratio: float, share: float, *, whole: bool) -> str:
 
 def page(out: Path, absent: list[str]) -> str:
     """Return what solvers.md says."""
+    suite = suite_of(read_suite(SUITE))
     parts = [
-        f"How many times as long as the fastest solver each one takes for a QP: {SAMPLE} QPs of every drive, recorded and shuffled, the "
-        f"same for all, half of them where limits bind. Processor time, each QP with the faster of {ROUNDS} rounds, shifted geometric "
-        "mean. In brackets: share of QPs accepted, where it is not all of them; the factor is over the accepted ones. "
-        f"*: stopped after {BUDGET_S:g} s a drive, and compared over what it reached. Limits: "
+        f"How many times as long as the fastest solver each one takes for a QP: {suite.sample} QPs of every drive, recorded and shuffled, "
+        f"the same for all, half of them where limits bind. Processor time, each QP with the faster of {suite.rounds} rounds, shifted "
+        "geometric mean. In brackets: share of QPs accepted, where it is not all of them; the factor is over the accepted ones. "
+        f"*: stopped after {suite.budget:g} s a drive, and compared over what it reached. Limits: "
         + "; ".join(f"{name}: {words}" for name, words in CLASSES.items())
         + "."
     ]
@@ -109,10 +108,8 @@ def main() -> None:
     for regime, (_, options) in REGIMES.items():
         print(f"{regime}: {', '.join(solvers)}", file=sys.stderr)
         code = run([
-            "bench", "--roads", asked.roads, "--vehicles", ",".join(VEHICLES), "--classes", ",".join(CLASSES), "--schemes", "rti",
-            "--solvers", ",".join(solvers), "--sample", str(SAMPLE), "--rounds", str(ROUNDS), "--budget", str(BUDGET_S),
-            "--step-limit", str(STEP_LIMIT_S), "--cell-limit", str(CELL_LIMIT_S), *options, "--out", str(asked.out / regime),
-            "--plot",
+            "bench", "--suite", str(SUITE), "--roads", asked.roads, "--solvers", ",".join(solvers), *options,
+            "--out", str(asked.out / regime), "--plot",
         ])  # fmt: skip
         if code:
             sys.exit(code)

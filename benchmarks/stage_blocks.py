@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from hdvplan.jit import FloatArray, IntArray
+from hdvplan.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True)

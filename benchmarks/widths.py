@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from cases import case_within, free_case
 
 from hdvplan.api import plan
 from hdvplan.case import Case
@@ -19,12 +20,9 @@ from hdvplan.judging.result import Result, breach_text
 from hdvplan.record import write_record
 from hdvplan.report.markdown import markdown_table
 from hdvplan.road.library import road_names
-from hdvplan.road.load import RoadOptions, load_road
-from hdvplan.vehicle.load import load_vehicle
 
 VEHICLES = ("bus", "tractor-trailer", "tractor-trailer-24m")
 HALF_WIDTHS_M = (1.75, 2.25, 3.0, 3.5, 4.5, 6.0)  # roads 3.5, 4.5 and 6 m wide, and limits that far to each side
-_SLACK = 1.25  # the reference may bend more than the vehicle, as in `hdvplan plan`
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -37,10 +35,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     rows, cases = [], []
     for name in options.roads:
-        for vehicle in map(load_vehicle, options.vehicles):
-            road = load_road(name, RoadOptions(max_curvature=_SLACK * vehicle.max_curvature))
+        for vehicle in options.vehicles:
             for half_width in options.half_widths:
-                cases.append(Case(road.with_limits(half_width, half_width), vehicle))
+                cases.append(case_within(free_case(name, vehicle), half_width))
                 rows.append(driven(cases[-1], half_width))
                 print(*rows[-1].values(), sep="  ", flush=True)
     table = pd.DataFrame(rows)

@@ -3,30 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from functools import cache
+from dataclasses import replace
 
 from hdvplan.case import Case
-from hdvplan.driving.drive import Drive, drive, warm_up
+from hdvplan.driving.drive import Drive, drive
 from hdvplan.judging.result import Result, result_of
 from hdvplan.passing.sides import choose_sides
 from hdvplan.planning.bias import CENTRE, bias_named
-from hdvplan.planning.discretisation import Discretisation
-from hdvplan.planning.objective_names import WEIGHTED, share_of
 from hdvplan.planning.objectives import Objective, objective_named
 from hdvplan.planning.planner import Plan
-from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.proof.stretches import proved
 from hdvplan.solvers.registry import SolverClass, SolverMaker, solver_named
 from hdvplan.solvers.second import dependable
-from hdvplan.vehicle.model import Vehicle
 
 
 def plan(case: Case, *, on_progress: Callable[[float], None] | None = None) -> Result:
     """Plan ``case.vehicle`` along the whole of ``case.road`` in receding horizon, and judge the plan by an exact simulation.
 
-    For every obstacle that can be passed on either side, both are tried. ``on_progress`` receives the driven share, 0 to 1. Everything
-    is loaded and compiled before the first timed step.
+    For every obstacle that can be passed on either side, both are tried. ``on_progress`` receives the driven share, 0 to 1.
 
     Raises:
         OptionError: no such objective, or a bias that the road or the objective has no room for.
@@ -35,7 +29,6 @@ def plan(case: Case, *, on_progress: Callable[[float], None] | None = None) -> R
         PlanError: the vehicle cannot be planned further, or a body reaches beyond the road's centre of curvature.
 
     """
-    prepare(case)
     road, passed = choose_sides(case)
     driven = drive_case(replace(case, road=road), on_progress=on_progress)
     return result_of(driven, solver=case.solver, objective=case.objective, passed=passed)
@@ -97,40 +90,3 @@ def drive_case(
         on_progress=on_progress,
         on_plan=on_plan,
     )
-
-
-def prepare(case: Case) -> None:
-    """Load and compile the code that driving a case needs; a no-op if this process has driven a case of the same kind.
-
-    Raises:
-        OptionError: no such objective.
-        SolverError: no such solver, or not installed.
-
-    """
-    settings, vehicle = case.settings, case.vehicle
-    objective_named(case.objective), solver_named(case.solver)
-    kind = WEIGHTED if isinstance(case.objective, str) and share_of(case.objective) is not None else case.objective  # no other code
-    limited = case.road.limits is not None
-    _prepared(
-        _Kind(len(vehicle.units), vehicle.active, kind, case.solver, settings.scheme, settings.discretisation, limited, vehicle, settings)
-    )
-
-
-@dataclass(frozen=True)
-class _Kind:
-    """What decides which code and libraries a drive needs, with one vehicle and settings that need them."""
-
-    units: int
-    active: tuple[int, ...]
-    objective: str | Objective
-    solver: str | SolverClass
-    scheme: Scheme
-    discretisation: Discretisation
-    limited: bool
-    vehicle: Vehicle = field(compare=False)
-    settings: PlannerSettings = field(compare=False)
-
-
-@cache
-def _prepared(kind: _Kind) -> None:
-    warm_up(kind.vehicle, objective_named(kind.objective), dependable(kind.solver), kind.settings, limited=kind.limited)

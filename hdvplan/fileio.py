@@ -26,6 +26,7 @@ _ROWS_AT_ONCE = 1000
 _NEW, _GONE = ".hdvplan-new", ".gone"  # the folder of files that are written together, and in it the names of those that go
 _LONGEST = 40  # letters of a name that go into that of a file under way
 _LARGEST = 2_000_000_000  # bytes of a file that hdvplan wrote: tables of a road of thousands of kilometres
+_INTEGER_BITS = 64
 _LONGEST_TEXT = 16_000_000  # letters of a text by hand, or by a script: a study of 100,000 roads
 
 
@@ -130,6 +131,28 @@ def read_text(path: Path) -> str:
     return text
 
 
+def parse_toml(text: str) -> dict[str, object]:
+    """Return the entries of a TOML text.
+
+    Raises:
+        ValueError: not TOML, nested too deeply, or with an integer of over 64 bits, which TOML 1.0 need not hold and no message can print.
+
+    """
+    try:
+        document = tomllib.loads(text)
+    except RecursionError as error:
+        msg = "it is nested too deeply"
+        raise ValueError(msg) from error
+    ahead: list[tuple[str, object]] = list(document.items())
+    while ahead:
+        key, value = ahead.pop()
+        if isinstance(value, int) and value.bit_length() >= _INTEGER_BITS:
+            msg = f"{key} is too large a number"
+            raise ValueError(msg)
+        ahead += value.items() if isinstance(value, dict) else [(key, one) for one in value] if isinstance(value, list) else ()
+    return document
+
+
 def read_toml(path: Path, what: str, *, hint: str | None = None) -> dict[str, object]:
     """Return the entries of a TOML file; ``what`` it is, and a ``hint`` where it is not TOML, are for the message.
 
@@ -138,11 +161,11 @@ def read_toml(path: Path, what: str, *, hint: str | None = None) -> dict[str, ob
 
     """
     try:
-        return tomllib.loads(read_text(path))
+        return parse_toml(read_text(path))
     except OSError as error:
         msg = f"{what} {path} cannot be read: {error.strerror or error}"
         raise OptionError(msg) from error
-    except (ValueError, RecursionError) as error:  # also of its encoding, or a number of thousands of digits
+    except ValueError as error:  # also of its encoding
         msg = f"{what} {path} is not valid TOML: {error}"
         raise OptionError(msg, hint=hint) from error
 

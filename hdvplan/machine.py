@@ -16,8 +16,8 @@ from pathlib import Path
 from hdvplan import __version__, plugins
 from hdvplan.planning.objective_names import OBJECTIVE_NAMES
 
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "RAYON_NUM_THREADS", "NUMBA_NUM_THREADS")
-_PACKAGES = ("numpy", "scipy", "numba", "pandas", "piqp", "clarabel", "osqp", "qpsolvers", "casadi")
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "RAYON_NUM_THREADS")
+_PACKAGES = ("numpy", "scipy", "pandas", "piqp", "clarabel", "osqp", "qpsolvers", "casadi")
 _PACKAGE = Path(__file__).parent
 BEHAVIOUR = _PACKAGE / "behaviour.toml"
 
@@ -59,7 +59,7 @@ def software(solvers: tuple[str, ...], objectives: tuple[str, ...] = ()) -> dict
     What users brought, a solver or an objective, has its package's version, or its file's digest.
     """
     digest = hashlib.sha256()
-    for source in sorted(_PACKAGE.rglob("*.py")):
+    for source in sorted(file for file in _PACKAGE.rglob("*.*") if file.suffix in {".py", ".c", ".h"}):
         digest.update(source.relative_to(_PACKAGE).as_posix().encode())
         digest.update(source.read_bytes())
     return {

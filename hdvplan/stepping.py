@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from hdvplan.api import prepare
+from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.driving.drive import ready
 from hdvplan.driving.simulate import simulate
 from hdvplan.errors import OptionError, PlanError
-from hdvplan.jit import FloatArray
 from hdvplan.passing.sides import choose_sides
 from hdvplan.planning.objectives import objective_named
 from hdvplan.planning.planner import Plan, Planner
@@ -28,7 +27,7 @@ class Stepper:
     """
 
     def __init__(self, case: Case) -> None:
-        """Load, compile and prepare all that planning needs, and put the vehicle at the start of the road, where ``hdvplan.plan`` puts it.
+        """Prepare all that planning needs, and put the vehicle at the start of the road, where ``hdvplan.plan`` puts it.
 
         Raises:
             RoadError: the road is shorter than the vehicle, or an obstacle has no room on the side on which it must be passed.
@@ -37,7 +36,6 @@ class Stepper:
             SolverError: no such solver, or not installed.
 
         """
-        prepare(case)
         road, _ = choose_sides(case)
         vehicle, settings = case.vehicle, case.settings
         objective, solver = objective_named(case.objective), dependable(case.solver)

@@ -18,9 +18,9 @@ import pytest
 import shapely
 
 import hdvplan
+from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.errors import RoadError
-from hdvplan.jit import FloatArray
 from hdvplan.machine import commit, software
 from hdvplan.planning.bias import Bias
 from hdvplan.planning.objectives import geometric

@@ -284,5 +284,11 @@ def test_what_a_workspace_returns_must_have_the_program_s_shape() -> None:
         def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
             return super().solve(qp, guess)._replace(point=StageSolution.empty(StageShape(1, 1, 1, 0)))
 
-    with pytest.raises(SolverError, match="a point of another shape"):
-        solver_named(Small)(shape()).solve(random_program(shape(), 1), None)
+    class Scattered(Own):
+        def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
+            result = super().solve(qp, guess)
+            return result._replace(point=StageSolution(np.repeat(result.point.stages, 2)[::2], result.point.row_points))
+
+    for kind in (Small, Scattered):  # the core needs numbers that lie together
+        with pytest.raises(SolverError, match="a point of another shape"):
+            solver_named(kind)(shape()).solve(random_program(shape(), 1), None)

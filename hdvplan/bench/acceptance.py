@@ -12,7 +12,7 @@ from time import perf_counter
 
 import numpy as np
 
-from hdvplan.jit import FloatArray
+from hdvplan.arrays import FloatArray
 from hdvplan.qp.judge import largest_multiplier
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 from hdvplan.qp.residuals import Residuals, residuals
@@ -44,7 +44,7 @@ def proves(judged: Residuals, scale: float) -> bool:
 class ReferenceCheck:
     """The reference's solution of every program of a drive: it makes workspaces that have the reference solve what they solve.
 
-    The reference starts from nothing, so that it cannot follow a solver astray. Its time counts as loading: no part of a step.
+    The reference starts from nothing, so that it cannot follow a solver astray. Its time is no part of a step.
     """
 
     def __init__(self, make: WorkspaceMaker, reference: WorkspaceMaker) -> None:
@@ -89,4 +89,4 @@ class _CheckedWorkspace:
         result = self._inner.solve(qp, guess)
         began = perf_counter()
         self._found.append(distance_to(qp, result.point, self._reference))
-        return result._replace(loading_time=result.loading_time + perf_counter() - began)
+        return result._replace(time_aside=result.time_aside + perf_counter() - began)

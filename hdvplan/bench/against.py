@@ -51,9 +51,10 @@ def measure_against(
 ) -> Comparison:
     """Return the comparison of two programs, measured into ``out``/base and ``out``/new; ``on_progress`` receives the done share.
 
-    Both do their work once for their compiled code, at the same time. Then five pairs of processes follow, each with the
-    other side first; the two of a pair take turns, on one core if that is enough for both. Unless all is fine then, five more pairs are
-    measured, and all ten decide. A program that fails ends it: a new one that fails beside a base that does not is a regression.
+    Both do their work once before, at the same time, so that what a program compiles or loads but once is there. Then five pairs of
+    processes follow, each with the other side first; the two of a pair take turns, on one core if that is enough for both. Unless all is
+    fine then, five more pairs are measured, and all ten decide. A program that fails ends it: a new one that fails beside a base that does
+    not is a regression.
 
     Raises:
         OptionError: ``out`` holds something else, or neither program can use what it is given.

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError
-from hdvplan.jit import FloatArray
 
 _SHORTEST = 2  # measurements that make a level
 _ORDERS, _BLOCK = 2000, 100  # random ones, from which the penalty is read, and how many at once

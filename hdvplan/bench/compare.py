@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from hdvplan.arrays import FloatArray
 from hdvplan.bench.counters import WORK_TOLERANCE, Change, Tolerance, changes_of
 from hdvplan.bench.gate import Decision, Rule, Verdict, judge
 from hdvplan.bench.hotspots import Hotspot
@@ -18,7 +19,6 @@ from hdvplan.bench.samples import LOST, OK
 from hdvplan.bench.sides import Name, Side
 from hdvplan.bench.statistics import Found, joint_findings
 from hdvplan.bench.where import Place, place_of
-from hdvplan.jit import FloatArray
 
 
 @dataclass(frozen=True)

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from hdvplan.arrays import FloatArray
 from hdvplan.bench.suite import AS_SET, Suite
 from hdvplan.case import Case
 from hdvplan.centring.weights import CentringTable
 from hdvplan.errors import RoadError
-from hdvplan.jit import FloatArray
 from hdvplan.road.load import find_road
 from hdvplan.road.road import Limits, Road
 from hdvplan.vehicle.load import load_vehicle

@@ -1,8 +1,9 @@
 """The two programs of a comparison: what ``--against`` names, and what is here, each in the environment that it asks for.
 
 What a user names is data. Git is asked for a commit and goes on with its hash, pip is given a version or the address of a file that
-exists, and nothing else is run. A revision is exported into a folder of the user's cache with its environment and compiled code, where
-the next comparison finds it: no worktree is registered, and the checkout is only read.
+exists, and nothing else is run. A revision is exported into a folder of the user's cache with its environment and its C core, where
+the next comparison finds it: no worktree is registered, and the checkout is only read. But for the core of hdvplan's own working tree: that
+is built where it is not that of the sources.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from pathlib import Path
 
 from hdvplan.bench.checkout import Checkout, copy_tree, export, git
 from hdvplan.bench.installing import PYTHON, environment, install, is_unreached, pip, reason
-from hdvplan.bench.processes import Scratch, remove, undisturbed
+from hdvplan.bench.processes import Scratch, remove, run, undisturbed
 from hdvplan.bench.programs import Program, ProgramError, present
 from hdvplan.errors import OptionError
 
@@ -34,6 +35,7 @@ _HASH = re.compile(r"[0-9a-f]{40}(?:[0-9a-f]{24})?")
 _ASKED_FOR = ("pyproject.toml", "setup.py", "setup.cfg", "requirements.txt", "uv.lock", "poetry.lock", "pdm.lock")
 _KEPT = 8  # environments of revisions; one takes up to half a gigabyte where it has separate packages
 _READY = "ready"
+_BUILD = "hatch_build.py"  # compiles the core of a source tree of hdvplan, in place
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,7 @@ def base_program(base: Base, here: Checkout | None, scratch: Scratch, cache: Pat
 
     Raises:
         OptionError: a release or file that cannot be installed.
-        ProgramError: a revision that cannot be installed, or no package index answers.
+        ProgramError: a revision that cannot be installed, or whose core cannot be compiled, or no package index answers.
 
     """
     if base.python is not None:
@@ -110,7 +112,7 @@ def base_program(base: Base, here: Checkout | None, scratch: Scratch, cache: Pat
                 raise ProgramError(msg, tail=ended.tail, code=ended.code)
             msg = f"{base.words} cannot be installed: {reason(ended)}"
             raise OptionError(msg)
-        return Program(base.words, python, None, {"NUMBA_CACHE_DIR": str(scratch.folder / "compiled")})
+        return Program(base.words, python)
     assert here is not None  # noqa: S101 - a commit is one of a checkout
     assert base.commit is not None  # noqa: S101 - what else there is was dealt with
     name = f"{base.words} ({base.commit[:9]})" if not base.commit.startswith(base.words) else base.commit[:9]
@@ -126,9 +128,11 @@ def base_program(base: Base, here: Checkout | None, scratch: Scratch, cache: Pat
             if not ready:
                 on_step(f"installing {name}, once for this revision")
                 install(source / package, folder / "venv", name, scratch)
-    below = source / here.below if (source / here.below).is_dir() else source
-    found = source if own.is_ours and python == Path(sys.executable) else None
-    return Program(name, python, found, {"NUMBA_CACHE_DIR": str(folder / "compiled")}, below)
+        below = source / here.below if (source / here.below).is_dir() else source
+        program = Program(name, python, source if own.is_ours and python == Path(sys.executable) else None, below)
+        if not ready:
+            _build_core(program, scratch, on_step)
+    return program
 
 
 def new_program(
@@ -140,13 +144,15 @@ def new_program(
     folders ``apart``.
 
     Raises:
-        ProgramError: it cannot be installed.
+        ProgramError: it cannot be installed, or its core cannot be compiled.
 
     """
     if here is None:
         return present("the running hdvplan", PACKAGE.parent)
     if here.is_ours:
-        return present("the working tree", here.top)
+        program = present("the working tree", here.top)
+        _build_core(program, scratch, on_step)
+        return program
     package = here.package
     if package is None:
         return present("the working tree", None, here.top / here.below)
@@ -156,7 +162,26 @@ def new_program(
         source = scratch.folder / "working-tree"  # building leaves files beside the sources
         copy_tree(here.top, source, (*apart, cache))
         install(source / package, folder / "venv", name, scratch, again=ready)
-    return Program(name, folder / "venv" / PYTHON, None, {}, here.top / here.below)
+    return Program(name, folder / "venv" / PYTHON, None, here.top / here.below)
+
+
+def _build_core(program: Program, scratch: Scratch, on_step: Callable[[str], None]) -> None:
+    """Compile the C core of a source tree of hdvplan in place, if it has one and that is missing or of other sources.
+
+    Raises:
+        ProgramError: it cannot be compiled.
+
+    """
+    if program.source is None or not (program.source / _BUILD).is_file():
+        return
+    python, variables = str(program.python), program.environment()
+    if run([python, "-P", "-c", "import hdvplan.core"], variables, scratch, program.source).code == 0:
+        return
+    on_step(f"compiling the core of {program.name}")
+    ended = run([python, "-P", _BUILD], variables, scratch, program.source)
+    if ended.code != 0:
+        msg = f"the core of {program.name} cannot be compiled: {ended.words}"
+        raise ProgramError(msg, tail=ended.tail, code=ended.code, hint=f"run `python {_BUILD}` there: it needs hatchling and a C compiler")
 
 
 def cache_folder(scratch: Scratch) -> Path:

@@ -15,8 +15,8 @@ from enum import StrEnum
 import numpy as np
 from scipy.special import bdtr
 
+from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError
-from hdvplan.jit import FloatArray
 
 FEWEST_PAIRS = 3  # fewer say nothing about their own spread
 BATCH = 5  # pairs; twice as many are two batches, and the second is the repeat that a red needs

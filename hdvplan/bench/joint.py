@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import stdtrit
 
-from hdvplan.jit import FloatArray
+from hdvplan.arrays import FloatArray
 
 LEVEL = 0.01  # largest chance of a false alarm, over all statistics together
 FEWEST = 7  # pairs: six can be turned round in 64 ways only

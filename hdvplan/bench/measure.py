@@ -9,14 +9,14 @@ from time import perf_counter
 
 import numpy as np
 
+from hdvplan.arrays import FloatArray
 from hdvplan.bench.acceptance import ReferenceCheck
 from hdvplan.bench.replay import Program, nonzeros_of, replay, sampled
 from hdvplan.bench.samples import DISTANCES, NUMBERS, OK, OVER_BUDGET, UNRECORDED, Judgement, Measurement, ended, numbers_of, outcome_of
 from hdvplan.bench.suite import Suite, tuning_key
 from hdvplan.case import Case
-from hdvplan.driving.drive import Drive, drive, warm_up
+from hdvplan.driving.drive import Drive, drive
 from hdvplan.errors import HdvplanError
-from hdvplan.jit import FloatArray
 from hdvplan.judging.balance import balance_of
 from hdvplan.judging.envelope import envelope_of
 from hdvplan.planning.objectives import objective_named
@@ -37,12 +37,11 @@ class _OverBudgetError(Exception):
 
 
 class Bench:
-    """Measures the cells of a suite, each kind of code loaded before it is first timed; call it with a case's index."""
+    """Measures the cells of a suite; call it with a case's index."""
 
     def __init__(self, suite: Suite, cases: Sequence[Case], makers: Mapping[str, WorkspaceMaker], alive: Alive) -> None:
         """Take over the cases; what the imports left is not garbage: looking at it before every drive takes longer than a short one."""
         self._suite, self._cases, self._makers, self._alive = suite, cases, makers, alive
-        self._warm: set[object] = set()
         self._recorded: dict[int, list[Program]] = {}
         gc.freeze()
 
@@ -50,7 +49,6 @@ class Bench:
         """Return the measurement of a case by its own ``solver`` or another; sweep and distances only if ``judged``."""
         case, limits = self._cases[index], self._suite.cells()[index].limits
         make = self._makers.get(solver or tuning_key(case.solver_name, limits)) or self._makers[case.solver_name]
-        self._warm_up(case, REFERENCE, "the reference")
         if self._suite.sample:
             try:
                 programs = self._programs(index)
@@ -60,15 +58,7 @@ class Bench:
                 return ended(UNRECORDED, "nothing was recorded: the drive has only one step")
             return replay(programs, make, budget=self._suite.budget, judged=judged, alive=self._alive)
         self._alive(0)
-        self._warm_up(case, make, tuning_key(case.solver_name, limits))
         return measure(case, make, budget=self._suite.budget, judged=judged, alive=self._alive)
-
-    def _warm_up(self, case: Case, make: WorkspaceMaker, name: str) -> None:
-        limited = case.road.limits is not None
-        if (case.vehicle, name, limited) not in self._warm:
-            with suppress(Exception):  # a solver that cannot plan will say so in its own drive
-                warm_up(case.vehicle, objective_named(case.objective), make, case.settings, limited=limited)
-            self._warm.add((case.vehicle, name, limited))
 
     def _programs(self, index: int) -> list[Program]:
         """Return the sample of a case's course, which is the same for all solvers."""
@@ -99,7 +89,7 @@ def measure(case: Case, make_workspace: WorkspaceMaker, *, budget: float, judged
 
     def keep(plan: Plan) -> None:
         nonlocal spent, mark
-        outside = perf_counter() - mark - plan.times.loading
+        outside = perf_counter() - mark - plan.times.aside
         steps.append(numbers_of(plan, plan.first * case.settings.step, outside))
         statuses.append(str(plan.status))
         reasons.append(plan.reason)

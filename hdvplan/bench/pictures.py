@@ -10,11 +10,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from hdvplan.arrays import FloatArray
 from hdvplan.bench.directory import read_record, read_samples, read_table
 from hdvplan.bench.profiles import Along, Pictured, order_of, pictured, share_within
 from hdvplan.bench.timing import latex_escaped
 from hdvplan.fileio import write_atomically
-from hdvplan.jit import FloatArray
 from hdvplan.report.colours import FAINT, MUTED
 from hdvplan.report.style import figure_bytes, plain_decades, styled
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from hdvplan.arrays import BoolArray, FloatArray
 from hdvplan.bench.ranking import ranked_times, unit_of, waiting_cells
 from hdvplan.bench.samples import OVER_BUDGET
 from hdvplan.bench.suite import COURSE, KEY
-from hdvplan.jit import BoolArray, FloatArray
 
 _STEP = [*COURSE, "step"]
 

@@ -7,7 +7,7 @@ import os
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 from hdvplan.bench.processes import Ended, Scratch, Started, Turns, finish, run, start
@@ -54,7 +54,6 @@ class Program:
     name: str
     python: Path
     source: Path | None = None  # a folder that holds the package hdvplan
-    variables: Mapping[str, str] = field(default_factory=dict)
     folder: Path | None = None  # where it runs; None: where we do
 
     def hdvplan(self, *arguments: str, timed: Path) -> list[str]:
@@ -66,7 +65,7 @@ class Program:
         mine = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
         path = {} if self.source is None else {"PYTHONPATH": str(self.source)}
         first = os.pathsep.join([str(self.python.parent), *filter(None, [mine.get("PATH")])])
-        return mine | path | {"PATH": first, "PYTHONHASHSEED": "0"} | dict(self.variables)
+        return mine | path | {"PATH": first, "PYTHONHASHSEED": "0"}
 
     def start(self, command: Sequence[str], scratch: Scratch, turns: Turns | None = None) -> Started:
         """Start a command of this program, with ``turns`` as one of two that take them.
@@ -115,6 +114,6 @@ class Program:
         return dict(defaults)
 
 
-def present(name: str, source: Path | None, folder: Path | None = None, variables: Mapping[str, str] | None = None) -> Program:
+def present(name: str, source: Path | None, folder: Path | None = None) -> Program:
     """Return a program that runs by this interpreter."""
-    return Program(name, Path(sys.executable), source, variables or {}, folder)
+    return Program(name, Path(sys.executable), source, folder)

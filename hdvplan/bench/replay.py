@@ -13,12 +13,12 @@ from time import perf_counter, process_time
 
 import numpy as np
 
+from hdvplan.arrays import FloatArray, IntArray
 from hdvplan.bench.acceptance import proves, scale_of
 from hdvplan.bench.recording import copied
 from hdvplan.bench.samples import DISTANCES, NUMBERS, OK, OVER_BUDGET, Measurement, outcome_of
 from hdvplan.case import Case
 from hdvplan.driving.drive import drive
-from hdvplan.jit import FloatArray, IntArray
 from hdvplan.planning.objectives import objective_named
 from hdvplan.planning.planner import Plan
 from hdvplan.qp.judge import USABLE_RESIDUAL
@@ -95,7 +95,7 @@ def replay(
     gc.disable()
     try:
         workspace = make(recorded[0].qp.shape)
-        setting_up = _solved(workspace, recorded[0], hurried=True)  # sets up, loads and compiles; counts only where it takes the budget
+        setting_up = _solved(workspace, recorded[0], hurried=True)  # sets up; counts only where it takes the budget
         slow = setting_up[0][_TOTAL] > budget
         for number, one in enumerate(recorded):
             numbers, status, reason, distance = setting_up if slow else _solved(workspace, one, hurried=spent > budget)
@@ -131,7 +131,7 @@ def _solved(workspace: QpWorkspace, one: Program, *, hurried: bool) -> tuple[lis
     numbers = {
         "linearise_s": 0.0, "update_s": wall - result.solve_time, "solve_s": result.solve_time, "check_s": 0.0, "total_s": wall,
         "qp_count": 1.0, "iterations": float(result.iterations), "usable": float(judged.primal <= USABLE_RESIDUAL), **judged._asdict(),
-        "violation_m": np.nan, "loading_s": result.loading_time, "cpu_s": cpu, "binding": float(one.binding), "s_m": one.s_m,
+        "violation_m": np.nan, "aside_s": result.time_aside, "cpu_s": cpu, "binding": float(one.binding), "s_m": one.s_m,
         "outer_s": wall,
     }  # fmt: skip
     said = str(result.status), result.reason  # the next solve writes over the point
@@ -140,11 +140,11 @@ def _solved(workspace: QpWorkspace, one: Program, *, hurried: bool) -> tuple[lis
 
 
 def _timed(workspace: QpWorkspace, qp: StageQp, guess: StageSolution | None) -> tuple[QpResult, float, float]:
-    """Return a result, the wall time and the processor time that it took [s], without loading; wall time for both where it loaded."""
+    """Return a result, its wall time and its processor time [s], without what is aside; wall time for both where something is."""
     began, began_cpu = perf_counter(), process_time()
     result = workspace.solve(qp, guess)
     cpu, wall = process_time() - began_cpu, perf_counter() - began
-    return result, wall - result.loading_time, wall - result.loading_time if result.loading_time else cpu
+    return result, wall - result.time_aside, wall - result.time_aside if result.time_aside else cpu
 
 
 def _nothing(workspace: QpWorkspace, shape: StageShape) -> StageSolution | None:

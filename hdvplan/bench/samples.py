@@ -15,16 +15,16 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from hdvplan.arrays import FloatArray
 from hdvplan.errors import HdvplanError, OptionError
 from hdvplan.fileio import json_bytes, refuse_endless, write_atomically
-from hdvplan.jit import FloatArray
 
 if TYPE_CHECKING:  # tables of times can be read where nothing can be planned
     from hdvplan.planning.planner import Plan
 
 NUMBERS = (
     "linearise_s", "update_s", "solve_s", "check_s", "total_s", "qp_count", "iterations", "usable",
-    "primal", "dual", "gap", "violation_m", "loading_s", "cpu_s", "binding",
+    "primal", "dual", "gap", "violation_m", "aside_s", "cpu_s", "binding",
     "cold_s", "s_m", "outer_s",
 )  # fmt: skip
 COUNTS = ("qp_count", "iterations")
@@ -104,7 +104,7 @@ def numbers_of(plan: Plan, s_m: float, outer_s: float) -> tuple[float, ...]:
         judged.dual,
         judged.gap,
         plan.violation,
-        times.loading,
+        times.aside,
         times.cpu,
         binding,
         np.nan,

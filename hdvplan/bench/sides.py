@@ -11,6 +11,7 @@ from textwrap import shorten
 import numpy as np
 import pandas as pd
 
+from hdvplan.arrays import FloatArray
 from hdvplan.bench.counters import counters_of
 from hdvplan.bench.samples import LOST, OK, read_plain
 from hdvplan.bench.stats import keyed
@@ -18,7 +19,6 @@ from hdvplan.bench.suite import AS_SET, KEY
 from hdvplan.bench.work import ABOUT, LONGEST_S, SHORTEST_S, STEPS, OwnSteps, steps_of
 from hdvplan.errors import OptionError
 from hdvplan.fileio import read_json
-from hdvplan.jit import FloatArray
 from hdvplan.texts import printable
 
 Name = tuple[str, ...]  # of a cell, as in KEY

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hdvplan.arrays import FloatArray
 from hdvplan.bench.gate import Rule, Verdict
 from hdvplan.bench.joint import FEWEST, LEVEL, agreement
 from hdvplan.bench.sides import IMPORT, PEAK, Name, Side, Steps
-from hdvplan.jit import FloatArray
 
 _SUSPECT = 0.8  # share of a first few pairs that must show a change for it to be looked at again
 

@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
+from hdvplan.arrays import BoolArray
 from hdvplan.bench.acceptance import TUNED, WRONG_M, accepted
 from hdvplan.bench.ranking import of_group, ranked_times, ranking, shifted_mean, waiting_cells
 from hdvplan.bench.samples import FAILED, OK, OVER_BUDGET, Judgement, Measurement
 from hdvplan.bench.suite import AS_SET, COURSE, GROUP, KEY, Cell, key_of
-from hdvplan.jit import BoolArray
 from hdvplan.qp.workspace import Status
 
 SOME_UNSOLVED, WRONG, SOME_REFUSED = "some steps not solved", "wrong optimum", "some steps not accepted"

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hdvplan.arrays import FloatArray
 from hdvplan.bench.changepoints import change_points
 from hdvplan.bench.history import Entry
 from hdvplan.bench.values import Value
 from hdvplan.bench.versions import version_words
-from hdvplan.jit import FloatArray
 
 Name = tuple[str, str, str]  # cell, what, unit
 LEVEL = 0.01  # about the probability that a history in which nothing changed shows a change point in any of its series

@@ -11,12 +11,12 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
+from hdvplan.arrays import FloatArray
 from hdvplan.bench.processes import Ended
 from hdvplan.bench.programs import Program, ProgramError
 from hdvplan.bench.suite import Suite
 from hdvplan.errors import MeasurementError, OptionError
 from hdvplan.fileio import json_bytes, write_atomically
-from hdvplan.jit import FloatArray
 
 STEPS = "steps.json"  # in the folder of a process: what a user's command has printed
 ABOUT = "process.json"  # in the folder of a process: what was measured of it as a whole
@@ -32,7 +32,7 @@ class Work(Protocol):
         """Whether it never uses more than one core at a time, so that both programs can share one."""
 
     def command(self, program: Program, out: Path, timed: Path, *, warm: bool) -> list[str]:
-        """Return the command line; ``warm``: only so that what compiles is compiled. Imports are timed into the file ``timed``."""
+        """Return the command line; ``warm``: only so that what it does but once is done. Imports are timed into the file ``timed``."""
 
     def keep(self, ended: Ended, out: Path) -> None:
         """Leave in ``out`` what a process has measured, if it has not done so itself; MeasurementError where that is nothing."""

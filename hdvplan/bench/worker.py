@@ -1,6 +1,6 @@
 """A separate process for what may hang or crash: when a solver fails, the tables have a row, and the benchmark continues.
 
-One long-lived process measures one cell after the other, as loading libraries and kernels takes a second; where it dies or must be
+One long-lived process measures one cell after the other, as loading libraries takes a second; where it dies or must be
 ended, the next cell gets a new one. It gives a sign of life after every planning step, outside of what is timed.
 """
 
@@ -20,7 +20,7 @@ from hdvplan.case import Case
 from hdvplan.qp.workspace import WorkspaceMaker
 from hdvplan.serving import serve_parent
 
-FIRST = 4.0  # times as long as any other: a first step is iterated to convergence, and may load and compile
+FIRST = 4.0  # times as long as any other: a first step is iterated to convergence, and a solver may compile
 _LOOK_S = 0.2  # how often the limits are looked at
 _SINCE, _ALLOWED, _STEPS = range(3)  # of the shared memory: when the last sign of life came, how long the next may take, steps done
 

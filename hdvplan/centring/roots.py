@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from hdvplan.jit import FloatArray
+from hdvplan.arrays import FloatArray
 
 _MOST = 200  # evaluations; smooth functions take about ten
 _CLOSE = 1e-15  # of the root itself: the last step's length

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hdvplan.arrays import BoolArray, FloatArray
 from hdvplan.centring.roots import find_roots
-from hdvplan.jit import BoolArray, FloatArray
 from hdvplan.vehicle.model import Unit, Vehicle
 
 _STRAIGHT = 1e-8  # gentler curves are scaled from this one, whose offsets still have eight digits [1/m]

@@ -11,8 +11,8 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
+from hdvplan.arrays import BoolArray, FloatArray
 from hdvplan.centring.stationary import Stationary, ratio, stationary, tightest_road
-from hdvplan.jit import BoolArray, FloatArray
 from hdvplan.vehicle.model import Vehicle
 
 _GRID = np.linspace(0.0, 0.5, 2001)  # road curvatures [1/m]; linear interpolation errs by less than 1e-6 in K up to 0.1 1/m

@@ -14,8 +14,8 @@ import typer
 from typer.main import get_command
 
 from hdvplan import __version__
-from hdvplan.cli import bench, compare, history, need, plan, report, reproduce, roads, solvers, study, turn, vehicles, warm_up
-from hdvplan.cli.console import ExitCode, library_warnings_shown, report_error
+from hdvplan.cli import bench, compare, history, need, plan, report, reproduce, roads, solvers, study, turn, vehicles
+from hdvplan.cli.console import ExitCode, report_error
 from hdvplan.cli.help import Command, Group
 from hdvplan.cli.interruption import interruption_noted
 from hdvplan.cli.surroundings import give_matplotlib_a_folder
@@ -39,7 +39,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 120},
 )
 _VEHICLES, _MEASURING = "Does my vehicle fit?", "How fast, and how exact?"
-_DATA, _INSTALLATION = "Roads, vehicles, solvers", "Installation"
+_DATA = "Roads, vehicles, solvers"
 app.command("plan", cls=Command, rich_help_panel=_VEHICLES)(plan.plan)
 app.command("need", cls=Command, rich_help_panel=_VEHICLES)(need.need)
 app.command("turn", cls=Command, rich_help_panel=_VEHICLES)(turn.turn)
@@ -52,7 +52,6 @@ app.command("reproduce", cls=Command, rich_help_panel=_MEASURING)(reproduce.repr
 app.add_typer(roads.app, name="roads", rich_help_panel=_DATA)
 app.add_typer(vehicles.app, name="vehicles", rich_help_panel=_DATA)
 app.command("solvers", cls=Command, rich_help_panel=_DATA)(solvers.solvers)
-app.command("warm-up", cls=Command, rich_help_panel=_INSTALLATION)(warm_up.warm_up)
 
 
 def _print_version(wanted: bool) -> None:
@@ -110,8 +109,7 @@ def run(arguments: Sequence[str]) -> int:
             give_matplotlib_a_folder()
             if "bench" in arguments:
                 arguments = bench.with_picture(arguments)
-            with library_warnings_shown():
-                code = command_line()(args=arguments or ["--help"], prog_name="hdvplan", standalone_mode=False)
+            code = command_line()(args=arguments or ["--help"], prog_name="hdvplan", standalone_mode=False)
         except (KeyboardInterrupt, typer.Abort):
             code = ExitCode.INTERRUPTED
         except SystemExit as left:

@@ -40,7 +40,6 @@ from hdvplan.cli.bench_options import (
     VehiclesOption,
 )
 from hdvplan.cli.compare import FORMATS, ExpectChangesOption, FactorOption, FloorOption, FormatOption, rule_of, told_to_programs
-from hdvplan.cli.compiling import note_compiling
 from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, rows_json, warn
 from hdvplan.cli.options import JsonOption, QuietOption, choice
 from hdvplan.errors import OptionError
@@ -182,7 +181,6 @@ def bench(
     if record is not None and record["finished"]:
         note(f"{out} already has this run; --fresh measures again", quiet=quiet)
     else:
-        note_compiling(quiet=quiet)
         cases = cases_of(wanted)
         for name in wanted.solvers:
             solver_named(name)  # a class that cannot be loaded is the user's mistake, not a row

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
-import logging
 import os
 import sys
 from contextlib import contextmanager
 from enum import IntEnum
 from typing import TYPE_CHECKING
 
-from hdvplan.cli.compiling import compilation_shown
 from hdvplan.texts import encoded, printable
 
 if TYPE_CHECKING:
@@ -54,25 +52,6 @@ def warn(message: str, *, quiet: bool = False) -> None:
     note(f"warning: {message}", quiet=quiet)
 
 
-@contextmanager
-def library_warnings_shown() -> Iterator[None]:
-    """Write what the library logs while the block runs as ``warning:`` lines; by itself it says nothing."""
-    library = logging.getLogger("hdvplan")
-    handler = _ToStderr(logging.WARNING)
-    library.addHandler(handler)
-    try:
-        yield
-    finally:
-        library.removeHandler(handler)
-
-
-class _ToStderr(logging.Handler):
-    """Hands records to ``warn``: stderr is looked up for each, as a progress bar replaces it."""
-
-    def emit(self, record: logging.LogRecord) -> None:
-        warn(record.getMessage())
-
-
 def print_line(text: str) -> None:
     """Write an answer of one line to stdout; the terminal wraps it."""
     sys.stdout.write(f"{printable(text)}\n")
@@ -110,7 +89,7 @@ def rows_json(table: DataFrame) -> list[dict[str, object]]:
 def progress(task: str, *, quiet: bool, undisturbed: bool = False) -> Iterator[Callable[[float], None]]:
     """Show a bar with the time left on stderr while the block runs; it receives the done share, 0 to 1.
 
-    A second bar counts kernels while they compile. Nothing is shown if stderr is not a terminal. With ``undisturbed`` the bar is drawn
+    Nothing is shown if stderr is not a terminal. With ``undisturbed`` the bar is drawn
     only when the share changes: no other thread runs during a measurement, and the time left is estimated from the last hour.
     """
     from rich.console import Console
@@ -122,9 +101,6 @@ def progress(task: str, *, quiet: bool, undisturbed: bool = False) -> Iterator[C
         yield lambda _: None
         return
     memory = 3600.0 if undisturbed else 30.0  # [s]
-    with (
-        Progress(*columns, console=console, transient=True, auto_refresh=not undisturbed, speed_estimate_period=memory) as bar,
-        compilation_shown(bar),
-    ):
+    with Progress(*columns, console=console, transient=True, auto_refresh=not undisturbed, speed_estimate_period=memory) as bar:
         known = bar.add_task(printable(task), total=1.0)
         yield lambda share: bar.update(known, completed=share, refresh=undisturbed)

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdvplan.cli.checks import check_fits, check_folder, reaches_of, vehicle_named, warn_far_regions
-from hdvplan.cli.compiling import note_compiling
 from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error
 from hdvplan.cli.help import OUTPUT, PLANNING, VEHICLE
 from hdvplan.cli.options import (
@@ -127,7 +126,6 @@ def need(
 
     kinds = drawn_formats(formats, PICTURES, DRAWINGS, plot=plot)
     settings = PlannerSettings(clearance=clearance)
-    note_compiling(quiet=quiet)
     with progress(f"smoothing {road}", quiet=quiet):
         track = found()
     if given is not None:

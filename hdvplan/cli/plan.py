@@ -20,7 +20,6 @@ from hdvplan.cli.checks import (
     vehicle_named,
     warn_far_regions,
 )
-from hdvplan.cli.compiling import note_compiling
 from hdvplan.cli.console import note, print_json, print_line, progress
 from hdvplan.cli.help import OUTPUT, PLANNING, VEHICLE
 from hdvplan.cli.lengthy import plan_long, refuse_on_long
@@ -238,7 +237,6 @@ def plan(
         clearance=clearance,
         discretisation=Discretisation(choice("--discretisation", discretisation, list(Discretisation))),
     )
-    note_compiling(quiet=quiet)
 
     def case_of(track: Road) -> Case:
         track = track if reaches is None else track.with_limits(*reaches)

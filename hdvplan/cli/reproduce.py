@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdvplan.cli.checks import check_folder
-from hdvplan.cli.compiling import note_compiling
 from hdvplan.cli.console import ExitCode, print_json, print_tables, progress, rows_json
 from hdvplan.cli.help import OUTPUT
 from hdvplan.cli.options import JsonOption, QuietOption, choice
@@ -52,7 +51,6 @@ def reproduce(
 
     use_one_thread()  # before anything imports NumPy
 
-    note_compiling(quiet=quiet)
     with progress("reproducing", quiet=quiet, undisturbed=True) as on_progress:
         studies = _run(chosen, out, on_progress)
     if json:

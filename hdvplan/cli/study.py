@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdvplan.cli.checks import check_workers
-from hdvplan.cli.compiling import note_compiling
 from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error
 from hdvplan.cli.help import OUTPUT
 from hdvplan.cli.options import JsonOption, QuietOption
@@ -99,7 +98,6 @@ def study(
         if scheduler is None
         else connected(scheduler, cell_limit)
     )
-    note_compiling(quiet=quiet)
     counted = [0, len(wanted)]
     try:
         with ended_by_signals(), _told(quiet=quiet) as tell:

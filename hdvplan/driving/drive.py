@@ -3,28 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
+from hdvplan.arrays import FloatArray
 from hdvplan.centring.weights import CentringTable
 from hdvplan.driving.simulate import simulate
 from hdvplan.driving.start import Start, approach_to, lies_beside, start_of
-from hdvplan.errors import HdvplanError, PlanError, RoadError
-from hdvplan.jit import FloatArray
+from hdvplan.errors import PlanError, RoadError
 from hdvplan.planning.bias import NONE, Bias
 from hdvplan.planning.objectives import Goal, Objective
 from hdvplan.planning.planner import Plan, Planner
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations, stations_of
 from hdvplan.qp.workspace import WorkspaceMaker
-from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
 from hdvplan.vehicle.model import Vehicle
 
 POSE_SPACING_M = 0.25  # simulated poses are kept at least this densely
-_WARM_UP_CURVATURE = 0.02  # [1/m]
 
 
 @dataclass(frozen=True)
@@ -165,18 +162,3 @@ def _arrived(
         msg = f"the road begins in a bend into which the {vehicle.name} cannot be driven"
         raise PlanError(msg, s_m=0.0, hint="let the road begin further back") from error
     return Start(driven.z[-1], float(driven.kappa[-1]))
-
-
-def warm_up(vehicle: Vehicle, objective: Objective, make_workspace: WorkspaceMaker, settings: PlannerSettings, *, limited: bool) -> None:
-    """Plan a few metres of a bend, within limits where the road has some, so that no timed step loads or compiles anything.
-
-    What only binding limits need is loaded when they first bind, outside of the step's time. Whether the plan succeeds does not matter:
-    a solver that cannot plan will say so on the user's road.
-    """
-    length = vehicle.reach_ahead + vehicle.reach_behind + settings.replan
-    bend = Road("bend", from_curvature(np.array([0.0, length]), np.array([0.0, _WARM_UP_CURVATURE])))
-    horizon = settings.replan * float(np.ceil(length / settings.replan) + 2.0)  # long enough for objectives that watch the whole vehicle
-    brief = replace(settings, horizon=horizon, sqp_iterations=2)
-    room = 2.0 * vehicle.width
-    with suppress(HdvplanError):
-        drive(bend.with_limits(room, room) if limited else bend, vehicle, objective, make_workspace, brief)

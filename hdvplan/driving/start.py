@@ -12,13 +12,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hdvplan.jit import FloatArray
+from hdvplan.arrays import FloatArray
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations
 from hdvplan.road.path import ReferencePath, evaluate_many, project_many
 from hdvplan.road.road import Road
 from hdvplan.vehicle.body import axles_behind
-from hdvplan.vehicle.kinematics import POSE, place
+from hdvplan.vehicle.kinematics import place_many
 from hdvplan.vehicle.model import Vehicle
 
 _SPACING_M = 0.25  # of the places on a body's edges that are looked at
@@ -41,14 +41,12 @@ def start_of(stations: Stations, vehicle: Vehicle) -> Start:
 
 def lies_beside(path: ReferencePath, vehicle: Vehicle, z: FloatArray) -> bool:
     """Tell whether all bodies of a vehicle in state ``z`` at s = 0 lie beside the path: every point of their edges has a foot on it."""
-    x, y, cos, sin, _ = (float(value) for value in evaluate_many(path.curve, np.zeros(1))[:, 0])
-    poses = np.empty(len(vehicle.units), POSE)
-    place(vehicle.table(), x, y, cos, sin, np.ascontiguousarray(z), poses)
+    poses = place_many(vehicle.table(), evaluate_many(path, np.zeros(1)), z[None])[0]
     for unit, pose, behind in zip(vehicle.units, poses, axles_behind(vehicle), strict=True):
         ahead = np.linspace(-unit.rear_overhang, unit.front, int(np.ceil((unit.front + unit.rear_overhang) / _SPACING_M)) + 1)
         for across in (0.5 * unit.width, -0.5 * unit.width):
             edge_x, edge_y = pose["x"] + ahead * pose["cos"] - across * pose["sin"], pose["y"] + ahead * pose["sin"] + across * pose["cos"]
-            if np.any(np.isnan(project_many(path.curve, edge_x, edge_y, ahead - behind)[1])):
+            if np.any(np.isnan(project_many(path, edge_x, edge_y, ahead - behind)[1])):
                 return False
     return True
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hdvplan.arrays import FloatArray, IntArray
 from hdvplan.centring.weights import CentringTable
 from hdvplan.driving.drive import Drive
-from hdvplan.jit import FloatArray, IntArray
 from hdvplan.judging.contact import contact
 from hdvplan.judging.envelope import SPACING_M, Envelope, envelope_of
 from hdvplan.judging.obstacles import Approach, approaches

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
+from hdvplan.arrays import FloatArray, IntArray, Records
 from hdvplan.driving.drive import Drive
-from hdvplan.jit import FloatArray, IntArray, Records
-from hdvplan.vehicle.kinematics import POSE, place
+from hdvplan.road.path import evaluate_many
+from hdvplan.vehicle.kinematics import place_many
 
 
 def placed(drive: Drive, numbers: IntArray) -> Records:
     """Return where all bodies are at the simulated poses of the given ``numbers``, shape (poses, units) of ``POSE``."""
-    units, road = drive.vehicle.table(), drive.stations.path.at(drive.poses_s[numbers])
-    poses = np.empty((len(numbers), len(units)), POSE)
-    z = np.ascontiguousarray(drive.poses_z[numbers])
-    for i, (x, y, heading) in enumerate(zip(road.x, road.y, road.heading, strict=True)):
-        place(units, x, y, np.cos(heading), np.sin(heading), z[i], poses[i])
-    return poses
+    points = evaluate_many(drive.stations.path, drive.poses_s[numbers])
+    return place_many(drive.vehicle.table(), points, drive.poses_z[numbers])
 
 
 def corners(drive: Drive, numbers: IntArray) -> FloatArray:

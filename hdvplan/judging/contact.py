@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from hdvplan.arrays import FloatArray
 from hdvplan.driving.drive import Drive
-from hdvplan.jit import FloatArray
 from hdvplan.judging.bodies import placed
 from hdvplan.vehicle.body import axles_behind
 from hdvplan.vehicle.model import Unit

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hdvplan.arrays import BoolArray, FloatArray
 from hdvplan.centring.stationary import swept_band
 from hdvplan.centring.weights import CentringTable
-from hdvplan.jit import BoolArray, FloatArray
 from hdvplan.road.road import Road
 from hdvplan.vehicle.model import Vehicle
 

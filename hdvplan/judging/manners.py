@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hdvplan.arrays import BoolArray, FloatArray
 from hdvplan.driving.drive import Drive
-from hdvplan.jit import BoolArray, FloatArray
 from hdvplan.planning.running import running
 
 NEARLY_ALL = 0.95  # of the steering, or of its rate: a driver has nothing left to correct with

@@ -9,8 +9,8 @@ import shapely
 import shapely.affinity
 from numpy.typing import NDArray
 
+from hdvplan.arrays import FloatArray, IntArray
 from hdvplan.driving.drive import Drive
-from hdvplan.jit import FloatArray, IntArray
 from hdvplan.judging.bodies import corners, placed
 from hdvplan.judging.contact import part_named
 from hdvplan.road.path import project_many
@@ -134,5 +134,5 @@ def _on_bodies(drive: Drive, poses: IntArray, units: IntArray, points: FloatArra
 def _along(drive: Drive, poses: IntArray, units: IntArray, ahead: FloatArray, points: FloatArray) -> FloatArray:
     """Return the arclengths of points (n, 2) that bodies were at; where the road bends too tightly for a foot, those of a straight."""
     near = drive.poses_s[poses] - np.asarray(axles_behind(drive.vehicle))[units] + ahead
-    s, offset = project_many(drive.stations.path.curve, points[:, 0].copy(), points[:, 1].copy(), near)
+    s, offset = project_many(drive.stations.path, points[:, 0], points[:, 1], near)[:2]
     return np.where(np.isfinite(offset), s, near)

@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
+from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.centring.weights import Centring, CentringTable
 from hdvplan.driving.drive import Drive
-from hdvplan.jit import FloatArray
 from hdvplan.judging.balance import KEPT_M, Balance, Breach, Gaps, at_corners, balance_of, edges_of, gaps_of, wheel_gaps_of
 from hdvplan.judging.bodies import corners
 from hdvplan.judging.envelope import Envelope, envelope_of

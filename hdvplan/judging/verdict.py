@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hdvplan.jit import FloatArray
+from hdvplan.arrays import FloatArray
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.contact import contact
 from hdvplan.judging.envelope import envelope_of

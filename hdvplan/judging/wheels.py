@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hdvplan.arrays import FloatArray
 from hdvplan.driving.drive import Drive
-from hdvplan.jit import FloatArray
 from hdvplan.judging.bodies import placed
 from hdvplan.vehicle.model import Vehicle
 

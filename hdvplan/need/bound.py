@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
-from hdvplan.jit import FloatArray
 from hdvplan.judging.proof import Proof
 from hdvplan.need.measure import taken_by
 from hdvplan.need.search import TOLERANCE_M, WIDE_M, Least

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hdvplan.jit import BoolArray, FloatArray
+from hdvplan.arrays import BoolArray, FloatArray
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.result import Result
 from hdvplan.road.road import Limits

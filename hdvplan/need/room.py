@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
-from hdvplan.jit import FloatArray
 from hdvplan.need.measure import OUTWARDS, Taken
 from hdvplan.need.search import Least, Question, least
 from hdvplan.road.road import Limits, Road

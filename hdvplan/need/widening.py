@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
+from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.errors import HdvplanError
-from hdvplan.jit import FloatArray
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.envelope import SPACING_M
 from hdvplan.judging.result import Result

@@ -11,8 +11,8 @@ from itertools import groupby
 import numpy as np
 
 from hdvplan import __version__
+from hdvplan.arrays import FloatArray
 from hdvplan.fileio import json_bytes
-from hdvplan.jit import FloatArray
 from hdvplan.network.osm import Relation
 from hdvplan.network.places import Places
 from hdvplan.network.stitch import Part

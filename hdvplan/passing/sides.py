@@ -9,8 +9,8 @@ from itertools import count
 
 import numpy as np
 
+from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
-from hdvplan.jit import FloatArray
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.passed import Passed, Trial
 from hdvplan.passing.options import Options, independent_m, options_of

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.driving.drive import Drive, drive
 from hdvplan.errors import PlanError, SolverError
-from hdvplan.jit import FloatArray
 from hdvplan.judging.balance import KEPT_M, edge_gaps_of
 from hdvplan.judging.envelope import SPACING_M, envelope_of
 from hdvplan.judging.obstacles import approaches

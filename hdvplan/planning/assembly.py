@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from hdvplan import core
 from hdvplan.planning.motion import Motion
 from hdvplan.planning.objectives import Goal
 from hdvplan.planning.settings import PlannerSettings
@@ -14,7 +15,7 @@ from hdvplan.planning.terms.dynamics import Dynamics
 from hdvplan.planning.terms.limits import limits_of
 from hdvplan.planning.terms.smoothness import Smoothness
 from hdvplan.planning.terms.steering import Steering
-from hdvplan.planning.terms.term import Part, Place, Scene, Term
+from hdvplan.planning.terms.term import Needs, Part, Place, Scene, Term, told
 from hdvplan.qp.program import StageQp, StageShape
 from hdvplan.vehicle.model import Vehicle
 
@@ -26,13 +27,28 @@ def terms_of(vehicle: Vehicle, stations: Stations, goal: Goal, settings: Planner
     return (Dynamics(), Smoothness(), *goal.terms, *steering, *((limits,) if limits else ()))
 
 
+def needs_of(term: Term, vehicle: Vehicle) -> Needs:
+    """Return what a term needs.
+
+    Raises:
+        OptionError: somebody else's term raises, or returns something else.
+
+    """
+    with told(term):
+        need: object = term.needs(vehicle)
+        if not isinstance(need, Needs):
+            msg = f"needs returned something of type {type(need).__name__}, not Needs"
+            raise TypeError(msg)
+        return need
+
+
 def qp_shape(vehicle: Vehicle, stages: int, terms: Sequence[Term]) -> StageShape:
     """Return the sizes and zero pattern of a vehicle's QP: states (dz, d kappa_{i-1}), one input, and what the terms need.
 
     Every axle that the plan steers has one input more, the change of its wheels' angle, which is a bounded state. States and inputs of
     the terms stand behind the vehicle's own.
     """
-    needs = [term.needs(vehicle) for term in terms]
+    needs = [needs_of(term, vehicle) for term in terms]
     n, rigid, more = vehicle.states, vehicle.rigid_states, sum(need.states for need in needs)
     size = n + 1 + more
     a, q = np.zeros((size, size), bool), np.zeros((size, size), bool)
@@ -49,14 +65,24 @@ def qp_shape(vehicle: Vehicle, stages: int, terms: Sequence[Term]) -> StageShape
     return StageShape(stages, size, inputs, rows, (n, *map(int, wheels)), a_pattern=a, q_pattern=q, g_pattern=g)
 
 
-def assemble(vehicle: Vehicle, stations: Stations, goal: Goal, settings: PlannerSettings) -> tuple[Scene, tuple[Part, ...]]:
-    """Lay out the program of a drive; return its memory and the terms in their places."""
+def assemble(
+    vehicle: Vehicle, stations: Stations, goal: Goal, settings: PlannerSettings, capacity: int | None = None
+) -> tuple[Scene, tuple[Part, ...]]:
+    """Lay out the program of a drive; return its memory and the terms in their places.
+
+    ``capacity`` is for how many stages there is memory: by default for those of one horizon.
+    """
     terms = terms_of(vehicle, stations, goal, settings)
-    qp = StageQp.empty(qp_shape(vehicle, settings.stages, terms))
-    scene = Scene(vehicle, stations, settings, vehicle.table(), qp, Motion.empty(vehicle, settings.stages))
+    most = (settings.stages + 1 if capacity is None else capacity) - 1
+    qp = StageQp.empty(qp_shape(vehicle, most, terms))
+    scene = Scene(vehicle, stations, settings, vehicle.table(), qp, Motion.empty(vehicle, most))
     parts, place = [], Place(vehicle.states + 1, 1 + len(vehicle.active), 0)
     for term in terms:
-        need = term.needs(vehicle)
-        parts.append(term.part(scene, place))
+        need = needs_of(term, vehicle)
+        with told(term):
+            part = term.part(scene, place)
+            for array in part.memory:
+                core.address(array, shape=(scene.capacity, *array.shape[1:]))
+            parts.append(part)
         place = Place(place.state + need.states, place.input + need.inputs, place.row + need.rows)
     return scene, tuple(parts)

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
+from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError, RoadError
-from hdvplan.jit import FloatArray
 from hdvplan.road.load_csv import read_columns
 from hdvplan.road.road import Limits
 

@@ -7,35 +7,22 @@ step that does not lower it is halved: where limits cannot be kept, full steps s
 
 from __future__ import annotations
 
-from hdvplan.jit import FloatArray, Records, compiled
+from hdvplan import core
+from hdvplan.arrays import FloatArray
+from hdvplan.qp.program import StageQp, StageSolution
 
-_BINDING = 1e-6  # multiplier from which on a row counts as binding; solvers leave less on the others
+_L1_WEIGHTS = core.function("hdv_l1_weights", core.POINTER, core.POINTER, core.INT, core.POINTER, returns=core.INT)
+_DEFECT_PRICE = core.function("hdv_defect_price", core.POINTER, core.INT, core.POINTER, returns=core.REAL)
 
 
-@compiled
-def l1_weights(stages: Records, points: Records, row_points: Records, weights: FloatArray) -> bool:
+def l1_weights(qp: StageQp, solution: StageSolution, weights: FloatArray) -> bool:
     """Write the largest multiplier of each state's dynamics into ``weights`` (n,); return whether any row has a multiplier.
 
-    ``points`` and ``row_points`` are a QP's solution; its first n states say where the bodies are.
+    The first n states say where the bodies are.
     """
-    for j in range(weights.size):
-        weights[j] = 0.0
-    for i in range(1, points.size):
-        for j in range(weights.size):
-            weights[j] = max(weights[j], abs(points[i].dynamics[j]))
-    for i in range(1, row_points.shape[0]):
-        if stages[i].live > 0.0:
-            for row in range(row_points.shape[1]):
-                if row_points[i, row].multiplier > _BINDING:
-                    return True
-    return False
+    return bool(_L1_WEIGHTS(qp.address, solution.address, len(weights), core.address(weights)))
 
 
-@compiled
-def defect_price(stages: Records, weights: FloatArray) -> float:
+def defect_price(qp: StageQp, weights: FloatArray) -> float:
     """Return what the gaps in the dynamics cost at the given weights of the first states; no other's dynamics are ever broken."""
-    total = 0.0
-    for i in range(stages.size - 1):
-        for j in range(weights.size):
-            total += weights[j] * abs(stages[i].c[j])
-    return total
+    return float(_DEFECT_PRICE(qp.address, len(weights), core.address(weights)))

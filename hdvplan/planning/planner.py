@@ -1,34 +1,59 @@
 """One planning step: linearise at the last plan, solve the QP, take the step. Once for RTI, to convergence for SQP.
 
-RTI is the real-time iteration, SQP sequential quadratic programming. A step is halved as long as it does not improve the motion, and
-an RTI plan that would break a limit gets a few QPs more: neither happens on a road with room, where RTI is one QP a step.
+RTI is the real-time iteration, SQP sequential quadratic programming. A step is in the core (``hdvplan/core/step.c``), with our own
+solver in one call; another solver solves a copy of the program, and the core judges its answer and takes the step.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter, process_time
 
 import numpy as np
 
+from hdvplan import core
+from hdvplan.arrays import FloatArray
 from hdvplan.errors import PlanError, SolverError
-from hdvplan.jit import FloatArray
 from hdvplan.planning.assembly import assemble
-from hdvplan.planning.merit import defect_price, l1_weights
-from hdvplan.planning.motion import guess, shift, shift_rows, take_step
 from hdvplan.planning.objectives import Goal
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import Stations
-from hdvplan.planning.terms.term import Horizon
-from hdvplan.qp.judge import USABLE_RESIDUAL, Judge
-from hdvplan.qp.program import StageSolution, by_stage
+from hdvplan.planning.terms.term import CorePart, PythonPart
+from hdvplan.qp.judge import Judge, refusal
+from hdvplan.qp.program import StageQp, StageSolution
 from hdvplan.qp.residuals import Residuals
-from hdvplan.qp.workspace import QpResult, Status, WorkspaceMaker
+from hdvplan.qp.workspace import ENDINGS, QpResult, Status, WorkspaceMaker
 from hdvplan.vehicle.model import Vehicle
 
-_SHORTEST_STEP = 1.0 / 32.0  # a step is halved no further; some of it must be taken, as the vehicle has moved on
-_REPAIRED_M = 0.01  # RTI leaves a smaller predicted violation to the next step
-_STALLED = 1e-3  # SQP ends when a shortened step lowers the merit by a smaller share than this
+_HORIZONS = 2  # of memory: the window of a plan is moved back once in so many
+_ARRAY = core.record("hdv_array", [("base", core.ADDRESS), ("size", np.int64)])
+_WARM = ("last", "binding", "guessed", "reaches")
+_COUNTS = ("iterates", "lost", "programs", "iterations", "ending", "halvings", "usable", "priced")
+_GUESSED, _ENDING, _USABLE = ((*_WARM, *_COUNTS).index(name) for name in ("guessed", "ending", "usable"))
+_PLANNER = core.record(
+    "hdv_planner",
+    [
+        ("scene", core.ADDRESS),
+        *((name, kind) for name, kind in (("arrays", core.ADDRESS), ("array_count", np.int64), ("capacity", np.int64))),
+        ("origin", np.int64),
+        *((name, kind) for name, kind in (("terms", core.ADDRESS), ("term_count", np.int64), ("solver", core.ADDRESS))),
+        *((name, core.ADDRESS) for name in ("stations", "states", "curvatures", "most", "change")),
+        ("wheels", np.int64),
+        *((name, core.ADDRESS) for name in ("start", "weights", "before")),
+        *((name, np.int64) for name in ("rounds", "repairs", "executed", "converges")),
+        ("tolerance", float),
+        *((name, np.int64) for name in (*_WARM, *_COUNTS)),
+        *((name, float) for name in ("violation", "moved", "merit")),
+        ("residuals", float, 3),
+        *((name, float) for name in ("seconds_linearise", "seconds_solve", "seconds_check")),
+    ],
+)
+_SOLVE, _REFUSED, _LOST = (core.number(f"HDV_{name}") for name in ("SOLVE", "REFUSED", "LOST"))
+_step = core.function("hdv_step", core.POINTER, core.INT, core.REAL, returns=core.INT)
+_begin = core.function("hdv_begin", core.POINTER, core.INT, core.REAL, returns=core.INT)
+_iterate = core.function("hdv_iterate", core.POINTER, returns=core.INT)
+_judge = core.function("hdv_judge", core.POINTER, core.POINTER, returns=core.INT)
+_accept = core.function("hdv_accept", core.POINTER, core.POINTER, core.INT, returns=core.INT)
 
 
 @dataclass
@@ -39,9 +64,9 @@ class StepTimes:
     update: float = 0.0
     solve: float = 0.0
     check: float = 0.0
-    total: float = 0.0  # of the step; without loading
-    loading: float = 0.0  # code that a solver needed for the first time in this process
-    cpu: float = 0.0  # processor time of the step, all threads; of one that had to load anything its total
+    total: float = 0.0  # of the step
+    aside: float = 0.0  # no part of the step: copying the program for a foreign solver, a solver's failed attempt, a reference's solve
+    cpu: float = 0.0  # processor time of the step, all threads; its total where there was anything aside
 
 
 @dataclass(frozen=True)
@@ -71,30 +96,55 @@ class Planner:
 
     def __init__(self, vehicle: Vehicle, stations: Stations, goal: Goal, settings: PlannerSettings, make_workspace: WorkspaceMaker) -> None:
         """Prepare the memory of all steps of a drive."""
-        self._scene, self._parts = assemble(vehicle, stations, goal, settings)
-        self._rounds = min(settings.sqp_iterations, goal.rounds or settings.sqp_iterations)
-        qp, motion = self._scene.qp, self._scene.motion
-        workspace = make_workspace(qp.shape)
-        self._workspace = workspace if isinstance(workspace, Judge) else Judge(workspace)
-        self._guess = StageSolution.empty(qp.shape) if self._workspace.starts_warm else None
-        multipliers = () if self._guess is None else self._guess.numbers
-        memory = (array for part in self._parts for array in part.memory)
-        self._moving = (by_stage(motion.stages), by_stage(qp.stages), *multipliers, *memory)
+        scene, parts = assemble(vehicle, stations, goal, settings, _HORIZONS * (settings.stages + 1))
+        if not all(isinstance(part, CorePart) for part in parts):  # a part in Python sees its window where the memory begins
+            scene, parts = assemble(vehicle, stations, goal, settings)
+        self._scene, self._parts = scene, parts
+        shape = replace(scene.qp.shape, stages=settings.stages)
+        workspace = make_workspace(shape)
+        self._judge = workspace if isinstance(workspace, Judge) else Judge(workspace)
+        self._program, self._points = StageQp.empty(shape), StageSolution.empty(scene.qp.shape)
+        callees = [part if isinstance(part, CorePart) else PythonPart(part, scene) for part in parts]
+        self._python = [part for part in callees if isinstance(part, PythonPart)]
+        terms = [part.term for part in callees]
         wheels = [vehicle.units[axle] for axle in vehicle.active]
-        self._most = np.array([vehicle.max_curvature, *(unit.max_steering_angle for unit in wheels)])
-        self._change = settings.step * np.array([vehicle.max_curvature_rate, *(unit.max_steering_rate for unit in wheels)])
-        self._states, self._curvatures = np.ascontiguousarray(stations.centring.states), stations.centring.kappa
-        self._weights, self._before = np.zeros(vehicle.rigid_states), np.empty_like(motion.stages)
-        self._last: int | None = None  # the last plan's first station
-        self._binding = True  # whether limits bind in the last program
-        self._priced = False  # whether a merit was ever asked for
-        self._guessed = True  # whether the last solution helps with the next
-        self._reaches = 0  # the station up to which some QP's solution was taken
+        most = np.array([vehicle.max_curvature, *(unit.max_steering_angle for unit in wheels)])
+        change = settings.step * np.array([vehicle.max_curvature_rate, *(unit.max_steering_rate for unit in wheels)])
+        own = (scene.qp.stages, scene.qp.rows, scene.motion.stages, scene.motion.poses, self._points.stages, self._points.row_points)
+        arrays = [*own, *(array for part in parts for array in part.memory)]
+        self._start, self._states = np.zeros(vehicle.states), np.ascontiguousarray(stations.centring.states)
+        kept = {
+            "arrays": np.array([(core.address(array), array.nbytes // len(array)) for array in arrays], _ARRAY),
+            "terms": np.concatenate(terms),
+            "scene": scene.record,
+            "stations": stations.points,
+            "states": self._states,
+            "curvatures": np.ascontiguousarray(stations.centring.kappa),
+            "most": most,
+            "change": change,
+            "start": self._start,
+            "weights": np.zeros(vehicle.rigid_states),
+            "before": np.zeros((settings.stages + 1, vehicle.states + 1)),
+        }
+        self._kept = kept, arrays
+        record = self._record = np.zeros(1, _PLANNER)
+        for name, array in kept.items():
+            record[name] = core.address(array)
+        record["array_count"], record["term_count"], record["capacity"] = len(arrays), len(terms), scene.capacity
+        record["solver"], record["wheels"] = self._judge.core_solver, len(wheels)
+        record["rounds"] = min(settings.sqp_iterations, goal.rounds or settings.sqp_iterations)
+        record["repairs"], record["executed"] = settings.rti_repairs, settings.executed
+        record["converges"], record["tolerance"] = settings.scheme is Scheme.SQP, settings.sqp_tolerance
+        record["last"], record["binding"], record["guessed"] = -1, 1, 1
+        self._address = core.address(record)
+        begin = _PLANNER.fields["last"][1]  # type: ignore[index] # a structured dtype has fields
+        numbers = record.view(np.int64)[begin // 8 :]
+        self._counts, self._numbers = numbers[: len(_WARM + _COUNTS)], numbers[len(_WARM + _COUNTS) :].view(np.float64)
 
     def plan(self, first: int, z_start: FloatArray, kappa_before: float) -> Plan:
         """Plan from state ``z_start`` at station ``first``; ``kappa_before`` is the curvature held until there [1/m].
 
-        Linearises first at the last plan shifted along the road; at the stationary geometry where there is none.
+        Linearises first at the last plan along the road; at the stationary geometry where there is none.
 
         Raises:
             PlanError: a point of the vehicle has no foot on the road.
@@ -102,119 +152,96 @@ class Planner:
 
         """
         began, began_cpu, times = perf_counter(), process_time(), StepTimes()
-        settings, qp, motion = self._scene.settings, self._scene.qp, self._scene.motion
-        by = None if self._last is None or first < self._last else first - self._last
-        iterate = settings.scheme is Scheme.SQP or by is None  # the first plan has no predecessor to lean on
-        self._last = None  # until this plan has succeeded
-        road = self._scene.stations.points[first : first + settings.stages + 1]
-        horizon = Horizon(first, road, kappa_before, 0 if iterate else settings.executed, by is None or self._binding)
-        self._extend(horizon, z_start, by)
-        times.linearise = perf_counter() - began
-        qp_count, qp_iterations, halvings, violation, moved, merit, instead = 0, 0, 0, 0.0, np.inf, None, ""
-        while qp_count < self._rounds:
-            result, judged = self._solve(times)
-            qp_count, qp_iterations, instead = qp_count + 1, qp_iterations + result.iterations, result.instead or instead
-            usable = bool(judged.primal <= USABLE_RESIDUAL)  # False for NaN too
-            if not usable:
-                violation = self._violation()
-                break
-            mark = perf_counter()
-            self._binding = l1_weights(qp.stages, result.point.stages, result.point.row_points, self._weights)
-            horizon = horizon._replace(binding=self._binding)
-            if self._binding and not self._priced:  # what prices a motion is loaded when limits first bind
-                began_loading = perf_counter()
-                self._merit(horizon)
-                loading, self._priced = perf_counter() - began_loading, True
-                times.loading, mark = times.loading + loading, mark + loading
-            worth = self._merit(horizon) if self._binding else None
-            moved, merit, halved = self._step(horizon, result.point, worth)
-            halvings, violation = halvings + halved, self._violation()
-            self._guessed = result.leaves_guess
-            if self._guess is not None and self._guessed:  # the QP is in deviations from the motion: the next solution is near zero
-                self._guess.copy_from(result.point)
-            times.linearise += perf_counter() - mark
-            iterating = iterate or (qp_count <= settings.rti_repairs and violation > _REPAIRED_M)
-            stalled = worth is not None and merit is not None and halved and worth - merit < _STALLED * worth
-            if not iterating or moved < settings.sqp_tolerance or stalled:
-                break
-        if usable or qp_count > 1:
-            self._reaches = first + settings.stages
-        elif by is None or (result.status is Status.FAILED and first + settings.executed > self._reaches):
-            raise self._unsolved(result, judged, float(road["s"][0]), first=by is None)
-        self._last = first
-        z, kappa = motion.z.copy(), motion.kappa.copy()
-        times.total = perf_counter() - began - times.loading
-        times.cpu = times.total if times.loading else process_time() - began_cpu
+        self._start[:] = z_start
+        last = self._counts[0]
+        known = 0 <= last <= first
+        ours = self._judge.core_solver
+        stop = (_step if ours else _begin)(self._address, first, kappa_before)
+        result: QpResult | None = None
+        instead, iterations = "", 0
+        while stop in {_SOLVE, _REFUSED}:
+            if stop == _SOLVE and ours:
+                stop, result = _iterate(self._address), None
+                continue
+            result = self._solved(times, refused=stop == _REFUSED)
+            instead, iterations = result.instead or instead, iterations + result.iterations
+            stop = _accept(self._address, result.point.address, result.leaves_guess)
+            if result.leaves_guess and self._counts[_USABLE]:
+                self._window_of_points().copy_from(result.point)
+        self._raise_from_python()
+        (_, _, _, reaches, _, lost, programs, own_iterations, ending, halvings, usable, priced) = self._counts.tolist()
+        violation, moved, merit, primal, dual, gap, linearise, solve, check = self._numbers.tolist()
+        if stop == _LOST:
+            raise self._footless(first + lost)
+        status, reason = (ENDINGS[ending], "") if result is None else (result.status, result.reason)
+        residuals = Residuals(primal, dual, gap)
+        if not usable and programs <= 1 and (not known or (status is Status.FAILED and first + self._scene.settings.executed > reaches)):
+            self._counts[0] = -1
+            raise self._unsolved(status, reason, residuals, first, first_plan=not known)
+        at, stages = int(self._scene.record["at"][0]), self._scene.settings.stages
+        motion = self._scene.motion.stages[at : at + stages + 1]
+        z, kappa = motion["z"].copy(), motion["kappa"][:-1].copy()
+        times.linearise, times.check, times.solve = linearise, check, times.solve + solve
+        times.total = perf_counter() - began - times.aside
+        times.cpu = times.total if times.aside else process_time() - began_cpu
         return Plan(
-            first, z, kappa, kappa_before, status=result.status, reason=result.reason, usable=usable, instead=instead, qp_count=qp_count,
-            qp_iterations=qp_iterations, residuals=judged, violation=violation, moved=moved, merit=merit, halvings=halvings, times=times,
+            first, z, kappa, kappa_before, status=status, reason=reason, usable=bool(usable), instead=instead, qp_count=programs,
+            qp_iterations=iterations + own_iterations, residuals=residuals, violation=violation, moved=moved,
+            merit=merit if priced else None, halvings=halvings, times=times,
         )  # fmt: skip
 
-    def _unsolved(self, result: QpResult, judged: Residuals, s: float, *, first: bool) -> SolverError:
-        """Return the error of a step without a motion that could be driven."""
-        why = f" ({result.reason})" if result.reason else ""
-        what = "the first plan could not be solved" if first else "no plan was solved since what the last one covered"
-        msg = f"at s = {s:.1f} m {what}: {self._workspace.name} says {result.status}{why}, primal residual {judged.primal:.2g}"
-        return SolverError(msg, status=str(result.status), s_m=s, hint="try another --solver")
-
-    def _extend(self, horizon: Horizon, z_start: FloatArray, by: int | None) -> None:
-        """Shift all that is known of the last plan ``by`` stages, and linearise at what it does not cover; all of it without one."""
-        qp, motion, stages = self._scene.qp, self._scene.motion, self._scene.settings.stages
-        kept = 0 if by is None else max(stages + 1 - by, 0)  # stages that the last plan still covers
-        if by and kept:
-            shift_rows(qp.stages, qp.rows, by)
-            shift(self._moving, by)
-        end = horizon.first + stages + 1
-        guess(
-            motion.stages, z_start, self._states[horizon.first : end], self._curvatures[horizon.first : end], kept, horizon.kappa_before,
-            self._most, self._change,
-        )  # fmt: skip
-        for part in self._parts:
-            self._found(part.extend(horizon, max(kept, 1)), horizon)
-
-    def _linearise(self, horizon: Horizon) -> None:
-        """Linearise at the motion: that judges all body edges, and is the next QP's data."""
-        for part in self._parts:
-            self._found(part.linearise(horizon), horizon)
-
-    def _found(self, lost: int, horizon: Horizon) -> None:
-        """Raise the error of a stage with a point that has no foot, if there is one."""
-        if lost >= 0:
-            s, name = float(horizon.road["s"][lost]), self._scene.vehicle.name
-            msg = f"at s = {s:.1f} m a point of the {name} lies beyond the road's centre of curvature: the road bends too tightly for it"
-            raise PlanError(msg, s_m=s, hint="smooth the road more (--smooth), or plan with a shorter vehicle")
-
-    def _solve(self, times: StepTimes) -> tuple[QpResult, Residuals]:
-        mark = perf_counter()
-        result, judged, checking = self._workspace.judged(self._scene.qp, self._guess if self._guessed else None)
-        times.update += perf_counter() - mark - result.solve_time - result.loading_time - checking
+    def _solved(self, times: StepTimes, *, refused: bool) -> QpResult:
+        """Return a judged solution of the program, which solvers are given a copy of; ``refused`` is that of our solver."""
+        began = perf_counter()
+        at, count = int(self._scene.record["at"][0]), self._scene.settings.stages + 1
+        for mine, memory in ((self._program.stages, self._scene.qp.stages), (self._program.rows, self._scene.qp.rows)):
+            mine[:] = memory[at : at + count]
+        if refused:
+            ours = self._result_of_ours()
+            result = self._judge.instead(self._program, refusal(ours, self._residuals()), self._judged, began)
+            times.aside += perf_counter() - began - result.update_time - result.solve_time
+            times.update += result.update_time
+        else:
+            mark, judged = perf_counter(), self._numbers[-1]
+            guess = self._window_of_points() if self._judge.starts_warm and self._counts[_GUESSED] else None
+            result = self._judge.judged(self._program, guess, self._judged)
+            times.update += perf_counter() - mark - result.solve_time - result.time_aside - (self._numbers[-1] - judged)
+            times.aside += mark - began + result.time_aside
         times.solve += result.solve_time
-        times.check += checking
-        times.loading += result.loading_time
-        return result, judged
+        return result
 
-    def _step(self, horizon: Horizon, point: StageSolution, worth: float | None) -> tuple[float, float | None, int]:
-        """Move by a QP's solution, halved until the merit is no larger than ``worth``; return the move, merit and halvings.
+    def _judged(self, point: StageSolution) -> Residuals:
+        """Return the residuals of a point, by the program that no solver can write to."""
+        _judge(self._address, point.address)
+        return self._residuals()
 
-        Without ``worth``, where no limit binds, the step is taken whole.
-        """
-        stages, settings, halvings = self._scene.motion.stages, self._scene.settings, 0
-        if worth is None:
-            moved = take_step(stages, point.stages, horizon.road, 1.0)
-            self._linearise(horizon)
-            return moved, None, 0
-        self._before[:] = stages
-        while True:
-            moved = take_step(stages, point.stages, horizon.road, 0.5**halvings)
-            self._linearise(horizon)
-            merit = self._merit(horizon)
-            if merit <= worth or moved < settings.sqp_tolerance or 0.5**halvings <= _SHORTEST_STEP:
-                return moved, merit, halvings
-            halvings += 1
-            stages[:] = self._before
+    def _residuals(self) -> Residuals:
+        return Residuals(*self._numbers[3:6].tolist())
 
-    def _violation(self) -> float:
-        return max([part.violation for part in self._parts])
+    def _window_of_points(self) -> StageSolution:
+        """Return the last solution along the road: the guess of the next."""
+        at, count = int(self._scene.record["at"][0]), self._scene.settings.stages + 1
+        return StageSolution(self._points.stages[at : at + count], self._points.row_points[at : at + count])
 
-    def _merit(self, horizon: Horizon) -> float:
-        return sum((part.price(horizon) for part in self._parts), defect_price(self._scene.qp.stages, self._weights))
+    def _result_of_ours(self) -> QpResult:
+        return QpResult(ENDINGS[self._counts[_ENDING]], self._window_of_points(), 0, 0.0, 0.0)
+
+    def _raise_from_python(self) -> None:
+        """Raise what a part in Python has raised while the core called it."""
+        for part in self._python:
+            raised, part.raised = part.raised, None
+            if raised is not None:
+                raise raised
+
+    def _footless(self, station: int) -> PlanError:
+        """Return the error of a stage with a point that has no foot."""
+        s, name = float(self._scene.stations.s[station]), self._scene.vehicle.name
+        msg = f"at s = {s:.1f} m a point of the {name} lies beyond the road's centre of curvature: the road bends too tightly for it"
+        return PlanError(msg, s_m=s, hint="smooth the road more (--smooth), or plan with a shorter vehicle")
+
+    def _unsolved(self, status: Status, reason: str, residuals: Residuals, station: int, *, first_plan: bool) -> SolverError:
+        """Return the error of a step without a motion that could be driven."""
+        s, why = float(self._scene.stations.s[station]), f" ({reason})" if reason else ""
+        what = "the first plan could not be solved" if first_plan else "no plan was solved since what the last one covered"
+        msg = f"at s = {s:.1f} m {what}: {self._judge.name} says {status}{why}, primal residual {residuals.primal:.2g}"
+        return SolverError(msg, status=str(status), s_m=s, hint="try another --solver")

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from hdvplan.jit import FloatArray
+from hdvplan.arrays import FloatArray
 
 
 class Pick(Protocol):

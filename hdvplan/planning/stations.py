@@ -12,8 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hdvplan import core
+from hdvplan.arrays import FloatArray, Records
 from hdvplan.centring.weights import Centring, CentringTable
-from hdvplan.jit import FloatArray, Records
 from hdvplan.planning.bias import NONE, Bias, shifted
 from hdvplan.planning.running import running
 from hdvplan.road.path import ReferencePath, evaluate_many
@@ -30,7 +31,8 @@ _STRETCH = 1.25  # a body point moves at most this much further than the lead ax
 
 # What planning knows of the road at one station: the road itself, and what the vehicle can meet anywhere along its length when its lead
 # axle is there.
-STATION = np.dtype(
+STATION = core.record(
+    "hdv_station",
     [
         ("s", float),  # [m]
         *((name, float) for name in ("x", "y", "cos", "sin", "curvature")),  # [m, 1/m]
@@ -41,7 +43,7 @@ STATION = np.dtype(
         ("k_high", float),
         ("varies", float),  # 1 where limits vary, 0 where they are constant
         ("margin", float),  # what a body may reach beyond the limits between stations when it keeps them at every station [m]
-    ]
+    ],
 )
 
 
@@ -94,9 +96,9 @@ def stations_of(road: Road, vehicle: Vehicle, table: CentringTable, *, step: flo
     s = step * np.arange(count, dtype=np.float64)
     points = np.zeros(count, STATION)
     points["s"] = s
-    for name, row in zip(("x", "y", "cos", "sin", "curvature"), evaluate_many(path.curve, s), strict=True):
+    for name, row in zip(("x", "y", "cos", "sin", "curvature"), evaluate_many(path, s), strict=True):
         points[name] = row
-    points["curvature_between"] = evaluate_many(path.curve, s + 0.5 * step)[4]
+    points["curvature_between"] = evaluate_many(path, s + 0.5 * step)[4]
     limits = limit_table(road, path, step)
     for name, row in zip(("room_left", "room_right", "k_low", "k_high", "varies"), _around(path, limits, s, vehicle), strict=True):
         points[name] = row
@@ -128,7 +130,7 @@ def _around(path: ReferencePath, limits: LimitTable, s: FloatArray, vehicle: Veh
     ``_STRAIGHT`` where the road is nearly straight: fewer stations then meet a narrow place.
     """
     grid = np.arange(path.s_first, path.s_last, LIMIT_SPACING_M)
-    k = evaluate_many(path.curve, grid)[4]
+    k = evaluate_many(path, grid)[4]
     nearest = np.clip(np.round((s - path.s_first) / LIMIT_SPACING_M).astype(int), 0, len(grid) - 1)
     values = limits.values[:, : len(grid)] if limits.values.size else np.tile([[np.inf], [-np.inf]] * 2, len(grid))
     bent, straight = (_beside(values, k, factor, vehicle)[:, nearest] for factor in (2.0, _STRAIGHT))

@@ -19,7 +19,7 @@ from hdvplan.proof.articulated import Pair, reachable_with_trailer
 from hdvplan.proof.coupling import coupling_of
 from hdvplan.proof.poses import fits, outline_of, seen_from
 from hdvplan.proof.reach import Grid, Reached, reachable
-from hdvplan.proof.space import Beside, Frame, beside, bins_for, frame_of
+from hdvplan.proof.space import Beside, Frame, beside, frame_of
 from hdvplan.road.road import Road
 from hdvplan.vehicle.body import axles_behind
 from hdvplan.vehicle.model import Unit, Vehicle
@@ -83,8 +83,7 @@ def _by_place(road: Road, vehicle: Vehicle, space: Beside, first: float, last: f
         if not len(stations):
             continue
         outline = outline_of(unit, two_regions=two_regions)
-        reach = outline.reach
-        bad = fits(outline, space, two_regions, frame_of(road.path, stations), reach, bins_for(reach))
+        bad = fits(outline, space, frame_of(road.path, stations), two_regions=two_regions)
         if bad >= 0:
             return Proof("place", float(stations[bad]), float(stations[bad]), number)
     return None
@@ -142,7 +141,6 @@ def followed(vehicle: Vehicle) -> tuple[Unit, ...]:
 def follower(road: Road, vehicle: Vehicle) -> Follow | None:
     """Return what follows the leading units along a stretch, None where none can be followed."""
     kappa = vehicle.max_curvature * (1.0 + _MORE_CURVATURE)
-    nothing = np.empty((0, 0), np.int64), np.empty((0, 0, 0, 2))
     two_regions = _two_regions(road)
     units = followed(vehicle)
     if not units:
@@ -151,19 +149,19 @@ def follower(road: Road, vehicle: Vehicle) -> Follow | None:
 
     def alone(space: Beside, resolution: Resolution, s_from: float, s_to: float) -> tuple[Frame, Reached]:
         step, cell = resolution
-        frame, reach = frame_of(road.path, np.arange(s_from, s_to, step)), lead.reach
-        return frame, reachable(lead, kappa, space, two_regions, frame, grid_of(frame, cell), reach, bins_for(reach), *nothing)
+        frame = frame_of(road.path, np.arange(s_from, s_to, step))
+        return frame, reachable(lead, kappa, space, frame, grid_of(frame, cell), two_regions=two_regions)
 
     if len(units) == 1:
         return Follow(alone, RIGID)
     behind = outline_of(units[1], two_regions=two_regions)
     behind = seen_from(behind, units[1].wheelbase)  # from the coupling
-    pair, reach = Pair(lead, behind, coupling_of(*units)), max(lead.reach, behind.reach + abs(units[0].hitch_offset))
+    pair = Pair(lead, behind, coupling_of(*units))
 
     def together(space: Beside, resolution: Resolution, s_from: float, s_to: float) -> tuple[Frame, Reached]:
         step, cell = resolution
         frame = frame_of(road.path, np.arange(s_from, s_to, step))
-        return frame, reachable_with_trailer(pair, kappa, space, two_regions, frame, grid_of(frame, cell), reach, bins_for(reach))
+        return frame, reachable_with_trailer(pair, kappa, space, frame, grid_of(frame, cell), two_regions=two_regions)
 
     return Follow(together, ARTICULATED)
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hdvplan.jit import FloatArray
+from hdvplan.arrays import FloatArray
 from hdvplan.vehicle.model import Unit
 
 SHARPEST = 1.5  # articulation angle: beyond 86 degrees no combination is said to drive forward [rad]

@@ -14,7 +14,6 @@ from collections.abc import Callable
 from functools import partial
 from queue import Empty, SimpleQueue
 from time import perf_counter
-from typing import NamedTuple
 
 import numpy as np
 
@@ -26,22 +25,15 @@ from hdvplan.qp.workspace import QpResult, QpWorkspace, Status, WorkspaceMaker
 
 USABLE_RESIDUAL = 1e-3  # a point whose primal residual exceeds this is refused, and not driven [m]
 WRONG = 1e-2  # residual of the Lagrangian beside the largest multiplier: honest solvers stay below 6e-4, other optima are at 1 and above
-_NONE = Residuals(np.nan, np.nan, np.nan)
 
-
-class Judgement(NamedTuple):
-    """A result, and how far it is from optimal; ``time`` is what telling that took [s]."""
-
-    result: QpResult
-    residuals: Residuals
-    time: float
+Judging = Callable[[StageSolution], Residuals]
 
 
 def backed(make: WorkspaceMaker, second: WorkspaceMaker, *, limit_s: float | None = None) -> WorkspaceMaker:
     """Return the maker of workspaces that have ``second`` solve what the first one fails at.
 
     ``limit_s`` bounds one solve [s]. It takes a thread, and is meant for solvers that are not known to end. One that has not answered is
-    never asked again: its thread cannot be stopped. Such a solver gets a copy of the program: what it writes there changes no judgement.
+    never asked again: its thread cannot be stopped.
     """
     return lambda shape: Judge(make(shape), second, limit_s)
 
@@ -54,41 +46,48 @@ class Judge:
         self._second: QpWorkspace | None = None
         self._hangs = ""
         self.name, self.starts_warm = first.name, first.starts_warm
+        self.core_solver: int = getattr(first, "core_solver", 0)  #: where the core's solver is, if that is the one
 
     def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
         """Solve ``qp``; see ``QpWorkspace``."""
-        return self.judged(qp, guess).result
+        return self.judged(qp, guess, partial(residuals, qp))
 
-    def judged(self, qp: StageQp, guess: StageSolution | None) -> Judgement:
-        """Solve ``qp`` and judge the result. Only the time of the solver that answers counts as solving.
+    def judged(self, qp: StageQp, guess: StageSolution | None, judge: Judging) -> QpResult:
+        """Solve ``qp``, and let another solver do it where ``judge`` refuses the point. Only the time of who answers counts as solving.
 
         Raises:
             Exception: without a second solver, whatever the first one raises.
 
         """
         if self._make is None:
-            return _judged(qp, self._first.solve(qp, guess))
+            result = self._first.solve(qp, guess)
+            judge(result.point)
+            return result
         began = perf_counter()
-        found, why = self._asked(qp, guess)
-        if found is not None and not why:
-            return found
+        found, why = self._asked(qp, guess, judge)
+        return found if found is not None and not why else self.instead(qp, why, judge, began)
+
+    def instead(self, qp: StageQp, why: str, judge: Judging, began: float) -> QpResult:
+        """Return the second solver's result for a program that the first one failed at since ``began`` [s], and say ``why``."""
+        if self._make is None:
+            msg = f"{self.name}: {why}"
+            raise SolverError(msg)
         second = self._second = self._make(qp.shape) if self._second is None else self._second
         lost = perf_counter() - began
-        rescued, again = _attempt(partial(second.solve, qp, None), qp)
+        rescued, again = _attempt(partial(second.solve, qp, None), judge)
         if rescued is None or again:
             point = StageSolution.empty(qp.shape)
             point.x[:] = np.nan
-            return Judgement(QpResult(Status.FAILED, point, 0, lost, 0.0, reason=f"{why}; {second.name}: {again}"), _NONE, 0.0)
-        result = rescued.result
-        result = result._replace(loading_time=result.loading_time + lost, instead=f"{why}; solved by {second.name}")
-        return rescued._replace(result=result)
+            judge(point)
+            return QpResult(Status.FAILED, point, 0, lost, 0.0, reason=f"{why}; {second.name}: {again}")
+        return rescued._replace(time_aside=rescued.time_aside + lost, instead=f"{why}; solved by {second.name}")
 
-    def _asked(self, qp: StageQp, guess: StageSolution | None) -> tuple[Judgement | None, str]:
+    def _asked(self, qp: StageQp, guess: StageSolution | None, judge: Judging) -> tuple[QpResult | None, str]:
         """Return the first solver's result, and why it is refused: nothing where it is not."""
         if self._hangs:
             return None, self._hangs
         solve = self._first.solve if self._limit is None else partial(self._in_time, self._limit)
-        return _attempt(partial(solve, qp, guess), qp)
+        return _attempt(partial(solve, qp, guess), judge)
 
     def _in_time(self, limit_s: float, qp: StageQp, guess: StageSolution | None) -> QpResult:
         """Have a separate thread solve a copy: one that is late must not see the next program's values.
@@ -118,27 +117,26 @@ class Judge:
         return found
 
 
-def _judged(qp: StageQp, result: QpResult) -> Judgement:
-    began = perf_counter()
-    found = residuals(qp, result.point)
-    return Judgement(result, found, perf_counter() - began)
-
-
-def _attempt(solve: Callable[[], QpResult], qp: StageQp) -> tuple[Judgement | None, str]:
-    """Return a solver's result, judged by ``qp``, and why it is refused."""
+def _attempt(solve: Callable[[], QpResult], judge: Judging) -> tuple[QpResult | None, str]:
+    """Return a solver's result, and why it is refused."""
     try:
-        found = _judged(qp, solve())
+        result = solve()
+        judged = judge(result.point)
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # noqa: BLE001 - compiled solvers panic with what is no Exception, others leave by sys.exit
         return None, str(error) if isinstance(error, HdvplanError) else said(error)
-    result, judged, _ = found
+    return result, refusal(result, judged)
+
+
+def refusal(result: QpResult, judged: Residuals) -> str:
+    """Return why a result is refused, nothing where it is not."""
     own = f": {result.reason}" if result.reason else ""
     if not judged.primal <= USABLE_RESIDUAL:  # NaN too
-        return found, f"it says {result.status}{own}, with a primal residual of {judged.primal:.2g}"
+        return f"it says {result.status}{own}, with a primal residual of {judged.primal:.2g}"
     if judged.dual > WRONG and judged.dual > WRONG * largest_multiplier(result.point):
-        return found, f"it says {result.status}{own}, far from the optimum: dual residual {judged.dual:.2g}"
-    return found, ""
+        return f"it says {result.status}{own}, far from the optimum: dual residual {judged.dual:.2g}"
+    return ""
 
 
 def largest_multiplier(point: StageSolution) -> float:

@@ -10,7 +10,7 @@ The program is::
 with penalty = linear sigma + 1/2 quadratic sigma^2 for each row: a large ``linear`` makes it an exact penalty, zero
 whenever the row can be kept.
 
-Kernels read and write records: one of ``stage_dtype`` for every stage 0..N, which has the dynamics and the input (A, B, c, R, r, bounds
+The core reads and writes records: one of ``stage_dtype`` for every stage 0..N, which has the dynamics and the input (A, B, c, R, r, bounds
 of u) and the cost and bounds of the state (Q, q, bounds of x), and one of ``row_dtype`` for each of its rows. The first
 state is given, so its rows and bounds are not used. All values are in one buffer; the named arrays are views into it, so that a
 solver can gather its own matrices from fixed places.
@@ -23,8 +23,13 @@ from functools import cached_property
 
 import numpy as np
 
+from hdvplan import core
+from hdvplan.arrays import BoolArray, FloatArray, IntArray, Records
 from hdvplan.errors import QpDataError
-from hdvplan.jit import BoolArray, FloatArray, IntArray, Records, compiled
+
+_check = core.function("hdv_check", core.POINTER, returns=core.INT)
+_NOT_FINITE, _CROSSED = core.number("HDV_NOT_FINITE"), core.number("HDV_CROSSED")
+MOST_STATES, MOST_INPUTS = core.number("HDV_MOST_STATES"), core.number("HDV_MOST_INPUTS")  # for which the core has room
 
 
 @dataclass(frozen=True)
@@ -40,24 +45,37 @@ class StageShape:
     q_pattern: BoolArray | None = None
     g_pattern: BoolArray | None = None  #: (states,)
 
+    @property
+    def sizes(self) -> IntArray:
+        """The core's record of it: stages, states, inputs, rows, bounded states."""
+        return np.array([self.stages, self.states, self.inputs, self.rows, len(self.bounded_states)], np.int64)
+
     def __post_init__(self) -> None:
         """Refuse sizes that make no program."""
         if min(self.stages, self.states, self.inputs) < 1 or self.rows < 0:
             msg = f"a stage QP needs at least one stage, state and input and no negative row count: {self}"
+            raise QpDataError(msg)
+        if self.states > MOST_STATES or self.inputs > MOST_INPUTS or not set(self.bounded_states) <= set(range(self.states)):
+            msg = f"a stage QP has at most {MOST_STATES} states and {MOST_INPUTS} inputs, and bounds none but its own states: {self}"
             raise QpDataError(msg)
 
 
 def stage_dtype(states: int, inputs: int, bounded: int) -> np.dtype[np.void]:
     """Return the record of one stage: all numbers of a program but its rows."""
     n, m, b = states, inputs, bounded
-    sizes = {"A": (n, n), "B": (n, m), "c": (n,), "Q": (n, n), "q": (n,), "R": (m, m), "r": (m,), "x_low": (b,), "x_high": (b,),
-             "u_low": (m,), "u_high": (m,)}  # fmt: skip
-    return np.dtype([*((name, float, size) for name, size in sizes.items()), ("live", float)])
+    sizes = {"A": (n, n), "B": (n, m), "c": (n,), "Q": (n, n), "q": (n,), "R": (m, m), "r": (m,), "u_low": (m,), "u_high": (m,), "live": (),
+             "x_low": (b,), "x_high": (b,)}  # fmt: skip
+    return np.dtype([(name, float, size) for name, size in sizes.items()])
 
 
 def row_dtype(states: int) -> np.dtype[np.void]:
     """Return the record of one row g'x - sigma <= h, with the price of sigma."""
     return np.dtype([("g", float, (states,)), ("h", float), ("linear", float), ("quadratic", float)])
+
+
+PROGRAM = core.record(
+    "hdv_program", [("shape", np.int64, (5,)), *((name, core.ADDRESS) for name in ("stages", "rows", "x_first", "bounded"))]
+)
 
 
 @dataclass(frozen=True)
@@ -94,6 +112,17 @@ class StageQp:
         qp = cls(shape, np.zeros(size))
         qp.stages["live"] = 1.0
         return qp
+
+    @cached_property
+    def record(self) -> Records:
+        """The core's record of it, which holds addresses of the arrays above."""
+        places = (core.address(array) for array in (self.stages, self.rows, self.x_first, self.bounded))
+        return np.array([(self.shape.sizes, *places)], PROGRAM)
+
+    @cached_property
+    def address(self) -> int:
+        """Where that record is."""
+        return core.address(self.record)
 
     @property
     def A(self) -> FloatArray:  # noqa: N802 - the field's name
@@ -177,13 +206,13 @@ class StageQp:
             QpDataError: with the name of the array at fault.
 
         """
-        finite, crossed = _check(self.buffer, self.stages)
-        if not finite:
+        faults = _check(self.address)
+        if faults & _NOT_FINITE:
             for name in NAMES:
                 if not np.isfinite(getattr(self, name)).all():
                     msg = f"the QP holds a value that is not finite in {name!r}"
                     raise QpDataError(msg)
-        if crossed:
+        if faults & _CROSSED:
             msg = "the QP holds a lower bound above its upper bound"
             raise QpDataError(msg)
 
@@ -192,35 +221,13 @@ class StageQp:
 NAMES = ("A", "B", "c", "x_first", "Q", "q", "R", "r", "G", "h", "linear", "quadratic", "x_low", "x_high", "u_low", "u_high")
 
 
-@compiled
-def _check(buffer: FloatArray, stages: Records) -> tuple[bool, bool]:
-    """Return whether all values are finite, which their sum then is, and whether any bounds cross."""
-    last, sums = stages.size - 1, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # eight sums: each addition waits for the one before
-    a, b, c, d, e, f, g, h = sums
-    whole = buffer.size - buffer.size % 8
-    for i in range(0, whole, 8):
-        a, b, c, d = a + buffer[i], b + buffer[i + 1], c + buffer[i + 2], d + buffer[i + 3]
-        e, f, g, h = e + buffer[i + 4], f + buffer[i + 5], g + buffer[i + 6], h + buffer[i + 7]
-    for i in range(whole, buffer.size):
-        a += buffer[i]
-    crossed = False
-    for i in range(last + 1):
-        stage = stages[i]
-        if i > 0:
-            for bound in range(stage.x_low.size):
-                crossed |= stage.x_low[bound] > stage.x_high[bound]
-        if i < last:
-            for j in range(stage.u_low.size):
-                crossed |= stage.u_low[j] > stage.u_high[j]
-    return abs(a + b + c + d + e + f + g + h) < np.inf, crossed
-
-
 def point_dtype(states: int, inputs: int, bounded: int) -> np.dtype[np.void]:
     """Return the record of one stage of a primal-dual point."""
     n, m, b = (states,), (inputs,), (bounded,)
     return np.dtype([("x", float, n), ("u", float, m), ("dynamics", float, n), ("x_bounds", float, b), ("u_bounds", float, m)])
 
 
+POINT = core.record("hdv_point", [("stages", core.ADDRESS), ("rows", core.ADDRESS)])
 ROW_POINT = np.dtype([("sigma", float), ("multiplier", float)])  # of one row of a primal-dual point
 
 
@@ -249,6 +256,16 @@ class StageSolution:
     def numbers(self) -> tuple[FloatArray, FloatArray]:
         """All numbers of the point, (N+1, numbers a stage), and of its rows."""
         return by_stage(self.stages), by_stage(self.row_points)
+
+    @cached_property
+    def record(self) -> Records:
+        """The core's record of it, which holds addresses of the arrays above."""
+        return np.array([(core.address(self.stages), core.address(self.row_points))], POINT)
+
+    @cached_property
+    def address(self) -> int:
+        """Where that record is."""
+        return core.address(self.record)
 
     def copy_from(self, other: StageSolution) -> None:
         """Take over another point of the same shape."""

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from enum import StrEnum
 from typing import NamedTuple, Protocol
 
+from hdvplan import core
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 
 
@@ -20,6 +21,10 @@ class Status(StrEnum):
     FAILED = "failed"
 
 
+_OURS = (Status.SOLVED, Status.ITERATION_LIMIT, Status.NUMERICAL, Status.INACCURATE)
+ENDINGS = {core.number(f"HDV_{status.name}"): status for status in _OURS}  # as the core's solver says it
+
+
 class QpResult(NamedTuple):
     """The outcome of one solve. ``point`` is the workspace's own memory: valid until its next solve."""
 
@@ -28,7 +33,7 @@ class QpResult(NamedTuple):
     iterations: int
     update_time: float  #: time to hand over the values [s]
     solve_time: float  #: time of the solver's call and of reading the result [s]
-    loading_time: float = 0.0  #: time to compile or load code, once in a process; not part of a planning step [s]
+    time_aside: float = 0.0  #: time that is no part of a planning step: a reference's solve, another solver's failed attempt [s]
     leaves_guess: bool = True  #: False: no inequality has a multiplier, and the point is no help for the next solve
     reason: str = ""  #: the solver's reason for a failure
     instead: str = ""  #: why another solver than the requested one answered

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from PIL import Image, ImageDraw
 
-from hdvplan.jit import FloatArray
+from hdvplan.arrays import FloatArray
 from hdvplan.judging.bodies import corners
 from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import verdict_of, verdict_title

@@ -7,7 +7,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import SubFigure
 
-from hdvplan.jit import FloatArray
+from hdvplan.arrays import FloatArray
 from hdvplan.judging.result import Result
 from hdvplan.report.furniture import draw_direction, finish_map
 from hdvplan.report.maps import draw_bodies, draw_map, draw_overview, draw_room, draw_tracks, frame, reach_within, stations

@@ -15,7 +15,7 @@ from ezdxf.enums import TextEntityAlignment
 from ezdxf.filemanagement import new
 
 from hdvplan import __version__
-from hdvplan.jit import FloatArray
+from hdvplan.arrays import FloatArray
 from hdvplan.judging.result import Result
 from hdvplan.judging.wheels import TRACK_NOTE
 from hdvplan.report.geopackage import polygons_of

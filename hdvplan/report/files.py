@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from hdvplan.arrays import FloatArray
 from hdvplan.fileio import Column, Together, json_bytes, table_bytes
-from hdvplan.jit import FloatArray
 from hdvplan.judging.result import Result
 from hdvplan.record import NAME, record_of
 from hdvplan.report.geojson import swept_geojson

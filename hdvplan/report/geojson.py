@@ -10,7 +10,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
-from hdvplan.jit import FloatArray
+from hdvplan.arrays import FloatArray
 from hdvplan.judging.balance import Breach
 from hdvplan.judging.result import Result, body_name
 from hdvplan.judging.wheels import wheel_tracks

@@ -14,9 +14,9 @@ import numpy as np
 from jinja2 import Environment, TemplateError
 
 from hdvplan import __version__
+from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError
 from hdvplan.fileio import write_atomically
-from hdvplan.jit import FloatArray
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.report.payload import label_of, payload_of, tight_places
 from hdvplan.report.planfiles import PlanFiles, read_plan

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from hdvplan.jit import BoolArray, FloatArray
+from hdvplan.arrays import BoolArray, FloatArray
 from hdvplan.judging.balance import Breach, edges_of, judged_table
 from hdvplan.judging.bodies import corners, pose_at
 from hdvplan.judging.result import Result, body_name, breach_text, entered_text

@@ -12,7 +12,7 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 from shapely.geometry.base import BaseGeometry
 
-from hdvplan.jit import BoolArray, FloatArray, IntArray
+from hdvplan.arrays import BoolArray, FloatArray, IntArray
 from hdvplan.judging.balance import KEPT_M, Breach, judged_table
 from hdvplan.judging.bodies import corners, pose_at
 from hdvplan.judging.result import Result, body_name

@@ -10,7 +10,7 @@ from rich.table import Table
 from shapely.geometry.base import BaseGeometry
 
 from hdvplan import __version__
-from hdvplan.jit import FloatArray
+from hdvplan.arrays import FloatArray
 from hdvplan.judging.result import body_name
 from hdvplan.judging.verdict import place_text, proof_text
 from hdvplan.need.answer import Need, Place

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
+from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError
-from hdvplan.jit import FloatArray
 from hdvplan.judging.result import Result
 from hdvplan.report.paper import SCALES
 from hdvplan.report.windows import tightest_windows

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hdvplan.jit import FloatArray
+from hdvplan.arrays import FloatArray
 from hdvplan.report.planfiles import PlanFiles
 from hdvplan.report.windows import peaks
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure, SubFigure
 from matplotlib.legend import Legend
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
-from hdvplan.jit import BoolArray, FloatArray
+from hdvplan.arrays import BoolArray, FloatArray
 from hdvplan.judging.balance import edges_of
 from hdvplan.judging.result import Result, body_name
 from hdvplan.judging.verdict import verdict_of, verdict_title

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hdvplan.jit import FloatArray
+from hdvplan.arrays import FloatArray
 from hdvplan.proof.reach import Reached
 from hdvplan.report.colours import BODY_COLOURS, BREACH
 from hdvplan.report.style import styled

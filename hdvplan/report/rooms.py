@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from hdvplan.jit import FloatArray
+from hdvplan.arrays import FloatArray
 from hdvplan.judging.balance import KEPT_M, Breach, edges_of, judged_table
 from hdvplan.judging.bodies import corners
 from hdvplan.judging.obstacles import Approach

@@ -10,7 +10,7 @@ import shapely
 from matplotlib.axes import Axes
 from matplotlib.patches import PathPatch, Rectangle
 
-from hdvplan.jit import FloatArray, IntArray
+from hdvplan.arrays import FloatArray, IntArray
 from hdvplan.judging.bodies import corners, pose_at
 from hdvplan.judging.result import Result, body_name
 from hdvplan.report.colours import BREACH, INK, MUTED

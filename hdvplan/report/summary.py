@@ -7,7 +7,7 @@ from dataclasses import asdict
 import numpy as np
 
 from hdvplan import __version__
-from hdvplan.jit import FloatArray
+from hdvplan.arrays import FloatArray
 from hdvplan.judging.balance import Breach
 from hdvplan.judging.fit import finding_json
 from hdvplan.judging.manners import Use, manners_of

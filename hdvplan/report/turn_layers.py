@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shapely
 
-from hdvplan.jit import FloatArray
+from hdvplan.arrays import FloatArray
 from hdvplan.judging.result import body_name
 from hdvplan.report.dxf import drawing_bytes, how_to_read
 from hdvplan.report.layers import SIMPLER_M, Drawn, Layer, Value

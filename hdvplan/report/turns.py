@@ -14,8 +14,8 @@ from shapely.geometry import mapping
 from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
+from hdvplan.arrays import FloatArray
 from hdvplan.fileio import Together, csv_bytes, json_bytes
-from hdvplan.jit import FloatArray
 from hdvplan.judging.result import body_name
 from hdvplan.report.colours import INK, MUTED
 from hdvplan.report.files import PICTURES

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 
-from hdvplan.jit import FloatArray
+from hdvplan.arrays import FloatArray
 from hdvplan.judging.bodies import corners, pose_at
 from hdvplan.report.furniture import draw_direction, finish_map
 from hdvplan.report.geojson import swept_area

@@ -9,13 +9,11 @@ from time import process_time
 import numpy as np
 import pandas as pd
 
-from hdvplan.api import prepare
+from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.centring.stationary import stationary
 from hdvplan.centring.weights import CentringTable
-from hdvplan.jit import FloatArray
 from hdvplan.planning.objectives import Goal, Objective, axle_max
-from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.reach import Reach
 from hdvplan.reproduce import published
@@ -104,7 +102,6 @@ def plan_whole(vehicle: Vehicle, objective: str, step: float) -> tuple[Swept, fl
     """Return the whole U-turn planned in one horizon, and the time that planning took at its fastest [s]."""
     road = uturn_articulated()
     case = Case(road, vehicle, objective, settings=whole_manoeuvre(road, step))
-    prepare(replace(case, settings=PlannerSettings(scheme=case.settings.scheme)))  # a short horizon warms up as well
     runs = [swept(case) for _ in range(_FINEST_ROUNDS)]
     return runs[0], min(run.drive.plans[0].times.total for run in runs)
 

@@ -10,6 +10,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from hdvplan.case import Case
+from hdvplan.judging.bodies import placed
 from hdvplan.report.turn_plots import compared_figure
 from hdvplan.reproduce.study import Progress, Row, Study
 from hdvplan.reproduce.swept import road_of, swept
@@ -17,7 +18,6 @@ from hdvplan.road.scenarios import uturn_profile
 from hdvplan.turning.follow import Followed, follow, tightest
 from hdvplan.turning.manoeuvre import GuidePoint, Manoeuvre, guide_offsets
 from hdvplan.turning.swept import band_of, chart_of, front_track
-from hdvplan.vehicle.kinematics import POSE, place
 from hdvplan.vehicle.load import load_vehicle
 
 _TURNS = (("SU-30", 90.0), ("CITY-BUS", 90.0), ("A-BUS", 90.0), ("WB-40", 90.0), ("WB-62", 90.0), ("WB-62", 180.0))
@@ -82,11 +82,7 @@ def turn_of(name: str, angle: float) -> tuple[Case, Followed]:
 def planned_along(case: Case, line: Followed) -> Followed:
     """Return a case's drive as if it were a driven manoeuvre along ``line``: measured and drawn is where its bodies were."""
     drive = swept(case).drive
-    units, path, count = drive.vehicle.table(), drive.stations.path, len(drive.vehicle.units)
-    poses = np.empty((len(drive.poses_s), count), POSE)
-    points = path.at(drive.poses_s)
-    for pose, z, x, y, psi in zip(poses, drive.poses_z, points.x, points.y, points.heading, strict=True):
-        place(units, x, y, np.cos(psi), np.sin(psi), z, pose)
+    poses = placed(drive, np.arange(len(drive.poses_s)))
     headings = np.unwrap(np.arctan2(poses["sin"], poses["cos"]), axis=0)
     axles = np.stack([poses["x"], poses["y"]], axis=-1)
     s = drive.poses_s + drive.vehicle.lead.wheelbase

@@ -14,7 +14,7 @@ from importlib import resources
 
 import numpy as np
 
-from hdvplan.jit import FloatArray
+from hdvplan.arrays import FloatArray
 
 
 @dataclass(frozen=True)

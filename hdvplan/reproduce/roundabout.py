@@ -8,8 +8,8 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
+from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
-from hdvplan.jit import FloatArray
 from hdvplan.planning.discretisation import Discretisation
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.reproduce import published

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hdvplan.api import drive_case
+from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.centring.weights import Centring, CentringTable
 from hdvplan.driving.drive import Drive
-from hdvplan.jit import FloatArray
 from hdvplan.judging.envelope import Envelope, envelope_of
 from hdvplan.planning.objectives import Objective
 from hdvplan.planning.settings import PlannerSettings, Scheme

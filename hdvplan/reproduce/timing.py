@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 import pandas as pd
 
-from hdvplan.api import drive_case, prepare
+from hdvplan.api import drive_case
 from hdvplan.case import Case
 from hdvplan.centring.weights import CentringTable
 from hdvplan.machine import machine_facts
@@ -82,7 +82,6 @@ def timed_steps(case: Case) -> pd.DataFrame:
 
     The drive is repeated and every step counts with its fastest round: what planning takes, not what else the machine does.
     """
-    prepare(case)
     rounds = [drive_case(case).plans[1:] for _ in range(_ROUNDS)]
     times = np.min([[plan.times.total for plan in plans] for plans in rounds], axis=0)
     s = [case.settings.step * plan.first for plan in rounds[0]]

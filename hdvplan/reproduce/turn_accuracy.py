@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from hdvplan.jit import FloatArray
+from hdvplan.arrays import FloatArray
 from hdvplan.reproduce.figures import accuracy_figure
 from hdvplan.reproduce.published import AUTOTURN_MM
 from hdvplan.reproduce.study import Progress, Row, Study

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import shapely
 
+from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
-from hdvplan.jit import FloatArray
 from hdvplan.road.beside import Beside
 from hdvplan.road.crs import LONLAT, check_lonlat, is_geographic, looks_like_degrees, to_plane
 from hdvplan.road.features import LINES, Choice, Feature, Json, coordinates_of, flat, is_finite, parts_of, role_of

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import shapely
 
+from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
-from hdvplan.jit import FloatArray
 from hdvplan.road.crs import Plane
 from hdvplan.road.features import LINES, Choice, Feature, Json, Role, coordinates_of, flat, parts_of, role_of
 from hdvplan.road.regions import Kind, Region, Side

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import BPoly
 
-from hdvplan.jit import BoolArray, FloatArray
+from hdvplan.arrays import BoolArray, FloatArray
 
 _GAP_M = 2e-3  # within which two points are one place
 _KINK = 4e-3  # [rad]

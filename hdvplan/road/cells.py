@@ -14,7 +14,7 @@ import scipy  # its subpackages load when they are first used
 import shapely
 from numpy.typing import NDArray
 
-from hdvplan.jit import BoolArray, FloatArray, IntArray
+from hdvplan.arrays import BoolArray, FloatArray, IntArray
 from hdvplan.road.regions import OPEN_M, OPEN_SPACING_M, Kind, Region
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
-from hdvplan.jit import FloatArray
 
 if TYPE_CHECKING:  # many roads are in metres, and need no PROJ
     from pyproj import CRS, Transformer

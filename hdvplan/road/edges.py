@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
-from hdvplan.jit import BoolArray, FloatArray
+from hdvplan.arrays import BoolArray, FloatArray
 from hdvplan.road.path import ReferencePath
 from hdvplan.road.regions import OPEN_M
 

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError, RoadError
-from hdvplan.jit import FloatArray
 from hdvplan.road.columns import folded
 
 Json = dict[str, Any]

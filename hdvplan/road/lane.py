@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
-from hdvplan.jit import FloatArray
 from hdvplan.road.path import ReferencePath, from_samples
 from hdvplan.road.road import Limits, Road
 

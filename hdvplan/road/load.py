@@ -6,27 +6,27 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError, RoadError
-from hdvplan.jit import FloatArray
+from hdvplan.road.edges import edge_reaches, side_reaches
 from hdvplan.road.features import OPTIONS, Choice, refuse_unheeded, roles_of
 from hdvplan.road.library import NOTICE, example_file, example_names, road_file, road_names
 from hdvplan.road.load_csv import has_wkt, read_csv
 from hdvplan.road.load_geojson import json_object, read_geojson
 from hdvplan.road.load_overpass import read_overpass
 from hdvplan.road.load_vector import read_vector
+from hdvplan.road.path import from_curvature
 from hdvplan.road.raw import RawRoad
+from hdvplan.road.regions import TABLE_M
+from hdvplan.road.road import Limits, Road, Smoothing
 from hdvplan.road.scenarios import SCENARIOS
 from hdvplan.road.steps import refuse_far, refuse_outliers, refuse_sparse
 from hdvplan.road.texts import refuse_unreadable, text_of
 from hdvplan.spelling import did_you_mean
 from hdvplan.texts import printable
-
-if TYPE_CHECKING:  # a file is read, and refused, without the kernels that smooth it
-    from hdvplan.road.road import Limits, Road
 
 LONG_M = 50e3  # from this length on a line is smoothed in windows, and planned in stretches
 REFERENCE_SLACK = 1.25  # a balanced lead axle turns wider than the road's centre, which may thus be tighter than its limit
@@ -227,11 +227,8 @@ def smoothed(line: Line) -> tuple[Road, FloatArray]:
         RoadError: the line cannot be smoothed within its options, or has widths and edges.
 
     """
-    from hdvplan.road.edges import edge_reaches, side_reaches  # noqa: PLC0415 - see above
-    from hdvplan.road.path import from_curvature  # noqa: PLC0415 - see above
-    from hdvplan.road.road import Road, Smoothing  # noqa: PLC0415 - see above
-    from hdvplan.road.smooth import smooth_line, smoothing_of  # noqa: PLC0415 - see above
-    from hdvplan.road.through import MAX_LENGTH_M, MIN_LENGTH_M, path_through  # noqa: PLC0415 - see above
+    from hdvplan.road.smooth import smooth_line, smoothing_of  # noqa: PLC0415 - a file is refused without loading SciPy
+    from hdvplan.road.through import MAX_LENGTH_M, MIN_LENGTH_M, path_through  # noqa: PLC0415 - as above
 
     name, raw, options = line.name, line.raw, line.options
     if raw.is_profile:
@@ -280,9 +277,6 @@ def _limits(s: FloatArray, reaches: FloatArray | None) -> Limits | None:
     Next to a jump, or a change steeper than 45 degrees, the narrower value holds ``TABLE_M`` further: tables of the limits
     are linear between their entries.
     """
-    from hdvplan.road.regions import TABLE_M  # noqa: PLC0415 - see above
-    from hdvplan.road.road import Limits  # noqa: PLC0415 - see above
-
     if reaches is None:
         return None
     first = np.append(True, np.diff(s) > 0.0)

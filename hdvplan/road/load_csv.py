@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
+from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
-from hdvplan.jit import FloatArray
 from hdvplan.road.columns import LAYOUTS, Columns, columns_of, folded, has_geometry, is_header, unread_note
 from hdvplan.road.crs import LONLAT, check_lonlat, is_geographic, looks_like_degrees, to_plane
 from hdvplan.road.raw import RawRoad

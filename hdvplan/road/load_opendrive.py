@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
+from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
-from hdvplan.jit import FloatArray
 from hdvplan.road.blend import rounded, wrapped
 from hdvplan.road.crs import placed
 from hdvplan.road.opendrive import DRIVEN, LONGEST_M, SAME_M, OdrRoad, Section, read_roads

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 import scipy  # its subpackages load when they are first used
 
-from hdvplan.jit import FloatArray, IntArray
+from hdvplan.arrays import FloatArray, IntArray
 from hdvplan.road.cells import Cells, Stay, cells_of, open_band, stays_of, widened
 from hdvplan.road.path import ReferencePath
 from hdvplan.road.regions import TABLE_M, Kind, Region, Side

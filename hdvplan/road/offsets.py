@@ -21,7 +21,7 @@ import clarabel
 import numpy as np
 import scipy.sparse as sp
 
-from hdvplan.jit import FloatArray, IntArray
+from hdvplan.arrays import FloatArray, IntArray
 
 _SLACK_PRICE = 10.0  # of a metre beyond the allowed deviation: dearer than any change of curvature that it could save
 

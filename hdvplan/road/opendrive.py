@@ -13,8 +13,8 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
+from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
-from hdvplan.jit import FloatArray
 
 DRIVEN = {"driving", "bidirectional", "entry", "exit", "onRamp", "offRamp", "connectingRamp", "slipLane", "bus", "taxi", "HOV"}
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)  # exact to rounding over several radians

@@ -7,29 +7,26 @@ counter-clockwise from x; lateral offset positive to the left.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
+from hdvplan import core
+from hdvplan.arrays import FloatArray, Records
 from hdvplan.errors import ProjectionError, RoadError
-from hdvplan.jit import FloatArray, compiled, inlined
 
 KNOT_SPACING_M = 0.5  # the quintic's position error is below 1e-9 m at a curvature of 0.2 1/m
-_BEYOND = 0.05  # 1 - curvature * offset below which Newton steps would overshoot
-_LOCAL_M = 15.0  # a foot further from where the search began is another part of the road
 LAST_STEP_M = 2e-5  # a Newton step this small leaves errors of its square
-PLANNING_STEP_M = 1e-3  # the same for linearisation: the offset is then good to 1e-10 m, the foot to 1e-7 m
 _BLEND_M = 10.0  # an open road's curvature fades to zero over this length beyond its ends [m]
 
 
-class Curve(NamedTuple):
-    """A path as kernels take it; see ``ReferencePath``."""
+# A path as the core takes it; ``coefficients`` is where they begin in memory.
+CURVE = core.record("hdv_curve", [("coefficients", core.ADDRESS), ("segments", np.int64), ("s_first", float), ("spacing", float)])
 
-    coefficients: FloatArray  # (segments, 12)
-    s_first: float  # [m]
-    spacing: float  # [m]
+_evaluate_many = core.function("hdv_evaluate_many", core.POINTER, core.INT, core.POINTER, core.POINTER)
+_project_many = core.function("hdv_project_many", core.POINTER, core.INT, *[core.POINTER] * 3, core.REAL, core.POINTER)
 
 
 @dataclass(frozen=True)
@@ -58,9 +55,18 @@ class ReferencePath:
     closed: bool
 
     @cached_property
-    def curve(self) -> Curve:
-        """The path as kernels take it."""
-        return Curve(self.coefficients, self.s_first, self.spacing)
+    def record(self) -> Records:
+        """The path as the core takes it, one record of ``CURVE``. Its address is good as long as the path is."""
+        coefficients = core.address(self.coefficients)
+        return np.array([(coefficients, len(self.coefficients), self.s_first, self.spacing)], CURVE)
+
+    def __post_init__(self) -> None:
+        """Lay the coefficients out as the core reads them."""
+        object.__setattr__(self, "coefficients", np.ascontiguousarray(self.coefficients, dtype=float))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out the record: addresses mean nothing in a copy, or in another process."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @property
     def s_last(self) -> float:
@@ -80,7 +86,7 @@ class ReferencePath:
             at = float(s[outside].flat[0])
             msg = f"s = {at:.2f} m lies outside the path, which reaches from {self.s_first:.2f} to {self.s_last:.2f} m"
             raise RoadError(msg, s_m=at)
-        table = evaluate_many(self.curve, s.ravel())
+        table = evaluate_many(self, s.ravel())
         shaped = table.reshape(5, *s.shape)
         return PathPoint(shaped[0], shaped[1], np.arctan2(shaped[3], shaped[2]), shaped[4])
 
@@ -94,7 +100,7 @@ class ReferencePath:
 
         """
         x, y, near = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float), np.asarray(near, float))
-        s, offset = project_many(self.curve, x.ravel(), y.ravel(), near.ravel())
+        s, offset = project_many(self, x.ravel(), y.ravel(), near.ravel())[:2]
         if not np.all(np.isfinite(offset)):
             at = int(np.argmin(np.isfinite(offset)))
             start = float(np.clip(near.ravel()[at], self.s_first, self.s_last))
@@ -220,69 +226,20 @@ def _fade(path: ReferencePath, end: float, distance: float) -> FloatArray:
     return from_samples(x[order], y[order], heading[order], piece.curvature[order], path.spacing).coefficients
 
 
-@inlined
-def evaluate(curve: Curve, s: float) -> tuple[float, float, float, float, float]:
-    """Return x, y, cos(psi), sin(psi), curvature at arclength ``s``; beyond the table its last segment goes on."""
-    coefficients = curve.coefficients
-    index = int((s - curve.s_first) / curve.spacing)
-    index = min(max(index, 0), coefficients.shape[0] - 1)
-    u = s - curve.s_first - index * curve.spacing
-    c0, c1, c2 = coefficients[index, 0], coefficients[index, 1], coefficients[index, 2]
-    c3, c4, c5 = coefficients[index, 3], coefficients[index, 4], coefficients[index, 5]
-    c6, c7, c8 = coefficients[index, 6], coefficients[index, 7], coefficients[index, 8]
-    c9, c10, c11 = coefficients[index, 9], coefficients[index, 10], coefficients[index, 11]
-    x = c0 + u * (c1 + u * (c2 + u * (c3 + u * (c4 + u * c5))))
-    y = c6 + u * (c7 + u * (c8 + u * (c9 + u * (c10 + u * c11))))
-    dx = c1 + u * (2.0 * c2 + u * (3.0 * c3 + u * (4.0 * c4 + u * 5.0 * c5)))
-    dy = c7 + u * (2.0 * c8 + u * (3.0 * c9 + u * (4.0 * c10 + u * 5.0 * c11)))
-    ddx = 2.0 * c2 + u * (6.0 * c3 + u * (12.0 * c4 + u * 20.0 * c5))
-    ddy = 2.0 * c8 + u * (6.0 * c9 + u * (12.0 * c10 + u * 20.0 * c11))
-    # Knots are equal arclengths apart, so |gamma'| is 1 to some 1e-5: two terms of 1/sqrt(1 + over) are exact to 1e-13.
-    over = dx * dx + dy * dy - 1.0
-    unit = 1.0 - over * (0.5 - 0.375 * over)
-    return x, y, unit * dx, unit * dy, unit * unit * unit * (dx * ddy - dy * ddx)
+def evaluate_many(path: ReferencePath, s: FloatArray) -> FloatArray:
+    """Return rows x, y, cos(psi), sin(psi), curvature at arclengths ``s`` (n,), shape (5, n); beyond the table its end segments go on."""
+    s = np.ascontiguousarray(s, dtype=float)
+    points = np.empty((s.size, 5))
+    _evaluate_many(core.address(path.record), s.size, core.address(s), core.address(points))
+    return points.T
 
 
-@compiled
-def project(curve: Curve, x: float, y: float, near: float, last_step: float = LAST_STEP_M) -> tuple[float, float, float, float, float]:
-    """Return foot arclength, offset, cos(psi), sin(psi), curvature at the foot of (x, y); offset NaN without a foot.
+def project_many(path: ReferencePath, x: FloatArray, y: FloatArray, near: FloatArray, last_step: float = LAST_STEP_M) -> FloatArray:
+    """Return rows s, offset, cos(psi), sin(psi), curvature at the feet of points (n,), shape (5, n); the offset is NaN without a foot.
 
-    Newton on the tangential distance, whose derivative along s is -(1 - curvature * offset). The last step is not looked
-    up again: its effect on offset and heading is added to second and first order, exact to 1e-12 m for the usual ``last_step``.
+    Each is searched from its arclength ``near`` (n,), until a Newton step is shorter than ``last_step`` [m].
     """
-    s, s_last = near, curve.s_first + curve.spacing * curve.coefficients.shape[0]
-    for _ in range(30):
-        px, py, cos, sin, curvature = evaluate(curve, s)
-        ahead = (x - px) * cos + (y - py) * sin
-        offset = (y - py) * cos - (x - px) * sin
-        slope = 1.0 - curvature * offset
-        if slope < _BEYOND:  # at or beyond the centre of curvature: creep along the tangent instead
-            slope = 1.0
-        step = min(max(ahead / slope, -5.0), 5.0)
-        s += step
-        if abs(s - near) > _LOCAL_M or not curve.s_first - 1e-9 <= s <= s_last + 1e-9:
-            break
-        if abs(step) < last_step:
-            if 1.0 - curvature * offset <= 0.0:
-                break
-            turn = curvature * step
-            return s, offset - 0.5 * ahead * turn, cos - sin * turn, sin + cos * turn, curvature
-    return s, np.nan, 1.0, 0.0, 0.0
-
-
-@compiled
-def evaluate_many(curve: Curve, s: FloatArray) -> FloatArray:
-    """Return rows x, y, cos(psi), sin(psi), curvature at arclengths ``s``; shape (5, len(s))."""
-    out = np.empty((5, s.size))
-    for i in range(s.size):
-        out[0, i], out[1, i], out[2, i], out[3, i], out[4, i] = evaluate(curve, s[i])
-    return out
-
-
-@compiled
-def project_many(curve: Curve, x: FloatArray, y: FloatArray, near: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return foot arclengths and offsets of points; offset NaN where there is no foot."""
-    s, offset = np.empty(x.size), np.empty(x.size)
-    for i in range(x.size):
-        s[i], offset[i], _, _, _ = project(curve, x[i], y[i], near[i])
-    return s, offset
+    x, y, near = (np.ascontiguousarray(values, dtype=float) for values in (x, y, near))
+    feet = np.empty((x.size, 5))
+    _project_many(core.address(path.record), x.size, *map(core.address, (x, y, near)), last_step, core.address(feet))
+    return feet.T

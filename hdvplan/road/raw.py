@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from hdvplan.jit import FloatArray
+from hdvplan.arrays import FloatArray
 
 if TYPE_CHECKING:  # a file is read, and refused, before anything is made of it
     from hdvplan.road.crs import ToLonLat

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 
-from hdvplan.jit import FloatArray
-
-if TYPE_CHECKING:  # files that name regions are read without kernels
-    from hdvplan.road.path import ReferencePath
+from hdvplan.arrays import FloatArray
+from hdvplan.road.path import ReferencePath
 
 OPEN_M = 20.0  # room to either side of a road that has obstacles but no widths; polygons further away do not count
 TABLE_M = 0.25  # limits are used in tables of at most this spacing, linear between their entries

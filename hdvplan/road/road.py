@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
+from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError, RoadError
-from hdvplan.jit import FloatArray
 from hdvplan.road.obstructed import Obstructed, obstructed
 from hdvplan.road.path import ReferencePath
 from hdvplan.road.regions import OPEN_M, Kind, Region, Side

@@ -9,15 +9,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError
-from hdvplan.jit import FloatArray
-
-if TYPE_CHECKING:  # profiles are made, and listed, without the kernels of a path
-    from hdvplan.road.road import Road
+from hdvplan.road.path import from_curvature
+from hdvplan.road.road import Road
 
 Profile = tuple[FloatArray, FloatArray]
 
@@ -95,9 +93,6 @@ class Scenario:
 
     def __call__(self) -> Road:
         """Return the road."""
-        from hdvplan.road.path import from_curvature  # noqa: PLC0415 - see above
-        from hdvplan.road.road import Road  # noqa: PLC0415 - see above
-
         road = Road(self.name, from_curvature(*self.profile))
         return road if self.half_width is None else road.with_limits(self.half_width, self.half_width)
 

@@ -16,8 +16,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
+from hdvplan.arrays import FloatArray, IntArray
 from hdvplan.errors import ProjectionError, RoadError
-from hdvplan.jit import FloatArray, IntArray
 from hdvplan.road.offsets import Stations, solve_offsets
 from hdvplan.road.path import KNOT_SPACING_M, ReferencePath, from_samples
 from hdvplan.road.road import Smoothing

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
-from hdvplan.jit import FloatArray
 
 _RATIO = 1000.0  # of a step to the median of those around it
 _SHORTEST_M = 1000.0  # a long straight may well have one step of hundreds of metres between dense bends

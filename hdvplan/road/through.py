@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
+from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
-from hdvplan.jit import FloatArray
 from hdvplan.road.path import ReferencePath, from_samples
 
 MIN_LENGTH_M = 5.0

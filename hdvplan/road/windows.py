@@ -14,8 +14,8 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
+from hdvplan.arrays import BoolArray, FloatArray
 from hdvplan.errors import RoadError
-from hdvplan.jit import BoolArray, FloatArray
 from hdvplan.road.lane import offset_road, reversed_road
 from hdvplan.road.load import Line, smoothed
 from hdvplan.road.path import KNOT_SPACING_M, ReferencePath, from_samples

@@ -11,10 +11,10 @@ from time import perf_counter
 import daqp
 import numpy as np
 
-from hdvplan.jit import FloatArray
+from hdvplan.arrays import FloatArray
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 from hdvplan.qp.workspace import QpResult, Status
-from hdvplan.solvers.recursion import adjoint
+from hdvplan.solvers.riccati import adjoint
 
 TOLERANCE = 1e-9  # of broken inequalities and of multipliers' signs
 _STATUS = {
@@ -100,4 +100,4 @@ class DaqpWorkspace:
         point.rows[:] = rows.reshape(point.rows.shape)
         broken = np.einsum("ijk,ik->ij", qp.G, point.x[1:]) - qp.h
         point.sigma[:] = np.maximum(broken, 0.0)
-        adjoint(qp.stages, qp.rows, qp.bounded, point.stages, point.row_points)
+        adjoint(qp, point)

@@ -45,7 +45,7 @@ class _HardFirst:
             iterations=first.iterations + second.iterations,
             update_time=first.update_time + second.update_time,
             solve_time=first.solve_time + second.solve_time,
-            loading_time=first.loading_time + second.loading_time,
+            time_aside=first.time_aside + second.time_aside,
         )
 
     def _with_columns(self) -> QpWorkspace:

@@ -33,8 +33,7 @@ class ForeignWorkspace:
             _refuse(f"solver {name!r} is no QpWorkspace: {said(error)}", error)
         except Exception as error:  # noqa: BLE001 - an author's constructor may raise anything
             _refuse(f"solver {name!r} cannot be made: {said(error)}", error)
-        like = StageSolution.empty(shape)
-        self._shapes = tuple((part.shape, part.dtype) for part in (like.stages, like.row_points))
+        self._layout = _layout(StageSolution.empty(shape))
 
     def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
         """Solve ``qp``; see ``QpWorkspace``.
@@ -54,11 +53,15 @@ class ForeignWorkspace:
             msg = f"solver {self.name!r} returns something of type {type(result).__name__}, not a QpResult"
             raise SolverError(msg, status="raised")
         point: object = result.point
-        parts = (point.stages, point.row_points) if isinstance(point, StageSolution) else ()
-        if self._shapes != tuple((part.shape, part.dtype) for part in parts):
+        if not isinstance(point, StageSolution) or _layout(point) != self._layout:
             msg = f"solver {self.name!r} returns a point of another shape"
             raise SolverError(msg, status="raised")
         return result
+
+
+def _layout(point: StageSolution) -> list[object]:
+    """Return all that the core must know of a point's arrays."""
+    return [(part.shape, part.dtype, part.flags.c_contiguous) for part in (point.stages, point.row_points)]
 
 
 def _refuse(message: str, error: Exception | None = None) -> NoReturn:

@@ -1,9 +1,8 @@
 """HPIPM: the interior-point method for optimal control of acados, by its C interface in CasADi's wheel; native workspace.
 
-A program is copied into memory of the workspace, which HPIPM reads in one call through pointers that are made once. One compiled kernel
-lays out the rows, another one brings the solution back. The given first state is eliminated. Rows are HPIPM's own soft constraints,
-behind the bounds of u and x; their lower sides, which we do not have, are masked. HPIPM condenses blocks of stages before it solves, and
-expands the solution.
+A program is copied into memory of the workspace, which HPIPM reads in one call through pointers that are made once. The given first
+state is eliminated. Rows are HPIPM's own soft constraints, behind the bounds of u and x; their lower sides, which we do not have, are
+masked. HPIPM condenses blocks of stages before it solves, and expands the solution.
 """
 
 from __future__ import annotations
@@ -20,8 +19,8 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from hdvplan.arrays import FloatArray
 from hdvplan.errors import SolverError
-from hdvplan.jit import FloatArray, Records, compiled, load
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 from hdvplan.qp.workspace import QpResult, Status
 
@@ -93,19 +92,13 @@ class HpipmWorkspace:
         self._into = tuple(map(self._pointer_to, self._places_of_solution()))
         self._from = tuple(map(self._pointer_to, self._places_of_program()))
         self._mask()
-        own, point = self._program, self._point
-        self._gathered = own.stages, own.rows, own.x_first, self._first, self._G, self._h, self._linear, self._quadratic
-        found = _Found(self._x, self._u, self._pi, self._sigma, self._upper, self._low, self._high)
-        self._published = found, own.stages, own.x_first, point.stages, point.row_points
-        load(_gather, *self._gathered)
-        load(_publish, *self._published)
 
     def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:  # noqa: ARG002 - a guess helps no interior point here
         """Solve ``qp``; see ``QpWorkspace``."""
         started = perf_counter()
         qp.check()
         self._program.buffer[:] = qp.buffer
-        _gather(*self._gathered)
+        self._gather()
         library, memory = self._library, self._memory
         library.d_ocp_qp_set_all_rowmaj(*self._from, memory.qp)
         updated = perf_counter()
@@ -113,7 +106,7 @@ class HpipmWorkspace:
         library.d_ocp_qp_ipm_solve(memory.blocks, memory.blocks_solution, memory.arguments, memory.workspace)
         library.d_part_cond_qp_expand_sol(memory.qp, memory.blocks_solution, memory.solution, memory.condensing, memory.condenser)
         library.d_ocp_qp_sol_get_all(memory.solution, *self._into)
-        _publish(*self._published)
+        self._publish()
         status, iterations = ctypes.c_int(), ctypes.c_int()
         library.d_ocp_qp_ipm_get_status(memory.workspace, ctypes.byref(status))
         library.d_ocp_qp_ipm_get_iter(memory.workspace, ctypes.byref(iterations))
@@ -201,62 +194,22 @@ class HpipmWorkspace:
             for field in (b"lg_mask", b"lls_mask"):
                 self._library.d_ocp_qp_set(field, stage, _pointer(zeros), self._memory.qp)
 
+    def _gather(self) -> None:
+        """Lay the program's rows out as HPIPM reads them; the first state moves into the first interval's c."""
+        own, stage = self._program, self._program.stages[0]
+        for name, to in (("g", self._G), ("h", self._h), ("linear", self._linear), ("quadratic", self._quadratic)):
+            to[:] = own.rows[name]
+        self._first[:] = stage["A"] @ own.x_first + stage["c"]
 
-@compiled
-def _gather(
-    stages: Records, rows: Records, x_first: FloatArray, first: FloatArray, G: FloatArray, h: FloatArray, linear: FloatArray,
-    quadratic: FloatArray,
-) -> None:  # fmt: skip
-    """Lay a program's rows out as HPIPM reads them; ``first`` becomes A_0 x_0 + c_0."""
-    for i in range(stages.size):
-        for row in range(rows.shape[1]):
-            one = rows[i, row]
-            for j in range(x_first.size):
-                G[i, row, j] = one.g[j]
-            h[i, row], linear[i, row], quadratic[i, row] = one.h, one.linear, one.quadratic
-    A, c = stages[0].A, stages[0].c
-    for j in range(x_first.size):
-        first[j] = c[j]
-        for k in range(x_first.size):
-            first[j] += A[j, k] * x_first[k]
-
-
-class _Found(NamedTuple):
-    """What HPIPM writes, one row a stage: states, inputs, multipliers of dynamics, slacks, multipliers of rows and of both bounds."""
-
-    x: FloatArray
-    u: FloatArray
-    pi: FloatArray
-    sigma: FloatArray
-    upper: FloatArray
-    low: FloatArray
-    high: FloatArray
-
-
-@compiled
-def _publish(found: _Found, stages: Records, x_first: FloatArray, points: Records, row_points: Records) -> None:
-    """Bring HPIPM's solution into our order and signs."""
-    x, u, pi, sigma, upper, low, high = found
-    n, m, last = x_first.size, u.shape[1], stages.size - 1
-    for i in range(last + 1):
-        point = points[i]
-        for j in range(n):
-            point.x[j] = x[i, j] if i > 0 else x_first[j]
-            point.dynamics[j] = -pi[i - 1, j] if i > 0 else 0.0
-        if i < last:
-            for j in range(m):
-                point.u[j], point.u_bounds[j] = u[i, j], high[i, j] - low[i, j]
-        if i > 0:
-            for bound in range(point.x_bounds.size):
-                point.x_bounds[bound] = high[i, m + bound] - low[i, m + bound]
-            for row in range(row_points.shape[1]):
-                row_points[i, row].sigma, row_points[i, row].multiplier = sigma[i, row], upper[i, row]
-    A, Q, q = stages[0].A, stages[0].Q, stages[0].q
-    for j in range(n):
-        value = -q[j]
-        for k in range(n):
-            value += A[k, j] * points[1].dynamics[k] - Q[j, k] * x_first[k]
-        points[0].dynamics[j] = value
+    def _publish(self) -> None:
+        """Bring HPIPM's solution into our order and signs."""
+        own, point, m = self._program, self._point, self._shape.inputs
+        stage, bounds = own.stages[0], self._high - self._low
+        point.x[0], point.x[1:] = own.x_first, self._x[1:]
+        point.dynamics[1:] = -self._pi[:-1]
+        point.dynamics[0] = stage["A"].T @ point.dynamics[1] - stage["Q"] @ own.x_first - stage["q"]
+        point.u[:], point.u_bounds[:], point.x_bounds[:] = self._u[:-1], bounds[:-1, :m], bounds[1:, m:]
+        point.sigma[:], point.rows[:] = self._sigma[1:], self._upper[1:]
 
 
 def _pointer(array: FloatArray | IntC | Addresses) -> ctypes.c_void_p:

@@ -7,18 +7,18 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from importlib import import_module, metadata
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 from hdvplan import plugins
 from hdvplan.errors import SolverError
+from hdvplan.qp.program import StageShape
+from hdvplan.qp.workspace import QpWorkspace, WorkspaceMaker
 from hdvplan.solvers.catalogue import GENERIC, NATIVE, THROUGH, Generic, Native
+from hdvplan.solvers.elastic import hard_first
+from hdvplan.solvers.foreign import ForeignWorkspace
 from hdvplan.spelling import did_you_mean
 
-if TYPE_CHECKING:  # names are listed and refused without loading the QP's kernels
-    from hdvplan.qp.program import StageShape
-    from hdvplan.qp.workspace import QpWorkspace, WorkspaceMaker
-
-SolverClass = Callable[..., "QpWorkspace"]  # called with a shape, and with ``elastic`` and ``tolerance`` where it has them
+SolverClass = Callable[..., QpWorkspace]  # called with a shape, and with ``elastic`` and ``tolerance`` where it has them
 DEFAULT = "riccati"
 
 
@@ -79,15 +79,11 @@ class SolverMaker:
             raise SolverError(msg)
         if "elastic" not in parameters:
             return lambda shape: self._guarded(make, shape, wanted)
-        from hdvplan.solvers.elastic import hard_first  # noqa: PLC0415 - loads the QP's kernels
-
         return hard_first(lambda shape, elastic: self._guarded(make, shape, {**wanted, "elastic": elastic}))
 
     def _guarded(self, make: SolverClass, shape: StageShape, given: Mapping[str, object]) -> QpWorkspace:
         if isinstance(self.solver, str) and self.solver in _ours():
             return make(shape, **given)
-        from hdvplan.solvers.foreign import ForeignWorkspace  # noqa: PLC0415 - loads the QP's kernels
-
         return ForeignWorkspace(self.name, lambda: make(shape, **given), shape)
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from hdvplan.jit import BoolArray, FloatArray, IntArray
+from hdvplan.arrays import BoolArray, FloatArray, IntArray
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 
 _ONE, _MINUS_ONE = -1, -2  # codes of constant entries

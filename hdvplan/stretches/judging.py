@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from hdvplan.api import drive_case, prepare
+from hdvplan.api import drive_case
+from hdvplan.arrays import FloatArray
 from hdvplan.errors import HdvplanError, PlanError, RoadError, SolverError
 from hdvplan.fileio import table_bytes
-from hdvplan.jit import FloatArray
 from hdvplan.judging.bodies import corners, pose_at
 from hdvplan.judging.result import Result, result_of
 from hdvplan.judging.verdict import verdict_of
@@ -70,7 +70,6 @@ def planned(stretch: Stretch) -> Result:
     """
     case = stretch.case
     with _counted_from(stretch.begins):
-        prepare(case)
         road, passed = choose_sides(case)
         driven = drive_case(replace(case, road=road))
     here = [one for one in passed if stretch.core[0] <= 0.5 * (one.s_from + one.s_to) < stretch.core[1]]

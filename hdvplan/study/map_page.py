@@ -118,7 +118,7 @@ def _told(cells: Path) -> _Told:
         for road, vehicle, half_width, left, right, outcome, fits, notice, line in zip(
             *(batch[name].to_pylist() for name in _READ), strict=True
         ):
-            told.add(road, vehicle, width_text(half_width, left, right), _word(outcome, fits), notice, line)
+            told.add(road, vehicle, width_text(half_width, left, right), _word(outcome, fits=fits), notice, line)
     return told
 
 
@@ -129,7 +129,7 @@ def width_text(half_width: float | None, left: float | None, right: float | None
     return "the road's own" if left is None else f"left {left:g} m, right {right:g} m"
 
 
-def _word(outcome: str, fits: bool | None) -> str:
+def _word(outcome: str, *, fits: bool | None) -> str:
     if outcome == "no plan":
         return "NO"
     if outcome != "planned":

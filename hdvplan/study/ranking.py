@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from hdvplan.jit import FloatArray
+from hdvplan.arrays import FloatArray
 from hdvplan.study.places import BREACH, DEAD_END, TIGHTEST, WIDENING
 
 MERGED_M = 25.0  # places nearer than this to a deeper one are one with it

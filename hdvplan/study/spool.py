@@ -10,8 +10,8 @@ from hashlib import sha256
 from pathlib import Path
 from typing import TypeVar
 
-from hdvplan.cachefolders import temporary_folder
 from hdvplan.fileio import write_atomically
+from hdvplan.temporary import temporary_folder
 
 Thing = TypeVar("Thing")
 KEPT = 64  # files, the newest; a road of 10 km takes some megabytes

@@ -18,8 +18,8 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from hdvplan.arrays import IntArray
 from hdvplan.errors import OptionError
-from hdvplan.jit import IntArray
 from hdvplan.study.cells import Row
 from hdvplan.study.columns import cell_columns, place_columns
 from hdvplan.study.engine import Done

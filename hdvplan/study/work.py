@@ -12,10 +12,10 @@ import numpy as np
 import shapely
 
 from hdvplan import api
+from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.errors import HdvplanError, OptionError, PlanError, QpDataError, RoadError, SolverError
 from hdvplan.finer import replanned
-from hdvplan.jit import FloatArray
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.machine import software
 from hdvplan.need.answer import need_of

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hdvplan.jit import BoolArray, FloatArray
+from hdvplan.arrays import BoolArray, FloatArray
 from hdvplan.turning.follow import Followed
 from hdvplan.turning.swept import Band, Chart, band_of, chart_of, counted, front_track, places
 

@@ -13,10 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import brentq
 
+from hdvplan import core
+from hdvplan.arrays import FloatArray, IntArray, Records
 from hdvplan.errors import OptionError, TurnError
-from hdvplan.jit import FloatArray, IntArray, Records, compiled
 from hdvplan.turning.manoeuvre import GuidePath, Manoeuvre, guide_offsets, guide_path
-from hdvplan.vehicle.kinematics import POSE, derivative, place
+from hdvplan.vehicle.kinematics import place_many, rates
 from hdvplan.vehicle.model import Vehicle
 
 POSE_M = 0.05  # between the poses that figures are measured on
@@ -28,6 +29,11 @@ _LONGEST_M = 5000.0  # path that is driven; more takes minutes and shows nothing
 _FOUND_M = 1e-3  # to which the least radius is found
 _SEARCH_M = 0.1  # between poses, and of the integration, while it is searched
 _SLACK = 1.0 + 1e-9  # on the largest curvature: rounding
+
+_follow = core.function(
+    "hdv_follow", core.POINTER, core.INT, core.REAL, core.REAL, core.INT, core.POINTER, core.POINTER, core.INT, core.REAL, core.REAL,
+    core.POINTER, core.POINTER,
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -140,7 +146,7 @@ def _once(
     vehicle: Vehicle, manoeuvre: Manoeuvre, point: tuple[float, float], angle: float, lead_out: float, spacing: float, substep: float
 ) -> Followed | str:
     """Return the drive through a turn by ``angle`` [rad], or why there is none."""
-    units, count = passive(vehicle).table(), len(vehicle.units)
+    units = passive(vehicle).table()
     begin = 0.0
     if manoeuvre.standstill:
         kappa = _steady_kappa(units, point, manoeuvre.radius, vehicle.max_curvature)
@@ -150,13 +156,12 @@ def _once(
     path = guide_path(manoeuvre, angle, lead_out, begin)
     counts = np.ceil(path.pieces[:, 0] / spacing - 1e-9).astype(np.int64)
     substeps = int(np.ceil(spacing / substep - 1e-9))
-    states, kappas = _integrate(units, *point, path.pieces, counts, substeps, begin, vehicle.max_curvature * _SLACK, np.zeros(count))
+    states, kappas = _integrate(units, point, path.pieces, counts, substeps, begin, vehicle.max_curvature * _SLACK)
     if not np.isfinite(states[-1, 0]):
         return _stop(vehicle)
     s = np.concatenate([[0.0], *(a + b * np.arange(1, n + 1) / n for a, b, n in zip(path.starts, path.pieces[:, 0], counts, strict=False))])
     guide = path.at(s)
-    poses = np.empty((len(s), count), POSE)
-    _place_all(units, *point, guide, states, poses)
+    poses = place_many(units, _lead_axle(point, guide, states[:, 0]), np.column_stack([np.zeros((len(s), 2)), states[:, 1:]]))
     axles = np.stack([poses["x"], poses["y"]], axis=-1)
     headings = states[:, :1] - np.concatenate([np.zeros((len(s), 1)), np.cumsum(states[:, 1:], axis=1)], axis=1)
     driven = Followed(vehicle, manoeuvre, path, angle, s, guide, kappas, states[:, 1:], axles, headings)
@@ -192,9 +197,8 @@ def _least_radius(vehicle: Vehicle, manoeuvre: Manoeuvre) -> float | None:
 
 def _motion(units: Records, kappa: float) -> tuple[float, float]:
     """Return how far the lead unit's axle moves sideways and the unit turns per metre forward [-, rad/m]."""
-    f = np.empty(1 + len(units))
-    derivative(units, 0.0, np.zeros(1 + len(units)), kappa, f)
-    return float(f[0]), float(f[1])
+    sideways, turn = rates(units, 0.0, np.zeros(1 + len(units)), kappa)[:2]
+    return float(sideways), float(turn)
 
 
 def _radius(units: Records, point: tuple[float, float], kappa: float) -> float:
@@ -216,84 +220,24 @@ def _steady_kappa(units: Records, point: tuple[float, float], radius: float, mos
     return float(brentq(lambda kappa: _radius(units, point, kappa) - radius, 1e-9, most * _SLACK, xtol=1e-16))
 
 
-@compiled
 def _integrate(
-    units: Records, ahead: float, left: float, pieces: FloatArray, counts: IntArray, substeps: int, heading: float, most: float,
-    state: FloatArray,
-) -> tuple[FloatArray, FloatArray]:  # fmt: skip
+    units: Records, point: tuple[float, float], pieces: FloatArray, counts: IntArray, substeps: int, heading: float, most: float
+) -> tuple[FloatArray, FloatArray]:
     """Return the lead unit's heading and the articulation angles at every pose (n, units), and kappa (n,).
 
     NaN from where ``kappa`` passes ``most``: there the front wheels are at their stop.
     """
-    n = state.size
-    states, kappas = np.full((1 + counts.sum(), n), np.nan), np.full(1 + counts.sum(), np.nan)
-    y, probe, z, f, slopes = state.copy(), np.empty(n), np.zeros(1 + n), np.empty(1 + n), np.empty((4, n))
-    kappa = _rates(units, ahead, left, heading, y, 0.0, z, f, slopes[0])
-    states[0], kappas[0] = y, kappa
-    row = 0
-    for piece in range(pieces.shape[0]):
-        length, begin, end = pieces[piece]
-        h, slope = length / (counts[piece] * substeps), (end - begin) / length
-        for step in range(counts[piece] * substeps):
-            for stage in range(4):
-                part = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)  # noqa: PLR2004 - the classical method's
-                u = (step + part) * h
-                for j in range(n):
-                    probe[j] = y[j] + (part * h * slopes[stage - 1, j] if stage > 0 else 0.0)
-                kappa = _rates(units, ahead, left, heading + begin * u + 0.5 * slope * u * u, probe, kappa, z, f, slopes[stage])
-                if not abs(kappa) <= most:
-                    return states, kappas
-            for j in range(n):
-                y[j] += h / 6.0 * (slopes[0, j] + 2.0 * slopes[1, j] + 2.0 * slopes[2, j] + slopes[3, j])
-            if (step + 1) % substeps == 0:
-                row += 1
-                u = (step + 1) * h
-                kappas[row] = _rates(units, ahead, left, heading + begin * u + 0.5 * slope * u * u, y, kappa, z, f, probe)
-                for j in range(n):
-                    states[row, j] = y[j]
-        heading += 0.5 * (begin + end) * length
+    poses = 1 + int(counts.sum())
+    states, kappas = np.full((poses, len(units)), np.nan), np.full(poses, np.nan)
+    states[0] = 0.0
+    _follow(
+        core.address(units), len(units), *point, len(pieces), core.address(pieces), core.address(counts), substeps, heading, most,
+        core.address(states), core.address(kappas),
+    )  # fmt: skip
     return states, kappas
 
 
-@compiled
-def _rates(
-    units: Records, ahead: float, left: float, heading: float, y: FloatArray, kappa: float, z: FloatArray, f: FloatArray, out: FloatArray
-) -> float:
-    """Write dy/ds of the lead heading and the articulations into ``out``; return the kappa that moves the guided point along ``heading``.
-
-    ``kappa`` comes in as a guess for the secant method, which is exact at once where the lead rear axle is not steered.
-    """
-    cos, sin = np.cos(heading - y[0]), np.sin(heading - y[0])
-    for j in range(1, y.size):
-        z[1 + j] = y[j]
-    last, last_miss = kappa + 1e-3, 0.0
-    for attempt in range(30):
-        derivative(units, 0.0, z, last if attempt == 0 else kappa, f)
-        miss = (f[0] + ahead * f[1]) * cos - (1.0 - left * f[1]) * sin  # of the point's velocity, across the path
-        if attempt == 0:
-            last_miss = miss
-            continue
-        if miss == last_miss or miss == 0.0:  # noqa: PLR1714 - numba compiles no set here
-            break
-        step = miss * (kappa - last) / (miss - last_miss)
-        if abs(step) < 1e-15:  # noqa: PLR2004 - rounding of a curvature [1/m]
-            break
-        last, last_miss = kappa, miss
-        kappa -= step
-    along = np.hypot(1.0 - left * f[1], f[0] + ahead * f[1])  # of the guided point, per metre that the lead body moves forward
-    out[0] = f[1] / along
-    for j in range(1, y.size):
-        out[j] = f[1 + j] / along
-    return kappa
-
-
-@compiled
-def _place_all(units: Records, ahead: float, left: float, guide: FloatArray, states: FloatArray, poses: Records) -> None:
-    """Write where all units are into ``poses`` (n, units), from the guided point's places and the angles."""
-    n = states.shape[1]
-    z = np.zeros(1 + n)
-    for i in range(states.shape[0]):
-        cos, sin = np.cos(states[i, 0]), np.sin(states[i, 0])
-        for j in range(1, n):
-            z[1 + j] = states[i, j]
-        place(units, guide[i, 0] - ahead * cos + left * sin, guide[i, 1] - ahead * sin - left * cos, cos, sin, z, poses[i])
+def _lead_axle(point: tuple[float, float], guide: FloatArray, heading: FloatArray) -> FloatArray:
+    """Return x, y, cos, sin of the lead unit's axle from the guided point's places, as points of a road along it; shape (5, n)."""
+    (ahead, left), cos, sin = point, np.cos(heading), np.sin(heading)
+    return np.stack([guide[:, 0] - ahead * cos + left * sin, guide[:, 1] - ahead * sin - left * cos, cos, sin, np.zeros(len(heading))])

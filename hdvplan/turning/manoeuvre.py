@@ -12,8 +12,8 @@ from enum import StrEnum
 
 import numpy as np
 
+from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError, TurnError
-from hdvplan.jit import FloatArray
 from hdvplan.vehicle.model import Vehicle
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(20)  # a piece that turns by less than a radian, to rounding

@@ -12,8 +12,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from hdvplan.arrays import BoolArray, FloatArray
 from hdvplan.errors import TurnError
-from hdvplan.jit import BoolArray, FloatArray
 from hdvplan.turning.follow import Followed
 
 STATION_M = 0.1  # between the cross-sections

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -10,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from hdvplan.errors import OptionError
-from hdvplan.fileio import read_text
+from hdvplan.fileio import parse_toml, read_text
 from hdvplan.spelling import did_you_mean
 from hdvplan.texts import printable
 from hdvplan.turning.figures import Figures
@@ -127,8 +126,8 @@ def parse_template(text: str, *, default_name: str) -> Template:
 
     """
     try:
-        document = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:  # of a number of thousands of digits
+        document = parse_toml(text)
+    except ValueError as error:
         msg = f"template {default_name!r} is not valid TOML: {error}"
         raise OptionError(msg) from error
     name = printable(str(document.get("name", default_name)))

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from hdvplan.jit import FloatArray, Records
+from hdvplan import core
+from hdvplan.arrays import FloatArray, Records
 from hdvplan.vehicle.model import Vehicle
 
-POINTS_PER_EDGE = 6
+POINTS_PER_EDGE = core.number("HDV_POINTS_PER_EDGE")
 _SAME_M = 1e-6
-EDGE_POINT = np.dtype([("ahead", float), ("overhang", np.int64)])  # ahead of the unit's axle [m]; 1 where it belongs to an overhang
+# Ahead of the unit's axle [m]; 1 where it belongs to an overhang.
+EDGE_POINT = core.record("hdv_edge_point", [("ahead", float), ("overhang", np.int64)])
 
 
 def axles_behind(vehicle: Vehicle) -> FloatArray:
@@ -28,7 +30,9 @@ def auxiliary_ahead(vehicle: Vehicle, axle: int) -> float:
 
 def axis_points(vehicle: Vehicle) -> FloatArray:
     """Return the distances ahead of the axle of the points that screen each body's axis, shape (units, 4), rising [m]."""
-    return np.array([sorted([-unit.rear_overhang, 0.0, min(unit.wheelbase, unit.front), unit.front]) for unit in vehicle.units])
+    table = np.empty((len(vehicle.units), core.number("HDV_AXIS_POINTS")))
+    table[:] = [sorted([-unit.rear_overhang, 0.0, min(unit.wheelbase, unit.front), unit.front]) for unit in vehicle.units]
+    return table
 
 
 def edge_points(vehicle: Vehicle) -> Records:

@@ -16,15 +16,18 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from hdvplan import core
+from hdvplan.arrays import Records
 from hdvplan.errors import VehicleError
-from hdvplan.jit import Records
 
 MAX_DIMENSION_M = 50.0  # no single road unit is longer; catches millimetres and feet
 MAX_RATIO = 2.0  # of steering: an axle that follows its coupling's track exactly has 1
 MAX_ANGLE = 0.25 * np.pi  # of an axle's wheels [rad]; catches degrees
+MOST_UNITS = core.number("HDV_MOST_UNITS")  # road trains on roads have up to nine; what planning takes grows with the cube of their number
 MAX_RATE = 1.0  # of an active axle's wheels [rad/m]; catches degrees
 
-UNIT = np.dtype(
+UNIT = core.record(
+    "hdv_unit",
     [
         ("wheelbase", float),  # [m]
         ("hitch_offset", float),  # coupling of the next unit behind the axle [m]
@@ -34,7 +37,7 @@ UNIT = np.dtype(
         ("steering_ratio", float),  # of the axle; an axle that the plan steers has -1, which passes its state on
         ("max_steering_angle", float),  # [rad]
         ("steered_by", np.int64),  # number of the state that steers a trailer's axle: its coupling's angle, or its wheels' own
-    ]
+    ],
 )
 
 
@@ -88,6 +91,9 @@ class Vehicle:
         if not self.units:
             msg = f"vehicle {self.name!r} has no unit"
             raise VehicleError(msg, hint="describe the bus or tractor in a [[unit]] table")
+        if len(self.units) > MOST_UNITS:
+            msg = f"vehicle {self.name!r} has {len(self.units)} units; at most {MOST_UNITS} are planned"
+            raise VehicleError(msg, field="unit")
         for name, value, unit in (
             ("max_curvature", self.max_curvature, "1/m"),
             ("max_curvature_rate", self.max_curvature_rate, "1/m^2"),
@@ -174,7 +180,7 @@ class Vehicle:
         return behind
 
     def table(self) -> Records:
-        """Return the dimensions for the kernels, one record of ``UNIT`` per unit."""
+        """Return the dimensions for the core, one record of ``UNIT`` per unit."""
         table = np.zeros(len(self.units), UNIT)
         table["steered_by"] = 1 + np.arange(len(self.units))
         table["steered_by"][list(self.active)] = np.arange(self.rigid_states, self.states)

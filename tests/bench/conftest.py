@@ -20,7 +20,7 @@ TINY = ("--in-process", "--horizon", "30", "--rounds", "2", "--solvers", "riccat
 
 @pytest.fixture(autouse=True)
 def _threads_stay_as_they_were(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "RAYON_NUM_THREADS", "NUMBA_NUM_THREADS"):
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "RAYON_NUM_THREADS"):
         monkeypatch.setenv(name, "1")
     assert use_one_thread()
 

@@ -303,7 +303,7 @@ def test_a_killed_process_goes_on_where_it_stopped(tmp_path: Path, short_road: s
     command = [sys.executable, "-m", "hdvplan", "bench", "--roads", short_road, *TINY, "--rounds", "10", "--out", "run"]
     parts = tmp_path / "run" / "parts"
     with subprocess.Popen(command, cwd=tmp_path, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:  # noqa: S603 - our own
-        deadline = time.monotonic() + 300.0  # half a minute where kernels must be compiled, on a machine of one's own
+        deadline = time.monotonic() + 300.0  # a second, on a machine of one's own
         while len(list(parts.glob("*.npz"))) < 3 and time.monotonic() < deadline:
             time.sleep(0.01)
         process.send_signal(signal.SIGKILL)

@@ -7,9 +7,9 @@ import sys
 import numpy as np
 import pytest
 
+from hdvplan.arrays import FloatArray
 from hdvplan.bench.changepoints import change_points
 from hdvplan.errors import OptionError
-from hdvplan.jit import FloatArray
 
 LEVEL = 0.01
 pytest.importorskip("ruptures")

@@ -115,6 +115,40 @@ def test_a_revision_that_cannot_be_imported_says_so_with_its_last_words(ours: Pa
     assert "Traceback" in caught.value.tail
 
 
+BUILD = """
+import pathlib
+pathlib.Path("hdvplan/built").write_text(pathlib.Path("hdvplan/core/core.c").read_text())
+"""
+CORE = """
+import pathlib
+here = pathlib.Path(__file__).parent
+assert (here / "built").read_text() == (here / "core" / "core.c").read_text()
+"""
+
+
+def test_each_side_runs_with_the_c_core_of_its_own_sources(ours: Path, scratch: Scratch) -> None:
+    (ours / "hdvplan" / "core").mkdir()
+    for name, text in (("hatch_build.py", BUILD), (".gitignore", "hdvplan/built"), ("hdvplan/core.py", CORE), ("hdvplan/core/core.c", "1")):
+        (ours / name).write_text(text, encoding="utf-8")
+    git(ours, "add", ".")
+    git(ours, "commit", "--quiet", "--message", "core")
+    (ours / "hdvplan" / "core" / "core.c").write_text("2", encoding="utf-8")
+    old = base("HEAD", scratch).source
+    assert old is not None
+    assert (old / "hdvplan" / "built").read_text(encoding="utf-8") == "1"
+    assert new(scratch).source == ours
+    built = ours / "hdvplan" / "built"
+    assert built.read_text(encoding="utf-8") == "2"
+    (ours / "hatch_build.py").write_text("raise SystemExit('error: no compiler')\n", encoding="utf-8")
+    new(scratch)  # what is built is not built again
+    built.unlink()
+    with pytest.raises(ProgramError, match="the core of the working tree cannot be compiled: no compiler"):
+        new(scratch)
+    git(ours, "commit", "--quiet", "--all", "--message", "nothing compiles")
+    with pytest.raises(ProgramError, match=r"the core of HEAD \(\w+\) cannot be compiled: no compiler"):
+        base("HEAD", scratch)
+
+
 @pytest.mark.usefixtures("ours")
 def test_what_is_not_complete_is_made_again(scratch: Scratch) -> None:
     source = base("HEAD", scratch).source

@@ -9,10 +9,10 @@ import pandas as pd
 import pytest
 import scipy.sparse as sp
 
+from hdvplan.arrays import FloatArray
 from hdvplan.bench.export import cases_to_export, export
 from hdvplan.bench.suite import Suite
 from hdvplan.case import Case
-from hdvplan.jit import FloatArray
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.road.scenarios import SCENARIOS
 from hdvplan.vehicle.load import load_vehicle

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from hdvplan.arrays import FloatArray
 from hdvplan.bench.gate import Decision, Rule, Verdict, decide, judge, median_rank
 from hdvplan.errors import OptionError
-from hdvplan.jit import FloatArray
 
 STEPS = 100
 REPEATS = 100

@@ -30,7 +30,7 @@ BASE = "b" * 40
 MACHINE: Mapping[str, object] = {"processor": "Xeon", "usable_cores": 2, "platform": "Linux x86_64", "python_minor": "CPython 3.11"}
 
 
-def entry(number: int, step: float, *, base: str = BASE, machine: Mapping[str, object] = MACHINE, numba: str = "0.61") -> Entry:
+def entry(number: int, step: float, *, base: str = BASE, machine: Mapping[str, object] = MACHINE, piqp: str = "0.61") -> Entry:
     """Return an entry of a program that was measured on a machine whose condition differs from day to day."""
     day = np.exp(np.random.default_rng(number).normal(0.0, 0.3))
     noise = np.exp(np.random.default_rng([number, 1]).normal(0.0, 0.01))
@@ -40,11 +40,11 @@ def entry(number: int, step: float, *, base: str = BASE, machine: Mapping[str, o
     )
     revision = Revision(f"{number:012x}{0:028x}", f"change {number}", f"2026-01-{1 + number // 24:02d}T{number % 24:02d}:00:00+01:00")
     work = {"suite": {"roads": ["bend"], "vehicles": ["bus"]}, "files": {}}
-    return Entry(revision, "2026-02-01T00:00:00+00:00", base, machine, {"numba": numba}, work, "fine", values)
+    return Entry(revision, "2026-02-01T00:00:00+00:00", base, machine, {"piqp": piqp}, work, "fine", values)
 
 
 def slower_since(first: int, count: int = 40) -> list[Entry]:
-    return [entry(number, 1.15 if number >= first else 1.0, numba="0.62" if number >= first else "0.61") for number in range(count)]
+    return [entry(number, 1.15 if number >= first else 1.0, piqp="0.62" if number >= first else "0.61") for number in range(count)]
 
 
 def only(entries: list[Entry]) -> Trend:
@@ -107,7 +107,7 @@ def test_versions_that_differ_between_the_sides_are_told(cli: Cli, tmp_path: Pat
     for side, numpy in (("base", "2.1"), ("new", "2.2")):
         folder = tmp_path / "out" / side / "00"
         folder.mkdir(parents=True)
-        told = {"software": {"hdvplan": "0.1.0", "packages": {"numpy": numpy, "numba": "0.61"}}}
+        told = {"software": {"hdvplan": "0.1.0", "packages": {"numpy": numpy, "piqp": "0.61"}}}
         (folder / "run.json").write_text(json.dumps(told), encoding="utf-8")
     python = tmp_path / "python"
     python.touch(mode=0o755)
@@ -142,7 +142,7 @@ def test_a_step_is_found_through_a_drifting_machine_with_what_changed_beside_it(
     (change,) = step.changes
     assert step.entries[change.at].revision.subject == "change 25"
     assert change.ratio == pytest.approx(1.15, rel=0.02)  # medians of noise of 1 %
-    assert change.versions == ("numba 0.61 -> 0.62",)
+    assert change.versions == ("piqp 0.61 -> 0.62",)
     assert [begin for begin, _ in step.levels] == [0, 25]
     assert memory.changes == ()
     assert trend.base == BASE
@@ -159,7 +159,7 @@ def test_machines_versions_of_python_and_work_are_never_mixed() -> None:
     entries += [replace(entry(2, 1.0), machine={**MACHINE, name: "other"}) for name in MACHINE]
     entries += [replace(entry(3, 1.0), work={"command": ["other"]})]
     entries += [
-        replace(entry(4, 1.0), machine={**MACHINE, "system": "another kernel"}, packages={"numba": "0.62"})
+        replace(entry(4, 1.0), machine={**MACHINE, "system": "another kernel"}, packages={"piqp": "0.62"})
     ]  # these are told instead
     assert sorted(len(trend.entries) for trend in trends_of(entries)) == [1, 1, 1, 1, 1, 2]
 
@@ -217,13 +217,13 @@ def of_one_cell(noise: float = 1.02) -> Comparison:
 
 def test_what_is_kept_of_a_comparison_are_both_sides_of_each_number(tmp_path: Path) -> None:
     (tmp_path / "new" / "00").mkdir(parents=True)
-    told = {"software": {"hdvplan": "0.1.0", "packages": {"numba": "0.61"}}}
+    told = {"software": {"hdvplan": "0.1.0", "packages": {"piqp": "0.61"}}}
     (tmp_path / "new" / "00" / "run.json").write_text(json.dumps(told), encoding="utf-8")
     kept = entry_of(of_one_cell(), Revision("a" * 40, "x", "2026-01-01T00:00:00+00:00"), BASE, CommandWork(("ours",)), tmp_path)
     assert [(one.cell, one.what, one.base, one.new) for one in kept.values] == [
         ("bend bus rti riccati", STEP, 1.0, 1.1), (ALL_CELLS, "from outside", 1.0, 1.1)
     ]  # fmt: skip
-    assert kept.packages == {"hdvplan": "0.1.0", "numba": "0.61"}
+    assert kept.packages == {"hdvplan": "0.1.0", "piqp": "0.61"}
     assert kept.work == {"command": ["ours"]}
     assert {"processor", "usable_cores", "platform", "python_minor"} <= set(kept.machine)
     assert values_of(failed("new", "it crashes", "")) == ()

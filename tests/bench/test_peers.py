@@ -71,7 +71,7 @@ def test_the_road_is_a_b_spline_without_loss() -> None:
     path = bend(SLACK_M).path.extended(30.0, 60.0)
     spline = road_spline(path, -20.0, 90.0)
     s = np.linspace(-20.0, 90.0, 1001)
-    table = evaluate_many(path.curve, s)
+    table = evaluate_many(path, s)
     np.testing.assert_allclose(spline(s).T, table[:2], atol=1e-11)  # rounding of coordinates of 100 m, solved for in a banded system
     tangent = spline.derivative()(s).T
     np.testing.assert_allclose(np.arctan2(tangent[1], tangent[0]), np.arctan2(table[3], table[2]), atol=1e-9)  # the same, per spacing

@@ -121,7 +121,7 @@ def test_the_record_is_of_the_cases_and_areas_that_there_are() -> None:
     assert not any(value in {"nan", "inf", "-inf"} for value in (row.value for row in rows))
 
 
-# One or two quick cases an area, which together need few kernels.
+# One or two quick cases an area.
 QUICK = {
     "planning": ["bus in a bend", "bus, a road shorter than it"],
     "judging": ["bus breaks a limit by less than counts", "bus breaks a limit by a little more than counts"],

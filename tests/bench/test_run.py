@@ -23,7 +23,7 @@ from hdvplan.qp.workspace import QpResult, QpWorkspace, Status, WorkspaceMaker
 from hdvplan.solvers.registry import solver_named
 
 RICCATI = solver_named("riccati")
-_PATIENCE_S = 600.0  # a drive takes a second; kernels that a busy machine must compile first, over a minute
+_PATIENCE_S = 600.0  # of planning; a drive takes a second at most
 
 
 class FailsAfter:

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from hdvplan.arrays import FloatArray
 from hdvplan.bench.compare import Comparison, compare, failed
 from hdvplan.bench.comparison import comparison_markdown, verdict_line, wrong_rows
 from hdvplan.bench.counters import COUNTS, IN_STEPS, LENGTHS, WORK, Change, Tolerance
@@ -21,7 +22,6 @@ from hdvplan.bench.reports import comparison_json, github_annotations, junit_xml
 from hdvplan.bench.revisions import Revision
 from hdvplan.bench.sides import IMPORT, PEAK, Name, Side, Steps
 from hdvplan.bench.suite import KEY
-from hdvplan.jit import FloatArray
 
 CELLS: tuple[Name, ...] = tuple((road, vehicle, "rti", "riccati", "as set") for road in ("bend", "ring") for vehicle in ("bus", "truck"))
 ROUNDS, STEPS = 6, 40

@@ -58,10 +58,8 @@ def test_a_suite_is_read_from_toml(tmp_path: Path) -> None:
 
 def test_the_committed_suites_are_valid_and_name_what_ships() -> None:
     folder = Path(__file__).parents[2] / "benchmarks"
-    files = sorted(folder.glob("*.toml"))
-    assert files
-    for file in files:
-        suite = suite_of(read_suite(file))
+    for name in ("suite", "headline", "inactive", "pinch", "solvers", "counters"):
+        suite = suite_of(read_suite(folder / f"{name}.toml"))
         for road in suite.roads:
             find_road(road)  # reads the file; smoothing it is for tests of roads
         for vehicle in suite.vehicles:

@@ -147,7 +147,7 @@ def test_a_killed_benchmark_leaves_no_process_behind(tmp_path: Path, short_road:
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
     command = [sys.executable, "-m", "hdvplan", "bench", "--roads", short_road, "--vehicles", "bus", "--rounds", "400", "--horizon", "30"]
     with subprocess.Popen([*command, "--out", "run"], cwd=tmp_path, env=environment, stderr=subprocess.DEVNULL) as process:  # noqa: S603 - our own
-        deadline = time.monotonic() + 300.0  # where kernels must be compiled
+        deadline = time.monotonic() + 300.0  # a second, on a machine of one's own
         while len(list((tmp_path / "run" / "parts").glob("*.npz"))) < 1 and time.monotonic() < deadline:
             time.sleep(0.02)
         children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text(encoding="utf-8").split()

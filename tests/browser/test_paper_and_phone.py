@@ -12,7 +12,7 @@ from pypdf import PdfReader
 from pypdf.generic import ContentStream
 from selenium import webdriver
 
-from hdvplan.jit import FloatArray
+from hdvplan.arrays import FloatArray
 from hdvplan.judging.result import Result
 from hdvplan.report.files import write_plan
 from hdvplan.report.html import write_report

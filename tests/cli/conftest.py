@@ -28,7 +28,6 @@ Cli = Callable[..., Outcome]
 @pytest.fixture
 def cli(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Cli:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("hdvplan.jit.is_compiled", lambda: True)  # the first run of an installation says one line more
     monkeypatch.setenv("COLUMNS", "80")  # a terminal's: without one tables are not cut
     capsys.readouterr()
 

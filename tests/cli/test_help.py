@@ -29,7 +29,6 @@ COMMANDS = [
     ("vehicles", "list"),
     ("vehicles", "show"),
     ("solvers",),
-    ("warm-up",),
 ]
 PLANKEN = Path(__file__).parents[1] / "network" / "files" / "planken.osm.pbf"
 GROUP = re.compile(r"^(\S.*):$", flags=re.MULTILINE)

@@ -127,7 +127,7 @@ def test_the_record_beside_the_summary_holds_the_case_that_was_planned(cli: Cli,
     road = load_road(short_road, RoadOptions(max_curvature=1.25 * bus.max_curvature)).with_limits(3.0, 3.0)
     case = Case(road, bus, "balanced", "piqp", PlannerSettings(horizon=30.0), Bias.constant(0.2))
     assert record["cases"] == [json.loads(json.dumps(case.described()))]
-    assert record["software"]["packages"].keys() >= {"numpy", "numba", "piqp"}
+    assert record["software"]["packages"].keys() >= {"numpy", "piqp"}
 
 
 def test_json_is_the_summary_and_nothing_else(cli: Cli, tmp_path: Path, short_road: str) -> None:
@@ -181,13 +181,6 @@ def test_a_road_that_cannot_be_planned_ends_in_1(cli: Cli, monkeypatch: pytest.M
     outcome = cli("plan", short_road, "--vehicle", "bus", *QUICK)
     assert (outcome.code, outcome.out) == (1, "")
     assert outcome.err == f"error: {error}\n"
-
-
-def test_the_first_run_of_an_installation_says_that_it_compiles(cli: Cli, monkeypatch: pytest.MonkeyPatch, short_road: str) -> None:
-    monkeypatch.setattr("hdvplan.jit.is_compiled", lambda: False)
-    arguments = ("plan", short_road, "--vehicle", "bus", *QUICK)
-    assert cli(*arguments).err == "compiling the planning kernels, once per installation and kind of vehicle\n"
-    assert cli(*arguments, "--quiet").err == ""
 
 
 def test_a_shipped_road_is_placed_on_the_map_with_its_attribution(cli: Cli, tmp_path: Path) -> None:

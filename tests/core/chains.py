@@ -4,12 +4,17 @@ import numpy as np
 from hypothesis import settings
 from hypothesis import strategies as st
 
-from hdvplan.jit import FloatArray, Records
+from hdvplan import core
+from hdvplan.arrays import FloatArray, Records
 from hdvplan.road.path import ReferencePath, from_curvature
-from hdvplan.vehicle.kinematics import POSE, place
+from hdvplan.vehicle import kinematics
 from hdvplan.vehicle.model import Unit, Vehicle
 
-few = settings(max_examples=25, deadline=None, derandomize=True)  # the same examples on every run; the first call compiles
+few = settings(max_examples=25, deadline=None, derandomize=True)  # the same examples on every run, however busy the machine is
+
+_jacobian = core.function(
+    "hdv_jacobian", core.POINTER, core.INT, core.REAL, core.INT, core.POINTER, core.REAL, core.POINTER, *[core.POINTER] * 3
+)
 
 
 def units() -> st.SearchStrategy[Unit]:
@@ -69,8 +74,28 @@ def arc(curvature: float, length: float) -> ReferencePath:
     return from_curvature(np.array([0.0, length]), np.array([curvature, curvature]))
 
 
-def placed(vehicle: Vehicle, z: FloatArray) -> Records:
-    """Return the poses of a vehicle in state ``z`` at the origin of a road eastwards; kernels take the sines of its angles from them."""
-    poses = np.zeros(len(vehicle.units), POSE)
-    place(vehicle.table(), 0.0, 0.0, 1.0, 0.0, z, poses)
+def placed(vehicle: Vehicle, z: FloatArray, x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> Records:
+    """Return the poses of a vehicle in state ``z`` beside a point of a road; of one eastwards at its origin."""
+    point = np.array([[x], [y], [np.cos(heading)], [np.sin(heading)], [0.0]])
+    poses: Records = kinematics.place_many(vehicle.table(), point, z[None])[0]
     return poses
+
+
+def axles(vehicle: Vehicle, poses: Records) -> FloatArray:
+    """Return x, y of every unit's axle, then of the front wheels."""
+    lead, ahead = poses[0], vehicle.lead.wheelbase
+    front = [lead["x"] + ahead * lead["cos"], lead["y"] + ahead * lead["sin"]]
+    return np.concatenate([*([pose["x"], pose["y"]] for pose in poses), front])
+
+
+def rates(vehicle: Vehicle, k: float, z: FloatArray, kappa: float) -> FloatArray:
+    """Return dz/ds at the road's curvature ``k``."""
+    return kinematics.rates(vehicle.table(), k, z, kappa)
+
+
+def linearised(vehicle: Vehicle, k: float, z: FloatArray, kappa: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return dz/ds and its derivatives by z and by kappa."""
+    units, poses, n = vehicle.table(), placed(vehicle, z), vehicle.states
+    f, a, b = np.full(n, np.nan), np.full((n, n), np.nan), np.full(n, np.nan)
+    _jacobian(core.address(units), len(units), k, n, core.address(z), kappa, *map(core.address, (poses, f, a, b)))
+    return f, a, b

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from hdvplan.jit import FloatArray
+from hdvplan.arrays import FloatArray
 
 STEP = 1e-3
 

@@ -6,7 +6,7 @@ import clarabel
 import numpy as np
 import scipy.sparse as sp
 
-from hdvplan.jit import FloatArray
+from hdvplan.arrays import FloatArray
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 
 PARTS = ("x", "u", "sigma", "dynamics", "rows", "x_bounds", "u_bounds")  # of a primal-dual point

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from hdvplan.jit import FloatArray
+from hdvplan.arrays import FloatArray
 from hdvplan.planning.discretisation import Discretisation
 
 Rates = Callable[[FloatArray], FloatArray]  # dz/ds of a state, at one place of the road

@@ -5,10 +5,12 @@ from typing import TypeVar
 
 import numpy as np
 
-from hdvplan.jit import FloatArray
-from hdvplan.planning.terms.screening import CLEAR_M
-from hdvplan.planning.terms.term import Horizon, Part, Scene
-from hdvplan.qp.program import StageQp
+from hdvplan import core
+from hdvplan.arrays import FloatArray, Records
+from hdvplan.planning.motion import Motion
+from hdvplan.planning.terms.limits import CLEAR_M
+from hdvplan.planning.terms.term import SCENE, Horizon, Part, Scene
+from hdvplan.qp.program import StageQp, StageShape, by_stage
 
 P = TypeVar("P")
 
@@ -19,10 +21,26 @@ def horizon_at(scene: Scene, first: int, *, before: float = 0.0, fixed: int = 0,
     return Horizon(first, road, before, fixed, binding)
 
 
+def record_of(motion: Motion, shape: StageShape, *, road: Records | None = None, before: float = 0.0) -> Records:
+    """Return the core's record of a scene that has a motion, a road and the sizes of a program, and no more."""
+    record = np.zeros(1, SCENE)
+    record["motion"], record["states"], record["kappa_before"] = core.address(motion.stages), motion.z.shape[1], before
+    record["program"]["shape"] = shape.sizes
+    record["road"] = 0 if road is None else core.address(road)
+    return record
+
+
 def move(scene: Scene, z: FloatArray, kappa: FloatArray | None = None) -> None:
     """Write the motion that is linearised at; without ``kappa`` its curvatures are zero."""
     scene.motion.z[:] = z
     scene.motion.kappa[:] = np.zeros(len(z) - 1) if kappa is None else kappa
+
+
+def shifted(scene: Scene, parts: Iterable[Part], by: int) -> None:
+    """Move all that is known to the beginning of memory, as a window does that has reached its end."""
+    own = (scene.motion.stages, scene.qp.stages, scene.qp.rows)
+    for array in (*map(by_stage, own), *(array for part in parts for array in part.memory)):
+        array[: len(array) - by] = array[by:].copy()
 
 
 def extended(parts: Iterable[Part], horizon: Horizon, begin: int = 1) -> None:

@@ -9,11 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from hdvplan.arrays import FloatArray
 from hdvplan.centring.stationary import stationary
 from hdvplan.centring.weights import CentringTable
 from hdvplan.driving.drive import Drive, drive
 from hdvplan.driving.simulate import simulate
-from hdvplan.jit import FloatArray
 from hdvplan.judging.envelope import envelope_of
 from hdvplan.planning.assembly import assemble
 from hdvplan.planning.discretisation import Discretisation
@@ -23,17 +23,17 @@ from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations, stations_of
 from hdvplan.planning.terms.steering import Steering
 from hdvplan.planning.terms.term import Place
+from hdvplan.qp.program import StageShape
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
 from hdvplan.road.scenarios import SCENARIOS
 from hdvplan.solvers.registry import solver_named
-from hdvplan.vehicle.kinematics import derivative, jacobian
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
-from tests.core.chains import few, placed, three_units
+from tests.core.chains import few, linearised, rates, three_units
 from tests.core.differences import differences
 from tests.core.rules import gap
-from tests.core.scenes import extended, horizon_at, move
+from tests.core.scenes import extended, horizon_at, move, record_of
 from tests.core.test_steering import PROFILE_K, PROFILE_S, plane_rates
 
 STEP = 0.5
@@ -64,21 +64,14 @@ def scaled(vehicle: Vehicle, draw: FloatArray | list[float]) -> FloatArray:
     return np.asarray((SCALE * draw)[places], float)
 
 
-def rates(vehicle: Vehicle, k: float, z: FloatArray, kappa: float) -> FloatArray:
-    f = np.full(vehicle.states, np.nan)
-    derivative(vehicle.table(), k, z, kappa, f)
-    return f
-
-
 @each_chain
 @given(draw=boxes, kappa=st.floats(-0.02, 0.02), k=st.floats(-0.2, 0.2))  # within the stops of the lead axle's law
 @few
 def test_the_jacobian_is_the_derivative_by_wheel_angles_too(vehicle: Vehicle, draw: list[float], kappa: float, k: float) -> None:
-    z, n = scaled(vehicle, draw), vehicle.states
+    z = scaled(vehicle, draw)
     if vehicle.name == "one active":
         z[3] *= 0.9 * 0.6 / 0.5 / SCALE[3]  # within the stops of the last axle's law
-    f, a, b = np.empty(n), np.full((n, n), np.nan), np.full(n, np.nan)
-    jacobian(vehicle.table(), k, z, kappa, placed(vehicle, z), f, a, b, np.full((3, n + 1), np.nan))
+    f, a, b = linearised(vehicle, k, z, kappa)
     assert np.allclose(f, rates(vehicle, k, z, kappa), rtol=0.0, atol=1e-13)
     # fifth derivatives of tan reach a few thousand at 1.2 rad of heading and wheels: 1e-12 / 30 times that
     assert np.allclose(a, differences(lambda v: rates(vehicle, k, v, kappa), z), rtol=0.0, atol=1e-8)
@@ -220,7 +213,8 @@ def test_guessed_angles_are_brought_within_what_the_wheels_can_do() -> None:
     motion, states = Motion.empty(vehicle, 8), np.zeros((9, 4))
     motion.z[:2, 3] = [0.1, 0.12]
     states[:, 3] = [0.0, 0.0, 0.9, 0.9, 0.9, -0.9, -0.9, 0.03, 0.0]
-    guess(motion.stages, np.array([0.0, 0.0, 0.0, 0.1]), states, np.zeros(9), 2, 0.0, np.array([0.1, 0.2]), np.array([0.01, 0.05]))
+    record = record_of(motion, StageShape(8, 5, 2, 0))
+    guess(record, np.array([0.0, 0.0, 0.0, 0.1]), states, np.zeros(9), 2, np.array([0.1, 0.2]), np.array([0.01, 0.05]))
     assert np.allclose(motion.z[:, 3], [0.1, 0.12, 0.17, 0.2, 0.2, 0.15, 0.1, 0.05, 0.0], rtol=0.0, atol=1e-15)
 
 
@@ -228,9 +222,10 @@ def test_guessed_curvatures_are_brought_within_what_can_be_steered() -> None:
     motion, states = Motion.empty(load_vehicle("bus"), 8), np.zeros((9, 2))
     motion.kappa[:2] = [0.01, 0.03]
     wanted = np.array([0.0, 0.0, 0.9, 0.9, 0.9, -0.9, -0.9, 0.03, 0.0])
-    guess(motion.stages, np.zeros(2), states, wanted, 3, 0.0, np.array([0.1]), np.array([0.04]))
+    record = record_of(motion, StageShape(8, 3, 1, 0), before=-0.05)
+    guess(record, np.zeros(2), states, wanted, 3, np.array([0.1]), np.array([0.04]))
     assert np.allclose(motion.kappa, [0.01, 0.03, 0.07, 0.1, 0.1, 0.06, 0.02, 0.03], rtol=0.0, atol=1e-15)
-    guess(motion.stages, np.zeros(2), states, wanted, 0, -0.05, np.array([0.1]), np.array([0.04]))
+    guess(record, np.zeros(2), states, wanted, 0, np.array([0.1]), np.array([0.04]))
     assert np.allclose(motion.kappa[:3], [-0.01, 0.0, 0.04], rtol=0.0, atol=1e-15)  # from what was held before
 
 

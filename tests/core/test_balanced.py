@@ -7,20 +7,19 @@ from functools import cache
 import numpy as np
 import pytest
 
+from hdvplan.arrays import FloatArray
 from hdvplan.bench.courses import with_limits
 from hdvplan.bench.suite import Suite
 from hdvplan.case import Case
 from hdvplan.centring.weights import CentringTable
 from hdvplan.driving.drive import drive
-from hdvplan.jit import FloatArray
 from hdvplan.judging.envelope import envelope_of
 from hdvplan.planning.assembly import assemble
 from hdvplan.planning.objectives import Goal, Objective, balanced, geometric
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import Stations, stations_of
-from hdvplan.planning.terms.balance import BalancePart, EnvelopeBalance
+from hdvplan.planning.terms.balance import BalancePart, EnvelopeBalance, tracing_points
 from hdvplan.planning.terms.term import Part, Scene
-from hdvplan.planning.terms.tracks import tracing_points
 from hdvplan.reproduce.swept import Swept, predicted, road_of, whole_manoeuvre
 from hdvplan.reproduce.swept import swept as swept_by
 from hdvplan.road.road import Road
@@ -127,7 +126,7 @@ def test_the_points_that_trace_are_each_bodys_corners_and_its_edges_beside_the_a
         assert sorted(set(points["ahead"])) == sorted({-unit.rear_overhang, 0.0, unit.front})
         assert set(np.abs(points["left"])) == {0.5 * unit.width}
         assert np.all(np.abs(0.5 * points["start"] - (points["ahead"] - axle)) <= 0.25)  # the nearest station
-        assert np.all(points["left"][::2] > 0.0)  # the kernels tell the sides by the point's number
+        assert np.all(points["left"][::2] > 0.0)  # the core tells the sides by the point's number
 
 
 @each_vehicle
@@ -144,7 +143,7 @@ def test_the_planner_measures_what_the_evaluation_measures(vehicle: Vehicle) -> 
 @each_vehicle
 def test_the_gradient_is_that_of_the_measured_imbalance(vehicle: Vehicle) -> None:
     _, memory, z = whole(vehicle)
-    rounding = memory.balance.wish.rounding
+    rounding = float(memory.balance.data["rounding"][0])
     window = slice(0, memory.places)
     _, _, q = measure(memory, z)
     change = smooth_change(z, 1.0)
@@ -162,7 +161,7 @@ def test_the_program_never_underrates_what_a_step_costs(vehicle: Vehicle) -> Non
     _, memory, z = whole(vehicle)
     before, Q, q = measure(memory, z)
     window = slice(0, memory.places)
-    rounding, n = memory.balance.wish.rounding, z.shape[1]
+    rounding, n = float(memory.balance.data["rounding"][0]), z.shape[1]
     level = penalty(before[window], rounding)
     for size in (0.05, 0.2, 0.5):
         change = smooth_change(z, size)

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hdvplan.arrays import FloatArray
 from hdvplan.driving.drive import Drive, drive
 from hdvplan.driving.simulate import simulate
-from hdvplan.jit import FloatArray
 from hdvplan.planning.assembly import assemble
 from hdvplan.planning.objectives import Goal, geometric
 from hdvplan.planning.settings import PlannerSettings
@@ -18,8 +18,8 @@ from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Limits, Road
 from hdvplan.solvers.riccati import RiccatiWorkspace
 from hdvplan.vehicle.body import axles_behind
-from hdvplan.vehicle.kinematics import POSE, place
 from hdvplan.vehicle.load import load_vehicle
+from tests.core.chains import placed
 from tests.core.scenes import extended, horizon_at, move, part_of
 
 VEHICLES = {name: load_vehicle(name) for name in ("bus", "tractor-trailer")}
@@ -40,7 +40,7 @@ def drawn(seed: int) -> Road:
 
 
 def gaps_at_stations(done: Drive) -> FloatArray:
-    """Return what the planner's kernel finds at every executed station, shape (stations, units, 2)."""
+    """Return what the planner finds at every executed station, shape (stations, units, 2)."""
     points = done.stations.points.copy()
     points["margin"], points["room_left"], points["room_right"] = 0.0, -np.inf, -np.inf  # nothing is screened out
     length, step = len(done.z) - 1, done.settings.step
@@ -58,14 +58,13 @@ def true_gaps(done: Drive) -> FloatArray:
     assert limits is not None
     path, units, count = stations.path, vehicle.table(), len(done.kappa)
     found = np.empty((count, len(units), 2))
-    poses = np.empty(len(units), POSE)
     for i in range(count):
         states = simulate(units, path, float(stations.s[i]), done.settings.step, done.z[i], done.kappa[i : i + 1], KEEP)
         low = np.full((len(units), 2), np.inf)
         for j, z in enumerate(states):
             s = float(stations.s[i] + done.settings.step * j / KEEP)
             road = path.at(s)
-            place(units, float(road.x), float(road.y), float(np.cos(road.heading)), float(np.sin(road.heading)), z, poses)
+            poses = placed(vehicle, z, float(road.x), float(road.y), float(road.heading))
             for unit, (body, behind) in enumerate(zip(vehicle.units, axles_behind(vehicle), strict=True)):
                 ahead = np.arange(-body.rear_overhang, body.front, EDGE_M)
                 x, y, cos, sin = (float(poses[unit][name]) for name in ("x", "y", "cos", "sin"))

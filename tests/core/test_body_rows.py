@@ -3,14 +3,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hdvplan.arrays import FloatArray
 from hdvplan.centring.weights import CentringTable
-from hdvplan.jit import FloatArray
 from hdvplan.planning.assembly import assemble
 from hdvplan.planning.objectives import Goal
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import LIMIT_SPACING_M, LimitTable, Stations, limit_table, stations_of
-from hdvplan.planning.terms.edges import ROWS_PER_EDGE, WALL, limit_at
-from hdvplan.planning.terms.limits import LimitsPart
+from hdvplan.planning.terms.limits import ROWS_PER_EDGE, LimitsPart, limit_at
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Limits, Road
 from hdvplan.vehicle.body import axles_behind, edge_points
@@ -24,6 +23,7 @@ STEP = 0.5
 STAGES = 40
 FIRST = 40  # the first station of the linearised horizon: s = 20 m, where the road begins to bend
 MARGIN = 0.1
+WALL = 1.0  # slope of a limit from which on edges.c takes it for a wall
 VEHICLES = [load_vehicle("bus"), load_vehicle("tractor-trailer"), three_units()]
 each_vehicle = pytest.mark.parametrize("vehicle", VEHICLES, ids=lambda v: v.name)
 EVERY = (1, 5, 9, 13, 22, 31, STAGES)

@@ -3,11 +3,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hdvplan.arrays import FloatArray
 from hdvplan.centring.stationary import stationary
 from hdvplan.centring.weights import CentringTable
 from hdvplan.driving.drive import Drive
 from hdvplan.errors import PlanError
-from hdvplan.jit import FloatArray
 from hdvplan.judging.balance import KEPT_M, balance_of
 from hdvplan.judging.contact import contact
 from hdvplan.judging.envelope import envelope_of

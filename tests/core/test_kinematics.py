@@ -4,16 +4,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from hdvplan import core
+from hdvplan.arrays import FloatArray
 from hdvplan.driving.simulate import simulate
-from hdvplan.jit import FloatArray
 from hdvplan.planning.stations import STATION
 from hdvplan.road.path import from_curvature
-from hdvplan.vehicle.kinematics import POSE, derivative, jacobian, place, point_gradient
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
-from tests.core.chains import body_points, few, placed, three_units, vehicles
+from tests.core.chains import body_points, few, linearised, placed, rates, three_units, vehicles
 from tests.core.differences import differences
 
+_point_gradient = core.function(
+    "hdv_point_gradient", core.POINTER, core.INT, core.REAL, core.REAL, core.POINTER, core.REAL, core.REAL, core.INT, core.POINTER
+)
 PROFILE_S = np.array([0.0, 10.0, 20.0, 30.0, 45.0, 60.0])
 PROFILE_K = np.array([0.0, 0.0, 0.06, 0.06, -0.04, -0.04])
 
@@ -24,12 +27,6 @@ def states(vehicle: Vehicle, draw: list[float]) -> FloatArray:
 
 
 unit_box = st.lists(st.floats(-1.0, 1.0), min_size=5, max_size=5)
-
-
-def rates(vehicle: Vehicle, road_curvature: float, z: FloatArray, kappa: float) -> FloatArray:
-    f = np.empty(vehicle.states)
-    derivative(vehicle.table(), road_curvature, z, kappa, f)
-    return f
 
 
 @given(beta=st.floats(-1.4, 1.4), e_y=st.floats(-3.0, 3.0), e_psi=st.floats(-1.0, 1.0), kappa=st.floats(-0.1, 0.1), k=st.floats(-0.1, 0.1))
@@ -51,9 +48,8 @@ def test_a_tractor_trailer_follows_the_published_equations(beta: float, e_y: flo
 def test_the_kinematic_jacobian_is_the_derivative_by_state_and_curvature(
     vehicle: Vehicle, draw: list[float], kappa: float, k: float
 ) -> None:
-    z, n = states(vehicle, draw), vehicle.states
-    f, a, b = np.empty(n), np.full((n, n), np.nan), np.full(n, np.nan)
-    jacobian(vehicle.table(), k, z, kappa, placed(vehicle, z), f, a, b, np.full((3, n + 1), np.nan))
+    z = states(vehicle, draw)
+    f, a, b = linearised(vehicle, k, z, kappa)
     assert np.allclose(f, rates(vehicle, k, z, kappa), rtol=0.0, atol=1e-14)
     # fifth derivatives of tan reach a few hundred at 0.9 rad: 1e-12 / 30 times that
     assert np.allclose(a, differences(lambda v: rates(vehicle, k, v, kappa), z), rtol=0.0, atol=1e-9)
@@ -64,8 +60,7 @@ def test_the_kinematic_jacobian_is_the_derivative_by_state_and_curvature(
 @few
 def test_every_unit_is_placed_where_its_couplings_put_it(vehicle: Vehicle, draw: list[float], heading: float) -> None:
     z = states(vehicle, draw)
-    poses = np.empty(len(vehicle.units), POSE)
-    place(vehicle.table(), 3.0, -7.0, np.cos(heading), np.sin(heading), z, poses)
+    poses = placed(vehicle, z, 3.0, -7.0, heading)
     axle = np.array([3.0 - z[0] * np.sin(heading), -7.0 + z[0] * np.cos(heading)])
     local = [np.array([[0.0, 0.0], [1.0, 0.0], [u.wheelbase if i else 0.0, 0.0]]) for i, u in enumerate(vehicle.units)]
     turned = z[1 : 1 + len(vehicle.units)]
@@ -90,11 +85,9 @@ def test_the_point_gradient_is_the_derivative_of_a_body_points_motion(
         axle = np.array([-v[0] * np.sin(heading), v[0] * np.cos(heading)])
         return np.asarray(body_points(vehicle, axle, heading + v[1], v[2:], local)[unit][0], float)
 
-    poses, gradient, road = np.empty(len(vehicle.units), POSE), np.full(vehicle.states, np.nan), np.zeros(1, STATION)
+    poses, gradient, road = placed(vehicle, z, heading=heading), np.full(vehicle.states, np.nan), np.zeros(1, STATION)
     road["cos"], road["sin"] = np.cos(heading), np.sin(heading)
-    place(vehicle.table(), 0.0, 0.0, np.cos(heading), np.sin(heading), z, poses)
-    x, y = where(z)
-    point_gradient(poses, unit, x, y, road[0], along[0], along[1], gradient)
+    _point_gradient(core.address(poses), unit, *where(z), core.address(road), *along, vehicle.states, core.address(gradient))
     # lever arms up to 60 m: rounding of 1e-14 m over a step of 1e-3
     assert np.allclose(gradient, differences(lambda v: float(where(v) @ along), z), rtol=0.0, atol=1e-9)
 

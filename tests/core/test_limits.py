@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 
 from hdvplan.api import drive_case
+from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.driving.start import approach_to
 from hdvplan.errors import OptionError, RoadError
-from hdvplan.jit import FloatArray
 from hdvplan.judging.balance import balance_of
 from hdvplan.judging.envelope import envelope_of
 from hdvplan.need.stretch import stretch_of

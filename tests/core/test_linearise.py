@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hdvplan.arrays import FloatArray
 from hdvplan.centring.weights import CentringTable
-from hdvplan.jit import FloatArray
 from hdvplan.planning.assembly import assemble
-from hdvplan.planning.discretisation import Discretisation, advance, memory
+from hdvplan.planning.discretisation import Discretisation, advance
 from hdvplan.planning.objectives import Goal
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations, stations_of
@@ -18,18 +18,19 @@ from hdvplan.planning.terms.dynamics import Dynamics
 from hdvplan.planning.terms.smoothness import Smoothness
 from hdvplan.planning.terms.term import Place, Scene
 from hdvplan.road.road import Road
-from hdvplan.vehicle.kinematics import derivative
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
-from tests.core.chains import few, on_road, three_units, vehicles, winding
+from tests.core.chains import few, on_road, rates, three_units, vehicles, winding
 from tests.core.differences import differences
-from tests.core.rules import Rates, gap
+from tests.core.rules import gap
 from tests.core.scenes import extended, horizon_at, move
 
 STEP = 0.5
 STAGES = 40
 FIRST = 40  # the first station of the linearised horizon: s = 20 m, where the road begins to bend
 VEHICLES = [load_vehicle("bus"), load_vehicle("tractor-trailer"), three_units()]
+LONG = [load_vehicle("a-double"), Vehicle("five", (*three_units().units, *three_units().units[1:]))]  # the core unrolls up to four units
+each_chain = pytest.mark.parametrize("vehicle", VEHICLES + LONG, ids=lambda v: v.name)
 each_vehicle = pytest.mark.parametrize("vehicle", VEHICLES, ids=lambda v: v.name)
 NOWHERE = Place(0, 0, 0)  # of terms without columns and rows of their own
 each_rule = pytest.mark.parametrize("rule", list(Discretisation))
@@ -48,13 +49,13 @@ def of_the_bus() -> Stations:
 def motion(vehicle: Vehicle, seed: int = 0) -> tuple[FloatArray, FloatArray]:
     """Return states and curvatures that satisfy nothing at all."""
     random = np.random.default_rng(seed)
-    scale = np.array([1.0, 0.3, 0.6, 0.6])[: vehicle.states]
+    scale = np.array([1.0, 0.3, 0.6, 0.6, 0.4, 0.4])[: vehicle.states]
     return scale * random.uniform(-1.0, 1.0, (STAGES + 1, vehicle.states)), random.uniform(-0.1, 0.1, STAGES)
 
 
 def next_state(vehicle: Vehicle, k: float, k_between: float, z: FloatArray, kappa: float, rule: Discretisation) -> FloatArray:
     out = np.empty(z.size)
-    advance(rule.code, vehicle.table(), k, k_between, STEP, z, kappa, out, memory(z.size)[0])
+    advance(rule.code, vehicle.table(), k, k_between, STEP, z, kappa, out)
     return out
 
 
@@ -75,16 +76,8 @@ def gap_of(
     rule: Discretisation, vehicle: Vehicle, k: float, k_between: float, z: FloatArray, kappa: float, ahead: FloatArray
 ) -> FloatArray:
     """Return the gap that a motion leaves to a rule, written out."""
-
-    def rates(at: float) -> Rates:
-        def rate(v: FloatArray) -> FloatArray:
-            f = np.empty(v.size)
-            derivative(vehicle.table(), at, v, kappa, f)
-            return f
-
-        return rate
-
-    return gap(rule, rates(k), rates(k_between), STEP, z, np.zeros(z.size), ahead)
+    here, between = (partial(lambda at, v: rates(vehicle, at, v, kappa), at) for at in (k, k_between))
+    return gap(rule, here, between, STEP, z, np.zeros(z.size), ahead)
 
 
 @each_rule
@@ -99,7 +92,7 @@ def test_advance_leaves_no_gap_to_the_rule_written_out(
 
 
 @each_rule
-@each_vehicle
+@each_chain
 def test_linearised_dynamics_are_newtons_step_to_the_rule(vehicle: Vehicle, rule: Discretisation) -> None:
     """By the gap's derivatives: 0 = gap + by_z dz + by_kappa d kappa + by_ahead dz_next."""
     scene, term, _ = laid_out(vehicle, rule=rule)
@@ -123,7 +116,7 @@ def test_linearised_dynamics_are_newtons_step_to_the_rule(vehicle: Vehicle, rule
 
 
 @each_rule
-@each_vehicle
+@each_chain
 def test_on_a_motion_that_keeps_the_rule_linearised_dynamics_are_the_derivatives_of_advance(vehicle: Vehicle, rule: Discretisation) -> None:
     scene, term, _ = laid_out(vehicle, rule=rule)
     points, n, qp, (z, kappa) = scene.stations.points, vehicle.states, scene.qp, motion(vehicle)

@@ -5,23 +5,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hdvplan.arrays import FloatArray
 from hdvplan.centring.weights import CentringTable
-from hdvplan.jit import FloatArray
 from hdvplan.planning.assembly import assemble
-from hdvplan.planning.motion import shift, shift_rows
 from hdvplan.planning.objectives import Goal
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations, stations_of
-from hdvplan.planning.terms.limits import LimitsPart
-from hdvplan.planning.terms.screening import CLEAR_M
-from hdvplan.qp.program import by_stage
+from hdvplan.planning.terms.limits import CLEAR_M, LimitsPart
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Limits, Road
 from hdvplan.vehicle.body import axles_behind, edge_points
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 from tests.core.chains import on_road, three_units, winding
-from tests.core.scenes import extended, horizon_at, linearised, move, part_of
+from tests.core.scenes import extended, horizon_at, linearised, move, part_of, shifted
 
 STEP, STAGES, FIRST = 0.5, 12, 30
 VEHICLES = [load_vehicle("bus"), load_vehicle("tractor-trailer")]
@@ -94,8 +91,7 @@ def test_what_is_remembered_of_an_edge_never_promises_too_much(vehicle: Vehicle,
         binding = bool(random.choice([False, False, True]))
         if random.uniform() < 0.4:  # as the planner does
             by = int(random.integers(1, 5))
-            shift_rows(scene.qp.stages, scene.qp.rows, by)
-            shift((by_stage(scene.motion.stages), by_stage(scene.qp.stages), *(array for one in parts for array in one.memory)), by)
+            shifted(scene, parts, by)
             first += by
             z = np.concatenate([scene.motion.z[: STAGES + 1 - by], scale * random.uniform(-1.0, 1.0, (by, vehicle.states))])
             move(scene, z)

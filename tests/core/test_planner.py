@@ -1,22 +1,19 @@
-import time
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 from scipy.optimize import LinearConstraint, NonlinearConstraint, minimize
 
+from hdvplan.arrays import FloatArray, Records
 from hdvplan.centring.weights import CentringTable
 from hdvplan.errors import OptionError, PlanError, SolverError
-from hdvplan.jit import FloatArray, Records
+from hdvplan.planning import planner as planner_module
 from hdvplan.planning.assembly import assemble
-from hdvplan.planning.discretisation import advance, memory
+from hdvplan.planning.discretisation import advance
 from hdvplan.planning.merit import l1_weights
 from hdvplan.planning.motion import Motion, take_step
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.planner import Plan, Planner
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import STATION, Stations, stations_of
-from hdvplan.planning.terms.term import Horizon
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
@@ -27,11 +24,12 @@ from hdvplan.vehicle.model import Unit, Vehicle
 from tests.core.chains import on_road, winding
 from tests.core.differences import differences
 from tests.core.programs import PARTS
-from tests.core.scenes import assert_same_rows, extended, horizon_at, move
+from tests.core.scenes import assert_same_rows, extended, horizon_at, move, record_of
 from tests.core.spying import Spy
 
 LIMIT = 3.4
 TIGHT = {"bus": 2.19, "tractor-trailer": 1.84}  # 0.1 and 0.2 m less than the free plan's reach
+HALVINGS = (*planner_module._WARM, *planner_module._COUNTS).index("halvings")
 VEHICLES = [load_vehicle("bus"), load_vehicle("tractor-trailer")]
 each_vehicle = pytest.mark.parametrize("vehicle", VEHICLES, ids=lambda v: v.name)
 
@@ -87,40 +85,6 @@ def test_a_shifted_program_equals_a_fresh_linearisation_at_the_same_motion(vehic
     # so found to 1e-5 m only: the clearance there does not feel it, its derivative does. Settled feet agree to 1e-12: see the terms.
     assert_same_rows(shifted, fresh, 1e-8, 1e-4)
     assert np.any(shifted.G) is np.bool_(tight)
-
-
-@dataclass(frozen=True)
-class SlowAtFirst:
-    """Stand for a term whose price must be compiled."""
-
-    calls: list[float]
-    memory: tuple[FloatArray, ...] = ()
-    violation: float = 0.0
-
-    def extend(self, horizon: Horizon, begin: int) -> int:  # noqa: ARG002 - a protocol's method
-        """See ``Part``."""
-        return -1
-
-    def linearise(self, horizon: Horizon) -> int:  # noqa: ARG002 - a protocol's method
-        """See ``Part``."""
-        return -1
-
-    def price(self, horizon: Horizon) -> float:  # noqa: ARG002 - a protocol's method
-        """Take a while at the first call."""
-        time.sleep(0.0 if self.calls else 0.2)
-        self.calls.append(0.0)
-        return 0.0
-
-
-def test_what_prices_a_motion_is_loaded_outside_of_the_step() -> None:
-    vehicle = VEHICLES[1]
-    planner, _, _ = planned(vehicle, PlannerSettings(horizon=25.0), TIGHT[vehicle.name])
-    slow = SlowAtFirst([])
-    planner._parts = (*planner._parts, slow)
-    times = planner.plan(30, start(vehicle), 0.0).times
-    assert len(slow.calls) > 1
-    assert times.loading >= 0.2
-    assert times.linearise + times.update + times.solve + times.check <= times.total
 
 
 @each_vehicle
@@ -179,7 +143,7 @@ def next_state(vehicle: Vehicle, stations: Stations, settings: PlannerSettings, 
     """Return the state that the model predicts one station after ``at``."""
     point, out = stations.points[at], np.empty(z.size)
     k, between = float(point["curvature"]), float(point["curvature_between"])
-    advance(settings.discretisation.code, vehicle.table(), k, between, settings.step, z, kappa, out, memory(z.size)[0])
+    advance(settings.discretisation.code, vehicle.table(), k, between, settings.step, z, kappa, out)
     return out
 
 
@@ -365,35 +329,38 @@ def test_after_an_error_the_next_plan_is_a_first_plan() -> None:
     assert np.max(np.abs(again.z - fresh.z)) < 1e-9  # feet found from another start
 
 
+STRAIGHT = np.zeros(4, STATION)
+
+
 def still(vehicle: Vehicle) -> tuple[Motion, StageSolution, Records]:
-    """Return a motion of zeros over three intervals of a straight, and a step of zeros."""
-    sizes = StageShape(3, vehicle.states + 1, 1, 0, (vehicle.states,))
-    return Motion.empty(vehicle, 3), StageSolution.empty(sizes), np.zeros(4, STATION)
+    """Return a motion of zeros over three intervals of a straight, a step of zeros, and the record of their scene."""
+    sizes, motion = StageShape(3, vehicle.states + 1, 1, 0, (vehicle.states,)), Motion.empty(vehicle, 3)
+    return motion, StageSolution.empty(sizes), record_of(motion, sizes, road=STRAIGHT)
 
 
 def test_a_step_that_cannot_be_taken_in_any_part_is_refused() -> None:
-    motion, step, road = still(VEHICLES[0])
+    motion, step, scene = still(VEHICLES[0])
     step.x[:] = 1.0
     motion.z[2, 1] = 1.4  # already steeper than a plan may be, and the step turns on
     before = motion.stages.copy()
-    assert take_step(motion.stages, step.stages, road, 1.0) == np.inf
+    assert take_step(scene, step, 1.0) == np.inf
     assert np.array_equal(motion.stages, before)
 
 
 def test_a_step_leaves_the_given_state_where_it_is() -> None:
-    motion, step, road = still(VEHICLES[0])
+    motion, step, scene = still(VEHICLES[0])
     step.x[:] = 0.01
     step.x[0] = 5.0  # a residual of the solver
-    assert take_step(motion.stages, step.stages, road, 1.0) == 0.01
+    assert take_step(scene, step, 1.0) == 0.01
     assert not np.any(motion.z[0])
     assert np.all(motion.z[1:] == 0.01)
     assert np.all(motion.kappa == 0.01)
 
 
 def test_a_share_of_a_step_is_taken() -> None:
-    motion, step, road = still(VEHICLES[0])
+    motion, step, scene = still(VEHICLES[0])
     step.x[:] = 0.5
-    assert take_step(motion.stages, step.stages, road, 0.25) == 0.125
+    assert take_step(scene, step, 0.25) == 0.125
     assert np.all(motion.z[1:] == 0.125)
     assert np.all(motion.kappa == 0.125)
 
@@ -418,23 +385,25 @@ def test_limits_that_cannot_be_kept_are_broken_as_the_plan_admits(vehicle: Vehic
 
 
 @pytest.mark.parametrize(("name", "limit"), [("bus", 1.9), ("bus", 2.1), ("tractor-trailer", 1.3)])
-def test_where_limits_cannot_be_kept_steps_are_shortened_until_they_gain_nothing(name: str, limit: float) -> None:
+def test_where_limits_cannot_be_kept_steps_are_shortened_until_they_gain_nothing(
+    name: str, limit: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
     vehicle, settings = load_vehicle(name), PlannerSettings(scheme=Scheme.SQP, horizon=25.0)
     planner, _, _ = planned(vehicle, settings, limit)
-    steps, step = [], planner._step
+    plan, steps = planner.plan(50, start(vehicle), 0.0), list[int]()
+    planner, _, _ = planned(vehicle, settings, limit)
+    accept = planner_module._accept
 
-    def watched(horizon: Horizon, point: StageSolution, worth: float | None) -> tuple[float, float | None, int]:
-        moved, merit, halvings = step(horizon, point, worth)
-        steps.append((worth, merit, halvings, moved))
-        return moved, merit, halvings
+    def watched(*arguments: int) -> int:
+        stop = accept(*arguments)
+        steps.append(planner._counts[HALVINGS] - sum(steps))
+        return int(stop)
 
-    planner._step = watched  # type: ignore[method-assign]
-    plan = planner.plan(50, start(vehicle), 0.0)
-    for worth, merit, halvings, moved in steps:
-        assert worth is not None
-        assert merit is not None
-        assert merit <= worth or moved < settings.sqp_tolerance or halvings == 5  # a step of 1/32 is taken whatever it does
-    assert plan.halvings == sum(halvings for _, _, halvings, _ in steps) > 0
+    monkeypatch.setattr(planner_module, "_accept", watched)
+    again = planner.plan(50, start(vehicle), 0.0)
+    assert np.array_equal(again.z, plan.z)
+    assert max(steps) <= 5  # a step of 1/32 is taken whatever it does
+    assert plan.halvings == sum(steps) > 0
     assert plan.qp_count == len(steps) <= 10
     assert plan.moved > settings.sqp_tolerance  # it would have gone on for long
 
@@ -453,18 +422,10 @@ def test_a_plan_that_breaks_a_limit_gets_as_many_programs_more_as_are_allowed() 
 def test_stages_that_are_driven_before_the_next_plan_count_as_fixed_once_there_is_one() -> None:
     vehicle, settings = VEHICLES[0], PlannerSettings(horizon=25.0)
     planner, _, _ = planned(vehicle, settings)
-    looked, linearise = [], planner._linearise
-
-    def watched(horizon: Horizon) -> None:
-        looked.append(horizon.fixed)
-        linearise(horizon)
-
-    planner._linearise = watched  # type: ignore[method-assign]
     plan = planner.plan(50, start(vehicle), 0.0)
-    assert set(looked) == {0}  # the first plan of a drive iterates, and so does its every program
-    looked.clear()
+    assert planner._scene.record["fixed"] == 0  # the first plan of a drive iterates, and so does its every program
     planner.plan(60, plan.z[10], float(plan.kappa[9]))
-    assert looked == [settings.executed]
+    assert planner._scene.record["fixed"] == settings.executed
 
 
 @pytest.mark.parametrize(("multiplier", "live", "binds"), [(1e-4, 1.0, True), (1e-8, 1.0, False), (1e-4, 0.0, False)])
@@ -473,7 +434,7 @@ def test_limits_bind_where_a_row_has_a_multiplier(multiplier: float, live: float
     qp, point, weights = StageQp.empty(sizes), StageSolution.empty(sizes), np.full(2, np.nan)
     qp.stages["live"] = live
     point.rows[3, 1], point.dynamics[0], point.dynamics[2, :2] = multiplier, 9.0, (-3.0, 2.0)
-    assert l1_weights(qp.stages, point.stages, point.row_points, weights) is binds
+    assert l1_weights(qp, point, weights) is binds
     assert weights.tolist() == [3.0, 2.0]  # the first state is given: its multipliers price nothing
 
 

@@ -6,8 +6,8 @@ from functools import cache
 import numpy as np
 import pytest
 
+from hdvplan.arrays import FloatArray
 from hdvplan.driving.drive import Drive, drive
-from hdvplan.jit import FloatArray
 from hdvplan.judging.envelope import envelope_of
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.settings import PlannerSettings
@@ -16,9 +16,9 @@ from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
 from hdvplan.road.scenarios import SCENARIOS, turn_profile
 from hdvplan.solvers.riccati import RiccatiWorkspace
-from hdvplan.vehicle.kinematics import POSE, body_point, derivative, place
 from hdvplan.vehicle.load import load_vehicle, preset_names
 from hdvplan.vehicle.model import Unit, Vehicle
+from tests.core.chains import axles, placed, rates
 from tests.core.differences import differences
 
 LEAD_IN, RAMP, CONSTANT = 50.0, 5.5, 320.0  # the roundabout of [GEO], driven three times round so that everything settles
@@ -87,19 +87,17 @@ def test_a_bus_whose_axles_run_on_one_circle_is_balanced_by_its_target() -> None
 def slides(run: Drive, at: int) -> FloatArray:
     """Return how far every unit's axle and the front wheels slide across their wheels' direction, per metre of road."""
     vehicle, z, kappa = run.vehicle, run.z[at], float(run.kappa[at])
-    point, f = run.stations.path.at(run.stations.s[at]), np.empty(run.vehicle.states)
+    point = run.stations.path.at(run.stations.s[at])
     k, psi = float(point.curvature), float(point.heading)
-    derivative(vehicle.table(), k, z, kappa, f)
+    f = rates(vehicle, k, z, kappa)
 
-    def axles(ahead: FloatArray) -> FloatArray:
+    def moved(ahead: FloatArray) -> FloatArray:
         turned = k * ahead[0]
         chord, towards = ahead[0] * np.sinc(0.5 * turned / np.pi), psi + 0.5 * turned
-        poses = np.empty(len(vehicle.units), POSE)
         x, y = float(point.x) + chord * np.cos(towards), float(point.y) + chord * np.sin(towards)
-        place(vehicle.table(), x, y, np.cos(psi + turned), np.sin(psi + turned), z + ahead[0] * f, poses)
-        return np.concatenate([(pose["x"], pose["y"]) for pose in poses] + [body_point(poses[0], vehicle.lead.wheelbase, 0.0)])
+        return axles(vehicle, placed(vehicle, z + ahead[0] * f, x, y, psi + turned))
 
-    moves = differences(axles, np.zeros(1))[:, 0].reshape(-1, 2)
+    moves = differences(moved, np.zeros(1))[:, 0].reshape(-1, 2)
     beta, wheels = np.split(z[2:], [len(vehicle.units) - 1])
     headings = psi + z[1] - np.concatenate([[0.0], np.cumsum(beta)])
     front = np.arctan(vehicle.lead.wheelbase * kappa)

@@ -1,11 +1,13 @@
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hdvplan.arrays import FloatArray
 from hdvplan.centring.weights import CentringTable
 from hdvplan.errors import QpDataError
-from hdvplan.jit import FloatArray
 from hdvplan.planning.assembly import qp_shape, terms_of
 from hdvplan.planning.discretisation import Discretisation
 from hdvplan.planning.objectives import geometric
@@ -159,9 +161,10 @@ def test_a_point_that_is_not_a_number_is_not_judged_good(name: str) -> None:
         assert not found.dual <= 1e-3
 
 
-def test_a_shape_without_stages_is_refused() -> None:
+@pytest.mark.parametrize("sizes", [(0, 2, 1, 0), (1, 41, 1, 0), (1, 2, 21, 0), (1, 2, 1, 0, (2,)), (1, 2, 1, 0, (-1,))])
+def test_a_shape_without_stages_or_beyond_the_core_s_memory_is_refused(sizes: tuple[Any, ...]) -> None:
     with pytest.raises(QpDataError):
-        StageShape(0, 2, 1, 0)
+        StageShape(*sizes)
 
 
 @pytest.mark.parametrize("discretisation", list(Discretisation))

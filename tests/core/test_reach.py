@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from hdvplan.arrays import FloatArray, Records
 from hdvplan.centring.weights import CentringTable
 from hdvplan.errors import OptionError
-from hdvplan.jit import FloatArray, Records
 from hdvplan.planning.assembly import assemble
 from hdvplan.planning.objective_names import OBJECTIVE_NAMES
 from hdvplan.planning.objectives import OBJECTIVES, Goal, Objective, art_weighted, axle_max, body_max, geometric, objective_named

@@ -8,8 +8,7 @@ from hdvplan.planning.assembly import assemble
 from hdvplan.planning.objectives import Goal
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import stations_of
-from hdvplan.planning.terms.limits import LimitsPart
-from hdvplan.planning.terms.screening import CLEAR_M
+from hdvplan.planning.terms.limits import CLEAR_M, LimitsPart
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
 from hdvplan.vehicle.model import Vehicle

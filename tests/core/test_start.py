@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from hdvplan.api import drive_case
+from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.driving.drive import Drive
 from hdvplan.errors import PlanError
-from hdvplan.jit import FloatArray
 from hdvplan.judging.envelope import envelope_of
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.road.path import from_curvature

@@ -4,9 +4,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
+from hdvplan.arrays import FloatArray
 from hdvplan.centring.stationary import coefficients, stationary, tightest_kappa, tightest_road
 from hdvplan.centring.weights import CentringTable
-from hdvplan.jit import FloatArray
 from hdvplan.vehicle.load import load_vehicle, preset_names
 from hdvplan.vehicle.model import Unit, Vehicle
 from tests.core.chains import body_points, few, three_units

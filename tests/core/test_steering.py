@@ -8,14 +8,13 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from hdvplan.arrays import FloatArray
 from hdvplan.centring.stationary import stationary, tightest_kappa
 from hdvplan.driving.simulate import simulate
-from hdvplan.jit import FloatArray
 from hdvplan.road.path import from_curvature
-from hdvplan.vehicle.kinematics import POSE, body_point, derivative, jacobian, place
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Unit, Vehicle
-from tests.core.chains import body_points, few, placed, three_units, vehicles
+from tests.core.chains import axles, body_points, few, linearised, placed, rates, three_units, vehicles
 from tests.core.differences import STEP, differences
 
 PROFILE_S = np.array([0.0, 10.0, 20.0, 30.0, 45.0, 60.0])
@@ -53,12 +52,6 @@ def wheel_angles(vehicle: Vehicle, headings: FloatArray, kappa: float) -> FloatA
     return np.array(found)
 
 
-def rates(vehicle: Vehicle, road_curvature: float, z: FloatArray, kappa: float) -> FloatArray:
-    f = np.empty(vehicle.states)
-    derivative(vehicle.table(), road_curvature, z, kappa, f)
-    return f
-
-
 def near_a_stop(vehicle: Vehicle, z: FloatArray, kappa: float) -> bool:
     """Tell whether a step of the numerical derivative would cross the corner of a steering law."""
     headings = -np.concatenate([[0.0], np.cumsum(z[2:])])
@@ -75,10 +68,9 @@ unit_box = st.lists(st.floats(-1.0, 1.0), min_size=5, max_size=5)
 def test_the_jacobian_of_steered_axles_is_the_derivative_by_state_and_control(
     vehicle: Vehicle, draw: list[float], kappa: float, k: float
 ) -> None:
-    z, n = np.array([2.0, 0.5, 1.2, 1.2, 1.2])[: vehicle.states] * draw[: vehicle.states], vehicle.states
+    z = np.array([2.0, 0.5, 1.2, 1.2, 1.2])[: vehicle.states] * draw[: vehicle.states]
     assume(not near_a_stop(vehicle, z, kappa))
-    f, a, b = np.empty(n), np.full((n, n), np.nan), np.full(n, np.nan)
-    jacobian(vehicle.table(), k, z, kappa, placed(vehicle, z), f, a, b, np.full((3, n + 1), np.nan))
+    f, a, b = linearised(vehicle, k, z, kappa)
     assert np.allclose(f, rates(vehicle, k, z, kappa), rtol=0.0, atol=1e-13)
     # fifth derivatives of tan reach a few thousand at 1.2 rad of heading and wheels: 1e-12 / 30 times that
     assert np.allclose(a, differences(lambda v: rates(vehicle, k, v, kappa), z), rtol=0.0, atol=1e-8)
@@ -92,16 +84,14 @@ def test_no_axle_slides_off_the_direction_of_its_wheels(vehicle: Vehicle, draw: 
     z = np.array([2.0, 0.5, 1.2, 1.2, 1.2])[: vehicle.states] * draw[: vehicle.states]
     f = rates(vehicle, k, z, kappa)
 
-    def axles(s: FloatArray) -> FloatArray:
+    def moved(s: FloatArray) -> FloatArray:
         """Return x, y of every axle and of the front wheels when the road point has moved on by ``s`` on its circle."""
-        turned, poses = k * s[0], np.empty(len(vehicle.units), POSE)
+        turned = k * s[0]
         chord = s[0] * np.sinc(0.5 * turned / np.pi)
         x, y = chord * np.cos(0.5 * turned), chord * np.sin(0.5 * turned)
-        place(vehicle.table(), x, y, np.cos(turned), np.sin(turned), z + s[0] * f, poses)
-        places = [(pose["x"], pose["y"]) for pose in poses] + [body_point(poses[0], vehicle.lead.wheelbase, 0.0)]
-        return np.concatenate(places)
+        return axles(vehicle, placed(vehicle, z + s[0] * f, x, y, turned))
 
-    moves = differences(axles, np.zeros(1))[:, 0].reshape(-1, 2)  # metres per metre of road
+    moves = differences(moved, np.zeros(1))[:, 0].reshape(-1, 2)  # metres per metre of road
     headings = z[1] - np.concatenate([[0.0], np.cumsum(z[2:])])
     along = np.append(headings + wheel_angles(vehicle, headings, kappa), headings[0] + np.arctan(vehicle.lead.wheelbase * kappa))
     slides = -np.sin(along) * moves[:, 0] + np.cos(along) * moves[:, 1]

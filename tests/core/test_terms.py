@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hdvplan.arrays import FloatArray
 from hdvplan.centring.weights import CentringTable
-from hdvplan.jit import FloatArray
+from hdvplan.planning import planner as planner_module
 from hdvplan.planning.assembly import assemble
 from hdvplan.planning.merit import defect_price
 from hdvplan.planning.motion import Motion
@@ -18,8 +19,7 @@ from hdvplan.planning.stations import Stations, stations_of
 from hdvplan.planning.terms.balance import BalancePart, EnvelopeBalance
 from hdvplan.planning.terms.centring import Centring, Residual
 from hdvplan.planning.terms.dynamics import Dynamics
-from hdvplan.planning.terms.edges import ROWS_PER_EDGE
-from hdvplan.planning.terms.limits import Limits
+from hdvplan.planning.terms.limits import ROWS_PER_EDGE, Limits
 from hdvplan.planning.terms.reach import Reach
 from hdvplan.planning.terms.smoothness import Smoothness
 from hdvplan.planning.terms.steering import Steering
@@ -86,7 +86,7 @@ def scene_of(shape: StageShape, vehicle: Vehicle = ACTIVE, seed: int = 1) -> Sce
 def test_a_term_writes_the_columns_and_rows_that_it_declares_and_no_others(name: str) -> None:
     term = TERMS[name](prepared(ACTIVE))
     need, n, m = term.needs(ACTIVE), ACTIVE.states + 1, 1 + len(ACTIVE.active)
-    # two states, inputs and rows of others, one to each side; and as many states and inputs for all terms: sizes are compiled
+    # two states, inputs and rows of others, one to each side; and as many states and inputs for all terms
     scene = scene_of(StageShape(STAGES, n + 3, m + 3, 2 + need.rows, (n - 1, n - 2)))
     assert max(need.states, need.inputs) <= 1
     place = Place(n + 1, m + 1, 1)
@@ -201,6 +201,12 @@ def test_every_value_of_an_assembled_program_lies_in_its_pattern(vehicle: Vehicl
     assert not np.any(scene.qp.G[:, :, ~shape.g_pattern])
 
 
+@pytest.fixture(autouse=True)
+def _one_horizon_of_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a planner's memory be its window."""
+    monkeypatch.setattr(planner_module, "_HORIZONS", 1)
+
+
 SAME = 1e-12  # of programs at one motion, linearised until their feet no longer move
 GOALS = {"geometric": geometric, "balanced": balanced, "body-max": body_max, "axle-max": axle_max}
 each_goal = pytest.mark.parametrize("objective", GOALS)
@@ -252,9 +258,9 @@ def test_a_planner_s_program_is_that_of_a_fresh_one_at_its_motion(vehicle: Vehic
     assert np.allclose(left, planner._scene.qp.Q[1:], rtol=1e-6, atol=1e-6)  # feet were found to 1e-7 m
     fresh, parts = fresh_at(planner, stations, objective, horizon)
     if objective == "balanced":  # what was driven is the one thing that no motion tells
-        mine, theirs = (part_of(of, BalancePart).measured for of in (parts, planner._parts))
-        mine.driven[:], mine.since[:] = theirs.driven, theirs.since
-        assert np.any(np.isfinite(theirs.driven["reach"]))
+        mine, theirs = (part_of(of, BalancePart) for of in (parts, planner._parts))
+        mine.measured.driven[:], mine.data["since"] = theirs.measured.driven, theirs.data["since"]
+        assert np.any(np.isfinite(theirs.measured.driven["reach"]))
     settle_feet(parts, horizon)
     assert_same_program(planner._scene.qp, fresh)
     assert_same_rows(planner._scene.qp, fresh, SAME, SAME)
@@ -269,7 +275,8 @@ def test_a_shifted_program_is_that_of_a_fresh_one_at_its_motion(vehicle: Vehicle
     motion = planner._scene.motion
     z_start, before = motion.z[by] + 0.01, float(motion.kappa[by - 1])
     moved = horizon_at(planner._scene, horizon.first + by, before=before, fixed=SETTINGS.executed)
-    planner._extend(moved, z_start, by)
+    planner._start[:] = z_start
+    planner_module._begin(planner._address, moved.first, before)
     fresh, parts = fresh_at(planner, stations, objective, moved)
     new = slice(STAGES - by, STAGES)  # stages that the last plan did not reach, linearised once from feet as on a straight
     assert_same_program(planner._scene.qp, fresh, new)
@@ -299,15 +306,13 @@ def test_extending_and_linearising_comes_to_what_extending_all_comes_to(objectiv
         assert_same_rows(programs[0], other, SAME, SAME)
 
 
-def test_the_merit_is_the_prices_and_the_gaps_in_the_dynamics() -> None:
+def test_gaps_in_the_dynamics_cost_their_weights() -> None:
     planner, _, horizon = driven(TRAILER, "geometric", steps=2)
     settle_feet(planner._parts, horizon)
-    planner._weights[:] = 3.0, 5.0, 7.0
-    prices = [part.price(horizon) for part in planner._parts]
+    weights = np.array([3.0, 5.0, 7.0])
     planner._scene.qp.c[4, :3] = 0.1, -0.2, 0.3
     gaps = np.sum(np.abs(planner._scene.qp.c[:, :3]) @ [3.0, 5.0, 7.0])
-    assert planner._merit(horizon) == pytest.approx(sum(prices) + gaps, rel=1e-12)
-    assert defect_price(planner._scene.qp.stages, planner._weights) == pytest.approx(gaps, rel=1e-12)
+    assert defect_price(planner._scene.qp, weights) == pytest.approx(gaps, rel=1e-12)
     assert gaps > 3.0
 
 

@@ -283,6 +283,13 @@ def test_a_wrong_description_is_refused_by_the_name_of_its_entry(text: str, fiel
     assert words in str(caught.value)
 
 
+def test_more_units_than_the_core_has_room_for_are_refused_however_they_come() -> None:
+    lead, trailer = load_vehicle("tractor-trailer").units
+    assert len(Vehicle("train", (lead, *[trailer] * 15)).units) == 16
+    with pytest.raises(VehicleError, match="vehicle 'train' has 17 units; at most 16 are planned"):
+        Vehicle("train", (lead, *[trailer] * 16))
+
+
 def test_a_misspelt_entry_or_preset_is_met_with_the_right_word() -> None:
     with pytest.raises(VehicleError) as entry:
         parse_vehicle(BUS.replace("width", "widht"), default_name="x")
@@ -349,3 +356,10 @@ def test_a_number_without_end_is_refused_by_name() -> None:
 def test_an_overhang_is_bounded_by_zero_and_not_by_minus_zero() -> None:
     with pytest.raises(VehicleError, match="must lie between 0 and 50 m"):
         parse_vehicle("[[unit]]\nwheelbase = 5\nwidth = 2.5\nfront_overhang = -1\n", default_name="short")
+
+
+def test_a_chain_for_which_the_core_has_no_room_is_refused_however_it_is_made() -> None:
+    unit = Unit(6.0, 1.0, 1.0, 2.5)
+    assert Vehicle("longest", (unit,) * 16).states == 17
+    with pytest.raises(VehicleError, match="'long' has 17 units; at most 16 are planned"):
+        Vehicle("long", (unit,) * 17)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -29,7 +30,7 @@ LINKED = [
     ),
 ]
 _LINK = re.compile(r"!?\[[^\]]*\]\((?P<target>[^)\s]+)\)")
-_KNOWN = {"no-run", "slow", "output"}
+_KNOWN = {"no-run", "slow", "cc", "output"}
 
 
 def _name(path: Path) -> str:
@@ -50,7 +51,7 @@ def _run(path: Path, *, slow: bool) -> int:
     skipping = False  # the output of a block that was not run
     for block in blocks_of(path.read_text(encoding="utf-8")):
         if "output" not in block.words:
-            skipping = "slow" in block.words and not slow
+            skipping = ("slow" in block.words and not slow) or ("cc" in block.words and shutil.which("cc") is None)
         if runnable(block) and not skipping:
             reader.run(block)
             count += 1
@@ -61,7 +62,6 @@ def _run(path: Path, *, slow: bool) -> int:
 def _in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "80")
-    monkeypatch.setattr("hdvplan.jit.is_compiled", lambda: True)  # the first run of an installation says one line more
 
 
 _SLOW = [path for path in RUN if _has(("slow",), path)]

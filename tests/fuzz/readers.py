@@ -74,7 +74,7 @@ def make_readings(folder: Path) -> list[Reading]:
 
 
 def watched() -> Iterator[FunctionType]:
-    """Yield the readers' functions: in plain Python, and written in these modules; compiled kernels are objects of another kind."""
+    """Yield the readers' functions: in plain Python, and written in these modules."""
     for name, module in list(sys.modules.items()):
         if name.startswith(_WATCHED):
             members = [(owner, member) for owner in (module, *_classes(module)) for member in vars(owner).values()]

@@ -16,7 +16,7 @@ from pathlib import Path
 from hdvplan.cli.app import run
 from tests.fuzz import seeds
 
-LIMIT_S = 90.0  # of CPU time, for one file of some kilobytes; a vehicle of another kind than those before takes up to 40 s to compile
+LIMIT_S = 90.0  # of CPU time, for one file of some kilobytes
 _CODES = {0, 1, 2, 3}
 _QUIET = ("--no-plot", "--no-proof", "--quiet", "--out", "out")
 

@@ -8,9 +8,9 @@ import pytest
 import shapely
 
 from hdvplan.api import plan
+from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.centring.weights import CentringTable
-from hdvplan.jit import FloatArray
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.need.answer import need_of
 from hdvplan.need.measure import taken_by

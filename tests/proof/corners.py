@@ -17,8 +17,8 @@ import numpy as np
 import scipy  # its subpackages load when they are first used
 import shapely
 
+from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
-from hdvplan.jit import FloatArray
 from hdvplan.road.path import from_curvature
 from hdvplan.road.regions import Kind, Region
 from hdvplan.road.road import Road

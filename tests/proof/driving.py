@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy  # its subpackages load when they are first used
 
-from hdvplan.jit import FloatArray
+from hdvplan.arrays import FloatArray
 from hdvplan.road.path import ReferencePath
 from hdvplan.vehicle.model import Vehicle
 

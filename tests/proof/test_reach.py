@@ -14,14 +14,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hdvplan.jit import FloatArray, IntArray
+from hdvplan.arrays import FloatArray, IntArray
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.proof.answer import ROUNDING_M, grid_of
 from hdvplan.proof.articulated import Pair, reachable_with_trailer
 from hdvplan.proof.coupling import coupling_of
 from hdvplan.proof.poses import Outline, outline_of, seen_from
 from hdvplan.proof.reach import Grid, Reached, reachable
-from hdvplan.proof.space import MOST, Beside, Frame, beside, bins_for, frame_of
+from hdvplan.proof.space import MOST, Beside, Frame, beside, frame_of
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
 from hdvplan.vehicle.load import load_vehicle
@@ -64,7 +64,7 @@ def sets_of(half_width: float) -> Sets:
     """Return what the bus reaches on the winding road."""
     road, frame, grid, space, lead = _given(BUS, half_width)
     keep, kept = np.zeros((frame.s.size, grid.cells), np.int64), np.zeros((frame.s.size, grid.cells, MOST, 2))
-    reached = reachable(lead, BUS.max_curvature, space, False, frame, grid, lead.reach, bins_for(lead.reach), keep, kept)
+    reached = reachable(lead, BUS.max_curvature, space, frame, grid, two_regions=False, keep=(keep, kept))
     return Sets(BUS, road, half_width, frame, grid, reached, keep, kept)
 
 
@@ -74,9 +74,8 @@ def sets_of_pair(half_width: float) -> Sets:
     road, frame, grid, space, lead = _given(PAIR, half_width)
     tractor, trailer = PAIR.units
     behind = seen_from(outline_of(trailer, two_regions=False), trailer.wheelbase)
-    reach = max(lead.reach, behind.reach + abs(tractor.hitch_offset))
-    coupling = coupling_of(tractor, trailer)
-    reached = reachable_with_trailer(Pair(lead, behind, coupling), PAIR.max_curvature, space, False, frame, grid, reach, bins_for(reach))
+    pair = Pair(lead, behind, coupling_of(tractor, trailer))
+    reached = reachable_with_trailer(pair, PAIR.max_curvature, space, frame, grid, two_regions=False)
     return Sets(PAIR, road, half_width, frame, grid, reached, np.zeros((0, 0), np.int64), np.zeros((0, 0, 0, 2)))
 
 

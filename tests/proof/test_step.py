@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from hdvplan.jit import FloatArray
+from hdvplan.arrays import FloatArray
 from hdvplan.proof.reach import Cells, Grid, Span, step
 from hdvplan.proof.space import MOST, Frame
 
@@ -53,7 +53,7 @@ def reached(frame: Frame, e: float, j: int, grid: Grid) -> tuple[np.ndarray[tupl
     before[j], former[j, 0] = 1, e
     number, pieces = np.zeros(grid.cells, np.int64), np.zeros((grid.cells, MOST, 2))
     span = Span(j, j + 1, 0, grid.cells)
-    step(KAPPA, frame, grid, 1, Cells(before, former), span, Cells(number, pieces), np.empty((2 * grid.cells, 2)))
+    step(KAPPA, frame, grid, 1, Cells(before, former), span, Cells(number, pieces))
     return number, pieces
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from hdvplan.jit import FloatArray
+from hdvplan.arrays import FloatArray
 from hdvplan.judging.result import Result
 from hdvplan.report.animation import _film, film_bytes
 from hdvplan.report.windows import Window

@@ -17,7 +17,7 @@ from ezdxf.entities.mtext import MText
 from ezdxf.filemanagement import read
 from pyproj import Geod, Transformer
 
-from hdvplan.jit import FloatArray
+from hdvplan.arrays import FloatArray
 from hdvplan.judging.result import Result
 from hdvplan.judging.wheels import wheel_tracks
 from hdvplan.report.dxf import dxf_bytes

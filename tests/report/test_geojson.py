@@ -11,8 +11,8 @@ import shapely
 from pyproj import Geod
 from shapely.geometry import shape
 
+from hdvplan.arrays import FloatArray
 from hdvplan.fileio import json_bytes
-from hdvplan.jit import FloatArray
 from hdvplan.judging.result import Result
 from hdvplan.report.geojson import feature as feature_of
 from hdvplan.report.geojson import swept_area, swept_geojson

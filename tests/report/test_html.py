@@ -13,8 +13,8 @@ import pytest
 import shapely
 
 import hdvplan
+from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError
-from hdvplan.jit import FloatArray
 from hdvplan.judging.balance import balance_of
 from hdvplan.judging.result import Result
 from hdvplan.planning.bias import Bias

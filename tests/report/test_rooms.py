@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import shapely
 
+from hdvplan.arrays import FloatArray, IntArray
 from hdvplan.driving.drive import Drive
-from hdvplan.jit import FloatArray, IntArray
 from hdvplan.judging.bodies import corners
 from hdvplan.judging.result import Result, result_of
 from hdvplan.judging.verdict import verdict_of

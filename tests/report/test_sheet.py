@@ -12,8 +12,8 @@ import pytest
 from pypdf import PageObject, PdfReader
 from pypdf.generic import ContentStream, DictionaryObject
 
+from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError
-from hdvplan.jit import FloatArray
 from hdvplan.judging.result import Result
 from hdvplan.report.pages import pages_of
 from hdvplan.report.paper import PAPERS_MM, SheetOptions

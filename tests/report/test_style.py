@@ -8,7 +8,7 @@ import pytest
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
-from hdvplan.jit import FloatArray
+from hdvplan.arrays import FloatArray
 from hdvplan.report.colours import BODY_COLOURS, BREACH, INK
 from hdvplan.report.style import body_dark, body_fill, figure_bytes, styled
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hdvplan.jit import FloatArray
+from hdvplan.arrays import FloatArray
 from hdvplan.road.blend import rounded, wrapped
 from hdvplan.road.smooth import smoothing_of
 from hdvplan.road.through import path_through

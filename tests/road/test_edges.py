@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
-from hdvplan.jit import FloatArray
 from hdvplan.road.edges import edge_reaches, side_reaches
 from hdvplan.road.load import load_road
 from hdvplan.road.path import from_curvature

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import shapely
 
+from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
-from hdvplan.jit import FloatArray
 from hdvplan.road.lane import offset_road, reversed_road
 from hdvplan.road.load import RoadOptions, load_road
 from hdvplan.road.path import ReferencePath, from_curvature

@@ -69,7 +69,7 @@ def test_every_shipped_road_loads_within_the_default_bounds() -> None:
 
 @pytest.mark.slow
 def test_twelve_kilometres_load_in_seconds() -> None:
-    load_road("goteborg_lindholmsallen_uturn")  # compiles the kernels
+    load_road("goteborg_lindholmsallen_uturn")  # loads what reads and smooths
     start = time.process_time()
     load_road("liechtenstein_schaan_balzers")
     assert time.process_time() - start < 10.0  # takes 2 to 3 s

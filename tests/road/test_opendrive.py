@@ -9,8 +9,8 @@ import pytest
 from scipy.integrate import quad, solve_ivp
 from scipy.special import fresnel
 
+from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError, RoadError
-from hdvplan.jit import FloatArray
 from hdvplan.road.load import RoadOptions, load_road
 from hdvplan.road.load_opendrive import read_opendrive
 from hdvplan.road.opendrive import Geometry, OdrRoad, read_roads

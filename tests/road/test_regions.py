@@ -8,7 +8,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hdvplan.jit import FloatArray
+from hdvplan.arrays import FloatArray
 from hdvplan.planning.bias import Bias
 from hdvplan.planning.stations import limit_table
 from hdvplan.road.cells import cells_of, stays_of
@@ -183,7 +183,7 @@ def test_no_point_of_any_obstacle_lies_within_the_limits_that_planning_uses(
         weights = rng.dirichlet(np.full(len(corners), 0.3), 200)  # few corners dominate: points lie near the outline, too
         points = np.repeat(np.vstack([corners, weights @ corners]), len(nears), axis=0)
         near = np.tile(nears, len(points) // len(nears))
-        s, e = project_many(wide.curve, points[:, 0].copy(), points[:, 1].copy(), near)
+        s, e = project_many(wide, points[:, 0], points[:, 1], near)[:2]
         met = (s >= 0.0) & (s <= path.length) & (np.abs(e) < 6.0)  # NaN where there is no foot near by
         left, right = (np.interp(s[met], entries, table.values[row]) for row in (2, 3))
         assert np.all((e[met] >= left - 1e-6) | (e[met] <= right + 1e-6))  # the foot's accuracy

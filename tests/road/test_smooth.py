@@ -9,8 +9,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
-from hdvplan.jit import FloatArray
 from hdvplan.road.path import ReferencePath
 from hdvplan.road.scenarios import roundabout, uturn
 from hdvplan.road.smooth import SmoothedLine, smooth_line

@@ -4,8 +4,8 @@ import signal
 import sys
 from dataclasses import replace
 from itertools import product
-from time import perf_counter, sleep
-from typing import Any, get_args
+from time import perf_counter
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -19,9 +19,9 @@ from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.envelope import envelope_of
 from hdvplan.judging.result import Result, result_of, solver_texts
 from hdvplan.judging.verdict import verdict_of
+from hdvplan.planning import planner as planner_module
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.settings import PlannerSettings, Scheme
-from hdvplan.qp import residuals as residuals_module
 from hdvplan.qp.judge import backed
 from hdvplan.qp.program import StageQp, StageSolution
 from hdvplan.qp.workspace import QpResult, Status, WorkspaceMaker
@@ -121,28 +121,18 @@ class Writing(RiccatiWorkspace):
 
 def test_a_solver_that_writes_into_the_program_is_judged_by_the_program_that_was_given() -> None:
     road = BEND.with_limits(1.9, 1.9)
-    # Riccati first: what it compiles counts against no time limit.
     wanted, found = (drive_case(Case(road, load_vehicle("bus"), "geometric", one, SETTINGS)) for one in ("riccati", Writing))
     assert any(plan.merit is not None for plan in wanted.plans)  # the rows that it drops would bind
     assert any("with a primal residual of" in plan.instead for plan in found.plans)
     np.testing.assert_allclose(found.z, wanted.z, atol=1e-5)  # as above
 
 
-@pytest.mark.parametrize("solver", ["riccati", Fake("wrong", honest=1000)], ids=["ours", "with a time limit"])
-def test_each_program_is_judged_once_and_that_counts_as_check(monkeypatch: pytest.MonkeyPatch, solver: str | Fake) -> None:
-    calls, usual, slow_s = 0, residuals_module._residuals, 0.002  # a hundred times what it takes
-
-    def counted(*arguments: Any) -> tuple[float, float, float]:  # noqa: ANN401 - passed on
-        nonlocal calls
-        calls += 1
-        sleep(slow_s)
-        return usual(*arguments)
-
-    monkeypatch.setattr(residuals_module, "_residuals", counted)
-    found = drive(BEND, load_vehicle("bus"), geometric, dependable(solver), SETTINGS)
-    assert calls == sum(plan.qp_count for plan in found.plans)
-    assert all(plan.times.check >= plan.qp_count * slow_s for plan in found.plans)
-    assert np.median([plan.times.update / plan.qp_count for plan in found.plans]) < slow_s
+def test_each_program_is_judged_once_and_that_counts_as_check(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls, usual = [], planner_module._judge
+    monkeypatch.setattr(planner_module, "_judge", lambda *arguments: calls.append(usual(*arguments)))
+    found = drive(BEND, load_vehicle("bus"), geometric, dependable(Fake("wrong", honest=1000)), SETTINGS)
+    assert len(calls) == sum(plan.qp_count for plan in found.plans)
+    assert all(0.0 < plan.times.check < plan.times.total for plan in found.plans)
 
 
 class Leaving:

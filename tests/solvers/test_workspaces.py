@@ -18,8 +18,7 @@ from tests.solvers.workspaces import GENERIC, NATIVE, distance, generic, native,
 each_native = pytest.mark.parametrize("name", NATIVE)
 
 
-# States, inputs and how many states have bounds: kernels are compiled for each of them, in seconds. The first are those of vehicles of
-# one and three units, and those of ``shape``.
+# States, inputs and how many states have bounds: the first are those of vehicles of one and three units, and those of ``shape``.
 SIZES = ((3, 1, 1), (4, 2, 2), (5, 1, 1))
 MORE_SIZES = ((2, 1, 2), (5, 2, 5), (5, 3, 2), (6, 1, 3), (6, 3, 0))
 
@@ -119,7 +118,7 @@ def test_elastic_rows_cost_nothing_while_a_feasible_point_exists(name: str) -> N
 @each_native
 def test_elastic_rows_are_broken_no_more_than_they_must(name: str) -> None:
     sizes = shape(rows=1, stages=4)
-    qp = StageQp.empty(sizes)  # of its states and inputs the first alone are used: kernels are compiled for every size
+    qp = StageQp.empty(sizes)  # of its states and inputs the first alone are used
     qp.x_low[:], qp.x_high[:], qp.R[:] = -1.0, 1.0, np.eye(2)
     qp.A[:, 0, 0], qp.B[:, 0, 0], qp.G[:, 0, 0], qp.h[:] = 1.0, 1.0, 1.0, -2.0  # x must come down to -2 ...
     qp.u_low[:], qp.u_high[:], qp.linear[:] = -0.75, 0.75, 1e4  # ... by 0.75 a stage

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from hdvplan.jit import FloatArray
+from hdvplan.arrays import FloatArray
 from hdvplan.qp.program import StageQp, StageSolution
 from hdvplan.qp.workspace import WorkspaceMaker
 from hdvplan.solvers.registry import solver_infos, solver_named

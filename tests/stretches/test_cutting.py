@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from hdvplan.api import drive_case
+from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.errors import OptionError, RoadError
-from hdvplan.jit import FloatArray
 from hdvplan.judging.envelope import envelope_of
 from hdvplan.judging.result import result_of
 from hdvplan.planning.bias import Bias

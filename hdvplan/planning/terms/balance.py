@@ -1,27 +1,59 @@
 """Balance the swept envelope itself: at every place of the road its left and right reach, over the whole manoeuvre.
 
-Each place's left and right reach belong to one point of one stage each, see ``tracks``. A step of Gauss and Newton that moves each of
-the two by half of the imbalance keeps the program's stages apart: with a + b the change of the imbalance I,
+Each place's left and right reach belong to one point of one stage each: see hdvplan/core/balance.c and tracks.c. A step of Gauss and
+Newton that moves each of the two by half of the imbalance keeps the program's stages apart: with a + b the change of the imbalance I,
 (I + a + b)^2 <= 2 (I/2 + a)^2 + 2 (I/2 + b)^2, with equality at a = b. ``docs/balanced.md`` has the derivation, why it converges, and
 what was measured.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from hdvplan.jit import FloatArray, IntArray, Records, compiled
+from hdvplan import core
+from hdvplan.arrays import FloatArray, Records
 from hdvplan.planning.terms.centring import Centring, CentringPart, Residual
-from hdvplan.planning.terms.term import Horizon, Needs, Place, Scene
-from hdvplan.planning.terms.tracks import REACH, Bodies, Tracks, cover, empty_tracks, trace, tracing_points
+from hdvplan.planning.terms.term import CorePart, Needs, Place, Scene, core_functions
 from hdvplan.vehicle.body import axles_behind
-from hdvplan.vehicle.kinematics import body_point, point_gradient
+from hdvplan.vehicle.kinematics import POSE
 from hdvplan.vehicle.model import Vehicle
 
+_POINTS = core.number("HDV_TRACING_POINTS")  # of a body
 _ROOM = 2  # places and stages beyond the vehicle's length, for bodies that stand askew
+# Of its axle, of its axis [m]; see ``tracing_points``.
+_POINT = core.record("hdv_tracing_point", [("ahead", float), ("left", float), ("start", np.int64)])
+# Of one point at one stage [m]; the foot is NaN where there is none.
+_TRACK = core.record("hdv_track", [("foot", float), ("offset", float)])
+_REACHED = core.record("hdv_furthest", [*((name, float) for name in ("reach", "slope", "ahead")), ("stage", np.int64), ("unit", np.int64)])
+_BODIES = core.record(
+    "hdv_bodies",
+    [
+        ("units", core.ADDRESS),
+        ("unit_count", np.int64),
+        *((name, core.ADDRESS) for name in ("points", "curve", "stations")),
+        ("station_count", np.int64),
+        ("step", float),
+    ],
+)
+_TRACKS = core.record("hdv_tracks", [("poses", core.ADDRESS), ("points", core.ADDRESS)])
+_BALANCE = core.record(
+    "hdv_balance",
+    [
+        ("bodies", _BODIES),
+        ("aim", core.ADDRESS),
+        *((name, float) for name in ("rounding", "relaxation")),
+        *((name, np.int64) for name in ("stages", "places", "before")),
+        *((name, core.ADDRESS) for name in ("centring", "beside")),
+        ("tracks", _TRACKS),
+        *((name, core.ADDRESS) for name in ("reached", "driven")),
+        ("since", np.int64),
+        ("value", float),
+    ],
+)
+_FUNCTIONS = core_functions("balance")
 
 
 @dataclass(frozen=True)
@@ -50,28 +82,35 @@ class EnvelopeBalance:
         after = int(np.ceil(vehicle.reach_ahead / stations.step)) + _ROOM
         swept = min(stages - before, int(min(self.ahead / stations.step, stages)) + after)
         points = tracing_points(vehicle, axles_behind(vehicle), stations.step)
-        reached = np.zeros((2, 2, len(stations.s)), REACH)
-        reached["reach"], reached["stage"] = -np.inf, -1
+        count, units = len(stations.s), len(vehicle.units)
+        measured = Measured(
+            np.zeros((stages + 1, units), POSE), np.zeros((stages + 1, *points.shape), _TRACK), np.zeros((2, count), _REACHED),
+            np.zeros((2, count), _REACHED),
+        )  # fmt: skip
+        for reached in (measured.reached, measured.driven):
+            reached["reach"], reached["stage"] = -np.inf, -1
         centring = Centring(self.beside).part(scene, place)
         weights = centring.weights.copy()
         weights[1 : max(swept - after, 0) + 1] = self.share
-        return BalancePart(
-            scene,
-            centring,
-            replace(centring, weights=weights),
-            Bodies(scene.units, points, stations.path.curve, stations.points, stations.step),
-            Wish(self.aim, self.rounding, self.relaxation),
-            Window(swept - after, swept, before),
-            Measured(empty_tracks(vehicle, stages), reached[0], reached[1], np.full(1, -1), np.zeros(1)),
+        beside = centring.weighed(weights)
+        window = Window(swept - after, swept, before)
+        road = (points, stations.path.record, stations.points)
+        bodies = (core.address(scene.units), units, *map(core.address, road), count, stations.step)
+        centrings = core.address(centring.data), core.address(beside.data)
+        poses, tracks, *reaches = map(core.address, measured)
+        own = (
+            core.address(self.aim, np.dtype(float), (count,)),
+            self.rounding,
+            self.relaxation,
+            *window,
+            *centrings,
+            (poses, tracks),
+            *reaches,
+            -1,
+            0.0,
         )
-
-
-class Wish(NamedTuple):
-    """The numbers of ``EnvelopeBalance``."""
-
-    aim: FloatArray
-    rounding: float
-    relaxation: float
+        data = np.array([(bodies, *own)], _BALANCE)
+        return BalancePart(scene, _FUNCTIONS, data, centring, beside, window, measured, (*road, self.aim))
 
 
 class Window(NamedTuple):
@@ -85,99 +124,36 @@ class Window(NamedTuple):
 class Measured(NamedTuple):
     """What the last plan sweeps, and what was swept by driving."""
 
-    tracks: Tracks
-    reached: Records  # (2, places) of ``REACH``, with the plan
-    driven: Records  # (2, places) of ``REACH``, without
-    since: IntArray  # (1,), station of the plan that was last measured, which has been driven from there on; -1: none
-    value: FloatArray  # (1,), what the imbalance cost when it was last measured
+    track_poses: Records  # (N+1, units) of ``POSE``, of the last plan
+    track_points: Records  # (N+1, units, 6) of ``_TRACK``
+    reached: Records  # (2, places) of ``_REACHED``, with the plan: left and right
+    driven: Records  # (2, places) of ``_REACHED``, without
 
 
 @dataclass(frozen=True)
-class BalancePart:
+class BalancePart(CorePart):
     """The balance in its place; see ``Part``."""
 
-    scene: Scene
     centring: CentringPart  # of stages that were not measured yet
     beside: CentringPart  # the same, with a share where the plan is measured
-    bodies: Bodies
-    wish: Wish
     window: Window
     measured: Measured
-    violation: float = 0.0
+    kept: tuple[Records | FloatArray, ...]  # what the data point to
 
     @property
     def memory(self) -> tuple[FloatArray, ...]:
         """What centring keeps: places do not move with the plan."""
         return self.centring.memory
 
-    def extend(self, horizon: Horizon, begin: int) -> int:
-        """See ``Part``. What is known of the motion was measured before; a new one begins a drive, of which nothing is driven."""
-        lost = (self.beside if begin == 1 else self.centring).extend(horizon, begin)
-        if lost < 0 and begin == 1:
-            self.measured.driven["reach"], self.measured.since[0] = -np.inf, -1
-            self._balance(horizon)
-        return lost
 
-    def linearise(self, horizon: Horizon) -> int:
-        """See ``Part``."""
-        lost = self.beside.linearise(horizon)
-        if lost < 0:
-            self._balance(horizon)
-        return lost
+def tracing_points(vehicle: Vehicle, behind: FloatArray, step: float) -> Records:
+    """Return the points of every body that trace its envelope, shape (units, 6): front, axle and rear, left and right of each.
 
-    def price(self, horizon: Horizon) -> float:
-        """Return the objective: the balance's, and the residual's beside it: see ``Part``."""
-        return float(self.measured.value[0]) + self.beside.price(horizon)
-
-    def _balance(self, horizon: Horizon) -> None:
-        if self.window.stages > 0:
-            balance(
-                self.bodies, self.wish, self.window, self.measured, self.scene.motion.poses, horizon.first, horizon.fixed,
-                self.scene.qp.stages, self.scene.vehicle.states,
-            )  # fmt: skip
-
-
-@compiled
-def balance(
-    bodies: Bodies, wish: Wish, window: Window, measured: Measured, poses: Records, first: int, fixed: int, stages: Records, n: int
-) -> None:
-    """Measure a plan's envelope and add Q, q of the imbalance at stages 1 <= i <= ``window.stages``.
-
-    Stages up to ``fixed`` will not change any more: the opposite side must compensate for what they sweep. ``n`` are the vehicle's
-    states.
+    ``start`` is how many places a point lies ahead of the lead rear axle on a straight, every axle ``behind`` it by so much [m].
     """
-    road, reached, driven = bodies.stations, measured.reached, measured.driven
-    end, lowest, places = window.places + window.before + 1, max(first - window.before, 0), reached.shape[1]
-    gradient = np.empty(n)
-    driven_to = min(first - measured.since[0], window.places) + 1
-    if measured.since[0] >= 0 and driven_to > 1:  # the tracks are still those of the last plan
-        cover(bodies, measured.tracks, measured.since[0], driven_to, driven)
-    measured.since[0] = first
-    trace(bodies, poses, first, end, measured.tracks)
-    for m in range(lowest, min(first + end, places)):
-        for side in range(2):
-            reached[side, m].reach, reached[side, m].stage = driven[side, m].reach, -1
-    cover(bodies, measured.tracks, first, end, reached)
-    value = 0.0
-    for m in range(lowest, min(first + window.places, places)):
-        wrong = reached[0, m].reach - reached[1, m].reach - 2.0 * wish.aim[m]
-        if not np.isfinite(wrong):
-            continue
-        weight = 1.0 / np.sqrt(1.0 + (wrong / wish.rounding) ** 2)
-        value += 2.0 * wish.rounding**2 * (1.0 / weight - 1.0)  # its derivative is 2 weight wrong
-        for side in range(2):
-            place = reached[side, m]
-            i, unit = place.stage - first, place.unit
-            if i < 1 or i > window.stages:
-                continue
-            share = 0.5 if reached[1 - side, m].stage - first > fixed else 1.0
-            sign, at = 1.0 - 2.0 * side, road[m]
-            x, y = body_point(poses[i, unit], place.ahead, sign * bodies.units[unit].half_width)
-            # The place is fixed while the point's foot moves: by the track's slope that changes the reach there.
-            rise = sign * place.slope / (1.0 - sign * place.reach * at.curvature)
-            point_gradient(poses[i], unit, x, y, road[first + i], -at.sin - rise * at.cos, at.cos - rise * at.sin, gradient)
-            for j in range(n):
-                stages[i].q[j] += 2.0 * weight * wrong * gradient[j]
-                for k in range(n):
-                    stages[i].Q[j, k] += 2.0 / wish.relaxation * weight / share * gradient[j] * gradient[k]
-    measured.value[0] = value
+    table = np.zeros((len(vehicle.units), _POINTS), _POINT)
+    for row, unit in zip(table, vehicle.units, strict=True):
+        row["ahead"] = np.repeat([unit.front, 0.0, -unit.rear_overhang], 2)
+        row["left"] = np.tile([0.5 * unit.width, -0.5 * unit.width], 3)
+    table["start"] = np.round((table["ahead"] - behind[:, None]) / step)
+    return table

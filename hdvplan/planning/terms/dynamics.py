@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hdvplan.jit import FloatArray, Records, compiled
-from hdvplan.planning.discretisation import linearise_interval, memory
-from hdvplan.planning.terms.term import Horizon, Needs, Place, Scene
-from hdvplan.vehicle.kinematics import POSE, place
+from hdvplan import core
+from hdvplan.planning.terms.term import CorePart, Needs, Place, Scene, core_functions
 from hdvplan.vehicle.model import Vehicle
+
+_FUNCTIONS = core_functions("dynamics")
+_DATA = core.record("hdv_dynamics", [("rule", np.int64)])
 
 
 @dataclass(frozen=True)
@@ -21,52 +22,10 @@ class Dynamics:
         """Return nothing: see ``Term``."""
         return Needs()
 
-    def part(self, scene: Scene, place: Place) -> _Part:  # noqa: ARG002
+    def part(self, scene: Scene, place: Place) -> CorePart:  # noqa: ARG002
         """Return the term in its place: see ``Term``."""
         qp, vehicle, n = scene.qp, scene.vehicle, scene.vehicle.states
         qp.stages["A"][:, n, n] = qp.stages["B"][:, n, 0] = 1.0
         for wheel in range(len(vehicle.active)):
             qp.stages["B"][:, vehicle.rigid_states + wheel, 1 + wheel] = 1.0
-        return _Part(scene, scene.settings.discretisation.code, memory(n))
-
-
-@dataclass(frozen=True)
-class _Part:
-    scene: Scene
-    rule: int
-    work: Records
-    memory: tuple[FloatArray, ...] = ()
-    violation: float = 0.0
-
-    def extend(self, horizon: Horizon, begin: int) -> int:
-        scene, motion, qp = self.scene, self.scene.motion, self.scene.qp
-        step = scene.settings.step
-        linearise_dynamics(self.rule, scene.units, horizon.road, step, motion.stages, motion.poses, begin, qp.stages, self.work)
-        return -1
-
-    def linearise(self, horizon: Horizon) -> int:
-        return self.extend(horizon, 1)
-
-    def price(self, horizon: Horizon) -> float:  # noqa: ARG002
-        return 0.0
-
-
-@compiled
-def linearise_dynamics(
-    rule: int, units: Records, road: Records, step: float, motion: Records, poses: Records, begin: int, stages: Records, work: Records
-) -> None:
-    """Write A, B, c of the first interval and of those that lead to stage ``begin`` >= 1 and on; and poses of the stages they join."""
-    last, probe = motion.size - 1, np.empty(units.size, POSE)
-    for i in range(last + 1):
-        if 0 < i < begin - 1:
-            continue
-        stage, at = stages[i], road[i]
-        place(units, at.x, at.y, at.cos, at.sin, motion[i].z, poses[i])
-        if i < last:
-            linearise_interval(rule, units, at, step, motion[i], motion[i + 1].z, poses[i], stage, work[0], probe)
-        if i >= begin:
-            stage.live = 0.0
-            for j in range(stage.q.size):
-                stage.q[j] = 0.0
-                for k in range(stage.q.size):
-                    stage.Q[j, k] = 0.0
+        return CorePart(scene, _FUNCTIONS, np.array([(scene.settings.discretisation.code,)], _DATA))

@@ -6,15 +6,39 @@ asks it for its ``Part``, which knows its place there. The dynamics come first: 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from ctypes import CDLL
+from dataclasses import dataclass, field
+from operator import index
 from typing import NamedTuple, Protocol
 
-from hdvplan.jit import FloatArray, Records
+import numpy as np
+
+from hdvplan import core
+from hdvplan.arrays import FloatArray, Records
+from hdvplan.errors import HdvplanError, OptionError
 from hdvplan.planning.motion import Motion
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations
-from hdvplan.qp.program import StageQp
+from hdvplan.plugins import said
+from hdvplan.qp.program import PROGRAM, StageQp
 from hdvplan.vehicle.model import Vehicle
+
+SCENE = core.record(
+    "hdv_scene",
+    [
+        ("units", core.ADDRESS),
+        ("unit_count", np.int64),
+        ("states", np.int64),
+        *((name, core.ADDRESS) for name in ("road", "motion", "poses")),
+        ("program", PROGRAM),
+        ("step", float),
+        ("kappa_before", float),
+        *((name, np.int64) for name in ("first", "at", "fixed", "binding")),
+    ],
+)
+TERM = core.record("hdv_term", [(name, core.ADDRESS) for name in ("linearise", "price", "data", "violation")])
 
 
 @dataclass(frozen=True)
@@ -37,14 +61,39 @@ class Place:
 
 @dataclass(frozen=True)
 class Scene:
-    """The data of a drive's programs, and the memory of one program: values and motion are overwritten at every step."""
+    """The data of a drive's programs, and memory for ``capacity`` stages in a row, of which a program's are a window.
+
+    Program and motion are overwritten at every step. With room for the stages of one horizon alone, the window is the memory.
+    """
 
     vehicle: Vehicle
     stations: Stations
     settings: PlannerSettings
     units: Records  #: ``vehicle.table()``
-    qp: StageQp
-    motion: Motion
+    qp: StageQp  #: the memory of ``capacity`` stages
+    motion: Motion  #: the same
+    record: Records = field(init=False)  #: (1,) of ``SCENE``: all of it as the core takes it
+
+    def __post_init__(self) -> None:
+        """Lay out the record, without what belongs to one step."""
+        record = np.zeros(1, SCENE)
+        record["units"], record["unit_count"], record["states"] = core.address(self.units), len(self.units), self.vehicle.states
+        record["motion"], record["poses"] = core.address(self.motion.stages), core.address(self.motion.poses)
+        record["program"], record["step"] = self.qp.record, self.settings.step
+        record["program"]["shape"][0, 0] = self.settings.stages
+        object.__setattr__(self, "record", record)
+
+    @property
+    def capacity(self) -> int:
+        """How many stages there is memory for: parts keep as many records of what they know of a stage."""
+        return len(self.qp.stages)
+
+    def begin(self, horizon: Horizon) -> int:
+        """Write a step's horizon into the record, whose road must outlive what is done with it; return the record's address."""
+        record = self.record
+        record["road"], record["kappa_before"] = core.address(horizon.road), horizon.kappa_before
+        record["first"], record["fixed"], record["binding"] = horizon.first, horizon.fixed, horizon.binding
+        return core.address(record)
 
 
 class Horizon(NamedTuple):
@@ -79,6 +128,121 @@ class Part(Protocol):
 
     def price(self, horizon: Horizon) -> float:
         """Return the cost of the motion of the last linearisation: the term's share of the merit."""
+
+
+class CoreFunctions(NamedTuple):
+    """What the core knows of a term: ``hdv_linearise`` and ``hdv_price`` of hdvplan/core/hdvplan.h."""
+
+    linearise: Callable[[int, int, int, int], int]
+    price: Callable[[int, int], float]
+
+
+def core_functions(term: str, library: CDLL | None = None) -> CoreFunctions:
+    """Return the functions ``hdv_linearise_...`` and ``hdv_price_...`` of the term of that name, of the core or of another library."""
+    pointers = (core.POINTER, core.POINTER)
+    return CoreFunctions(
+        core.function(f"hdv_linearise_{term}", *pointers, core.INT, core.INT, returns=core.INT, library=library),
+        core.function(f"hdv_price_{term}", *pointers, returns=core.REAL, library=library),
+    )
+
+
+@dataclass(frozen=True)
+class CorePart:
+    """A term in its place that is written in C; see ``Part``. Who adds arrays to its ``data`` keeps them alive."""
+
+    scene: Scene
+    functions: CoreFunctions
+    data: Records  #: (1,), the functions' own record
+    term: Records = field(init=False)  #: (1,) of ``TERM``: all of it as the core takes it
+
+    def __post_init__(self) -> None:
+        """Lay out the record."""
+        term = np.zeros(1, TERM)
+        term["linearise"], term["price"] = core.entry(self.functions.linearise), core.entry(self.functions.price)
+        term["data"] = core.address(self.data)
+        if self.data.dtype.fields and "violation" in self.data.dtype.fields:
+            term["violation"] = core.address(self.data) + self.data.dtype.fields["violation"][1]
+        object.__setattr__(self, "term", term)
+
+    @property
+    def memory(self) -> tuple[FloatArray, ...]:
+        """Nothing: see ``Part``."""
+        return ()
+
+    @property
+    def violation(self) -> float:
+        """None: see ``Part``."""
+        return 0.0
+
+    def extend(self, horizon: Horizon, begin: int) -> int:
+        """See ``Part``."""
+        return self.functions.linearise(core.address(self.data), self.scene.begin(horizon), begin, 1)
+
+    def linearise(self, horizon: Horizon) -> int:
+        """See ``Part``."""
+        return self.functions.linearise(core.address(self.data), self.scene.begin(horizon), 1, 0)
+
+    def price(self, horizon: Horizon) -> float:
+        """See ``Part``."""
+        return self.functions.price(core.address(self.data), self.scene.begin(horizon))
+
+
+@contextmanager
+def told(term: object) -> Iterator[None]:
+    """Turn what somebody else's term, or part, raises into one line; what is ours raises as it is.
+
+    Raises:
+        OptionError: it raises.
+
+    """
+    try:
+        yield
+    except HdvplanError:
+        raise
+    except Exception as error:
+        if type(term).__module__.partition(".")[0] == "hdvplan":
+            raise
+        msg = f"term {type(term).__qualname__} raises {said(error)}"
+        raise OptionError(msg) from error
+
+
+class PythonPart:
+    """A part that is written in Python, as the core calls it; ``raised`` is what it raised."""
+
+    def __init__(self, part: Part, scene: Scene) -> None:
+        self._part, self._scene = part, scene
+        self.raised: BaseException | None = None
+        self._violation = np.zeros(1)
+        pointers = (core.POINTER, core.POINTER)
+        self._kept = (
+            core.callback(self._linearise, *pointers, core.INT, core.INT, returns=core.INT),
+            core.callback(self._price, *pointers, returns=core.REAL),
+        )
+        self.term = np.array([(*map(core.entry, self._kept), 0, core.address(self._violation))], TERM)
+
+    def _linearise(self, _data: int, _scene: int, begin: int, fresh: int) -> int:
+        try:
+            with told(self._part):
+                lost = self._part.extend(self._horizon(), begin) if fresh else self._part.linearise(self._horizon())
+                self._violation[0] = self._part.violation
+                return index(lost)  # not what ctypes could not return
+        except BaseException as error:  # noqa: BLE001 - the core cannot carry it: the planner raises it
+            self.raised = error
+            return 0
+
+    def _price(self, _data: int, _scene: int) -> float:
+        try:
+            with told(self._part):
+                return float(self._part.price(self._horizon()))
+        except BaseException as error:  # noqa: BLE001 - as above
+            self.raised = error
+            return float("nan")
+
+    def _horizon(self) -> Horizon:
+        own, stages = self._scene.record[0], self._scene.settings.stages
+        first = int(own["first"])
+        road = self._scene.stations.points[first : first + stages + 1]
+        return Horizon(first, road, float(own["kappa_before"]), int(own["fixed"]), bool(own["binding"]))
 
 
 class Term(Protocol):

@@ -1,0 +1,108 @@
+"""The motion between programs and its merit, against plain NumPy that says the same."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hdvplan.arrays import FloatArray
+from hdvplan.planning.merit import defect_price, l1_weights
+from hdvplan.planning.motion import Motion, guess, take_step
+from hdvplan.planning.stations import STATION
+from hdvplan.qp.program import StageQp, StageShape, StageSolution
+from hdvplan.vehicle.kinematics import place_many
+from hdvplan.vehicle.load import load_vehicle
+from tests.core.chains import few
+from tests.core.scenes import record_of
+
+STAGES = 12
+ACTIVE = load_vehicle("semitrailer-active")  # e_y, e_psi, one articulation angle, one wheel angle
+SHAPE = StageShape(STAGES, 6, 3, 2, (4, 3))  # one state and input more, of a term
+draws = st.integers(0, 10**6)
+
+
+def moving(random: np.random.Generator) -> Motion:
+    motion = Motion.empty(ACTIVE, STAGES)
+    motion.z[:], motion.stages["kappa"] = random.uniform(-0.3, 0.3, motion.z.shape), random.uniform(-0.1, 0.1, STAGES + 1)
+    return motion
+
+
+def filled(random: np.random.Generator) -> StageSolution:
+    solution = StageSolution.empty(SHAPE)
+    for numbers in solution.numbers:
+        numbers[:] = random.uniform(-1.0, 1.0, numbers.shape)
+    return solution
+
+
+def steered(wanted: FloatArray, begin: int, before: float, change: float, most: float) -> FloatArray:
+    """Return values that are wanted from number ``begin`` on, as far as can be steered."""
+    values = wanted.copy()
+    for i in range(begin, len(values)):
+        held = values[i - 1] if i > 0 else before
+        values[i] = np.clip(np.clip(wanted[i], held - change, held + change), -most, most)
+    return values
+
+
+@given(seed=draws, kept=st.integers(0, STAGES + 1))
+@few
+def test_a_motion_is_extended_by_what_is_wanted_and_can_be_steered(seed: int, kept: int) -> None:
+    random = np.random.default_rng(seed)
+    motion, before = moving(random), float(random.uniform(-0.1, 0.1))
+    most, change = random.uniform([0.1, 0.3], [0.2, 0.4]), random.uniform(0.01, 0.1, 2)  # the motion itself keeps them
+    z, kappa, start = motion.z.copy(), motion.stages["kappa"].copy(), random.uniform(-0.3, 0.3, 4)
+    states, curvatures = random.uniform(-0.6, 0.6, z.shape), random.uniform(-0.3, 0.3, len(kappa))
+    guess(record_of(motion, SHAPE, before=before), start, states, curvatures, kept, most, change)
+    begin = max(kept, 1)
+    z[0], z[begin:] = start, states[begin:]
+    z[:, 3] = steered(z[:, 3], begin, np.nan, change[1], most[1])
+    begin = max(kept - 1, 0)
+    kappa[begin:] = curvatures[begin:]
+    kappa[:] = steered(kappa, begin, before, change[0], most[0])
+    assert np.array_equal(motion.z, z)
+    assert np.array_equal(motion.stages["kappa"], kappa)
+
+
+@given(seed=draws, size=st.sampled_from([0.1, 1.0, 10.0, 1e3, 1e6]), share=st.sampled_from([1.0, 0.5, 0.125]))
+@few
+def test_as_much_of_a_step_is_taken_as_stays_where_the_model_holds(seed: int, size: float, share: float) -> None:
+    random = np.random.default_rng(seed)
+    motion, solution, road = moving(random), filled(random), np.zeros(STAGES + 1, STATION)
+    solution.x[:] *= size
+    road["curvature"] = random.uniform(-0.2, 0.2, STAGES + 1)
+    z, kappa, step = motion.z.copy(), motion.kappa.copy(), solution.x[1:]
+    length, largest = share, np.inf
+    while 2.0 * length > 1e-3:  # halved as long as more than a thousandth was tried
+        e_y, e_psi = (z[1:] + length * step[:, :4]).T[:2]
+        if np.all(np.abs(e_psi) < 1.3) and np.all(1.0 - e_y * road["curvature"][1:] > 0.05):
+            largest = float(np.max(np.abs(length * step[:, :4])))
+            z[1:] += length * step[:, :4]
+            kappa += length * step[:, 4]
+            break
+        length *= 0.5
+    assert take_step(record_of(motion, SHAPE, road=road), solution, share) == pytest.approx(largest, rel=1e-15)
+    assert np.allclose(motion.z, z, rtol=1e-15, atol=1e-15)  # rounding: a product and a sum may be rounded once
+    assert np.allclose(motion.kappa, kappa, rtol=1e-15, atol=1e-15)
+
+
+@given(seed=draws)
+@few
+def test_weights_are_the_largest_multipliers_and_price_the_gaps(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    qp, solution, weights = StageQp.empty(SHAPE), filled(random), np.full(3, np.nan)
+    qp.stages["live"], qp.c[:] = random.choice([0.0, 1.0], STAGES + 1), random.normal(size=qp.c.shape)
+    solution.rows[:] *= random.choice([0.0, 1e-7, 1.0], solution.rows.shape, p=[0.9, 0.05, 0.05])
+    binds = bool(np.any(solution.rows[qp.stages["live"][1:] > 0.0] > 1e-6))
+    assert l1_weights(qp, solution, weights) is binds
+    assert np.array_equal(weights, np.max(np.abs(solution.dynamics[1:, :3]), axis=0))
+    assert defect_price(qp, weights) == pytest.approx(np.sum(np.abs(qp.c[:, :3]) * weights), rel=1e-14)  # rounding of 36 products
+
+
+@pytest.mark.parametrize(("entry", "function"), [("turned_cos", np.cos), ("turned_sin", np.sin)])
+def test_angles_have_the_sines_and_cosines_of_a_library(entry: str, function: Callable[[FloatArray], FloatArray]) -> None:
+    angles = np.concatenate([np.linspace(-3.2, 3.2, 4001), 0.25 * np.pi + np.linspace(-1e-6, 1e-6, 101), [0.0, 1e-300, 1e-9]])
+    z, road = np.zeros((len(angles), 2)), np.zeros((5, len(angles)))
+    z[:, 1] = angles
+    found = place_many(load_vehicle("bus").table(), road, z)[entry][:, 0]
+    assert np.allclose(found, function(angles), rtol=0.0, atol=2.0**-52)  # half a unit in the last place of one, each
