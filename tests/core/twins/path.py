@@ -5,6 +5,8 @@ import numpy as np
 from hdvplan.arrays import FloatArray
 from hdvplan.road.path import LAST_STEP_M, ReferencePath
 
+PLANNING_STEP_M = 1e-3  # as path.h
+
 
 def evaluate(path: ReferencePath, s: float) -> FloatArray:
     """Return x, y, cos(psi), sin(psi), curvature at arclength ``s``, with the true length of the tangent."""

@@ -4,11 +4,10 @@ import numpy as np
 
 from hdvplan.arrays import FloatArray, Records
 from hdvplan.planning.stations import Stations
-from hdvplan.road.path import PLANNING_STEP_M
 from hdvplan.vehicle.body import axles_behind
 from hdvplan.vehicle.model import Vehicle
 from tests.core.twins.kinematics import body_point, gradient, places
-from tests.core.twins.path import project
+from tests.core.twins.path import PLANNING_STEP_M, project
 
 
 def begin_feet(vehicle: Vehicle, stations: Stations, points: Records, station: int) -> FloatArray:
