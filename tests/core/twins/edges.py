@@ -2,14 +2,13 @@
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
 from hdvplan.arrays import FloatArray, Records
 from hdvplan.planning.stations import LimitTable, Stations
 from tests.core.twins.kinematics import body_point, gradient
-from tests.core.twins.path import PLANNING_STEP_M, project
+from tests.core.twins.path import PLANNING_STEP_M, Record, project
 from tests.core.twins.screening import CLEAR
 
 WALL = 1.0  # slope of a limit from which on it is a wall
@@ -42,7 +41,7 @@ class Edge:
 
     units: Records
     stations: Stations
-    station: Any
+    station: Record
     axles: FloatArray
     unit: int
     side: int

@@ -1,7 +1,6 @@
 """Limits in their place, see ``core/limits.c``: what is known of every stage, and its rows."""
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from hdvplan.vehicle.body import POINTS_PER_EDGE, axis_points, axles_behind, edg
 from hdvplan.vehicle.model import Vehicle
 from tests.core.twins.edges import Edge
 from tests.core.twins.kinematics import places
+from tests.core.twins.path import Record
 from tests.core.twins.screening import CLEAR, clear_by_axis, clear_by_state
 
 
@@ -70,7 +70,7 @@ class Limits:
             for unit in range(len(units)):
                 self._write(i, at, axles, unit, binding=binding)
 
-    def _begin(self, i: int, at: Any, z: FloatArray) -> None:
+    def _begin(self, i: int, at: Record, z: FloatArray) -> None:
         """Forget stage i: feet as on a straight, clearances by a bound from the state."""
         seen, axles = self.memory, at["s"] - axles_behind(self.vehicle)[:, None]
         seen["axis_feet"][i] = axles + axis_points(self.vehicle)
@@ -78,7 +78,7 @@ class Limits:
         seen["clear"][i], seen["z"][i] = clear_by_state(self.vehicle.table(), at, z), z
         seen["looked"][i] = seen["never"][i] = 0.0
 
-    def _write(self, i: int, at: Any, axles: FloatArray, unit: int, *, binding: bool) -> None:
+    def _write(self, i: int, at: Record, axles: FloatArray, unit: int, *, binding: bool) -> None:
         """Bring what is known of both edges of a body up to date."""
         units, seen, margin = self.vehicle.table(), {name: array[i] for name, array in self.memory.items()}, at["margin"] + self.clearance
 

@@ -1,11 +1,14 @@
 """Points and feet of a path, see ``core/path.h``."""
 
+from typing import Any, TypeAlias
+
 import numpy as np
 
 from hdvplan.arrays import FloatArray
 from hdvplan.road.path import LAST_STEP_M, ReferencePath
 
 PLANNING_STEP_M = 1e-3  # as path.h
+Record: TypeAlias = Any  # one element of a structured array: NumPy's types know no columns
 
 
 def evaluate(path: ReferencePath, s: float) -> FloatArray:

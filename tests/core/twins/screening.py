@@ -1,13 +1,11 @@
 """Bounds by which bodies are clear of all limits, see ``core/screening.c``."""
 
-from typing import Any
-
 import numpy as np
 
 from hdvplan.arrays import FloatArray, Records
 from hdvplan.road.path import ReferencePath
 from tests.core.twins.kinematics import body_point
-from tests.core.twins.path import PLANNING_STEP_M, project
+from tests.core.twins.path import PLANNING_STEP_M, Record, project
 
 CLEAR, BULGING = 0.25, 0.5  # m of room, curvature times reach
 
@@ -20,7 +18,7 @@ def highest(e: float, slope: float, bend: float, x: float) -> float:
     return max(e + slope * t + 0.5 * bend * t * t for t in places)
 
 
-def clear_by_state(units: Records, at: Any, z: FloatArray) -> float:
+def clear_by_state(units: Records, at: Record, z: FloatArray) -> float:
     """Return a bound of the clearance of all bodies from the state alone; minus infinity where it says nothing."""
     reach, k_most = max(at["room_left"], at["room_right"]), max(abs(at["k_low"]), abs(at["k_high"]))
     if k_most * reach > BULGING:
@@ -47,7 +45,9 @@ def clear_by_state(units: Records, at: Any, z: FloatArray) -> float:
     return float(clearance)
 
 
-def clear_by_axis(unit: Any, axis: FloatArray, path: ReferencePath, at: Any, axle: FloatArray, feet: FloatArray) -> tuple[float, float]:
+def clear_by_axis(
+    unit: Record, axis: FloatArray, path: ReferencePath, at: Record, axle: FloatArray, feet: FloatArray
+) -> tuple[float, float]:
     """Return bounds of a body's clearance left and right from points of its axis; ``feet`` is warm start and result."""
     offsets = np.empty(len(axis))
     for point, ahead in enumerate(axis):
