@@ -21,10 +21,11 @@
 
 #define ITERATIONS 40
 #define CONVERGED 1e-6 /* [rad] */
-#define STEEPEST 1.5   /* where chords get that long, cells reach to WIDEST, and the station counts as unbounded [rad] \
-                        */
-#define MARGIN 0.05    /* from there on what is left counts as unbounded [rad] */
-#define WIDEST 1.35    /* a heading off the road's beyond which nothing is bounded [rad] */
+#define STEEPEST                                                                                                       \
+    1.5             /* where chords get that long, cells reach to WIDEST, and the station counts as unbounded [rad]    \
+                     */
+#define MARGIN 0.05 /* from there on what is left counts as unbounded [rad] */
+#define WIDEST 1.35 /* a heading off the road's beyond which nothing is bounded [rad] */
 #define RIGHT_ANGLE 1.5707963267948966
 
 /* By how much the heading can turn between two stations [rad]: the chord is longer, the steeper, and turns the more,
