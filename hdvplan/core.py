@@ -31,7 +31,7 @@ class CoreError(HdvplanError):
     """The compiled core is missing, cannot be loaded, or was built from other sources."""
 
     def __init__(self, message: str) -> None:
-        super().__init__(f"the C core {message}", hint=_HINT)
+        super().__init__(message, hint=_HINT)
 
 
 class _LayoutRow(ctypes.Structure):
@@ -59,7 +59,7 @@ def load(folder: Path) -> ctypes.CDLL:
     library.hdv_sources.restype = ctypes.c_char_p
     sources = sorted((folder / "core").glob("*.[ch]"))
     if sources and library.hdv_sources().decode() != hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest():
-        msg = "was built from other sources than those in hdvplan/core"
+        msg = "the C core was built from other sources than those in hdvplan/core"
         raise CoreError(msg)
     return library
 
@@ -67,12 +67,12 @@ def load(folder: Path) -> ctypes.CDLL:
 def _open(folder: Path, name: str) -> ctypes.CDLL:
     path = folder / f"_core_{name}{_SUFFIX}"
     if not path.exists():
-        msg = f"is missing: there is no {path}"
+        msg = f"the C core is missing: there is no {path}"
         raise CoreError(msg)
     try:
         return ctypes.CDLL(str(path))
     except OSError as error:
-        msg = f"cannot be loaded: {error}"
+        msg = f"the C core cannot be loaded: {error}"
         raise CoreError(msg) from None
 
 
@@ -109,7 +109,7 @@ def function(name: str, *arguments: type[Any], returns: type[Any] | None = None,
     except AttributeError:
         if library is not None:
             raise
-        msg = f"has no function {name}"
+        msg = f"the C core has no function {name}"
         raise CoreError(msg) from None
     found.argtypes, found.restype = list(arguments), returns
     return cast("Callable[..., Any]", found)
@@ -127,7 +127,7 @@ def record(name: str, fields: DTypeLike) -> np.dtype[np.void]:
     theirs = _LAYOUT.get(name, {})
     for field in [*ours, *theirs]:
         if ours.get(field) != theirs.get(field):
-            msg = f"has {'.'.join(filter(None, (name, field)))} at {_place(theirs, field)}, and hdvplan at {_place(ours, field)}"
+            msg = f"the C core has {'.'.join(filter(None, (name, field)))} at {_place(theirs, field)}, and hdvplan at {_place(ours, field)}"
             raise CoreError(msg)
     return dtype
 
@@ -144,7 +144,7 @@ def constant(name: str) -> float:
 
     """
     if name not in _CONSTANTS:
-        msg = f"has no constant {name}"
+        msg = f"the C core has no constant {name}"
         raise CoreError(msg)
     return _CONSTANTS[name]
 

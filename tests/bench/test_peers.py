@@ -31,9 +31,9 @@ def _scripts_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def bend(right: float) -> Road:
-    """Return a road that turns left, with its right limit at ``right`` [m]."""
+    """Return a road that turns left, with its right limit at ``right`` [m], and which goes on so beyond both ends."""
     road = Road("bend", from_curvature(np.array([0.0, 10.0, 20.0, 40.0]), np.array([0.0, 0.0, 0.05, 0.05])))
-    s, one = np.array([0.0, 15.0, 25.0, 40.0]), np.ones(4)
+    s, one = np.array([-20.0, 15.0, 25.0, 60.0]), np.ones(4)
     low = np.array([-SLACK_M, -SLACK_M, -right, -right])
     return replace(road, limits=Limits(s, SLACK_M * one, low, SLACK_M * one, low))
 

@@ -19,6 +19,7 @@ from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 from tests.core.conftest import Driven
 
+KEPT = 1e-7  # what an active bound is kept to: active_set.c
 each_scheme = pytest.mark.parametrize("scheme", list(Scheme))
 
 
@@ -152,9 +153,9 @@ def test_a_drive_has_a_sample_at_every_station_and_poses_between() -> None:
     settings = PlannerSettings(horizon=20.0, replan=4.0)
     done = drive(road, load_vehicle("bus"), geometric, RiccatiWorkspace, settings, on_progress=shares.append)
     assert len(done.z) == len(done.kappa) + 1 == 62  # 30.2 m in steps of 0.5 m
-    assert done.poses_s[-1] == pytest.approx(30.5)
+    assert done.poses_s[-1] == pytest.approx(33.5)  # when the rear end, 2.66 m behind the axle, has left the road
     assert np.max(np.diff(done.poses_s)) <= 0.25 + 1e-12
-    assert np.array_equal(done.poses_z[::2], done.z)
+    assert np.array_equal(done.poses_z[::2][: len(done.z)], done.z)
     assert len(shares) == len(done.plans) == 8
     assert shares[-1] == 1.0
     assert np.all(np.diff(shares) > 0.0)
@@ -183,7 +184,7 @@ def test_a_road_that_begins_in_a_bend_tighter_than_the_steering_is_driven_or_ref
         done = drive(road, load_vehicle("bus"), geometric, RiccatiWorkspace, PlannerSettings(horizon=30.0))
     except (PlanError, RoadError):
         return
-    assert np.max(np.abs(done.kappa)) <= 0.1 + 1e-9
+    assert np.max(np.abs(done.kappa)) <= 0.1 + KEPT
 
 
 def test_an_unknown_objective_is_met_with_the_right_word() -> None:
@@ -199,4 +200,4 @@ def test_a_drive_begins_with_no_more_curvature_than_the_vehicle_has() -> None:
     done = drive(road, load_vehicle("bus"), geometric, RiccatiWorkspace, PlannerSettings(horizon=30.0))
     assert done.stations.centring.kappa[0] > 0.1
     assert done.plans[0].kappa_before == 0.1
-    assert np.max(np.abs(done.kappa)) <= 0.1 + 1e-9  # the solver's tolerance
+    assert np.max(np.abs(done.kappa)) <= 0.1 + KEPT

@@ -124,8 +124,11 @@ def test_the_readme_is_short() -> None:
     assert len((ROOT / "README.md").read_text(encoding="utf-8").split()) <= 1000
 
 
+MODULE = r"(?:hdvplan|benchmarks|tests)/[\w/]+\.(?:py|toml|csv|c|h)"
+
+
 def test_every_message_that_is_explained_is_one_that_the_program_has() -> None:
-    source = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "hdvplan").rglob("*.py"))
+    source = "".join(path.read_text(encoding="utf-8") for path in [ROOT / "hatch_build.py", *(ROOT / "hdvplan").rglob("*.py")])
     rows = re.findall(r"^\| (`[^|]+) \|", (ROOT / "docs" / "troubleshooting.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
     assert rows
     for message in (message for row in rows for message in re.findall(r"`([^`]+)`", row)):
@@ -147,7 +150,7 @@ def test_every_document_is_in_the_index() -> None:
 
 def test_every_module_that_the_documents_point_at_exists() -> None:
     for path in RUN:
-        for module in re.findall(r"`((?:hdvplan|benchmarks|tests)/[\w/]+\.(?:py|toml|csv))`", path.read_text(encoding="utf-8")):
+        for module in re.findall(rf"`({MODULE})`", path.read_text(encoding="utf-8")):
             assert (ROOT / module).is_file(), f"{_name(path)} points at {module}"
 
 
@@ -163,7 +166,7 @@ def test_what_the_documents_find_in_a_module_is_there() -> None:
     found = [
         (path, name, module)
         for path in RUN
-        for name, module in re.findall(r"`(\w+)`\s(?:in\s|\()`((?:hdvplan|benchmarks|tests)/[\w/]+\.py)`", path.read_text(encoding="utf-8"))
+        for name, module in re.findall(rf"`(\w+)`\s(?:in\s|\()`({MODULE})`", path.read_text(encoding="utf-8"))
     ]
     assert found
     for path, name, module in found:

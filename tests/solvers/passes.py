@@ -40,7 +40,7 @@ def motion_of(shape: StageShape) -> Records:
 
 def series(records: Records, name: str) -> Records:
     """Return where a column begins, and how many numbers lie from stage to stage."""
-    return np.array([(core.address(records[name]), records.itemsize // 8)], SERIES)
+    return np.array([(records[name].ctypes.data, records.itemsize // 8)], SERIES)
 
 
 def factorise(qp: StageQp, weights: Records, work: Records, end: int, *, affine: bool = True) -> bool:
