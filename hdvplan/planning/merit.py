@@ -20,7 +20,7 @@ def l1_weights(qp: StageQp, solution: StageSolution, weights: FloatArray) -> boo
 
     The first n states say where the bodies are.
     """
-    return bool(_L1_WEIGHTS(qp.address, solution.address, len(weights), core.address(weights)))
+    return bool(_L1_WEIGHTS(qp.address, solution.address_for(qp.shape), len(weights), core.address(weights)))
 
 
 def defect_price(qp: StageQp, weights: FloatArray) -> float:

@@ -60,4 +60,4 @@ def take_step(scene: Records, solution: StageSolution, share: float) -> float:
     The first state is given: a solver's residual must not move it. Returns the largest change of a state, or infinity
     where no part of the step could be taken.
     """
-    return float(_TAKE_STEP(core.address(scene), solution.address, share))
+    return float(_TAKE_STEP(core.address(scene), core.address(solution.record), share))

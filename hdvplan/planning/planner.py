@@ -165,7 +165,7 @@ class Planner:
                 continue
             result = self._solved(times, refused=stop == _REFUSED)
             instead, iterations = result.instead or instead, iterations + result.iterations
-            stop = _accept(self._address, result.point.address, result.leaves_guess)
+            stop = _accept(self._address, result.point.address_for(self._program.shape), result.leaves_guess)
             if result.leaves_guess and self._counts[_USABLE]:
                 self._window_of_points().copy_from(result.point)
         self._raise_from_python()
@@ -212,7 +212,7 @@ class Planner:
 
     def _judged(self, point: StageSolution) -> Residuals:
         """Return the residuals of a point, by the program that no solver can write to."""
-        _judge(self._address, point.address)
+        _judge(self._address, point.address_for(self._program.shape))
         return self._residuals()
 
     def _residuals(self) -> Residuals:

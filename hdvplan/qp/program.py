@@ -19,7 +19,7 @@ solver can gather its own matrices from fixed places.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -221,6 +221,7 @@ class StageQp:
 NAMES = ("A", "B", "c", "x_first", "Q", "q", "R", "r", "G", "h", "linear", "quadratic", "x_low", "x_high", "u_low", "u_high")
 
 
+@cache
 def point_dtype(states: int, inputs: int, bounded: int) -> np.dtype[np.void]:
     """Return the record of one stage of a primal-dual point."""
     n, m, b = (states,), (inputs,), (bounded,)
@@ -262,9 +263,19 @@ class StageSolution:
         """The core's record of it, which holds addresses of the arrays above."""
         return np.array([(core.address(self.stages), core.address(self.row_points))], POINT)
 
-    @cached_property
-    def address(self) -> int:
-        """Where that record is."""
+    def address_for(self, shape: StageShape) -> int:
+        """Return where that record is, for the core to read it as a point of a program of that shape.
+
+        Raises:
+            QpDataError: it is of another shape.
+
+        """
+        stage = point_dtype(shape.states, shape.inputs, len(shape.bounded_states))
+        core_needs = ((self.stages, stage, (shape.stages + 1,)), (self.row_points, ROW_POINT, (shape.stages + 1, shape.rows)))
+        for array, kind, size in core_needs:
+            if array.dtype != kind or array.shape != size or not array.flags.c_contiguous:
+                msg = f"a point of another shape: {array.shape} of {array.dtype} instead of {size} of {kind}"
+                raise QpDataError(msg)
         return core.address(self.record)
 
     def copy_from(self, other: StageSolution) -> None:

@@ -21,7 +21,12 @@ class Residuals(NamedTuple):
 
 
 def residuals(qp: StageQp, point: StageSolution) -> Residuals:
-    """Return the residuals of ``point``; NaN where anything in it is not finite. They judge every solver alike."""
+    """Return the residuals of ``point``; NaN where anything in it is not finite. They judge every solver alike.
+
+    Raises:
+        QpDataError: the point is of another shape than the program.
+
+    """
     found = np.empty(3)
-    _residuals(qp.address, point.address, core.address(found))
+    _residuals(qp.address, point.address_for(qp.shape), core.address(found))
     return Residuals(*found.tolist())

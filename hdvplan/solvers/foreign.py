@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NoReturn
 
-from hdvplan.errors import HdvplanError, SolverError
+from hdvplan.errors import HdvplanError, QpDataError, SolverError
 from hdvplan.plugins import said
-from hdvplan.qp.program import StageQp, StageShape, StageSolution
+from hdvplan.qp.program import StageQp, StageSolution
 from hdvplan.qp.workspace import QpResult, QpWorkspace
 
 
 class ForeignWorkspace:
     """Another's workspace under the name by which users ask for it."""
 
-    def __init__(self, name: str, make: Callable[[], QpWorkspace], shape: StageShape) -> None:
+    def __init__(self, name: str, make: Callable[[], QpWorkspace]) -> None:
         """Make it, and see that it has what ``QpWorkspace`` asks for.
 
         Raises:
@@ -33,7 +33,6 @@ class ForeignWorkspace:
             _refuse(f"solver {name!r} is no QpWorkspace: {said(error)}", error)
         except Exception as error:  # noqa: BLE001 - an author's constructor may raise anything
             _refuse(f"solver {name!r} cannot be made: {said(error)}", error)
-        self._layout = _layout(StageSolution.empty(shape))
 
     def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
         """Solve ``qp``; see ``QpWorkspace``.
@@ -52,16 +51,12 @@ class ForeignWorkspace:
         if not isinstance(result, QpResult):
             msg = f"solver {self.name!r} returns something of type {type(result).__name__}, not a QpResult"
             raise SolverError(msg, status="raised")
-        point: object = result.point
-        if not isinstance(point, StageSolution) or _layout(point) != self._layout:
+        try:
+            result.point.address_for(qp.shape)
+        except (AttributeError, QpDataError) as error:
             msg = f"solver {self.name!r} returns a point of another shape"
-            raise SolverError(msg, status="raised")
+            raise SolverError(msg, status="raised") from error
         return result
-
-
-def _layout(point: StageSolution) -> list[object]:
-    """Return all that the core must know of a point's arrays."""
-    return [(part.shape, part.dtype, part.flags.c_contiguous) for part in (point.stages, point.row_points)]
 
 
 def _refuse(message: str, error: Exception | None = None) -> NoReturn:

@@ -45,7 +45,7 @@ class RiccatiWorkspace:
         self.address = core.address(self._memory)  #: of the core's solver
         #: the same, where the core may call it without this class: not where a class below solves otherwise
         self.core_solver = self.address if type(self).solve is RiccatiWorkspace.solve else 0
-        self._to = self.address, self._point.address, core.address(self._solved)
+        self._to = self.address, self._point.address_for(shape), core.address(self._solved)
         _solver_in(self.address, core.address(sizes), tolerance, self.screens)
 
     def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
@@ -57,7 +57,7 @@ class RiccatiWorkspace:
         qp.check()
         checked = perf_counter()
         solver, point, solved = self._to
-        _solve(solver, qp.address, None if guess is None else guess.address, point, solved)
+        _solve(solver, qp.address, None if guess is None else guess.address_for(qp.shape), point, solved)
         ending, factorisations, binding = self._solved.tolist()
         return QpResult(
             ENDINGS[ending], self._point, factorisations, checked - started, perf_counter() - checked, leaves_guess=bool(binding)
@@ -81,4 +81,4 @@ def adjoint(qp: StageQp, point: StageSolution) -> float:
 
     Returns the largest entry of its gradient by the inputs, relative to the largest multiplier, or to 1.
     """
-    return float(_adjoint(qp.address, point.address))
+    return float(_adjoint(qp.address, point.address_for(qp.shape)))

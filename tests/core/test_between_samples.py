@@ -54,9 +54,10 @@ def gaps_at_stations(done: Drive) -> FloatArray:
 
 def true_gaps(done: Drive) -> FloatArray:
     """Return the least clearance to the road's own limits from each station to the next, shape (stations - 1, units, 2)."""
-    vehicle, stations, limits = done.vehicle, done.stations, done.road.limits
-    assert limits is not None
+    vehicle, stations = done.vehicle, done.stations
+    assert done.road.limits is not None
     path, units, count = stations.path, vehicle.table(), len(done.kappa)
+    limits = done.road.limits.along(done.road.path, path.s_first, path.s_last)
     found = np.empty((count, len(units), 2))
     for i in range(count):
         states = simulate(units, path, float(stations.s[i]), done.settings.step, done.z[i], done.kappa[i : i + 1], KEEP)

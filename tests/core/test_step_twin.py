@@ -101,12 +101,12 @@ def test_multipliers_of_what_is_in_no_program_do_not_hide_a_point_far_from_the_o
     planner.plan(40, np.zeros(vehicle.states), 0.0)
     planner_module._begin(planner._address, 40, 0.0)
     point = RiccatiWorkspace(planner._program.shape).solve(window_of(planner), None).point
-    assert planner_module._judge(planner._address, point.address) == FINE
+    assert planner_module._judge(planner._address, point.address_for(planner._program.shape)) == FINE
     point.dynamics[5] += 10.0 * largest_multiplier(point)
-    assert planner_module._judge(planner._address, point.address) == FAR
+    assert planner_module._judge(planner._address, point.address_for(planner._program.shape)) == FAR
     for unused in (point.stages["x_bounds"][0], point.row_points["multiplier"][0], point.stages["u_bounds"][-1]):
         unused[:] = 1e9
-    assert planner_module._judge(planner._address, point.address) == FAR
+    assert planner_module._judge(planner._address, point.address_for(planner._program.shape)) == FAR
 
 
 def window_of(planner: Planner) -> StageQp:

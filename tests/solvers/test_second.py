@@ -157,6 +157,12 @@ def test_a_solver_that_leaves_the_program_does_not(capsys: pytest.CaptureFixture
     assert capsys.readouterr().out == ""
 
 
+def test_the_core_does_not_read_a_point_of_another_shape() -> None:
+    said = [plan.instead for plan in driven(second(Fake("another shape", honest=3))).plans]
+    assert any(said)
+    assert all("a point of another shape" in one for one in said if one)
+
+
 @pytest.mark.slow
 def test_200_drives_with_faults_all_end_and_keep_the_limits_that_they_kept_without() -> None:
     roads = {name: SCENARIOS[name]() for name in ("uturn", "sturn")}
