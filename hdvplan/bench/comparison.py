@@ -17,15 +17,15 @@ from hdvplan.bench.joint import FEWEST
 from hdvplan.bench.origin import origin_words
 from hdvplan.bench.statistics import Found
 from hdvplan.bench.suite import KEY, cell_words
-from hdvplan.bench.values import ALL_CELLS
 from hdvplan.bench.where import place_words
 from hdvplan.report.grid import grid
 from hdvplan.report.markdown import markdown_table
 
+ALL_CELLS = "all cells"  # what a statistic is of
 _WRONG = ("cell", "what", "base", "new", "new/base", "part", "place")
 _TIMES = (*KEY, "base [ms]", "new [ms]", "new/base", "interval", "visible from", "verdict")
-_FOUND = ("all cells", "base", "new", "new/base", "visible from", "verdict")
-_TEXT = (*KEY, "verdict", "cell", "what", "part", "place", "all cells", "function")
+_FOUND = (ALL_CELLS, "base", "new", "new/base", "visible from", "verdict")
+_TEXT = (*KEY, "verdict", "cell", "what", "part", "place", ALL_CELLS, "function")
 _WORDS = {Verdict.FINE: "fine", Verdict.REGRESSED: "slower", Verdict.UNMEASURABLE: "unclear"}
 _MARKS = {Verdict.FINE: "fine", Verdict.REGRESSED: "worse", Verdict.UNMEASURABLE: "unclear"}
 _ROWS = 30  # of what is wrong; more are counted

@@ -44,7 +44,6 @@ class Wanted:
     against: str
     work: Suite | CommandWork
     settings: Settings
-    history: Path | None = None  # a folder of results, which is no part of the working tree
 
 
 def guard(wanted: Wanted, out: Path, told: Told) -> Comparison:
@@ -62,7 +61,6 @@ def guard(wanted: Wanted, out: Path, told: Told) -> Comparison:
         here = checkout()
         named = base_named(wanted.against, here)
         cache = cache_folder(scratch)
-        apart = [out, *filter(None, [wanted.history])]
         out.mkdir(parents=True, exist_ok=True)
         with _alone_in(out):
             for report in REPORTS:
@@ -71,7 +69,7 @@ def guard(wanted: Wanted, out: Path, told: Told) -> Comparison:
                 (out / "suite.toml").write_bytes(encoded(suite_text(suite_entries(placed(wanted.work), wanted.work.to_dict()))))
             return _compared(
                 lambda: base_program(named, here, scratch, cache, told.step),
-                lambda: new_program(here, scratch, cache, told.step, apart),
+                lambda: new_program(here, scratch, cache, told.step, out),
                 wanted, out.absolute(), scratch, told,
             )  # fmt: skip
 

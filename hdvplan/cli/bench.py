@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hdvplan.bench import PICTURE
-from hdvplan.cli.baselines import BisectOption, Further, HistoryOption, ProfileOption, gate, hold_to, measured
+from hdvplan.cli.baselines import BisectOption, Further, ProfileOption, gate, hold_to, measured
 from hdvplan.cli.bench_options import (
     AccuracyOption,
     AgainstOption,
@@ -94,7 +94,6 @@ def bench(
     expect_changes: ExpectChangesOption = False,
     bisect: BisectOption = False,
     profile: ProfileOption = False,
-    history: HistoryOption = None,
     out: OutOption = Path("hdvplan-bench"),
     fresh: FreshOption = False,
     plot: PlotOption = None,
@@ -121,9 +120,9 @@ def bench(
     if against is not None and plot is not None:
         msg = "--plot draws one benchmark, and --against measures several"
         raise OptionError(msg, hint="leave out --plot")
-    further = Further(history, bisect, profile)
+    further = Further(bisect, profile)
     if against is None and (factor is not None or floor is not None or expect_changes or command is not None or further != Further()):
-        msg = "--factor, --floor, --expect-changes, --command, --bisect, --profile and --history need --against"
+        msg = "--factor, --floor, --expect-changes, --command, --bisect and --profile need --against"
         raise OptionError(msg)
     if renew and counters is None:
         msg = "--renew needs --counters"

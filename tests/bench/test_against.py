@@ -183,8 +183,6 @@ def test_a_base_that_cannot_run_ends_in_3(cli: Cli, tmp_path: Path, short_road: 
         (("--expect-changes",), "need --against"),
         (("--bisect",), "need --against"),
         (("--profile",), "need --against"),
-        (("--history", "kept"), "need --against"),
-        (("--against", "hdvplan==0.1.0", "--command", "true", "--history", "kept"), "keeps results by commit"),
         (("--renew",), "--renew needs --counters"),
         (("--export-qps", "qps", "--against", "HEAD"), "so --against, --counters and --plot do not apply"),
         (("--export-qps", "qps", "--counters", "c.csv"), "so --against, --counters and --plot do not apply"),

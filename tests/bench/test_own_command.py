@@ -12,6 +12,8 @@ from pathlib import Path
 import pytest
 
 from hdvplan.bench.against import REPORTS
+from hdvplan.bench.compare import Comparison
+from hdvplan.bench.gate import Verdict
 from hdvplan.bench.processes import Ended
 from hdvplan.bench.programs import ProgramError, UnreachedError
 from hdvplan.bench.sides import own_name, read_side
@@ -87,9 +89,9 @@ def test_words_are_split_as_a_shell_would_and_nothing_else_is_done() -> None:
             command_words(text)
 
 
-def git(folder: Path, *arguments: str) -> None:
-    identity = ("-c", "user.name=a", "-c", "user.email=a@example.org")
-    subprocess.run(["git", "-C", str(folder), *identity, *arguments], capture_output=True, check=True)  # noqa: S603, S607 - fixed
+def git(folder: Path, *arguments: str) -> str:
+    command = ("git", "-C", str(folder), "-c", "user.name=a", "-c", "user.email=a@example.org", *arguments)
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()  # noqa: S603 - fixed
 
 
 @pytest.fixture
@@ -235,3 +237,16 @@ def test_a_command_that_neither_side_has_is_the_users_mistake(cli: Cli, theirs: 
     outcome = cli("bench", "--against", "HEAD", "--command", "no-such-planner", "--quiet", "--out", str(theirs.parent / "gate"))
     assert outcome.code == 2
     assert "says: no-such-planner cannot be started: No such file or directory" in outcome.err
+
+
+def test_versions_that_differ_between_the_sides_are_told(cli: Cli, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for side, numpy in (("base", "2.1"), ("new", "2.2")):
+        folder = tmp_path / "out" / side / "00"
+        folder.mkdir(parents=True)
+        told = {"software": {"hdvplan": "0.1.0", "packages": {"numpy": numpy, "piqp": "0.61"}}}
+        (folder / "run.json").write_text(json.dumps(told), encoding="utf-8")
+    python = tmp_path / "python"
+    python.touch(mode=0o755)
+    monkeypatch.setattr("hdvplan.bench.guard._compared", lambda *_: Comparison((), (), Verdict.FINE, 10))
+    outcome = cli("bench", "--against", str(python), "--command", "ours", "--out", "out")
+    assert (outcome.code, outcome.err) == (0, "versions differ: numpy 2.1 -> 2.2\n")

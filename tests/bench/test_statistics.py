@@ -191,10 +191,19 @@ def test_dashboards_get_the_numbers_of_the_new_side(tmp_path: Path) -> None:
     comparison = held(side(1, about={PEAK: 1e8}))
     write_reports(comparison, Rule(), None, tmp_path)
     rows = json.loads((tmp_path / "benchmark.json").read_text(encoding="utf-8"))
-    assert {"name", "unit", "value"} <= set(rows[0])
+    for row in rows:  # customSmallerIsBetter: three entries, and a range in words
+        assert {name: type(value) for name, value in row.items() if name != "range"} == {"name": str, "unit": str, "value": float}
+        assert isinstance(row.get("range", ""), str)
     memory = next(row for row in rows if row["name"] == "all cells: memory")
     assert (memory["unit"], memory["value"]) == ("MB", pytest.approx(330.0, rel=0.01))
     bencher = json.loads((tmp_path / "bencher.json").read_text(encoding="utf-8"))
+    assert list(bencher) == [row["name"] for row in rows]
+    for name, measures in bencher.items():  # Bencher Metric Format: benchmark, measure, value, perhaps with bounds
+        assert len(name) <= 1024  # longer names are refused
+        for measure, metric in measures.items():
+            assert len(measure) <= 64  # as above
+            assert {"value"} <= set(metric) <= {"value", "lower_value", "upper_value"}
+            assert all(type(value) is float for value in metric.values())
     step = bencher["bend bus rti riccati: mean step"]["mean step [ms]"]
     assert step["lower_value"] < step["value"] < step["upper_value"]
     suite = fromstring((tmp_path / "junit.xml").read_text(encoding="utf-8"))  # noqa: S314 - our own
