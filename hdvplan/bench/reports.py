@@ -13,8 +13,6 @@ from hdvplan.bench.compare import CellTimes, Comparison, no_longer_planned
 from hdvplan.bench.comparison import ALL_CELLS, change_words, comparison_markdown, verdict_line, word_of
 from hdvplan.bench.counters import Change
 from hdvplan.bench.gate import Rule, Verdict
-from hdvplan.bench.hotspots import hotspots_json
-from hdvplan.bench.origin import origin_json, origin_words
 from hdvplan.bench.statistics import Found
 from hdvplan.bench.suite import KEY, cell_words
 from hdvplan.bench.where import place_words
@@ -58,8 +56,6 @@ def comparison_json(comparison: Comparison, rule: Rule, again: str | None = None
         ],
         "times": [dict(zip(KEY, entry.cell, strict=True)) | _numbers(entry) for entry in comparison.times],
         "statistics": [_statistic(one) for one in comparison.found],
-        "bisect": None if comparison.origin is None else origin_json(comparison.origin),
-        "profile": hotspots_json(comparison.hotspots),
     }
 
 
@@ -108,8 +104,6 @@ def github_annotations(comparison: Comparison, rule: Rule) -> list[str]:
     kind = {Verdict.FINE: "notice", Verdict.REGRESSED: "error", Verdict.UNMEASURABLE: "warning"}[comparison.verdict]
     tail = comparison.failure.tail if comparison.failure else ""
     found = [_command(kind, verdict_line(comparison, rule) + (f"\n{tail}" if tail else ""))]
-    if comparison.origin is not None:
-        found.append(_command("error", origin_words(comparison.origin)))
     worse = [
         ((1, entry.decision.ratio), "error", f"{cell_words(entry.cell)}: {_words(entry)}")
         for entry in comparison.times

@@ -5,12 +5,9 @@ from __future__ import annotations
 import shlex
 import sys
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from hdvplan.cli.compare import show
 from hdvplan.cli.console import ExitCode, note, progress, warn
@@ -22,23 +19,6 @@ if TYPE_CHECKING:
     from hdvplan.bench.gate import Rule
     from hdvplan.bench.suite import Suite
     from hdvplan.bench.work import CommandWork
-
-BisectOption = Annotated[
-    bool,
-    typer.Option(
-        "--bisect",
-        help="With --against: if something regressed, find the first revision that has it, by bisection.",
-        rich_help_panel="Comparison",
-    ),
-]
-ProfileOption = Annotated[
-    bool,
-    typer.Option(
-        "--profile",
-        help="With --against: if something regressed, run both sides under cProfile and show which functions take longer.",
-        rich_help_panel="Comparison",
-    ),
-]
 
 
 def measured(suite: Path | None, given: Mapping[str, object], command: str | None) -> Suite | CommandWork:
@@ -67,16 +47,8 @@ def measured(suite: Path | None, given: Mapping[str, object], command: str | Non
     return wanted
 
 
-@dataclass(frozen=True)
-class Further:
-    """What is done about a comparison besides showing it."""
-
-    bisect: bool = False
-    profile: bool = False
-
-
 def gate(
-    against: str, work: Suite | CommandWork, rule: Rule, out: Path, further: Further, *,
+    against: str, work: Suite | CommandWork, rule: Rule, out: Path, *,
     expect_changes: bool, format_: str, json: bool, quiet: bool,
 ) -> ExitCode:  # fmt: skip
     """Measure this program and another in turn into ``out``, show how they compare, and leave reports for other programs.
@@ -86,28 +58,21 @@ def gate(
 
     """
     from hdvplan.bench.against import SIDES, Settings
-    from hdvplan.bench.gate import Verdict
-    from hdvplan.bench.guard import Told, Wanted, guard, suspects, traced
+    from hdvplan.bench.guard import Told, Wanted, guard
     from hdvplan.bench.reports import write_reports
     from hdvplan.bench.versions import version_words, versions_of
     from hdvplan.bench.work import CommandWork
 
     if not isinstance(work, CommandWork):
         _check(work)
-    revisions = suspects(against) if further.bisect else ()
     again = _again(against, work, rule, out, expect_changes=expect_changes)
-    wanted = Wanted(against, work, Settings(rule, expect_changes, further.profile))
+    wanted = Wanted(against, work, Settings(rule, expect_changes))
     try:
         with _told_progress(quiet=quiet) as told:
             comparison = guard(wanted, out, Told(lambda step: note(step, quiet=quiet), told))
         if comparison.failure is None and (versions := version_words(*(versions_of(out / side / "00") for side in SIDES))):
             note(f"versions differ: {', '.join(versions)}", quiet=quiet)
         write_reports(comparison, rule, again, out)
-        if further.bisect and comparison.verdict is Verdict.REGRESSED:
-            with _told_progress(quiet=True) as told:
-                origin = traced(wanted, comparison, revisions, Told(lambda step: note(step, quiet=quiet), told))
-            comparison = replace(comparison, origin=origin)
-            write_reports(comparison, rule, again, out)
     except OSError as error:
         raise _cannot_write(error, out) from error
     return show(comparison, rule, format_=format_, json=json, quiet=quiet, again=again)

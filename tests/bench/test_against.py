@@ -181,8 +181,6 @@ def test_a_base_that_cannot_run_ends_in_3(cli: Cli, tmp_path: Path, short_road: 
         (("--against", "HEAD", "--command", "'"), "cannot be split"),
         (("--against", "HEAD", "--command", " "), "is empty"),
         (("--expect-changes",), "need --against"),
-        (("--bisect",), "need --against"),
-        (("--profile",), "need --against"),
         (("--renew",), "--renew needs --counters"),
         (("--export-qps", "qps", "--against", "HEAD"), "so --against, --counters and --plot do not apply"),
         (("--export-qps", "qps", "--counters", "c.csv"), "so --against, --counters and --plot do not apply"),

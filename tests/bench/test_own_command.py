@@ -20,6 +20,7 @@ from hdvplan.bench.sides import own_name, read_side
 from hdvplan.bench.work import CommandWork, SuiteWork, command_words, steps_of
 from hdvplan.errors import OptionError
 from tests.bench.conftest import Cli
+from tests.docs.blocks import blocks_of
 
 OURS = """
 import json, random
@@ -250,3 +251,19 @@ def test_versions_that_differ_between_the_sides_are_told(cli: Cli, tmp_path: Pat
     monkeypatch.setattr("hdvplan.bench.guard._compared", lambda *_: Comparison((), (), Verdict.FINE, 10))
     outcome = cli("bench", "--against", str(python), "--command", "ours", "--out", "out")
     assert (outcome.code, outcome.err) == (0, "versions differ: numpy 2.1 -> 2.2\n")
+
+
+@pytest.mark.slow
+def test_git_finds_the_first_slower_commit_by_the_lines_in_the_documents(theirs: Path) -> None:
+    git(theirs, "tag", "v1.0")
+    for number in range(2, 7):
+        slow = 1.3 if number >= 4 else 1.0
+        (theirs / "ours.py").write_text(f"{OURS.format(slow=slow, iterations=7)}# {number}\n", encoding="utf-8")
+        git(theirs, "commit", "--quiet", "--all", "--message", f"change {number}")
+        git(theirs, "tag", f"v{number}")
+    guide = (Path(__file__).parents[2] / "docs" / "guarding-timing.md").read_text(encoding="utf-8")
+    (lines,) = (block.body for block in blocks_of(guide) if "git bisect run" in block.body)
+    found = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    environment = os.environ | {"PATH": found}
+    ran = subprocess.run(["sh", "-ec", lines], cwd=theirs, env=environment, capture_output=True, text=True, check=True)  # noqa: S603, S607 - ours
+    assert f"{git(theirs, 'rev-parse', 'v4')} is the first bad commit" in ran.stdout

@@ -17,9 +17,7 @@ from hdvplan.bench.compare import Comparison, compare, failed
 from hdvplan.bench.comparison import comparison_markdown, verdict_line, wrong_rows
 from hdvplan.bench.counters import COUNTS, IN_STEPS, LENGTHS, WORK, Change, Tolerance
 from hdvplan.bench.gate import Rule, Verdict
-from hdvplan.bench.origin import Origin
 from hdvplan.bench.reports import comparison_json, github_annotations, junit_xml, write_reports
-from hdvplan.bench.revisions import Revision
 from hdvplan.bench.sides import IMPORT, PEAK, Name, Side, Steps
 from hdvplan.bench.suite import KEY
 
@@ -216,18 +214,17 @@ def test_github_shows_the_verdict_then_the_worst_and_counts_what_it_would_drop()
     changes = tuple(Change(cell, counter, "3", "4") for cell in cells for counter in ("qps", "iterations"))
     lost = Change(("lost", "bus", "rti", "riccati", "as set"), "status", "ok", "crashed")
     slower = held(side(1, lambda steps, _: added(steps, 0.3 * steps.total)))
-    comparison = replace(slower, changes=(*changes, lost), origin=Origin("mean step", (Revision("a" * 40, "sort"),), ()))
+    comparison = replace(slower, changes=(*changes, lost))
     lines = [line.removeprefix("::error title=planning time::") for line in github_annotations(comparison, Rule())]
     assert len(lines) == 10  # what GitHub shows of a step
     assert lines[0] == verdict_line(comparison, Rule())
-    assert lines[1] == "mean step: first in aaaaaaaaa sort"
-    assert lines[2] == "lost bus rti riccati: status was ok, is crashed"
-    ratios = [float(line.split(": ")[1].split(" times")[0]) for line in lines[3:] if "times as long" in line]
+    assert lines[1] == "lost bus rti riccati: status was ok, is crashed"
+    ratios = [float(line.split(": ")[1].split(" times")[0]) for line in lines[2:] if "times as long" in line]
     assert len(ratios) >= 3
     assert ratios == sorted(ratios, reverse=True)
     worse = len(CELLS) + len(names(comparison))
-    assert lines[-1] == f"and {2 + 1 + worse + len(cells) - 9} more: the summary of this step has all"
-    few = github_annotations(replace(comparison, times=(), found=(), changes=changes[:2], origin=None), Rule())
+    assert lines[-1] == f"and {1 + 1 + worse + len(cells) - 9} more: the summary of this step has all"
+    few = github_annotations(replace(comparison, times=(), found=(), changes=changes[:2]), Rule())
     assert [line.removeprefix("::error title=planning time::") for line in few[1:]] == [
         "road 0 bus rti riccati: qps was 3, is 4; iterations was 3, is 4"
     ]
