@@ -1,9 +1,8 @@
 """Kill the timing gate at random moments, and look for what it leaves: processes, temporary files, worktrees, half-made environments.
 
-A small repository with a package of its own is compared with an earlier commit: revisions are exported, environments built, a command is
-run in both. With --bisect the comparison is red: both sides are profiled, and the first slower commit is looked for. Every run starts with
-an empty cache and is ended by SIGTERM or SIGINT between its first moment and the time that a whole run takes. Exits with 1 if anything is
-left. Linux only: what runs is read from /proc.
+A small repository with a package of its own is compared with its last commit: revisions are exported, environments built, a command is
+run in both. Every run starts with an empty cache and is ended by SIGTERM or SIGINT between its first moment and the time that a whole
+run takes. Exits with 1 if anything is left. Linux only: what runs is read from /proc.
 """
 
 from __future__ import annotations
@@ -48,29 +47,24 @@ OURS = """
 import json, subprocess, sys, time
 
 subprocess.run([sys.executable, "-c", "import time; time.sleep(0.1)"])
-print(json.dumps({"cells": {"depot": [SLOW * seconds for seconds in (0.001, 0.0011, 0.0012)]}}))
+print(json.dumps({"cells": {"depot": [0.001, 0.0011, 0.0012]}}))
 """
-COMMITS = 8  # the second half is slower
 
 
 def make_repository(top: Path) -> None:
     """Make the repository."""
     top.mkdir()
+    for name, content in (("pyproject.toml", PROJECT), ("backend.py", BACKEND), ("ours.py", OURS)):
+        (top / name).write_text(content, encoding="utf-8")
     git = ["git", "-C", str(top), "-c", "user.name=a", "-c", "user.email=a@example.org"]
-    subprocess.run([*git, "init", "--quiet"], check=True)  # noqa: S603 - fixed
-    for number in range(COMMITS):
-        ours = f"SLOW = {1.0 if number < COMMITS // 2 else 1.5}\n{OURS}# {number}\n"
-        for name, content in (("pyproject.toml", PROJECT), ("backend.py", BACKEND), ("ours.py", ours)):
-            (top / name).write_text(content, encoding="utf-8")
-        for words in (["add", "."], ["commit", "--quiet", "--message", f"change {number}"]):
-            subprocess.run([*git, *words], check=True)  # noqa: S603 - fixed
+    for words in (["init", "--quiet"], ["add", "."], ["commit", "--quiet", "--message", "one"]):
+        subprocess.run([*git, *words], check=True)  # noqa: S603 - fixed
 
 
-def gate(top: Path, folder: Path, token: str, *, bisect: bool) -> subprocess.Popen[str]:
-    """Start a comparison of the repository with its last commit, or one that is red and bisected."""
+def gate(top: Path, folder: Path, token: str) -> subprocess.Popen[str]:
+    """Start a comparison of the repository with its last commit."""
     variables = {TOKEN: token, "TMPDIR": str(folder / "temporary"), "XDG_CACHE_HOME": str(folder / "cache")}
-    wanted = [f"HEAD~{COMMITS - 1}", "--bisect", "--profile"] if bisect else ["HEAD"]
-    command = ["-P", "-m", "hdvplan", "bench", "--against", *wanted, "--command", "python -m ours", "--out", str(folder / "out")]
+    command = ["-P", "-m", "hdvplan", "bench", "--against", "HEAD", "--command", "python -m ours", "--out", str(folder / "out")]
     return subprocess.Popen(  # noqa: S603 - our own
         [sys.executable, *command], cwd=top, env=os.environ | variables, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
     )
@@ -98,7 +92,6 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--kills", type=int, default=20, metavar="N")
     parser.add_argument("--seed", type=int, default=0, metavar="N")
-    parser.add_argument("--bisect", action="store_true", help="a comparison that is red, with --bisect and --profile")
     asked = parser.parse_args()
     moments = random.Random(asked.seed)  # noqa: S311 - not for secrets
     bad = 0
@@ -113,7 +106,7 @@ def main() -> int:
             (folder / "temporary").mkdir(exist_ok=True)
             token, number = f"{os.getpid()}-{kill}", (signal.SIGTERM, signal.SIGINT)[kill % 2]
             began, moment = time.monotonic(), moments.uniform(0.0, whole)
-            process = gate(top, folder, token, bisect=asked.bisect)
+            process = gate(top, folder, token)
             with process:
                 if kill:
                     time.sleep(moment)

@@ -43,7 +43,6 @@ class Settings:
 
     rule: Rule
     expect_changes: bool
-    profile: bool = False  # what became worse, function by function
 
 
 def measure_against(

@@ -12,9 +12,7 @@ import pandas as pd
 from hdvplan.arrays import FloatArray
 from hdvplan.bench.counters import WORK_TOLERANCE, Change, Tolerance, changes_of
 from hdvplan.bench.gate import Decision, Rule, Verdict, judge
-from hdvplan.bench.hotspots import Hotspot
 from hdvplan.bench.joint import FEWEST, LEVEL
-from hdvplan.bench.origin import Origin
 from hdvplan.bench.samples import LOST, OK
 from hdvplan.bench.sides import Name, Side
 from hdvplan.bench.statistics import Found, joint_findings
@@ -51,8 +49,6 @@ class Comparison:
     processes: int  # pairs of processes; of one process a side the rounds are the pairs
     found: tuple[Found, ...] = ()  # the statistics over all cells
     failure: Failure | None = None
-    origin: Origin | None = None  # where the worst of it began
-    hotspots: tuple[Hotspot, ...] = ()  # functions that take longer, the worst first
     expected: bool = False  # changed counters are no regression, as the user expects them
 
 

@@ -12,25 +12,22 @@ from rich.text import Text
 from hdvplan.bench.compare import CellTimes, Comparison, no_longer_planned
 from hdvplan.bench.counters import IN_STEPS, Change
 from hdvplan.bench.gate import FEWEST_PAIRS, Rule, Verdict
-from hdvplan.bench.hotspots import Hotspot
 from hdvplan.bench.joint import FEWEST
-from hdvplan.bench.origin import origin_words
 from hdvplan.bench.statistics import Found
 from hdvplan.bench.suite import KEY, cell_words
-from hdvplan.bench.values import ALL_CELLS
 from hdvplan.bench.where import place_words
 from hdvplan.report.grid import grid
 from hdvplan.report.markdown import markdown_table
 
+ALL_CELLS = "all cells"  # what a statistic is of
 _WRONG = ("cell", "what", "base", "new", "new/base", "part", "place")
 _TIMES = (*KEY, "base [ms]", "new [ms]", "new/base", "interval", "visible from", "verdict")
-_FOUND = ("all cells", "base", "new", "new/base", "visible from", "verdict")
-_TEXT = (*KEY, "verdict", "cell", "what", "part", "place", "all cells", "function")
+_FOUND = (ALL_CELLS, "base", "new", "new/base", "visible from", "verdict")
+_TEXT = (*KEY, "verdict", "cell", "what", "part", "place", ALL_CELLS)
 _WORDS = {Verdict.FINE: "fine", Verdict.REGRESSED: "slower", Verdict.UNMEASURABLE: "unclear"}
 _MARKS = {Verdict.FINE: "fine", Verdict.REGRESSED: "worse", Verdict.UNMEASURABLE: "unclear"}
 _ROWS = 30  # of what is wrong; more are counted
 _UNSEEN = "could not see"
-_HOT = ("function", "base [s]", "new [s]", "gained [s]", "calls before", "calls now")
 
 
 def verdict_line(comparison: Comparison, rule: Rule) -> str:
@@ -83,8 +80,6 @@ def comparison_tables(comparison: Comparison) -> list[Table]:
         tables.append(grid("whole processes", _FOUND, _found_rows(comparison.found), text=_TEXT))
     if comparison.times:
         tables[-1].caption, tables[-1].caption_justify, tables[-1].caption_style = Text(_caption(comparison)), "left", ""
-    if comparison.hotspots:
-        tables.append(grid("functions that take longer, under cProfile", _HOT, _hot_rows(comparison.hotspots), text=_TEXT))
     return tables
 
 
@@ -96,12 +91,8 @@ def comparison_markdown(comparison: Comparison, rule: Rule, again: str | None = 
     if wrong := wrong_rows(comparison):
         columns = _shown(wrong)
         parts += ["What changed, the worst first:", _markdown([_WRONG[i] for i in columns], [[row[i] for i in columns] for row in wrong])]
-    if comparison.origin is not None:
-        parts.append(_plain(origin_words(comparison.origin)))
     if again and comparison.verdict is not Verdict.FINE:
         parts.append(f"    {again}")
-    if comparison.hotspots:
-        parts += ["Functions that take longer, under cProfile:", _markdown(_HOT, _hot_rows(comparison.hotspots))]
     if comparison.times:
         parts += ["Mean planning step:", _markdown(_TIMES, _time_rows(comparison.times))]
     if comparison.found:
@@ -181,13 +172,6 @@ def _found_rows(found: Iterable[Found]) -> list[tuple[str, ...]]:
             word_of(one),
         )
         for one in sorted(found, key=lambda one: -one.ratio)
-    ]
-
-
-def _hot_rows(found: Iterable[Hotspot]) -> list[tuple[str, ...]]:
-    return [
-        (one.function, f"{one.base:.3f}", f"{one.new:.3f}", f"{one.new - one.base:.3f}", str(one.base_calls), str(one.new_calls))
-        for one in found
     ]
 
 

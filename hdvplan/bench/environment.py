@@ -13,7 +13,7 @@ import re
 import shutil
 import sys
 import tomllib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from hashlib import sha256
@@ -135,13 +135,11 @@ def base_program(base: Base, here: Checkout | None, scratch: Scratch, cache: Pat
     return program
 
 
-def new_program(
-    here: Checkout | None, scratch: Scratch, cache: Path, on_step: Callable[[str], None], apart: Sequence[Path] = ()
-) -> Program:
+def new_program(here: Checkout | None, scratch: Scratch, cache: Path, on_step: Callable[[str], None], out: Path) -> Program:
     """Make the other side ready: the working tree with all that is changed in it; outside of a checkout the hdvplan that is running.
 
     The working tree of another project is installed into an environment that is kept for its requirements, without the results in the
-    folders ``apart``.
+    folder ``out``.
 
     Raises:
         ProgramError: it cannot be installed, or its core cannot be compiled.
@@ -160,7 +158,7 @@ def new_program(
     with _kept(cache, f"new-{_digest(os.fsencode(here.top))}-{_request(here.top, package)}") as (folder, ready):
         on_step(f"installing {name}")
         source = scratch.folder / "working-tree"  # building leaves files beside the sources
-        copy_tree(here.top, source, (*apart, cache))
+        copy_tree(here.top, source, (out, cache))
         install(source / package, folder / "venv", name, scratch, again=ready)
     return Program(name, folder / "venv" / PYTHON, None, here.top / here.below)
 

@@ -3,30 +3,21 @@
 from __future__ import annotations
 
 import os
-import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
-from itertools import count
+from dataclasses import dataclass
 from pathlib import Path
 
-from hdvplan.bench.against import REPORTS, Contender, Settings, measure_against
-from hdvplan.bench.bisect import clearest_symptom, most_trials, origin_of
+from hdvplan.bench.against import REPORTS, SIDES, Contender, Settings, measure_against
 from hdvplan.bench.checkout import checkout
 from hdvplan.bench.compare import Comparison, failed
-from hdvplan.bench.environment import Base, base_named, base_program, cache_folder, new_program
-from hdvplan.bench.gate import Verdict
-from hdvplan.bench.hotspots import hotspots, profile_of
-from hdvplan.bench.origin import Origin
+from hdvplan.bench.environment import base_named, base_program, cache_folder, new_program
 from hdvplan.bench.processes import Scratch, ended_by_signals, scratch_folder
 from hdvplan.bench.programs import Program, ProgramError, UnreachedError
-from hdvplan.bench.revisions import Revision, revisions_since
 from hdvplan.bench.suite import Suite
 from hdvplan.bench.work import CommandWork, SuiteWork, Work, placed, suite_entries, suite_text
 from hdvplan.errors import MeasurementError, OptionError
 from hdvplan.texts import encoded
-
-_BASE, _NEW = "base", "new"
 
 
 @dataclass(frozen=True)
@@ -44,7 +35,6 @@ class Wanted:
     against: str
     work: Suite | CommandWork
     settings: Settings
-    history: Path | None = None  # a folder of results, which is no part of the working tree
 
 
 def guard(wanted: Wanted, out: Path, told: Told) -> Comparison:
@@ -62,7 +52,6 @@ def guard(wanted: Wanted, out: Path, told: Told) -> Comparison:
         here = checkout()
         named = base_named(wanted.against, here)
         cache = cache_folder(scratch)
-        apart = [out, *filter(None, [wanted.history])]
         out.mkdir(parents=True, exist_ok=True)
         with _alone_in(out):
             for report in REPORTS:
@@ -71,7 +60,7 @@ def guard(wanted: Wanted, out: Path, told: Told) -> Comparison:
                 (out / "suite.toml").write_bytes(encoded(suite_text(suite_entries(placed(wanted.work), wanted.work.to_dict()))))
             return _compared(
                 lambda: base_program(named, here, scratch, cache, told.step),
-                lambda: new_program(here, scratch, cache, told.step, apart),
+                lambda: new_program(here, scratch, cache, told.step, out),
                 wanted, out.absolute(), scratch, told,
             )  # fmt: skip
 
@@ -102,75 +91,21 @@ def _alone_in(out: Path) -> Iterator[None]:
         os.close(folder)
 
 
-def suspects(against: str) -> tuple[Revision, ...]:
-    """Return the revisions between what ``against`` names and what is here, which ``traced`` would look at; oldest first.
-
-    Raises:
-        OptionError: it is no revision of a checkout, or there is nothing between.
-
-    """
-    here = checkout()
-    named = base_named(against, here)
-    if here is None or named.commit is None:
-        msg = f"--bisect needs a revision to begin at, and {against!r} is none"
-        raise OptionError(msg, hint="name a commit, branch or tag with --against")
-    found = revisions_since(here, named.commit)
-    if not found:
-        msg = f"there is no revision between {against!r} and the working tree"
-        raise OptionError(msg, hint="leave out --bisect")
-    return found
-
-
-def traced(wanted: Wanted, comparison: Comparison, revisions: tuple[Revision, ...], told: Told) -> Origin:
-    """Return where what a red ``comparison`` shows most clearly began; ``revisions`` are the ``suspects``. Nothing is left of it.
-
-    Raises:
-        OptionError: as ``guard``.
-
-    """
-    with ended_by_signals(), scratch_folder() as scratch:
-        here = checkout()
-        named = base_named(wanted.against, here)
-        cache = cache_folder(scratch)
-        numbers, most = count(1), most_trials(len(revisions))
-
-        def compared(revision: Revision) -> Comparison:
-            told.step(f"bisect, {next(numbers)} of at most {most}: {revision.words}")
-            out = scratch.folder / "bisect"
-            shutil.rmtree(out, ignore_errors=True)
-            return _compared(
-                lambda: base_program(named, here, scratch, cache, told.step),
-                lambda: base_program(Base(str(revision.commit)[:9], commit=revision.commit), here, scratch, cache, told.step),
-                replace(wanted, settings=replace(wanted.settings, profile=False)), out, scratch, told,
-            )  # fmt: skip
-
-        return origin_of(clearest_symptom(comparison), revisions, compared)
-
-
 def _compared(
     base: Callable[[], Program], new: Callable[[], Program], wanted: Wanted, out: Path, scratch: Scratch, told: Told
 ) -> Comparison:
     """Make both programs ready, measure them into ``out`` and compare; whichever is not ready is a failure."""
-    contenders: dict[str, Contender] = {}
-    side = _BASE
-    try:
-        for side, made in ((_BASE, base), (_NEW, new)):
+    contenders: list[Contender] = []
+    for side, made in zip(SIDES, (base, new), strict=True):
+        try:
             program = made()
-            contenders[side] = Contender(program, _work(program, wanted.work, scratch, side))
-    except MeasurementError as error:
-        tail = error.tail if isinstance(error, ProgramError) else ""
-        return failed(side, str(error), tail, blameless=isinstance(error, UnreachedError))
-    told.step(f"base: {contenders[_BASE].program.name}; new: {contenders[_NEW].program.name}")
-    comparison = measure_against(contenders[_BASE], contenders[_NEW], wanted.settings, out, scratch, told.progress)
-    if not wanted.settings.profile or comparison.verdict is not Verdict.REGRESSED or comparison.failure is not None:
-        return comparison
-    told.step("profiling both")
-    try:
-        profiles = [profile_of(contenders[side].program, contenders[side].work, scratch) for side in (_BASE, _NEW)]
-    except ProgramError as error:
-        told.step(f"no profile: {error}")
-        return comparison
-    return replace(comparison, hotspots=hotspots(*profiles))
+            contenders.append(Contender(program, _work(program, wanted.work, scratch, side)))
+        except MeasurementError as error:
+            tail = error.tail if isinstance(error, ProgramError) else ""
+            return failed(side, str(error), tail, blameless=isinstance(error, UnreachedError))
+    old, now = contenders
+    told.step(f"base: {old.program.name}; new: {now.program.name}")
+    return measure_against(old, now, wanted.settings, out, scratch, told.progress)
 
 
 def _work(program: Program, wanted: Suite | CommandWork, scratch: Scratch, side: str) -> Work:

@@ -10,14 +10,11 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 import numpy as np
 
 from hdvplan.bench.compare import CellTimes, Comparison, no_longer_planned
-from hdvplan.bench.comparison import change_words, comparison_markdown, verdict_line, word_of
+from hdvplan.bench.comparison import ALL_CELLS, change_words, comparison_markdown, verdict_line, word_of
 from hdvplan.bench.counters import Change
 from hdvplan.bench.gate import Rule, Verdict
-from hdvplan.bench.hotspots import hotspots_json
-from hdvplan.bench.origin import origin_json, origin_words
 from hdvplan.bench.statistics import Found
 from hdvplan.bench.suite import KEY, cell_words
-from hdvplan.bench.values import values_of
 from hdvplan.bench.where import place_words
 from hdvplan.fileio import json_bytes, write_atomically
 
@@ -59,8 +56,6 @@ def comparison_json(comparison: Comparison, rule: Rule, again: str | None = None
         ],
         "times": [dict(zip(KEY, entry.cell, strict=True)) | _numbers(entry) for entry in comparison.times],
         "statistics": [_statistic(one) for one in comparison.found],
-        "bisect": None if comparison.origin is None else origin_json(comparison.origin),
-        "profile": hotspots_json(comparison.hotspots),
     }
 
 
@@ -109,8 +104,6 @@ def github_annotations(comparison: Comparison, rule: Rule) -> list[str]:
     kind = {Verdict.FINE: "notice", Verdict.REGRESSED: "error", Verdict.UNMEASURABLE: "warning"}[comparison.verdict]
     tail = comparison.failure.tail if comparison.failure else ""
     found = [_command(kind, verdict_line(comparison, rule) + (f"\n{tail}" if tail else ""))]
-    if comparison.origin is not None:
-        found.append(_command("error", origin_words(comparison.origin)))
     worse = [
         ((1, entry.decision.ratio), "error", f"{cell_words(entry.cell)}: {_words(entry)}")
         for entry in comparison.times
@@ -196,12 +189,18 @@ def _measured(comparison: Comparison) -> tuple[list[dict[str, object]], dict[str
     """Return the new side's numbers as github-action-benchmark (``customSmallerIsBetter``) and as Bencher (metric format) take them."""
     benchmark: list[dict[str, object]] = []
     bencher: dict[str, object] = {}
-    for one in values_of(comparison):
-        name, known = f"{one.cell}: {one.what}", np.isfinite(one.noise)
-        spread = {"range": f"± {100.0 * (one.noise - 1.0):.1f} %"} if known else {}
-        benchmark.append({"name": name, "unit": one.unit, "value": one.new} | spread)
-        bounds = {"lower_value": one.new / one.noise, "upper_value": one.new * one.noise} if known else {}
-        bencher[name] = {f"{one.what} [{one.unit}]": {"value": one.new} | bounds}
+    values = [
+        (cell_words(entry.cell), "mean step", "ms", 1e3 * entry.decision.new, entry.decision.noise)
+        for entry in comparison.times
+        if entry.decision is not None and np.isfinite(entry.decision.new)
+    ]
+    values += [(ALL_CELLS, one.statistic.name, one.statistic.unit, one.new, np.nan) for one in comparison.found]
+    for cell, what, unit, value, noise in values:
+        name, known = f"{cell}: {what}", np.isfinite(noise)
+        spread = {"range": f"± {100.0 * (noise - 1.0):.1f} %"} if known else {}
+        benchmark.append({"name": name, "unit": unit, "value": value} | spread)
+        bounds = {"lower_value": value / noise, "upper_value": value * noise} if known else {}
+        bencher[name] = {f"{what} [{unit}]": {"value": value} | bounds}
     return benchmark, bencher
 
 

@@ -20,7 +20,6 @@ from hdvplan.fileio import json_bytes, write_atomically
 
 STEPS = "steps.json"  # in the folder of a process: what a user's command has printed
 ABOUT = "process.json"  # in the folder of a process: what was measured of it as a whole
-_PROFILED = ("-m", "cProfile", "-o")
 _HINT = '{"cells": {"depot": {"steps_s": [0.0012, 0.0011]}}} is the least; docs/guarding-timing.md has the rest'
 
 
@@ -36,9 +35,6 @@ class Work(Protocol):
 
     def keep(self, ended: Ended, out: Path) -> None:
         """Leave in ``out`` what a process has measured, if it has not done so itself; MeasurementError where that is nothing."""
-
-    def profiled(self, program: Program, out: Path, file: Path) -> list[str] | None:
-        """Return the command line with a profile of cProfile written into ``file``; None where there is none."""
 
 
 @dataclass(frozen=True)
@@ -58,11 +54,6 @@ class SuiteWork:
         if not (out / "run.json").is_file():
             msg = f"it ended with exit code 0, but there is no benchmark in {out}"
             raise ProgramError(msg, tail=ended.tail)
-
-    def profiled(self, program: Program, out: Path, file: Path) -> list[str] | None:
-        """See ``Work``; in one process, as cProfile sees no other."""
-        told = ("bench", "--suite", str(self.file), "--quiet", "--fresh", "--in-process", "--out", str(out))
-        return [str(program.python), "-P", *_PROFILED, str(file), "-m", "hdvplan", *told]
 
 
 @dataclass(frozen=True)
@@ -88,12 +79,6 @@ class CommandWork:
             raise ProgramError(msg, tail="\n".join(lines[-5:]), hint=_HINT) from error
         out.mkdir(parents=True, exist_ok=True)
         write_atomically(out / STEPS, json_bytes(told))
-
-    def profiled(self, program: Program, out: Path, file: Path) -> list[str] | None:  # noqa: ARG002 - see ``Work``
-        """See ``Work``: only of what begins with an interpreter and the name of a module or file."""
-        first, *others = self.words
-        known = Path(first).name.startswith("python") and others and (others[0] == "-m" or not others[0].startswith("-"))
-        return [first, *_PROFILED, str(file), *others] if known else None
 
 
 SHORTEST_S, LONGEST_S = 1e-12, 1e9  # of a time: no clock shows others, and ratios of them come to the end of what floats hold

@@ -14,7 +14,7 @@ import typer
 from typer.main import get_command
 
 from hdvplan import __version__
-from hdvplan.cli import bench, compare, history, need, plan, report, reproduce, roads, solvers, study, turn, vehicles
+from hdvplan.cli import bench, compare, need, plan, report, reproduce, roads, solvers, study, turn, vehicles
 from hdvplan.cli.console import ExitCode, report_error
 from hdvplan.cli.help import Command, Group
 from hdvplan.cli.interruption import interruption_noted
@@ -47,7 +47,6 @@ app.command("study", cls=Command, rich_help_panel=_VEHICLES)(study.study)
 app.command("report", cls=Command, rich_help_panel=_VEHICLES)(report.report)
 app.command("bench", cls=Command, rich_help_panel=_MEASURING)(bench.bench)
 app.command("compare", cls=Command, rich_help_panel=_MEASURING)(compare.compare)
-app.command("history", cls=Command, rich_help_panel=_MEASURING)(history.history)
 app.command("reproduce", cls=Command, rich_help_panel=_MEASURING)(reproduce.reproduce)
 app.add_typer(roads.app, name="roads", rich_help_panel=_DATA)
 app.add_typer(vehicles.app, name="vehicles", rich_help_panel=_DATA)

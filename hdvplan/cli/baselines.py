@@ -5,12 +5,9 @@ from __future__ import annotations
 import shlex
 import sys
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from hdvplan.cli.compare import show
 from hdvplan.cli.console import ExitCode, note, progress, warn
@@ -19,38 +16,9 @@ from hdvplan.errors import HdvplanError, OptionError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
-    from hdvplan.bench.compare import Comparison
     from hdvplan.bench.gate import Rule
-    from hdvplan.bench.guard import Wanted
-    from hdvplan.bench.revisions import Revision
     from hdvplan.bench.suite import Suite
     from hdvplan.bench.work import CommandWork
-
-HistoryOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--history",
-        metavar="DIR",
-        help="With --against: keep the result there by commit; see `hdvplan history`.",
-        rich_help_panel="Comparison",
-    ),
-]
-BisectOption = Annotated[
-    bool,
-    typer.Option(
-        "--bisect",
-        help="With --against: if something regressed, find the first revision that has it, by bisection.",
-        rich_help_panel="Comparison",
-    ),
-]
-ProfileOption = Annotated[
-    bool,
-    typer.Option(
-        "--profile",
-        help="With --against: if something regressed, run both sides under cProfile and show which functions take longer.",
-        rich_help_panel="Comparison",
-    ),
-]
 
 
 def measured(suite: Path | None, given: Mapping[str, object], command: str | None) -> Suite | CommandWork:
@@ -79,17 +47,8 @@ def measured(suite: Path | None, given: Mapping[str, object], command: str | Non
     return wanted
 
 
-@dataclass(frozen=True)
-class Further:
-    """What is done about a comparison besides showing it."""
-
-    history: Path | None = None  # where it is kept
-    bisect: bool = False
-    profile: bool = False
-
-
 def gate(
-    against: str, work: Suite | CommandWork, rule: Rule, out: Path, further: Further, *,
+    against: str, work: Suite | CommandWork, rule: Rule, out: Path, *,
     expect_changes: bool, format_: str, json: bool, quiet: bool,
 ) -> ExitCode:  # fmt: skip
     """Measure this program and another in turn into ``out``, show how they compare, and leave reports for other programs.
@@ -99,31 +58,21 @@ def gate(
 
     """
     from hdvplan.bench.against import SIDES, Settings
-    from hdvplan.bench.gate import Verdict
-    from hdvplan.bench.guard import Told, Wanted, guard, suspects, traced
+    from hdvplan.bench.guard import Told, Wanted, guard
     from hdvplan.bench.reports import write_reports
     from hdvplan.bench.versions import version_words, versions_of
     from hdvplan.bench.work import CommandWork
 
     if not isinstance(work, CommandWork):
         _check(work)
-    revisions = suspects(against) if further.bisect else ()
-    kept = None if further.history is None else _commit_here(further.history, quiet=quiet)
     again = _again(against, work, rule, out, expect_changes=expect_changes)
-    wanted = Wanted(against, work, Settings(rule, expect_changes, further.profile), further.history)
+    wanted = Wanted(against, work, Settings(rule, expect_changes))
     try:
         with _told_progress(quiet=quiet) as told:
             comparison = guard(wanted, out, Told(lambda step: note(step, quiet=quiet), told))
         if comparison.failure is None and (versions := version_words(*(versions_of(out / side / "00") for side in SIDES))):
             note(f"versions differ: {', '.join(versions)}", quiet=quiet)
         write_reports(comparison, rule, again, out)
-        if further.history is not None and kept is not None:
-            _keep(comparison, kept, wanted, out, further.history, quiet=quiet)
-        if further.bisect and comparison.verdict is Verdict.REGRESSED:
-            with _told_progress(quiet=True) as told:
-                origin = traced(wanted, comparison, revisions, Told(lambda step: note(step, quiet=quiet), told))
-            comparison = replace(comparison, origin=origin)
-            write_reports(comparison, rule, again, out)
     except OSError as error:
         raise _cannot_write(error, out) from error
     return show(comparison, rule, format_=format_, json=json, quiet=quiet, again=again)
@@ -136,55 +85,6 @@ def _cannot_write(error: OSError, out: Path) -> OptionError:
     if file.is_relative_to(folder) or folder.is_relative_to(file):
         return OptionError(f"cannot measure into {out}: {reason}", hint="choose another folder with --out")
     return OptionError(f"cannot measure: {file}: {reason}", hint="TMPDIR and XDG_CACHE_HOME choose other folders")
-
-
-def _commit_here(folder: Path, *, quiet: bool) -> Revision | None:
-    """Return the commit that is measured, to be kept in ``folder``; None where files differ from it, as a result is not its own then.
-
-    Raises:
-        OptionError: there is none, or no such folder can be made.
-
-    """
-    from hdvplan.bench.checkout import checkout
-    from hdvplan.bench.revisions import is_changed, revision_of
-
-    here = checkout()
-    if here is None:
-        msg = "--history keeps results by commit, and this is no git checkout"
-        raise OptionError(msg, hint="leave out --history")
-    if is_changed(here):
-        warn("the working tree differs from its commit: this result will not be kept", quiet=quiet)
-        return None
-    try:
-        folder.mkdir(parents=True, exist_ok=True)  # before minutes are spent
-    except OSError as error:
-        msg = f"cannot keep results in {folder}: {error.strerror or error}"
-        raise OptionError(msg, hint="choose another folder with --history") from error
-    return revision_of(here)
-
-
-def _keep(comparison: Comparison, revision: Revision, wanted: Wanted, out: Path, folder: Path, *, quiet: bool) -> None:
-    """Add a comparison to a history, if anything was measured.
-
-    Raises:
-        OptionError: it cannot be written.
-
-    """
-    from hdvplan.bench.checkout import checkout
-    from hdvplan.bench.environment import base_named
-    from hdvplan.bench.history import entry_of, write_entry
-
-    base = base_named(wanted.against, checkout())
-    entry = entry_of(comparison, revision, base.commit or base.words, wanted.work, out)
-    if not entry.values:
-        warn("nothing was measured that could be kept", quiet=quiet)
-        return
-    try:
-        file = write_entry(entry, folder)
-    except OSError as error:
-        msg = f"cannot keep the result in {folder}: {error.strerror or error}"
-        raise OptionError(msg) from error
-    note(f"kept in {file}; `hdvplan history {folder}` shows the trend", quiet=quiet)
 
 
 def _check(suite: Suite) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hdvplan.bench import PICTURE
-from hdvplan.cli.baselines import BisectOption, Further, HistoryOption, ProfileOption, gate, hold_to, measured
+from hdvplan.cli.baselines import gate, hold_to, measured
 from hdvplan.cli.bench_options import (
     AccuracyOption,
     AgainstOption,
@@ -92,9 +92,6 @@ def bench(
     factor: FactorOption = None,
     floor: FloorOption = None,
     expect_changes: ExpectChangesOption = False,
-    bisect: BisectOption = False,
-    profile: ProfileOption = False,
-    history: HistoryOption = None,
     out: OutOption = Path("hdvplan-bench"),
     fresh: FreshOption = False,
     plot: PlotOption = None,
@@ -121,9 +118,8 @@ def bench(
     if against is not None and plot is not None:
         msg = "--plot draws one benchmark, and --against measures several"
         raise OptionError(msg, hint="leave out --plot")
-    further = Further(history, bisect, profile)
-    if against is None and (factor is not None or floor is not None or expect_changes or command is not None or further != Further()):
-        msg = "--factor, --floor, --expect-changes, --command, --bisect, --profile and --history need --against"
+    if against is None and (factor is not None or floor is not None or expect_changes or command is not None):
+        msg = "--factor, --floor, --expect-changes and --command need --against"
         raise OptionError(msg)
     if renew and counters is None:
         msg = "--renew needs --counters"
@@ -156,7 +152,7 @@ def bench(
         with told_to_programs(json=json, format_=format_):
             what = measured(suite, asked, command)
             rule = rule_of(factor, floor)
-            return gate(against, what, rule, out, further, expect_changes=expect_changes, format_=format_, json=json, quiet=quiet)
+            return gate(against, what, rule, out, expect_changes=expect_changes, format_=format_, json=json, quiet=quiet)
     entries = read_suite(suite) if suite else {}
     wanted = suite_of(entries | {name: value for name, value in given.items() if value is not None})
     check_objective(wanted.objective)

@@ -156,7 +156,6 @@ def show(comparison: Comparison, rule: Rule, *, format_: str, json: bool, quiet:
     """Write a comparison as asked for and return its exit code; ``again`` is the command that shows it again."""
     from hdvplan.bench.comparison import comparison_markdown, comparison_tables, verdict_line
     from hdvplan.bench.gate import Verdict
-    from hdvplan.bench.origin import origin_words
     from hdvplan.bench.reports import comparison_json, github_annotations
 
     if json:
@@ -171,8 +170,6 @@ def show(comparison: Comparison, rule: Rule, *, format_: str, json: bool, quiet:
                 sys.stdout.write(f"{comparison.failure.tail}\n")
             if again is not None and comparison.verdict is not Verdict.FINE:
                 sys.stdout.write(f"again: {again}\n")
-        if comparison.origin is not None:
-            print_line(origin_words(comparison.origin))
         sys.stdout.write(f"{verdict_line(comparison, rule)}\n")
     codes = {Verdict.FINE: ExitCode.OK, Verdict.REGRESSED: ExitCode.BROKEN, Verdict.UNMEASURABLE: ExitCode.UNMEASURED}
     return codes[comparison.verdict]

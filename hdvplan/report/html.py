@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-from base64 import b64encode
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -62,27 +60,14 @@ _COMPUTED = (
 )
 
 
-@dataclass(frozen=True)
-class Section:
-    """What the page shows beside plans: a picture and a table, ready to be shown."""
-
-    title: str
-    note: str
-    picture: bytes  # SVG
-    columns: tuple[str, ...]
-    rows: Sequence[Sequence[str]]
-    text: tuple[str, ...]  # columns that are no numbers
-
-
 def write_report(
     directories: Sequence[Path],
     path: Path,
     *,
     title: str = "Swept path report",
-    sections: Sequence[Section] = (),
     on_progress: Callable[[float], None] | None = None,
 ) -> int:
-    """Write the page about the plans in ``directories``, and ``sections``; return its size in bytes. ``on_progress`` receives 0 to 1.
+    """Write the page about the plans in ``directories`` and return its size in bytes; ``on_progress`` receives 0 to 1.
 
     Raises:
         OptionError: a folder holds no plan, or a damaged one.
@@ -96,7 +81,7 @@ def write_report(
             on_progress((number + 1) / (len(directories) + 1))
     try:
         with np.errstate(over="raise", divide="raise", invalid="raise"):  # else such numbers are warned of, and the page shows nothing
-            page = encoded(report_html(plans, title, sections))
+            page = encoded(report_html(plans, title))
     except (
         ArithmeticError,
         AttributeError,
@@ -112,10 +97,10 @@ def write_report(
     return len(page)
 
 
-def report_html(plans: Sequence[PlanFiles], title: str, sections: Sequence[Section] = ()) -> str:
-    """Return the page that shows ``plans`` side by side: summary, maps, diagrams, tables, step times; then ``sections``."""
+def report_html(plans: Sequence[PlanFiles], title: str) -> str:
+    """Return the page that shows ``plans`` side by side: summary, maps, diagrams, tables, step times."""
     environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    edges = _edges([plan.steps["total_ms"].to_numpy() for plan in plans]) if plans else np.empty(0)
+    edges = _edges([plan.steps["total_ms"].to_numpy() for plan in plans])
     return environment.from_string(page_part("report.html.j2")).render(
         title=title,
         version=__version__,
@@ -124,7 +109,6 @@ def report_html(plans: Sequence[PlanFiles], title: str, sections: Sequence[Secti
         summary=[*(_row(plans, *row) for row in _DRIVEN[:4]), _width_row(plans), *(_row(plans, *row) for row in _DRIVEN[4:])],
         computed=[_row(plans, *row) for row in _COMPUTED],
         plans=[_panel(plan, _heading(plan, plans), short, edges) for plan, short in zip(plans, short_labels(plans), strict=True)],
-        sections=[_section(section) for section in sections],
         data=script_json([payload_of(plan) for plan in plans]),
         directories=", ".join(str(plan.directory) for plan in plans),
     )
@@ -138,18 +122,6 @@ def short_labels(plans: Sequence[PlanFiles]) -> list[str]:
     if len(set(labels)) < len(labels):
         labels = [f"{label} ({plan.directory.name})" for label, plan in zip(labels, plans, strict=True)]
     return labels
-
-
-def _section(section: Section) -> Json:
-    return {
-        "title": section.title,
-        "note": section.note,
-        "picture": b64encode(section.picture).decode("ascii"),
-        "columns": section.columns,
-        "rows": [
-            [{"text": cell, "words": name in section.text} for name, cell in zip(section.columns, row, strict=True)] for row in section.rows
-        ],
-    }
 
 
 def _row(plans: Sequence[PlanFiles], name: str, unit: str, key: str, digits: int | None, meaning: str) -> Json:

@@ -69,7 +69,7 @@ def base(against: str, scratch: Scratch) -> Program:
 
 
 def new(scratch: Scratch) -> Program:
-    return new_program(checkout(), scratch, environment.cache_folder(scratch), lambda _: None)
+    return new_program(checkout(), scratch, environment.cache_folder(scratch), lambda _: None, Path("gate"))
 
 
 def version_of(program: Program) -> str:

@@ -12,12 +12,15 @@ from pathlib import Path
 import pytest
 
 from hdvplan.bench.against import REPORTS
+from hdvplan.bench.compare import Comparison
+from hdvplan.bench.gate import Verdict
 from hdvplan.bench.processes import Ended
 from hdvplan.bench.programs import ProgramError, UnreachedError
 from hdvplan.bench.sides import own_name, read_side
 from hdvplan.bench.work import CommandWork, SuiteWork, command_words, steps_of
 from hdvplan.errors import OptionError
 from tests.bench.conftest import Cli
+from tests.docs.blocks import blocks_of
 
 OURS = """
 import json, random
@@ -87,9 +90,9 @@ def test_words_are_split_as_a_shell_would_and_nothing_else_is_done() -> None:
             command_words(text)
 
 
-def git(folder: Path, *arguments: str) -> None:
-    identity = ("-c", "user.name=a", "-c", "user.email=a@example.org")
-    subprocess.run(["git", "-C", str(folder), *identity, *arguments], capture_output=True, check=True)  # noqa: S603, S607 - fixed
+def git(folder: Path, *arguments: str) -> str:
+    command = ("git", "-C", str(folder), "-c", "user.name=a", "-c", "user.email=a@example.org", *arguments)
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()  # noqa: S603 - fixed
 
 
 @pytest.fixture
@@ -235,3 +238,32 @@ def test_a_command_that_neither_side_has_is_the_users_mistake(cli: Cli, theirs: 
     outcome = cli("bench", "--against", "HEAD", "--command", "no-such-planner", "--quiet", "--out", str(theirs.parent / "gate"))
     assert outcome.code == 2
     assert "says: no-such-planner cannot be started: No such file or directory" in outcome.err
+
+
+def test_versions_that_differ_between_the_sides_are_told(cli: Cli, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for side, numpy in (("base", "2.1"), ("new", "2.2")):
+        folder = tmp_path / "out" / side / "00"
+        folder.mkdir(parents=True)
+        told = {"software": {"hdvplan": "0.1.0", "packages": {"numpy": numpy, "piqp": "0.61"}}}
+        (folder / "run.json").write_text(json.dumps(told), encoding="utf-8")
+    python = tmp_path / "python"
+    python.touch(mode=0o755)
+    monkeypatch.setattr("hdvplan.bench.guard._compared", lambda *_: Comparison((), (), Verdict.FINE, 10))
+    outcome = cli("bench", "--against", str(python), "--command", "ours", "--out", "out")
+    assert (outcome.code, outcome.err) == (0, "versions differ: numpy 2.1 -> 2.2\n")
+
+
+@pytest.mark.slow
+def test_git_finds_the_first_slower_commit_by_the_lines_in_the_documents(theirs: Path) -> None:
+    git(theirs, "tag", "v1.0")
+    for number in range(2, 7):
+        slow = 1.3 if number >= 4 else 1.0
+        (theirs / "ours.py").write_text(f"{OURS.format(slow=slow, iterations=7)}# {number}\n", encoding="utf-8")
+        git(theirs, "commit", "--quiet", "--all", "--message", f"change {number}")
+        git(theirs, "tag", f"v{number}")
+    guide = (Path(__file__).parents[2] / "docs" / "guarding-timing.md").read_text(encoding="utf-8")
+    (lines,) = (block.body for block in blocks_of(guide) if "git bisect run" in block.body)
+    found = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    environment = os.environ | {"PATH": found}
+    ran = subprocess.run(["sh", "-ec", lines], cwd=theirs, env=environment, capture_output=True, text=True, check=True)  # noqa: S603, S607 - ours
+    assert f"{git(theirs, 'rev-parse', 'v4')} is the first bad commit" in ran.stdout

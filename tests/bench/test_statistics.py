@@ -17,9 +17,7 @@ from hdvplan.bench.compare import Comparison, compare, failed
 from hdvplan.bench.comparison import comparison_markdown, verdict_line, wrong_rows
 from hdvplan.bench.counters import COUNTS, IN_STEPS, LENGTHS, WORK, Change, Tolerance
 from hdvplan.bench.gate import Rule, Verdict
-from hdvplan.bench.origin import Origin
 from hdvplan.bench.reports import comparison_json, github_annotations, junit_xml, write_reports
-from hdvplan.bench.revisions import Revision
 from hdvplan.bench.sides import IMPORT, PEAK, Name, Side, Steps
 from hdvplan.bench.suite import KEY
 
@@ -191,10 +189,19 @@ def test_dashboards_get_the_numbers_of_the_new_side(tmp_path: Path) -> None:
     comparison = held(side(1, about={PEAK: 1e8}))
     write_reports(comparison, Rule(), None, tmp_path)
     rows = json.loads((tmp_path / "benchmark.json").read_text(encoding="utf-8"))
-    assert {"name", "unit", "value"} <= set(rows[0])
+    for row in rows:  # customSmallerIsBetter: three entries, and a range in words
+        assert {name: type(value) for name, value in row.items() if name != "range"} == {"name": str, "unit": str, "value": float}
+        assert isinstance(row.get("range", ""), str)
     memory = next(row for row in rows if row["name"] == "all cells: memory")
     assert (memory["unit"], memory["value"]) == ("MB", pytest.approx(330.0, rel=0.01))
     bencher = json.loads((tmp_path / "bencher.json").read_text(encoding="utf-8"))
+    assert list(bencher) == [row["name"] for row in rows]
+    for name, measures in bencher.items():  # Bencher Metric Format: benchmark, measure, value, perhaps with bounds
+        assert len(name) <= 1024  # longer names are refused
+        for measure, metric in measures.items():
+            assert len(measure) <= 64  # as above
+            assert {"value"} <= set(metric) <= {"value", "lower_value", "upper_value"}
+            assert all(type(value) is float for value in metric.values())
     step = bencher["bend bus rti riccati: mean step"]["mean step [ms]"]
     assert step["lower_value"] < step["value"] < step["upper_value"]
     suite = fromstring((tmp_path / "junit.xml").read_text(encoding="utf-8"))  # noqa: S314 - our own
@@ -207,18 +214,17 @@ def test_github_shows_the_verdict_then_the_worst_and_counts_what_it_would_drop()
     changes = tuple(Change(cell, counter, "3", "4") for cell in cells for counter in ("qps", "iterations"))
     lost = Change(("lost", "bus", "rti", "riccati", "as set"), "status", "ok", "crashed")
     slower = held(side(1, lambda steps, _: added(steps, 0.3 * steps.total)))
-    comparison = replace(slower, changes=(*changes, lost), origin=Origin("mean step", (Revision("a" * 40, "sort"),), ()))
+    comparison = replace(slower, changes=(*changes, lost))
     lines = [line.removeprefix("::error title=planning time::") for line in github_annotations(comparison, Rule())]
     assert len(lines) == 10  # what GitHub shows of a step
     assert lines[0] == verdict_line(comparison, Rule())
-    assert lines[1] == "mean step: first in aaaaaaaaa sort"
-    assert lines[2] == "lost bus rti riccati: status was ok, is crashed"
-    ratios = [float(line.split(": ")[1].split(" times")[0]) for line in lines[3:] if "times as long" in line]
+    assert lines[1] == "lost bus rti riccati: status was ok, is crashed"
+    ratios = [float(line.split(": ")[1].split(" times")[0]) for line in lines[2:] if "times as long" in line]
     assert len(ratios) >= 3
     assert ratios == sorted(ratios, reverse=True)
     worse = len(CELLS) + len(names(comparison))
-    assert lines[-1] == f"and {2 + 1 + worse + len(cells) - 9} more: the summary of this step has all"
-    few = github_annotations(replace(comparison, times=(), found=(), changes=changes[:2], origin=None), Rule())
+    assert lines[-1] == f"and {1 + 1 + worse + len(cells) - 9} more: the summary of this step has all"
+    few = github_annotations(replace(comparison, times=(), found=(), changes=changes[:2]), Rule())
     assert [line.removeprefix("::error title=planning time::") for line in few[1:]] == [
         "road 0 bus rti riccati: qps was 3, is 4; iterations was 3, is 4"
     ]

@@ -18,7 +18,6 @@ COMMANDS = [
     ("report",),
     ("bench",),
     ("compare",),
-    ("history",),
     ("reproduce",),
     ("roads",),
     ("roads", "list"),
@@ -63,7 +62,6 @@ def test_a_wide_terminal_is_used(cli: Cli, monkeypatch: pytest.MonkeyPatch) -> N
         ("bench", ["What to measure", "Limits", "How to measure", "Comparison", "Decision", "Output", "Options"]),
         ("compare", ["Arguments", "Decision", "Output", "Options"]),
         ("study", ["Arguments", "Output", "Running", "Options"]),
-        ("history", ["Arguments", "Output", "Options"]),
         ("roads extract", ["Arguments", "Routes", "Limits", "Output", "Options"]),
     ],
 )
