@@ -92,19 +92,19 @@ def program_of(
     """
     count, h = stations.count, stations.spacing
     at = s % stations.length if stations.closed else np.clip(s, 0.0, stations.length)
+    mean, second = np.outer([1 / 6, 4 / 6, 1 / 6], np.ones(count)), np.outer([1 / h**2, -2 / h**2, 1 / h**2], np.ones(count))
     spline = _spline(stations)
-    offsets = sp.csr_array(_windows(count, (1 / 6, 4 / 6, 1 / 6)) @ spline)
-    bends = sp.csr_array(_windows(count, (1 / h**2, -2 / h**2, 1 / h**2)) @ spline + sp.diags_array(curvature**2) @ offsets)
-    fit = _interpolation(stations, at) @ offsets
-    weighted = sp.csr_array(fit.T * weights)
+    offsets, bends = _windows(mean) @ spline, _windows(second + curvature**2 * mean) @ spline
     ahead = np.arange(1, count + stations.closed) % count
     change, given = bends[ahead] - bends[: len(ahead)], curvature[ahead] - curvature[: len(ahead)]
+    root = np.sqrt(weights)  # what is minimised is a sum of squares, (rows x - wanted)^2
+    rows = sp.csr_array(sp.vstack([sp.diags_array(root) @ _interpolation(stations, at) @ offsets, change / np.sqrt(h)]))
+    wanted = np.concatenate([root * e, -given / np.sqrt(h)])
     nearest: IntArray = np.rint(at / h).astype(np.int64) % count
     highest, lowest = np.full(count, np.inf), np.full(count, -np.inf)
     np.minimum.at(highest, nearest, e + max_deviation)
     np.maximum.at(lowest, nearest, e - max_deviation)
-    hessian = sp.csc_array(weighted @ fit + change.T @ change / h)
-    gradient = change.T @ given / h - weighted @ e
+    hessian, gradient = sp.csc_array(rows.T @ rows), -(rows.T @ wanted)
     return Program(hessian, gradient, offsets, bends, curvature, max_curvature, lowest, highest, stations.closed)
 
 
@@ -157,15 +157,16 @@ def _spline(stations: Stations) -> sp.csr_array:
     count = stations.count
     if stations.closed:
         return sp.csr_array((np.ones(count + 2), (np.arange(count + 2), np.arange(-1, count + 1) % count)))
-    ends = np.array([[-3.5, 2.0, -0.5], [0.625, -0.5, 0.125]])
-    spline = sp.lil_array(sp.eye_array(count + 2, count - 2, k=-2))
-    spline[:2, :3], spline[-2:, -3:] = ends, ends[::-1, ::-1]
-    return sp.csr_array(spline)
+    ends, size = np.array([-3.5, 2.0, -0.5, 0.625, -0.5, 0.125]), count - 2  # of the first two coefficients; mirrored, of the last two
+    (row, column), inner = np.divmod(np.arange(6), 3), np.arange(size)
+    places = np.concatenate([row, 2 + inner, count + 1 - row]), np.concatenate([column, inner, size - 1 - column])
+    return sp.csr_array((np.concatenate([ends, np.ones(size), ends]), places))
 
 
-def _windows(count: int, weights: tuple[float, float, float]) -> sp.dia_array:
-    """Return the matrix that weighs three successive coefficients for each station, shape (count, count + 2)."""
-    return sp.diags_array([np.full(count, weight) for weight in weights], offsets=[0, 1, 2], shape=(count, count + 2))
+def _windows(weights: FloatArray) -> sp.dia_array:
+    """Return the matrix that weighs three successive coefficients for each station; ``weights`` has shape (3, count)."""
+    count = weights.shape[1]
+    return sp.diags_array(list(weights), offsets=[0, 1, 2], shape=(count, count + 2))
 
 
 def _interpolation(stations: Stations, at: FloatArray) -> sp.csr_array:
