@@ -20,6 +20,7 @@ from hdvplan.errors import ProjectionError, RoadError
 KNOT_SPACING_M = 0.5  # the quintic's position error is below 1e-9 m at a curvature of 0.2 1/m
 LAST_STEP_M = 2e-5  # a Newton step this small leaves errors of its square
 _BLEND_M = 10.0  # an open road's curvature fades to zero over this length beyond its ends [m]
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 
 
 # A path as the core takes it; ``coefficients`` is where they begin in memory.
@@ -197,10 +198,9 @@ def from_curvature(s: FloatArray, curvature: FloatArray, *, spacing: float = KNO
         angle: FloatArray = turned[piece] + over * (curvature[piece] + 0.5 * over * slope[piece])
         return angle
 
-    nodes, weights = np.polynomial.legendre.leggauss(5)
-    inner = heading(knots[:-1, None] + 0.5 * step * (nodes + 1.0))
-    x = np.concatenate([[0.0], np.cumsum(np.cos(inner) @ weights * 0.5 * step)])
-    y = np.concatenate([[0.0], np.cumsum(np.sin(inner) @ weights * 0.5 * step)])
+    inner = heading(knots[:-1, None] + 0.5 * step * (_NODES + 1.0))
+    x = np.concatenate([[0.0], np.cumsum(np.cos(inner) @ _WEIGHTS * 0.5 * step)])
+    y = np.concatenate([[0.0], np.cumsum(np.sin(inner) @ _WEIGHTS * 0.5 * step)])
     return from_samples(x, y, heading(knots), np.interp(knots, s, curvature), step)
 
 

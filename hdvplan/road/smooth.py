@@ -18,7 +18,7 @@ from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from hdvplan.arrays import FloatArray, IntArray
 from hdvplan.errors import ProjectionError, RoadError
-from hdvplan.road.offsets import Stations, solve_offsets
+from hdvplan.road.offsets import Stations, program_of, solve_offsets
 from hdvplan.road.path import KNOT_SPACING_M, ReferencePath, from_samples
 from hdvplan.road.road import Smoothing
 from hdvplan.road.through import FEWEST_CELLS, check_length, chord_of, equal_arclengths, spline_through
@@ -231,9 +231,10 @@ def _settled(
         near = np.max(np.abs(e)) <= max_deviation + _SLACK_M
         if bounded and near and (largest < _SETTLED_M or number >= _ENOUGH_ROUNDS):
             return line, s, e
-        solution = solve_offsets(
+        program = program_of(
             stations, here.curvature, s, e, weights, max_deviation=inner_deviation, max_curvature=_BOUND_SHARE * max_curvature
         )
+        solution = solve_offsets(program)
         if solution is None:
             break
         offsets, missing = solution

@@ -13,6 +13,7 @@ MIN_LENGTH_M = 5.0
 MAX_LENGTH_M = 200e3
 FEWEST_CELLS = 8  # of a very short road
 _EXACT_M = 0.25  # knots of a line that is not smoothed
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 
 
 def path_through(points: FloatArray, max_curvature: float) -> tuple[ReferencePath, FloatArray] | None:
@@ -64,10 +65,9 @@ def spline_through(knots: FloatArray, points: FloatArray, *, closed: bool) -> Cu
 
 def equal_arclengths(spline: CubicSpline[np.float64], spacing: float) -> tuple[FloatArray, FloatArray]:
     """Return a plane spline's parameters at equal arclengths of about ``spacing``, and the arclengths of its knots [m]."""
-    nodes, weights = np.polynomial.legendre.leggauss(4)
     half = 0.5 * np.diff(spline.x)
-    velocity = spline(spline.x[:-1, None] + half[:, None] * (nodes + 1.0), 1)
-    s = np.concatenate([[0.0], np.cumsum(np.hypot(velocity[..., 0], velocity[..., 1]) @ weights * half)])
+    velocity = spline(spline.x[:-1, None] + half[:, None] * (_NODES + 1.0), 1)
+    s = np.concatenate([[0.0], np.cumsum(np.hypot(velocity[..., 0], velocity[..., 1]) @ _WEIGHTS * half)])
     uniform = np.linspace(0.0, float(s[-1]), max(FEWEST_CELLS, round(float(s[-1]) / spacing)) + 1)
     inverse = CubicHermiteSpline(s, spline.x, 1.0 / np.hypot(*spline(spline.x, 1).T))
     return np.clip(inverse(uniform), 0.0, spline.x[-1]), s
