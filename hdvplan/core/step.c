@@ -12,10 +12,11 @@
 
 #define USABLE_RESIDUAL 1e-3 /* a solution whose recomputed primal residual exceeds this is not driven [m] */
 #define SHORTEST_STEP                                                                                                  \
-    (1.0 / 32.0)        /* a step is halved no further; some of it must be taken, as the vehicle has moved on */
-#define REPAIRED_M 0.01 /* RTI leaves a smaller predicted violation to the next step */
-#define STALLED 1e-3    /* SQP ends when a shortened step lowers the merit by a smaller share than this */
-#define WRONG 1e-2      /* dual residual beside the largest multiplier from which a point is no optimum */
+    (1.0 / 32.0) /* a step is halved no further; some of it must be taken, as the vehicle has moved on */
+#define REPAIRED_M                                                                                                     \
+    0.01             /* RTI leaves a smaller predicted violation to the next step; one that grows first may end yet */
+#define STALLED 1e-3 /* SQP ends when a shortened step lowers the merit by a smaller share than this */
+#define WRONG 1e-2   /* dual residual beside the largest multiplier from which a point is no optimum */
 
 /* Let the scene's pointers lead to the window's stage 0. */
 static void point_at_window(struct hdv_planner *planner) {

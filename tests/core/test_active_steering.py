@@ -17,7 +17,7 @@ from hdvplan.driving.simulate import simulate
 from hdvplan.judging.envelope import envelope_of
 from hdvplan.planning.assembly import assemble
 from hdvplan.planning.discretisation import Discretisation
-from hdvplan.planning.motion import Motion, guess
+from hdvplan.planning.motion import Motion
 from hdvplan.planning.objectives import Goal, Objective, body_max, geometric
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations, stations_of
@@ -32,6 +32,7 @@ from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 from tests.core.chains import few, linearised, rates, three_units
 from tests.core.differences import differences
+from tests.core.moves import guess
 from tests.core.rules import gap
 from tests.core.scenes import extended, horizon_at, move, record_of
 from tests.core.test_steering import PROFILE_K, PROFILE_S, plane_rates

@@ -8,13 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hdvplan.arrays import FloatArray
-from hdvplan.planning.merit import defect_price, l1_weights
-from hdvplan.planning.motion import Motion, guess, take_step
+from hdvplan.planning.motion import Motion
 from hdvplan.planning.stations import STATION
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 from hdvplan.vehicle.kinematics import place_many
 from hdvplan.vehicle.load import load_vehicle
 from tests.core.chains import few
+from tests.core.moves import defect_price, guess, l1_weights, take_step
 from tests.core.scenes import record_of
 
 STAGES = 12

@@ -8,8 +8,7 @@ from hdvplan.errors import OptionError, PlanError, SolverError
 from hdvplan.planning import planner as planner_module
 from hdvplan.planning.assembly import assemble
 from hdvplan.planning.discretisation import advance
-from hdvplan.planning.merit import l1_weights
-from hdvplan.planning.motion import Motion, take_step
+from hdvplan.planning.motion import Motion
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.planner import Plan, Planner
 from hdvplan.planning.settings import PlannerSettings, Scheme
@@ -23,6 +22,7 @@ from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Unit, Vehicle
 from tests.core.chains import on_road, winding
 from tests.core.differences import differences
+from tests.core.moves import l1_weights, take_step
 from tests.core.programs import PARTS
 from tests.core.scenes import assert_same_rows, extended, horizon_at, move, record_of
 from tests.core.spying import Spy

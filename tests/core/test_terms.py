@@ -10,7 +10,6 @@ from hdvplan.arrays import FloatArray
 from hdvplan.centring.weights import CentringTable
 from hdvplan.planning import planner as planner_module
 from hdvplan.planning.assembly import assemble
-from hdvplan.planning.merit import defect_price
 from hdvplan.planning.motion import Motion
 from hdvplan.planning.objectives import OBJECTIVES, Goal, axle_max, balanced, body_max, geometric
 from hdvplan.planning.planner import Planner
@@ -31,6 +30,7 @@ from hdvplan.solvers.riccati import RiccatiWorkspace
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 from tests.core.chains import winding
+from tests.core.moves import defect_price
 from tests.core.scenes import assert_same_rows, extended, horizon_at, linearised, move, part_of
 
 STEP, STAGES, FIRST = 0.5, 60, 30

@@ -6,8 +6,6 @@ import numpy as np
 
 from hdvplan.arrays import FloatArray
 from hdvplan.planning.assembly import assemble
-from hdvplan.planning.merit import defect_price, l1_weights
-from hdvplan.planning.motion import guess, take_step
 from hdvplan.planning.objectives import Goal
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import Stations
@@ -16,6 +14,7 @@ from hdvplan.qp.program import StageSolution, by_stage
 from hdvplan.qp.residuals import residuals
 from hdvplan.qp.workspace import WorkspaceMaker
 from hdvplan.vehicle.model import Vehicle
+from tests.core.moves import defect_price, guess, l1_weights, take_step
 
 USABLE, SHORTEST, REPAIRED, STALLED = 1e-3, 1.0 / 32.0, 0.01, 1e-3
 
