@@ -10,13 +10,17 @@
 #include "numbers.h"
 #include "sizes.h"
 
-#define USABLE_RESIDUAL 1e-3 /* a solution whose recomputed primal residual exceeds this is not driven [m] */
-#define SHORTEST_STEP                                                                                                  \
-    (1.0 / 32.0) /* a step is halved no further; some of it must be taken, as the vehicle has moved on */
-#define REPAIRED_M                                                                                                     \
-    0.01             /* RTI leaves a smaller predicted violation to the next step; one that grows first may end yet */
-#define STALLED 1e-3 /* SQP ends when a shortened step lowers the merit by a smaller share than this */
-#define WRONG 1e-2   /* dual residual beside the largest multiplier from which a point is no optimum */
+/* A solution whose recomputed primal residual exceeds this is not driven [m]. */
+static const double usable_residual = 1e-3;
+/* Dual residual beside the largest multiplier from which a point is no optimum. */
+static const double wrong = 1e-2;
+/* A step is halved no further: some of it must be taken, as the vehicle has moved on. */
+static const double shortest_step = 1.0 / 32.0;
+/* RTI leaves a smaller predicted violation to the next step [m]. A program more may lift a larger one before the next
+ * ends it, so that none is left out for that. */
+static const double repaired = 0.01;
+/* SQP ends when a shortened step lowers the merit by a smaller share than this. */
+static const double stalled = 1e-3;
 
 /* Let the scene's pointers lead to the window's stage 0. */
 static void point_at_window(struct hdv_planner *planner) {
@@ -171,7 +175,7 @@ static enum moved move(struct hdv_planner *planner, const struct hdv_point *poin
             return MOVED_OFF;
         }
         planner->merit = merit(planner);
-        if (planner->merit <= worth || planner->moved < planner->tolerance || share <= SHORTEST_STEP) {
+        if (planner->merit <= worth || planner->moved < planner->tolerance || share <= shortest_step) {
             break;
         }
         memcpy(scene->motion, planner->before, size);
@@ -180,7 +184,7 @@ static enum moved move(struct hdv_planner *planner, const struct hdv_point *poin
     }
     planner->halvings += halved;
     planner->priced = 1;
-    return halved && worth - planner->merit < STALLED * worth ? MOVED_HARDLY : MOVED;
+    return halved && worth - planner->merit < stalled * worth ? MOVED_HARDLY : MOVED;
 }
 
 /* The plan is made: note what it covers. */
@@ -198,10 +202,10 @@ int64_t hdv_judge(struct hdv_planner *planner, const struct hdv_point *point) {
     struct hdv_residuals *found = &planner->residuals;
     hdv_residuals(&planner->scene->program, point, found);
     planner->seconds_check += seconds() - mark;
-    if (!(found->primal <= USABLE_RESIDUAL)) { /* NaN too */
+    if (!(found->primal <= usable_residual)) { /* NaN too */
         return HDV_BROKEN;
     }
-    int far = found->dual > WRONG && found->dual > WRONG * largest_multiplier(&planner->scene->program, point);
+    int far = found->dual > wrong && found->dual > wrong * largest_multiplier(&planner->scene->program, point);
     return far ? HDV_FAR : HDV_FINE;
 }
 
@@ -210,7 +214,7 @@ int64_t hdv_accept(struct hdv_planner *planner, const struct hdv_point *point, i
     struct hdv_scene *scene = planner->scene;
     double began = seconds();
     planner->programs++;
-    planner->usable = planner->residuals.primal <= USABLE_RESIDUAL;
+    planner->usable = planner->residuals.primal <= usable_residual;
     if (!planner->usable) {
         planner->violation = violation(planner);
         return finish(planner);
@@ -223,7 +227,7 @@ int64_t hdv_accept(struct hdv_planner *planner, const struct hdv_point *point, i
     if (moved == MOVED_OFF) {
         return HDV_LOST;
     }
-    int repairing = planner->programs <= planner->repairs && planner->violation > REPAIRED_M;
+    int repairing = planner->programs <= planner->repairs && planner->violation > repaired;
     int settled = moved == MOVED_HARDLY || planner->moved < planner->tolerance || planner->programs >= planner->rounds;
     return settled || !(planner->iterates || repairing) ? finish(planner) : HDV_SOLVE;
 }
