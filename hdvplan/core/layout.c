@@ -344,7 +344,8 @@ const struct hdv_constant *hdv_constants(void) {
         CONSTANT(HDV_NOT_FINITE),     CONSTANT(HDV_CROSSED),
         CONSTANT(HDV_TRACING_POINTS), CONSTANT(HDV_FREE_INTERVALS),
         CONSTANT(HDV_SIDES),          CONSTANT(HDV_BIN_M),
-        CONSTANT(HDV_LEADING),        {NULL, 0.0},
+        CONSTANT(HDV_LEADING),        CONSTANT(HDV_USABLE_RESIDUAL),
+        CONSTANT(HDV_WRONG),          {NULL, 0.0},
     };
     return rows;
 }

@@ -4,6 +4,12 @@
 
 #include "hdvplan.h"
 
+/* A point whose primal residual exceeds this is refused, and not driven [m]. */
+#define HDV_USABLE_RESIDUAL 1e-3
+/* Dual residual beside the largest multiplier from which a point is no optimum: honest solvers stay below 6e-4, other
+ * optima are at 1 and above. */
+#define HDV_WRONG 1e-2
+
 struct hdv_residuals {
     double primal; /* largest violation of dynamics, rows and bounds [m, rad, 1/m] */
     double dual;   /* largest entry of the Lagrangian's gradient */

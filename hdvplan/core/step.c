@@ -10,10 +10,6 @@
 #include "numbers.h"
 #include "sizes.h"
 
-/* A solution whose recomputed primal residual exceeds this is not driven [m]. */
-static const double usable_residual = 1e-3;
-/* Dual residual beside the largest multiplier from which a point is no optimum. */
-static const double wrong = 1e-2;
 /* A step is halved no further: some of it must be taken, as the vehicle has moved on. */
 static const double shortest_step = 1.0 / 32.0;
 /* RTI leaves a smaller predicted violation to the next step [m]. A program more may lift a larger one before the next
@@ -202,10 +198,10 @@ int64_t hdv_judge(struct hdv_planner *planner, const struct hdv_point *point) {
     struct hdv_residuals *found = &planner->residuals;
     hdv_residuals(&planner->scene->program, point, found);
     planner->seconds_check += seconds() - mark;
-    if (!(found->primal <= usable_residual)) { /* NaN too */
+    if (!(found->primal <= HDV_USABLE_RESIDUAL)) { /* NaN too */
         return HDV_BROKEN;
     }
-    int far = found->dual > wrong && found->dual > wrong * largest_multiplier(&planner->scene->program, point);
+    int far = found->dual > HDV_WRONG && found->dual > HDV_WRONG * largest_multiplier(&planner->scene->program, point);
     return far ? HDV_FAR : HDV_FINE;
 }
 
@@ -214,7 +210,7 @@ int64_t hdv_accept(struct hdv_planner *planner, const struct hdv_point *point, i
     struct hdv_scene *scene = planner->scene;
     double began = seconds();
     planner->programs++;
-    planner->usable = planner->residuals.primal <= usable_residual;
+    planner->usable = planner->residuals.primal <= HDV_USABLE_RESIDUAL;
     if (!planner->usable) {
         planner->violation = violation(planner);
         return finish(planner);

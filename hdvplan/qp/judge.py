@@ -17,14 +17,14 @@ from time import perf_counter
 
 import numpy as np
 
+from hdvplan import core
 from hdvplan.errors import HdvplanError, SolverError
 from hdvplan.plugins import said
 from hdvplan.qp.program import StageQp, StageSolution
 from hdvplan.qp.residuals import Residuals, residuals
 from hdvplan.qp.workspace import QpResult, QpWorkspace, Status, WorkspaceMaker
 
-USABLE_RESIDUAL = 1e-3  # a point whose primal residual exceeds this is refused, and not driven [m]
-WRONG = 1e-2  # residual of the Lagrangian beside the largest multiplier: honest solvers stay below 6e-4, other optima are at 1 and above
+USABLE_RESIDUAL, WRONG = core.constant("HDV_USABLE_RESIDUAL"), core.constant("HDV_WRONG")
 
 Judging = Callable[[StageSolution], Residuals]
 
