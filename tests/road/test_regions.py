@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from hdvplan.arrays import FloatArray
@@ -161,6 +161,7 @@ polygons = st.lists(st.tuples(st.floats(-8.0, 8.0), st.floats(-6.0, 6.0)), min_s
     bend=st.floats(-0.1, 0.1), places=st.lists(st.tuples(st.floats(5.0, 75.0), polygons), min_size=1, max_size=3),
     phase=st.floats(0.0, 1.0), width=st.sampled_from([None, 2.0, 5.0]),
 )  # fmt: skip
+@example(bend=0.0390625, places=[(62.75, [(0.0, 0.0), (0.0, 1.0), (2.703125, 2.984375)])], phase=0.0, width=None)
 @settings(max_examples=25, deadline=None)
 def test_no_point_of_any_obstacle_lies_within_the_limits_that_planning_uses(
     bend: float, places: list[tuple[float, list[tuple[float, float]]]], phase: float, width: float | None
@@ -186,7 +187,9 @@ def test_no_point_of_any_obstacle_lies_within_the_limits_that_planning_uses(
         s, e = project_many(wide, points[:, 0], points[:, 1], near)[:2]
         met = (s >= 0.0) & (s <= path.length) & (np.abs(e) < 6.0)  # NaN where there is no foot near by
         left, right = (np.interp(s[met], entries, table.values[row]) for row in (2, 3))
-        assert np.all((e[met] >= left - 1e-6) | (e[met] <= right + 1e-6))  # the foot's accuracy
+        # The foot's accuracy; and an edge along a bend bows between limits 5 cm apart, which the stations' margin covers.
+        near_by = 1e-6 + abs(bend) * 0.05**2 / 8.0
+        assert np.all((e[met] >= left - near_by) | (e[met] <= right + near_by))
 
 
 def test_passing_on_the_other_side_moves_the_limits_there_and_leaves_the_rest() -> None:
