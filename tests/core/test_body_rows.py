@@ -9,7 +9,7 @@ from hdvplan.planning.assembly import assemble
 from hdvplan.planning.objectives import Goal
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import LIMIT_SPACING_M, LimitTable, Stations, limit_table, stations_of
-from hdvplan.planning.terms.limits import ROWS_PER_EDGE, LimitsPart, limit_at
+from hdvplan.planning.terms.limits import ROWS_PER_EDGE, LimitsPart
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Limits, Road
 from hdvplan.vehicle.body import axles_behind, edge_points
@@ -17,6 +17,7 @@ from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 from tests.core.chains import on_road, three_units, winding
 from tests.core.differences import differences
+from tests.core.moves import limit_at
 from tests.core.scenes import extended, horizon_at, linearised, move, part_of
 
 STEP = 0.5

@@ -9,12 +9,13 @@ from hdvplan.planning.assembly import assemble
 from hdvplan.planning.objectives import Goal
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import LimitTable, stations_of
-from hdvplan.planning.terms.limits import LimitsPart, limit_at
+from hdvplan.planning.terms.limits import LimitsPart
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Limits, Road
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 from tests.core.chains import three_units, winding
+from tests.core.moves import limit_at
 from tests.core.scenes import extended, horizon_at, linearised, move, part_of, shifted
 from tests.core.test_body_rows import varying_limits
 from tests.core.twins import edges as edges_twin

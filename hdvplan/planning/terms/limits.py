@@ -44,7 +44,6 @@ _LIMITS = core.record(
     ],
 )
 _FUNCTIONS = core_functions("limits")
-_limit_at = core.function("hdv_limit_at", core.POINTER, core.INT, core.REAL, core.POINTER)
 
 
 class Seen(NamedTuple):
@@ -80,7 +79,7 @@ class Limits:
             np.zeros((count, *points.shape, 2)),
         )  # fmt: skip
         limits = np.ascontiguousarray(scene.stations.limits.values)
-        road = (scene.stations.path.record, _table_record(scene.stations.limits, limits), points, axis, behind)
+        road = (scene.stations.path.record, table_record(scene.stations.limits, limits), points, axis, behind)
         own = (_furthest(vehicle), settings.clearance, place.row, rows.shape[1])
         data = np.array([(*map(core.address, road), *own, *map(core.address, seen), 0.0)], _LIMITS)
         return LimitsPart(scene, _FUNCTIONS, data, rows, seen, (*road, limits))
@@ -93,14 +92,7 @@ def limits_of(stations: Stations, settings: PlannerSettings) -> Limits | None:
     return Limits(2 * ROWS_PER_EDGE if stations.limits.two_regions and settings.overhang_cost > 0.0 else ROWS_PER_EDGE)
 
 
-def limit_at(table: LimitTable, row: int, s: float) -> tuple[float, float]:
-    """Return a limit [m] and its slope along s: linear between the table's entries, constant beyond them."""
-    values, found = np.ascontiguousarray(table.values), np.empty(2)
-    _limit_at(core.address(_table_record(table, values)), row, s, core.address(found))
-    return float(found[0]), float(found[1])
-
-
-def _table_record(table: LimitTable, values: FloatArray) -> Records:
+def table_record(table: LimitTable, values: FloatArray) -> Records:
     """Return a table of limits as the core takes it; its ``values``, contiguous, must outlive the record."""
     return np.array([(core.address(values), values.shape[1], table.s_first, table.spacing)], _TABLE)
 
