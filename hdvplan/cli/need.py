@@ -25,6 +25,7 @@ from hdvplan.cli.options import (
     RoadIdsOption,
     RoleOption,
     SmoothOption,
+    UnitOption,
     VehicleOption,
     choice,
     drawn_formats,
@@ -68,6 +69,7 @@ def need(
     clearance: ClearanceOption = 0.0,
     smooth: SmoothOption = None,
     crs: CrsOption = None,
+    unit: UnitOption = None,
     name: FeatureOption = None,
     layer: LayerOption = None,
     role: RoleOption = None,
@@ -114,7 +116,7 @@ def need(
     driven = vehicle_named(vehicle, quiet=quiet)
     wanted = road_options(
         smooth, crs, name, REFERENCE_SLACK * driven.max_curvature, offset=offset, reverse=reverse, layer=layer, roles=role,
-        road_ids=road_ids, lane=lane,
+        road_ids=road_ids, lane=lane, unit=unit,
     )  # fmt: skip
     found = find_road(road, wanted)
     from hdvplan.case import Case

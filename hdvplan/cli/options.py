@@ -59,6 +59,15 @@ FeatureOption = Annotated[
     str | None,
     typer.Option("--name", "--id", metavar="NAME", help="Which line of the road file, by its name or id.", rich_help_panel=ROAD),
 ]
+UnitOption = Annotated[
+    str | None,
+    typer.Option(
+        "--unit",
+        metavar="mm|cm|m|ft|in",
+        help="Unit of a road file without a coordinate reference system (DXF; CSV with x,y) [default: what it says, or m].",
+        rich_help_panel=ROAD,
+    ),
+]
 LayerOption = Annotated[
     str | None, typer.Option("--layer", metavar="LAYER", help="Which layer, or sheet, of the road file.", rich_help_panel=ROAD)
 ]
@@ -131,6 +140,7 @@ def road_options(
     roles: Sequence[str] | None = None,
     road_ids: str | None = None,
     lane: int | None = None,
+    unit: str | None = None,
 ) -> RoadOptions:
     """Return how to read a road file, with the library's defaults where the user gave nothing.
 
@@ -155,6 +165,7 @@ def road_options(
         roles=tuple(roles or ()),
         road_ids=road_ids,
         lane=lane,
+        unit=unit,
     )
 
 

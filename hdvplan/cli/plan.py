@@ -40,6 +40,7 @@ from hdvplan.cli.options import (
     RoadIdsOption,
     RoleOption,
     SmoothOption,
+    UnitOption,
     VehicleOption,
     choice,
     drawn_formats,
@@ -88,6 +89,7 @@ def plan(
     ] = None,
     smooth: SmoothOption = None,
     crs: CrsOption = None,
+    unit: UnitOption = None,
     name: FeatureOption = None,
     layer: LayerOption = None,
     role: RoleOption = None,
@@ -214,7 +216,7 @@ def plan(
     driven = vehicle_named(vehicle, quiet=quiet)
     wanted = road_options(
         smooth, crs, name, REFERENCE_SLACK * driven.max_curvature, offset=offset, reverse=reverse, layer=layer, roles=role,
-        road_ids=road_ids, lane=lane,
+        road_ids=road_ids, lane=lane, unit=unit,
     )  # fmt: skip
     found = find_road(road, wanted)  # mistakes in the files are reported before more is loaded
     from hdvplan import api

@@ -26,6 +26,7 @@ from hdvplan.cli.options import (
     RoadIdsOption,
     RoleOption,
     SmoothOption,
+    UnitOption,
     choice,
     road_options,
 )
@@ -68,6 +69,7 @@ def road_info(
     half_width: HalfWidthOption = None,
     smooth: SmoothOption = None,
     crs: CrsOption = None,
+    unit: UnitOption = None,
     name: FeatureOption = None,
     layer: LayerOption = None,
     role: RoleOption = None,
@@ -88,7 +90,9 @@ def road_info(
     """
     from hdvplan.road.load import find_road
 
-    chosen = road_options(smooth, crs, name, offset=offset, reverse=reverse, layer=layer, roles=role, road_ids=road_ids, lane=lane)
+    chosen = road_options(
+        smooth, crs, name, offset=offset, reverse=reverse, layer=layer, roles=role, road_ids=road_ids, lane=lane, unit=unit
+    )
     found = find_road(road, chosen)  # bad files are refused before more is loaded
     from hdvplan.fileio import csv_bytes, write_atomically
     from hdvplan.judging.fit import facts_of, fit_of, fit_table

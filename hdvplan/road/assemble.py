@@ -13,16 +13,19 @@ from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
 from hdvplan.road.beside import Beside
 from hdvplan.road.crs import LONLAT, check_lonlat, is_geographic, looks_like_degrees, to_plane
-from hdvplan.road.features import LINES, Choice, Feature, Json, coordinates_of, flat, is_finite, parts_of, role_of
+from hdvplan.road.features import LINES, Choice, Feature, Json, coordinates_of, flat, is_finite, parts_of, role_of, unheeded
 from hdvplan.road.raw import RawRoad
 from hdvplan.road.regions import Region
+from hdvplan.road.units import Unit, refuse_no_street
 from hdvplan.texts import printable
 
 _SNAP_M = 0.01
 _LISTED = 20  # lines that a question names
+_UNREAD = 8  # layers that a note names
 _LONGEST = 100  # letters of each
 _MOST_PARTS = 5000  # of a line that are joined: a bus route has hundreds, and a country's network takes hours
 _WIDTHS = ("left_m", "right_m", "width_m")
+_METRES = Unit()
 
 
 @dataclass(frozen=True)
@@ -34,12 +37,14 @@ class _Line:
     directed: bool = True
 
 
-def road_of(features: list[Feature], name: str, choice: Choice) -> RawRoad:
-    """Return the road among ``features``; ``name`` begins the messages.
+def road_of(features: list[Feature], name: str, choice: Choice, unit: Unit = _METRES, *, routes: bool = False) -> RawRoad:
+    """Return the road among ``features``; ``name`` begins the messages, ``unit`` is that of coordinates without a system.
+
+    A note tells which layers are not read, but not of ``routes``, whose layers are other roads and not what is beside one.
 
     Raises:
-        RoadError: no line, several lines and none chosen, parts that do not join, impossible coordinates, or several
-            coordinate reference systems.
+        RoadError: no line, several lines and none chosen, parts that do not join, impossible coordinates, several
+            coordinate reference systems, or a unit that was given for nothing or is needed.
 
     """
     line = _chosen(_lines(features, name), choice, name)
@@ -51,14 +56,21 @@ def road_of(features: list[Feature], name: str, choice: Choice) -> RawRoad:
         notes = (f"{name}: coordinates are read as longitude and latitude, for metres they are too close together",)
         system = LONLAT
         features = [replace(feature, system=feature.system or LONLAT) for feature in features]
+    if system is not None and unit.given is not None:
+        what = f"{name}: a line in {'degrees' if is_geographic(system) else 'a coordinate reference system'}"
+        raise unheeded(what, "unit")
     if system is not None and is_geographic(system):
         check_lonlat(everything, name)
     plane = None if system is None else to_plane(everything, system)
-    placed = parts if plane is None else np.split(plane.points, np.cumsum([len(part) for part in parts])[:-1])
+    whole = unit.metres * everything if plane is None else plane.points
+    placed = np.split(whole, np.cumsum([len(part) for part in parts])[:-1])
+    beside = Beside(name, system, plane, choice, line.feature.geometry, unit.metres)
+    edges = tuple(edge for feature in features for edge in beside.edges(feature))
+    if system is None:
+        refuse_no_street(placed, None, edges, unit, name)
     points = _joined(placed, name, directed=line.directed)
     if len(parts) > 1:
         _refuse_lists(line.feature.properties, name)
-    beside = Beside(name, system, plane, choice, line.feature.geometry)
     regions: list[Region] = []
     for feature in features:
         regions += beside.regions(feature, len(regions) + 1)
@@ -68,8 +80,8 @@ def road_of(features: list[Feature], name: str, choice: Choice) -> RawRoad:
         to_lonlat=None if plane is None else plane.to_lonlat,
         notice=_notice(line.feature.properties),
         regions=tuple(regions),
-        edges=tuple(edge for feature in features for edge in beside.edges(feature)),
-        notes=notes,
+        edges=edges,
+        notes=(*notes, *unit.notes(name, system), *(() if routes else _unread_note(features, line.feature.layer, name, choice))),
     )
 
 
@@ -108,6 +120,17 @@ def _chosen(lines: list[_Line], choice: Choice, name: str) -> _Line:
         raise RoadError(msg, hint="choose by a unique --id")
     msg = f"{name}: no line is called {choice.feature!r}; there are {listed}"
     raise RoadError(msg)
+
+
+def _unread_note(features: list[Feature], layer: str, name: str, choice: Choice) -> tuple[str, ...]:
+    """Return a note on the layers that are not read beside the line's ``layer``, and how one would be; none without any."""
+    used = {layer, ""} | {feature.layer for feature in features if feature.properties.get("region") or role_of(feature, choice)}
+    layers = [printable(one)[:_LONGEST] for one in dict.fromkeys(feature.layer for feature in features) if one not in used]
+    if not layers:
+        return ()
+    listed = ", ".join(repr(one) for one in layers[:_UNREAD]) + (f" and {len(layers) - _UNREAD} more" if len(layers) > _UNREAD else "")
+    several, reads = ("layers", "reads one") if len(layers) > 1 else ("layer", "reads it")
+    return (f'{name}: {several} {listed} not read; --role "{layers[0]}=edge" or =obstacle or =sweepable {reads}',)
 
 
 def _listed(lines: list[_Line]) -> str:

@@ -30,6 +30,7 @@ class Beside:
     plane: Plane | None
     choice: Choice
     line: object  # the geometry of the chosen line
+    metres: float  # a unit of coordinates without a system
 
     def regions(self, feature: Feature, number: int) -> list[Region]:
         """Return the regions of a feature, none if it is no region; ``number`` is the first one's."""
@@ -72,7 +73,7 @@ class Beside:
             raise RoadError(msg, hint="bring them into one system first: ogr2ogr -t_srs EPSG:N one.gpkg FILE")
 
     def _placed(self, points: FloatArray, where: str) -> FloatArray:
-        placed = points if self.plane is None else self.plane.into(points)
+        placed = self.metres * points if self.plane is None else self.plane.into(points)
         lonlat = placed if self.plane is None else np.stack(self.plane.to_lonlat(*placed.T), axis=1)
         if not (np.all(np.isfinite(placed)) and np.all(np.isfinite(lonlat))):
             msg = f"{where} lies outside the road's coordinate reference system"

@@ -8,6 +8,7 @@ import unicodedata
 from dataclasses import dataclass
 
 from hdvplan.errors import RoadError
+from hdvplan.road.units import UNITS
 
 LAYOUTS = "known columns: x,y or lon,lat or s,kappa; with left_m,right_m or width_m; with left_sweep,right_sweep"
 
@@ -31,6 +32,8 @@ _SPELLINGS = {
 }
 _MEANINGS = {name: meaning for meaning, names in _SPELLINGS.items() for name in names.split()}
 _ONLY_TOGETHER = {("e", "n"): ("x", "y"), ("lange", "breite"): ("lon", "lat"), ("est", "nord"): ("x", "y")}  # else they mean something else
+LENGTHS = {"x", "y", "left", "right", "width", "left_sweep", "right_sweep"}  # which may say their unit; without it they have that of x, y
+_UNITS = {**{unit: unit for unit in UNITS}, "feet": "ft", "foot": "ft", "inch": "in", "inches": "in"}
 _LIKELY = 0.9  # similarity of a misspelt name
 _POSITIONS = (("x", "y"), ("lon", "lat"), ("s", "kappa"))
 _PAIRS = (*_POSITIONS, ("left", "right"), ("left_sweep", "right_sweep"))
@@ -41,13 +44,15 @@ _GEOMETRY = {"wkt", "geom", "geometry", "the_geom", "wkt_geom", "wkb_geometry"}
 class Columns:
     """Where a table has what: ``at`` is the number of each column by its meaning, ``position`` the pair that says where.
 
-    ``titles`` are the names as the table has them, by meaning; ``unread`` those of no meaning here.
+    ``titles`` are the names as the table has them, by meaning; ``unread`` those of no meaning here. ``units`` are what
+    the titles of lengths say, such as ``x_ft`` and ``left [m]``, by meaning.
     """
 
     at: dict[str, int]
     titles: dict[str, str]
     position: tuple[str, str]
     unread: tuple[str, ...]
+    units: dict[str, str]
 
 
 def folded(title: str) -> str:
@@ -107,7 +112,11 @@ def columns_of(titles: list[str], where: str) -> Columns:
     if "left_sweep" in at and "left" not in at:
         msg = f"{where}: {names['left_sweep']} and {names['right_sweep']} need left and right beside them"
         raise RoadError(msg, hint=LAYOUTS)
-    return Columns(at, names, present[0], tuple(unread))
+    units = {meaning: unit for meaning, title in names.items() if (unit := _named(title)[1]) is not None}
+    if units.get("x") != units.get("y"):
+        msg = f"{where}: columns {names['x']} and {names['y']} are not in one unit"
+        raise RoadError(msg, hint=LAYOUTS)
+    return Columns(at, names, present[0], tuple(unread), units)
 
 
 def unread_note(columns: Columns, name: str) -> tuple[str, ...]:
@@ -120,8 +129,18 @@ def unread_note(columns: Columns, name: str) -> tuple[str, ...]:
     return (f"{name}: {several} {', '.join(columns.unread)[:200]} not read{meant}",)
 
 
+def _named(title: str) -> tuple[str, str | None]:
+    """Return a folded name, and the unit that it says if it is that of a length: ``Width_ft`` and ``width [ft]`` are ``width``, ``ft``."""
+    name = folded(title)
+    base, _, suffix = name.rpartition("_")
+    if _MEANINGS.get(base) in LENGTHS and suffix in _UNITS:
+        return base, _UNITS[suffix]
+    bracket = re.search(r"[\[(]\s*(\w+)", title) if _MEANINGS.get(name) in LENGTHS else None
+    return name, None if bracket is None else _UNITS.get(bracket[1].casefold())
+
+
 def _meanings(titles: list[str]) -> list[str | None]:
-    names = [folded(title) for title in titles]
+    names = [_named(title)[0] for title in titles]
     meanings = [_MEANINGS.get(name) for name in names]
     for pair, together in _ONLY_TOGETHER.items():
         others = {meaning for name, meaning in zip(names, meanings, strict=True) if name not in pair}

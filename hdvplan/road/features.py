@@ -24,6 +24,7 @@ OPTIONS = {  # of the command line, by what readers of roads call them
     "roles": "--role",
     "road_ids": "--road-ids",
     "lane": "--lane",
+    "unit": "--unit",
 }
 
 
@@ -85,7 +86,7 @@ _EDGES = {  # values of a property "edge", names, and layers
 class Feature:
     """A geometry as GeoJSON has it, what is known about it, the layer it lies in, and the system of its coordinates.
 
-    Without a ``system`` coordinates are metres in a plane of their own. ``drawn`` says that a drawing program made it, which
+    Without a ``system`` coordinates are lengths in a plane of their own. ``drawn`` says that a drawing program made it, which
     knows closed lines and no polygons.
     """
 
@@ -132,8 +133,12 @@ def refuse_unheeded(what: str, options: object, *names: str) -> None:
     """
     given = next((name for name in names if getattr(options, name) not in {None, ()}), None)
     if given is not None:
-        msg = f"{what} has no use for {OPTIONS[given]}"
-        raise RoadError(msg, hint=f"leave {OPTIONS[given]} out")
+        raise unheeded(what, given)
+
+
+def unheeded(what: str, option: str) -> RoadError:
+    """Return the refusal of a given ``option``, as readers of roads call it, that has no meaning for ``what``."""
+    return RoadError(f"{what} has no use for {OPTIONS[option]}", hint=f"leave {OPTIONS[option]} out")
 
 
 def labels_of(item: Json) -> tuple[str, ...]:

@@ -23,8 +23,9 @@ from hdvplan.road.raw import RawRoad
 from hdvplan.road.regions import TABLE_M
 from hdvplan.road.road import Limits, Road, Smoothing
 from hdvplan.road.scenarios import SCENARIOS
-from hdvplan.road.steps import refuse_far, refuse_outliers, refuse_sparse
+from hdvplan.road.steps import MIN_LENGTH_M, refuse_far, refuse_outliers, refuse_sparse
 from hdvplan.road.texts import refuse_unreadable, text_of
+from hdvplan.road.units import ASKED, UNITS
 from hdvplan.spelling import did_you_mean
 from hdvplan.texts import printable
 
@@ -47,6 +48,7 @@ class RoadOptions:
     ``offset`` moves the reference to the left of the driving direction [m], such as -1.75 to the middle of the right lane.
     ``roles`` say what layers or features beside the line are, such as ``hoarding=obstacle``. ``road_ids`` are the roads of
     an OpenDRIVE file to drive over, such as ``3,12,-5`` or ``("3", "12", "-5")``, and ``lane`` the lane on the first of them.
+    ``unit`` is the unit of coordinates in a plane without a coordinate reference system: mm, cm, m, ft or in.
     """
 
     smooth: float = 5.0
@@ -59,6 +61,7 @@ class RoadOptions:
     roles: tuple[str, ...] = ()
     road_ids: str | Sequence[str] | None = None
     lane: int | None = None
+    unit: str | None = None
 
     def __post_init__(self) -> None:
         """Refuse values that no road can be read with."""
@@ -70,6 +73,9 @@ class RoadOptions:
             raise OptionError(msg)
         if not np.isfinite(self.offset):
             msg = f"the offset must be a number of metres, not {self.offset:g}"
+            raise OptionError(msg)
+        if self.unit is not None and self.unit not in UNITS:
+            msg = f"the unit must be {ASKED}, not {self.unit!r}"
             raise OptionError(msg)
         ids = self.road_ids
         one_by_one = isinstance(ids, tuple | list) and len(ids) > 0 and all(isinstance(one, str) for one in ids)
@@ -193,27 +199,30 @@ def _raw(path: Path, options: RoadOptions) -> RawRoad:
     if suffix == ".xodr":
         from hdvplan.road.load_opendrive import read_opendrive  # noqa: PLC0415 - few files need it
 
-        refuse_unheeded(f"{path.name}: an OpenDRIVE file", options, "crs", "feature", "layer", "roles")
+        refuse_unheeded(f"{path.name}: an OpenDRIVE file", options, "crs", "feature", "layer", "roles", "unit")
         return read_opendrive(path, road_ids=options.road_ids, lane=options.lane)
     if options.road_ids is not None or options.lane is not None:
         msg = f"{path.name} has no road ids and lanes to choose; OpenDRIVE files (.xodr) have"
         raise RoadError(msg)
+    if crs is not None:
+        refuse_unheeded(f"{path.name}: a file in {crs}", options, "unit")
     text = text_of(path) if suffix in _TEXTS else None
     if suffix in {".json", ".geojson"} or (text is not None and text.lstrip().startswith("{")):
         document = json_object(text or text_of(path), path.name)
         if "elements" in document:
-            refuse_unheeded(f"{path.name}: a file of OpenStreetMap", options, "crs")
+            refuse_unheeded(f"{path.name}: a file of OpenStreetMap", options, "crs", "unit")
             return read_overpass(document, path.name, choice=choice)
         if document.get("type") == "Topology" or "geometryType" in document:
-            return read_vector(path, crs=crs, choice=choice)
+            return read_vector(path, crs=crs, choice=choice, unit=options.unit)
+        refuse_unheeded(f"{path.name}: a GeoJSON file, in degrees or a system that it names,", options, "unit")
         return read_geojson(document, path.name, crs=crs, choice=choice)
     if text is None or text.lstrip().startswith("<") or has_wkt(text):
-        return read_vector(path, crs=crs, choice=choice)
+        return read_vector(path, crs=crs, choice=choice, unit=options.unit)
     if options.feature is not None:
         msg = f"{path.name}: a CSV file has no features to choose {options.feature!r} from"
         raise RoadError(msg)
     refuse_unheeded(f"{path.name}: a CSV file", options, "layer", "roles")
-    return read_csv(text, path.name, crs=crs)
+    return read_csv(text, path.name, crs=crs, unit=options.unit)
 
 
 def _road(line: Line) -> Road:
@@ -228,7 +237,7 @@ def smoothed(line: Line) -> tuple[Road, FloatArray]:
 
     """
     from hdvplan.road.smooth import smooth_line, smoothing_of  # noqa: PLC0415 - a file is refused without loading SciPy
-    from hdvplan.road.through import MAX_LENGTH_M, MIN_LENGTH_M, path_through  # noqa: PLC0415 - as above
+    from hdvplan.road.through import MAX_LENGTH_M, path_through  # noqa: PLC0415 - as above
 
     name, raw, options = line.name, line.raw, line.options
     if raw.is_profile:

@@ -11,11 +11,13 @@ import numpy as np
 
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
-from hdvplan.road.columns import LAYOUTS, Columns, columns_of, folded, has_geometry, is_header, unread_note
+from hdvplan.road.columns import LAYOUTS, LENGTHS, Columns, columns_of, folded, has_geometry, is_header, unread_note
 from hdvplan.road.crs import LONLAT, check_lonlat, is_geographic, looks_like_degrees, to_plane
+from hdvplan.road.features import unheeded
 from hdvplan.road.raw import RawRoad
 from hdvplan.road.steps import LARGEST_M
 from hdvplan.road.texts import refuse_unreadable, text_of
+from hdvplan.road.units import UNITS, Unit, refuse_no_street
 
 _SEPARATORS = ("\t", ";", "|", ",")  # the first that the header has; decimal commas cannot occur in a header
 _QUOTE = '"'  # which nothing can be separated by
@@ -37,8 +39,8 @@ class Table:
     open_ended: bool = False
 
 
-def read_csv(text: str, name: str, *, crs: str | None = None) -> RawRoad:
-    """Return the road in a CSV text; ``name`` begins the messages, ``crs`` is the system of x, y.
+def read_csv(text: str, name: str, *, crs: str | None = None, unit: str | None = None) -> RawRoad:
+    """Return the road in a CSV text; ``name`` begins the messages, ``crs`` is the system of x, y, or ``unit`` their unit.
 
     Values are separated by what the header has: tabs, semicolons, bars or commas. Beside all but commas, and in quotes, a
     comma is a decimal point.
@@ -47,7 +49,7 @@ def read_csv(text: str, name: str, *, crs: str | None = None) -> RawRoad:
         RoadError: no header, contradicting columns, or an impossible value, with its line and column.
 
     """
-    return read_table(_table(text, name), name, crs=crs)
+    return read_table(_table(text, name), name, crs=crs, unit=unit)
 
 
 def read_columns(path: Path, wanted: Sequence[str], what: str) -> list[FloatArray]:
@@ -82,15 +84,20 @@ def has_wkt(text: str) -> bool:
     return has_geometry(_fields(header, _separator(header)))
 
 
-def read_table(table: Table, name: str, *, crs: str | None = None) -> RawRoad:
+def read_table(table: Table, name: str, *, crs: str | None = None, unit: str | None = None) -> RawRoad:
     """Return the road in a table of points; as ``read_csv``.
 
     Raises:
-        RoadError: contradicting columns, or an impossible value, with its line and column.
+        RoadError: contradicting columns, an impossible value, with its line and column, or a unit that was given for nothing or is needed.
 
     """
     columns = columns_of(table.titles, name)
     values = _numbers(table, columns.at, name)
+    points = np.stack([values[key] for key in columns.position], axis=1)
+    if unit is not None:
+        _refuse_unit(points, columns, name)
+    base = columns.units.get("x", unit or "m")  # of all lengths that say none
+    values |= {key: UNITS[columns.units.get(key, base)] * values[key] for key in values if key in LENGTHS}
     points = np.stack([values[key] for key in columns.position], axis=1)
     if len(points) < 2:  # noqa: PLR2004
         msg = f"{name}: a road needs at least two points, this one has {len(points)}"
@@ -109,14 +116,19 @@ def read_table(table: Table, name: str, *, crs: str | None = None) -> RawRoad:
             raise RoadError(msg, hint="call the columns x, y if they are metres")
         crs = crs or LONLAT
     elif crs is not None:
+        if base != "m":
+            msg = f"{name}: columns {_titles(columns)} are not in metres, but {crs} is"
+            raise RoadError(msg, hint="call the columns x, y if they are coordinates of this system")
         if is_geographic(crs):
             check_lonlat(points, name)
     else:
         _check_metres(points, columns, table.lines, name)
-        if looks_like_degrees(points):
+        if unit is None and looks_like_degrees(points):
             note = f"{name}: columns {_titles(columns)} are read as longitude and latitude, for metres they are too close together"
             crs, raw = LONLAT, replace(raw, notes=(*raw.notes, note))
     if crs is None:
+        if "x" not in columns.units:
+            refuse_no_street([points], raw.reaches, (), Unit(unit), name, raw.lines)
         return raw
     plane = to_plane(points, crs)
     return replace(raw, points=plane.points, to_lonlat=plane.to_lonlat)
@@ -292,6 +304,15 @@ def _check_profile(points: FloatArray, columns: Columns, lines: list[int], name:
         raise RoadError(msg, s_m=float(points[at, 0]))
 
 
+def _refuse_unit(points: FloatArray, columns: Columns, name: str) -> None:
+    """Refuse that a unit was given for a table that says its own, or has no lengths for positions."""
+    degrees = columns.position == ("lon", "lat") or (columns.position == ("x", "y") and looks_like_degrees(points))
+    why = "a curvature profile" if columns.position == ("s", "kappa") else "positions in degrees" if degrees else None
+    if why is not None or "x" in columns.units:
+        what = f"{name}: {why or f'a table that says its unit, as {_titles(columns)},'}"
+        raise unheeded(what, "unit")
+
+
 def _check_metres(points: FloatArray, columns: Columns, lines: list[int], name: str) -> None:
     large = np.argwhere(np.abs(points) > LARGEST_M)
     if large.size:
@@ -299,6 +320,6 @@ def _check_metres(points: FloatArray, columns: Columns, lines: list[int], name: 
         title = columns.titles[columns.position[axis]]
         msg = f"{name}, line {lines[row]}, column {title}: {points[row, axis]:g} m is too large for a position"
         raise RoadError(msg)
-    if all(columns.titles[key].lower().endswith("_m") for key in columns.position) and looks_like_degrees(points):
-        msg = f"{name}: columns {_titles(columns)} look like degrees, not metres"
+    if "x" in columns.units and looks_like_degrees(points):
+        msg = f"{name}: columns {_titles(columns)} look like degrees, not lengths"
         raise RoadError(msg, hint="call the columns lon,lat if they are longitude and latitude")

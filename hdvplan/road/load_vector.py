@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import warnings
 from contextlib import closing, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -24,6 +24,7 @@ from hdvplan.road.library import NOTICE
 from hdvplan.road.load_csv import Table, read_table
 from hdvplan.road.raw import RawRoad
 from hdvplan.road.regions import Kind
+from hdvplan.road.units import Unit
 
 _MOST_FEATURES = 200_000
 _MOST_STEPS = 50_000_000  # of SQLite for one view: a second or two
@@ -31,20 +32,22 @@ _SQLITE = "SQLite format 3\0"
 _POINTS_ONLY = {"Point", "MultiPoint", "2.5D Point", "Point Z", "Point M", "Point ZM", "MultiPoint Z", "3D Point", "3D MultiPoint"}
 _SHEETS = {"XLSX", "ODS", "XLS"}
 _DRAWINGS = {"DXF", "DGN", "CAD"}
+_ROUTES = {"GPX", "OSM"}
 _REACHES = {"left_m", "right_m", "width_m"}
 _NETWORK = ("<OGRVRTDataSource", "<OGRWFSDataSource", "<OGRCSWDataSource", "gdal_streamed_alg")  # files that name other sources to open
 _HEADER_BYTES = 65536  # of a drawing, which hold its settings
-_UNITS = {1: "inches", 2: "feet", 4: "millimetres", 5: "centimetres", 7: "kilometres"}
+_INSUNITS = re.compile(r"\$INSUNITS(?:\s+70\s+(\d+)\s|\0F\0(..))", re.DOTALL)  # of a text, or of a binary drawing
+_INCHES = 1
 _OLD = "cp1252"  # texts that are no UTF-8
 _OF_ADDRESSES = re.compile(r"[!?;\t\n\r\ud800-\udfff]")  # what begins another part, what is left out, and undecodable bytes
 _CONVERT = "ogr2ogr road.gpkg {name}"
 
 
-def read_vector(path: Path, *, crs: str | None = None, choice: Choice) -> RawRoad:
+def read_vector(path: Path, *, crs: str | None = None, choice: Choice, unit: str | None = None) -> RawRoad:
     """Return the road in the vector file ``path``; ``choice`` says which line.
 
     The file says its coordinate reference system, layer by layer; ``crs`` overrides it. Without either, as in drawings,
-    coordinates are metres.
+    coordinates are in ``unit``, else in what a drawing says, else in metres.
 
     Raises:
         RoadError: GDAL is missing or cannot read the file, or what ``road_of`` refuses.
@@ -64,13 +67,12 @@ def read_vector(path: Path, *, crs: str | None = None, choice: Choice) -> RawRoa
     except UnicodeDecodeError:
         content = _content(_Source(pyogrio, plain, _OLD), crs, choice)
     if isinstance(content, Table):
-        return read_table(content, name, crs=crs)
+        return read_table(content, name, crs=crs, unit=unit)
     driver, features = content
     if not features:
         msg = f"{name} has no lines"
         raise RoadError(msg, hint="a road is a line feature; a file that was cut off may have lost its own")
-    raw = road_of(features, name, choice)
-    return replace(raw, notes=(*raw.notes, *_drawing_notes(path))) if driver == "DXF" else raw
+    return road_of(features, name, choice, Unit(unit, _drawn_in(path) if driver == "DXF" else None), routes=driver in _ROUTES)
 
 
 def _plain(path: Path) -> Path:
@@ -262,8 +264,10 @@ def _sheet(source: _Source, layers: list[tuple[str, str | None, str]], choice: C
     return Table(titles, [line for line, _ in kept], [row for _, row in kept])
 
 
-def _drawing_notes(path: Path) -> tuple[str, ...]:
-    """Return a note if a drawing says that its unit is not the metre; many programs write one without meaning it.
+def _drawn_in(path: Path) -> int:
+    """Return the unit that a drawing says it is in, its INSUNITS; 0 without any.
+
+    GDAL copies inches without meaning them, from a template that AutoCAD made and that lacks only the time of it.
 
     Raises:
         RoadError: the drawing was cut off.
@@ -276,10 +280,11 @@ def _drawing_notes(path: Path) -> tuple[str, ...]:
     if "EOF" not in tail:
         msg = f"{path.name} is cut off: it lacks the end that drawings have"
         raise RoadError(msg, hint="fetch the file again")
-    unit = re.search(r"\$INSUNITS\s+70\s+(\d+)", head)
-    if unit is None or int(unit[1]) not in _UNITS:
-        return ()
-    return (f"{path.name} says that it is drawn in {_UNITS[int(unit[1])]} (INSUNITS {unit[1]}); its coordinates are read as metres",)
+    said = _INSUNITS.search(head)
+    if said is None:
+        return 0
+    code = int(said[1] or int.from_bytes(said[2].encode("latin-1"), "little"))
+    return 0 if code == _INCHES and "$MENU" in head and "$TDCREATE" not in head else code
 
 
 def _unreadable(path: Path, reason: str) -> RoadError:

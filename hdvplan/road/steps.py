@@ -12,6 +12,7 @@ _SHORTEST_M = 1000.0  # a long straight may well have one step of hundreds of me
 _SAME_M = 0.02  # points this close repeat their neighbour
 _AROUND = 3  # steps looked at before and after
 _SPARSE_M = 1000.0  # between the points of a long line, on average: a small file makes no road of a thousand kilometres
+MIN_LENGTH_M = 5.0  # of a road
 LARGEST_M = 1e8  # beyond it a double's rounding of a position shows in the curvature
 
 
@@ -26,7 +27,7 @@ def refuse_far(points: FloatArray, name: str) -> None:
     if far.size:
         x, y = points[far[0]]
         msg = f"{name}: point {far[0] + 1}, at {x:g}, {y:g} m, is too far out for a position"
-        raise RoadError(msg, hint="are its coordinates metres?")
+        raise RoadError(msg, hint="are its coordinates metres? --unit names another unit of a file without a coordinate reference system")
 
 
 def refuse_outliers(points: FloatArray, lines: tuple[int, ...] | None, name: str) -> None:

@@ -8,8 +8,8 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
 from hdvplan.road.path import ReferencePath, from_samples
+from hdvplan.road.steps import MIN_LENGTH_M
 
-MIN_LENGTH_M = 5.0
 MAX_LENGTH_M = 200e3
 FEWEST_CELLS = 8  # of a very short road
 _EXACT_M = 0.25  # knots of a line that is not smoothed

@@ -13,7 +13,7 @@ from hdvplan.study.digests import content_digest
 from hdvplan.study.inputs import RoadSource, Variant
 from hdvplan.study.spec import Manner, Study, Width
 
-FORMAT = 2  # of the key: raise it when the same content gets another key
+FORMAT = 3  # of the key: raise it when the same content gets another key
 
 Row = dict[str, object]  # of a table, by its columns
 Smoothed = tuple[RoadSource, float, float, bool]  # what tells one smoothed road from another within a study
@@ -32,6 +32,7 @@ class Cell:
     manner: Manner
     smooth: float
     crs: str | None
+    unit: str | None
     prove: bool
     refine: bool
     need: bool
@@ -43,6 +44,7 @@ class Cell:
         return RoadOptions(
             smooth=self.smooth,
             crs=self.crs,
+            unit=self.unit,
             feature=road.feature,
             max_curvature=REFERENCE_SLACK * self.variant.vehicle.max_curvature,
             offset=manner.offset,
@@ -86,7 +88,8 @@ SETTINGS = tuple(field.name for field in fields(PlannerSettings) if field.name !
 def cells_of(study: Study) -> Iterator[Cell]:
     """Yield the cells of a study, those of one road and vehicle behind each other."""
     for road, variant, width, objective, solver, manner in product(*study.parts):
-        cell = Cell("", road, variant, width, objective, solver, manner, study.smooth, study.crs, study.prove, study.refine, study.need)
+        shared = study.smooth, study.crs, study.unit, study.prove, study.refine, study.need
+        cell = Cell("", road, variant, width, objective, solver, manner, *shared)
         yield replace(cell, key=_key(cell, study.code[solver, objective]))
 
 
@@ -96,7 +99,7 @@ def _key(cell: Cell, code: str) -> str:
     The same in every process, and on every machine with the same software.
     """
     width = None if cell.width is None else [cell.width.left, cell.width.right]
-    asked = [FORMAT, width, cell.smooth, cell.crs, cell.prove, cell.refine, cell.need]
+    asked = [FORMAT, width, cell.smooth, cell.crs, cell.unit, cell.prove, cell.refine, cell.need]
     parts = [asked, _road(cell.road), _variant(cell.variant), _manner(cell.manner), code]
     return content_digest(parts)
 

@@ -25,7 +25,7 @@ from hdvplan.study.inputs import RoadSource, Variant, refuse_many, roads_of, var
 
 _ENTRIES = ("roads", "vehicles", "half_widths", "left", "right", "objectives", "schemes", "solvers", "settings", "vary", "need")
 _LENGTHS = ("horizon", "step", "replan", "smoothness", "clearance")  # of the planner's settings
-_READING = ("smooth", "crs", "proof", "refine")  # settings that every cell has in common
+_READING = ("smooth", "crs", "unit", "proof", "refine")  # settings that every cell has in common
 _SETTINGS = (*_LENGTHS, "discretisation", "offset", "reverse", "bias", "pass", *_READING)
 _MOST_CELLS = 100_000_000  # of one study: 5 GB of keys, and two days to hand them out
 
@@ -65,6 +65,7 @@ class Study:
     manners: tuple[Manner, ...] = (Manner(PlannerSettings()),)
     smooth: float = RoadOptions.smooth
     crs: str | None = None
+    unit: str | None = None
     prove: bool = False
     refine: bool = True
     need: bool = False
@@ -141,7 +142,8 @@ def study_of(entries: Mapping[str, object], folder: Path = Path()) -> Study:
             msg = f"unknown entry {name!r} in the study's settings"
             raise OptionError(msg, hint=did_you_mean(name, _SETTINGS, f"settings: {', '.join(_SETTINGS)}"))
     smooth = number("smooth", settings.get("smooth", RoadOptions.smooth))
-    RoadOptions(smooth=smooth)  # refuses what no road can be read with
+    unit = word("unit", settings["unit"]) if "unit" in settings else None
+    RoadOptions(smooth=smooth, unit=unit)  # refuses what no road can be read with
     crs = word("crs", settings["crs"]) if "crs" in settings else None
     if crs is not None:
         from hdvplan.road.crs import parse_crs  # noqa: PLC0415 - few studies need it
@@ -156,6 +158,7 @@ def study_of(entries: Mapping[str, object], folder: Path = Path()) -> Study:
         manners=_manners(words_of(entries, "schemes", Scheme.RTI), settings, folder),
         smooth=smooth,
         crs=crs,
+        unit=unit,
         prove=truth("proof", settings.get("proof", False)),
         refine=truth("refine", settings.get("refine", True)),
         need=truth("need", entries.get("need", False)),

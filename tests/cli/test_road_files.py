@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from ezdxf.filemanagement import new
 
 from tests.cli.conftest import Cli
 
@@ -53,6 +54,31 @@ def test_a_lane_of_an_opendrive_file_is_planned_within_its_edges_or_says_where_n
     assert summary["limit_violation_m"] > 0.1
     straight = cli("plan", str(OPENDRIVE), "--road-ids=-1", "--vehicle", "bus", "--no-plot", "--json")
     assert straight.code == 0
+
+
+def test_a_drawing_in_millimetres_has_the_verdict_of_the_one_in_metres(cli: Cli, tmp_path: Path) -> None:
+    spare = []
+    for name, code, factor in (("m.dxf", 6, 1.0), ("mm.dxf", 4, 1000.0), ("none.dxf", 0, 1000.0)):
+        document = new()
+        document.header["$INSUNITS"] = code
+        for layer, y in (("AXIS", 0.0), ("LEFT_EDGE", 2.0), ("RIGHT_EDGE", -1.75), ("TREES", 5.0)):
+            points = [(-20.0 * factor, y * factor), (80.0 * factor, y * factor)]
+            document.modelspace().add_lwpolyline(points, dxfattribs={"layer": layer})
+        document.saveas(tmp_path / name)
+        unit = ("--unit", "mm") if code == 0 else ()
+        planned = cli("plan", name, "--layer", "AXIS", *unit, "--vehicle", "bus", "--no-plot", "--json")
+        assert planned.code == 0
+        assert f"{name}: layer 'TREES' not read; --role \"TREES=edge\" or =obstacle or =sweepable reads it" in planned.err.splitlines()
+        spare.append(json.loads(planned.out)["verdict"]["spare_m"])
+    assert 0.0 < spare[0] < 1.0  # of 1.75 m beside a bus of 2.55 m
+    assert spare[1:] == pytest.approx([spare[0]] * 2, abs=1e-6)  # a product's rounding, through a solver that stops at 1e-8
+    for command in (("need", "none.dxf", "--vehicle", "bus"), ("plan", "none.dxf", "--vehicle", "bus"), ("roads", "info", "none.dxf")):
+        asked = cli(*command, "--layer", "AXIS")
+        assert asked.code == 2
+        first, second = asked.err.splitlines()[-2:]
+        assert first == "error: none.dxf says no unit, and in metres the points of its line are 100 km apart, as of no street"
+        assert second == "hint: say its unit: --unit mm, cm, m, ft or in"
+    assert cli("roads", "info", "none.dxf", "--layer", "AXIS", "--unit", "mm").code == 0
 
 
 @pytest.mark.slow

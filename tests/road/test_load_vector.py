@@ -117,7 +117,7 @@ def test_a_drawing_without_a_system_is_in_metres_and_crs_places_it(tmp_path: Pat
     drawing = write(tmp_path / "a.dxf", [GRID_LINE], crs=None)
     road = load_road(drawing)
     assert road.to_lonlat is None
-    assert "drawn in inches" in road.notes[0]  # GDAL writes this unit without meaning it, as other programs do
+    assert road.notes == ("a.dxf says no unit; its coordinates are read as metres, unless --unit says otherwise",)  # GDAL means none
     placed = load_road(drawing, RoadOptions(crs="EPSG:3006"))
     assert placed.to_lonlat is not None
     lon, lat = placed.to_lonlat(*(np.array([value]) for value in METRES[0]))

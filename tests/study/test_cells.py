@@ -34,6 +34,7 @@ def _key(folder: Path, entries: dict[str, object]) -> str:
         {"settings": {"reverse": True}},
         {"settings": {"offset": 0.5}},
         {"settings": {"smooth": 1.0}},
+        {"settings": {"unit": "ft"}},
         {"settings": {"proof": True}},
         {"settings": {"refine": False}},
         {"settings": {"bias": 0.1}},
