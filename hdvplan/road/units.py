@@ -89,7 +89,7 @@ def refuse_no_street(
 def _oddity(parts: Sequence[FloatArray], reaches: FloatArray | None, edges: Sequence[FloatArray], *, drawn: bool) -> str | None:
     """Return what no street has, None of what may be one."""
     length, steps = sum(float(np.sum(np.hypot(*np.diff(part, axis=0).T))) for part in parts), sum(len(part) - 1 for part in parts)
-    if not MIN_LENGTH_M <= length <= _LONGEST_M:
+    if length > 0.0 and not MIN_LENGTH_M <= length <= _LONGEST_M:  # nothing is short in any unit
         return f"its line is {_told(length)} long"
     if length > _STEP_M * steps and (drawn or steps > 1):
         return f"the points of its line are {_told(length / steps)} apart"
