@@ -98,7 +98,7 @@ def read_table(table: Table, name: str, *, crs: str | None = None, unit: str | N
         _refuse_unit(points, columns, name)
     base = columns.units.get("x", unit or "m")  # of all lengths that say none
     values |= {key: UNITS[columns.units.get(key, base)] * values[key] for key in values if key in LENGTHS}
-    points = np.stack([values[key] for key in columns.position], axis=1)
+    points = UNITS[base] * points
     if len(points) < 2:  # noqa: PLR2004
         msg = f"{name}: a road needs at least two points, this one has {len(points)}"
         raise RoadError(msg)

@@ -11,7 +11,7 @@ _RATIO = 1000.0  # of a step to the median of those around it
 _SHORTEST_M = 1000.0  # a long straight may well have one step of hundreds of metres between dense bends
 _SAME_M = 0.02  # points this close repeat their neighbour
 _AROUND = 3  # steps looked at before and after
-_SPARSE_M = 1000.0  # between the points of a long line, on average: a small file makes no road of a thousand kilometres
+SPARSE_M = 1000.0  # between the points of a long line, on average: a small file makes no road of a thousand kilometres
 MIN_LENGTH_M = 5.0  # of a road
 LARGEST_M = 1e8  # beyond it a double's rounding of a position shows in the curvature
 
@@ -62,6 +62,6 @@ def refuse_sparse(points: FloatArray, name: str, long: float) -> None:
 
     """
     length = float(np.sum(np.hypot(*np.diff(points, axis=0).T)))
-    if length > max(long, _SPARSE_M * len(points)):
+    if length > max(long, SPARSE_M * len(points)):
         msg = f"{name}: the line is {length / 1e3:.0f} km long, but has only {len(points)} points"
         raise RoadError(msg, hint=f"a line of more than {long / 1e3:.0f} km needs one a kilometre; are its coordinates right?")

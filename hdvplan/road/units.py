@@ -10,22 +10,21 @@ import shapely
 
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
-from hdvplan.road.steps import LARGEST_M, MIN_LENGTH_M, refuse_outliers
+from hdvplan.road.steps import LARGEST_M, MIN_LENGTH_M, SPARSE_M, refuse_outliers
 
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "ft": 0.3048, "in": 0.0254}  # [m]
 ASKED = f"{', '.join(list(UNITS)[:-1])} or {list(UNITS)[-1]}"
-METRES = 6  # INSUNITS
+_METRES = 6  # INSUNITS
 _CODES = {  # what INSUNITS says, and how long that is [m]
     1: ("inches", UNITS["in"]),
     2: ("feet", UNITS["ft"]),
     4: ("millimetres", UNITS["mm"]),
     5: ("centimetres", UNITS["cm"]),
-    METRES: ("metres", UNITS["m"]),
+    _METRES: ("metres", UNITS["m"]),
     21: ("US survey feet", 1200.0 / 3937.0),
 }
 # Beyond these no line is a street's: one of 100 m is 100 km long in millimetres, and an edge 3 m from it is at 300 m in centimetres.
 _LONGEST_M = 100e3
-_STEP_M = 1e3  # between points, on average
 _WIDEST_M = 250.0  # from the line to the nearer of its limits
 _NARROWEST_M = 0.25
 
@@ -52,7 +51,7 @@ class Unit:
 
     def notes(self, name: str, system: str | None) -> tuple[str, ...]:
         """Return a note on how a drawing in the ``system`` is read, none where it is read in metres and says so."""
-        if self.given is not None or self.code in {None, METRES} or (system is not None and self.code not in _CODES):
+        if self.given is not None or self.code in {None, _METRES} or (system is not None and self.code not in _CODES):
             return ()
         if system is not None:
             return (f"{name} {self.said}; its coordinates are read as those of {system}",)
@@ -82,7 +81,7 @@ def refuse_no_street(
         refuse_outliers(part, lines, name)  # one wrong point is no wrong unit
     odd = _oddity(parts, reaches, edges, drawn=unit.code is not None)
     if odd is not None:
-        msg = f"{name} {unit.said}, and {'in these' if unit.said != Unit().said else 'in metres'} {odd}, as of no street"
+        msg = f"{name} {unit.said}, and {'in these' if unit.code in _CODES else 'in metres'} {odd}, as of no street"
         raise RoadError(msg, hint=f"say its unit: --unit {ASKED}")
 
 
@@ -91,7 +90,7 @@ def _oddity(parts: Sequence[FloatArray], reaches: FloatArray | None, edges: Sequ
     length, steps = sum(float(np.sum(np.hypot(*np.diff(part, axis=0).T))) for part in parts), sum(len(part) - 1 for part in parts)
     if length > 0.0 and not MIN_LENGTH_M <= length <= _LONGEST_M:  # nothing is short in any unit
         return f"its line is {_told(length)} long"
-    if length > _STEP_M * steps and (drawn or steps > 1):
+    if length > SPARSE_M * steps and (drawn or steps > 1):
         return f"the points of its line are {_told(length / steps)} apart"
     if reaches is not None:
         left, right = np.median(reaches[:2], axis=1).tolist()
