@@ -1,9 +1,10 @@
 """The exact nonlinear program of one planning step, for CasADi with IPOPT or fatrop: it shares no linearisation with hdvplan.
 
-Multiple shooting with the planner's own discretisation. Bodies are held at the sampled points of their edges; the planner also
-looks between them, which matters where a limit has a corner or where the road bends around an edge. The feet of the auxiliary
-axle and of every body point are variables of their own, each held on the road by a projection equation; the road is the same
-piecewise quintic, written as a B-spline without loss.
+Multiple shooting with the planner's own discretisation. Bodies are held at the sampled points of their edges, at stations, between
+kerbs that are parallel to the road: there an offset from the road and a distance from a kerb are the same. The planner also looks
+between these points, which matters where the road bends around an edge, and between stations. The feet of the auxiliary axle and
+of every body point are variables of their own, each held on the road by a projection equation; the road is the same piecewise
+quintic, written as a B-spline without loss.
 """
 
 from __future__ import annotations
@@ -24,12 +25,14 @@ from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.centring import Centring
 from hdvplan.road.path import ReferencePath, evaluate_many
-from hdvplan.vehicle.body import EDGE_POINT, axles_behind, edge_points
+from hdvplan.road.road import Road
+from hdvplan.road.street import look
+from hdvplan.vehicle.body import axles_behind, edge_points
+from hdvplan.vehicle.kinematics import place_many
 from hdvplan.vehicle.model import Unit, Vehicle
 
 _DEGREE = 5
 _SAME_M = 1e-9  # the B-spline must be the road to within this
-_LOOKS = 501  # along an edge: every 3 cm of the longest body
 _REACH_M = 25.0  # road beyond the horizon's ends on which body points may have their feet
 _EVALUATIONS = ("nlp_f", "nlp_g", "nlp_grad_f", "nlp_jac_g", "nlp_hess_l")  # as CasADi's statistics name them
 
@@ -73,6 +76,7 @@ class ExactNlp:
 
 def exact_nlp(
     vehicle: Vehicle,
+    road: Road,
     stations: Stations,
     goal: Goal,
     settings: PlannerSettings,
@@ -87,7 +91,8 @@ def exact_nlp(
     the same program.
 
     Raises:
-        NotImplementedError: another rule than the midpoint's, axles that the plan steers, or another goal than centring.
+        NotImplementedError: another rule than the midpoint's, axles that the plan steers, another goal than centring, or kerbs that are not
+            parallel to the road.
 
     """
     (term,) = goal.terms
@@ -101,9 +106,9 @@ def exact_nlp(
     project = _projection(stations.path, float(stations.s[stages]))
     points, behind, s = stations.points, axles_behind(vehicle), stations.s[ahead]
     axle = residual.axle % len(vehicle.units)
-    edges = edge_points(vehicle)
+    edges, reaches = edge_points(vehicle), _reaches(road)
     starts = (s[:, None, None] + edges["ahead"][None] - behind[None, :, None]).reshape(stages, -1)
-    starts = np.repeat(starts, 2, axis=1)[:, : starts.shape[1] * 2 * bool(stations.limits.values.size)]  # left edge, right edge
+    starts = np.repeat(starts, 2, axis=1)[:, : starts.shape[1] * 2 * len(reaches)]  # left edge, right edge
     variables = [
         Block(every, n, states),
         Block(every, 1, np.concatenate([[kappa_before], geometry.kappa[:stages]])),  # what was held until here
@@ -135,7 +140,9 @@ def exact_nlp(
     ]
     if starts.size:
         along, offset = project.map(starts.size)(ca.reshape(feet, 1, -1), ca.reshape(placed[2:, :], 2, -1))
-        clearance = _clearance(stations, edges).map(stages)(feet, ca.reshape(offset, starts.shape[1], stages))
+        left, right = reaches[0]
+        offset = ca.reshape(offset, 2, -1)  # of left edges, of right edges
+        clearance = ca.reshape(ca.vertcat(left - offset[0, :], offset[1, :] - right), starts.shape[1], stages)
         margin = ca.DM(settings.clearance + points["margin"][ahead]).T
         rows += [
             (Block(planned, starts.shape[1], 0.0, 0.0, 0.0, input=True), along),
@@ -162,23 +169,26 @@ def exact_nlp(
 
 
 def deepest_cut(vehicle: Vehicle, stations: Stations, z: FloatArray) -> float:
-    """Return by how much a plan (stages + 1, n) breaks its limits and their margin anywhere along the bodies' edges [m].
+    """Return by how much a plan (stages + 1, n) breaks its limits and their margin at stations, anywhere along the bodies [m].
 
     The exact program looks at the sampled points of the edges alone; this looks everywhere.
     """
-    if not stations.limits.values.size:
+    if stations.street is None:
         return 0.0
-    points = np.empty((len(vehicle.units), _LOOKS), EDGE_POINT)
-    for row, unit in zip(points, vehicle.units, strict=True):
-        row["ahead"] = np.linspace(-unit.rear_overhang, unit.front, _LOOKS)
-        row["overhang"] = (row["ahead"] < 0.0) | (row["ahead"] > unit.wheelbase)
-    place, clearance = _placement(vehicle, 0, points), _clearance(stations, points)
-    ahead, deepest = np.repeat((points["ahead"] - axles_behind(vehicle)[:, None]).ravel(), 2), 0.0
-    for state, at, s in zip(z[1:], stations.points[1:], stations.s[1:], strict=False):
-        x, y = np.array(place(state, [float(at[name]) for name in ("x", "y", "cos", "sin")])).reshape(-1, 2)[1:].T
-        gaps = np.array(clearance(*stations.path.project(x, y, s + ahead)))
-        deepest = max(deepest, float(at["margin"] - np.min(gaps)))
-    return deepest
+    at = stations.points[1 : len(z)]
+    poses = place_many(vehicle.table(), evaluate_many(stations.path, at["s"]), z[1:])
+    gaps = look(stations.street, vehicle.table(), axles_behind(vehicle), at["s"], poses)["gap"]
+    return max(0.0, float(np.max(at["margin"] - np.min(gaps, axis=(1, 2, 3)))))
+
+
+def _reaches(road: Road) -> list[FloatArray]:
+    """Return the offsets of the left and the right kerb [m], signed; nothing on a road without limits."""
+    if road.limits is None:
+        return []
+    rows = road.limits.table(road.limits.s)
+    if road.drawn is not None or np.any(np.ptp(rows, axis=1) > 0.0) or road.limits.two_regions:
+        raise NotImplementedError
+    return [rows[:2, 0]]
 
 
 def road_spline(path: ReferencePath, first: float, last: float) -> BSpline:
@@ -216,18 +226,6 @@ def _projection(path: ReferencePath, horizon: float) -> ca.Function:
 def _casadi_spline(spline: BSpline, s: ca.MX) -> ca.MX:
     coefficients = spline.c[: len(spline.t) - spline.k - 1]  # SciPy pads a derivative's with zeros
     return ca.bspline(s, ca.DM(coefficients.ravel()), [spline.t.tolist()], [spline.k], 2, {"lookup_mode": ["binary"]})
-
-
-def _clearance(stations: Stations, points: Records) -> ca.Function:
-    """Return (feet, offsets) of one stage's points -> their clearance to the limits [m]; points as unit, point, edge."""
-    table = stations.limits
-    grid = (table.s_first + table.spacing * np.arange(table.values.shape[1])).tolist()
-    limits = [ca.interpolant(f"limit{row}", "linear", [grid], values.tolist()) for row, values in enumerate(table.values)]
-    count = 2 * points.size
-    feet, offsets = ca.MX.sym("feet", count), ca.MX.sym("offsets", count)
-    overhang = np.repeat(points["overhang"].ravel(), 2)
-    gaps = [(1 - 2 * (i % 2)) * (limits[i % 2 + 2 * overhang[i]](feet[i]) - offsets[i]) for i in range(count)]
-    return ca.Function("clearance", [feet, offsets], [ca.vertcat(*gaps)])
 
 
 def _advance(vehicle: Vehicle, step: float) -> ca.Function:

@@ -35,8 +35,7 @@ from hdvplan.vehicle.load import load_vehicle
 
 CASES = {
     "no limits": Suite(limits=False),
-    "limits inactive": Suite(slack=0.5),
-    "limits active": Suite(slack=0.5, pinch=1.5),
+    "limits inactive": Suite(slack=0.5),  # limits that bind: tests/bench/test_peers.py; a pinch's kerbs are not parallel to the road
 }
 USER = PlannerSettings(scheme=Scheme.SQP)  # SQP ends when nothing moves by 1e-4 m
 CONVERGED = replace(USER, sqp_tolerance=1e-9)
@@ -56,7 +55,7 @@ def compare(case: Case, repeats: int) -> dict[str, object]:
         return Planner(units, stations, goal, settings, make).plan(0, z_start, kappa_before)
 
     def solved(method: Method, tolerance: float) -> Callable[[], Optimum]:
-        return exact_nlp(units, stations, goal, USER, kappa_before, tolerance=tolerance, method=method).solve
+        return exact_nlp(units, case.road, stations, goal, USER, kappa_before, tolerance=tolerance, method=method).solve
 
     plan, again = planned(CONVERGED), {method: solved(method, SAME_TOLERANCE) for method in METHODS}
     plans: list[Plan] = []
@@ -100,8 +99,8 @@ def markdown(table: pd.DataFrame) -> str:
         "counted. ms: fastest of the repeats, in turn; evaluating: the part of it in functions and derivatives, by CasADi's statistics. "
         "ratio: to SQP's time; own ratio: of the rest, the solver's own. differs: largest difference of e_y with both converged "
         f"(SQP {CONVERGED.sqp_tolerance:g}, the others {CONVERGED_TOLERANCE:g}); sqp off: of SQP at the user's tolerance from IPOPT; "
-        "ipopt cuts: how deep IPOPT's optimum breaks limits between the points at which the exact program looks. There the planner, which "
-        "looks between them too, plans another path. "
+        "ipopt cuts: how deep IPOPT's optimum breaks limits, at stations, between the points at which the exact program looks. There the "
+        "planner, which looks between them and between stations too, plans another path. "
         f"One thread, {facts['processor']}, {facts['python']}."
     )
     counts = ("sqp_qps", *(f"{method}_{what}" for method in METHODS for what in ("iterations", "solved")))

@@ -22,11 +22,12 @@ from cases import case_within, free_case, suite_roads
 from hdvplan.api import plan
 from hdvplan.case import Case
 from hdvplan.errors import HdvplanError
+from hdvplan.judging.clearance import SIDES
 from hdvplan.judging.proof import Proof
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.need.answer import need_of
 from hdvplan.need.bound import proved_below
-from hdvplan.need.room import even_band
+from hdvplan.need.room import even
 from hdvplan.proof.answer import proof_of
 from hdvplan.proof.stretches import stretches_of
 from hdvplan.record import write_record
@@ -85,7 +86,7 @@ def bounded(case: Case) -> Row:
     began = process_time()
     need = need_of(case)
     between = process_time()
-    bound = proved_below(case, even_band(case.road), need.room, [0, 1, 2, 3], None)
+    bound = proved_below(case, even(case.road), need.room, SIDES, None)
     row: Row = {"half_width": need.room.room, "proved_below": None if bound is None else bound.room}
     row |= _told(None if bound is None else bound.proof)
     return row | {"need_cpu_s": between - began, "proof_cpu_s": process_time() - between}

@@ -109,7 +109,8 @@ def steered(rng: np.random.Generator, road: Road, vehicle: Vehicle, *, sudden: b
     poses = np.concatenate(fine)
     poses_s = SETTINGS.step / _KEEP * np.arange(len(poses), dtype=np.float64)
     goal = objective_named("geometric")(stations, vehicle)
-    return Drive(road, vehicle, SETTINGS, stations, goal, poses[::_KEEP], np.concatenate(executed), poses_s, poses, (), 0.0)
+    held = np.repeat(np.concatenate(executed), _KEEP)
+    return Drive(road, vehicle, SETTINGS, stations, goal, poses[::_KEEP], np.concatenate(executed), poses_s, poses, held, (), 0.0)
 
 
 def as_narrow(rng: np.random.Generator, drive: Drive) -> Road:
@@ -124,7 +125,7 @@ def as_narrow(rng: np.random.Generator, drive: Drive) -> Road:
         axles = envelope_of(drive, axles_only=True)
         inner = _known(axles.reach_left) - give, _known(axles.reach_right) + give
         inner = np.minimum(inner[0], sweep[0]), np.maximum(inner[1], sweep[1])
-    road = replace(drive.road, limits=None, band=None, edges=None)
+    road = replace(drive.road, limits=None, faces=None)
     regions = tuple(_obstacles(rng, drive)) if rng.random() < 0.4 else ()  # noqa: PLR2004 - as above
     if regions and rng.random() < 0.5:  # noqa: PLR2004 - in half of them little but the obstacles limits
         sweep = sweep[0] + _BESIDE_M, sweep[1] - _BESIDE_M

@@ -54,7 +54,8 @@ def _prescribed(case: Case, told: Told) -> Drive:
     keep = int(np.ceil(settings.step / POSE_SPACING_M))
     poses = simulate(vehicle.table(), stations.path, 0.0, settings.step, z, kappa, keep, wheels)
     poses_s = settings.step / keep * np.arange(len(poses), dtype=np.float64)
-    return Drive(case.road, vehicle, settings, stations, Goal(()), poses[::keep], kappa, poses_s, poses, (), 0.0, case.bias)
+    held = np.repeat(kappa, keep)
+    return Drive(case.road, vehicle, settings, stations, Goal(()), poses[::keep], kappa, poses_s, poses, held, (), 0.0, case.bias)
 
 
 def _sine(given: tuple[float, float] | None, s: FloatArray) -> FloatArray:
@@ -77,7 +78,7 @@ def _of_envelope(result: Result) -> Quantities:
 
 def _of_room(result: Result) -> Quantities:
     found: Quantities = {}
-    for (side, region), gaps in result.edge_gaps.items():
+    for (side, region), gaps in result.gaps.items():
         found |= {f"room {side} {region} {unit}": float(np.nanmin(gap)) for unit, gap in enumerate(gaps)}
     for number, breach in enumerate(result.balance.breaches, start=1):
         found |= {f"depth {number}": breach.depth, f"s_from {number}": breach.s_from, f"s_to {number}": breach.s_to}

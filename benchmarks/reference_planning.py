@@ -9,6 +9,7 @@ from hdvplan.api import drive_case
 from hdvplan.driving.drive import Drive
 from hdvplan.errors import HdvplanError
 from hdvplan.need.answer import Need, edge_need_of, need_of
+from hdvplan.need.room import OTHER, kerbs_on
 from hdvplan.need.widening import Widening
 from hdvplan.passing.sides import choose_sides
 
@@ -74,9 +75,7 @@ def needed(told: Told) -> Quantities:
     case, side = case_of(told), told.get("side")
     if side is None:
         return _of_need(need_of(case, prove=told.get("prove", False)))
-    limits = case.road.own_limits
-    assert limits is not None  # noqa: S101 - a case with a side has limits
-    return _of_need(edge_need_of(case, limits, side))
+    return _of_need(edge_need_of(case, kerbs_on(case.road, OTHER[side]), side))
 
 
 def _of_need(need: Need) -> Quantities:
@@ -95,5 +94,4 @@ def _of_need(need: Need) -> Quantities:
 
 
 def _of_widening(name: str, widening: Widening) -> Quantities:
-    area = float(np.sum(widening.outwards[2:]) * np.mean(np.diff(widening.s)))
-    return {f"depth of least {name}": widening.depth, f"area of least {name}": area}
+    return {f"depth of least {name}": widening.depth, f"area of least {name}": widening.area}

@@ -70,13 +70,12 @@ def _of_road(road: Road) -> Quantities:
     for share in _SHARES:
         here = path.at(share * path.length)
         found |= {f"x at {share:g}": float(here.x), f"y at {share:g}": float(here.y), f"curvature at {share:g}": float(here.curvature)}
-    for name, limits in (("limits", road.limits), ("edges", road.edges)):
+    for name, limits in (("limits", road.passable), ("edges", road.beside)):
         if limits is not None:
             for column, row in zip(("left", "right", "left_sweep", "right_sweep"), limits.table(s), strict=True):
                 sign = 1.0 if column.startswith("left") else -1.0
                 found |= {f"{name} {column} least": float(np.min(sign * row)), f"{name} {column} mean": float(np.mean(sign * row))}
-    obstructed = road.obstructed
-    for number, passage in enumerate(obstructed.passages if obstructed is not None else (), start=1):
+    for number, passage in enumerate(road.passages, start=1):
         found |= {f"s_from {number}": passage.s_from, f"s_to {number}": passage.s_to, f"usual {number}": str(passage.usual)}
         found |= {f"offset low {number}": passage.low, f"offset high {number}": passage.high}
     return found

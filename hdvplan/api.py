@@ -26,7 +26,7 @@ def plan(case: Case, *, on_progress: Callable[[float], None] | None = None) -> R
         OptionError: no such objective, or a bias that the road or the objective has no room for.
         SolverError: no such solver, not installed, or neither it nor a second solver found a plan.
         RoadError: the road is shorter than the vehicle, or an obstacle has no room on the side on which it must be passed.
-        PlanError: the vehicle cannot be planned further, or a body reaches beyond the road's centre of curvature.
+        PlanError: the vehicle cannot be planned further, or the motion leaves the model's domain.
 
     """
     road, passed = choose_sides(case)
@@ -45,7 +45,7 @@ def biased(case: Case, text: str) -> Case:
 
     """
     road = choose_sides(case)[0] if text == CENTRE else case.road
-    return replace(case, bias=bias_named(text, road.limits))
+    return replace(case, bias=bias_named(text, road.passable))
 
 
 def prove(result: Result, *, on_progress: Callable[[float], None] | None = None) -> Result:

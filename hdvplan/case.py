@@ -23,7 +23,7 @@ if TYPE_CHECKING:  # a case is made and compared without loading what plans
     from hdvplan.planning.objectives import Objective
     from hdvplan.solvers.registry import SolverClass
 
-FORMAT = 1  # of the key: raise it when the same content gets another key
+FORMAT = 2  # of the key: raise it when the same content gets another key
 _DEFAULTS = PlannerSettings()
 _DIGITS = 32  # of a digest in hexadecimal: 128 bits
 _WIDEST_M = 100e3  # from the road's centre to a limit: further out projections end, and at last numbers
@@ -106,8 +106,8 @@ class Case:
 
     def described(self) -> Json:
         """Return the case for readers, ready for ``json.dumps``: road, vehicle with dimensions [m, rad], settings, names and key."""
-        path, limits = self.road.path, self.road.limits
-        road: Json = {"name": self.road.name, "length_m": path.length, "closed": path.closed, "limits": limits is not None}
+        path, limited = self.road.path, self.road.street is not None
+        road: Json = {"name": self.road.name, "length_m": path.length, "closed": path.closed, "limits": limited}
         return {
             "key": self.key,
             "road": road | {"regions": len(self.road.regions), "digest": self.road_digest},
@@ -173,18 +173,10 @@ def _content(value: object) -> object:
         case tuple():
             return [_content(one) for one in value]
     if is_dataclass(value):
-        follows = _following(value) if isinstance(value, Road) else set()
-        decisive = [field.name for field in fields(value) if field.metadata.get("decides", True) and field.name not in follows]
+        decisive = [field.name for field in fields(value) if field.metadata.get("decides", True)]
         return {name: _content(getattr(value, name)) for name in decisive}
     msg = f"a case cannot hold a {type(value).__name__}"
     raise TypeError(msg)
-
-
-def _following(road: Road) -> set[str]:
-    """Return the fields of a road that follow from others: obstacles cut the band again; without them, what is cut is what holds."""
-    if road.has_obstacles:
-        return {"limits", "edges"}
-    return {"band"} if road.edges is not None else {"band", "edges"}
 
 
 def _settings(settings: PlannerSettings) -> Json:

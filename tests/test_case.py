@@ -98,7 +98,7 @@ def test_the_key_depends_on_nothing_but_the_content() -> None:
         environment = os.environ | {"PYTHONHASHSEED": seed}
         ended = subprocess.run([sys.executable, "-c", show], cwd=ROOT, env=environment, capture_output=True, text=True, check=True)  # noqa: S603 - our own
         # As computed on x86-64 by Python 3.11. One setting more makes it another key; the same content in another form, another FORMAT.
-        assert ended.stdout.strip() == "887d2d2820ca653c863d28e3bb9f8ab8"
+        assert ended.stdout.strip() == "edd204afbc469d0f2e72a13d24dc8b1f"
 
 
 def test_the_key_of_a_road_with_obstacles_is_what_it_was() -> None:
@@ -106,7 +106,7 @@ def test_the_key_of_a_road_with_obstacles_is_what_it_was() -> None:
     regions = (Region(Kind.OBSTACLE, shapely.box(40.0, 1.0, 44.0, 3.0), "a van"), Region(Kind.SWEEPABLE, shapely.box(60.0, 2.0, 70.0, 5.0)))
     road = replace(case.road, regions=regions, notes=("a note",), notice="© somebody").within(case.road.limits)
     key = replace(case, road=road, objective="balanced", bias=Bias.constant(0.25)).key
-    assert key == "6ef6aa1e4232e0fc092c71aff651825d"  # as computed on x86-64 by Python 3.11 while fields were left out by their names
+    assert key == "55c1eb3f7d49feaaed16a47454b6b37d"  # as computed on x86-64 by Python 3.11, FORMAT 2: with drawn kerbs
 
 
 @dataclass(frozen=True)
@@ -123,12 +123,6 @@ class Options:
 def test_only_fields_that_say_so_decide_nothing(change: dict[str, Any]) -> None:
     one, other = (replace(PLAIN, objective=partial(geometric, options=options)) for options in (Options(), Options(**change)))  # type: ignore[call-arg] # never called
     assert one.key != other.key
-
-
-def test_edges_that_a_road_without_obstacles_is_judged_by_are_in_the_key() -> None:
-    road = PLAIN.road.with_limits(3.0, 3.0)
-    wider, widest = (replace(road, edges=Limits.constant(width, width, PLAIN.road.path.length)) for width in (4.0, 5.0))
-    assert len({replace(PLAIN, road=one).key for one in (road, wider, widest)}) == 3
 
 
 @pytest.mark.parametrize(

@@ -65,7 +65,7 @@ def test_a_loop_starts_in_a_tight_bend_as_plan_does(offset: float) -> None:
 
 def test_a_bend_that_cannot_be_driven_into_is_said_before_the_first_step() -> None:
     with pytest.raises(PlanError, match="a bend into which the tractor-trailer-24m cannot be driven"):
-        hdvplan.Stepper(into_a_bend(-0.2, 0.0))
+        hdvplan.Stepper(into_a_bend(-0.8, 0.0))
 
 
 @pytest.mark.parametrize("wrong", [[0.0], [0.0, np.nan]])

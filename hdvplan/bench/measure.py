@@ -137,12 +137,7 @@ def checked_drive(case: Case, make_workspace: WorkspaceMaker, count: int, alive:
 
 
 def judge(driven: Drive) -> Judgement:
-    """Return what an executed drive swept.
-
-    Raises:
-        PlanError: a body reached beyond the road's centre of curvature.
-
-    """
+    """Return what an executed drive swept."""
     envelope = envelope_of(driven)
     balance = balance_of(driven, envelope)
     return Judgement(

@@ -50,7 +50,7 @@ def record(case: Case, most: int | None = None) -> list[Recorded]:
         SolverError: no such solver, or not installed.
 
     """
-    recorder = _Recorder(solver_named(case.solver), most, limited=case.road.limits is not None)
+    recorder = _Recorder(solver_named(case.solver), most, limited=case.road.street is not None)
 
     def note(plan: Plan) -> None:
         recorder.first = plan.first + case.settings.executed

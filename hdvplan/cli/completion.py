@@ -44,6 +44,11 @@ def schemes(incomplete: str) -> list[str]:
     return _beginning(incomplete, ["rti", "sqp"])
 
 
+def corners(incomplete: str) -> list[str]:
+    """Return the readings of a line's points that begin so."""
+    return _beginning(incomplete, ["auto", "sharp", "round"])
+
+
 def road_list(incomplete: str) -> list[str]:
     """Complete the last of several roads."""
     given, last = _split(incomplete)

@@ -13,6 +13,8 @@ from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_ta
 from hdvplan.cli.help import OUTPUT, PLANNING, VEHICLE
 from hdvplan.cli.options import (
     ClearanceOption,
+    CornerRadiusOption,
+    CornersOption,
     CrsOption,
     FeatureOption,
     JsonOption,
@@ -35,10 +37,9 @@ from hdvplan.cli.options import (
 from hdvplan.errors import OptionError
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from hdvplan.need.answer import Need
-    from hdvplan.road.road import Limits, Road
+    from hdvplan.road.road import Road
+    from hdvplan.road.street import Kerb
 
 _SIDES = ("left", "right")
 
@@ -70,6 +71,8 @@ def need(
     smooth: SmoothOption = None,
     crs: CrsOption = None,
     unit: UnitOption = None,
+    corners: CornersOption = None,
+    corner_radius: CornerRadiusOption = None,
     name: FeatureOption = None,
     layer: LayerOption = None,
     role: RoleOption = None,
@@ -89,22 +92,23 @@ def need(
         ),
     ] = "png",
     proof: Annotated[
-        bool,
+        bool | None,
         typer.Option(
             "--proof/--no-proof",
-            help="Find the most room that is proved to be too little.",
+            help="Find the most room that is proved to be too little [default: where the vehicle does not fit].",
             rich_help_panel=PLANNING,
         ),
-    ] = True,
+    ] = None,
     quiet: QuietOption = False,
 ) -> int:
     """Find the least room that a vehicle needs on a road.
 
-    Where the vehicle does not fit, the command also finds the least widening of the road's own limits.
+    Where the vehicle does not fit, the command also finds the least widening of the road's own street; with --fix on the other side alone.
 
     It tries several objectives and schemes and judges each plan by its simulation, to 1 cm. Less room, for which no plan was found, is
-    called out of reach; that is not a proof. It also looks for room that is proved to be too little. Obstacles stay where they are. DIR
-    receives need.json, the picture need.png, and the widening as GeoJSON; with --format dxf,gpkg also as layers of a drawing.
+    called out of reach; that is not a proof. Unless the vehicle fits, it also looks for room that is proved to be too little. Obstacles and
+    a fixed edge stay where they are. DIR receives need.json, the picture need.png, and the widening as GeoJSON; with --format dxf,gpkg also
+    as layers of a drawing.
 
     Exit code 0: the answer was found. 1: no plan exists at any width, or with the fixed edge. 2: bad input.
     """
@@ -116,7 +120,7 @@ def need(
     driven = vehicle_named(vehicle, quiet=quiet)
     wanted = road_options(
         smooth, crs, name, REFERENCE_SLACK * driven.max_curvature, offset=offset, reverse=reverse, layer=layer, roles=role,
-        road_ids=road_ids, lane=lane, unit=unit,
+        road_ids=road_ids, lane=lane, unit=unit, corners=corners, corner_radius=corner_radius,
     )  # fmt: skip
     found = find_road(road, wanted)
     from hdvplan.case import Case
@@ -171,38 +175,32 @@ def _given(held: str | None, half_width: float | None, left: float | None, right
     return None
 
 
-def _held(road: Road, side: str, reach: float | None) -> Limits:
-    """Return limits whose edge on ``side`` is fixed: at ``reach`` [m], or the road's own.
+def _held(road: Road, side: str, reach: float | None) -> tuple[Kerb, ...]:
+    """Return the kerbs on ``side`` that are fixed: at ``reach`` [m] from the line, or the road's own.
 
     Raises:
         OptionError: neither is there.
 
     """
-    from hdvplan.road.road import Limits
+    from hdvplan.need.room import kerbs_on
 
     if reach is not None:
         if not reach > 0.0:
             msg = f"--{side} must be a positive number of metres, not {reach:g}"
             raise OptionError(msg)
-        return Limits.constant(reach, reach, road.path.length)
-    own = road.own_limits
-    if own is None:
+        return kerbs_on(road.with_limits(reach, reach), side)
+    if road.limits is None:
         msg = f"the road has no edges of its own, so --fix {side} needs --{side}"
         raise OptionError(msg)
-    return own
+    return kerbs_on(road, side)
 
 
 def _print(answer: Need, directory: Path) -> None:
-    from hdvplan.report.needs import need_lines, widening_table
+    from hdvplan.report.needs import need_lines, widening_tables
 
     for line in need_lines(answer):
         print_line(line)
-    widened = answer.widenings
-    tables: list[Table] = []
-    if widened is not None and widened.area is not None and widened.depth is not None:
-        tables.append(widening_table(answer, widened.area, "least area"))
-        tables.append(widening_table(answer, widened.depth, "least depth"))
-    print_tables(*tables)
+    print_tables(*(() if answer.widenings is None else widening_tables(answer.widenings)))
     print_line(f"written to {directory}/")
 
 

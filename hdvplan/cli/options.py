@@ -68,6 +68,22 @@ UnitOption = Annotated[
         rich_help_panel=ROAD,
     ),
 ]
+CornersOption = Annotated[
+    str | None,
+    typer.Option(
+        "--corners",
+        metavar="auto|sharp|round",
+        help="How the line's points are read: bends and corners told apart, all as corners, or all on one curve [default: auto].",
+        autocompletion=completion.corners,
+        rich_help_panel=ROAD,
+    ),
+]
+CornerRadiusOption = Annotated[
+    float | None,
+    typer.Option(
+        "--corner-radius", metavar="M", help="Radius of the kerbs inside corners of the line [m] [default: 0].", rich_help_panel=ROAD
+    ),
+]
 LayerOption = Annotated[
     str | None, typer.Option("--layer", metavar="LAYER", help="Which layer, or sheet, of the road file.", rich_help_panel=ROAD)
 ]
@@ -141,6 +157,8 @@ def road_options(
     road_ids: str | None = None,
     lane: int | None = None,
     unit: str | None = None,
+    corners: str | None = None,
+    corner_radius: float | None = None,
 ) -> RoadOptions:
     """Return how to read a road file, with the library's defaults where the user gave nothing.
 
@@ -166,6 +184,8 @@ def road_options(
         road_ids=road_ids,
         lane=lane,
         unit=unit,
+        corners=corners,
+        corner_radius=corner_radius,
     )
 
 

@@ -15,7 +15,7 @@ _MOST_WARNINGS = 5
 
 
 def looked_again(result: Result, *, proof: bool, refine: bool, quiet: bool) -> Result:
-    """Return a plan that breaks its limits with a proof that nothing keeps them, or a finer plan that does, where either is found."""
+    """Return a plan that breaks its limits with a proof that nothing keeps them, and one that lacks less, where either is found."""
     from hdvplan import api
     from hdvplan.finer import replanned
     from hdvplan.judging.verdict import verdict_of
@@ -23,8 +23,8 @@ def looked_again(result: Result, *, proof: bool, refine: bool, quiet: bool) -> R
     if proof and verdict_of(result).fits is False:
         with progress("looking for a proof that nothing fits", quiet=quiet) as on_progress:
             result = api.prove(result, on_progress=on_progress)
-    if refine and verdict_of(result).fits is False and result.proof is None:
-        with progress("planning again with stations nearer together", quiet=quiet) as on_progress:
+    if refine and verdict_of(result).fits is False:
+        with progress("planning again so that less is lacking", quiet=quiet) as on_progress:
             result = replanned(result, on_progress=on_progress)
     return result
 

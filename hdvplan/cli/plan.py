@@ -25,6 +25,8 @@ from hdvplan.cli.help import OUTPUT, PLANNING, VEHICLE
 from hdvplan.cli.lengthy import plan_long, refuse_on_long
 from hdvplan.cli.options import (
     ClearanceOption,
+    CornerRadiusOption,
+    CornersOption,
     CrsOption,
     FeatureOption,
     HalfWidthOption,
@@ -90,6 +92,8 @@ def plan(
     smooth: SmoothOption = None,
     crs: CrsOption = None,
     unit: UnitOption = None,
+    corners: CornersOption = None,
+    corner_radius: CornerRadiusOption = None,
     name: FeatureOption = None,
     layer: LayerOption = None,
     role: RoleOption = None,
@@ -163,7 +167,7 @@ def plan(
         bool,
         typer.Option(
             "--refine/--no-refine",
-            help="If the plan breaks limits by little, plan again with stations nearer together.",
+            help="If the plan breaks limits, plan again so that less is lacking.",
             rich_help_panel=PLANNING,
         ),
     ] = True,
@@ -216,7 +220,7 @@ def plan(
     driven = vehicle_named(vehicle, quiet=quiet)
     wanted = road_options(
         smooth, crs, name, REFERENCE_SLACK * driven.max_curvature, offset=offset, reverse=reverse, layer=layer, roles=role,
-        road_ids=road_ids, lane=lane, unit=unit,
+        road_ids=road_ids, lane=lane, unit=unit, corners=corners, corner_radius=corner_radius,
     )  # fmt: skip
     found = find_road(road, wanted)  # mistakes in the files are reported before more is loaded
     from hdvplan import api

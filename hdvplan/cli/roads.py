@@ -14,6 +14,8 @@ from hdvplan.cli.checks import warn_far_regions
 from hdvplan.cli.console import ExitCode, note, print_json, print_tables, progress
 from hdvplan.cli.help import OUTPUT, Command
 from hdvplan.cli.options import (
+    CornerRadiusOption,
+    CornersOption,
     CrsOption,
     FeatureOption,
     HalfWidthOption,
@@ -70,6 +72,8 @@ def road_info(
     smooth: SmoothOption = None,
     crs: CrsOption = None,
     unit: UnitOption = None,
+    corners: CornersOption = None,
+    corner_radius: CornerRadiusOption = None,
     name: FeatureOption = None,
     layer: LayerOption = None,
     role: RoleOption = None,
@@ -91,13 +95,14 @@ def road_info(
     from hdvplan.road.load import find_road
 
     chosen = road_options(
-        smooth, crs, name, offset=offset, reverse=reverse, layer=layer, roles=role, road_ids=road_ids, lane=lane, unit=unit
-    )
+        smooth, crs, name, offset=offset, reverse=reverse, layer=layer, roles=role, road_ids=road_ids, lane=lane, unit=unit,
+        corners=corners, corner_radius=corner_radius,
+    )  # fmt: skip
     found = find_road(road, chosen)  # bad files are refused before more is loaded
     from hdvplan.fileio import csv_bytes, write_atomically
     from hdvplan.judging.fit import facts_of, fit_of, fit_table
     from hdvplan.report.fit_tables import facts_table, findings_table, fits_table
-    from hdvplan.report.summary import smoothing_of
+    from hdvplan.report.summary import corners_of, smoothing_of
     from hdvplan.road.regions import distances
     from hdvplan.vehicle.load import load_vehicle, preset_names
 
@@ -132,6 +137,7 @@ def road_info(
                     for region, apart in zip(track.regions, distances(track.path, track.regions), strict=True)
                 ],
                 "smoothing": smoothing_of(track),
+                "corners": corners_of(track),
                 "notice": track.notice,
                 "notes": list(track.notes),
                 "vehicles": [_fit_json(fit) for fit in fits],

@@ -101,7 +101,7 @@ static void begin_drive(struct hdv_balance *own) {
 int64_t hdv_linearise_balance(void *data, const struct hdv_scene *scene, int64_t begin, int64_t fresh) {
     struct hdv_balance *own = data;
     int64_t lost = hdv_linearise_centring(begin == 1 ? own->beside : own->centring, scene, begin, fresh);
-    if (lost < 0 && begin == 1) {
+    if (begin == 1) {
         if (fresh) {
             begin_drive(own);
         }

@@ -6,16 +6,18 @@
 #include "kinematics.h"
 #include "path.h"
 
-/* Adds Q, q of one stage's squared residual for a vehicle of n states, and notes foot and residual; 0 without a foot.
- */
-HDV_INLINE int
+/* Adds Q, q of one stage's squared residual for a vehicle of n states, and notes foot and residual. Beyond the road's
+ * centre of curvature the offset is that across the line where its foot was last. */
+HDV_INLINE void
 centre(const struct hdv_centring *own, const struct hdv_scene *scene, int64_t i, int64_t n, double near) {
     const struct hdv_residual *weigh = own->residuals + scene->first + i;
     const struct hdv_pose *poses = scene->poses + i * scene->unit_count;
     struct plane_point axle = body_point(poses + own->unit, own->ahead, 0.0);
     struct foot foot = project(own->curve, axle.x, axle.y, near, PLANNING_STEP_M);
     if (isnan(foot.offset)) {
-        return 0;
+        struct path_point at = evaluate(own->curve, near);
+        double across = (axle.y - at.y) * at.cos - (axle.x - at.x) * at.sin;
+        foot = (struct foot){near, across, at.cos, at.sin, at.curvature};
     }
     double gradient[HDV_MOST_STATES];
     point_gradient(poses, own->unit, axle, scene->road + i, -foot.sin, foot.cos, n, gradient);
@@ -29,17 +31,14 @@ centre(const struct hdv_centring *own, const struct hdv_scene *scene, int64_t i,
     add_square(
         program_stage(&scene->program, i), scene->program.shape.states, n, gradient, centred.residual, own->weights[i]
     );
-    return 1;
 }
 
-/* The same for all stages from begin on; returns -1, or the stage whose axle has no foot. */
+/* The same for all stages from begin on; returns -1: nothing fails. */
 HDV_INLINE int64_t
 centre_all(const struct hdv_centring *own, const struct hdv_scene *scene, int64_t n, int64_t begin, int64_t fresh) {
     for (int64_t i = begin; i <= scene->program.shape.stages; i++) {
         double near = fresh ? scene->road[i].s + own->beside : own->memory[scene->at + i].foot;
-        if (!centre(own, scene, i, n, near)) {
-            return i;
-        }
+        centre(own, scene, i, n, near);
     }
     return -1;
 }

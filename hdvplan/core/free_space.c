@@ -4,43 +4,37 @@
  * its heading and is moved along the normal moves in v alone: all its points keep their u. So the free space is wanted
  * as the free intervals of v at every u, and then each point of the body says at once which e it allows.
  *
- * The road is a row of quadrilaterals between neighbouring normals, cut off at the limits; their union, less the
+ * The street is a row of areas between its kerbs, each from one cap to the next, in triangles; their union, less the
  * obstacles, is free. Over a bin of u a free interval lies between two straight lines, which are moved outwards until
- * they hold every quadrilateral of the bin. Quadrilaterals that are near in the plane, but are not connected with the
- * axle's place through free space, such as the other leg of a hairpin, are left out: a body is connected.
+ * they hold every triangle of the bin.
+ *
+ * Of the areas only those around the gate on the normal count (gate.c), and of their union only what is connected with
+ * the axle's place through free space, unlike the other leg of a hairpin.
  */
-#include <math.h>
+#include "gate.h"
 
-#include "numbers.h"
-#include "prove.h"
+enum { PIECES = 8 * HDV_FREE_INTERVALS }; /* of free space in one bin, before they are joined */
 
 #define SLIVER_M 1e-6 /* what is less wide between two triangles of an obstacle is rounding */
 
-static const struct interval NOTHING = {INFINITY, -INFINITY};
-
-static void widen(struct interval *on, double value) {
-    on->low = smaller(on->low, value);
-    on->high = larger(on->high, value);
-}
-
-/* The road's frame at a station. */
-struct axes {
-    double x, y, cos, sin;
-};
-
-static struct axes axes_at(const struct hdv_frame *frame, int64_t i) {
-    return (struct axes){frame->x[i], frame->y[i], cos(frame->heading[i]), sin(frame->heading[i])};
-}
-
-/* Write count corners (count, 2) in the road's frame, and their extent ahead. */
-static void see(struct axes at, const double *corners, int count, struct hdv_shape_near *seen) {
-    seen->extent = NOTHING;
-    for (int c = 0; c < count; c++) {
-        double x = corners[2 * c] - at.x, y = corners[2 * c + 1] - at.y;
-        seen->u[c] = x * at.cos + y * at.sin;
-        seen->v[c] = y * at.cos - x * at.sin;
-        widen(&seen->extent, seen->u[c]);
+/* Write those of count triangles (count, 3, 2) that reach into the bins in the road's frame; return how many. */
+static int64_t
+see(const struct hdv_around *around, struct axes at, const double *triangles, int64_t count,
+    struct hdv_shape_near *seen) {
+    double far = 0.5 * HDV_BIN_M * (double)around->bins;
+    int64_t number = 0;
+    for (int64_t k = 0; k < count; k++) {
+        struct hdv_shape_near *one = &seen[number];
+        one->extent = NOTHING;
+        for (int c = 0; c < 3; c++) {
+            const double *corner = triangles + 2 * (3 * k + c);
+            one->u[c] = ahead_of(at, corner);
+            one->v[c] = left_of(at, corner);
+            widen(&one->extent, one->u[c]);
+        }
+        number += one->extent.high >= -far && one->extent.low <= far;
     }
+    return number;
 }
 
 /* v where the side from corner c of count meets the line of u; only where it does. */
@@ -52,28 +46,24 @@ static int meets(const struct hdv_shape_near *shape, int c, int next, double u) 
     return (shape->u[c] - u) * (shape->u[next] - u) <= 0.0 && shape->u[c] != shape->u[next];
 }
 
-/* Write where a quadrilateral meets the bin from u0 to u1. */
-static void meet_bin(struct hdv_shape_near *quad, double u0, double u1) {
+/* Write where a triangle meets the bin from u0 to u1. */
+static void meet_bin(struct hdv_shape_near *area, double u0, double u1) {
     struct interval corners = NOTHING;
-    quad->first = quad->last = NOTHING;
-    for (int c = 0; c < 4; c++) {
-        int next = (c + 1) % 4;
-        if (u0 <= quad->u[c] && quad->u[c] <= u1) {
-            widen(&corners, quad->v[c]);
+    area->first = area->last = NOTHING;
+    for (int c = 0; c < 3; c++) {
+        int next = (c + 1) % 3;
+        if (u0 <= area->u[c] && area->u[c] <= u1) {
+            widen(&corners, area->v[c]);
         }
-        if (meets(quad, c, next, u0)) {
-            widen(&quad->first, meeting(quad, c, next, u0));
+        if (meets(area, c, next, u0)) {
+            widen(&area->first, meeting(area, c, next, u0));
         }
-        if (meets(quad, c, next, u1)) {
-            widen(&quad->last, meeting(quad, c, next, u1));
+        if (meets(area, c, next, u1)) {
+            widen(&area->last, meeting(area, c, next, u1));
         }
     }
-    quad->whole.low = smaller(smaller(corners.low, quad->first.low), quad->last.low);
-    quad->whole.high = larger(larger(corners.high, quad->first.high), quad->last.high);
-}
-
-static int touches(struct interval one, struct interval other) {
-    return one.low <= other.high && one.high >= other.low;
+    area->whole.low = smaller(smaller(corners.low, area->first.low), area->last.low);
+    area->whole.high = larger(larger(corners.high, area->first.high), area->last.high);
 }
 
 /* The slope between two ends of a line over a bin, 0 where one is not known. */
@@ -81,7 +71,7 @@ static double slope_of(double first, double last) {
     return fabs(first) < INFINITY && fabs(last) < INFINITY ? (last - first) / HDV_BIN_M : 0.0;
 }
 
-/* The lines around all quadrilaterals of a bin that touch one free piece of it. */
+/* The lines around all triangles of a bin that touch one free piece of it. */
 static struct hdv_line
 line_around(const struct hdv_shape_near *const *met, int64_t found, struct interval piece, double u0, double u1) {
     struct interval first = NOTHING, last = NOTHING;
@@ -95,7 +85,7 @@ line_around(const struct hdv_shape_near *const *met, int64_t found, struct inter
     line.low = smaller(first.low, last.low - line.of_low * HDV_BIN_M);
     line.high = larger(first.high, last.high - line.of_high * HDV_BIN_M);
     for (int64_t f = 0; f < found; f++) {
-        for (int c = 0; touches(met[f]->whole, piece) && c < 4; c++) {
+        for (int c = 0; touches(met[f]->whole, piece) && c < 3; c++) {
             double u = met[f]->u[c], v = met[f]->v[c];
             if (u0 <= u && u <= u1) {
                 line.low = smaller(line.low, v - line.of_low * (u - u0));
@@ -206,23 +196,22 @@ connected(const struct hdv_around *around, int64_t region, int64_t b, struct hdv
     return left;
 }
 
-/* Write the free intervals of one bin, of the quadrilaterals and triangles that are near. */
-static void fill_bin(struct hdv_around *around, int64_t region, int64_t b, int64_t quads, int64_t triangles) {
+/* Write the free intervals of one bin, of the areas and obstacles that are near. */
+static void fill_bin(struct hdv_around *around, int64_t region, int64_t b, int64_t areas, int64_t triangles) {
     struct hdv_line *lines = &around->lines[(region * around->bins + b) * HDV_FREE_INTERVALS];
     double u0 = (double)(b - around->bins / 2) * HDV_BIN_M, u1 = u0 + HDV_BIN_M;
-    struct interval pieces[HDV_FREE_INTERVALS];
+    struct interval all[PIECES], pieces[HDV_FREE_INTERVALS];
     int64_t found = 0, total = 0, kept = 0;
-    for (int64_t k = 0; k < quads; k++) {
-        struct hdv_shape_near *quad = &around->quads[k];
-        if (quad->extent.low <= u1 && quad->extent.high >= u0) {
-            meet_bin(quad, u0, u1);
-            around->met[found] = quad;
+    for (int64_t k = 0; k < areas; k++) {
+        struct hdv_shape_near *area = &around->areas[k];
+        if (area->extent.low <= u1 && area->extent.high >= u0) {
+            meet_bin(area, u0, u1);
+            around->met[found] = area;
             found++;
-            total = join_interval(
-                pieces, total, HDV_FREE_INTERVALS, quad->whole.low - HDV_ROUNDING, quad->whole.high + HDV_ROUNDING
-            );
+            total = join_interval(all, total, PIECES, area->whole.low - HDV_ROUNDING, area->whole.high + HDV_ROUNDING);
         }
     }
+    total = keep_intervals(all, total, pieces, HDV_FREE_INTERVALS);
     for (; kept < total; kept++) {
         lines[kept] = line_around(around->met, found, pieces[kept], u0, u1);
     }
@@ -235,81 +224,38 @@ static void fill_bin(struct hdv_around *around, int64_t region, int64_t b, int64
     around->free[region * around->bins + b] = connected(around, region, b, lines, kept);
 }
 
-/* Write the triangles of obstacles that are near, in the road's frame; return how many. */
-static int64_t see_triangles(struct hdv_around *around, struct axes at) {
-    double far = HDV_BIN_M * (double)around->bins;
-    int64_t number = 0;
-    for (int64_t k = 0; k < around->beside->blocked_count; k++) {
-        struct hdv_shape_near *seen = &around->triangles[number];
-        struct interval across = NOTHING;
-        see(at, around->beside->blocked + 6 * k, 3, seen);
-        for (int c = 0; c < 3; c++) {
-            widen(&across, seen->v[c]);
-        }
-        number += seen->extent.high >= -far && seen->extent.low <= far && across.high >= -far && across.low <= far;
-    }
-    return number;
-}
-
-/* The first of rising values that is not below another one. */
-static int64_t not_below(const double *values, int64_t count, double value) {
-    int64_t low = 0, high = count;
-    while (low < high) {
-        int64_t middle = low + (high - low) / 2;
-        if (values[middle] < value) {
-            low = middle + 1;
-        } else {
-            high = middle;
-        }
-    }
-    return low;
-}
-
-/* Write between which offsets the axle can stand on its own normal: those of the quadrilaterals around it. */
-static void axle_room(struct hdv_around *around, struct axes at, double s) {
-    const struct hdv_beside *beside = around->beside;
-    int64_t last = beside->quad_count - 1, station = not_below(beside->s, beside->quad_count + 1, s);
-    int64_t first = station > 2 ? station - 2 : 0, end = station + 1 < last ? station + 1 : last;
-    around->near = NOTHING;
-    for (int64_t k = first < last ? first : last; k <= end; k++) {
-        for (int c = 0; c < 4; c++) {
-            const double *corner = beside->quads + ((beside->quad_count + k) * 4 + c) * 2; /* those of whole bodies */
-            widen(&around->near, (corner[1] - at.y) * at.cos - (corner[0] - at.x) * at.sin);
-        }
-    }
-}
-
-/* Write the corners of obstacles that a body can touch, in the road's frame. */
+/* Write the corners that a body can touch, in the road's frame. */
 static void see_corners(struct hdv_around *around, struct axes at) {
     around->corners_near = 0;
     for (int64_t n = 0; n < around->beside->corner_count; n++) {
-        double x = around->beside->corners[2 * n] - at.x, y = around->beside->corners[2 * n + 1] - at.y;
         double *corner = around->corners + 2 * around->corners_near;
-        corner[0] = x * at.cos + y * at.sin;
-        corner[1] = y * at.cos - x * at.sin;
+        corner[0] = ahead_of(at, around->beside->corners + 2 * n);
+        corner[1] = left_of(at, around->beside->corners + 2 * n);
         around->corners_near += fabs(corner[0]) <= around->reach;
     }
 }
 
-/* Write what lies around station i, as far as bodies within reach of the axle can touch it. */
+/* Write what lies around station i, as far as bodies within reach of the axle can touch it; where nothing is known, the
+ * axle's room is empty. */
 void around_at(struct hdv_around *around, const struct hdv_frame *frame, int64_t i) {
     const struct hdv_beside *beside = around->beside;
     struct axes at = axes_at(frame, i);
-    double looked = 2.5 * around->reach + 10.0;
-    int64_t first = not_below(beside->s, beside->quad_count + 1, frame->s[i] - looked) - 1;
-    int64_t last = not_below(beside->s, beside->quad_count + 1, frame->s[i] + looked);
-    first = first > 0 ? first : 0;
-    last = last < beside->quad_count ? last : beside->quad_count;
-    axle_room(around, at, frame->s[i]);
-    int64_t triangles = see_triangles(around, at), middle = around->bins / 2;
+    struct gate gate = gate_at(beside->kerbs, at, frame->s[i]);
+    struct row row = is_empty(gate.v) ? (struct row){0, 0} : row_at(around, at, gate);
+    int64_t middle = around->bins / 2;
+    around->near = row.begin < row.end ? gate.v : NOTHING;
+    if (is_empty(around->near)) {
+        return;
+    }
+    int64_t triangles = see(around, at, beside->blocked, beside->blocked_count, around->triangles);
     for (int64_t region = around->two_regions ? 0 : 1; region < 2; region++) {
-        for (int64_t k = first; k < last; k++) {
-            see(at, beside->quads + (region * beside->quad_count + k) * 8, 4, &around->quads[k - first]);
-        }
+        const int64_t *begin = beside->begin + region * beside->stretches;
+        int64_t first = begin[row.begin], count = begin[row.end] - first;
+        count = see(around, at, beside->areas + 6 * first, count, around->areas);
         for (int64_t away = 0; away < around->bins; away++) { /* middle, middle - 1, middle + 1, ... */
             int64_t b = away % 2 == 0 ? middle + away / 2 : middle - 1 - away / 2;
             if (0 <= b && b < around->bins) {
-                fill_bin(around, region, b, last - first, triangles);
+                fill_bin(around, region, b, count, triangles);
             }
         }
     }

@@ -23,7 +23,7 @@
 #define HDV_EXPORT __attribute__((visibility("default")))
 #endif
 
-enum { HDV_MOST_UNITS = 16, HDV_MOST_STATES = 40, HDV_MOST_INPUTS = 20, HDV_POINTS_PER_EDGE = 6, HDV_AXIS_POINTS = 4 };
+enum { HDV_MOST_UNITS = 16, HDV_MOST_STATES = 40, HDV_MOST_INPUTS = 20, HDV_POINTS_PER_EDGE = 6 };
 
 /* A path as a table of quintic segments of equal arclength: six power coefficients of x, then of y, lowest first. */
 struct hdv_curve {
@@ -63,7 +63,6 @@ struct hdv_station {
     double room_left;     /* the narrowest reach that limits leave beside the vehicle [m]; infinite without limits */
     double room_right;    /* [m] */
     double k_low, k_high; /* smallest and largest signed curvature beside the vehicle [1/m] */
-    double varies;        /* 1 where limits vary beside the vehicle, 0 where they are constant */
     double
         margin; /* what a body may reach beyond the limits between stations when it keeps them at every station [m] */
 };

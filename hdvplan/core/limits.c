@@ -1,21 +1,64 @@
-/* Limits: the rows that keep every body within the road's limits, linearised at a given motion ([GEO] eq. 9d, [BUS]
- * sec. IV).
+/* Limits: the rows that keep every body within the street, linearised at a given motion ([GEO] eq. 9d, [BUS] sec. IV).
  *
- * Bodies far from their limits are screened out by bounds that need no projection, or few, and once found clear they
- * are not looked at again before they have moved. Of every other edge the tightest places enter, see edges.c.
+ * Bodies far from the kerbs are screened out by a bound of the state, and once found clear they are not looked at again
+ * before they have moved. A body that is near is looked at in poses between stations, too: they follow from a stage's
+ * state and the curvature held until it, both columns of the program.
  *
- * Row order within a stage: unit, left then right edge; then the tightest place of the edge's rear half and of its
- * front half; then, where there are rows for them, what its rear and its front corner reach beyond the wheels' limit,
- * if they belong to overhangs.
+ * Row order within a stage: unit, left then right kerbs; then the tightest contact of each section of the body; then,
+ * where there are rows for them, what its rear and its front corner reach beyond the kerbs that wheels must keep.
  */
 #include "limits.h"
 
 #include <math.h>
+#include <stddef.h>
 
-#include "edges.h"
+#include "kinematics.h"
 #include "numbers.h"
 #include "screening.h"
 #include "sizes.h"
+
+#define NEAR_M                                                                                                         \
+    0.2 /* a body that is nearer to a kerb at a station is looked at before it: a front corner closes in on a          \
+           kerb, or a kerb on it, by less over half a step */
+#define AMONG_M 1.0   /* from a body before a stage, kerbs further away than a step more are not looked at */
+#define ALONG 0.7     /* cosine to a body's axis: a gap in a direction nearer to it changes with the way */
+#define FAR_M 1e3     /* of a body from a side without any kerb */
+#define NEARER_M 0.05 /* nearer still, it is looked at in every pose of the interval */
+#define FINE_M                                                                                                         \
+    30.0 /* as far ahead poses between stations are looked at: what is found late moves a plan by centimetres */
+#define DRIFT_M 2e-3 /* rows are good for so small a motion, and for a part of the gap: */
+#define DRIFT 0.1
+
+/* The vehicle before a stage: its poses, and how its state there changes with the stage's. */
+struct before {
+    int known, derived;
+    double back, middle[HDV_MOST_STATES]; /* how far [m], and the state half-way */
+    struct hdv_station road;
+    struct hdv_pose poses[HDV_MOST_UNITS];
+    double by_z[HDV_MOST_STATES * HDV_MOST_STATES], by_kappa[HDV_MOST_STATES];
+};
+
+/* One stage that is looked at. */
+struct stage_scene {
+    const struct hdv_limits *own;
+    const struct hdv_scene *scene;
+    int64_t stage;
+    struct before before[HDV_BETWEEN]; /* the first is the stage itself */
+};
+
+/* How a side was looked at. */
+#define LOOKED 1.0
+#define LOOKED_FINELY 2.0
+
+static int is_fine(const struct stage_scene *at) {
+    return (double)at->stage * at->scene->step <= FINE_M;
+}
+
+/* A side's tightest contact in one section, and in which pose. */
+struct tightest {
+    struct hdv_contact contact;
+    int pose;
+};
 
 /* What the rows' breaches cost at the motion at which they were linearised. */
 double hdv_price_limits(void *data, const struct hdv_scene *scene) {
@@ -35,131 +78,377 @@ double hdv_price_limits(void *data, const struct hdv_scene *scene) {
     return total;
 }
 
-/* Whether an edge needs no rows. While limits bind, every edge that no bound clears has its rows: large steps need
+/* Whether a side needs no rows. While limits bind, every side that no bound clears has its rows: large steps need
  * them. */
 static int is_clear(const struct hdv_edge *edge, double margin, int64_t binding) {
     return edge->clear - margin > HDV_CLEAR_M && !(binding && edge->looked > 0.0);
 }
 
-/* Write what is known of a stage that nothing has been seen of: feet as on a straight, clearances by a bound from the
- * state. */
-static void begin_stage(const struct hdv_limits *own, const struct hdv_scene *scene, int64_t i, const double *z) {
-    int64_t units = scene->unit_count, at = (scene->at + i) * units;
-    double clear = clear_by_state(scene->units, units, &scene->road[i], z);
-    for (int64_t unit = 0; unit < units; unit++) {
-        double axle = scene->road[i].s - own->behind[unit];
-        for (int point = 0; point < HDV_AXIS_POINTS; point++) {
-            own->axis_feet[(at + unit) * HDV_AXIS_POINTS + point] = axle + own->axis[unit * HDV_AXIS_POINTS + point];
-        }
-        for (int point = 0; point < HDV_POINTS_PER_EDGE; point++) {
-            double *feet = own->feet + ((at + unit) * HDV_POINTS_PER_EDGE + point) * 2;
-            feet[0] = feet[1] = axle + own->points[unit * HDV_POINTS_PER_EDGE + point].ahead;
-        }
-        for (int side = 0; side < 2; side++) {
-            struct hdv_edge *edge = &own->edges[2 * (at + unit) + side];
-            edge->clear = clear;
-            edge->looked = edge->never = 0.0; /* the rows in this memory are another stage's */
-        }
+/* Write what is known of a stage that nothing has been seen of: clearances by a bound from the state. */
+static void begin_stage(const struct hdv_limits *own, const struct hdv_scene *scene, int64_t i) {
+    int64_t units = scene->unit_count, at = (scene->at + i) * units, n = scene->states;
+    const double *z = state_at(scene->motion, n, i);
+    double clear = clear_by_state(scene->units, units, &scene->road[i], z),
+           *seen = own->seen + (scene->at + i) * (n + 1);
+    for (int64_t edge = 2 * at; edge < 2 * (at + units); edge++) {
+        own->edges[edge] = (struct hdv_edge){clear, clear, 0.0, 0.0, INFINITY};
     }
-    for (int64_t j = 0; j < scene->states; j++) {
-        own->seen_z[(scene->at + i) * scene->states + j] = z[j];
-    }
-}
-
-/* Return a bound of how far any point's offset has changed since the stage was last looked at [m], and note the state.
- */
-static double moved_since(const struct hdv_limits *own, const struct hdv_scene *scene, int64_t i, const double *z) {
-    double *seen = own->seen_z + (scene->at + i) * scene->states, moved = fabs(z[0] - seen[0]);
-    for (int64_t j = 1; j < 1 + scene->unit_count; j++) {
-        moved += own->reach * fabs(z[j] - seen[j]);
-    }
-    for (int64_t j = 0; j < scene->states; j++) {
+    for (int64_t j = 0; j < n; j++) {
         seen[j] = z[j];
     }
-    return moved;
+    seen[n] = state_at(scene->motion, n, i - 1)[n];
 }
 
-/* Look at a body's axis where a bound may clear one of its edges. */
-static void screen_unit(
-    const struct hdv_limits *own, const struct hdv_scene *scene, int64_t i, int64_t unit, struct hdv_edge *edges,
-    double margin
-) {
-    int64_t at = (scene->at + i) * scene->unit_count + unit;
-    const struct hdv_pose *pose = &scene->poses[i * scene->unit_count + unit];
-    struct clearance found = clear_by_axis(
-        &scene->units[unit], own->axis + unit * HDV_AXIS_POINTS, own->curve, &scene->road[i], pose,
-        own->axis_feet + at * HDV_AXIS_POINTS
-    );
-    double clear[2] = {found.left, found.right};
-    for (int side = 0; side < 2; side++) {
-        if (clear[side] - margin > HDV_CLEAR_M) {
-            edges[side].clear = clear[side];
-            edges[side].looked = 0.0;
-        }
-    }
-}
-
-/* Bring what is known of both edges of one body up to date, and write their rows; 0 where a point has no foot. */
-static int write_unit(
-    const struct hdv_limits *own, const struct hdv_scene *scene, int64_t i, int64_t unit, double moved, double slid,
-    double *live
-) {
-    struct hdv_edge *edges = own->edges + 2 * ((scene->at + i) * scene->unit_count + unit);
+/* Bring the rows of a stage to its motion: they are straight as far as it has moved. */
+static void follow(const struct hdv_limits *own, const struct hdv_scene *scene, int64_t i) {
     const struct hdv_program *program = &scene->program;
-    double margin = scene->road[i].margin + own->clearance;
-    int64_t each = own->rows / (2 * scene->unit_count), binding = scene->binding;
-    for (int side = 0; side < 2; side++) {
-        edges[side].clear -= edges[side].looked > 0.0 ? slid : moved;
+    int64_t n = scene->states, units = scene->unit_count;
+    const double *z = state_at(scene->motion, n, i);
+    double *seen = own->seen + (scene->at + i) * (n + 1), by[HDV_MOST_STATES + 1];
+    for (int64_t j = 0; j <= n; j++) {
+        double now = j < n ? z[j] : state_at(scene->motion, n, i - 1)[n];
+        by[j] = now - seen[j];
+        seen[j] = now;
     }
-    if (!(is_clear(&edges[0], margin, binding) && is_clear(&edges[1], margin, binding))) {
-        screen_unit(own, scene, i, unit, edges, margin);
+    double moved = fabs(by[0]) + own->reach * scene->step * fabs(by[n]);
+    for (int64_t j = 1; j < n; j++) {
+        moved +=
+            own->reach * fabs(by[j]) * (j < 1 + units ? 1.0 : scene->step); /* wheels turn poses before the stage */
     }
-    for (int side = 0; side < 2; side++) {
-        struct hdv_edge *edge = &edges[side];
-        edge->gap = edge->clear;
-        if (!is_clear(edge, margin, binding)) {
-            write_edge(own, scene, i, unit, side, edge);
-            if (isnan(edge->gap)) {
-                return 0;
+    if (moved == 0.0) {
+        return;
+    }
+    struct hdv_edge *edges = own->edges + 2 * (scene->at + i) * units;
+    int64_t each = own->rows / (2 * units);
+    for (int64_t edge = 0; edge < 2 * units; edge++) {
+        edges[edge].clear -= moved;
+        edges[edge].gap -= moved;
+        edges[edge].moved += moved;
+        int64_t rows = edges[edge].looked > 0.0 && edges[edge].never == 0.0 ? each : 0; /* others never bind */
+        for (int64_t number = own->row + edge * each; number < own->row + edge * each + rows; number++) {
+            struct row row = row_at(program->rows, program->shape.states, program->shape.rows, i, number);
+            for (int64_t j = 0; j <= n; j++) {
+                *row.h -= row.g[j] * by[j];
             }
-            edge->looked = 1.0;
-            edge->never = 0.0;
-        }
-        if (!is_clear(edge, margin, binding)) {
-            *live = 1.0;
-        } else if (edge->never == 0.0) {
-            int64_t row = own->row + (2 * unit + side) * each;
-            never_bind(program, i, row, row + each, edge->clear - margin);
-            edge->never = 1.0;
         }
     }
-    return 1;
 }
 
-/* Write the rows g dz <= h of the tightest places of every edge at stages i >= begin >= 1; the first state is given. */
+/* The road's curvature half-way to a place so far before the stage. */
+static double bend_at(const struct stage_scene *at, double back) {
+    return evaluate(at->own->curve, at->scene->road[at->stage].s - 0.5 * back).curvature;
+}
+
+/* The stage's own pose: its state is the program's. */
+static void see_stage(struct stage_scene *at) {
+    const struct hdv_scene *scene = at->scene;
+    int64_t n = scene->states, units = scene->unit_count;
+    struct before *to = &at->before[0];
+    to->known = to->derived = 1;
+    to->road = scene->road[at->stage];
+    for (int64_t unit = 0; unit < units; unit++) {
+        to->poses[unit] = scene->poses[at->stage * units + unit];
+    }
+    for (int64_t j = 0; j < n; j++) {
+        to->by_kappa[j] = 0.0;
+        for (int64_t t = 0; t < n; t++) {
+            to->by_z[j * n + t] = j == t ? 1.0 : 0.0;
+        }
+    }
+}
+
+/* The vehicle so far back before the stage, by the explicit midpoint rule, wheels held. */
+static void see_before(struct stage_scene *at, int number) {
+    const struct hdv_scene *scene = at->scene;
+    int64_t n = scene->states, count = scene->unit_count;
+    double back = scene->step * (double)number / HDV_BETWEEN, z_before[HDV_MOST_STATES], f[HDV_MOST_STATES];
+    const struct hdv_station *road = &scene->road[at->stage];
+    const double *z = state_at(scene->motion, n, at->stage);
+    double kappa = state_at(scene->motion, n, at->stage - 1)[n];
+    struct before *to = &at->before[number];
+    to->known = 1;
+    to->derived = 0;
+    to->back = back;
+    derivative(scene->units, count, road->curvature, n, z, kappa, f);
+    for (int64_t j = 0; j < n; j++) {
+        to->middle[j] = z[j] - 0.5 * back * f[j];
+    }
+    derivative(scene->units, count, bend_at(at, back), n, to->middle, kappa, f);
+    for (int64_t j = 0; j < n; j++) {
+        z_before[j] = z[j] - back * f[j];
+    }
+    struct path_point point = evaluate(at->own->curve, road->s - back);
+    to->road =
+        (struct hdv_station){.s = road->s - back, .x = point.x, .y = point.y, .cos = point.cos, .sin = point.sin};
+    place(scene->units, count, point.x, point.y, point.cos, point.sin, z_before, to->poses);
+}
+
+/* How the state before the stage changes with the stage's, and with the curvature until it. */
+static void derive_before(const struct stage_scene *at, struct before *to) {
+    const struct hdv_scene *scene = at->scene;
+    int64_t n = scene->states, count = scene->unit_count;
+    double f[HDV_MOST_STATES], a[HDV_MOST_STATES * HDV_MOST_STATES], b[HDV_MOST_STATES], back = to->back;
+    double a_mid[HDV_MOST_STATES * HDV_MOST_STATES], b_mid[HDV_MOST_STATES];
+    const double *z = state_at(scene->motion, n, at->stage);
+    double kappa = state_at(scene->motion, n, at->stage - 1)[n];
+    struct hdv_pose turned[HDV_MOST_UNITS];
+    to->derived = 1;
+    jacobian(scene->units, count, scene->road[at->stage].curvature, n, z, kappa, at->before[0].poses, f, a, b);
+    turn(count, to->middle, turned);
+    jacobian(scene->units, count, bend_at(at, back), n, to->middle, kappa, turned, f, a_mid, b_mid);
+    for (int64_t j = 0; j < n; j++) {
+        to->by_kappa[j] = -back * b_mid[j];
+        for (int64_t t = 0; t < n; t++) {
+            to->by_z[j * n + t] = (j == t ? 1.0 : 0.0) - back * a_mid[j * n + t];
+        }
+        for (int64_t i = 0; i < n; i++) {
+            double share = 0.5 * back * back * a_mid[j * n + i];
+            to->by_kappa[j] += share * b[i];
+            for (int64_t t = 0; t < n; t++) {
+                to->by_z[j * n + t] += share * a[i * n + t];
+            }
+        }
+    }
+}
+
+/* Write the row that keeps a contact's gap at least margin. */
+static void
+write_row(struct stage_scene *at, int64_t unit, const struct tightest *found, double margin, int64_t number) {
+    const struct hdv_program *program = &at->scene->program;
+    struct before *pose = &at->before[found->pose];
+    const struct hdv_contact *contact = &found->contact;
+    int64_t n = at->scene->states;
+    double gradient[HDV_MOST_STATES];
+    if (!pose->derived) {
+        derive_before(at, pose);
+    }
+    struct row row = row_at(program->rows, program->shape.states, program->shape.rows, at->stage, number);
+    struct plane_point point = body_point(&pose->poses[unit], contact->ahead, contact->left);
+    point_gradient(pose->poses, unit, point, &pose->road, contact->along_x, contact->along_y, n, gradient);
+    for (int64_t t = 0; t < n; t++) {
+        row.g[t] = 0.0;
+        for (int64_t j = 0; j <= 1 + unit; j++) {
+            row.g[t] -= gradient[j] * pose->by_z[j * n + t];
+        }
+    }
+    row.g[n] = 0.0;
+    for (int64_t j = 0; j <= 1 + unit; j++) {
+        row.g[n] -= gradient[j] * pose->by_kappa[j];
+    }
+    *row.h = contact->gap - margin;
+}
+
+/* Write rows begin <= number < end of stage i that never bind: g = 0, h = clear > 0. */
+static void never_bind(const struct hdv_program *program, int64_t i, int64_t begin, int64_t end, double clear) {
+    int64_t n = program->shape.states;
+    for (int64_t number = begin; number < end; number++) {
+        struct row row = row_at(program->rows, n, program->shape.rows, i, number);
+        for (int64_t j = 0; j < n; j++) {
+            row.g[j] = 0.0;
+        }
+        *row.h = clear;
+    }
+}
+
+/* A gap as it may have been a step before: smaller by that step where it lies along the body's way. */
+static double gap_before(const struct hdv_contact *contact, const struct hdv_pose *pose, double step) {
+    double along = contact->along_x * pose->cos + contact->along_y * pose->sin;
+    return fabs(along) > ALONG ? contact->gap - step : contact->gap;
+}
+
+/* The smallest gap among contacts, and to walls across the street, as they may have been a step before. */
+static double least_of(const struct hdv_contacts *found, const struct hdv_pose *pose, double step) {
+    double least = INFINITY;
+    for (int side = 0; side < 2; side++) {
+        double own = smaller(found->at[side][0].gap, found->at[side][HDV_SECTIONS - 1].gap);
+        for (int section = 0; section < HDV_SECTIONS; section++) {
+            least = smaller(least, gap_before(&found->at[side][section], pose, step));
+        }
+        least = found->near[side] < own ? smaller(least, found->near[side] - step) : least;
+    }
+    return least;
+}
+
+/* What is tightest of a body at a stage, and before it; its overhangs at the stage. */
+struct looked {
+    struct tightest at[2][HDV_SECTIONS], overhang[2][2];
+    double near[2]; /* walls across the street included [m] */
+};
+
+/* Look at a body before a stage, and keep what is tighter; return the least gap. */
+static double
+look_before(struct stage_scene *at, int64_t unit, int number, const struct some_pieces *among, struct looked *found) {
+    struct hdv_contacts seen;
+    if (!at->before[number].known) {
+        see_before(at, number);
+    }
+    const struct before *before = &at->before[number];
+    const struct hdv_unit *body = &at->scene->units[unit];
+    look_at_body(
+        at->own->street, among, HDV_TO_PLAN, body, &before->poses[unit], before->road.s, at->own->behind[unit], &seen
+    );
+    for (int side = 0; side < 2; side++) {
+        for (int section = 0; section < HDV_SECTIONS; section++) {
+            if (seen.at[side][section].gap < found->at[side][section].contact.gap) {
+                found->at[side][section] = (struct tightest){seen.at[side][section], number};
+            }
+        }
+        found->near[side] = smaller(found->near[side], seen.near[side]);
+    }
+    return least_of(&seen, &before->poses[unit], 0.0);
+}
+
+/* Look at a body at a stage and, where it is near a kerb, before it; the tightest contacts of both sides. */
+static void look_at_unit(struct stage_scene *at, int64_t unit, struct looked *found) {
+    const struct hdv_limits *own = at->own;
+    const struct hdv_unit *body = &at->scene->units[unit];
+    struct hdv_contacts seen;
+    const struct hdv_pose *pose = &at->before[0].poses[unit];
+    double s = at->before[0].road.s, end = own->street->end;
+    look_at_body(own->street, NULL, HDV_TO_PLAN, body, pose, s, own->behind[unit], &seen);
+    for (int side = 0; side < 2; side++) {
+        for (int section = 0; section < HDV_SECTIONS; section++) {
+            found->at[side][section] = (struct tightest){seen.at[side][section], 0};
+        }
+        for (int end = 0; end < 2; end++) {
+            found->overhang[side][end] = (struct tightest){seen.overhang[side][end], 0};
+        }
+        found->near[side] = seen.near[side];
+    }
+    if (!is_fine(at)) {
+        return;
+    }
+    double least = least_of(&seen, pose, at->scene->step) - own->clearance;
+    if (s > end && s - at->scene->step < end) { /* before the road's end more counts than beyond it */
+        least = 0.0;
+    }
+    if (least > NEAR_M) {
+        return;
+    }
+    struct some_pieces near;
+    pieces_near(own->street, body, pose, s, own->behind[unit], own->clearance + AMONG_M + at->scene->step, &near);
+    const struct some_pieces *among = near.count < 0 || least < -AMONG_M ? NULL : &near; /* far beyond a kerb, all */
+    for (int round = 0; round < 2 && least <= (round == 0 ? NEAR_M : NEARER_M);
+         round++) { /* every other one, the others */
+        for (int number = 2 - round; number < HDV_BETWEEN; number += 2) {
+            least = smaller(least, look_before(at, unit, number, among, found) - own->clearance);
+        }
+    }
+}
+
+/* Write the rows of several contacts; return the least gap. */
+static double
+write_rows(struct stage_scene *at, int64_t unit, const struct tightest *found, int count, double margin, int64_t row) {
+    double least = FAR_M;
+    for (int number = 0; number < count; number++) {
+        least = smaller(least, found[number].contact.gap);
+        if (found[number].contact.piece < 0) {
+            never_bind(&at->scene->program, at->stage, row + number, row + number + 1, HDV_CLEAR_M);
+        } else {
+            write_row(at, unit, &found[number], margin, row + number);
+        }
+    }
+    return least;
+}
+
+/* Write the rows of one side of a body, and what is known of it. */
+static void write_side(
+    struct stage_scene *at, int64_t unit, const struct looked *found, int side, int64_t row, struct hdv_edge *edge
+) {
+    double margin = at->scene->road[at->stage].margin + at->own->clearance;
+    double gap = write_rows(at, unit, found->at[side], HDV_ROWS_PER_SIDE, margin, row);
+    edge->clear = edge->gap = smaller(gap, found->near[side]);
+    if (at->own->rows > 2 * HDV_ROWS_PER_SIDE * at->scene->unit_count) {
+        double room = write_rows(at, unit, found->overhang[side], 2, 0.0, row + HDV_ROWS_PER_SIDE);
+        edge->clear = smaller(edge->clear, room);
+    }
+    edge->looked = is_fine(at) ? LOOKED_FINELY : LOOKED;
+    edge->never = edge->moved = 0.0;
+}
+
+/* Whether a side's rows are none, or those of another motion, or of stations alone. */
+static int is_stale(const struct hdv_edge *edge, double clearance, int fine) {
+    return edge->looked < (fine ? LOOKED_FINELY : LOOKED) || edge->never > 0.0 ||
+           edge->moved > larger(DRIFT_M, DRIFT * fabs(edge->gap - clearance));
+}
+
+/* Bring what is known of both sides of one body up to date, and write their rows. */
+static void write_unit(struct stage_scene *at, int64_t unit, double *live) {
+    const struct hdv_limits *own = at->own;
+    const struct hdv_scene *scene = at->scene;
+    struct hdv_edge *edges = own->edges + 2 * ((scene->at + at->stage) * scene->unit_count + unit);
+    double margin = scene->road[at->stage].margin + own->clearance;
+    int64_t each = own->rows / (2 * scene->unit_count), row = own->row + 2 * unit * each, binding = scene->binding;
+    int stale = 0;
+    for (int side = 0; side < 2; side++) {
+        stale =
+            stale || (!is_clear(&edges[side], margin, binding) && is_stale(&edges[side], own->clearance, is_fine(at)));
+    }
+    if (stale) {
+        struct looked found;
+        if (!at->before[0].known) {
+            see_stage(at);
+        }
+        look_at_unit(at, unit, &found);
+        for (int side = 0; side < 2; side++) {
+            write_side(at, unit, &found, side, row + side * each, &edges[side]);
+        }
+    }
+    for (int side = 0; side < 2; side++) {
+        if (!is_clear(&edges[side], margin, binding)) {
+            *live = 1.0;
+        } else if (edges[side].never == 0.0) {
+            never_bind(
+                &scene->program, at->stage, row + side * each, row + (side + 1) * each, edges[side].clear - margin
+            );
+            edges[side].never = 1.0;
+        }
+    }
+}
+
+/* The gap of one side of a body: as its rows say, which follow the motion; where it has none, what is known at least.
+ */
+static double gap_of(const struct hdv_limits *own, const struct hdv_scene *scene, int64_t i, int64_t number) {
+    const struct hdv_program *program = &scene->program;
+    const struct hdv_edge *edge = own->edges + 2 * (scene->at + i) * scene->unit_count + number;
+    int64_t each = own->rows / (2 * scene->unit_count);
+    if (edge->looked == 0.0 || edge->never > 0.0) {
+        return edge->gap;
+    }
+    double least = INFINITY;
+    for (int64_t row = own->row + number * each; row < own->row + number * each + HDV_ROWS_PER_SIDE; row++) {
+        least = smaller(least, *row_at(program->rows, program->shape.states, program->shape.rows, i, row).h);
+    }
+    return least + scene->road[i].margin + own->clearance;
+}
+
+/* Write the rows g dx <= h of the tightest contacts of every body at stages i >= begin >= 1; the first state is given.
+ */
 int64_t hdv_linearise_limits(void *data, const struct hdv_scene *scene, int64_t begin, int64_t fresh) {
     struct hdv_limits *own = data;
     struct hdv_shape shape = scene->program.shape;
     int64_t edges = 2 * scene->unit_count;
+    struct stage_scene at = {.own = own, .scene = scene};
     for (int64_t i = begin; i <= shape.stages; i++) {
-        const double *z = state_at(scene->motion, scene->states, i);
         if (fresh) {
-            begin_stage(own, scene, i, z);
+            begin_stage(own, scene, i);
+        } else {
+            follow(own, scene, i);
         }
-        double moved = moved_since(own, scene, i, z);
-        /* the feet of an edge that was looked at have met other limits */
-        double slid = moved > 0.0 && scene->road[i].varies > 0.0 ? INFINITY : moved;
         double *live = stage_at(scene->program.stages, shape.states, shape.inputs, shape.bounded, i).live;
+        at.stage = i;
+        for (int number = 0; number < HDV_BETWEEN; number++) {
+            at.before[number].known = 0;
+        }
         for (int64_t unit = 0; unit < scene->unit_count; unit++) {
-            if (!write_unit(own, scene, i, unit, moved, slid, live)) {
-                return i;
-            }
+            write_unit(&at, unit, live);
         }
     }
     own->violation = 0.0;
-    const struct hdv_edge *seen = own->edges + (scene->at + 1) * edges;
-    for (int64_t edge = 0; edge < shape.stages * edges; edge++) {
-        own->violation = larger(own->violation, -seen[edge].gap);
+    for (int64_t i = 1; i <= shape.stages; i++) {
+        for (int64_t edge = 0; edge < edges; edge++) {
+            own->violation = larger(own->violation, -gap_of(own, scene, i, edge));
+        }
     }
     return -1;
 }

@@ -132,7 +132,7 @@ static int fits_here(const struct hdv_outline *outline, const struct hdv_around 
 int64_t hdv_fits(const struct hdv_outline *outline, const struct hdv_frame *frame, struct hdv_around *around) {
     for (int64_t i = 0; i < frame->stations; i++) {
         around_at(around, frame, i);
-        if (!fits_here(outline, around)) {
+        if (!is_empty(around->near) && !fits_here(outline, around)) {
             return i;
         }
     }

@@ -8,18 +8,22 @@
 
 #include "hdvplan.h"
 #include "intervals.h"
+#include "street.h"
 
 enum { HDV_FREE_INTERVALS = 6, HDV_SIDES = 16 }; /* free intervals stored for one place; sides of a polygon */
 #define HDV_BIN_M 0.1                            /* of u, ahead of the axle */
 #define HDV_ROUNDING 1e-9                        /* of coordinates [m] */
 
-/* What lies beside a stretch of road in the plane; quadrilaterals in order of s. */
+/* The street along a stretch of road in the plane: a row of areas between its kerbs, each from one cap to the next. */
 struct hdv_beside {
-    const double *quads;   /* (2, quad_count, 4, 2): for wheels, and for whole bodies [m] */
-    const double *s;       /* (quad_count + 1,), arclengths of the normals [m] */
-    const double *blocked; /* (blocked_count, 3, 2), triangles of obstacles [m] */
-    const double *corners; /* (corner_count, 2), of obstacles [m] */
-    int64_t quad_count, blocked_count, corner_count;
+    const double *areas;            /* (begin[2 stretches], 3, 2), triangles of the areas [m] */
+    const int64_t *begin;           /* (2 stretches + 1,), the first triangle of every area: for wheels, for bodies */
+    const double *caps;             /* (2, stretches + 1, 2, 2), where caps end on the left and on the right kerb [m] */
+    const struct hdv_street *kerbs; /* those of bodies */
+    const double *blocked;          /* (blocked_count, 3, 2), triangles of obstacles [m] */
+    const double *corners; /* (corner_count, 2), of obstacles, and of kerbs that protrude into the street [m] */
+    double first, stretch; /* the line's arclength at the first cap, and from cap to cap [m] */
+    int64_t stretches, blocked_count, corner_count;
 };
 
 /* The road's points at the stations of a proof. */
@@ -44,10 +48,10 @@ struct hdv_line {
     double of_low, of_high; /* slopes */
 };
 
-/* A quadrilateral or triangle in the road's frame at one station; and where it meets one bin: over all of it, at its
- * first line and at its last. Empty intervals are infinite. */
+/* A triangle in the road's frame at one station; and where it meets one bin: over all of it, at its first line and at
+ * its last. Empty intervals are infinite. */
 struct hdv_shape_near {
-    double u[4], v[4];
+    double u[3], v[3];
     struct interval extent; /* of u */
     struct interval whole, first, last;
 };
@@ -61,12 +65,12 @@ struct hdv_around {
     int64_t bins;           /* of u: bin n begins at (n - bins / 2) HDV_BIN_M */
     int64_t *free;          /* (2, bins), how many intervals a bin has, by regions */
     struct hdv_line *lines; /* (2, bins, HDV_FREE_INTERVALS) */
-    double *corners;        /* (corner_count, 2), of obstacles near by; corners_near of them */
+    double *corners;        /* (corner_count, 2), those near by; corners_near of them */
     int64_t corners_near;
-    struct interval near;              /* offsets between which the axle can stand on its own normal [m] */
-    struct hdv_shape_near *quads;      /* (quad_count,) memory */
+    struct interval near; /* offsets between which the axle crosses the normal [m]; empty where nothing is known */
+    struct hdv_shape_near *areas;      /* (begin[2 stretches],) memory */
     struct hdv_shape_near *triangles;  /* (blocked_count,) memory */
-    const struct hdv_shape_near **met; /* (quad_count,) memory: the quadrilaterals that meet one bin */
+    const struct hdv_shape_near **met; /* (begin[2 stretches],) memory: the triangles that meet one bin */
 };
 
 /* A body's poses in the road's frame but for its offset e: its heading is turned off the road's within spread, its
@@ -103,6 +107,8 @@ struct chord_frame {
     double cos, sin;      /* of the turn */
 };
 
+int is_empty(struct interval one);
+int follows(const struct hdv_frame *frame, int64_t i, struct interval former, struct interval near);
 void around_at(struct hdv_around *around, const struct hdv_frame *frame, int64_t i);
 int64_t trim(
     const struct hdv_outline *outline, struct loose_pose pose, const struct hdv_around *around, struct interval *pieces,

@@ -4,7 +4,12 @@
 #define HDVPLAN_REACH_H
 
 #include "hdvplan.h"
-#include "limits.h"
+
+/* A sampled point of a body's edge. */
+struct hdv_edge_point {
+    double ahead;     /* of the unit's axle [m] */
+    int64_t overhang; /* 1 where it belongs to an overhang */
+};
 
 /* The term. t is one state more, which the first stage's last input sets and all others keep. */
 struct hdv_reach {

@@ -196,10 +196,15 @@ void hdv_reachable(
     reached->empty = reached->open = -1;
     for (int64_t i = 0; i < frame->stations; i++) {
         struct hdv_cells *now = &memory[i % 2];
-        int fresh = i == 0 || reached->open == i - 1;
+        struct interval former = around->near;
+        around_at(around, frame, i);
+        if (is_empty(around->near)) {
+            reached->open = i;
+            continue;
+        }
+        int fresh = reached->open == i - 1 || !follows(frame, i, former, around->near);
         double heading = frame->heading[i], widest = fresh ? RIGHT_ANGLE : WIDEST;
         int64_t middle = whole((heading - grid->first) / grid->size, 0, grid->cells);
-        around_at(around, frame, i);
         span.lowest = whole(floor((heading - widest - grid->first) / grid->size), 0, grid->cells);
         span.highest = whole(ceil((heading + widest - grid->first) / grid->size), 0, grid->cells);
         if (fresh) {

@@ -353,13 +353,18 @@ void hdv_reachable_with_trailer(
     for (int64_t i = 0; i < frame->stations; i++) {
         struct hdv_polygons *now = &memory[i % 2];
         double heading = frame->heading[i];
+        struct interval former = around->near;
         around_at(around, frame, i);
+        if (is_empty(around->near)) {
+            reached->open = i;
+            continue;
+        }
         span.lowest = whole(ceil((heading - SIDEWAYS - grid->first) / grid->size) - 1.0, 0, grid->cells);
         span.highest = whole(floor((heading + SIDEWAYS - grid->first) / grid->size) + 1.0, 0, grid->cells);
-        if (i == 0) {
-            fill_polygons(&follow, widest, &span, now);
-        } else {
+        if (follows(frame, i, former, around->near)) {
             reach_next(&follow, i, &memory[(i + 1) % 2], &span, now);
+        } else {
+            fill_polygons(&follow, widest, &span, now);
         }
         trim_polygons(&follow, widest, i, now, &span, reached);
         if (reached->filled[i] == 0) {

@@ -1,4 +1,4 @@
-/* Bounds by which a body is clear of all limits: from the state alone, or from a few points of its axis. */
+/* A bound by which all bodies are clear of the kerbs, from the state alone. */
 #include "screening.h"
 
 #include <math.h>
@@ -80,34 +80,4 @@ double clear_by_state(const struct hdv_unit *units, int64_t count, const struct 
         }
     }
     return clearance;
-}
-
-/* Lower bounds of a body's clearance left and right from a few points of its axis; feet is warm start and result.
- * Along a straight line the offset obeys e'' = -cos^2 k / (1 - k e): between points it lies within k l^2 / 8 (1 - k e)
- * of their chord, to the left in a left bend and to the right in a right one. */
-struct clearance clear_by_axis(
-    const struct hdv_unit *unit, const double *axis, const struct hdv_curve *curve, const struct hdv_station *at,
-    const struct hdv_pose *pose, double *feet
-) {
-    double high = -INFINITY, low = INFINITY, longest = 0.0;
-    for (int point = 0; point < HDV_AXIS_POINTS; point++) {
-        struct plane_point place = body_point(pose, axis[point], 0.0);
-        struct foot foot = project(curve, place.x, place.y, feet[point], PLANNING_STEP_M);
-        feet[point] = foot.s;
-        if (isnan(foot.offset)) {
-            return (struct clearance){NAN, NAN};
-        }
-        high = larger(high, foot.offset);
-        low = smaller(low, foot.offset);
-        longest = point > 0 ? larger(longest, axis[point] - axis[point - 1]) : longest;
-    }
-    double half = unit->half_width, reach = larger(high, -low) + 2.0 * half;
-    double left = larger(at->k_high, 0.0), right = larger(-at->k_low, 0.0);
-    if (larger(left, right) * reach >
-        BULGING) { /* too close to the centre of curvature for the bound to be worth anything */
-        return (struct clearance){-INFINITY, -INFINITY};
-    }
-    double bulge_left = 0.125 * longest * longest * left / (1.0 - left * reach);
-    double bulge_right = 0.125 * longest * longest * right / (1.0 - right * reach);
-    return (struct clearance){at->room_left - high - half - bulge_left, at->room_right + low - half - bulge_right};
 }

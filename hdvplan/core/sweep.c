@@ -49,25 +49,26 @@ HDV_INLINE void move_feet(
     }
 }
 
-/* Finds the feet that are still missing, each from its neighbour, the first from arclength near; returns whether all
- * have one. */
-HDV_INLINE int search(
+/* Finds the feet that are still missing, each from its neighbour, the first from arclength near. Where a point lies
+ * beyond the road's centre of curvature, no foot of that body tells: offsets are NaN, which widen nothing. */
+HDV_INLINE void search(
     const struct hdv_curve *curve, const struct hdv_pose *pose, int64_t points, const double *outline,
     struct track *tracks, double near
 ) {
-    for (int64_t i = 0; i < points; i++) {
+    double last = near;
+    for (int64_t i = 0; i < points && !isnan(last); i++) {
         if (isnan(tracks[i].offset)) {
             struct plane_point point = body_point(pose, outline[2 * i], outline[2 * i + 1]);
-            struct foot foot = project(curve, point.x, point.y, near, LAST_STEP_M);
+            struct foot foot = project(curve, point.x, point.y, last, LAST_STEP_M);
             tracks[i].s = foot.s;
             tracks[i].offset = foot.offset;
-            if (isnan(foot.offset)) {
-                return 0;
-            }
         }
-        near = tracks[i].s;
+        last = isnan(tracks[i].offset) ? NAN : tracks[i].s;
     }
-    return 1;
+    for (int64_t i = 0; i < points && isnan(last); i++) {
+        tracks[i].s = near;
+        tracks[i].offset = NAN;
+    }
 }
 
 /* Widens an envelope by a straight piece in the (s, offset) plane, from (s_low, e_low) to (s_high, e_high) with s_low
@@ -109,7 +110,7 @@ HDV_INLINE void widen(const struct envelope *envelope, int64_t points, const str
     }
 }
 
-int64_t hdv_sweep(
+void hdv_sweep(
     const struct hdv_unit *units, int64_t count, int64_t n, const struct hdv_curve *curve, int64_t poses,
     const double *s, const double *z, int64_t points, const double *outlines, struct track *tracks, int64_t stations,
     double s_first, double spacing, double *low, double *high
@@ -126,12 +127,9 @@ int64_t hdv_sweep(
             const double *outline = outlines + unit * points * 2;
             struct track *own = tracks + unit * points;
             move_feet(curve, placed + unit, points, outline, own, i > 1);
-            if (!search(curve, placed + unit, points, outline, own, s[i] - behind + outline[0])) {
-                return i;
-            }
+            search(curve, placed + unit, points, outline, own, s[i] - behind + outline[0]);
             struct envelope envelope = {stations, s_first, spacing, low + unit * stations, high + unit * stations};
             widen(&envelope, points, own, i > 0);
         }
     }
-    return -1;
 }

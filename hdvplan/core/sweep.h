@@ -15,9 +15,8 @@ struct track {
  * (count, stations), which come in as infinity and minus infinity [m].
  *
  * A vehicle of count units was in states z (poses, n) at arclengths s (poses,). outlines (count, points, 2) are ahead
- * of a unit's axle and left of its axis; tracks (count, points) is memory, zero at first. Returns a pose with a point
- * that has no foot, or -1. */
-HDV_EXPORT int64_t hdv_sweep(
+ * of a unit's axle and left of its axis; tracks (count, points) is memory, zero at first. */
+HDV_EXPORT void hdv_sweep(
     const struct hdv_unit *units, int64_t count, int64_t n, const struct hdv_curve *curve, int64_t poses,
     const double *s, const double *z, int64_t points, const double *outlines, struct track *tracks, int64_t stations,
     double s_first, double spacing, double *low, double *high

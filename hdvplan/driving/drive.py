@@ -10,7 +10,7 @@ import numpy as np
 from hdvplan.arrays import FloatArray
 from hdvplan.centring.weights import CentringTable
 from hdvplan.driving.simulate import simulate
-from hdvplan.driving.start import Start, approach_to, lies_beside, start_of
+from hdvplan.driving.start import Start, approach_to, kept_start, lies_beside, start_of
 from hdvplan.errors import PlanError, RoadError
 from hdvplan.planning.bias import NONE, Bias
 from hdvplan.planning.objectives import Goal, Objective
@@ -40,6 +40,7 @@ class Drive:
     kappa: FloatArray  # (samples - 1,), executed curvature [1/m]
     poses_s: FloatArray  # (poses,), arclengths of the finer simulated states [m]
     poses_z: FloatArray  # (poses, n)
+    poses_kappa: FloatArray  # (poses - 1,), held from each pose to the next [1/m]
     plans: tuple[Plan, ...]
     prediction_error: float  # largest difference of planned and simulated position over the executed parts [m]
     bias: Bias = NONE  # where the middle of the swept envelope was wanted
@@ -89,7 +90,7 @@ def ready(
     begin = start_of(stations, vehicle)
     if not lies_beside(stations.path, vehicle, begin.z):
         begin = _arrived(road, vehicle, objective, make_workspace, settings, bias)
-    return stations, begin
+    return stations, kept_start(stations, vehicle, begin, settings.clearance - settings.give_way)
 
 
 def _driven(
@@ -119,10 +120,10 @@ def _driven(
             on_progress(at / total)
     leaving = slice(count, count + int(np.ceil(vehicle.reach_behind / settings.step)))
     fine.append(_executed(vehicle, stations, plan, leaving, z, keep)[1:])
-    poses = np.concatenate(fine)
+    poses, held = np.concatenate(fine), np.repeat(np.concatenate([*executed, plan.kappa[leaving]]), keep)
     poses_s = settings.step / keep * np.arange(len(poses), dtype=np.float64)
     return Drive(
-        road, vehicle, settings, stations, goal, poses[: keep * total + 1 : keep], np.concatenate(executed), poses_s, poses,
+        road, vehicle, settings, stations, goal, poses[: keep * total + 1 : keep], np.concatenate(executed), poses_s, poses, held,
         tuple(plans), error, bias,
     )  # fmt: skip
 
@@ -140,7 +141,7 @@ def _executed(vehicle: Vehicle, stations: Stations, plan: Plan, part: slice, z: 
     if not np.all(np.isfinite(states)):
         s = begin + step / keep * float(np.argmin(np.isfinite(states[:, 0])))
         msg = f"at s = {s:.1f} m the executed motion leaves the road-aligned model's domain"
-        raise PlanError(msg, s_m=s)
+        raise PlanError(msg, s_m=s, hint="smooth the road more (--smooth): the line bends too tightly for the room beside it")
     return states
 
 

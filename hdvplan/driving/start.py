@@ -11,16 +11,23 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+import scipy  # its subpackages load when they are first used
 
 from hdvplan.arrays import FloatArray
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations
+from hdvplan.road.part import part_of
 from hdvplan.road.path import ReferencePath, evaluate_many, project_many
 from hdvplan.road.road import Road
+from hdvplan.road.street import look
 from hdvplan.vehicle.body import axles_behind
 from hdvplan.vehicle.kinematics import place_many
 from hdvplan.vehicle.model import Vehicle
 
+_MOVES = 5  # of a start, until it is kept
+_NEAR_M = 0.2  # contacts with so much room bear on a move, too
+_INSIDE_M = 1e-3  # what a move may miss, for gaps are not straight
+_PROBE_M = 1e-6  # of a derivative
 _SPACING_M = 0.25  # of the places on a body's edges that are looked at
 _STRAIGHT_M = 20.0  # of continuation before the vehicle's length: its curvature has faded there
 _ROOM_M = 20.0  # of path beyond the vehicle and its horizon
@@ -39,6 +46,38 @@ def start_of(stations: Stations, vehicle: Vehicle) -> Start:
     return Start(geometry.states[0], float(np.clip(geometry.kappa[0], -vehicle.max_curvature, vehicle.max_curvature)))
 
 
+def kept_start(stations: Stations, vehicle: Vehicle, begin: Start, clearance: float) -> Start:
+    """Return a start moved as little as it takes for all bodies to stand within the street; the start itself where that is not found."""
+    if stations.street is None:
+        return begin
+    z = begin.z
+    metres = np.array([1.0, *[vehicle.reach_ahead + vehicle.reach_behind] * vehicle.rigid_states][: len(z)])  # that a body moves, about
+    for _ in range(_MOVES):
+        gaps = _gaps(stations, vehicle, z[None])[0]
+        if np.min(gaps, initial=np.inf) >= clearance:
+            return begin._replace(z=z)
+        near = np.flatnonzero(gaps < clearance + _NEAR_M)
+        changed = _gaps(stations, vehicle, z + np.diag(_PROBE_M / metres))[:, near]
+        rows, lacking = (changed - gaps[near]).T / _PROBE_M, clearance + _INSIDE_M - gaps[near]
+        # Least-distance programming (Lawson and Hanson 1974, chapter 23): the shortest move for which rows @ move >= lacking.
+        wanted = np.append(np.zeros(len(z)), 1.0)
+        solution, rest = scipy.optimize.nnls(np.vstack([rows.T, lacking]), wanted)
+        if rest < _PROBE_M:
+            return begin
+        residual = wanted - np.vstack([rows.T, lacking]) @ solution
+        z = z - residual[:-1] / residual[-1] / metres
+    return begin
+
+
+def _gaps(stations: Stations, vehicle: Vehicle, z: FloatArray) -> FloatArray:
+    """Return the gaps of all bodies' contacts in states ``z`` (k, states) at s = 0, (k, contacts) [m]; see ``look``."""
+    points = np.tile(evaluate_many(stations.path, np.zeros(1)), (1, len(z)))
+    assert stations.street is not None  # noqa: S101 - for the type checker: who asks has one
+    poses, s = place_many(vehicle.table(), points, z), np.zeros(len(z))
+    found: FloatArray = look(stations.street, vehicle.table(), axles_behind(vehicle), s, poses)["gap"]
+    return found.reshape(len(z), -1)
+
+
 def lies_beside(path: ReferencePath, vehicle: Vehicle, z: FloatArray) -> bool:
     """Tell whether all bodies of a vehicle in state ``z`` at s = 0 lie beside the path: every point of their edges has a foot on it."""
     poses = place_many(vehicle.table(), evaluate_many(path, np.zeros(1)), z[None])[0]
@@ -54,8 +93,5 @@ def lies_beside(path: ReferencePath, vehicle: Vehicle, z: FloatArray) -> bool:
 def approach_to(road: Road, vehicle: Vehicle, settings: PlannerSettings) -> Road:
     """Return the continuation before a road's start as a separate road, on which the whole vehicle begins behind the bend."""
     length = settings.replan * float(np.ceil((vehicle.reach_ahead + vehicle.reach_behind + _STRAIGHT_M) / settings.replan))
-    path = road.path.stretch(-length, 0.0, vehicle.reach_behind + _ROOM_M, settings.horizon + vehicle.reach_ahead + _ROOM_M)
-    if road.limits is None:
-        return Road(road.name, path)
-    limits = road.limits.along(road.path, path.s_first - length, path.s_last - length)
-    return Road(road.name, path, replace(limits, s=limits.s + length))
+    part = part_of(road, -length, 0.0, vehicle.reach_behind + _ROOM_M, settings.horizon + vehicle.reach_ahead + _ROOM_M)
+    return replace(part, regions=(), faces=None)

@@ -16,10 +16,15 @@ def placed(drive: Drive, numbers: IntArray) -> Records:
     return place_many(drive.vehicle.table(), points, drive.poses_z[numbers])
 
 
-def corners(drive: Drive, numbers: IntArray) -> FloatArray:
-    """Return the corners of every body at the simulated poses of the given ``numbers``, shape (poses, units, 4, 2), x, y [m]."""
+def corners(drive: Drive, numbers: IntArray, *, axles_only: bool = False) -> FloatArray:
+    """Return the corners of every body at the simulated poses of the given ``numbers``, shape (poses, units, 4, 2), x, y [m].
+
+    ``axles_only`` leaves the overhangs out.
+    """
     units, poses = drive.vehicle.table(), placed(drive, numbers)[..., None]
-    along = np.stack([units["front"], units["front"], -units["rear_overhang"], -units["rear_overhang"]], axis=1)
+    front = np.minimum(units["wheelbase"], units["front"]) if axles_only else units["front"]
+    rear = np.zeros(len(units)) if axles_only else -units["rear_overhang"]
+    along = np.stack([front, front, rear, rear], axis=1)
     across = units["half_width"][:, None] * np.array([1.0, -1.0, -1.0, 1.0])
     x = poses["x"] + along * poses["cos"] - across * poses["sin"]
     return np.stack([x, poses["y"] + along * poses["sin"] + across * poses["cos"]], axis=-1)

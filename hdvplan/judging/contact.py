@@ -15,14 +15,14 @@ _NEAR_M = 0.2  # a place this near to a corner or an axle bears its name
 _ROOM_M = 3.0  # a body askew reaches a place from poses this much further off than its length
 
 
-def contact(drive: Drive, unit: int, side: str, s: float, *, axles_only: bool) -> str:
+def contact(drive: Drive, unit: int, side: str, s: float) -> str:
     """Return the part of body ``unit`` that reaches furthest to ``side`` at arclength ``s`` [m], as executed.
 
     One of "front corner", "front overhang", "front axle", "side between the axles", "rear axle", "rear overhang", "rear corner". The front
-    "axle" of a trailer is its coupling. ``axles_only`` looks at the part between them.
+    "axle" of a trailer is its coupling.
     """
     body = drive.vehicle.units[unit]
-    front, rear = (min(body.wheelbase, body.front), 0.0) if axles_only else (body.front, -body.rear_overhang)
+    front, rear = body.front, -body.rear_overhang
     ahead = np.linspace(rear, front, int(np.ceil((front - rear) / _SPACING_M)) + 1)
     across = 0.5 * body.width * (1.0 if side == "left" else -1.0)
     lap = drive.road.path.length

@@ -14,14 +14,13 @@ import numpy as np
 from hdvplan import core
 from hdvplan.arrays import FloatArray, Records
 from hdvplan.driving.drive import Drive
-from hdvplan.errors import PlanError
 from hdvplan.road.path import ReferencePath
 
 SPACING_M = 0.25  # of outline points and of the envelope's stations
 
 _core_sweep = core.function(
     "hdv_sweep", core.POINTER, core.INT, core.INT, core.POINTER, core.INT, core.POINTER, core.POINTER, core.INT, core.POINTER,
-    core.POINTER, core.INT, core.REAL, core.REAL, core.POINTER, core.POINTER, returns=core.INT,
+    core.POINTER, core.INT, core.REAL, core.REAL, core.POINTER, core.POINTER,
 )  # fmt: skip
 
 
@@ -49,11 +48,8 @@ class Envelope:
 def envelope_of(drive: Drive, *, axles_only: bool = False) -> Envelope:
     """Measure the envelope of an executed drive over 0 <= s <= the road's length, where a closed road has what lies beyond either end.
 
-    ``axles_only`` measures the part between each unit's first and last axle, which must stay on the drivable region.
-
-    Raises:
-        PlanError: a body reached beyond the road's centre of curvature.
-
+    ``axles_only`` measures the part between each unit's first and last axle, which must stay on the drivable region. A body that
+    reaches beyond the road's centre of curvature lies beside no arclength there, and is left out.
     """
     path, units = drive.stations.path, drive.vehicle.table()
     length, closed = drive.road.path.length, drive.road.path.closed
@@ -61,11 +57,7 @@ def envelope_of(drive: Drive, *, axles_only: bool = False) -> Envelope:
     behind, ahead = drive.vehicle.reach_behind, drive.vehicle.reach_ahead
     before, beyond = (int(np.ceil(reach / SPACING_M)) if closed else 0 for reach in (behind, ahead + behind))
     stations = SPACING_M * np.arange(-before, count + beyond, dtype=np.float64)
-    low, high, lost = _sweep(units, _outlines(units, axles_only=axles_only), path, drive.poses_s, drive.poses_z, stations)
-    if lost >= 0:
-        s = float(drive.poses_s[lost])
-        msg = f"at s = {s:.1f} m a body reaches beyond the road's centre of curvature"
-        raise PlanError(msg, s_m=s)
+    low, high = _sweep(units, _outlines(units, axles_only=axles_only), path, drive.poses_s, drive.poses_z, stations)
     left, right = np.where(np.isfinite(high), high, np.nan), np.where(np.isfinite(low), low, np.nan)
     own = slice(before, before + count)
     for reach, pick in ((left, np.fmax), (right, np.fmin)):
@@ -92,14 +84,14 @@ def _outlines(units: Records, *, axles_only: bool) -> FloatArray:
 
 def _sweep(
     units: Records, outlines: FloatArray, path: ReferencePath, s: FloatArray, z: FloatArray, stations: FloatArray
-) -> tuple[FloatArray, FloatArray, int]:
-    """Return lowest and highest offset per unit and station (infinite where never), and a pose without foot or -1."""
+) -> tuple[FloatArray, FloatArray]:
+    """Return lowest and highest offset per unit and station, infinite where never."""
     s, z = np.ascontiguousarray(s), np.ascontiguousarray(z)
     count, points = outlines.shape[:2]
     low, high = np.full((count, len(stations)), np.inf), np.full((count, len(stations)), -np.inf)
     tracks = np.zeros((count, points, 5))
-    lost = _core_sweep(
+    _core_sweep(
         core.address(units), count, z.shape[1], core.address(path.record), len(s), core.address(s), core.address(z), points,
         core.address(outlines), core.address(tracks), len(stations), stations[0], SPACING_M, core.address(low), core.address(high),
     )  # fmt: skip
-    return low, high, lost
+    return low, high

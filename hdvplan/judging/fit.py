@@ -153,8 +153,8 @@ def needs_of(road: Road, vehicle: Vehicle, s: FloatArray) -> Needs:
     outer, inner = swept_band(vehicle, kappa)
     outer_axle, inner_axle = swept_band(vehicle, kappa, axles_only=True)
     room = drivable = None
-    if road.limits is not None:
-        left, right, left_sweep, right_sweep = road.limits.table(s)
+    if road.passable is not None:
+        left, right, left_sweep, right_sweep = road.passable.table(s)
         outside_right, outside_left = left - right_sweep, left_sweep - right
         room = np.where(curvature > 0.0, outside_right, np.where(curvature < 0.0, outside_left, np.maximum(outside_left, outside_right)))
         drivable = left - right
@@ -167,7 +167,7 @@ def fit_table(road: Road, vehicles: list[Vehicle]) -> pd.DataFrame:
 
     s = _stations(road)
     none = np.full((4, len(s)), np.nan)
-    limits = none if road.limits is None else road.limits.table(s)
+    limits = none if road.passable is None else road.passable.table(s)
     columns = {"s": s, "curvature": road.path.at(s).curvature}
     columns |= dict(zip(("left", "right", "left_sweep", "right_sweep"), limits, strict=True))
     return pd.DataFrame(columns | {f"needed_width_{vehicle.name}": needs_of(road, vehicle, s).width for vehicle in vehicles})
@@ -229,16 +229,16 @@ def _stretches(trouble: Trouble, s: FloatArray, bad: BoolArray, available: Float
 def _stations(road: Road) -> FloatArray:
     """Return arclengths for looking: evenly spaced ones, and those where limits change."""
     s = np.linspace(0.0, road.path.length, max(2, int(np.ceil(road.path.length / _SPACING_M)) + 1))
-    if road.limits is None:
+    if road.passable is None:
         return s
-    nodes = road.limits.s
+    nodes = road.passable.s
     return np.union1d(s, nodes[(nodes > 0.0) & (nodes < road.path.length)])
 
 
 def _room(road: Road, s: FloatArray) -> FloatArray | None:
     """Return the distance between the limits that wheels must keep [m], shape (len(s),)."""
-    if road.limits is None:
+    if road.passable is None:
         return None
-    left, right, _, _ = road.limits.table(s)
+    left, right, _, _ = road.passable.table(s)
     room: FloatArray = left - right
     return room

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from hdvplan.arrays import FloatArray, IntArray
 from hdvplan.driving.drive import Drive
+from hdvplan.driving.simulate import simulate
 from hdvplan.judging.bodies import corners, placed
 from hdvplan.judging.contact import part_named
 from hdvplan.road.path import project_many
@@ -18,6 +19,8 @@ from hdvplan.road.regions import Kind, Region
 from hdvplan.vehicle.body import axles_behind
 
 _ROUNDING_M = 1e-6  # of arclengths
+_CLOSE_M = 0.4  # to an obstacle: further than any point of a vehicle moves from one simulated pose to the next
+_APART_M = 0.02  # of poses close to an obstacle: in the tightest bends a corner swings out by as much from one to the next
 _DIGITS = 9  # of depths, which are rounded to compare them [m]
 
 Shapes = NDArray[np.object_]
@@ -42,7 +45,7 @@ class Approach:
 
 
 def approaches(drive: Drive) -> tuple[Approach, ...]:
-    """Return the nearest approach to each obstacle of the road, at the simulated poses (at most 0.25 m apart).
+    """Return the nearest approach to each obstacle of the road, at the simulated poses, and every 2 cm where a body is close to one.
 
     Once the lead axle has left an open road, only what is still on the road counts.
     """
@@ -50,6 +53,7 @@ def approaches(drive: Drive) -> tuple[Approach, ...]:
     if not obstacles:
         return ()
     polygons = np.array([obstacle.polygon for obstacle in obstacles], dtype=object)
+    drive = _closely(drive, polygons)
     outlines = corners(drive, np.arange(len(drive.poses_s)))
     bodies = np.asarray(shapely.polygons(outlines.reshape(-1, 4, 2)))
     leaving = np.repeat(drive.poses_s > _last(drive), outlines.shape[1])
@@ -70,6 +74,27 @@ def approaches(drive: Drive) -> tuple[Approach, ...]:
         span, point = (float(s_from[i]), float(s_to[i])), (float(x[i]), float(y[i]))
         found.append(Approach(obstacle, float(places["distance"][i]), float(s[i]), *span, *point, int(unit[i]), side, part))
     return tuple(found)
+
+
+def _closely(drive: Drive, polygons: Shapes) -> Drive:
+    """Return a drive with more poses between those at which a body is close to one of the polygons."""
+    outlines = corners(drive, np.arange(len(drive.poses_s)))
+    tree = shapely.STRtree(np.asarray(shapely.polygons(outlines.reshape(-1, 4, 2))))
+    close = np.zeros(len(drive.poses_s), bool)
+    close[tree.query(polygons, predicate="dwithin", distance=_CLOSE_M)[1] // outlines.shape[1]] = True
+    spacing, wheels = float(drive.poses_s[1] - drive.poses_s[0]), drive.poses_z[:, drive.vehicle.rigid_states :]
+    count, units, path = int(np.ceil(spacing / _APART_M)), drive.vehicle.table(), drive.stations.path
+    s, z = [drive.poses_s], [drive.poses_z]
+    begun = np.flatnonzero(close[:-1])
+    for stretch in np.split(begun, np.flatnonzero(np.diff(begun) > 1) + 1):
+        if len(stretch):
+            first, last = int(stretch[0]), int(stretch[-1]) + 1
+            begin, kappa = float(drive.poses_s[first]), drive.poses_kappa[first:last]
+            states = simulate(units, path, begin, spacing, drive.poses_z[first], kappa, count, wheels[first : last + 1])
+            z.append(states)
+            s.append(begin + spacing / count * np.arange(len(states), dtype=float))
+    order = np.argsort(np.concatenate(s), kind="stable")
+    return replace(drive, poses_s=np.concatenate(s)[order], poses_z=np.concatenate(z)[order])
 
 
 def _last(drive: Drive) -> float:

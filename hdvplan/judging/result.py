@@ -13,8 +13,9 @@ from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.centring.weights import Centring, CentringTable
 from hdvplan.driving.drive import Drive
-from hdvplan.judging.balance import KEPT_M, Balance, Breach, Gaps, at_corners, balance_of, edges_of, gaps_of, wheel_gaps_of
+from hdvplan.judging.balance import KEPT_M, Balance, Breach, Gaps, balance_of, gaps_of
 from hdvplan.judging.bodies import corners
+from hdvplan.judging.clearance import touches_of
 from hdvplan.judging.envelope import Envelope, envelope_of
 from hdvplan.judging.fit import Fit, fit_of
 from hdvplan.judging.obstacles import Approach
@@ -31,9 +32,10 @@ _PAIR = ("tractor", "trailer")
 
 
 class Attempt(NamedTuple):
-    """A plan of a case with stations a ``step`` apart, and the room that it lacks; both [m], 0 where it lacks none."""
+    """A plan with stations a ``step`` apart and limits that give way, and the room that it lacks, 0 where it fits; all [m]."""
 
     step: float
+    give_way: float
     lacking: float
 
 
@@ -49,7 +51,7 @@ class Result:
     fit: Fit  #: the forecast from stationary circles
     passed: tuple[Passed, ...] = ()  #: the obstacles in order of s, and their sides
     proof: Proof | None = None  #: that nothing keeps the limits; None if none was found or looked for
-    attempts: tuple[Attempt, ...] = ()  #: every plan, if it was planned more than once, with stations nearer together each time
+    attempts: tuple[Attempt, ...] = ()  #: every plan, if it was planned more than once; see ``hdvplan.replanned``
 
     @property
     def solver(self) -> str:
@@ -63,15 +65,8 @@ class Result:
 
     @cached_property
     def gaps(self) -> Gaps:
-        """The room that every body leaves to the limits, (units, n) [m], by side and region; empty without limits."""
-        return gaps_of(self.drive, self.envelope, self.drive.road.limits)
-
-    @cached_property
-    def edge_gaps(self) -> Gaps:
-        """``gaps`` to the road's own edges, corners between stations included; ``approaches`` has the distances to obstacles."""
-        edges = self.drive.road.edges
-        own = self.gaps if edges is None else gaps_of(self.drive, self.envelope, edges)
-        return at_corners(own, self.envelope.s, edges_of(self.drive))
+        """The room that every body leaves to the street's kerbs, (units, n) [m], by side and region; empty without limits."""
+        return gaps_of(self.balance.touches)
 
     @property
     def clearance(self) -> FloatArray | None:
@@ -81,19 +76,18 @@ class Result:
         """
         if not self.gaps or self.balance.min_clearance is None:
             return None
-        least: FloatArray = np.fmin.reduce(np.concatenate([*self.gaps.values(), *self.edge_gaps.values()]), axis=0)
+        least: FloatArray = np.min(np.concatenate([*self.gaps.values()]), axis=0)
         for near in self.approaches:
             if 0.0 <= near.s <= self.drive.road.path.length:
                 at = int(np.argmin(np.abs(self.envelope.s - near.s)))
-                least[at] = np.fmin(least[at], near.distance)
-        return np.maximum(least, self.balance.min_clearance) if self.approaches else least
+                least[at] = min(least[at], near.distance)
+        return least
 
     @cached_property
     def wheel_room(self) -> float | None:
         """Least room that wheels, and what lies between a body's axles, leave to their limits, negative beyond them [m]; None without."""
-        edges, s = edges_of(self.drive), self.envelope.s
-        gaps = at_corners(wheel_gaps_of(self.drive, s, edges), s, edges)
-        return min((float(np.nanmin(gap)) for gap in gaps.values()), default=None)
+        touches = touches_of(self.drive, self.envelope.s, wheels_only=True)
+        return min((float(np.min(touch["gap"])) for touch in touches.values()), default=None)
 
     @property
     def approaches(self) -> tuple[Approach, ...]:
@@ -135,8 +129,8 @@ class Result:
     @property
     def two_regions(self) -> bool:
         """Whether overhangs have separate limits, so that a breach must say which."""
-        limits = self.drive.road.limits
-        return limits is not None and limits.two_regions
+        street = self.drive.road.kerbs
+        return street is not None and street.two_regions
 
     @property
     def status(self) -> str:
@@ -158,12 +152,7 @@ class Result:
 
 
 def result_of(drive: Drive, *, solver: str | SolverClass, objective: str | Objective, passed: tuple[Passed, ...] = ()) -> Result:
-    """Evaluate an executed drive; ``solver`` and ``objective`` are those of its case, ``passed`` how its obstacles are passed.
-
-    Raises:
-        PlanError: a body reached beyond the road's centre of curvature.
-
-    """
+    """Evaluate an executed drive; ``solver`` and ``objective`` are those of its case, ``passed`` how its obstacles are passed."""
     envelope = envelope_of(drive)
     curvature = shifted(drive.road.path.at(envelope.s).curvature, drive.bias.at(envelope.s), envelope.s)
     expected = CentringTable.of(drive.vehicle).at(curvature)
@@ -190,12 +179,11 @@ def attempts_text(result: Result) -> str:
     if not result.attempts:
         return ""
     first, *others = result.attempts
-    steps = " and ".join(f"{attempt.step:g} m" for attempt in others)
-    if others[-1].lacking == 0.0:
-        lacking = f"planned with stations {first.step:g} m apart it lacks {first.lacking:.3f} m"
-        return f"{lacking}; with stations {others[-1].step:g} m apart it fits, and that is the plan here"
-    least = min(attempt.lacking for attempt in others)
-    return f"planned again with stations {steps} apart: {least:.3f} m are lacking at best"
+    steps = " and ".join(f"{attempt.step:g} m" for attempt in others if attempt.step != first.step)
+    ways = ["limits that give way"] * any(attempt.step == first.step for attempt in others) + [f"stations {steps} apart"] * bool(steps)
+    least = min(attempt.lacking for attempt in result.attempts)
+    answer = "it fits" if least == 0.0 else f"{least:.3f} m are lacking at best"
+    return f"the first plan lacks {first.lacking:.3f} m; planned again with {', and with '.join(ways)}, {answer}: that is the plan here"
 
 
 def breach_text(result: Result, breach: Breach) -> str:

@@ -8,8 +8,7 @@ import numpy as np
 
 from hdvplan.arrays import FloatArray
 from hdvplan.judging.balance import KEPT_M
-from hdvplan.judging.contact import contact
-from hdvplan.judging.envelope import envelope_of
+from hdvplan.judging.contact import contact, part_named
 from hdvplan.judging.obstacles import Approach
 from hdvplan.judging.proof import Proof
 from hdvplan.judging.result import Result, body_name
@@ -125,24 +124,26 @@ def _amount(verdict: Verdict) -> str:
 
 @dataclass(frozen=True)
 class _Tightest:
-    """Where a body comes nearest to a limit."""
+    """Where a body comes nearest to a kerb."""
 
     room: float
     s: float
     side: str
     region: str
     unit: int
+    part: str
+    x: float
+    y: float
 
 
 def _tightest(result: Result) -> _Tightest | None:
     found: _Tightest | None = None
-    for (side, region), gaps in result.edge_gaps.items():
-        if np.all(np.isnan(gaps)):
-            continue
-        unit, at = (int(number) for number in np.unravel_index(np.nanargmin(gaps), gaps.shape))
-        room = float(gaps[unit, at])
+    for (side, region), touches in result.balance.touches.items():
+        unit, at = (int(number) for number in np.unravel_index(np.argmin(touches["gap"]), touches.shape))
+        touch = touches[unit, at]
+        room, s, x, y, ahead = (float(touch[name]) for name in ("gap", "s", "x", "y", "ahead"))
         if np.isfinite(room) and (found is None or room < found.room):
-            found = _Tightest(room, float(result.envelope.s[at]), side, region, unit)
+            found = _Tightest(room, s, side, region, unit, part_named(result.drive.vehicle.units[unit], ahead), x, y)
     return found
 
 
@@ -153,44 +154,33 @@ def _needs(result: Result) -> Verdict:
     reach = left if side == "left" else right
     unit, at = (int(number) for number in np.unravel_index(np.nanargmax(reach), reach.shape))
     half_width, s = float(reach[unit, at]), float(envelope.s[at])
-    x, y, lonlat = point_of(result, unit, side, s, axles_only=False)
-    part = contact(result.drive, unit, side, s, axles_only=False)
+    at_x, at_y = result.drive.stations.path.to_plane(_one(s), _one(half_width if side == "left" else -half_width))
+    x, y = float(at_x[0]), float(at_y[0])
+    part = contact(result.drive, unit, side, s)
     wanted = result.case.settings.clearance
-    return Verdict(None, None, wanted, half_width + wanted, s, x, y, lonlat, side, unit, part, None, None, None)
+    return Verdict(None, None, wanted, half_width + wanted, s, x, y, lonlat_of(result, x, y), side, unit, part, None, None, None)
 
 
 def _at_limit(result: Result, tightest: _Tightest, wanted: float) -> Verdict:
     spare, half = tightest.room - wanted, result.balance.half_width
-    axles_only = tightest.region == "drivable" and result.two_regions
-    part = contact(result.drive, tightest.unit, tightest.side, tightest.s, axles_only=axles_only)
-    x, y, lonlat = point_of(result, tightest.unit, tightest.side, tightest.s, axles_only=axles_only)
     wheels = result.wheel_room if tightest.room < -KEPT_M else None
+    x, y = tightest.x, tightest.y
     return Verdict(
-        spare >= -KEPT_M, spare, wanted, half, tightest.s, x, y, lonlat, tightest.side, tightest.unit, part, tightest.region,
-        None, wheels,
+        spare >= -KEPT_M, spare, wanted, half, tightest.s, x, y, lonlat_of(result, x, y), tightest.side, tightest.unit, tightest.part,
+        tightest.region, None, wheels,
     )  # fmt: skip
 
 
 def _at_obstacle(result: Result, near: Approach, wanted: float) -> Verdict:
     spare, half = near.distance - wanted, result.balance.half_width
     return Verdict(
-        spare >= -KEPT_M, spare, wanted, half, near.s, near.x, near.y, _lonlat(result, near.x, near.y), near.side, near.unit,
+        spare >= -KEPT_M, spare, wanted, half, near.s, near.x, near.y, lonlat_of(result, near.x, near.y), near.side, near.unit,
         near.part, None, near.obstacle.label, None,
     )  # fmt: skip
 
 
-def point_of(result: Result, unit: int, side: str, s: float, *, axles_only: bool) -> tuple[float, float, tuple[float, float] | None]:
-    """Return the outermost point of a body at arclength ``s`` in the plane, x and y [m], and its longitude and latitude [deg].
-
-    ``axles_only`` looks at the part between its axles, as in ``contact``.
-    """
-    envelope = envelope_of(result.drive, axles_only=True) if axles_only else result.envelope
-    offset = (envelope.left if side == "left" else envelope.right)[unit, int(np.argmin(np.abs(envelope.s - s)))]
-    x, y = result.drive.stations.path.to_plane(np.array([s]), np.array([offset]))
-    return float(x[0]), float(y[0]), _lonlat(result, float(x[0]), float(y[0]))
-
-
-def _lonlat(result: Result, x: float, y: float) -> tuple[float, float] | None:
+def lonlat_of(result: Result, x: float, y: float) -> tuple[float, float] | None:
+    """Return longitude and latitude [deg] of a point in the plane, or None where the road has no geographic coordinates."""
     to_lonlat = result.drive.road.to_lonlat
     if to_lonlat is None:
         return None

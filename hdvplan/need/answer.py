@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hdvplan.case import Case
-from hdvplan.judging.contact import contact
+from hdvplan.judging.clearance import SIDES
+from hdvplan.judging.contact import part_named
 from hdvplan.judging.result import Result
-from hdvplan.judging.verdict import point_of
+from hdvplan.judging.verdict import lonlat_of
 from hdvplan.need.bound import Bound, proved_below
-from hdvplan.need.measure import OUTWARDS, ROWS, taken_by
-from hdvplan.need.room import ASKED, edge_band, even_band, least_edge, least_half_width
-from hdvplan.need.search import TOLERANCE_M, WIDE_M, Least
-from hdvplan.need.widening import Widenings, least_widenings
-from hdvplan.road.road import Limits
+from hdvplan.need.room import OTHER, beside_held, even, kerbs_on, least_edge, least_half_width
+from hdvplan.need.search import WIDE_M, Least
+from hdvplan.need.widening import Widenings, least_widenings, own_plans
+from hdvplan.road.street import Kerb
 
 
 @dataclass(frozen=True)
@@ -37,8 +37,8 @@ class Need:
     """What ``case.vehicle`` needs on ``case.road``.
 
     ``room`` is the least half width, or the least reach on ``side`` with the other edge fixed. ``widenings`` are those of the road's own
-    limits; None if it has none, or an edge was fixed. ``held`` is the least reach of the fixed edge with the other side wide open; it is
-    computed only if no plan keeps that edge.
+    street, on ``side`` alone if an edge was fixed; None if it has none. ``held`` is the least reach of the fixed edge with the other side
+    wide open; it is computed only if no plan keeps that edge.
     """
 
     case: Case
@@ -50,68 +50,74 @@ class Need:
     bound: Bound | None = None  #: room that is proved to be too little; None if nothing is proved or no proof was wanted
 
 
-def need_of(case: Case, *, prove: bool = False, on_progress: Callable[[float], None] | None = None) -> Need:
-    """Return the least half width for a case, and the least widening of its road's own limits where it has some.
+def need_of(case: Case, *, prove: bool | None = False, on_progress: Callable[[float], None] | None = None) -> Need:
+    """Return the least half width for a case, and the least widening of its road's own street where it has one.
 
-    With ``prove`` the largest half width that is proved to be too small is also computed, which takes some seconds more.
-    ``on_progress`` receives a share that grows from 0 to 1.
+    With ``prove`` the largest half width that is proved to be too small is also computed, which takes some seconds more; None: unless the
+    vehicle fits as the road is. ``on_progress`` receives a share that grows from 0 to 1.
     """
-    own = case.road.own_limits
-    planned = 1.0 - _PROOFS_SHARE if prove else 1.0
-    share = planned if own is None else _ROOMS_SHARE * planned
-    room = least_half_width(case, on_progress=_part(on_progress, 0.0, share))
-    widenings = None
-    if own is not None and room.result is None:
-        widenings = Widenings(None, None, None)  # what no width lets pass, no widening does
-    elif own is not None:
-        widenings = least_widenings(case, own, on_progress=_part(on_progress, share, planned))
-    place = _place(room.result, None)
-    last = _part(on_progress, planned, 1.0)
-    bound = proved_below(case, even_band(case.road), room, [0, 1, 2, 3], None, on_progress=last) if prove else None
-    return Need(case, None, room, place, None, widenings, bound)
+    ends = _ends(prove=prove is not False)
+    known = own_plans(case)
+    room = least_half_width(case, known, on_progress=_part(on_progress, 0.0, ends[0]))
+    widenings = _widenings(case, known, SIDES, room, _part(on_progress, *ends))
+    last, wanted = _part(on_progress, ends[1], 1.0), _fits(widenings) is not True if prove is None else prove
+    bound = proved_below(case, even(case.road), room, SIDES, None, on_progress=last) if wanted else None
+    return Need(case, None, room, _place(room.result, SIDES), None, widenings, bound)
 
 
-def edge_need_of(case: Case, held: Limits, side: str, *, prove: bool = False, on_progress: Callable[[float], None] | None = None) -> Need:
-    """Return the least reach on ``side`` ("left" or "right") with the other edge of ``held`` kept.
+def edge_need_of(
+    case: Case, held: tuple[Kerb, ...], side: str, *, prove: bool | None = False, on_progress: Callable[[float], None] | None = None
+) -> Need:
+    """Return the least reach on ``side`` ("left" or "right") with the kerbs ``held`` on the other, and the least widening on ``side``.
 
-    ``prove`` looks for the largest reach that is proved to be too small as well, which takes some seconds more.
-    ``on_progress`` receives a share that grows from 0 to 1.
+    ``prove`` looks for the largest reach that is proved to be too small as well, and ``on_progress`` is told, as for ``need_of``.
     """
-    planned = 1.0 - _PROOFS_SHARE if prove else 1.0
-    room = least_edge(case, held, side, on_progress=_part(on_progress, 0.0, planned))
-    band, last = edge_band(held, side), _part(on_progress, planned, 1.0)
+    ends, sides, road = _ends(prove=prove is not False), (side,), beside_held(case.road, held, side)
+    own = case if case.road.limits is None else replace(case, road=case.road.with_kerbs((*held, *kerbs_on(case.road, side))))
+    known = own_plans(own)
+    room = least_edge(case, held, side, known, on_progress=_part(on_progress, 0.0, ends[0]))
+    widenings = _widenings(own, known, sides, room, _part(on_progress, *ends))
+    last, wanted = _part(on_progress, ends[1], 1.0), _fits(widenings) is not True if prove is None else prove
     if room.result is not None:
-        bound = proved_below(case, band, room, ASKED[side], None, on_progress=last) if prove else None
-        return Need(case, side, room, _place(room.result, side), None, None, bound)
-    other = "right" if side == "left" else "left"
-    least = least_edge(case, Limits.constant(WIDE_M, WIDE_M, case.road.path.length), other)
-    place = _place(least.result, other)
-    bound = proved_below(case, band, room, ASKED[side], None if place is None else place.s) if prove else None
-    return Need(case, side, room, place, least, None, bound)
+        bound = proved_below(case, road, room, sides, None, on_progress=last) if wanted else None
+        return Need(case, side, room, _place(room.result, sides), None, widenings, bound)
+    other = OTHER[side]
+    least = least_edge(case, kerbs_on(case.road.with_limits(WIDE_M, WIDE_M), side), other)
+    place = _place(least.result, (other,))
+    bound = proved_below(case, road, room, sides, None if place is None else place.s) if wanted else None
+    return Need(case, side, room, place, least, widenings, bound)
 
 
-_ROOMS_SHARE = 0.2  # of the time that both answers take
-_PROOFS_SHARE = 0.4  # of the time of an answer with a proof
+def _widenings(
+    case: Case, known: list[Result], sides: tuple[str, ...], room: Least, on_progress: Callable[[float], None] | None
+) -> Widenings | None:
+    if case.road.limits is None:
+        return None
+    if room.result is None:
+        return Widenings(None, None, None)  # what no width lets pass, no widening does
+    return least_widenings(case, [*known, room.result], sides, on_progress=on_progress)
+
+
+def _fits(widenings: Widenings | None) -> bool | None:
+    return None if widenings is None else widenings.fitting is not None
+
+
+def _ends(*, prove: bool) -> tuple[float, float]:
+    """Return the shares of the time after which the least room and the widenings are known."""
+    return (0.2, 0.6) if prove else (0.4, 1.0)
 
 
 def _part(on_progress: Callable[[float], None] | None, start: float, end: float) -> Callable[[float], None] | None:
     return None if on_progress is None else lambda share: on_progress(start + (end - start) * share)
 
 
-def _place(result: Result | None, side: str | None) -> Place | None:
-    """Return where a plan reached furthest over the road's own limits, on one side or on either."""
+def _place(result: Result | None, sides: tuple[str, ...]) -> Place | None:
+    """Return where a plan came nearest to the kerbs on some sides: with less room they would be broken there first."""
     if result is None:
         return None
-    took, rows = taken_by(result), [0, 1, 2, 3] if side is None else ASKED[side]
-    reach = np.where(took.counts[rows], took.reach[rows], -np.inf)
-    # A plan may reach as far at many places, where nothing keeps it from it: the one that decides leaves the least room opposite.
-    opposite = [row ^ 1 for row in rows]
-    limits = result.drive.road.limits
-    room = reach * 0.0 if limits is None else (OUTWARDS * limits.table(took.s) - took.reach)[opposite]
-    first, at = np.unravel_index(np.argmin(np.where(reach >= np.max(reach) - TOLERANCE_M, room, np.inf)), reach.shape)
-    row, s = rows[int(first)], float(took.s[at])
-    where, overhangs = ROWS[row % 2], result.two_regions and row > 1
-    unit = int(np.nanargmin(result.gaps[where, "sweepable" if overhangs else "drivable"][:, at]))
-    axles_only = result.two_regions and not overhangs
-    x, y, lonlat = point_of(result, unit, where, s, axles_only=axles_only)
-    return Place(s, x, y, lonlat, where, unit, contact(result.drive, unit, where, s, axles_only=axles_only))
+    nearest = {key: touch for key, touch in result.balance.touches.items() if key[0] in sides}
+    where, region = min(nearest, key=lambda key: float(np.min(nearest[key]["gap"])))
+    touches = nearest[where, region]
+    unit, at = (int(number) for number in np.unravel_index(np.argmin(touches["gap"]), touches.shape))
+    s, x, y, ahead = (float(touches[unit, at][name]) for name in ("s", "x", "y", "ahead"))
+    return Place(s, x, y, lonlat_of(result, x, y), where, unit, part_named(result.drive.vehicle.units[unit], ahead))

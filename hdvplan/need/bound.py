@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.judging.proof import Proof
-from hdvplan.need.measure import taken_by
 from hdvplan.need.search import TOLERANCE_M, WIDE_M, Least
 from hdvplan.proof.answer import proof_of
 from hdvplan.proof.stretches import Stretch, joined
-from hdvplan.road.road import Limits
+from hdvplan.road.road import Road
 
-_WITHIN_M = 0.3  # of the furthest reach: where a plan that is asked for less is expected to need it
+_WITHIN_M = 0.3  # of the least gap: where a plan that is asked for less is expected to need it
 
 
 @dataclass(frozen=True)
@@ -29,24 +27,24 @@ class Bound:
 
 def proved_below(
     case: Case,
-    band: Callable[[float], Limits],
+    road: Callable[[float], Road],
     least: Least,
-    rows: Sequence[int],
+    sides: tuple[str, ...],
     place: float | None,
     *,
     on_progress: Callable[[float], None] | None = None,
 ) -> Bound | None:
     """Return the most room, to ``TOLERANCE_M``, within which nothing is proved to fit; None where nothing is proved.
 
-    ``band`` gives the limits that leave a room, ``rows`` of ``Taken`` are those that the room is asked for. Looked at are the places where
-    the best plan reached nearly as far as anywhere, or, without a plan, the arclength ``place`` [m]. Halving makes some seven proofs;
-    ``on_progress`` receives their share, 0 to 1.
+    ``road`` gives the road with a room, whose kerbs on ``sides`` move with it. Looked at are the places where the best plan came nearly as
+    near to them as anywhere, or, without a plan, the arclength ``place`` [m]. Halving makes some seven proofs; ``on_progress`` receives
+    their share, 0 to 1.
     """
-    places = _places(least, rows, place)
+    places = _places(least, sides, place)
     stretches = joined(places, case.vehicle, case.road.path.length)
 
     def tried(room: float) -> Bound | None:
-        narrow = replace(case, road=case.road.within(band(room)))
+        narrow = replace(case, road=road(room))
         proofs = (proof_of(narrow, stretch.s_from, stretch.s_to) for stretch in stretches)
         return next((Bound(room, proof) for proof in proofs if proof is not None), None)
 
@@ -66,12 +64,12 @@ def proved_below(
     return best
 
 
-def _places(least: Least, rows: Sequence[int], place: float | None) -> list[Stretch]:
+def _places(least: Least, sides: tuple[str, ...], place: float | None) -> list[Stretch]:
     if least.result is None:
         return [] if place is None else [Stretch(place, place, 0.0)]
-    took = taken_by(least.result)
-    reach: FloatArray = np.max(np.where(took.counts[rows], took.reach[rows], -np.inf), axis=0)
-    near = reach > np.max(reach) - _WITHIN_M
+    s = least.result.envelope.s
+    gap = np.min([np.min(of_units, axis=0) for (side, _), of_units in least.result.gaps.items() if side in sides], axis=0)
+    near = gap < np.min(gap) + _WITHIN_M
     ends = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]]).astype(int)))
     runs = [slice(begin, end) for begin, end in zip(ends[::2], ends[1::2], strict=True)]
-    return [Stretch(float(took.s[run][0]), float(took.s[run][-1]), float(np.max(reach[run]))) for run in runs]
+    return [Stretch(float(s[run][0]), float(s[run][-1]), -float(np.min(gap[run]))) for run in runs]

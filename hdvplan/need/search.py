@@ -1,7 +1,8 @@
 """The least room for which a plan exists, searched over objectives and schemes.
 
-Every attempt is a whole plan, judged by its simulation, and bounds the answer from above by what it really took, whatever it was asked
-to keep. From below nothing is proved: a value is called out of reach where no attempt reaches it.
+Every attempt is a whole plan, judged by its simulation, and bounds the answer from above by the room in which it just touches the kerbs,
+whatever it was asked to keep: where kerbs move outwards, every gap grows by at least as much. From below nothing is proved: a value is
+called out of reach where no attempt reaches it.
 """
 
 from __future__ import annotations
@@ -15,16 +16,18 @@ import numpy as np
 from hdvplan import api
 from hdvplan.case import Case
 from hdvplan.errors import HdvplanError, PlanError, RoadError, SolverError
-from hdvplan.judging.balance import KEPT_M
+from hdvplan.judging.balance import KEPT_M, gaps_of
+from hdvplan.judging.clearance import SIDES, touches_of
 from hdvplan.judging.obstacles import Approach
-from hdvplan.judging.result import Result
-from hdvplan.need.measure import Taken, taken_by
+from hdvplan.judging.result import Result, result_of
 from hdvplan.planning.settings import Scheme
-from hdvplan.road.road import Limits
+from hdvplan.road.road import Road
 
 TOLERANCE_M = 0.01  # of every answer
 WIDE_M = 15.0  # no more room is looked for; obstacles count to 20 m off the line
 _ROUNDING_M = 1e-6
+_GROWTH = 4.0  # of the step of a search while it succeeds
+_GIVES_M = 5e-3  # a plan within limits that can be kept needs no more: they are elastic
 
 
 class Attempt(NamedTuple):
@@ -34,30 +37,49 @@ class Attempt(NamedTuple):
     scheme: Scheme
 
 
-# Within the same limits these end in different local optima. The cheap and usually best ones come first.
-ATTEMPTS = (
-    Attempt("geometric", Scheme.RTI),
-    Attempt("lead-axle", Scheme.RTI),
-    Attempt("balanced", Scheme.RTI),
-    Attempt("geometric", Scheme.SQP),
-    Attempt("lead-axle", Scheme.SQP),
-    Attempt("balanced", Scheme.SQP),
-)
-FREE = (Attempt("body-max", Scheme.RTI), Attempt("geometric", Scheme.RTI))  # within limits so wide that they are none
+# Within the same limits these end in different local optima. Neither convergence (SQP) nor other objectives were better by over 2 mm on
+# five roads, and where nothing fits SQP takes up to ten times as long.
+ATTEMPTS = (Attempt("geometric", Scheme.RTI), Attempt("lead-axle", Scheme.RTI))
 
 
 @dataclass(frozen=True)
 class Question:
-    """What is to be least: the road's own limits that leave a given room, and the room that a plan needed."""
+    """What is to be least: a room, by the road that leaves it. The kerbs on ``sides`` move with it, the others must be kept."""
 
-    band: Callable[[float], Limits]
-    needed: Callable[[Taken], float]  # infinite where no room would do [m]
+    road: Callable[[float], Road]
+    sides: tuple[str, ...]
     lowest: float  # no less is asked for [m]
+    first: tuple[float, ...]  # what is asked for until a plan is found that would do [m]
+
+    def needed(self, result: Result, room: float) -> float:
+        """Return how much room a plan within ``room`` needed, the clearance wanted included [m]; infinite where no room would do.
+
+        Where it left some, kerbs are moved in until they touch: inside corners that is less than the gap.
+        """
+        spare = spare_of(result)
+        held = min((spare[side] for side in SIDES if side not in self.sides), default=0.0)
+        if min(held, _islands_spare(result)) < -KEPT_M or too_near(result) is not None:
+            return np.inf
+        least = min(spare[side] for side in self.sides)
+        if least > 0.0:
+            nearer = max(room - least, self.lowest)
+            there = self._spare(result, nearer)
+            if there < 0.0:
+                room -= (room - nearer) * least / (least - there)
+                there = self._spare(result, room)
+            else:
+                room = nearer
+            least = min(there, 0.0)
+        return max(self.lowest, room - least)
+
+    def _spare(self, result: Result, room: float) -> float:
+        spare = spare_of(result, self.road(room))
+        return min(spare[side] for side in self.sides)
 
 
 @dataclass(frozen=True)
 class Least:
-    """The least room that was reached, and the plan that reached it; ``result`` is None where nothing did."""
+    """The least room that was reached, and the plan that reached it, judged there; ``result`` is None where nothing did."""
 
     room: float  # infinite where nothing did [m]
     result: Result | None
@@ -71,35 +93,38 @@ class Least:
 def least(
     case: Case,
     question: Question,
+    known: Sequence[Result] = (),
     *,
     on_progress: Callable[[float], None] | None = None,
-    on_result: Callable[[Result, Taken], None] | None = None,
+    on_result: Callable[[Result], None] | None = None,
 ) -> Least:
     """Return the least room of ``question`` along ``case.road``, to ``TOLERANCE_M``.
 
-    Plans within wide limits give a first bound; from there the search goes down, in steps that grow while they succeed, then by halves.
-    ``on_progress`` receives a share that grows from 0 to 1, ``on_result`` every plan and what it took.
+    Plans that are ``known``, made for any street of the same line, or one within the first limits give a bound. From there the search goes
+    down, in steps that grow while they succeed; one that is too long nearly always ends close to the least. ``on_progress`` receives a
+    share that grows from 0 to 1, ``on_result`` every new plan.
     """
-    best = _tried(case, question, WIDE_M, FREE, Least(np.inf, None, question.lowest, question.lowest, 0, None), on_result, every=True)
-    room = 2.0 * case.vehicle.width
-    while not np.isfinite(best.room) and room < WIDE_M:
-        best, room = _tried(case, question, room, ATTEMPTS, best, on_result), 2.0 * room
-    if not np.isfinite(best.room):
-        return best
-    step, whole = TOLERANCE_M, max(best.room - best.out_of_reach, TOLERANCE_M)
-    while best.room - best.out_of_reach > TOLERANCE_M + _ROUNDING_M:
-        wanted = max(best.room - step, best.out_of_reach)
-        best = _tried(case, question, wanted, ATTEMPTS, best, on_result)
-        if best.room <= wanted + _ROUNDING_M:
-            step = 2.0 * step if wanted - TOLERANCE_M > best.out_of_reach else TOLERANCE_M
-            if wanted <= question.lowest:
+    best = Least(np.inf, None, question.lowest, question.lowest, 0, None)
+    for result in known:
+        best = _better(best, question, on_road(result, question.road(question.first[0])), question.first[0])
+    for room in question.first:
+        if not np.isfinite(best.room):
+            best = _tried(case, question, room, ATTEMPTS, best, on_result)
+    low, whole, step = question.lowest, best.room - question.lowest, TOLERANCE_M
+    while np.isfinite(best.room) and best.room - best.out_of_reach > TOLERANCE_M + _ROUNDING_M:
+        wanted = max(best.room - step, question.lowest)
+        last = best.room - wanted <= TOLERANCE_M + _ROUNDING_M
+        best = _tried(case, question, wanted, ATTEMPTS if last else ATTEMPTS[:1], best, on_result)
+        if best.room <= wanted + _GIVES_M:
+            step *= _GROWTH
+            if wanted == question.lowest:
                 break
         else:
-            best = replace(best, out_of_reach=wanted)
-            step = max(0.5 * (best.room - wanted), TOLERANCE_M)
+            best, low, step = replace(best, out_of_reach=wanted) if last else best, wanted, TOLERANCE_M
+        step = max(min(step, 0.5 * (best.room - low)), TOLERANCE_M)
         if on_progress is not None:
-            on_progress(1.0 - min(1.0, (best.room - best.out_of_reach) / whole))
-    return best
+            on_progress(1.0 - min(1.0, (best.room - low) / max(whole, TOLERANCE_M)))
+    return best if best.result is None else replace(best, result=on_road(best.result, question.road(best.room)))
 
 
 def plans_of(case: Case, attempts: Sequence[Attempt]) -> Iterator[Result | HdvplanError]:
@@ -112,32 +137,55 @@ def plans_of(case: Case, attempts: Sequence[Attempt]) -> Iterator[Result | Hdvpl
             yield error
 
 
-def _tried(
-    case: Case, question: Question, room: float, attempts: Sequence[Attempt], best: Least,
-    on_result: Callable[[Result, Taken], None] | None, *, every: bool = False,
-) -> Least:  # fmt: skip
-    """Try all ways within ``room``, until one needs no more unless ``every`` is wanted; return what is the least now."""
-    road = case.road.within(question.band(room))
-    for made in plans_of(replace(case, road=road), attempts):
-        best = replace(best, plans=best.plans + 1)
-        if isinstance(made, HdvplanError):
-            best = replace(best, failure=made)
-            continue
-        took = taken_by(made)
-        if not took.passes:
-            best = replace(best, blocked=_too_near(made) or best.blocked)
-        if on_result is not None:
-            on_result(made, took)
-        needed = question.needed(took)
-        if needed < min(best.room, WIDE_M):
-            best = replace(best, room=needed, result=made)
-        if not every and best.room <= room + _ROUNDING_M:
-            break
-    return best
+def spare_of(result: Result, road: Road | None = None) -> dict[str, float]:
+    """Return the least gap to the kerbs on each side, of its own road or another, beyond the clearance wanted; negative: lacking [m].
+
+    Sweepable areas are not among them: they stay where kerbs move.
+    """
+    clearance, drive = result.case.settings.clearance, result.drive
+    street = replace(road or drive.road, faces=())
+    gaps = gaps_of(touches_of(replace(drive, road=street), result.envelope.s)) if road or street.regions else result.gaps
+    return {side: min(float(np.min(gap)) for (of, _), gap in gaps.items() if of == side) - clearance for side in SIDES}
 
 
-def _too_near(result: Result) -> Approach | None:
+def _islands_spare(result: Result) -> float:
+    """Return the least gap of wheels to the sweepable areas, beyond the clearance wanted; infinite without any [m]."""
+    islands = replace(result.drive.road, limits=None, drawn=None)
+    gaps = gaps_of(touches_of(replace(result.drive, road=islands), result.envelope.s))
+    return min((float(np.min(gap)) for gap in gaps.values()), default=np.inf) - result.case.settings.clearance
+
+
+def too_near(result: Result) -> Approach | None:
     """Return how a plan passes the obstacle to which it keeps least of the clearance wanted; None if it keeps it to all."""
     nearest = min(result.approaches, key=lambda approach: approach.distance, default=None)
     wanted = result.case.settings.clearance - KEPT_M
     return nearest if nearest is not None and nearest.distance < wanted else None
+
+
+def _tried(
+    case: Case, question: Question, room: float, attempts: Sequence[Attempt], best: Least, on_result: Callable[[Result], None] | None
+) -> Least:
+    """Try all ways within ``room`` until one needs no more; return what is the least now."""
+    for made in plans_of(replace(case, road=question.road(room)), attempts):
+        best = replace(best, plans=best.plans + 1)
+        if isinstance(made, HdvplanError):
+            best = replace(best, failure=made)
+            continue
+        best = replace(best, blocked=too_near(made) or best.blocked)
+        if on_result is not None:
+            on_result(made)
+        best = _better(best, question, made, room)
+        if best.room <= room + _GIVES_M:
+            break
+    return best
+
+
+def _better(best: Least, question: Question, result: Result, room: float) -> Least:
+    needed = question.needed(result, room)
+    return replace(best, room=needed, result=result) if needed < min(best.room, WIDE_M) else best
+
+
+def on_road(result: Result, road: Road) -> Result:
+    """Return the same drive judged on another road of the same line, whose regions it passes on the same sides."""
+    there = replace(road, faces=result.drive.road.faces)
+    return result_of(replace(result.drive, road=there), solver=result.solver, objective=result.objective)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from hdvplan.case import Case
 from hdvplan.planning.bias import Bias
+from hdvplan.road.part import part_of
 
 
 def stretch_of(case: Case, s_from: float, s_to: float) -> Case:
@@ -13,14 +14,8 @@ def stretch_of(case: Case, s_from: float, s_to: float) -> Case:
 
     Bodies behind the stretch's start, and plans beyond its end, lie on the road as it goes on.
     """
-    road, vehicle, settings = case.road, case.vehicle, case.settings
-    beside = settings.horizon + vehicle.reach_ahead + vehicle.reach_behind + _ROOM_M
-    path = road.path.stretch(s_from, s_to, beside, beside)
-    limits = road.own_limits
-    if limits is not None:
-        limits = limits.along(road.path, s_from - beside, s_to + beside)
-        limits = replace(limits, s=limits.s - s_from)
-    cut = replace(road, path=path, smoothing=None, limits=None, band=None).within(limits)
+    beside = case.settings.horizon + case.vehicle.reach_ahead + case.vehicle.reach_behind + _ROOM_M
+    cut = part_of(case.road, s_from, s_to, beside, beside)
     return replace(case, road=cut, bias=Bias(case.bias.s - s_from, case.bias.offset))
 
 

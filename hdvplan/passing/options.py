@@ -6,13 +6,16 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 
+from hdvplan.arrays import BoolArray, FloatArray
 from hdvplan.case import Case
 from hdvplan.centring.weights import CentringTable
 from hdvplan.errors import RoadError
 from hdvplan.judging.balance import KEPT_M
-from hdvplan.road.obstructed import Obstructed, Passage
+from hdvplan.road.passages import Passage
 from hdvplan.road.regions import Side, called
+from hdvplan.road.road import Road
 
 _CLEAR_M = 0.5  # an obstacle this far from what is swept leaves no choice
 _MOST_DETOUR_M = 6.0  # of an obstacle's edge from the line
@@ -34,7 +37,7 @@ class Options:
         return len(self.sides) > 1
 
 
-def options_of(case: Case, road: Obstructed) -> list[Options]:
+def options_of(case: Case) -> list[Options]:
     """Return the options of every passage of the case's road.
 
     An obstacle beside the line has only its usual side where the vehicle, balanced everywhere, does not come near it, and no detour
@@ -45,28 +48,33 @@ def options_of(case: Case, road: Obstructed) -> list[Options]:
         RoadError: an obstacle has no room on the side on which it must be passed.
 
     """
-    given = [case.road.regions[passage.region].side for passage in road.passages]
-    options = [_by_place(case, passage, side) for passage, side in zip(road.passages, given, strict=True)]
-    _reopen(case, road, options)
+    road = case.road
+    options = [_by_place(case, passage, road.regions[passage.region].side) for passage in road.passages]
+    _reopen(case, options)
+    spans = spans_of(road.passages)
     looked: Iterable[int] = range(len(options))
     while True:  # an obstacle with one side left may close another's
         fixed = {number: option.sides[0] for number, option in enumerate(options) if not option.open}
-        found = {number: _by_room(case, road, number, options[number], fixed) for number in looked}
+        found = {number: _by_room(case, spans, number, options[number], fixed) for number in looked}
         closed = [number for number, option in found.items() if options[number].open and not option.open]
         for number, option in found.items():
             options[number] = option
         if not closed:
             return options
-        looked = _beside(road, closed)
+        looked = [int(number) for number in np.flatnonzero(np.any([_shares(road, spans, number) for number in closed], axis=0))]
 
 
-def _beside(road: Obstructed, numbers: Sequence[int]) -> list[int]:
-    """Return the passages that share a place of the road with one of ``numbers``, in order."""
-    low, high = road.ends
-    shared = np.zeros(low.shape, dtype=bool)
-    for number in numbers:
-        shared |= (low <= high[number]) & (high >= low[number])
-    return [int(number) for number in np.flatnonzero(shared)]
+def _shares(road: Road, spans: FloatArray, number: int) -> BoolArray:
+    """Return which passages share a place of the road with one of them, shape (passages,); ``spans`` are where they begin and end [m]."""
+    begin, end = spans
+    laps = road.path.length * np.array([-1.0, 0.0, 1.0]) if road.path.closed else np.zeros(1)
+    shared: BoolArray = np.any([(begin + lap <= end[number]) & (end + lap >= begin[number]) for lap in laps], axis=0)
+    return shared
+
+
+def spans_of(passages: Sequence[Passage]) -> FloatArray:
+    """Return where passages begin and end, shape (2, passages) [m]."""
+    return np.array([[passage.s_from, passage.s_to] for passage in passages]).reshape(-1, 2).T
 
 
 def independent_m(case: Case, passages: Sequence[Passage]) -> float:
@@ -86,6 +94,8 @@ def _by_place(case: Case, passage: Passage, side: Side | None) -> Options:
     """Return an obstacle's options as its place has them, whatever room there is."""
     if passage.around:
         return Options((passage.usual,), reason="it lies on both sides of the line")
+    if not case.road.path.closed and (passage.s_to < 0.0 or passage.s_from > case.road.path.length):
+        return Options((passage.usual,), reason="it lies beyond the road's end")
     if side is not None:
         return Options((side,), forced=True, reason="its side is given")
     if not passage.on_line and _apart(case, passage) > _CLEAR_M:
@@ -107,34 +117,41 @@ def _apart(case: Case, passage: Passage) -> float:
     return float(passage.low - np.max(aim) - half if passage.low > 0.0 else np.min(aim) - passage.high - half)
 
 
-def _reopen(case: Case, road: Obstructed, options: list[Options]) -> None:
+def _reopen(case: Case, options: list[Options]) -> None:
     """Open both sides of obstacles to which a detour around an open one leads; walls along the road stay where they are."""
     open_ = [number for number, option in enumerate(options) if option.open]
-    near = independent_m(case, [road.passages[number] for number in open_])
+    passages = case.road.passages
+    near = independent_m(case, [passages[number] for number in open_])
     reach = case.vehicle.width + 2.0 * case.settings.clearance + _CLEAR_M
-    begin, end = road.spans
-    low, high = np.array([[passage.low, passage.high] for passage in road.passages]).reshape(-1, 2).T
+    begin, end = spans_of(passages)
+    low, high = np.array([[passage.low, passage.high] for passage in passages]).reshape(-1, 2).T
     left = (end - begin < near) & np.array([option.reason == _FAR for option in options], dtype=bool)
     for number in open_:  # grows
-        here = road.passages[number]
+        here = passages[number]
         beside = (low < here.high + reach) & (high > here.low - reach)
         for other in np.flatnonzero(left & beside & (begin < here.s_to + near) & (end > here.s_from - near)).tolist():
-            there = road.passages[other]
+            there = passages[other]
             options[other] = Options((there.usual, there.usual.other))
             left[other] = False
             open_.append(other)
 
 
-def _by_room(case: Case, road: Obstructed, number: int, option: Options, fixed: Mapping[int, Side]) -> Options:
+def _room(road: Road, spans: FloatArray, number: int, side: Side, others: Mapping[int, Side]) -> float:
+    """Return the least distance [m] between a passage's polygon and what lies on that side of it: a kerb, or one of ``others``."""
+    passage, shared = road.passages[number], _shares(road, spans, number)
+    beside = {road.passages[other].region for other, its in others.items() if shared[other] and its is not side} - {passage.region}
+    apart = shapely.distance(road.regions[passage.region].polygon, [road.regions[other].polygon for other in beside])
+    return float(np.min(apart, initial=passage.rooms[side]))
+
+
+def _by_room(case: Case, spans: FloatArray, number: int, option: Options, fixed: Mapping[int, Side]) -> Options:
     """Return an obstacle's options without those that have no room beside ``fixed`` obstacles."""
-    passage, needed = road.passages[number], case.vehicle.width + 2.0 * case.settings.clearance
+    passage, needed = case.road.passages[number], case.vehicle.width + 2.0 * case.settings.clearance
     if not (option.open or option.forced):
         return option
-    rooms = {side: road.room(number, side, fixed) for side in option.sides}
+    rooms = {side: _room(case.road, spans, number, side, fixed) for side in option.sides}
     closed = {
-        side: f"{max(room, 0.0):.2f} m to the {side} of it, {needed:.2f} m needed"
-        for side, room in rooms.items()
-        if room < needed - 2.0 * KEPT_M
+        side: f"{room:.2f} m to the {side} of it, {needed:.2f} m needed" for side, room in rooms.items() if room < needed - 2.0 * KEPT_M
     }
     if option.forced and closed:
         (side, why), label = next(iter(closed.items())), case.road.regions[passage.region].label

@@ -13,10 +13,10 @@ from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.passed import Passed, Trial
-from hdvplan.passing.options import Options, independent_m, options_of
+from hdvplan.passing.options import Options, independent_m, options_of, spans_of
 from hdvplan.passing.trial import tried
-from hdvplan.road.obstructed import Obstructed, Passage
-from hdvplan.road.regions import Side
+from hdvplan.road.passages import Passage
+from hdvplan.road.regions import Kind, Side
 from hdvplan.road.road import Road
 
 _REMEMBERED = 3  # obstacles behind one that a choice is judged with, and by which choices differ
@@ -34,16 +34,16 @@ Try = Callable[[Mapping[int, Side]], Trial]
 
 
 def choose_sides(case: Case) -> tuple[Road, tuple[Passed, ...]]:
-    """Return the case's road with its obstacles passed on the best sides, and how each of them is passed.
+    """Return the case's road with its obstacles and islands passed on the best sides, and how each of them is passed.
 
     Raises:
         RoadError: an obstacle has no room on the side on which it must be passed.
 
     """
-    road = case.road.obstructed if case.road.has_obstacles else None
-    if road is None:
-        return case.road, ()
-    options = options_of(case, road)
+    road = case.road
+    if not road.passages:
+        return road, ()
+    options = options_of(case)
     chosen = {number: option.sides[0] for number, option in enumerate(options)}
     open_ = [number for number, option in enumerate(options) if option.open]
     near = independent_m(case, [road.passages[number] for number in open_])
@@ -60,13 +60,14 @@ def choose_sides(case: Case) -> tuple[Road, tuple[Passed, ...]]:
                 for number in part:
                     options[number] = replace(options[number], reason=untried)
                 continue
-            attempt = _memory(case, road, settled, near, known)
+            attempt = _memory(case, settled, near, known)
             sides = _improved(_searched(part, road.passages, near, options, attempt), road.passages, near, attempt)
             tried_ |= {number: _both(number, sides, road.passages, near, attempt) for number in part}
             chosen |= sides
             settled = settled | sides
-    passed = tuple(_passed(case, road.passages[number], options[number], chosen[number], tried_.get(number)) for number in chosen)
-    return case.road.passing(chosen), passed
+    told = (number for number in chosen if road.passages[number].on_line or road.passages[number].kind is Kind.OBSTACLE)
+    passed = tuple(_passed(case, road.passages[number], options[number], chosen[number], tried_.get(number)) for number in told)
+    return road.passing(chosen), passed
 
 
 def _passed(case: Case, passage: Passage, option: Options, side: Side, trials: tuple[Trial, Trial] | None) -> Passed:
@@ -86,22 +87,23 @@ def _groups(numbers: Sequence[int], passages: Sequence[Passage], near: float) ->
     return groups
 
 
-def _memory(case: Case, road: Obstructed, fixed: Mapping[int, Side], near: float, known: dict[frozenset[tuple[int, Side]], Trial]) -> Try:
+def _memory(case: Case, fixed: Mapping[int, Side], near: float, known: dict[frozenset[tuple[int, Side]], Trial]) -> Try:
     """Return a function that tries sides of neighbouring obstacles, each choice once, among those that are ``fixed``.
 
     ``known`` keeps the trials.
     """
-    step, length = case.settings.replan, case.road.path.length
-    standing = road.spans[:, [number for number in fixed if road.passages[number].on_line]]
+    step, length, passages = case.settings.replan, case.road.path.length, case.road.passages
+    standing = spans_of([passages[number] for number in fixed if passages[number].on_line])
 
     def attempt(sides: Mapping[int, Side]) -> Trial:
         key = frozenset(sides.items())
         if key not in known:
-            first = min(road.passages[number].s_from for number in sides) - near
-            last = max(road.passages[number].s_to for number in sides) + near
+            first = min(passages[number].s_from for number in sides) - near
+            last = max(passages[number].s_to for number in sides) + near
             first = _before(first, standing, near)
-            begin, end = max(0.0, step * np.floor(first / step)), min(length, step * np.ceil(last / step))
-            known[key] = tried(case, road, {**fixed, **sides}, begin, end)
+            begin, end = step * np.floor(first / step), step * np.ceil(last / step)
+            begin, end = (begin, min(end, begin + length)) if case.road.path.closed else (max(0.0, begin), min(length, end))
+            known[key] = tried(case, {**fixed, **sides}, begin, end)
         return known[key]
 
     return attempt

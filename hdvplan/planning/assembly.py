@@ -59,8 +59,7 @@ def qp_shape(vehicle: Vehicle, stages: int, terms: Sequence[Term]) -> StageShape
     wheels = np.arange(rigid, n)
     for unit, wheel in zip(vehicle.active, wheels, strict=True):
         a[1 + unit : rigid, wheel] = a[wheel, wheel] = q[wheel, wheel] = True
-    g = np.arange(size) != n
-    g[wheels] = False
+    g = np.ones(size, bool)
     inputs, rows = 1 + len(wheels) + sum(need.inputs for need in needs), sum(need.rows for need in needs)
     return StageShape(stages, size, inputs, rows, (n, *map(int, wheels)), a_pattern=a, q_pattern=q, g_pattern=g)
 

@@ -38,12 +38,13 @@ class PlannerSettings:
     smoothness: float = 1e3  #: w_kappa, the weight of (kappa_i - kappa_{i-1})^2 against squared metres [m^4]
     discretisation: Discretisation = Discretisation.MIDPOINT
     clearance: float = 0.0  #: room to keep from every limit and obstacle [m]
+    give_way: float = 0.0  #: by which limits and obstacles give way to plans, never to the judge [m]
     elastic_weight: float = 1e4  #: exact penalty on a limit's violation [1/m]; above any multiplier seen on feasible roads
     elastic_growth: float = 1e5  #: growth of the price with depth [1/m^2]: many shallow violations are cheaper than a deep one
     overhang_cost: float = 1.0  #: weight of an overhang's squared reach beyond the wheels' limit, relative to the squared centring error
     sqp_tolerance: float = 1e-4  #: SQP ends when no state moves further [m, rad]
     sqp_iterations: int = 50  #: most iterations of a plan
-    rti_repairs: int = 3  #: most further QPs of an RTI plan that would break a limit
+    rti_repairs: int = 6  #: most further QPs of an RTI plan that would break a limit
 
     def __post_init__(self) -> None:
         """Refuse what cannot be planned with."""
@@ -52,7 +53,7 @@ class PlannerSettings:
             if not (np.isfinite(value) and value > 0.0):
                 msg = f"{name} must be a positive number, not {value:g}"
                 raise OptionError(msg)
-        for name in ("clearance", "elastic_growth", "overhang_cost", "rti_repairs"):
+        for name in ("clearance", "give_way", "elastic_growth", "overhang_cost", "rti_repairs"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0.0):
                 msg = f"{name} must be zero or a positive number, not {value:g}"

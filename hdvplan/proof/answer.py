@@ -7,7 +7,6 @@ curvature at any rate. What is not proved impossible need not be possible.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -30,7 +29,6 @@ _LENGTHS_M = (5.0, 10.0, 20.0, 40.0)  # tried for a proof
 ROUNDING_M = 5e-3  # what the judge of a plan may miss between its poses, stations and outline points
 _MORE_CURVATURE = 1e-6  # of the largest: a solver's rounding
 _PLACES_M = 0.5  # between the normals at which a body alone is looked at
-_ROOM_M = 40.0  # of path beyond the ends of a road: more than any vehicle's length
 
 
 class Resolution(NamedTuple):
@@ -64,14 +62,14 @@ def proof_of(case: Case, s_from: float | None = None, s_to: float | None = None)
     first, last = 0.0 if s_from is None else max(0.0, s_from), length if s_to is None else min(length, s_to)
     if last - first < _PLACES_M:
         return None
-    road = replace(case.road, path=case.road.path.extended(_ROOM_M, _ROOM_M))
     reach = sum(outline_of(unit, two_regions=False).reach for unit in case.vehicle.units[:2])
     room, less = KEPT_M + ROUNDING_M - case.settings.clearance, LESS_M[len(followed(case.vehicle)) > 1]
-    around = 3.0 * reach + 15.0  # more than any point's foot lies from the axle's
-    space, tighter = (beside(road, first - around, last + around, room=one) for one in (room, room - less))
+    around = 3.0 * reach + 15.0  # of line: in most bends more than bodies reach; where it is less, nothing is proved
+    space, tighter = (beside(case.road, first - around, last + around, room=one) for one in (room, room - less))
     if space is None or tighter is None:
         return None
-    return _by_place(road, case.vehicle, space, first, last) or _by_motion(road, case.vehicle, (space, tighter), first, last)
+    found = _by_place(case.road, case.vehicle, space, first, last)
+    return found or _by_motion(case.road, case.vehicle, (space, tighter), first, last)
 
 
 def _by_place(road: Road, vehicle: Vehicle, space: Beside, first: float, last: float) -> Proof | None:
@@ -168,8 +166,7 @@ def follower(road: Road, vehicle: Vehicle) -> Follow | None:
 
 def _two_regions(road: Road) -> bool:
     """Tell whether wheels have less room than bodies."""
-    limits = road.limits if road.edges is None else road.edges
-    return limits is not None and limits.two_regions
+    return road.kerbs is not None and road.kerbs.two_regions
 
 
 def grid_of(frame: Frame, cell: float) -> Grid:

@@ -1,33 +1,33 @@
-"""The space beside a road that proofs look at: quadrilaterals between neighbouring normals, cut off at the limits, less the obstacles.
+"""The free space that proofs look at: the street between its kerbs as a row of areas, in triangles, and the obstacles in it.
 
 Every rounding goes outwards: what is called occupied is occupied. What of it a body at one station can use: hdvplan/core/free_space.c.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 import shapely
 
 from hdvplan import core
-from hdvplan.arrays import FloatArray, Records
-from hdvplan.road.path import PathPoint, ReferencePath
-from hdvplan.road.regions import OPEN_M, Kind
+from hdvplan.arrays import FloatArray, IntArray, Records
+from hdvplan.road.path import ReferencePath
+from hdvplan.road.regions import Kind
 from hdvplan.road.road import Road
+from hdvplan.road.street import Kerb, Pieces, pieces_of
 
-STRIP_M = 0.25  # of road per quadrilateral: limits are judged at these arclengths
+STRETCH_M = 10.0  # of line per area: it does not come round to itself within that
 BIN_M = core.constant("HDV_BIN_M")  # of u, ahead of the axle
 MOST = core.number("HDV_FREE_INTERVALS")  # that are stored for one u; of more, the outermost are joined
-_OUTSIDE_M = 60.0  # free beyond the ends of what is looked at: as far as any body reaches
-_ARC_M = 1e-3  # a limit between two normals against its chord, at a curvature of 0.1 1/m; and rounding
-_JUMP = 0.2  # slope of a limit from which it counts as a jump, which is judged at the arclengths around it alone
-_FOLD = 0.999  # of the radius: nothing that is judged lies further inside a bend
+_SHARP = 0.1  # sine of a turn of a kerb; less sharp corners reach under 1 cm between points of an outline
 _BESIDE = core.record(
     "hdv_beside",
     [
-        *((name, core.ADDRESS) for name in ("quads", "s", "blocked", "corners")),
-        *((name, np.int64) for name in ("quad_count", "blocked_count", "corner_count")),
+        *((name, core.ADDRESS) for name in ("areas", "begin", "caps", "kerbs", "blocked", "corners")),
+        *((name, float) for name in ("first", "stretch")),
+        *((name, np.int64) for name in ("stretches", "blocked_count", "corner_count")),
     ],
 )
 _FRAME = core.record("hdv_frame", [*((name, core.ADDRESS) for name in ("s", "x", "y", "heading")), ("stations", np.int64)])
@@ -40,23 +40,28 @@ _AROUND = core.record(
         *((name, core.ADDRESS) for name in ("free", "lines", "corners")),
         ("corners_near", np.int64),
         ("near", float, 2),
-        *((name, core.ADDRESS) for name in ("quads", "triangles", "met")),
+        *((name, core.ADDRESS) for name in ("areas", "triangles", "met")),
     ],
 )
 _SHAPE_NEAR = core.record(
-    "hdv_shape_near", [("u", float, 4), ("v", float, 4), *((name, float, 2) for name in ("extent", "whole", "first", "last"))]
+    "hdv_shape_near", [("u", float, 3), ("v", float, 3), *((name, float, 2) for name in ("extent", "whole", "first", "last"))]
 )
 
 
 class Beside(NamedTuple):
-    """What lies beside a stretch of road in the plane; quadrilaterals in order of s, the first and last reach beyond the stretch.
+    """The street along a stretch of road in the plane, for wheels and for whole bodies, as a row of areas from cap to cap.
 
-    ``quads`` (2, n, 4, 2) [m]: for wheels, and for whole bodies; corners right and left at one normal, left and right at the next.
-    ``s`` (n + 1,): arclengths of the normals [m]. ``blocked`` (m, 3, 2): triangles of obstacles, ``corners`` (k, 2): their corners.
+    ``s`` (n + 1,): the line's arclengths at the caps, ``STRETCH_M`` apart [m]. ``areas`` (m, 3, 2): triangles of all areas [m]; those of
+    area k, for wheels and then for bodies, are ``begin[k]`` to ``begin[k + 1]``. ``caps`` (2, n + 1, 2, 2): where these end on the left and
+    on the right kerb [m]. ``kerbs``: those of bodies. ``blocked`` (m, 3, 2): triangles of obstacles; ``corners`` (k, 2): of obstacles, and
+    those of kerbs that protrude into the street [m].
     """
 
-    quads: FloatArray
     s: FloatArray
+    areas: FloatArray
+    begin: IntArray
+    caps: FloatArray
+    kerbs: Pieces
     blocked: FloatArray
     corners: FloatArray
 
@@ -80,13 +85,16 @@ class Around(NamedTuple):
 def around(space: Beside, reach: float, *, two_regions: bool) -> Around:
     """Return memory for what bodies within ``reach`` [m] of the axle can touch; ``two_regions``: wheels have less room than bodies."""
     bins = bins_for(reach)
+    rows = map(core.address, (space.areas, space.begin, space.caps, space.kerbs.record, space.blocked, space.corners))
     sizes = (len(space.s) - 1, len(space.blocked), len(space.corners))
-    beside_ = np.array([(*map(core.address, space), *sizes)], _BESIDE)
+    beside_ = np.array([(*rows, space.s[0], STRETCH_M, *sizes)], _BESIDE)
     free, lines = np.zeros((2, bins), np.int64), np.empty((2, bins, MOST, 4))
-    corners, quads, triangles = np.empty_like(space.corners), np.empty(sizes[0], _SHAPE_NEAR), np.empty(sizes[1], _SHAPE_NEAR)
-    met = np.empty(sizes[0], core.ADDRESS)
-    kept = (beside_, *space, free, lines, corners, quads, triangles, met)
-    of_bins, of_shapes = map(core.address, (free, lines, corners)), map(core.address, (quads, triangles, met))
+    corners, areas, triangles = (
+        np.empty_like(space.corners), np.empty(len(space.areas), _SHAPE_NEAR), np.empty(len(space.blocked), _SHAPE_NEAR)
+    )  # fmt: skip
+    met = np.empty(len(space.areas), core.ADDRESS)
+    kept = (beside_, *space, free, lines, corners, areas, triangles, met)
+    of_bins, of_shapes = map(core.address, (free, lines, corners)), map(core.address, (areas, triangles, met))
     record = np.array([(core.address(beside_), reach, two_regions, bins, *of_bins, 0, (0.0, 0.0), *of_shapes)], _AROUND)
     return Around(record, kept)
 
@@ -103,53 +111,100 @@ def frame_of(path: ReferencePath, s: FloatArray) -> Frame:
 
 
 def beside(road: Road, s_from: float, s_to: float, *, room: float) -> Beside | None:
-    """Return the free space from ``s_from`` to ``s_to`` [m], as far as limits and obstacles count there; None where nothing limits it.
+    """Return the free space from ``s_from`` to ``s_to`` [m], or as far as it is known on both sides; None where nothing limits it.
 
-    ``room`` is by how much all limits and obstacles give way [m]; negative: room to keep from them.
+    ``room`` is by how much all kerbs and obstacles give way [m]; negative: room to keep from them.
     """
     obstacles = [region.polygon for region in road.regions if region.kind is Kind.OBSTACLE]
-    limits = road.limits if road.edges is None else road.edges
-    if limits is None and not obstacles:
+    street = road.kerbs
+    if street is None:
         return None
-    length = road.path.length
-    first, last = max(0.0, s_from), min(length, s_to)
-    s = STRIP_M * np.arange(np.ceil(first / STRIP_M - 1e-9), np.floor(last / STRIP_M + 1e-9) + 1.0)
-    table = np.array([OPEN_M, -OPEN_M, OPEN_M, -OPEN_M])[:, None] * np.ones(len(s)) if limits is None else limits.table(s)
-    point = road.path.at(s)
-    inside = _FOLD / np.maximum(np.abs(point.curvature), 1e-9)
-    quads = np.stack([_quads(point, inside, table[2 * region], table[2 * region + 1], room) for region in (0, 1)])
-    return Beside(quads, np.concatenate([[s[0] - _OUTSIDE_M], s, [s[-1] + _OUTSIDE_M]]), *_blocked(obstacles, room))
+    regions = _sides(street.unrolled(s_from, s_to), s_from, s_to)
+    first = max(s_from, *(float(kerb.s[0]) for sides in regions for kerb in sides))
+    last = min(s_to, *(float(kerb.s[-1]) for sides in regions for kerb in sides))
+    if last - first < STRETCH_M:
+        return None
+    s = first + STRETCH_M * np.arange(int((last - first) / STRETCH_M) + 1, dtype=np.float64)
+    rows = [(_parts(left, s), _parts(right, s)) for left, right in (regions if street.two_regions else regions[1:])]
+    areas = [area for left, right in rows for area in _areas(left, right, room)]
+    triangles, of = _triangles(areas)
+    none = np.zeros((2 - len(rows)) * (len(s) - 1), np.int64)  # of wheels alone, where they have no kerbs of their own
+    caps = np.array([[[part[0] for part in side] + [side[-1][-1]] for side in row] for row in rows])
+    blocked, corners = _blocked(obstacles, room)
+    return Beside(
+        s,
+        triangles,
+        np.concatenate([none, np.searchsorted(of, np.arange(len(areas) + 1))]),
+        np.ascontiguousarray(np.swapaxes(caps[[0, -1]], 1, 2)),
+        pieces_of(regions[1]),
+        blocked,
+        np.concatenate([corners, _protruding(areas[1 - len(s) :])]),
+    )
 
 
-def _quads(point: PathPoint, inside: FloatArray, left: FloatArray, right: FloatArray, room: float) -> FloatArray:
-    """Return the quadrilaterals between neighbouring normals, and the two beyond the ends, (n + 1, 4, 2)."""
-    tangent = np.stack([np.cos(point.heading), np.sin(point.heading)], axis=1)
-    normal, centre = tangent[:, ::-1] * np.array([-1.0, 1.0]), np.stack([point.x, point.y], axis=1)
-    corners: list[FloatArray] = []  # of the quadrilaterals' left and right sides, each at both normals
-    for value, outwards in ((outwards_of * side, outwards_of) for side, outwards_of in ((left, 1.0), (right, -1.0))):
-        jumps = np.abs(np.diff(value)) > _JUMP * STRIP_M
-        wide = np.maximum(value[:-1], value[1:])
-        folds = np.where(outwards * point.curvature > 0.0, inside, np.inf)
-        for at in (slice(None, -1), slice(1, None)):
-            reach = np.minimum(np.where(jumps, wide, value[at]) + room + _ARC_M, folds[at])
-            corners.append(centre[at] + outwards * reach[:, None] * normal[at])
-    strips = np.stack([corners[2], corners[0], corners[1], corners[3]], axis=1)
-    aside, ahead = _OUTSIDE_M * normal, _OUTSIDE_M * tangent
-    first = [centre[0] - aside[0] - ahead[0], centre[0] + aside[0] - ahead[0], centre[0] + aside[0], centre[0] - aside[0]]
-    last = [centre[-1] - aside[-1], centre[-1] + aside[-1], centre[-1] + aside[-1] + ahead[-1], centre[-1] - aside[-1] + ahead[-1]]
-    return np.ascontiguousarray(np.concatenate([np.stack(first)[None], strips, np.stack(last)[None]]))
+def _sides(kerbs: Sequence[Kerb], s_from: float, s_to: float) -> tuple[tuple[Kerb, Kerb], tuple[Kerb, Kerb]]:
+    """Return the left and the right kerb of wheels, and of bodies; of several beside each other the one that goes on for longest."""
+
+    def side(left: bool, wheels: bool) -> Kerb:  # noqa: FBT001 - a kerb's own fields
+        own = [kerb for kerb in kerbs if kerb.left is left]
+        own = [kerb for kerb in own if kerb.wheels is wheels] or own
+        return max(own, key=lambda kerb: min(kerb.s[-1], s_to) - max(kerb.s[0], s_from))
+
+    return (side(True, True), side(False, True)), (side(True, False), side(False, False))
 
 
-def _blocked(obstacles: list[shapely.Polygon], room: float) -> tuple[FloatArray, FloatArray]:
+def _parts(kerb: Kerb, cuts: FloatArray) -> list[FloatArray]:
+    """Return a kerb's parts between neighbouring arclengths ``cuts``, (n, 2) each; points beside one place of the line stay in order."""
+    s = np.maximum.accumulate(kerb.s)
+    after = np.clip(np.searchsorted(s, cuts, side="right"), 1, len(s) - 1)
+    whole = s[after] - s[after - 1]
+    share = np.where(whole > 0.0, (cuts - s[after - 1]) / np.where(whole > 0.0, whole, 1.0), 1.0)
+    ends = kerb.points[after - 1] + share[:, None] * (kerb.points[after] - kerb.points[after - 1])
+    return [np.concatenate([ends[k : k + 1], kerb.points[after[k] : after[k + 1]], ends[k + 1 : k + 2]]) for k in range(len(cuts) - 1)]
+
+
+def _areas(left: Sequence[FloatArray], right: Sequence[FloatArray], room: float) -> Sequence[shapely.Geometry]:
+    """Return what two kerbs' parts and the caps between them enclose, and ``room`` beyond; where it is negative, less what is nearer."""
+    areas = [_enclosed(np.concatenate([one, other[::-1], one[:1]])) for one, other in zip(left, right, strict=True)]
+    if room > 0.0:
+        return list(shapely.buffer(areas, room, join_style="mitre"))
+    kerbs = [shapely.MultiLineString(pair) for pair in zip(left, right, strict=True)]
+    near = [shapely.union_all(kerbs[max(k - 1, 0) : k + 2]) for k in range(len(kerbs))]
+    return list(shapely.difference(areas, shapely.buffer(near, -room, quad_segs=16)))  # an arc's chord leaves more
+
+
+def _enclosed(ring: FloatArray) -> shapely.Geometry:
+    """Return all that a closed line goes round, however often, and in whichever direction."""
+    area = shapely.Polygon(ring)
+    if area.is_valid:
+        return area
+    return shapely.union_all(shapely.get_parts(shapely.polygonize([shapely.node(shapely.LineString(ring))])))
+
+
+def _triangles(areas: Sequence[shapely.Geometry]) -> tuple[FloatArray, IntArray]:
+    """Return the corners of triangles that make up areas, (n, 3, 2), and the number of the area of each, rising."""
+    parts, of = shapely.get_parts(shapely.constrained_delaunay_triangles(areas), return_index=True)
+    return np.ascontiguousarray(shapely.get_coordinates(parts).reshape(-1, 4, 2)[:, :3]), of
+
+
+def _protruding(areas: Sequence[shapely.Geometry]) -> FloatArray:
+    """Return the sharp corners at which what is not street protrudes into it, (n, 2)."""
+    found = [np.empty((0, 2))]
+    for polygon in shapely.get_parts(shapely.union_all(areas)):
+        for ring in shapely.get_rings(shapely.orient_polygons(polygon)):
+            points = shapely.get_coordinates(ring)[:-1]
+            ahead = np.roll(points, -1, axis=0) - points
+            ahead /= np.hypot(*ahead.T)[:, None]
+            back = np.roll(ahead, 1, axis=0)
+            found.append(points[back[:, 0] * ahead[:, 1] - back[:, 1] * ahead[:, 0] < -_SHARP])
+    return np.concatenate(found)
+
+
+def _blocked(obstacles: Sequence[shapely.Polygon], room: float) -> tuple[FloatArray, FloatArray]:
     """Return triangles and corners of all obstacles, each smaller by ``room`` or, where that is negative, larger; rounded inwards."""
-    found, corners = [np.empty((0, 3, 2))], [np.empty((0, 2))]
-    for obstacle in obstacles:
-        # A chord of an arc lies inside a larger obstacle; corners of a smaller one stay corners.
-        moved = obstacle.buffer(-room, quad_segs=16, join_style="mitre" if room > 0.0 else "round")
-        triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(moved))
-        found += [np.asarray(part.exterior.coords)[None, :3] for part in triangles]
-        corners.append(shapely.get_coordinates(moved))
-    return np.ascontiguousarray(np.concatenate(found)), np.ascontiguousarray(np.concatenate(corners))
+    # A chord of an arc lies inside a larger obstacle; corners of a smaller one stay corners.
+    moved = list(shapely.buffer(obstacles, -room, quad_segs=16, join_style="mitre" if room > 0.0 else "round"))
+    return _triangles(moved)[0], shapely.get_coordinates(moved)
 
 
 def bins_for(reach: float) -> int:

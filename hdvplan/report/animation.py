@@ -143,7 +143,7 @@ def _map(result: Result, window: Window) -> tuple[Image.Image, Axes]:
         figure = Figure(figsize=_SIZE_IN, dpi=_DPI * _OVERSAMPLED, layout="constrained", facecolor="none")
         canvas = FigureCanvasAgg(figure)
         axes = figure.add_subplot(facecolor="none")
-        draw_surroundings(axes, drive.road, window)
+        draw_surroundings(axes, result, window)
         shown = (s >= window.s_from) & (s <= window.s_to)
         frame(axes, np.column_stack(drive.road.path.to_plane(s[shown], 0.0)), reach_within(result, shown))
         draw_direction(axes, drive.road.path, window.s_from, window.s_to, count=3)

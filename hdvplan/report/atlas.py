@@ -82,7 +82,9 @@ def _middle(result: Result, window: Window) -> FloatArray:
 
 
 def _points(result: Result, window: Window) -> FloatArray:
-    return np.column_stack(result.drive.road.path.to_plane(stations(window), 0.0))
+    """Return the points that a map shows: of the line, and of the place that makes the stretch worth it, which may lie beyond its ends."""
+    place = np.empty((0, 2)) if window.at is None else room_at(result, window.at).ends
+    return np.concatenate([np.column_stack(result.drive.road.path.to_plane(stations(window), 0.0)), place])
 
 
 def _reach(result: Result, window: Window) -> float:

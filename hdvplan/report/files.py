@@ -96,7 +96,7 @@ def path_table(result: Result) -> Table:
 
 def envelope_table(result: Result) -> Table:
     """Return signed reaches over s [m]: s, left, right, their limits (empty without), the geometric expectation, and its width."""
-    envelope, limits = result.envelope, result.drive.road.limits
+    envelope, limits = result.envelope, result.drive.road.passable
     none = np.full(len(envelope.s), np.nan)
     left_limit, right_limit = (none, none) if limits is None else limits.table(envelope.s)[:2]
     columns = {
@@ -119,7 +119,7 @@ def profile_table(result: Result) -> Table:
     driving [1/m], its articulations expected_beta1, ... [rad], left and right reach of each body: left1, right1, left2, ...
     (empty where a body never was) [m].
     """
-    envelope, limits, expected = result.envelope, result.drive.road.limits, result.expected
+    envelope, limits, expected = result.envelope, result.drive.road.passable, result.expected
     none = np.full(len(envelope.s), np.nan)
     left_sweep, right_sweep = (none, none) if limits is None else limits.table(envelope.s)[2:]
     clearance = none if result.clearance is None else result.clearance

@@ -6,7 +6,7 @@ from rich.table import Table
 
 from hdvplan.judging.fit import Fit, RoadFacts
 from hdvplan.report.grid import grid
-from hdvplan.report.tables import smoothing_remark
+from hdvplan.report.tables import line_rows
 from hdvplan.road.road import Road
 
 _MOST_FINDINGS = 5  # of each vehicle in the table
@@ -22,9 +22,9 @@ def facts_table(road: Road, facts: RoadFacts) -> Table:
         ("length", f"{facts.length:.1f}", "m", "closed" if facts.closed else ""),
         ("largest curvature", f"{facts.max_curvature:.4f}", "1/m", curvature),
     ]
-    if road.smoothing is not None and facts.point_spacing is not None:
+    if facts.point_spacing is not None:
         rows.append(("mean point spacing", f"{facts.point_spacing:.2f}", "m", "of the given points"))
-        rows.append(("line moved by", f"{road.smoothing.max_deviation:.2f}", "m", smoothing_remark(road.smoothing)))
+    rows += line_rows(road)
     if facts.narrowest is not None:
         rows.append(("narrowest limits", f"{facts.narrowest:.2f}", "m", f"apart, first at s = {facts.narrowest_s:.1f} m"))
     return grid(road.name, ("", "value", "unit", "remark"), rows, text=("", "unit", "remark"), caption=road.notice)

@@ -15,8 +15,10 @@ from hdvplan.judging.balance import Breach
 from hdvplan.judging.result import Result, body_name
 from hdvplan.judging.wheels import wheel_tracks
 from hdvplan.report.colours import BODY_COLOURS, BREACH, INK, MUTED
+from hdvplan.report.kerbs import broken_kerb, shown_kerbs
+from hdvplan.report.rooms import approach_of
 from hdvplan.road.path import ReferencePath
-from hdvplan.road.road import Limits, Road
+from hdvplan.road.road import Road
 
 CHUNK_M = 50.0  # a road's swept area is cut into pieces this long: each is simple even where the road crosses itself
 CENTRE_SPACING_M = 0.5
@@ -51,18 +53,12 @@ def swept_geojson(result: Result) -> Json:
         area = swept_area(road.path, envelope.s, left, right)
         styled = area_style(BODY_COLOURS[unit % len(BODY_COLOURS)])
         features.append(feature(area, road, common | {"kind": "swept area", "unit": body_name(vehicle, unit)} | reaches | styled))
+    for kerb in shown_kerbs(result):
+        kind, width = ("limit of overhangs", 1) if kerb.binds == "overhangs" else ("limit", 2)
+        features.append(feature(kerb.line, road, common | {"kind": kind, "side": kerb.side} | _line_style(INK, width)))
+    features += [_broken(result, breach, common) for breach in result.balance.breaches]
     s = np.linspace(0.0, road.path.length, max(2, int(np.ceil(road.path.length / CENTRE_SPACING_M)) + 1))
-    if road.limits is not None:
-        left, right, left_sweep, right_sweep = road.limits.table(s)
-        for side, wheels, overhangs in (("left", left, left_sweep), ("right", right, right_sweep)):
-            named = common | {"kind": "limit", "side": side}
-            features.append(feature(_line(road.path, s, wheels), road, named | _line_style(INK, 2)))
-            if np.any(overhangs != wheels):
-                named["kind"] = "limit of overhangs"
-                features.append(feature(_line(road.path, s, overhangs), road, named | _line_style(INK, 1)))
-        features += [_broken(breach, road, road.limits, common) for breach in result.balance.breaches]
-    centre = _line(road.path, s, np.zeros(len(s)))
-    features.append(feature(centre, road, common | {"kind": "road centre"} | _line_style(MUTED, 1)))
+    features.append(feature(_centre(road.path, s), road, common | {"kind": "road centre"} | _line_style(MUTED, 1)))
     for region in road.regions:
         label = {"name": region.label} if region.label else {}
         named = common | {"kind": "region", "region": str(region.kind)} | label
@@ -88,14 +84,14 @@ def swept_area(path: ReferencePath, s: FloatArray, left: FloatArray, right: Floa
     return shapely.union_all(pieces)
 
 
-def _broken(breach: Breach, road: Road, limits: Limits, common: Json) -> Json:
-    """Return the stretch of a limit over which it is broken, as a line with the depth."""
-    begin = max(0.0, breach.s_from - 0.5 * CENTRE_SPACING_M)
-    end = min(road.path.length, breach.s_to + 0.5 * CENTRE_SPACING_M)
-    s = np.linspace(begin, end, max(2, int(np.ceil((end - begin) / CENTRE_SPACING_M)) + 1))
-    limit = limits.table(s)[("left", "right").index(breach.side) + (2 if breach.region == "sweepable" else 0)]
+def _broken(result: Result, breach: Breach, common: Json) -> Json:
+    """Return the stretch of a kerb over which it is broken, or the outline of an obstacle that was entered, with the depth."""
     where: Json = {"kind": "broken limit", "side": breach.side, "depth_m": round(breach.depth, 4), "s_m": round(breach.s_deepest, 2)}
-    return feature(_line(road.path, s, limit), road, common | where | _line_style(BREACH, 5))
+    if breach.obstacle is None:
+        line = broken_kerb(result, breach, CENTRE_SPACING_M)
+    else:
+        line = approach_of(result, breach).obstacle.polygon.exterior
+    return feature(shapely.LineString(line), result.drive.road, common | where | _line_style(BREACH, 5))
 
 
 def area_style(colour: str) -> Json:
@@ -107,8 +103,8 @@ def _line_style(colour: str, width: int) -> Json:
     return {"stroke": colour, "stroke-width": width, "stroke-opacity": 1.0}
 
 
-def _line(path: ReferencePath, s: FloatArray, offset: FloatArray) -> shapely.LineString:
-    line = shapely.simplify(shapely.LineString(_points(path, s, offset)), _SIMPLER_M, preserve_topology=False)
+def _centre(path: ReferencePath, s: FloatArray) -> shapely.LineString:
+    line = shapely.simplify(shapely.LineString(_points(path, s, np.zeros(len(s)))), _SIMPLER_M, preserve_topology=False)
     assert isinstance(line, shapely.LineString)  # noqa: S101 - a line stays one
     return line
 

@@ -9,12 +9,13 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from hdvplan.arrays import BoolArray, FloatArray
-from hdvplan.judging.balance import Breach, edges_of, judged_table
+from hdvplan.arrays import FloatArray
+from hdvplan.judging.balance import Breach
 from hdvplan.judging.bodies import corners, pose_at
 from hdvplan.judging.result import Result, body_name, breach_text, entered_text
 from hdvplan.judging.wheels import TRACK_NOTE, wheel_tracks
 from hdvplan.report.geojson import swept_area
+from hdvplan.report.kerbs import beyond_kerb, shown_kerbs
 from hdvplan.report.rooms import approach_of, room_at, shared_with, tightness
 from hdvplan.report.windows import peaks
 from hdvplan.road.regions import Kind
@@ -23,8 +24,6 @@ from hdvplan.road.road import Road
 SIMPLER_M = 2.5e-4  # lines leave out points that would move them by no more
 APART = 1.25  # vehicle lengths from outline to outline: they do not touch
 _SPACING_M = 0.2  # of lines along the road: on a radius of 8 m, chords are off by 0.6 mm
-_BESIDE_M = 0.25  # a conflict is drawn this much beyond its first and last place, so that every one has an area
-_KERB_M = 5.0  # from what was swept, on a road without widths
 _CLEARANCES = 12  # tightest places that are dimensioned
 _CLEARANCES_APART_M = 20.0
 
@@ -126,27 +125,8 @@ def _envelopes(result: Result) -> list[Drawn]:
 
 
 def _limits(result: Result) -> list[Drawn]:
-    """Return the road's own edges; where it has no widths, only kerbs that are near what was swept."""
-    drive, edges = result.drive, edges_of(result.drive)
-    if edges is None:
-        return []
-    road, envelope = drive.road, result.envelope
-    s = np.union1d(_stations(road), edges.s[(edges.s >= 0.0) & (edges.s <= road.path.length)])
-    left, right, left_sweep, right_sweep = edges.table(s)
-    found = []
-    for side, reach, rows in (("left", envelope.reach_left, (left, left_sweep)), ("right", envelope.reach_right, (right, right_sweep))):
-        for binds, row in zip(("wheels", "overhangs"), rows, strict=True):
-            kerb = (np.abs(row - np.interp(s, envelope.s, reach)) < _KERB_M) & (rows[0] != rows[1])
-            near = kerb | (road.band is not None)
-            if binds == "wheels" or np.any(row != rows[0]):
-                found += [Drawn(Layer.LIMITS, line_at(road, s[run], row[run]), {"side": side, "binds": binds}) for run in _runs(near)]
-    return found
-
-
-def _runs(shown: BoolArray) -> list[slice]:
-    """Return the stretches of at least two samples that are shown."""
-    ends = np.flatnonzero(np.diff(np.concatenate([[False], shown, [False]]).astype(int)))
-    return [slice(int(begin), int(end)) for begin, end in zip(ends[::2], ends[1::2], strict=True) if end - begin > 1]
+    kerbs = shown_kerbs(result)
+    return [Drawn(Layer.LIMITS, kerb.line, {"side": kerb.side, "binds": kerb.binds}) for kerb in kerbs]
 
 
 def _tracks(result: Result) -> list[Drawn]:
@@ -173,7 +153,7 @@ def _vehicles(result: Result) -> list[Drawn]:
 
 def _clearances(result: Result) -> list[Drawn]:
     """Return lines across the room at the tightest places, where limits are kept."""
-    if not result.edge_gaps:
+    if not result.gaps:
         return []
     found = []
     for at in peaks(result.envelope.s, tightness(result), _CLEARANCES_APART_M, _CLEARANCES):
@@ -222,14 +202,5 @@ def _conflicts(result: Result) -> list[Drawn]:
 
 
 def conflict_area(result: Result, breach: Breach) -> BaseGeometry:
-    """Return the part of an obstacle that was entered, or the area between a broken edge and what reached beyond it."""
-    if breach.obstacle is not None:
-        return shared_with(result, approach_of(result, breach))
-    road, envelope, edges = result.drive.road, result.envelope, edges_of(result.drive)
-    assert edges is not None  # noqa: S101 - what is broken exists
-    shown = (envelope.s >= breach.s_from - _BESIDE_M) & (envelope.s <= breach.s_to + _BESIDE_M)
-    s = envelope.s[shown]
-    limit = judged_table(edges, s)[("left", "right").index(breach.side) + (2 if breach.region == "sweepable" else 0)]
-    depth = np.fmax(0.0, -np.fmin.reduce(result.edge_gaps[breach.side, breach.region][:, shown], axis=0))
-    reach = limit + depth if breach.side == "left" else limit - depth
-    return swept_area(road.path, s, np.fmax(limit, reach), np.fmin(limit, reach))
+    """Return the part of an obstacle that was entered, or the area that was swept beyond a kerb."""
+    return beyond_kerb(result, breach) if breach.obstacle is None else shared_with(result, approach_of(result, breach))

@@ -13,18 +13,18 @@ from matplotlib.path import Path as Outline
 from shapely.geometry.base import BaseGeometry
 
 from hdvplan.arrays import BoolArray, FloatArray, IntArray
-from hdvplan.judging.balance import KEPT_M, Breach, judged_table
+from hdvplan.judging.balance import Breach
 from hdvplan.judging.bodies import corners, pose_at
 from hdvplan.judging.result import Result, body_name
 from hdvplan.judging.wheels import wheel_tracks
 from hdvplan.report.colours import BREACH, INK, MUTED
 from hdvplan.report.geojson import swept_area
+from hdvplan.report.kerbs import judged_stretch, shown_kerbs
 from hdvplan.report.layers import conflict_area, outline_places
-from hdvplan.report.rooms import Room, breach_place
+from hdvplan.report.rooms import Room, outwards_at
 from hdvplan.report.style import body_colour, body_dark, body_fill
 from hdvplan.report.windows import Window
 from hdvplan.road.regions import Kind
-from hdvplan.road.road import Limits, Road
 from hdvplan.vehicle.model import Vehicle
 
 _SPACING_M = 0.5
@@ -45,7 +45,7 @@ def draw_map(axes: Axes, result: Result, window: Window, *, bodies: bool = True,
     for unit in reversed(range(len(vehicle.units))):  # the lead unit on top: of the others shows what they sweep besides
         area = swept_area(path, s, envelope.left[unit][shown], envelope.right[unit][shown])
         axes.add_patch(PathPatch(outline_of(area), facecolor=body_fill(unit), edgecolor="none", label=swept_label(vehicle, unit)))
-    draw_surroundings(axes, drive.road, window)
+    draw_surroundings(axes, result, window)
     if bodies:
         places = outline_places(result, window.s_from, window.s_to)
         draw_bodies(axes, result, np.array([pose_at(drive, s) for s in places]))
@@ -53,28 +53,22 @@ def draw_map(axes: Axes, result: Result, window: Window, *, bodies: bool = True,
     frame(axes, np.column_stack(path.to_plane(stations(window), 0.0)), reach_within(result, shown))
 
 
-def draw_surroundings(axes: Axes, road: Road, window: Window) -> None:
-    """Draw what the road itself brings along the stretch ``window``: its centre and its limits.
+def draw_surroundings(axes: Axes, result: Result, window: Window) -> None:
+    """Draw what the road itself brings along the stretch ``window``: its centre and its limits, beyond its ends as far as they are judged.
 
     Its obstacles and what overhangs may sweep lie below, hatched where it may be swept.
     """
-    path, s = road.path, stations(window)
+    road, s = result.drive.road, stations(window)
     for kind, colour, hatch in ((Kind.OBSTACLE, "0.6", None), (Kind.SWEEPABLE, "none", "////")):
         areas = [region.polygon for region in road.regions if region.kind is kind]
         if areas:
             shape = outline_of(shapely.union_all(areas))
             axes.add_patch(PathPatch(shape, facecolor=colour, edgecolor=MUTED, hatch=hatch, linewidth=0.6, zorder=0.5, label=kind))
-    axes.plot(*path.to_plane(s, 0.0), color=MUTED, linewidth=0.8, linestyle=(0, (7, 4)), label="road centre")
-    limits = road.limits if road.edges is None or road.band is None else road.edges  # obstacles are drawn themselves
-    if limits is None:
-        return
-    left, right, left_sweep, right_sweep = limits.table(s)
-    for wheels, overhangs, first in ((left, left_sweep, True), (right, right_sweep, False)):
-        axes.plot(*path.to_plane(s, wheels), color=INK, linewidth=1.3, label="limits" if first else None)
-        apart = np.abs(overhangs - wheels) > 0.0
-        if np.any(apart):
-            x, y = path.to_plane(s, np.where(apart, overhangs, np.nan))
-            axes.plot(x, y, color=INK, linewidth=1.1, linestyle=(0, (1, 1.5)), label="limits of overhangs" if first else None)
+    axes.plot(*road.path.to_plane(s, 0.0), color=MUTED, linewidth=0.8, linestyle=(0, (7, 4)), label="road centre")
+    labels = {"wheels": "limits", "overhangs": "limits of overhangs"}
+    for kerb in shown_kerbs(result, window.s_from, window.s_to):
+        look = {"linewidth": 1.3} if kerb.binds == "wheels" else {"linewidth": 1.1, "linestyle": (0, (1, 1.5))}
+        axes.plot(*shapely.get_coordinates(kerb.line).T, color=INK, label=labels.pop(kerb.binds, None), **look)
 
 
 def swept_label(vehicle: Vehicle, unit: int) -> str:
@@ -98,7 +92,7 @@ def draw_overview(axes: Axes, result: Result, windows: tuple[Window, ...]) -> No
             bbox={"boxstyle": "circle,pad=0.25", "facecolor": body_colour(0), "edgecolor": "white"}, zorder=5,
         )  # fmt: skip
     if result.balance.breaches:
-        x, y = path.to_plane(np.array([breach.s_deepest for breach in result.balance.breaches]), 0.0)
+        x, y = zip(*(breach.place for breach in result.balance.breaches), strict=True)
         axes.plot(x, y, linestyle="none", marker="X", color=BREACH, markersize=7, markeredgecolor="white", label="limit broken", zorder=4)
     axes.plot(*points[0], marker="o", color=INK, markersize=6)
     axes.annotate("start", points[0], xytext=(7, -4), textcoords="offset points", fontsize="small")
@@ -142,32 +136,19 @@ def draw_room(axes: Axes, room: Room) -> None:
 
 def _draw_breaches(axes: Axes, result: Result, window: Window, *, depths: bool) -> None:
     """Fill what was swept beyond a limit, and write how deep the deepest places are if ``depths`` are wanted."""
-    path = result.drive.road.path
-    breaches = [breach for breach in result.balance.breaches if window.s_from <= breach.s_deepest <= window.s_to]
+    begin, end = judged_stretch(result, window.s_from, window.s_to)
+    breaches = [breach for breach in result.balance.breaches if begin <= breach.s_deepest <= end]
     for number, breach in enumerate(breaches):
         outline = outline_of(conflict_area(result, breach))
         label = "beyond a limit" if number == 0 else None
         axes.add_patch(PathPatch(outline, facecolor=BREACH, edgecolor=BREACH, linewidth=1.2, label=label, zorder=4))
     for breach in _spread(breaches if depths else ()):
-        s, edge = breach_place(result, breach)
-        outwards = 1.0 if edge > 0.0 else -1.0
-        x, y = path.to_plane(s, edge)
-        u, v = path.to_plane(s, edge + outwards * _LABEL_AWAY_M)
+        u, v = np.array(breach.place) + _LABEL_AWAY_M * outwards_at(result, breach.s_deepest, breach.side)
         axes.annotate(
-            f"{breach.depth:.2f} m", (float(x), float(y)), xytext=(float(u), float(v)), ha="center", va="center", zorder=6,
+            f"{breach.depth:.2f} m", breach.place, xytext=(float(u), float(v)), ha="center", va="center", zorder=6,
             color=BREACH, fontweight="bold", fontsize="small", arrowprops={"arrowstyle": "-", "color": BREACH, "linewidth": 0.8},
             bbox=_WHITE,
         )  # fmt: skip
-
-
-def edge_beyond(limits: Limits, s: FloatArray, key: tuple[str, str], gap: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return a limit, by its side and region, and how far beyond it the vehicle reached: signed offsets at ``s`` [m].
-
-    NaN where the least room ``gap`` counts as kept.
-    """
-    limit = judged_table(limits, s)[_row(*key)]
-    beyond = limit - gap if key[0] == "left" else limit + gap
-    return limit, np.where(gap < -KEPT_M, beyond, np.nan)
 
 
 def _spread(breaches: Iterable[Breach]) -> list[Breach]:
@@ -177,11 +158,6 @@ def _spread(breaches: Iterable[Breach]) -> list[Breach]:
         if all(abs(breach.s_deepest - other.s_deepest) > _LABELS_APART_M or breach.side != other.side for other in kept):
             kept.append(breach)
     return kept[:_MOST_DEPTHS]
-
-
-def _row(side: str, region: str) -> int:
-    """Return a limit's row in ``Limits.table``."""
-    return ("left", "right").index(side) + (2 if region == "sweepable" else 0)
 
 
 def outline_of(area: BaseGeometry) -> Outline:
@@ -194,7 +170,7 @@ def outline_of(area: BaseGeometry) -> Outline:
 def reach_within(result: Result, shown: BoolArray) -> float:
     """Return how far around the centre a map shows; limits far beyond what was swept are not shown [m]."""
     reach = max(float(np.max(result.envelope.reach_left[shown])), -float(np.min(result.envelope.reach_right[shown])))
-    limits = result.drive.road.limits
+    limits = result.drive.road.beside
     if limits is None:
         return reach + _ROOM_M
     return _ROOM_M + max(reach, min(2.0 * reach, float(np.max(np.abs(limits.table(result.envelope.s[shown]))))))

@@ -11,10 +11,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 
 from hdvplan.need.answer import Need
+from hdvplan.need.kerbs import Patch
 from hdvplan.report.colours import BREACH, INK, MUTED
 from hdvplan.report.maps import draw_map, outline_of
 from hdvplan.report.need_layers import shown_plan
-from hdvplan.report.needs import Patch, need_lines
+from hdvplan.report.needs import need_lines
 from hdvplan.report.style import SLIDE_IN, styled
 from hdvplan.report.windows import Window
 from hdvplan.road.road import Road

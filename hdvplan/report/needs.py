@@ -2,73 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-import numpy as np
-import shapely
 from rich.table import Table
-from shapely.geometry.base import BaseGeometry
 
 from hdvplan import __version__
-from hdvplan.arrays import FloatArray
 from hdvplan.judging.result import body_name
 from hdvplan.judging.verdict import place_text, proof_text
 from hdvplan.need.answer import Need, Place
 from hdvplan.need.bound import Bound
-from hdvplan.need.measure import ROWS
+from hdvplan.need.kerbs import Patch
 from hdvplan.need.search import TOLERANCE_M, WIDE_M, Least
-from hdvplan.need.widening import Widening
+from hdvplan.need.widening import Widening, Widenings
 from hdvplan.report.colours import BREACH
-from hdvplan.report.geojson import area_style, feature, swept_area
+from hdvplan.report.geojson import area_style, feature
 from hdvplan.report.grid import grid
 from hdvplan.report.summary import proof_json
-from hdvplan.road.path import ReferencePath
 from hdvplan.road.regions import called
-from hdvplan.road.road import Limits, Road
+from hdvplan.road.road import Road
 
 Json = dict[str, object]
-
-
-@dataclass(frozen=True)
-class Patch:
-    """A stretch over which one limit moves outwards: a polygon in the road's plane [m]."""
-
-    side: str
-    region: str  # "drivable" or "sweepable", see ``Breach``
-    s_from: float  # [m]
-    s_to: float  # [m]
-    s_deepest: float  # [m]
-    depth: float  # [m]
-    polygon: BaseGeometry
-
-
-def patches_of(widening: Widening, own: Limits, path: ReferencePath) -> tuple[Patch, ...]:
-    """Return the polygons by which a widening extends the limits ``own``, in order of s; of overhangs where theirs differs from wheels'."""
-    found = []
-    table = own.table(widening.s)
-    for number, name in enumerate(ROWS):
-        side, outwards = name.removesuffix("_sweep"), widening.outwards[number]
-        if number > 1 and np.array_equal(outwards, widening.outwards[number - 2]) and not own.two_regions:
-            continue
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], outwards > 0.0, [False]]).astype(int)))
-        for begin, end in zip(edges[::2], edges[1::2], strict=True):
-            part = slice(max(0, begin - 1), end + 1)  # to where it begins and ends
-            region = "sweepable" if number > 1 else "drivable"
-            found.append(_patch(path, widening.s[part], table[number, part], outwards[part], side, region))
-    return tuple(sorted(found, key=lambda patch: (patch.s_from, patch.side)))
-
-
-def _patch(path: ReferencePath, s: FloatArray, limit: FloatArray, outwards: FloatArray, side: str, region: str) -> Patch:
-    moved = limit + outwards * (1.0 if side == "left" else -1.0)
-    left, right = (moved, limit) if side == "left" else (limit, moved)
-    deepest = int(np.argmax(outwards))
-    area = shapely.union_all(swept_area(path, s, left, right))
-    return Patch(side, region, float(s[0]), float(s[-1]), float(s[deepest]), float(outwards[deepest]), area)
-
-
-def area_of(patches: tuple[Patch, ...]) -> float:
-    """Return the area of all patches together [m2]; what several cover counts once."""
-    return float(shapely.union_all([patch.polygon for patch in patches]).area)
 
 
 def need_lines(need: Need) -> list[str]:
@@ -110,12 +61,15 @@ def _widening_line(need: Need) -> str:
         return f"YES: the {vehicle} fits within the road's own limits"
     if widenings.area is None or widenings.depth is None:
         return f"NO: the {vehicle} does not fit, and no widening of the road's own limits was found that would do{_why(need.room)}"
-    area, depth = (area_of(_patches(need, widening)) for widening in (widenings.area, widenings.depth))
-    both = widenings.area.result is not None and widenings.depth.result is not None
-    least = f"widening the road by {area:.1f} m2 would do" if both else f"at least {area:.1f} m2 of road are lacking"
-    deep = f"{widenings.area.depth:.2f} m at the deepest, or {depth:.1f} m2 nowhere deeper than {widenings.depth.depth:.2f} m"
-    rest = "" if both else "; no plan along the whole road was found with it"
-    return f"NO: the {vehicle} does not fit; {least}, {deep}{rest}"
+    area, depth = widenings.area, widenings.depth
+    least = f"widening the road by {_area_text(area.area)} would do, {area.depth:.2f} m at the deepest"
+    if area.area == depth.area:
+        return f"NO: the {vehicle} does not fit; {least}"
+    return f"NO: the {vehicle} does not fit; {least}, or {_area_text(depth.area)} nowhere deeper than {depth.depth:.2f} m"
+
+
+def _area_text(area: float) -> str:
+    return f"{area:.{1 if area >= 1.0 else 2}f} m2"
 
 
 def _why(room: Least) -> str:
@@ -123,12 +77,6 @@ def _why(room: Least) -> str:
     if room.result is None and room.blocked is not None:
         return f": {called(room.blocked.obstacle.label)} is in the way at s = {room.blocked.s:.1f} m"
     return f" ({room.failure})" if room.result is None and room.failure is not None else ""
-
-
-def _patches(need: Need, widening: Widening) -> tuple[Patch, ...]:
-    own = need.case.road.own_limits
-    assert own is not None  # noqa: S101 - for the type checker: there is a widening
-    return patches_of(widening, own, need.case.road.path)
 
 
 def _place_text(need: Need, place: Place) -> str:
@@ -171,7 +119,7 @@ def need_json(need: Need, seconds: float) -> Json:
         "widening": None
         if widened is None
         else {
-            name: None if widening is None else _widening_json(need, widening)
+            name: None if widening is None else _widening_json(widening)
             for name, widening in (("least_area", widened.area), ("least_depth", widened.depth))
         },
         "time_s": seconds,
@@ -185,18 +133,17 @@ def _widening_m2(need: Need) -> float | None:
         return None
     if need.widenings.fitting is not None:
         return 0.0
-    return None if need.widenings.area is None else area_of(_patches(need, need.widenings.area))
+    return None if need.widenings.area is None else need.widenings.area.area
 
 
-def _widening_json(need: Need, widening: Widening) -> Json:
-    patches = _patches(need, widening)
+def _widening_json(widening: Widening) -> Json:
     return {
-        "area_m2": area_of(patches),
+        "area_m2": widening.area,
         "depth_m": widening.depth,
-        "fits_then": widening.result is not None,
-        "objective": None if widening.result is None else widening.result.objective,
-        "scheme": None if widening.result is None else str(widening.result.case.settings.scheme),
-        "places": [_patch_json(patch) for patch in patches],
+        "fits_then": True,
+        "objective": widening.result.objective,
+        "scheme": str(widening.result.case.settings.scheme),
+        "places": [_patch_json(patch) for patch in widening.patches],
     }
 
 
@@ -218,7 +165,7 @@ def widening_geojson(need: Need, widening: Widening) -> Json:
     common: Json = {"road": road.name, "vehicle": need.case.vehicle.name, "kind": "widening"}
     if road.notice is not None:
         common["attribution"] = road.notice
-    return {"type": "FeatureCollection", "features": [_feature(patch, road, common) for patch in _patches(need, widening)]}
+    return {"type": "FeatureCollection", "features": [_feature(patch, road, common) for patch in widening.patches]}
 
 
 def _feature(patch: Patch, road: Road, common: Json) -> Json:
@@ -226,19 +173,26 @@ def _feature(patch: Patch, road: Road, common: Json) -> Json:
     return feature(patch.polygon, road, common | measured | area_style(BREACH), fine=True)
 
 
-def widening_table(need: Need, widening: Widening, title: str) -> Table:
-    """Return the places of a widening, one a row."""
-    patches = _patches(need, widening)
-    regions = {patch.region for patch in patches}
+def widening_tables(widenings: Widenings) -> list[Table]:
+    """Return the places of both widenings, one a row; of one that is both, once."""
+    area, depth = widenings.area, widenings.depth
+    if area is None or depth is None:
+        return []
+    if area.area == depth.area:
+        return [_table(area, "least area and least depth")]
+    return [_table(area, "least area"), _table(depth, "least depth")]
+
+
+def _table(widening: Widening, title: str) -> Table:
+    regions = {patch.region for patch in widening.patches}
     columns = ["from [m]", "to [m]", "deepest [m]", "depth [m]", "area [m2]", "side"]
     rows = []
-    for patch in patches:
+    for patch in widening.patches:
         place = [f"{s:.1f}" for s in (patch.s_from, patch.s_to, patch.s_deepest)]
-        rows.append([*place, f"{patch.depth:.2f}", f"{patch.polygon.area:.1f}", patch.side])
+        rows.append([*place, f"{patch.depth:.2f}", _area_text(patch.polygon.area).removesuffix(" m2"), patch.side])
         if len(regions) > 1:
             rows[-1].append(f"of {'overhangs' if patch.region == 'sweepable' else 'wheels'}")
     if len(regions) > 1:
         columns.append("limit")
-    total = f"{area_of(patches):.1f} m2, {widening.depth:.2f} m at the deepest"
-    caption = None if widening.result is not None else "no plan along the whole road was found with it: this is where room is lacking"
-    return grid(f"{title}: {total}", columns, rows, text=("side", "limit"), caption=caption)
+    total = f"{_area_text(widening.area)}, {widening.depth:.2f} m at the deepest"
+    return grid(f"{title}: {total}", columns, rows, text=("side", "limit"))

@@ -76,7 +76,7 @@ class _Outline:
     """What must lie on the paper: edges of the swept area, and limits that are not far."""
 
     def __init__(self, result: Result, field_mm: tuple[float, float]) -> None:
-        envelope, path, limits = result.envelope, result.drive.road.path, result.drive.road.limits
+        envelope, path, limits = result.envelope, result.drive.road.path, result.drive.road.beside
         stride = max(1, round(_SPACING_M / float(envelope.s[1] - envelope.s[0])))
         self.s = np.append(envelope.s[::stride], envelope.s[-1])
         reach = [np.append(side[::stride], side[-1]) for side in (envelope.reach_left, envelope.reach_right)]

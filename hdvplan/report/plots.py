@@ -11,13 +11,12 @@ from matplotlib.legend import Legend
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from hdvplan.arrays import BoolArray, FloatArray
-from hdvplan.judging.balance import edges_of
 from hdvplan.judging.result import Result, body_name
 from hdvplan.judging.verdict import verdict_of, verdict_title
 from hdvplan.report.atlas import draw_atlas
 from hdvplan.report.colours import BREACH, INK, MUTED
 from hdvplan.report.heading import answer_colour
-from hdvplan.report.maps import edge_beyond
+from hdvplan.report.kerbs import judged_stretch
 from hdvplan.report.rooms import breach_place
 from hdvplan.report.style import SLIDE_IN, body_colour, body_fill, styled
 from hdvplan.report.summary import step_times_ms
@@ -27,6 +26,7 @@ Panel = Callable[[Axes, Result, Window], None]
 _SHADE = "0.90"
 _ON_WHITE = {"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.7}
 _NEAR_LIMIT = 3.0  # a curvature limit more than so many times the plan's largest would flatten the curve
+_BY_END = 0.08  # of a panel's length: text there is written inwards
 _FAR = 2.0  # limits this many reaches away would flatten the envelope
 
 
@@ -113,7 +113,9 @@ def _within(s: FloatArray, window: Window) -> BoolArray:
 
 def _finish_whole(axes: Axes, result: Result, windows: tuple[Window, ...], *, named: bool) -> None:
     axes.grid(visible=True)
-    axes.set_xlim(0.0, result.drive.road.path.length)
+    length = result.drive.road.path.length
+    within = all(0.0 <= breach.s_deepest <= length for breach in result.balance.breaches)
+    axes.set_xlim(*((0.0, length) if within else judged_stretch(result, 0.0, length)))
     _legend_above(axes, columns=4)
     for window in windows:
         axes.axvspan(window.s_from, window.s_to, color=_SHADE, linewidth=0.0, zorder=0)
@@ -151,8 +153,8 @@ def _draw_envelope(axes: Axes, result: Result, window: Window) -> None:
 
 
 def _draw_limits(axes: Axes, result: Result, shown: BoolArray, window: Window) -> None:
-    """Draw limits, what lies beyond them in red, crosses where it is deepest, and how deep the deepest is."""
-    limits, s = result.drive.road.limits, result.envelope.s[shown]
+    """Draw limits as they lie beside the line, crosses where bodies reach furthest beyond them, and how deep the deepest is."""
+    limits, s = result.drive.road.beside, result.envelope.s[shown]
     if limits is None:
         return
     seen = _FAR * max(float(np.max(result.envelope.reach_left)), -float(np.min(result.envelope.reach_right)))
@@ -164,12 +166,10 @@ def _draw_limits(axes: Axes, result: Result, shown: BoolArray, window: Window) -
         if np.any(np.abs(overhangs - wheels) > 0.0):  # False where both lie too far out to be drawn
             axes.plot(s, overhangs, color=INK, linewidth=1.1, linestyle=(0, (1, 1.5)), label="of overhangs" if label else None)
         label = None
-    here = [breach for breach in result.balance.breaches if window.s_from <= breach.s_deepest <= window.s_to]
+    begin, end = judged_stretch(result, window.s_from, window.s_to)
+    here = [breach for breach in result.balance.breaches if begin <= breach.s_deepest <= end]
     if not here:
         return
-    for key, gaps in result.edge_gaps.items():
-        edge, beyond = edge_beyond(edges_of(result.drive) or limits, s, key, np.fmin.reduce(gaps[:, shown], axis=0))
-        axes.fill_between(s, edge, beyond, color=BREACH, linewidth=0.0)
     at, offsets = zip(*(breach_place(result, breach) for breach in here), strict=True)
     axes.plot(
         at, offsets, linestyle="none", marker="X", color=BREACH, markersize=7, markeredgecolor="white", label="limit broken", zorder=5
@@ -178,10 +178,12 @@ def _draw_limits(axes: Axes, result: Result, shown: BoolArray, window: Window) -
     place = breach_place(result, deepest)
     outwards = 1.0 if place[1] > 0.0 else -1.0
     what = "beyond" if deepest.obstacle is None else f"into {deepest.obstacle or 'an obstacle'}"
+    share = (place[0] - window.s_from) / (window.s_to - window.s_from)
+    aligned = "left" if share < _BY_END else "right" if share > 1.0 - _BY_END else "center"
     axes.annotate(
         f"{deepest.depth:.2f} m {what}", place, xytext=(0.0, 7.0 * outwards),
-        textcoords="offset points", ha="center", va="bottom" if outwards > 0.0 else "top", color=BREACH, fontweight="bold",
-        fontsize="small", bbox=_ON_WHITE,
+        textcoords="offset points", ha=aligned, va="bottom" if outwards > 0.0 else "top", color=BREACH, fontweight="bold", fontsize="small",
+        bbox=_ON_WHITE,
     ).set_in_layout(False)  # fmt: skip
     axes.margins(y=0.16)
 

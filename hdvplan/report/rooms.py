@@ -1,7 +1,4 @@
-"""The room at a place: between the body that reaches furthest and the road's edge, an obstacle or, without either, the centre.
-
-Distances to obstacles are measured in the plane, as everywhere; edges are limits along s.
-"""
+"""The room at a place, in the plane: from the body that is nearest to a kerb or an obstacle or, without either, from the centre."""
 
 from __future__ import annotations
 
@@ -12,10 +9,12 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from hdvplan.arrays import FloatArray
-from hdvplan.judging.balance import KEPT_M, Breach, edges_of, judged_table
+from hdvplan.judging.balance import KEPT_M, Breach
 from hdvplan.judging.bodies import corners
 from hdvplan.judging.obstacles import Approach
 from hdvplan.judging.result import Result
+from hdvplan.report.kerbs import kerb_lines
+from hdvplan.road.path import project_many
 
 _FAR_M = 5.0  # what is further away is not tight, where anything else is: roads without widths are open far out
 
@@ -29,7 +28,7 @@ class Room:
     side: str
     unit: int
     ends: FloatArray
-    outwards: FloatArray  # (2,), of length 1, across the road
+    outwards: FloatArray  # (2,), of length 1
     limited: bool
     obstacle: str | None = None  # what users call it, "" without a name; None for the road's edge
 
@@ -60,9 +59,9 @@ def tightness(result: Result) -> FloatArray:
     Minus infinity where nothing is near. Obstacles count where they are nearest.
     """
     envelope = result.envelope
-    if not result.edge_gaps:
+    if not result.gaps:
         return np.maximum(envelope.reach_left, -envelope.reach_right)
-    score: FloatArray = -np.fmin.reduce(np.concatenate(list(result.edge_gaps.values())), axis=0)
+    score: FloatArray = -np.fmin.reduce(np.concatenate(list(result.gaps.values())), axis=0)
     score = np.where(np.isfinite(score), score, -np.inf)
     for approach in result.approaches:
         at = _sample(result, approach.s)
@@ -73,43 +72,54 @@ def tightness(result: Result) -> FloatArray:
 def room_at(result: Result, at: int) -> Room:
     """Return the least room at sample ``at`` of the envelope, or the furthest reach on a road without limits."""
     s = float(result.envelope.s[at])
-    if not result.edge_gaps:
+    if not result.gaps:
         return _reach(result, at, s)
     near = [approach for approach in result.approaches if _sample(result, approach.s) == at]
-    gaps = {key: gap[:, at] for key, gap in result.edge_gaps.items() if np.any(np.isfinite(gap[:, at]))}
-    side, region = min(gaps, key=lambda key: float(np.nanmin(gaps[key])))
-    gap, unit = float(np.nanmin(gaps[side, region])), int(np.nanargmin(gaps[side, region]))
+    gaps = {key: gap[:, at] for key, gap in result.gaps.items() if np.any(np.isfinite(gap[:, at]))}
+    tightest = min(gaps, key=lambda key: float(np.nanmin(gaps[key])), default=None)
     nearest = min(near, key=lambda approach: approach.distance, default=None)
-    if nearest is not None and nearest.distance <= gap:
+    if nearest is not None and (tightest is None or nearest.distance <= float(np.nanmin(gaps[tightest]))):
         return _beside(result, nearest, s)
-    limit = edge_offset(result, s, side, region)
-    return _across(result, s, side, unit, limit - gap if side == "left" else limit + gap, limit, -gap)
+    if tightest is None:
+        return _reach(result, at, s)
+    side, region = tightest
+    gap, unit = float(np.nanmin(gaps[tightest])), int(np.nanargmin(gaps[tightest]))
+    touch = result.balance.touches[side, region][unit, at]
+    s, body = float(touch["s"]), np.array([touch["x"], touch["y"]])
+    kerbs = [one.line for one in kerb_lines(result.drive.road, s - _FAR_M, s + _FAR_M) if one.side == side and one.region == region]
+    ends = np.stack([body, _kerb_place(shapely.union_all(kerbs), body, abs(gap))])
+    return Room(s, -gap, side, unit, ends, outwards_at(result, s, side), True)
 
 
-def edge_offset(result: Result, s: float, side: str, region: str) -> float:
-    """Return the signed offset of the road's own edge [m]."""
-    edges = edges_of(result.drive)
-    assert edges is not None  # noqa: S101 - without limits there is nothing to be near
-    table = judged_table(edges, result.envelope.s)
-    return float(table[("left", "right").index(side) + (2 if region == "sweepable" else 0), _sample(result, s)])
+def _kerb_place(kerbs: BaseGeometry, body: FloatArray, apart: float) -> FloatArray:
+    """Return the place of kerbs that is ``apart`` from a body's point [m]: the nearest one, or a corner that lies inside the body."""
+    nearest: FloatArray = shapely.get_coordinates(shapely.shortest_line(shapely.Point(body), kerbs))[1]
+    if abs(float(np.hypot(*(nearest - body))) - apart) < KEPT_M:
+        return nearest
+    own = shapely.get_coordinates(kerbs)
+    corner: FloatArray = own[np.argmin(np.abs(np.hypot(*(own - body).T) - apart))]
+    return corner
 
 
 def pose_touching(result: Result, room: Room) -> int:
     """Return the number of the simulated pose at which a body reached the place of least room."""
     drive = result.drive
     near = np.flatnonzero(np.abs(drive.poses_s - room.s) <= drive.vehicle.reach_ahead + drive.vehicle.reach_behind)
+    near = near if len(near) else np.arange(len(drive.poses_s))  # the place of a kerb that is far away may be beside another stretch
     bodies = shapely.polygons(corners(drive, near)[:, room.unit])
     return int(near[int(np.argmin(shapely.distance(shapely.boundary(bodies), shapely.Point(room.ends[0]))))])
 
 
 def breach_place(result: Result, breach: Breach) -> tuple[float, float]:
-    """Return arclength and signed offset [m] of the place that a body reached at a breach's deepest."""
-    if breach.obstacle is not None:
-        approach = approach_of(result, breach)
-        _, offset = result.drive.stations.path.project(approach.x, approach.y, approach.s)
-        return breach.s_deepest, float(offset)
-    limit = edge_offset(result, breach.s_deepest, breach.side, breach.region)
-    return breach.s_deepest, limit + breach.depth if breach.side == "left" else limit - breach.depth
+    """Return arclength and signed offset [m] of the place that a body reached at a breach's deepest; without a foot there, its distance."""
+    path, near = result.drive.stations.path, min(max(breach.s_deepest, 0.0), result.drive.road.path.length)
+    x, y = (np.array([value]) for value in breach.place)
+    s, offset = project_many(path, x, y, np.array([near]))[:2]
+    if np.isfinite(offset[0]):
+        return float(s[0]), float(offset[0])
+    here = path.at(near)
+    distance = float(np.hypot(x[0] - here.x, y[0] - here.y))
+    return near, distance if breach.side == "left" else -distance
 
 
 def approach_of(result: Result, breach: Breach) -> Approach:
@@ -132,12 +142,8 @@ def _reach(result: Result, at: int, s: float) -> Room:
     envelope = result.envelope
     left, right = float(envelope.reach_left[at]), float(envelope.reach_right[at])
     side, reach, bodies = ("left", left, envelope.left) if left >= -right else ("right", right, -envelope.right)
-    return _across(result, s, side, int(np.nanargmax(bodies[:, at])), reach, 0.0, -abs(reach), limited=False)
-
-
-def _across(result: Result, s: float, side: str, unit: int, reach: float, limit: float, depth: float, *, limited: bool = True) -> Room:
-    ends = np.column_stack(result.drive.road.path.to_plane(np.full(2, s), np.array([reach, limit])))
-    return Room(s, depth, side, unit, ends, _outwards(result, s, side), limited)
+    ends = np.column_stack(result.drive.road.path.to_plane(np.full(2, s), np.array([reach, 0.0])))
+    return Room(s, -abs(reach), side, int(np.nanargmax(bodies[:, at])), ends, outwards_at(result, s, side), limited=False)
 
 
 def _beside(result: Result, near: Approach, s: float) -> Room:
@@ -145,11 +151,13 @@ def _beside(result: Result, near: Approach, s: float) -> Room:
     there = shapely.boundary(near.obstacle.polygon) if near.distance < 0.0 else near.obstacle.polygon
     ends = shapely.get_coordinates(shapely.shortest_line(body, there))
     middle, at = np.array(result.drive.road.path.to_plane(s, 0.0)), ends[1]
-    outwards = _outwards(result, s, "left")
+    outwards = outwards_at(result, s, "left")
     side = "left" if (at - middle) @ outwards > 0.0 else "right"
     return Room(s, -near.distance, side, near.unit, ends, outwards if side == "left" else -outwards, True, near.obstacle.label)
 
 
-def _outwards(result: Result, s: float, side: str) -> FloatArray:
-    heading = float(result.drive.road.path.at(s).heading)
+def outwards_at(result: Result, s: float, side: str) -> FloatArray:
+    """Return the unit vector across the road to one side of it at arclength ``s`` [m], which may lie beyond its ends."""
+    path = result.drive.stations.path
+    heading = float(path.at(min(max(s, path.s_first), path.s_last)).heading)
     return (1.0 if side == "left" else -1.0) * np.array([-np.sin(heading), np.cos(heading)])

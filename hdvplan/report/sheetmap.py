@@ -28,6 +28,7 @@ BAND_MM = 15.0  # below the road, for scale bar and north arrow
 _PLACES_APART_M = 15.0
 _BESIDE_MM = 7.0  # of an enlarged place: its text
 _LONG_SHARE = 0.3  # of an enlarged place's height: longer dimensions have room for their text
+_INWARDS_M = 1.2  # that the road is looked at from an enlarged place
 _NEAR_M = 6.0  # limits further out than this from the swept area do not move the stations' numbers
 _TICKS_M = (5.0, 10.0, 20.0, 50.0, 100.0)
 _TICK_MM = 28.0  # at least, between two
@@ -85,12 +86,11 @@ def draw_field(axes: Axes, ground: Ground, page: Page, size_mm: tuple[float, flo
 
 def draw_inset(axes: Axes, ground: Ground, page: Page, place: Place, size_mm: tuple[float, float]) -> None:
     """Draw the surroundings of a tight place, larger, with the vehicle where it is tightest and the clearance as a dimension."""
-    result, path, room = ground.result, ground.result.drive.road.path, place.room
+    result, room = ground.result, place.room
     scale = next(inset for above, inset in _INSET_SCALES if page.scale >= above)
     ends = page.turned(room.ends)
-    middle = ends.mean(axis=0) if room.limited else ends[0]
-    centre = page.turned(np.column_stack(path.to_plane(np.array([room.s]), 0.0)))[0]
-    middle = middle + 0.4 * (centre - middle)
+    inwards = page.turned(np.array([room.ends[0], room.ends[0] - _INWARDS_M * room.outwards]))
+    middle = (ends.mean(axis=0) if room.limited else ends[0]) + inwards[1] - inwards[0]
     _look(axes, (float(middle[0]), float(middle[1])), size_mm, scale)
     _draw_ground(axes, ground, page)
     _draw_vehicles(axes, result, page, np.array([pose_touching(result, room)]))
@@ -204,7 +204,7 @@ def _draw_stations(axes: Axes, ground: Ground, page: Page, mm: float) -> None:
 def _edge_at(result: Result, s: float) -> float:
     """Return how far left anything is drawn at ``s``: the swept area or a limit that is not far from it [m]."""
     at = min(int(np.searchsorted(result.envelope.s, s)), len(result.envelope.s) - 1)
-    reach, limits = float(result.envelope.reach_left[at]), result.drive.road.limits
+    reach, limits = float(result.envelope.reach_left[at]), result.drive.road.beside
     if limits is None:
         return reach
     limit = float(limits.table(np.array([s]))[2, 0])

@@ -59,7 +59,7 @@ def summary_of(result: Result) -> Json:
         "passed": [_passed(passed) for passed in result.passed],
         "failed_steps": [float(drive.stations.s[plan.first]) for plan in result.failed],
         "rescued_steps": [{"s_m": float(drive.stations.s[plan.first]), "why": plan.instead} for plan in result.rescued],
-        "attempts": [{"step_m": attempt.step, "lacking_m": attempt.lacking} for attempt in result.attempts],
+        "attempts": [{"step_m": attempt.step, "give_way_m": attempt.give_way, "lacking_m": attempt.lacking} for attempt in result.attempts],
         "prediction_error_m": drive.prediction_error,
         "sqp_iterations_mean": float(np.mean(counts)),
         "sqp_iterations_max": int(np.max(counts)),
@@ -71,6 +71,7 @@ def summary_of(result: Result) -> Json:
         "bodies": [_body(drive.vehicle, unit) for unit in range(len(drive.vehicle.units))],
         "wheels": [_wheel(drive.vehicle, wheel) for wheel in wheels_of(drive.vehicle)],
         "smoothing": smoothing_of(drive.road),
+        "corners": corners_of(drive.road),
         "settings": {name: str(value) if isinstance(value, str) else value for name, value in asdict(settings).items()},
         "notice": drive.road.notice,
         "notes": list(drive.road.notes),
@@ -145,6 +146,12 @@ def smoothing_of(road: Road) -> Json | None:
         "max_curvature_per_m": smoothing.max_curvature,
         "max_curvature_s_m": smoothing.max_curvature_s,
     }
+
+
+def corners_of(road: Road) -> list[Json]:
+    """Return the corners that were read in the line as given; x and y in path.csv's plane [m], angles left positive."""
+    corners = () if road.about is None else road.about.corners
+    return [{"s_m": corner.s, "x": corner.x, "y": corner.y, "angle_deg": float(np.degrees(corner.turn))} for corner in corners]
 
 
 def _manners(result: Result) -> Json:

@@ -8,9 +8,11 @@ from hdvplan.judging.fit import facts_of
 from hdvplan.judging.result import Result, body_name
 from hdvplan.report.grid import grid
 from hdvplan.report.summary import needed_half_width, step_times_ms
-from hdvplan.road.road import Smoothing
+from hdvplan.road.given import Corners
+from hdvplan.road.road import Road, Smoothing
 
 MOST_BREACHES = 10  # listed; the summary file holds all
+_MOST_CORNERS = 8  # listed, likewise
 _COLUMNS = ("", "value", "unit", "remark")
 
 
@@ -31,9 +33,7 @@ def balance_table(result: Result) -> Table:
     facts = facts_of(drive.road)
     if facts.narrowest is not None:
         rows.insert(0, ("narrowest limits", f"{facts.narrowest:.2f}", "m", f"apart, first at s = {facts.narrowest_s:.1f} m"))
-    if drive.road.smoothing is not None:
-        rows.insert(0, ("line moved by", f"{drive.road.smoothing.max_deviation:.2f}", "m", smoothing_remark(drive.road.smoothing)))
-    rows.insert(0, ("road length", f"{drive.road.path.length:.1f}", "m", ""))
+    rows = [("road length", f"{drive.road.path.length:.1f}", "m", ""), *line_rows(drive.road), *rows]
     title = f"{drive.vehicle.name} on {drive.road.name}"
     return grid(title, _COLUMNS, rows, text=("", "unit", "remark"))
 
@@ -70,7 +70,22 @@ def breach_table(result: Result) -> Table:
     return grid(title, columns, rows, text=("side", "body", "part", "region", "obstacle"))
 
 
-def smoothing_remark(smoothing: Smoothing) -> str:
+def line_rows(road: Road) -> list[tuple[str, str, str, str]]:
+    """Return how the given points were read, where widths count from them, and how far planning moved its line from them."""
+    rows = []
+    if road.about is not None and road.about.reading and road.limits is not None:
+        corners = road.about.corners
+        listed = ", ".join(f"{corner.s:.0f}" for corner in corners[:_MOST_CORNERS]) + (", ..." if len(corners) > _MOST_CORNERS else "")
+        rest = "the rest as a curve" if corners else "points as a curve"
+        rest = "points joined by chords" if road.about.reading == Corners.SHARP else rest
+        where = f"s = {listed} m, " if corners else ""
+        rows.append(("corners read", f"{len(corners)}", "", f"{where}{rest}; --corners decides otherwise"))
+    if road.smoothing is not None:
+        rows.append(("line moved by", f"{road.smoothing.max_deviation:.2f}", "m", _smoothing_remark(road.smoothing)))
+    return rows
+
+
+def _smoothing_remark(smoothing: Smoothing) -> str:
     """Return what smoothing did, in words."""
     dropped = f", {smoothing.duplicates} duplicate" + ("s" if smoothing.duplicates > 1 else "") if smoothing.duplicates else ""
     return (

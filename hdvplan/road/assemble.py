@@ -14,6 +14,7 @@ from hdvplan.errors import RoadError
 from hdvplan.road.beside import Beside
 from hdvplan.road.crs import LONLAT, check_lonlat, is_geographic, looks_like_degrees, to_plane
 from hdvplan.road.features import LINES, Choice, Feature, Json, coordinates_of, flat, is_finite, parts_of, role_of, unheeded
+from hdvplan.road.given import CORNERS_ASKED, Corners
 from hdvplan.road.raw import RawRoad
 from hdvplan.road.regions import Region
 from hdvplan.road.units import Unit, refuse_no_street
@@ -81,6 +82,8 @@ def road_of(features: list[Feature], name: str, choice: Choice, unit: Unit = _ME
         notice=_notice(line.feature.properties),
         regions=tuple(regions),
         edges=edges,
+        corners=_corners(line.feature.properties, name),
+        corner_radius=_corner_radius(line.feature.properties, name),
         notes=(*notes, *unit.notes(name, system), *(() if routes else _unread_note(features, line.feature.layer, name, choice))),
     )
 
@@ -192,6 +195,24 @@ def _reach(value: Any, key: str, count: int, name: str) -> FloatArray:  # noqa: 
         msg = f"{name}: property {key} must be a positive number of metres, not {bad[0]!r}"
         raise RoadError(msg)
     return np.array(values, dtype=float)
+
+
+def _corners(properties: Json, name: str) -> str | None:
+    """Return how the points are to be read; None where the file does not say."""
+    said = properties.get("corners")
+    if said is not None and said not in list(Corners):
+        msg = f"{name}: property corners must be {CORNERS_ASKED}, not {said!r}"
+        raise RoadError(msg)
+    return said
+
+
+def _corner_radius(properties: Json, name: str) -> float:
+    """Return the radius of the kerbs inside corners [m]; 0 where the file does not say."""
+    said = properties.get("corner_radius_m", 0.0)
+    if not (is_finite(said) and said >= 0.0):
+        msg = f"{name}: property corner_radius_m must be a number of metres, not {said!r}"
+        raise RoadError(msg)
+    return float(said)
 
 
 def _refuse_lists(properties: Json, name: str) -> None:

@@ -43,7 +43,7 @@ class Beside:
             msg = f"{where} is {given!r}; a region is obstacle or sweepable"
             raise RoadError(msg)
         kind = Kind(given or str(role))
-        side = _side(feature, kind, where)
+        side = _side(feature, where)
         found: list[Region] = []
         for geometry in flat(feature.geometry) or [{"type": "feature without geometry"}]:
             rings = _rings(geometry, closed_lines=feature.drawn)
@@ -100,13 +100,13 @@ class Beside:
         return parts
 
 
-def _side(feature: Feature, kind: Kind, where: str) -> Side | None:
-    """Return on which side an obstacle must be passed, as its property says."""
+def _side(feature: Feature, where: str) -> Side | None:
+    """Return on which side a region must be passed, as its property says."""
     given = feature.properties.get("pass")
     if given is None:
         return None
-    if kind is not Kind.OBSTACLE or given not in list(Side):
-        msg = f"{where} has pass = {given!r}; an obstacle is passed on the left or on the right, and nothing else is passed"
+    if given not in list(Side):
+        msg = f"{where} has pass = {given!r}; a region is passed on the left or on the right"
         raise RoadError(msg)
     return Side(given)
 

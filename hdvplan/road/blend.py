@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.interpolate import BPoly
+import scipy  # its subpackages load when they are first used
 
 from hdvplan.arrays import BoolArray, FloatArray
 
@@ -38,7 +38,7 @@ def rounded(points: FloatArray, heading: FloatArray, curvature: FloatArray) -> F
     for first, last in _runs(moved):
         ends = [max(first - 1, 0), min(last + 1, len(points) - 1)]
         given = np.stack([np.stack([points[end], state[0][end], state[1][end]]) for end in ends])
-        line[ends[0] : ends[1] + 1] = BPoly.from_derivatives(u[ends], given)(u[ends[0] : ends[1] + 1])
+        line[ends[0] : ends[1] + 1] = scipy.interpolate.BPoly.from_derivatives(u[ends], given)(u[ends[0] : ends[1] + 1])
     return line
 
 

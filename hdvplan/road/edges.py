@@ -1,70 +1,71 @@
-"""Limits from edges: how far the lines beside a road lie from its reference path, along its normals."""
+"""How far kerbs lie from a road's path, along its normals: for pictures, tables and forecasts. Neither plans nor judgements use it."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 import shapely
 
-from hdvplan.arrays import BoolArray, FloatArray
+from hdvplan.arrays import FloatArray
 from hdvplan.road.path import ReferencePath
 from hdvplan.road.regions import OPEN_M
+from hdvplan.road.street import Kerb
 
-_SPACING_M = 0.1  # of the normals: between two of them an edge is taken as straight
+_SPACING_M = 0.1  # of the normals: between two of them a kerb is taken as straight
 _FOLD = 0.9  # of the radius of curvature: normals must not reach the centre, where they meet
-_GAP_M = 0.5  # ends of two lines this close are one edge
-_BEYOND_M = 5.0  # the ends of the path, for the feet of points there
 
 
-def edge_reaches(path: ReferencePath, edges: tuple[FloatArray, ...]) -> tuple[FloatArray, FloatArray, tuple[str, ...]]:
-    """Return arclengths [m], the reaches there, shape (4, n), and notes: how far ``path`` may be left before an edge.
+def edge_reaches(path: ReferencePath, kerbs: Sequence[Kerb]) -> tuple[FloatArray, FloatArray]:
+    """Return arclengths [m] and how far ``path`` may be left there before a kerb, to the left and to the right, shape (2, n) [m].
 
-    Each normal ends at the first edge that it meets: names of edges do not count, only where they lie. Where none is met
-    within ``OPEN_M``, the values around hold, linear between; a note says where. Rows: left, right, left_sweep, right_sweep,
-    positive [m].
+    Each normal ends at the first kerb that it meets: names of sides do not count, only where kerbs lie, and the arclengths beside
+    them, which tell those of another arm of the road. Where none is met within ``OPEN_M``, the road is open so far.
     """
-    s = np.linspace(0.0, path.length, int(np.ceil(path.length / _SPACING_M)) + 1)
+    s = _places(path)
     here = path.at(s)
-    segments = np.asarray(shapely.linestrings(np.concatenate([np.stack([edge[:-1], edge[1:]], axis=1) for edge in edges])))
+    segments = np.asarray(shapely.linestrings(np.concatenate([np.stack([one.points[:-1], one.points[1:]], axis=1) for one in kerbs])))
+    ends = np.concatenate([np.stack([one.s[:-1], one.s[1:]], axis=1) for one in kerbs])
+    middle, half = np.mean(ends, axis=1), 0.5 * np.ptp(ends, axis=1)
     tree = shapely.STRtree(segments)
     centre = np.stack([here.x, here.y], axis=1)
     normal = np.stack([-np.sin(here.heading), np.cos(here.heading)], axis=1)
-    reaches, notes = [], []
-    for sign, side in ((1.0, "left"), (-1.0, "right")):
-        far = np.minimum(OPEN_M, _FOLD / np.maximum(sign * here.curvature, 1e-9))
+    reaches = []
+    for sign in (1.0, -1.0):
+        far = _furthest(sign * here.curvature)
         rays = np.asarray(shapely.linestrings(np.stack([centre, centre + sign * far[:, None] * normal], axis=1)))
         ray, segment = tree.query(rays, predicate="intersects")
+        apart = np.abs(s[ray] - middle[segment])
+        apart = np.minimum(apart, path.length - apart) if path.closed else apart
+        ray, segment = (found[apart <= half[segment] + OPEN_M] for found in (ray, segment))
         met = shapely.intersection(rays[ray], segments[segment])
         reach = np.full(len(s), np.inf)
         np.minimum.at(reach, ray, shapely.distance(shapely.points(centre[ray]), met))
         seen = np.isfinite(reach)
-        notes += _gaps(s, seen, side)
         reaches.append(np.interp(s, s[seen], reach[seen]) if np.any(seen) else far)
-    return s, np.stack([*reaches, *reaches]), tuple(notes)
+    return s, np.stack(reaches)
 
 
-def side_reaches(path: ReferencePath, s: FloatArray, sides: FloatArray) -> FloatArray:
-    """Return the reaches at arclengths ``s`` [m], shape (4, n), between edges given point by point, shape (2, n, 2) [m].
-
-    ``sides[0, i]`` lies left of the path near ``s[i]``, ``sides[1, i]`` right of it. Rows: left, right, left_sweep,
-    right_sweep, positive [m].
-
-    Raises:
-        ProjectionError: an edge lies beyond the path's centre of curvature.
-
-    """
-    longer = path.extended(_BEYOND_M, _BEYOND_M)
-    reaches = []
-    for sign, points in zip((1.0, -1.0), sides, strict=True):
-        feet, offsets = longer.project(points[:, 0], points[:, 1], s)
-        order = np.argsort(feet, kind="stable")
-        reaches.append(np.maximum(np.interp(s, feet[order], sign * offsets[order]), 0.0))
-    return np.stack([*reaches, *reaches])
+def _places(path: ReferencePath) -> FloatArray:
+    """Return the arclengths of the normals: on a part of a road that begins at a multiple of their spacing the same ones [m]."""
+    return np.append(np.arange(0.0, path.length - 0.5 * _SPACING_M, _SPACING_M), path.length)
 
 
-def _gaps(s: FloatArray, seen: BoolArray, side: str) -> list[str]:
-    """Return notes on the stretches without an edge."""
-    if not np.any(seen):
-        return [f"no edge on the {side}: it is open to {OPEN_M:g} m"]
-    ends = np.flatnonzero(np.diff(np.concatenate([[False], ~seen, [False]]).astype(int)))
-    stretches = [(float(s[first]), float(s[last - 1])) for first, last in ends.reshape(-1, 2)]
-    return [f"no edge on the {side} from s = {lo:.1f} to {hi:.1f} m: the values around hold" for lo, hi in stretches if hi - lo > _GAP_M]
+def _furthest(curvature: FloatArray) -> FloatArray:
+    return np.minimum(OPEN_M, _FOLD / np.maximum(curvature, 1e-9))
+
+
+def offsets_of(path: ReferencePath, face: Kerb, s: FloatArray) -> FloatArray:
+    """Return where the normals at arclengths ``s`` meet a face first, from the side that is driven on; NaN where they do not [m]."""
+    here = path.at(s)
+    centre = np.stack([here.x, here.y], axis=1)
+    normal = np.stack([-np.sin(here.heading), np.cos(here.heading)], axis=1)
+    left, right = _furthest(here.curvature), _furthest(-here.curvature)
+    ends = np.stack([centre + left[:, None] * normal, centre - right[:, None] * normal], axis=1)
+    points, owner = shapely.get_coordinates(
+        shapely.intersection(np.asarray(shapely.linestrings(ends)), shapely.LineString(face.points)), return_index=True
+    )
+    offset = np.sum((points - centre[owner]) * normal[owner], axis=1)
+    found = np.full(len(s), np.nan)
+    (np.fmin if face.left else np.fmax).at(found, owner, offset)
+    return found

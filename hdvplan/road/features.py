@@ -25,6 +25,8 @@ OPTIONS = {  # of the command line, by what readers of roads call them
     "road_ids": "--road-ids",
     "lane": "--lane",
     "unit": "--unit",
+    "corners": "--corners",
+    "corner_radius": "--corner-radius",
 }
 
 

@@ -21,13 +21,15 @@ def reversed_road(road: Road) -> Road:
     s = path.spacing * np.arange(round(length / path.spacing), -1.0, -1.0)
     here = path.at(s)
     turned = from_samples(here.x, here.y, here.heading + np.pi, -here.curvature, path.spacing, closed=path.closed)
-    band, smoothing = road.own_limits, road.smoothing
+    band, smoothing = road.limits, road.smoothing
     if band is not None:
         band = Limits(*(column[::-1] for column in (length - band.s, -band.right, -band.left, -band.right_sweep, -band.left_sweep)))
     if smoothing is not None:
         deviation, curvature = length - smoothing.max_deviation_s, length - smoothing.max_curvature_s
         smoothing = replace(smoothing, max_deviation_s=deviation, max_curvature_s=curvature)
-    return replace(road, path=turned, smoothing=smoothing).within(band)
+    about = None if road.about is None else road.about.reversed(length)
+    drawn = None if road.drawn is None else tuple(kerb.reversed(length) for kerb in road.drawn)
+    return replace(road, path=turned, smoothing=smoothing, about=about).within(band, drawn)
 
 
 def offset_road(road: Road, offset: float) -> Road:
@@ -53,7 +55,7 @@ def offset_road(road: Road, offset: float) -> Road:
         raise RoadError(msg, s_m=at, hint="choose a smaller --offset, or allow a wider bend with --smooth")
     along = s - offset * (np.unwrap(here.heading) - here.heading[0])
     moved = _moved(path, offset, s, along)
-    band, smoothing = road.own_limits, road.smoothing
+    band, smoothing = road.limits, road.smoothing
     if band is not None:
         columns = (band.left, band.right, band.left_sweep, band.right_sweep)
         nodes = np.union1d(band.s, s[[0, -1]])  # enough: limits are linear in s, and s' is linear where the road is not bent
@@ -67,7 +69,19 @@ def offset_road(road: Road, offset: float) -> Road:
         smoothing = replace(
             smoothing, max_deviation_s=there, max_curvature=float(curvature[tightest]), max_curvature_s=float(along[tightest])
         )
-    return replace(road, path=moved, smoothing=smoothing).within(band)
+    about, drawn = road.about, road.drawn
+    if about is not None:
+        corners = tuple(one._replace(s=float(np.interp(one.s, s, along))) for one in about.corners)
+        about = replace(about, s=np.interp(about.s, s, along), offset=about.offset + offset, corners=corners)
+    if drawn is not None:
+        drawn = tuple(replace(kerb, s=_along(kerb.s, s, along)) for kerb in drawn)
+    return replace(road, path=moved, smoothing=smoothing, about=about).within(band, drawn)
+
+
+def _along(at: FloatArray, s: FloatArray, along: FloatArray) -> FloatArray:
+    """Return arclengths on the moved line; beyond its ends both run alike."""
+    moved: FloatArray = np.interp(at, s, along) + np.minimum(at - s[0], 0.0) + np.maximum(at - s[-1], 0.0)
+    return moved
 
 
 def _refuse_outside(band: Limits, offset: float) -> None:

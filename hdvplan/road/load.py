@@ -11,8 +11,9 @@ import numpy as np
 
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError, RoadError
-from hdvplan.road.edges import edge_reaches, side_reaches
+from hdvplan.road.drawn import drawn_kerbs
 from hdvplan.road.features import OPTIONS, Choice, refuse_unheeded, roles_of
+from hdvplan.road.given import CORNERS_ASKED, Corners, given_line
 from hdvplan.road.library import NOTICE, example_file, example_names, road_file, road_names
 from hdvplan.road.load_csv import has_wkt, read_csv
 from hdvplan.road.load_geojson import json_object, read_geojson
@@ -20,10 +21,10 @@ from hdvplan.road.load_overpass import read_overpass
 from hdvplan.road.load_vector import read_vector
 from hdvplan.road.path import from_curvature
 from hdvplan.road.raw import RawRoad
-from hdvplan.road.regions import TABLE_M
 from hdvplan.road.road import Limits, Road, Smoothing
 from hdvplan.road.scenarios import SCENARIOS
 from hdvplan.road.steps import MIN_LENGTH_M, refuse_far, refuse_outliers, refuse_sparse
+from hdvplan.road.street import About, Kerb
 from hdvplan.road.texts import refuse_unreadable, text_of
 from hdvplan.road.units import ASKED, UNITS
 from hdvplan.spelling import did_you_mean
@@ -35,6 +36,7 @@ _CLOSED_M = 0.01  # how near the last point must come to the first for a closed 
 _CLOSED_TURN = np.deg2rad(100.0)  # a road that returns to its start at a sharper angle merely crosses itself there
 _JUMP_M = 1e-6  # a limit's jump takes this long
 _TEXTS = {".csv", ".tsv", ".txt", ".dat", ".asc", ""}  # and what these hold is told by their text
+_OF_POINTS = "corners", "corner_radius"  # options that say how points are read
 _TIGHTEST = 0.5  # smoothing stations 1 m apart cannot represent a radius below 2 m [1/m]
 
 
@@ -48,7 +50,8 @@ class RoadOptions:
     ``offset`` moves the reference to the left of the driving direction [m], such as -1.75 to the middle of the right lane.
     ``roles`` say what layers or features beside the line are, such as ``hoarding=obstacle``. ``road_ids`` are the roads of
     an OpenDRIVE file to drive over, such as ``3,12,-5`` or ``("3", "12", "-5")``, and ``lane`` the lane on the first of them.
-    ``unit`` is the unit of coordinates in a plane without a coordinate reference system: mm, cm, m, ft or in.
+    ``unit`` is the unit of coordinates in a plane without a coordinate reference system: mm, cm, m, ft or in. ``corners`` says how points
+    are read, see ``Corners``, and ``corner_radius`` rounds the kerbs inside sharp ones [m]; without them the file's properties do.
     """
 
     smooth: float = 5.0
@@ -62,6 +65,8 @@ class RoadOptions:
     road_ids: str | Sequence[str] | None = None
     lane: int | None = None
     unit: str | None = None
+    corners: str | None = None
+    corner_radius: float | None = None
 
     def __post_init__(self) -> None:
         """Refuse values that no road can be read with."""
@@ -70,6 +75,12 @@ class RoadOptions:
             raise OptionError(msg)
         if not 0.0 < self.max_curvature <= _TIGHTEST:
             msg = f"the largest reference curvature must be positive and at most {_TIGHTEST:g} 1/m, not {self.max_curvature:g}"
+            raise OptionError(msg)
+        if self.corner_radius is not None and not 0.0 <= self.corner_radius < np.inf:
+            msg = f"a corner radius must be a number of metres, not {self.corner_radius:g}"
+            raise OptionError(msg)
+        if self.corners is not None and self.corners not in list(Corners):
+            msg = f"corners are read as {CORNERS_ASKED}, not as {self.corners!r}"
             raise OptionError(msg)
         if not np.isfinite(self.offset):
             msg = f"the offset must be a number of metres, not {self.offset:g}"
@@ -199,7 +210,7 @@ def _raw(path: Path, options: RoadOptions) -> RawRoad:
     if suffix == ".xodr":
         from hdvplan.road.load_opendrive import read_opendrive  # noqa: PLC0415 - few files need it
 
-        refuse_unheeded(f"{path.name}: an OpenDRIVE file", options, "crs", "feature", "layer", "roles", "unit")
+        refuse_unheeded(f"{path.name}: an OpenDRIVE file", options, "crs", "feature", "layer", "roles", "unit", *_OF_POINTS)
         return read_opendrive(path, road_ids=options.road_ids, lane=options.lane)
     if options.road_ids is not None or options.lane is not None:
         msg = f"{path.name} has no road ids and lanes to choose; OpenDRIVE files (.xodr) have"
@@ -241,12 +252,13 @@ def smoothed(line: Line) -> tuple[Road, FloatArray]:
 
     name, raw, options = line.name, line.raw, line.options
     if raw.is_profile:
+        refuse_unheeded(f"{name}: a curvature profile", options, *_OF_POINTS)
         s, kappa = raw.points.T
         s = s - s[0]
         if not MIN_LENGTH_M <= s[-1] <= MAX_LENGTH_M:
             msg = f"{name}: the profile is {s[-1]:g} m long; {MIN_LENGTH_M:g} m to {MAX_LENGTH_M / 1e3:g} km can be used"
             raise RoadError(msg)
-        return Road(name, from_curvature(s, kappa)).within(_limits(s, raw.reaches)), s
+        return Road(name, from_curvature(s, kappa)).within(_widths(s, raw.reaches)), s
     dense = None if raw.rounded is None else path_through(raw.rounded, options.max_curvature)
     smoothing: Smoothing | None
     if dense is None:
@@ -255,18 +267,21 @@ def smoothed(line: Line) -> tuple[Road, FloatArray]:
     else:
         path, s_points = dense
         smoothing = None if raw.rounded is raw.points else smoothing_of(path, raw.points, s_points)
-    s, reaches = s_points, raw.reaches
-    if raw.sides is not None:
-        reaches = side_reaches(path, s, raw.sides)
-    notes = raw.notes
+    closed = is_closed(raw.points)
+    corners = Corners(options.corners or raw.corners or Corners.AUTO)
+    about = About.given(given_line(raw.points, closed=closed, corners=corners), s_points)
+    about = replace(about, corners=()) if raw.sides is not None else replace(about, reading=corners)
+    radius = raw.corner_radius if options.corner_radius is None else options.corner_radius
+    road = Road(name, path, None, smoothing, raw.to_lonlat, raw.notice, raw.regions, notes=raw.notes, about=about, corner_radius=radius)
     if raw.edges:
-        if reaches is not None:
+        if raw.reaches is not None or raw.sides is not None:
             msg = f"{name}: the line has widths, and edges are drawn beside it"
             raise RoadError(msg, hint="keep one of the two: take the widths out of the file, or the edges")
-        s, reaches, more = edge_reaches(path, raw.edges)
-        notes = (*notes, *(f"{name}: {note}" for note in more))
-    road = Road(name, path, None, smoothing, raw.to_lonlat, raw.notice, raw.regions, notes=notes)
-    return road.within(_limits(s, reaches)), s_points
+        kerbs, more = drawn_kerbs(path, raw.edges)
+        return replace(road, notes=(*road.notes, *(f"{name}: {note}" for note in more))).with_kerbs(kerbs), s_points
+    if raw.sides is not None:
+        return road.with_kerbs(tuple(Kerb(side, s_points, left) for side, left in zip(raw.sides, (True, False), strict=True))), s_points
+    return road.with_widths(_widths(s_points, raw.reaches)), s_points
 
 
 def is_closed(points: FloatArray) -> bool:
@@ -280,33 +295,11 @@ def is_closed(points: FloatArray) -> bool:
     return bool(abs(turn) < _CLOSED_TURN)
 
 
-def _limits(s: FloatArray, reaches: FloatArray | None) -> Limits | None:
-    """Return signed limits at arclengths ``s``, which do not decrease: two points at the same place make a jump.
-
-    Next to a jump, or a change steeper than 45 degrees, the narrower value holds ``TABLE_M`` further: tables of the limits
-    are linear between their entries.
-    """
+def _widths(s: FloatArray, reaches: FloatArray | None) -> Limits | None:
+    """Return signed limits at arclengths ``s``, which do not decrease: two points at the same place make a jump."""
     if reaches is None:
         return None
-    first = np.append(True, np.diff(s) > 0.0)
-    last = np.append(np.diff(s) > 0.0, True)
-    ends, before, after = s[first], reaches[:, first], reaches[:, last]
-    steep = np.flatnonzero(np.any(np.abs(before[:, 1:] - after[:, :-1]) > np.diff(ends), axis=0))
-    stretches = [(ends[i], ends[i + 1], np.minimum(after[:, i], before[:, i + 1])) for i in steep]
-    stretches += [(ends[i], ends[i], np.minimum(before[:, i], after[:, i])) for i in np.flatnonzero(np.any(before != after, axis=0))]
-    edges = [edge + sign * (TABLE_M + out) for lo, hi, _ in stretches for edge, sign in ((lo, -1.0), (hi, 1.0)) for out in (0.0, _JUMP_M)]
-    nodes = np.unique(np.concatenate([ends, [edge for edge in edges if ends[0] < edge < ends[-1]]]))
-    table = np.stack([_between(nodes, ends, low, high) for low, high in zip(before, after, strict=True)])
-    for lo, hi, narrow in stretches:
-        held = (nodes >= lo - TABLE_M) & (nodes <= hi + TABLE_M)
-        table[:, held] = np.minimum(table[:, held], narrow[:, None])
-    left, right, left_sweep, right_sweep = table
+    ends = np.append(np.diff(s) <= 0.0, False)  # of jumps
+    nodes = np.maximum.accumulate(s - np.where(ends, _JUMP_M, 0.0))
+    left, right, left_sweep, right_sweep = reaches
     return Limits(nodes, left, -right, left_sweep, -right_sweep)
-
-
-def _between(nodes: FloatArray, ends: FloatArray, before: FloatArray, after: FloatArray) -> FloatArray:
-    """Return values at ``nodes``, linear from ``after`` one end to ``before`` the next; at an end the value before it."""
-    cell = np.clip(np.searchsorted(ends, nodes, side="left") - 1, 0, len(ends) - 2)
-    part = (nodes - ends[cell]) / (ends[cell + 1] - ends[cell])
-    values: FloatArray = (1.0 - part) * after[cell] + part * before[cell + 1]
-    return values

@@ -20,7 +20,8 @@ class RawRoad:
     ``sides`` are the edges left and right of each point, shape (2, n, 2), or ``edges`` lines somewhere beside the road, each of
     shape (m, 2), x, y [m]. ``lines`` are the lines of the points in their file, where it has some; ``notes`` what the reader
     has to say to the user. ``rounded`` are the points moved as little as it takes for a line without gaps and kinks, where
-    that is known: it needs no smoothing.
+    that is known: it needs no smoothing. ``corners`` says how the points are read, where the file does, see ``Corners``, and
+    ``corner_radius`` rounds the kerbs inside sharp ones [m].
     """
 
     points: FloatArray
@@ -34,3 +35,5 @@ class RawRoad:
     lines: tuple[int, ...] | None = None
     notes: tuple[str, ...] = ()
     rounded: FloatArray | None = None
+    corners: str | None = None
+    corner_radius: float = 0.0

@@ -12,7 +12,6 @@ from hdvplan.arrays import FloatArray
 from hdvplan.road.path import ReferencePath
 
 OPEN_M = 20.0  # room to either side of a road that has obstacles but no widths; polygons further away do not count
-TABLE_M = 0.25  # limits are used in tables of at most this spacing, linear between their entries
 OPEN_SPACING_M = 0.5
 
 

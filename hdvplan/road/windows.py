@@ -22,6 +22,7 @@ from hdvplan.road.path import KNOT_SPACING_M, ReferencePath, from_samples
 from hdvplan.road.raw import RawRoad
 from hdvplan.road.regions import OPEN_M, Region
 from hdvplan.road.road import Limits, Road
+from hdvplan.road.street import About, Kerb
 from hdvplan.road.through import chord_of
 
 WINDOW_M = 5000.0  # about
@@ -111,12 +112,53 @@ def road_of(name: str, windows: Sequence[Window], s_from: float, s_to: float) ->
     regions = tuple(dict.fromkeys(region for window in windows for region in window.road.regions))
     notes = tuple(dict.fromkeys(note for window in windows for note in window.road.notes))
     path = _path(windows, s_from, s_to)
-    road = Road(name, path, None, None, first.to_lonlat, first.notice, regions, notes=notes)
-    limits = [_cut(window.road.own_limits, window) for window in windows if window.road.own_limits is not None]
+    about, radius = _about(windows, s_from), first.corner_radius
+    road = Road(name, path, None, None, first.to_lonlat, first.notice, regions, notes=notes, about=about, corner_radius=radius)
+    limits = [_cut(window.road.limits, window) for window in windows if window.road.limits is not None]
     if not limits:
         return road
     s, left, right, left_sweep, right_sweep = (np.concatenate(column) for column in zip(*limits, strict=True))
-    return road.within(Limits(s - s_from, left, right, left_sweep, right_sweep))
+    return road.within(Limits(s - s_from, left, right, left_sweep, right_sweep), _drawn(windows, s_from))
+
+
+def _about(windows: Sequence[Window], s_from: float) -> About | None:
+    """Return the line that widths count from, along all windows."""
+    parts = []
+    for window in windows:
+        about = window.road.about
+        if about is None:
+            return None
+        own = _own(about.s, window)
+        parts.append((about.points[own], about.s[own] + window.shift - s_from, about.sharp[own]))
+    points, s, sharp = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return About(
+        points, np.maximum.accumulate(s), sharp, closed=False, offset=windows[0].road.about.offset if windows[0].road.about else 0.0
+    )
+
+
+def _drawn(windows: Sequence[Window], s_from: float) -> tuple[Kerb, ...] | None:
+    """Return the kerbs along all windows; those that no window goes on with end there."""
+    found: dict[tuple[bool, bool], list[Kerb]] = {}
+    for window in windows:
+        if window.road.drawn is None:
+            return None
+        for kerb in window.road.drawn:
+            own = _own(kerb.s, window)
+            found.setdefault((kerb.left, kerb.wheels), []).append(
+                replace(kerb, points=kerb.points[own], s=kerb.s[own] + window.shift - s_from)
+            )
+    return tuple(
+        replace(
+            of[0], points=np.concatenate([kerb.points for kerb in of]), s=np.maximum.accumulate(np.concatenate([kerb.s for kerb in of]))
+        )
+        for of in found.values()
+    )
+
+
+def _own(s: FloatArray, window: Window) -> BoolArray:
+    """Return which arclengths a window stands for; the first and the last go on as far as they are drawn."""
+    begin = -np.inf if window.begin == 0.0 else window.begin - window.shift
+    return (s >= begin) & (s < (np.inf if window.last else window.end - window.shift))
 
 
 def on_knot(s: float) -> float:

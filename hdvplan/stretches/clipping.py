@@ -12,7 +12,7 @@ from hdvplan.driving.drive import Drive
 from hdvplan.planning.bias import Bias
 from hdvplan.planning.stations import Stations
 from hdvplan.road.path import ReferencePath
-from hdvplan.road.road import Limits, Road
+from hdvplan.road.road import Road
 
 _ROOM_M = 20.0  # of poses beyond the vehicle's length before and behind the core: bodies askew
 
@@ -33,22 +33,24 @@ def clipped(drive: Drive, s_from: float, s_to: float) -> Drive:
         kappa=drive.kappa[first:last],
         poses_s=drive.poses_s[near] - s_from,
         poses_z=drive.poses_z[near],
+        poses_kappa=drive.poses_kappa[near[:-1] & near[1:]],
         plans=tuple(replace(plan, first=plan.first - first) for plan in drive.plans if first <= plan.first < last),
         bias=Bias(drive.bias.s - s_from, drive.bias.offset),
     )
 
 
 def _road(road: Road, s_from: float, s_to: float) -> Road:
-    limits, band, edges = (_limits(one, s_from) for one in (road.limits, road.band, road.edges))
-    return replace(road, path=_path(road.path, s_from, s_to), limits=limits, band=band, edges=edges)
+    limits = None if road.limits is None else replace(road.limits, s=road.limits.s - s_from)
+    faces = tuple(replace(face, s=face.s - s_from) for face in road.passed)
+    cut = replace(road, path=_path(road.path, s_from, s_to), limits=limits, faces=faces)
+    for name in ("bounds", "kerbs"):  # where ``cached_property`` looks: that street does not end where the part does
+        street = getattr(road, name)
+        cut.__dict__[name] = None if street is None else street.shifted(s_from)
+    return cut
 
 
 def _path(path: ReferencePath, s_from: float, s_to: float) -> ReferencePath:
     return replace(path, s_first=path.s_first - s_from, length=s_to - s_from, closed=False)
-
-
-def _limits(limits: Limits | None, s_from: float) -> Limits | None:
-    return None if limits is None else replace(limits, s=limits.s - s_from)
 
 
 def _stations(stations: Stations, first: int, s_from: float, s_to: float) -> Stations:
@@ -62,6 +64,6 @@ def _stations(stations: Stations, first: int, s_from: float, s_to: float) -> Sta
         path=_path(stations.path, s_from, s_to),
         points=points,
         centring=Centring(**cut),
-        limits=stations.limits._replace(s_first=stations.limits.s_first - s_from),
+        street=None,  # what was planned in is not judged
         bias=stations.bias[first:],
     )

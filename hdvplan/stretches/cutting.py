@@ -135,7 +135,7 @@ def _stretch(number: int, case: Case, core: _Core, run_in: float, smoothing: Smo
     """Return the stretch of a core on the case's road, with run-in and run-out as far as the road goes."""
     road, plan = case.road, case.settings.step * case.settings.executed
     start = core.begin - min(_up(run_in, case.settings), plan * float(np.floor(core.begin / plan + 1e-9)))
-    ahead = case.vehicle.reach_behind + _ASKEW_M + (case.settings.horizon if road.regions else 0.0)  # regions count beside the road alone
+    ahead = case.vehicle.reach_behind + _ASKEW_M + case.settings.horizon  # beyond a road's end nothing is kept
     end = min(road.path.length, core.end + _up(ahead, case.settings))
     bias = Bias(case.bias.s - core.shift, case.bias.offset)
     cut = stretch_of(replace(case, road=replace(road, regions=_near(road.regions, road, start, end)), bias=bias), start, end)

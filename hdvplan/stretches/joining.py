@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hdvplan.judging.envelope import SPACING_M
+from hdvplan.judging.balance import ONE_M
 from hdvplan.report.summary import times_json
 from hdvplan.stretches.judging import Kept
 
@@ -26,7 +26,7 @@ _MOST = (
 _LEAST = ("min_clearance_m",)
 _BY_LENGTH = ("mean_bias_m", "mean_abs_imbalance_m", "mean_abs_off_bias_m")
 _BY_PLANS = ("sqp_iterations_mean", "merit_mean")
-_LISTS = ("fit", "passed", "failed_steps", "rescued_steps", "attempts")
+_LISTS = ("fit", "passed", "failed_steps", "rescued_steps", "attempts", "corners")
 _WORST_FIRST = ("limits broken", "obstacle entered", "clearance not kept", "some steps not solved", "some steps by another solver", "ok")
 
 
@@ -115,7 +115,7 @@ def _breaches(breaches: list[Json]) -> list[Json]:
 
 def _goes_on(before: Json, after: Json) -> bool:
     same = all(before[key] == after[key] for key in ("side", "region", "obstacle"))
-    return same and 0.0 <= after["s_from"] - before["s_to"] <= SPACING_M + 1e-6
+    return same and abs(after["s_from"] - before["s_to"]) <= ONE_M
 
 
 def _manners(every: list[Json]) -> Json:

@@ -33,6 +33,8 @@ class Cell:
     smooth: float
     crs: str | None
     unit: str | None
+    corners: str | None
+    corner_radius: float | None
     prove: bool
     refine: bool
     need: bool
@@ -45,6 +47,8 @@ class Cell:
             smooth=self.smooth,
             crs=self.crs,
             unit=self.unit,
+            corners=self.corners,
+            corner_radius=self.corner_radius,
             feature=road.feature,
             max_curvature=REFERENCE_SLACK * self.variant.vehicle.max_curvature,
             offset=manner.offset,
@@ -88,8 +92,8 @@ SETTINGS = tuple(field.name for field in fields(PlannerSettings) if field.name !
 def cells_of(study: Study) -> Iterator[Cell]:
     """Yield the cells of a study, those of one road and vehicle behind each other."""
     for road, variant, width, objective, solver, manner in product(*study.parts):
-        shared = study.smooth, study.crs, study.unit, study.prove, study.refine, study.need
-        cell = Cell("", road, variant, width, objective, solver, manner, *shared)
+        reading = study.smooth, study.crs, study.unit, study.corners, study.corner_radius
+        cell = Cell("", road, variant, width, objective, solver, manner, *reading, study.prove, study.refine, study.need)
         yield replace(cell, key=_key(cell, study.code[solver, objective]))
 
 
@@ -99,7 +103,8 @@ def _key(cell: Cell, code: str) -> str:
     The same in every process, and on every machine with the same software.
     """
     width = None if cell.width is None else [cell.width.left, cell.width.right]
-    asked = [FORMAT, width, cell.smooth, cell.crs, cell.unit, cell.prove, cell.refine, cell.need]
+    reading = [cell.smooth, cell.crs, cell.unit, cell.corners, cell.corner_radius]
+    asked = [FORMAT, width, *reading, cell.prove, cell.refine, cell.need]
     parts = [asked, _road(cell.road), _variant(cell.variant), _manner(cell.manner), code]
     return content_digest(parts)
 

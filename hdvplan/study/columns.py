@@ -58,7 +58,7 @@ SUMMARY = (
     *_columns(NUMBER, "max_left_m max_right_m imbalance_m mean_abs_imbalance_m mean_abs_off_bias_m expected_half_width_m"),
     Column("tighter_than_balanced_circle", TRUTH, "tighter_than_balanced_circle"),
     *_columns(NUMBER, "needed_half_width_m min_clearance_m limit_violation_m"),
-    *_columns(COUNT, "breaches obstacles failed_steps rescued_steps attempts"),
+    *_columns(COUNT, "corners breaches obstacles failed_steps rescued_steps attempts"),
     *_columns(NUMBER, "share s_m", before="manners_steering_", within="manners.steering."),
     *_columns(NUMBER, "share s_m", before="manners_steering_rate_", within="manners.steering_rate."),
     *_columns(NUMBER, "prediction_error_m sqp_iterations_mean"),

@@ -10,9 +10,9 @@ import numpy as np
 
 from hdvplan.judging.balance import Breach
 from hdvplan.judging.result import Result, body_name
-from hdvplan.judging.verdict import point_of, verdict_of
+from hdvplan.judging.verdict import lonlat_of, verdict_of
 from hdvplan.need.answer import Need
-from hdvplan.report.needs import Patch, patches_of
+from hdvplan.need.kerbs import Patch
 from hdvplan.report.summary import verdict_json
 from hdvplan.road.road import Road
 from hdvplan.study.cells import Row
@@ -82,19 +82,13 @@ def dead_end(road: Road, s: float, begins: float = 0.0) -> Row:
 
 def widening_places(need: Need) -> list[Row]:
     """Return the middles of the stretches that the widening of least area consists of; none where there is no widening."""
-    own, widenings = need.case.road.own_limits, need.widenings
-    if own is None or widenings is None or widenings.area is None:
-        return []
-    return [_widening(need.case.road, patch) for patch in patches_of(widenings.area, own, need.case.road.path)]
+    widening = None if need.widenings is None else need.widenings.area
+    return [] if widening is None else [_widening(need.case.road, patch) for patch in widening.patches]
 
 
 def _breach(result: Result, breach: Breach) -> Row:
-    hit = next((near for near in result.approaches if near.s == breach.s_deepest and near.obstacle.label == breach.obstacle), None)
-    if breach.obstacle is not None and hit is not None:
-        x, y, lonlat = hit.x, hit.y, _lonlat(result.drive.road, hit.x, hit.y)
-    else:
-        of_wheels = breach.region == "drivable" and result.two_regions
-        x, y, lonlat = point_of(result, breach.unit, breach.side, breach.s_deepest, axles_only=of_wheels)
+    x, y = breach.place
+    lonlat = lonlat_of(result, x, y)
     return {
         "kind": BREACH,
         "s_m": breach.s_deepest,

@@ -25,7 +25,7 @@ from hdvplan.study.inputs import RoadSource, Variant, refuse_many, roads_of, var
 
 _ENTRIES = ("roads", "vehicles", "half_widths", "left", "right", "objectives", "schemes", "solvers", "settings", "vary", "need")
 _LENGTHS = ("horizon", "step", "replan", "smoothness", "clearance")  # of the planner's settings
-_READING = ("smooth", "crs", "unit", "proof", "refine")  # settings that every cell has in common
+_READING = ("smooth", "crs", "unit", "corners", "corner_radius", "proof", "refine")  # settings that every cell has in common
 _SETTINGS = (*_LENGTHS, "discretisation", "offset", "reverse", "bias", "pass", *_READING)
 _MOST_CELLS = 100_000_000  # of one study: 5 GB of keys, and two days to hand them out
 
@@ -66,6 +66,8 @@ class Study:
     smooth: float = RoadOptions.smooth
     crs: str | None = None
     unit: str | None = None
+    corners: str | None = None
+    corner_radius: float | None = None
     prove: bool = False
     refine: bool = True
     need: bool = False
@@ -142,8 +144,9 @@ def study_of(entries: Mapping[str, object], folder: Path = Path()) -> Study:
             msg = f"unknown entry {name!r} in the study's settings"
             raise OptionError(msg, hint=did_you_mean(name, _SETTINGS, f"settings: {', '.join(_SETTINGS)}"))
     smooth = number("smooth", settings.get("smooth", RoadOptions.smooth))
-    unit = word("unit", settings["unit"]) if "unit" in settings else None
-    RoadOptions(smooth=smooth, unit=unit)  # refuses what no road can be read with
+    unit, corners = (word(name, settings[name]) if name in settings else None for name in ("unit", "corners"))
+    radius = number("corner_radius", settings["corner_radius"]) if "corner_radius" in settings else None
+    RoadOptions(smooth=smooth, unit=unit, corners=corners, corner_radius=radius)  # refuses what no road can be read with
     crs = word("crs", settings["crs"]) if "crs" in settings else None
     if crs is not None:
         from hdvplan.road.crs import parse_crs  # noqa: PLC0415 - few studies need it
@@ -159,6 +162,8 @@ def study_of(entries: Mapping[str, object], folder: Path = Path()) -> Study:
         smooth=smooth,
         crs=crs,
         unit=unit,
+        corners=corners,
+        corner_radius=radius,
         prove=truth("proof", settings.get("proof", False)),
         refine=truth("refine", settings.get("refine", True)),
         need=truth("need", entries.get("need", False)),

@@ -28,13 +28,6 @@ def auxiliary_ahead(vehicle: Vehicle, axle: int) -> float:
     return vehicle.lead.wheelbase if axle % len(vehicle.units) == 0 else -float(axles_behind(vehicle)[axle])
 
 
-def axis_points(vehicle: Vehicle) -> FloatArray:
-    """Return the distances ahead of the axle of the points that screen each body's axis, shape (units, 4), rising [m]."""
-    table = np.empty((len(vehicle.units), core.number("HDV_AXIS_POINTS")))
-    table[:] = [sorted([-unit.rear_overhang, 0.0, min(unit.wheelbase, unit.front), unit.front]) for unit in vehicle.units]
-    return table
-
-
 def edge_points(vehicle: Vehicle) -> Records:
     """Return the sampled points of both long edges of every body, records of ``EDGE_POINT``, shape (units, POINTS_PER_EDGE).
 

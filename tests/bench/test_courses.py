@@ -60,7 +60,8 @@ def test_a_pinch_narrows_the_outer_side_in_the_middle_of_the_tightest_bend(turn:
 def test_obstacles_cut_pinched_limits_too() -> None:
     road = replace(SCENARIOS["uturn"](), regions=(Region(Kind.OBSTACLE, shapely.box(20.0, 1.5, 25.0, 4.0)),))
     for pinch in (None, 1.0):
-        found = limits(road, replace(SUITE, half_width=3.0, pinch=pinch))
+        found = with_limits(road, BUS, replace(SUITE, half_width=3.0, pinch=pinch)).passable
+        assert found is not None
         assert found.table(np.array([22.0]))[0, 0] == pytest.approx(1.5, abs=1e-6)  # a foot on a quintic is exact to 1e-9 m
 
 

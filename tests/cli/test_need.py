@@ -93,14 +93,25 @@ def test_a_road_wide_enough_is_a_yes(cli: Cli, bend: str) -> None:
 
 
 @pytest.mark.slow
-def test_a_held_edge_that_cannot_be_kept_is_a_no_with_what_it_takes(cli: Cli, bend: str) -> None:
-    outcome = cli("need", bend, "--vehicle", "bus", "--fix", "left", "--left", "0.9", "--json", "--no-plot")
+def test_a_held_edge_that_cannot_be_kept_is_a_no_with_what_it_takes(cli: Cli, tmp_path: Path) -> None:
+    # An edge 0.9 m outside of a half turn of 15.5 m: no long vehicle turns so tightly, however wide the road is inside.
+    (tmp_path / "turn.csv").write_text("s,kappa\n0,0\n20,0\n26,-0.0645\n77,-0.0645\n83,0\n110,0\n", encoding="utf-8")
+    outcome = cli("need", "turn.csv", "--vehicle", "tractor-trailer-24m", "--fix", "left", "--left", "0.9", "--json", "--no-plot")
     assert outcome.code == 1
     told = json.loads(outcome.out)
     assert told["right_m"] is None
     assert told["least_left_m"] > 0.9
-    assert told["proved_below_m"] is None  # it could be driven right of the line, which no plan here does
+    assert told["proved_below_m"] is None  # the proof knows no bound for a side that is open
     assert f"; one was found with the left edge {told['least_left_m']:.2f} m off, decided at s = " in outcome.err
+
+
+@pytest.mark.slow
+def test_beside_a_held_edge_that_is_nearer_than_half_the_vehicle_it_stands_aside_from_the_start(cli: Cli, bend: str) -> None:
+    held = ("--left", "0.9", "--no-plot", "--no-proof")
+    told = json.loads(cli("need", bend, "--vehicle", "bus", "--fix", "left", *held, "--json").out)
+    assert told["right_m"] is not None
+    for more, code in ((0.01, 0), (-0.15, 1)):
+        assert cli("plan", bend, "--vehicle", "bus", *held, "--right", f"{told['right_m'] + more:.3f}", "--quiet").code == code
 
 
 @pytest.mark.parametrize(

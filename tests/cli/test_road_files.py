@@ -81,6 +81,59 @@ def test_a_drawing_in_millimetres_has_the_verdict_of_the_one_in_metres(cli: Cli,
     assert cli("roads", "info", "none.dxf", "--layer", "AXIS", "--unit", "mm").code == 0
 
 
+CORNER = [[0.0, 0.0], [60.0, 0.0], [60.0, 60.0]]
+
+
+def corner_file(folder: Path, **properties: object) -> str:
+    """Write a right-angled street of 2 x 3.6 m as GeoJSON in metres, and return its name."""
+    crs = {"type": "name", "properties": {"name": "EPSG:3006"}}
+    points = [[600e3 + x, 6400e3 + y] for x, y in CORNER]
+    line = {"type": "Feature", "properties": {"width_m": 7.2, **properties}, "geometry": {"type": "LineString", "coordinates": points}}
+    (folder / "corner.geojson").write_text(json.dumps({"type": "FeatureCollection", "crs": crs, "features": [line]}), encoding="utf-8")
+    return "corner.geojson"
+
+
+def test_corners_are_read_told_and_decided_by_options_before_properties(cli: Cli, tmp_path: Path) -> None:
+    spare, least = [], ("--vehicle", "citaro", "--no-plot", "--no-proof", "--no-refine")
+    for properties, options, corners in (
+        ({}, (), 1),
+        ({"corners": "round"}, (), 0),
+        ({"corners": "round"}, ("--corners", "sharp"), 1),
+        ({"corner_radius_m": 4.0}, (), 1),
+        ({"corner_radius_m": 1.0}, ("--corner-radius", "4"), 1),
+    ):
+        planned = cli("plan", corner_file(tmp_path, **properties), *least, *options, "--json")
+        summary = json.loads(planned.out)
+        assert len(summary["corners"]) == corners
+        spare.append(summary["verdict"]["spare_m"])
+    (corner,) = summary["corners"]
+    assert (corner["x"], corner["y"]) == pytest.approx((600060.0, 6400000.0))
+    assert corner["angle_deg"] == pytest.approx(90.0)
+    assert corner["s_m"] == pytest.approx(0.5 * summary["length_m"], abs=0.1)  # the corner is in the middle, the knots are not
+    assert spare[2] == spare[0] != spare[1]
+    assert spare[4] == spare[3] != spare[0]
+    told = cli("roads", "info", corner_file(tmp_path)).out
+    assert "s = 59 m, the rest as a curve; --corners decides otherwise" in " ".join(told.split())
+
+
+@pytest.mark.parametrize(
+    ("road", "options", "message"),
+    [
+        ("corner", ("--corners", "blunt"), "corners are read as auto, sharp or round, not as 'blunt'"),
+        ("corner", ("--corner-radius", "-1"), "a corner radius must be a number of metres, not -1"),
+        ("uturn", ("--corners", "sharp"), "the scenario uturn has no use for --corners"),
+        ("blunt", (), "corner.geojson: property corners must be auto, sharp or round, not 'blunt'"),
+        ("endless", (), "corner.geojson: property corner_radius_m must be a number of metres, not 'much'"),
+    ],
+)
+def test_a_reading_of_corners_that_is_none_is_refused(cli: Cli, tmp_path: Path, road: str, options: tuple[str, ...], message: str) -> None:
+    properties = {"blunt": {"corners": "blunt"}, "endless": {"corner_radius_m": "much"}}.get(road, {})
+    file = road if road == "uturn" else corner_file(tmp_path, **properties)
+    refused = cli("roads", "info", file, *options)
+    assert refused.code == 2
+    assert f"error: {message}" in refused.err
+
+
 @pytest.mark.slow
 def test_tables_and_geojson_do_without_gdal(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("x,y\n0,0\n50,0\n", encoding="utf-8")

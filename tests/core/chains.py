@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from hdvplan import core
 from hdvplan.arrays import FloatArray, Records
 from hdvplan.road.path import ReferencePath, from_curvature
+from hdvplan.road.road import Limits
 from hdvplan.vehicle import kinematics
 from hdvplan.vehicle.model import Unit, Vehicle
 
@@ -67,6 +68,13 @@ def winding() -> ReferencePath:
     """Return a road that turns left, then right, with curvature up to 0.06 1/m."""
     s = np.cumsum([0.0, 20.0, 15.0, 10.0, 25.0, 10.0, 10.0, 20.0])
     return from_curvature(s, np.array([0.0, 0.0, 0.06, 0.06, -0.05, -0.05, 0.0, 0.0]))
+
+
+def varying_limits() -> Limits:
+    """Return limits for it with slopes of up to 0.2 on all four lines, and with a wall that stands 0.7 m into the road."""
+    s = np.array([0.0, 20.0, 27.0, 27.01, 30.0, 30.01, 45.0, 60.0, 110.0])
+    left = np.array([3.0, 2.0, 3.4, 2.7, 2.9, 4.0, 3.0, 5.0, 5.0])
+    return Limits(s, left, -left[::-1] - 0.3, left + np.array([0.0, 1.0, 0.5, 0.5, 0.5, 0.5, 2.0, 0.0, 1.0]), -left[::-1] - 0.9)
 
 
 def arc(curvature: float, length: float) -> ReferencePath:

@@ -1,4 +1,4 @@
-"""Functions of the core that planning calls within a step: the guess of a plan, a step's share, its merit, a limit at a place."""
+"""Functions of the core that planning calls within a step: the guess of a plan, a step's share, its merit."""
 
 from __future__ import annotations
 
@@ -6,14 +6,11 @@ import numpy as np
 
 from hdvplan import core
 from hdvplan.arrays import FloatArray, Records
-from hdvplan.planning.stations import LimitTable
-from hdvplan.planning.terms.limits import table_record
 from hdvplan.qp.program import StageQp, StageSolution
 
 _GUESS = core.function("hdv_guess_motion", *(core.POINTER,) * 4, core.INT, core.POINTER, core.POINTER, core.INT)
 _TAKE_STEP = core.function("hdv_take_step", core.POINTER, core.POINTER, core.REAL, returns=core.REAL)
 _L1_WEIGHTS = core.function("hdv_l1_weights", core.POINTER, core.POINTER, core.INT, core.POINTER, returns=core.INT)
-_LIMIT_AT = core.function("hdv_limit_at", core.POINTER, core.INT, core.REAL, core.POINTER)
 _DEFECT_PRICE = core.function("hdv_defect_price", core.POINTER, core.INT, core.POINTER, returns=core.REAL)
 
 
@@ -51,10 +48,3 @@ def l1_weights(qp: StageQp, solution: StageSolution, weights: FloatArray) -> boo
 def defect_price(qp: StageQp, weights: FloatArray) -> float:
     """Return what the gaps in the dynamics cost at the given weights of the first states; no other's dynamics are ever broken."""
     return float(_DEFECT_PRICE(qp.address, len(weights), core.address(weights)))
-
-
-def limit_at(table: LimitTable, row: int, s: float) -> tuple[float, float]:
-    """Return a limit [m] and its slope along s: linear between the table's entries, constant beyond them."""
-    values, found = np.ascontiguousarray(table.values), np.empty(2)
-    _LIMIT_AT(core.address(table_record(table, values)), row, s, core.address(found))
-    return float(found[0]), float(found[1])

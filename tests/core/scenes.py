@@ -8,11 +8,12 @@ import numpy as np
 from hdvplan import core
 from hdvplan.arrays import FloatArray, Records
 from hdvplan.planning.motion import Motion
-from hdvplan.planning.terms.limits import CLEAR_M
+from hdvplan.planning.terms.limits import CLEAR_M, LimitsPart
 from hdvplan.planning.terms.term import SCENE, Horizon, Part, Scene
 from hdvplan.qp.program import StageQp, StageShape, by_stage
 
 P = TypeVar("P")
+SAME = 1e-12  # of rows that were looked up at one motion: the sums of a gap and its derivative
 
 
 def horizon_at(scene: Scene, first: int, *, before: float = 0.0, fixed: int = 0, binding: bool = True) -> Horizon:
@@ -55,18 +56,36 @@ def linearised(parts: Iterable[Part], horizon: Horizon) -> None:
         assert part.linearise(horizon) == -1
 
 
-def assert_same_rows(one: StageQp, other: StageQp, near_h: float, near_g: float, stages: slice = slice(None)) -> None:
-    """Compare the rows of two programs, at some of the stages 1..N, that differ in what they know of edges that are clear.
+def moved_of(parts: Iterable[Part]) -> FloatArray:
+    """Return how far any point of the body of each row may have moved since the row was looked up, shape (N, rows) of a program [m].
 
-    A row that only one of them carries must be clear in the other, by a bound of its true clearance.
+    Infinite where nothing was looked up, 0 for the rows of other terms.
     """
-    carried, others = (np.any(qp.G[stages] != 0.0, axis=2) for qp in (one, other))
-    both = carried & others
-    assert np.max(np.abs(one.h[stages] - other.h[stages])[both], initial=0.0) < near_h
-    assert np.max(np.abs(one.G[stages] - other.G[stages])[both], initial=0.0) < near_g
-    for true, bound, only in ((one, other, carried & ~others), (other, one, others & ~carried)):
-        assert np.all(bound.h[stages][only] <= true.h[stages][only] + near_h)
-    for qp, rows in ((one, carried), (other, others)):
+    part = part_of(parts, LimitsPart)
+    begin, stages, first = int(part.scene.record["at"][0]), part.scene.settings.stages, int(part.data["row"][0])
+    by_side = part.seen.edges["moved"][begin + 1 : begin + stages + 1].reshape(stages, -1)
+    moved = np.zeros((stages, part.scene.qp.shape.rows))
+    moved[:, first : first + part.rows.shape[1]] = np.repeat(by_side, part.rows.shape[1] // by_side.shape[1], axis=1)
+    return moved
+
+
+def assert_same_rows(one: tuple[StageQp, FloatArray], other: tuple[StageQp, FloatArray], stages: slice = slice(None)) -> None:
+    """Compare the rows of two programs at one motion, at some of the stages 1..N, that differ in when they looked at their bodies.
+
+    Each comes with ``moved_of`` its terms. Rows that neither has followed since are the same. A gap changes by no more than a body's
+    points move, and so does a row that follows: the two are apart by twice that where another contact has become the tightest. A side
+    that has rows in only one of them is as clear as the other takes it to be: see ``test_memory_of_limits`` for how clear that is.
+    """
+    (mine, followed), (theirs, others_followed) = ((qp, moved[stages]) for qp, moved in (one, other))
+    carried, others = (np.any(qp.G[stages] != 0.0, axis=2) for qp in (mine, theirs))
+    both, moved = carried & others, followed + others_followed
+    apart = np.abs(mine.h[stages] - theirs.h[stages])
+    assert np.all(apart[both] <= 2.0 * moved[both] + SAME)
+    looked = both & (moved == 0.0)
+    assert np.max(np.abs(mine.G[stages] - theirs.G[stages])[looked], initial=0.0) < SAME
+    for true, only, far in ((mine, carried & ~others, followed), (theirs, others & ~carried, others_followed)):
+        assert np.all(true.h[stages][only] > CLEAR_M - 2.0 * far[only] - SAME)
+    for qp, rows in ((mine, carried), (theirs, others)):
         assert np.all(qp.h[stages][~rows] >= CLEAR_M)
         assert np.all(qp.stages["live"][1:][stages][np.any(rows, axis=1)] == 1.0)
 

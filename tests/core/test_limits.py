@@ -32,23 +32,6 @@ def ring(length: float = 30.0) -> ReferencePath:
     return from_samples(x, y, turned, curvature, length / 100, closed=True)
 
 
-def test_on_a_closed_road_limits_are_the_same_in_every_lap() -> None:
-    table = Limits(S, WIDE, -WIDE, WIDE, -WIDE).along(ring(), -40.0, 95.0).table(np.array([-40.0, -20.0, -10.0, 15.0, 40.0, 95.0]))
-    np.testing.assert_allclose(table[0], [2.75, 2.5, 2.75, 2.625, 2.5, 2.75], rtol=0.0, atol=1e-12)
-
-
-def test_on_an_open_road_nothing_holds_before_its_first_and_beyond_its_last_point() -> None:
-    path, s = arc(0.0, 30.0), np.array([-5.0, -0.1, 0.0, 10.0, 30.0, 30.1, 99.0])
-    table = Limits(S, WIDE, -10.0 * WIDE, WIDE, -10.0 * WIDE).along(path, -5.0, 99.0).table(s)
-    np.testing.assert_allclose(table[0], [20.0, 20.0, 3.0, 2.5, 3.0, 20.0, 20.0], rtol=0.0, atol=1e-12)
-    np.testing.assert_allclose(table[1], [-30.0, -30.0, -30.0, -25.0, -30.0, -30.0, -30.0], rtol=0.0, atol=1e-12)  # wider than open
-
-
-def test_limits_that_are_given_beyond_a_road_hold_there() -> None:
-    part = Limits(S - 10.0, WIDE, -WIDE, WIDE, -WIDE).along(arc(0.0, 10.0), -99.0, 99.0)  # the middle of a longer road
-    np.testing.assert_allclose(part.table(np.array([-10.1, -10.0, 0.0, 20.0, 20.1]))[0], [20.0, 3.0, 2.5, 3.0, 20.0], rtol=0.0, atol=1e-12)
-
-
 def test_what_lies_beyond_the_road_s_end_does_not_push_the_plan_over_a_limit_on_the_road() -> None:
     # The lane leaves the line to the left by one in eight: a front that follows it comes 1.2 m further to the left beyond the end.
     s = np.array([0.0, 40.0, 55.0, 70.0])
@@ -63,10 +46,13 @@ def test_what_comes_to_the_start_of_a_closed_road_keeps_the_limits_of_the_lap_s_
     narrow = Limits(end, np.array([4.0, 4.0, 2.0, 4.0]), np.full(4, -4.0), np.array([4.0, 4.0, 2.0, 4.0]), np.full(4, -4.0))
     vehicle, settings = load_vehicle("bus"), PlannerSettings(horizon=20.0)
     way = approach_to(Road("ring", ring(), narrow), vehicle, settings)
-    part = stretch_of(Case(Road("ring", ring(), narrow, band=narrow), vehicle, settings=settings), 0.0, 15.0)
+    part = stretch_of(Case(Road("ring", ring(), narrow), vehicle, settings=settings), 0.0, 15.0)
     for road, start in ((way, way.path.length), (part.road, 0.0)):
-        assert road.limits is not None
-        assert road.limits.table(np.array([start - 1.0]))[0] == pytest.approx(2.0)
+        assert road.given is not None
+        (left,) = (kerb for kerb in road.given.unrolled(start - 2.0, start) if kerb.left)
+        at = int(np.argmin(np.abs(left.s - (start - 1.0))))
+        here = road.path.extended(20.0, 20.0).at(float(left.s[at]))
+        assert np.hypot(left.points[at, 0] - here.x, left.points[at, 1] - here.y) == pytest.approx(2.0, abs=1e-3)  # in chords of 0.25 m
 
 
 def changed(values: FloatArray, by: float) -> FloatArray:

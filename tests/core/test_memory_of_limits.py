@@ -1,4 +1,4 @@
-"""What is remembered of an edge that was clear: a bound that must hold however the vehicle has moved since, and along the road too."""
+"""What is remembered of a side that was clear: a bound that must hold however the vehicle has moved since, and along the road too."""
 
 import numpy as np
 import pytest
@@ -11,21 +11,21 @@ from hdvplan.planning.assembly import assemble
 from hdvplan.planning.objectives import Goal
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations, stations_of
-from hdvplan.planning.terms.limits import CLEAR_M, LimitsPart
+from hdvplan.planning.terms.limits import CLEAR_M, ROWS_PER_SIDE, LimitsPart
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Limits, Road
-from hdvplan.vehicle.body import axles_behind, edge_points
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
-from tests.core.chains import on_road, three_units, winding
+from tests.core.chains import placed, three_units, winding
 from tests.core.scenes import extended, horizon_at, linearised, move, part_of, shifted
+from tests.core.twins.path import evaluate
+from tests.core.twins.street import look
 
 STEP, STAGES, FIRST = 0.5, 12, 30
 VEHICLES = [load_vehicle("bus"), load_vehicle("tractor-trailer")]
 LONG = pytest.param(three_units(), marks=pytest.mark.slow)
 each_vehicle = pytest.mark.parametrize("vehicle", [*VEHICLES, LONG], ids=lambda v: v.name)
-PLACES_M = 0.05  # between the places of an edge that are looked at
-NEAR_M = 0.01  # the tightest place of an edge is found to this: see the tests of rows
+NEAR_M = 1e-9  # rounding of coordinates of 1 km, where kerbs go on
 
 
 def walled(random: np.random.Generator, *, varying: bool) -> Limits:
@@ -38,44 +38,36 @@ def walled(random: np.random.Generator, *, varying: bool) -> Limits:
 
 
 def clearances(vehicle: Vehicle, stations: Stations, at: int, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return every edge's clearance to what it must keep, and to the wheels' limits alone, shape (units, 2) each."""
-    s, table = float(stations.s[at]), stations.limits
-    grid = table.s_first + table.spacing * np.arange(table.values.shape[1])
-    own, wheels = np.empty((len(vehicle.units), 2)), np.empty((len(vehicle.units), 2))
-    for unit, (body, points, behind) in enumerate(zip(vehicle.units, edge_points(vehicle), axles_behind(vehicle), strict=True)):
-        ahead = np.append(np.arange(points["ahead"][0], points["ahead"][-1], PLACES_M), points["ahead"][-1])
-        before = np.clip(np.searchsorted(points["ahead"], ahead, side="right") - 1, 0, len(points) - 2)
-        over = (points["overhang"][before] > 0) | (points["overhang"][before + 1] > 0)
-        for side, sign in enumerate((1.0, -1.0)):
-            local = [np.empty((0, 2)) for _ in vehicle.units]
-            local[unit] = np.column_stack([ahead, np.full(len(ahead), sign * 0.5 * body.width)])
-            place = on_road(vehicle, stations.path, s, z, local)[unit]
-            foot, offset = stations.path.project(place[:, 0], place[:, 1], s - behind + ahead)
-            limit, sweep = (np.interp(foot, grid, table.values[row]) for row in (side, side + 2))
-            own[unit, side] = np.min(sign * (np.where(over, sweep, limit) - offset))
-            wheels[unit, side] = np.min(sign * (limit - offset))
-    return own, wheels
+    """Return every side's clearance to what it must keep, and to the wheels' kerbs alone, shape (units, 2) each, looked at afresh."""
+    x, y, cos, sin = evaluate(stations.path, float(stations.s[at]))[:4]
+    poses = placed(vehicle, np.ascontiguousarray(z), x, y, float(np.arctan2(sin, cos)))
+    assert stations.street is not None
+    found = look(stations.street, vehicle, stations.s[at : at + 1], poses[None])[0]
+    own: FloatArray = found["at"]["gap"].min(axis=2)
+    return own, np.minimum(own, found["overhang"]["gap"].min(axis=2))
 
 
 def check(vehicle: Vehicle, stations: Stations, first: int, z: FloatArray, part: LimitsPart) -> None:
-    """Hold what is recorded against dense places at a few stages, and the rows against what is recorded."""
+    """Hold what is recorded against looking afresh at a few stages, and the rows against what is recorded."""
     edges, live = part.seen.edges, part.scene.qp.stages["live"]
     carried = np.any(part.rows["g"] != 0.0, axis=2).reshape(len(edges), len(vehicle.units), 2, -1)
     for i in (1, 5, STAGES):
-        own, _ = clearances(vehicle, stations, first + i, z[i])
+        own, wheels = clearances(vehicle, stations, first + i, z[i])
         assert np.all(edges["gap"][i] <= own + NEAR_M)
+        if part.rows.shape[1] > 2 * ROWS_PER_SIDE * len(vehicle.units):  # what overhangs reach beyond the wheels' kerbs costs
+            assert np.all(edges["clear"][i] <= wheels + NEAR_M)
         assert np.all(edges["clear"][i] <= edges["gap"][i])
-        bare = ~carried[i].any(axis=2)  # edges without rows
+        bare = ~carried[i].any(axis=2)  # sides without rows
         assert np.all(own[bare] > CLEAR_M - NEAR_M)
-        assert np.all(edges["never"][i][bare] == 1.0)
-        assert live[i] == float(np.any(~bare))
+        assert np.all(edges["never"][i][bare & np.isfinite(edges["gap"][i])] == 1.0)
+        assert live[i] == float(np.any(carried[i]))
 
 
 @each_vehicle
 @pytest.mark.parametrize("varying", [False, True])
 @given(seed=st.integers(0, 10**6))
 @settings(max_examples=25, deadline=None, derandomize=True)
-def test_what_is_remembered_of_an_edge_never_promises_too_much(vehicle: Vehicle, varying: bool, seed: int) -> None:
+def test_what_is_remembered_of_a_side_never_promises_too_much(vehicle: Vehicle, varying: bool, seed: int) -> None:
     random = np.random.default_rng(seed)
     limits = walled(random, varying=varying)
     road, table = Road("winding", winding(), limits), CentringTable.of(vehicle)
@@ -104,7 +96,7 @@ def test_what_is_remembered_of_an_edge_never_promises_too_much(vehicle: Vehicle,
         check(vehicle, stations, first, z, part)
 
 
-def test_an_edge_that_was_clear_is_looked_at_again_when_it_turns_towards_a_wall() -> None:
+def test_a_side_that_was_clear_is_looked_at_again_when_it_turns_towards_a_wall() -> None:
     """A corner far ahead of the axle moves forwards, too, when the vehicle turns: past a wall, where it was clear of the limit before."""
     vehicle, heading, turn, stage = VEHICLES[0], 0.45, 0.02, 5
     settings = PlannerSettings(horizon=STAGES * STEP, replan=STEP)

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
-from scipy.optimize import LinearConstraint, NonlinearConstraint, minimize
+from scipy.optimize import LinearConstraint, minimize
 
 from hdvplan.arrays import FloatArray, Records
 from hdvplan.centring.weights import CentringTable
-from hdvplan.errors import OptionError, PlanError, SolverError
+from hdvplan.errors import OptionError, SolverError
 from hdvplan.planning import planner as planner_module
 from hdvplan.planning.assembly import assemble
 from hdvplan.planning.discretisation import advance
@@ -12,20 +12,21 @@ from hdvplan.planning.motion import Motion
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.planner import Plan, Planner
 from hdvplan.planning.settings import PlannerSettings, Scheme
-from hdvplan.planning.stations import STATION, Stations, stations_of
+from hdvplan.planning.stations import BETWEEN, STATION, Stations, stations_of
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
 from hdvplan.solvers.riccati import RiccatiWorkspace
-from hdvplan.vehicle.body import axles_behind, edge_points
+from hdvplan.vehicle.body import axles_behind
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Unit, Vehicle
 from tests.core.chains import on_road, winding
 from tests.core.differences import differences
 from tests.core.moves import l1_weights, take_step
 from tests.core.programs import PARTS
-from tests.core.scenes import assert_same_rows, extended, horizon_at, move, record_of
+from tests.core.scenes import assert_same_rows, extended, horizon_at, move, moved_of, record_of
 from tests.core.spying import Spy
+from tests.core.twins.street import gaps, state_before
 
 LIMIT = 3.4
 TIGHT = {"bus": 2.19, "tractor-trailer": 1.84}  # 0.1 and 0.2 m less than the free plan's reach
@@ -51,12 +52,12 @@ def planned(vehicle: Vehicle, settings: PlannerSettings, limit: float | None = L
 
 def fresh_program(
     vehicle: Vehicle, stations: Stations, settings: PlannerSettings, first: int, z: FloatArray, kappa: FloatArray, before: float
-) -> StageQp:
-    """Linearise everything at a motion without any memory of earlier plans."""
+) -> tuple[StageQp, FloatArray]:
+    """Linearise everything at a motion without any memory of earlier plans; return the program and how far its rows have followed."""
     scene, parts = assemble(vehicle, stations, geometric(stations, vehicle), settings)
     move(scene, z, kappa)
     extended(parts, horizon_at(scene, first, before=before))
-    return scene.qp
+    return scene.qp, moved_of(parts)
 
 
 @each_vehicle
@@ -70,20 +71,20 @@ def test_a_shifted_program_equals_a_fresh_linearisation_at_the_same_motion(vehic
     before = float(plan.kappa[by - 1])
     asked = len(spy.programs)
     z_start = plan.z[by] + 0.01
+    followed: list[FloatArray] = []
+    spy.answer = lambda _: followed.append(moved_of(planner._parts))
     planner.plan(first + by, z_start, before)
     geometry, N = stations.centring, settings.stages
     new = slice(first + N + 1, first + by + N + 1)  # stations that the last plan did not reach
     z = np.concatenate([plan.z[by:], np.column_stack([geometry.e_y[new], np.zeros(by), geometry.beta[new]])])
     kappa = np.concatenate([plan.kappa[by:], geometry.kappa[first + N : first + by + N]])
     z[0] = z_start
-    shifted, fresh = spy.programs[asked], fresh_program(vehicle, stations, settings, first + by, z, kappa, before)
+    shifted, (fresh, none) = spy.programs[asked], fresh_program(vehicle, stations, settings, first + by, z, kappa, before)
     for name in ("A", "B", "c", "x_first", "R", "r", "linear", "quadratic", "x_low", "x_high", "u_low", "u_high"):
         assert np.max(np.abs(getattr(shifted, name) - getattr(fresh, name))) < 1e-12
     for name in ("Q", "q"):  # the first state is given: its cost is a constant; feet are found to 1e-7 m, on curvatures of 0.06 1/m
-        assert np.max(np.abs(getattr(shifted, name)[1:] - getattr(fresh, name)[1:])) < 1e-7
-    # Feet found from another start, by lever arms of 10 m. Where an edge bows past a limit its tightest place is as flat as the bow, and
-    # so found to 1e-5 m only: the clearance there does not feel it, its derivative does. Settled feet agree to 1e-12: see the terms.
-    assert_same_rows(shifted, fresh, 1e-8, 1e-4)
+        assert np.max(np.abs(getattr(shifted, name)[1:] - getattr(fresh, name)[1:])) < 1e-6  # by lever arms of 12 m
+    assert_same_rows((shifted, followed[0]), (fresh, none))
     assert np.any(shifted.G) is np.bool_(tight)
 
 
@@ -147,71 +148,64 @@ def next_state(vehicle: Vehicle, stations: Stations, settings: PlannerSettings, 
     return out
 
 
-def cost_and_gaps(
-    vehicle: Vehicle, stations: Stations, settings: PlannerSettings, first: int, z0: FloatArray, limit: float, kappa: FloatArray
-) -> FloatArray:
-    """Return the objective and then every edge point's clearance of the motion that ``kappa`` drives, all from geometry."""
-    weight, edges, z = stations.centring.weight, edge_points(vehicle), z0.copy()
-    aux = vehicle.lead.wheelbase if len(vehicle.units) == 1 else 0.0
-    cost, gaps = settings.smoothness * float(np.sum(np.diff(kappa, prepend=0.0) ** 2)), []
+def rolled_out(
+    vehicle: Vehicle, stations: Stations, settings: PlannerSettings, first: int, z0: FloatArray, kappa: FloatArray
+) -> list[FloatArray]:
+    """Return the states of the motion that ``kappa`` drives."""
+    z = [z0]
     for i in range(settings.stages):
-        at = first + i
-        z = next_state(vehicle, stations, settings, at, z, float(kappa[i]))
-        s = float(stations.s[at + 1])
-        local, near = [], []
-        for unit, row, behind in zip(vehicle.units, edges, axles_behind(vehicle), strict=True):
-            ahead = np.concatenate([row["ahead"], row["ahead"], [aux]])
-            near.append(s - behind + ahead)
-            local.append(np.column_stack([ahead, np.repeat([0.5 * unit.width, -0.5 * unit.width, 0.0], [len(row), len(row), 1])]))
-        places = np.concatenate(on_road(vehicle, stations.path, s, z, local))
-        _, offset = stations.path.project(places[:, 0], places[:, 1], np.concatenate(near))
-        table = offset.reshape(len(vehicle.units), -1)
-        gaps += [limit - table[:, :-1], limit + table[:, :-1]]
-        cost += float((weight[at + 1] * z[0] + table[-1, -1]) ** 2)
-    return np.concatenate([[cost], np.concatenate(gaps, axis=None)])
+        z.append(next_state(vehicle, stations, settings, first + i, z[-1], float(kappa[i])))
+    return z
+
+
+def cost(vehicle: Vehicle, stations: Stations, settings: PlannerSettings, first: int, z0: FloatArray, kappa: FloatArray) -> float:
+    """Return the objective of the motion that ``kappa`` drives, from geometry."""
+    aux = [np.empty((0, 2)) for _ in vehicle.units]
+    aux[-1] = np.array([[vehicle.lead.wheelbase if len(vehicle.units) == 1 else 0.0, 0.0]])
+    total = settings.smoothness * float(np.sum(np.diff(kappa, prepend=0.0) ** 2))
+    for at, z in enumerate(rolled_out(vehicle, stations, settings, first, z0, kappa)[1:], first + 1):
+        s = float(stations.s[at])
+        place = on_road(vehicle, stations.path, s, z, aux)[-1]
+        _, offset = stations.path.project(place[:, 0], place[:, 1], np.array([s - axles_behind(vehicle)[-1] + aux[-1][0, 0]]))
+        total += float((stations.centring.weight[at] * z[0] + offset[0]) ** 2)
+    return total
+
+
+def least_room(vehicle: Vehicle, stations: Stations, settings: PlannerSettings, first: int, z0: FloatArray, kappa: FloatArray) -> float:
+    """Return the least gap beyond the margin, in all poses that a plan may look at, of the motion that ``kappa`` drives."""
+    z, backs = rolled_out(vehicle, stations, settings, first, z0, kappa), settings.step * np.arange(BETWEEN) / BETWEEN
+    stages = range(1, settings.stages + 1)
+    states = [state_before(vehicle, stations, first + i, np.append(z[i], kappa[i - 1]), float(back)) for i in stages for back in backs]
+    after = slice(first + 1, first + 1 + settings.stages)
+    found = gaps(vehicle, stations, (stations.s[after, None] - backs).ravel(), np.stack(states)).reshape(settings.stages, -1)
+    return float(np.min(found - stations.points["margin"][after, None]))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("limit", [20.0, None], ids=["free", "binding"])
 @each_vehicle
-def test_the_plan_is_the_optimum_of_the_nonlinear_program(vehicle: Vehicle, limit: float | None) -> None:
+def test_the_plan_is_the_optimum_of_the_nonlinear_program(vehicle: Vehicle) -> None:
+    """Where limits do not bind; where they do, the exact programs of the benchmarks say so."""
     settings = PlannerSettings(scheme=Scheme.SQP, horizon=10.0, sqp_tolerance=1e-9)
-    binds = limit is None
-    limit = TIGHT[vehicle.name] if limit is None else limit
-    planner, _, stations = planned(vehicle, settings, limit)
+    planner, _, stations = planned(vehicle, settings, 20.0)
     first, z0 = 40, start(vehicle, 0.3)
     plan = planner.plan(first, z0, 0.0)
     assert plan.violation < 1e-6
 
-    margin = stations.points["margin"][first + 1 : first + 1 + settings.stages]  # what sampling needs
-
-    def both(kappa: FloatArray) -> FloatArray:
-        found = cost_and_gaps(vehicle, stations, settings, first, z0, limit, kappa)
-        return np.concatenate([found[:1], found[1:] - np.repeat(margin, (len(found) - 1) // settings.stages)])
-
-    known: dict[bytes, FloatArray] = {}
-
-    def slopes(kappa: FloatArray) -> FloatArray:
-        if kappa.tobytes() not in known:
-            known[kappa.tobytes()] = differences(both, kappa)
-        return known[kappa.tobytes()]
+    def own(kappa: FloatArray) -> float:
+        return cost(vehicle, stations, settings, first, z0, kappa)
 
     change = np.eye(settings.stages) - np.eye(settings.stages, k=-1)
     most = vehicle.max_curvature_rate * settings.step
     found = minimize(  # type: ignore[call-overload] # the stubs know no jac of plain callables
-        lambda kappa: float(both(kappa)[0]),
+        own,
         np.zeros(settings.stages),
-        jac=lambda kappa: slopes(kappa)[0],
+        jac=lambda kappa: differences(own, kappa)[0],
         method="SLSQP",
         bounds=[(-vehicle.max_curvature, vehicle.max_curvature)] * settings.stages,
-        constraints=(
-            NonlinearConstraint(lambda kappa: both(kappa)[1:], 0.0, np.inf, jac=lambda kappa: slopes(kappa)[1:]),
-            LinearConstraint(change, -most, most),
-        ),
+        constraints=(LinearConstraint(change, -most, most),),
         tol=1e-15,
     )
-    assert bool(abs(np.min(both(plan.kappa)[1:])) < 1e-6) is binds
-    assert both(plan.kappa)[0] <= found.fun + 1e-8
+    assert own(plan.kappa) <= found.fun + 1e-8
     # a flat optimum: costs agree to 1e-12 relative, so states agree to about its root
     assert np.max(np.abs(plan.kappa - found.x)) < 1e-6
 
@@ -365,15 +359,15 @@ def test_a_share_of_a_step_is_taken() -> None:
     assert np.all(motion.kappa == 0.125)
 
 
-def test_a_place_where_no_plan_exists_is_named() -> None:
+def test_a_bend_tighter_than_the_vehicle_is_planned_all_the_same() -> None:
     vehicle = VEHICLES[1]
-    sharp = from_curvature(np.array([0.0, 40.0, 42.0, 52.0, 54.0, 90.0]), np.array([0.0, 0.0, 0.45, 0.45, 0.0, 0.0]))
+    sharp = from_curvature(np.array([0.0, 40.0, 42.0, 52.0, 54.0, 90.0]), np.array([0.0, 0.0, 0.8, 0.8, 0.0, 0.0]))
     settings = PlannerSettings(horizon=25.0)
     stations = stations_of(Road("sharp", sharp).with_limits(3.0, 3.0), vehicle, CentringTable.of(vehicle), step=0.5, horizon=25.0)
     planner = Planner(vehicle, stations, geometric(stations, vehicle), settings, RiccatiWorkspace)
-    with pytest.raises(PlanError) as caught:
-        planner.plan(70, start(vehicle), 0.0)
-    assert 35.0 <= caught.value.s_m <= 60.0
+    plan = planner.plan(70, start(vehicle), 0.0)
+    assert plan.usable
+    assert plan.violation > 0.1
 
 
 @each_vehicle
@@ -444,9 +438,8 @@ def test_a_margin_keeps_that_much_further_from_the_limit() -> None:
         settings = PlannerSettings(scheme=Scheme.SQP, horizon=10.0, clearance=margin, sqp_tolerance=1e-8)
         planner, _, stations = planned(vehicle, settings, 2.25)
         plans.append(planner.plan(40, start(vehicle), 0.0))
-        gaps = cost_and_gaps(vehicle, stations, settings, 40, start(vehicle), 2.25, plans[-1].kappa)[1:]
-        own = stations.points["margin"][40:61]  # what sampling needs, on top
-        assert np.min(own) - 1e-5 < np.min(gaps) - margin < np.max(own) + 1e-5  # it binds; the solver's tolerance on an active row
+        room = least_room(vehicle, stations, settings, 40, start(vehicle), plans[-1].kappa)
+        assert abs(room - margin) < 1e-5  # it binds; the solver's tolerance on an active row
     assert plans[0].violation < 1e-5
 
 

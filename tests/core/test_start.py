@@ -72,4 +72,4 @@ def test_a_trailer_sweeps_the_last_metres_as_if_the_road_went_on() -> None:
 
 def test_a_first_bend_that_cannot_be_driven_into_is_said() -> None:
     with pytest.raises(PlanError, match="the road begins in a bend into which the tractor-trailer-24m cannot be driven"):
-        driven("tractor-trailer-24m", [0.0, 11.0, 17.0, 80.0], [-0.4, -0.4, 0.0, 0.0])
+        driven("tractor-trailer-24m", [0.0, 11.0, 17.0, 80.0], [-0.8, -0.8, 0.0, 0.0])

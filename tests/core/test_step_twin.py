@@ -19,8 +19,7 @@ from hdvplan.road.road import Limits, Road
 from hdvplan.solvers.riccati import RiccatiWorkspace
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
-from tests.core.chains import three_units
-from tests.core.test_body_rows import varying_limits
+from tests.core.chains import three_units, varying_limits
 from tests.core.twins.step import Planned, Step
 
 VEHICLES = [load_vehicle("bus"), load_vehicle("tractor-trailer"), three_units(), load_vehicle("semitrailer-active")]

@@ -54,9 +54,7 @@ def slalom(seed: int, count: int, gaps: tuple[float, float]) -> Road:
 
 def free_by_force(case: Case) -> Iterator[tuple[Side, ...]]:
     """Yield every choice of sides with which a plan of the whole road is free of contact."""
-    found = case.road.obstructed
-    assert found is not None
-    for sides in itertools.product(Side, repeat=len(found.passages)):
+    for sides in itertools.product(Side, repeat=len(case.road.passages)):
         try:
             drive = drive_case(replace(case, road=case.road.passing(dict(enumerate(sides)))))
             balance = balance_of(drive, envelope_of(drive))

@@ -11,13 +11,14 @@ import pytest
 import hdvplan.passing.sides
 import hdvplan.passing.trial
 from hdvplan.api import plan
+from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.errors import RoadError
 from hdvplan.judging.verdict import verdict_of
+from hdvplan.passing import options
 from hdvplan.passing.sides import choose_sides
 from hdvplan.planning.bias import Bias
 from hdvplan.planning.settings import PlannerSettings
-from hdvplan.road.obstructed import Obstructed
 from hdvplan.road.regions import Side
 from hdvplan.road.road import Road
 from hdvplan.vehicle.load import load_vehicle
@@ -168,13 +169,13 @@ def test_on_a_road_that_is_blocked_again_and_again_no_sides_are_tried(monkeypatc
 
 
 def test_obstacles_close_each_other_one_by_one_and_only_those_beside_are_looked_at_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    looked, room = list[int](), Obstructed.room
+    looked, room = list[int](), options._room
 
-    def noted(road: Obstructed, number: int, side: Side, others: dict[int, Side]) -> float:
+    def noted(road: Road, spans: FloatArray, number: int, side: Side, others: dict[int, Side]) -> float:
         looked.append(number)
-        return room(road, number, side, others)
+        return room(road, spans, number, side, others)
 
-    monkeypatch.setattr(Obstructed, "room", noted)
+    monkeypatch.setattr(options, "_room", noted)
     boxes = [(60.0, 65.0, -1.2, 4.6), *((60.0 + 4.0 * i, 65.0 + 4.0 * i, -0.5, 0.5) for i in range(1, 20))]
     passed = choose_sides(Case(road_with(boxes), BUS))[1]
     assert [one.side for one in passed] == [R] * 20

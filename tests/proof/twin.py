@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 
 from hdvplan.arrays import BoolArray, FloatArray, IntArray
 from hdvplan.proof.articulated import Pair
 from hdvplan.proof.coupling import Coupling
 from hdvplan.proof.poses import Outline
 from hdvplan.proof.reach import Cells, Grid, Reached, Span
-from hdvplan.proof.space import BIN_M, MOST, Beside, Frame
+from hdvplan.proof.space import BIN_M, MOST, STRETCH_M, Beside, Frame
 
 SMALL = 1e-9  # sine of a body that lies along the road
+_BESIDE_M = 20.0  # kerbs that belong to the line so far before and beyond a normal can bound the street on it
 _CELL = 2e-3  # of heading, for a body alone [rad]
 SLIVER_M = 1e-6  # what is less wide between two triangles of an obstacle is rounding
 
@@ -54,7 +57,7 @@ def _squeezed(pieces: FloatArray, total: int, low: float, high: float) -> int:
     return total
 
 
-def kept(found: FloatArray, number: int, pieces: FloatArray) -> int:
+def kept_of(found: FloatArray, number: int, pieces: FloatArray) -> int:
     """Copy intervals to where there is room for fewer, the last of which are joined; return how many there are."""
     while number > pieces.shape[0]:
         found[number - 2, 1] = found[number - 1, 1]
@@ -127,40 +130,40 @@ def tight(directions: FloatArray, h: FloatArray) -> bool:
 
 
 def free_space(
-    beside: Beside, region: int, window: IntArray, x: float, y: float, heading: float, near: FloatArray, bins: int, count: IntArray,
+    beside: Beside, region: int, row: tuple[int, int], x: float, y: float, heading: float, near: FloatArray, bins: int, count: IntArray,
     lines: FloatArray,
 ) -> None:  # fmt: skip
     """Write the free intervals of v for every bin of u in the frame (x, y, heading).
 
     Bin n holds u from (n - bins // 2) ``BIN_M``. ``count`` (bins,) intervals, in ``lines`` (bins, MOST, 4): low and high v at the bin's
-    first u and their slopes. ``window`` are the first and the last quadrilateral looked at, ``near`` (2,) the v of the axle's own normal.
+    first u and their slopes. ``row`` are the areas looked at, ``near`` (2,) the v between which the axle crosses its normal.
     """
-    first, last = window[0], window[1]
+    stretches = beside.s.size - 1
+    first, last = beside.begin[region * stretches + row[0]], beside.begin[region * stretches + row[1]]
     cos, sin = np.cos(heading), np.sin(heading)
     n = last - first
-    corners = np.empty((n, 4, 2))
+    corners = np.empty((n, 3, 2))
     extent = np.empty((n, 2))
     for k in range(n):
         low, high = np.inf, -np.inf
-        for c in range(4):
-            px, py = beside.quads[region, first + k, c, 0] - x, beside.quads[region, first + k, c, 1] - y
+        for c in range(3):
+            px, py = beside.areas[first + k, c, 0] - x, beside.areas[first + k, c, 1] - y
             u = px * cos + py * sin
             corners[k, c, 0], corners[k, c, 1] = u, py * cos - px * sin
             low, high = min(low, u), max(high, u)
         extent[k, 0], extent[k, 1] = low, high
     tri, tri_extent = np.empty_like(beside.blocked), np.empty((beside.blocked.shape[0], 2))
-    far = BIN_M * bins
+    far = 0.5 * BIN_M * bins
     m = 0  # triangles near by
     for k in range(beside.blocked.shape[0]):
         low, high = np.inf, -np.inf
-        v_low, v_high = np.inf, -np.inf
         for c in range(3):
             px, py = beside.blocked[k, c, 0] - x, beside.blocked[k, c, 1] - y
             u = px * cos + py * sin
             v = py * cos - px * sin
             tri[m, c, 0], tri[m, c, 1] = u, v
-            low, high, v_low, v_high = min(low, u), max(high, u), min(v_low, v), max(v_high, v)
-        if high >= -far and low <= far and v_high >= -far and v_low <= far:
+            low, high = min(low, u), max(high, u)
+        if high >= -far and low <= far:
             tri_extent[m, 0], tri_extent[m, 1] = low, high
             m += 1
     middle = bins // 2
@@ -179,9 +182,9 @@ def free_space(
             if extent[k, 0] <= u1 and extent[k, 1] >= u0:
                 low, high = np.inf, -np.inf
                 low0, high0, low1, high1 = np.inf, -np.inf, np.inf, -np.inf
-                for c in range(4):
+                for c in range(3):
                     ua, va = corners[k, c, 0], corners[k, c, 1]
-                    ub, vb = corners[k, (c + 1) % 4, 0], corners[k, (c + 1) % 4, 1]
+                    ub, vb = corners[k, (c + 1) % 3, 0], corners[k, (c + 1) % 3, 1]
                     if u0 <= ua <= u1:
                         low, high = min(low, va), max(high, va)
                     if (ua - u0) * (ub - u0) <= 0.0 and ua != ub:
@@ -194,10 +197,11 @@ def free_space(
                 spans[found, 0], spans[found, 1] = min(low, low0, low1), max(high, high0, high1)
                 ends[found, 0], ends[found, 1], ends[found, 2], ends[found, 3] = low0, high0, low1, high1
                 found += 1
-        pieces = np.empty((MOST, 2))
+        many, pieces = np.empty((8 * MOST, 2)), np.empty((MOST, 2))
         total = 0
         for f in range(found):
-            total = joined(pieces, total, spans[f, 0] - ROUNDING, spans[f, 1] + ROUNDING)
+            total = joined(many, total, spans[f, 0] - ROUNDING, spans[f, 1] + ROUNDING)
+        total = kept_of(many, total, pieces)
         kept = 0
         for p in range(total):
             low, high = pieces[p, 0], pieces[p, 1]
@@ -211,15 +215,12 @@ def free_space(
             c_high, c_low = max(high0, high1 - of_high * BIN_M), min(low0, low1 - of_low * BIN_M)
             for f in range(found):
                 if spans[f, 0] <= high and spans[f, 1] >= low:
-                    for c in range(4):
+                    for c in range(3):
                         u, v = corners[met[f], c, 0], corners[met[f], c, 1]
                         if u0 <= u <= u1:
                             c_high, c_low = max(c_high, v - of_high * (u - u0)), min(c_low, v - of_low * (u - u0))
-            if kept < MOST:
-                lines[b, kept, 0], lines[b, kept, 1], lines[b, kept, 2], lines[b, kept, 3] = c_low, c_high, of_low, of_high
-                kept += 1
-            else:  # too many to tell apart: the last one takes this one in
-                _take_in(lines[b, kept - 1], c_low, c_high, of_low, of_high)
+            lines[b, kept, 0], lines[b, kept, 1], lines[b, kept, 2], lines[b, kept, 3] = c_low, c_high, of_low, of_high
+            kept += 1
         for k in range(m):
             if tri_extent[k, 0] <= u0 and tri_extent[k, 1] >= u1:
                 kept = _without(lines[b], kept, tri[k], u0, u1)
@@ -318,31 +319,57 @@ def unknown(beside: Beside, bins: int) -> Around:
 
 def around_at(beside: Beside, frame: Frame, i: int, reach: float, two_regions: bool, memory: Around) -> Around:
     """Return what lies around station ``i``, as far as bodies within ``reach`` [m] of the axle can touch it; valid until the next call."""
-    window, bins = _window(beside, frame.s[i], reach), memory.free.shape[1]
-    _axle_room(beside, frame, i, memory.near)
+    bins = memory.free.shape[1]
+    row = _row(beside, frame, i, reach, two_regions, memory.near)
     for region in range(0 if two_regions else 1, 2):
-        free_space(
-            beside, region, window, frame.x[i], frame.y[i], frame.heading[i], memory.near, bins, memory.free[region], memory.lines[region]
-        )
+        if row[0] < row[1]:
+            free_space(
+                beside, region, row, frame.x[i], frame.y[i], frame.heading[i], memory.near, bins, memory.free[region], memory.lines[region]
+            )
     return Around(memory.corners[: _corners_near(beside, frame, i, reach, memory.corners)], memory.free, memory.lines, memory.near)
 
 
-def _window(beside: Beside, s: float, reach: float) -> IntArray:
-    """Return the first and the last (excluded) quadrilateral that a body can touch whose axle stands at ``s``."""
-    first = max(0, int(np.searchsorted(beside.s, s - 2.5 * reach - 10.0)) - 1)
-    return np.array([first, min(beside.s.size - 1, int(np.searchsorted(beside.s, s + 2.5 * reach + 10.0)))])
-
-
-def _axle_room(beside: Beside, frame: Frame, i: int, near: FloatArray) -> None:
-    """Write between which offsets the axle can stand on its own normal: those of the quadrilaterals around it."""
-    cos, sin = np.cos(frame.heading[i]), np.sin(frame.heading[i])
-    last = beside.s.size - 2
-    at = int(np.searchsorted(beside.s, frame.s[i]))
+def _row(beside: Beside, frame: Frame, i: int, reach: float, two_regions: bool, near: FloatArray) -> tuple[int, int]:
+    """Return which areas a body can touch whose axle is on the normal, and write between which offsets it crosses that, or nothing."""
     near[0], near[1] = np.inf, -np.inf
-    for k in range(min(max(at - 2, 0), last), min(at + 1, last) + 1):
-        for c in range(4):
-            v = (beside.quads[1, k, c, 1] - frame.y[i]) * cos - (beside.quads[1, k, c, 0] - frame.x[i]) * sin
-            near[0], near[1] = min(near[0], v), max(near[1], v)
+    normal = np.array([-np.sin(frame.heading[i]), np.cos(frame.heading[i])])
+    origin = np.array([frame.x[i], frame.y[i]])
+    crossings = []
+    for piece in beside.kerbs.pieces:
+        begin, way = np.array([piece["x"], piece["y"]]), piece["length"] * np.array([piece["cos"], piece["sin"]])
+        ahead = np.array([begin - origin, begin + way - origin]) @ np.array([normal[1], -normal[0]])
+        if piece["s_low"] <= frame.s[i] + _BESIDE_M and piece["s_high"] >= frame.s[i] - _BESIDE_M and (ahead[0] < 0.0) != (ahead[1] < 0.0):
+            share = ahead[0] / (ahead[0] - ahead[1])
+            s = piece["s_begin"] + share * (piece["s_end"] - piece["s_begin"])
+            rises = ahead[1] > ahead[0]
+            crossings.append(
+                (float((begin + share * way - origin) @ normal), float(s), rises and not piece["left"], not rises and piece["left"])
+            )
+    crossings.sort()
+    gates = [(one, other) for one, other in pairwise(crossings) if one[2] and other[3]]
+    if not gates:
+        return 0, 0
+    one, other = min(gates, key=lambda gate: max(0.0, gate[0][0], -gate[1][0]))
+    gate = shapely.LineString([origin + one[0] * normal, origin + other[0] * normal])
+    row = [int(np.floor((s - beside.s[0]) / STRETCH_M)) for s in (min(one[1], other[1]), max(one[1], other[1]))]
+    row[1] += 1
+    for end, step in ((0, -1), (1, 1)):
+        regions = (0, 1) if two_regions else (1,)
+        while 0 <= row[end] < beside.s.size and min(gate.distance(shapely.LineString(beside.caps[r, row[end]])) for r in regions) <= reach:
+            row[end] += step
+    if row[0] < 0 or row[1] >= beside.s.size:
+        return 0, 0
+    near[0], near[1] = one[0], other[0]
+    return row[0], row[1]
+
+
+def _follows(frame: Frame, i: int, former: FloatArray, near: FloatArray) -> bool:
+    """Return whether what was reached on the last normal can be followed to the next: the two do not cross in between."""
+    if i == 0 or former[0] > min(former[1], near[1]) or near[0] > min(former[1], near[1]):
+        return False
+    on_last = np.stack([frame.x[i - 1] - former * np.sin(frame.heading[i - 1]), frame.y[i - 1] + former * np.cos(frame.heading[i - 1])])
+    ahead = (frame.x[i] - on_last[0]) * np.cos(frame.heading[i]) + (frame.y[i] - on_last[1]) * np.sin(frame.heading[i])
+    return bool(np.all(ahead > 0.0))
 
 
 def _corners_near(beside: Beside, frame: Frame, i: int, reach: float, corners: FloatArray) -> int:
@@ -405,7 +432,7 @@ def trim(outline: Outline, pose: Loose, around: Around, pieces: FloatArray, numb
                 high = lines[region, b, c, 1] + of_high * over + abs(of_high) * du + dv - v
                 for k in range(number):
                     left_over = joined(room, left_over, max(low, pieces[k, 0]), min(high, pieces[k, 1]))
-        number = kept(room, left_over, pieces)
+        number = kept_of(room, left_over, pieces)
         if number == 0:
             return 0
     if around.corners.shape[0] > 0:
@@ -436,7 +463,7 @@ def _off_corners(outline: Outline, pose: Loose, corners: FloatArray, pieces: Flo
         for k in range(number):
             left_over = joined(room, left_over, pieces[k, 0], min(pieces[k, 1], below))
             left_over = joined(room, left_over, max(pieces[k, 0], above), pieces[k, 1])
-        number = kept(room, left_over, pieces)
+        number = kept_of(room, left_over, pieces)
         if number == 0:
             return 0
     return number
@@ -449,8 +476,8 @@ def fits(outline: Outline, beside: Beside, two_regions: bool, frame: Frame, reac
     cells = int(0.5 * np.pi / _CELL) + 1
     for i in range(frame.s.size):
         around = around_at(beside, frame, i, reach, two_regions, memory)
-        found = False
-        for cell in range(2 * cells):  # the headings along the road first
+        found = around.near[0] > around.near[1]  # nothing is known
+        for cell in range(0 if found else 2 * cells):  # the headings along the road first
             turned = (cell // 2 + 0.5) * _CELL * (1.0 if cell % 2 == 0 else -1.0)
             pieces[0, 0], pieces[0, 1] = around.near[0], around.near[1]
             if trim(outline, Loose(turned, 0.5 * _CELL, 0.0, 0.0, 0.0), around, pieces, 1, room) > 0:
@@ -486,9 +513,13 @@ def reachable(
     opened = -1
     begin, end, cells = 0, 0, 0  # the cells that hold anything, and how many a step has reached over
     for i in range(stations):
+        last_near = memory.near.copy()
         around = around_at(beside, frame, i, reach, two_regions, memory)
         near = around.near
-        fresh = i == 0 or opened == i - 1
+        if near[0] > near[1]:
+            opened = i
+            continue
+        fresh = opened == i - 1 or not _follows(frame, i, last_near, near)
         widest = 0.5 * np.pi if fresh else WIDEST
         lowest = max(0, int(np.floor((frame.heading[i] - widest - grid.first) / grid.size)))
         highest = min(grid.cells, int(np.ceil((frame.heading[i] + widest - grid.first) / grid.size)))
@@ -630,13 +661,17 @@ def reachable_with_trailer(
     filled = np.zeros(stations, np.int64)
     widest_x = min(-coupling.first, coupling.first + coupling.step * (coupling.rate.size - 1)) + grid.size
     allowed = np.zeros((int(np.pi / LEADING) + 2, int(2.0 * np.pi / grid.size) + 2, 3))
-    begin, end = 0, 0
+    begin, end, opened = 0, 0, -1
     for i in range(stations):
+        last_near = memory.near.copy()
         around = around_at(beside, frame, i, reach, two_regions, memory)
         near = around.near
+        if near[0] > near[1]:
+            opened = i
+            continue
         lowest = max(0, int(np.ceil((frame.heading[i] - SIDEWAYS - grid.first) / grid.size)) - 1)
         highest = min(grid.cells, int(np.floor((frame.heading[i] + SIDEWAYS - grid.first) / grid.size)) + 1)
-        if i == 0:
+        if not _follows(frame, i, last_near, near):
             for j in range(lowest, highest):
                 full[j] = True
                 theta = grid.first + (j + 0.5) * grid.size
@@ -660,11 +695,11 @@ def reachable_with_trailer(
                     low[i] = min(-h[j, SIDES // 2], low[i]) if filled[i] > 1 else -h[j, SIDES // 2]
                     high[i] = max(h[j, 0], high[i]) if filled[i] > 1 else h[j, 0]
         if filled[i] == 0:
-            return Reached(i, -1, low, high, right, left, filled)
+            return Reached(i, opened, low, high, right, left, filled)
         begin, end = first, last
         right[i] = grid.first + begin * grid.size - frame.heading[i]
         left[i] = grid.first + end * grid.size - frame.heading[i]
-    return Reached(-1, -1, low, high, right, left, filled)
+    return Reached(-1, opened, low, high, right, left, filled)
 
 
 def _step(

@@ -119,7 +119,7 @@ def test_areas_and_tracks_in_a_drawing_are_those_of_the_plan(surveyed: Result) -
     drawn = polylines(drawing, "WHEEL_TRACKS")
     for track, line in zip(wheel_tracks(surveyed.drive), drawn, strict=True):
         assert np.max(shapely.distance(shapely.points(track.points), shapely.LineString(line))) < 1e-3  # the file's promise
-    assert len(polylines(drawing, "CONFLICTS")) == len(surveyed.balance.breaches)
+    assert len(polylines(drawing, "CONFLICTS")) >= len(surveyed.balance.breaches) > 0  # an area may have several parts
 
 
 def test_what_is_drawn_can_be_planned_along_again(surveyed: Result, tmp_path: Path) -> None:

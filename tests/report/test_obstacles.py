@@ -9,6 +9,8 @@ import shapely
 from hdvplan.api import drive_case
 from hdvplan.case import Case
 from hdvplan.judging.balance import balance_of, gaps_of
+from hdvplan.judging.bodies import corners, pose_at
+from hdvplan.judging.clearance import touches_of
 from hdvplan.judging.envelope import envelope_of
 from hdvplan.judging.obstacles import approaches
 from hdvplan.judging.result import Result, breach_text
@@ -41,6 +43,19 @@ def test_the_place_of_the_nearest_approach_is_told_on_the_road_in_the_plane_and_
     assert touched.y == pytest.approx(-1.0, abs=1e-6)
     assert touched.s_from == pytest.approx(50.0, abs=1e-6)
     assert touched.s_to == pytest.approx(51.0, abs=1e-6)
+
+
+def test_a_post_that_a_corner_swings_over_between_two_poses_is_hit() -> None:
+    bend = Road("bend", from_curvature(np.array([0.0, 30.0, 38.0, 80.0]), np.array([0.0, 0.0, 0.09, 0.09])))
+    drive = drive_case(Case(bend, load_vehicle("bus"), settings=PlannerSettings(horizon=40.0)))
+    first = pose_at(drive, 50.0)
+    left, right = np.mean(corners(drive, np.array([first, first + 1]))[:, 0, :2], axis=0)  # its front corners, half-way between two poses
+    post = Region(Kind.OBSTACLE, shapely.Point(right + 0.02 * (left - right) / 2.54).buffer(0.01))
+    (hit,) = approaches(replace(drive, road=replace(bend, regions=(post,))))
+    assert (hit.side, hit.part) == ("right", "front corner")
+    assert (
+        -0.03 < hit.distance < -0.01
+    )  # the post is 3 cm within the path of the corner, which crosses the body's sides at half right angles
 
 
 def test_when_the_lead_axle_has_left_the_road_only_what_is_still_on_it_can_hit_something() -> None:
@@ -77,8 +92,9 @@ def test_limits_made_by_an_obstacle_and_its_distance_in_the_plane_are_near_each_
     # A bus that swings around both sides: its edges run askew where it is nearest.
     road = road_with([(60.0, 63.0, -1.0, 1.0), (95.0, 98.0, -1.0, 1.0)])
     drive = drive_case(Case(road.passing({0: Side.LEFT, 1: Side.RIGHT}), load_vehicle("bus")))
-    gaps = gaps_of(drive, envelope_of(drive), drive.road.limits)
-    s = envelope_of(drive).s
+    street, s = drive.road.street, envelope_of(drive).s
+    assert street is not None
+    gaps = gaps_of(touches_of(replace(drive, road=replace(drive.road, drawn=street.kerbs)), s))
     for near, key in zip(approaches(drive), (("right", "drivable"), ("left", "drivable")), strict=True):
         beside = (s > near.s - 3.5) & (s < near.s + 3.5)
         assert np.min(gaps[key][0, beside]) == pytest.approx(near.distance, abs=0.01)  # in this drive; others differ by a few centimetres

@@ -68,8 +68,8 @@ def test_however_many_vans_are_hit_the_bodies_are_placed_once(straight: Result, 
 def test_the_vehicle_stands_where_it_is_tightest(kerbed: Result) -> None:
     room = room_at(kerbed, int(np.argmax(tightness(kerbed))))
     (bodies,) = corners(kerbed.drive, np.array([pose_touching(kerbed, room)]))
-    # Poses are 0.25 m apart: a side of 12 m that turns through a bend of 16 m is off by a fraction of that.
-    assert shapely.distance(shapely.Polygon(bodies[room.unit]).exterior, shapely.Point(room.ends[0])) < 0.02
+    # The touch lies between two poses, which are 0.25 m apart: the nearer one is off by half of that at most.
+    assert shapely.distance(shapely.Polygon(bodies[room.unit]).exterior, shapely.Point(room.ends[0])) < 0.125
 
 
 def test_what_is_far_away_is_not_tight(straight: Result) -> None:

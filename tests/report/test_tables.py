@@ -74,14 +74,14 @@ def test_the_width_that_a_plan_was_asked_to_keep_is_told(straight: Result) -> No
 
 def test_the_region_is_told_only_where_overhangs_have_limits_of_their_own(kerbed: Result, bus: Result) -> None:
     assert any("region" in line for line in printed(breach_table(kerbed)))
-    breach = Breach(10.0, 12.0, 11.0, 0.1, "left", 0, "front corner", "sweepable")
+    breach = Breach(10.0, 12.0, 11.0, 0.1, "left", 0, "front corner", "sweepable", (11.0, 1.0))
     broken = replace(bus, balance=replace(bus.balance, breaches=(breach,)))
     assert not any("region" in line for line in printed(breach_table(broken)))
     assert breach_text(broken, breach) == "the front corner of the bus breaks the left limit by 0.100 m at s = 11.0 m"
 
 
 def test_many_breaches_are_cut_to_the_first_ones_and_counted(bus: Result) -> None:
-    breaches = tuple(Breach(i, i + 1.0, i + 0.5, 0.1, "right", 0, "rear axle", "sweepable") for i in range(25))
+    breaches = tuple(Breach(i, i + 1.0, i + 0.5, 0.1, "right", 0, "rear axle", "sweepable", (i + 0.5, -1.0)) for i in range(25))
     lines = printed(breach_table(replace(bus, balance=replace(bus.balance, breaches=breaches))))
     assert lines[0].strip() == f"broken limits ({MOST_BREACHES} of 25)"
     assert sum("right" in line for line in lines) == MOST_BREACHES

@@ -35,8 +35,9 @@ def test_a_plan_that_keeps_its_limits_says_yes_and_what_is_to_spare_where(bus: R
 def test_the_place_is_the_point_of_the_body_nearest_to_the_limit(bus: Result) -> None:
     verdict = verdict_of(bus)
     foot, offset = bus.drive.stations.path.project(np.array([verdict.x]), np.array([verdict.y]), np.array([verdict.s]))
-    assert foot[0] == pytest.approx(verdict.s, abs=1e-6)  # feet are good to a micrometre
-    assert abs(offset[0]) == pytest.approx(3.0 - (verdict.spare or 0.0), abs=1e-6)  # the U-turn's limits are 3 m off
+    # The U-turn's limits are 3 m off, and chords of 0.25 m draw them to a millimetre.
+    assert foot[0] == pytest.approx(verdict.s, abs=1e-3)
+    assert abs(offset[0]) == pytest.approx(3.0 - (verdict.spare or 0.0), abs=1e-3)
 
 
 def test_the_place_of_wheels_over_their_limit_is_their_own_and_not_the_overhangs(bus: Result) -> None:
@@ -44,7 +45,7 @@ def test_the_place_of_wheels_over_their_limit_is_their_own_and_not_the_overhangs
     verdict = verdict_of(judged(bus, limits=Limits(ends, 5.0 * one, -1.0 * one, 5.0 * one, -5.0 * one)))
     assert (verdict.region, verdict.side) == ("drivable", "right")
     _, offset = bus.drive.stations.path.project(np.array([verdict.x]), np.array([verdict.y]), np.array([verdict.s]))
-    assert offset[0] == pytest.approx((verdict.spare or 0.0) - 1.0, abs=1e-6)  # feet are good to a micrometre
+    assert offset[0] == pytest.approx((verdict.spare or 0.0) - 1.0, abs=1e-3)  # as above
 
 
 def test_a_road_without_limits_says_what_it_needs(trailer: Result) -> None:
@@ -94,7 +95,7 @@ def test_a_post_between_two_stations_of_the_envelope_is_not_driven_through_unsee
     s, left, right = np.array([0.0, 30.05, 30.1, 30.15, 80.0]), np.array([3.0, 3.0, 0.5, 3.0, 3.0]), np.full(5, -2.0)
     judged_ = judged(straight, limits=Limits(s, left, right, left, right))
     verdict = verdict_of(judged_)
-    assert (verdict.fits, verdict.side, verdict.s) == (False, "left", 30.0)  # the station next to it
+    assert (verdict.fits, verdict.side, verdict.s) == (False, "left", 30.1)
     # The drive keeps to its straight line to the solver's tolerance.
     assert verdict.spare == pytest.approx(0.5 - straight.balance.max_left, abs=1e-3)
     assert verdict.spare == judged_.balance.min_clearance

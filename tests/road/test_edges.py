@@ -10,51 +10,54 @@ import pytest
 
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
-from hdvplan.road.edges import edge_reaches, side_reaches
+from hdvplan.road.edges import edge_reaches
 from hdvplan.road.load import load_road
 from hdvplan.road.path import from_curvature
+from hdvplan.road.street import Kerb
 
 STRAIGHT = from_curvature(np.array([0.0, 100.0]), np.zeros(2))
 BEND = from_curvature(np.array([0.0, 100.0]), np.full(2, 0.05))  # radius 20 m, to the left, around (0, 20)
 
 
+ANGLE = np.linspace(-0.2, 5.3, 2000)
+
+
+def kerbs(*edges: tuple[FloatArray, FloatArray]) -> list[Kerb]:
+    """Return lines as kerbs, each with the arclengths beside its points: on which side they are said to lie does not count."""
+    return [Kerb(points, s, left=True) for points, s in edges]
+
+
 def circle(radius: float) -> FloatArray:
-    angle = np.linspace(-0.2, 5.3, 2000)
-    return np.stack([radius * np.sin(angle), 20.0 - radius * np.cos(angle)], axis=1)
+    return np.stack([radius * np.sin(ANGLE), 20.0 - radius * np.cos(ANGLE)], axis=1)
 
 
 def test_concentric_edges_are_equally_far_everywhere() -> None:
-    _, reaches, notes = edge_reaches(BEND, (circle(17.0), circle(22.5)))
+    _, reaches = edge_reaches(BEND, kerbs((circle(17.0), 20.0 * ANGLE), (circle(22.5), 20.0 * ANGLE)))
     np.testing.assert_allclose(reaches[0], 3.0, atol=3e-5)  # chords of 6 cm sag by 2.2e-5 m
     np.testing.assert_allclose(reaches[1], 2.5, atol=3e-5)
-    assert not notes
 
 
 def test_an_oblique_edge_is_as_far_as_it_is_drawn_and_a_corner_counts_to_a_normal() -> None:
     edge = np.array([[-1.0, 2.0], [50.0, 2.0], [50.0, 4.0], [101.0, 5.0]])
-    s, reaches, _ = edge_reaches(STRAIGHT, (edge, edge * [1.0, -1.0]))
+    s, reaches = edge_reaches(STRAIGHT, kerbs((edge, edge[:, 0]), (edge * [1.0, -1.0], edge[:, 0])))
     np.testing.assert_allclose(reaches[0, s < 50.0], 2.0, atol=1e-9)
     np.testing.assert_allclose(reaches[1, s > 50.1], 4.0 + (s[s > 50.1] - 50.0) / 51.0, atol=1e-9)
 
 
-def test_the_nearest_of_several_edges_counts_and_missing_ones_are_noted() -> None:
+def test_the_nearest_of_several_edges_counts_and_where_there_is_none_the_values_around_hold() -> None:
     kerb, wall = np.array([[19.95, 3.0], [80.05, 3.0]]), np.array([[-1.0, 6.0], [101.0, 6.0]])
-    s, reaches, notes = edge_reaches(STRAIGHT, (kerb, wall))
+    s, reaches = edge_reaches(STRAIGHT, kerbs((kerb, kerb[:, 0]), (wall, wall[:, 0])))
     beside = (s > 19.95) & (s < 80.05)  # normals stand 0.1 m apart
     np.testing.assert_allclose(reaches[0], np.where(beside, 3.0, 6.0))
     np.testing.assert_allclose(reaches[1], 20.0)
-    assert notes == ("no edge on the right: it is open to 20 m",)
-    s, reaches, notes = edge_reaches(STRAIGHT, (kerb, kerb * [1.0, -1.0]))
+    _, reaches = edge_reaches(STRAIGHT, kerbs((kerb, kerb[:, 0]), (kerb * [1.0, -1.0], kerb[:, 0])))
     np.testing.assert_allclose(reaches, 3.0)
-    assert notes[0] == "no edge on the left from s = 0.0 to 19.9 m: the values around hold"
 
 
-def test_sides_given_point_by_point_are_projected_on_the_path() -> None:
-    s = np.linspace(0.0, 100.0, 41)
-    left, right = np.stack(BEND.to_plane(s, 3.0), axis=1), np.stack(BEND.to_plane(s, -2.0 - 0.01 * s), axis=1)
-    reaches = side_reaches(BEND, s, np.stack([left, right]))
-    np.testing.assert_allclose(reaches[0], 3.0, atol=1e-6)
-    np.testing.assert_allclose(reaches[1], 2.0 + 0.01 * s, atol=1e-6)
+def test_an_edge_of_another_arm_of_the_road_does_not_count() -> None:
+    near, far = np.array([[-1.0, 3.0], [101.0, 3.0]]), np.array([[-1.0, 2.0], [101.0, 2.0]])
+    _, reaches = edge_reaches(STRAIGHT, kerbs((near, near[:, 0]), (far, 500.0 + far[:, 0])))
+    np.testing.assert_allclose(reaches[0], 3.0)
 
 
 def test_geojson_lines_that_are_called_edges_bound_the_line_that_is_not(tmp_path: Path) -> None:

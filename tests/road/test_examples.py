@@ -24,7 +24,7 @@ def test_every_example_loads_with_its_regions_and_says_that_it_is_none_of_osm() 
 
 @pytest.mark.parametrize(("name", "spare"), [("parked_van", 0.15), ("parked_van_tight", -0.15)])
 def test_the_van_reaches_half_a_metre_over_the_lane_s_centre_and_leaves_the_passage(name: str, spare: float) -> None:
-    limits = load_road(name).limits
+    limits = load_road(name).passable
     assert limits is not None
     left, right, _, _ = limits.table(np.array([80.0]))
     assert float(right[0]) == pytest.approx(0.5, abs=1e-3)  # nine decimals of a degree are 0.1 mm
@@ -36,7 +36,7 @@ def test_geometry_tells_the_passages_apart() -> None:
     (finding,) = fit_of(load_road("parked_van_tight"), BUS).findings
     assert finding.trouble is Trouble.WIDTH
     assert finding.needed - finding.available == pytest.approx(0.15, abs=1e-3)
-    # The van stands from 78 m to 83.5 m; its limits hold to the end of a cell of 5 cm, and another one is the jump.
+    # The van stands from 78 m to 83.5 m; beside it limits change within the 0.1 m between two places of the table.
     assert finding.s_from == pytest.approx(78.0, abs=0.11)
     assert finding.s_to == pytest.approx(83.5, abs=0.11)
 
@@ -53,6 +53,6 @@ def test_the_corner_is_rounded_within_the_stated_deviation_and_houses_stay() -> 
     assert road.smoothing is not None
     assert road.smoothing.max_deviation < 5.0
     assert road.smoothing.max_curvature <= 1.01 * 0.125
-    assert road.limits is not None
-    left, right, left_sweep, _ = road.limits.table(np.array([30.0]))
+    assert road.passable is not None
+    left, right, left_sweep, _ = road.passable.table(np.array([30.0]))
     np.testing.assert_allclose([left[0], right[0], left_sweep[0]], [4.0, -3.5, 4.5], atol=0.03)  # drawn; the line moves by 3 cm here

@@ -103,11 +103,11 @@ def test_regions_stay_where_they_are_and_are_cut_anew() -> None:
     road = Road("straight", from_curvature(np.array([0.0, 100.0]), np.zeros(2)), regions=(van,)).with_limits(3.5, 3.5)
     lane = offset_road(road, -1.75)  # the van now stands on the reference: it is passed on the left
     assert lane.regions == road.regions
-    assert lane.limits is not None
-    np.testing.assert_allclose(lane.limits.table(np.array([20.0, 42.0]))[:2], [[5.25, 5.25], [-1.75, 0.75]], atol=1e-6)
+    assert lane.passable is not None
+    np.testing.assert_allclose(lane.passable.table(np.array([20.0, 42.0]))[:2], [[5.25, 5.25], [-1.75, 0.75]], atol=1e-6)
     back = reversed_road(road)
-    assert back.limits is not None
-    np.testing.assert_allclose(back.limits.table(np.array([20.0, 58.0]))[:2], [[3.5, 1.0], [-3.5, -3.5]], atol=1e-6)
+    assert back.passable is not None
+    np.testing.assert_allclose(back.passable.table(np.array([20.0, 58.0]))[:2], [[3.5, 1.0], [-3.5, -3.5]], atol=1e-6)
 
 
 def test_what_smoothing_did_is_told_at_its_new_place() -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
 
 from hdvplan.errors import OptionError, RoadError
 from hdvplan.road.library import road_directory, road_file, road_names
@@ -164,15 +165,18 @@ def test_a_road_is_closed_only_if_it_goes_on_where_it_began() -> None:
 
 
 @pytest.mark.parametrize("jump", ["60,3.0\n60,2.0", "60,3.0\n60.01,2.0"])
-def test_a_jump_of_the_width_holds_early_enough_for_tables_that_interpolate(tmp_path: Path, jump: str) -> None:
+def test_a_jump_of_the_width_is_a_step_of_the_kerb_where_the_file_has_it(tmp_path: Path, jump: str) -> None:
     rows = [row.split(",") for row in ("0,3.0", *jump.split("\n"), "100,2.0")]
     text = "x,y,left,right\n" + "".join(f"{x},0,{width},{width}\n" for x, width in rows)
     (tmp_path / "jump.csv").write_text(text, encoding="utf-8")
-    limits = load_road(tmp_path / "jump.csv").limits
-    assert limits is not None
-    table = limits.table(np.array([30.0, 59.74, 59.76, 60.0, 60.02, 80.0]))
-    np.testing.assert_allclose(table[0], [3.0, 3.0, 2.0, 2.0, 2.0, 2.0], atol=1e-6)  # 0.25 m: the table's spacing
-    np.testing.assert_allclose(table[1], -table[0])
+    street = load_road(tmp_path / "jump.csv").kerbs
+    assert street is not None
+    for kerb in street.kerbs:
+        line, side = shapely.LineString(kerb.points), 1.0 if kerb.left else -1.0
+        for x, y in ((30.0, 3.0), (60.0, 3.0), (60.01, 2.0), (80.0, 2.0)):
+            assert line.distance(shapely.Point(x, side * y)) < 1e-6  # of points in a plane of 100 m
+        beside = line.intersection(shapely.LineString([(0.0, side * 2.5), (100.0, side * 2.5)]))
+        assert 60.0 - 1e-6 <= shapely.get_x(beside) <= 60.01 + 1e-6  # as above
 
 
 def test_corners_drawn_as_bare_vertices_are_rounded_within_the_stated_deviation(tmp_path: Path) -> None:

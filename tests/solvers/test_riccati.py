@@ -253,9 +253,10 @@ each_course = pytest.mark.parametrize(("vehicle", "half_width", "pinch"), EVERY)
 def test_on_recorded_drives_it_finds_what_piqp_finds(vehicle: str, half_width: float, pinch: bool) -> None:
     kept, witness, bound = None, None, 0
     for qp in programs(vehicle, half_width, pinch=pinch)[::5]:
-        kept, witness = kept or RiccatiWorkspace(qp.shape), witness or PiqpWorkspace(qp.shape, elastic=True, tolerance=1e-9)
+        kept, witness = kept or RiccatiWorkspace(qp.shape), witness or PiqpWorkspace(qp.shape, elastic=True, tolerance=5e-9)
         mine, other = kept.solve(qp, None), witness.solve(qp, None)
-        assert mine.status is Status.SOLVED
+        # less than 5e-9 cannot be asked of piqp: multipliers of 4e4 leave a dual residual of 4e-9, which is their rounding
+        assert mine.status is other.status is Status.SOLVED
         assert residuals(qp, mine.point).primal < 1e-9
         # a product of 1e-8 leaves a bound with a multiplier of four thousandths 2.5 micrometres of slack
         assert np.max(np.abs(mine.point.x - other.point.x)) < 3e-6
@@ -285,6 +286,7 @@ def test_a_horizon_of_eight_hundred_metres_is_solved_like_any_other(vehicle: str
     for qp in (asked[0], asked[-1]):
         mine = RiccatiWorkspace(qp.shape).solve(qp, None)
         other = ClarabelWorkspace(qp.shape, elastic=True, tolerance=1e-9).solve(qp, None)  # PIQP needs more iterations than it has
+        # less than 5e-9 cannot be asked of piqp: multipliers of 4e4 leave a dual residual of 4e-9, which is their rounding
         assert mine.status is other.status is Status.SOLVED
         assert np.count_nonzero(mine.point.rows > 1e-3) > 10
         assert np.max(np.abs(mine.point.x - other.point.x)) < 1e-5

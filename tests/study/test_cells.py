@@ -34,6 +34,8 @@ def _key(folder: Path, entries: dict[str, object]) -> str:
         {"settings": {"reverse": True}},
         {"settings": {"offset": 0.5}},
         {"settings": {"smooth": 1.0}},
+        {"settings": {"corners": "sharp"}},
+        {"settings": {"corner_radius": 2.0}},
         {"settings": {"unit": "ft"}},
         {"settings": {"proof": True}},
         {"settings": {"refine": False}},

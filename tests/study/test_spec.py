@@ -129,6 +129,7 @@ def test_biases_and_code_lie_beside_the_study_too(folder: Path, monkeypatch: pyt
         ({"settings": {"horizon": 30.3}}, "not a whole number of steps", None),
         ({"settings": [1]}, "must be a table", "[settings]"),
         ({"settings": {"smooth": -1}}, "allowed deviation must be a positive number", None),
+        ({"settings": {"corners": "blunt"}}, "corners are read as auto, sharp or round, not as 'blunt'", None),
         ({"settings": {"unit": "km"}}, "the unit must be mm, cm, m, ft or in, not 'km'", None),
         ({"settings": {"reverse": "yes"}}, "must be true or false", None),
         ({"need": "yes"}, "must be true or false", None),

@@ -1,0 +1,82 @@
+/* The street in the plane: the kerbs that bound it, and how near a body is to them. */
+#ifndef HDVPLAN_STREET_H
+#define HDVPLAN_STREET_H
+
+#include "hdvplan.h"
+
+enum { HDV_SECTIONS = 2 }; /* of a body's length, rear to front: each has its own tightest contact to either side */
+
+/* A straight piece of a kerb. Along its direction the street lies on its left. */
+struct hdv_piece {
+    double x, y;                   /* where it begins [m] */
+    double cos, sin;               /* its direction */
+    double length;                 /* [m], none of a kerb's last point */
+    double before_cos, before_sin; /* direction of the piece that ends where it begins; its own where none does */
+    double s_low, s_high;          /* the stretch of line that it belongs to [m] */
+    double s_begin, s_end;         /* the line's arclength beside its beginning and its end [m] */
+    int64_t kerb;                  /* its number: of each kerb the nearest place counts, of several the tightest */
+    int64_t left;                  /* 1: the street's left kerb, 0: its right one */
+    int64_t wheels;                /* 1: bounds wheels and what lies between axles, 0: bounds all of a body */
+    int64_t corner;                /* 1: its beginning protrudes into the street */
+    int64_t ends;                  /* 1: the kerb ends where it begins: beyond that the street is open */
+    int64_t ends_after;            /* 1: and where it ends */
+};
+
+/* All pieces, in the order of s_low. */
+struct hdv_street {
+    const struct hdv_piece *pieces;
+    const double *reach; /* (count,), the largest s_high up to each piece [m] */
+    int64_t count;
+    double end;       /* of the road: once the lead axle has left it, what lies beyond is not kept [m] */
+    double clearance; /* that a plan keeps from walls across the street, too [m] */
+};
+
+/* Where a body is nearest to a kerb, or furthest beyond it. */
+struct hdv_contact {
+    double gap;              /* signed distance, negative beyond the kerb; infinite where there is none [m] */
+    double ahead, left;      /* the body's point that meets the kerb: ahead of its axle, left of its axis [m] */
+    double along_x, along_y; /* the gap grows as this point moves in this direction, a unit vector in the plane */
+    double s;                /* of the kerb there [m] */
+    int64_t piece;
+};
+
+/* What is tightest of a body: to the left and to the right kerbs, in each section of its length. */
+struct hdv_contacts {
+    struct hdv_contact at[2][HDV_SECTIONS];
+    double near[2];                    /* the least gap to either side's kerbs, walls across the street included [m] */
+    struct hdv_contact overhang[2][2]; /* of its rear and its front corner with the kerbs that wheels must keep */
+};
+
+/* How contacts are looked for. */
+enum hdv_look {
+    HDV_TO_PLAN, /* by the side that a kerb has, so that a body beyond it is led back; walls across the street lead
+                    nowhere */
+    HDV_TO_JUDGE /* what is inside and outside alone counts */
+};
+
+enum { HDV_SOME = 128 };
+
+/* Some pieces of a street, by their numbers. */
+struct some_pieces {
+    int64_t count; /* -1: too many to be listed */
+    int64_t numbers[HDV_SOME];
+};
+
+void pieces_near(
+    const struct hdv_street *street, const struct hdv_unit *unit, const struct hdv_pose *pose, double s, double behind,
+    double reach, struct some_pieces *found
+);
+void look_at_body(
+    const struct hdv_street *street, const struct some_pieces *among, enum hdv_look look, const struct hdv_unit *unit,
+    const struct hdv_pose *pose, double s, double behind, struct hdv_contacts *found
+);
+
+HDV_EXPORT void hdv_look_many(
+    const struct hdv_street *street, int64_t look, const struct hdv_unit *units, int64_t count, int64_t poses,
+    const double *behind, const double *s, const struct hdv_pose *placed, struct hdv_contacts *found
+);
+HDV_EXPORT void hdv_rooms(
+    const struct hdv_street *street, int64_t points, const double *s, const double *x, const double *y, double *rooms
+);
+
+#endif

@@ -1,0 +1,81 @@
+"""How much room a drive left to the kerbs of its street: the simulated bodies, swept continuously, in the plane."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from hdvplan import core
+from hdvplan.arrays import FloatArray, Records
+from hdvplan.driving.drive import Drive
+from hdvplan.road.street import Street
+from hdvplan.vehicle.body import axles_behind
+
+# Where a body came nearest to a kerb while the vehicle moved from a pose to the next.
+TOUCH = core.record("hdv_touch", [*((name, float) for name in ("gap", "s", "x", "y", "ahead")), ("piece", np.int64)])
+SIDES = ("left", "right")
+_SECTIONS = core.number("HDV_SECTIONS")
+
+Touches = dict[tuple[str, str], Records]  # (units, n) of ``TOUCH``, by the side and the region of a kerb
+
+_touch_many = core.function(
+    "hdv_touch_many", core.POINTER, core.POINTER, core.INT, core.INT, core.POINTER, core.POINTER, core.INT, core.POINTER, core.POINTER,
+    core.POINTER, core.POINTER,
+)  # fmt: skip
+
+
+def touches_of(drive: Drive, s: FloatArray, *, wheels_only: bool = False) -> Touches:
+    """Return the tightest contact of every body with the street's kerbs, (units, n), beside each of the stations ``s`` [m].
+
+    What lies before the road's start or beyond its end counts at its first or last station, and keeps its own arclength.
+    Obstacles are no kerbs: see ``approaches``. The region "drivable" binds wheels and wheelbase where overhangs have kerbs of their own,
+    else whole bodies; ``wheels_only`` looks at wheels and wheelbase alone. A gap is infinite where no body came near. Empty on a road
+    without limits.
+    """
+    street = drive.road.kerbs
+    if street is None:
+        return {}
+    own = tuple(kerb for kerb in street.kerbs if kerb.wheels)
+    whole = tuple(kerb for kerb in street.kerbs if not kerb.wheels)
+    regions = {"drivable": own} if own else {"drivable": whole}
+    if wheels_only:
+        regions = {"drivable": own or tuple(replace(kerb, wheels=True) for kerb in whole)}
+    elif own:
+        regions["sweepable"] = whole
+    found: Touches = {}
+    for region, kerbs in regions.items():
+        touches = _swept(drive, replace(street, kerbs=kerbs))
+        for number, side in enumerate(SIDES):
+            found[side, region] = _beside(touches[:, :, number], s, street)
+    return found
+
+
+def _swept(drive: Drive, street: Street) -> Records:
+    """Return the touches of all poses, (poses, units, 2, sections)."""
+    path, units, behind, n = drive.stations.path, drive.vehicle.table(), axles_behind(drive.vehicle), drive.vehicle.states
+    pieces = street.pieces(path.s_first, path.s_last)
+    s, z, kappa = (np.ascontiguousarray(column) for column in (drive.poses_s, drive.poses_z, drive.poses_kappa))
+    touches = np.empty((len(s), len(units), len(SIDES), _SECTIONS), TOUCH)
+    _touch_many(
+        core.address(pieces.record), core.address(units), len(units), n, core.address(path.record), core.address(behind), len(s),
+        core.address(s), core.address(z), core.address(kappa), core.address(touches),
+    )  # fmt: skip
+    return touches
+
+
+def _beside(touches: Records, s: FloatArray, street: Street) -> Records:
+    """Return the tightest of touches (poses, units, sections) beside each station."""
+    apart = s[1] - s[0]
+    first = s[0] - 0.5 * apart if s[0] > street.begin + apart else -np.inf
+    last = s[-1] + 0.5 * apart if s[-1] < street.begin + street.length - apart else np.inf
+    found = np.zeros((touches.shape[1], len(s)), TOUCH)
+    found["gap"], found["s"], found["piece"] = np.inf, s, -1
+    for to, of_unit in zip(found, np.moveaxis(touches, 1, 0), strict=True):
+        own = of_unit[of_unit["piece"] >= 0]
+        own["s"] = street.begin + np.mod(own["s"] - street.begin, street.length) if street.closed else own["s"]
+        own = own[(own["s"] >= first) & (own["s"] <= last)]  # of a part of a road, what lies beside it
+        own = own[np.argsort(-own["gap"], kind="stable")]  # the tightest is written last
+        at = np.clip(np.rint((own["s"] - s[0]) / (s[1] - s[0])).astype(np.int64), 0, len(s) - 1)
+        to[at] = own
+    return found

@@ -1,0 +1,101 @@
+"""The street's kerbs as lines of a drawing, and what was swept beyond them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from hdvplan.judging.balance import Breach
+from hdvplan.judging.bodies import corners
+from hdvplan.judging.result import Result
+from hdvplan.road.road import Road
+
+_SIMPLER_M = 2.5e-4  # lines leave out points that would move them by no more
+_NEAR_M = 3.0  # from what was swept, on a road without widths
+_FURTHER_M = 0.05  # beyond a kerb than the depth of its breach
+_BESIDE_M = 1.0  # of a conflict, along the kerb: there what was swept is within it again
+
+
+class KerbLine(NamedTuple):
+    """A kerb in the plane [m]: its side, the region of a limit that it bounds, and whether it binds ``wheels`` or ``overhangs``."""
+
+    side: str
+    region: str
+    binds: str
+    line: shapely.LineString
+
+
+def kerb_lines(road: Road, s_from: float, s_to: float) -> list[KerbLine]:
+    """Return the kerbs beside a stretch of a road [m], those on the left first."""
+    street = road.kerbs
+    if street is None:
+        return []
+    found = []
+    for kerb in street.beside(s_from, s_to):
+        named = ("sweepable", "overhangs") if street.two_regions and not kerb.wheels else ("drivable", "wheels")
+        line = shapely.simplify(shapely.LineString(kerb.points), _SIMPLER_M, preserve_topology=False)
+        found.append(KerbLine("left" if kerb.left else "right", *named, line))
+    return sorted(found, key=lambda one: (one.side, one.region))
+
+
+def shown_kerbs(result: Result, s_from: float = 0.0, s_to: float = np.inf) -> list[KerbLine]:
+    """Return the kerbs that a drawing shows beside a stretch, as far as they are judged: without widths only what is near the drive."""
+    road = result.drive.road
+    found = kerb_lines(road, *judged_stretch(result, s_from, s_to))
+    if road.limits is not None:
+        return found
+    path = road.path
+    centre = shapely.LineString(np.column_stack(path.to_plane(np.linspace(0.0, path.length, max(2, int(path.length))), 0.0)))
+    near = shapely.buffer(centre, result.balance.half_width + _NEAR_M)
+    parts = [(one, part) for one in found for part in shapely.get_parts(shapely.intersection(one.line, near))]
+    return [one._replace(line=part) for one, part in parts if isinstance(part, shapely.LineString) and not part.is_empty]
+
+
+def judged_stretch(result: Result, s_from: float, s_to: float) -> tuple[float, float]:
+    """Return a stretch of the road; from or to an open one's end as far beyond as bodies stood and were judged there [m]."""
+    drive, vehicle, path = result.drive, result.drive.vehicle, result.drive.road.path
+    if path.closed:
+        return max(s_from, 0.0), min(s_to, path.length)
+    low, high = float(drive.poses_s[0]) - vehicle.reach_behind, float(drive.poses_s[-1]) + vehicle.reach_ahead
+    return low if s_from <= 0.0 else s_from, high if s_to >= path.length else s_to
+
+
+def beyond_kerb(result: Result, breach: Breach) -> BaseGeometry:
+    """Return the area that was swept beyond a kerb where it is broken [m]."""
+    points = shapely.get_coordinates(broken_kerb(result, breach, _BESIDE_M))
+    step = np.diff(points, axis=0)
+    across = np.stack([-step[:, 1], step[:, 0]], axis=1) / np.hypot(*step.T)[:, None]
+    out = (breach.depth + _FURTHER_M) * (across if breach.side == "left" else -across)
+    strips = np.stack([points[:-1], points[1:], points[1:] + out, points[:-1] + out], axis=1)
+    wedges = np.stack([points[1:-1], points[1:-1] + out[:-1], points[1:-1] + out[1:]], axis=1)
+    outside = shapely.union_all(np.concatenate([np.asarray(shapely.polygons(strips)), np.asarray(shapely.polygons(wedges))]))
+    swept = _swept(result, breach)
+    return shapely.intersection(shapely.union_all(swept[shapely.intersects(swept, outside)]), outside)
+
+
+def broken_kerb(result: Result, breach: Breach, beside: float) -> shapely.LineString:
+    """Return the part of a kerb that is broken, and ``beside`` it so much more of the line [m]."""
+    own = [one.line for one in kerb_lines(result.drive.road, breach.s_from - beside, breach.s_to + beside) if _is(one, breach)]
+    return min(own, key=shapely.Point(breach.place).distance)
+
+
+def _is(one: KerbLine, breach: Breach) -> bool:
+    return (one.side, one.region) == (breach.side, breach.region)
+
+
+def _swept(result: Result, breach: Breach) -> NDArray[np.object_]:
+    """Return what bodies, or what lies between their axles, swept from each simulated pose to the next around a breach."""
+    drive, vehicle, path = result.drive, result.drive.vehicle, result.drive.road.path
+    middle, half = 0.5 * (breach.s_from + breach.s_to), 0.5 * (breach.s_to - breach.s_from)
+    apart = drive.poses_s - middle
+    apart = apart - path.length * np.round(apart / path.length) if path.closed else apart
+    near = np.flatnonzero(np.abs(apart) <= half + vehicle.reach_ahead + vehicle.reach_behind)
+    wheels = result.two_regions and breach.region == "drivable"
+    bodies = corners(drive, near, axles_only=wheels)
+    pairs = np.concatenate([bodies[:-1], bodies[1:]], axis=2)[np.diff(near) == 1]
+    swept: NDArray[np.object_] = shapely.convex_hull(shapely.multipoints(pairs.reshape(-1, 8, 2)))
+    return swept

@@ -1,0 +1,180 @@
+"""Kerbs from lines that are drawn beside a road: on which side of it each piece of them lies, and beside which stretch."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import scipy  # its subpackages load when they are first used
+
+from hdvplan.arrays import BoolArray, FloatArray, IntArray
+from hdvplan.road.kerbs import kerb_of
+from hdvplan.road.path import ReferencePath, project_many
+from hdvplan.road.regions import OPEN_M
+from hdvplan.road.street import About, Kerb, between
+
+BEYOND_M = 60.0  # the road's ends, where drawn edges count: as long as the longest vehicle and its swing
+_LOCATED_M = 2.0  # pieces of a drawn line are located at points this near to each other
+_SAMPLES_M = 1.0  # of the path, for the first guess of a foot
+_STRAY = 3.0  # so many times as far along the road as along the edge: the foot has jumped to another part of the road
+_GAP_M = 0.5  # ends of two lines this close are one kerb
+_OVERLAP_M = 1.0  # kerbs that run beside each other for longer are two
+
+
+def drawn_kerbs(path: ReferencePath, edges: tuple[FloatArray, ...]) -> tuple[tuple[Kerb, ...], tuple[str, ...]]:
+    """Return the kerbs that drawn lines, each of shape (n, 2) [m], make beside ``path``, and notes on where there are none.
+
+    Names of lines do not count, only where they lie. Where a line goes over from one side of the road to the other beyond its ends, that
+    piece is no kerb: the street is open there. Over a gap a kerb is straight.
+    """
+    longer = path.extended(BEYOND_M, BEYOND_M)
+    pieces = [piece for edge in edges for piece in _sided(longer, path, edge)]
+    kerbs: list[Kerb] = []
+    notes: list[str] = []
+    for left in (True, False):
+        own = sorted((piece for piece in pieces if piece.left is left), key=lambda kerb: kerb.s[0])
+        chains = _going_on(_chained(own, path.length if path.closed else np.inf), path)
+        kerbs += [part for kerb in chains for part in within_lap(kerb, path)] or [open_kerb(path, left=left)]
+        shown = [part for piece in own for part in within_lap(replace(piece, goes_on=False), path)]
+        notes += _gaps(sorted(shown, key=lambda kerb: kerb.s[0]), path.length, "left" if left else "right")
+    return tuple(kerbs), tuple(notes)
+
+
+def _sided(longer: ReferencePath, path: ReferencePath, edge: FloatArray) -> list[Kerb]:
+    """Return the parts of one drawn line that lie on one side of the road, in its direction.
+
+    What lies beyond the road's ends belongs to the part that it goes on from: the street may bend there, and the path does not. Where a
+    line goes over to the other side, the piece that crosses the road, or what it goes straight on to, is left out.
+    """
+    points, drawn = densely(edge)
+    # corners of a ring, its first one twice; along a closed road its arclength there is another
+    ring = not path.closed and len(edge) > 3 and np.array_equal(edge[0], edge[-1])  # noqa: PLR2004
+    s, offset = _located(longer, points)
+    beside = np.full(len(points), fill_value=True) if path.closed else (s > 0.0) & (s < path.length)
+    if not np.any(beside):
+        beside = ~beside
+    if ring:
+        first = int(np.argmax(beside))
+        points, s, offset, beside, drawn = (np.roll(column[:-1], -first, axis=0) for column in (points, s, offset, beside, drawn))
+    on = np.flatnonzero(beside)
+    left_out = np.zeros(len(points), bool)  # by the point that a piece begins at
+    for before, after in zip(on, np.append(on[1:], on[0] + len(points)) if ring else on[1:], strict=False):
+        between = np.arange(before, after + 1) % len(points)
+        if (offset[before] > 0.0) != (offset[after % len(points)] > 0.0):
+            crossing = between[:-1][np.diff(offset[between] > 0.0)]
+            beyond = np.abs(s[crossing] - np.clip(s[crossing], 0.0, path.length))
+            left_out |= drawn == drawn[crossing[int(np.argmax(beyond))]]
+    found = []
+    for part in _runs(left_out, ring=ring):
+        inside = part[beside[part]]
+        if len(part) > 1 and len(inside) and (path.closed or (np.min(s[part]) < path.length + BEYOND_M and np.max(s[part]) > -BEYOND_M)):
+            along = part if s[inside[-1]] >= s[inside[0]] else part[::-1]
+            lap = path.length * np.floor(s[along[0]] / path.length) if path.closed else 0.0
+            found.append(Kerb(points[along], np.maximum.accumulate(s[along]) - lap, bool(offset[inside[0]] > 0.0)))
+    return found
+
+
+def densely(edge: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Return a line's points with others in between, and which piece of the line begins at each of them."""
+    step = np.diff(edge, axis=0)
+    counts = np.maximum(np.ceil(np.hypot(*step.T) / _LOCATED_M).astype(np.int64), 1)
+    piece = np.repeat(np.arange(len(step)), counts)
+    part = (np.arange(len(piece)) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[piece]
+    return np.vstack([edge[piece] + part[:, None] * step[piece], edge[-1:]]), np.append(piece, len(step))
+
+
+def _runs(left_out: BoolArray, *, ring: bool) -> list[IntArray]:
+    """Return the numbers of the points of each part of a line, some of whose pieces are left out."""
+    count = len(left_out)
+    if not np.any(left_out):
+        return [np.arange(count + ring) % count]
+    if ring:  # begin behind a piece that is left out
+        first = (int(np.flatnonzero(left_out & ~np.roll(left_out, -1))[0]) + 1) % count
+        order = (np.arange(count) + first) % count
+    else:
+        order = np.arange(count)
+    return [order[part] for part in np.split(np.arange(count), np.flatnonzero(left_out[order][: count - 1]) + 1)]
+
+
+def _located(path: ReferencePath, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return arclengths and signed offsets of the points of a line, which is followed along the road, a closed one lap after lap [m]."""
+    first, last = (0.0, path.length) if path.closed else (path.s_first, path.s_last)
+    grid = np.linspace(first, last, int(np.ceil((last - first) / _SAMPLES_M)) + 1)
+    here = path.at(grid)
+    tree = scipy.spatial.KDTree(np.stack([here.x, here.y], axis=1))
+    near = grid[tree.query(points)[1]]
+    along = np.concatenate([[0.0], np.hypot(*np.diff(points, axis=0).T)])
+    lap = path.length if path.closed else np.inf
+    for i in range(1, len(points)):  # stay on the arm of the road on which the line began
+        reach = _STRAY * along[i] + _LOCATED_M
+        near[i] += _laps(near[i - 1] - near[i], lap)
+        if abs(near[i] - near[i - 1]) > reach:
+            unrolled = grid + _laps(near[i - 1] - grid, lap)
+            around = np.flatnonzero(np.abs(unrolled - near[i - 1]) <= reach)
+            near[i] = unrolled[around[np.argmin(np.hypot(here.x[around] - points[i, 0], here.y[around] - points[i, 1]))]]
+    before = _laps(near - 0.5 * lap, lap) if path.closed else np.zeros(len(near))
+    near -= before
+    s, offset = project_many(path, points[:, 0], points[:, 1], near)[:2]
+    lost = ~np.isfinite(offset)
+    at = path.at(near)
+    across = (points[:, 1] - at.y) * np.cos(at.heading) - (points[:, 0] - at.x) * np.sin(at.heading)
+    return np.where(lost, near, s) + before, np.where(lost, across, offset)
+
+
+def _laps(distance: FloatArray, lap: float) -> FloatArray:
+    """Return the whole laps nearest to a distance [m]; an open road's is infinitely long."""
+    return lap * np.round(distance / lap) if np.isfinite(lap) else np.zeros_like(distance)
+
+
+def _chained(pieces: list[Kerb], lap: float) -> list[Kerb]:
+    """Return one kerb of pieces that follow each other; those that run beside another one, perhaps a ``lap`` on [m], stay as they are."""
+    chains: list[Kerb] = []
+    for piece in pieces:
+        last = chains[-1] if chains else None
+        if last is not None and piece.s[0] > last.s[-1] - _OVERLAP_M and piece.s[-1] < last.s[0] + lap + _OVERLAP_M:
+            s = np.maximum.accumulate(np.concatenate([last.s, piece.s]))
+            chains[-1] = replace(last, points=np.concatenate([last.points, piece.points]), s=s)
+        else:
+            chains.append(piece)
+    return chains
+
+
+def _going_on(chains: list[Kerb], path: ReferencePath) -> list[Kerb]:
+    """Return one side's kerbs with those marked that go on: a single one, and of several those that run beside the whole road.
+
+    Of an open road's, those as long as the longest are taken for such: the street is not open beyond its ends because of a lay-by's line.
+    """
+    reach = [float(np.ptp(kerb.s if path.closed else np.clip(kerb.s, 0.0, path.length))) for kerb in chains]
+    whole = path.length if path.closed else max(reach, default=0.0)
+    return [replace(kerb, goes_on=len(chains) == 1 or own >= whole - _GAP_M) for kerb, own in zip(chains, reach, strict=True)]
+
+
+def within_lap(kerb: Kerb, path: ReferencePath) -> list[Kerb]:
+    """Return what a kerb, which begins in a closed road's first lap and may go over the seam, is between the seam and the next one."""
+    if not path.closed:
+        return [kerb]
+    kerb = between(kerb, float(kerb.s[0]), min(float(kerb.s[0]) + path.length, float(kerb.s[-1])))
+    laps = [replace(kerb, s=kerb.s + lap) for lap in (-path.length, 0.0, path.length)]
+    if kerb.goes_on:
+        laps = [replace(kerb, points=np.concatenate([one.points for one in laps]), s=np.concatenate([one.s for one in laps]))]
+    parts = [between(one, 0.0, path.length) for one in laps]
+    return [part for part in parts if len(part.points) > 1]
+
+
+def open_kerb(path: ReferencePath, *, left: bool) -> Kerb:
+    """Return a kerb as far from the road as anything counts."""
+    line = About.smooth(path)
+    kerb = kerb_of(line.points, line.s, line.sharp, np.full(len(line.s), OPEN_M if left else -OPEN_M), closed=path.closed)
+    return Kerb(kerb.points, kerb.number, left)
+
+
+def _gaps(pieces: list[Kerb], length: float, side: str) -> list[str]:
+    """Return notes on the stretches without an edge."""
+    if not pieces:
+        return [f"no edge on the {side}: it is open to {OPEN_M:g} m"]
+    found, end = [], 0.0
+    for begin, last in [*((float(piece.s[0]), float(piece.s[-1])) for piece in pieces), (length, length)]:
+        if begin - end > _GAP_M:
+            found.append(f"no edge on the {side} from s = {end:.1f} to {min(begin, length):.1f} m: it goes on straight there")
+        end = max(end, last)
+    return found

@@ -1,0 +1,228 @@
+"""Kerbs: the lines parallel to a line at its widths, as they bound the street.
+
+Beside a corner's outside they run on to the mitre. Inside a corner, and where the line bends more tightly than the width,
+the plain offset line folds back and makes a loop; the loop is cut out where the offset line crosses itself.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+from shapely.ops import substring
+
+from hdvplan.arrays import BoolArray, FloatArray, IntArray
+
+_MITRE = 2.0  # of the width: further out the mitre is cut square
+_CHORD_M = 1e-3  # that points of a kerb may be left out
+_JUMP_M = 0.5  # of line over which a fold without a crossing is a jump of the width
+_FURTHEST_M = 100.0  # along the line that a loop is looked for: wider streets fold at no corner
+_FAR = 6.0  # times the largest width on: inside corners of up to 160 degrees the kerbs have met; other arms of the road are further
+_ROUNDING_M = 1e-9
+_SHORT_M = 1e-3  # legs of corners that are not rounded, and points of legs left out
+_LEGS = 3.0  # radii of a rounded corner's legs: enough for 140 degrees
+
+
+@dataclass(frozen=True)
+class Kerb:
+    """One side's kerb along a line: ``points``, shape (k, 2) [m], and the position ``number`` (k,) of the line's point each belongs to."""
+
+    points: FloatArray
+    number: FloatArray
+
+
+@dataclass(frozen=True)
+class _Raw:
+    """The plain offset line: points, numbers, arclengths of the line [m], what folds back (a segment each), and corners (a point each)."""
+
+    points: FloatArray
+    number: FloatArray
+    s: FloatArray
+    folded: BoolArray
+    corner: BoolArray
+
+
+@dataclass(frozen=True)
+class _Cut:
+    """A loop around segments ``first`` to ``last``, which fold back: where it begins and ends (segment and share), and what replaces it."""
+
+    first: int
+    last: int
+    begin: float
+    end: float
+    place: FloatArray
+    number: float
+    corner: bool
+
+
+def kerb_of(
+    points: FloatArray, number: FloatArray, sharp: BoolArray, reach: FloatArray, *, closed: bool, corner_radius: float = 0.0
+) -> Kerb:
+    """Return the kerb at ``reach`` (m,) [m], left positive, beside a line of ``points`` (m, 2) [m] at positions ``number`` (m,).
+
+    ``sharp`` (m,) says where the line has a corner. Between points the reach is linear; two points in one place make a step.
+    The kerb inside a corner is rounded with ``corner_radius`` [m], or less where its legs are too short. A closed line
+    repeats its first point at the end, and so does its kerb.
+    """
+    period = number[-1] - number[0]
+    if closed:  # three times around: the middle one knows no ends
+        points, sharp, reach = (np.concatenate([values, values[1:], values[1:]]) for values in (points, sharp, reach))
+        number = np.concatenate([number, number[1:] + period, number[1:] + 2.0 * period])
+    raw = _offset(points, number, sharp, reach)
+    places, numbers, corners = _trimmed(raw, min(_FAR * float(np.max(np.abs(reach))), _FURTHEST_M))
+    if corner_radius > 0.0:
+        places, numbers = _rounded(places, numbers, corners, corner_radius)
+    if closed:
+        places, numbers = _between(places, numbers, number[0] + period, number[-1] - period)
+        numbers -= period
+    indexed = shapely.linestrings(np.column_stack([places, np.arange(len(places))]))
+    kept = shapely.get_coordinates(shapely.simplify(indexed, _CHORD_M, preserve_topology=False), include_z=True)[:, 2].astype(int)
+    return Kerb(places[kept], numbers[kept])
+
+
+def _offset(points: FloatArray, number: FloatArray, sharp: BoolArray, reach: FloatArray) -> _Raw:
+    """Return the plain offset line: a point beside every point, at corners the ends of both legs and the mitre between them."""
+    chord = np.diff(points, axis=0)
+    length = np.hypot(*chord.T)
+    real = np.flatnonzero(length > 0.0)
+    unit = chord[real] / length[real, None]
+    after = np.searchsorted(real, np.arange(len(points)))  # the first real chord from the point on
+    after, before = np.minimum(after, len(real) - 1), np.maximum(after - 1, 0)
+    one = unit[before]
+    last = np.append(length, 1.0) > 0.0
+    other = np.where((last | ~sharp)[:, None], unit[after], one)  # of points in one place the last has the corner
+    half = 0.5 * np.arctan2(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0], np.sum(one * other, axis=1))
+    middle = np.arctan2(one[:, 1], one[:, 0]) + half
+    tangent, normal = np.stack([np.cos(middle), np.sin(middle)], axis=1), np.stack([-np.sin(middle), np.cos(middle)], axis=1)
+    # beside a corner, along its tangent and normal, in units of the reach: where the legs end, and where the mitre's ends are
+    x_leg, y_leg = np.sin(half), np.cos(half)
+    y_mitre = np.minimum(1.0 / np.maximum(y_leg, 1e-9), _MITRE)
+    x_mitre = (1.0 - y_mitre * y_leg) / np.where(np.abs(x_leg) > 1e-9, x_leg, 1.0)  # noqa: PLR2004 -- straight on
+    parts = np.where(sharp, np.where(reach * half < 0.0, 4, 2), 1)
+    of = np.repeat(np.arange(len(points)), parts)
+    part = np.arange(len(of)) - np.repeat(np.cumsum(parts) - parts, parts)
+    back = np.where(2 * part < parts[of] - 1, 1.0, -1.0)
+    leg = (parts[of] > 1) & ((part == 0) | (part == parts[of] - 1))
+    x = back * np.where(leg, x_leg[of], np.where(parts[of] > 1, x_mitre[of], 0.0))
+    y = np.where(leg, y_leg[of], y_mitre[of])
+    places = points[of] + reach[of, None] * (x[:, None] * tangent[of] + y[:, None] * normal[of])
+    along = np.where((of[1:] == of[:-1])[:, None], tangent[of[1:]], unit[before[of[1:]]])
+    folded = np.sum(np.diff(places, axis=0) * along, axis=1) < -_ROUNDING_M
+    s = np.concatenate([[0.0], np.cumsum(length)])
+    return _Raw(places, number[of], s[of], folded, (sharp & (reach * half > 0.0))[of])
+
+
+def _between(places: FloatArray, numbers: FloatArray, first: float, last: float) -> tuple[FloatArray, FloatArray]:
+    """Return the part of a kerb between two numbers."""
+    inner = (numbers > first) & (numbers <= last)
+    ends = []
+    for value in (first, last):
+        at = int(np.searchsorted(numbers, value, side="right")) - 1
+        share = (value - numbers[at]) / (numbers[at + 1] - numbers[at])
+        ends.append(places[at] + share * (places[at + 1] - places[at]))
+    return np.vstack([ends[0], places[inner], ends[1]]), np.concatenate([[first], numbers[inner], [last]])
+
+
+def _trimmed(raw: _Raw, far: float) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Return the offset line without its loops, its numbers, and which of its points are inside corners."""
+    flags = np.diff(raw.folded.astype(int), prepend=0, append=0)
+    cuts: list[_Cut] = []
+    for fold in zip(np.flatnonzero(flags > 0).tolist(), (np.flatnonzero(flags < 0) - 1).tolist(), strict=True):
+        cut = _cut(raw, *fold, far)
+        while cuts and cuts[-1].end >= cut.begin:  # their loops share a stretch: they are one
+            before = cuts.pop()
+            cut = _cut(raw, before.first, max(before.last, cut.last), far)
+        cuts.append(cut)
+    pieces, numbers, corners, start, count = [], [], [], 0, 0
+    for cut in cuts:
+        stop, after = math.floor(cut.begin) + 1, math.floor(cut.end) + 1
+        pieces += [raw.points[start:stop], cut.place[None]]
+        numbers += [raw.number[start:stop], [cut.number]]
+        count += stop - start + 1
+        if cut.corner:
+            corners.append(count - 1)
+        start = after
+    return np.vstack([*pieces, raw.points[start:]]), np.concatenate([*numbers, raw.number[start:]]), np.array(corners, dtype=int)
+
+
+def _cut(raw: _Raw, first: int, last: int, far: float) -> _Cut:
+    """Return where the offset line crosses itself around segments ``first`` to ``last`` that fold back, within ``far`` [m] of them.
+
+    Where it does not, the kerb ends at the fold if the line ends soon; else it goes straight across.
+    """
+    for window in (0.1 * far, 0.3 * far, far):
+        low = max(int(np.searchsorted(raw.s, raw.s[first] - window)) - 1, 0)
+        high = min(int(np.searchsorted(raw.s, raw.s[last + 1] + window)), len(raw.folded))
+        one = low + np.flatnonzero(~raw.folded[low:first])
+        other = last + 1 + np.flatnonzero(~raw.folded[last + 1 : high])
+        a, u = raw.points[one, None], (raw.points[one + 1] - raw.points[one])[:, None]
+        b, v = raw.points[None, other], (raw.points[other + 1] - raw.points[other])[None]
+        det = _cross(u, v)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            t, q = _cross(b - a, v) / det, _cross(b - a, u) / det
+            before = raw.s[first] - raw.s[one, None] - t * (raw.s[one + 1] - raw.s[one])[:, None]
+            beyond = raw.s[other] + q * (raw.s[other + 1] - raw.s[other]) - raw.s[last + 1]
+            cut_out = before + beyond
+            met = (t >= 0.0) & (t <= 1.0) & (q >= 0.0) & (q <= 1.0) & (before <= window) & (beyond <= window)
+        if np.any(met):
+            i, j = np.unravel_index(np.argmin(np.where(met, cut_out, np.inf)), met.shape)
+            corner = bool(np.any(raw.corner[first : last + 2]))
+            middle = 0.5 * (raw.number[first] + raw.number[last + 1])
+            return _Cut(first, last, one[i] + t[i, j], other[j] + q[i, j], raw.points[one[i]] + t[i, j] * u[i, 0], middle, corner)
+    if raw.s[last + 1] - raw.s[first] < _JUMP_M:  # the width jumps
+        return _Cut(first, last, first, last, raw.points[first], raw.number[first], corner=False)
+    if raw.s[-1] - raw.s[last + 1] < min(far, raw.s[first] - raw.s[0]):
+        return _Cut(first, last, first, len(raw.folded), raw.points[first], raw.number[-1], corner=False)
+    if raw.s[first] - raw.s[0] < far:
+        return _Cut(first, last, -1.0, last, raw.points[last + 1], raw.number[0], corner=False)
+    return _Cut(first, last, first, last, raw.points[first], raw.number[first], corner=False)
+
+
+def _rounded(places: FloatArray, numbers: FloatArray, corners: IntArray, radius: float) -> tuple[FloatArray, FloatArray]:
+    """Return the kerb with its points ``corners`` rounded, each within half the way to the next one."""
+    s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(places, axis=0).T))])
+    limits = np.concatenate([[0.0], 0.5 * (s[corners[1:]] + s[corners[:-1]]), s[-1:]])
+    line = shapely.LineString(places)
+    pieces, along, start = [], [], 0
+    for at, (low, high) in zip(corners.tolist(), itertools.pairwise(limits.tolist()), strict=False):
+        reach = _LEGS * radius
+        ends = max(low, s[at] - reach), min(high, s[at] + reach)
+        if min(s[at] - ends[0], ends[1] - s[at]) < _SHORT_M:
+            continue
+        legs = [shapely.simplify(substring(line, *part), _SHORT_M) for part in ((ends[0], s[at]), (s[at], ends[1]))]
+        fits = 1.0 if _arc(legs, radius) else 0.0
+        for halving in (0.5**k for k in range(1, 11) if fits < 1.0):  # the largest radius to a thousandth
+            fits += halving if _arc(legs, (fits + halving) * radius) else 0.0
+        arc = _arc(legs, fits * radius) if fits else None
+        if arc:
+            centre = np.array([arc.x, arc.y])
+            feet = s[at] - legs[0].length + legs[0].project(arc), s[at] + legs[1].project(arc)
+            spokes = np.stack([np.interp(feet, s, places[:, axis]) for axis in (0, 1)], axis=1) - centre
+            angle = np.arctan2(spokes[:, 1], spokes[:, 0])
+            sweep = (angle[1] - angle[0] + np.pi) % (2.0 * np.pi) - np.pi
+            share = np.linspace(0.0, 1.0, 2 + math.ceil(abs(sweep) * math.sqrt(fits * radius / (8.0 * _CHORD_M))))
+            turned = fits * radius * np.stack([np.cos(angle[0] + share * sweep), np.sin(angle[0] + share * sweep)], axis=1)
+            stop = int(np.searchsorted(s, feet[0]))
+            pieces += [places[start:stop], turned + centre]
+            known = [np.interp(feet[0], s, numbers), numbers[at], np.interp(feet[1], s, numbers)]
+            along += [numbers[start:stop], np.interp(share, [0.0, 0.5, 1.0], known)]
+            start = int(np.searchsorted(s, feet[1], side="right"))
+    return np.vstack([*pieces, places[start:]]), np.concatenate([*along, numbers[start:]])
+
+
+def _arc(legs: Sequence[BaseGeometry], radius: float) -> shapely.Point | None:
+    """Return the centre of the arc that touches both legs of a corner, if they are long enough."""
+    one, other = np.diff(legs[0].coords[-2:], axis=0)[0], np.diff(legs[1].coords[:2], axis=0)[0]
+    side = math.copysign(radius, float(_cross(one, other)))
+    centre = shapely.intersection(*shapely.offset_curve(legs, side, join_style="bevel"))
+    return None if centre.is_empty else centre.representative_point()
+
+
+def _cross(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Return cross products of vectors in the last axis."""
+    return np.asarray(one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0])

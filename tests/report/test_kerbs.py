@@ -1,0 +1,62 @@
+"""Kerbs in drawings, and what was swept beyond them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+
+from hdvplan.judging.bodies import corners
+from hdvplan.judging.result import Result, result_of
+from hdvplan.report.kerbs import beyond_kerb, shown_kerbs
+from hdvplan.report.rooms import room_at, tightness
+from hdvplan.road.street import Kerb
+
+
+def between(straight: Result, *kerbs: list[tuple[float, float]]) -> Result:
+    """Return the straight drive, 1.27 m to either side, between a left and a right kerb."""
+    made = tuple(Kerb(np.array(points), np.array(points)[:, 0], left) for points, left in zip(kerbs, (True, False), strict=True))
+    road = replace(straight.drive.road).with_kerbs(made)
+    return result_of(replace(straight.drive, road=road), solver="piqp", objective="geometric")
+
+
+def test_a_conflict_is_what_bodies_swept_beyond_the_kerb_and_nothing_within_it(straight: Result) -> None:
+    notched = [(-20.0, 3.0), (40.0, 3.0), (40.5, 1.0), (44.5, 1.0), (45.0, 3.0), (110.0, 3.0)]
+    result = between(straight, notched, [(-20.0, -3.0), (110.0, -3.0)])
+    (breach,) = result.balance.breaches
+    area = beyond_kerb(result, breach)
+    street = shapely.Polygon([*notched, (110.0, -3.0), (-20.0, -3.0)])
+    side = straight.balance.max_left  # along a straight line, to the solver's tolerance
+    wanted = shapely.intersection(shapely.box(0.0, -side, 90.0, side), shapely.Polygon(notched[1:-1]))
+    assert breach.depth == pytest.approx(side - 1.0, abs=1e-3)  # as above
+    assert area.area == pytest.approx(wanted.area, abs=4.5e-3)  # a millimetre along the notch, as above
+    assert shapely.intersection(area, street).area < 1e-6  # rounding of coordinates
+
+
+def test_what_lies_beyond_the_end_is_judged_told_and_drawn_there(straight: Result) -> None:
+    narrow = [(-20.0, 3.0), (84.0, 3.0), (84.0, 1.0), (110.0, 1.0)]
+    result = between(straight, narrow, [(-20.0, -3.0), (110.0, -3.0)])
+    (breach,) = result.balance.breaches
+    room = room_at(result, int(np.argmax(tightness(result))))
+    assert 84.0 <= breach.s_deepest == room.s
+    assert room.ends[0] == pytest.approx(breach.place)
+    assert np.hypot(*(room.ends[1] - room.ends[0])) == pytest.approx(breach.depth, abs=1e-6)  # micrometres of rounding
+    assert beyond_kerb(result, breach).bounds[0] == pytest.approx(84.0)
+    (left, _) = (kerb.line for kerb in shown_kerbs(result))
+    reached = corners(result.drive, np.array([len(result.drive.poses_s) - 1]))[0, 0, :, 0].max()
+    assert left.bounds[2] >= reached > 84.0
+
+
+def test_overhangs_beyond_the_kerbs_of_wheels_are_no_conflict(kerbed: Result) -> None:
+    assert {kerb.binds for kerb in shown_kerbs(kerbed)} == {"wheels", "overhangs"}
+    poses = np.arange(len(kerbed.drive.poses_s))
+    wheels = shapely.union_all(shapely.polygons(corners(kerbed.drive, poses, axles_only=True)[:, 0]))
+    breaches = [one for one in kerbed.balance.breaches if one.region == "drivable"]
+    assert breaches
+    for breach in breaches:
+        area = beyond_kerb(kerbed, breach)
+        assert area.area > 0.0
+        # Between two poses, 0.25 m apart, a corner that turns with a radius of 10 m leaves the chord by a millimetre.
+        assert shapely.difference(area, shapely.buffer(wheels, 0.03)).is_empty

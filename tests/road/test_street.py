@@ -1,0 +1,449 @@
+"""The street in the plane: kerbs beside a line, drawn kerbs, and the pieces that the core takes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from hdvplan.arrays import FloatArray, Records
+from hdvplan.road.drawn import drawn_kerbs
+from hdvplan.road.given import given_line
+from hdvplan.road.path import ReferencePath, from_curvature
+from hdvplan.road.regions import Kind, Region
+from hdvplan.road.road import Limits, Road
+from hdvplan.road.street import About, Kerb, Street, rooms_of
+from tests.core.chains import arc
+
+EAST = np.array([[1.0, 0.0], [1.0, 0.0]])
+BEND = arc(0.05, 100.0)  # radius 20 m, to the left, around (0, 20)
+
+
+def straight(y: float, *, first: float = 0.0, last: float = 100.0, left: bool = True, goes_on: bool = True) -> Kerb:
+    s = np.array([first, 0.5 * (first + last), last])
+    return Kerb(np.stack([s, np.full(3, y)], axis=1), s, left, goes_on=goes_on)
+
+
+def pieces(*kerbs: Kerb, closed: bool = False, s_from: float = 0.0, s_to: float = 100.0, length: float = 100.0) -> Records:
+    return Street(kerbs, length, closed, EAST).pieces(s_from, s_to).pieces
+
+
+def ends_of(found: Records) -> tuple[FloatArray, FloatArray]:
+    """Return where pieces begin and end, (n, 2) each."""
+    begin = np.stack([found["x"], found["y"]], axis=1)
+    return begin, begin + found["length"][:, None] * np.stack([found["cos"], found["sin"]], axis=1)
+
+
+def ring(radius: float = 20.0) -> ReferencePath:
+    return replace(arc(1.0 / radius, 2.0 * np.pi * radius), closed=True)
+
+
+def test_every_piece_has_the_street_on_its_left() -> None:
+    found = pieces(straight(3.0), straight(-2.0, left=False))
+    begin, end = ends_of(found)
+    for piece, one, other in zip(found, begin, end, strict=True):
+        across = piece["cos"] * (0.0 - one[1]) - piece["sin"] * (50.0 - one[0])  # of the line's middle
+        assert across == pytest.approx(3.0 if piece["left"] else 2.0)
+        assert piece["length"] == pytest.approx(np.hypot(*(other - one)))
+        np.testing.assert_allclose([piece["s_begin"], piece["s_end"]], [one[0], other[0]])
+        assert piece["s_low"] <= min(one[0], other[0]) + 1e-9  # rounding
+        assert piece["s_high"] >= max(one[0], other[0]) - 1e-9
+    assert np.all(np.diff(found["s_low"]) >= 0.0)
+
+
+def test_the_reach_of_pieces_never_falls_short_of_any_before() -> None:
+    street = Street((straight(3.0), straight(-2.0, first=20.0, last=60.0, left=False)), 100.0, False, EAST).pieces(0.0, 100.0)
+    assert all(street.reach[i] == np.max(street.pieces["s_high"][: i + 1]) for i in range(len(street.pieces)))
+
+
+def test_an_open_road_s_kerb_goes_on_straight_but_one_of_several_does_not() -> None:
+    on, short = straight(3.0), straight(5.0, first=20.0, last=60.0, goes_on=False)
+    begin, end = ends_of(pieces(on, short))
+    places = np.vstack([begin, end])
+    own, other = places[places[:, 1] == 3.0], places[places[:, 1] == 5.0]
+    assert own[:, 0].min() < -500.0
+    assert own[:, 0].max() > 600.0
+    assert (other[:, 0].min(), other[:, 0].max()) == (20.0, 60.0)
+
+
+def test_a_kerb_goes_on_in_the_direction_of_the_line_s_end_not_its_own() -> None:
+    slanted = Kerb(np.array([[0.0, 3.0], [100.0, 6.0]]), np.array([0.0, 100.0]), left=False)
+    begin, end = ends_of(pieces(slanted))
+    places = np.vstack([begin, end])
+    assert places[np.argmax(places[:, 0]), 1] == pytest.approx(6.0)
+    assert places[np.argmin(places[:, 0]), 1] == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize("left", [True, False])
+def test_what_protrudes_into_the_street_is_a_corner_and_what_recedes_is_none(left: bool) -> None:
+    sign = 1.0 if left else -1.0
+    s = np.array([0.0, 30.0, 40.0, 50.0, 100.0])
+    nose = Kerb(np.stack([s, sign * np.array([3.0, 3.0, 2.0, 3.0, 3.0])], axis=1), s, left)
+    found = pieces(nose)
+    assert sorted(float(piece["x"]) for piece in found if piece["corner"]) == [40.0, 100.0]  # and the road's end
+
+
+@pytest.mark.parametrize("left", [True, False])
+def test_points_along_a_straight_kerb_are_no_corners_however_they_are_rounded(left: bool) -> None:
+    along = np.linspace(0.0, 100.0, 41)
+    for degrees in range(0, 90, 7):  # in some of these directions rounding turns some of the joints inwards
+        way = np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
+        kerb = Kerb(np.array([6e5, 6.4e6]) + along[:, None] * way, along, left)
+        found = Street((kerb,), 100.0, closed=False, ends=np.stack([way, way])).pieces(0.0, 100.0).pieces
+        assert set(found["s_begin"][found["corner"] > 0]) <= {100.0}  # the road's end
+
+
+@pytest.mark.parametrize("left", [True, False])
+def test_the_direction_before_a_piece_is_that_of_its_neighbour(left: bool) -> None:
+    s = np.array([0.0, 30.0, 40.0, 100.0])
+    found = pieces(Kerb(np.stack([s, np.array([3.0, 3.0, 4.0, 4.0])], axis=1), s, left))
+    begin, end = ends_of(found)
+    firsts = 0
+    for piece, at in zip(found, begin, strict=True):
+        before = np.flatnonzero(np.hypot(*(end - at).T) < 1e-9)
+        firsts += piece["ends"]
+        if not piece["ends"]:
+            (own,) = before
+            assert (piece["before_cos"], piece["before_sin"]) == (found["cos"][own], found["sin"][own])
+    assert firsts == 1
+
+
+def test_points_that_repeat_make_no_piece() -> None:
+    s = np.array([0.0, 50.0, 50.0, 100.0])
+    found = pieces(Kerb(np.stack([s, np.full(4, 3.0)], axis=1), s, left=True))
+    assert np.all(found["length"] > 1.0)
+    assert np.all(np.isfinite(found["cos"]))
+
+
+@pytest.mark.parametrize("left", [True, False])
+@pytest.mark.parametrize("fold", [[[0.0, 0.004]], [[-0.004, 0.0005]], [[-0.003, 0.002]], [[0.0005, 0.004], [0.001, 0.0]]])
+def test_a_fold_back_of_a_few_millimetres_is_no_side_of_a_kerb(left: bool, fold: list[list[float]]) -> None:
+    kink = np.array([30.0, 3.0])  # the kerb turns there, and goes back on itself
+    points = np.array([[0.0, 3.0], kink, *(kink + fold), [30.0, 3.0004], [60.0, 13.0]])
+    found = pieces(Kerb(points, np.linspace(0.0, 100.0, len(points)), left, goes_on=False))
+    assert np.sum(found["length"]) == pytest.approx(30.0 + np.hypot(30.0, 10.0), abs=0.001)  # a fold has two sides of 3 to 4 mm
+    turns = found["before_cos"] * found["cos"] + found["before_sin"] * found["sin"]
+    assert np.min(turns) > -0.5
+    begin, _ = ends_of(found)
+    assert np.min(np.hypot(*(begin - kink).T)) < 0.005  # a sliver's length
+
+
+def test_a_short_side_that_does_not_fold_back_stays() -> None:
+    points = np.array([[0.0, 3.0], [30.0, 3.0], [30.0, 3.004], [60.0, 3.004]])
+    assert len(pieces(Kerb(points, np.linspace(0.0, 100.0, 4), left=True))) == 5
+
+
+def test_a_closed_road_has_every_kerb_in_every_lap_without_a_gap() -> None:
+    path = ring()
+    street = Street.along(path, About.smooth(path).kerbs(Limits.constant(3.0, 2.0, path.length)))
+    found = street.pieces(-30.0, path.length + 30.0).pieces
+    assert np.min(found["s_low"]) <= -30.0
+    assert np.max(found["s_high"]) >= path.length + 30.0
+    begin, end = ends_of(found)
+    np.testing.assert_allclose(np.hypot(begin[:, 0], begin[:, 1] - 20.0), np.where(found["left"] == 1, 17.0, 22.0), atol=1e-3)  # chords
+    for left in (0, 1):
+        own = found["left"] == left
+        joints = np.hypot(*(begin[own][:, None] - end[own][None]).transpose(2, 0, 1)).min(axis=1)
+        assert np.max(joints[found["ends"][own] == 0]) < 1e-3  # of the seam: where the kerb's ends meet
+        assert np.sum(found["ends"][own]) == 1
+
+
+def test_where_a_lap_begins_a_part_of_a_kerb_has_one_point() -> None:
+    path = ring()
+    street = Street.along(path, About.smooth(path).kerbs(Limits.constant(3.0, 2.0, path.length)))
+    for kerb in street.kerbs:
+        for s_from, s_to in ((0.0, path.length - 0.1), (-10.0, 10.0), (path.length - 5.0, path.length)):
+            part = street.part(kerb, s_from, s_to)
+            assert np.min(np.hypot(*np.diff(part.points, axis=0).T)) > 1e-3  # a direction, and no rounding
+            assert (part.s[0], part.s[-1]) == pytest.approx((s_from, s_to))
+
+
+@pytest.mark.parametrize("curvature", [0.0, 0.05, -0.05])
+def test_kerbs_beside_a_smooth_line_lie_at_its_widths_on_their_side(curvature: float) -> None:
+    path = arc(curvature, 60.0)
+    limits = Limits(np.array([0.0, 60.0]), np.array([3.0, 4.0]), -np.array([2.0, 2.5]), np.array([3.5, 4.5]), -np.array([2.0, 2.5]))
+    kerbs = About.smooth(path).kerbs(limits)
+    assert [(kerb.left, kerb.wheels) for kerb in kerbs] == [(True, False), (False, False), (True, True), (False, True)]
+    for kerb in kerbs:
+        assert np.all(np.diff(kerb.s) >= 0.0)
+        assert (kerb.s[0], kerb.s[-1]) == pytest.approx((0.0, 60.0))
+        foot, offset = path.extended(5.0, 5.0).project(kerb.points[:, 0], kerb.points[:, 1], kerb.s)
+        row = limits.table(foot)[(0 if kerb.left else 1) + (0 if kerb.wheels else 2)]
+        assert np.max(np.abs(offset - row)) < 2e-3  # points beside chords of 0.25 m; a width that changes by 1 in 60
+        assert np.max(np.abs(foot - kerb.s)) < 0.04  # the ends lie beside a chord, which turns by 0.4 degrees from its arc's end
+
+
+@pytest.mark.parametrize("curvature", [0.02, 0.06, -0.06])
+@pytest.mark.parametrize("jump", [1e-6, 0.01, 0.05])
+def test_a_width_that_jumps_in_a_bend_leaves_the_kerb_whole(curvature: float, jump: float) -> None:
+    path = arc(curvature, 60.0)
+    for place in (9.99, 10.0, 10.1, 10.24, 29.99, 30.0, 30.1, 30.24, 50.0, 50.24):
+        for widths in (np.array([3.0, 3.0, 4.0, 4.0]), np.array([4.0, 4.0, 3.0, 3.0])):
+            nodes = np.array([0.0, place, place + jump, 60.0])
+            for kerb in About.smooth(path).kerbs(Limits(nodes, widths, -widths, widths, -widths)):
+                line = shapely.LineString(kerb.points)
+                for s in (1.0, 4.0, 20.0, 40.0, 57.0, 59.0):
+                    x, y = path.to_plane(s, 0.0)
+                    # points beside chords of 0.25 m; so far from the step nothing else is nearer
+                    assert line.distance(shapely.Point(float(x), float(y))) == pytest.approx(np.interp(s, nodes, widths), abs=2e-3), (
+                        place,
+                        kerb.left,
+                        s,
+                    )
+
+
+def test_widths_count_from_the_points_as_given() -> None:
+    points = np.array([[0.0, 0.0], [60.0, 0.0], [60.0, 60.0]])
+    about = About.given(given_line(points, closed=False), np.array([0.0, 57.0, 114.0]))  # on a path that cuts the corner
+    left, right = about.kerbs(Limits.constant(3.0, 2.0, 114.0))
+    np.testing.assert_allclose(left.points, [[0.0, 3.0], [57.0, 3.0], [57.0, 60.0]], atol=1e-9)  # rounding
+    np.testing.assert_allclose(right.points[[0, -1]], [[0.0, -2.0], [62.0, 60.0]], atol=1e-9)
+    assert shapely.LineString(right.points).distance(shapely.Point(62.0, -2.0)) < 1e-9
+    assert (left.left, right.left) == (True, False)
+    for kerb in (left, right):
+        assert kerb.s[[0, -1]] == pytest.approx([0.0, 114.0])
+        assert np.interp(57.0, kerb.s, kerb.points[:, 0]) > 56.0  # beside the corner
+
+
+def test_driven_the_other_way_the_street_is_the_same_and_left_is_right() -> None:
+    about = About.smooth(arc(0.03, 80.0))
+    for kerb in about.kerbs(Limits.constant(3.0, 2.0, 80.0)):
+        back = kerb.reversed(80.0)
+        assert back.left is not kerb.left
+        assert np.array_equal(back.points[::-1], kerb.points)
+        np.testing.assert_allclose(back.s, 80.0 - kerb.s[::-1])
+    turned = about.reversed(80.0).kerbs(Limits.constant(2.0, 3.0, 80.0))
+    for one, other in zip(about.kerbs(Limits.constant(3.0, 2.0, 80.0)), turned[::-1], strict=True):
+        # points of chords within 0.3 mm may be left out, others each way
+        assert shapely.hausdorff_distance(shapely.LineString(one.points), shapely.LineString(other.points), densify=0.1) < 1e-3
+
+
+def test_an_offset_path_leaves_the_kerbs_where_they_are() -> None:
+    about = About.smooth(arc(0.03, 80.0))
+    shifted = replace(about, offset=1.5)
+    limits, beside = Limits.constant(3.0, 2.0, 80.0), Limits.constant(1.5, 3.5, 80.0)
+    for one, other in zip(about.kerbs(limits), shifted.kerbs(beside), strict=True):
+        np.testing.assert_allclose(one.points, other.points, atol=1e-9)  # rounding
+
+
+def test_a_kerb_is_replaced_by_parts_of_another_one_where_they_are() -> None:
+    own = straight(3.0)
+    parts = [
+        Kerb(np.array([[a, 3.0], [a, 1.0], [b, 1.0], [b, 3.0]]), np.array([a, a, b, b]), left=True) for a, b in ((20.0, 30.0), (60.0, 70.0))
+    ]
+    street = Street((own,), 100.0, False, np.array([[1.0, 0.0], [1.0, 0.0]]), None)
+    kerb = street.replaced(own, parts)
+    assert np.all(np.diff(kerb.s) >= 0.0)
+    one, other = (part.points for part in parts)
+    np.testing.assert_array_equal(kerb.points, np.vstack([own.points[:1], one, own.points[1:2], other, own.points[2:]]))
+    assert street.replaced(own, []) is own
+    over = straight(4.0)
+    assert street.replaced(own, [over]).points.tolist() == over.points.tolist()
+
+
+def test_the_face_of_an_obstacle_is_a_kerb_and_only_in_planning() -> None:
+    van = Region(Kind.OBSTACLE, shapely.box(40.0, 1.0, 46.0, 5.0))
+    road = Road("straight", arc(0.0, 100.0), regions=(van,)).with_limits(3.0, 2.0)
+    assert road.kerbs is not None
+    assert road.street is not None
+    *kerbs, face = road.street.kerbs
+    assert tuple(kerbs) == road.kerbs.kerbs
+    assert (face.left, face.wheels, face.goes_on) == (True, False, False)
+    # around the van from its far side, with walls to where no body comes: 0.1 m, as it reaches over the kerb
+    drawn = shapely.LineString([(40.0, 5.1), (40.0, 1.0), (46.0, 1.0), (46.0, 5.1)])
+    assert shapely.hausdorff_distance(shapely.LineString(face.points), drawn) < 1e-6  # feet on a straight of quintics
+
+
+@pytest.mark.parametrize("curvature", [0.02, 0.06, -0.06])
+@pytest.mark.parametrize("place", [8.0, 20.0, 40.0])
+@pytest.mark.parametrize("offset", [1.5, -1.5])
+def test_no_point_of_an_obstacle_in_a_bend_lies_in_the_street_that_is_planned_in(curvature: float, place: float, offset: float) -> None:
+    path = arc(curvature, 60.0)
+    x, y = map(float, path.to_plane(place, offset))
+    van = shapely.Polygon([(x - 1.1, y + 0.1), (x - 0.6, y - 0.9), (x + 1.1, y - 0.1), (x + 0.6, y + 0.9)])
+    road = Road("bend", path, regions=(Region(Kind.OBSTACLE, van),)).with_limits(3.0, 3.0)
+    assert road.street is not None
+    pieces = road.street.pieces(0.0, 60.0)
+    at = shapely.get_coordinates(shapely.segmentize(van.exterior, 0.1))
+    s, _ = path.extended(5.0, 5.0).project(at[:, 0], at[:, 1], np.full(len(at), place))
+    rooms = rooms_of(pieces, s, at[:, 0], at[:, 1])
+    assert np.all(rooms[0 if offset > 0.0 else 1] <= 2e-3)  # beyond a face, up to a foot's accuracy
+    clear = np.array([1.0, 59.0])
+    here = path.at(clear)
+    np.testing.assert_allclose(rooms_of(pieces, clear, here.x, here.y), 3.0, atol=2e-3)
+
+
+def lines(kerbs: tuple[Kerb, ...], *, left: bool) -> list[Kerb]:
+    return [kerb for kerb in kerbs if kerb.left is left]
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("swapped", [False, True])
+def test_neither_the_order_nor_the_direction_of_drawn_lines_matters(turned: bool, swapped: bool) -> None:
+    path = arc(0.0, 100.0)
+    upper, lower = np.array([[-5.0, 3.0], [50.0, 4.0], [105.0, 3.0]]), np.array([[-5.0, -2.0], [105.0, -2.0]])
+    edges = tuple(edge[::-1] if turned else edge for edge in ((lower, upper) if swapped else (upper, lower)))
+    kerbs, notes = drawn_kerbs(path, edges)
+    assert not notes
+    ((left,), (right,)) = lines(kerbs, left=True), lines(kerbs, left=False)
+    for kerb, edge in ((left, upper), (right, lower)):
+        assert np.all(np.diff(kerb.s) >= 0.0)
+        np.testing.assert_allclose(kerb.s, kerb.points[:, 0], atol=1e-6)  # feet on a straight of quintics
+        assert shapely.hausdorff_distance(shapely.LineString(kerb.points), shapely.LineString(edge)) < 1e-9
+        assert kerb.goes_on
+
+
+@pytest.mark.parametrize("first", range(4))
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_polygon_s_caps_beyond_the_ends_are_open(first: int, turned: bool) -> None:
+    ring_ = np.roll(np.array([[-10.0, -2.0], [110.0, -2.0], [110.0, 3.0], [-10.0, 3.0]]), first, axis=0)
+    ring_ = np.vstack([ring_, ring_[:1]])
+    kerbs, notes = drawn_kerbs(arc(0.0, 100.0), (ring_[::-1] if turned else ring_,))
+    assert not notes
+    assert sorted(kerb.left for kerb in kerbs) == [False, True]
+    for kerb in kerbs:
+        assert np.ptp(kerb.points[:, 1]) == 0.0  # no piece of a cap
+        assert kerb.goes_on
+        assert (kerb.points[:, 0].min(), kerb.points[:, 0].max()) == (-10.0, 110.0)
+
+
+def test_over_a_gap_a_kerb_is_straight_and_it_is_told() -> None:
+    upper = (np.array([[-5.0, 3.0], [30.0, 3.0]]), np.array([[40.0, 4.0], [105.0, 4.0]]))
+    kerbs, notes = drawn_kerbs(arc(0.0, 100.0), (*upper, np.array([[-5.0, -2.0], [105.0, -2.0]])))
+    (left,) = lines(kerbs, left=True)
+    assert shapely.LineString(left.points).distance(shapely.Point(35.0, 3.5)) < 1e-9
+    assert notes == ("no edge on the left from s = 30.0 to 40.0 m: it goes on straight there",)
+
+
+def test_a_side_without_any_edge_is_open_and_told() -> None:
+    kerbs, notes = drawn_kerbs(arc(0.0, 100.0), (np.array([[-5.0, 3.0], [105.0, 3.0]]),))
+    assert notes == ("no edge on the right: it is open to 20 m",)
+    (right,) = lines(kerbs, left=False)
+    np.testing.assert_allclose(right.points[:, 1], -20.0, atol=1e-6)  # a straight of quintics
+
+
+def test_lines_beside_each_other_are_kerbs_each() -> None:
+    inner, outer = np.array([[30.0, 2.5], [60.0, 2.5]]), np.array([[-5.0, 4.0], [105.0, 4.0]])
+    kerbs, _ = drawn_kerbs(arc(0.0, 100.0), (outer, inner, np.array([[-5.0, -2.0], [105.0, -2.0]])))
+    wide, short = sorted(lines(kerbs, left=True), key=lambda kerb: kerb.s[0])
+    assert shapely.hausdorff_distance(shapely.LineString(wide.points), shapely.LineString(outer)) < 1e-9  # rounding
+    assert shapely.hausdorff_distance(shapely.LineString(short.points), shapely.LineString(inner)) < 1e-9
+    assert not short.goes_on
+
+
+def test_the_outer_of_two_lines_goes_on_beyond_the_road() -> None:
+    """A short line beside a long one, such as that of a lay-by, does not open the street at its ends."""
+    inner, outer = np.array([[30.0, 2.5], [60.0, 2.5]]), np.array([[0.0, 4.0], [100.0, 4.0]])
+    kerbs, _ = drawn_kerbs(arc(0.0, 100.0), (outer, inner, np.array([[0.0, -2.0], [100.0, -2.0]])))
+    street = Street.along(arc(0.0, 100.0), kerbs).pieces(0.0, 100.0).pieces
+    begin, end = ends_of(street[street["left"] == 1])
+    assert max(begin[:, 0].max(), end[:, 0].max()) > 110.0
+
+
+def test_edges_beyond_the_ends_belong_to_the_street() -> None:
+    upper = np.array([[-20.0, 3.0], [-3.0, 3.0], [-2.0, 1.0], [-1.0, 3.0], [102.0, 3.0], [104.0, 1.0], [120.0, 3.0]])
+    kerbs, _ = drawn_kerbs(arc(0.0, 100.0), (upper, upper * [1.0, -1.0]))
+    for kerb in kerbs:
+        line = shapely.LineString(kerb.points)
+        for x in (-2.0, 104.0):
+            assert line.distance(shapely.Point(x, 1.0 if kerb.left else -1.0)) < 1e-9
+        assert np.interp(104.0, kerb.s, np.abs(kerb.points[:, 1])) == pytest.approx(1.0, abs=1e-6)  # its place of the line
+
+
+def test_the_drawn_edges_of_a_closed_road_are_kerbs_in_every_lap() -> None:
+    path, turned = ring(), np.linspace(0.0, 2.0 * np.pi, 241)
+    edges = tuple(np.stack([radius * np.sin(turned + 1.0), 20.0 - radius * np.cos(turned + 1.0)], axis=1) for radius in (17.0, 22.5))
+    kerbs, notes = drawn_kerbs(path, edges)
+    assert not notes
+    found = Street.along(path, kerbs).pieces(0.0, path.length).pieces
+    begin, end = ends_of(found)
+    middle = 0.5 * (begin + end)
+    np.testing.assert_allclose(
+        np.hypot(middle[:, 0], middle[:, 1] - 20.0), np.where(found["left"] == 1, 17.0, 22.5), atol=0.01
+    )  # chords of 0.6 m
+    for left in (0, 1):
+        own = found[found["left"] == left]
+        covered = shapely.union_all([shapely.box(low, 0.0, high, 1.0) for low, high in zip(own["s_low"], own["s_high"], strict=True)])
+        assert shapely.difference(shapely.box(0.5, 0.0, path.length - 0.5, 1.0), covered.buffer(0.01)).area == 0.0
+
+
+@pytest.mark.parametrize("begin", [0.0, 1.0, 6.0])
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_line_on_an_island_of_a_closed_road_is_a_kerb_there_alone_also_over_the_seam(begin: float, way: float) -> None:
+    def circle(radius: float, first: float, last: float) -> FloatArray:
+        angle = way * np.linspace(first, last, 241)
+        return np.stack([radius * np.sin(angle), 20.0 - radius * np.cos(angle)], axis=1)
+
+    path, full = ring(), 2.0 * np.pi
+    kerbs, notes = drawn_kerbs(path, (circle(17.0, begin, begin + full), circle(19.0, -0.2, 0.3), circle(22.5, begin, begin + full)))
+    assert not notes
+    assert all(kerb.s[0] >= 0.0 and kerb.s[-1] <= path.length for kerb in kerbs)
+    found = Street.along(path, kerbs).pieces(-path.length, 2.0 * path.length).pieces
+    at = np.stack(ends_of(found)).mean(axis=0)
+    radius, angle = np.hypot(at[:, 0], at[:, 1] - 20.0), way * np.arctan2(at[:, 0], 20.0 - at[:, 1])
+    island = np.abs(radius - 19.0) < 0.01
+    np.testing.assert_allclose(radius[~island], np.where(found["left"][~island] == 1, 17.0, 22.5), atol=0.01)  # chords of 0.6 m
+    assert np.all(found["left"][island] == 1)
+    assert (angle[island].min(), angle[island].max()) == pytest.approx((-0.2, 0.3), abs=0.01)
+    assert np.sum(found["length"][island]) == pytest.approx(3 * 0.5 * 19.0, abs=1e-3)  # in three laps; chords
+
+
+def test_the_edges_of_a_road_that_crosses_itself_follow_their_own_arm() -> None:
+    path = from_curvature(np.array([0.0, 60.0, 60.1, 60.1 + 18.0 * np.pi, 60.2 + 18.0 * np.pi, 180.0]),
+                          np.array([0.0, 0.0, 1.0 / 12.0, 1.0 / 12.0, 0.0, 0.0]))  # fmt: skip
+    s = np.linspace(0.0, 180.0, 181)
+    edges = tuple(np.stack(path.to_plane(s, offset), axis=1) for offset in (3.0, -3.0))
+    kerbs, notes = drawn_kerbs(path, edges)
+    assert not notes
+    assert sorted(kerb.left for kerb in kerbs) == [False, True]
+    for kerb in kerbs:
+        own = edges[0] if kerb.left else edges[1]
+        assert (
+            shapely.hausdorff_distance(shapely.LineString(kerb.points), shapely.LineString(own)) < 1e-6
+        )  # the same points and some between
+        foot, _ = path.extended(5.0, 5.0).project(kerb.points[:, 0], kerb.points[:, 1], kerb.s)
+        np.testing.assert_allclose(kerb.s, foot, atol=1e-6)
+        np.testing.assert_allclose([kerb.s[0], kerb.s[-1]], [0.0, 180.0], atol=0.01)
+
+
+LAP = 120.0
+
+
+@st.composite
+def kerbs_of_closed_roads(draw: st.DrawFn) -> Kerb:
+    """Return a kerb of a closed road, all around or along a part of the lap."""
+    goes_on = draw(st.booleans())
+    nodes = sorted(draw(st.lists(st.integers(0, 60), min_size=3, max_size=8, unique=True)))
+    s = LAP / 60.0 * np.array([0, *nodes[1:-1], 60] if goes_on else nodes)
+    angle, radius = 2.0 * np.pi * s / LAP, 20.0 + np.sin(4.0 * np.pi * s / LAP)
+    return Kerb(np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1), s, left=True, goes_on=goes_on)
+
+
+@settings(max_examples=300, deadline=None)
+@given(kerb=kerbs_of_closed_roads(), begin=st.floats(-2.0 * LAP, LAP), length=st.floats(1.0, LAP - 1.0))
+def test_a_kerb_with_a_part_of_it_put_back_is_the_same_kerb_also_over_the_seam(kerb: Kerb, begin: float, length: float) -> None:
+    street = Street((kerb,), LAP, True, EAST)
+    part = street.part(kerb, begin, begin + length)
+    laps = LAP * np.arange(-3.0, 4.0)
+    beside = np.minimum(kerb.s[-1] + laps, begin + length) - np.maximum(kerb.s[0] + laps, begin)
+    assume(np.min(np.abs(beside)) > 1e-6)  # rounding
+    assert (len(part.s) > 0) == bool(np.any(beside > 0.0))
+    if np.sum(beside > 0.0) == 1:
+        assert np.ptp(part.s) == pytest.approx(np.max(beside))
+    thirds = [street.part(kerb, begin + share * length, begin + (share + 1.0 / 3.0) * length) for share in (0.0, 2.0 / 3.0)]
+    for back in (street.replaced(kerb, [part]), street.replaced(kerb, thirds)):
+        assert np.all(np.diff(back.s) >= 0.0)
+        np.testing.assert_allclose(back.s[[0, -1]], kerb.s[[0, -1]])
+        for one, other in ((kerb, back), (back, kerb)):
+            for axis in (0, 1):
+                np.testing.assert_allclose(np.interp(one.s, other.s, other.points[:, axis]), one.points[:, axis], atol=1e-9)  # rounding
+
+
+def test_the_kerb_inside_a_ring_that_its_width_fills_bounds_nothing() -> None:
+    path = ring(5.0)
+    street = Street.along(path, About.smooth(path).kerbs(Limits.constant(6.0, 3.0, path.length)))
+    assert not np.any(street.pieces(-path.length, 2.0 * path.length).pieces["left"])

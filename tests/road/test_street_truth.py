@@ -1,0 +1,309 @@
+"""The same street, however it is given, is the same answer; and points of a curve are the curve."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy
+import shapely
+from ezdxf.filemanagement import new
+from hypothesis import Phase, assume, given, settings
+from hypothesis import strategies as st
+
+from hdvplan import api
+from hdvplan.arrays import FloatArray
+from hdvplan.case import Case
+from hdvplan.judging.verdict import Verdict, verdict_of
+from hdvplan.road.given import given_line
+from hdvplan.road.load import Line, RoadOptions, load_road, smoothed
+from hdvplan.road.path import from_curvature
+from hdvplan.road.raw import RawRoad
+from hdvplan.road.regions import Kind, Region
+from hdvplan.road.road import Limits, Road
+from hdvplan.road.street import About
+from hdvplan.vehicle.load import load_vehicle
+
+CITARO, BUS = load_vehicle("citaro"), load_vehicle("bus")
+SAME_M = 0.02  # of verdicts in one street: asked for
+few = settings(max_examples=40, deadline=None, derandomize=True, phases=[Phase.explicit, Phase.generate])  # shrinking takes a minute
+
+
+def road_of(raw: RawRoad) -> Road:
+    return smoothed(Line("street", raw, RoadOptions()))[0]
+
+
+def verdict(road: Road) -> Verdict:
+    return verdict_of(api.plan(Case(road, CITARO)))
+
+
+def ring_of(edges: tuple[FloatArray, FloatArray]) -> FloatArray:
+    """Return the outline of the area between two edges, closed."""
+    left, right = edges
+    return np.concatenate([right, left[::-1], right[:1]])
+
+
+def offsets(line: FloatArray, half_width: float) -> tuple[FloatArray, FloatArray]:
+    """Return the edges so far to the left and to the right of a line, with mitres."""
+    drawn = shapely.LineString(line)
+    left, right = (np.array(drawn.offset_curve(way * half_width, join_style="mitre").coords) for way in (1.0, -1.0))
+    return left, right
+
+
+def assert_same(one: Verdict, other: Verdict) -> None:
+    assert one.word == other.word
+    assert one.spare == pytest.approx(other.spare, abs=SAME_M)
+    assert (one.part, one.side) == (other.part, other.side)
+
+
+LEG = 60.0
+CORNER = np.array([[0.0, 0.0], [LEG, 0.0], [LEG, LEG]])
+half_widths = pytest.mark.parametrize("half_width", [2.6, 2.8, 3.0, 3.2, 3.4, 3.6])
+
+
+@half_widths
+def test_a_corner_by_its_width_by_its_edges_and_as_a_polygon_is_one_street(half_width: float) -> None:
+    edges = offsets(CORNER, half_width)
+    np.testing.assert_allclose(edges[0], [[0.0, half_width], [LEG - half_width, half_width], [LEG - half_width, LEG]])  # a mitre indeed
+    by_width = verdict(road_of(RawRoad(CORNER, np.full((4, 3), half_width))))
+    assert by_width.word == ("YES" if half_width > 3.3 else "NO")  # this bus needs so much at a right angle: 0.2 m are lacking at 3.2 m
+    for drawn in (edges, edges[::-1], (ring_of(edges),), (ring_of(edges)[::-1],)):
+        assert_same(verdict(road_of(RawRoad(CORNER, edges=drawn))), by_width)
+
+
+@pytest.mark.slow
+@half_widths
+def test_a_corner_in_a_drawing_is_the_same_street(half_width: float, tmp_path: Path) -> None:
+    left, right = offsets(CORNER, half_width)
+    document = new("R2018")
+    document.header["$INSUNITS"] = 4  # millimetres
+    for layer, points in (("AXIS", CORNER), ("EDGE_LEFT", left), ("EDGE_RIGHT", right)):
+        document.modelspace().add_lwpolyline((1e3 * points).tolist(), dxfattribs={"layer": layer})
+    document.saveas(tmp_path / "corner.dxf")
+    road = load_road(tmp_path / "corner.dxf", RoadOptions(layer="AXIS"))
+    assert_same(verdict(road), verdict(road_of(RawRoad(CORNER, np.full((4, 3), half_width)))))
+
+
+@st.composite
+def streets(draw: st.DrawFn) -> FloatArray:
+    """Return a line of straights and corners of 35 to 100 degrees, whose arms stay apart."""
+    turns = draw(st.lists(st.tuples(st.floats(35.0, 100.0), st.sampled_from([-1, 1])), min_size=1, max_size=4))
+    legs = draw(st.lists(st.floats(30.0, 60.0), min_size=len(turns) + 1, max_size=len(turns) + 1))
+    heading = np.cumsum([0.0, *(math.radians(angle) * way for angle, way in turns)])
+    line = np.vstack([[0.0, 0.0], np.cumsum(np.array(legs)[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=1), axis=0)])
+    for one in range(len(legs)):
+        for other in range(one + 2, len(legs)):
+            assume(shapely.LineString(line[one : one + 2]).distance(shapely.LineString(line[other : other + 2])) > 20.0)
+    return line
+
+
+@given(line=streets(), half_width=st.floats(2.2, 5.0))
+@few
+def test_the_kerbs_of_a_width_are_those_of_the_mitred_edges(line: FloatArray, half_width: float) -> None:
+    edges = offsets(line, half_width)
+    by_width = road_of(RawRoad(line, np.full((4, len(line)), half_width)))
+    for drawn in (edges, (ring_of(edges),)):
+        by_edges = road_of(RawRoad(line, edges=drawn))
+        assert by_width.kerbs is not None
+        assert by_edges.kerbs is not None
+        for left, edge in zip((True, False), edges, strict=True):
+            (one,), (other,) = ([kerb for kerb in road.kerbs.kerbs if kerb.left is left] for road in (by_width, by_edges) if road.kerbs)
+            assert shapely.hausdorff_distance(shapely.LineString(one.points), shapely.LineString(edge), densify=0.05) < 1e-6  # rounding
+            assert shapely.hausdorff_distance(shapely.LineString(other.points), shapely.LineString(edge), densify=0.05) < 1e-6
+
+
+@pytest.mark.slow
+@given(line=streets(), half_width=st.floats(2.5, 4.5))
+@settings(few, max_examples=15)
+def test_a_random_street_of_corners_is_the_same_answer_by_width_and_by_edges(line: FloatArray, half_width: float) -> None:
+    edges = offsets(line, half_width)
+    one, *others = (
+        verdict(road_of(raw))
+        for raw in (
+            RawRoad(line, np.full((4, len(line)), half_width)),
+            RawRoad(line, edges=edges),
+            RawRoad(line, edges=(ring_of(edges),)),
+        )
+    )
+    for other in others:
+        assert one.word == other.word
+        assert one.spare == pytest.approx(other.spare, abs=SAME_M)
+
+
+def test_the_place_of_a_verdict_is_the_same_however_the_street_is_given() -> None:
+    edges = offsets(CORNER, 3.0)
+    one, other = (verdict(road_of(raw)) for raw in (RawRoad(CORNER, np.full((4, 3), 3.0)), RawRoad(CORNER, edges=edges)))
+    assert (one.x, one.y) == pytest.approx((other.x, other.y), abs=0.1)  # the deepest place among poses 5 mm apart
+    # A kerb of a width carries arclengths of the corner's points, a drawn one those of feet on the path, which is shorter, and which has no
+    # foot of its own for a corner within 3 m: around it the two differ by up to the width's reach, and by 1 m for the cut corner
+    assert one.s == pytest.approx(other.s, abs=4.0)
+
+
+# Curves by points.
+
+
+RADIUS_M = 6.0  # no vehicle's rear axle turns tighter
+
+
+def sampled(curvature: tuple[FloatArray, FloatArray], spacing: float, phase: float) -> tuple[FloatArray, About]:
+    """Return points of a curve that are ``spacing`` apart, and the curve itself."""
+    path = from_curvature(*curvature)
+    s = np.concatenate([[0.0], np.arange(phase * spacing, path.length - 0.35 * spacing, spacing), [path.length]])
+    return np.stack(path.to_plane(s, 0.0), axis=1), About.smooth(path)
+
+
+def furthest(points: FloatArray, exact: About, half_width: float) -> float:
+    """Return how far kerbs beside points lie from those beside the curve, but beside its ends, where no point tells how it goes on."""
+    along = np.linspace(0.0, float(exact.s[-1]), len(points))
+    limits = Limits.constant(half_width, half_width, float(along[-1]))
+    ends, found = shapely.MultiPoint(points[[0, -1]]), 0.0
+    spared = half_width + float(np.max(np.hypot(*np.diff(points, axis=0).T)))
+    for one, other in zip(About.given(given_line(points, closed=False), along).kerbs(limits), exact.kerbs(limits), strict=True):
+        here, there = (shapely.LineString(kerb.points) for kerb in (one, other))
+        for of, to in ((here, there), (there, here)):
+            places = np.asarray(shapely.points(shapely.get_coordinates(shapely.segmentize(of, 0.2))))
+            places = places[shapely.distance(places, ends) > spared]
+            found = max(found, float(np.max(shapely.distance(places, to), initial=0.0)))
+    return found
+
+
+def allowed(points: FloatArray) -> float:
+    """Return what is asked for: 3 cm, 5 cm where a point stands for over 30 degrees."""
+    steps = np.diff(points, axis=0)
+    heading = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
+    return 0.05 if np.max(np.abs(np.diff(heading))) > math.radians(30.0) else 0.03
+
+
+per_circle, spacings, phases = st.integers(8, 40), st.floats(1.0, 12.0), st.floats(0.35, 1.0)
+
+
+@given(count=per_circle, spacing=spacings, phase=phases, turn=st.floats(0.5, 1.5), sign=st.sampled_from([-1.0, 1.0]))
+@few
+def test_points_of_a_circle_are_the_circle(count: int, spacing: float, phase: float, turn: float, sign: float) -> None:
+    radius = count * spacing / (2.0 * math.pi)
+    assume(radius > RADIUS_M)
+    length = turn * math.pi * radius
+    points, exact = sampled((np.array([0.0, length]), np.full(2, sign / radius)), spacing, phase)
+    assert furthest(points, exact, min(0.4 * radius, 4.0)) < allowed(points)
+
+
+@given(count=per_circle, spacing=spacings, phase=phases, turn=st.floats(0.4, 0.8), sign=st.sampled_from([-1.0, 1.0]))
+@few
+def test_points_of_a_circle_between_straights_are_that_curve(count: int, spacing: float, phase: float, turn: float, sign: float) -> None:
+    radius = count * spacing / (2.0 * math.pi)
+    assume(radius > RADIUS_M)
+    assume(turn * count > 5.0)  # 2.5 chords on the bend: two points that turn alike may as well be two corners
+    short, bend = 0.01 * radius, turn * math.pi * radius
+    s = np.cumsum([0.0, 5.0 * spacing, short, bend, short, 5.0 * spacing])
+    points, exact = sampled((s, sign * np.array([0.0, 0.0, 1.0, 1.0, 0.0, 0.0]) / radius), spacing, phase)
+    assert furthest(points, exact, min(0.4 * radius, 4.0)) < allowed(points)
+
+
+@given(count=per_circle, spacing=spacings, phase=phases, turn=st.floats(0.3, 0.6), sign=st.sampled_from([-1.0, 1.0]))
+@few
+def test_points_of_straights_and_clothoids_and_a_circle_are_that_curve(
+    count: int, spacing: float, phase: float, turn: float, sign: float
+) -> None:
+    radius = count * spacing / (2.0 * math.pi)
+    assume(radius > RADIUS_M)
+    arc, ramp = turn * math.pi * radius, 0.5 * radius + 2.0 * spacing
+    s = np.cumsum([0.0, 5.0 * spacing, ramp, arc, ramp, 5.0 * spacing])
+    points, exact = sampled((s, sign * np.array([0.0, 0.0, 1.0, 1.0, 0.0, 0.0]) / radius), spacing, phase)
+    assert furthest(points, exact, min(0.4 * radius, 4.0)) < allowed(points)
+
+
+@given(count=per_circle, spacing=spacings, phase=phases, turn=st.floats(0.3, 0.6), sign=st.sampled_from([-1.0, 1.0]))
+@few
+def test_points_of_an_s_bend_are_the_s_bend(count: int, spacing: float, phase: float, turn: float, sign: float) -> None:
+    radius = count * spacing / (2.0 * math.pi)
+    assume(radius > RADIUS_M)
+    arc, ramp = turn * math.pi * radius, 0.5 * radius + 2.0 * spacing
+    s = np.cumsum([0.0, ramp, arc, 2.0 * ramp, arc, ramp])
+    points, exact = sampled((s, sign * np.array([0.0, 1.0, 1.0, -1.0, -1.0, 0.0]) / radius), spacing, phase)
+    assert furthest(points, exact, min(0.4 * radius, 4.0)) < allowed(points)
+
+
+def fresnel(parts: list[tuple[float, float, float]], s: FloatArray) -> FloatArray:
+    """Return points at arclengths of straights, arcs and clothoids: of each its length [m] and curvature at both ends [1/m]."""
+    begin, heading, place = 0.0, 0.0, 0.0 + 0.0j
+    found = np.zeros(len(s), complex)
+    for length, first, last in parts:
+        along = np.append(np.clip(s - begin, 0.0, length), length)
+        rate = (last - first) / length
+        if rate == 0.0:
+            to = along * np.sinc(0.5 * first * along / np.pi) * np.exp(0.5j * first * along)
+        else:  # from where the clothoid is straight
+            scale, bow = math.sqrt(math.pi / abs(rate)), -0.5 * first**2 / rate
+            sine, cosine = scipy.special.fresnel((along + first / rate) / scale)
+            sine_0, cosine_0 = scipy.special.fresnel(first / rate / scale)
+            to = scale * ((cosine - cosine_0) + 1j * math.copysign(1.0, rate) * (sine - sine_0)) * np.exp(1j * bow)
+        own = (s >= begin) & (s <= begin + length + 1e-9)  # rounding
+        found[own] = place + np.exp(1j * heading) * to[:-1][own]
+        place, heading, begin = place + np.exp(1j * heading) * to[-1], heading + 0.5 * (first + last) * length, begin + length
+    return np.stack([found.real, found.imag], axis=1)
+
+
+@pytest.mark.parametrize("spacing", [1.0, 5.0, 12.0])
+@pytest.mark.parametrize("count", [8, 10, 12, 16, 24, 40])
+def test_kerbs_beside_points_of_exact_curves_are_their_parallels(count: int, spacing: float) -> None:
+    radius = count * spacing / (2.0 * math.pi)
+    if radius <= RADIUS_M:
+        radius, spacing = RADIUS_M, 2.0 * math.pi * RADIUS_M / count
+    k, straight, half_width = 1.0 / radius, 5.0 * spacing, min(0.4 * radius, 4.0)
+    arc = max(0.5 * math.pi * radius, 3.0 * spacing)  # of fewer chords no point knows the arc alone
+    ramps = [ramp * radius for ramp in (0.2, 0.5, 1.0, 2.0)]
+    curves = [
+        [(straight, 0.0, 0.0), (arc, k, k), (straight, 0.0, 0.0)],
+        [(straight, 0.0, 0.0), (arc, k, k), (arc, -k, -k), (straight, 0.0, 0.0)],
+        [(straight, 0.0, 0.0), (arc, k, k), (arc, 0.5 * k, 0.5 * k), (arc, -k, -k), (straight, 0.0, 0.0)],
+        *([(straight, 0.0, 0.0), (ramp, 0.0, k), (arc, k, k), (ramp, k, 0.0), (straight, 0.0, 0.0)] for ramp in ramps),
+        *(
+            [(straight, 0.0, 0.0), (ramp, 0.0, k), (arc, k, k), (2.0 * ramp, k, -k), (arc, -k, -k), (ramp, -k, 0.0), (straight, 0.0, 0.0)]
+            for ramp in ramps
+        ),
+    ]
+    for parts in curves:
+        length = sum(part[0] for part in parts)
+        dense = np.linspace(0.0, length, int(length / 0.05) + 1)
+        exact = About(fresnel(parts, dense), dense, np.zeros(len(dense), bool), closed=False)
+        for phase in (0.35, 0.5, 0.65, 0.8, 0.95):
+            at = np.concatenate([[0.0], np.arange(phase * spacing, length - 0.35 * spacing, spacing), [length]])
+            points = fresnel(parts, at)
+            found = furthest(points, exact, half_width)
+            assert found < allowed(points) + 0.002, (phase, parts)  # of either kerb, points are left out within 1 mm
+
+
+# Beyond the ends.
+
+STRAIGHT = np.array([[0.0, 0.0], [60.0, 0.0]])
+
+
+def narrowing(at: float, half_width: float) -> tuple[FloatArray, FloatArray]:
+    """Return edges 3 m from a line of 60 m, which narrow so far along it, and reach 25 m beyond its ends."""
+    x, y = np.array([-25.0, at - 0.5, at, at + 0.5, 85.0]), np.array([3.0, 3.0, half_width, 3.0, 3.0])
+    return np.stack([x, y], axis=1), np.stack([x, -y], axis=1)
+
+
+@pytest.mark.parametrize("at", [-2.0, 62.0, 66.0])
+def test_edges_before_the_start_and_beyond_the_end_are_judged(at: float) -> None:
+    for half_width in (1.0, 1.6):
+        edges = narrowing(at, half_width)
+        for drawn in (edges, (ring_of(edges),)):
+            found = verdict_of(api.plan(Case(road_of(RawRoad(STRAIGHT, edges=drawn)), BUS)))
+            assert found.fits is (half_width > 0.5 * BUS.width)
+            assert found.s == pytest.approx(at, abs=0.5)  # the points of the edges stand there
+            assert found.spare is not None
+            assert found.spare < half_width - 0.5 * BUS.width + 0.005  # no drive leaves more; edges are judged in steps of 5 mm
+
+
+@pytest.mark.parametrize("at", [-2.0, 62.0, 66.0])
+def test_obstacles_before_the_start_and_beyond_the_end_are_judged(at: float) -> None:
+    posts = tuple(Region(Kind.OBSTACLE, shapely.box(at - 0.1, low, at + 0.1, high)) for low, high in ((1.0, 3.0), (-3.0, -1.0)))
+    wide = np.array([[-25.0, 3.0], [85.0, 3.0]])
+    for raw in (RawRoad(STRAIGHT, np.full((4, 2), 3.0), regions=posts), RawRoad(STRAIGHT, edges=(wide, wide * [1.0, -1.0]), regions=posts)):
+        found = verdict_of(api.plan(Case(road_of(raw), BUS)))
+        assert found.fits is False
+        assert found.spare == pytest.approx(1.0 - 0.5 * BUS.width, abs=0.01)  # on its line: the street is symmetrical
+        assert found.obstacle is not None
