@@ -32,7 +32,7 @@ from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.centring import Centring, Residual
 from hdvplan.record import write_record
 from hdvplan.report.markdown import markdown_table
-from hdvplan.road.road import Limits
+from hdvplan.road.limits import Limits
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 

@@ -22,7 +22,8 @@ from hdvplan.judging.balance import balance_of
 from hdvplan.judging.envelope import envelope_of
 from hdvplan.record import write_record
 from hdvplan.report.markdown import markdown_table
-from hdvplan.road.road import Limits, Road
+from hdvplan.road.limits import Limits
+from hdvplan.road.road import Road
 
 ROADS = {"goteborg_nya_allen": 3.0, "goteborg_tuvevagen_brunnsbo": 3.5}  # with their half widths [m]
 VEHICLES = ("bus", "tractor-trailer")

@@ -29,9 +29,10 @@ from hdvplan.planning.bias import Bias
 from hdvplan.planning.objectives import objective_named
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import stations_of
+from hdvplan.road.limits import Limits
 from hdvplan.road.path import from_curvature
 from hdvplan.road.regions import Kind, Region
-from hdvplan.road.road import Limits, Road
+from hdvplan.road.road import Road
 from hdvplan.vehicle.model import Vehicle
 
 WAYS = ("planned", "steered", "bang-bang")

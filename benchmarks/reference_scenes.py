@@ -14,9 +14,10 @@ from hdvplan.errors import HdvplanError
 from hdvplan.planning.bias import Bias
 from hdvplan.planning.discretisation import Discretisation
 from hdvplan.planning.settings import PlannerSettings, Scheme
+from hdvplan.road.limits import Limits
 from hdvplan.road.path import ReferencePath, from_curvature, from_samples
 from hdvplan.road.regions import Kind, Region, Side
-from hdvplan.road.road import Limits, Road
+from hdvplan.road.road import Road
 from hdvplan.road.scenarios import SCENARIOS
 from hdvplan.vehicle.load import load_vehicle
 

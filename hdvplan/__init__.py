@@ -34,8 +34,9 @@ if TYPE_CHECKING:
     from hdvplan.report.html import write_report
     from hdvplan.report.plots import plan_figure
     from hdvplan.report.summary import summary_of
+    from hdvplan.road.limits import Limits
     from hdvplan.road.load import RoadOptions, load_road
-    from hdvplan.road.road import Limits, Road
+    from hdvplan.road.road import Road
     from hdvplan.stepping import Stepper
     from hdvplan.vehicle.load import load_vehicle
     from hdvplan.vehicle.model import Unit, Vehicle

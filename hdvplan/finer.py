@@ -24,7 +24,7 @@ from hdvplan.planning.settings import MOST_STAGES, SHORTEST_STEP_M, PlannerSetti
 _SHARE = 0.25  # of what was to be gained that a plan may miss and counts as found: what gives way is kept to some centimetres only
 _REPAIRS = 3  # times as many as of a first plan: with as many, a long vehicle may lack 3 cm where 1.5 do
 _DIVISORS = (2, 5)  # of the distance of stations: whole numbers, so that horizon and replanning distance remain multiples of it
-_WORTH = 0.1  # metres lacking at best per metre between stations beyond which a finer plan is not tried: that much is never gained
+_WORTH = 0.1  # metres lacking at best per metre between stations beyond which a finer plan is not tried: that much is hardly ever gained
 
 
 def replanned(result: Result, *, on_progress: Callable[[float], None] | None = None) -> Result:

@@ -26,10 +26,11 @@ from hdvplan.planning.bias import Bias
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.record import command, record_of, write_record
+from hdvplan.road.limits import Limits
 from hdvplan.road.load import RoadOptions, load_road
 from hdvplan.road.path import ReferencePath
 from hdvplan.road.regions import Kind, Region
-from hdvplan.road.road import Limits, Road
+from hdvplan.road.road import Road
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Unit, Vehicle
 

@@ -11,8 +11,9 @@ from hdvplan.bench.suite import AS_SET, Suite
 from hdvplan.case import Case
 from hdvplan.centring.weights import CentringTable
 from hdvplan.errors import RoadError
+from hdvplan.road.limits import Limits
 from hdvplan.road.load import find_road
-from hdvplan.road.road import Limits, Road
+from hdvplan.road.road import Road
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 

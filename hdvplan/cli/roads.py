@@ -172,7 +172,7 @@ def make_road(
     The file is a curvature profile (CSV: s,kappa). Without options it is the published scenario of that name.
     """
     from hdvplan.fileio import write_atomically
-    from hdvplan.road.road import Limits
+    from hdvplan.road.limits import Limits
 
     if json and out == Path("-"):
         msg = "--json and --out - both write to stdout"

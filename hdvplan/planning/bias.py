@@ -14,8 +14,8 @@ import numpy as np
 
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError, RoadError
+from hdvplan.road.limits import Limits
 from hdvplan.road.load_csv import read_columns
-from hdvplan.road.road import Limits
 
 CENTRE = "centre"
 _COLUMNS = ("s", "bias")

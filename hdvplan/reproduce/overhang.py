@@ -16,7 +16,8 @@ from hdvplan.reproduce import published
 from hdvplan.reproduce.figures import overhang_figure
 from hdvplan.reproduce.study import Progress, Row, Study
 from hdvplan.reproduce.swept import Swept, road_of, swept
-from hdvplan.road.road import Limits, Road
+from hdvplan.road.limits import Limits
+from hdvplan.road.road import Road
 from hdvplan.road.scenarios import uturn, uturn_profile
 from hdvplan.vehicle.load import load_vehicle
 

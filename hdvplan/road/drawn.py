@@ -34,7 +34,7 @@ def drawn_kerbs(path: ReferencePath, edges: tuple[FloatArray, ...]) -> tuple[tup
     for left in (True, False):
         own = sorted((piece for piece in pieces if piece.left is left), key=lambda kerb: kerb.s[0])
         chains = _going_on(_chained(own, path.length if path.closed else np.inf), path)
-        kerbs += [part for kerb in chains for part in within_lap(kerb, path)] or [open_kerb(path, left=left)]
+        kerbs += [part for kerb in chains for part in within_lap(kerb, path)] or [_open(path, left=left)]
         shown = [part for piece in own for part in within_lap(replace(piece, goes_on=False), path)]
         notes += _gaps(sorted(shown, key=lambda kerb: kerb.s[0]), path.length, "left" if left else "right")
     return tuple(kerbs), tuple(notes)
@@ -161,7 +161,7 @@ def within_lap(kerb: Kerb, path: ReferencePath) -> list[Kerb]:
     return [part for part in parts if len(part.points) > 1]
 
 
-def open_kerb(path: ReferencePath, *, left: bool) -> Kerb:
+def _open(path: ReferencePath, *, left: bool) -> Kerb:
     """Return a kerb as far from the road as anything counts."""
     line = About.smooth(path)
     kerb = kerb_of(line.points, line.s, line.sharp, np.full(len(line.s), OPEN_M if left else -OPEN_M), closed=path.closed)

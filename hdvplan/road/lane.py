@@ -8,8 +8,9 @@ import numpy as np
 
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
+from hdvplan.road.limits import Limits
 from hdvplan.road.path import ReferencePath, from_samples
-from hdvplan.road.road import Limits, Road
+from hdvplan.road.road import Road
 
 _TIGHTEST = 0.5  # of the moved line [1/m]; at the centre of curvature it would be infinite
 _SPACING_M = 0.25  # of the moved line's knots, before stretching
@@ -21,15 +22,17 @@ def reversed_road(road: Road) -> Road:
     s = path.spacing * np.arange(round(length / path.spacing), -1.0, -1.0)
     here = path.at(s)
     turned = from_samples(here.x, here.y, here.heading + np.pi, -here.curvature, path.spacing, closed=path.closed)
-    band, smoothing = road.limits, road.smoothing
-    if band is not None:
-        band = Limits(*(column[::-1] for column in (length - band.s, -band.right, -band.left, -band.right_sweep, -band.left_sweep)))
+    limits, smoothing = road.limits, road.smoothing
+    if limits is not None:
+        limits = Limits(
+            *(column[::-1] for column in (length - limits.s, -limits.right, -limits.left, -limits.right_sweep, -limits.left_sweep))
+        )
     if smoothing is not None:
         deviation, curvature = length - smoothing.max_deviation_s, length - smoothing.max_curvature_s
         smoothing = replace(smoothing, max_deviation_s=deviation, max_curvature_s=curvature)
     about = None if road.about is None else road.about.reversed(length)
     drawn = None if road.drawn is None else tuple(kerb.reversed(length) for kerb in road.drawn)
-    return replace(road, path=turned, smoothing=smoothing, about=about).within(band, drawn)
+    return replace(road, path=turned, smoothing=smoothing, about=about).within(limits, drawn)
 
 
 def offset_road(road: Road, offset: float) -> Road:
@@ -55,13 +58,13 @@ def offset_road(road: Road, offset: float) -> Road:
         raise RoadError(msg, s_m=at, hint="choose a smaller --offset, or allow a wider bend with --smooth")
     along = s - offset * (np.unwrap(here.heading) - here.heading[0])
     moved = _moved(path, offset, s, along)
-    band, smoothing = road.limits, road.smoothing
-    if band is not None:
-        columns = (band.left, band.right, band.left_sweep, band.right_sweep)
-        nodes = np.union1d(band.s, s[[0, -1]])  # enough: limits are linear in s, and s' is linear where the road is not bent
+    limits, smoothing = road.limits, road.smoothing
+    if limits is not None:
+        columns = (limits.left, limits.right, limits.left_sweep, limits.right_sweep)
+        nodes = np.union1d(limits.s, s[[0, -1]])  # enough: limits are linear in s, and s' is linear where the road is not bent
         nodes = np.union1d(nodes, s[np.abs(here.curvature) > 0.0]) if _varies(columns) else nodes
-        band = Limits(np.interp(nodes, s, along), *(np.interp(nodes, band.s, column) - offset for column in columns))
-        _refuse_outside(band, offset)
+        limits = Limits(np.interp(nodes, s, along), *(np.interp(nodes, limits.s, column) - offset for column in columns))
+        _refuse_outside(limits, offset)
     if smoothing is not None:
         curvature = np.abs(here.curvature / stretch)
         tightest = int(np.argmax(curvature))
@@ -75,7 +78,7 @@ def offset_road(road: Road, offset: float) -> Road:
         about = replace(about, s=np.interp(about.s, s, along), offset=about.offset + offset, corners=corners)
     if drawn is not None:
         drawn = tuple(replace(kerb, s=_along(kerb.s, s, along)) for kerb in drawn)
-    return replace(road, path=moved, smoothing=smoothing, about=about).within(band, drawn)
+    return replace(road, path=moved, smoothing=smoothing, about=about).within(limits, drawn)
 
 
 def _along(at: FloatArray, s: FloatArray, along: FloatArray) -> FloatArray:
@@ -84,10 +87,10 @@ def _along(at: FloatArray, s: FloatArray, along: FloatArray) -> FloatArray:
     return moved
 
 
-def _refuse_outside(band: Limits, offset: float) -> None:
-    for beyond, side in ((band.left <= 0.0, "left"), (band.right >= 0.0, "right")):
+def _refuse_outside(limits: Limits, offset: float) -> None:
+    for beyond, side in ((limits.left <= 0.0, "left"), (limits.right >= 0.0, "right")):
         if np.any(beyond):
-            at = float(band.s[np.argmax(beyond)])
+            at = float(limits.s[np.argmax(beyond)])
             msg = f"an offset of {offset:g} m lies beyond the {side} limit at s = {at:.1f} m"
             raise RoadError(msg, s_m=at, hint="choose a smaller --offset; left is positive")
 

@@ -15,13 +15,14 @@ from hdvplan.road.drawn import drawn_kerbs
 from hdvplan.road.features import OPTIONS, Choice, refuse_unheeded, roles_of
 from hdvplan.road.given import CORNERS_ASKED, Corners, given_line
 from hdvplan.road.library import NOTICE, example_file, example_names, road_file, road_names
+from hdvplan.road.limits import Limits
 from hdvplan.road.load_csv import has_wkt, read_csv
 from hdvplan.road.load_geojson import json_object, read_geojson
 from hdvplan.road.load_overpass import read_overpass
 from hdvplan.road.load_vector import read_vector
 from hdvplan.road.path import from_curvature
 from hdvplan.road.raw import RawRoad
-from hdvplan.road.road import Limits, Road, Smoothing
+from hdvplan.road.road import Road, Smoothing
 from hdvplan.road.scenarios import SCENARIOS
 from hdvplan.road.steps import MIN_LENGTH_M, refuse_far, refuse_outliers, refuse_sparse
 from hdvplan.road.street import About, Kerb

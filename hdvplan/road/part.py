@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from hdvplan.road.road import Limits, Road
-from hdvplan.road.street import Kerb, Street
+from hdvplan.road.limits import Limits
+from hdvplan.road.road import Road
+from hdvplan.road.street import Street
 
 
 def part_of(road: Road, s_from: float, s_to: float, before: float, after: float) -> Road:
@@ -23,8 +24,8 @@ def part_of(road: Road, s_from: float, s_to: float, before: float, after: float)
         smoothing=None,
         about=None if road.about is None else road.about.part(s_from, s_to, road.path.length),
         limits=None if road.limits is None else _limits(road, road.limits, s_from, s_to),
-        drawn=None if road.given is None else _shifted(road.given.beside(first, last), s_from),
-        faces=None if faces is None else _shifted(faces, s_from),
+        drawn=None if road.given is None else tuple(kerb.shifted(s_from) for kerb in road.given.beside(first, last)),
+        faces=None if faces is None else tuple(face.shifted(s_from) for face in faces),
     )
 
 
@@ -33,7 +34,3 @@ def _limits(road: Road, limits: Limits, s_from: float, s_to: float) -> Limits:
     columns = (limits.left, limits.right, limits.left_sweep, limits.right_sweep)
     s = np.concatenate([limits.s + lap * road.path.length for lap in laps])
     return Limits(s - s_from, *(np.tile(column, len(laps)) for column in columns))
-
-
-def _shifted(kerbs: tuple[Kerb, ...], by: float) -> tuple[Kerb, ...]:
-    return tuple(replace(kerb, s=kerb.s - by) for kerb in kerbs)

@@ -132,11 +132,8 @@ class Line:
         return shapely.LineString(np.stack(self.longer.to_plane(s, 0.0), axis=1))
 
 
-def passages_of(path: ReferencePath, regions: tuple[Region, ...], street: Street | None) -> tuple[Passage, ...]:
+def passages_of(line: Line, regions: tuple[Region, ...], street: Street | None) -> tuple[Passage, ...]:
     """Return where a road passes the polygons beside it, in order of s; ``street`` are its kerbs."""
-    if not regions:
-        return ()
-    line = Line.of(path)
     found = [passage for number, region in enumerate(regions) for passage in _passages(line, number, region, street)]
     return tuple(sorted(found, key=lambda passage: passage.s_from))
 

@@ -1,73 +1,21 @@
-"""A road: its reference path, its limits along s, and where it came from."""
+"""A road: its reference path, its street, and where it came from."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 
 import numpy as np
 
 from hdvplan.arrays import FloatArray
-from hdvplan.errors import OptionError, RoadError
-from hdvplan.road.drawn import open_kerb
-from hdvplan.road.edges import edge_reaches, offsets_of
+from hdvplan.road.edges import limits_beside, narrowed
+from hdvplan.road.limits import Limits
 from hdvplan.road.passages import Line, Passage, passages_of
 from hdvplan.road.path import ReferencePath
 from hdvplan.road.regions import OPEN_M, Kind, Region, Side, distances
 from hdvplan.road.street import About, Kerb, Street
 from hdvplan.road.widened import widened
-
-_SPACING_M = 0.1  # of places beside the faces of regions
-_BESIDE_M, _WITHIN_M = 1e-6, 1e-3  # that a face is longer than its points, for rounding; from its ends, where walls begin
-
-
-@dataclass(frozen=True)
-class Limits:
-    """Signed lateral limits [m] at increasing arclengths ``s`` [m]: left positive, right negative, linear between.
-
-    ``left`` and ``right`` bound wheels and everything between the axles (the drivable region of [BUS]); overhangs may
-    reach ``left_sweep`` and ``right_sweep``, which are at least as wide. Beyond the ends the last value holds. Where obstacles block the
-    road, the left limit lies right of the right one.
-    """
-
-    s: FloatArray
-    left: FloatArray
-    right: FloatArray
-    left_sweep: FloatArray
-    right_sweep: FloatArray
-
-    def __post_init__(self) -> None:
-        """Refuse limits that give overhangs less room than wheels."""
-        for bad, what in (
-            (self.left_sweep < self.left, "overhangs have less room than wheels on the left"),
-            (self.right_sweep > self.right, "overhangs have less room than wheels on the right"),
-        ):
-            if np.any(bad):
-                s = float(self.s[int(np.argmax(bad))])
-                msg = f"{what} at s = {s:.1f} m"
-                raise RoadError(msg, s_m=s)
-
-    @classmethod
-    def constant(cls, left: float, right: float, length: float) -> Limits:
-        """Return limits that are the same everywhere; ``left`` and ``right`` are positive reaches [m]."""
-        for side, reach in (("left", left), ("right", right)):
-            if not (np.isfinite(reach) and reach > 0.0):
-                msg = f"the {side} limit must be a positive number of metres, not {reach:g}"
-                raise OptionError(msg)
-        s = np.array([0.0, length])
-        one = np.ones(2)
-        return cls(s, left * one, -right * one, left * one, -right * one)
-
-    @property
-    def two_regions(self) -> bool:
-        """Whether overhangs have more room than wheels anywhere."""
-        return bool(np.any(self.left_sweep > self.left) or np.any(self.right_sweep < self.right))
-
-    def table(self, s: FloatArray) -> FloatArray:
-        """Return the limits at arclengths ``s`` [m]: rows left, right, left_sweep, right_sweep; shape (4, len(s))."""
-        columns = (self.left, self.right, self.left_sweep, self.right_sweep)
-        return np.stack([np.interp(s, self.s, column) for column in columns])
 
 
 @dataclass(frozen=True)
@@ -112,16 +60,16 @@ class Road:
         """The street's kerbs without its regions; without limits those of an open place where it has regions, None else."""
         if self.drawn is not None:
             return Street.along(self.path, self.drawn)
-        if self.limits is not None:
-            return Street.along(self.path, About.smooth(self.path).kerbs(self.limits))
-        near = bool(np.any(distances(self.path, self.regions) <= OPEN_M))
-        return Street.along(self.path, tuple(open_kerb(self.path, left=left) for left in (True, False))) if near else None
+        limits = self.limits
+        if limits is None and np.any(distances(self.path, self.regions) <= OPEN_M):
+            limits = Limits.constant(OPEN_M, OPEN_M, self.path.length)
+        return None if limits is None else Street.along(self.path, About.smooth(self.path).kerbs(limits))
 
     @cached_property
     def bounds(self) -> Street | None:
         """The street's kerbs with the sweepable areas that join it, without what lies within it; None without limits."""
         street, areas = self.given, [region.polygon for region in self.regions if region.kind is Kind.SWEEPABLE]
-        return replace(street, kerbs=widened(Line.of(self.path), street, areas)) if street is not None and areas else street
+        return replace(street, kerbs=widened(self.line, street, areas)) if street is not None and areas else street
 
     @cached_property
     def kerbs(self) -> Street | None:
@@ -151,9 +99,14 @@ class Road:
         return None if self.beside is None else narrowed(self.path, self.beside, obstacles)
 
     @cached_property
+    def line(self) -> Line:
+        """Its line, as the places of regions beside it are found."""
+        return Line.of(self.path)
+
+    @cached_property
     def passages(self) -> tuple[Passage, ...]:
         """Where the road passes its regions, in order of s."""
-        return passages_of(self.path, self.regions, self.bounds)
+        return passages_of(self.line, self.regions, self.bounds) if self.regions else ()
 
     @property
     def passed(self) -> tuple[Kerb, ...]:
@@ -200,34 +153,3 @@ class Road:
     def with_limits(self, left: float, right: float) -> Road:
         """Return the road with constant limits; ``left``, ``right`` are positive reaches [m]."""
         return self.with_widths(Limits.constant(left, right, self.path.length))
-
-
-def limits_beside(path: ReferencePath, kerbs: tuple[Kerb, ...]) -> Limits:
-    """Return how far kerbs lie from a path, along its normals."""
-    reaches = {}
-    for wheels in (False, True):
-        own = [kerb for kerb in kerbs if kerb.wheels is wheels]
-        if own:
-            s, reaches[wheels] = edge_reaches(path, own)
-    left, right = reaches[False]
-    inner = reaches.get(True, reaches[False])
-    return Limits(s, inner[0], -inner[1], np.maximum(left, inner[0]), -np.maximum(right, inner[1]))
-
-
-def narrowed(path: ReferencePath, limits: Limits, faces: Sequence[Kerb]) -> Limits:
-    """Return limits beside a path as the faces of regions narrow them: those of obstacles all of them, others those of wheels."""
-    if not faces:
-        return limits
-    ends = np.array([(np.min(face.s), np.max(face.s)) for face in faces])
-    jumps = ends[:, None] + np.array([(-_BESIDE_M, _BESIDE_M), (_WITHIN_M, -_WITHIN_M)])
-    s = np.unique(np.concatenate([limits.s, np.arange(0.0, path.length, _SPACING_M), np.clip(jumps.ravel(), 0.0, path.length)]))
-    table = limits.table(s)
-    for face, (begin, end) in zip(faces, ends, strict=True):
-        near = np.flatnonzero((s >= begin - _BESIDE_M) & (s <= end + _BESIDE_M))
-        met = offsets_of(path, face, s[near])
-        seen = np.isfinite(met) & (s[near] >= begin + _WITHIN_M) & (s[near] <= end - _WITHIN_M)
-        if np.any(seen):
-            met = np.interp(s[near], s[near][seen], met[seen])
-            for row in range(0 if face.left else 1, 2 if face.wheels else 4, 2):
-                table[row, near] = np.minimum(table[row, near], met) if face.left else np.maximum(table[row, near], met)
-    return Limits(s, *table)

@@ -17,11 +17,11 @@ import scipy  # its subpackages load when they are first used
 from hdvplan import core
 from hdvplan.arrays import BoolArray, FloatArray, Records
 from hdvplan.road.kerbs import kerb_of
+from hdvplan.road.limits import Limits
 from hdvplan.road.path import ReferencePath
 
 if TYPE_CHECKING:
     from hdvplan.road.given import GivenLine
-    from hdvplan.road.road import Limits
 
 PIECE = core.record(
     "hdv_piece",
@@ -47,7 +47,6 @@ _TURN_M, _AROUND_M = 1.0, 15.0  # of the line's samples, and beside a place: how
 _MOST_BEND = 1.5  # [rad] that count: a kerb in a hairpin is as near along the line as across it
 _SAMPLES_M = 0.25  # of a line that is smooth: an arc of 10 m is then 0.8 mm off its chord
 _ON_M = 1000.0  # that kerbs go on beyond a road: further than a vehicle and its horizon
-_FURTHEST_M = 50.0  # that a kerb is from its line: further than anything counts
 _SHORTEST_M = 1e-6  # two points of a kerb nearer than this are one
 _BACK = -1.0 + 1e-9  # cosine of a turn: a kerb that goes back on itself has no width there
 _SLIVER_M, _SHARPLY = 0.005, -0.5  # a shorter side that the kerb turns to, or from, by over 120 degrees was drawn by nobody
@@ -72,6 +71,10 @@ class Kerb:
     def reversed(self, length: float) -> Kerb:
         """Return the kerb along the line driven the other way, which is ``length`` long [m]."""
         return replace(self, points=self.points[::-1], s=length - self.s[::-1], left=not self.left)
+
+    def shifted(self, by: float) -> Kerb:
+        """Return the kerb with arclengths that count from ``by`` [m]."""
+        return replace(self, s=self.s - by)
 
 
 class Corner(NamedTuple):
@@ -136,7 +139,7 @@ class About:
     def kerbs(self, limits: Limits, corner_radius: float = 0.0) -> tuple[Kerb, ...]:
         """Return the kerbs that lie at ``limits`` from the line; those of wheels besides where overhangs may cross them."""
         points, s, sharp = self._with_nodes(limits.s)
-        rows = _finite(limits.table(s)) + self.offset
+        rows = limits.table(s) + self.offset
         wanted = (2, 3, 0, 1) if limits.two_regions else (2, 3)
         found = []
         for row in wanted:
@@ -242,7 +245,7 @@ class Street:
 
     def shifted(self, by: float) -> Street:
         """Return the street with arclengths that count from ``by`` [m]."""
-        return replace(self, begin=self.begin - by, kerbs=tuple(replace(kerb, s=kerb.s - by) for kerb in self.kerbs))
+        return replace(self, begin=self.begin - by, kerbs=tuple(kerb.shifted(by) for kerb in self.kerbs))
 
     def unrolled(self, s_from: float, s_to: float) -> tuple[Kerb, ...]:
         """Return the kerbs in every lap of a closed road there; those of an open one go on beyond its ends."""
@@ -334,11 +337,6 @@ def _pieces(kerb: Kerb) -> Records:
         found["ends_after"][-2:] = 1
     found["ends"][[0, -1]] = 1, not kerb.goes_on
     return found
-
-
-def _finite(rows: FloatArray) -> FloatArray:
-    """Return limits as offsets in the plane: where obstacles block a road they are infinite."""
-    return np.where(np.isinf(rows), np.sign(rows) * _FURTHEST_M, rows)
 
 
 def _replaced(kerb: Kerb, parts: Sequence[Kerb]) -> Kerb:

@@ -17,11 +17,12 @@ import numpy as np
 from hdvplan.arrays import BoolArray, FloatArray
 from hdvplan.errors import RoadError
 from hdvplan.road.lane import offset_road, reversed_road
+from hdvplan.road.limits import Limits
 from hdvplan.road.load import Line, smoothed
 from hdvplan.road.path import KNOT_SPACING_M, ReferencePath, from_samples
 from hdvplan.road.raw import RawRoad
 from hdvplan.road.regions import OPEN_M, Region
-from hdvplan.road.road import Limits, Road
+from hdvplan.road.road import Road
 from hdvplan.road.street import About, Kerb
 from hdvplan.road.through import chord_of
 

@@ -41,7 +41,7 @@ def clipped(drive: Drive, s_from: float, s_to: float) -> Drive:
 
 def _road(road: Road, s_from: float, s_to: float) -> Road:
     limits = None if road.limits is None else replace(road.limits, s=road.limits.s - s_from)
-    faces = tuple(replace(face, s=face.s - s_from) for face in road.passed)
+    faces = tuple(face.shifted(s_from) for face in road.passed)
     cut = replace(road, path=_path(road.path, s_from, s_to), limits=limits, faces=faces)
     for name in ("bounds", "kerbs"):  # where ``cached_property`` looks: that street does not end where the part does
         street = getattr(road, name)

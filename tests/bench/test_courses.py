@@ -9,9 +9,10 @@ import shapely
 from hdvplan.bench.courses import PINCH_LENGTH_M, PINCH_RAMP_M, cases_of, with_limits
 from hdvplan.bench.suite import Cell, Suite
 from hdvplan.errors import RoadError
+from hdvplan.road.limits import Limits
 from hdvplan.road.path import from_curvature
 from hdvplan.road.regions import Kind, Region
-from hdvplan.road.road import Limits, Road
+from hdvplan.road.road import Road
 from hdvplan.road.scenarios import SCENARIOS
 from hdvplan.vehicle.load import load_vehicle
 

@@ -15,8 +15,9 @@ from hdvplan.planning.objectives import geometric
 from hdvplan.planning.planner import Planner
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import stations_of
+from hdvplan.road.limits import Limits
 from hdvplan.road.path import evaluate_many, from_curvature
-from hdvplan.road.road import Limits, Road
+from hdvplan.road.road import Road
 from hdvplan.solvers.registry import solver_named
 from hdvplan.vehicle.load import load_vehicle
 

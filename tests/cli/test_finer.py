@@ -15,8 +15,9 @@ from hdvplan.errors import PlanError
 from hdvplan.judging.proof import Proof
 from hdvplan.judging.result import Result, attempts_text
 from hdvplan.judging.verdict import verdict_of
+from hdvplan.road.limits import Limits
 from hdvplan.road.path import from_curvature
-from hdvplan.road.road import Limits, Road
+from hdvplan.road.road import Road
 from hdvplan.vehicle.load import load_vehicle
 from tests.cli.conftest import Cli
 

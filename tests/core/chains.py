@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 
 from hdvplan import core
 from hdvplan.arrays import FloatArray, Records
+from hdvplan.road.limits import Limits
 from hdvplan.road.path import ReferencePath, from_curvature
-from hdvplan.road.road import Limits
 from hdvplan.vehicle import kinematics
 from hdvplan.vehicle.model import Unit, Vehicle
 

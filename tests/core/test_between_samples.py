@@ -10,8 +10,9 @@ from hdvplan.judging.balance import KEPT_M
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import BETWEEN
+from hdvplan.road.limits import Limits
 from hdvplan.road.path import from_curvature
-from hdvplan.road.road import Limits, Road
+from hdvplan.road.road import Road
 from hdvplan.solvers.riccati import RiccatiWorkspace
 from hdvplan.vehicle.load import load_vehicle
 from tests.core.twins.street import gaps

@@ -13,7 +13,8 @@ from hdvplan.planning.bias import Bias, bias_named, shifted
 from hdvplan.planning.objectives import Objective, balanced, body_max, geometric, geometric_fixed, lead_axle
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.reproduce.swept import road_of
-from hdvplan.road.road import Limits, Road
+from hdvplan.road.limits import Limits
+from hdvplan.road.road import Road
 from hdvplan.solvers.riccati import RiccatiWorkspace
 from hdvplan.vehicle.load import load_vehicle
 

@@ -13,8 +13,9 @@ from hdvplan.judging.envelope import envelope_of
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import stations_of
+from hdvplan.road.limits import Limits
 from hdvplan.road.path import ReferencePath, from_samples
-from hdvplan.road.road import Limits, Road
+from hdvplan.road.road import Road
 from hdvplan.vehicle.body import axles_behind
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle

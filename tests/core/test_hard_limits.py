@@ -10,9 +10,10 @@ from hdvplan.judging.balance import KEPT_M, Balance, balance_of
 from hdvplan.judging.envelope import envelope_of
 from hdvplan.planning.objectives import geometric, lead_axle
 from hdvplan.planning.settings import PlannerSettings, Scheme
+from hdvplan.road.limits import Limits
 from hdvplan.road.load import RoadOptions, load_road
 from hdvplan.road.path import from_curvature
-from hdvplan.road.road import Limits, Road
+from hdvplan.road.road import Road
 from hdvplan.road.scenarios import uturn, uturn_profile
 from hdvplan.solvers.registry import solver_named
 from hdvplan.solvers.riccati import RiccatiWorkspace

@@ -12,8 +12,9 @@ from hdvplan.planning.objectives import Goal
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations, stations_of
 from hdvplan.planning.terms.limits import CLEAR_M, ROWS_PER_SIDE, LimitsPart
+from hdvplan.road.limits import Limits
 from hdvplan.road.path import from_curvature
-from hdvplan.road.road import Limits, Road
+from hdvplan.road.road import Road
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 from tests.core.chains import placed, three_units, winding

@@ -14,8 +14,9 @@ from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import stations_of
 from hdvplan.qp.judge import largest_multiplier
 from hdvplan.qp.program import StageQp
+from hdvplan.road.limits import Limits
 from hdvplan.road.path import ReferencePath, from_curvature
-from hdvplan.road.road import Limits, Road
+from hdvplan.road.road import Road
 from hdvplan.solvers.riccati import RiccatiWorkspace
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle

@@ -24,7 +24,7 @@ from hdvplan.planning.terms.smoothness import Smoothness
 from hdvplan.planning.terms.steering import Steering
 from hdvplan.planning.terms.term import Horizon, Part, Place, Scene, Term
 from hdvplan.qp.program import StageQp, StageShape, row_dtype
-from hdvplan.road.road import Limits as RoadLimits
+from hdvplan.road.limits import Limits as RoadLimits
 from hdvplan.road.road import Road
 from hdvplan.solvers.riccati import RiccatiWorkspace
 from hdvplan.vehicle.load import load_vehicle

@@ -18,8 +18,9 @@ from hdvplan.need.stretch import stretch_of
 from hdvplan.need.widening import Widenings, least_widenings, own_plans
 from hdvplan.report.need_layers import shown_plan
 from hdvplan.report.needs import need_json, need_lines
+from hdvplan.road.limits import Limits
 from hdvplan.road.regions import Kind, Region
-from hdvplan.road.road import Limits, Road
+from hdvplan.road.road import Road
 from tests.need.test_room import BUS, bend_of_16_m, case_on, corner, least_in_the_bend
 
 LACK_M = 0.25

@@ -12,9 +12,10 @@ from hdvplan.proof.coupling import coupling_of
 from hdvplan.proof.poses import fits, outline_of, seen_from
 from hdvplan.proof.reach import Reached, reachable
 from hdvplan.proof.space import MOST, Beside, Frame, beside, bins_for, frame_of
+from hdvplan.road.limits import Limits
 from hdvplan.road.path import from_curvature
 from hdvplan.road.regions import Kind, Region
-from hdvplan.road.road import Limits, Road
+from hdvplan.road.road import Road
 from hdvplan.vehicle.load import load_vehicle
 from tests.proof import twin
 

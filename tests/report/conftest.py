@@ -13,8 +13,9 @@ from hdvplan.driving.drive import drive
 from hdvplan.judging.result import Result, result_of
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.settings import PlannerSettings
+from hdvplan.road.limits import Limits
 from hdvplan.road.path import from_curvature
-from hdvplan.road.road import Limits, Road
+from hdvplan.road.road import Road
 from hdvplan.road.scenarios import SCENARIOS
 from hdvplan.solvers.registry import solver_named
 from hdvplan.vehicle.load import load_vehicle

@@ -9,8 +9,9 @@ import pytest
 
 from hdvplan.centring.stationary import swept_band
 from hdvplan.judging.fit import Trouble, finding_text, fit_of, fit_table, needs_of
+from hdvplan.road.limits import Limits
 from hdvplan.road.path import from_curvature
-from hdvplan.road.road import Limits, Road
+from hdvplan.road.road import Road
 from hdvplan.road.scenarios import turn_profile
 from hdvplan.vehicle.load import load_vehicle
 

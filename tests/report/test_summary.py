@@ -9,8 +9,9 @@ import pytest
 from hdvplan.judging.fit import facts_of, fit_of
 from hdvplan.judging.result import Result, body_name
 from hdvplan.report.summary import needed_half_width, step_times_ms, summary_of
+from hdvplan.road.limits import Limits
 from hdvplan.road.path import from_curvature
-from hdvplan.road.road import Limits, Road
+from hdvplan.road.road import Road
 from hdvplan.road.scenarios import SCENARIOS
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Unit, Vehicle

@@ -9,8 +9,8 @@ import shapely
 from hdvplan.judging.result import Result, result_of
 from hdvplan.judging.verdict import Verdict, verdict_line, verdict_of, verdict_title
 from hdvplan.report.summary import summary_of
+from hdvplan.road.limits import Limits
 from hdvplan.road.regions import Kind, Region
-from hdvplan.road.road import Limits
 
 
 def judged(result: Result, **changes: object) -> Result:

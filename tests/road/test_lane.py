@@ -11,10 +11,11 @@ import shapely
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
 from hdvplan.road.lane import offset_road, reversed_road
+from hdvplan.road.limits import Limits
 from hdvplan.road.load import RoadOptions, load_road
 from hdvplan.road.path import ReferencePath, from_curvature
 from hdvplan.road.regions import Kind, Region
-from hdvplan.road.road import Limits, Road
+from hdvplan.road.road import Road
 
 S_BEND = from_curvature(np.array([0.0, 30.0, 45.0, 70.0, 100.0, 130.0]), np.array([0.0, 0.0, 0.08, 0.08, -0.1, 0.0]))
 

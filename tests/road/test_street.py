@@ -13,9 +13,10 @@ from hypothesis import strategies as st
 from hdvplan.arrays import FloatArray, Records
 from hdvplan.road.drawn import drawn_kerbs
 from hdvplan.road.given import given_line
+from hdvplan.road.limits import Limits
 from hdvplan.road.path import ReferencePath, from_curvature
 from hdvplan.road.regions import Kind, Region
-from hdvplan.road.road import Limits, Road
+from hdvplan.road.road import Road
 from hdvplan.road.street import About, Kerb, Street, rooms_of
 from tests.core.chains import arc
 

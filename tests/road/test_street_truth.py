@@ -18,11 +18,12 @@ from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.judging.verdict import Verdict, verdict_of
 from hdvplan.road.given import given_line
+from hdvplan.road.limits import Limits
 from hdvplan.road.load import Line, RoadOptions, load_road, smoothed
 from hdvplan.road.path import from_curvature
 from hdvplan.road.raw import RawRoad
 from hdvplan.road.regions import Kind, Region
-from hdvplan.road.road import Limits, Road
+from hdvplan.road.road import Road
 from hdvplan.road.street import About
 from hdvplan.vehicle.load import load_vehicle
 

@@ -9,7 +9,8 @@ from hdvplan.errors import PlanError
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.qp.program import StageQp
-from hdvplan.road.road import Limits, Road
+from hdvplan.road.limits import Limits
+from hdvplan.road.road import Road
 from hdvplan.road.scenarios import SCENARIOS
 from hdvplan.solvers.riccati import RiccatiWorkspace
 from hdvplan.vehicle.load import load_vehicle
