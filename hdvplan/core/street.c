@@ -184,6 +184,12 @@ static int is_beside(const struct hdv_piece *piece, double s) {
     return piece->s_low <= s + WINDOW_M && piece->s_high >= s - WINDOW_M;
 }
 
+/* The same of a piece's first point, for a body from one arclength to another. */
+static int begins_beside(const struct hdv_piece *piece, double rear, double front) {
+    double further = piece->s_high - larger(piece->s_begin, piece->s_end) + WINDOW_M;
+    return piece->s_begin - further <= front && piece->s_begin + further >= rear;
+}
+
 static int is_wall(const struct hdv_piece *piece) {
     return fabs(piece->s_end - piece->s_begin) < WALL * piece->length;
 }
@@ -357,7 +363,8 @@ void look_at_body(
             continue;
         }
         struct outline *on = piece->wheels ? &wheels_of : &body;
-        if (piece->corner && piece->s_begin <= in.last) {
+        if (piece->corner && piece->s_begin <= in.last &&
+            begins_beside(piece, in.axle + on->rear, in.axle + on->front)) {
             meet_side(&in, piece, number, on, found);
         }
         for (int end = 0; end < 2; end++) {
