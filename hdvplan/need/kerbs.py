@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -56,14 +57,14 @@ def moved(road: Road, sides: Sequence[str], by: float) -> Road:
     """Return a road with its kerbs on some sides ``by`` metres further out."""
     street = road.bounds
     assert street is not None  # noqa: S101 - for the type checker: the road has limits
-    kerbs = (_moved(kerb, by, closed=street.closed) if side_of(kerb) in sides else kerb for kerb in street.kerbs)
-    return on_kerbs(road, tuple(kerbs))
+    moved = (_moved(kerb, by, closed=street.closed) if side_of(kerb) in sides else [kerb] for kerb in street.kerbs)
+    return on_kerbs(road, tuple(itertools.chain.from_iterable(moved)))
 
 
-def _moved(kerb: Kerb, by: float, *, closed: bool) -> Kerb:
+def _moved(kerb: Kerb, by: float, *, closed: bool) -> list[Kerb]:
     reach = np.full(len(kerb.s), by if kerb.left else -by)
-    found = kerb_of(kerb.points, kerb.s, _corners(kerb.points), reach, closed=closed)
-    return replace(kerb, points=found.points, s=found.number)
+    found = kerb_of(kerb.points, kerb.s, _corners(kerb.points), reach, closed=closed and kerb.goes_on)
+    return [replace(kerb, points=one.points, s=one.number, goes_on=kerb.goes_on and one.whole) for one in found]
 
 
 def _corners(points: FloatArray) -> BoolArray:
@@ -111,7 +112,7 @@ def _around(drive: Drive, street: Street, kerb: Kerb, stretch: tuple[float, floa
     """Return a part of a kerb that is moved out around what is swept beyond it, and the areas between."""
     around_all = street.closed and stretch[1] - stretch[0] >= street.length
     part = street.part(kerb, stretch[0], stretch[1] - (_CUT_M if around_all else 0.0))
-    line, far = shapely.LineString(part.points), _moved(part, _FAR_M, closed=False).points
+    line, far = shapely.LineString(part.points), np.concatenate([one.points for one in _moved(part, _FAR_M, closed=False)])
     strip = shapely.make_valid(shapely.Polygon(np.concatenate([part.points, far[::-1]])))
     swept = _swept(drive, stretch, strip, axles_only=kerb.wheels).buffer(aside, quad_segs=4)
     patches = [_patch(part, line, area) for area in shapely.get_parts(strip.intersection(swept)) if area.area > _LEAST_M2]

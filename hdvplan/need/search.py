@@ -60,7 +60,7 @@ class Question:
         held = min((spare[side] for side in SIDES if side not in self.sides), default=0.0)
         if min(held, _islands_spare(result)) < -KEPT_M or too_near(result) is not None:
             return np.inf
-        least = min(spare[side] for side in self.sides)
+        least = min(*(spare[side] for side in self.sides), room)  # infinite where a street wider than its turn has no kerb inside
         if least > 0.0:
             nearer = max(room - least, self.lowest)
             there = self._spare(result, nearer)

@@ -119,7 +119,10 @@ def beside(road: Road, s_from: float, s_to: float, *, room: float) -> Beside | N
     street = road.kerbs
     if street is None:
         return None
-    regions = _sides(street.unrolled(s_from, s_to), s_from, s_to)
+    kerbs = street.unrolled(s_from, s_to)
+    if {kerb.left for kerb in kerbs} != {True, False}:  # a street wider than its turn has none inside
+        return None
+    regions = _sides(kerbs, s_from, s_to)
     first = max(s_from, *(float(kerb.s[0]) for sides in regions for kerb in sides))
     last = min(s_to, *(float(kerb.s[-1]) for sides in regions for kerb in sides))
     if last - first < STRETCH_M:

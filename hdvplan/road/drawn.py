@@ -8,7 +8,7 @@ import numpy as np
 import scipy  # its subpackages load when they are first used
 
 from hdvplan.arrays import BoolArray, FloatArray, IntArray
-from hdvplan.road.kerbs import kerb_of
+from hdvplan.road.limits import Limits
 from hdvplan.road.path import ReferencePath, project_many
 from hdvplan.road.regions import OPEN_M
 from hdvplan.road.street import About, Kerb, between
@@ -29,12 +29,13 @@ def drawn_kerbs(path: ReferencePath, edges: tuple[FloatArray, ...]) -> tuple[tup
     """
     longer = path.extended(BEYOND_M, BEYOND_M)
     pieces = [piece for edge in edges for piece in _sided(longer, path, edge)]
+    open_place = About.smooth(path).kerbs(Limits.constant(OPEN_M, OPEN_M, path.length))
     kerbs: list[Kerb] = []
     notes: list[str] = []
     for left in (True, False):
         own = sorted((piece for piece in pieces if piece.left is left), key=lambda kerb: kerb.s[0])
         chains = _going_on(_chained(own, path.length if path.closed else np.inf), path)
-        kerbs += [part for kerb in chains for part in within_lap(kerb, path)] or [_open(path, left=left)]
+        kerbs += [part for kerb in chains for part in within_lap(kerb, path)] or [kerb for kerb in open_place if kerb.left is left]
         shown = [part for piece in own for part in within_lap(replace(piece, goes_on=False), path)]
         notes += _gaps(sorted(shown, key=lambda kerb: kerb.s[0]), path.length, "left" if left else "right")
     return tuple(kerbs), tuple(notes)
@@ -159,13 +160,6 @@ def within_lap(kerb: Kerb, path: ReferencePath) -> list[Kerb]:
         laps = [replace(kerb, points=np.concatenate([one.points for one in laps]), s=np.concatenate([one.s for one in laps]))]
     parts = [between(one, 0.0, path.length) for one in laps]
     return [part for part in parts if len(part.points) > 1]
-
-
-def _open(path: ReferencePath, *, left: bool) -> Kerb:
-    """Return a kerb as far from the road as anything counts."""
-    line = About.smooth(path)
-    kerb = kerb_of(line.points, line.s, line.sharp, np.full(len(line.s), OPEN_M if left else -OPEN_M), closed=path.closed)
-    return Kerb(kerb.points, kerb.number, left)
 
 
 def _gaps(pieces: list[Kerb], length: float, side: str) -> list[str]:

@@ -1,7 +1,8 @@
 """Kerbs: the lines parallel to a line at its widths, as they bound the street.
 
 Beside a corner's outside they run on to the mitre. Inside a corner, and where the line bends more tightly than the width,
-the plain offset line folds back and makes a loop; the loop is cut out where the offset line crosses itself.
+the plain offset line folds back and makes a loop; the loop is cut out where the offset line crosses itself. Where a street is wider than
+the half turn it makes, its arms are one area, with no kerb between them.
 """
 
 from __future__ import annotations
@@ -20,27 +21,36 @@ from hdvplan.arrays import BoolArray, FloatArray, IntArray
 
 _MITRE = 2.0  # of the width: further out the mitre is cut square
 _CHORD_M = 1e-3  # that points of a kerb may be left out
-_JUMP_M = 0.5  # of line over which a fold without a crossing is a jump of the width
 _FURTHEST_M = 100.0  # along the line that a loop is looked for: wider streets fold at no corner
 _FAR = 6.0  # times the largest width on: inside corners of up to 160 degrees the kerbs have met; other arms of the road are further
 _ROUNDING_M = 1e-9
+_WITHIN_M = 0.1  # that a place is within the street: more than chords of arcs are
 _SHORT_M = 1e-3  # legs of corners that are not rounded, and points of legs left out
 _LEGS = 3.0  # radii of a rounded corner's legs: enough for 140 degrees
 
 
 @dataclass(frozen=True)
 class Kerb:
-    """One side's kerb along a line: ``points``, shape (k, 2) [m], and the position ``number`` (k,) of the line's point each belongs to."""
+    """One side's kerb along a line: ``points``, shape (k, 2) [m], and the position ``number`` (k,) of the line's point each belongs to.
+
+    Where ``whole`` it reaches from the line's first point to its last; else there are others, and at an open line's ends it goes on beyond.
+    """
 
     points: FloatArray
     number: FloatArray
+    whole: bool
 
 
 @dataclass(frozen=True)
 class _Raw:
-    """The plain offset line: points, numbers, arclengths of the line [m], what folds back (a segment each), and corners (a point each)."""
+    """The plain offset line: of every point that of the line, reach [m], number, arclength of the line [m] and whether it is a corner.
+
+    Of every segment: whether it folds back.
+    """
 
     points: FloatArray
+    line: FloatArray
+    reach: FloatArray
     number: FloatArray
     s: FloatArray
     folded: BoolArray
@@ -49,40 +59,55 @@ class _Raw:
 
 @dataclass(frozen=True)
 class _Cut:
-    """A loop around segments ``first`` to ``last``, which fold back: where it begins and ends (segment and share), and what replaces it."""
+    """A loop around segments ``first`` to ``last``, which fold back: where it begins and ends (segment and share), and what replaces it.
+
+    The kerb ends before it and begins again beyond it where ``place`` is None.
+    """
 
     first: int
     last: int
     begin: float
     end: float
-    place: FloatArray
+    place: FloatArray | None
     number: float
     corner: bool
 
 
 def kerb_of(
     points: FloatArray, number: FloatArray, sharp: BoolArray, reach: FloatArray, *, closed: bool, corner_radius: float = 0.0
-) -> Kerb:
+) -> list[Kerb]:
     """Return the kerb at ``reach`` (m,) [m], left positive, beside a line of ``points`` (m, 2) [m] at positions ``number`` (m,).
 
     ``sharp`` (m,) says where the line has a corner. Between points the reach is linear; two points in one place make a step.
     The kerb inside a corner is rounded with ``corner_radius`` [m], or less where its legs are too short. A closed line
-    repeats its first point at the end, and so does its kerb.
+    repeats its first point at the end, and so does its kerb. Where there is none in between, the kerb is in parts.
     """
-    period = number[-1] - number[0]
+    begin, end = number[0], number[-1]
+    far = float(np.clip(_FAR * np.max(np.abs(reach)), 1.0, _FURTHEST_M))
     if closed:  # three times around: the middle one knows no ends
         points, sharp, reach = (np.concatenate([values, values[1:], values[1:]]) for values in (points, sharp, reach))
-        number = np.concatenate([number, number[1:] + period, number[1:] + 2.0 * period])
-    raw = _offset(points, number, sharp, reach)
-    places, numbers, corners = _trimmed(raw, min(_FAR * float(np.max(np.abs(reach))), _FURTHEST_M))
-    if corner_radius > 0.0:
-        places, numbers = _rounded(places, numbers, corners, corner_radius)
-    if closed:
-        places, numbers = _between(places, numbers, number[0] + period, number[-1] - period)
-        numbers -= period
-    indexed = shapely.linestrings(np.column_stack([places, np.arange(len(places))]))
-    kept = shapely.get_coordinates(shapely.simplify(indexed, _CHORD_M, preserve_topology=False), include_z=True)[:, 2].astype(int)
-    return Kerb(places[kept], numbers[kept])
+        number = np.concatenate([number - (end - begin), number[1:], number[1:] + (end - begin)])
+    else:  # straight on: what is inside a corner near an end is met there
+        chords = np.diff(points, axis=0)
+        ends = chords[np.flatnonzero(np.any(chords != 0.0, axis=1))[[0, -1]]]
+        ahead = far * ends / np.hypot(*ends.T)[:, None]
+        points = np.concatenate([points[:1] - ahead[:1], points, points[-1:] + ahead[1:]])
+        number = np.concatenate([[begin - far], number, [end + far]])
+        sharp, reach = np.pad(sharp, 1), np.pad(reach, 1, mode="edge")
+    parts = _trimmed(_offset(points, number, sharp, reach), far)
+    kerbs = []
+    for places, numbers, corners in parts:
+        if len(numbers) < 2:  # noqa: PLR2004 - nothing is left
+            continue
+        if corner_radius > 0.0:
+            places, numbers = _rounded(places, numbers, corners, corner_radius, (begin, end))  # noqa: PLW2901 - what is left of them
+        if closed or len(parts) == 1:
+            places, numbers = _between(places, numbers, begin, end)  # noqa: PLW2901 - as above
+        if len(numbers) > 1:
+            indexed = shapely.linestrings(np.column_stack([places, np.arange(len(places))]))
+            kept = shapely.get_coordinates(shapely.simplify(indexed, _CHORD_M, preserve_topology=False), include_z=True)[:, 2].astype(int)
+            kerbs.append(Kerb(places[kept], numbers[kept], whole=len(parts) == 1))
+    return kerbs
 
 
 def _offset(points: FloatArray, number: FloatArray, sharp: BoolArray, reach: FloatArray) -> _Raw:
@@ -114,22 +139,25 @@ def _offset(points: FloatArray, number: FloatArray, sharp: BoolArray, reach: Flo
     along = np.where((of[1:] == of[:-1])[:, None], tangent[of[1:]], unit[before[of[1:]]])
     folded = np.sum(np.diff(places, axis=0) * along, axis=1) < -_ROUNDING_M
     s = np.concatenate([[0.0], np.cumsum(length)])
-    return _Raw(places, number[of], s[of], folded, (sharp & (reach * half > 0.0))[of])
+    return _Raw(places, points[of], reach[of], number[of], s[of], folded, (sharp & (reach * half > 0.0))[of])
 
 
 def _between(places: FloatArray, numbers: FloatArray, first: float, last: float) -> tuple[FloatArray, FloatArray]:
     """Return the part of a kerb between two numbers."""
+    first, last = max(first, numbers[0]), min(last, numbers[-1])
+    if last <= first:
+        return places[:0], numbers[:0]
     inner = (numbers > first) & (numbers <= last)
     ends = []
     for value in (first, last):
-        at = int(np.searchsorted(numbers, value, side="right")) - 1
+        at = min(int(np.searchsorted(numbers, value, side="right")), len(numbers) - 1) - 1
         share = (value - numbers[at]) / (numbers[at + 1] - numbers[at])
         ends.append(places[at] + share * (places[at + 1] - places[at]))
     return np.vstack([ends[0], places[inner], ends[1]]), np.concatenate([[first], numbers[inner], [last]])
 
 
-def _trimmed(raw: _Raw, far: float) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Return the offset line without its loops, its numbers, and which of its points are inside corners."""
+def _trimmed(raw: _Raw, far: float) -> list[tuple[FloatArray, FloatArray, IntArray]]:
+    """Return the parts of the offset line without its loops: points, numbers, and which of its points are inside corners."""
     flags = np.diff(raw.folded.astype(int), prepend=0, append=0)
     cuts: list[_Cut] = []
     for fold in zip(np.flatnonzero(flags > 0).tolist(), (np.flatnonzero(flags < 0) - 1).tolist(), strict=True):
@@ -138,22 +166,29 @@ def _trimmed(raw: _Raw, far: float) -> tuple[FloatArray, FloatArray, IntArray]:
             before = cuts.pop()
             cut = _cut(raw, before.first, max(before.last, cut.last), far)
         cuts.append(cut)
-    pieces, numbers, corners, start, count = [], [], [], 0, 0
-    for cut in cuts:
-        stop, after = math.floor(cut.begin) + 1, math.floor(cut.end) + 1
-        pieces += [raw.points[start:stop], cut.place[None]]
-        numbers += [raw.number[start:stop], [cut.number]]
-        count += stop - start + 1
-        if cut.corner:
-            corners.append(count - 1)
-        start = after
-    return np.vstack([*pieces, raw.points[start:]]), np.concatenate([*numbers, raw.number[start:]]), np.array(corners, dtype=int)
+    parts: list[tuple[FloatArray, FloatArray, IntArray]] = []
+    pieces, numbers = list[FloatArray](), list[FloatArray]()
+    corners, start = list[int](), 0
+    for cut_out in (*cuts, None):
+        stop = len(raw.points) if cut_out is None else math.floor(cut_out.begin) + 1
+        pieces.append(raw.points[start:stop])
+        numbers.append(raw.number[start:stop])
+        if cut_out is not None:
+            start = math.floor(cut_out.end) + 1
+        if cut_out is None or cut_out.place is None:
+            parts.append((np.concatenate(pieces), np.concatenate(numbers), np.array(corners, dtype=np.int64)))
+            pieces, numbers, corners = [], [], []
+        else:
+            pieces.append(cut_out.place[None])
+            numbers.append(np.array([cut_out.number]))
+            corners += [sum(map(len, pieces)) - 1] if cut_out.corner else []
+    return parts
 
 
 def _cut(raw: _Raw, first: int, last: int, far: float) -> _Cut:
     """Return where the offset line crosses itself around segments ``first`` to ``last`` that fold back, within ``far`` [m] of them.
 
-    Where it does not, the kerb ends at the fold if the line ends soon; else it goes straight across.
+    Where it does not, the width jumps, and the kerb goes straight across; or that is within the street, and there is no kerb.
     """
     for window in (0.1 * far, 0.3 * far, far):
         low = max(int(np.searchsorted(raw.s, raw.s[first] - window)) - 1, 0)
@@ -174,27 +209,31 @@ def _cut(raw: _Raw, first: int, last: int, far: float) -> _Cut:
             corner = bool(np.any(raw.corner[first : last + 2]))
             middle = 0.5 * (raw.number[first] + raw.number[last + 1])
             return _Cut(first, last, one[i] + t[i, j], other[j] + q[i, j], raw.points[one[i]] + t[i, j] * u[i, 0], middle, corner)
-    if raw.s[last + 1] - raw.s[first] < _JUMP_M:  # the width jumps
+    around, across = slice(low, high + 1), 0.5 * (raw.points[first] + raw.points[last + 1])
+    line, reach = shapely.LineString(raw.line[around]), np.abs(raw.reach)
+    if shapely.distance(shapely.Point(across), line) > min(reach[first], reach[last + 1]) - _WITHIN_M:
         return _Cut(first, last, first, last, raw.points[first], raw.number[first], corner=False)
-    if raw.s[-1] - raw.s[last + 1] < min(far, raw.s[first] - raw.s[0]):
-        return _Cut(first, last, first, len(raw.folded), raw.points[first], raw.number[-1], corner=False)
-    if raw.s[first] - raw.s[0] < far:
-        return _Cut(first, last, -1.0, last, raw.points[last + 1], raw.number[0], corner=False)
-    return _Cut(first, last, first, last, raw.points[first], raw.number[first], corner=False)
+    on = low + np.flatnonzero(shapely.distance(shapely.points(raw.points[around]), line) > reach[around] - _WITHIN_M)
+    before, beyond = on[on <= first], on[on > last]
+    begin, end = before[-1] if len(before) else low - 1, beyond[0] - 1 if len(beyond) else high
+    return _Cut(first, last, begin, end, None, raw.number[first], corner=False)
 
 
-def _rounded(places: FloatArray, numbers: FloatArray, corners: IntArray, radius: float) -> tuple[FloatArray, FloatArray]:
-    """Return the kerb with its points ``corners`` rounded, each within half the way to the next one."""
+def _rounded(
+    places: FloatArray, numbers: FloatArray, corners: IntArray, radius: float, ends: tuple[float, float]
+) -> tuple[FloatArray, FloatArray]:
+    """Return the kerb with its points ``corners`` rounded, each within half the way to the next one, or the way to the numbers ``ends``."""
     s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(places, axis=0).T))])
-    limits = np.concatenate([[0.0], 0.5 * (s[corners[1:]] + s[corners[:-1]]), s[-1:]])
+    low, high = np.interp(ends, numbers, s)
+    limits = np.concatenate([[low], 0.5 * (s[corners[1:]] + s[corners[:-1]]), [high]])
     line = shapely.LineString(places)
     pieces, along, start = [], [], 0
     for at, (low, high) in zip(corners.tolist(), itertools.pairwise(limits.tolist()), strict=False):
         reach = _LEGS * radius
-        ends = max(low, s[at] - reach), min(high, s[at] + reach)
-        if min(s[at] - ends[0], ends[1] - s[at]) < _SHORT_M:
+        legs_end = max(low, s[at] - reach), min(high, s[at] + reach)
+        if min(s[at] - legs_end[0], legs_end[1] - s[at]) < _SHORT_M:
             continue
-        legs = [shapely.simplify(substring(line, *part), _SHORT_M) for part in ((ends[0], s[at]), (s[at], ends[1]))]
+        legs = [shapely.simplify(substring(line, *part), _SHORT_M) for part in ((legs_end[0], s[at]), (s[at], legs_end[1]))]
         fits = 1.0 if _arc(legs, radius) else 0.0
         for halving in (0.5**k for k in range(1, 11) if fits < 1.0):  # the largest radius to a thousandth
             fits += halving if _arc(legs, (fits + halving) * radius) else 0.0

@@ -143,8 +143,8 @@ class About:
         wanted = (2, 3, 0, 1) if limits.two_regions else (2, 3)
         found = []
         for row in wanted:
-            kerb = kerb_of(points, s, sharp, rows[row], closed=self.closed, corner_radius=corner_radius)
-            found.append(Kerb(kerb.points, kerb.number, row % 2 == 0, row < 2))  # noqa: PLR2004 - rows of ``Limits.table``
+            kerbs = kerb_of(points, s, sharp, rows[row], closed=self.closed, corner_radius=corner_radius)
+            found += [Kerb(kerb.points, kerb.number, row % 2 == 0, row < 2, kerb.whole) for kerb in kerbs]  # noqa: PLR2004 - rows of ``Limits.table``
         return tuple(found)
 
     def _with_nodes(self, nodes: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:

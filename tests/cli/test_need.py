@@ -94,8 +94,8 @@ def test_a_road_wide_enough_is_a_yes(cli: Cli, bend: str) -> None:
 
 @pytest.mark.slow
 def test_a_held_edge_that_cannot_be_kept_is_a_no_with_what_it_takes(cli: Cli, tmp_path: Path) -> None:
-    # An edge 0.9 m outside of a half turn of 15.5 m: no long vehicle turns so tightly, however wide the road is inside.
-    (tmp_path / "turn.csv").write_text("s,kappa\n0,0\n20,0\n26,-0.0645\n77,-0.0645\n83,0\n110,0\n", encoding="utf-8")
+    # An edge 0.9 m outside of a half turn of 10.5 m: no long vehicle turns so tightly, however wide the road is inside.
+    (tmp_path / "turn.csv").write_text("s,kappa\n0,0\n20,0\n26,-0.095\n61,-0.095\n67,0\n95,0\n", encoding="utf-8")
     outcome = cli("need", "turn.csv", "--vehicle", "tractor-trailer-24m", "--fix", "left", "--left", "0.9", "--json", "--no-plot")
     assert outcome.code == 1
     told = json.loads(outcome.out)

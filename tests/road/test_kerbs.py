@@ -24,7 +24,8 @@ def street(*points: tuple[float, float]) -> tuple[FloatArray, FloatArray, BoolAr
 
 
 def side(line: tuple[FloatArray, FloatArray, BoolArray], width: float, *, closed: bool = False, corner_radius: float = 0.0) -> Kerb:
-    return kerb_of(*line, np.full(len(line[0]), width), closed=closed, corner_radius=corner_radius)
+    (kerb,) = kerb_of(*line, np.full(len(line[0]), width), closed=closed, corner_radius=corner_radius)
+    return kerb
 
 
 def dense(path: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray, BoolArray]:
@@ -83,7 +84,7 @@ def test_kerbs_of_corners_bound_the_union_of_what_lies_between_line_and_offsets(
     steps = np.array(legs[: len(heading)])[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=1)
     points = np.vstack([[0.0, 0.0], np.cumsum(steps, axis=0)])
     reach = sign * np.array(widths[: len(points)])
-    kerb = kerb_of(*street(*map(tuple, points)), reach, closed=False)
+    (kerb,) = kerb_of(*street(*map(tuple, points)), reach, closed=False)
     assert np.all(np.diff(kerb.number) >= 0.0)
     line = shapely.LineString(points)
     if not shapely.LineString(kerb.points).is_simple or shapely.LineString(kerb.points).intersects(line):
@@ -133,7 +134,7 @@ def test_the_kerbs_of_a_closed_circle_are_circles() -> None:
     line = 15.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     line[-1] = line[0]
     for width in (3.0, -3.0):
-        kerb = kerb_of(line, np.linspace(0.0, 8.0, 401), np.zeros(401, dtype=bool), np.full(401, width), closed=True)
+        (kerb,) = kerb_of(line, np.linspace(0.0, 8.0, 401), np.zeros(401, dtype=bool), np.full(401, width), closed=True)
         np.testing.assert_allclose(kerb.points[0], kerb.points[-1])
         assert (kerb.number[0], kerb.number[-1]) == (0.0, 8.0)
         assert np.all(np.diff(kerb.number) >= 0.0)
@@ -146,7 +147,7 @@ def test_the_kerbs_of_a_closed_square_have_its_corners_wherever_it_begins(first:
     corners = np.array([[0.0, 0.0], [40.0, 0.0], [40.0, 40.0], [0.0, 40.0]])
     line = np.vstack([np.roll(corners, -first, axis=0), corners[first]])
     for width, edge in ((3.0, 34.0), (-3.0, 46.0)):
-        kerb = kerb_of(line, np.arange(5.0), np.ones(5, dtype=bool), np.full(5, width), closed=True)
+        (kerb,) = kerb_of(line, np.arange(5.0), np.ones(5, dtype=bool), np.full(5, width), closed=True)
         np.testing.assert_allclose(kerb.points[0], kerb.points[-1], atol=1e-9)  # rounding
         np.testing.assert_allclose([kerb.number[0], kerb.number[-1]], [0.0, 4.0])
         polygon = shapely.Polygon(kerb.points)
@@ -171,14 +172,14 @@ def test_a_kerb_is_rounded_only_as_far_as_its_shorter_leg_allows() -> None:
 
 def test_a_jump_of_the_width_is_a_step_along_the_normal() -> None:
     line = np.array([[0.0, 0.0], [20.0, 0.0], [20.0, 0.0], [50.0, 0.0]])
-    kerb = kerb_of(line, np.array([0.0, 1.0, 1.0, 2.0]), np.zeros(4, dtype=bool), np.array([3.0, 3.0, 5.0, 5.0]), closed=False)
+    (kerb,) = kerb_of(line, np.array([0.0, 1.0, 1.0, 2.0]), np.zeros(4, dtype=bool), np.array([3.0, 3.0, 5.0, 5.0]), closed=False)
     np.testing.assert_allclose(kerb.points, [[0.0, 3.0], [20.0, 3.0], [20.0, 5.0], [50.0, 5.0]])
     np.testing.assert_allclose(kerb.number, [0.0, 1.0, 1.0, 2.0])
 
 
 def test_a_width_that_changes_makes_a_slanting_kerb_and_still_one_corner() -> None:
     line = street((0.0, 0.0), (40.0, 0.0), (40.0, 40.0))
-    kerb = kerb_of(*line, np.array([2.0, 4.0, 3.0]), closed=False)
+    (kerb,) = kerb_of(*line, np.array([2.0, 4.0, 3.0]), closed=False)
     assert len(kerb.points) == 3
     corner = kerb.points[1]
     assert corner[1] == pytest.approx(2.0 + 0.05 * corner[0])
@@ -190,7 +191,33 @@ def test_a_point_that_is_given_twice_in_a_bend_leaves_the_kerb_as_it_is() -> Non
     line, number = 20.0 * np.stack([np.sin(angle), 1.0 - np.cos(angle)], axis=1), np.arange(41.0)
     twice = np.sort(np.append(np.arange(41), 17))
     for reach in (3.0, -3.0):
-        once, again = (
+        (once,), (again,) = (
             kerb_of(line[at], number[at], np.zeros(len(at), bool), np.full(len(at), reach), closed=False) for at in (np.arange(41), twice)
         )
         np.testing.assert_array_equal(again.points, once.points)
+
+
+def hairpin(leg: float, radius: float) -> FloatArray:
+    """Return a straight, a half turn to the left and a straight back."""
+    angle = np.linspace(0.0, math.pi, 65)
+    turn = np.stack([leg + radius * np.sin(angle), radius * (1.0 - np.cos(angle))], axis=1)
+    return np.vstack([[0.0, 0.0], turn, [0.0, 2.0 * radius]])
+
+
+def test_a_street_wider_than_its_half_turn_has_no_kerb_inside_as_far_as_its_arms_are_looked_at_together() -> None:
+    short, long = (dense(hairpin(leg, 8.0), 0.5) for leg in (60.0, 200.0))
+    assert kerb_of(*short, np.full(len(short[0]), 10.0), closed=False) == []
+    one, other = kerb_of(*long, np.full(len(long[0]), 10.0), closed=False)
+    assert not one.whole
+    assert not other.whole
+    # from where it is further than 60 m, six times the width, to the turn; each beyond the road's end, for neither goes on by itself
+    assert one.points[-1] == pytest.approx([140.0, 10.0], abs=0.6)
+    assert other.points[0] == pytest.approx([140.0, 6.0], abs=0.6)
+    assert max(one.points[0, 0], other.points[-1, 0]) == pytest.approx(-60.0)
+
+
+def test_inside_a_corner_whose_last_leg_is_shorter_than_the_width_the_kerbs_meet_where_the_leg_would_go_on() -> None:
+    kerb = side(street((0.0, 0.0), (40.0, 0.0), (40.0, 2.0)), 3.0)
+    np.testing.assert_allclose(kerb.points[:2], [[0.0, 3.0], [37.0, 3.0]], atol=1e-9)  # rounding
+    assert kerb.points[-1, 0] == pytest.approx(37.0)
+    assert kerb.points[-1, 1] > 3.0
