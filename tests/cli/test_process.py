@@ -243,9 +243,10 @@ def test_too_little_memory_is_no_bug(
 @pytest.mark.parametrize(("number", "codes"), [(signal.SIGINT, {130, -signal.SIGINT, 0}), (signal.SIGTERM, {-signal.SIGTERM, 0})])
 def test_a_signal_at_any_moment_ends_the_command_as_shells_expect(tmp_path: Path, number: signal.Signals, codes: set[int]) -> None:
     """A shell reports -2 as 130, -15 as 143; -2 is Python's own end before it has come to hdvplan, and 0 that the signal was late."""
-    begun = time.monotonic()
-    assert hdvplan(tmp_path, "plan", "uturn", "--vehicle", "bus", "--quiet").returncode == 0
-    whole = time.monotonic() - begun
+    for _ in range(2):  # the first may have modules to translate
+        begun = time.monotonic()
+        assert hdvplan(tmp_path, "plan", "uturn", "--vehicle", "bus", "--quiet").returncode == 0
+        whole = time.monotonic() - begun
     as_at_a_shell = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
     arguments = [sys.executable, "-c", f"{as_at_a_shell}; from hdvplan.cli.entry import main; main()", "plan", "uturn", "--vehicle", "bus"]
     ended = []

@@ -20,7 +20,7 @@ from tests.study.conftest import Cli, InHere
 from tests.study.test_engines import FAULTY
 from tests.study.test_run import exact
 
-STUDY = 'roads = ["bend.csv", "lane.geojson"]\nvehicles = ["bus"]\nhalf_widths = [1.6, 3.5]\nsettings.horizon = 30\n'
+STUDY = 'roads = ["bend.csv", "lane.geojson"]\nvehicles = ["bus"]\nhalf_widths = [1.55, 3.5]\nsettings.horizon = 30\n'
 
 
 @pytest.fixture
@@ -33,14 +33,14 @@ def study_file(folder: Path) -> Path:
 def test_a_study_ends_in_0_with_its_files_and_a_sentence(cli: Cli, study_file: Path) -> None:
     outcome = cli("study", "study.toml", "--out", "out", "--workers", "2")
     assert outcome.code == 0
-    assert outcome.out.startswith("4 cells: 3 YES, 1 NO\n")
+    assert outcome.out.startswith("4 cells: 2 YES, 2 NO\n")
     assert "places that need the least widening" in outcome.out
     assert outcome.out.endswith("written to out/\n")
     assert {path.name for path in Path("out").iterdir()} == {
         "cells.parquet", "places.parquet", "ranking.csv", "map.html", "table.xlsx", "study.json", "parts"
     }  # fmt: skip
     again = cli("study", str(study_file), "--out", "out", "--json")
-    assert json.loads(again.out) == {"out": "out", "cells": 4, "outcomes": {"planned": 4}, "fits": {"YES": 3, "NO": 1}}
+    assert json.loads(again.out) == {"out": "out", "cells": 4, "outcomes": {"planned": 4}, "fits": {"YES": 2, "NO": 2}}
     assert again.err == ""
 
 
@@ -49,7 +49,7 @@ def test_a_study_ends_in_0_with_its_files_and_a_sentence(cli: Cli, study_file: P
 def test_cells_without_an_answer_end_in_1(cli: Cli, study_file: Path) -> None:
     Path("faulty.py").write_text(FAULTY, encoding="utf-8")
     study_file.write_text(
-        STUDY.replace("[1.6, 3.5]", "[3.5]").replace("settings", 'solvers = ["faulty.py:Killing"]\nsettings'), encoding="utf-8"
+        STUDY.replace("[1.55, 3.5]", "[3.5]").replace("settings", 'solvers = ["faulty.py:Killing"]\nsettings'), encoding="utf-8"
     )
     outcome = cli("study", "study.toml", "--out", "out", "--workers", "1", "--retries", "0", "--quiet")
     assert (outcome.code, outcome.out) == (1, "")
@@ -86,7 +86,7 @@ def _told(page: str) -> dict[str, Any]:
 
 def test_the_page_is_whole_offline_and_takes_names_for_text(folder: Path) -> None:
     (folder / "lane.geojson").rename(folder / "<script>alert(1)<.geojson")
-    (folder / "study.toml").write_text(STUDY.replace("lane.geojson", "*.geojson").replace("1.6", "1.5"), encoding="utf-8")
+    (folder / "study.toml").write_text(STUDY.replace("lane.geojson", "*.geojson"), encoding="utf-8")
     run_study(read_study(folder / "study.toml"), folder / "out", InHere())
     page = (folder / "out" / "map.html").read_text(encoding="utf-8")
     assert "<script>alert" not in page
@@ -100,7 +100,7 @@ def test_the_page_is_whole_offline_and_takes_names_for_text(folder: Path) -> Non
 def test_the_page_holds_no_more_lines_than_it_shows(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hdvplan.study.map_page.MOST_ROADS", 1)
     (folder / "other.geojson").write_text((folder / "lane.geojson").read_text(encoding="utf-8"), encoding="utf-8")
-    (folder / "study.toml").write_text(STUDY.replace("lane.geojson", "*.geojson").replace("1.6", "1.5"), encoding="utf-8")
+    (folder / "study.toml").write_text(STUDY.replace("lane.geojson", "*.geojson"), encoding="utf-8")
     run_study(read_study(folder / "study.toml"), folder / "out", InHere())
     page = (folder / "out" / "map.html").read_text(encoding="utf-8")
     assert [road["name"] for road in _told(page)["roads"]] == ["lane"]
@@ -114,7 +114,7 @@ def test_places_on_the_page_have_one_of_the_widths_to_choose_from(folder: Path, 
     lane["properties"] |= {"left_m": 1.3, "right_m": 1.3}
     (folder / "lane.geojson").write_text(json.dumps(lane), encoding="utf-8")
     (folder / "study.toml").write_text(
-        STUDY.replace("half_widths = [1.6, 3.5]", limits).replace('"bus"', '"tractor-trailer"'), encoding="utf-8"
+        STUDY.replace("half_widths = [1.55, 3.5]", limits).replace('"bus"', '"tractor-trailer"'), encoding="utf-8"
     )
     run_study(read_study(folder / "study.toml"), folder / "out", InHere())
     told = _told((folder / "out" / "map.html").read_text(encoding="utf-8"))
@@ -128,7 +128,7 @@ def test_places_on_the_page_have_one_of_the_widths_to_choose_from(folder: Path, 
 def test_a_study_that_is_ended_goes_on_from_there(study_file: Path, number: signal.Signals, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(study_file.parent)
     widths = ", ".join(f"{1.6 + 0.02 * step:.2f}" for step in range(60))
-    study_file.write_text(STUDY.replace("1.6, 3.5", widths), encoding="utf-8")
+    study_file.write_text(STUDY.replace("1.55, 3.5", widths), encoding="utf-8")
     code = (
         "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "from hdvplan.study import store; store._EVERY_S = 0.2\n"
