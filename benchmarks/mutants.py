@@ -20,7 +20,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 MUTANTS: Mapping[str, Mapping[str, str]] = tomllib.loads(Path(__file__).with_name("mutants.toml").read_text(encoding="utf-8"))
-_NEEDED = ("hdvplan", "benchmarks", "roads", "pyproject.toml")
+_NEEDED = ("hdvplan", "benchmarks", "roads", "pyproject.toml", "hatch_build.py")
 
 
 def mutated(mutant: Mapping[str, str]) -> str:
@@ -53,6 +53,7 @@ def moved(tree: Path, areas: Sequence[str]) -> int:
     """
     command = [sys.executable, "benchmarks/reference.py", "--area", *areas]
     environment = os.environ | {"PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": "1"}
+    subprocess.run([sys.executable, "hatch_build.py"], cwd=tree, env=environment, stdout=subprocess.DEVNULL, check=True)  # noqa: S603 - ours
     ended = subprocess.run(command, cwd=tree, env=environment, capture_output=True, text=True, check=False)  # noqa: S603 - ours
     said = re.search(r"(\d+) moved", ended.stdout)
     if said is None:

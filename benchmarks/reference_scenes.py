@@ -1,4 +1,4 @@
-"""Roads and vehicles as the cases of the behaviour reference describe them: curvature, limits and regions; no file, no smoothing."""
+"""Roads and vehicles as the cases of the behaviour reference describe them: curvature, limits and regions, or a street's line; no file."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ from hdvplan.planning.bias import Bias
 from hdvplan.planning.discretisation import Discretisation
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.road.limits import Limits
+from hdvplan.road.load import Line, RoadOptions, smoothed
 from hdvplan.road.path import ReferencePath, from_curvature, from_samples
+from hdvplan.road.raw import RawRoad
 from hdvplan.road.regions import Kind, Region, Side
 from hdvplan.road.road import Road
 from hdvplan.road.scenarios import SCENARIOS
@@ -33,8 +35,12 @@ def road_of(told: Told) -> Road:
     ``road`` is a scenario's name, or ``profile`` has points (s, curvature) [m, 1/m], or ``ring`` the mean radius, and by how much it grows
     and shrinks twice a lap [m]. ``limits`` are two positive reaches, or points (s, left, right) or (s, left, right, left_sweep,
     right_sweep), positive too. ``obstacles`` and ``kerbs`` are boxes: (s, offset, length, width) of their middle along the road [m], and
-    the side on which an obstacle must be passed, where one is given.
+    the side on which an obstacle must be passed, where one is given. ``street`` has the points of a line [m] instead, which is smoothed, and
+    ``half_width`` is the street's, measured from the line as it is.
     """
+    if "street" in told:
+        line = np.array(told["street"], float)
+        return smoothed(Line("reference", RawRoad(line, np.full((4, len(line)), told["half_width"])), RoadOptions()))[0]
     if "profile" in told:
         path = from_curvature(*np.array(told["profile"], float).T)
     elif "ring" in told:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -164,7 +164,10 @@ def _trimmed(raw: _Raw, far: float) -> list[tuple[FloatArray, FloatArray, IntArr
         cut = _cut(raw, *fold, far)
         while cuts and cuts[-1].end >= cut.begin:  # their loops share a stretch: they are one
             before = cuts.pop()
-            cut = _cut(raw, before.first, max(before.last, cut.last), far)
+            if before.place is None or cut.place is None:
+                cut = replace(cut, first=before.first, begin=min(before.begin, cut.begin), end=max(before.end, cut.end), place=None)
+            else:
+                cut = _cut(raw, before.first, max(before.last, cut.last), far)
         cuts.append(cut)
     parts: list[tuple[FloatArray, FloatArray, IntArray]] = []
     pieces, numbers = list[FloatArray](), list[FloatArray]()

@@ -221,3 +221,14 @@ def test_inside_a_corner_whose_last_leg_is_shorter_than_the_width_the_kerbs_meet
     np.testing.assert_allclose(kerb.points[:2], [[0.0, 3.0], [37.0, 3.0]], atol=1e-9)  # rounding
     assert kerb.points[-1, 0] == pytest.approx(37.0)
     assert kerb.points[-1, 1] > 3.0
+
+
+def test_between_half_turns_that_a_street_is_wider_than_the_kerb_outside_the_next_one_stays() -> None:
+    angle, points = np.linspace(0.0, math.pi, 65), [np.zeros((1, 2))]
+    for turn in range(4):  # to the left after the first leg, then to the right, and so on
+        way, end = (1.0, 60.0) if turn % 2 == 0 else (-1.0, 0.0)
+        points.append(np.stack([end + way * 6.0 * np.sin(angle), 12.0 * turn + 6.0 * (1.0 - np.cos(angle))], axis=1))
+    line, number, sharp = dense(np.vstack([*points, [[60.0, 48.0]]]), 0.5)
+    parts = kerb_of(line, number, sharp, np.full(len(line), 8.0), closed=False)
+    assert len(parts) == 3  # two half turns to the left have no kerb inside
+    assert np.min(parts[1].points[:, 0]) == pytest.approx(-14.0, abs=5e-3)  # a corner of the 64 chords lies 2 mm further out
