@@ -81,7 +81,7 @@ def markdown(table: pd.DataFrame) -> str:
     shown = table.assign(cell=[_cell(row) for _, row in table.iterrows()])
     parts = ["# Every shipped road at several widths\n"]
     parts.append(
-        "Limits at so many metres to each side of the smoothed centre line. `ok`: all limits kept, to 1 cm, as simulated; a number: how"
+        "Limits at so many metres to each side of the line as given. `ok`: all limits kept, to 1 cm, as simulated; a number: how"
         " far the deepest violation is beyond its limit [m], reported with its place in `widths.csv`.\n"
     )
     for name, group in shown.groupby("vehicle", sort=False):
