@@ -53,7 +53,7 @@ def moved(tree: Path, areas: Sequence[str]) -> int:
     """
     command = [sys.executable, "benchmarks/reference.py", "--area", *areas]
     environment = os.environ | {"PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": "1"}
-    subprocess.run([sys.executable, "hatch_build.py"], cwd=tree, env=environment, stdout=subprocess.DEVNULL, check=True)  # noqa: S603 - ours
+    subprocess.run([sys.executable, "hatch_build.py"], cwd=tree, env=environment, stdout=subprocess.DEVNULL, check=True)
     ended = subprocess.run(command, cwd=tree, env=environment, capture_output=True, text=True, check=False)  # noqa: S603 - ours
     said = re.search(r"(\d+) moved", ended.stdout)
     if said is None:

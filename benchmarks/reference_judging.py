@@ -79,7 +79,8 @@ def _of_envelope(result: Result) -> Quantities:
 def _of_room(result: Result) -> Quantities:
     found: Quantities = {}
     for (side, region), gaps in result.gaps.items():
-        found |= {f"room {side} {region} {unit}": float(np.nanmin(gap)) for unit, gap in enumerate(gaps)}
+        least = np.nanmin(gaps, axis=1)
+        found |= {f"room {side} {region} {unit}": float(room) if np.isfinite(room) else "no kerb" for unit, room in enumerate(least)}
     for number, breach in enumerate(result.balance.breaches, start=1):
         found |= {f"depth {number}": breach.depth, f"s_from {number}": breach.s_from, f"s_to {number}": breach.s_to}
         found |= {f"who {number}": f"{breach.side} {breach.unit} {breach.part} {breach.region}", f"hit {number}": str(breach.obstacle)}

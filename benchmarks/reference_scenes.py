@@ -35,7 +35,7 @@ def road_of(told: Told) -> Road:
     ``road`` is a scenario's name, or ``profile`` has points (s, curvature) [m, 1/m], or ``ring`` the mean radius, and by how much it grows
     and shrinks twice a lap [m]. ``limits`` are two positive reaches, or points (s, left, right) or (s, left, right, left_sweep,
     right_sweep), positive too. ``obstacles`` and ``kerbs`` are boxes: (s, offset, length, width) of their middle along the road [m], and
-    the side on which an obstacle must be passed, where one is given. ``street`` has the points of a line [m] instead, which is smoothed, and
+    the side on which an obstacle must be passed, where one is given. ``street`` has a line's points instead [m], which is smoothed, and
     ``half_width`` is the street's, measured from the line as it is.
     """
     if "street" in told:

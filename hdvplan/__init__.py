@@ -45,7 +45,7 @@ _HOMES = {
     "Bias": "hdvplan.planning.bias",
     "Case": "hdvplan.case",
     "HdvplanError": "hdvplan.errors",
-    "Limits": "hdvplan.road.road",
+    "Limits": "hdvplan.road.limits",
     "PlannerSettings": "hdvplan.planning.settings",
     "QpWorkspace": "hdvplan.qp.workspace",
     "Result": "hdvplan.judging.result",
