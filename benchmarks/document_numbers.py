@@ -190,18 +190,7 @@ FIGURES = (
     Figure(STUDIES, "took {} s of processor time per km and {} MB of memory", lengths.planned_in_stretches),
     Figure(STUDIES, "so some {} core hours with the time of the bus", lambda: lengths.continent()[:1]),
     Figure(STUDIES, "would keep it busy for at least {} hours", lambda: lengths.continent()[1:]),
-    Figure(GUARDING, "{} of {} comparisons with an unchanged side were red, and {} of {} with a worse one.", partial(tables.gate, "drawn")),
-    Figure(
-        GUARDING,
-        "command: {} of {} with identical programs was red, and {} of {} with copies that are worse in ten ways.",
-        partial(tables.gate, "end to end"),
-    ),
-    Figure(GUARDING, "The longest of the former took {} s, of the latter {} s.", tables.gate_seconds),
-    Figure(
-        GUARDING,
-        "from pair to pair by {} % (standard deviation; {} % under load), and within a pair by {} % ({} % under load).",
-        tables.gate_noise,
-    ),
+    Figure(GUARDING, "{} of {} comparisons with an unchanged side were red, and {} of {} with a worse one.", tables.gate),
 )
 
 

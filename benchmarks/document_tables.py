@@ -248,22 +248,9 @@ def objectives(first: str, second: str) -> Callable[[], list[str]]:
     return lambda: pairs("objectives", (first, second))
 
 
-def gate(how: str) -> list[str]:
-    """Return how many comparisons of identical programs were red, of how many, and the same of worse programs."""
+def gate() -> list[str]:
+    """Return how many drawn comparisons of identical programs were red, of how many, and the same of worse programs."""
     rows = table("gate/gate.csv")
-    mine = rows[rows["how"] == how]
+    mine = rows[rows["how"] == "drawn"]
     sides = (mine[mine["program"] == "same"], mine[mine["program"] != "same"])
     return [str(int(side[column].sum())) for side in sides for column in ("regressed", "comparisons")]
-
-
-def gate_seconds() -> list[str]:
-    """Return how long the longest run of identical programs took, and that of worse ones [s]."""
-    rows = table("gate/gate.csv")
-    longest = rows.groupby(rows["program"] == "same")["longest [s]"].max()
-    return [f"{longest[True]:.0f}", f"{longest[False]:.0f}"]
-
-
-def gate_noise() -> list[str]:
-    """Return by how much times differ between pairs, quiet and loaded, and within a pair, in the worst cell [%]."""
-    noise = table("gate/noise.csv").set_index("situation").loc[["quiet", "loaded"]]
-    return [f"{value:.1f}" for column in ("between pairs [%]", "within a pair [%]") for value in noise[column]]
