@@ -7,14 +7,6 @@ from document_tables import table
 ROUNDED, SQUARES = 0.05, 1000.0  # up to which imbalance the objective is quadratic [m]
 
 
-def balanced() -> list[str]:
-    """Return by how many per cent a place's imbalance falls, for both vehicles, and the least and largest factor of a step's time."""
-    gains = table("balanced/summary.csv")
-    gains = gains[gains["objective"] == "balanced"]
-    ratio = table("balanced/step-times.csv")["ratio"]
-    return [f"{gain:.0f}" for gain in gains["gain_percent"]] + [f"{ratio.min():.1f}", f"{ratio.max():.1f}"]
-
-
 def balance_row(vehicle: str, objective: str) -> list[str]:
     """Return one row of the study of the balance: imbalance [m], gains [%], growth of the reach [%] and of the curvature."""
     rows = table("balanced/summary.csv")

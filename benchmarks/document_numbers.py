@@ -31,7 +31,6 @@ class Figure(NamedTuple):
 README, RESULTS, BALANCED, LIECHTENSTEIN = "README.md", "docs/results.md", "docs/balanced.md", "docs/liechtenstein.md"
 NETWORKS, PROOF = "docs/networks.md", "docs/proof.md"
 FORMER = ("previous method, max right", "previous method, max left")
-CONSTANT = ("tractor curvature, constant part", "articulation, constant part")
 OUTSIDE = tuple(f"furthest outside, {what}" for what in ("overhang and wheelbase free", "wheelbase in the lane", "and overhangs at a cost"))
 GUARDING, STUDIES = "docs/guarding-timing.md", "docs/studies.md"
 VEHICLES = ("bus", "tractor-trailer", "tractor-trailer-24m")
@@ -55,9 +54,6 @@ FIGURES = (
     Figure(RESULTS, "previous method: furthest right / left [m] | {} / {} | {} / {} |", lambda: tables.pairs("bus-uturn", FORMER)),
     Figure(RESULTS, "geometric weight: right / left [m] | {} / {} | {} / {} |", lambda: tables.pairs("bus-uturn", tables.UTURN)),
     Figure(RESULTS, "| roundabout: left / right [m] | {} / {} | {} / {} |", lambda: tables.pairs("roundabout", tables.SIDES)),
-    Figure(RESULTS, "curvature [1/m], articulation [rad] | {}, {} | {}, {} |", lambda: tables.pairs("roundabout", CONSTANT, "{:.4f}")),
-    Figure(RESULTS, "(J1): left / right [m] | {} / {} | {} / {} |", tables.objectives("J1 (tractor axle), max left", "J1, max right")),
-    Figure(RESULTS, "(J2): left / right [m] | {} / {} | {} / {} |", tables.objectives("J2 (trailer axle), max left", "J2, max right")),
     Figure(
         RESULTS, "(J3): left / right [m] | {} / {} | {} / {} |", tables.objectives("J3 (both axles, weighted), max left", "J3, max right")
     ),
@@ -66,27 +62,17 @@ FIGURES = (
     ),
     Figure(RESULTS, "time [s] (their laptop and MATLAB) | {} | {} |", lambda: tables.pairs("objectives", ("J5, time at 0.1 m",))),
     Figure(RESULTS, "(their road is not published) | {} / {} / {} | {} / {} / {} |", lambda: tables.pairs("overhang", OUTSIDE)),
-    Figure(
-        RESULTS,
-        "| kept from a hard limit [m] | {} | {} |",
-        lambda: [f"{value:.1g}" for value in tables.paper("overhang", "kept from a hard limit")],
-    ),
     Figure(RESULTS, "| `riccati` | {} / {} | {} / {} | {} / {} | {} / {} |", lambda: tables.headline("riccati")),
     Figure(RESULTS, "| `piqp` | {} / {} | {} / {} | {} / {} | {} / {} |", lambda: tables.headline("piqp")),
     Figure(RESULTS, "without screening and active set | {} to {} | {} to {} |", lambda: tables.spread("riccati-ipm")),
     Figure(RESULTS, "| `piqp` | {} to {} | {} to {} |", lambda: tables.spread("piqp")),
     Figure(RESULTS, "| `hpipm` | {} to {} | {} to {} |", lambda: tables.spread("hpipm")),
     Figure(RESULTS, "| `clarabel` | {} to {} | {} to {} |", lambda: tables.spread("clarabel")),
-    Figure(RESULTS, "riccati takes {} ms on average against PIQP's {} for the tractor-trailer", lambda: tables.pinch()[:2]),
-    Figure(RESULTS, "several programs a step, and riccati {} against {}", lambda: tables.pinch()[2:]),
     Figure(RESULTS, "every 500 m makes the step {} to {} times as long", lambda: tables.vans(500.0)),
     Figure(RESULTS, "one every 150 m {} to {} times", lambda: tables.vans(150.0)),
-    Figure(RESULTS, "with four solvers: {} of OSQP's 40 do not end", lambda: [tables.unended("osqp")]),
     Figure(RESULTS, "SQP takes {} times as long as RTI for the bus and {} times for the tractor-trailer", lambda: tables.schemes()[:2]),
     Figure(RESULTS, "drive the same envelope to {} mm", lambda: tables.schemes()[2:]),
     Figure(RESULTS, "in {} to {} times the time of our SQP, and agrees with its optimum to {} m", tables.peers),
-    Figure(RESULTS, "between two of these points by {} mm", lambda: tables.cut()[:1]),
-    Figure(RESULTS, "its path differs by up to {} mm", lambda: tables.cut()[1:]),
     *(
         Figure(
             BALANCED,
@@ -155,8 +141,6 @@ FIGURES = (
     Figure(RESULTS, "of the one of 24 m; {} of the kept ones is", lambda: [tables.contradictions()]),
     Figure(RESULTS, "In {} random cases as narrow as a drive that fits, {} is called impossible", lambda: tables.drawn()[:2]),
     Figure(RESULTS, "on either side, {} of {} are", lambda: tables.drawn()[2:]),
-    Figure(RESULTS, "falls by {} % (bus) and {} % (tractor-trailer) on average", lambda: balance.balanced()[:2]),
-    Figure(RESULTS, "for a step that takes {} to {} times as long", lambda: balance.balanced()[2:]),
     Figure(PROOF, "in the median {} m for the bus and {} m for the tractor-trailer. Runs", tables.gaps),
     Figure(PROOF, "it took {} s of processor time on average for the bus and {} s for the tractor-trailer.", tables.proof_seconds),
     Figure(LIECHTENSTEIN, "cuts the routes into {} roads of {} km", tables.extracted),
@@ -190,18 +174,7 @@ FIGURES = (
     Figure(STUDIES, "took {} s of processor time per km and {} MB of memory", lengths.planned_in_stretches),
     Figure(STUDIES, "so some {} core hours with the time of the bus", lambda: lengths.continent()[:1]),
     Figure(STUDIES, "would keep it busy for at least {} hours", lambda: lengths.continent()[1:]),
-    Figure(GUARDING, "{} of {} comparisons with an unchanged side were red, and {} of {} with a worse one.", partial(tables.gate, "drawn")),
-    Figure(
-        GUARDING,
-        "command: {} of {} with identical programs was red, and {} of {} with copies that are worse in ten ways.",
-        partial(tables.gate, "end to end"),
-    ),
-    Figure(GUARDING, "The longest of the former took {} s, of the latter {} s.", tables.gate_seconds),
-    Figure(
-        GUARDING,
-        "from pair to pair by {} % (standard deviation; {} % under load), and within a pair by {} % ({} % under load).",
-        tables.gate_noise,
-    ),
+    Figure(GUARDING, "{} of {} comparisons with an unchanged side were red, and {} of {} with a worse one.", tables.gate),
 )
 
 

@@ -26,15 +26,15 @@ def paper(study: str, quantity: str) -> tuple[float, float]:
     return float(row["published"]), float(row["ours"])
 
 
-def pairs(study: str, quantities: Sequence[str], form: str = "{:.2f}") -> list[str]:
+def pairs(study: str, quantities: Sequence[str]) -> list[str]:
     """Return the published values of quantities, then ours."""
     both = [paper(study, quantity) for quantity in quantities]
-    return [form.format(published) for published, _ in both] + [form.format(ours) for _, ours in both]
+    return [f"{published:.2f}" for published, _ in both] + [f"{ours:.2f}" for _, ours in both]
 
 
-def step(vehicle: str, scheme: str, solver: str, column: str = "fastest_mean_ms", name: str = "headline/summary.csv") -> float:
-    """Return a number of a benchmark's summary."""
-    rows = table(name)
+def step(vehicle: str, scheme: str, solver: str, column: str = "fastest_mean_ms") -> float:
+    """Return a number of the headline table."""
+    rows = table("headline/summary.csv")
     return float(rows[(rows["vehicle"] == vehicle) & (rows["scheme"] == scheme) & (rows["solver"] == solver)].iloc[0][column])
 
 
@@ -60,15 +60,6 @@ def least_room() -> list[str]:
     fits = rows["fits_1_cm_wider"].astype(str) == "True"
     counts = (fits.sum(), len(rows), rows["fitting_2_cm_narrower"].sum(), rows["tried_2_cm_narrower"].sum())
     return [str(int(count)) for count in counts]
-
-
-def pinch() -> list[str]:
-    """Return the step with a pinch [ms], riccati's and PIQP's, of the tractor-trailer and of the bus."""
-    return [
-        f"{step(vehicle, 'rti', solver, name='pinch/summary.csv'):.2f}"
-        for vehicle in ("tractor-trailer", "bus")
-        for solver in ("riccati", "piqp")
-    ]
 
 
 def spread(solver: str) -> list[str]:
@@ -119,12 +110,6 @@ def vans(apart: float) -> list[str]:
     return [f"{ratio.min():.1f}", f"{ratio.max():.1f}"]
 
 
-def unended(solver: str) -> str:
-    """Return how many of a solver's drives on the benchmark roads do not end."""
-    rows = table("roads/timing.csv")
-    return str(int(((rows["solver"] == solver) & (rows["status"] != "ok")).sum()))
-
-
 def schemes() -> list[str]:
     """Return how many times as long SQP takes as RTI, for both vehicles, and how far their envelopes differ at most [mm]."""
     rows = table("roads/schemes.csv")
@@ -139,13 +124,6 @@ def peers() -> list[str]:
     rows = table("peers/peers.csv")
     ratio, differs = rows[["ipopt_ratio", "fatrop_ratio"]].to_numpy(), rows[["ipopt_differs_m", "fatrop_differs_m"]].max(axis=1)
     return [f"{ratio.min():.0f}", f"{ratio.max():.0f}", f"{differs[rows['ipopt_cuts_m'] < _SAME_M].max():.0e}"]
-
-
-def cut() -> list[str]:
-    """Return how deep the exact program cuts limits between its points [mm], and how far its path is off there [mm]."""
-    rows = table("peers/peers.csv")
-    rows = rows[rows["ipopt_cuts_m"] >= _SAME_M]
-    return [f"{_MILLI * rows[name].max():.0f}" for name in ("ipopt_cuts_m", "ipopt_differs_m")]
 
 
 def proved(vehicle: str) -> list[str]:
@@ -248,22 +226,9 @@ def objectives(first: str, second: str) -> Callable[[], list[str]]:
     return lambda: pairs("objectives", (first, second))
 
 
-def gate(how: str) -> list[str]:
-    """Return how many comparisons of identical programs were red, of how many, and the same of worse programs."""
+def gate() -> list[str]:
+    """Return how many drawn comparisons of identical programs were red, of how many, and the same of worse programs."""
     rows = table("gate/gate.csv")
-    mine = rows[rows["how"] == how]
+    mine = rows[rows["how"] == "drawn"]
     sides = (mine[mine["program"] == "same"], mine[mine["program"] != "same"])
     return [str(int(side[column].sum())) for side in sides for column in ("regressed", "comparisons")]
-
-
-def gate_seconds() -> list[str]:
-    """Return how long the longest run of identical programs took, and that of worse ones [s]."""
-    rows = table("gate/gate.csv")
-    longest = rows.groupby(rows["program"] == "same")["longest [s]"].max()
-    return [f"{longest[True]:.0f}", f"{longest[False]:.0f}"]
-
-
-def gate_noise() -> list[str]:
-    """Return by how much times differ between pairs, quiet and loaded, and within a pair, in the worst cell [%]."""
-    noise = table("gate/noise.csv").set_index("situation").loc[["quiet", "loaded"]]
-    return [f"{value:.1f}" for column in ("between pairs [%]", "within a pair [%]") for value in noise[column]]
