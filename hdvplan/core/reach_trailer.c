@@ -132,6 +132,10 @@ struct target {
     double err_e, err_w; /* [m], [rad] */
 };
 
+/* The errors of e: the range of tan(delta), of headings in the cells and between the stations, over the longest way;
+ * that the linear part is that of the cell. Of W: mean heading and secant; the chord's angle, and that the way is
+ * longer than the chord; that it is shorter on the inside; that the linear part is that of the cell; what is beyond the
+ * second order of the step. */
 static struct target target_of(const struct source *from, const struct hdv_grid *grid, int64_t cells_on) {
     double ratio = (double)cells_on * grid->size / from->turned, range = from->turned + grid->size,
            slope = from->line.slope;
