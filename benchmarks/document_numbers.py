@@ -76,40 +76,12 @@ FIGURES = (
     *(
         Figure(
             BALANCED,
-            f"{vehicle}, {name} | {{}} | {{}} % | {{}} % | +{{}} % | +{{}} % | x {{}} | x {{}} |",
-            partial(balance.balance_row, vehicle, name),
-        )
-        for vehicle in VEHICLES[:2]
-        for name in ("balanced, SQP", "deferred correction")
-    ),
-    *(
-        Figure(
-            BALANCED,
             f"**{vehicle}, balanced** | **{{}}** | **{{}} %** | {{}} % | +{{}} % | +{{}} % | x {{}} | x {{}} |",
             partial(balance.balance_row, vehicle, "balanced"),
         )
         for vehicle in VEHICLES[:2]
     ),
-    *(
-        Figure(BALANCED, f"| {vehicle} | {words} | {{}} | {{}} | {{}} |", partial(balance.balance_time, vehicle, limits))
-        for vehicle, words, limits in (
-            ("bus", "none", "none"),
-            ("bus", "0.5 m beyond the half width", "0.5 m beyond"),
-            ("tractor-trailer", "none", "none"),
-            ("tractor-trailer", "0.5 m beyond", "0.5 m beyond"),
-        )
-    ),
-    Figure(BALANCED, "writing the rows take {} to {} us", balance.balance_more),
     Figure(BALANCED, "reach therefore differ by up to {} m", lambda: [balance.worst_imbalance()]),
-    Figure(BALANCED, "(the bus in the figure below: {} and {} mm of mean imbalance)", balance.relaxed),
-    Figure(
-        BALANCED,
-        "tractor-trailer gains {} % and reaches {} % further; with squares and without the share {} % and {} %.",
-        lambda: balance.trade_offs((balance.ROUNDED, 0.0), (balance.SQUARES, 0.0)),
-    ),
-    Figure(BALANCED, "{} % at +{} % against {} % at +{} %.", lambda: balance.trade_offs((balance.ROUNDED, 0.015), (balance.SQUARES, 0.1))),
-    Figure(BALANCED, "peaks are {} to {} times as high at a sharpness of 0.005 1/m^2, and up to {} times", balance.trailer_peaks),
-    Figure(BALANCED, "the bus's are {} to {} times as high", balance.bus_peaks),
     Figure(BALANCED, "falls by {} to {} % for the tractor-trailer on all ten roads", balance.trailer_gains),
     Figure(
         BALANCED,

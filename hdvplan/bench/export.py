@@ -3,7 +3,8 @@
 One file a drive, one row a program, in the order in which the drive asked for them. Columns of qpbenchmark: minimise
 1/2 x'Px + q'x subject to G x <= h, A x = b, lb <= x <= ub, matrices dense and flattened by rows, and ``name``. Columns of ours:
 
-- ``x``, ``y``, ``z``, ``z_box``: the solution with multipliers, to 1e-11
+- ``x``, ``y``, ``z``, ``z_box``: the solution with multipliers, to 1e-11: P x + q + A'y + G'z + z_box = 0, z >= 0, z_box positive at an
+  upper bound and negative at a lower one; those of the bounds of elastic columns are left out
 - ``x_start``, ...: the warm start that the planner had, empty at a cold one
 - ``active``: rows of G with a multiplier
 - ``limits``: off, inactive, binding or unkeepable

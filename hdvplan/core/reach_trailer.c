@@ -1,9 +1,9 @@
 /* Everything that a vehicle with one trailer can reach along a road.
  *
- * The polygon of a cell holds the offset e of the leading axle and the trailer's W (docs/proof.md), as SCALE W. Between
- * two stations e and W follow an affine map, but for errors that are added to the supports; the polygons that lead to a
- * cell are joined by the largest of their supports. Stations, cells, and what is known of the heading in between are
- * those of a rigid vehicle, see reach_set.c.
+ * The polygon of a cell holds the offset e of the leading axle and the trailer's W (hdvplan/proof/coupling.py), as
+ * SCALE W. Between two stations e and W follow an affine map, but for errors that are added to the supports; the
+ * polygons that lead to a cell are joined by the largest of their supports. Stations, cells, and what is known of the
+ * heading in between are those of a rigid vehicle, see reach_set.c.
  */
 #include "reach_trailer.h"
 
@@ -132,6 +132,10 @@ struct target {
     double err_e, err_w; /* [m], [rad] */
 };
 
+/* The errors of e: the range of tan(delta), of headings in the cells and between the stations, over the longest way;
+ * that the linear part is that of the cell. Of W: mean heading and secant; the chord's angle, and that the way is
+ * longer than the chord; that it is shorter on the inside; that the linear part is that of the cell; what is beyond the
+ * second order of the step. */
 static struct target target_of(const struct source *from, const struct hdv_grid *grid, int64_t cells_on) {
     double ratio = (double)cells_on * grid->size / from->turned, range = from->turned + grid->size,
            slope = from->line.slope;

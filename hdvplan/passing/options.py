@@ -19,7 +19,7 @@ from hdvplan.road.road import Road
 
 _CLEAR_M = 0.5  # an obstacle this far from what is swept leaves no choice
 _MOST_DETOUR_M = 6.0  # of an obstacle's edge from the line
-_SETTLED_M = 5.0  # more than the least road for changing sides, see docs/maths.md for what was measured
+_SETTLED_M = 5.0  # more than the least road for changing sides: see docs/maths.md
 
 
 @dataclass(frozen=True)

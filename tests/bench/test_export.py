@@ -52,6 +52,15 @@ def test_an_independent_solver_finds_our_solutions(files: list[Path]) -> None:
     assert kinds >= {"inactive", "unkeepable"}
 
 
+def test_multipliers_of_hard_rows_have_the_signs_that_the_module_states(files: list[Path]) -> None:
+    rows = pd.read_parquet(files[1])
+    assert set(rows.limits) == {"inactive"}
+    for _, row in rows.iterrows():
+        P, G, A = (np.asarray(row[part]).reshape(-1, len(row.q)) for part in ("P", "G", "A"))
+        assert np.max(np.abs(P @ row.x + row.q + A.T @ row.y + G.T @ row.z + row.z_box)) < 1e-9  # solved to 1e-11, unscaled
+        assert np.all(row.z >= 0.0)
+
+
 def test_warm_starts_belong_to_shifted_plans_and_cold_ones_have_none(files: list[Path]) -> None:
     rows = pd.read_parquet(files[0])
     assert len(rows.x_start[0]) == 0

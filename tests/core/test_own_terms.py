@@ -1,4 +1,4 @@
-"""Terms that users write, in Python and in C: as docs/extending.md shows them, and wrong in every way."""
+"""Terms that users write, in Python as docs/extending.md shows them, the same in C, and wrong in every way."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from tests.docs.blocks import blocks_of
 
 BLOCKS = blocks_of((Path(__file__).parents[2] / "docs" / "extending.md").read_text(encoding="utf-8"))
 (MODULE,) = (block.body for block in BLOCKS if block.body.startswith('"""Small articulation'))
-(SOURCE,) = (block.body for block in BLOCKS if block.file == "articulation.c")
+SOURCE = Path(__file__).with_name("articulation.c")
 CASE = hdvplan.Case(
     hdvplan.load_road("uturn").with_limits(2.2, 2.2),
     hdvplan.load_vehicle("semitrailer-active"),
@@ -50,9 +50,8 @@ def articulation() -> type:
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
 def test_a_term_in_c_plans_what_the_same_term_in_python_plans(articulation: type, tmp_path: Path) -> None:
     library, headers = tmp_path / "articulation.so", Path(hdvplan.__file__).parent / "core"
-    (tmp_path / "articulation.c").write_text(SOURCE, encoding="utf-8")
     flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-shared", "-fPIC", f"-I{headers}"]
-    subprocess.run(["cc", *flags, str(tmp_path / "articulation.c"), "-o", str(library)], check=True)  # noqa: S603, S607 - the compiler
+    subprocess.run(["cc", *flags, str(SOURCE), "-o", str(library)], check=True)  # noqa: S603, S607 - the compiler
     functions = core_functions("articulation", ctypes.CDLL(str(library)))
 
     class Compiled(articulation):  # type: ignore[misc] # made by the page

@@ -8,7 +8,6 @@ The word after the fence is the language; words after it say what the block is f
     ```text output          what the block before prints: each line is part of one of its lines, ... stands for anything
     ```sh no-run            not run here: installation, measurements of minutes
     ```sh slow              run with the slow tests only
-    ```python cc            run where there is a C compiler
 """
 
 from __future__ import annotations

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
 import subprocess
 import sys
 import tomllib
@@ -30,7 +29,7 @@ LINKED = [
     ),
 ]
 _LINK = re.compile(r"!?\[[^\]]*\]\((?P<target>[^)\s]+)\)")
-_KNOWN = {"no-run", "slow", "cc", "output"}
+_KNOWN = {"no-run", "slow", "output"}
 
 
 def _name(path: Path) -> str:
@@ -51,7 +50,7 @@ def _run(path: Path, *, slow: bool) -> int:
     skipping = False  # the output of a block that was not run
     for block in blocks_of(path.read_text(encoding="utf-8")):
         if "output" not in block.words:
-            skipping = ("slow" in block.words and not slow) or ("cc" in block.words and shutil.which("cc") is None)
+            skipping = "slow" in block.words and not slow
         if runnable(block) and not skipping:
             reader.run(block)
             count += 1

@@ -2,8 +2,7 @@
 
 Each place's left and right reach belong to one point of one stage each: see hdvplan/core/balance.c and tracks.c. A step of Gauss and
 Newton that moves each of the two by half of the imbalance keeps the program's stages apart: with a + b the change of the imbalance I,
-(I + a + b)^2 <= 2 (I/2 + a)^2 + 2 (I/2 + b)^2, with equality at a = b. ``docs/balanced.md`` has the derivation, why it converges, and
-what was measured.
+(I + a + b)^2 <= 2 (I/2 + a)^2 + 2 (I/2 + b)^2, with equality at a = b. ``docs/balanced.md`` has the derivation, and why it converges.
 """
 
 from __future__ import annotations
@@ -61,7 +60,7 @@ class EnvelopeBalance:
     """The middle of the swept envelope at every place, measured on the plan; ``aim`` (n,) is where it should lie [m].
 
     ``beside`` is the stationary residual: all of it where a plan does not yet sweep a place to its end, a small share elsewhere.
-    What the defaults gain and cost, and the alternatives, is measured in ``docs/balanced.md``.
+    What the defaults gain and cost, and the alternatives, is measured in ``results/balanced``.
     """
 
     beside: Residual
