@@ -182,14 +182,8 @@ FIGURES = (
         if (km, name) != (1000, "whole")  # it was not planned
     ),
     Figure(NETWORKS, "The {} stretches of 1,000 km meet to {} m", lengths.joints),
-    Figure(
-        STUDIES,
-        "cells out used {} ms of a core for each. It grew by {} MB until the last cell, and by {} MB with the tables. A cell took {} ms of",
-        lengths.handed_out,
-    ),
+    Figure(STUDIES, "used {} ms of a core for each, and grew by {} MB in all.", lengths.handed_out),
     Figure(STUDIES, "took {} s of processor time per km and {} MB of memory", lengths.planned_in_stretches),
-    Figure(STUDIES, "so some {} core hours with the time of the bus", lambda: lengths.continent()[:1]),
-    Figure(STUDIES, "would keep it busy for at least {} hours", lambda: lengths.continent()[1:]),
     Figure(GUARDING, "{} of {} comparisons with an unchanged side were red, and {} of {} with a worse one.", partial(tables.gate, "drawn")),
     Figure(
         GUARDING,
