@@ -177,7 +177,7 @@ FIGURES = (
     Figure(NETWORKS, f"| largest difference of e_y [m] |{7 * ' {} |'}", lengths.forgotten),
     *(
         Figure(NETWORKS, f"| {words} | {plan} | {{}} | {{}} |", partial(lengths.long_road, km, name))
-        for km, words in ((10, "10 km"), (100, "100 km"), (1000, "1,000 km"))
+        for km, words in ((100, "100 km"), (1000, "1,000 km"))
         for name, plan in (("whole", "undivided"), ("stretches", "in stretches"))
         if (km, name) != (1000, "whole")  # it was not planned
     ),
