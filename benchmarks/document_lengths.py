@@ -7,8 +7,7 @@ from typing import Any
 from document_tables import table
 
 RUN_INS_M = (10, 20, 40, 60, 80, 100, 150)
-_MILLI, _HOUR_S = 1e3, 3600.0
-_CONTINENT_ROADS, _CONTINENT_KM, _CELLS_A_ROAD = 1e6, 1e7, 24
+_MILLI = 1e3
 
 
 def forgotten() -> list[str]:
@@ -31,26 +30,17 @@ def joints() -> list[str]:
 
 
 def handed_out() -> list[str]:
-    """Return the driver's time for each of very many cells [ms], its growth without and with tables [MB], and the overhead [ms]."""
+    """Return the driver's time for each of very many cells [ms], and its growth with tables [MB]."""
     rows = table("study-cells/study_cells.csv")
     last, end = rows.iloc[-2], rows.iloc[-1]
     spent = _MILLI * last["driver_cpu_s"] / last["cells"]
-    return [f"{spent:.1f}", f"{last['mb']:.0f}", f"{end['mb']:.0f}", f"{end['overhead_ms_per_cell']:.1f}"]
+    return [f"{spent:.1f}", f"{end['mb']:.0f}"]
 
 
 def planned_in_stretches() -> list[str]:
     """Return the processor time [s/km] and the memory [MB] of 100 km in stretches."""
     memory, seconds = long_road(100, "stretches")
     return [seconds, memory]
-
-
-def continent() -> list[str]:
-    """Return how many core hours the plans of a very large study take at least, and how many hours the process that hands them out."""
-    rows = table("study-cells/study_cells.csv")
-    plans = _CONTINENT_KM * _CELLS_A_ROAD * _long(100, "stretches")["cpu_s_per_km"] / _HOUR_S
-    last = rows.iloc[-2]
-    handing = _CONTINENT_ROADS * _CELLS_A_ROAD * last["driver_cpu_s"] / last["cells"] / _HOUR_S
-    return [f"{round(plans, -3):,.0f}", f"{handing:.0f}"]
 
 
 def _long(km: int, plan: str) -> dict[str, Any]:

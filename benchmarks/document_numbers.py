@@ -133,19 +133,13 @@ FIGURES = (
     Figure(NETWORKS, f"| largest difference of e_y [m] |{7 * ' {} |'}", lengths.forgotten),
     *(
         Figure(NETWORKS, f"| {words} | {plan} | {{}} | {{}} |", partial(lengths.long_road, km, name))
-        for km, words in ((10, "10 km"), (100, "100 km"), (1000, "1,000 km"))
+        for km, words in ((100, "100 km"), (1000, "1,000 km"))
         for name, plan in (("whole", "undivided"), ("stretches", "in stretches"))
         if (km, name) != (1000, "whole")  # it was not planned
     ),
     Figure(NETWORKS, "The {} stretches of 1,000 km meet to {} m", lengths.joints),
-    Figure(
-        STUDIES,
-        "cells out used {} ms of a core for each. It grew by {} MB until the last cell, and by {} MB with the tables. A cell took {} ms of",
-        lengths.handed_out,
-    ),
+    Figure(STUDIES, "used {} ms of a core for each, and grew by {} MB in all.", lengths.handed_out),
     Figure(STUDIES, "took {} s of processor time per km and {} MB of memory", lengths.planned_in_stretches),
-    Figure(STUDIES, "so some {} core hours with the time of the bus", lambda: lengths.continent()[:1]),
-    Figure(STUDIES, "would keep it busy for at least {} hours", lambda: lengths.continent()[1:]),
     Figure(GUARDING, "{} of {} comparisons with an unchanged side were red, and {} of {} with a worse one.", tables.gate),
 )
 
