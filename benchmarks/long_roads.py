@@ -29,7 +29,8 @@ from hdvplan.case import Case
 from hdvplan.need.stretch import stretch_of
 from hdvplan.record import write_record
 from hdvplan.report.files import write_plan
-from hdvplan.road.load import Line, find_road, load_road
+from hdvplan.road.line import Line
+from hdvplan.road.load import find_road, load_road
 from hdvplan.road.road import Road
 from hdvplan.road.windows import whole_road
 from hdvplan.stretches.cutting import reach_of, stretches_of_line

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from hdvplan.road.load import Line
+    from hdvplan.road.line import Line
     from hdvplan.stretches.cutting import CaseOf
     from hdvplan.vehicle.model import Vehicle
 
@@ -26,7 +26,7 @@ def refuse_on_long(line: Line, asked: dict[str, bool]) -> None:
         OptionError: one is asked for.
 
     """
-    from hdvplan.road.load import LONG_M
+    from hdvplan.road.line import LONG_M
 
     name = next((name for name, given in asked.items() if given), None)
     if name is not None:

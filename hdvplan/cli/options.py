@@ -15,7 +15,7 @@ from hdvplan.errors import OptionError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from hdvplan.road.load import RoadOptions
+    from hdvplan.road.line import RoadOptions
 
 _LONGEST_NAME = 110  # bytes; a file's name has up to 255
 
@@ -168,7 +168,7 @@ def road_options(
     """
     from dataclasses import replace
 
-    from hdvplan.road.load import RoadOptions
+    from hdvplan.road.line import RoadOptions
 
     options = RoadOptions()
     return replace(

@@ -16,7 +16,7 @@ from hdvplan.errors import OptionError, RoadError
 from hdvplan.need.stretch import stretch_of
 from hdvplan.planning.bias import Bias
 from hdvplan.planning.settings import PlannerSettings
-from hdvplan.road.load import Line
+from hdvplan.road.line import Line
 from hdvplan.road.regions import OPEN_M, Region
 from hdvplan.road.road import Road, Smoothing
 from hdvplan.road.windows import WINDOW_M, Each, Window, headings, on_knot, road_of, windows_of

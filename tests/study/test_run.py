@@ -20,7 +20,8 @@ import hdvplan
 from hdvplan import api
 from hdvplan.errors import OptionError
 from hdvplan.report.summary import summary_of
-from hdvplan.road.load import Found, RoadOptions, find_road
+from hdvplan.road.line import RoadOptions
+from hdvplan.road.load import Found, find_road
 from hdvplan.study.cells import Cell, cells_of
 from hdvplan.study.columns import PARALLEL, SUMMARY, taken
 from hdvplan.study.conduct import Results, run
