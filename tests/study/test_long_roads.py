@@ -20,8 +20,8 @@ from hdvplan.stretches.cutting import Stretch
 from hdvplan.stretches.judging import planned
 from hdvplan.study.columns import SUMMARY, taken
 from hdvplan.study.conduct import Results, run
+from hdvplan.study.engine import outcome_of
 from hdvplan.study.local import LocalEngine
-from hdvplan.study.outcome import outcome_of
 from hdvplan.study.places import joined_places
 from hdvplan.study.spec import study_of
 from tests.study.conftest import InHere
