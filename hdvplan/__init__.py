@@ -16,7 +16,7 @@ Names load when they are first used: ``import hdvplan`` itself, and so ``hdvplan
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-__version__ = "0.1.0"
+from hdvplan.version import __version__
 
 if TYPE_CHECKING:
     from hdvplan import study
