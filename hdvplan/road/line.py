@@ -9,6 +9,7 @@ import numpy as np
 
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError, RoadError
+from hdvplan.lengths import METRES
 from hdvplan.road.drawn import drawn_kerbs
 from hdvplan.road.features import refuse_unheeded
 from hdvplan.road.given import CORNERS_ASKED, Corners, given_line
@@ -18,7 +19,7 @@ from hdvplan.road.raw import RawRoad
 from hdvplan.road.road import Road, Smoothing
 from hdvplan.road.steps import MIN_LENGTH_M
 from hdvplan.road.street import About, Kerb
-from hdvplan.road.units import ASKED, UNITS
+from hdvplan.road.units import ASKED
 
 LONG_M = 50e3  # from this length on a line is smoothed in windows, and planned in stretches
 OF_POINTS = "corners", "corner_radius"  # options that say how points are read
@@ -73,7 +74,7 @@ class RoadOptions:
         if not np.isfinite(self.offset):
             msg = f"the offset must be a number of metres, not {self.offset:g}"
             raise OptionError(msg)
-        if self.unit is not None and self.unit not in UNITS:
+        if self.unit is not None and self.unit not in METRES:
             msg = f"the unit must be {ASKED}, not {self.unit!r}"
             raise OptionError(msg)
         ids = self.road_ids
