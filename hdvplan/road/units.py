@@ -77,10 +77,10 @@ def refuse_no_street(
     """
     if unit.given is not None or not all(np.all(np.abs(part) <= LARGEST_M) for part in parts):  # which ``refuse_far`` tells
         return
-    for part in parts:
-        refuse_outliers(part, lines, name)  # one wrong point is no wrong unit
     odd = _oddity(parts, reaches, edges, drawn=unit.code is not None)
     if odd is not None:
+        for part in parts:
+            refuse_outliers(part, lines, name)  # one wrong point is no wrong unit
         msg = f"{name} {unit.said}, and {'in these' if unit.code in _CODES else 'in metres'} {odd}, as of no street"
         raise RoadError(msg, hint=f"say its unit: --unit {ASKED}")
 
