@@ -25,31 +25,20 @@ from hdvplan.cli.help import OUTPUT, PLANNING, VEHICLE
 from hdvplan.cli.lengthy import plan_long, refuse_on_long
 from hdvplan.cli.options import (
     ClearanceOption,
-    CornerRadiusOption,
-    CornersOption,
-    CrsOption,
-    FeatureOption,
+    FormatsOption,
     HalfWidthOption,
     JsonOption,
-    LaneOption,
-    LayerOption,
     ObjectiveOption,
-    OffsetOption,
     OutOption,
     QuietOption,
-    ReverseOption,
     RoadArgument,
-    RoadIdsOption,
-    RoleOption,
-    SmoothOption,
-    UnitOption,
     VehicleOption,
     choice,
     drawn_formats,
     file_name,
-    road_options,
 )
 from hdvplan.cli.outcome import exit_code_of, looked_again, print_plan, warn_of
+from hdvplan.cli.reading import AS_SAID, Reading, reads_road
 from hdvplan.errors import OptionError
 
 if TYPE_CHECKING:
@@ -62,6 +51,7 @@ if TYPE_CHECKING:
 _NEAR_M = 0.05  # room to spare below which people ask whether more can be had
 
 
+@reads_road
 def plan(
     road: RoadArgument,
     vehicle: VehicleOption,
@@ -89,18 +79,7 @@ def plan(
             rich_help_panel=VEHICLE,
         ),
     ] = None,
-    smooth: SmoothOption = None,
-    crs: CrsOption = None,
-    unit: UnitOption = None,
-    corners: CornersOption = None,
-    corner_radius: CornerRadiusOption = None,
-    name: FeatureOption = None,
-    layer: LayerOption = None,
-    role: RoleOption = None,
-    road_ids: RoadIdsOption = None,
-    lane: LaneOption = None,
-    offset: OffsetOption = 0.0,
-    reverse: ReverseOption = False,
+    reading: Reading = AS_SAID,
     scheme: Annotated[
         str,
         typer.Option(
@@ -183,12 +162,7 @@ def plan(
     ] = None,
     json: JsonOption = False,
     plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw the picture plan.png.", rich_help_panel=OUTPUT)] = True,
-    formats: Annotated[
-        str,
-        typer.Option(
-            "--format", metavar="A,B", help="png, pdf, svg: the picture; dxf, gpkg: layers for CAD and GIS.", rich_help_panel=OUTPUT
-        ),
-    ] = "png",
+    formats: FormatsOption = "png",
     sheet: Annotated[
         str | None,
         typer.Option("--sheet", metavar="a4|a3|...", help="Draw sheet.pdf at a round scale; up to a0.", rich_help_panel=OUTPUT),
@@ -218,11 +192,7 @@ def plan(
     check_solver(solver or DEFAULT)
     check_objective(objective)
     driven = vehicle_named(vehicle, quiet=quiet)
-    wanted = road_options(
-        smooth, crs, name, REFERENCE_SLACK * driven.max_curvature, offset=offset, reverse=reverse, layer=layer, roles=role,
-        road_ids=road_ids, lane=lane, unit=unit, corners=corners, corner_radius=corner_radius,
-    )  # fmt: skip
-    found = find_road(road, wanted)  # mistakes in the files are reported before more is loaded
+    found = find_road(road, reading.options(REFERENCE_SLACK * driven.max_curvature))  # mistakes are told before more is loaded
     from hdvplan import api
     from hdvplan.case import Case
     from hdvplan.judging.verdict import verdict_line, verdict_of

@@ -10,8 +10,8 @@ import typer
 from hdvplan.cli import completion
 from hdvplan.cli.checks import check_folder, vehicle_named
 from hdvplan.cli.console import ExitCode, print_json, print_line, print_tables, report_error
-from hdvplan.cli.help import OUTPUT, VEHICLE
-from hdvplan.cli.options import JsonOption, QuietOption, drawn_formats, file_name
+from hdvplan.cli.help import OUTPUT
+from hdvplan.cli.options import JsonOption, QuietOption, VehicleOrNoneOption, drawn_formats, file_name
 from hdvplan.errors import OptionError
 
 if TYPE_CHECKING:
@@ -25,16 +25,7 @@ _TURN = "Turn"  # options that describe it
 
 
 def turn(
-    vehicle: Annotated[
-        str | None,
-        typer.Option(
-            "--vehicle",
-            metavar="NAME|FILE.toml",
-            help="A name from `hdvplan vehicles list`, or a vehicle file.",
-            autocompletion=completion.vehicles,
-            rich_help_panel=VEHICLE,
-        ),
-    ] = None,
+    vehicle: VehicleOrNoneOption = None,
     template: Annotated[
         str | None,
         typer.Option(
