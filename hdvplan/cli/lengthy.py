@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error, warn
+from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error, warn, writing
 from hdvplan.errors import OptionError
 
 if TYPE_CHECKING:
@@ -48,14 +48,11 @@ def plan_long(
     from hdvplan.stretches.processes import processes
 
     note(f"{line.name} has {line.length / 1e3:.0f} km: it is planned in stretches, without pictures", quiet=quiet)
-    try:
+    with writing(f"to {directory}"):
         shown = progress(f"planning {vehicle.name} along {line.name}", quiet=quiet)
         with ended_by_signals(), shown as told, processes(workers or usable_cores()) as each:
             cut = stretches_of_line(line, case_of, reach=reach, each=each)
             summary = plan_in_stretches(cut, directory, each=each, on_progress=lambda done: told(min(1.0, done / line.length)))
-    except OSError as error:
-        msg = f"cannot write to {directory}: {error.strerror or error}"
-        raise OptionError(msg, hint="choose another folder with --out") from error
     for remark in summary["notes"]:
         note(remark, quiet=quiet)
     verdict = summary["verdict"]

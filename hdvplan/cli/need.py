@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdvplan.cli.checks import check_fits, check_folder, reaches_of, vehicle_named, warn_far_regions
-from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error
+from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error, writing
 from hdvplan.cli.help import OUTPUT, PLANNING, VEHICLE
 from hdvplan.cli.options import (
     ClearanceOption,
@@ -121,11 +121,8 @@ def need(
             answer = edge_need_of(case, edge, other, prove=proof, on_progress=on_progress)
     told = need_json(answer, perf_counter() - began)
     directory = out or Path(f"{file_name(track.name)}.{file_name(driven.name)}.need")
-    try:
+    with writing(f"to {directory}"):
         write_need(answer, told, directory, kinds)
-    except OSError as error:
-        msg = f"cannot write to {directory}: {error.strerror or error}"
-        raise OptionError(msg, hint="choose another folder with --out") from error
     if json:
         print_json(told)
     elif not quiet:

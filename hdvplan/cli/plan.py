@@ -20,7 +20,7 @@ from hdvplan.cli.checks import (
     vehicle_named,
     warn_far_regions,
 )
-from hdvplan.cli.console import note, print_json, print_line, progress
+from hdvplan.cli.console import note, print_json, print_line, progress, writing
 from hdvplan.cli.help import OUTPUT, PLANNING, VEHICLE
 from hdvplan.cli.lengthy import plan_long, refuse_on_long
 from hdvplan.cli.options import (
@@ -39,7 +39,6 @@ from hdvplan.cli.options import (
 )
 from hdvplan.cli.outcome import exit_code_of, looked_again, print_plan, warn_of
 from hdvplan.cli.reading import AS_SAID, Reading, reads_road
-from hdvplan.errors import OptionError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -268,8 +267,5 @@ def _write(
     from hdvplan.report.files import DRAWINGS, write_plan
 
     pictures, drawings = ([kind for kind in kinds if (kind in DRAWINGS) == drawn] for drawn in (False, True))
-    try:
+    with writing(f"to {directory}"):
         write_plan(result, directory, pictures=pictures, drawings=drawings, sheet=sheet, animate=animate, on_progress=on_progress)
-    except OSError as error:
-        msg = f"cannot write to {directory}: {error.strerror or error}"
-        raise OptionError(msg, hint="choose another folder with --out") from error

@@ -11,7 +11,7 @@ import typer
 
 from hdvplan.cli import extract
 from hdvplan.cli.checks import warn_far_regions
-from hdvplan.cli.console import ExitCode, note, print_json, print_tables, progress
+from hdvplan.cli.console import ExitCode, note, print_json, print_tables, progress, writing
 from hdvplan.cli.help import OUTPUT, Command
 from hdvplan.cli.options import (
     HalfWidthOption,
@@ -90,11 +90,8 @@ def road_info(
     vehicles = [load_vehicle(preset) for preset in preset_names()]
     facts, fits = facts_of(track), [fit_of(track, vehicle) for vehicle in vehicles]
     if csv is not None:
-        try:
+        with writing(f"{csv}", "choose another file with --csv"):
             write_atomically(csv, csv_bytes(fit_table(track, vehicles)))
-        except OSError as error:
-            msg = f"cannot write {csv}: {error.strerror or error}"
-            raise OptionError(msg, hint="choose another file with --csv") from error
     if json:
         print_json(
             {
@@ -160,11 +157,8 @@ def make_road(
         sys.stdout.write(text)
         return ExitCode.OK
     path = out or Path(f"{shape}.csv")
-    try:
+    with writing(f"{path}", "choose another file with --out"):
         write_atomically(path, text.encode())
-    except OSError as error:
-        msg = f"cannot write {path}: {error.strerror or error}"
-        raise OptionError(msg, hint="choose another file with --out") from error
     if json:
         print_json({"file": str(path), "length_m": float(s[-1]), "max_curvature_per_m": float(abs(kappa).max())})
     else:

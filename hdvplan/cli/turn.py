@@ -9,7 +9,7 @@ import typer
 
 from hdvplan.cli import completion
 from hdvplan.cli.checks import check_folder, vehicle_named
-from hdvplan.cli.console import ExitCode, print_json, print_line, print_tables, report_error
+from hdvplan.cli.console import ExitCode, print_json, print_line, print_tables, report_error, writing
 from hdvplan.cli.help import OUTPUT
 from hdvplan.cli.options import JsonOption, QuietOption, VehicleOrNoneOption, drawn_formats, file_name
 from hdvplan.errors import OptionError
@@ -98,11 +98,8 @@ def turn(
     wanted = _wanted(template, radius, angle, guide, ramp, standstill=standstill)
     found = drive(vehicle_named(vehicle, quiet=quiet), wanted)
     directory = out or Path(_folder(found))
-    try:
+    with writing(f"to {directory}"):
         write_turn(found, directory, kinds=kinds)
-    except OSError as error:
-        msg = f"cannot write to {directory}: {error.strerror or error}"
-        raise OptionError(msg, hint="choose another folder with --out") from error
     if json:
         print_json(turn_json(found))
     elif not quiet:
