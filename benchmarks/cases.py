@@ -8,7 +8,8 @@ from functools import cache
 from pathlib import Path
 
 from hdvplan.case import Case
-from hdvplan.road.load import REFERENCE_SLACK, RoadOptions, load_road
+from hdvplan.road.line import RoadOptions
+from hdvplan.road.load import REFERENCE_SLACK, load_road
 from hdvplan.vehicle.load import load_vehicle
 
 

@@ -35,7 +35,8 @@ from hdvplan.network.extract import RECORD as EXTRACT
 from hdvplan.record import NAME, command, now
 from hdvplan.report.markdown import markdown_table
 from hdvplan.report.style import figure_bytes, styled
-from hdvplan.road.load import REFERENCE_SLACK, RoadOptions, load_road
+from hdvplan.road.line import RoadOptions
+from hdvplan.road.load import REFERENCE_SLACK, load_road
 from hdvplan.study.conduct import RANKING, RECORD
 from hdvplan.study.store import CELLS
 from hdvplan.vehicle.load import load_vehicle

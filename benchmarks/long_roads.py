@@ -26,13 +26,13 @@ import pandas as pd
 from hdvplan.api import drive_case, plan
 from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
-from hdvplan.need.stretch import stretch_of
 from hdvplan.record import write_record
 from hdvplan.report.files import write_plan
-from hdvplan.road.load import Line, find_road, load_road
+from hdvplan.road.line import Line
+from hdvplan.road.load import find_road, load_road
 from hdvplan.road.road import Road
 from hdvplan.road.windows import whole_road
-from hdvplan.stretches.cutting import reach_of, stretches_of_line
+from hdvplan.stretches.cutting import reach_of, stretch_of, stretches_of_line
 from hdvplan.stretches.planning import plan_in_stretches
 from hdvplan.vehicle.load import load_vehicle
 

@@ -16,7 +16,7 @@ Names load when they are first used: ``import hdvplan`` itself, and so ``hdvplan
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-__version__ = "0.1.0"
+from hdvplan.version import __version__
 
 if TYPE_CHECKING:
     from hdvplan import study
@@ -35,7 +35,8 @@ if TYPE_CHECKING:
     from hdvplan.report.plots import plan_figure
     from hdvplan.report.summary import summary_of
     from hdvplan.road.limits import Limits
-    from hdvplan.road.load import RoadOptions, load_road
+    from hdvplan.road.line import RoadOptions
+    from hdvplan.road.load import load_road
     from hdvplan.road.road import Road
     from hdvplan.stepping import Stepper
     from hdvplan.vehicle.load import load_vehicle
@@ -50,7 +51,7 @@ _HOMES = {
     "QpWorkspace": "hdvplan.qp.workspace",
     "Result": "hdvplan.judging.result",
     "Road": "hdvplan.road.road",
-    "RoadOptions": "hdvplan.road.load",
+    "RoadOptions": "hdvplan.road.line",
     "Stepper": "hdvplan.stepping",
     "Unit": "hdvplan.vehicle.model",
     "Vehicle": "hdvplan.vehicle.model",

@@ -13,8 +13,9 @@ from functools import cache
 from importlib import metadata
 from pathlib import Path
 
-from hdvplan import __version__, plugins
+from hdvplan import plugins
 from hdvplan.planning.objective_names import OBJECTIVE_NAMES
+from hdvplan.version import __version__
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "RAYON_NUM_THREADS")
 _PACKAGES = ("numpy", "scipy", "pandas", "piqp", "clarabel", "osqp", "qpsolvers", "casadi")

@@ -14,7 +14,7 @@ from hdvplan.driving.simulate import simulate
 from hdvplan.errors import OptionError, PlanError
 from hdvplan.passing.sides import choose_sides
 from hdvplan.planning.objectives import objective_named
-from hdvplan.planning.planner import Plan, Planner
+from hdvplan.planning.planner import Plan
 from hdvplan.solvers.second import dependable
 
 
@@ -37,12 +37,11 @@ class Stepper:
 
         """
         road, _ = choose_sides(case)
-        vehicle, settings = case.vehicle, case.settings
         objective, solver = objective_named(case.objective), dependable(case.solver)
         self.case = case
-        self._stations, (self.z, self.kappa) = ready(road, vehicle, objective, solver, settings, case.bias)
-        self._planner = Planner(vehicle, self._stations, objective(self._stations, vehicle), settings, solver)
-        self._end = int(np.ceil(road.path.length / settings.step - 1e-9))
+        begun = ready(road, case.vehicle, objective, solver, case.settings, case.bias)
+        self._stations, self._planner, (self.z, self.kappa) = begun.stations, begun.planner, begun.begin
+        self._end = int(np.ceil(road.path.length / case.settings.step - 1e-9))
         self.at = 0
 
     @property

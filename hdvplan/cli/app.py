@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from typer.main import get_command
 
-from hdvplan import __version__
 from hdvplan.cli import bench, compare, need, plan, report, reproduce, roads, solvers, study, turn, vehicles
 from hdvplan.cli.console import ExitCode, report_error
 from hdvplan.cli.help import Command, Group
@@ -21,6 +20,7 @@ from hdvplan.cli.interruption import interruption_noted
 from hdvplan.cli.surroundings import give_matplotlib_a_folder
 from hdvplan.errors import HdvplanError, MeasurementError, PlanError, QpDataError, SolverError, TurnError
 from hdvplan.spelling import did_you_mean
+from hdvplan.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

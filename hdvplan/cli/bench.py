@@ -40,7 +40,7 @@ from hdvplan.cli.bench_options import (
     VehiclesOption,
 )
 from hdvplan.cli.compare import FORMATS, ExpectChangesOption, FactorOption, FloorOption, FormatOption, rule_of, told_to_programs
-from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, rows_json, warn
+from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, rows_json, warn, writing
 from hdvplan.cli.options import JsonOption, QuietOption, choice
 from hdvplan.errors import OptionError
 
@@ -166,11 +166,8 @@ def bench(
     if export_qps is not None:
         from hdvplan.bench.export import cases_to_export, export
 
-        try:
+        with writing(f"to {export_qps}", "choose another folder"):
             files = export(cases_to_export(wanted), export_qps)
-        except OSError as error:
-            msg = f"cannot write to {export_qps}: {error.strerror or error}"
-            raise OptionError(msg, hint="choose another folder") from error
         note(f"wrote {export_qps}/, sequences of QPs: {len(files)}", quiet=quiet)
         return ExitCode.OK
     record = None if fresh else recorded(wanted, out, only_drawn=plot is not None and counters is None)
@@ -181,18 +178,16 @@ def bench(
         for name in wanted.solvers:
             solver_named(name)  # a class that cannot be loaded is the user's mistake, not a row
         try:
-            if fresh:
-                discard(out)
-            begin(wanted, cases, out, record, one_thread=one_thread)
-            tolerances = _tolerances(wanted, cases, out, record, quiet=quiet)
-            makers = {name: solver_named(name) for name in wanted.solvers}
-            makers |= {key: solver_named(key.rpartition(", ")[0], tolerance) for key, tolerance in tolerances.items()}
-            with progress("measuring", quiet=quiet, undisturbed=True) as on_progress:
-                run(wanted, cases, makers, out, on_progress, in_process=in_process)
-            finish(wanted, out)
-        except OSError as error:
-            msg = f"cannot write to {out}: {error.strerror or error}"
-            raise OptionError(msg, hint="choose another folder with --out") from error
+            with writing(f"to {out}"):
+                if fresh:
+                    discard(out)
+                begin(wanted, cases, out, record, one_thread=one_thread)
+                tolerances = _tolerances(wanted, cases, out, record, quiet=quiet)
+                makers = {name: solver_named(name) for name in wanted.solvers}
+                makers |= {key: solver_named(key.rpartition(", ")[0], tolerance) for key, tolerance in tolerances.items()}
+                with progress("measuring", quiet=quiet, undisturbed=True) as on_progress:
+                    run(wanted, cases, makers, out, on_progress, in_process=in_process)
+                finish(wanted, out)
         except KeyboardInterrupt:
             count = len(wanted.cells()) * wanted.rounds
             note(f"{count - remaining(wanted, out)} of {count} drives are saved in {out}; the same command continues the run")
@@ -201,12 +196,8 @@ def bench(
         picture = out / PICTURE if plot == PICTURE else Path(plot)
         from hdvplan.bench.pictures import draw
 
-        try:
-            with damage_told(out):
-                draw(out, picture)
-        except OSError as error:
-            msg = f"cannot write {picture}: {error.strerror or error}"
-            raise OptionError(msg) from error
+        with writing(f"{picture}", None), damage_told(out):
+            draw(out, picture)
         note(f"picture in {picture}", quiet=quiet)
     if counters is not None:
         return hold_to(counters, out, renew, format_=format_, json=json, quiet=quiet)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hdvplan.cli.console import ExitCode, print_json, print_line, print_tables, warn
+from hdvplan.cli.console import ExitCode, print_json, print_line, print_tables, warn, writing
 from hdvplan.cli.help import OUTPUT
 from hdvplan.cli.options import JsonOption, QuietOption, choice
 from hdvplan.errors import HdvplanError, OptionError
@@ -114,11 +114,8 @@ def _compared(
     tolerance = Tolerance(envelope=ENVELOPE_TOLERANCE_M if envelope_tolerance is None else envelope_tolerance)
     comparison = compared(read_side(base), read_side(new), rule, tolerance, expect_changes=expect_changes)
     if reports is not None:
-        try:
+        with writing(f"the reports to {reports}", None):
             write_reports(comparison, rule, None, reports)
-        except OSError as error:
-            msg = f"cannot write the reports to {reports}: {error.strerror or error}"
-            raise OptionError(msg) from error
     return show(comparison, rule, format_=format_, json=json, quiet=quiet)
 
 

@@ -1,4 +1,4 @@
-"""Where output goes: results to stdout, everything else to stderr."""
+"""Where output goes: results to stdout, everything else to stderr; and what is said of output that cannot be written."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from enum import IntEnum
 from typing import TYPE_CHECKING
 
+from hdvplan.errors import OptionError
 from hdvplan.texts import encoded, printable
 
 if TYPE_CHECKING:
@@ -83,6 +84,21 @@ def print_json(value: object) -> None:
 def rows_json(table: DataFrame) -> list[dict[str, object]]:
     """Return a table's rows for JSON, which has no NaN."""
     return [{str(name): None if value != value else value for name, value in row.items()} for row in table.to_dict("records")]  # noqa: PLR0124 - NaN
+
+
+@contextmanager
+def writing(what: str, hint: str | None = "choose another folder with --out") -> Iterator[None]:
+    """Report ``what`` the block cannot write.
+
+    Raises:
+        OptionError: the block ended in an OSError.
+
+    """
+    try:
+        yield
+    except OSError as error:
+        msg = f"cannot write {what}: {error.strerror or error}"
+        raise OptionError(msg, hint=hint) from error
 
 
 @contextmanager

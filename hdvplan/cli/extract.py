@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdvplan.cli.checks import check_folder
-from hdvplan.cli.console import ExitCode, note, print_json, print_tables, progress, warn
+from hdvplan.cli.console import ExitCode, note, print_json, print_tables, progress, warn, writing
 from hdvplan.cli.help import OUTPUT
 from hdvplan.cli.options import JsonOption, QuietOption, file_name
-from hdvplan.errors import OptionError
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -67,12 +66,8 @@ def extract(
     source = shipped or source
     widths = Widths(USUAL.lane if lane is None else lane, half_width)
     directory = out or Path(file_name(f"{source.name.partition('.')[0]}.{route}"))
-    try:
-        with progress(f"stitching {source.name}", quiet=quiet) as on_progress:
-            routes = extracted(source, directory, kind=route, refs=tuple(ref or ()), widths=widths, on_progress=on_progress)
-    except OSError as error:
-        msg = f"cannot write to {directory}: {error.strerror or error}"
-        raise OptionError(msg, hint="choose another folder with --out") from error
+    with writing(f"to {directory}"), progress(f"stitching {source.name}", quiet=quiet) as on_progress:
+        routes = extracted(source, directory, kind=route, refs=tuple(ref or ()), widths=widths, on_progress=on_progress)
     _warn_of(routes, directory / RECORD, quiet=quiet)
     if json:
         print_json(record_of(routes, source.name, route, widths))

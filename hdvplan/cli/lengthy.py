@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error, warn
+from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error, warn, writing
 from hdvplan.errors import OptionError
 
 if TYPE_CHECKING:
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from hdvplan.road.load import Line
+    from hdvplan.road.line import Line
     from hdvplan.stretches.cutting import CaseOf
     from hdvplan.vehicle.model import Vehicle
 
@@ -26,7 +26,7 @@ def refuse_on_long(line: Line, asked: dict[str, bool]) -> None:
         OptionError: one is asked for.
 
     """
-    from hdvplan.road.load import LONG_M
+    from hdvplan.road.line import LONG_M
 
     name = next((name for name, given in asked.items() if given), None)
     if name is not None:
@@ -48,14 +48,11 @@ def plan_long(
     from hdvplan.stretches.processes import processes
 
     note(f"{line.name} has {line.length / 1e3:.0f} km: it is planned in stretches, without pictures", quiet=quiet)
-    try:
+    with writing(f"to {directory}"):
         shown = progress(f"planning {vehicle.name} along {line.name}", quiet=quiet)
         with ended_by_signals(), shown as told, processes(workers or usable_cores()) as each:
             cut = stretches_of_line(line, case_of, reach=reach, each=each)
             summary = plan_in_stretches(cut, directory, each=each, on_progress=lambda done: told(min(1.0, done / line.length)))
-    except OSError as error:
-        msg = f"cannot write to {directory}: {error.strerror or error}"
-        raise OptionError(msg, hint="choose another folder with --out") from error
     for remark in summary["notes"]:
         note(remark, quiet=quiet)
     verdict = summary["verdict"]

@@ -9,31 +9,20 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdvplan.cli.checks import check_fits, check_folder, reaches_of, vehicle_named, warn_far_regions
-from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error
+from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error, writing
 from hdvplan.cli.help import OUTPUT, PLANNING, VEHICLE
 from hdvplan.cli.options import (
     ClearanceOption,
-    CornerRadiusOption,
-    CornersOption,
-    CrsOption,
-    FeatureOption,
+    FormatsOption,
     JsonOption,
-    LaneOption,
-    LayerOption,
-    OffsetOption,
     QuietOption,
-    ReverseOption,
     RoadArgument,
-    RoadIdsOption,
-    RoleOption,
-    SmoothOption,
-    UnitOption,
     VehicleOption,
     choice,
     drawn_formats,
     file_name,
-    road_options,
 )
+from hdvplan.cli.reading import AS_SAID, Reading, reads_road
 from hdvplan.errors import OptionError
 
 if TYPE_CHECKING:
@@ -44,6 +33,7 @@ if TYPE_CHECKING:
 _SIDES = ("left", "right")
 
 
+@reads_road
 def need(
     road: RoadArgument,
     vehicle: VehicleOption,
@@ -68,29 +58,13 @@ def need(
         typer.Option("--right", metavar="M", help="The road's own right limit, or the fixed one, positive [m].", rich_help_panel=VEHICLE),
     ] = None,
     clearance: ClearanceOption = 0.0,
-    smooth: SmoothOption = None,
-    crs: CrsOption = None,
-    unit: UnitOption = None,
-    corners: CornersOption = None,
-    corner_radius: CornerRadiusOption = None,
-    name: FeatureOption = None,
-    layer: LayerOption = None,
-    role: RoleOption = None,
-    road_ids: RoadIdsOption = None,
-    lane: LaneOption = None,
-    offset: OffsetOption = 0.0,
-    reverse: ReverseOption = False,
+    reading: Reading = AS_SAID,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Where to write [default: <road>.<vehicle>.need/].", rich_help_panel=OUTPUT)
     ] = None,
     json: JsonOption = False,
     plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw the picture need.png.", rich_help_panel=OUTPUT)] = True,
-    formats: Annotated[
-        str,
-        typer.Option(
-            "--format", metavar="A,B", help="png, pdf, svg: the picture; dxf, gpkg: layers for CAD and GIS.", rich_help_panel=OUTPUT
-        ),
-    ] = "png",
+    formats: FormatsOption = "png",
     proof: Annotated[
         bool | None,
         typer.Option(
@@ -118,11 +92,7 @@ def need(
     from hdvplan.road.load import REFERENCE_SLACK, find_road
 
     driven = vehicle_named(vehicle, quiet=quiet)
-    wanted = road_options(
-        smooth, crs, name, REFERENCE_SLACK * driven.max_curvature, offset=offset, reverse=reverse, layer=layer, roles=role,
-        road_ids=road_ids, lane=lane, unit=unit, corners=corners, corner_radius=corner_radius,
-    )  # fmt: skip
-    found = find_road(road, wanted)
+    found = find_road(road, reading.options(REFERENCE_SLACK * driven.max_curvature))
     from hdvplan.case import Case
     from hdvplan.need.answer import edge_need_of, need_of
     from hdvplan.planning.settings import PlannerSettings
@@ -151,11 +121,8 @@ def need(
             answer = edge_need_of(case, edge, other, prove=proof, on_progress=on_progress)
     told = need_json(answer, perf_counter() - began)
     directory = out or Path(f"{file_name(track.name)}.{file_name(driven.name)}.need")
-    try:
+    with writing(f"to {directory}"):
         write_need(answer, told, directory, kinds)
-    except OSError as error:
-        msg = f"cannot write to {directory}: {error.strerror or error}"
-        raise OptionError(msg, hint="choose another folder with --out") from error
     if json:
         print_json(told)
     elif not quiet:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from hdvplan.cli.console import ExitCode, note, print_json, progress
+from hdvplan.cli.console import ExitCode, note, print_json, progress, writing
 from hdvplan.cli.help import OUTPUT
 from hdvplan.cli.options import JsonOption, QuietOption
 from hdvplan.errors import OptionError
@@ -34,12 +34,8 @@ def report(
     if out.is_dir():
         msg = f"--out {out} is a folder, not a file"
         raise OptionError(msg)
-    try:
-        with progress("writing the report", quiet=quiet) as on_progress:
-            size = write_report(directories, out, title=title, on_progress=on_progress)
-    except OSError as error:
-        msg = f"cannot write {out}: {error.strerror or error}"
-        raise OptionError(msg, hint="choose another file with --out") from error
+    with writing(f"{out}", "choose another file with --out"), progress("writing the report", quiet=quiet) as on_progress:
+        size = write_report(directories, out, title=title, on_progress=on_progress)
     if json:
         print_json({"file": str(out), "bytes": size, "plans": [str(directory) for directory in directories]})
     else:

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdvplan.cli.checks import check_folder
-from hdvplan.cli.console import ExitCode, print_json, print_tables, progress, rows_json
+from hdvplan.cli.console import ExitCode, print_json, print_tables, progress, rows_json, writing
 from hdvplan.cli.help import OUTPUT
 from hdvplan.cli.options import JsonOption, QuietOption, choice
-from hdvplan.errors import OptionError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -72,7 +71,7 @@ def _run(names: Sequence[str], out: Path, on_progress: Progress) -> list[Study]:
     from hdvplan.reproduce.studies import STUDIES
 
     total, done, studies = sum(_SHARE[name] for name in names), 0.0, []
-    try:
+    with writing(f"to {out}"):
         for name in names:
             begin, part = done, _SHARE[name] / total
             studies.append(STUDIES[name](lambda share, begin=begin, part=part: on_progress(begin + part * share)))  # type: ignore[misc] # defaults bind
@@ -81,9 +80,6 @@ def _run(names: Sequence[str], out: Path, on_progress: Progress) -> list[Study]:
         if len(studies) > 1:
             write_summary(studies, out)
         write_record(out, [case for study in studies for case in study.cases])
-    except OSError as error:
-        msg = f"cannot write to {out}: {error.strerror or error}"
-        raise OptionError(msg, hint="choose another folder with --out") from error
     return studies
 
 

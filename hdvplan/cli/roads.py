@@ -11,27 +11,15 @@ import typer
 
 from hdvplan.cli import extract
 from hdvplan.cli.checks import warn_far_regions
-from hdvplan.cli.console import ExitCode, note, print_json, print_tables, progress
+from hdvplan.cli.console import ExitCode, note, print_json, print_tables, progress, writing
 from hdvplan.cli.help import OUTPUT, Command
 from hdvplan.cli.options import (
-    CornerRadiusOption,
-    CornersOption,
-    CrsOption,
-    FeatureOption,
     HalfWidthOption,
     JsonOption,
-    LaneOption,
-    LayerOption,
-    OffsetOption,
-    ReverseOption,
     RoadArgument,
-    RoadIdsOption,
-    RoleOption,
-    SmoothOption,
-    UnitOption,
     choice,
-    road_options,
 )
+from hdvplan.cli.reading import AS_SAID, Reading, reads_road
 from hdvplan.errors import OptionError
 
 if TYPE_CHECKING:
@@ -66,21 +54,11 @@ def list_roads(json: JsonOption = False) -> int:
 
 
 @app.command("info", cls=Command)
+@reads_road
 def road_info(
     road: RoadArgument,
     half_width: HalfWidthOption = None,
-    smooth: SmoothOption = None,
-    crs: CrsOption = None,
-    unit: UnitOption = None,
-    corners: CornersOption = None,
-    corner_radius: CornerRadiusOption = None,
-    name: FeatureOption = None,
-    layer: LayerOption = None,
-    role: RoleOption = None,
-    road_ids: RoadIdsOption = None,
-    lane: LaneOption = None,
-    offset: OffsetOption = 0.0,
-    reverse: ReverseOption = False,
+    reading: Reading = AS_SAID,
     csv: Annotated[
         Path | None,
         typer.Option("--csv", metavar="FILE", help="Write limits and the width that each vehicle needs over s.", rich_help_panel=OUTPUT),
@@ -94,11 +72,7 @@ def road_info(
     """
     from hdvplan.road.load import find_road
 
-    chosen = road_options(
-        smooth, crs, name, offset=offset, reverse=reverse, layer=layer, roles=role, road_ids=road_ids, lane=lane, unit=unit,
-        corners=corners, corner_radius=corner_radius,
-    )  # fmt: skip
-    found = find_road(road, chosen)  # bad files are refused before more is loaded
+    found = find_road(road, reading.options())  # bad files are refused before more is loaded
     from hdvplan.fileio import csv_bytes, write_atomically
     from hdvplan.judging.fit import facts_of, fit_of, fit_table
     from hdvplan.report.fit_tables import facts_table, findings_table, fits_table
@@ -116,11 +90,8 @@ def road_info(
     vehicles = [load_vehicle(preset) for preset in preset_names()]
     facts, fits = facts_of(track), [fit_of(track, vehicle) for vehicle in vehicles]
     if csv is not None:
-        try:
+        with writing(f"{csv}", "choose another file with --csv"):
             write_atomically(csv, csv_bytes(fit_table(track, vehicles)))
-        except OSError as error:
-            msg = f"cannot write {csv}: {error.strerror or error}"
-            raise OptionError(msg, hint="choose another file with --csv") from error
     if json:
         print_json(
             {
@@ -186,11 +157,8 @@ def make_road(
         sys.stdout.write(text)
         return ExitCode.OK
     path = out or Path(f"{shape}.csv")
-    try:
+    with writing(f"{path}", "choose another file with --out"):
         write_atomically(path, text.encode())
-    except OSError as error:
-        msg = f"cannot write {path}: {error.strerror or error}"
-        raise OptionError(msg, hint="choose another file with --out") from error
     if json:
         print_json({"file": str(path), "length_m": float(s[-1]), "max_curvature_per_m": float(abs(kappa).max())})
     else:

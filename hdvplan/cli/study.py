@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdvplan.cli.checks import check_workers
-from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error
+from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error, writing
 from hdvplan.cli.help import OUTPUT
 from hdvplan.cli.options import JsonOption, QuietOption
 from hdvplan.errors import OptionError
@@ -100,16 +100,13 @@ def study(
     )
     counted = [0, len(wanted)]
     try:
-        with ended_by_signals(), _told(quiet=quiet) as tell:
+        with writing(f"to {out}"), ended_by_signals(), _told(quiet=quiet) as tell:
 
             def on_progress(done: int, total: int) -> None:
                 counted[:] = done, total
                 tell(done, total)
 
             results = run(wanted, out, engine, on_progress=on_progress)
-    except OSError as error:
-        msg = f"cannot write to {out}: {error.strerror or error}"
-        raise OptionError(msg, hint="choose another folder with --out") from error
     except (KeyboardInterrupt, SystemExit):
         note(f"{counted[0]} of {counted[1]} cells are kept in {out}; the same command continues the study")
         raise

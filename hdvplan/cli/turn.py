@@ -9,9 +9,9 @@ import typer
 
 from hdvplan.cli import completion
 from hdvplan.cli.checks import check_folder, vehicle_named
-from hdvplan.cli.console import ExitCode, print_json, print_line, print_tables, report_error
-from hdvplan.cli.help import OUTPUT, VEHICLE
-from hdvplan.cli.options import JsonOption, QuietOption, drawn_formats, file_name
+from hdvplan.cli.console import ExitCode, print_json, print_line, print_tables, report_error, writing
+from hdvplan.cli.help import OUTPUT
+from hdvplan.cli.options import JsonOption, QuietOption, VehicleOrNoneOption, drawn_formats, file_name
 from hdvplan.errors import OptionError
 
 if TYPE_CHECKING:
@@ -25,16 +25,7 @@ _TURN = "Turn"  # options that describe it
 
 
 def turn(
-    vehicle: Annotated[
-        str | None,
-        typer.Option(
-            "--vehicle",
-            metavar="NAME|FILE.toml",
-            help="A name from `hdvplan vehicles list`, or a vehicle file.",
-            autocompletion=completion.vehicles,
-            rich_help_panel=VEHICLE,
-        ),
-    ] = None,
+    vehicle: VehicleOrNoneOption = None,
     template: Annotated[
         str | None,
         typer.Option(
@@ -99,18 +90,16 @@ def turn(
         raise OptionError(msg, hint="`hdvplan vehicles list` names the presets, `hdvplan turn --list` the templates")
     check_folder(out)
     from hdvplan.report.files import PICTURES
-    from hdvplan.report.turns import TURN_DRAWINGS, broken_words, turn_json, turn_table, verdict, write_turn
+    from hdvplan.report.turn_files import TURN_DRAWINGS, write_turn
+    from hdvplan.report.turns import broken_words, turn_json, turn_table, verdict
     from hdvplan.turning.turn import turn as drive
 
     kinds = drawn_formats(formats, PICTURES, TURN_DRAWINGS, plot=plot)
     wanted = _wanted(template, radius, angle, guide, ramp, standstill=standstill)
     found = drive(vehicle_named(vehicle, quiet=quiet), wanted)
     directory = out or Path(_folder(found))
-    try:
+    with writing(f"to {directory}"):
         write_turn(found, directory, kinds=kinds)
-    except OSError as error:
-        msg = f"cannot write to {directory}: {error.strerror or error}"
-        raise OptionError(msg, hint="choose another folder with --out") from error
     if json:
         print_json(turn_json(found))
     elif not quiet:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdvplan.cli import completion
-from hdvplan.cli.console import ExitCode, note, print_json, print_tables
+from hdvplan.cli.console import ExitCode, note, print_json, print_tables, writing
 from hdvplan.cli.help import OUTPUT, Command
 from hdvplan.cli.options import JsonOption, choice, file_name
 from hdvplan.errors import OptionError
@@ -92,11 +92,8 @@ def _draw(vehicle: Vehicle, file: Path) -> Path:
     from hdvplan.report.style import figure_bytes
 
     kind = choice("the drawing's ending", file.suffix.lower().removeprefix("."), ("png", "pdf", "svg"))
-    try:
+    with writing(f"{file}", "choose another file: hdvplan vehicles show NAME --plot FILE"):
         write_atomically(file, figure_bytes(vehicle_figure(vehicle), kind))
-    except OSError as error:
-        msg = f"cannot write {file}: {error.strerror or error}"
-        raise OptionError(msg, hint="choose another file: hdvplan vehicles show NAME --plot FILE") from error
     return file
 
 

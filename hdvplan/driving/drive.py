@@ -74,39 +74,52 @@ def drive(
         PlanError: the vehicle cannot be planned further, or the executed motion leaves the model's domain.
 
     """
-    stations, begin = ready(road, vehicle, objective, make_workspace, settings, bias)
-    return _driven(road, vehicle, objective, make_workspace, settings, stations, begin, bias, on_progress, on_plan)
+    return _driven(ready(road, vehicle, objective, make_workspace, settings, bias), on_progress, on_plan)
+
+
+@dataclass(frozen=True)
+class Ready:
+    """A vehicle where its drive along a road begins, and what plans it."""
+
+    road: Road
+    vehicle: Vehicle
+    settings: PlannerSettings
+    bias: Bias
+    stations: Stations
+    begin: Start
+    goal: Goal
+    planner: Planner
 
 
 def ready(
-    road: Road, vehicle: Vehicle, objective: Objective, make_workspace: WorkspaceMaker, settings: PlannerSettings, bias: Bias
-) -> tuple[Stations, Start]:
-    """Return the stations of a drive, and how the vehicle stands at the first of them; see ``drive`` for arguments and errors."""
+    road: Road, vehicle: Vehicle, objective: Objective, make_workspace: WorkspaceMaker, settings: PlannerSettings, bias: Bias, *,
+    stationary: bool = False,
+) -> Ready:  # fmt: skip
+    """Return what a drive begins with; see ``drive`` for arguments and errors. A ``stationary`` start is neither approached nor moved."""
     length = vehicle.reach_ahead + vehicle.reach_behind
     if road.path.length < length:
         msg = f"the road is {road.path.length:.1f} m long, shorter than the vehicle ({length:.1f} m)"
         raise RoadError(msg)
     stations = stations_of(road, vehicle, CentringTable.of(vehicle), step=settings.step, horizon=settings.horizon, bias=bias)
     begin = start_of(stations, vehicle)
-    if not lies_beside(stations.path, vehicle, begin.z):
-        begin = _arrived(road, vehicle, objective, make_workspace, settings, bias)
-    return stations, kept_start(stations, vehicle, begin, settings.clearance - settings.give_way)
-
-
-def _driven(
-    road: Road, vehicle: Vehicle, objective: Objective, make_workspace: WorkspaceMaker, settings: PlannerSettings, stations: Stations,
-    begin: Start, bias: Bias, on_progress: Callable[[float], None] | None = None, on_plan: Callable[[Plan], None] | None = None,
-) -> Drive:  # fmt: skip
-    """Plan and execute from a start to the road's end, then what is left of the last plan, so that all bodies leave the road."""
+    if not stationary:
+        if not lies_beside(stations.path, vehicle, begin.z):
+            begin = _arrived(road, vehicle, objective, make_workspace, settings, bias)
+        begin = kept_start(stations, vehicle, begin, settings.clearance - settings.give_way)
     goal = objective(stations, vehicle)
-    planner = Planner(vehicle, stations, goal, settings, make_workspace)
+    return Ready(road, vehicle, settings, bias, stations, begin, goal, Planner(vehicle, stations, goal, settings, make_workspace))
+
+
+def _driven(begun: Ready, on_progress: Callable[[float], None] | None = None, on_plan: Callable[[Plan], None] | None = None) -> Drive:
+    """Plan and execute from a start to the road's end, then what is left of the last plan, so that all bodies leave the road."""
+    road, vehicle, settings, stations = begun.road, begun.vehicle, begun.settings, begun.stations
     keep = int(np.ceil(settings.step / POSE_SPACING_M))
     total = int(np.ceil(road.path.length / settings.step - 1e-9))
-    z, kappa_before = begin
+    z, kappa_before = begun.begin
     fine, executed, plans, error = [z[None]], [], [], 0.0
     at = 0
     while at < total:
-        plan = planner.plan(at, z, kappa_before)
+        plan = begun.planner.plan(at, z, kappa_before)
         if on_plan is not None:
             on_plan(plan)
         count = min(settings.executed, total - at)
@@ -123,8 +136,8 @@ def _driven(
     poses, held = np.concatenate(fine), np.repeat(np.concatenate([*executed, plan.kappa[leaving]]), keep)
     poses_s = settings.step / keep * np.arange(len(poses), dtype=np.float64)
     return Drive(
-        road, vehicle, settings, stations, goal, poses[: keep * total + 1 : keep], np.concatenate(executed), poses_s, poses, held,
-        tuple(plans), error, bias,
+        road, vehicle, settings, stations, begun.goal, poses[: keep * total + 1 : keep], np.concatenate(executed), poses_s, poses, held,
+        tuple(plans), error, begun.bias,
     )  # fmt: skip
 
 
@@ -156,9 +169,8 @@ def _arrived(
     """
     way = approach_to(road, vehicle, settings)
     along = Bias(bias.s + way.path.length, bias.offset)
-    stations = stations_of(way, vehicle, CentringTable.of(vehicle), step=settings.step, horizon=settings.horizon, bias=along)
     try:
-        driven = _driven(way, vehicle, objective, make_workspace, settings, stations, start_of(stations, vehicle), along)
+        driven = _driven(ready(way, vehicle, objective, make_workspace, settings, along, stationary=True))
     except PlanError as error:
         msg = f"the road begins in a bend into which the {vehicle.name} cannot be driven"
         raise PlanError(msg, s_m=0.0, hint="let the road begin further back") from error

@@ -10,7 +10,6 @@ from itertools import groupby
 
 import numpy as np
 
-from hdvplan import __version__
 from hdvplan.arrays import FloatArray
 from hdvplan.fileio import json_bytes
 from hdvplan.network.osm import Relation
@@ -18,6 +17,7 @@ from hdvplan.network.places import Places
 from hdvplan.network.stitch import Part
 from hdvplan.network.widths import Widths
 from hdvplan.road.crs import to_plane
+from hdvplan.version import __version__
 
 _ROUTE_TAGS = ("ref", "name", "from", "via", "to", "operator", "network", "colour")
 _WAY_TAGS = ("highway", "name", "lanes", "width", "maxspeed", "oneway", "surface", "junction", "bridge", "tunnel")

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from hdvplan.errors import OptionError
+from hdvplan.lengths import METRES
 
 LANE_M = 3.25  # of a lane where the map says only how many there are
-_FOOT_M = 0.3048
 _NARROWEST_M, _WIDEST_M = 1.5, 60.0  # a carriageway of another width is an error in the map
 _MOST_LANES = 16
 _WIDTHS = ("width:carriageway", "width", "est_width")  # tags, in the order in which they are asked
@@ -57,7 +57,7 @@ def _length(text: str) -> float | None:
     if metres is not None:
         length = float(metres[1].replace(",", "."))
     elif feet is not None:
-        length = _FOOT_M * (float(feet[3]) if feet[3] else float(feet[1]) + float(feet[2] or 0) / 12.0)
+        length = METRES["ft"] * (float(feet[3]) if feet[3] else float(feet[1]) + float(feet[2] or 0) / 12.0)
     else:
         return None
     return length if _NARROWEST_M <= length <= _WIDEST_M else None

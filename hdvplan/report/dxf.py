@@ -14,7 +14,6 @@ from ezdxf import units
 from ezdxf.enums import TextEntityAlignment
 from ezdxf.filemanagement import new
 
-from hdvplan import __version__
 from hdvplan.arrays import FloatArray
 from hdvplan.judging.result import Result
 from hdvplan.judging.wheels import TRACK_NOTE
@@ -23,6 +22,7 @@ from hdvplan.report.heading import answer_line
 from hdvplan.report.layers import Drawn, Layer, drawn_features
 from hdvplan.report.placing import System, drawing_system
 from hdvplan.texts import printable
+from hdvplan.version import __version__
 
 if TYPE_CHECKING:
     from ezdxf.document import Drawing

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from jinja2 import Environment, TemplateError
 
-from hdvplan import __version__
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError
 from hdvplan.fileio import write_atomically
@@ -20,6 +19,7 @@ from hdvplan.report.payload import label_of, payload_of, tight_places
 from hdvplan.report.planfiles import PlanFiles, read_plan
 from hdvplan.road.regions import called
 from hdvplan.texts import encoded
+from hdvplan.version import __version__
 
 MOST_BREACHES = 20  # listed; the summary file holds all
 MOST_OBSTACLES = 20  # listed, nearest first

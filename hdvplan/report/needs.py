@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from rich.table import Table
 
-from hdvplan import __version__
 from hdvplan.judging.result import body_name
 from hdvplan.judging.verdict import place_text, proof_text
 from hdvplan.need.answer import Need, Place
@@ -18,6 +17,7 @@ from hdvplan.report.grid import grid
 from hdvplan.report.summary import proof_json
 from hdvplan.road.regions import called
 from hdvplan.road.road import Road
+from hdvplan.version import __version__
 
 Json = dict[str, object]
 

@@ -12,7 +12,6 @@ from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from hdvplan import __version__
 from hdvplan.judging.result import Result
 from hdvplan.report.colours import INK
 from hdvplan.report.heading import answer_line, subject_line
@@ -22,6 +21,7 @@ from hdvplan.report.paper import PAPERS_MM, SheetOptions
 from hdvplan.report.sheetmap import BAND_MM, Ground, Place, draw_field, draw_inset, places_of
 from hdvplan.report.style import styled
 from hdvplan.report.titleblock import draw_legend, draw_title, draw_vehicle_views
+from hdvplan.version import __version__
 
 _FRAME_MM = 8.0
 _SHARE, _COLUMN_MM = 0.27, (86.0, 135.0)  # of the paper's width for the column of insets and title

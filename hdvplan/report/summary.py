@@ -6,7 +6,6 @@ from dataclasses import asdict
 
 import numpy as np
 
-from hdvplan import __version__
 from hdvplan.arrays import FloatArray
 from hdvplan.judging.balance import Breach
 from hdvplan.judging.fit import finding_json
@@ -19,6 +18,7 @@ from hdvplan.judging.verdict import Verdict, verdict_line, verdict_of
 from hdvplan.judging.wheels import Wheel, wheels_of
 from hdvplan.road.road import Road
 from hdvplan.vehicle.model import Vehicle
+from hdvplan.version import __version__
 
 Json = dict[str, object]
 

@@ -9,7 +9,6 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Arc, Circle, Patch, Rectangle
 
-from hdvplan import __version__
 from hdvplan.judging.result import Result, body_name
 from hdvplan.judging.wheels import TRACK_NOTE
 from hdvplan.report.colours import BREACH, INK, MUTED
@@ -20,6 +19,7 @@ from hdvplan.report.placing import LONLAT_CODE, map_system
 from hdvplan.report.style import body_colour, body_fill
 from hdvplan.road.regions import Kind
 from hdvplan.vehicle.model import Vehicle
+from hdvplan.version import __version__
 
 _MM_PT = 25.4 / 72.0
 _LETTER, _BOLD = 0.56, 1.12  # mean width of a letter over the type's size, and what bold adds

@@ -1,10 +1,6 @@
-"""A driven manoeuvre as verdict, table, JSON, CSV and GeoJSON, and the folder with all of them."""
+"""A driven manoeuvre as verdict, table, JSON, CSV and GeoJSON."""
 
 from __future__ import annotations
-
-from collections.abc import Callable, Collection
-from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -15,19 +11,16 @@ from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
 from hdvplan.arrays import FloatArray
-from hdvplan.fileio import Together, csv_bytes, json_bytes
 from hdvplan.judging.result import body_name
 from hdvplan.report.colours import INK, MUTED
-from hdvplan.report.files import PICTURES
 from hdvplan.report.grid import grid
-from hdvplan.report.style import body_colour, figure_bytes
+from hdvplan.report.style import body_colour
 from hdvplan.turning.follow import Followed
 from hdvplan.turning.swept import chart_of
 from hdvplan.turning.templates import Limit, figure
 from hdvplan.turning.turn import Turn
 
 Json = dict[str, object]
-TURN_DRAWINGS = ("dxf",)  # for CAD; it lies nowhere on a map
 _AREA_M = 0.2  # between the poses that a swept area is joined from: short by 0.7 mm at a radius of 7 m
 _TRACK_M = 0.25
 _SIMPLER_M = 1e-3
@@ -189,37 +182,6 @@ def shown_poses(driven: Followed) -> list[int]:
 def every(driven: Followed, spacing: float) -> slice:
     """Return the poses about ``spacing`` apart [m]."""
     return slice(None, None, max(1, round(spacing / float(np.median(np.diff(driven.s))))))
-
-
-def write_turn(turn: Turn, directory: Path, *, kinds: Collection[str] = ()) -> None:
-    """Write ``turn.json``, ``poses.csv``, ``width.csv``, ``turn.geojson`` and what is drawn into ``directory``.
-
-    ``kinds`` are those of ``PICTURES`` and ``TURN_DRAWINGS`` that are drawn.
-
-    Raises:
-        OptionError: the folder holds files of others.
-        OSError: the folder or a file cannot be written.
-
-    """
-    contents: dict[str, Callable[[], bytes]] = {
-        "poses.csv": lambda: csv_bytes(poses_table(turn.driven)),
-        "width.csv": lambda: csv_bytes(width_table(turn)),
-        "turn.geojson": lambda: json_bytes(turn_geojson(turn), indent=None),
-    }
-    contents |= {f"turn.{kind}": partial(_drawn, turn, kind) for kind in kinds}
-    contents["turn.json"] = lambda: json_bytes(turn_json(turn))
-    names = tuple(f"turn.{kind}" for kind in (*PICTURES, *TURN_DRAWINGS))
-    Together("turn.json", names, {"turn.json": "swept_width_m"}).write(directory, contents)
-
-
-def _drawn(turn: Turn, kind: str) -> bytes:
-    if kind == "dxf":
-        from hdvplan.report.turn_layers import turn_dxf  # noqa: PLC0415 - as below
-
-        return turn_dxf(turn)
-    from hdvplan.report.turn_plots import turn_figure  # noqa: PLC0415 - Matplotlib takes half a second to import
-
-    return figure_bytes(turn_figure(turn), kind)
 
 
 def _manoeuvre_words(turn: Turn) -> str:

@@ -15,6 +15,7 @@ from importlib import resources
 import numpy as np
 
 from hdvplan.arrays import FloatArray
+from hdvplan.lengths import METRES
 
 
 @dataclass(frozen=True)
@@ -112,7 +113,7 @@ def curves() -> dict[str, FloatArray]:
 
 
 # Turning figures of highway manuals; only what was read in the source named. Feet and inches as printed.
-FOOT_M, INCH_M = 0.3048, 0.0254
+FOOT_M, INCH_M = METRES["ft"], METRES["in"]
 GREEN_BOOK = "AASHTO Green Book 2018, figs. 2-23, 2-24"
 SDDC = "SDDC/TEA, Turning characteristics"
 

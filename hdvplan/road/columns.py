@@ -8,7 +8,7 @@ import unicodedata
 from dataclasses import dataclass
 
 from hdvplan.errors import RoadError
-from hdvplan.road.units import UNITS
+from hdvplan.lengths import METRES
 
 LAYOUTS = "known columns: x,y or lon,lat or s,kappa; with left_m,right_m or width_m; with left_sweep,right_sweep"
 
@@ -33,7 +33,7 @@ _SPELLINGS = {
 _MEANINGS = {name: meaning for meaning, names in _SPELLINGS.items() for name in names.split()}
 _ONLY_TOGETHER = {("e", "n"): ("x", "y"), ("lange", "breite"): ("lon", "lat"), ("est", "nord"): ("x", "y")}  # else they mean something else
 LENGTHS = {"x", "y", "left", "right", "width", "left_sweep", "right_sweep"}  # which may say their unit; without it they have that of x, y
-_UNITS = {**{unit: unit for unit in UNITS}, "feet": "ft", "foot": "ft", "inch": "in", "inches": "in"}
+_UNITS = {**{unit: unit for unit in METRES}, "feet": "ft", "foot": "ft", "inch": "in", "inches": "in"}
 _LIKELY = 0.9  # similarity of a misspelt name
 _POSITIONS = (("x", "y"), ("lon", "lat"), ("s", "kappa"))
 _PAIRS = (*_POSITIONS, ("left", "right"), ("left_sweep", "right_sweep"))

@@ -11,13 +11,14 @@ import numpy as np
 
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
+from hdvplan.lengths import METRES
 from hdvplan.road.columns import LAYOUTS, LENGTHS, Columns, columns_of, folded, has_geometry, is_header, unread_note
 from hdvplan.road.crs import LONLAT, check_lonlat, is_geographic, looks_like_degrees, to_plane
 from hdvplan.road.features import unheeded
 from hdvplan.road.raw import RawRoad
 from hdvplan.road.steps import LARGEST_M
 from hdvplan.road.texts import refuse_unreadable, text_of
-from hdvplan.road.units import UNITS, Unit, refuse_no_street
+from hdvplan.road.units import Unit, refuse_no_street
 
 _SEPARATORS = ("\t", ";", "|", ",")  # the first that the header has; decimal commas cannot occur in a header
 _QUOTE = '"'  # which nothing can be separated by
@@ -97,8 +98,8 @@ def read_table(table: Table, name: str, *, crs: str | None = None, unit: str | N
     if unit is not None:
         _refuse_unit(points, columns, name)
     base = columns.units.get("x", unit or "m")  # of all lengths that say none
-    values |= {key: UNITS[columns.units.get(key, base)] * values[key] for key in values if key in LENGTHS}
-    points = UNITS[base] * points
+    values |= {key: METRES[columns.units.get(key, base)] * values[key] for key in values if key in LENGTHS}
+    points = METRES[base] * points
     if len(points) < 2:  # noqa: PLR2004
         msg = f"{name}: a road needs at least two points, this one has {len(points)}"
         raise RoadError(msg)

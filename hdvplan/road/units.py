@@ -10,17 +10,17 @@ import shapely
 
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
+from hdvplan.lengths import METRES
 from hdvplan.road.steps import LARGEST_M, MIN_LENGTH_M, SPARSE_M, refuse_outliers
 
-UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "ft": 0.3048, "in": 0.0254}  # [m]
-ASKED = f"{', '.join(list(UNITS)[:-1])} or {list(UNITS)[-1]}"
-_METRES = 6  # INSUNITS
+ASKED = f"{', '.join(list(METRES)[:-1])} or {list(METRES)[-1]}"
+_IN_METRES = 6  # INSUNITS
 _CODES = {  # what INSUNITS says, and how long that is [m]
-    1: ("inches", UNITS["in"]),
-    2: ("feet", UNITS["ft"]),
-    4: ("millimetres", UNITS["mm"]),
-    5: ("centimetres", UNITS["cm"]),
-    _METRES: ("metres", UNITS["m"]),
+    1: ("inches", METRES["in"]),
+    2: ("feet", METRES["ft"]),
+    4: ("millimetres", METRES["mm"]),
+    5: ("centimetres", METRES["cm"]),
+    _IN_METRES: ("metres", METRES["m"]),
     21: ("US survey feet", 1200.0 / 3937.0),
 }
 # Beyond these no line is a street's: one of 100 m is 100 km long in millimetres, and an edge 3 m from it is at 300 m in centimetres.
@@ -42,7 +42,7 @@ class Unit:
     @property
     def metres(self) -> float:
         """Its length [m]."""
-        return UNITS[self.given] if self.given is not None else _CODES.get(self.code or 0, ("", 1.0))[1]
+        return METRES[self.given] if self.given is not None else _CODES.get(self.code or 0, ("", 1.0))[1]
 
     @property
     def said(self) -> str:
@@ -51,7 +51,7 @@ class Unit:
 
     def notes(self, name: str, system: str | None) -> tuple[str, ...]:
         """Return a note on how a drawing in the ``system`` is read, none where it is read in metres and says so."""
-        if self.given is not None or self.code in {None, _METRES} or (system is not None and self.code not in _CODES):
+        if self.given is not None or self.code in {None, _IN_METRES} or (system is not None and self.code not in _CODES):
             return ()
         if system is not None:
             return (f"{name} {self.said}; its coordinates are read as those of {system}",)
@@ -77,10 +77,10 @@ def refuse_no_street(
     """
     if unit.given is not None or not all(np.all(np.abs(part) <= LARGEST_M) for part in parts):  # which ``refuse_far`` tells
         return
-    for part in parts:
-        refuse_outliers(part, lines, name)  # one wrong point is no wrong unit
     odd = _oddity(parts, reaches, edges, drawn=unit.code is not None)
     if odd is not None:
+        for part in parts:
+            refuse_outliers(part, lines, name)  # one wrong point is no wrong unit
         msg = f"{name} {unit.said}, and {'in these' if unit.code in _CODES else 'in metres'} {odd}, as of no street"
         raise RoadError(msg, hint=f"say its unit: --unit {ASKED}")
 

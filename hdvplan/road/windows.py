@@ -18,7 +18,7 @@ from hdvplan.arrays import BoolArray, FloatArray
 from hdvplan.errors import RoadError
 from hdvplan.road.lane import offset_road, reversed_road
 from hdvplan.road.limits import Limits
-from hdvplan.road.load import Line, smoothed
+from hdvplan.road.line import Line, smoothed
 from hdvplan.road.path import KNOT_SPACING_M, ReferencePath, from_samples
 from hdvplan.road.raw import RawRoad
 from hdvplan.road.regions import OPEN_M, Region

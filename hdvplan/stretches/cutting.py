@@ -13,10 +13,10 @@ import numpy as np
 
 from hdvplan.case import Case
 from hdvplan.errors import OptionError, RoadError
-from hdvplan.need.stretch import stretch_of
 from hdvplan.planning.bias import Bias
 from hdvplan.planning.settings import PlannerSettings
-from hdvplan.road.load import Line
+from hdvplan.road.line import Line
+from hdvplan.road.part import part_of
 from hdvplan.road.regions import OPEN_M, Region
 from hdvplan.road.road import Road, Smoothing
 from hdvplan.road.windows import WINDOW_M, Each, Window, headings, on_knot, road_of, windows_of
@@ -105,6 +105,15 @@ def stretches_of_line(
         core_here = _Core(begin - begins, end - begins, begins, here.turned, after is None)
         smoothing = here.road.smoothing
         yield _stretch(number, case, core_here, run_in, None if smoothing is None else _shifted(smoothing, here.shift))
+
+
+def stretch_of(case: Case, s_from: float, s_to: float) -> Case:
+    """Return the case from arclength ``s_from`` to ``s_to`` [m] of its road; arclengths count from ``s_from``.
+
+    Bodies behind the stretch's start, and plans beyond its end, lie on the road as it goes on.
+    """
+    beside = case.settings.horizon + case.vehicle.reach_ahead + case.vehicle.reach_behind + _ASKEW_M
+    return replace(case, road=part_of(case.road, s_from, s_to, beside, beside), bias=Bias(case.bias.s - s_from, case.bias.offset))
 
 
 def reach_of(vehicle: Vehicle, settings: PlannerSettings) -> float:

@@ -8,7 +8,8 @@ from functools import lru_cache
 from itertools import product
 
 from hdvplan.planning.settings import PlannerSettings
-from hdvplan.road.load import REFERENCE_SLACK, RoadOptions
+from hdvplan.road.line import RoadOptions
+from hdvplan.road.load import REFERENCE_SLACK
 from hdvplan.study.digests import content_digest
 from hdvplan.study.inputs import RoadSource, Variant
 from hdvplan.study.spec import Manner, Study, Width

@@ -13,8 +13,8 @@ from hdvplan.errors import HdvplanError, OptionError
 from hdvplan.machine import software
 from hdvplan.plugins import said
 from hdvplan.study.cells import Cell
-from hdvplan.study.engine import Ending, run_in
-from hdvplan.study.outcome import FAILED, KILLED, Outcome, ended, outcome_of
+from hdvplan.study.engine import Ending, outcome_of, run_in
+from hdvplan.study.outcome import FAILED, KILLED, Outcome, ended
 
 _AHEAD = 3  # cells for every worker: one that it plans, and what it finds when it is done
 _TOO_LONG = 75  # exit code of a worker whose cell took too long (EX_TEMPFAIL of sysexits.h)

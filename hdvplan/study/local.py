@@ -15,8 +15,8 @@ import pebble
 from hdvplan.machine import usable_cores, use_one_thread
 from hdvplan.serving import serve_parent
 from hdvplan.study.cells import Cell
-from hdvplan.study.engine import Ending, run_in
-from hdvplan.study.outcome import FAILED, HUNG, KILLED, Outcome, ended, outcome_of
+from hdvplan.study.engine import Ending, outcome_of, run_in
+from hdvplan.study.outcome import FAILED, HUNG, KILLED, Outcome, ended
 
 _AHEAD = 3  # cells for every worker: one that it plans, and what it finds when it is done
 

@@ -14,10 +14,10 @@ import pyarrow.parquet as pq
 import shapely
 from jinja2 import Environment
 
-from hdvplan import __version__
 from hdvplan.fileio import write_atomically
 from hdvplan.report.html import page_part, script_json
 from hdvplan.texts import encoded
+from hdvplan.version import __version__
 
 MOST_PLACES = 5000  # shown, in the ranking's order; the files hold all
 MOST_ROADS = 3000

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hdvplan.study.cells import Cell, Row
+from hdvplan.study.cells import Row
 
 PLANNED, NO_PLAN, REFUSED = "planned", "no plan", "refused"
 FAILED, HUNG, KILLED = "failed", "hung", "killed"
@@ -27,10 +27,3 @@ class Outcome:
 def ended(ending: str, reason: str) -> Outcome:
     """Return the outcome of a cell that has nothing but a reason to tell."""
     return Outcome({"outcome": ending, "reason": reason})
-
-
-def outcome_of(cell: Cell) -> Outcome:
-    """Work on a cell; see ``hdvplan.study.work``. Engines hand this to their processes."""
-    from hdvplan.study.work import work  # noqa: PLC0415 - see above
-
-    return work(cell)

@@ -15,7 +15,7 @@ from hdvplan.planning.discretisation import Discretisation
 from hdvplan.planning.objective_names import check_objective
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.plugins import digest_of
-from hdvplan.road.load import RoadOptions
+from hdvplan.road.line import RoadOptions
 from hdvplan.road.regions import Side
 from hdvplan.solvers.registry import DEFAULT, check_solver
 from hdvplan.spelling import did_you_mean

@@ -24,7 +24,8 @@ from hdvplan.plugins import digest_of as file_digest
 from hdvplan.plugins import said
 from hdvplan.report.needs import need_json
 from hdvplan.report.summary import summary_of
-from hdvplan.road.load import LONG_M, Line, RoadOptions, find_road
+from hdvplan.road.line import LONG_M, Line, RoadOptions
+from hdvplan.road.load import find_road
 from hdvplan.road.road import Road
 from hdvplan.road.windows import whole_road
 from hdvplan.stretches.cutting import reach_of, stretches_of_line

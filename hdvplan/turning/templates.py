@@ -10,12 +10,13 @@ import numpy as np
 
 from hdvplan.errors import OptionError
 from hdvplan.fileio import parse_toml, read_text
+from hdvplan.lengths import METRES
 from hdvplan.spelling import did_you_mean
 from hdvplan.texts import printable
 from hdvplan.turning.figures import Figures
 from hdvplan.turning.follow import tightest
 from hdvplan.turning.manoeuvre import GuidePoint, Manoeuvre, guide_offsets
-from hdvplan.vehicle.load import METRES
+from hdvplan.vehicle.load import LENGTH_UNITS
 from hdvplan.vehicle.model import Vehicle
 
 _TOP_KEYS = ("name", "source", "length_unit", "manoeuvre", "limits")
@@ -134,7 +135,7 @@ def parse_template(text: str, *, default_name: str) -> Template:
     where = f"template {name!r}"
     _check_keys(document, _TOP_KEYS, where)
     unit = document.get("length_unit", "m")
-    if not isinstance(unit, str) or unit not in METRES:
+    if not isinstance(unit, str) or unit not in LENGTH_UNITS:
         msg = f"{where}: length_unit must be 'm' or 'ft', not {unit!r}"
         raise OptionError(msg)
     given, limits = (_table(document, key, where) for key in ("manoeuvre", "limits"))

@@ -10,6 +10,7 @@ import numpy as np
 
 from hdvplan.errors import VehicleError
 from hdvplan.fileio import parse_toml, read_text
+from hdvplan.lengths import METRES
 from hdvplan.spelling import did_you_mean
 from hdvplan.texts import printable
 from hdvplan.vehicle.model import Unit, Vehicle
@@ -19,7 +20,7 @@ _STEERING_KEYS = ("max_curvature", "max_curvature_rate")
 _DIMENSION_KEYS = ("wheelbase", "front_overhang", "rear_overhang", "width", "hitch_offset", "length")
 _RADIUS_KEY, _CIRCLE_KEY = "turning_radius", "turning_circle"  # other ways to say max_curvature
 _DECIMAL_COMMA = re.compile(r"^\s*\w+\s*=\s*[+-]?\d+,\d+\s*(#.*)?$", re.MULTILINE)
-METRES = {"m": 1.0, "ft": 0.3048}  # exactly: the international foot
+LENGTH_UNITS = ("m", "ft")
 _AXLE_KEYS = ("steering_ratio", "max_steering_angle", "max_steering_rate")
 _ACTIVE, _ACTIVELY = "active", 'steered = "active"'
 _AIM = 0.6  # of an active axle's angle to the articulation on constant curves, where a file does not say
@@ -134,7 +135,7 @@ def parse_vehicle(text: str, *, default_name: str) -> Vehicle:
 def _metres(document: dict[str, object], name: str) -> float:
     """Return how long the file's unit of length is [m]."""
     given = document.get("length_unit", "m")
-    if not isinstance(given, str) or given not in METRES:
+    if not isinstance(given, str) or given not in LENGTH_UNITS:
         msg = f"vehicle {name!r}: length_unit must be 'm' or 'ft', not {given!r}"
         raise VehicleError(msg, field="length_unit", hint="it is the unit of all lengths; curvatures are 1/m, angles radians")
     return METRES[given]

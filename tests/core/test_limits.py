@@ -8,11 +8,11 @@ from hdvplan.driving.start import approach_to
 from hdvplan.errors import OptionError, RoadError
 from hdvplan.judging.balance import balance_of
 from hdvplan.judging.envelope import envelope_of
-from hdvplan.need.stretch import stretch_of
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.road.limits import Limits
 from hdvplan.road.path import ReferencePath, from_samples
 from hdvplan.road.road import Road
+from hdvplan.stretches.cutting import stretch_of
 from hdvplan.vehicle.load import load_vehicle
 from tests.core.chains import arc
 

@@ -13,7 +13,8 @@ from hdvplan.bench.suite import read_suite, suite_of
 from hdvplan.errors import HdvplanError
 from hdvplan.planning.bias import bias_named
 from hdvplan.report.planfiles import read_plan
-from hdvplan.road.load import RoadOptions, find_road
+from hdvplan.road.line import RoadOptions
+from hdvplan.road.load import find_road
 from hdvplan.study.spec import read_study
 from hdvplan.vehicle.load import load_vehicle
 from tests.fuzz import seeds

@@ -14,13 +14,13 @@ from hdvplan.need.answer import Need, edge_need_of, need_of
 from hdvplan.need.kerbs import around, moved, on_kerbs
 from hdvplan.need.room import kerbs_on
 from hdvplan.need.search import Least, on_road, spare_of
-from hdvplan.need.stretch import stretch_of
 from hdvplan.need.widening import Widenings, least_widenings, own_plans
 from hdvplan.report.need_layers import shown_plan
 from hdvplan.report.needs import need_json, need_lines
 from hdvplan.road.limits import Limits
 from hdvplan.road.regions import Kind, Region
 from hdvplan.road.road import Road
+from hdvplan.stretches.cutting import stretch_of
 from tests.need.test_room import BUS, bend_of_16_m, case_on, corner, least_in_the_bend
 
 LACK_M = 0.25

@@ -25,7 +25,8 @@ from hdvplan.report.geopackage import geopackage_bytes
 from hdvplan.report.layers import drawn_features, outline_places
 from hdvplan.report.placing import drawing_system, map_system
 from hdvplan.road.crs import to_plane
-from hdvplan.road.load import RoadOptions, load_road
+from hdvplan.road.line import RoadOptions
+from hdvplan.road.load import load_road
 from hdvplan.road.regions import Kind, Region
 from tests.report.conftest import once
 

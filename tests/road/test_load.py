@@ -11,7 +11,8 @@ import shapely
 
 from hdvplan.errors import OptionError, RoadError
 from hdvplan.road.library import road_directory, road_file, road_names
-from hdvplan.road.load import RoadOptions, is_closed, load_road
+from hdvplan.road.line import RoadOptions, is_closed
+from hdvplan.road.load import load_road
 
 STRAIGHT = "x,y\n0,0\n50,0\n100,0\n"
 

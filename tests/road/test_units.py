@@ -10,7 +10,8 @@ from ezdxf.filemanagement import new
 
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError, RoadError
-from hdvplan.road.load import RoadOptions, load_road
+from hdvplan.road.line import RoadOptions
+from hdvplan.road.load import load_road
 from hdvplan.road.load_csv import read_csv
 
 INSUNITS = {"mm": 4, "cm": 5, "m": 6, "in": 1, "ft": 2}

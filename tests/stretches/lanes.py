@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from hdvplan.road.load import Line, find_road
+from hdvplan.road.line import Line
+from hdvplan.road.load import find_road
 
 PLANE = "+proj=tmerc +lat_0=47 +lon_0=8 +ellps=WGS84 +units=m"  # lengths are true around its origin
 

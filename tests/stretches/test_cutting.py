@@ -19,7 +19,8 @@ from hdvplan.errors import OptionError, RoadError
 from hdvplan.judging.envelope import envelope_of
 from hdvplan.judging.result import result_of
 from hdvplan.planning.bias import Bias
-from hdvplan.road.load import Found, RoadOptions, find_road, load_road
+from hdvplan.road.line import RoadOptions
+from hdvplan.road.load import Found, find_road, load_road
 from hdvplan.road.regions import OPEN_M
 from hdvplan.road.road import Road
 from hdvplan.road.windows import road_of, windows_of

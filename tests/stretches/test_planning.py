@@ -229,7 +229,7 @@ def test_what_is_found_when_a_stretch_is_judged_counts_from_its_core(
 
 @pytest.fixture
 def _long_roads_are_short(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hdvplan.road.load.LONG_M", 1000.0)
+    monkeypatch.setattr("hdvplan.road.line.LONG_M", 1000.0)
 
 
 @pytest.mark.usefixtures("_long_roads_are_short")

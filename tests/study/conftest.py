@@ -11,8 +11,8 @@ import pytest
 
 from hdvplan.machine import THREADS
 from hdvplan.study.cells import Cell
-from hdvplan.study.engine import Done, Ending
-from hdvplan.study.outcome import UNANSWERED, Outcome, outcome_of
+from hdvplan.study.engine import Done, Ending, outcome_of
+from hdvplan.study.outcome import UNANSWERED, Outcome
 from tests.cli.conftest import Cli, cli
 
 __all__ = ["Cli", "cli"]

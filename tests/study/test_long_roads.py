@@ -14,13 +14,14 @@ import hdvplan
 from hdvplan.errors import PlanError
 from hdvplan.judging.result import Result
 from hdvplan.report.summary import summary_of
-from hdvplan.road.load import REFERENCE_SLACK, RoadOptions
+from hdvplan.road.line import RoadOptions
+from hdvplan.road.load import REFERENCE_SLACK
 from hdvplan.stretches.cutting import Stretch
 from hdvplan.stretches.judging import planned
 from hdvplan.study.columns import SUMMARY, taken
 from hdvplan.study.conduct import Results, run
+from hdvplan.study.engine import outcome_of
 from hdvplan.study.local import LocalEngine
-from hdvplan.study.outcome import outcome_of
 from hdvplan.study.places import joined_places
 from hdvplan.study.spec import study_of
 from tests.study.conftest import InHere
@@ -47,7 +48,7 @@ def wave(length: float) -> str:
 @pytest.fixture
 def long_folder(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Return a folder with a road of 8 km, which is planned in two stretches."""
-    monkeypatch.setattr("hdvplan.road.load.LONG_M", 1000.0)
+    monkeypatch.setattr("hdvplan.road.line.LONG_M", 1000.0)
     (folder / "wave.geojson").write_text(wave(8000.0), encoding="utf-8")
     return folder
 

@@ -20,12 +20,13 @@ import hdvplan
 from hdvplan import api
 from hdvplan.errors import OptionError
 from hdvplan.report.summary import summary_of
-from hdvplan.road.load import Found, RoadOptions, find_road
+from hdvplan.road.line import RoadOptions
+from hdvplan.road.load import Found, find_road
 from hdvplan.study.cells import Cell, cells_of
 from hdvplan.study.columns import PARALLEL, SUMMARY, taken
 from hdvplan.study.conduct import Results, run
-from hdvplan.study.engine import Ending
-from hdvplan.study.outcome import FAILED, KILLED, ended, outcome_of
+from hdvplan.study.engine import Ending, outcome_of
+from hdvplan.study.outcome import FAILED, KILLED, ended
 from hdvplan.study.spec import study_of
 from tests.study.conftest import InHere, known_outcome
 
