@@ -103,7 +103,7 @@ def markdown(table: pd.DataFrame) -> str:
     found = table[table["half_width"].notna()]
     hunted = found[found.get("tried_2_cm_narrower", pd.Series(index=found.index, dtype=float)).notna()]
     parts = ["# The least half width of the benchmark roads\n"]
-    parts.append("Least half width about the smoothed centre line for which a plan was found, to 1 cm, clearance 0.\n")
+    parts.append("Least half width about the line as given for which a plan was found, to 1 cm, clearance 0.\n")
     parts.append(markdown_table(shown, text=("road", "vehicle", "by")) + "\n")
     parts.append(f"One centimetre wider, the default plan fits on {int(found['fits_1_cm_wider'].sum())} of {len(found)}.\n")
     if len(hunted):

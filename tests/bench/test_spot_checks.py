@@ -72,8 +72,10 @@ def test_committed_rows_can_be_made_again_and_a_falsified_table_cannot(tmp_path:
     assert capsys.readouterr().out.count("DIFFERS") == 2
 
 
-def test_every_mutant_is_one_change_of_code_that_runs_two_for_each_area() -> None:
+def test_every_mutant_is_one_change_of_code_that_runs_two_for_each_area_and_more() -> None:
     for mutant in mutants.MUTANTS.values():
-        ast.parse(mutants.mutated(mutant))
+        text = mutants.mutated(mutant)
+        if mutant["file"].endswith(".py"):  # one of the core is compiled before it runs
+            ast.parse(text)
     areas = [mutant["area"] for mutant in mutants.MUTANTS.values()]
-    assert {area: areas.count(area) for area in areas} == dict.fromkeys(("judging", "passing", "need", "proof", "roads"), 2)
+    assert min(areas.count(area) for area in ("planning", "judging", "passing", "need", "proof", "roads")) >= 2
