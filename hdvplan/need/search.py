@@ -27,7 +27,8 @@ TOLERANCE_M = 0.01  # of every answer
 WIDE_M = 15.0  # no more room is looked for; obstacles count to 20 m off the line
 _ROUNDING_M = 1e-6
 _GROWTH = 4.0  # of the step of a search while it succeeds
-_GIVES_M = 5e-3  # a plan within limits that can be kept needs no more: they are elastic
+_GAIN_M = 1e-3  # a last step that gains less ends the search
+_GIVES_M = 8e-3  # a plan within limits that can be kept needs no more: they are elastic, and 5 to 8 mm beyond them is usual in bends
 
 
 class Attempt(NamedTuple):
@@ -113,9 +114,9 @@ def least(
     low, whole, step = question.lowest, best.room - question.lowest, TOLERANCE_M
     while np.isfinite(best.room) and best.room - best.out_of_reach > TOLERANCE_M + _ROUNDING_M:
         wanted = max(best.room - step, question.lowest)
-        last = best.room - wanted <= TOLERANCE_M + _ROUNDING_M
+        last, before = best.room - wanted <= TOLERANCE_M + _ROUNDING_M, best.room
         best = _tried(case, question, wanted, ATTEMPTS if last else ATTEMPTS[:1], best, on_result)
-        if best.room <= wanted + _GIVES_M:
+        if best.room <= (before - _GAIN_M if last else wanted + _GIVES_M):
             step *= _GROWTH
             if wanted == question.lowest:
                 break
