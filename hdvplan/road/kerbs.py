@@ -23,7 +23,8 @@ _MITRE = 2.0  # of the width: further out the mitre is cut square
 _CHORD_M = 1e-3  # that points of a kerb may be left out
 _FURTHEST_M = 100.0  # along the line that a loop is looked for: wider streets fold at no corner
 _FAR = 6.0  # times the largest width on: inside corners of up to 160 degrees the kerbs have met; other arms of the road are further
-_ROUNDING_M = 1e-9
+_ROUNDING_M, _ROUNDING = 1e-9, 1e-6  # [m] and [rad]
+_SEEN_M = 0.25  # between places of a kerb that are looked at
 _WITHIN_M = 0.1  # that a place is within the street: more than chords of arcs are
 _SHORT_M = 1e-3  # legs of corners that are not rounded, and points of legs left out
 _LEGS = 3.0  # radii of a rounded corner's legs: enough for 140 degrees
@@ -59,18 +60,17 @@ class _Raw:
 
 @dataclass(frozen=True)
 class _Cut:
-    """A loop around segments ``first`` to ``last``, which fold back: where it begins and ends (segment and share), and what replaces it.
+    """A loop around segments ``first`` to ``last``, which fold back, and where it begins and ends (segment and share).
 
-    The kerb ends before it and begins again beyond it where ``place`` is None.
+    Where it begins and ends in one place, that is in its stead, at the position ``number``; else (None) the kerb ends and begins again.
     """
 
     first: int
     last: int
     begin: float
     end: float
-    place: FloatArray | None
-    number: float
-    corner: bool
+    number: float | None
+    corner: bool = False
 
 
 def kerb_of(
@@ -97,7 +97,7 @@ def kerb_of(
     parts = _trimmed(_offset(points, number, sharp, reach), far)
     kerbs = []
     for places, numbers, corners in parts:
-        if len(numbers) < 2:  # noqa: PLR2004 - nothing is left
+        if np.ptp(numbers) <= 0.0:  # nothing is left
             continue
         if corner_radius > 0.0:
             places, numbers = _rounded(places, numbers, corners, corner_radius, (begin, end))  # noqa: PLW2901 - what is left of them
@@ -164,8 +164,8 @@ def _trimmed(raw: _Raw, far: float) -> list[tuple[FloatArray, FloatArray, IntArr
         cut = _cut(raw, *fold, far)
         while cuts and cuts[-1].end >= cut.begin:  # their loops share a stretch: they are one
             before = cuts.pop()
-            if before.place is None or cut.place is None:
-                cut = replace(cut, first=before.first, begin=min(before.begin, cut.begin), end=max(before.end, cut.end), place=None)
+            if before.number is None or cut.number is None:
+                cut = replace(cut, first=before.first, begin=min(before.begin, cut.begin), end=max(before.end, cut.end), number=None)
             else:
                 cut = _cut(raw, before.first, max(before.last, cut.last), far)
         cuts.append(cut)
@@ -178,21 +178,37 @@ def _trimmed(raw: _Raw, far: float) -> list[tuple[FloatArray, FloatArray, IntArr
         numbers.append(raw.number[start:stop])
         if cut_out is not None:
             start = math.floor(cut_out.end) + 1
-        if cut_out is None or cut_out.place is None:
+            place, number = _place(raw, cut_out.begin)
+            pieces.append(place[None])
+            numbers.append(np.array([number if cut_out.number is None else cut_out.number]))
+        if cut_out is None or cut_out.number is None:
             parts.append((np.concatenate(pieces), np.concatenate(numbers), np.array(corners, dtype=np.int64)))
             pieces, numbers, corners = [], [], []
-        else:
-            pieces.append(cut_out.place[None])
-            numbers.append(np.array([cut_out.number]))
-            corners += [sum(map(len, pieces)) - 1] if cut_out.corner else []
+        elif cut_out.corner:
+            corners.append(sum(map(len, pieces)) - 1)
+        if cut_out is not None and cut_out.number is None:
+            place, number = _place(raw, cut_out.end)
+            pieces.append(place[None])
+            numbers.append(np.array([number]))
     return parts
+
+
+def _place(raw: _Raw, where: float) -> tuple[FloatArray, float]:
+    """Return the place on the offset line, and its number, at a segment and a share of it."""
+    at = min(int(where), len(raw.points) - 2)
+    share = where - at
+    return raw.points[at] + share * (raw.points[at + 1] - raw.points[at]), raw.number[at] + share * (raw.number[at + 1] - raw.number[at])
 
 
 def _cut(raw: _Raw, first: int, last: int, far: float) -> _Cut:
     """Return where the offset line crosses itself around segments ``first`` to ``last`` that fold back, within ``far`` [m] of them.
 
-    Where it does not, the width jumps, and the kerb goes straight across; or that is within the street, and there is no kerb.
+    Where it does not, the width jumps, and the kerb goes straight across; or that is within the street, and there is no kerb. Kerbs of
+    arms between which the line turns by more than half a turn are not one, wherever they cross.
     """
+    chords = np.diff(raw.line[max(first - 1, 0) : last + 3], axis=0)
+    chords = chords[np.any(chords != 0.0, axis=1)]
+    looped = np.ptp(np.unwrap(np.arctan2(chords[:, 1], chords[:, 0]))) > math.pi + _ROUNDING
     for window in (0.1 * far, 0.3 * far, far):
         low = max(int(np.searchsorted(raw.s, raw.s[first] - window)) - 1, 0)
         high = min(int(np.searchsorted(raw.s, raw.s[last + 1] + window)), len(raw.folded))
@@ -207,19 +223,22 @@ def _cut(raw: _Raw, first: int, last: int, far: float) -> _Cut:
             beyond = raw.s[other] + q * (raw.s[other + 1] - raw.s[other]) - raw.s[last + 1]
             cut_out = before + beyond
             met = (t >= 0.0) & (t <= 1.0) & (q >= 0.0) & (q <= 1.0) & (before <= window) & (beyond <= window)
-        if np.any(met):
+        if np.any(met) and not looped:
             i, j = np.unravel_index(np.argmin(np.where(met, cut_out, np.inf)), met.shape)
             corner = bool(np.any(raw.corner[first : last + 2]))
             middle = 0.5 * (raw.number[first] + raw.number[last + 1])
-            return _Cut(first, last, one[i] + t[i, j], other[j] + q[i, j], raw.points[one[i]] + t[i, j] * u[i, 0], middle, corner)
+            return _Cut(first, last, one[i] + t[i, j], other[j] + q[i, j], middle, corner)
     around, across = slice(low, high + 1), 0.5 * (raw.points[first] + raw.points[last + 1])
     line, reach = shapely.LineString(raw.line[around]), np.abs(raw.reach)
-    if shapely.distance(shapely.Point(across), line) > min(reach[first], reach[last + 1]) - _WITHIN_M:
-        return _Cut(first, last, first, last, raw.points[first], raw.number[first], corner=False)
-    on = low + np.flatnonzero(shapely.distance(shapely.points(raw.points[around]), line) > reach[around] - _WITHIN_M)
-    before, beyond = on[on <= first], on[on > last]
-    begin, end = before[-1] if len(before) else low - 1, beyond[0] - 1 if len(beyond) else high
-    return _Cut(first, last, begin, end, None, raw.number[first], corner=False)
+    if not looped and shapely.distance(shapely.Point(across), line) > min(reach[first], reach[last + 1]) - _WITHIN_M:
+        return _Cut(first, last, first, last, raw.number[first])
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(raw.points[around], axis=0).T))])
+    where = np.interp(np.arange(0.0, along[-1], _SEEN_M), along, np.arange(low, high + 1))
+    places = np.stack([np.interp(where, np.arange(len(reach)), column) for column in (*raw.points.T, reach)], axis=1)
+    on = where[shapely.distance(shapely.points(places[:, :2]), line) > places[:, 2] - _WITHIN_M]
+    return _Cut(
+        first, last, np.max(on[on <= first], initial=max(low - 1, 0)), np.min(on[on > last], initial=min(high + 1, len(raw.folded))), None
+    )
 
 
 def _rounded(

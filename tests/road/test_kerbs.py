@@ -232,3 +232,13 @@ def test_between_half_turns_that_a_street_is_wider_than_the_kerb_outside_the_nex
     parts = kerb_of(line, number, sharp, np.full(len(line), 8.0), closed=False)
     assert len(parts) == 3  # two half turns to the left have no kerb inside
     assert np.min(parts[1].points[:, 0]) == pytest.approx(-14.0, abs=5e-3)  # a corner of the 64 chords lies 2 mm further out
+
+
+def test_arms_between_which_a_wide_street_turns_once_around_have_kerbs_as_far_as_the_loop_that_are_not_one() -> None:
+    angle = np.linspace(0.0, math.radians(350.0), 200)
+    loop = np.stack([40.0 + 12.0 * np.sin(angle), 12.0 * (1.0 - np.cos(angle))], axis=1)
+    line, number, sharp = dense(np.vstack([[0.0, 0.0], loop, loop[-1] + 60.0 * np.array([np.cos(angle[-1]), np.sin(angle[-1])])]), 0.5)
+    for half_width in (12.0, 13.0):  # at 12 m its kerb is a point, at 13 m the arms' kerbs cross there
+        one, other = kerb_of(line, number, sharp, np.full(len(line), half_width), closed=False)
+        assert one.points[-1] == pytest.approx([28.0 - half_width, half_width], abs=0.3)  # where the loop's own street begins
+        assert np.hypot(*(other.points[0] - [40.0, 12.0])) == pytest.approx(12.0 + half_width, abs=0.3)
