@@ -19,7 +19,7 @@ from hdvplan.errors import HdvplanError
 from hdvplan.judging.result import Result, breach_text
 from hdvplan.record import write_record
 from hdvplan.report.markdown import markdown_table
-from hdvplan.road.library import road_names
+from hdvplan.road.scenarios import road_names
 
 VEHICLES = ("bus", "tractor-trailer", "tractor-trailer-24m")
 HALF_WIDTHS_M = (1.75, 2.25, 3.0, 3.5, 4.5, 6.0)  # roads 3.5, 4.5 and 6 m wide, and limits that far to each side

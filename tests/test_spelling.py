@@ -4,7 +4,7 @@ from time import process_time
 
 import pytest
 
-from hdvplan.road.library import road_names
+from hdvplan.road.scenarios import road_names
 from hdvplan.spelling import did_you_mean, meant_by
 from hdvplan.vehicle.load import preset_names
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 
 def roads(incomplete: str) -> list[str]:
     """Return the shipped roads, examples and scenarios that begin so."""
-    from hdvplan.road.library import example_names, road_names
-    from hdvplan.road.scenarios import SCENARIOS
+    from hdvplan.road.scenarios import SCENARIOS, example_names, road_names
 
     return _beginning(incomplete, [*road_names(), *example_names(), *SCENARIOS])
 

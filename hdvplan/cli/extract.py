@@ -59,8 +59,8 @@ def extract(
     check_folder(out)
     from hdvplan.network.extract import RECORD, record_of
     from hdvplan.network.extract import extract as extracted
-    from hdvplan.network.widths import USUAL, Widths
-    from hdvplan.road.library import map_file
+    from hdvplan.network.roads import USUAL, Widths
+    from hdvplan.road.scenarios import map_file
 
     shipped = None if source.exists() else map_file(str(source))
     source = shipped or source

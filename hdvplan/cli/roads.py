@@ -170,7 +170,7 @@ def _shipped() -> list[dict[str, object]]:
     """Return the shipped roads with the numbers that their files carry; smoothing all of them would take long."""
     import json
 
-    from hdvplan.road.library import road_file, road_names
+    from hdvplan.road.scenarios import road_file, road_names
 
     roads = []
     for name in road_names():
@@ -186,7 +186,7 @@ def _examples() -> list[dict[str, object]]:
     """Return the made-up places, likewise."""
     import json
 
-    from hdvplan.road.library import example_file, example_names
+    from hdvplan.road.scenarios import example_file, example_names
 
     examples = []
     for name in example_names():

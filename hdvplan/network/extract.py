@@ -12,9 +12,8 @@ import numpy as np
 from hdvplan.errors import RoadError
 from hdvplan.fileio import Column, Together, json_bytes, read_json, table_bytes
 from hdvplan.network.osm import Relation, Routes, read_routes
-from hdvplan.network.roads import Position, RouteRoad, road_of_part
+from hdvplan.network.roads import USUAL, Position, RouteRoad, Widths, road_of_part
 from hdvplan.network.stitch import CUTS, Finding, Trouble, stitched
-from hdvplan.network.widths import USUAL, Widths
 from hdvplan.version import __version__
 
 RECORD = "extract.json"

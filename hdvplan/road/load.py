@@ -8,18 +8,14 @@ from functools import partial
 from pathlib import Path
 
 from hdvplan.errors import RoadError
+from hdvplan.road.checks import refuse_far, refuse_outliers, refuse_sparse, refuse_unreadable, text_of
 from hdvplan.road.features import OPTIONS, Choice, refuse_unheeded, roles_of
-from hdvplan.road.library import NOTICE, example_file, example_names, road_file, road_names
-from hdvplan.road.line import LONG_M, OF_POINTS, Line, RoadOptions, smoothed
+from hdvplan.road.line import LONG_M, OF_POINTS, Line, RawRoad, RoadOptions, smoothed
 from hdvplan.road.load_csv import has_wkt, read_csv
-from hdvplan.road.load_geojson import json_object, read_geojson
-from hdvplan.road.load_overpass import read_overpass
+from hdvplan.road.load_json import json_object, read_geojson, read_overpass
 from hdvplan.road.load_vector import read_vector
-from hdvplan.road.raw import RawRoad
 from hdvplan.road.road import Road
-from hdvplan.road.scenarios import SCENARIOS
-from hdvplan.road.steps import refuse_far, refuse_outliers, refuse_sparse
-from hdvplan.road.texts import refuse_unreadable, text_of
+from hdvplan.road.scenarios import NOTICE, SCENARIOS, example_file, example_names, road_file, road_names
 from hdvplan.spelling import did_you_mean
 from hdvplan.texts import printable
 

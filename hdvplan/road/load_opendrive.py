@@ -12,10 +12,10 @@ import numpy as np
 
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
-from hdvplan.road.blend import rounded, wrapped
+from hdvplan.road.arcs import rounded, wrapped
 from hdvplan.road.crs import placed
+from hdvplan.road.line import RawRoad
 from hdvplan.road.opendrive import DRIVEN, LONGEST_M, SAME_M, OdrRoad, Section, read_roads
-from hdvplan.road.raw import RawRoad
 
 _SPACING_M = 0.25  # of the points on lanes and edges
 _MEET_M = 0.3  # lanes whose ends are this close, and

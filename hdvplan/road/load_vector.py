@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 
 from hdvplan.errors import RoadError
 from hdvplan.road.assemble import road_of
+from hdvplan.road.checks import Unit
 from hdvplan.road.crs import LONLAT, lonlat_of, needs_lonlat
 from hdvplan.road.features import Choice, Feature
-from hdvplan.road.library import NOTICE
+from hdvplan.road.line import RawRoad
 from hdvplan.road.load_csv import Table, read_table
-from hdvplan.road.raw import RawRoad
 from hdvplan.road.regions import Kind
-from hdvplan.road.units import Unit
+from hdvplan.road.scenarios import NOTICE
 
 _MOST_FEATURES = 200_000
 _MOST_STEPS = 50_000_000  # of SQLite for one view: a second or two

@@ -1,13 +1,10 @@
-"""Parametric roads of the papers: U-turns, a roundabout, S-turns (spec, section 6).
-
-A profile is a pair (s, kappa) of arrays of equal shape, [m] and [1/m], linear between its points; a left turn is
-positive. ``[GEO]``, ``[ART]``: see the README's references.
-"""
+"""Roads that travel with hdvplan: real centre lines, small made-up places, and the parametric roads of the papers (spec, section 6)."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
@@ -17,11 +14,49 @@ from hdvplan.errors import OptionError
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
 
+NOTICE = "© OpenStreetMap contributors, ODbL 1.0"
+_PACKAGE = Path(__file__).parents[1]
 Profile = tuple[FloatArray, FloatArray]
 
 _LEAD_M = 50.0  # straight before and after: the roundabout's of [GEO] fig. 8, taken for all
 _ART_HORIZON_M = 134.2  # [ART] table 2
 _ART_LEAD_IN_M = 40.0
+
+
+def road_directory(kind: str = "osm") -> Path:
+    """Return the folder of the shipped roads: inside an installed package, else the checkout's ``roads/osm``."""
+    installed = _PACKAGE / "_roads" / kind
+    return installed if installed.is_dir() else _PACKAGE.parent / "roads" / kind
+
+
+def road_names() -> list[str]:
+    """Return the names of the shipped roads, sorted."""
+    return sorted(path.stem for path in road_directory().glob("*.geojson"))
+
+
+def road_file(name: str) -> Path | None:
+    """Return the file of a shipped road, or None if there is no road of that name."""
+    return road_directory() / f"{name}.geojson" if name in road_names() else None
+
+
+def map_file(name: str) -> Path | None:
+    """Return the file of a shipped map, or None if there is none of that name."""
+    return road_directory("networks") / f"{name}.osm.pbf" if name in map_names() else None
+
+
+def map_names() -> list[str]:
+    """Return the names of the shipped maps, sorted."""
+    return sorted(path.name.removesuffix(".osm.pbf") for path in road_directory("networks").glob("*.osm.pbf"))
+
+
+def example_names() -> list[str]:
+    """Return the names of the made-up places with obstacles and kerbs, sorted."""
+    return sorted(path.stem for path in road_directory("examples").glob("*.geojson"))
+
+
+def example_file(name: str) -> Path | None:
+    """Return the file of a made-up place, or None if there is none of that name."""
+    return road_directory("examples") / f"{name}.geojson" if name in example_names() else None
 
 
 def turn_profile(curvature: float, ramp: float, constant: float, lead_in: float = _LEAD_M, lead_out: float = _LEAD_M) -> Profile:

@@ -16,8 +16,7 @@ from typing import TypeGuard
 import numpy as np
 
 from hdvplan.errors import OptionError, RoadError, VehicleError
-from hdvplan.road.library import example_file, example_names, road_file, road_names
-from hdvplan.road.scenarios import SCENARIOS
+from hdvplan.road.scenarios import SCENARIOS, example_file, example_names, road_file, road_names
 from hdvplan.spelling import did_you_mean
 from hdvplan.texts import printable
 from hdvplan.vehicle.load import load_vehicle

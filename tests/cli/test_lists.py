@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from hdvplan.judging.fit import facts_of
-from hdvplan.road.library import example_names
 from hdvplan.road.load import load_road
-from hdvplan.road.scenarios import SCENARIOS
+from hdvplan.road.scenarios import SCENARIOS, example_names
 from tests.cli.conftest import Cli
 
 LISTS = [("vehicles", "list"), ("solvers",), ("roads", "list"), ("roads", "info", "roundabout")]

@@ -13,7 +13,7 @@ import pytest
 
 import hdvplan
 from hdvplan.report.summary import summary_of
-from hdvplan.road.library import road_names
+from hdvplan.road.scenarios import road_names
 from hdvplan.vehicle.load import preset_names
 from tests.docs.blocks import FENCE, Block, Reader, blocks_of, runnable
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from hdvplan.judging.fit import Trouble, fit_of
-from hdvplan.road.library import example_names
 from hdvplan.road.load import load_road
+from hdvplan.road.scenarios import example_names
 from hdvplan.vehicle.load import load_vehicle
 
 BUS = load_vehicle("bus")

@@ -10,9 +10,9 @@ import pytest
 import shapely
 
 from hdvplan.errors import OptionError, RoadError
-from hdvplan.road.library import road_directory, road_file, road_names
 from hdvplan.road.line import RoadOptions, is_closed
 from hdvplan.road.load import load_road
+from hdvplan.road.scenarios import road_directory, road_file, road_names
 
 STRAIGHT = "x,y\n0,0\n50,0\n100,0\n"
 
