@@ -133,12 +133,7 @@ def _tags(one: Any) -> dict[str, str]:  # noqa: ANN401 - an object of osmium
 
 
 def _chosen(source: _Source, kind: str, refs: tuple[str, ...]) -> list[Relation]:
-    """Return the routes of a kind with one of the refs.
-
-    Raises:
-        RoadError: there is none.
-
-    """
+    """Return the routes of a kind with one of the refs."""
     name, kinds, of_kind = source.path.name, Counter[str](), list[Relation]()
     for relation in source.relations(("route",)):  # of all kinds: only one is kept
         if relation.tags.get("type", "route") == "route":

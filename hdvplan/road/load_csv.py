@@ -156,12 +156,7 @@ def read_table(table: Table, name: str, *, crs: str | None = None, unit: str | N
 
 
 def _table(text: str, name: str, layout: str = LAYOUTS) -> Table:
-    """Return the cells of a CSV text without comments and empty rows; ``layout`` is the hint where there is no header.
-
-    Raises:
-        RoadError: no header, or rows that do not fit it.
-
-    """
+    """Return the cells of a CSV text without comments and empty rows; ``layout`` is the hint where there is no header."""
     titles: list[str] = []
     separator = ""
     lines: list[int] = []

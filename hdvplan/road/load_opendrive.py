@@ -164,12 +164,7 @@ def _first_of_each(route: list[_Piece]) -> list[_Piece]:
 
 
 def _route(pieces: list[_Piece], stops: list[_Stop], lane: int | None, name: str) -> list[_Piece]:
-    """Return the lanes that lead from the start of the first stop to the end of the last one.
-
-    Raises:
-        RoadError: there is no such way, or no such lane.
-
-    """
+    """Return the lanes that lead from the start of the first stop to the end of the last one."""
     starts = [piece for piece in pieces if stops[0].holds(piece) and _is_first(piece)]
     wanted = [piece for piece in starts if lane is None or piece.lane == lane]
     if not wanted:

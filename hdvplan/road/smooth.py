@@ -240,10 +240,6 @@ def _settled(
     """Move the line by the program's offsets until they vanish; also return the data's arclengths and offsets.
 
     ``u`` are the data's arclengths on the given line: a refusal names the place there, where the user can find it.
-
-    Raises:
-        RoadError: a corner cannot be rounded.
-
     """
     inner_deviation = _BOUND_SHARE * max_deviation
     share, largest = 1.0, np.inf
