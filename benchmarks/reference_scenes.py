@@ -15,9 +15,8 @@ from hdvplan.planning.bias import Bias
 from hdvplan.planning.discretisation import Discretisation
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.road.limits import Limits
-from hdvplan.road.line import Line, RoadOptions, smoothed
+from hdvplan.road.line import Line, RawRoad, RoadOptions, smoothed
 from hdvplan.road.path import ReferencePath, from_curvature, from_samples
-from hdvplan.road.raw import RawRoad
 from hdvplan.road.regions import Kind, Region, Side
 from hdvplan.road.road import Road
 from hdvplan.road.scenarios import SCENARIOS

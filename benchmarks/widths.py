@@ -19,7 +19,7 @@ from hdvplan.errors import HdvplanError
 from hdvplan.judging.result import Result, breach_text
 from hdvplan.record import write_record
 from hdvplan.report.markdown import markdown_table
-from hdvplan.road.library import road_names
+from hdvplan.road.scenarios import shipped
 
 VEHICLES = ("bus", "tractor-trailer", "tractor-trailer-24m")
 HALF_WIDTHS_M = (1.75, 2.25, 3.0, 3.5, 4.5, 6.0)  # roads 3.5, 4.5 and 6 m wide, and limits that far to each side
@@ -29,7 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Drive every combination and write the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("results/widths"))
-    parser.add_argument("--roads", type=lambda text: text.split(","), default=road_names())
+    parser.add_argument("--roads", type=lambda text: text.split(","), default=list(shipped()))
     parser.add_argument("--vehicles", type=lambda text: text.split(","), default=list(VEHICLES))
     parser.add_argument("--half-widths", type=lambda text: [float(part) for part in text.split(",")], default=list(HALF_WIDTHS_M))
     options = parser.parse_args(arguments)

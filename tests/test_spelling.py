@@ -4,7 +4,7 @@ from time import process_time
 
 import pytest
 
-from hdvplan.road.library import road_names
+from hdvplan.road.scenarios import shipped
 from hdvplan.spelling import did_you_mean, meant_by
 from hdvplan.vehicle.load import preset_names
 
@@ -32,9 +32,9 @@ def test_only_what_is_near_or_contains_the_name_may_be_meant(name: str, meant: l
 
 
 def test_names_that_share_only_a_beginning_are_not_meant() -> None:
-    assert meant_by("goteborg_xyz", road_names()) == []
-    assert meant_by("goteborg", road_names()) == []  # a part of more names than a hint can show
-    assert meant_by("goteborg_nya_alen", road_names()) == ["goteborg_nya_allen"]
+    assert meant_by("goteborg_xyz", shipped()) == []
+    assert meant_by("goteborg", shipped()) == []  # a part of more names than a hint can show
+    assert meant_by("goteborg_nya_alen", shipped()) == ["goteborg_nya_allen"]
 
 
 @pytest.mark.parametrize("name", preset_names())

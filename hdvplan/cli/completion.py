@@ -5,10 +5,9 @@ from __future__ import annotations
 
 def roads(incomplete: str) -> list[str]:
     """Return the shipped roads, examples and scenarios that begin so."""
-    from hdvplan.road.library import example_names, road_names
-    from hdvplan.road.scenarios import SCENARIOS
+    from hdvplan.road.scenarios import SCENARIOS, shipped
 
-    return _beginning(incomplete, [*road_names(), *example_names(), *SCENARIOS])
+    return _beginning(incomplete, [*shipped(), *shipped("examples"), *SCENARIOS])
 
 
 def vehicles(incomplete: str) -> list[str]:

@@ -59,11 +59,10 @@ def extract(
     check_folder(out)
     from hdvplan.network.extract import RECORD, record_of
     from hdvplan.network.extract import extract as extracted
-    from hdvplan.network.widths import USUAL, Widths
-    from hdvplan.road.library import map_file
+    from hdvplan.network.roads import USUAL, Widths
+    from hdvplan.road.scenarios import shipped
 
-    shipped = None if source.exists() else map_file(str(source))
-    source = shipped or source
+    source = source if source.exists() else shipped("networks").get(str(source), source)
     widths = Widths(USUAL.lane if lane is None else lane, half_width)
     directory = out or Path(file_name(f"{source.name.partition('.')[0]}.{route}"))
     with writing(f"to {directory}"), progress(f"stitching {source.name}", quiet=quiet) as on_progress:

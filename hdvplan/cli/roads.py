@@ -170,12 +170,10 @@ def _shipped() -> list[dict[str, object]]:
     """Return the shipped roads with the numbers that their files carry; smoothing all of them would take long."""
     import json
 
-    from hdvplan.road.library import road_file, road_names
+    from hdvplan.road.scenarios import shipped
 
     roads = []
-    for name in road_names():
-        file = road_file(name)
-        assert file is not None  # noqa: S101 - its name was listed
+    for name, file in shipped().items():
         properties = json.loads(file.read_text(encoding="utf-8"))["properties"]
         given = {"length_m": properties["length_m"], "min_radius_m": properties["min_radius_6m_m"], "kind": properties["kind"]}
         roads.append({"name": name, "place": properties["name"], "source": "OpenStreetMap"} | given)
@@ -186,12 +184,10 @@ def _examples() -> list[dict[str, object]]:
     """Return the made-up places, likewise."""
     import json
 
-    from hdvplan.road.library import example_file, example_names
+    from hdvplan.road.scenarios import shipped
 
     examples = []
-    for name in example_names():
-        file = example_file(name)
-        assert file is not None  # noqa: S101 - its name was listed
+    for name, file in shipped("examples").items():
         properties = json.loads(file.read_text(encoding="utf-8"))["features"][0]["properties"]
         given = {name: properties[name] for name in ("length_m", "min_radius_m")} | {"kind": "made-up place with obstacles"}
         examples.append({"name": name, "place": None, "source": "example"} | given)

@@ -16,9 +16,8 @@ import scipy  # its subpackages load when they are first used
 from hdvplan.arrays import FloatArray
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations
-from hdvplan.road.part import part_of
 from hdvplan.road.path import ReferencePath, evaluate_many, project_many
-from hdvplan.road.road import Road
+from hdvplan.road.road import Road, part_of
 from hdvplan.road.street import look
 from hdvplan.vehicle.body import axles_behind
 from hdvplan.vehicle.kinematics import place_many

@@ -15,8 +15,7 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
 
-from hdvplan.network.osm import Way
-from hdvplan.network.places import Places, length_of
+from hdvplan.network.osm import Places, Way, length_of
 
 _BREAK_M = 1e9  # cost of a break, as metres left out of a way
 _AGAINST_M = 1e6  # the same of driving a way against its one-way or its role,

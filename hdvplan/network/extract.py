@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,9 +12,9 @@ import numpy as np
 from hdvplan.errors import RoadError
 from hdvplan.fileio import Column, Together, json_bytes, read_json, table_bytes
 from hdvplan.network.osm import Relation, Routes, read_routes
-from hdvplan.network.roads import Position, RouteRoad, road_of_part
+from hdvplan.network.roads import USUAL, Position, RouteRoad, Widths, road_of_part
 from hdvplan.network.stitch import CUTS, Finding, Trouble, stitched
-from hdvplan.network.widths import USUAL, Widths
+from hdvplan.road.scenarios import NOTICE
 from hdvplan.version import __version__
 
 RECORD = "extract.json"
@@ -75,7 +75,14 @@ def extract(
         OSError: the folder or a file cannot be written.
 
     """
-    routes = routes_of(path, kind=kind, refs=refs, widths=widths, on_progress=on_progress)
+    found = read_routes(path, kind, refs)
+    relations = Counter(_line(relation) for relation in found.relations)
+    routes: list[Route] = []
+    for relation in found.relations:
+        alone = relations[_line(relation)] == 1
+        routes.append(_route(relation, found, kind, widths, path.name, alone=alone))
+        if on_progress is not None:
+            on_progress(len(routes) / len(found.relations))
     if not any(route.roads for route in routes):
         msg = f"{path.name}: none of the {len(routes)} routes has a way in it"
         raise RoadError(msg, hint="take an extract of the map that holds the routes' ways and their nodes")
@@ -83,26 +90,6 @@ def extract(
     contents[REPORT] = lambda: table_bytes(_table(routes))
     contents[RECORD] = lambda: json_bytes(record_of(routes, path.name, kind, widths))
     Together(RECORD, _former(directory), {RECORD: "hdvplan_routes"}).write(directory, contents)
-    return routes
-
-
-def routes_of(
-    path: Path,
-    *,
-    kind: str = "bus",
-    refs: tuple[str, ...] = (),
-    widths: Widths = USUAL,
-    on_progress: Callable[[float], None] | None = None,
-) -> tuple[Route, ...]:
-    """Return the routes of one ``kind`` in a map without writing anything; as ``extract``."""
-    found = read_routes(path, kind, refs)
-    relations = Counter(_line(relation) for relation in found.relations)
-    routes = []
-    for number, relation in enumerate(found.relations, start=1):
-        alone = relations[_line(relation)] == 1
-        routes.append(_route(relation, found, kind, widths, path.name, alone=alone))
-        if on_progress is not None:
-            on_progress(number / len(found.relations))
     return tuple(routes)
 
 
@@ -119,18 +106,18 @@ def _route(relation: Relation, found: Routes, kind: str, widths: Widths, source:
     for back, members in ((False, relation.members), (True, relation.members[::-1])):
         if back and not (alone and any(finding.trouble is Trouble.OTHER for finding in findings)):
             break
-        parts, told = stitched(members, found.ways, found.places, kind)
+        parts, found_here = stitched(members, found.ways, found.places, kind)
         for number, part in enumerate(parts, start=1):
             road = road_of_part(relation, part, Position(number, len(parts), back), found.places, widths, source)
             roads += [road] if road.length >= _SHORTEST_M else []
-        findings += [replace(one, text=f"on the way back, {one.text}") for one in told] if back else told
+        findings += [replace(one, text=f"on the way back, {one.text}") for one in found_here] if back else found_here
     missing = sum(member.kind != "w" or member.ref not in found.ways for member in relation.members)
     return Route(relation, tuple(roads), tuple(findings), missing)
 
 
-def record_of(routes: tuple[Route, ...], source: str, kind: str, widths: Widths) -> Json:
+def record_of(routes: Sequence[Route], source: str, kind: str, widths: Widths) -> Json:
     """Return the content of ``extract.json``: the map, what was asked for, and every route with its files and findings."""
-    told = [
+    found = [
         {
             "relation": route.relation.id,
             **{key: route.relation.tags.get(key) for key in _TAGS},
@@ -138,61 +125,47 @@ def record_of(routes: tuple[Route, ...], source: str, kind: str, widths: Widths)
             "members": len(route.relation.members),
             "missing": route.missing,
             "length_m": round(route.length, 3),
-            "roads": [_road(road) for road in route.roads],
-            "findings": [_finding(finding) for finding in route.findings],
+            "roads": [
+                {"file": road.file, "length_m": round(road.length, 3), "with_limits_m": round(road.with_limits, 3)} for road in route.roads
+            ],
+            "findings": [
+                {"kind": str(one.trouble), "cuts": one.trouble in CUTS, "text": one.text, "lon_lat": one.place} for one in route.findings
+            ],
         }
         for route in routes
     ]
     asked: Json = {"source_file": source, "route": kind, "lane_m": widths.lane, "half_width_m": widths.half_width}
-    return {**asked, "attribution": "© OpenStreetMap contributors, ODbL 1.0", "version": __version__, "hdvplan_routes": told}
+    return {**asked, "attribution": NOTICE, "version": __version__, "hdvplan_routes": found}
 
 
-def _road(road: RouteRoad) -> Json:
-    return {"file": road.file, "length_m": round(road.length, 3), "with_limits_m": round(road.with_limits, 3)}
-
-
-def _finding(finding: Finding) -> Json:
-    place = None if finding.place is None else list(finding.place)
-    return {"kind": str(finding.trouble), "cuts": finding.trouble in CUTS, "text": finding.text, "lon_lat": place}
-
-
-def _table(routes: tuple[Route, ...]) -> dict[str, Column]:
+def _table(routes: Sequence[Route]) -> dict[str, Column]:
     """Return the report, one row a route."""
-    numbers = {
-        "roads": [len(route.roads) for route in routes],
-        "ways": [len(route.relation.members) for route in routes],
-        "ways_missing": [route.missing for route in routes],
-        "gaps": [route.count(Trouble.GAP) for route in routes],
-        "wrong_order": [route.count(Trouble.ORDER) for route in routes],
-        "turns_back": [route.count(Trouble.TURN) for route in routes],
-        "remarks": [len(route.findings) - route.count(*CUTS) for route in routes],
-    }
-    words = {key: [route.relation.tags.get(key, "") for route in routes] for key in _TAGS}
-    table = {"relation": _column([route.relation.id for route in routes])}
-    table |= {key: _column(column) for key, column in words.items()}
-    table |= {"whole": _column(["yes" if route.whole else "no" for route in routes])}
-    table |= {key: _column(column) for key, column in numbers.items()}
-    table |= {name: Column(np.array(column), "%.1f") for name, column in _lengths(routes).items()}
-    findings = ["; ".join(finding.text for finding in route.findings) for route in routes]
-    return table | {"findings": _column(findings)}
-
-
-def _lengths(routes: tuple[Route, ...]) -> dict[str, list[float]]:
-    return {
-        "length_m": [route.length for route in routes],
-        "with_limits_m": [sum(road.with_limits for road in route.roads) for route in routes],
-    }
-
-
-def _column(values: list[int] | list[str]) -> Column:
-    return Column(np.array(values, dtype=object))
+    cells = [
+        {
+            "relation": route.relation.id,
+            **{key: route.relation.tags.get(key, "") for key in _TAGS},
+            "whole": "yes" if route.whole else "no",
+            "roads": len(route.roads),
+            "ways": len(route.relation.members),
+            "ways_missing": route.missing,
+            "gaps": route.count(Trouble.GAP),
+            "wrong_order": route.count(Trouble.ORDER),
+            "turns_back": route.count(Trouble.TURN),
+            "remarks": len(route.findings) - route.count(*CUTS),
+            "length_m": f"{route.length:.1f}",
+            "with_limits_m": f"{sum(road.with_limits for road in route.roads):.1f}",
+            "findings": "; ".join(finding.text for finding in route.findings),
+        }
+        for route in routes
+    ]
+    return {key: Column(np.array([row[key] for row in cells], dtype=object)) for key in cells[0]}
 
 
 def _former(directory: Path) -> tuple[str, ...]:
     """Return the road files that an earlier extraction wrote into a folder, as its record names them."""
     try:
-        told = read_json(directory / RECORD)
-        names = [road["file"] for route in told["hdvplan_routes"] for road in route["roads"]]
+        record = read_json(directory / RECORD)
+        names = [road["file"] for route in record["hdvplan_routes"] for road in route["roads"]]
     except (OSError, ValueError, KeyError, TypeError):
         return ()
     return tuple(name for name in names if isinstance(name, str) and name.endswith(".geojson") and Path(name).name == name)

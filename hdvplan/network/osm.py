@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import import_module
-from itertools import count
+from itertools import count, pairwise
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -17,6 +18,10 @@ from hdvplan.spelling import did_you_mean
 _NOT_DRIVEN = ("platform", "stop")  # what such roles begin with
 _MOST_NAMED = 8  # kinds of routes or refs that a message lists
 _MOST_MEMBERS = 100_000  # of a route: the longest have some thousands
+Place = tuple[float, float]
+Places = Mapping[int, Place]  # of nodes, by their ids
+
+_METRES_PER_DEGREE = 111_195.0  # of a great circle on a sphere of 6371 km
 
 
 @dataclass(frozen=True)
@@ -128,12 +133,7 @@ def _tags(one: Any) -> dict[str, str]:  # noqa: ANN401 - an object of osmium
 
 
 def _chosen(source: _Source, kind: str, refs: tuple[str, ...]) -> list[Relation]:
-    """Return the routes of a kind with one of the refs.
-
-    Raises:
-        RoadError: there is none.
-
-    """
+    """Return the routes of a kind with one of the refs."""
     name, kinds, of_kind = source.path.name, Counter[str](), list[Relation]()
     for relation in source.relations(("route",)):  # of all kinds: only one is kept
         if relation.tags.get("type", "route") == "route":
@@ -175,3 +175,25 @@ def _members(relation: Relation, known: Mapping[int, Relation], above: tuple[int
 def _driven(relation: Relation) -> list[Member]:
     """Return the members of a relation that are driven."""
     return [member for member in relation.members if member.kind in {"w", "r"} and not member.role.startswith(_NOT_DRIVEN)]
+
+
+def length_of(nodes: Sequence[int], places: Places) -> float:
+    """Return the length of a line of nodes [m]."""
+    return sum(distance(places[a], places[b]) for a, b in pairwise(nodes))
+
+
+def distance(a: Place, b: Place) -> float:
+    """Return the distance of two places [m], to half a per cent."""
+    return math.hypot(*_from(a, b)) * _METRES_PER_DEGREE
+
+
+def turn(before: Place, at: Place, after: Place) -> float:
+    """Return by how much a line turns at a place [deg], without sign."""
+    (x, y), (u, v) = _from(before, at), _from(at, after)
+    return abs(math.degrees(math.atan2(x * v - y * u, x * u + y * v)))
+
+
+def _from(a: Place, b: Place) -> Place:
+    """Return the way from a place to one near by, east and north, in degrees of a great circle."""
+    east = (b[0] - a[0] + 180.0) % 360.0 - 180.0  # across the antimeridian too
+    return east * math.cos(math.radians(0.5 * (a[1] + b[1]))), b[1] - a[1]

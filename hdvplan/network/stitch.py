@@ -12,8 +12,7 @@ from enum import StrEnum
 from itertools import groupby
 
 from hdvplan.network.chain import Pass, Run, Step, runs_of
-from hdvplan.network.osm import Member, Way
-from hdvplan.network.places import Place, Places, distance, length_of, turn
+from hdvplan.network.osm import Member, Place, Places, Way, distance, length_of, turn
 
 _TURN_BACK_DEG = 150.0  # a sharper turn at one node is no bend of a road: the vehicle would have to turn on the spot
 _ROLES = {"forward": 1, "backward": -1}

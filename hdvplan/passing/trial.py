@@ -18,9 +18,8 @@ from hdvplan.judging.obstacles import approaches
 from hdvplan.judging.passed import Trial
 from hdvplan.planning.bias import Bias
 from hdvplan.planning.objectives import objective_named
-from hdvplan.road.part import part_of
 from hdvplan.road.regions import Side
-from hdvplan.road.road import Road
+from hdvplan.road.road import Road, part_of
 from hdvplan.solvers.second import dependable
 
 _ROOM_M = 20.0  # of path and limits beyond the ends of a stretch, the vehicle and its horizon

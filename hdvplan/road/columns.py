@@ -54,6 +54,11 @@ class Columns:
     unread: tuple[str, ...]
     units: dict[str, str]
 
+    @property
+    def where(self) -> str:
+        """The titles of the position, for messages."""
+        return ", ".join(self.titles[key] for key in self.position)
+
 
 def folded(title: str) -> str:
     """Return a name without case, accents, units in brackets and punctuation: ``Längengrad [°]`` is ``langengrad``."""
@@ -90,25 +95,21 @@ def columns_of(titles: list[str], where: str) -> Columns:
             msg = f"{where}: column {title} occurs twice"
             raise RoadError(msg)
         else:
-            msg = f"{where}: columns {titles[at[meaning]]} and {title} contradict each other"
-            raise RoadError(msg, hint=LAYOUTS)
+            raise _contradiction(where, titles[at[meaning]], title)
     names = {meaning: titles[number] for meaning, number in at.items()}
     present = [pair for pair in _POSITIONS if pair[0] in at or pair[1] in at]
     if not present:
         msg = f"{where}: no position columns among {', '.join(titles)[:200]}"
         raise RoadError(msg, hint=LAYOUTS)
     if len(present) > 1:
-        first, second = ([names[key] for key in pair if key in names] for pair in present[:2])
-        msg = f"{where}: columns {', '.join(first)} and {', '.join(second)} contradict each other"
-        raise RoadError(msg, hint=LAYOUTS)
+        raise _contradiction(where, *(", ".join(names[key] for key in pair if key in names) for pair in present[:2]))
     for pair in _PAIRS:
         for own, other in (pair, pair[::-1]):
             if other in at and own not in at:
                 msg = f"{where}: column {own} is missing beside {names[other]}"
                 raise RoadError(msg, hint=LAYOUTS)
     if "width" in at and "left" in at:
-        msg = f"{where}: columns {names['left']}, {names['right']} and {names['width']} contradict each other"
-        raise RoadError(msg, hint=LAYOUTS)
+        raise _contradiction(where, f"{names['left']}, {names['right']}", names["width"])
     if "left_sweep" in at and "left" not in at:
         msg = f"{where}: {names['left_sweep']} and {names['right_sweep']} need left and right beside them"
         raise RoadError(msg, hint=LAYOUTS)
@@ -117,6 +118,10 @@ def columns_of(titles: list[str], where: str) -> Columns:
         msg = f"{where}: columns {names['x']} and {names['y']} are not in one unit"
         raise RoadError(msg, hint=LAYOUTS)
     return Columns(at, names, present[0], tuple(unread), units)
+
+
+def _contradiction(where: str, one: str, other: str) -> RoadError:
+    return RoadError(f"{where}: columns {one} and {other} contradict each other", hint=LAYOUTS)
 
 
 def unread_note(columns: Columns, name: str) -> tuple[str, ...]:

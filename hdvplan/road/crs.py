@@ -50,7 +50,7 @@ class IntoPlane:
         """Return the points in the plane, shape (n, 2)."""
         if self.given == self.plane:
             return points
-        return _transformed(LONLAT, self.plane, _lonlat(self.given, points))
+        return _transformed(LONLAT, self.plane, lonlat_of(self.given, points))
 
 
 @dataclass(frozen=True)
@@ -65,13 +65,8 @@ class Plane:
     into: IntoPlane
 
 
-def parse_crs(name: str) -> CRS:
-    """Return the coordinate reference system called ``name``, such as ``EPSG:3006``.
-
-    Raises:
-        RoadError: unknown, Web Mercator, not in metres or degrees, or neither projected nor geographic.
-
-    """
+def _known(name: str) -> CRS:
+    """Return any coordinate reference system of a place on earth."""
     from pyproj import CRS  # noqa: PLC0415 - see above
     from pyproj.exceptions import CRSError  # noqa: PLC0415 - see above
 
@@ -80,18 +75,30 @@ def parse_crs(name: str) -> CRS:
     except (CRSError, UnicodeError) as error:  # the second of undecodable bytes
         msg = f"unknown coordinate reference system {name!r}"
         raise RoadError(msg, hint="give an EPSG code, such as --crs EPSG:3006") from error
-    if crs.is_projected:
-        operation = crs.coordinate_operation
-        if operation is not None and "Pseudo Mercator" in operation.method_name:
-            msg = f"{name} is Web Mercator, whose lengths are wrong by 50 % and more away from the equator"
-            raise RoadError(msg, hint="give longitude and latitude, or a metric system such as UTM")
-        units = {axis.unit_name for axis in crs.axis_info[:2]}
-        if units != {"metre"}:
-            msg = f"{name} measures in {', '.join(sorted(units))}, not in metres"
-            raise RoadError(msg, hint="convert the road to longitude and latitude or to a metric system first")
-    elif not crs.is_geographic:
+    if not (crs.is_projected or crs.is_geographic):
         msg = f"{name} is neither a projected nor a geographic coordinate reference system"
         raise RoadError(msg, hint="give an EPSG code, such as --crs EPSG:3006")
+    return crs
+
+
+def parse_crs(name: str) -> CRS:
+    """Return the coordinate reference system called ``name``, such as ``EPSG:3006``.
+
+    Raises:
+        RoadError: unknown, Web Mercator, not in metres or degrees, or neither projected nor geographic.
+
+    """
+    crs = _known(name)
+    if not crs.is_projected:
+        return crs
+    operation = crs.coordinate_operation
+    if operation is not None and "Pseudo Mercator" in operation.method_name:
+        msg = f"{name} is Web Mercator, whose lengths are wrong by 50 % and more away from the equator"
+        raise RoadError(msg, hint="give longitude and latitude, or a metric system such as UTM")
+    units = {axis.unit_name for axis in crs.axis_info[:2]}
+    if units != {"metre"}:
+        msg = f"{name} measures in {', '.join(sorted(units))}, not in metres"
+        raise RoadError(msg, hint="convert the road to longitude and latitude or to a metric system first")
     return crs
 
 
@@ -102,10 +109,12 @@ def to_plane(points: FloatArray, name: str = LONLAT) -> Plane:
         RoadError: as ``placed``, or lengths in this system are wrong by more than 1 % here.
 
     """
+    from pyproj import Geod  # noqa: PLC0415 - see above
+
     plane = placed(points, name)
     here = plane.points[len(points) // 2]
     lon, lat = plane.to_lonlat(*(here + _STEP_M * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])).T)
-    apart = np.array([_distance(lon[0], lat[0], lon[i], lat[i]) for i in (1, 2)])
+    apart = Geod(ellps="WGS84").inv(lon[[0, 0]], lat[[0, 0]], lon[1:], lat[1:])[2]
     if not np.all(apart > 0.0):  # far outside, where many coordinates lead to one place, or to none
         raise _outside(name)
     scale = _STEP_M / apart
@@ -127,7 +136,7 @@ def placed(points: FloatArray, name: str) -> Plane:
         RoadError: an unusable system, or points outside the area where it is defined.
 
     """
-    plane = name if parse_crs(name).is_projected else _local(_lonlat(name, points))
+    plane = name if parse_crs(name).is_projected else _local(lonlat_of(name, points))
     to_lonlat, into = ToLonLat(plane), IntoPlane(name, plane)
     there = into(points)
     if not np.all(np.isfinite(to_lonlat(there[:, 0], there[:, 1]))):
@@ -164,25 +173,17 @@ def needs_lonlat(name: str) -> bool:
         RoadError: an unknown system, or one of no place on earth.
 
     """
-    from pyproj import CRS  # noqa: PLC0415 - see above
-    from pyproj.exceptions import CRSError  # noqa: PLC0415 - see above
-
+    _known(name)
     try:
         parse_crs(name)
     except RoadError:
-        try:
-            crs: CRS | None = CRS.from_user_input(name)
-        except (CRSError, UnicodeError):
-            crs = None
-        if crs is None or not (crs.is_projected or crs.is_geographic):
-            raise
         return True
     return False
 
 
 def lonlat_of(name: str, points: FloatArray) -> FloatArray:
     """Return longitude and latitude [deg] of points of any system, shape (n, 2)."""
-    return _lonlat(name, points)
+    return points if name == LONLAT else _transformed(name, LONLAT, points)
 
 
 def looks_like_degrees(points: FloatArray) -> bool:
@@ -210,22 +211,11 @@ def check_lonlat(points: FloatArray, where: str) -> None:
     raise RoadError(msg, hint="if the coordinates are metres, name their system, such as --crs EPSG:3006")
 
 
-def _distance(lon: float, lat: float, other_lon: float, other_lat: float) -> float:
-    """Return the length of the geodesic between two places [m]."""
-    from pyproj import Geod  # noqa: PLC0415 - see above
-
-    return float(Geod(ellps="WGS84").inv(lon, lat, other_lon, other_lat)[2])
-
-
 def _local(lonlat: FloatArray) -> str:
     """Return the transverse Mercator at the middle of the points' extent, as a PROJ string."""
     lon = np.unwrap(lonlat[:, 0], period=360.0)  # a road may cross the antimeridian
     lon_0, lat_0 = 0.5 * (lon.min() + lon.max()), 0.5 * (lonlat[:, 1].min() + lonlat[:, 1].max())
     return f"{_LOCAL}+lat_0={lat_0:.9f} +lon_0={lon_0:.9f}"
-
-
-def _lonlat(name: str, points: FloatArray) -> FloatArray:
-    return points if name == LONLAT else _transformed(name, LONLAT, points)
 
 
 def _transformed(source: str, target: str, points: FloatArray) -> FloatArray:
@@ -235,9 +225,7 @@ def _transformed(source: str, target: str, points: FloatArray) -> FloatArray:
 @lru_cache(maxsize=32)
 def _meridian(plane: str) -> float:
     """Return the longitude of a projection's origin [deg]."""
-    from pyproj import CRS  # noqa: PLC0415 - see above
-
-    operation = CRS.from_user_input(plane).coordinate_operation
+    operation = _known(plane).coordinate_operation
     values = {} if operation is None else {parameter.name: float(parameter.value) for parameter in operation.params}
     return next((value for name, value in values.items() if name.startswith("Longitude of")), 0.0)
 

@@ -17,16 +17,9 @@ from hdvplan.road.columns import folded
 Json = dict[str, Any]
 _IDS = ("name", "id", "@id", "osm_id", "ref")
 LINES = {"LineString", "MultiLineString"}
-OPTIONS = {  # of the command line, by what readers of roads call them
-    "crs": "--crs",
-    "feature": "--name",
-    "layer": "--layer",
-    "roles": "--role",
-    "road_ids": "--road-ids",
-    "lane": "--lane",
-    "unit": "--unit",
-    "corners": "--corners",
-    "corner_radius": "--corner-radius",
+# Options of the command line, by what readers of roads call them.
+OPTIONS = {"feature": "--name", "roles": "--role"} | {
+    name: f"--{name.replace('_', '-')}" for name in ("crs", "layer", "road_ids", "lane", "unit", "corners", "corner_radius")
 }
 
 
@@ -38,50 +31,14 @@ class Role(StrEnum):
     EDGE = "edge"
 
 
-_LAYERS = {  # layers of these names have a role without --role
-    **dict.fromkeys(("obstacle", "obstacles", "hinder", "hindernis", "hindernisse"), Role.OBSTACLE),
-    **dict.fromkeys(("sweepable", "sweepables", "overrunnable", "uberfahrbar", "overkorbar"), Role.SWEEPABLE),
+_SPELLINGS = {  # of layers with a role without --role; those of edges are also values of a property "edge", and names
+    Role.OBSTACLE: "obstacle obstacles hinder hindernis hindernisse",
+    Role.SWEEPABLE: "sweepable sweepables overrunnable uberfahrbar overkorbar",
+    Role.EDGE: "left right left_edge right_edge edge_left edge_right edge_l edge_r left_kerb right_kerb kerb kerbs kerb_left kerb_right"
+    " left_curb right_curb curb_left curb_right links rechts rand_links rand_rechts linker_rand rechter_rand fahrbahnrand vanster hoger"
+    " vansterkant hogerkant vanster_kant hoger_kant kant_vanster kant_hoger vagkant gauche droite bord_gauche bord_droit",
 }
-_EDGES = {  # values of a property "edge", names, and layers
-    "left",
-    "right",
-    "left_edge",
-    "right_edge",
-    "edge_left",
-    "edge_right",
-    "edge_l",
-    "edge_r",
-    "left_kerb",
-    "right_kerb",
-    "kerb",
-    "kerbs",
-    "kerb_left",
-    "kerb_right",
-    "left_curb",
-    "right_curb",
-    "curb_left",
-    "curb_right",
-    "links",
-    "rechts",
-    "rand_links",
-    "rand_rechts",
-    "linker_rand",
-    "rechter_rand",
-    "fahrbahnrand",
-    "vanster",
-    "hoger",
-    "vansterkant",
-    "hogerkant",
-    "vanster_kant",
-    "hoger_kant",
-    "kant_vanster",
-    "kant_hoger",
-    "vagkant",
-    "gauche",
-    "droite",
-    "bord_gauche",
-    "bord_droit",
-}
+_ROLES = {name: role for role, names in _SPELLINGS.items() for name in names.split()}
 
 
 @dataclass(frozen=True)
@@ -157,13 +114,11 @@ def as_object(member: object) -> Json:
 def role_of(feature: Feature, choice: Choice) -> Role | None:
     """Return a feature's role: as the user says, as its property says, or as its layer or name says."""
     names = (*feature.labels, feature.layer)
-    told = next((choice.roles[name] for name in names if name in choice.roles), None)
-    if told is not None or feature.properties.get("region") is not None:
-        return told
-    said = (str(feature.properties.get("edge", "")), *feature.labels[:1], feature.layer)
-    if any(folded(name) in _EDGES for name in said):
-        return Role.EDGE
-    return _LAYERS.get(folded(feature.layer))
+    given = next((choice.roles[name] for name in names if name in choice.roles), None)
+    if given is not None or feature.properties.get("region") is not None:
+        return given
+    edges = (str(feature.properties.get("edge", "")), *feature.labels[:1])
+    return Role.EDGE if any(_ROLES.get(folded(name)) is Role.EDGE for name in edges) else _ROLES.get(folded(feature.layer))
 
 
 def parts_of(geometry: Json, name: str) -> list[Any]:

@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdvplan.arrays import BoolArray, FloatArray, IntArray
-from hdvplan.road.arcs import arcs_and_tangent, biarcs, half_angle, sampled
-from hdvplan.road.blend import wrapped
+from hdvplan.road.arcs import arcs_and_tangent, biarcs, half_angle, sampled, wrapped
 
 _SAME_M = 0.02  # points this close repeat their neighbour
 _CHORD_M = 2e-4  # from the dense points' chords to the curve

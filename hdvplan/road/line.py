@@ -1,25 +1,28 @@
-"""The line of a road before it is smoothed, the options it is read with, and the road that smoothing makes of it."""
+"""What a road file says, the options it is read with, and the road that smoothing makes of it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError, RoadError
 from hdvplan.lengths import METRES
+from hdvplan.road.checks import ASKED, MIN_LENGTH_M
 from hdvplan.road.drawn import drawn_kerbs
 from hdvplan.road.features import refuse_unheeded
 from hdvplan.road.given import CORNERS_ASKED, Corners, given_line
 from hdvplan.road.limits import Limits
 from hdvplan.road.path import from_curvature
-from hdvplan.road.raw import RawRoad
 from hdvplan.road.road import Road, Smoothing
-from hdvplan.road.steps import MIN_LENGTH_M
 from hdvplan.road.street import About, Kerb
-from hdvplan.road.units import ASKED
+
+if TYPE_CHECKING:
+    from hdvplan.road.crs import ToLonLat
+    from hdvplan.road.regions import Region
 
 LONG_M = 50e3  # from this length on a line is smoothed in windows, and planned in stretches
 OF_POINTS = "corners", "corner_radius"  # options that say how points are read
@@ -27,6 +30,33 @@ _CLOSED_M = 0.01  # how near the last point must come to the first for a closed 
 _CLOSED_TURN = np.deg2rad(100.0)  # a road that returns to its start at a sharper angle merely crosses itself there
 _JUMP_M = 1e-6  # a limit's jump takes this long
 _TIGHTEST = 0.5  # smoothing stations 1 m apart cannot represent a radius below 2 m [1/m]
+
+
+@dataclass(frozen=True)
+class RawRoad:
+    """A road as given: ``points`` of shape (n, 2) are x, y [m], or s [m], kappa [1/m] when ``is_profile``.
+
+    ``reaches`` are the widths at the points, shape (4, n): left, right, left_sweep, right_sweep, all positive [m]. Or
+    ``sides`` are the edges left and right of each point, shape (2, n, 2), or ``edges`` lines somewhere beside the road, each of
+    shape (m, 2), x, y [m]. ``lines`` are the lines of the points in their file, where it has some; ``notes`` what the reader
+    has to say to the user. ``rounded`` are the points moved as little as it takes for a line without gaps and kinks, where
+    that is known: it needs no smoothing. ``corners`` says how the points are read, where the file does, see ``Corners``, and
+    ``corner_radius`` rounds the kerbs inside sharp ones [m].
+    """
+
+    points: FloatArray
+    reaches: FloatArray | None = None
+    is_profile: bool = False
+    to_lonlat: ToLonLat | None = None
+    notice: str | None = None
+    regions: tuple[Region, ...] = ()
+    edges: tuple[FloatArray, ...] = ()
+    sides: FloatArray | None = None
+    lines: tuple[int, ...] | None = None
+    notes: tuple[str, ...] = ()
+    rounded: FloatArray | None = None
+    corners: str | None = None
+    corner_radius: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -112,8 +142,7 @@ def smoothed(line: Line) -> tuple[Road, FloatArray]:
         RoadError: the line cannot be smoothed within its options, or has widths and edges.
 
     """
-    from hdvplan.road.smooth import smooth_line, smoothing_of  # noqa: PLC0415 - a file is refused without loading SciPy
-    from hdvplan.road.through import MAX_LENGTH_M, path_through  # noqa: PLC0415 - as above
+    from hdvplan.road.smooth import MAX_LENGTH_M, path_through, smooth_line, smoothing_of  # noqa: PLC0415 - a file is refused without loading SciPy  # noqa: PLC0415 - as above
 
     name, raw, options = line.name, line.raw, line.options
     if raw.is_profile:

@@ -8,18 +8,14 @@ from functools import partial
 from pathlib import Path
 
 from hdvplan.errors import RoadError
+from hdvplan.road.checks import refuse_far, refuse_outliers, refuse_sparse, refuse_unreadable, text_of
 from hdvplan.road.features import OPTIONS, Choice, refuse_unheeded, roles_of
-from hdvplan.road.library import NOTICE, example_file, example_names, road_file, road_names
-from hdvplan.road.line import LONG_M, OF_POINTS, Line, RoadOptions, smoothed
+from hdvplan.road.line import LONG_M, OF_POINTS, Line, RawRoad, RoadOptions, smoothed
 from hdvplan.road.load_csv import has_wkt, read_csv
-from hdvplan.road.load_geojson import json_object, read_geojson
-from hdvplan.road.load_overpass import read_overpass
+from hdvplan.road.load_json import json_object, read_geojson, read_overpass
 from hdvplan.road.load_vector import read_vector
-from hdvplan.road.raw import RawRoad
 from hdvplan.road.road import Road
-from hdvplan.road.scenarios import SCENARIOS
-from hdvplan.road.steps import refuse_far, refuse_outliers, refuse_sparse
-from hdvplan.road.texts import refuse_unreadable, text_of
+from hdvplan.road.scenarios import NOTICE, SCENARIOS, shipped
 from hdvplan.spelling import did_you_mean
 from hdvplan.texts import printable
 
@@ -68,14 +64,12 @@ def find_road(source: str | Path, options: RoadOptions = _USUAL) -> Found:
 
     """
     path = Path(source)
-    shipped, example = road_file(str(source)), example_file(str(source))
+    files = shipped("examples") | shipped()
     if path.is_file():
         line = Line(printable(path.stem), _read(path, options), options)
-    elif shipped is not None:
-        raw = _read(shipped, options)
-        line = Line(shipped.stem, replace(raw, notice=raw.notice or NOTICE), options)
-    elif example is not None:
-        line = Line(example.stem, _read(example, options), options)
+    elif str(source) in files:
+        raw = _read(files[str(source)], options)
+        line = Line(str(source), replace(raw, notice=raw.notice or NOTICE) if str(source) in shipped() else raw, options)
     elif str(source) in SCENARIOS:
         refuse_unheeded(f"the scenario {source}", options, *OPTIONS)
         return Found(SCENARIOS[str(source)], options)
@@ -88,7 +82,7 @@ def _unknown(source: str | Path) -> RoadError:
     path = Path(source)
     if path.is_dir():
         return RoadError(f"{path} is a folder, not a road file")
-    names = [*road_names(), *example_names(), *SCENARIOS]
+    names = [*shipped(), *shipped("examples"), *SCENARIOS]
     otherwise = "give a road file, or a name from `hdvplan roads list`"
     if not path.suffix and len(path.parts) == 1:
         msg = f"no road file, shipped road or scenario is called {str(source)!r}"

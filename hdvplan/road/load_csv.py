@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,13 +12,11 @@ import numpy as np
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
 from hdvplan.lengths import METRES
+from hdvplan.road.checks import LARGEST_M, Unit, refuse_no_street, refuse_unreadable, text_of
 from hdvplan.road.columns import LAYOUTS, LENGTHS, Columns, columns_of, folded, has_geometry, is_header, unread_note
 from hdvplan.road.crs import LONLAT, check_lonlat, is_geographic, looks_like_degrees, to_plane
 from hdvplan.road.features import unheeded
-from hdvplan.road.raw import RawRoad
-from hdvplan.road.steps import LARGEST_M
-from hdvplan.road.texts import refuse_unreadable, text_of
-from hdvplan.road.units import Unit, refuse_no_street
+from hdvplan.road.line import RawRoad
 
 _SEPARATORS = ("\t", ";", "|", ",")  # the first that the header has; decimal commas cannot occur in a header
 _QUOTE = '"'  # which nothing can be separated by
@@ -38,6 +36,23 @@ class Table:
     lines: list[int]
     rows: list[list[str]]
     open_ended: bool = False
+
+
+@dataclass(frozen=True)
+class _Numbers:
+    """The columns of a table that have a meaning, as numbers; and for messages their titles, and the lines of the rows."""
+
+    values: dict[str, FloatArray]
+    titles: dict[str, str]
+    lines: Sequence[int]
+    name: str
+
+    def refuse(self, key: str, bad: Iterable[object], text: str, *shown: Sequence[object] | FloatArray, hint: str | None = None) -> None:
+        """Refuse a column some of whose rows are ``bad``; ``text`` says why, with what is ``shown`` of the first of these rows."""
+        at = next((row for row, one in enumerate(bad) if one), None)
+        if at is not None:
+            msg = f"{self.name}, line {self.lines[at]}, column {self.titles[key]}: {text.format(*(column[at] for column in shown))}"
+            raise RoadError(msg, hint=hint, s_m=float(self.values["s"][at]) if "s" in self.values else None)
 
 
 def read_csv(text: str, name: str, *, crs: str | None = None, unit: str | None = None) -> RawRoad:
@@ -75,7 +90,7 @@ def read_columns(path: Path, wanted: Sequence[str], what: str) -> list[FloatArra
             msg = f"{name}: column {title} occurs twice" if title in titles else f"{name} has no column {title!r}"
             raise RoadError(msg, hint=layout)
     at = {title: titles.index(title) for title in wanted}
-    values = _numbers(table, at, name)
+    values = _numbers(table, at, name).values
     return [values[title] for title in wanted]
 
 
@@ -93,80 +108,78 @@ def read_table(table: Table, name: str, *, crs: str | None = None, unit: str | N
 
     """
     columns = columns_of(table.titles, name)
-    values = _numbers(table, columns.at, name)
-    points = np.stack([values[key] for key in columns.position], axis=1)
-    if unit is not None:
-        _refuse_unit(points, columns, name)
+    numbers = _numbers(table, columns.at, name)
+    positions, called = columns.position, f"{name}: columns {columns.where}"
+    points = np.stack([numbers.values[key] for key in positions], axis=1)
+    _refuse_unit(unit, points, columns, name)
     base = columns.units.get("x", unit or "m")  # of all lengths that say none
-    values |= {key: METRES[columns.units.get(key, base)] * values[key] for key in values if key in LENGTHS}
+    for key in LENGTHS & numbers.values.keys():
+        numbers.values[key] *= METRES[columns.units.get(key, base)]
     points = METRES[base] * points
     if len(points) < 2:  # noqa: PLR2004
         msg = f"{name}: a road needs at least two points, this one has {len(points)}"
         raise RoadError(msg)
-    raw = RawRoad(points, _reaches(values, columns, table.lines, name), lines=tuple(table.lines), notes=unread_note(columns, name))
-    if columns.position == ("s", "kappa"):
-        _check_profile(points, columns, table.lines, name)
+    raw = RawRoad(points, _reaches(numbers), lines=tuple(table.lines), notes=unread_note(columns, name))
+    if positions == ("s", "kappa"):
+        s, kappa = points.T
+        numbers.refuse("s", np.diff(s, prepend=-np.inf) <= 0.0, "{:g} m does not exceed the {:g} m before it", s, np.roll(s, 1))
+        numbers.refuse("kappa", np.abs(kappa) > _TIGHTEST_PROFILE, f"{{:g}} 1/m is a radius below {1 / _TIGHTEST_PROFILE:g} m", kappa)
         if crs is not None:
             msg = f"{name}: a curvature profile has no coordinates, so no coordinate reference system"
             raise RoadError(msg)
         return replace(raw, is_profile=True)
-    if columns.position == ("lon", "lat"):
-        check_lonlat(points, name)
+    if positions == ("lon", "lat"):
         if crs is not None and not is_geographic(crs):
-            msg = f"{name}: columns {_titles(columns)} are degrees, but {crs} is projected"
+            msg = f"{called} are degrees, but {crs} is projected"
             raise RoadError(msg, hint="call the columns x, y if they are metres")
         crs = crs or LONLAT
-    elif crs is not None:
-        if base != "m":
-            msg = f"{name}: columns {_titles(columns)} are not in metres, but {crs} is"
-            raise RoadError(msg, hint="call the columns x, y if they are coordinates of this system")
-        if is_geographic(crs):
-            check_lonlat(points, name)
-    else:
-        _check_metres(points, columns, table.lines, name)
+    elif crs is not None and base != "m":
+        msg = f"{called} are not in metres, but {crs} is"
+        raise RoadError(msg, hint="call the columns x, y if they are coordinates of this system")
+    elif crs is None:
+        for key, column in zip(positions, points.T, strict=True):
+            numbers.refuse(key, np.abs(column) > LARGEST_M, "{:g} m is too large for a position", column)
         if unit is None and looks_like_degrees(points):
-            note = f"{name}: columns {_titles(columns)} are read as longitude and latitude, for metres they are too close together"
+            if "x" in columns.units:
+                msg = f"{called} look like degrees, not lengths"
+                raise RoadError(msg, hint="call the columns lon,lat if they are longitude and latitude")
+            note = f"{called} are read as longitude and latitude, for metres they are too close together"
             crs, raw = LONLAT, replace(raw, notes=(*raw.notes, note))
     if crs is None:
         if "x" not in columns.units:
             refuse_no_street([points], raw.reaches, (), Unit(unit), name, raw.lines)
         return raw
+    if is_geographic(crs):
+        check_lonlat(points, name)
     plane = to_plane(points, crs)
     return replace(raw, points=plane.points, to_lonlat=plane.to_lonlat)
 
 
 def _table(text: str, name: str, layout: str = LAYOUTS) -> Table:
-    """Return the cells of a CSV text without comments and empty rows; ``layout`` is the hint where there is no header.
-
-    Raises:
-        RoadError: no header, or rows that do not fit it.
-
-    """
+    """Return the cells of a CSV text without comments and empty rows; ``layout`` is the hint where there is no header."""
     titles: list[str] = []
     separator = ""
     lines: list[int] = []
     rows: list[list[str]] = []
     numbered = enumerate(text.splitlines(), start=1)
-    number = 0
-    for number, line in numbered:
-        content = line.strip()
-        if _is_excel_hint(content):
-            separator = content[4:]
-        elif content.startswith("#"):
-            comment = content.lstrip("#").strip()
-            fields = _fields(comment, _separator(comment))
-            if is_header(fields):
-                titles, separator = fields, _separator(comment)
-                break
-        elif content:
-            separator = separator or _separator(line)
-            titles = _header(_fields(content, separator), name, number, layout)
+    skipped = 0  # lines up to the header
+    for skipped, line in numbered:  # noqa: B007 - it is used below
+        if _is_excel_hint(line.strip()):
+            separator = line.strip()[4:]
+            continue
+        content = line.strip().lstrip("#").strip()
+        sign = separator or _separator(content)
+        fields = _fields(content, sign)
+        if content and (not line.lstrip().startswith("#") or is_header(fields)):
+            titles, separator = fields, sign
             break
     if not titles:
         msg = f"{name} is empty"
         raise RoadError(msg, hint=layout)
-    body = csv.reader(_uncommented(numbered), delimiter=separator, skipinitialspace=True)
-    skipped = number  # lines up to the header
+    if all(_is_number(field.replace(",", ".")) for field in titles):
+        msg = f"{name}, line {skipped}: the first line must name the columns, found numbers"
+        raise RoadError(msg, hint=layout)
+    body = csv.reader(("" if line.lstrip().startswith("#") else line for _, line in numbered), delimiter=separator, skipinitialspace=True)
     try:
         for row in body:
             cells = [cell.strip() for cell in row]
@@ -177,11 +190,6 @@ def _table(text: str, name: str, layout: str = LAYOUTS) -> Table:
         msg = f"{name}, line {skipped + body.line_num}: {error}"
         raise RoadError(msg, hint="is this a CSV file?") from error
     return Table(titles, lines, rows, open_ended=not text.endswith(("\n", "\r")))
-
-
-def _uncommented(numbered: Iterator[tuple[int, str]]) -> Iterator[str]:
-    for _, line in numbered:
-        yield "" if line.lstrip().startswith("#") else line
 
 
 def _is_excel_hint(line: str) -> bool:
@@ -195,13 +203,6 @@ def _separator(line: str) -> str:
 
 def _fields(line: str, separator: str) -> list[str]:
     return [field.strip().strip('"').strip() for field in line.strip().split(separator)]
-
-
-def _header(fields: list[str], name: str, number: int, layout: str) -> list[str]:
-    if all(_is_number(field.replace(",", ".")) for field in fields):
-        msg = f"{name}, line {number}: the first line must name the columns, found numbers"
-        raise RoadError(msg, hint=layout)
-    return fields
 
 
 def _is_number(field: str) -> bool:
@@ -224,103 +225,53 @@ def _fitted(cells: list[str], titles: list[str], separator: str, where: str) -> 
     return cells
 
 
-def _numbers(table: Table, at: dict[str, int], name: str) -> dict[str, FloatArray]:
+def _numbers(table: Table, at: dict[str, int], name: str) -> _Numbers:
     """Return the columns that have a meaning as numbers; one decimal sign holds for the whole table."""
     cells = {key: [row[number] for row in table.rows] for key, number in at.items()}
     comma = any("," in cell for column in cells.values() for cell in column)
-    values: dict[str, FloatArray] = {}
-    for key, column in cells.items():
-        title = table.titles[at[key]]
+    found = _Numbers({}, {key: table.titles[number] for key, number in at.items()}, table.lines, name)
+    for key, given in cells.items():
+        shown = [cell[:_SHOWN] for cell in given]
         if comma:
-            odd = next((row for row, cell in enumerate(column) if "." in cell or cell.count(",") > 1), None)
-            if odd is not None:
-                msg = f"{name}, line {table.lines[odd]}, column {title}: {column[odd][:_SHOWN]!r} is not a number"
-                raise RoadError(msg, hint="use one decimal sign throughout, and nothing between thousands")
-            column = [cell.replace(",", ".") for cell in column]  # noqa: PLW2901
-        bad = next((row for row, cell in enumerate(column) if not _is_number(cell)), None)
-        if bad is not None:
-            msg = f"{name}, line {table.lines[bad]}, column {title}: {column[bad][:_SHOWN]!r} is not a number"
-            raise RoadError(msg)
-        values[key] = np.array(column, dtype=float)
-        endless = np.flatnonzero(~np.isfinite(values[key]))
-        if endless.size:
-            msg = f"{name}, line {table.lines[endless[0]]}, column {title}: {column[endless[0]][:_SHOWN]} is not a finite number"
-            raise RoadError(msg)
-        if table.open_ended and at[key] == len(table.titles) - 1 and _is_cut_off(column):
-            msg = f"{name}, line {table.lines[-1]}, column {title}: {column[-1]!r} has lost digits, and the file ends there"
-            raise RoadError(msg, hint="the file looks cut off: fetch it again, or remove its last line")
-    return values
+            odd = ("." in cell or cell.count(",") > 1 for cell in given)
+            found.refuse(key, odd, "{!r} is not a number", shown, hint="use one decimal sign throughout, and nothing between thousands")
+        column = [cell.replace(",", ".") for cell in given]
+        found.refuse(key, (not _is_number(cell) for cell in column), "{!r} is not a number", shown)
+        values = np.array(column, dtype=float)
+        found.refuse(key, ~np.isfinite(values), "{} is not a finite number", shown)
+        decimals = [len(cell.partition(".")[2]) for cell in column]
+        if table.open_ended and at[key] == len(table.titles) - 1 and len(column) > 2:  # noqa: PLR2004 - all others have more decimals
+            cut_off = [*[False] * (len(column) - 1), decimals[-1] + _LOST_DECIMALS <= min(decimals[:-1])]
+            hint = "the file looks cut off: fetch it again, or remove its last line"
+            found.refuse(key, cut_off, "{!r} has lost digits, and the file ends there", column, hint=hint)
+        found.values[key] = values
+    return found
 
 
-def _is_cut_off(column: list[str]) -> bool:
-    """Tell whether the last of several numbers has lost decimals that all others have."""
-    decimals = [len(cell.partition(".")[2]) for cell in column]
-    return len(column) > 2 and decimals[-1] + _LOST_DECIMALS <= min(decimals[:-1])  # noqa: PLR2004
-
-
-def _titles(columns: Columns) -> str:
-    return ", ".join(columns.titles[key] for key in columns.position)
-
-
-def _reaches(values: dict[str, FloatArray], columns: Columns, lines: list[int], name: str) -> FloatArray | None:
+def _reaches(numbers: _Numbers) -> FloatArray | None:
     """Return left, right, left_sweep, right_sweep as positive reaches, shape (4, rows)."""
+    values = numbers.values
+    for side in ("width", "left", "right"):
+        hint = "both widths are reaches from the centre line, positive to either side"
+        numbers.refuse(side, values.get(side, np.zeros(0)) < 0.0, "{:g} m is negative", values.get(side, ()), hint=hint)
     if "width" in values:
-        _check_positive(values, "width", columns, lines, name)
         return np.tile(0.5 * values["width"], (4, 1))
     if "left" not in values:
         return None
-    for side in ("left", "right"):
-        _check_positive(values, side, columns, lines, name)
     sweeps = ("left_sweep", "right_sweep") if "left_sweep" in values else ("left", "right")
     for inner, outer in zip(("left", "right"), sweeps, strict=True):
-        bad = np.flatnonzero(values[outer] < values[inner])
-        if bad.size:
-            at = bad[0]
-            msg = (
-                f"{name}, line {lines[at]}, column {columns.titles[outer]}: {values[outer][at]:g} m is less than"
-                f" {columns.titles[inner]}, {values[inner][at]:g} m"
-            )
-            raise RoadError(msg)
+        titles = [numbers.titles[inner]] * len(values[inner])
+        bad = values[outer] < values[inner]
+        numbers.refuse(outer, bad, "{:g} m is less than {}, {:g} m", values[outer], titles, values[inner])
     return np.stack([values[side] for side in ("left", "right", *sweeps)])
 
 
-def _check_positive(values: dict[str, FloatArray], side: str, columns: Columns, lines: list[int], name: str) -> None:
-    bad = np.flatnonzero(values[side] < 0.0)
-    if bad.size:
-        msg = f"{name}, line {lines[bad[0]]}, column {columns.titles[side]}: {values[side][bad[0]]:g} m is negative"
-        raise RoadError(msg, hint="both widths are reaches from the centre line, positive to either side")
-
-
-def _check_profile(points: FloatArray, columns: Columns, lines: list[int], name: str) -> None:
-    s, kappa = (columns.titles[key] for key in columns.position)
-    back = np.flatnonzero(np.diff(points[:, 0]) <= 0.0)
-    if back.size:
-        at = back[0] + 1
-        msg = f"{name}, line {lines[at]}, column {s}: {points[at, 0]:g} m does not exceed the {points[at - 1, 0]:g} m before it"
-        raise RoadError(msg, s_m=float(points[at, 0]))
-    tight = np.flatnonzero(np.abs(points[:, 1]) > _TIGHTEST_PROFILE)
-    if tight.size:
-        at = tight[0]
-        msg = f"{name}, line {lines[at]}, column {kappa}: {points[at, 1]:g} 1/m is a radius below {1 / _TIGHTEST_PROFILE:g} m"
-        raise RoadError(msg, s_m=float(points[at, 0]))
-
-
-def _refuse_unit(points: FloatArray, columns: Columns, name: str) -> None:
+def _refuse_unit(unit: str | None, points: FloatArray, columns: Columns, name: str) -> None:
     """Refuse that a unit was given for a table that says its own, or has no lengths for positions."""
+    if unit is None:
+        return
     degrees = columns.position == ("lon", "lat") or (columns.position == ("x", "y") and looks_like_degrees(points))
     why = "a curvature profile" if columns.position == ("s", "kappa") else "positions in degrees" if degrees else None
     if why is not None or "x" in columns.units:
-        what = f"{name}: {why or f'a table that says its unit, as {_titles(columns)},'}"
+        what = f"{name}: {why or f'a table that says its unit, as {columns.where},'}"
         raise unheeded(what, "unit")
-
-
-def _check_metres(points: FloatArray, columns: Columns, lines: list[int], name: str) -> None:
-    large = np.argwhere(np.abs(points) > LARGEST_M)
-    if large.size:
-        row, axis = large[0]
-        title = columns.titles[columns.position[axis]]
-        msg = f"{name}, line {lines[row]}, column {title}: {points[row, axis]:g} m is too large for a position"
-        raise RoadError(msg)
-    if "x" in columns.units and looks_like_degrees(points):
-        msg = f"{name}: columns {_titles(columns)} look like degrees, not lengths"
-        raise RoadError(msg, hint="call the columns lon,lat if they are longitude and latitude")

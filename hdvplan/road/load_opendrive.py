@@ -12,10 +12,10 @@ import numpy as np
 
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
-from hdvplan.road.blend import rounded, wrapped
+from hdvplan.road.arcs import rounded, wrapped
 from hdvplan.road.crs import placed
+from hdvplan.road.line import RawRoad
 from hdvplan.road.opendrive import DRIVEN, LONGEST_M, SAME_M, OdrRoad, Section, read_roads
-from hdvplan.road.raw import RawRoad
 
 _SPACING_M = 0.25  # of the points on lanes and edges
 _MEET_M = 0.3  # lanes whose ends are this close, and
@@ -164,12 +164,7 @@ def _first_of_each(route: list[_Piece]) -> list[_Piece]:
 
 
 def _route(pieces: list[_Piece], stops: list[_Stop], lane: int | None, name: str) -> list[_Piece]:
-    """Return the lanes that lead from the start of the first stop to the end of the last one.
-
-    Raises:
-        RoadError: there is no such way, or no such lane.
-
-    """
+    """Return the lanes that lead from the start of the first stop to the end of the last one."""
     starts = [piece for piece in pieces if stops[0].holds(piece) and _is_first(piece)]
     wanted = [piece for piece in starts if lane is None or piece.lane == lane]
     if not wanted:

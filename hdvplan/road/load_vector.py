@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 
 from hdvplan.errors import RoadError
 from hdvplan.road.assemble import road_of
+from hdvplan.road.checks import Unit
 from hdvplan.road.crs import LONLAT, lonlat_of, needs_lonlat
 from hdvplan.road.features import Choice, Feature
-from hdvplan.road.library import NOTICE
+from hdvplan.road.line import RawRoad
 from hdvplan.road.load_csv import Table, read_table
-from hdvplan.road.raw import RawRoad
 from hdvplan.road.regions import Kind
-from hdvplan.road.units import Unit
+from hdvplan.road.scenarios import NOTICE
 
 _MOST_FEATURES = 200_000
 _MOST_STEPS = 50_000_000  # of SQLite for one view: a second or two
@@ -76,12 +76,7 @@ def read_vector(path: Path, *, crs: str | None = None, choice: Choice, unit: str
 
 
 def _plain(path: Path) -> Path:
-    """Return the whole path of a file, which pyogrio reads as an address: it would open another file, or ask the network for one.
-
-    Raises:
-        RoadError: a sign in it has a meaning in addresses.
-
-    """
+    """Return the whole path of a file, which pyogrio reads as an address: it would open another file, or ask the network for one."""
     whole = path.absolute()  # no address of another kind begins with a slash
     odd = _OF_ADDRESSES.search(whole.as_posix())
     if odd is not None:
@@ -91,12 +86,7 @@ def _plain(path: Path) -> Path:
 
 
 def _refuse_endless_views(path: Path) -> None:
-    """Refuse a database with a view that would never be read to its end: GDAL counts the rows of every layer first.
-
-    Raises:
-        RoadError: there is one.
-
-    """
+    """Refuse a database with a view that would never be read to its end: GDAL counts the rows of every layer first."""
     import sqlite3  # noqa: PLC0415 - few files need it
 
     damaged = (sqlite3.DatabaseError, UnicodeDecodeError)  # the second of what SQLite quotes; GDAL tells of both
@@ -142,13 +132,7 @@ class _Source:
 
 
 def _content(source: _Source, crs: str | None, choice: Choice) -> Table | tuple[str, list[Feature]]:
-    """Return the table in a spreadsheet, or of other files the driver and the lines and polygons.
-
-    Raises:
-        RoadError: GDAL cannot read the file.
-        UnicodeDecodeError: its texts are in another encoding.
-
-    """
+    """Return the table in a spreadsheet, or of other files the driver and the lines and polygons."""
     errors = source.pyogrio.errors
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # GDAL's remarks on fields that no road needs,
@@ -245,12 +229,7 @@ def _value(value: Any, title: str) -> object:  # noqa: ANN401 - whatever a datab
 
 
 def _sheet(source: _Source, layers: list[tuple[str, str | None, str]], choice: Choice) -> Table:
-    """Return the table in a spreadsheet: its only sheet, or the one that ``choice`` calls for.
-
-    Raises:
-        RoadError: several sheets and none chosen, or none of that name.
-
-    """
+    """Return the table in a spreadsheet: its only sheet, or the one that ``choice`` calls for."""
     sheets = [layer for layer, _, _ in layers]
     wanted = [sheet for sheet in sheets if choice.layer in {None, sheet}]
     if len(wanted) != 1:
@@ -268,10 +247,6 @@ def _drawn_in(path: Path) -> int:
     """Return the unit that a drawing says it is in, its INSUNITS; 0 without any.
 
     GDAL copies inches without meaning them, from a template that AutoCAD made and that lacks only the time of it.
-
-    Raises:
-        RoadError: the drawing was cut off.
-
     """
     with path.open("rb") as file:
         head = file.read(_HEADER_BYTES).decode("latin-1")

@@ -15,8 +15,7 @@ import shapely
 
 from hdvplan.arrays import BoolArray, FloatArray, IntArray
 from hdvplan.road.drawn import BEYOND_M, densely, within_lap
-from hdvplan.road.edges import offsets_of
-from hdvplan.road.path import ReferencePath
+from hdvplan.road.path import PathPoint, ReferencePath
 from hdvplan.road.regions import OPEN_M, Kind, Region, Side
 from hdvplan.road.street import Kerb, Street
 
@@ -263,3 +262,28 @@ def _usual(low: float, high: float, rooms: Mapping[Side, float], *, on_line: boo
     if rooms[Side.LEFT] != rooms[Side.RIGHT]:
         return max(rooms, key=lambda side: rooms[side])
     return Side.RIGHT if high > -low else Side.LEFT
+
+
+def offsets_of(path: ReferencePath, face: Kerb, s: FloatArray) -> FloatArray:
+    """Return where the normals at arclengths ``s`` meet a face first, from the side that is driven on; NaN where they do not [m]."""
+    here = path.at(s)
+    centre, normal = normals(here)
+    left, right = furthest(here.curvature), furthest(-here.curvature)
+    ends = np.stack([centre + left[:, None] * normal, centre - right[:, None] * normal], axis=1)
+    points, owner = shapely.get_coordinates(
+        shapely.intersection(np.asarray(shapely.linestrings(ends)), shapely.LineString(face.points)), return_index=True
+    )
+    offset = np.sum((points - centre[owner]) * normal[owner], axis=1)
+    found = np.full(len(s), np.nan)
+    (np.fmin if face.left else np.fmax).at(found, owner, offset)
+    return found
+
+
+def normals(here: PathPoint) -> tuple[FloatArray, FloatArray]:
+    """Return where normals stand, and their directions to the left, shape (n, 2) each."""
+    return np.stack([here.x, here.y], axis=1), np.stack([-np.sin(here.heading), np.cos(here.heading)], axis=1)
+
+
+def furthest(curvature: FloatArray) -> FloatArray:
+    """Return how far normals may go towards the side that a line bends to, before they meet [m]."""
+    return np.minimum(OPEN_M, _FOLD / np.maximum(curvature, 1e-9))

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 
 import numpy as np
+import shapely
 
 from hdvplan.arrays import FloatArray
-from hdvplan.road.edges import limits_beside, narrowed
 from hdvplan.road.limits import Limits
-from hdvplan.road.passages import Line, Passage, passages_of
+from hdvplan.road.passages import Line, Passage, furthest, normals, offsets_of, passages_of
 from hdvplan.road.path import ReferencePath
 from hdvplan.road.regions import OPEN_M, Kind, Region, Side, distances
 from hdvplan.road.street import About, Kerb, Street
 from hdvplan.road.widened import widened
+
+_SPACING_M = 0.1  # of normals: between two of them a kerb is taken as straight
+_BESIDE_M, _WITHIN_M = 1e-6, 1e-3  # that a face is longer than its points, for rounding; from its ends, where walls begin
 
 
 @dataclass(frozen=True)
@@ -153,3 +156,93 @@ class Road:
     def with_limits(self, left: float, right: float) -> Road:
         """Return the road with constant limits; ``left``, ``right`` are positive reaches [m]."""
         return self.with_widths(Limits.constant(left, right, self.path.length))
+
+
+def part_of(road: Road, s_from: float, s_to: float, before: float, after: float) -> Road:
+    """Return the part of a road from ``s_from`` to ``s_to`` [m]; arclengths count from ``s_from``.
+
+    Path, kerbs and the faces of regions go on for ``before`` and ``after`` [m] beyond its ends as they do on the road.
+    """
+    first, last = s_from - before, s_to + after
+    faces = None if road.faces is None else Street.along(road.path, road.faces).beside(first, last)
+    return replace(
+        road,
+        path=road.path.stretch(s_from, s_to, before, after),
+        smoothing=None,
+        about=None if road.about is None else road.about.part(s_from, s_to, road.path.length),
+        limits=None if road.limits is None else _limits(road, road.limits, s_from, s_to),
+        drawn=None if road.given is None else tuple(kerb.shifted(s_from) for kerb in road.given.beside(first, last)),
+        faces=None if faces is None else tuple(face.shifted(s_from) for face in faces),
+    )
+
+
+def _limits(road: Road, limits: Limits, s_from: float, s_to: float) -> Limits:
+    laps = np.arange(np.floor(s_from / road.path.length), np.ceil(s_to / road.path.length)) if road.path.closed else np.zeros(1)
+    columns = (limits.left, limits.right, limits.left_sweep, limits.right_sweep)
+    s = np.concatenate([limits.s + lap * road.path.length for lap in laps])
+    return Limits(s - s_from, *(np.tile(column, len(laps)) for column in columns))
+
+
+def limits_beside(path: ReferencePath, kerbs: tuple[Kerb, ...]) -> Limits:
+    """Return how far kerbs lie from a path, along its normals."""
+    reaches = {}
+    for wheels in (False, True):
+        own = [kerb for kerb in kerbs if kerb.wheels is wheels]
+        if own:
+            s, reaches[wheels] = edge_reaches(path, own)
+    left, right = reaches[False]
+    inner = reaches.get(True, reaches[False])
+    return Limits(s, inner[0], -inner[1], np.maximum(left, inner[0]), -np.maximum(right, inner[1]))
+
+
+def narrowed(path: ReferencePath, limits: Limits, faces: Sequence[Kerb]) -> Limits:
+    """Return limits beside a path as the faces of regions narrow them: those of obstacles all of them, others those of wheels."""
+    if not faces:
+        return limits
+    ends = np.array([(np.min(face.s), np.max(face.s)) for face in faces])
+    jumps = ends[:, None] + np.array([(-_BESIDE_M, _BESIDE_M), (_WITHIN_M, -_WITHIN_M)])
+    s = np.unique(np.concatenate([limits.s, np.clip(jumps.ravel(), 0.0, path.length)]))
+    table = limits.table(s)
+    for face, (begin, end) in zip(faces, ends, strict=True):
+        near = np.flatnonzero((s >= begin - _BESIDE_M) & (s <= end + _BESIDE_M))
+        met = offsets_of(path, face, s[near])
+        seen = np.isfinite(met) & (s[near] >= begin + _WITHIN_M) & (s[near] <= end - _WITHIN_M)
+        if np.any(seen):
+            met = np.interp(s[near], s[near][seen], met[seen])
+            for row in range(0 if face.left else 1, 2 if face.wheels else 4, 2):
+                table[row, near] = np.minimum(table[row, near], met) if face.left else np.maximum(table[row, near], met)
+    return Limits(s, *table)
+
+
+def edge_reaches(path: ReferencePath, kerbs: Sequence[Kerb]) -> tuple[FloatArray, FloatArray]:
+    """Return arclengths [m] and how far ``path`` may be left there before a kerb, to the left and to the right, shape (2, n) [m].
+
+    Each normal ends at the first kerb that it meets: names of sides do not count, only where kerbs lie, and the arclengths beside
+    them, which tell those of another arm of the road. Where none is met within ``OPEN_M``, the road is open so far.
+    """
+    s = _places(path)
+    here = path.at(s)
+    segments = np.asarray(shapely.linestrings(np.concatenate([np.stack([one.points[:-1], one.points[1:]], axis=1) for one in kerbs])))
+    ends = np.concatenate([np.stack([one.s[:-1], one.s[1:]], axis=1) for one in kerbs])
+    middle, half = np.mean(ends, axis=1), 0.5 * np.ptp(ends, axis=1)
+    tree = shapely.STRtree(segments)
+    centre, normal = normals(here)
+    reaches = []
+    for sign in (1.0, -1.0):
+        far = furthest(sign * here.curvature)
+        rays = np.asarray(shapely.linestrings(np.stack([centre, centre + sign * far[:, None] * normal], axis=1)))
+        ray, segment = tree.query(rays, predicate="intersects")
+        apart = np.abs(s[ray] - middle[segment])
+        apart = np.minimum(apart, path.length - apart) if path.closed else apart
+        ray, segment = (found[apart <= half[segment] + OPEN_M] for found in (ray, segment))
+        met = shapely.intersection(rays[ray], segments[segment])
+        reach = np.full(len(s), np.inf)
+        np.minimum.at(reach, ray, shapely.distance(shapely.points(centre[ray]), met))
+        seen = np.isfinite(reach)
+        reaches.append(np.interp(s, s[seen], reach[seen]) if np.any(seen) else far)
+    return s, np.stack(reaches)
+
+
+def _places(path: ReferencePath) -> FloatArray:
+    """Return the arclengths of the normals: on a part of a road that begins at a multiple of their spacing the same ones [m]."""
+    return np.append(np.arange(0.0, path.length - 0.5 * _SPACING_M, _SPACING_M), path.length)

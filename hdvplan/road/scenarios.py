@@ -1,13 +1,10 @@
-"""Parametric roads of the papers: U-turns, a roundabout, S-turns (spec, section 6).
-
-A profile is a pair (s, kappa) of arrays of equal shape, [m] and [1/m], linear between its points; a left turn is
-positive. ``[GEO]``, ``[ART]``: see the README's references.
-"""
+"""Roads that travel with hdvplan: real centre lines, small made-up places, and the parametric roads of the papers (spec, section 6)."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
@@ -17,11 +14,21 @@ from hdvplan.errors import OptionError
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
 
+NOTICE = "© OpenStreetMap contributors, ODbL 1.0"
+_PACKAGE = Path(__file__).parents[1]
 Profile = tuple[FloatArray, FloatArray]
 
 _LEAD_M = 50.0  # straight before and after: the roundabout's of [GEO] fig. 8, taken for all
 _ART_HORIZON_M = 134.2  # [ART] table 2
 _ART_LEAD_IN_M = 40.0
+
+
+def shipped(kind: str = "osm") -> dict[str, Path]:
+    """Return the files of the shipped places by name, sorted: roads from ``osm``, made-up ``examples`` or maps of ``networks``."""
+    installed = _PACKAGE / "_roads" / kind
+    directory = installed if installed.is_dir() else _PACKAGE.parent / "roads" / kind
+    ending = ".osm.pbf" if kind == "networks" else ".geojson"
+    return {path.name.removesuffix(ending): path for path in sorted(directory.glob(f"*{ending}"))}
 
 
 def turn_profile(curvature: float, ramp: float, constant: float, lead_in: float = _LEAD_M, lead_out: float = _LEAD_M) -> Profile:

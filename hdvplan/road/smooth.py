@@ -13,16 +13,20 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from hdvplan.arrays import FloatArray, IntArray
 from hdvplan.errors import ProjectionError, RoadError
+from hdvplan.road.checks import MIN_LENGTH_M
 from hdvplan.road.offsets import Stations, program_of, solve_offsets
 from hdvplan.road.path import KNOT_SPACING_M, ReferencePath, from_samples
 from hdvplan.road.road import Smoothing
-from hdvplan.road.through import FEWEST_CELLS, check_length, chord_of, equal_arclengths, spline_through
 
+MAX_LENGTH_M = 200e3
+_FEWEST_CELLS = 8  # of a very short road
+_EXACT_M = 0.25  # knots of a line that is not smoothed
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 _DUPLICATE_M = 0.02
 _STATION_M = 1.0  # the unknown offsets stand this far apart: a spline knot a metre holds a radius of 8 m to 0.2 %
 _DENSE_M = 1.0  # longer segments of the given line are sampled: the points between are as good as the given ones
@@ -101,6 +105,28 @@ def smooth_line(points: FloatArray, *, closed: bool, max_deviation: float, max_c
     return SmoothedLine(path, smoothing, np.interp(chord, u, s)[vertex])
 
 
+def path_through(points: FloatArray, max_curvature: float) -> tuple[ReferencePath, FloatArray] | None:
+    """Return the path through dense points of a line without kinks, which stays where it is, and their arclengths on it.
+
+    ``points`` has shape (n, 2) [m]. None: somewhere the line is tighter than ``max_curvature`` [1/m].
+
+    Raises:
+        RoadError: the line is too short or too long.
+
+    """
+    chord = chord_of(points)
+    check_length(float(chord[-1]))
+    kept = np.unique(np.append(np.searchsorted(chord, np.arange(0.0, chord[-1] - 0.5 * _EXACT_M, _EXACT_M)), len(points) - 1))
+    spline = spline_through(chord[kept], points[kept], closed=False)
+    parameters, s = equal_arclengths(spline, _EXACT_M)
+    (x, y), (dx, dy), (ddx, ddy) = (spline(parameters, order).T for order in range(3))
+    curvature = (dx * ddy - dy * ddx) / np.hypot(dx, dy) ** 3
+    if np.max(np.abs(curvature)) > max_curvature:
+        return None
+    path = from_samples(x, y, np.arctan2(dy, dx), curvature, float(s[-1]) / (len(parameters) - 1))
+    return path, np.interp(chord, chord[kept], s)
+
+
 def smoothing_of(path: ReferencePath, points: FloatArray, near: FloatArray) -> Smoothing:
     """Return how far ``path`` lies from ``points``, shape (n, 2) [m], whose arclengths are about ``near`` [m]."""
     s, e = path.extended(_MARGIN_M, _MARGIN_M).project(points[:, 0], points[:, 1], near)
@@ -176,7 +202,7 @@ def _smoothing_lengths(vertices: FloatArray, chord: FloatArray, u: FloatArray, *
 
 def _first_line(data: FloatArray, u: FloatArray, sigma: float, *, closed: bool) -> tuple[_Line, FloatArray]:
     """Return the Gaussian-filtered line and roughly the data's arclengths on it."""
-    cells = max(FEWEST_CELLS, round(float(u[-1]) / _STATION_M))
+    cells = max(_FEWEST_CELLS, round(float(u[-1]) / _STATION_M))
     uniform = np.linspace(0.0, float(u[-1]), cells + 1)
     raw = np.stack([np.interp(uniform, u, column) for column in data.T], axis=1)
     sigma /= float(uniform[1])
@@ -214,10 +240,6 @@ def _settled(
     """Move the line by the program's offsets until they vanish; also return the data's arclengths and offsets.
 
     ``u`` are the data's arclengths on the given line: a refusal names the place there, where the user can find it.
-
-    Raises:
-        RoadError: a corner cannot be rounded.
-
     """
     inner_deviation = _BOUND_SHARE * max_deviation
     share, largest = 1.0, np.inf
@@ -284,3 +306,38 @@ def _finished(line: _Line) -> ReferencePath:
     here = line.path().at(parameters)
     spacing = float(s[-1]) / (len(parameters) - 1)
     return from_samples(here.x, here.y, here.heading, here.curvature, spacing, closed=line.stations.closed)
+
+
+def chord_of(points: FloatArray) -> FloatArray:
+    """Return the length along a polyline at its points [m]."""
+    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+
+
+def check_length(length: float) -> None:
+    """Refuse a road that is too short or too long [m].
+
+    Raises:
+        RoadError: it is one of them.
+
+    """
+    if length < MIN_LENGTH_M:
+        msg = f"the road is {length:.2f} m long; at least {MIN_LENGTH_M:g} m are needed"
+        raise RoadError(msg)
+    if length > MAX_LENGTH_M:
+        msg = f"the road is {length / 1e3:.0f} km long; at most {MAX_LENGTH_M / 1e3:.0f} km can be smoothed at once"
+        raise RoadError(msg, hint="are the coordinates metres? otherwise cut the road into parts")
+
+
+def spline_through(knots: FloatArray, points: FloatArray, *, closed: bool) -> CubicSpline[np.float64]:
+    """Return the spline through ``points``, shape (n, 2) [m], at ``knots``; a closed one is periodic."""
+    return CubicSpline(knots, points, bc_type="periodic") if closed else CubicSpline(knots, points, bc_type="not-a-knot")
+
+
+def equal_arclengths(spline: CubicSpline[np.float64], spacing: float) -> tuple[FloatArray, FloatArray]:
+    """Return a plane spline's parameters at equal arclengths of about ``spacing``, and the arclengths of its knots [m]."""
+    half = 0.5 * np.diff(spline.x)
+    velocity = spline(spline.x[:-1, None] + half[:, None] * (_NODES + 1.0), 1)
+    s = np.concatenate([[0.0], np.cumsum(np.hypot(velocity[..., 0], velocity[..., 1]) @ _WEIGHTS * half)])
+    uniform = np.linspace(0.0, float(s[-1]), max(_FEWEST_CELLS, round(float(s[-1]) / spacing)) + 1)
+    inverse = CubicHermiteSpline(s, spline.x, 1.0 / np.hypot(*spline(spline.x, 1).T))
+    return np.clip(inverse(uniform), 0.0, spline.x[-1]), s

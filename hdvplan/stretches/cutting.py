@@ -16,9 +16,8 @@ from hdvplan.errors import OptionError, RoadError
 from hdvplan.planning.bias import Bias
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.road.line import Line
-from hdvplan.road.part import part_of
 from hdvplan.road.regions import OPEN_M, Region
-from hdvplan.road.road import Road, Smoothing
+from hdvplan.road.road import Road, Smoothing, part_of
 from hdvplan.road.windows import WINDOW_M, Each, Window, headings, on_knot, road_of, windows_of
 from hdvplan.vehicle.model import Vehicle
 

@@ -16,8 +16,7 @@ from typing import TypeGuard
 import numpy as np
 
 from hdvplan.errors import OptionError, RoadError, VehicleError
-from hdvplan.road.library import example_file, example_names, road_file, road_names
-from hdvplan.road.scenarios import SCENARIOS
+from hdvplan.road.scenarios import SCENARIOS, shipped
 from hdvplan.spelling import did_you_mean
 from hdvplan.texts import printable
 from hdvplan.vehicle.load import load_vehicle
@@ -83,7 +82,7 @@ def road_digest(source: str) -> str:
         RoadError: it cannot be read.
 
     """
-    path = road_file(source) or example_file(source) or Path(source)
+    path = (shipped("examples") | shipped()).get(source, Path(source))
     if source in SCENARIOS and not path.is_file():
         return source
     parts = sorted(path.parent.glob(f"{escape(path.stem)}.*")) if path.suffix.lower() in _SEVERAL else [path]
@@ -137,9 +136,9 @@ def _sources(table: Mapping[str, object], folder: Path) -> list[tuple[str, str]]
             msg = f"no road file matches {name!r}" if _GLOB.search(name) else f"folder {name!r} has no road file *.geojson"
             raise RoadError(msg, hint="globs are relative to the study's folder")
         return [(printable(file.stem), str(file)) for file in files]
-    if road_file(name) is not None or example_file(name) is not None or name in SCENARIOS:
+    known = [*shipped(), *shipped("examples"), *SCENARIOS]
+    if name in known:
         return [(name, name)]
-    known = [*road_names(), *example_names(), *SCENARIOS]
     msg = f"no road file, shipped road or scenario is called {name!r}"
     raise RoadError(msg, hint=did_you_mean(name, known, "files are relative to the study's folder; `hdvplan roads list` has the names"))
 

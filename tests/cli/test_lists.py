@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from hdvplan.judging.fit import facts_of
-from hdvplan.road.library import example_names
 from hdvplan.road.load import load_road
-from hdvplan.road.scenarios import SCENARIOS
+from hdvplan.road.scenarios import SCENARIOS, shipped
 from tests.cli.conftest import Cli
 
 LISTS = [("vehicles", "list"), ("solvers",), ("roads", "list"), ("roads", "info", "roundabout")]
@@ -48,7 +47,7 @@ def test_nothing_is_cut_or_broken_where_no_terminal_limits_the_width(cli: Cli, m
 
 def test_the_listed_sizes_of_examples_and_scenarios_are_those_of_their_roads(cli: Cli) -> None:
     listed = [road for road in json.loads(cli("roads", "list", "--json").out) if road["source"] != "OpenStreetMap"]
-    assert len(listed) == len(example_names()) + len(SCENARIOS)
+    assert len(listed) == len(shipped("examples")) + len(SCENARIOS)
     for road in listed:
         facts = facts_of(load_road(road["name"]))
         assert road["length_m"] == pytest.approx(facts.length, abs=0.05)  # a decimetre is listed

@@ -13,7 +13,7 @@ import pytest
 
 import hdvplan
 from hdvplan.report.summary import summary_of
-from hdvplan.road.library import road_names
+from hdvplan.road.scenarios import shipped
 from hdvplan.vehicle.load import preset_names
 from tests.docs.blocks import FENCE, Block, Reader, blocks_of, runnable
 
@@ -193,7 +193,7 @@ def test_a_block_in_a_list_is_a_block_like_others() -> None:
 
 
 def test_the_documents_count_what_ships() -> None:
-    vehicles, roads = len(preset_names()), len(road_names())
+    vehicles, roads = len(preset_names()), len(shipped())
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     verdicts = (ROOT / "results" / "widths" / "widths.csv").read_text(encoding="utf-8").count("\n") - 1  # less the header
     for words in (f"{vehicles} presets", f"{roads} real roads ship", f"{verdicts} verdicts**: {roads} roads"):

@@ -18,9 +18,8 @@ from hdvplan.need.answer import need_of
 from hdvplan.need.room import kerbs_on, least_edge, least_half_width
 from hdvplan.need.search import TOLERANCE_M, Least, spare_of
 from hdvplan.planning.settings import PlannerSettings
-from hdvplan.road.line import Line, RoadOptions, smoothed
+from hdvplan.road.line import Line, RawRoad, RoadOptions, smoothed
 from hdvplan.road.path import from_curvature
-from hdvplan.road.raw import RawRoad
 from hdvplan.road.regions import Kind, Region
 from hdvplan.road.road import Road
 from hdvplan.road.street import Kerb

@@ -11,8 +11,7 @@ import pytest
 
 from hdvplan.errors import OptionError
 from hdvplan.network.osm import Relation, Way
-from hdvplan.network.roads import Position, RouteRoad, road_of_part
-from hdvplan.network.widths import Widths
+from hdvplan.network.roads import Position, RouteRoad, Widths, road_of_part
 from hdvplan.road.load import load_road
 from tests.network.town import PLACES, parts_of, way
 

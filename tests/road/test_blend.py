@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from hdvplan.arrays import FloatArray
-from hdvplan.road.blend import rounded, wrapped
-from hdvplan.road.smooth import smoothing_of
-from hdvplan.road.through import path_through
+from hdvplan.road.arcs import rounded, wrapped
+from hdvplan.road.smooth import path_through, smoothing_of
 
 U = np.linspace(0.0, 20.0, 81)
 

@@ -10,9 +10,9 @@ import pytest
 
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
-from hdvplan.road.edges import edge_reaches
 from hdvplan.road.load import load_road
 from hdvplan.road.path import from_curvature
+from hdvplan.road.road import edge_reaches
 from hdvplan.road.street import Kerb
 
 STRAIGHT = from_curvature(np.array([0.0, 100.0]), np.zeros(2))

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from hdvplan.judging.fit import Trouble, fit_of
-from hdvplan.road.library import example_names
 from hdvplan.road.load import load_road
+from hdvplan.road.scenarios import shipped
 from hdvplan.vehicle.load import load_vehicle
 
 BUS = load_vehicle("bus")
 
 
 def test_every_example_loads_with_its_regions_and_says_that_it_is_none_of_osm() -> None:
-    assert example_names() == ["kerb_bend", "kerb_bend_wall", "parked_van", "parked_van_tight", "street_corner"]
-    for name in example_names():
+    assert list(shipped("examples")) == ["kerb_bend", "kerb_bend_wall", "parked_van", "parked_van_tight", "street_corner"]
+    for name in shipped("examples"):
         road = load_road(name)
         assert road.regions
         assert road.notice is None

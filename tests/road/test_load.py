@@ -10,17 +10,16 @@ import pytest
 import shapely
 
 from hdvplan.errors import OptionError, RoadError
-from hdvplan.road.library import road_directory, road_file, road_names
 from hdvplan.road.line import RoadOptions, is_closed
 from hdvplan.road.load import load_road
+from hdvplan.road.scenarios import shipped
 
 STRAIGHT = "x,y\n0,0\n50,0\n100,0\n"
 
 
 def test_the_25_shipped_roads_are_found_with_their_licence() -> None:
-    assert len(road_names()) == 25
-    assert (road_directory() / "ODbL-1.0.txt").is_file()
-    assert road_file("no_such_road") is None
+    assert len(shipped()) == 25
+    assert (shipped()["goteborg_nya_allen"].parent / "ODbL-1.0.txt").is_file()
 
 
 @pytest.mark.parametrize(
@@ -62,7 +61,7 @@ def test_nearly_closed_and_self_meeting_roads_stay_open() -> None:
 
 @pytest.mark.slow
 def test_every_shipped_road_loads_within_the_default_bounds() -> None:
-    for name in road_names():
+    for name in shipped():
         smoothing = load_road(name).smoothing
         assert smoothing is not None
         assert smoothing.max_deviation <= 5.001  # 1 mm promised

@@ -13,10 +13,10 @@ import shapely
 
 from hdvplan.errors import RoadError
 from hdvplan.road.features import Choice
+from hdvplan.road.line import RawRoad
 from hdvplan.road.load import load_road
-from hdvplan.road.load_geojson import json_object
-from hdvplan.road.load_geojson import read_geojson as read_document
-from hdvplan.road.raw import RawRoad
+from hdvplan.road.load_json import json_object
+from hdvplan.road.load_json import read_geojson as read_document
 from hdvplan.road.regions import Kind
 
 ANY = Choice()

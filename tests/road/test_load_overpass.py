@@ -9,7 +9,7 @@ import pytest
 
 from hdvplan.errors import RoadError
 from hdvplan.road.features import Choice
-from hdvplan.road.load_overpass import read_overpass
+from hdvplan.road.load_json import read_overpass
 
 PLACES = [{"lat": 57.7, "lon": 11.95}, {"lat": 57.7, "lon": 11.951}, {"lat": 57.701, "lon": 11.952}]
 WAY = {"type": "way", "id": 7, "geometry": PLACES, "tags": {"name": "Hamngatan", "region": "west", "edge": "left"}}

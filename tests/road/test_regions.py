@@ -14,7 +14,7 @@ from hdvplan.case import Case
 from hdvplan.judging.bodies import corners
 from hdvplan.passing import options
 from hdvplan.planning.bias import Bias
-from hdvplan.road.edges import offsets_of
+from hdvplan.road.passages import offsets_of
 from hdvplan.road.path import ReferencePath, from_curvature, project_many
 from hdvplan.road.regions import OPEN_M, Kind, Region, Side, distances
 from hdvplan.road.road import Road

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from hdvplan.errors import RoadError
+from hdvplan.road.checks import refuse_outliers
 from hdvplan.road.load import load_road
-from hdvplan.road.steps import refuse_outliers
 
 DENSE = np.stack([np.arange(0.0, 100.0, 5.0), np.zeros(20)], axis=1)
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from hdvplan.errors import RoadError
+from hdvplan.road.checks import text_of
 from hdvplan.road.load import load_road
-from hdvplan.road.texts import text_of
 
 ROWS = "".join(f"{11.95 + 1e-4 * number:.6f};57,7;Hafenstraße\n".replace(".", ",") for number in range(5))
 
