@@ -15,9 +15,8 @@ from hdvplan.fileio import csv_bytes, json_bytes, read_json, write_atomically
 from hdvplan.machine import commit, machine_facts, software
 from hdvplan.record import command, now
 from hdvplan.study.cells import Cell, cells_of
-from hdvplan.study.engine import Engine
-from hdvplan.study.local import LocalEngine
-from hdvplan.study.outcome import UNANSWERED
+from hdvplan.study.engine import UNANSWERED, Engine
+from hdvplan.study.pools import LocalEngine
 from hdvplan.study.spec import Study, read_study, study_of
 from hdvplan.study.store import CELLS, PARTS, PLACES, Folder, Kept, Writer, kept_in, write_whole
 

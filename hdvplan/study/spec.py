@@ -9,17 +9,18 @@ from itertools import product
 from math import prod
 from pathlib import Path
 
+from hdvplan.case import content_digest
 from hdvplan.errors import OptionError
 from hdvplan.fileio import read_toml
+from hdvplan.machine import software
 from hdvplan.planning.discretisation import Discretisation
 from hdvplan.planning.objective_names import check_objective
 from hdvplan.planning.settings import PlannerSettings, Scheme
-from hdvplan.plugins import digest_of
+from hdvplan.plugins import OBJECTIVE, SOLVER, digest_of, identity_of, is_reference, version_of
 from hdvplan.road.line import RoadOptions
 from hdvplan.road.regions import Side
 from hdvplan.solvers.registry import DEFAULT, check_solver
 from hdvplan.spelling import did_you_mean
-from hdvplan.study.digests import code_digest
 from hdvplan.study.entries import choice, flattened, list_of, number, repeats, table_of, truth, word, words_of
 from hdvplan.study.inputs import RoadSource, Variant, refuse_many, roads_of, variants_of
 
@@ -85,11 +86,17 @@ class Study:
     @cached_property
     def code(self) -> Mapping[tuple[str, str], str]:
         """Digests of the code that plans, by solver and objective, as it is when they are first asked for: a study keeps its keys."""
-        return {pair: code_digest(*pair) for pair in product(self.solvers, self.objectives)}
+        return {pair: _code(*pair) for pair in product(self.solvers, self.objectives)}
 
     def __len__(self) -> int:
         """Return the number of cells."""
         return prod(map(len, self.parts))
+
+
+def _code(solver: str, objective: str) -> str:
+    """Return a digest of hdvplan's source, the libraries' versions, and of what users brought, as it is now."""
+    brought = [[*identity_of(name), version_of(kind, name)] for kind, name in ((SOLVER, solver), (OBJECTIVE, objective))]
+    return content_digest([software(() if is_reference(solver) else (solver,)), brought])
 
 
 def read_study(path: Path) -> Study:

@@ -18,11 +18,11 @@ from hdvplan.road.line import RoadOptions
 from hdvplan.road.load import REFERENCE_SLACK
 from hdvplan.stretches.cutting import Stretch
 from hdvplan.stretches.judging import planned
-from hdvplan.study.columns import SUMMARY, taken
+from hdvplan.study.cells import SUMMARY, taken
 from hdvplan.study.conduct import Results, run
 from hdvplan.study.engine import outcome_of
-from hdvplan.study.local import LocalEngine
 from hdvplan.study.places import joined_places
+from hdvplan.study.pools import LocalEngine
 from hdvplan.study.spec import study_of
 from tests.study.conftest import InHere
 from tests.study.test_run import exact

@@ -22,11 +22,9 @@ from hdvplan.errors import OptionError
 from hdvplan.report.summary import summary_of
 from hdvplan.road.line import RoadOptions
 from hdvplan.road.load import Found, find_road
-from hdvplan.study.cells import Cell, cells_of
-from hdvplan.study.columns import PARALLEL, SUMMARY, taken
+from hdvplan.study.cells import PARALLEL, SUMMARY, Cell, cells_of, taken
 from hdvplan.study.conduct import Results, run
-from hdvplan.study.engine import Ending, outcome_of
-from hdvplan.study.outcome import FAILED, KILLED, ended
+from hdvplan.study.engine import FAILED, KILLED, Ending, ended, outcome_of
 from hdvplan.study.spec import study_of
 from tests.study.conftest import InHere, known_outcome
 
