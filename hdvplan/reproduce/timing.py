@@ -7,14 +7,15 @@ from itertools import product
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
 from hdvplan.api import drive_case
 from hdvplan.case import Case
 from hdvplan.centring.weights import CentringTable
 from hdvplan.machine import machine_facts
 from hdvplan.planning.settings import PlannerSettings, Scheme
-from hdvplan.reproduce import published
-from hdvplan.reproduce.figures import timing_figure
+from hdvplan.report.style import plain_decades, styled
+from hdvplan.reproduce import drawing, published
 from hdvplan.reproduce.study import Progress, Row, Study
 from hdvplan.road.load import load_road
 from hdvplan.road.road import Road
@@ -66,7 +67,7 @@ def timing(on_progress: Progress, roads: tuple[str, ...] = ROADS) -> Study:
         tuple(cases),
         _rows(data),
         data,
-        partial(timing_figure, data, published.TIMES),
+        partial(_figure, data),
     )
 
 
@@ -112,3 +113,35 @@ def _ratio(vehicle: str, word: str) -> published.Number:
     pair = (sqp.mean, rti.mean) if word == "mean" else (sqp.most, rti.most)
     value = pair[0].value / pair[1].value
     return published.Number(value, value * (pair[0].reading_error / pair[0].value + pair[1].reading_error / pair[1].value))
+
+
+@styled()
+def _figure(data: pd.DataFrame) -> Figure:
+    """Return [GEO] table I as bars: published, and each solver here; the mean as a bar and the largest as a mark, logarithmic."""
+    figure = Figure(figsize=(10.0, 4.8), layout="constrained")
+    axes = figure.subplots()
+    solvers = list(dict.fromkeys(data["solver"]))
+    labels = ["published: OSQP, MATLAB, laptop", *(f"here: {solver}" for solver in solvers)]
+    width = 0.8 / len(labels)
+    means, most = np.empty((len(labels), len(published.TIMES))), np.empty((len(labels), len(published.TIMES)))
+    for column, ((vehicle, scheme), theirs) in enumerate(published.TIMES.items()):
+        means[0, column], most[0, column] = theirs.mean.value, theirs.most.value
+        part = data[(data["vehicle"] == vehicle) & (data["scheme"] == scheme)].groupby("solver")["time_ms"]
+        for row, solver in enumerate(solvers, start=1):
+            means[row, column], most[row, column] = part.mean()[solver], part.max()[solver]
+    for row, (label, colour) in enumerate(zip(labels, ("0.6", drawing.YELLOW, drawing.BLUE), strict=True)):
+        x = np.arange(len(published.TIMES)) + width * (row - 0.5 * (len(labels) - 1))
+        axes.bar(x, means[row], 0.92 * width, color=colour, label=f"{label}, mean")
+        axes.plot(x, most[row], linestyle="none", marker="v", color=colour, markeredgecolor="0.1", markersize=7)
+        for place, mean in zip(x, means[row], strict=True):
+            axes.annotate(f"{mean:.3g}", (place, mean), xytext=(0, -12), textcoords="offset points", ha="center", fontsize="x-small")
+    axes.plot([], [], linestyle="none", marker="v", color="white", markeredgecolor="0.1", label="largest")
+    axes.set_yscale("log")
+    axes.set_ylim(bottom=0.4 * float(means.min()))
+    plain_decades(axes, "y")
+    axes.set_xticks(np.arange(len(published.TIMES)), [f"{vehicle}\n{scheme.upper()}" for vehicle, scheme in published.TIMES])
+    axes.set_ylabel("time of one planning step [ms]")
+    axes.legend(fontsize="small", ncols=2, loc="upper center", bbox_to_anchor=(0.5, 1.2), frameon=False)
+    axes.grid(visible=True, axis="y", color="0.9", linewidth=0.6)
+    axes.set_axisbelow(True)
+    return figure

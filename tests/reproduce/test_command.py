@@ -10,7 +10,6 @@ import pandas as pd
 import pytest
 
 from hdvplan.cli.reproduce import NAMES
-from hdvplan.reproduce.studies import STUDIES
 from tests.cli.conftest import Cli, cli  # noqa: F401 - a fixture
 
 COMMAND = (sys.executable, "-m", "hdvplan", "reproduce")
@@ -35,10 +34,6 @@ def test_json_holds_the_rows_and_nothing_else_is_said(cli: Cli, tmp_path: Path) 
     assert [row["ours"] for row in rows] == written["ours"].tolist()
     assert [row["quantity"] for row in rows] == written["quantity"].tolist()
     assert rows[-1]["published"] is None
-
-
-def test_the_names_are_the_studies() -> None:
-    assert tuple(STUDIES) == NAMES
 
 
 @pytest.mark.parametrize("arguments", [("bus",), ("bus-uturn", "--out", "file")])

@@ -5,7 +5,7 @@ import pytest
 from hdvplan.reproduce import published
 from hdvplan.reproduce.standards import standards
 from hdvplan.reproduce.study import Study
-from hdvplan.reproduce.turn_accuracy import SPACINGS_M, turn_accuracy
+from hdvplan.reproduce.turns import SPACINGS_M, turn_accuracy
 from tests.reproduce.conftest import silent
 
 
