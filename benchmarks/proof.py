@@ -25,9 +25,8 @@ from hdvplan.errors import HdvplanError
 from hdvplan.judging.clearance import SIDES
 from hdvplan.judging.proof import Proof
 from hdvplan.judging.verdict import verdict_of
-from hdvplan.need.answer import need_of
-from hdvplan.need.bound import proved_below
-from hdvplan.need.room import even
+from hdvplan.need.answer import need_of, proved_below
+from hdvplan.need.search import even
 from hdvplan.proof.answer import proof_of
 from hdvplan.proof.stretches import stretches_of
 from hdvplan.record import write_record

@@ -9,12 +9,12 @@ numerically, for any chain, with or without steered axles; for a bus and a tract
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hdvplan.arrays import BoolArray, FloatArray
-from hdvplan.centring.roots import find_roots
 from hdvplan.vehicle.model import Unit, Vehicle
 
 _STRAIGHT = 1e-8  # gentler curves are scaled from this one, whose offsets still have eight digits [1/m]
@@ -24,6 +24,8 @@ _TYPICAL = 0.05  # curvature at which a vehicle's auxiliary axle is chosen [1/m]
 _LEAST = 1e-3  # share of the lead axle's coefficient below which the auxiliary axle's counts as this in K
 _NOWHERE = 1e-9  # stands for the radius, times curvature, of a point that no circle puts beyond its centre
 _STEEPEST = 2.0  # largest coefficient of either axle; the vehicles of the papers stay below it on roads they can drive
+_MOST = 200  # evaluations; smooth functions take about ten
+_CLOSE = 1e-15  # of the root itself: the last step's length
 
 
 @dataclass(frozen=True)
@@ -245,3 +247,26 @@ def _pull(unit: Unit, length: FloatArray, off: FloatArray) -> tuple[FloatArray, 
 def _root_excess(scaled: FloatArray, added: FloatArray, turn: FloatArray) -> FloatArray:
     """Return sqrt(R^2 + c) - R [m] for scaled = R turn and added = c turn, without cancellation; any number where that is none."""
     return added / np.maximum(np.sqrt(np.maximum(scaled**2 + added * turn, 0.0)) + scaled, _NOWHERE)
+
+
+def find_roots(rising: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatArray) -> FloatArray:
+    """Return where ``rising``, elementwise, is zero between ``low`` and ``high``, all of shape (n,); the nearer end where it is not.
+
+    scipy.optimize takes 0.3 s to load: a sixth of what a whole plan costs.
+    Illinois method: a secant between the ends of a bracket, where an end that stays twice counts half the second time.
+    Source: Dowell, Jarratt 1971.
+    """
+    at_low, at_high = rising(low), rising(high)
+    x, stayed = high, np.zeros(low.shape)  # which end did: 1 the lower one, -1 the upper one
+    for _ in range(_MOST):
+        rise = at_high - at_low
+        share = np.clip(np.divide(at_high, rise, out=np.zeros_like(rise), where=rise > 0.0), 0.0, 1.0)
+        before, x = x, high - share * (high - low)
+        if np.all(np.abs(x - before) <= _CLOSE * np.abs(x)):
+            break
+        at = rising(x)
+        above = at > 0.0
+        at_low = np.where(above, np.where(stayed > 0.0, 0.5, 1.0) * at_low, at)
+        at_high = np.where(above, at, np.where(stayed < 0.0, 0.5, 1.0) * at_high)
+        low, high, stayed = np.where(above, low, x), np.where(above, x, high), np.where(above, 1.0, -1.0)
+    return x

@@ -10,13 +10,17 @@ import numpy as np
 from hdvplan.case import Case
 from hdvplan.judging.clearance import SIDES
 from hdvplan.judging.contact import part_named
+from hdvplan.judging.proof import Proof
 from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import lonlat_of
-from hdvplan.need.bound import Bound, proved_below
-from hdvplan.need.room import OTHER, beside_held, even, kerbs_on, least_edge, least_half_width
-from hdvplan.need.search import WIDE_M, Least
+from hdvplan.need.search import OTHER, TOLERANCE_M, WIDE_M, Least, beside_held, even, kerbs_on, least_edge, least_half_width
 from hdvplan.need.widening import Widenings, least_widenings, own_plans
+from hdvplan.proof.answer import proof_of
+from hdvplan.proof.stretches import Stretch, joined
+from hdvplan.road.road import Road
 from hdvplan.road.street import Kerb
+
+_WITHIN_M = 0.3  # of the least gap: where a plan that is asked for less is expected to need it
 
 
 @dataclass(frozen=True)
@@ -30,6 +34,14 @@ class Place:
     side: str  #: "left" or "right"
     unit: int  #: index of the body
     part: str  #: of the body, see ``contact``
+
+
+@dataclass(frozen=True)
+class Bound:
+    """Room that is proved to be too little, and the proof; what is less is too little as well."""
+
+    room: float  # [m]
+    proof: Proof
 
 
 @dataclass(frozen=True)
@@ -121,3 +133,53 @@ def _place(result: Result | None, sides: tuple[str, ...]) -> Place | None:
     unit, at = (int(number) for number in np.unravel_index(np.argmin(touches["gap"]), touches.shape))
     s, x, y, ahead = (float(touches[unit, at][name]) for name in ("s", "x", "y", "ahead"))
     return Place(s, x, y, lonlat_of(result, x, y), where, unit, part_named(result.drive.vehicle.units[unit], ahead))
+
+
+def proved_below(
+    case: Case,
+    road: Callable[[float], Road],
+    least: Least,
+    sides: tuple[str, ...],
+    place: float | None,
+    *,
+    on_progress: Callable[[float], None] | None = None,
+) -> Bound | None:
+    """Return the most room, to ``TOLERANCE_M``, within which nothing is proved to fit; None where nothing is proved.
+
+    ``road`` gives the road with a room, whose kerbs on ``sides`` move with it. Looked at are the places where the best plan came nearly as
+    near to them as anywhere, or, without a plan, the arclength ``place`` [m]. Halving makes some seven proofs; ``on_progress`` receives
+    their share, 0 to 1.
+    """
+    places = _places(least, sides, place)
+    stretches = joined(places, case.vehicle, case.road.path.length)
+
+    def tried(room: float) -> Bound | None:
+        narrow = replace(case, road=road(room))
+        proofs = (proof_of(narrow, stretch.s_from, stretch.s_to) for stretch in stretches)
+        return next((Bound(room, proof) for proof in proofs if proof is not None), None)
+
+    if least.result is None:
+        return tried(WIDE_M)
+    best, low, high = None, least.lowest, least.room
+    halvings = int(np.ceil(np.log2(max((high - low) / TOLERANCE_M, 1.0))))
+    for number in range(halvings):
+        middle = 0.5 * (low + high)
+        found = tried(middle)
+        if found is None:
+            high = middle
+        else:
+            best, low = found, middle
+        if on_progress is not None:
+            on_progress((number + 1) / halvings)
+    return best
+
+
+def _places(least: Least, sides: tuple[str, ...], place: float | None) -> list[Stretch]:
+    if least.result is None:
+        return [] if place is None else [Stretch(place, place, 0.0)]
+    s = least.result.envelope.s
+    gap = np.min([np.min(of_units, axis=0) for (side, _), of_units in least.result.gaps.items() if side in sides], axis=0)
+    near = gap < np.min(gap) + _WITHIN_M
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]]).astype(int)))
+    runs = [slice(begin, end) for begin, end in zip(ends[::2], ends[1::2], strict=True)]
+    return [Stretch(float(s[run][0]), float(s[run][-1]), -float(np.min(gap[run]))) for run in runs]

@@ -6,11 +6,9 @@ from rich.table import Table
 
 from hdvplan.judging.result import body_name
 from hdvplan.judging.verdict import place_text, proof_text
-from hdvplan.need.answer import Need, Place
-from hdvplan.need.bound import Bound
-from hdvplan.need.kerbs import Patch
+from hdvplan.need.answer import Bound, Need, Place
 from hdvplan.need.search import TOLERANCE_M, WIDE_M, Least
-from hdvplan.need.widening import Widening, Widenings
+from hdvplan.need.widening import Patch, Widening, Widenings
 from hdvplan.report.colours import BREACH
 from hdvplan.report.geojson import area_style, feature
 from hdvplan.report.grid import grid

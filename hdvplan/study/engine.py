@@ -124,13 +124,6 @@ def run_in(pool: Pool, cells: Iterable[Cell], retries: int) -> Ending:
             under_way.clear()
 
 
-def outcome_of(cell: Cell) -> Outcome:
-    """Work on a cell; see ``hdvplan.study.work``. Engines hand this to their processes."""
-    from hdvplan.study.work import work  # noqa: PLC0415 - see above
-
-    return work(cell)
-
-
 class _Queue:
     """Cells in the order in which they are handed out: the first of a road alone, which smooths it, then the others that wait for it."""
 

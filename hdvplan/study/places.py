@@ -12,7 +12,7 @@ from hdvplan.judging.balance import Breach
 from hdvplan.judging.result import Result, body_name
 from hdvplan.judging.verdict import lonlat_of, verdict_of
 from hdvplan.need.answer import Need
-from hdvplan.need.kerbs import Patch
+from hdvplan.need.widening import Patch
 from hdvplan.report.summary import verdict_json
 from hdvplan.road.road import Road
 from hdvplan.study.cells import Row

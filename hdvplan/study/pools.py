@@ -22,7 +22,7 @@ from hdvplan.machine import software, usable_cores, use_one_thread
 from hdvplan.plugins import said
 from hdvplan.serving import serve_parent
 from hdvplan.study.cells import Cell
-from hdvplan.study.engine import FAILED, HUNG, KILLED, Ending, Outcome, ended, outcome_of, run_in
+from hdvplan.study.engine import FAILED, HUNG, KILLED, Ending, Outcome, ended, run_in
 
 _AHEAD = 3  # cells for every worker: one that it plans, and what it finds when it is done
 _TOO_LONG = 75  # exit code of a worker whose cell took too long (EX_TEMPFAIL of sysexits.h)
@@ -198,3 +198,10 @@ def _within(cell: Cell, limit: float, source: str) -> Outcome:
         return outcome_of(cell)
     finally:
         watch.cancel()
+
+
+def outcome_of(cell: Cell) -> Outcome:
+    """Work on a cell in a process of an engine's; see ``hdvplan.study.work``."""
+    from hdvplan.study.work import work  # noqa: PLC0415 - the process that hands cells out loads nothing that plans, and stays small
+
+    return work(cell)

@@ -15,8 +15,7 @@ from hdvplan.centring.weights import CentringTable
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.need.answer import need_of
-from hdvplan.need.room import kerbs_on, least_edge, least_half_width
-from hdvplan.need.search import TOLERANCE_M, Least, spare_of
+from hdvplan.need.search import TOLERANCE_M, Least, kerbs_on, least_edge, least_half_width, spare_of
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.road.line import Line, RoadOptions, smoothed
 from hdvplan.road.path import from_curvature

@@ -11,10 +11,8 @@ from hdvplan.case import Case
 from hdvplan.errors import PlanError
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.need.answer import Need, edge_need_of, need_of
-from hdvplan.need.kerbs import around, moved, on_kerbs
-from hdvplan.need.room import kerbs_on
-from hdvplan.need.search import Least, on_road, spare_of
-from hdvplan.need.widening import Widenings, least_widenings, own_plans
+from hdvplan.need.search import Least, kerbs_on, on_road, spare_of
+from hdvplan.need.widening import Widenings, around, least_widenings, moved, on_kerbs, own_plans
 from hdvplan.report.need_layers import shown_plan
 from hdvplan.report.needs import need_json, need_lines
 from hdvplan.road.limits import Limits

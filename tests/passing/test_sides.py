@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import hdvplan.passing.sides
-import hdvplan.passing.trial
 from hdvplan.api import plan
 from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
@@ -203,7 +202,7 @@ def found_as_by_force(road: Road, vehicle: str) -> None:
 
 
 def trials_of(case: Case, monkeypatch: pytest.MonkeyPatch) -> int:
-    calls, real = [0], hdvplan.passing.trial.tried
+    calls, real = [0], hdvplan.passing.sides.tried
 
     def counted(*arguments: object) -> object:
         calls[0] += 1

@@ -20,9 +20,8 @@ from hdvplan.stretches.cutting import Stretch
 from hdvplan.stretches.judging import planned
 from hdvplan.study.cells import SUMMARY, taken
 from hdvplan.study.conduct import Results, run
-from hdvplan.study.engine import outcome_of
 from hdvplan.study.places import joined_places
-from hdvplan.study.pools import LocalEngine
+from hdvplan.study.pools import LocalEngine, outcome_of
 from hdvplan.study.spec import study_of
 from tests.study.conftest import InHere
 from tests.study.test_run import exact

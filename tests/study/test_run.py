@@ -24,7 +24,8 @@ from hdvplan.road.line import RoadOptions
 from hdvplan.road.load import Found, find_road
 from hdvplan.study.cells import PARALLEL, SUMMARY, Cell, cells_of, taken
 from hdvplan.study.conduct import Results, run
-from hdvplan.study.engine import FAILED, KILLED, Ending, ended, outcome_of
+from hdvplan.study.engine import FAILED, KILLED, Ending, ended
+from hdvplan.study.pools import outcome_of
 from hdvplan.study.spec import study_of
 from tests.study.conftest import InHere, known_outcome
 
