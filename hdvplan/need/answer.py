@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -68,13 +69,7 @@ def need_of(case: Case, *, prove: bool | None = False, on_progress: Callable[[fl
     With ``prove`` the largest half width that is proved to be too small is also computed, which takes some seconds more; None: unless the
     vehicle fits as the road is. ``on_progress`` receives a share that grows from 0 to 1.
     """
-    ends = _ends(prove=prove is not False)
-    known = own_plans(case)
-    room = least_half_width(case, known, on_progress=_part(on_progress, 0.0, ends[0]))
-    widenings = _widenings(case, known, SIDES, room, _part(on_progress, *ends))
-    last, wanted = _part(on_progress, ends[1], 1.0), _fits(widenings) is not True if prove is None else prove
-    bound = proved_below(case, even(case.road), room, SIDES, None, on_progress=last) if wanted else None
-    return Need(case, None, room, _place(room.result, SIDES), None, widenings, bound)
+    return _need(case, case, None, even(case.road), partial(least_half_width, case), prove=prove, on_progress=on_progress)
 
 
 def edge_need_of(
@@ -84,20 +79,34 @@ def edge_need_of(
 
     ``prove`` looks for the largest reach that is proved to be too small as well, and ``on_progress`` is told, as for ``need_of``.
     """
-    ends, sides, road = _ends(prove=prove is not False), (side,), beside_held(case.road, held, side)
     own = case if case.road.limits is None else replace(case, road=case.road.with_kerbs((*held, *kerbs_on(case.road, side))))
+    road, least_of = beside_held(case.road, held, side), partial(least_edge, case, held, side)
+    return _need(case, own, side, road, least_of, prove=prove, on_progress=on_progress)
+
+
+def _need(
+    case: Case,
+    own: Case,
+    side: str | None,
+    road: Callable[[float], Road],
+    least_of: Callable[..., Least],
+    *,
+    prove: bool | None,
+    on_progress: Callable[[float], None] | None,
+) -> Need:
+    """Answer with the least room of ``least_of``; ``own`` is the case in the street as it is, ``road`` the one with some room."""
+    ends, sides = ((0.4, 1.0) if prove is False else (0.2, 0.6)), SIDES if side is None else (side,)
     known = own_plans(own)
-    room = least_edge(case, held, side, known, on_progress=_part(on_progress, 0.0, ends[0]))
+    room = least_of(known, on_progress=_part(on_progress, 0.0, ends[0]))
     widenings = _widenings(own, known, sides, room, _part(on_progress, *ends))
-    last, wanted = _part(on_progress, ends[1], 1.0), _fits(widenings) is not True if prove is None else prove
-    if room.result is not None:
-        bound = proved_below(case, road, room, sides, None, on_progress=last) if wanted else None
-        return Need(case, side, room, _place(room.result, sides), None, widenings, bound)
-    other = OTHER[side]
-    least = least_edge(case, kerbs_on(case.road.with_limits(WIDE_M, WIDE_M), side), other)
-    place = _place(least.result, (other,))
-    bound = proved_below(case, road, room, sides, None if place is None else place.s) if wanted else None
-    return Need(case, side, room, place, least, widenings, bound)
+    place, held = _place(room.result, sides), None
+    if room.result is None and side is not None:
+        held = least_edge(case, kerbs_on(case.road.with_limits(WIDE_M, WIDE_M), side), OTHER[side])
+        place = _place(held.result, (OTHER[side],))
+    bound = None
+    if prove or (prove is None and (widenings is None or widenings.fitting is None)):
+        bound = proved_below(case, road, room, sides, None if place is None else place.s, on_progress=_part(on_progress, ends[1], 1.0))
+    return Need(case, side, room, place, held, widenings, bound)
 
 
 def _widenings(
@@ -108,15 +117,6 @@ def _widenings(
     if room.result is None:
         return Widenings(None, None, None)  # what no width lets pass, no widening does
     return least_widenings(case, [*known, room.result], sides, on_progress=on_progress)
-
-
-def _fits(widenings: Widenings | None) -> bool | None:
-    return None if widenings is None else widenings.fitting is not None
-
-
-def _ends(*, prove: bool) -> tuple[float, float]:
-    """Return the shares of the time after which the least room and the widenings are known."""
-    return (0.2, 0.6) if prove else (0.4, 1.0)
 
 
 def _part(on_progress: Callable[[float], None] | None, start: float, end: float) -> Callable[[float], None] | None:

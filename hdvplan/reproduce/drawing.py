@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-import shapely
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
 from matplotlib.patches import PathPatch
-from matplotlib.path import Path as Outline
 
 from hdvplan.arrays import FloatArray
 from hdvplan.judging.bodies import corners, pose_at
 from hdvplan.report.furniture import draw_direction, finish_map
 from hdvplan.report.geojson import swept_area
+from hdvplan.report.maps import outline_of
 from hdvplan.reproduce.swept import Swept
 
 BLUE, YELLOW, GREY = "#0072B2", "#E69F00", "0.35"  # the papers' blue and yellow, as Okabe and Ito have them
@@ -28,13 +27,8 @@ def area(axes: Axes, found: Swept, colour: str, label: str, *, unit: int | None 
     fill = 1.0 - _PALE * (1.0 - np.array(to_rgb(colour)))
     envelope = found.envelope
     left, right = (envelope.reach_left, envelope.reach_right) if unit is None else (envelope.left[unit], envelope.right[unit])
-    area = swept_area(found.drive.road.path, envelope.s, left, right)
-    for part in shapely.get_parts(area):
-        if isinstance(part, shapely.Polygon):
-            rings = (part.exterior, *part.interiors)
-            outline = Outline.make_compound_path(*(Outline(np.asarray(ring.coords), closed=True) for ring in rings))
-            axes.add_patch(PathPatch(outline, facecolor=fill, edgecolor=colour, linewidth=0.8, label=label))
-            label = ""
+    outline = outline_of(swept_area(found.drive.road.path, envelope.s, left, right))
+    axes.add_patch(PathPatch(outline, facecolor=fill, edgecolor=colour, linewidth=0.8, label=label))
 
 
 def bodies(axes: Axes, found: Swept, apart: float, colour: str) -> None:
