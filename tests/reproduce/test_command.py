@@ -1,8 +1,6 @@
 """``hdvplan reproduce`` as users run it."""
 
 import json
-import os
-import subprocess
 import sys
 from pathlib import Path
 
@@ -43,16 +41,6 @@ def test_what_cannot_be_reproduced_is_refused_in_one_line(cli: Cli, tmp_path: Pa
     assert outcome.code == 2
     assert outcome.out == ""
     assert outcome.err.splitlines()[0].startswith("error: ")
-
-
-@pytest.mark.slow
-def test_a_process_of_its_own_leaves_the_same_files(tmp_path: Path) -> None:
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
-    ended = subprocess.run(  # noqa: S603 - our own
-        [*COMMAND, "bus-uturn", "--quiet"], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
-    )
-    assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "")
-    assert (tmp_path / "results" / "bus-uturn.png").stat().st_size > 10_000
 
 
 @pytest.mark.slow

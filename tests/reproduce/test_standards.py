@@ -15,7 +15,7 @@ def study() -> Study:
 
 
 @pytest.mark.slow
-def test_every_row_that_differs_has_a_remark(study: Study) -> None:
+def test_every_row_that_differs_has_a_remark_and_every_vehicle_a_panel(study: Study) -> None:
     assert [row.quantity for row in study.rows if row.differs and not row.remark] == []
     assert len(study.figure().axes) == 4
 

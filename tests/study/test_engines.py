@@ -235,21 +235,6 @@ def test_cells_wait_for_their_road_only_so_long(folder: Path, monkeypatch: pytes
     assert queue.empty
 
 
-def test_few_cells_wait_for_a_road_that_has_many(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hdvplan.study.engine._WAITING", 3)
-    taken: list[str] = []
-
-    def watched() -> Iterable[Cell]:
-        for cell in _cells(folder, 9):
-            taken.append(cell.key)
-            yield cell
-
-    queue = _Queue(watched())
-    assert queue.take() is not None
-    assert queue.take() is None
-    assert len(taken) == 4
-
-
 def test_a_smoothed_road_is_kept_for_other_processes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(work, "_folder", lambda _: tmp_path)
     monkeypatch.setattr(work, "KEPT_ROADS", 2)
