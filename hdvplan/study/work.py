@@ -48,7 +48,6 @@ _UNPLANNED = (PlanError, QpDataError, SolverError)
 Thing = TypeVar("Thing")
 KEPT_ROADS = 64  # files, the newest; a road of 10 km takes some megabytes
 _folder = cache(temporary_folder)  # one that nobody else can write to: what is in it runs as code
-_ToDegrees = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 
 
 class _ChangedError(HdvplanError):
@@ -222,16 +221,11 @@ def _load(source: RoadSource, options: RoadOptions) -> _Loaded | RoadError:
     return _Loaded(road, _shape(points, road.to_lonlat), road.path.length, road.notice)
 
 
-def _shape(points: FloatArray, to_lonlat: _ToDegrees | None) -> bytes | None:
+def _shape(points: FloatArray, to_lonlat: Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]] | None) -> bytes | None:
     if to_lonlat is None:
         return None
     simple = shapely.simplify(shapely.LineString(points), _SIMPLER_M, preserve_topology=False)
-    placed = shapely.transform(simple, _degrees(to_lonlat))
-    return bytes(shapely.to_wkb(placed, byte_order=1))
-
-
-def _degrees(to_lonlat: _ToDegrees) -> Callable[[FloatArray], FloatArray]:
-    return lambda points: np.column_stack(to_lonlat(points[:, 0], points[:, 1]))
+    return bytes(shapely.to_wkb(shapely.transform(simple, to_lonlat, interleaved=False), byte_order=1))  # type: ignore[arg-type] # of two arrays
 
 
 def spooled(name: str, make: Callable[[], Thing]) -> Thing:
