@@ -17,7 +17,7 @@ from hdvplan.planning.settings import PlannerSettings
 from hdvplan.report.style import styled
 from hdvplan.reproduce import drawing, published
 from hdvplan.reproduce.study import Progress, Row, Study
-from hdvplan.reproduce.swept import Swept, road_of, swept
+from hdvplan.reproduce.swept import Swept, road_of, sides_of, swept
 from hdvplan.road.limits import Limits
 from hdvplan.road.road import Road
 from hdvplan.road.scenarios import uturn, uturn_profile
@@ -26,6 +26,7 @@ from hdvplan.vehicle.load import load_vehicle
 # What other curvatures, ramps and smoothness weights do was tried: 0.057 to 0.060 1/m, 15 to 30 m, 1e2 to 1e5.
 _ROAD = "the road is read off a figure: a curvature of 0.058 instead of 0.060 1/m gives 1.81 m; ramps of 15 to 30 m give 1.85 to 1.88 m"
 _RIGHT = "the road is read off a figure: a curvature of 0.059 instead of 0.060 1/m gives 2.46 m"
+_EXPECTED = "what the balanced circle at the largest curvature needs on either side"
 _LEFT = "a curvature of 0.058 instead of 0.060 1/m gives 2.44 m; their 3 cm between left and right are not explained"
 # [BUS]'s road is not published. On this one a rear axle in the middle lets the overhang out by about as much as theirs.
 _CURVATURE, _RAMP_M, _LANE_M = 0.045, 12.0, 3.5
@@ -44,39 +45,22 @@ def bus_uturn(on_progress: Progress) -> Study:
     on_progress(0.5)
     proposed = swept(case)
     on_progress(1.0)
+    expected = proposed.expected.half_width
     return Study(
         "bus-uturn",
         "Bus in a U-turn",
         f"{published.GEO} fig. 7",
         "Limits at +-3.0 m, curvature up to 0.060 1/m; receding horizon (RTI), envelope of the exact simulation.",
         (previous.case, proposed.case),
-        _uturn_rows(previous, proposed),
-        _uturn_data(previous, proposed),
+        (
+            Row("previous method, max right", "m", published.UTURN_PREVIOUS_RIGHT, previous.reaches[1], headline=True),
+            Row("previous method, max left", "m", published.UTURN_PREVIOUS_LEFT, previous.reaches[0], _ROAD, headline=True),
+            Row("proposed method, max right", "m", published.UTURN_PROPOSED_RIGHT, proposed.reaches[1], _RIGHT, headline=True),
+            Row("proposed method, max left", "m", published.UTURN_PROPOSED_LEFT, proposed.reaches[0], _LEFT, headline=True),
+            Row("geometric half width", "m", None, float(expected.max()), _EXPECTED),
+        ),
+        sides_of({"previous": previous, "proposed": proposed}).assign(geometric_half_width=expected),
         partial(_uturn_figure, previous, proposed),
-    )
-
-
-def _uturn_rows(previous: Swept, proposed: Swept) -> tuple[Row, ...]:
-    expected = float(proposed.expected.half_width.max())
-    return (
-        Row("previous method, max right", "m", published.UTURN_PREVIOUS_RIGHT, float(previous.right.max()), headline=True),
-        Row("previous method, max left", "m", published.UTURN_PREVIOUS_LEFT, float(previous.left.max()), _ROAD, headline=True),
-        Row("proposed method, max right", "m", published.UTURN_PROPOSED_RIGHT, float(proposed.right.max()), _RIGHT, headline=True),
-        Row("proposed method, max left", "m", published.UTURN_PROPOSED_LEFT, float(proposed.left.max()), _LEFT, headline=True),
-        Row("geometric half width", "m", None, expected, "what the balanced circle at the largest curvature needs on either side"),
-    )
-
-
-def _uturn_data(previous: Swept, proposed: Swept) -> pd.DataFrame:
-    return pd.DataFrame(
-        {
-            "s": proposed.envelope.s,
-            "previous_left": previous.left,
-            "previous_right": -previous.right,
-            "proposed_left": proposed.left,
-            "proposed_right": -proposed.right,
-            "geometric_half_width": proposed.expected.half_width,
-        }
     )
 
 
@@ -106,24 +90,35 @@ def overhang(on_progress: Progress) -> Study:
     bus, free = load_vehicle("bus"), PlannerSettings(overhang_cost=0.0)
     road = road_of("bend", uturn_profile(_CURVATURE, _RAMP_M, angle=0.5 * np.pi))
     half, wide = 0.5 * _LANE_M, 0.5 * _SWEEPABLE_M
-    found = []
-    for wheels, settings in ((wide, free), (half, free), (half, PlannerSettings())):
-        found.append(swept(Case(with_regions(road, wheels, wide), bus, "lead-axle", settings=settings)))
+    found: list[Swept] = []
+    rows: list[Row] = []
+    columns: dict[str, FloatArray] = {}
+    for number, (wheels, settings) in enumerate(((wide, free), (half, free), (half, PlannerSettings()))):
+        one = swept(Case(with_regions(road, wheels, wide), bus, "lead-axle", settings=settings))
+        found.append(one)
+        beyond, furthest = outside(one, half), one.furthest - half
+        area = float(np.trapezoid(beyond, one.envelope.s))
+        rows.append(Row(f"furthest outside, {WORDS[number]}", "m", published.OVERHANG_M[number], furthest, _ORDER, headline=True))
+        rows.append(Row(f"area outside, {WORDS[number]}", "m^2", published.OVERHANG_AREA_M2[number], area, _ORDER, headline=True))
+        columns |= {
+            "s": found[0].envelope.s,
+            f"left_{number + 1}": one.left,
+            f"right_{number + 1}": -one.right,
+            f"outside_{number + 1}": beyond,
+        }
         on_progress(0.3 * len(found))
     touching = swept(Case(uturn(), bus, "lead-axle"))
     on_progress(1.0)
     kept = balance_of(touching.drive, touching.envelope).min_clearance
+    rows.append(Row("kept from a hard limit", "m", published.KEPT_FROM_LIMIT, np.nan if kept is None else kept, _KEPT, headline=True))
     return Study(
         "overhang",
         "Overhangs outside the lane",
         f"{published.BUS} figs. 6-9",
         f"{_BEND}. The rear axle is centred; receding horizon (RTI), envelope of the exact simulation.",
         tuple(one.case for one in (*found, touching)),
-        (
-            *_overhang_rows(found),
-            Row("kept from a hard limit", "m", published.KEPT_FROM_LIMIT, np.nan if kept is None else kept, _KEPT, headline=True),
-        ),
-        _overhang_data(found, half),
+        tuple(rows),
+        pd.DataFrame(columns),
         partial(_overhang_figure, dict(zip(WORDS, found, strict=True)), half),
     )
 
@@ -138,23 +133,6 @@ def outside(found: Swept, half: float) -> FloatArray:
     """Return how far anything reaches out of a lane of half width ``half``, both sides added up, shape (n,) [m]."""
     beyond: FloatArray = np.maximum(found.left - half, 0.0) + np.maximum(found.right - half, 0.0)
     return beyond
-
-
-def _overhang_rows(found: list[Swept]) -> tuple[Row, ...]:
-    half, rows = 0.5 * _LANE_M, []
-    for words, one, furthest, area in zip(WORDS, found, published.OVERHANG_M, published.OVERHANG_AREA_M2, strict=True):
-        beyond = max(float(one.left.max()), float(one.right.max())) - half
-        rows.append(Row(f"furthest outside, {words}", "m", furthest, beyond, _ORDER, headline=True))
-        swept_outside = float(np.trapezoid(outside(one, half), one.envelope.s))
-        rows.append(Row(f"area outside, {words}", "m^2", area, swept_outside, _ORDER, headline=True))
-    return tuple(rows)
-
-
-def _overhang_data(found: list[Swept], half: float) -> pd.DataFrame:
-    columns = {"s": found[0].envelope.s}
-    for number, one in enumerate(found, start=1):
-        columns |= {f"left_{number}": one.left, f"right_{number}": -one.right, f"outside_{number}": outside(one, half)}
-    return pd.DataFrame(columns)
 
 
 @styled()

@@ -8,7 +8,6 @@ from functools import partial
 from time import process_time
 
 import numpy as np
-import pandas as pd
 from matplotlib.figure import Figure
 
 from hdvplan.arrays import FloatArray
@@ -21,7 +20,7 @@ from hdvplan.planning.terms.reach import Reach
 from hdvplan.report.style import styled
 from hdvplan.reproduce import drawing, published
 from hdvplan.reproduce.study import Progress, Row, Study
-from hdvplan.reproduce.swept import REFERENCE_STEP_M, Swept, road_of, swept, whole_manoeuvre
+from hdvplan.reproduce.swept import REFERENCE_STEP_M, Swept, road_of, sides_of, swept, whole_manoeuvre
 from hdvplan.road.scenarios import uturn_articulated, uturn_profile
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
@@ -95,7 +94,7 @@ def objectives(on_progress: Progress) -> Study:
         "Times are of one whole plan.",
         (*(found.case for found in (*planned.values(), *finer.values(), free)), *(case for found in searches for case in found.cases)),
         (*_reach_rows(planned, free), *_time_rows(coarse, fine), *_search_rows(searches)),
-        _data(planned),
+        sides_of(planned),
         partial(_figure, planned, searches),
     )
 
@@ -137,8 +136,8 @@ def _reach_rows(planned: dict[str, Swept], free: Swept) -> list[Row]:
     rows = []
     for name, found in planned.items():
         theirs, (left, right) = published.OBJECTIVES[name], _REACH[name]
-        rows.append(Row(f"{name} ({WORDS[name]}), max left", "m", theirs.left, float(found.left.max()), left, headline=True))
-        rows.append(Row(f"{name}, max right", "m", theirs.right, float(found.right.max()), right, headline=True))
+        rows.append(Row(f"{name} ({WORDS[name]}), max left", "m", theirs.left, found.reaches[0], left, headline=True))
+        rows.append(Row(f"{name}, max right", "m", theirs.right, found.reaches[1], right, headline=True))
         rows.append(Row(f"{name}, aL - aR", "m^2", theirs.area, found.area_difference, _AREA[name]))
         if name == "J4":
             rows.append(Row("J4 without its second term, aL - aR", "m^2", theirs.area, free.area_difference, _FREE))
@@ -167,14 +166,6 @@ def _search_rows(searches: list[Search]) -> list[Row]:
             Row(f"{name}: time, table", "s", None, found.reading, "the geometric K as planning reads it"),
         ]
     return rows
-
-
-def _data(planned: dict[str, Swept]) -> pd.DataFrame:
-    first = next(iter(planned.values()))
-    columns = {"s": first.envelope.s}
-    for name, found in planned.items():
-        columns |= {f"{name}_left": found.left, f"{name}_right": -found.right}
-    return pd.DataFrame(columns)
 
 
 @styled()

@@ -66,10 +66,10 @@ def _rows(planned: Swept, believed: Swept, curves: dict[str, FloatArray]) -> tup
     found, drive = deviations(planned, curves), planned.drive
     middle = int(np.mean(CONSTANT_M) / drive.settings.step)
     rows = [
-        Row("max left", "m", published.ROUNDABOUT_LEFT, float(planned.left.max()), _SIMULATED, headline=True),
-        Row("max right", "m", published.ROUNDABOUT_RIGHT, float(planned.right.max()), _SAMPLED, headline=True),
-        Row("max left as an Euler plan predicts it", "m", published.ROUNDABOUT_LEFT, float(believed.left.max())),
-        Row("max right as an Euler plan predicts it", "m", published.ROUNDABOUT_RIGHT, float(believed.right.max()), _SAMPLED),
+        Row("max left", "m", published.ROUNDABOUT_LEFT, planned.reaches[0], _SIMULATED, headline=True),
+        Row("max right", "m", published.ROUNDABOUT_RIGHT, planned.reaches[1], _SAMPLED, headline=True),
+        Row("max left as an Euler plan predicts it", "m", published.ROUNDABOUT_LEFT, believed.reaches[0]),
+        Row("max right as an Euler plan predicts it", "m", published.ROUNDABOUT_RIGHT, believed.reaches[1], _SAMPLED),
         Row("expected half width", "m", published.ROUNDABOUT_EXPECTED, float(planned.expected.half_width.max())),
         Row("tractor curvature, constant part", "1/m", published.ROUNDABOUT_KAPPA, float(drive.kappa[middle]), headline=True),
         Row("articulation, constant part", "rad", published.ROUNDABOUT_BETA, float(drive.z[middle, 2]), headline=True),
@@ -81,14 +81,10 @@ def _rows(planned: Swept, believed: Swept, curves: dict[str, FloatArray]) -> tup
         anywhere = (
             f"at s = {s[at]:.1f} m: not explained: theirs swings a little earlier, and no smoothness weight from 1e2 to 1e4 removes it"
         )
-        rows.append(Row(f"{words} off theirs, largest", unit, _zero(0.0), float(np.abs(off[at])), anywhere))
+        rows.append(Row(f"{words} off theirs, largest", unit, Number(0.0, 0.0), float(np.abs(off[at])), anywhere))
         largest = float(np.max(np.abs(off[steady])))
-        rows.append(Row(f"{words} off theirs, constant part", unit, _zero(1e-3), largest))
+        rows.append(Row(f"{words} off theirs, constant part", unit, Number(0.0, 1e-3), largest))
     return tuple(rows)
-
-
-def _zero(reading_error: float) -> Number:
-    return Number(0.0, reading_error)
 
 
 def _data(planned: Swept, curves: dict[str, FloatArray]) -> pd.DataFrame:

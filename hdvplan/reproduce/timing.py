@@ -32,7 +32,6 @@ ROADS = (
     "newyork_columbus_circle",
 )  # 11.9 km: arterials with roundabouts, S-bends, a motorway loop, a ring
 VEHICLES = ("bus", "tractor-trailer")
-_SCHEMES = ("sqp", "rti")
 SOLVERS = ("osqp", DEFAULT)
 HALF_WIDTH_M = 4.5  # more only where the vehicle's balanced circle needs it
 _SPARE_M = 0.5
@@ -91,7 +90,7 @@ def timed_steps(case: Case) -> pd.DataFrame:
 
 def _rows(data: pd.DataFrame) -> tuple[Row, ...]:
     groups = data.groupby(["vehicle", "scheme", "solver"])
-    steps = {key: groups.get_group(key) for key in product(VEHICLES, _SCHEMES, SOLVERS)}
+    steps = {key: groups.get_group(key) for key in product(VEHICLES, ("sqp", "rti"), SOLVERS)}
     times = {key: group["time_ms"] for key, group in steps.items()}
     rows = []
     for (name, scheme, solver), taken in times.items():
@@ -123,12 +122,11 @@ def _figure(data: pd.DataFrame) -> Figure:
     solvers = list(dict.fromkeys(data["solver"]))
     labels = ["published: OSQP, MATLAB, laptop", *(f"here: {solver}" for solver in solvers)]
     width = 0.8 / len(labels)
-    means, most = np.empty((len(labels), len(published.TIMES))), np.empty((len(labels), len(published.TIMES)))
-    for column, ((vehicle, scheme), theirs) in enumerate(published.TIMES.items()):
-        means[0, column], most[0, column] = theirs.mean.value, theirs.most.value
-        part = data[(data["vehicle"] == vehicle) & (data["scheme"] == scheme)].groupby("solver")["time_ms"]
-        for row, solver in enumerate(solvers, start=1):
-            means[row, column], most[row, column] = part.mean()[solver], part.max()[solver]
+    theirs = [[(time.mean.value, time.most.value) for time in published.TIMES.values()]]
+    times = data.groupby(["solver", "vehicle", "scheme"])["time_ms"]
+    found = times.mean(), times.max()
+    ours = [[tuple(float(one[solver, *key]) for one in found) for key in published.TIMES] for solver in solvers]
+    means, most = np.moveaxis(np.array(theirs + ours), 2, 0)
     for row, (label, colour) in enumerate(zip(labels, ("0.6", drawing.YELLOW, drawing.BLUE), strict=True)):
         x = np.arange(len(published.TIMES)) + width * (row - 0.5 * (len(labels) - 1))
         axes.bar(x, means[row], 0.92 * width, color=colour, label=f"{label}, mean")

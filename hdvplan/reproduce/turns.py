@@ -114,8 +114,7 @@ class Room:
 def planned_turn(on_progress: Progress) -> Study:
     """Drive design vehicles through their minimum turns by their front axle, and as planned by the geometric objective."""
     rows: list[Row] = []
-    cases, data = [], []
-    drawn: tuple[Followed, Followed] | None = None
+    cases, data, driven = [], [], dict[tuple[str, float], tuple[Followed, Followed]]()
     for number, (name, degrees) in enumerate(_TURNS, start=1):
         case, line = turn_of(name, np.deg2rad(degrees))
         planned = planned_along(case, line)
@@ -123,10 +122,8 @@ def planned_turn(on_progress: Progress) -> Study:
         rooms = room_of(line, line), room_of(planned, line)
         rows += _rows(f"{name}, {degrees:g} deg", *rooms, headline=(name, degrees) == _DRAWN)
         data.append({"vehicle": name, "angle_deg": degrees, "radius_m": line.manoeuvre.radius} | _columns(*rooms))
-        if (name, degrees) == _DRAWN:
-            drawn = line, planned
+        driven[name, degrees] = line, planned
         on_progress(number / len(_TURNS))
-    assert drawn is not None  # noqa: S101 - it is one of the turns
     return Study(
         "planned-turn",
         "A turn as planned, and with the front axle on the line",
@@ -137,7 +134,7 @@ def planned_turn(on_progress: Progress) -> Study:
         tuple(cases),
         tuple(rows),
         pd.DataFrame(data),
-        partial(_figure, *drawn),
+        partial(compared_figure, *driven[_DRAWN], ("front axle on the line", "planned"), "{}, {:g} degrees".format(*_DRAWN)),
     )
 
 
@@ -188,7 +185,3 @@ def _columns(line: Room, planned: Room) -> dict[str, float]:
         for how, room in (("line", line), ("planned", planned))
         for what in ("inside", "outside", "width", "even")
     }
-
-
-def _figure(line: Followed, planned: Followed) -> Figure:
-    return compared_figure(line, planned, ("front axle on the line", "planned"), f"{line.vehicle.name}, {np.rad2deg(line.angle):g} degrees")
