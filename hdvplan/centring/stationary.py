@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -29,27 +30,31 @@ _CLOSE = 1e-15  # of the root itself: the last step's length
 
 
 @dataclass(frozen=True)
-class Stationary:
-    """The balanced circle at given road curvatures, signed for left turns; arrays of shape (n,) unless said otherwise."""
+class Centring:
+    """Balanced driving at points of a road, signed: positive curvature turns left; arrays of shape (n,) unless said otherwise."""
 
-    road_curvature: FloatArray  # magnitude [1/m]
-    kappa: FloatArray  # tan(front angle) / wheelbase [1/m]
-    e_y: FloatArray  # lead rear axle [m]
-    e_aux: FloatArray  # auxiliary axle [m]
-    e_psi: FloatArray  # heading of the lead body off the circle's tangent; zero unless its rear axle is steered [rad]
-    beta: FloatArray  # articulation angles, shape (n, couplings) [rad]
-    half_width: FloatArray  # of the swept band, equal on both sides [m]
     lead: FloatArray  # coefficients of the residual to centre, see ``coefficients``; with their limits on the straight
     aux: FloatArray
     target: FloatArray  # [m]
+    kappa: FloatArray  # tan(front angle) / wheelbase [1/m]
+    e_y: FloatArray  # lead rear axle [m]
     axle: int  # which axle the auxiliary one is, see ``auxiliary_axle``
+    e_aux: FloatArray  # auxiliary axle [m]
+    e_psi: FloatArray  # heading of the lead body off the circle's tangent; zero unless its rear axle is steered [rad]
+    beta: FloatArray  # articulation angles, shape (n, couplings) [rad]
     steering: FloatArray  # wheel angles of the axles that the plan steers, which aim at their law, shape (n, active) [rad]
+    half_width: FloatArray  # of the swept band, equal on both sides [m]
     saturated: BoolArray  # no balanced circle is this tight: the tightest one is given
 
     @property
     def weight(self) -> FloatArray:
         """K, the lead axle's coefficient per auxiliary axle's; held at +-1000 where the lead axle alone is centred."""
         return ratio(self.lead, self.aux)
+
+    @cached_property
+    def states(self) -> FloatArray:
+        """The vehicle's road-aligned states, shape (n, states)."""
+        return np.column_stack([self.e_y, self.e_psi, self.beta, self.steering])
 
 
 def ratio(lead: FloatArray, aux: FloatArray) -> FloatArray:
@@ -133,8 +138,8 @@ def auxiliary_axle(vehicle: Vehicle) -> int:
     return inside[0] if inside else len(vehicle.units) - 1
 
 
-def stationary(vehicle: Vehicle, road_curvature: FloatArray) -> Stationary:
-    """Return the balanced circle of ``vehicle`` on roads of the given curvature magnitudes [1/m], shape (n,).
+def stationary(vehicle: Vehicle, road_curvature: FloatArray) -> Centring:
+    """Return the balanced left circle of ``vehicle`` on roads of the given curvature magnitudes [1/m], shape (n,).
 
     Source: [GEO] eqs. 14-23 with the corrected trailer weight K = -e_trailer/e_y (eq. 23 prints its reciprocal).
     """
@@ -159,10 +164,9 @@ def stationary(vehicle: Vehicle, road_curvature: FloatArray) -> Stationary:
     for column, unit in enumerate(vehicle.active):
         steering[:, column] = -_steered(vehicle.units[unit], circle.beta[:, unit - 1])
     part = k / bent  # 1, or how much gentler the road is than the gentlest circle solved
-    return Stationary(
-        k, part * kappa, part * e_y, part * e_aux, part * circle.e_psi, part[:, None] * circle.beta,
-        0.5 * (circle.outer - circle.inner), lead, aux, part * target, axle, part[:, None] * steering,
-        saturated,
+    return Centring(
+        lead, aux, part * target, part * kappa, part * e_y, axle, part * e_aux, part * circle.e_psi, part[:, None] * circle.beta,
+        part[:, None] * steering, 0.5 * (circle.outer - circle.inner), saturated,
     )  # fmt: skip
 
 

@@ -11,7 +11,8 @@ import pandas as pd
 from hdvplan.api import drive_case
 from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
-from hdvplan.centring.weights import Centring, CentringTable
+from hdvplan.centring.stationary import Centring
+from hdvplan.centring.weights import CentringTable
 from hdvplan.driving.drive import Drive
 from hdvplan.judging.envelope import Envelope, envelope_of
 from hdvplan.planning.objectives import Objective
