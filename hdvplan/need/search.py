@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -34,16 +33,9 @@ OTHER = {"left": "right", "right": "left"}
 _GIVES_M = 8e-3  # a plan within limits that can be kept needs no more: they are elastic, and 5 to 8 mm beyond them is usual in bends
 
 
-class Attempt(NamedTuple):
-    """One way to plan a case, by the names that the command line knows."""
-
-    objective: str
-    scheme: Scheme
-
-
 # Within the same limits these end in different local optima. Neither convergence (SQP) nor other objectives were better by over 2 mm on
 # five roads, and where nothing fits SQP takes up to ten times as long.
-ATTEMPTS = (Attempt("geometric", Scheme.RTI), Attempt("lead-axle", Scheme.RTI))
+ATTEMPTS = ("geometric", "lead-axle")  # objectives, by RTI
 
 
 @dataclass(frozen=True)
@@ -131,12 +123,12 @@ def least(
     return best if best.result is None else replace(best, result=on_road(best.result, question.road(best.room)))
 
 
-def plans_of(case: Case, attempts: Sequence[Attempt]) -> Iterator[Result | HdvplanError]:
-    """Plan a case in every way of ``attempts``, one after the other; a plan that cannot be made gives its error."""
-    for attempt in attempts:
-        settings = replace(case.settings, scheme=attempt.scheme)
+def plans_of(case: Case, objectives: Sequence[str]) -> Iterator[Result | HdvplanError]:
+    """Plan a case by every one of ``objectives``, one after the other; a plan that cannot be made gives its error."""
+    settings = replace(case.settings, scheme=Scheme.RTI)
+    for objective in objectives:
         try:
-            yield api.plan(replace(case, objective=attempt.objective, settings=settings))
+            yield api.plan(replace(case, objective=objective, settings=settings))
         except (PlanError, RoadError, SolverError) as error:  # an obstacle with a given side may leave no room within narrow limits
             yield error
 
@@ -167,7 +159,7 @@ def too_near(result: Result) -> Approach | None:
 
 
 def _tried(
-    case: Case, question: Question, room: float, attempts: Sequence[Attempt], best: Least, on_result: Callable[[Result], None] | None
+    case: Case, question: Question, room: float, attempts: Sequence[str], best: Least, on_result: Callable[[Result], None] | None
 ) -> Least:
     """Try all ways within ``room`` until one needs no more; return what is the least now."""
     for made in plans_of(replace(case, road=question.road(room)), attempts):

@@ -25,7 +25,7 @@ from hdvplan.judging.clearance import SIDES
 from hdvplan.judging.obstacles import Shapes
 from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import verdict_of
-from hdvplan.need.search import ATTEMPTS, TOLERANCE_M, WIDE_M, Attempt, Question, least, on_road, plans_of
+from hdvplan.need.search import ATTEMPTS, TOLERANCE_M, WIDE_M, Question, least, on_road, plans_of
 from hdvplan.road.kerbs import kerb_of
 from hdvplan.road.road import Road
 from hdvplan.road.street import Kerb, Street
@@ -125,7 +125,7 @@ def _smallest(case: Case, question: Question, plans: Sequence[Result]) -> Result
     area, best = min(((_area(around(plan, question.sides)[1]), plan) for plan in plans), key=lambda one: one[0])
     for _ in range(_ROUNDS):
         kerbs, _ = around(best, question.sides, -_LESS * question.needed(best, 0.0))
-        for plan in _plans(case, kerbs, ATTEMPTS[:1]):
+        for plan in _plans(case, kerbs):
             less = _area(around(plan, question.sides)[1])
             if question.needed(plan, 0.0) > WIDE_M or less > _WORTH * area:
                 return best
@@ -146,15 +146,15 @@ def _kept(case: Case, sides: Sequence[str], plan: Result) -> Widening:
 def _found(case: Case, wider: tuple[tuple[Kerb, ...], tuple[Patch, ...]]) -> Widening | None:
     """Return a widening with a plan that is found within it; None where none is."""
     kerbs, patches = wider
-    for plan in _plans(case, kerbs, ATTEMPTS[:1]):
+    for plan in _plans(case, kerbs):
         if verdict_of(on_road(plan, on_kerbs(case.road, kerbs))).fits:
             return Widening(patches, plan)
     return None
 
 
-def _plans(case: Case, kerbs: tuple[Kerb, ...], attempts: Sequence[Attempt]) -> Iterator[Result]:
-    """Yield plans within other kerbs, judged in the street of the case."""
-    for made in plans_of(replace(case, road=on_kerbs(case.road, kerbs)), attempts):
+def _plans(case: Case, kerbs: tuple[Kerb, ...]) -> Iterator[Result]:
+    """Yield the plan within other kerbs, judged in the street of the case, if there is one."""
+    for made in plans_of(replace(case, road=on_kerbs(case.road, kerbs)), ATTEMPTS[:1]):
         if not isinstance(made, HdvplanError):
             yield on_road(made, case.road)
 

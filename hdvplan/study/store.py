@@ -9,8 +9,8 @@ import json
 import os
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
-from functools import lru_cache
+from dataclasses import dataclass
+from functools import cached_property, lru_cache, partial
 from itertools import islice
 from pathlib import Path
 from time import time_ns
@@ -44,13 +44,16 @@ class Folder:
 
     path: Path
     varied: tuple[str, ...]
-    cells: pa.Schema = field(init=False)
-    places: pa.Schema = field(init=False)
 
-    def __post_init__(self) -> None:
-        """Work out the schemas."""
-        object.__setattr__(self, "cells", schema_of(cell_columns(self.varied), LINES))
-        object.__setattr__(self, "places", schema_of(place_columns(self.varied), POINTS))
+    @cached_property
+    def cells(self) -> pa.Schema:
+        """Of ``cells.parquet``."""
+        return schema_of(cell_columns(self.varied), LINES)
+
+    @cached_property
+    def places(self) -> pa.Schema:
+        """Of ``places.parquet``."""
+        return schema_of(place_columns(self.varied), POINTS)
 
     def part(self, kind: str, name: str) -> Path:
         """Return where a part of ``cells`` or ``places`` is."""
@@ -63,12 +66,11 @@ class Folder:
 
 @dataclass(frozen=True)
 class Kept:
-    """Where in the parts the row of every key is: of several the last; 40 bytes a cell."""
+    """In which part the row of every key is: of several the last; 40 bytes a cell."""
 
     parts: tuple[str, ...]
     keys: NDArray[np.bytes_]  # sorted
     part: IntArray
-    row: IntArray
     answered: NDArray[np.bool_]
 
     def find(self, keys: Sequence[str]) -> IntArray:
@@ -89,7 +91,7 @@ def kept_in(folder: Folder) -> Kept:
 
     """
     names = tuple(folder.parts())
-    keys, parts, rows, answered = [np.empty(0, _KEY)], [np.empty(0, np.intp)], [np.empty(0, np.intp)], [np.empty(0, bool)]
+    keys, parts, answered = [np.empty(0, _KEY)], [np.empty(0, np.intp)], [np.empty(0, bool)]
     for number, name in enumerate(names):
         path = folder.part("cells", name)
         try:
@@ -100,11 +102,10 @@ def kept_in(folder: Folder) -> Kept:
             msg = f"{path} cannot be read: {error}"
             raise OptionError(msg, hint="delete it: what it held is planned again") from error
         parts.append(np.full(len(table), number, dtype=np.intp))
-        rows.append(np.arange(len(table), dtype=np.intp))
     every = np.concatenate(keys)[::-1]  # the last is the first of its kind
     unique, first = np.unique(every, return_index=True)
     at = len(every) - 1 - first
-    return Kept(names, unique, np.concatenate(parts)[at], np.concatenate(rows)[at], np.concatenate(answered)[at])
+    return Kept(names, unique, np.concatenate(parts)[at], np.concatenate(answered)[at])
 
 
 class Writer:
@@ -184,45 +185,27 @@ def write_whole(folder: Folder, keys: Iterable[str]) -> None:
 
     """
     kept = kept_in(folder)
-    read = lru_cache(maxsize=_OPEN)(lambda name: read_part(folder.part("cells", name), folder.cells))
-    beside = lru_cache(maxsize=_OPEN)(lambda name: read_part(folder.part("places", name), folder.places))
     following = iter(keys)
     blocks = [kept.find(block) for block in iter(lambda: list(islice(following, _BLOCK)), [])]
     blocks = [block[block >= 0] for block in blocks]
-    write_tables(folder.path / PLACES, _in_order(kept, blocks, beside, _places), folder.places)
-    write_tables(folder.path / CELLS, _in_order(kept, blocks, read, _rows), folder.cells)
+    for kind, name, schema in (("places", PLACES, folder.places), ("cells", CELLS, folder.cells)):
+        read = lru_cache(maxsize=_OPEN)(partial(_part, folder, kind, schema))
+        write_tables(folder.path / name, _in_order(kept, blocks, read), schema)
     pa.default_memory_pool().release_unused()  # ranking and map have use for it
 
 
-def _in_order(
-    kept: Kept,
-    blocks: Sequence[IntArray],
-    read: Callable[[str], pa.Table],
-    taken: Callable[[pa.Table, Kept, IntArray], tuple[pa.Table, IntArray]],
-) -> Iterator[pa.Table]:
-    """Yield the rows that ``taken`` finds of every block of cells, in the cells' order."""
+def _in_order(kept: Kept, blocks: Sequence[IntArray], read: Callable[[str], pa.Table]) -> Iterator[pa.Table]:
+    """Yield the rows of every block of cells, in the cells' order; ``read`` gives a part's table by its name."""
     for block in blocks:
         tables, ranks = [], []
         for number in np.unique(kept.part[block]):
             mine = np.flatnonzero(kept.part[block] == number)
-            table, of = taken(read(kept.parts[int(number)]), kept, block[mine])
-            tables.append(table)
-            ranks.append(mine[of])
+            table, keys = read(kept.parts[int(number)]), pa.array(kept.keys[block[mine]].astype(str))
+            of = pc.index_in(table["key"], value_set=keys).combine_chunks()
+            tables.append(table.filter(pc.is_valid(of)))
+            ranks.append(mine[np.asarray(of.drop_null(), dtype=np.intp)])
         if tables:
             yield pa.concat_tables(tables).take(np.argsort(np.concatenate(ranks), kind="stable")).combine_chunks()
-
-
-def _rows(table: pa.Table, kept: Kept, cells: IntArray) -> tuple[pa.Table, IntArray]:
-    """Return the rows of cells, and the number of the cell that each belongs to."""
-    return table.take(kept.row[cells]), np.arange(len(cells))
-
-
-def _places(table: pa.Table, kept: Kept, cells: IntArray) -> tuple[pa.Table, IntArray]:
-    """Return the places of cells, likewise."""
-    keys = pa.array(kept.keys[cells].astype(str))
-    of = pc.index_in(table["key"], value_set=keys).combine_chunks()
-    there = pc.is_valid(of)
-    return table.filter(there), np.asarray(of.drop_null(), dtype=np.intp)
 
 
 def schema_of(columns: Sequence[Column], shape: str) -> pa.Schema:
@@ -268,13 +251,14 @@ def write_tables(path: Path, tables: Iterable[pa.Table], schema: pa.Schema) -> N
         raise
 
 
-def read_part(path: Path, schema: pa.Schema) -> pa.Table:
-    """Return a file's table with the columns of ``schema``; those that it has not are empty.
+def _part(folder: Folder, kind: str, schema: pa.Schema, name: str) -> pa.Table:
+    """Return a part's table with the columns of ``schema``; those that it has not are empty.
 
     Raises:
         OptionError: it is damaged, or a column is of another kind.
 
     """
+    path = folder.part(kind, name)
     try:
         table = pq.ParquetFile(path).read()
         there = set(table.column_names)
