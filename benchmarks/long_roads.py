@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from cases import numbers, words
 
 from hdvplan.api import drive_case, plan
 from hdvplan.arrays import FloatArray
@@ -47,9 +48,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Measure every length, and write the tables."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("results/long-roads"))
-    parser.add_argument("--lengths", type=lambda text: [float(part) for part in text.split(",")], default=[10.0, 100.0, 1000.0])
+    parser.add_argument("--lengths", type=numbers, default=[10.0, 100.0, 1000.0])
     parser.add_argument("--whole", type=float, default=100.0, help="longest that is planned undivided as well [km]")
-    parser.add_argument("--vehicles", type=lambda text: text.split(","), default=["bus", "tractor-trailer"])
+    parser.add_argument("--vehicles", type=words, default=["bus", "tractor-trailer"])
     parser.add_argument("--half-width", type=float, default=4.0)
     parser.add_argument("--one", type=Path, help="plan this line, in stretches or --undivided, and print what it took")
     parser.add_argument("--undivided", action="store_true")

@@ -15,7 +15,7 @@ from pathlib import Path
 from time import process_time
 
 import pandas as pd
-from cases import case_within, free_case, suite_roads
+from cases import case_within, free_case, suite_roads, words, write_results
 
 from hdvplan.api import plan
 from hdvplan.case import Case
@@ -26,7 +26,6 @@ from hdvplan.judging.verdict import verdict_of
 from hdvplan.need.answer import Need, need_of
 from hdvplan.planning.bias import Bias
 from hdvplan.planning.settings import Scheme
-from hdvplan.record import write_record
 from hdvplan.report.markdown import markdown_table
 
 VEHICLES = ("bus", "tractor-trailer", "tractor-trailer-24m")
@@ -40,9 +39,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Find and check every need, and write the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("results/need"))
-    parser.add_argument("--roads", type=lambda text: text.split(","), default=suite_roads())
-    parser.add_argument("--vehicles", type=lambda text: text.split(","), default=list(VEHICLES))
-    parser.add_argument("--hunted", type=lambda text: text.split(","), default=list(HUNTED))
+    parser.add_argument("--roads", type=words, default=suite_roads())
+    parser.add_argument("--vehicles", type=words, default=list(VEHICLES))
+    parser.add_argument("--hunted", type=words, default=list(HUNTED))
     options = parser.parse_args(arguments)
     rows, cases = [], []
     for name in options.roads:
@@ -51,10 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             rows.append(checked(cases[-1], hunted=name in options.hunted))
             print(*rows[-1].values(), sep="  ", flush=True)
     table = pd.DataFrame(rows)
-    options.out.mkdir(parents=True, exist_ok=True)
-    table.to_csv(options.out / "need.csv", index=False, float_format="%.4f", lineterminator="\n")
-    (options.out / "need.md").write_text(markdown(table), encoding="utf-8")
-    write_record(options.out, cases)
+    write_results(options.out, "need", table, markdown(table), cases)
 
 
 def checked(case: Case, *, hunted: bool) -> dict[str, object]:

@@ -14,13 +14,12 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from cases import case_within, free_case
+from cases import case_within, free_case, write_results
 
 from hdvplan.api import drive_case
 from hdvplan.case import Case
 from hdvplan.judging.balance import balance_of
 from hdvplan.judging.envelope import envelope_of
-from hdvplan.record import write_record
 from hdvplan.report.markdown import markdown_table
 from hdvplan.road.limits import Limits
 from hdvplan.road.road import Road
@@ -55,11 +54,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 driven += pair
                 print(*rows[-1].values(), sep="  ", flush=True)
     table = pd.DataFrame(rows)
-    options.out.mkdir(parents=True, exist_ok=True)
-    table.to_csv(options.out / "obstacles.csv", index=False, float_format="%.4f", lineterminator="\n")
-    text = table.assign(**{str(name): table[name].map("{:.3f}".format) for name in table.select_dtypes("float")})
-    (options.out / "obstacles.md").write_text(f"{TITLE}{markdown_table(text, text=('road', 'vehicle'))}\n", encoding="utf-8")
-    write_record(options.out, driven)
+    shown = table.assign(**{str(name): table[name].map("{:.3f}".format) for name in table.select_dtypes("float")})
+    text = f"{TITLE}{markdown_table(shown, text=('road', 'vehicle'))}\n"
+    write_results(options.out, "obstacles", table, text, driven)
 
 
 def with_vans(road: Road, half_width: float, apart: float) -> tuple[Road, int]:

@@ -17,7 +17,7 @@ from pathlib import Path
 from time import process_time
 
 import pandas as pd
-from cases import case_within, free_case, suite_roads
+from cases import case_within, free_case, numbers, suite_roads, words
 
 from hdvplan.api import plan
 from hdvplan.case import Case
@@ -25,9 +25,8 @@ from hdvplan.errors import HdvplanError
 from hdvplan.judging.clearance import SIDES
 from hdvplan.judging.proof import Proof
 from hdvplan.judging.verdict import verdict_of
-from hdvplan.need.answer import need_of
-from hdvplan.need.bound import proved_below
-from hdvplan.need.room import even
+from hdvplan.need.answer import need_of, proved_below
+from hdvplan.need.search import even
 from hdvplan.proof.answer import proof_of
 from hdvplan.proof.stretches import stretches_of
 from hdvplan.record import write_record
@@ -42,9 +41,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Prove, and write the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("results/proof"))
-    parser.add_argument("--roads", type=lambda text: text.split(","))
-    parser.add_argument("--vehicles", type=lambda text: text.split(","))
-    parser.add_argument("--half-widths", type=lambda text: [float(part) for part in text.split(",")], help="of the runs in --widths")
+    parser.add_argument("--roads", type=words)
+    parser.add_argument("--vehicles", type=words)
+    parser.add_argument("--half-widths", type=numbers, help="of the runs in --widths")
     parser.add_argument("--widths", type=Path, default=Path("results/widths/widths.csv"))
     parser.add_argument("--skip", choices=("need", "widths"))
     options = parser.parse_args(arguments)

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from cases import case_within, free_case
+from cases import case_within, free_case, numbers
 
 from hdvplan.case import Case
 from hdvplan.judging.balance import KEPT_M
@@ -36,7 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--out", type=Path, default=Path("results/proof-reach"))
     parser.add_argument("--road", default="monaco_fairmont_hairpin")
     parser.add_argument("--vehicle", default="bus")
-    parser.add_argument("--half-widths", type=lambda text: [float(part) for part in text.split(",")], default=[3.25, 3.05])
+    parser.add_argument("--half-widths", type=numbers, default=[3.25, 3.05])
     parser.add_argument("--s-from", type=float, default=290.0)
     parser.add_argument("--s-to", type=float, default=345.0)
     options = parser.parse_args(arguments)

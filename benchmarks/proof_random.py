@@ -15,6 +15,7 @@ from pathlib import Path
 from time import process_time
 
 import pandas as pd
+from cases import words
 from proof_cases import fitting
 
 from hdvplan.proof.answer import proof_of
@@ -31,7 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--out", type=Path, default=Path("results/proof/random"))
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--cases", type=int, default=1000)
-    parser.add_argument("--vehicles", type=lambda text: text.split(","), default=list(VEHICLES))
+    parser.add_argument("--vehicles", type=words, default=list(VEHICLES))
     parser.add_argument("--narrower", type=float, default=0.2)
     options = parser.parse_args(arguments)
     options.out.mkdir(parents=True, exist_ok=True)

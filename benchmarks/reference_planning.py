@@ -9,7 +9,7 @@ from hdvplan.api import drive_case
 from hdvplan.driving.drive import Drive
 from hdvplan.errors import HdvplanError
 from hdvplan.need.answer import Need, edge_need_of, need_of
-from hdvplan.need.room import OTHER, kerbs_on
+from hdvplan.need.search import OTHER, kerbs_on
 from hdvplan.need.widening import Widening
 from hdvplan.passing.sides import choose_sides
 

@@ -25,7 +25,7 @@ from pathlib import Path
 import pandas as pd
 import pyarrow.parquet as pq
 
-from hdvplan.study.columns import PARALLEL
+from hdvplan.study.cells import PARALLEL
 from hdvplan.study.conduct import RANKING, RECORD
 from hdvplan.study.store import CELLS, PARTS, PLACES
 

@@ -11,13 +11,12 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from cases import case_within, free_case
+from cases import case_within, free_case, numbers, words, write_results
 
 from hdvplan.api import plan
 from hdvplan.case import Case
 from hdvplan.errors import HdvplanError
 from hdvplan.judging.result import Result, breach_text
-from hdvplan.record import write_record
 from hdvplan.report.markdown import markdown_table
 from hdvplan.road.scenarios import shipped
 
@@ -29,9 +28,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Drive every combination and write the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("results/widths"))
-    parser.add_argument("--roads", type=lambda text: text.split(","), default=list(shipped()))
-    parser.add_argument("--vehicles", type=lambda text: text.split(","), default=list(VEHICLES))
-    parser.add_argument("--half-widths", type=lambda text: [float(part) for part in text.split(",")], default=list(HALF_WIDTHS_M))
+    parser.add_argument("--roads", type=words, default=list(shipped()))
+    parser.add_argument("--vehicles", type=words, default=list(VEHICLES))
+    parser.add_argument("--half-widths", type=numbers, default=list(HALF_WIDTHS_M))
     options = parser.parse_args(arguments)
     rows, cases = [], []
     for name in options.roads:
@@ -41,10 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 rows.append(driven(cases[-1], half_width))
                 print(*rows[-1].values(), sep="  ", flush=True)
     table = pd.DataFrame(rows)
-    options.out.mkdir(parents=True, exist_ok=True)
-    table.to_csv(options.out / "widths.csv", index=False, float_format="%.4f", lineterminator="\n")
-    (options.out / "widths.md").write_text(markdown(table), encoding="utf-8")
-    write_record(options.out, cases)
+    write_results(options.out, "widths", table, markdown(table), cases)
 
 
 def driven(case: Case, half_width: float) -> dict[str, object]:

@@ -80,7 +80,9 @@ class Case:
 
         """
         content = {field.name: getattr(self, field.name) for field in fields(self)}
-        return _digest({"format": FORMAT, "case": {name: (_brought if name in _NAMED else _content)(one) for name, one in content.items()}})
+        return content_digest(
+            {"format": FORMAT, "case": {name: (_brought if name in _NAMED else _content)(one) for name, one in content.items()}}
+        )
 
     @property
     def objective_name(self) -> str:
@@ -136,7 +138,7 @@ class Case:
     @property
     def road_digest(self) -> str:
         """A digest of what of the road changes a plan: geometry, limits and regions."""
-        return _digest(_content(self.road))
+        return content_digest(_content(self.road))
 
 
 def _brought(chosen: object) -> object:
@@ -154,7 +156,8 @@ def _brought(chosen: object) -> object:
     return identity[0] if len(identity) == 1 else list(identity)
 
 
-def _digest(content: object) -> str:
+def content_digest(content: object) -> str:
+    """Return a digest of what ``json.dumps`` can write; the same in every process."""
     return sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:_DIGITS]
 
 
@@ -186,4 +189,9 @@ def _settings(settings: PlannerSettings) -> Json:
 def _bias(bias: Bias) -> float | Json:
     if len(bias.s) == 1:
         return float(bias.offset[0])
-    return {"points": len(bias.s), "least": float(bias.offset.min()), "most": float(bias.offset.max()), "digest": _digest(_content(bias))}
+    return {
+        "points": len(bias.s),
+        "least": float(bias.offset.min()),
+        "most": float(bias.offset.max()),
+        "digest": content_digest(_content(bias)),
+    }

@@ -11,7 +11,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from hashlib import sha256
+from hashlib import file_digest, sha256
 from importlib import import_module, metadata
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
@@ -108,7 +108,8 @@ def digest_of(path: Path) -> str:
         OSError: it cannot be read.
 
     """
-    return sha256(path.read_bytes()).hexdigest()[:_DIGITS]
+    with path.open("rb") as file:
+        return file_digest(file, "sha256").hexdigest()[:_DIGITS]
 
 
 def version_of(kind: Kind, name: str) -> str | None:

@@ -12,7 +12,7 @@ import pytest
 
 import hdvplan
 from hdvplan.arrays import FloatArray
-from hdvplan.centring.stationary import Stationary, stationary
+from hdvplan.centring.stationary import Centring, stationary
 
 
 def test_ten_lines_lead_from_a_road_to_a_report(tmp_path: Path) -> None:
@@ -49,7 +49,7 @@ def test_a_plan_takes_the_command_line_s_names_and_tells_how_far_it_is() -> None
 def test_a_second_plan_of_its_kind_tabulates_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     tabulated: list[str] = []
 
-    def tabulate(vehicle: hdvplan.Vehicle, curvature: FloatArray) -> Stationary:
+    def tabulate(vehicle: hdvplan.Vehicle, curvature: FloatArray) -> Centring:
         tabulated.append(vehicle.name)
         return stationary(vehicle, curvature)
 

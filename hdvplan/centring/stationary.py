@@ -9,12 +9,13 @@ numerically, for any chain, with or without steered axles; for a bus and a tract
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from hdvplan.arrays import BoolArray, FloatArray
-from hdvplan.centring.roots import find_roots
 from hdvplan.vehicle.model import Unit, Vehicle
 
 _STRAIGHT = 1e-8  # gentler curves are scaled from this one, whose offsets still have eight digits [1/m]
@@ -24,30 +25,36 @@ _TYPICAL = 0.05  # curvature at which a vehicle's auxiliary axle is chosen [1/m]
 _LEAST = 1e-3  # share of the lead axle's coefficient below which the auxiliary axle's counts as this in K
 _NOWHERE = 1e-9  # stands for the radius, times curvature, of a point that no circle puts beyond its centre
 _STEEPEST = 2.0  # largest coefficient of either axle; the vehicles of the papers stay below it on roads they can drive
+_MOST = 200  # evaluations; smooth functions take about ten
+_CLOSE = 1e-15  # of the root itself: the last step's length
 
 
 @dataclass(frozen=True)
-class Stationary:
-    """The balanced circle at given road curvatures, signed for left turns; arrays of shape (n,) unless said otherwise."""
+class Centring:
+    """Balanced driving at points of a road, signed: positive curvature turns left; arrays of shape (n,) unless said otherwise."""
 
-    road_curvature: FloatArray  # magnitude [1/m]
-    kappa: FloatArray  # tan(front angle) / wheelbase [1/m]
-    e_y: FloatArray  # lead rear axle [m]
-    e_aux: FloatArray  # auxiliary axle [m]
-    e_psi: FloatArray  # heading of the lead body off the circle's tangent; zero unless its rear axle is steered [rad]
-    beta: FloatArray  # articulation angles, shape (n, couplings) [rad]
-    half_width: FloatArray  # of the swept band, equal on both sides [m]
     lead: FloatArray  # coefficients of the residual to centre, see ``coefficients``; with their limits on the straight
     aux: FloatArray
     target: FloatArray  # [m]
+    kappa: FloatArray  # tan(front angle) / wheelbase [1/m]
+    e_y: FloatArray  # lead rear axle [m]
     axle: int  # which axle the auxiliary one is, see ``auxiliary_axle``
+    e_aux: FloatArray  # auxiliary axle [m]
+    e_psi: FloatArray  # heading of the lead body off the circle's tangent; zero unless its rear axle is steered [rad]
+    beta: FloatArray  # articulation angles, shape (n, couplings) [rad]
     steering: FloatArray  # wheel angles of the axles that the plan steers, which aim at their law, shape (n, active) [rad]
+    half_width: FloatArray  # of the swept band, equal on both sides [m]
     saturated: BoolArray  # no balanced circle is this tight: the tightest one is given
 
     @property
     def weight(self) -> FloatArray:
         """K, the lead axle's coefficient per auxiliary axle's; held at +-1000 where the lead axle alone is centred."""
         return ratio(self.lead, self.aux)
+
+    @cached_property
+    def states(self) -> FloatArray:
+        """The vehicle's road-aligned states, shape (n, states)."""
+        return np.column_stack([self.e_y, self.e_psi, self.beta, self.steering])
 
 
 def ratio(lead: FloatArray, aux: FloatArray) -> FloatArray:
@@ -131,8 +138,8 @@ def auxiliary_axle(vehicle: Vehicle) -> int:
     return inside[0] if inside else len(vehicle.units) - 1
 
 
-def stationary(vehicle: Vehicle, road_curvature: FloatArray) -> Stationary:
-    """Return the balanced circle of ``vehicle`` on roads of the given curvature magnitudes [1/m], shape (n,).
+def stationary(vehicle: Vehicle, road_curvature: FloatArray) -> Centring:
+    """Return the balanced left circle of ``vehicle`` on roads of the given curvature magnitudes [1/m], shape (n,).
 
     Source: [GEO] eqs. 14-23 with the corrected trailer weight K = -e_trailer/e_y (eq. 23 prints its reciprocal).
     """
@@ -157,10 +164,9 @@ def stationary(vehicle: Vehicle, road_curvature: FloatArray) -> Stationary:
     for column, unit in enumerate(vehicle.active):
         steering[:, column] = -_steered(vehicle.units[unit], circle.beta[:, unit - 1])
     part = k / bent  # 1, or how much gentler the road is than the gentlest circle solved
-    return Stationary(
-        k, part * kappa, part * e_y, part * e_aux, part * circle.e_psi, part[:, None] * circle.beta,
-        0.5 * (circle.outer - circle.inner), lead, aux, part * target, axle, part[:, None] * steering,
-        saturated,
+    return Centring(
+        lead, aux, part * target, part * kappa, part * e_y, axle, part * e_aux, part * circle.e_psi, part[:, None] * circle.beta,
+        part[:, None] * steering, 0.5 * (circle.outer - circle.inner), saturated,
     )  # fmt: skip
 
 
@@ -245,3 +251,26 @@ def _pull(unit: Unit, length: FloatArray, off: FloatArray) -> tuple[FloatArray, 
 def _root_excess(scaled: FloatArray, added: FloatArray, turn: FloatArray) -> FloatArray:
     """Return sqrt(R^2 + c) - R [m] for scaled = R turn and added = c turn, without cancellation; any number where that is none."""
     return added / np.maximum(np.sqrt(np.maximum(scaled**2 + added * turn, 0.0)) + scaled, _NOWHERE)
+
+
+def find_roots(rising: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatArray) -> FloatArray:
+    """Return where ``rising``, elementwise, is zero between ``low`` and ``high``, all of shape (n,); the nearer end where it is not.
+
+    scipy.optimize takes 0.3 s to load: a sixth of what a whole plan costs.
+    Illinois method: a secant between the ends of a bracket, where an end that stays twice counts half the second time.
+    Source: Dowell, Jarratt 1971.
+    """
+    at_low, at_high = rising(low), rising(high)
+    x, stayed = high, np.zeros(low.shape)  # which end did: 1 the lower one, -1 the upper one
+    for _ in range(_MOST):
+        rise = at_high - at_low
+        share = np.clip(np.divide(at_high, rise, out=np.zeros_like(rise), where=rise > 0.0), 0.0, 1.0)
+        before, x = x, high - share * (high - low)
+        if np.all(np.abs(x - before) <= _CLOSE * np.abs(x)):
+            break
+        at = rising(x)
+        above = at > 0.0
+        at_low = np.where(above, np.where(stayed > 0.0, 0.5, 1.0) * at_low, at)
+        at_high = np.where(above, at, np.where(stayed < 0.0, 0.5, 1.0) * at_high)
+        low, high, stayed = np.where(above, low, x), np.where(above, x, high), np.where(above, 1.0, -1.0)
+    return x

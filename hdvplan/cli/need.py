@@ -149,7 +149,7 @@ def _held(road: Road, side: str, reach: float | None) -> tuple[Kerb, ...]:
         OptionError: neither is there.
 
     """
-    from hdvplan.need.room import kerbs_on
+    from hdvplan.need.search import kerbs_on
 
     if reach is not None:
         if not reach > 0.0:

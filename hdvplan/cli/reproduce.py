@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,25 +12,15 @@ from hdvplan.cli.checks import check_folder
 from hdvplan.cli.console import ExitCode, print_json, print_tables, progress, rows_json, writing
 from hdvplan.cli.help import OUTPUT
 from hdvplan.cli.options import JsonOption, QuietOption, choice
+from hdvplan.reproduce import STUDIES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hdvplan.reproduce.study import Progress, Study
 
-NAMES = ("bus-uturn", "roundabout", "overhang", "standards", "turn-accuracy", "planned-turn", "objectives", "s-turns", "timing")
+NAMES = tuple(STUDIES)
 _ALL = "all"
-_SHARE = {
-    "bus-uturn": 0.01,
-    "roundabout": 0.02,
-    "overhang": 0.01,
-    "standards": 0.01,
-    "turn-accuracy": 0.01,
-    "planned-turn": 0.01,
-    "objectives": 0.17,
-    "s-turns": 0.15,
-    "timing": 0.61,
-}  # of the time of all
 
 
 def reproduce(
@@ -67,14 +58,16 @@ def _run(names: Sequence[str], out: Path, on_progress: Progress) -> list[Study]:
 
     """
     from hdvplan.record import write_record
-    from hdvplan.reproduce.files import write_study, write_summary
-    from hdvplan.reproduce.studies import STUDIES
+    from hdvplan.reproduce.study import write_study, write_summary
 
-    total, done, studies = sum(_SHARE[name] for name in names), 0.0, []
+    total, done = sum(STUDIES[name][1] for name in names), 0.0
+    studies: list[Study] = []
     with writing(f"to {out}"):
         for name in names:
-            begin, part = done, _SHARE[name] / total
-            studies.append(STUDIES[name](lambda share, begin=begin, part=part: on_progress(begin + part * share)))  # type: ignore[misc] # defaults bind
+            module, share = STUDIES[name]
+            begin, part = done, share / total
+            study = getattr(import_module(f"hdvplan.reproduce.{module}"), name.replace("-", "_"))
+            studies.append(study(lambda share, begin=begin, part=part: on_progress(begin + part * share)))
             write_study(studies[-1], out)
             done += part
         if len(studies) > 1:

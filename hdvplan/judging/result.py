@@ -11,7 +11,8 @@ import shapely
 
 from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
-from hdvplan.centring.weights import Centring, CentringTable
+from hdvplan.centring.stationary import Centring
+from hdvplan.centring.weights import CentringTable
 from hdvplan.driving.drive import Drive
 from hdvplan.judging.balance import KEPT_M, Balance, Breach, Gaps, balance_of, gaps_of
 from hdvplan.judging.bodies import corners

@@ -4,19 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from hdvplan.case import Case
 from hdvplan.judging.clearance import SIDES
 from hdvplan.judging.contact import part_named
+from hdvplan.judging.proof import Proof
 from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import lonlat_of
-from hdvplan.need.bound import Bound, proved_below
-from hdvplan.need.room import OTHER, beside_held, even, kerbs_on, least_edge, least_half_width
-from hdvplan.need.search import WIDE_M, Least
+from hdvplan.need.search import OTHER, TOLERANCE_M, WIDE_M, Least, beside_held, even, kerbs_on, least_edge, least_half_width
 from hdvplan.need.widening import Widenings, least_widenings, own_plans
+from hdvplan.proof.answer import proof_of
+from hdvplan.proof.stretches import Stretch, joined
+from hdvplan.road.road import Road
 from hdvplan.road.street import Kerb
+
+_WITHIN_M = 0.3  # of the least gap: where a plan that is asked for less is expected to need it
 
 
 @dataclass(frozen=True)
@@ -30,6 +35,14 @@ class Place:
     side: str  #: "left" or "right"
     unit: int  #: index of the body
     part: str  #: of the body, see ``contact``
+
+
+@dataclass(frozen=True)
+class Bound:
+    """Room that is proved to be too little, and the proof; what is less is too little as well."""
+
+    room: float  # [m]
+    proof: Proof
 
 
 @dataclass(frozen=True)
@@ -56,13 +69,7 @@ def need_of(case: Case, *, prove: bool | None = False, on_progress: Callable[[fl
     With ``prove`` the largest half width that is proved to be too small is also computed, which takes some seconds more; None: unless the
     vehicle fits as the road is. ``on_progress`` receives a share that grows from 0 to 1.
     """
-    ends = _ends(prove=prove is not False)
-    known = own_plans(case)
-    room = least_half_width(case, known, on_progress=_part(on_progress, 0.0, ends[0]))
-    widenings = _widenings(case, known, SIDES, room, _part(on_progress, *ends))
-    last, wanted = _part(on_progress, ends[1], 1.0), _fits(widenings) is not True if prove is None else prove
-    bound = proved_below(case, even(case.road), room, SIDES, None, on_progress=last) if wanted else None
-    return Need(case, None, room, _place(room.result, SIDES), None, widenings, bound)
+    return _need(case, case, None, even(case.road), partial(least_half_width, case), prove=prove, on_progress=on_progress)
 
 
 def edge_need_of(
@@ -72,20 +79,34 @@ def edge_need_of(
 
     ``prove`` looks for the largest reach that is proved to be too small as well, and ``on_progress`` is told, as for ``need_of``.
     """
-    ends, sides, road = _ends(prove=prove is not False), (side,), beside_held(case.road, held, side)
     own = case if case.road.limits is None else replace(case, road=case.road.with_kerbs((*held, *kerbs_on(case.road, side))))
+    road, least_of = beside_held(case.road, held, side), partial(least_edge, case, held, side)
+    return _need(case, own, side, road, least_of, prove=prove, on_progress=on_progress)
+
+
+def _need(
+    case: Case,
+    own: Case,
+    side: str | None,
+    road: Callable[[float], Road],
+    least_of: Callable[..., Least],
+    *,
+    prove: bool | None,
+    on_progress: Callable[[float], None] | None,
+) -> Need:
+    """Answer with the least room of ``least_of``; ``own`` is the case in the street as it is, ``road`` the one with some room."""
+    ends, sides = ((0.4, 1.0) if prove is False else (0.2, 0.6)), SIDES if side is None else (side,)
     known = own_plans(own)
-    room = least_edge(case, held, side, known, on_progress=_part(on_progress, 0.0, ends[0]))
+    room = least_of(known, on_progress=_part(on_progress, 0.0, ends[0]))
     widenings = _widenings(own, known, sides, room, _part(on_progress, *ends))
-    last, wanted = _part(on_progress, ends[1], 1.0), _fits(widenings) is not True if prove is None else prove
-    if room.result is not None:
-        bound = proved_below(case, road, room, sides, None, on_progress=last) if wanted else None
-        return Need(case, side, room, _place(room.result, sides), None, widenings, bound)
-    other = OTHER[side]
-    least = least_edge(case, kerbs_on(case.road.with_limits(WIDE_M, WIDE_M), side), other)
-    place = _place(least.result, (other,))
-    bound = proved_below(case, road, room, sides, None if place is None else place.s) if wanted else None
-    return Need(case, side, room, place, least, widenings, bound)
+    place, held = _place(room.result, sides), None
+    if room.result is None and side is not None:
+        held = least_edge(case, kerbs_on(case.road.with_limits(WIDE_M, WIDE_M), side), OTHER[side])
+        place = _place(held.result, (OTHER[side],))
+    bound = None
+    if prove or (prove is None and (widenings is None or widenings.fitting is None)):
+        bound = proved_below(case, road, room, sides, None if place is None else place.s, on_progress=_part(on_progress, ends[1], 1.0))
+    return Need(case, side, room, place, held, widenings, bound)
 
 
 def _widenings(
@@ -96,15 +117,6 @@ def _widenings(
     if room.result is None:
         return Widenings(None, None, None)  # what no width lets pass, no widening does
     return least_widenings(case, [*known, room.result], sides, on_progress=on_progress)
-
-
-def _fits(widenings: Widenings | None) -> bool | None:
-    return None if widenings is None else widenings.fitting is not None
-
-
-def _ends(*, prove: bool) -> tuple[float, float]:
-    """Return the shares of the time after which the least room and the widenings are known."""
-    return (0.2, 0.6) if prove else (0.4, 1.0)
 
 
 def _part(on_progress: Callable[[float], None] | None, start: float, end: float) -> Callable[[float], None] | None:
@@ -121,3 +133,53 @@ def _place(result: Result | None, sides: tuple[str, ...]) -> Place | None:
     unit, at = (int(number) for number in np.unravel_index(np.argmin(touches["gap"]), touches.shape))
     s, x, y, ahead = (float(touches[unit, at][name]) for name in ("s", "x", "y", "ahead"))
     return Place(s, x, y, lonlat_of(result, x, y), where, unit, part_named(result.drive.vehicle.units[unit], ahead))
+
+
+def proved_below(
+    case: Case,
+    road: Callable[[float], Road],
+    least: Least,
+    sides: tuple[str, ...],
+    place: float | None,
+    *,
+    on_progress: Callable[[float], None] | None = None,
+) -> Bound | None:
+    """Return the most room, to ``TOLERANCE_M``, within which nothing is proved to fit; None where nothing is proved.
+
+    ``road`` gives the road with a room, whose kerbs on ``sides`` move with it. Looked at are the places where the best plan came nearly as
+    near to them as anywhere, or, without a plan, the arclength ``place`` [m]. Halving makes some seven proofs; ``on_progress`` receives
+    their share, 0 to 1.
+    """
+    places = _places(least, sides, place)
+    stretches = joined(places, case.vehicle, case.road.path.length)
+
+    def tried(room: float) -> Bound | None:
+        narrow = replace(case, road=road(room))
+        proofs = (proof_of(narrow, stretch.s_from, stretch.s_to) for stretch in stretches)
+        return next((Bound(room, proof) for proof in proofs if proof is not None), None)
+
+    if least.result is None:
+        return tried(WIDE_M)
+    best, low, high = None, least.lowest, least.room
+    halvings = int(np.ceil(np.log2(max((high - low) / TOLERANCE_M, 1.0))))
+    for number in range(halvings):
+        middle = 0.5 * (low + high)
+        found = tried(middle)
+        if found is None:
+            high = middle
+        else:
+            best, low = found, middle
+        if on_progress is not None:
+            on_progress((number + 1) / halvings)
+    return best
+
+
+def _places(least: Least, sides: tuple[str, ...], place: float | None) -> list[Stretch]:
+    if least.result is None:
+        return [] if place is None else [Stretch(place, place, 0.0)]
+    s = least.result.envelope.s
+    gap = np.min([np.min(of_units, axis=0) for (side, _), of_units in least.result.gaps.items() if side in sides], axis=0)
+    near = gap < np.min(gap) + _WITHIN_M
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]]).astype(int)))
+    runs = [slice(begin, end) for begin, end in zip(ends[::2], ends[1::2], strict=True)]
+    return [Stretch(float(s[run][0]), float(s[run][-1]), -float(np.min(gap[run]))) for run in runs]

@@ -1,4 +1,4 @@
-"""The least room for which a plan exists, searched over objectives and schemes.
+"""The least room for which a plan exists, searched over objectives and schemes: an even half width, or one edge while the other is held.
 
 Every attempt is a whole plan, judged by its simulation, and bounds the answer from above by the room in which it just touches the kerbs,
 whatever it was asked to keep: where kerbs move outwards, every gap grows by at least as much. From below nothing is proved: a value is
@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -22,25 +21,21 @@ from hdvplan.judging.obstacles import Approach
 from hdvplan.judging.result import Result, result_of
 from hdvplan.planning.settings import Scheme
 from hdvplan.road.road import Road
+from hdvplan.road.street import Kerb
 
 TOLERANCE_M = 0.01  # of every answer
 WIDE_M = 15.0  # no more room is looked for; obstacles count to 20 m off the line
 _ROUNDING_M = 1e-6
 _GROWTH = 4.0  # of the step of a search while it succeeds
 _GAIN_M = 1e-3  # a last step that gains less ends the search
+_NONE_M = 0.1  # the least reach that is asked for: kerbs of one side lie on that side of the line
+OTHER = {"left": "right", "right": "left"}
 _GIVES_M = 8e-3  # a plan within limits that can be kept needs no more: they are elastic, and 5 to 8 mm beyond them is usual in bends
-
-
-class Attempt(NamedTuple):
-    """One way to plan a case, by the names that the command line knows."""
-
-    objective: str
-    scheme: Scheme
 
 
 # Within the same limits these end in different local optima. Neither convergence (SQP) nor other objectives were better by over 2 mm on
 # five roads, and where nothing fits SQP takes up to ten times as long.
-ATTEMPTS = (Attempt("geometric", Scheme.RTI), Attempt("lead-axle", Scheme.RTI))
+ATTEMPTS = ("geometric", "lead-axle")  # objectives, by RTI
 
 
 @dataclass(frozen=True)
@@ -128,12 +123,12 @@ def least(
     return best if best.result is None else replace(best, result=on_road(best.result, question.road(best.room)))
 
 
-def plans_of(case: Case, attempts: Sequence[Attempt]) -> Iterator[Result | HdvplanError]:
-    """Plan a case in every way of ``attempts``, one after the other; a plan that cannot be made gives its error."""
-    for attempt in attempts:
-        settings = replace(case.settings, scheme=attempt.scheme)
+def plans_of(case: Case, objectives: Sequence[str]) -> Iterator[Result | HdvplanError]:
+    """Plan a case by every one of ``objectives``, one after the other; a plan that cannot be made gives its error."""
+    settings = replace(case.settings, scheme=Scheme.RTI)
+    for objective in objectives:
         try:
-            yield api.plan(replace(case, objective=attempt.objective, settings=settings))
+            yield api.plan(replace(case, objective=objective, settings=settings))
         except (PlanError, RoadError, SolverError) as error:  # an obstacle with a given side may leave no room within narrow limits
             yield error
 
@@ -164,7 +159,7 @@ def too_near(result: Result) -> Approach | None:
 
 
 def _tried(
-    case: Case, question: Question, room: float, attempts: Sequence[Attempt], best: Least, on_result: Callable[[Result], None] | None
+    case: Case, question: Question, room: float, attempts: Sequence[str], best: Least, on_result: Callable[[Result], None] | None
 ) -> Least:
     """Try all ways within ``room`` until one needs no more; return what is the least now."""
     for made in plans_of(replace(case, road=question.road(room)), attempts):
@@ -190,3 +185,42 @@ def on_road(result: Result, road: Road) -> Result:
     """Return the same drive judged on another road of the same line, whose regions it passes on the same sides."""
     there = replace(road, faces=result.drive.road.faces)
     return result_of(replace(result.drive, road=there), solver=result.solver, objective=result.objective)
+
+
+def even(road: Road) -> Callable[[float], Road]:
+    """Return what gives the road with kerbs a half width [m] to both sides of its line."""
+    return lambda half: road.with_limits(half, half)
+
+
+def beside_held(road: Road, held: tuple[Kerb, ...], side: str) -> Callable[[float], Road]:
+    """Return what gives the road with the kerbs ``held``, and those on ``side`` at a reach [m] from its line."""
+    return lambda reach: road.with_kerbs((*held, *kerbs_on(road.with_limits(reach, reach), side)))
+
+
+def kerbs_on(road: Road, side: str) -> tuple[Kerb, ...]:
+    """Return the kerbs on one side of a road, "left" or "right"; none without limits."""
+    return () if road.kerbs is None else tuple(kerb for kerb in road.kerbs.kerbs if kerb.left == (side == "left"))
+
+
+def least_half_width(case: Case, known: Sequence[Result] = (), *, on_progress: Callable[[float], None] | None = None) -> Least:
+    """Return the least half width W for which a plan keeps +-W everywhere, and what obstacles leave of it.
+
+    The road's own widths do not count; its obstacles and the clearance wanted do. ``known`` are plans for other streets of the same line.
+    """
+    lowest = 0.5 * case.vehicle.width + case.settings.clearance
+    return least(case, Question(even(case.road), SIDES, lowest, _first(case)), known, on_progress=on_progress)
+
+
+def least_edge(
+    case: Case, held: tuple[Kerb, ...], side: str, known: Sequence[Result] = (), *, on_progress: Callable[[float], None] | None = None
+) -> Least:
+    """Return the least reach on ``side`` ("left" or "right") for which a plan keeps the kerbs ``held``, which lie opposite.
+
+    Nothing is reached, and ``result`` is None, where no plan keeps them. ``known`` are plans as for ``least_half_width``.
+    """
+    return least(case, Question(beside_held(case.road, held, side), (side,), _NONE_M, _first(case)), known, on_progress=on_progress)
+
+
+def _first(case: Case) -> tuple[float, ...]:
+    """Return what is asked for first: so much that limits hardly matter; where an obstacle cannot be passed so, less [m]."""
+    return WIDE_M, 2.0 * case.vehicle.width, 4.0 * case.vehicle.width

@@ -13,7 +13,8 @@ import numpy as np
 
 from hdvplan import core
 from hdvplan.arrays import FloatArray, Records
-from hdvplan.centring.weights import Centring, CentringTable
+from hdvplan.centring.stationary import Centring
+from hdvplan.centring.weights import CentringTable
 from hdvplan.planning.bias import NONE, Bias, shifted
 from hdvplan.planning.running import running
 from hdvplan.road.path import ReferencePath, evaluate_many

@@ -6,9 +6,8 @@ from dataclasses import replace
 
 from hdvplan.judging.result import Result
 from hdvplan.need.answer import Need
-from hdvplan.need.kerbs import Patch
 from hdvplan.need.search import on_road
-from hdvplan.need.widening import Widening
+from hdvplan.need.widening import Patch, Widening
 from hdvplan.report.layers import Drawn, Layer, Value, drawn_features
 
 

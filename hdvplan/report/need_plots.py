@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 
 from hdvplan.need.answer import Need
-from hdvplan.need.kerbs import Patch
+from hdvplan.need.widening import Patch
 from hdvplan.report.colours import BREACH, INK, MUTED
 from hdvplan.report.maps import draw_map, outline_of
 from hdvplan.report.need_layers import shown_plan

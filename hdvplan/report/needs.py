@@ -6,11 +6,9 @@ from rich.table import Table
 
 from hdvplan.judging.result import body_name
 from hdvplan.judging.verdict import place_text, proof_text
-from hdvplan.need.answer import Need, Place
-from hdvplan.need.bound import Bound
-from hdvplan.need.kerbs import Patch
+from hdvplan.need.answer import Bound, Need, Place
 from hdvplan.need.search import TOLERANCE_M, WIDE_M, Least
-from hdvplan.need.widening import Widening, Widenings
+from hdvplan.need.widening import Patch, Widening, Widenings
 from hdvplan.report.colours import BREACH
 from hdvplan.report.geojson import area_style, feature
 from hdvplan.report.grid import grid
@@ -143,11 +141,12 @@ def _widening_json(widening: Widening) -> Json:
         "fits_then": True,
         "objective": widening.result.objective,
         "scheme": str(widening.result.case.settings.scheme),
-        "places": [_patch_json(patch) for patch in widening.patches],
+        "places": [patch_json(patch) for patch in widening.patches],
     }
 
 
-def _patch_json(patch: Patch) -> Json:
+def patch_json(patch: Patch) -> Json:
+    """Return a patch of a widening under the names that other programs read."""
     return {
         "s_from": patch.s_from,
         "s_to": patch.s_to,
@@ -169,7 +168,7 @@ def widening_geojson(need: Need, widening: Widening) -> Json:
 
 
 def _feature(patch: Patch, road: Road, common: Json) -> Json:
-    measured = {name: round(value, 3) if isinstance(value, float) else value for name, value in _patch_json(patch).items()}
+    measured = {name: round(value, 3) if isinstance(value, float) else value for name, value in patch_json(patch).items()}
     return feature(patch.polygon, road, common | measured | area_style(BREACH), fine=True)
 
 

@@ -52,7 +52,7 @@ def summary_of(result: Result) -> Json:
         "needed_half_width_m": needed_half_width(result),
         "min_clearance_m": balance.min_clearance,
         "limit_violation_m": max(broken, default=0.0),
-        "breaches": [_breach(breach, drive.vehicle) for breach in balance.breaches],
+        "breaches": [breach_json(breach, drive.vehicle) for breach in balance.breaches],
         "manners": _manners(result),
         "fit": [finding_json(finding) for finding in result.fit.findings],
         "obstacles": [_approach(approach, drive.vehicle) for approach in result.approaches],
@@ -217,7 +217,8 @@ def _passed(passed: Passed) -> Json:
     }
 
 
-def _breach(breach: Breach, vehicle: Vehicle) -> Json:
+def breach_json(breach: Breach, vehicle: Vehicle) -> Json:
+    """Return a breach under the names that other programs read."""
     return {
         "s_from": breach.s_from,
         "s_to": breach.s_to,

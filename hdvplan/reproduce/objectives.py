@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from time import process_time
 
 import numpy as np
-import pandas as pd
+from matplotlib.figure import Figure
 
 from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
@@ -16,10 +17,10 @@ from hdvplan.centring.weights import CentringTable
 from hdvplan.planning.objectives import Goal, Objective, axle_max
 from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.reach import Reach
-from hdvplan.reproduce import published
-from hdvplan.reproduce.figures import objectives_figure
+from hdvplan.report.style import styled
+from hdvplan.reproduce import drawing, published
 from hdvplan.reproduce.study import Progress, Row, Study
-from hdvplan.reproduce.swept import REFERENCE_STEP_M, Swept, road_of, swept, whole_manoeuvre
+from hdvplan.reproduce.swept import REFERENCE_STEP_M, Swept, road_of, sides_of, swept, whole_manoeuvre
 from hdvplan.road.scenarios import uturn_articulated, uturn_profile
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
@@ -93,8 +94,8 @@ def objectives(on_progress: Progress) -> Study:
         "Times are of one whole plan.",
         (*(found.case for found in (*planned.values(), *finer.values(), free)), *(case for found in searches for case in found.cases)),
         (*_reach_rows(planned, free), *_time_rows(coarse, fine), *_search_rows(searches)),
-        _data(planned),
-        partial(objectives_figure, planned, WORDS, searches, SHARES),
+        sides_of(planned),
+        partial(_figure, planned, searches),
     )
 
 
@@ -135,8 +136,8 @@ def _reach_rows(planned: dict[str, Swept], free: Swept) -> list[Row]:
     rows = []
     for name, found in planned.items():
         theirs, (left, right) = published.OBJECTIVES[name], _REACH[name]
-        rows.append(Row(f"{name} ({WORDS[name]}), max left", "m", theirs.left, float(found.left.max()), left, headline=True))
-        rows.append(Row(f"{name}, max right", "m", theirs.right, float(found.right.max()), right, headline=True))
+        rows.append(Row(f"{name} ({WORDS[name]}), max left", "m", theirs.left, found.reaches[0], left, headline=True))
+        rows.append(Row(f"{name}, max right", "m", theirs.right, found.reaches[1], right, headline=True))
         rows.append(Row(f"{name}, aL - aR", "m^2", theirs.area, found.area_difference, _AREA[name]))
         if name == "J4":
             rows.append(Row("J4 without its second term, aL - aR", "m^2", theirs.area, free.area_difference, _FREE))
@@ -167,9 +168,26 @@ def _search_rows(searches: list[Search]) -> list[Row]:
     return rows
 
 
-def _data(planned: dict[str, Swept]) -> pd.DataFrame:
-    first = next(iter(planned.values()))
-    columns = {"s": first.envelope.s}
-    for name, found in planned.items():
-        columns |= {f"{name}_left": found.left, f"{name}_right": -found.right}
-    return pd.DataFrame(columns)
+@styled()
+def _figure(planned: Mapping[str, Swept], searches: list[Search]) -> Figure:
+    """Return [ART] figs. 4-5: the U-turn by every objective; below the envelopes, and the search for K."""
+    figure = Figure(figsize=(15.0, 7.6), layout="constrained")
+    grid = figure.add_gridspec(2, 1, height_ratios=(1.0, 2.0))
+    above, below = grid[0].subgridspec(1, len(planned)), grid[1].subgridspec(1, 2, width_ratios=(1.8, 1.0))
+    for place, (name, found), colour in zip(range(len(planned)), planned.items(), drawing.COLOURS, strict=True):
+        axes = figure.add_subplot(above[place])
+        drawing.area(axes, found, colour, "swept area")
+        drawing.bodies(axes, found, 26.0, "0.15")
+        drawing.road(axes, found)
+        axes.set_title(f"{name}: {WORDS[name]}\n{found.left.max():.2f} m left, {found.right.max():.2f} m right", fontsize="medium")
+    envelope, searching = figure.add_subplot(below[0]), figure.add_subplot(below[1])
+    for (name, found), colour in zip(planned.items(), drawing.COLOURS, strict=True):
+        drawing.reach(envelope, found, colour, name)
+    some = next(iter(planned.values()))
+    drawing.pair(envelope, some.envelope.s, some.expected.half_width, "geometric")
+    drawing.finish(envelope, "s [m]", "reach [m], left positive", "envelopes")
+    for result, colour in zip(searches, (drawing.BLUE, drawing.YELLOW), strict=True):
+        searching.plot(SHARES, result.scores, "o-", markersize=3.5, color=colour, label=f"{result.vehicle}: best {result.best:.2f}")
+        searching.axvline(result.geometric, color=colour, linestyle=(0, (4, 2)), label=f"geometric: {result.geometric:.3f}")
+    drawing.finish(searching, "K, weight of the trailer axle", "|aL - aR| summed [m²]", "search for K on U-turns")
+    return figure

@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from importlib import resources
+from typing import NamedTuple
 
 import numpy as np
 
@@ -52,8 +53,7 @@ OVERHANG_AREA_M2 = tuple(_printed(value, 0.1) for value in (18.7, 15.0, 10.5))
 KEPT_FROM_LIMIT = _printed(0.06, 0.01)
 
 
-@dataclass(frozen=True)
-class ObjectiveResult:
+class ObjectiveResult(NamedTuple):
     """A row of [ART] table 2: furthest reaches [m], area difference aL - aR [m^2], computation time [s]."""
 
     left: Number
@@ -62,17 +62,16 @@ class ObjectiveResult:
     time: Number
 
 
-def _objective(left: float, right: float, area: float, seconds: float) -> ObjectiveResult:
-    return ObjectiveResult(_printed(left, 0.01), _printed(right, 0.01), _printed(area, 1.0), _printed(seconds, 0.01))
-
-
 # [ART] table 2: a U-turn of curvature 0.065 1/m over 134.2 m, sampled every 0.1 m.
 OBJECTIVES = {
-    "J1": _objective(8.34, 2.06, 312.0, 7.92),
-    "J2": _objective(1.79, 7.83, -302.0, 17.93),
-    "J3": _objective(4.79, 4.82, -5.0, 22.03),
-    "J4": _objective(4.25, 4.82, -406.0, 13.53),
-    "J5": _objective(4.70, 4.78, 4.0, 770.71),
+    name: ObjectiveResult(*map(_printed, values, (0.01, 0.01, 1.0, 0.01)))
+    for name, *values in (
+        ("J1", 8.34, 2.06, 312.0, 7.92),
+        ("J2", 1.79, 7.83, -302.0, 17.93),
+        ("J3", 4.79, 4.82, -5.0, 22.03),
+        ("J4", 4.25, 4.82, -406.0, 13.53),
+        ("J5", 4.70, 4.78, 4.0, 770.71),
+    )
 }
 # [ART] sec. 5: the weights found by exhaustive search, for its vehicles of table 1 and table 3.
 SEARCHED = {"tractor-trailer-24m": _printed(0.45, 0.01), "tractor-trailer": _printed(0.40, 0.01)}
@@ -81,24 +80,19 @@ SEARCHED = {"tractor-trailer-24m": _printed(0.45, 0.01), "tractor-trailer": _pri
 IMPROVEMENT = {"bus": Number(10.0, 1.0), "tractor-trailer": Number(5.0, 1.0)}
 
 
-@dataclass(frozen=True)
-class StepTime:
+class StepTime(NamedTuple):
     """A cell of [GEO] table I: mean and largest time of one planning step [ms]."""
 
     mean: Number
     most: Number
 
 
-def _step(mean: float, most: float) -> StepTime:
-    return StepTime(_printed(mean, 1.0), _printed(most, 1.0))
-
-
 # [GEO] table I, by vehicle and scheme: MATLAB and OSQP on a laptop with an i7-6820HQ.
 TIMES = {
-    ("bus", "sqp"): _step(79.0, 742.0),
-    ("bus", "rti"): _step(30.0, 48.0),
-    ("tractor-trailer", "sqp"): _step(137.0, 1248.0),
-    ("tractor-trailer", "rti"): _step(50.0, 137.0),
+    ("bus", "sqp"): StepTime(_printed(79.0, 1.0), _printed(742.0, 1.0)),
+    ("bus", "rti"): StepTime(_printed(30.0, 1.0), _printed(48.0, 1.0)),
+    ("tractor-trailer", "sqp"): StepTime(_printed(137.0, 1.0), _printed(1248.0, 1.0)),
+    ("tractor-trailer", "rti"): StepTime(_printed(50.0, 1.0), _printed(137.0, 1.0)),
 }
 
 
@@ -119,7 +113,7 @@ SDDC = "SDDC/TEA, Turning characteristics"
 
 
 def _feet(value: float, last_digit: float = 0.1) -> Number:
-    return Number(value * FOOT_M, 0.5 * last_digit * FOOT_M * (1.0 + 1e-9))
+    return _printed(value * FOOT_M, last_digit * FOOT_M)
 
 
 # Least inside radius of the wheel tracks in the minimum turn of 180 degrees [m].

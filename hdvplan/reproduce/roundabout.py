@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.planning.discretisation import Discretisation
 from hdvplan.planning.settings import PlannerSettings
-from hdvplan.reproduce import published
-from hdvplan.reproduce.figures import roundabout_figure
+from hdvplan.report.style import styled
+from hdvplan.reproduce import drawing, published
 from hdvplan.reproduce.published import Number
 from hdvplan.reproduce.study import Progress, Row, Study
 from hdvplan.reproduce.swept import Swept, predicted, swept, whole_manoeuvre
@@ -44,7 +47,7 @@ def roundabout(on_progress: Progress) -> Study:
         (planned.case, believed.case),
         _rows(planned, believed, curves),
         _data(planned, curves),
-        partial(roundabout_figure, planned, curves),
+        partial(_figure, planned, curves),
     )
 
 
@@ -63,10 +66,10 @@ def _rows(planned: Swept, believed: Swept, curves: dict[str, FloatArray]) -> tup
     found, drive = deviations(planned, curves), planned.drive
     middle = int(np.mean(CONSTANT_M) / drive.settings.step)
     rows = [
-        Row("max left", "m", published.ROUNDABOUT_LEFT, float(planned.left.max()), _SIMULATED, headline=True),
-        Row("max right", "m", published.ROUNDABOUT_RIGHT, float(planned.right.max()), _SAMPLED, headline=True),
-        Row("max left as an Euler plan predicts it", "m", published.ROUNDABOUT_LEFT, float(believed.left.max())),
-        Row("max right as an Euler plan predicts it", "m", published.ROUNDABOUT_RIGHT, float(believed.right.max()), _SAMPLED),
+        Row("max left", "m", published.ROUNDABOUT_LEFT, planned.reaches[0], _SIMULATED, headline=True),
+        Row("max right", "m", published.ROUNDABOUT_RIGHT, planned.reaches[1], _SAMPLED, headline=True),
+        Row("max left as an Euler plan predicts it", "m", published.ROUNDABOUT_LEFT, believed.reaches[0]),
+        Row("max right as an Euler plan predicts it", "m", published.ROUNDABOUT_RIGHT, believed.reaches[1], _SAMPLED),
         Row("expected half width", "m", published.ROUNDABOUT_EXPECTED, float(planned.expected.half_width.max())),
         Row("tractor curvature, constant part", "1/m", published.ROUNDABOUT_KAPPA, float(drive.kappa[middle]), headline=True),
         Row("articulation, constant part", "rad", published.ROUNDABOUT_BETA, float(drive.z[middle, 2]), headline=True),
@@ -78,14 +81,10 @@ def _rows(planned: Swept, believed: Swept, curves: dict[str, FloatArray]) -> tup
         anywhere = (
             f"at s = {s[at]:.1f} m: not explained: theirs swings a little earlier, and no smoothness weight from 1e2 to 1e4 removes it"
         )
-        rows.append(Row(f"{words} off theirs, largest", unit, _zero(0.0), float(np.abs(off[at])), anywhere))
+        rows.append(Row(f"{words} off theirs, largest", unit, Number(0.0, 0.0), float(np.abs(off[at])), anywhere))
         largest = float(np.max(np.abs(off[steady])))
-        rows.append(Row(f"{words} off theirs, constant part", unit, _zero(1e-3), largest))
+        rows.append(Row(f"{words} off theirs, constant part", unit, Number(0.0, 1e-3), largest))
     return tuple(rows)
-
-
-def _zero(reading_error: float) -> Number:
-    return Number(0.0, reading_error)
 
 
 def _data(planned: Swept, curves: dict[str, FloatArray]) -> pd.DataFrame:
@@ -106,3 +105,45 @@ def _data(planned: Swept, curves: dict[str, FloatArray]) -> pd.DataFrame:
     theirs = {"left": "env_plan_left", "right": "env_plan_right", "kappa": "kappa_plan", "beta": "beta_plan"}
     columns |= {f"published_{name}": np.interp(s, *curves[curve].T) for name, curve in theirs.items()}
     return pd.DataFrame(columns)
+
+
+@styled()
+def _figure(planned: Swept, curves: Mapping[str, FloatArray]) -> Figure:
+    """Return [GEO] figs. 8-10: swept area; envelope; curvature and articulation; the published curves pale underneath."""
+    figure = Figure(figsize=(13.0, 8.0), layout="constrained")
+    grid = figure.add_gridspec(3, 2, width_ratios=(1.0, 1.25))
+    road, envelope, curvature, beta = (figure.add_subplot(place) for place in (grid[:, 0], grid[0, 1], grid[1, 1], grid[2, 1]))
+    drive, s, expected = planned.drive, planned.envelope.s, planned.expected
+    drawing.area(road, planned, drawing.YELLOW, "swept by the trailer, not by the tractor", unit=1)
+    drawing.area(road, planned, drawing.BLUE, "swept by the tractor", unit=0)
+    drawing.bodies(road, planned, 21.0, "0.2")
+    drawing.road(road, planned)
+    road.set_title("fig. 8: swept area", loc="left", fontsize="medium")
+    road.legend(fontsize="small", loc="upper left")
+    for side, label in (("left", "published"), ("right", None)):
+        _plot_published(envelope, curves[f"env_plan_{side}"], label)
+    envelope.plot(s, planned.left, color=drawing.BLUE, linewidth=1.4, label="planned")
+    envelope.plot(s, -planned.right, color=drawing.BLUE, linewidth=1.4)
+    drawing.pair(envelope, s, expected.half_width, "geometric")
+    drawing.limits(envelope, planned)
+    drawing.finish(
+        envelope, "", "reach [m], left positive", f"fig. 9: envelope, {planned.left.max():.2f} m left, {planned.right.max():.2f} m right"
+    )
+    _plot_published(curvature, curves["kappa_plan"], "published")
+    curvature.plot(s, drive.road.path.at(s).curvature, color="0.55", linewidth=1.0, label="road")
+    curvature.stairs(
+        drive.kappa, drive.stations.s[: len(drive.kappa) + 1], baseline=None, color=drawing.BLUE, linewidth=1.4, label="planned"
+    )
+    drawing.geometric(curvature, s, expected.kappa, "geometric")
+    drawing.finish(curvature, "", "curvature [1/m]", "fig. 10, top: tractor curvature")
+    _plot_published(beta, curves["beta_plan"], "published")
+    beta.plot(drive.stations.s[: len(drive.z)], drive.z[:, 2], color=drawing.BLUE, linewidth=1.4, label="planned")
+    drawing.geometric(beta, s, expected.beta[:, 0], "geometric")
+    drawing.finish(beta, "s [m]", "articulation [rad]", "fig. 10, bottom: articulation angle")
+    for axes in (envelope, curvature, beta):
+        axes.set_xlim(0.0, drive.road.path.length)
+    return figure
+
+
+def _plot_published(axes: Axes, points: FloatArray, label: str | None) -> None:
+    axes.plot(*points.T, color="0.75", linewidth=4.5, solid_capstyle="butt", label=label)

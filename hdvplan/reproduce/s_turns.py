@@ -7,11 +7,12 @@ from itertools import product
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
 from hdvplan.case import Case
 from hdvplan.centring.stationary import stationary
+from hdvplan.report.style import styled
 from hdvplan.reproduce import published
-from hdvplan.reproduce.figures import s_turns_figure
 from hdvplan.reproduce.study import Progress, Row, Study
 from hdvplan.reproduce.swept import Swept, road_of, swept
 from hdvplan.road.scenarios import sturn_profile
@@ -48,7 +49,7 @@ def s_turns(on_progress: Progress, curvatures: tuple[float, ...] = CURVATURES, s
         tuple(driven),
         _rows(data),
         data,
-        partial(s_turns_figure, data),
+        partial(_figure, data),
     )
 
 
@@ -100,3 +101,23 @@ def _rows(data: pd.DataFrame) -> tuple[Row, ...]:
             Row(f"{name}: roads left out", "", None, float(skipped), "too tight to balance" if skipped else ""),
         ]
     return tuple(rows)
+
+
+@styled()
+def _figure(data: pd.DataFrame) -> Figure:
+    """Return [GEO] fig. 11: the improvement by a varying K over maximum curvature and sharpness, a vehicle a panel, in one scale."""
+    figure = Figure(figsize=(13.0, 5.2), layout="constrained")
+    vehicles = list(dict.fromkeys(data["vehicle"]))
+    low, high = float(data["improvement"].min()), float(data["improvement"].max())
+    panels = figure.subplots(1, len(vehicles), squeeze=False)[0]
+    for axes, name in zip(panels, vehicles, strict=True):
+        table = data[data["vehicle"] == name].pivot_table(index="sharpness", columns="curvature", values="improvement")
+        x, y, gain = table.columns.to_numpy(float), table.index.to_numpy(float), table.to_numpy(float)
+        shades = axes.pcolormesh(x, y, gain, cmap="cividis", vmin=low, vmax=high, shading="nearest")
+        lines = axes.contour(x, y, gain, colors="white", linewidths=1.0)
+        axes.clabel(lines, fmt="%g %%", fontsize="small")
+        axes.set_xlabel("maximum curvature [1/m]")
+        axes.set_ylabel("sharpness [1/m²]")
+        axes.set_title(f"{name}: gain in absolute D", loc="left", fontsize="medium")
+    figure.colorbar(shades, ax=list(panels), label="gain in absolute D [%]")
+    return figure

@@ -1,16 +1,20 @@
-"""What every study returns: a table of published numbers beside ours, data, and a figure in the paper's layout."""
+"""What every study returns and leaves: a table of published numbers beside ours, data, and a figure in the paper's layout."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
 from hdvplan.case import Case
+from hdvplan.fileio import csv_bytes, write_atomically
 from hdvplan.report.markdown import markdown_table
+from hdvplan.report.style import DPI
 from hdvplan.reproduce.published import Number
 
 Progress = Callable[[float], None]
@@ -21,8 +25,8 @@ WORDS = ("study", "quantity", "unit", "remark")  # the columns of tables that ho
 class Row:
     """A quantity as published and as found here; ``published`` is None where the papers give no number.
 
-    ``remark`` says why the two differ by more
-    than the published number can be read, or that it is not explained; ``headline`` rows enter the summary.
+    ``remark`` says why the two differ by more than the published number can be read, or that it is not explained; ``headline`` rows enter
+    the summary.
     """
 
     quantity: str
@@ -31,11 +35,6 @@ class Row:
     ours: float
     remark: str = ""
     headline: bool = False
-
-    @property
-    def difference(self) -> float | None:
-        """Ours less the published value."""
-        return None if self.published is None else self.ours - self.published.value
 
     @property
     def differs(self) -> bool:
@@ -58,16 +57,11 @@ class Study:
 
     def table(self) -> pd.DataFrame:
         """Return the rows as numbers; NaN where nothing is published."""
-        return pd.DataFrame(
-            {
-                "quantity": [row.quantity for row in self.rows],
-                "unit": [row.unit for row in self.rows],
-                "published": [np.nan if row.published is None else row.published.value for row in self.rows],
-                "ours": [row.ours for row in self.rows],
-                "difference": [np.nan if row.difference is None else row.difference for row in self.rows],
-                "remark": [row.remark for row in self.rows],
-            }
-        )
+        names = ("quantity", "unit", "published", "ours", "remark")
+        table = pd.DataFrame([[getattr(row, name) for name in names] for row in self.rows], columns=list(names))
+        table["published"] = [np.nan if row.published is None else row.published.value for row in self.rows]
+        table.insert(4, "difference", table["ours"] - table["published"])
+        return table
 
 
 def summary_of(studies: Sequence[Study]) -> pd.DataFrame:
@@ -99,3 +93,32 @@ def _number(value: float, *, signed: bool) -> str:
     digits = 4 if size < 1.0 else 3 if size < 10.0 else 1 if size < 1000.0 else 0  # noqa: PLR2004 - about four significant digits
     text = f"{value:{'+' if signed else ''}.{digits}f}"
     return f"{value:{'+' if signed else ''}.1e}" if value != 0.0 and size < 0.001 else text  # noqa: PLR2004 - else all zeros
+
+
+def write_study(study: Study, directory: Path) -> None:
+    """Write ``<name>.md``, ``.csv``, ``.png`` and ``<name>-data.csv`` into ``directory``, made if need be.
+
+    Raises:
+        OSError: the folder or a file cannot be written.
+
+    """
+    directory.mkdir(parents=True, exist_ok=True)
+    picture = BytesIO()
+    study.figure().savefig(picture, format="png", dpi=DPI)
+    write_atomically(directory / f"{study.name}.md", markdown(study).encode())
+    write_atomically(directory / f"{study.name}.csv", csv_bytes(study.table()))
+    write_atomically(directory / f"{study.name}.png", picture.getvalue())
+    write_atomically(directory / f"{study.name}-data.csv", csv_bytes(study.data))
+
+
+def write_summary(studies: Sequence[Study], directory: Path) -> None:
+    """Write the headline rows of several studies as ``summary.md`` and ``summary.csv``.
+
+    Raises:
+        OSError: a file cannot be written.
+
+    """
+    table = summary_of(studies)
+    text = markdown_table(shown(table), text=WORDS)
+    write_atomically(directory / "summary.md", f"# Published and reproduced\n\n{text}\n".encode())
+    write_atomically(directory / "summary.csv", csv_bytes(table))

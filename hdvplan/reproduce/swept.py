@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pandas as pd
 
 from hdvplan.api import drive_case
 from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
-from hdvplan.centring.weights import Centring, CentringTable
+from hdvplan.centring.stationary import Centring
+from hdvplan.centring.weights import CentringTable
 from hdvplan.driving.drive import Drive
 from hdvplan.judging.envelope import Envelope, envelope_of
 from hdvplan.planning.objectives import Objective
@@ -40,9 +43,14 @@ class Swept:
         return -self.envelope.reach_right
 
     @property
+    def reaches(self) -> tuple[float, float]:
+        """The largest reach to the left and to the right [m]."""
+        return float(np.max(self.left)), float(np.max(self.right))
+
+    @property
     def furthest(self) -> float:
-        """The larger of the largest reaches [m]."""
-        return float(max(np.max(self.left), np.max(self.right)))
+        """The larger of the two [m]."""
+        return max(self.reaches)
 
     @property
     def area_difference(self) -> float:
@@ -62,6 +70,14 @@ def swept(case: Case, objective: Objective | None = None) -> Swept:
     """
     driven = drive_case(case, objective)
     return Swept(case, driven, envelope_of(driven))
+
+
+def sides_of(found: Mapping[str, Swept]) -> pd.DataFrame:
+    """Return over the s of the first drive the reaches of all, a column a side, left positive [m]."""
+    columns = {"s": next(iter(found.values())).envelope.s}
+    for name, one in found.items():
+        columns |= {f"{name}_left": one.left, f"{name}_right": -one.right}
+    return pd.DataFrame(columns)
 
 
 def predicted(planned: Swept) -> Swept:

@@ -7,14 +7,15 @@ from itertools import product
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
 from hdvplan.api import drive_case
 from hdvplan.case import Case
 from hdvplan.centring.weights import CentringTable
 from hdvplan.machine import machine_facts
 from hdvplan.planning.settings import PlannerSettings, Scheme
-from hdvplan.reproduce import published
-from hdvplan.reproduce.figures import timing_figure
+from hdvplan.report.style import plain_decades, styled
+from hdvplan.reproduce import drawing, published
 from hdvplan.reproduce.study import Progress, Row, Study
 from hdvplan.road.load import load_road
 from hdvplan.road.road import Road
@@ -31,7 +32,6 @@ ROADS = (
     "newyork_columbus_circle",
 )  # 11.9 km: arterials with roundabouts, S-bends, a motorway loop, a ring
 VEHICLES = ("bus", "tractor-trailer")
-_SCHEMES = ("sqp", "rti")
 SOLVERS = ("osqp", DEFAULT)
 HALF_WIDTH_M = 4.5  # more only where the vehicle's balanced circle needs it
 _SPARE_M = 0.5
@@ -66,7 +66,7 @@ def timing(on_progress: Progress, roads: tuple[str, ...] = ROADS) -> Study:
         tuple(cases),
         _rows(data),
         data,
-        partial(timing_figure, data, published.TIMES),
+        partial(_figure, data),
     )
 
 
@@ -90,7 +90,7 @@ def timed_steps(case: Case) -> pd.DataFrame:
 
 def _rows(data: pd.DataFrame) -> tuple[Row, ...]:
     groups = data.groupby(["vehicle", "scheme", "solver"])
-    steps = {key: groups.get_group(key) for key in product(VEHICLES, _SCHEMES, SOLVERS)}
+    steps = {key: groups.get_group(key) for key in product(VEHICLES, ("sqp", "rti"), SOLVERS)}
     times = {key: group["time_ms"] for key, group in steps.items()}
     rows = []
     for (name, scheme, solver), taken in times.items():
@@ -112,3 +112,34 @@ def _ratio(vehicle: str, word: str) -> published.Number:
     pair = (sqp.mean, rti.mean) if word == "mean" else (sqp.most, rti.most)
     value = pair[0].value / pair[1].value
     return published.Number(value, value * (pair[0].reading_error / pair[0].value + pair[1].reading_error / pair[1].value))
+
+
+@styled()
+def _figure(data: pd.DataFrame) -> Figure:
+    """Return [GEO] table I as bars: published, and each solver here; the mean as a bar and the largest as a mark, logarithmic."""
+    figure = Figure(figsize=(10.0, 4.8), layout="constrained")
+    axes = figure.subplots()
+    solvers = list(dict.fromkeys(data["solver"]))
+    labels = ["published: OSQP, MATLAB, laptop", *(f"here: {solver}" for solver in solvers)]
+    width = 0.8 / len(labels)
+    theirs = [[(time.mean.value, time.most.value) for time in published.TIMES.values()]]
+    times = data.groupby(["solver", "vehicle", "scheme"])["time_ms"]
+    found = times.mean(), times.max()
+    ours = [[tuple(float(one[solver, *key]) for one in found) for key in published.TIMES] for solver in solvers]
+    means, most = np.moveaxis(np.array(theirs + ours), 2, 0)
+    for row, (label, colour) in enumerate(zip(labels, ("0.6", drawing.YELLOW, drawing.BLUE), strict=True)):
+        x = np.arange(len(published.TIMES)) + width * (row - 0.5 * (len(labels) - 1))
+        axes.bar(x, means[row], 0.92 * width, color=colour, label=f"{label}, mean")
+        axes.plot(x, most[row], linestyle="none", marker="v", color=colour, markeredgecolor="0.1", markersize=7)
+        for place, mean in zip(x, means[row], strict=True):
+            axes.annotate(f"{mean:.3g}", (place, mean), xytext=(0, -12), textcoords="offset points", ha="center", fontsize="x-small")
+    axes.plot([], [], linestyle="none", marker="v", color="white", markeredgecolor="0.1", label="largest")
+    axes.set_yscale("log")
+    axes.set_ylim(bottom=0.4 * float(means.min()))
+    plain_decades(axes, "y")
+    axes.set_xticks(np.arange(len(published.TIMES)), [f"{vehicle}\n{scheme.upper()}" for vehicle, scheme in published.TIMES])
+    axes.set_ylabel("time of one planning step [ms]")
+    axes.legend(fontsize="small", ncols=2, loc="upper center", bbox_to_anchor=(0.5, 1.2), frameon=False)
+    axes.grid(visible=True, axis="y", color="0.9", linewidth=0.6)
+    axes.set_axisbelow(True)
+    return figure

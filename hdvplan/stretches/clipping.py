@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hdvplan.centring.weights import Centring
+from hdvplan.centring.stationary import Centring
 from hdvplan.driving.drive import Drive
 from hdvplan.planning.bias import Bias
 from hdvplan.planning.stations import Stations

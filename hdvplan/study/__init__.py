@@ -12,23 +12,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from hdvplan.study.cluster import DaskEngine, connected
     from hdvplan.study.conduct import Results, run
     from hdvplan.study.engine import Engine
-    from hdvplan.study.local import LocalEngine
+    from hdvplan.study.pools import DaskEngine, LocalEngine, connected
     from hdvplan.study.spec import Study, read_study, study_of
-
-_HOMES = {
-    "DaskEngine": "cluster",
-    "Engine": "engine",
-    "LocalEngine": "local",
-    "Results": "conduct",
-    "Study": "spec",
-    "connected": "cluster",
-    "read_study": "spec",
-    "run": "conduct",
-    "study_of": "spec",
-}
 
 __all__ = ["DaskEngine", "Engine", "LocalEngine", "Results", "Study", "connected", "read_study", "run", "study_of"]
 
@@ -36,9 +23,8 @@ if not TYPE_CHECKING:  # else a type checker would believe in any name
 
     def __getattr__(name: str) -> object:
         """Load a name when it is first asked for (PEP 562)."""
-        if name not in _HOMES:
+        if name not in __all__:
             msg = f"module 'hdvplan.study' has no attribute {name!r}"
             raise AttributeError(msg)
-        value: object = getattr(import_module(f"hdvplan.study.{_HOMES[name]}"), name)
-        globals()[name] = value
-        return value
+        homes = {"Engine": "engine", "Results": "conduct", "run": "conduct", "Study": "spec", "read_study": "spec", "study_of": "spec"}
+        return getattr(import_module(f"hdvplan.study.{homes.get(name, 'pools')}"), name)

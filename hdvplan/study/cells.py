@@ -1,28 +1,33 @@
-"""The cells of a study: every combination of what it names, in a fixed order, each with a key over the content of its inputs."""
+"""The cells of a study: every combination of what it names, in a fixed order, each with a key over the content of its inputs.
+
+And the columns of its tables: names, kinds, and where in ``summary.json`` and ``need.json`` their values come from.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from functools import lru_cache
 from itertools import product
 
+from hdvplan.case import content_digest
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.road.line import RoadOptions
 from hdvplan.road.load import REFERENCE_SLACK
-from hdvplan.study.digests import content_digest
 from hdvplan.study.inputs import RoadSource, Variant
 from hdvplan.study.spec import Manner, Study, Width
 
-FORMAT = 3  # of the key: raise it when the same content gets another key
-
 Row = dict[str, object]  # of a table, by its columns
-Smoothed = tuple[RoadSource, float, float, bool]  # what tells one smoothed road from another within a study
+Smoothed = tuple[RoadSource, RoadOptions]  # what tells one smoothed road from another
+SETTINGS = tuple(field.name for field in fields(PlannerSettings) if field.name != "scheme")
+
+TEXT, NUMBER, COUNT, TRUTH, SHAPE = "text", "number", "count", "truth", "shape"
+PARALLEL = "parallel_"  # begins the names of what was measured beside other work: no benchmark, and never twice the same
 
 
 @dataclass(frozen=True)
 class Cell:
-    """One combination, ready to be sent to another process: the road is read there."""
+    """One combination, ready to be sent to another process: the road is read there, as ``hdvplan plan`` reads it for this vehicle."""
 
     key: str
     road: RoadSource
@@ -31,39 +36,15 @@ class Cell:
     objective: str
     solver: str
     manner: Manner
-    smooth: float
-    crs: str | None
-    unit: str | None
-    corners: str | None
-    corner_radius: float | None
+    reading: RoadOptions
     prove: bool
     refine: bool
     need: bool
 
     @property
-    def reading(self) -> RoadOptions:
-        """How its road is read: as ``hdvplan plan`` reads it for this vehicle."""
-        road, manner = self.road, self.manner
-        return RoadOptions(
-            smooth=self.smooth,
-            crs=self.crs,
-            unit=self.unit,
-            corners=self.corners,
-            corner_radius=self.corner_radius,
-            feature=road.feature,
-            max_curvature=REFERENCE_SLACK * self.variant.vehicle.max_curvature,
-            offset=manner.offset,
-            reverse=manner.reverse,
-            layer=road.layer,
-            roles=road.roles,
-            road_ids=road.road_ids,
-            lane=road.lane,
-        )
-
-    @property
     def smoothed(self) -> Smoothed:
         """What decides the road as it is driven; cells that have it in common can share the work of smoothing."""
-        return self.road, self.variant.vehicle.max_curvature, self.manner.offset, self.manner.reverse
+        return self.road, self.reading
 
     def coordinates(self) -> Row:
         """Return what tells the cell from the others of its study, by columns."""
@@ -87,14 +68,14 @@ class Cell:
         }
 
 
-SETTINGS = tuple(field.name for field in fields(PlannerSettings) if field.name != "scheme")
-
-
 def cells_of(study: Study) -> Iterator[Cell]:
     """Yield the cells of a study, those of one road and vehicle behind each other."""
     for road, variant, width, objective, solver, manner in product(*study.parts):
-        reading = study.smooth, study.crs, study.unit, study.corners, study.corner_radius
-        cell = Cell("", road, variant, width, objective, solver, manner, *reading, study.prove, study.refine, study.need)
+        reading = RoadOptions(
+            study.smooth, study.crs, road.feature, REFERENCE_SLACK * variant.vehicle.max_curvature, manner.offset, manner.reverse,
+            road.layer, road.roles, road.road_ids, road.lane, study.unit, study.corners, study.corner_radius,
+        )  # fmt: skip
+        cell = Cell("", road, variant, width, objective, solver, manner, reading, study.prove, study.refine, study.need)
         yield replace(cell, key=_key(cell, study.code[solver, objective]))
 
 
@@ -104,31 +85,136 @@ def _key(cell: Cell, code: str) -> str:
     The same in every process, and on every machine with the same software.
     """
     width = None if cell.width is None else [cell.width.left, cell.width.right]
-    reading = [cell.smooth, cell.crs, cell.unit, cell.corners, cell.corner_radius]
-    asked = [FORMAT, width, *reading, cell.prove, cell.refine, cell.need]
-    parts = [asked, _road(cell.road), _variant(cell.variant), _manner(cell.manner), code]
-    return content_digest(parts)
-
-
-@lru_cache(maxsize=8)
-def _road(road: RoadSource) -> str:
-    content = asdict(road)
-    del content["source"]  # where a file lies says nothing of what is in it
-    return content_digest(content)
+    parts = [_digest(part) for part in (cell.road, cell.variant, cell.manner, cell.reading)]
+    return content_digest([*parts, width, cell.prove, cell.refine, cell.need, code])
 
 
 @lru_cache(maxsize=4096)
-def _variant(variant: Variant) -> str:
-    return content_digest(asdict(variant))
-
-
-@lru_cache(maxsize=4096)
-def _manner(manner: Manner) -> str:
-    content = asdict(manner)
-    if manner.bias_digest is not None:
+def _digest(part: RoadSource | Variant | Manner | RoadOptions) -> str:
+    content = asdict(part)
+    content.pop("source", None)  # where a file lies says nothing of what is in it
+    if content.get("bias_digest") is not None:
         del content["bias"]  # as above
     return content_digest(content)
 
 
 def _plain(value: object) -> object:
     return str(value) if isinstance(value, str) else value
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column; ``path`` leads to its value in a summary, "a.b" being b in a."""
+
+    name: str
+    kind: str
+    path: str = ""
+
+
+def _columns(kind: str, names: str, *, before: str = "", within: str = "") -> tuple[Column, ...]:
+    """Return columns of a kind, called ``before`` and the name of the entry, which lies ``within`` another one."""
+    return tuple(Column(before + name, kind, within + name) for name in names.split())
+
+
+_KINDS = {str: TEXT, bool: TRUTH, int: COUNT, float: NUMBER}
+
+COORDINATES = (  # before the parameters that vary, which stand behind the vehicle
+    *_columns(TEXT, "key road vehicle"),
+    *_columns(NUMBER, "half_width_m left_m right_m"),
+    *_columns(TEXT, "objective scheme solver"),
+    *_columns(NUMBER, "offset_m"),
+    *_columns(TRUTH, "reverse"),
+    *_columns(TEXT, "bias pass"),
+)
+CONDITIONS = tuple(
+    Column(f"settings_{field.name}", next(kind for like, kind in _KINDS.items() if isinstance(field.default, like)))
+    for field in fields(PlannerSettings)
+    if field.name in SETTINGS
+)
+ENDING = _columns(TEXT, "outcome reason case")
+SUMMARY = (
+    Column("verdict", TEXT, "verdict.text"),
+    *_columns(TRUTH, "fits", within="verdict."),
+    *_columns(NUMBER, "spare_m s_m x y lon lat", within="verdict."),
+    *_columns(TEXT, "side unit part region obstacle", within="verdict."),
+    *_columns(NUMBER, "wheels_spare_m", within="verdict."),
+    Column("verdict_half_width_m", NUMBER, "verdict.half_width_m"),
+    *_columns(TRUTH, "proved", within="verdict."),
+    *_columns(TEXT, "kind unit", before="proof_", within="verdict.proof."),
+    *_columns(NUMBER, "s_from_m s_to_m", before="proof_", within="verdict.proof."),
+    *_columns(TEXT, "status"),
+    *_columns(NUMBER, "clearance_wanted_m length_m mean_bias_m"),
+    Column("plans", COUNT, "plans"),
+    *_columns(NUMBER, "max_left_m max_right_m imbalance_m mean_abs_imbalance_m mean_abs_off_bias_m expected_half_width_m"),
+    Column("tighter_than_balanced_circle", TRUTH, "tighter_than_balanced_circle"),
+    *_columns(NUMBER, "needed_half_width_m min_clearance_m limit_violation_m"),
+    *_columns(COUNT, "corners breaches obstacles failed_steps rescued_steps attempts"),
+    *_columns(NUMBER, "share s_m", before="manners_steering_", within="manners.steering."),
+    *_columns(NUMBER, "share s_m", before="manners_steering_rate_", within="manners.steering_rate."),
+    *_columns(NUMBER, "prediction_error_m sqp_iterations_mean"),
+    *_columns(COUNT, "sqp_iterations_max converged_plans steps_halved"),
+    *_columns(NUMBER, "merit_mean merit_max"),
+    *_columns(COUNT, "points duplicates", before="smoothing_", within="smoothing."),
+    *_columns(
+        NUMBER,
+        "max_deviation_m max_deviation_s_m rms_deviation_m max_curvature_per_m max_curvature_s_m",
+        before="smoothing_",
+        within="smoothing.",
+    ),
+    Column("step_m", NUMBER, "settings.step"),
+    Column("stretches", COUNT, "stretches.count"),
+    Column("stretches_apart_m", NUMBER, "stretches.apart_m"),
+    *_columns(TEXT, "notice version"),
+)
+STEPS = _columns(NUMBER, "mean p50 p95 p99 max first", before=f"{PARALLEL}step_ms_", within="time_ms.")
+NEED = (
+    Column("need_text", TEXT, "text"),
+    *_columns(NUMBER, "half_width_m tolerance_m proved_below_m out_of_reach_m s_m x y lon lat", before="need_"),
+    *_columns(TEXT, "side unit part objective scheme", before="need_"),
+    Column("need_plans", COUNT, "plans"),
+    Column("need_fits", TRUTH, "fits"),
+    Column("need_widening_m2", NUMBER, "widening_m2"),
+    *(
+        Column(f"need_{kind}_{name}", TRUTH if name == "fits_then" else NUMBER, f"widening.{kind}.{name}")
+        for kind in ("least_area", "least_depth")
+        for name in ("area_m2", "depth_m", "fits_then")
+    ),
+)
+NEED_TIME = Column(f"{PARALLEL}need_s", NUMBER, "time_s")
+SPENT = (*_columns(COUNT, "attempts", before=PARALLEL), *_columns(NUMBER, "cpu_s wall_s", before=PARALLEL))
+GEOMETRY = Column("geometry", SHAPE)
+
+_PLACE = (
+    Column("kind", TEXT),
+    *_columns(NUMBER, "s_m s_from_m s_to_m x y lon lat depth_m spare_m area_m2"),
+    *_columns(TEXT, "side unit part region obstacle"),
+    GEOMETRY,
+)
+
+
+def cell_columns(varied: tuple[str, ...]) -> tuple[Column, ...]:
+    """Return the columns of ``cells.parquet`` for a study in which the parameters ``varied`` vary."""
+    return (*_coordinates(varied), *ENDING, *SUMMARY, *NEED, *CONDITIONS, *SPENT, *STEPS, NEED_TIME, GEOMETRY)
+
+
+def place_columns(varied: tuple[str, ...]) -> tuple[Column, ...]:
+    """Return the columns of ``places.parquet``, likewise."""
+    return (*_coordinates(varied), *_PLACE)
+
+
+def _coordinates(varied: tuple[str, ...]) -> tuple[Column, ...]:
+    behind = next(number for number, column in enumerate(COORDINATES, start=1) if column.name == "vehicle")
+    return (*COORDINATES[:behind], *(Column(name, NUMBER) for name in varied), *COORDINATES[behind:])
+
+
+def taken(told: Mapping[str, object], columns: tuple[Column, ...]) -> Row:
+    """Return the values of columns in what was told; a list counts as its length, or is several lines of text."""
+    row: Row = {}
+    for column in columns:
+        value: object = told
+        for name in column.path.split("."):
+            value = value.get(name) if isinstance(value, Mapping) else None
+        if isinstance(value, list):
+            value = len(value) if column.kind == COUNT else "\n".join(map(str, value))
+        row[column.name] = float(value) if column.kind == NUMBER and isinstance(value, int | float) else value
+    return row

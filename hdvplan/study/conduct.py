@@ -15,9 +15,8 @@ from hdvplan.fileio import csv_bytes, json_bytes, read_json, write_atomically
 from hdvplan.machine import commit, machine_facts, software
 from hdvplan.record import command, now
 from hdvplan.study.cells import Cell, cells_of
-from hdvplan.study.engine import Engine
-from hdvplan.study.local import LocalEngine
-from hdvplan.study.outcome import UNANSWERED
+from hdvplan.study.engine import PLANNED, UNANSWERED, Engine, answer_of
+from hdvplan.study.pools import LocalEngine
 from hdvplan.study.spec import Study, read_study, study_of
 from hdvplan.study.store import CELLS, PARTS, PLACES, Folder, Kept, Writer, kept_in, write_whole
 
@@ -81,14 +80,18 @@ def run(
     defined = study if isinstance(study, Study) else study_of(study) if isinstance(study, Mapping) else read_study(Path(study))
     chosen = LocalEngine() if engine is None else engine
     folder = Folder(Path(out), defined.varied)
-    kept = kept_in(folder) if _is_ours(folder.path) else None
+    _refuse_others(folder.path)
+    kept = kept_in(folder)
     folder.path.mkdir(parents=True, exist_ok=True)
     record = _begun(defined, folder.path, chosen)
-    done, total = 0 if kept is None else sum(1 for _ in cells_of(defined)) - sum(1 for _ in _left(defined, kept)), len(defined)
+    total = len(defined)
+    done = total - sum(1 for _ in _left(defined, kept)) if len(kept.keys) else 0
     if on_progress is not None:
         on_progress(done, total)
-    left = cells_of(defined) if kept is None else _left(defined, kept)
-    with closing(chosen.run(left)) as ending, Writer(folder) as writer:  # written before processes are ended, which may take long
+    with (
+        closing(chosen.run(_left(defined, kept))) as ending,
+        Writer(folder) as writer,
+    ):  # written before processes are ended, which may take long
         for ended in ending:
             writer.add(ended)
             done += 1
@@ -107,11 +110,11 @@ def _left(study: Study, kept: Kept) -> Iterator[Cell]:
             yield cell
 
 
-def _is_ours(folder: Path) -> bool:
-    """Tell whether a folder holds a study.
+def _refuse_others(folder: Path) -> None:
+    """Refuse a folder that cannot hold a study, or holds files of the same names that are not of one.
 
     Raises:
-        OptionError: it holds files of the same names that are not of a study.
+        OptionError: it is so.
 
     """
     if folder.exists() and not folder.is_dir():
@@ -120,13 +123,10 @@ def _is_ours(folder: Path) -> bool:
     if any("\ud800" <= sign <= "\udfff" for sign in str(folder)):
         msg = f"{folder} has bytes in its name that are no text; files of tables cannot lie there"
         raise OptionError(msg, hint="choose another folder with --out")
-    if _sessions(folder):
-        return True
     there = next((name for name in (*_OURS, RECORD) if os.path.lexists(folder / name)), None)
-    if there is not None:
+    if there is not None and not _sessions(folder):
         msg = f"{folder} holds {there}, which is not of a study"
         raise OptionError(msg, hint="choose another folder with --out, or move it")
-    return False
 
 
 def _sessions(folder: Path) -> list[Json]:
@@ -179,13 +179,12 @@ def _counts(cells: Path) -> tuple[Counter[str], Counter[str]]:
     """Return how many cells ended how, and how many planned ones have which verdict."""
     import pyarrow.parquet as pq  # noqa: PLC0415 - slow to load
 
-    words = {True: "YES", False: "NO", None: "NEEDS"}
     outcomes, fits = Counter[str](), Counter[str]()
     for batch in pq.ParquetFile(cells).iter_batches(columns=["outcome", "fits"]):
         for outcome, fitting in zip(batch["outcome"].to_pylist(), batch["fits"].to_pylist(), strict=True):
             outcomes[outcome] += 1
-            if outcome == "planned":
-                fits[words[fitting]] += 1
+            if outcome == PLANNED:
+                fits[str(answer_of(outcome, fits=fitting))] += 1
     return outcomes, fits
 
 

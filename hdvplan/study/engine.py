@@ -1,4 +1,7 @@
-"""What runs cells: the protocol of engines, and what those have in common that hand out futures."""
+"""What runs cells: how cells end, the protocol of engines, and what those have in common that hand out futures.
+
+It loads nothing that plans: the process that hands cells out stays small.
+"""
 
 from __future__ import annotations
 
@@ -10,14 +13,44 @@ from time import monotonic
 from typing import Protocol
 
 from hdvplan.errors import HdvplanError
-from hdvplan.study.cells import Cell, Smoothed
-from hdvplan.study.outcome import UNANSWERED, Outcome
+from hdvplan.study.cells import Cell, Row, Smoothed
 
 _LOOK_S = 0.5  # how often a pool is asked whether it still works
 _RENEWALS = 5  # of a pool that breaks again and again before any cell ends
 _WAITING = 1000  # cells, at most, that wait for their roads
 _PATIENCE_S = 30.0  # for which they wait: what takes longer is a long road, whose cells smooth it each for itself
 _OPENED = 16  # roads that count as smoothed, the latest
+
+PLANNED, NO_PLAN, REFUSED = "planned", "no plan", "refused"
+FAILED, HUNG, KILLED = "failed", "hung", "killed"
+UNANSWERED = (FAILED, HUNG, KILLED)  # what another try may mend
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a cell: the columns of its row that its coordinates do not fill, and its places."""
+
+    row: Row
+    places: tuple[Row, ...] = ()
+
+    @property
+    def ending(self) -> str:
+        """How it ended: one of PLANNED, NO_PLAN, REFUSED, FAILED, HUNG and KILLED."""
+        return str(self.row["outcome"])
+
+
+def answer_of(outcome: str, *, fits: bool | None) -> str | None:
+    """Return what a cell that ended so says: YES, NO or NEEDS; None where it says nothing."""
+    if outcome == NO_PLAN:
+        return "NO"
+    if outcome != PLANNED:
+        return None
+    return "NEEDS" if fits is None else "YES" if fits else "NO"
+
+
+def ended(ending: str, reason: str) -> Outcome:
+    """Return the outcome of a cell that has nothing but a reason to tell."""
+    return Outcome({"outcome": ending, "reason": reason})
 
 
 @dataclass(frozen=True)
@@ -98,13 +131,6 @@ def run_in(pool: Pool, cells: Iterable[Cell], retries: int) -> Ending:
             for cell, attempt in under_way.values():  # through no fault of theirs
                 queue.again(cell, attempt)
             under_way.clear()
-
-
-def outcome_of(cell: Cell) -> Outcome:
-    """Work on a cell; see ``hdvplan.study.work``. Engines hand this to their processes."""
-    from hdvplan.study.work import work  # noqa: PLC0415 - the process that hands cells out loads nothing that plans, and stays small
-
-    return work(cell)
 
 
 class _Queue:

@@ -3,9 +3,52 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import isfinite
+from typing import TypeGuard, TypeVar
 
 from hdvplan.errors import OptionError
-from hdvplan.study.inputs import is_number
+from hdvplan.spelling import did_you_mean
+
+Kind = TypeVar("Kind")
+MOST = 100_000  # values of one parameter, variants of one vehicle, combinations of settings
+_KINDS: dict[type, str] = {str: "words in quotes", float: "a number", int: "a whole number", bool: "true or false"}
+
+
+def entry(name: str, value: object, kind: type[Kind]) -> Kind:
+    """Return an entry of a kind; a float is any finite number.
+
+    Raises:
+        OptionError: it is of another kind.
+
+    """
+    if not (is_number(value) if kind is float else isinstance(value, kind) and (kind is bool or not isinstance(value, bool))):
+        msg = f"{name} must be {_KINDS[kind]}, not {value!r}"
+        raise OptionError(msg)
+    made: Kind = kind(value)  # type: ignore[call-arg] # each of the kinds takes a value
+    return made
+
+
+def is_number(value: object) -> TypeGuard[float]:
+    """Tell whether an entry is a finite number: TOML's integers have no end."""
+    try:
+        return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
+    except OverflowError:
+        return False
+
+
+def refuse_unknown(names: Mapping[str, object], known: Sequence[str], where: str, what: str = "entries") -> None:
+    """Refuse names that are not known ``where``, by the first of them."""
+    for name in names:
+        if name not in known:
+            msg = f"unknown entry {name!r} {where}"
+            raise OptionError(msg, hint=did_you_mean(name, known, f"{what}: {', '.join(known)}"))
+
+
+def refuse_many(count: int, what: str, most: int = MOST) -> None:
+    """Refuse more combinations of what a study lists than can be kept in memory: more than ``most``."""
+    if count > most:
+        msg = f"the study asks for {count} {what}; {most} are the most"
+        raise OptionError(msg, hint="make several studies of it")
 
 
 def flattened(table: Mapping[str, object], before: str = "") -> dict[str, object]:
@@ -51,15 +94,7 @@ def words_of(entries: Mapping[str, object], name: str, otherwise: str | None = N
     """Return an entry that is a list of words; ``otherwise`` where there is none."""
     if name not in entries and otherwise is not None:
         return (otherwise,)
-    return tuple(word(name, value) for value in list_of(entries, name))
-
-
-def word(name: str, value: object) -> str:
-    """Return a value that is a word."""
-    if not isinstance(value, str):
-        msg = f"the study's {name} must be words in quotes, not {value!r}"
-        raise OptionError(msg)
-    return value
+    return tuple(entry(f"the study's {name}", value, str) for value in list_of(entries, name))
 
 
 def choice(name: str, value: object, choices: Sequence[str]) -> str:
@@ -68,19 +103,3 @@ def choice(name: str, value: object, choices: Sequence[str]) -> str:
         msg = f"{name} must be {', '.join(choices[:-1])} or {choices[-1]}, not {value!r}"
         raise OptionError(msg)
     return str(value)
-
-
-def number(name: str, value: object) -> float:
-    """Return a value that is a finite number."""
-    if not is_number(value):
-        msg = f"the study's {name} must be a number, not {value!r}"
-        raise OptionError(msg)
-    return float(value)
-
-
-def truth(name: str, value: object) -> bool:
-    """Return a value that is true or false."""
-    if not isinstance(value, bool):
-        msg = f"the study's {name} must be true or false, not {value!r}"
-        raise OptionError(msg)
-    return value

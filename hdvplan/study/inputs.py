@@ -6,18 +6,19 @@ import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from glob import escape
-from hashlib import sha256
+from glob import escape, glob
 from itertools import product
-from math import isfinite, prod
+from math import prod
 from pathlib import Path
-from typing import TypeGuard
 
 import numpy as np
 
+from hdvplan.case import content_digest
 from hdvplan.errors import OptionError, RoadError, VehicleError
+from hdvplan.plugins import digest_of
 from hdvplan.road.scenarios import SCENARIOS, shipped
 from hdvplan.spelling import did_you_mean
+from hdvplan.study.entries import MOST, entry, is_number, refuse_many, refuse_unknown
 from hdvplan.texts import printable
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Unit, Vehicle
@@ -28,7 +29,6 @@ _GLOB = re.compile(r"[*?\[]")
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _RANGE = re.compile(rf"\s*({_NUMBER})\s*\.\.\s*({_NUMBER})\s*(?:in\s+(\d{{1,9}}))?\s*")
 _COUNT = 5  # values of a range that says no number
-MOST = 100_000  # values of one parameter, variants of one vehicle, combinations of settings
 _DIGITS = 12  # decimals of a range's values: 3.5, not 3.5000000000000004
 _LEAD = ("max_curvature", "max_curvature_rate")  # of the vehicle, whose first unit steers
 _UNIT = tuple(field.name for field in fields(Unit) if field.name != "name")
@@ -68,8 +68,8 @@ def roads_of(entries: Sequence[object], folder: Path) -> tuple[RoadSource, ...]:
 
     """
     found: list[RoadSource] = []
-    for entry in entries:
-        table = entry if isinstance(entry, Mapping) else {"road": entry}
+    for one in entries:
+        table = one if isinstance(one, Mapping) else {"road": one}
         chosen = _chosen(table)
         found += [replace(chosen, label=label, source=source, digest=road_digest(source)) for label, source in _sources(table, folder)]
     return tuple(_told_apart(found))
@@ -86,38 +86,24 @@ def road_digest(source: str) -> str:
     if source in SCENARIOS and not path.is_file():
         return source
     parts = sorted(path.parent.glob(f"{escape(path.stem)}.*")) if path.suffix.lower() in _SEVERAL else [path]
-    digest = sha256()
     try:
-        for part in parts:
-            with part.open("rb") as file:
-                while block := file.read(1 << 20):
-                    digest.update(block)
+        return content_digest([digest_of(part) for part in parts])
     except OSError as error:
         msg = f"road file {path} cannot be read: {error.strerror or error}"
         raise RoadError(msg) from error
-    return digest.hexdigest()[:32]
 
 
 def _chosen(table: Mapping[str, object]) -> RoadSource:
     """Return what a road's table says of the line in its file."""
-    for key in table:
-        if key not in _ROAD_KEYS:
-            msg = f"unknown entry {key!r} of a road"
-            raise OptionError(msg, hint=did_you_mean(key, _ROAD_KEYS, f"entries: {', '.join(_ROAD_KEYS)}"))
+    refuse_unknown(table, _ROAD_KEYS, "of a road")
     roles, lane = table.get("roles", []), table.get("lane")
     if not (isinstance(roles, list) and all(isinstance(role, str) for role in roles)):
         msg = f"a road's roles must be a list of words, not {roles!r}"
         raise OptionError(msg)
-    if lane is not None and (isinstance(lane, bool) or not isinstance(lane, int)):
-        msg = f"a road's lane must be a whole number, not {lane!r}"
-        raise OptionError(msg)
-    words = {key: table.get(key) for key in ("name", "layer", "road_ids")}
-    for key, value in words.items():
-        if value is not None and not isinstance(value, str):
-            msg = f"a road's {key} must be words in quotes, not {value!r}"
-            raise OptionError(msg)
-    name, layer, road_ids = (None if value is None else str(value) for value in words.values())
-    return RoadSource("", "", "", name, layer, tuple(map(str, roles)), road_ids, lane)
+    words = ((key, table.get(key)) for key in ("name", "layer", "road_ids"))
+    name, layer, road_ids = (None if word is None else entry(f"a road's {key}", word, str) for key, word in words)
+    number = None if lane is None else entry("a road's lane", lane, int)
+    return RoadSource("", "", "", name, layer, tuple(map(str, roles)), road_ids, number)
 
 
 def _sources(table: Mapping[str, object], folder: Path) -> list[tuple[str, str]]:
@@ -145,14 +131,8 @@ def _sources(table: Mapping[str, object], folder: Path) -> list[tuple[str, str]]
 
 def _globbed(folder: Path, pattern: str) -> list[Path]:
     """Return the files that match, sorted; a pattern may be absolute."""
-    whole = Path(pattern)
-    try:
-        if whole.is_absolute():
-            return sorted(file for file in Path(whole.anchor).glob(str(whole.relative_to(whole.anchor))) if file.is_file())
-        return sorted(file for file in folder.glob(pattern) if file.is_file())
-    except (NotImplementedError, ValueError) as error:
-        msg = f"{pattern!r} is no glob: {error}"
-        raise RoadError(msg) from error
+    found = (folder / name for name in glob(pattern, root_dir=folder, recursive=True, include_hidden=True))  # noqa: PTH207 - Path.glob takes none
+    return sorted(file for file in found if file.is_file())
 
 
 def _told_apart(roads: Sequence[RoadSource]) -> list[RoadSource]:
@@ -166,19 +146,16 @@ def _told_apart(roads: Sequence[RoadSource]) -> list[RoadSource]:
     if twice:
         msg = f"the study names the road {twice[0].label} twice"
         raise OptionError(msg)
-    named = [
-        replace(road, label=f"{road.label}:{road.feature or road.road_ids}") if road.feature or road.road_ids else road for road in roads
-    ]
-    renamings: tuple[Callable[[RoadSource, int], str], ...] = (
-        lambda road, _: printable(road.source),
-        lambda road, number: f"{road.label} ({number})",
-    )
-    for called in renamings:
-        counts = Counter(road.label for road in named)
-        named = [
-            replace(road, label=called(road, number)) if counts[road.label] > 1 else road for number, road in enumerate(named, start=1)
-        ]
-    return named
+    labels = [f"{road.label}:{chosen}" if (chosen := road.feature or road.road_ids) else road.label for road in roads]
+    labels = _unlike(labels, [printable(road.source) for road in roads])
+    labels = _unlike(labels, [f"{label} ({number})" for number, label in enumerate(labels, start=1)])
+    return [replace(road, label=label) for road, label in zip(roads, labels, strict=True)]
+
+
+def _unlike(labels: Sequence[str], others: Sequence[str]) -> list[str]:
+    """Return labels, with others in the place of those that are there twice."""
+    counts = Counter(labels)
+    return [other if counts[label] > 1 else label for label, other in zip(labels, others, strict=True)]
 
 
 def variants_of(names: Sequence[str], vary: Mapping[str, object], folder: Path) -> tuple[Variant, ...]:
@@ -217,26 +194,6 @@ def variants_of(names: Sequence[str], vary: Mapping[str, object], folder: Path) 
             varied = tuple((parameter, value) for (parameter, _, _), value in zip(swept[name], values, strict=True))
             found.append(Variant(changed, varied))
     return tuple(found)
-
-
-def is_number(value: object) -> TypeGuard[float]:
-    """Tell whether an entry is a finite number: TOML's integers have no end."""
-    try:
-        return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
-    except OverflowError:
-        return False
-
-
-def refuse_many(count: int, what: str, most: int = MOST) -> None:
-    """Refuse more combinations of what a study lists than can be kept in memory.
-
-    Raises:
-        OptionError: there are more than ``most``.
-
-    """
-    if count > most:
-        msg = f"the study asks for {count} {what}; {most} are the most"
-        raise OptionError(msg, hint="make several studies of it")
 
 
 def _vehicles(names: Sequence[str], folder: Path) -> dict[str, Vehicle]:

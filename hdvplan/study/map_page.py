@@ -16,6 +16,7 @@ from jinja2 import Environment
 
 from hdvplan.fileio import write_atomically
 from hdvplan.report.html import page_part, script_json
+from hdvplan.study.engine import answer_of
 from hdvplan.texts import encoded
 from hdvplan.version import __version__
 
@@ -42,11 +43,6 @@ def write_page(path: Path, cells: Path, ranking: pd.DataFrame, date: str) -> Non
         OSError: the file cannot be written.
 
     """
-    write_atomically(path, encoded(page_html(cells, ranking, date)))
-
-
-def page_html(cells: Path, ranking: pd.DataFrame, date: str) -> str:
-    """Return the page."""
     told = _told(cells)
     placed = list(told.lines)
     data = {
@@ -57,7 +53,7 @@ def page_html(cells: Path, ranking: pd.DataFrame, date: str) -> str:
         "courses": _courses(told, {told.roads[name]: number for number, name in enumerate(placed)}),
         "places": [_place(row) for row in ranking.head(MOST_PLACES)[list(_SHOWN)].to_dict("records")],
     }
-    return (
+    page = (
         Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
         .from_string(_part("study.html.j2"))
         .render(
@@ -80,6 +76,7 @@ def page_html(cells: Path, ranking: pd.DataFrame, date: str) -> str:
             unanswered=told.unanswered,
         )
     )
+    write_atomically(path, encoded(page))
 
 
 @dataclass
@@ -118,7 +115,7 @@ def _told(cells: Path) -> _Told:
         for road, vehicle, half_width, left, right, outcome, fits, notice, line in zip(
             *(batch[name].to_pylist() for name in _READ), strict=True
         ):
-            told.add(road, vehicle, width_text(half_width, left, right), _word(outcome, fits=fits), notice, line)
+            told.add(road, vehicle, width_text(half_width, left, right), answer_of(outcome, fits=fits) or _WORDS[-1], notice, line)
     return told
 
 
@@ -127,14 +124,6 @@ def width_text(half_width: float | None, left: float | None, right: float | None
     if half_width is not None:
         return f"\u00b1 {half_width:g} m"
     return "the road's own" if left is None else f"left {left:g} m, right {right:g} m"
-
-
-def _word(outcome: str, *, fits: bool | None) -> str:
-    if outcome == "no plan":
-        return "NO"
-    if outcome != "planned":
-        return _WORDS[-1]
-    return "NEEDS" if fits is None else "YES" if fits else "NO"
 
 
 def _matrix(told: _Told) -> list[Json]:

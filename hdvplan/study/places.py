@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from hdvplan.judging.balance import Breach
 from hdvplan.judging.result import Result, body_name
-from hdvplan.judging.verdict import lonlat_of, verdict_of
+from hdvplan.judging.verdict import verdict_of
 from hdvplan.need.answer import Need
-from hdvplan.need.kerbs import Patch
-from hdvplan.report.summary import verdict_json
+from hdvplan.report.needs import patch_json
+from hdvplan.report.summary import breach_json, verdict_json
 from hdvplan.road.road import Road
 from hdvplan.study.cells import Row
 
@@ -23,25 +22,18 @@ _VERDICT = ("s_m", "x", "y", "lon", "lat", "spare_m", "side", "unit", "part", "r
 
 def places_of(result: Result) -> list[Row]:
     """Return the tightest place of a plan, then its breaches in order of s, then obstacles entered beyond the road's ends."""
-    vehicle = result.drive.vehicle
-    entered: list[Row] = [
-        {
-            "kind": BREACH,
-            "s_m": near.s,
-            "s_from_m": near.s_from,
-            "s_to_m": near.s_to,
-            **_at(near.x, near.y, _lonlat(result.drive.road, near.x, near.y)),
-            "depth_m": -near.distance,
-            "spare_m": near.distance,
-            "side": near.side,
-            "unit": body_name(vehicle, near.unit),
-            "part": near.part,
-            "obstacle": near.obstacle.label,
-        }
+    vehicle, road = result.drive.vehicle, result.drive.road
+    breaches = [
+        _stretch(BREACH, road, breach.place, breach_json(breach, vehicle)) | {"spare_m": -breach.depth}
+        for breach in result.balance.breaches
+    ]
+    entered = [
+        _place(BREACH, road, near.s, (near.x, near.y))
+        | {"s_from_m": near.s_from, "s_to_m": near.s_to, "depth_m": -near.distance, "spare_m": near.distance, "side": near.side}
+        | {"unit": body_name(vehicle, near.unit), "part": near.part, "obstacle": near.obstacle.label}
         for near in result.entered
     ]
-    tightest = tightest_place(verdict_json(result, verdict_of(result)))
-    return [tightest, *(_breach(result, breach) for breach in result.balance.breaches), *entered]
+    return [tightest_place(verdict_json(result, verdict_of(result))), *breaches, *entered]
 
 
 def tightest_place(verdict: Mapping[str, Any]) -> Row:
@@ -77,61 +69,31 @@ def _breached(s: object, depth: object, told: Mapping[str, object]) -> tuple[obj
 def dead_end(road: Road, s: float, begins: float = 0.0) -> Row:
     """Return the place at arclength ``s`` [m] from which no plan goes on: on the line of a road that begins at arclength ``begins``."""
     x, y = (float(value[0]) for value in road.path.to_plane(np.array([s - begins]), np.zeros(1)))
-    return {"kind": DEAD_END, "s_m": s, **_at(x, y, _lonlat(road, x, y))}
+    return _place(DEAD_END, road, s, (x, y))
 
 
 def widening_places(need: Need) -> list[Row]:
     """Return the middles of the stretches that the widening of least area consists of; none where there is no widening."""
-    widening = None if need.widenings is None else need.widenings.area
-    return [] if widening is None else [_widening(need.case.road, patch) for patch in widening.patches]
+    widening, road = None if need.widenings is None else need.widenings.area, need.case.road
+    middles = [] if widening is None else [(patch, patch.polygon.representative_point()) for patch in widening.patches]
+    return [_stretch(WIDENING, road, (middle.x, middle.y), patch_json(patch)) for patch, middle in middles]
 
 
-def _breach(result: Result, breach: Breach) -> Row:
-    x, y = breach.place
-    lonlat = lonlat_of(result, x, y)
-    return {
-        "kind": BREACH,
-        "s_m": breach.s_deepest,
-        "s_from_m": breach.s_from,
-        "s_to_m": breach.s_to,
-        **_at(x, y, lonlat),
-        "depth_m": breach.depth,
-        "spare_m": -breach.depth,
-        "side": breach.side,
-        "unit": body_name(result.drive.vehicle, breach.unit),
-        "part": breach.part,
-        "region": breach.region,
-        "obstacle": breach.obstacle,
-    }
+def _stretch(kind: str, road: Road, at: tuple[float, float], told: Mapping[str, object]) -> Row:
+    """Return a place with what is told of its stretch of road, the deepest point being its s."""
+    rest = {name: value for name, value in told.items() if name not in {"s_from", "s_to", "s_deepest"}}
+    return _place(kind, road, told["s_deepest"], at) | {"s_from_m": told["s_from"], "s_to_m": told["s_to"]} | rest
 
 
-def _widening(road: Road, patch: Patch) -> Row:
-    middle = patch.polygon.representative_point()
-    return {
-        "kind": WIDENING,
-        "s_m": patch.s_deepest,
-        "s_from_m": patch.s_from,
-        "s_to_m": patch.s_to,
-        **_at(middle.x, middle.y, _lonlat(road, middle.x, middle.y)),
-        "depth_m": patch.depth,
-        "area_m2": float(patch.polygon.area),
-        "side": patch.side,
-        "region": patch.region,
-    }
-
-
-def _at(x: float, y: float, lonlat: tuple[float, float] | None) -> Row:
+def _place(kind: str, road: Road, s: object, at: tuple[float, float]) -> Row:
     """Return a point's columns; its geometry is WKB in longitude and latitude."""
-    lon, lat = lonlat or (None, None)
-    return {"x": x, "y": y, "lon": lon, "lat": lat, "geometry": _point(lonlat)}
+    lonlat = None
+    if road.to_lonlat is not None:
+        lon, lat = road.to_lonlat(np.array([at[0]]), np.array([at[1]]))
+        lonlat = (float(lon[0]) + 180.0) % 360.0 - 180.0, float(lat[0])  # roads go on across the antimeridian
+    lon_deg, lat_deg = lonlat or (None, None)
+    return {"kind": kind, "s_m": s, "x": at[0], "y": at[1], "lon": lon_deg, "lat": lat_deg, "geometry": _point(lonlat)}
 
 
 def _point(lonlat: tuple[float, float] | None) -> bytes | None:
     return None if lonlat is None else struct.pack("<BIdd", 1, 1, *lonlat)
-
-
-def _lonlat(road: Road, x: float, y: float) -> tuple[float, float] | None:
-    if road.to_lonlat is None:
-        return None
-    lon, lat = road.to_lonlat(np.array([x]), np.array([y]))
-    return (float(lon[0]) + 180.0) % 360.0 - 180.0, float(lat[0])  # roads go on across the antimeridian

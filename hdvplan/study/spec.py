@@ -8,25 +8,27 @@ from functools import cached_property
 from itertools import product
 from math import prod
 from pathlib import Path
+from typing import Any
 
+from hdvplan.case import content_digest
 from hdvplan.errors import OptionError
 from hdvplan.fileio import read_toml
+from hdvplan.machine import software
 from hdvplan.planning.discretisation import Discretisation
 from hdvplan.planning.objective_names import check_objective
 from hdvplan.planning.settings import PlannerSettings, Scheme
-from hdvplan.plugins import digest_of
+from hdvplan.plugins import OBJECTIVE, SOLVER, digest_of, identity_of, is_reference, version_of
 from hdvplan.road.line import RoadOptions
 from hdvplan.road.regions import Side
 from hdvplan.solvers.registry import DEFAULT, check_solver
-from hdvplan.spelling import did_you_mean
-from hdvplan.study.digests import code_digest
-from hdvplan.study.entries import choice, flattened, list_of, number, repeats, table_of, truth, word, words_of
-from hdvplan.study.inputs import RoadSource, Variant, refuse_many, roads_of, variants_of
+from hdvplan.study.entries import Kind, choice, entry, flattened, list_of, refuse_many, refuse_unknown, repeats, table_of, words_of
+from hdvplan.study.inputs import RoadSource, Variant, roads_of, variants_of
 
 _ENTRIES = ("roads", "vehicles", "half_widths", "left", "right", "objectives", "schemes", "solvers", "settings", "vary", "need")
 _LENGTHS = ("horizon", "step", "replan", "smoothness", "clearance")  # of the planner's settings
-_READING = ("smooth", "crs", "unit", "corners", "corner_radius", "proof", "refine")  # settings that every cell has in common
-_SETTINGS = (*_LENGTHS, "discretisation", "offset", "reverse", "bias", "pass", *_READING)
+_READING: dict[str, type] = {"smooth": float, "crs": str, "unit": str, "corners": str, "corner_radius": float}
+_COMMON = (*_READING, "proof", "refine")  # settings that every cell has in common
+_SETTINGS = (*_LENGTHS, "discretisation", "offset", "reverse", "bias", "pass", *_COMMON)
 _MOST_CELLS = 100_000_000  # of one study: 5 GB of keys, and two days to hand them out
 
 
@@ -85,11 +87,17 @@ class Study:
     @cached_property
     def code(self) -> Mapping[tuple[str, str], str]:
         """Digests of the code that plans, by solver and objective, as it is when they are first asked for: a study keeps its keys."""
-        return {pair: code_digest(*pair) for pair in product(self.solvers, self.objectives)}
+        return {pair: _code(*pair) for pair in product(self.solvers, self.objectives)}
 
     def __len__(self) -> int:
         """Return the number of cells."""
         return prod(map(len, self.parts))
+
+
+def _code(solver: str, objective: str) -> str:
+    """Return a digest of hdvplan's source, the libraries' versions, and of what users brought, as it is now."""
+    brought = [[*identity_of(name), version_of(kind, name)] for kind, name in ((SOLVER, solver), (OBJECTIVE, objective))]
+    return content_digest([software(() if is_reference(solver) else (solver,)), brought])
 
 
 def read_study(path: Path) -> Study:
@@ -102,17 +110,7 @@ def read_study(path: Path) -> Study:
         SolverError: a solver that is unknown or not installed.
 
     """
-    return study_of(read_entries(path), path.parent)
-
-
-def read_entries(path: Path) -> dict[str, object]:
-    """Return what a study's TOML file says.
-
-    Raises:
-        OptionError: no such file, or not TOML.
-
-    """
-    return read_toml(path, "study", hint='words stand in quotes: roads = ["line_11.geojson"]')
+    return study_of(read_toml(path, "study", hint='words stand in quotes: roads = ["line_11.geojson"]'), path.parent)
 
 
 def study_of(entries: Mapping[str, object], folder: Path = Path()) -> Study:
@@ -122,10 +120,7 @@ def study_of(entries: Mapping[str, object], folder: Path = Path()) -> Study:
         HdvplanError: see ``read_study``.
 
     """
-    for name in entries:
-        if name not in _ENTRIES:
-            msg = f"unknown entry {name!r} in the study"
-            raise OptionError(msg, hint=did_you_mean(name, _ENTRIES, f"entries: {', '.join(_ENTRIES)}"))
+    refuse_unknown(entries, _ENTRIES, "in the study")
     for name in ("roads", "vehicles"):
         if name not in entries:
             msg = f"the study names no {name}"
@@ -139,19 +134,13 @@ def study_of(entries: Mapping[str, object], folder: Path = Path()) -> Study:
     for solver in solvers:
         check_solver(solver)
     settings = table_of(entries, "settings")
-    for name in settings:
-        if name not in _SETTINGS:
-            msg = f"unknown entry {name!r} in the study's settings"
-            raise OptionError(msg, hint=did_you_mean(name, _SETTINGS, f"settings: {', '.join(_SETTINGS)}"))
-    smooth = number("smooth", settings.get("smooth", RoadOptions.smooth))
-    unit, corners = (word(name, settings[name]) if name in settings else None for name in ("unit", "corners"))
-    radius = number("corner_radius", settings["corner_radius"]) if "corner_radius" in settings else None
-    RoadOptions(smooth=smooth, unit=unit, corners=corners, corner_radius=radius)  # refuses what no road can be read with
-    crs = word("crs", settings["crs"]) if "crs" in settings else None
-    if crs is not None:
+    refuse_unknown(settings, _SETTINGS, "in the study's settings", "settings")
+    reading: dict[str, Any] = {name: _setting(settings, name, kind) for name, kind in _READING.items() if name in settings}
+    RoadOptions(**reading)  # refuses what no road can be read with
+    if "crs" in reading:
         from hdvplan.road.crs import parse_crs  # noqa: PLC0415 - few studies need it
 
-        parse_crs(crs)
+        parse_crs(str(reading["crs"]))
     study = Study(
         roads=roads_of(list_of(entries, "roads"), folder),
         vehicles=variants_of(words_of(entries, "vehicles"), flattened(table_of(entries, "vary")), folder),
@@ -159,17 +148,17 @@ def study_of(entries: Mapping[str, object], folder: Path = Path()) -> Study:
         objectives=objectives,
         solvers=solvers,
         manners=_manners(words_of(entries, "schemes", Scheme.RTI), settings, folder),
-        smooth=smooth,
-        crs=crs,
-        unit=unit,
-        corners=corners,
-        corner_radius=radius,
-        prove=truth("proof", settings.get("proof", False)),
-        refine=truth("refine", settings.get("refine", True)),
-        need=truth("need", entries.get("need", False)),
+        prove=_setting(settings, "proof", bool, otherwise=False),
+        refine=_setting(settings, "refine", bool, otherwise=True),
+        need=_setting(entries, "need", bool, otherwise=False),
+        **reading,
     )
     refuse_many(prod(map(len, study.parts)), "cells", _MOST_CELLS)
     return study
+
+
+def _setting(entries: Mapping[str, object], name: str, kind: type[Kind], otherwise: Kind | None = None) -> Kind:
+    return entry(f"the study's {name}", entries.get(name, otherwise), kind)
 
 
 def _widths(entries: Mapping[str, object]) -> tuple[Width | None, ...]:
@@ -197,7 +186,7 @@ def _widths(entries: Mapping[str, object]) -> tuple[Width | None, ...]:
 
 
 def _reaches(entries: Mapping[str, object], name: str, *, repeated: bool = False) -> list[float]:
-    reaches = [number(name, value) for value in list_of(entries, name, repeated=repeated)]
+    reaches = [entry(f"the study's {name}", value, float) for value in list_of(entries, name, repeated=repeated)]
     for reach in reaches:
         if not reach > 0.0:
             msg = f"{name} must be positive numbers of metres, not {reach:g}"
@@ -209,29 +198,21 @@ def _manners(schemes: Sequence[str], settings: Mapping[str, object], folder: Pat
     """Return every combination of the settings; each of them may be a list."""
     for scheme in schemes:
         choice("schemes", scheme, list(Scheme))
-    lists = {name: list_of(settings, name) for name in settings if name not in _READING}
+    lists = {name: list_of(settings, name) for name in settings if name not in _COMMON}
     refuse_many(len(schemes) * prod(map(len, lists.values())), "combinations of settings")
     if "bias" in lists:
         lists["bias"] = [_bias(value, folder) for value in lists["bias"]]
     found = []
     for kind, *values in product(schemes, *lists.values()):
         chosen = dict(zip(lists, values, strict=True))
-        lengths = {name: number(name, chosen[name]) for name in _LENGTHS if name in chosen}
+        lengths = {name: _setting(chosen, name, float) for name in _LENGTHS if name in chosen}
         rule = choice("discretisation", chosen.get("discretisation", Discretisation.MIDPOINT), list(Discretisation))
         planner = PlannerSettings(scheme=Scheme(str(kind)), discretisation=Discretisation(rule), **lengths)  # type: ignore[arg-type] # all are lengths or weights
         given = chosen.get("bias")
         bias, bias_digest = given if isinstance(given, tuple) else (None, None)
-        side = choice("pass", chosen["pass"], list(Side)) if "pass" in chosen else None
-        found.append(
-            Manner(
-                planner,
-                offset=number("offset", chosen.get("offset", 0.0)),
-                reverse=truth("reverse", chosen.get("reverse", False)),
-                bias=bias,
-                bias_digest=bias_digest,
-                side=None if side is None else Side(side),
-            )
-        )
+        offset, reverse = _setting(chosen, "offset", float, 0.0), _setting(chosen, "reverse", bool, otherwise=False)
+        side = Side(choice("pass", chosen["pass"], list(Side))) if "pass" in chosen else None
+        found.append(Manner(planner, offset, reverse, bias, bias_digest, side))
     return tuple(found)
 
 
@@ -243,7 +224,7 @@ def _bias(value: object, folder: Path) -> tuple[str, str | None]:
 
     """
     if not isinstance(value, str):
-        return repr(number("bias", value)), None
+        return repr(entry("the study's bias", value, float)), None
     from hdvplan.planning.bias import CENTRE, bias_named  # noqa: PLC0415 - few studies have such a word
 
     if value == CENTRE:  # of limits that only the roads know

@@ -1,12 +1,16 @@
-"""What a study keeps: parts with the cells that ended, which are never changed, and in the end one table of all in the study's order."""
+"""What a study keeps: parts with the cells that ended, which are never changed, and in the end one table of all in the study's order.
+
+All are GeoParquet 1.1: Parquet with one column of WKB in longitude and latitude, and a piece of JSON that says so to map programs.
+"""
 
 from __future__ import annotations
 
+import json
 import os
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
-from functools import lru_cache
+from dataclasses import dataclass
+from functools import cached_property, lru_cache, partial
 from itertools import islice
 from pathlib import Path
 from time import time_ns
@@ -20,16 +24,17 @@ from numpy.typing import NDArray
 
 from hdvplan.arrays import IntArray
 from hdvplan.errors import OptionError
-from hdvplan.study.cells import Row
-from hdvplan.study.columns import cell_columns, place_columns
-from hdvplan.study.engine import Done
-from hdvplan.study.geoparquet import LINES, POINTS, read_part, schema_of, write_rows, write_tables
-from hdvplan.study.outcome import UNANSWERED
+from hdvplan.fileio import refuse_special, write_atomically
+from hdvplan.study.cells import COUNT, GEOMETRY, NUMBER, SHAPE, TEXT, TRUTH, Column, Row, cell_columns, place_columns
+from hdvplan.study.engine import UNANSWERED, Done
 
 CELLS, PLACES, PARTS = "cells.parquet", "places.parquet", "parts"
 _KEY = "S32"  # a key as an array's entry
 _EVERY_S, _EVERY_ROWS = 10.0, 1024  # a part is written after so long, or with so many cells
 _BLOCK = 4096  # cells of the final table that are put in order at a time
+LINES, POINTS = "LineString", "Point"
+_TYPES = {TEXT: pa.string(), NUMBER: pa.float64(), COUNT: pa.int64(), TRUTH: pa.bool_(), SHAPE: pa.binary()}
+_PACKING = "zstd"
 _OPEN = 4  # parts that are kept in memory meanwhile
 
 
@@ -39,13 +44,16 @@ class Folder:
 
     path: Path
     varied: tuple[str, ...]
-    cells: pa.Schema = field(init=False)
-    places: pa.Schema = field(init=False)
 
-    def __post_init__(self) -> None:
-        """Work out the schemas."""
-        object.__setattr__(self, "cells", schema_of(cell_columns(self.varied), LINES))
-        object.__setattr__(self, "places", schema_of(place_columns(self.varied), POINTS))
+    @cached_property
+    def cells(self) -> pa.Schema:
+        """Of ``cells.parquet``."""
+        return schema_of(cell_columns(self.varied), LINES)
+
+    @cached_property
+    def places(self) -> pa.Schema:
+        """Of ``places.parquet``."""
+        return schema_of(place_columns(self.varied), POINTS)
 
     def part(self, kind: str, name: str) -> Path:
         """Return where a part of ``cells`` or ``places`` is."""
@@ -58,12 +66,11 @@ class Folder:
 
 @dataclass(frozen=True)
 class Kept:
-    """Where in the parts the row of every key is: of several the last; 40 bytes a cell."""
+    """In which part the row of every key is: of several the last; 40 bytes a cell."""
 
     parts: tuple[str, ...]
     keys: NDArray[np.bytes_]  # sorted
     part: IntArray
-    row: IntArray
     answered: NDArray[np.bool_]
 
     def find(self, keys: Sequence[str]) -> IntArray:
@@ -84,7 +91,7 @@ def kept_in(folder: Folder) -> Kept:
 
     """
     names = tuple(folder.parts())
-    keys, parts, rows, answered = [np.empty(0, _KEY)], [np.empty(0, np.intp)], [np.empty(0, np.intp)], [np.empty(0, bool)]
+    keys, parts, answered = [np.empty(0, _KEY)], [np.empty(0, np.intp)], [np.empty(0, bool)]
     for number, name in enumerate(names):
         path = folder.part("cells", name)
         try:
@@ -95,11 +102,10 @@ def kept_in(folder: Folder) -> Kept:
             msg = f"{path} cannot be read: {error}"
             raise OptionError(msg, hint="delete it: what it held is planned again") from error
         parts.append(np.full(len(table), number, dtype=np.intp))
-        rows.append(np.arange(len(table), dtype=np.intp))
     every = np.concatenate(keys)[::-1]  # the last is the first of its kind
     unique, first = np.unique(every, return_index=True)
     at = len(every) - 1 - first
-    return Kept(names, unique, np.concatenate(parts)[at], np.concatenate(rows)[at], np.concatenate(answered)[at])
+    return Kept(names, unique, np.concatenate(parts)[at], np.concatenate(answered)[at])
 
 
 class Writer:
@@ -179,42 +185,87 @@ def write_whole(folder: Folder, keys: Iterable[str]) -> None:
 
     """
     kept = kept_in(folder)
-    read = lru_cache(maxsize=_OPEN)(lambda name: read_part(folder.part("cells", name), folder.cells))
-    beside = lru_cache(maxsize=_OPEN)(lambda name: read_part(folder.part("places", name), folder.places))
     following = iter(keys)
     blocks = [kept.find(block) for block in iter(lambda: list(islice(following, _BLOCK)), [])]
     blocks = [block[block >= 0] for block in blocks]
-    write_tables(folder.path / PLACES, _in_order(kept, blocks, beside, _places), folder.places)
-    write_tables(folder.path / CELLS, _in_order(kept, blocks, read, _rows), folder.cells)
+    for kind, name, schema in (("places", PLACES, folder.places), ("cells", CELLS, folder.cells)):
+        read = lru_cache(maxsize=_OPEN)(partial(_part, folder, kind, schema))
+        write_tables(folder.path / name, _in_order(kept, blocks, read), schema)
     pa.default_memory_pool().release_unused()  # ranking and map have use for it
 
 
-def _in_order(
-    kept: Kept,
-    blocks: Sequence[IntArray],
-    read: Callable[[str], pa.Table],
-    taken: Callable[[pa.Table, Kept, IntArray], tuple[pa.Table, IntArray]],
-) -> Iterator[pa.Table]:
-    """Yield the rows that ``taken`` finds of every block of cells, in the cells' order."""
+def _in_order(kept: Kept, blocks: Sequence[IntArray], read: Callable[[str], pa.Table]) -> Iterator[pa.Table]:
+    """Yield the rows of every block of cells, in the cells' order; ``read`` gives a part's table by its name."""
     for block in blocks:
         tables, ranks = [], []
         for number in np.unique(kept.part[block]):
             mine = np.flatnonzero(kept.part[block] == number)
-            table, of = taken(read(kept.parts[int(number)]), kept, block[mine])
-            tables.append(table)
-            ranks.append(mine[of])
+            table, keys = read(kept.parts[int(number)]), pa.array(kept.keys[block[mine]].astype(str))
+            of = pc.index_in(table["key"], value_set=keys).combine_chunks()
+            tables.append(table.filter(pc.is_valid(of)))
+            ranks.append(mine[np.asarray(of.drop_null(), dtype=np.intp)])
         if tables:
             yield pa.concat_tables(tables).take(np.argsort(np.concatenate(ranks), kind="stable")).combine_chunks()
 
 
-def _rows(table: pa.Table, kept: Kept, cells: IntArray) -> tuple[pa.Table, IntArray]:
-    """Return the rows of cells, and the number of the cell that each belongs to."""
-    return table.take(kept.row[cells]), np.arange(len(cells))
+def schema_of(columns: Sequence[Column], shape: str) -> pa.Schema:
+    """Return the schema of a table whose geometries are of one kind, ``LINES`` or ``POINTS``."""
+    about = {
+        "version": "1.1.0",
+        "primary_column": GEOMETRY.name,
+        "columns": {GEOMETRY.name: {"encoding": "WKB", "geometry_types": [shape]}},  # without a crs: longitude, latitude of WGS 84
+    }
+    fields = [pa.field(column.name, _TYPES[column.kind]) for column in columns]
+    return pa.schema(fields, metadata={"geo": json.dumps(about)})
 
 
-def _places(table: pa.Table, kept: Kept, cells: IntArray) -> tuple[pa.Table, IntArray]:
-    """Return the places of cells, likewise."""
-    keys = pa.array(kept.keys[cells].astype(str))
-    of = pc.index_in(table["key"], value_set=keys).combine_chunks()
-    there = pc.is_valid(of)
-    return table.filter(there), np.asarray(of.drop_null(), dtype=np.intp)
+def write_rows(path: Path, rows: Sequence[Row], schema: pa.Schema) -> None:
+    """Write rows as a file that appears whole or not at all; a column that a row has not is empty.
+
+    Raises:
+        OSError: it cannot be written.
+
+    """
+    sink = pa.BufferOutputStream()
+    pq.write_table(pa.Table.from_pylist(list(rows), schema=schema), sink, compression=_PACKING)
+    write_atomically(path, sink.getvalue().to_pybytes())
+
+
+def write_tables(path: Path, tables: Iterable[pa.Table], schema: pa.Schema) -> None:
+    """Write tables behind each other as one file that appears whole or not at all; no more than one of them is in memory.
+
+    Raises:
+        OSError: it cannot be written.
+
+    """
+    refuse_special(path)
+    aside = path.with_name(f".{path.name}.part")
+    try:
+        aside.unlink(missing_ok=True)
+        with aside.open("xb") as file, pq.ParquetWriter(file, schema, compression=_PACKING) as writer:  # never through a link
+            for table in tables:
+                writer.write_table(table)
+        aside.replace(path)
+    except BaseException:
+        aside.unlink(missing_ok=True)
+        raise
+
+
+def _part(folder: Folder, kind: str, schema: pa.Schema, name: str) -> pa.Table:
+    """Return a part's table with the columns of ``schema``; those that it has not are empty.
+
+    Raises:
+        OptionError: it is damaged, or a column is of another kind.
+
+    """
+    path = folder.part(kind, name)
+    try:
+        table = pq.ParquetFile(path).read()
+        there = set(table.column_names)
+        arrays = [
+            table.column(field.name).cast(field.type) if field.name in there else pa.nulls(len(table), field.type) for field in schema
+        ]
+    except (OSError, pa.ArrowException, LookupError) as error:
+        msg = f"{path} cannot be read: {error}"
+        raise OptionError(msg, hint="delete it: what it held is planned again") from error
+    return pa.table(arrays, schema=schema)

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import cache, lru_cache, partial
 from pathlib import Path
 from time import perf_counter, process_time
+from typing import TypeVar
 
 import numpy as np
 import shapely
 
 from hdvplan import api
 from hdvplan.arrays import FloatArray
-from hdvplan.case import Case
+from hdvplan.case import Case, content_digest
 from hdvplan.errors import HdvplanError, OptionError, PlanError, QpDataError, RoadError, SolverError
+from hdvplan.fileio import write_atomically
 from hdvplan.finer import replanned
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.machine import software
@@ -31,18 +35,19 @@ from hdvplan.road.windows import whole_road
 from hdvplan.stretches.cutting import reach_of, stretches_of_line
 from hdvplan.stretches.joining import digest_of, joined_summary
 from hdvplan.stretches.judging import Kept, kept_of, planned
-from hdvplan.study.cells import Cell, Row
-from hdvplan.study.columns import NEED, NEED_TIME, STEPS, SUMMARY, taken
+from hdvplan.study.cells import NEED, NEED_TIME, STEPS, SUMMARY, Cell, Row, taken
+from hdvplan.study.engine import FAILED, NO_PLAN, PLANNED, REFUSED, Outcome
 from hdvplan.study.inputs import RoadSource, road_digest
-from hdvplan.study.outcome import FAILED, NO_PLAN, PLANNED, REFUSED, Outcome
 from hdvplan.study.places import BREACH, dead_end, joined_places, moved, places_of, widening_places
-from hdvplan.study.spool import spooled
+from hdvplan.temporary import temporary_folder
 
 _SPACING_M = 2.0  # of the line that stands for a road in tables
 _SIMPLER_M = 0.5  # its points that move it by no more are left out
 _UNPLANNED = (PlanError, QpDataError, SolverError)
 
-_ToDegrees = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
+Thing = TypeVar("Thing")
+KEPT_ROADS = 64  # files, the newest; a road of 10 km takes some megabytes
+_folder = cache(temporary_folder)  # one that nobody else can write to: what is in it runs as code
 
 
 class _ChangedError(HdvplanError):
@@ -216,13 +221,36 @@ def _load(source: RoadSource, options: RoadOptions) -> _Loaded | RoadError:
     return _Loaded(road, _shape(points, road.to_lonlat), road.path.length, road.notice)
 
 
-def _shape(points: FloatArray, to_lonlat: _ToDegrees | None) -> bytes | None:
+def _shape(points: FloatArray, to_lonlat: Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]] | None) -> bytes | None:
     if to_lonlat is None:
         return None
     simple = shapely.simplify(shapely.LineString(points), _SIMPLER_M, preserve_topology=False)
-    placed = shapely.transform(simple, _degrees(to_lonlat))
-    return bytes(shapely.to_wkb(placed, byte_order=1))
+    return bytes(shapely.to_wkb(shapely.transform(simple, to_lonlat, interleaved=False), byte_order=1))  # type: ignore[arg-type] # of two arrays
 
 
-def _degrees(to_lonlat: _ToDegrees) -> Callable[[FloatArray], FloatArray]:
-    return lambda points: np.column_stack(to_lonlat(points[:, 0], points[:, 1]))
+def spooled(name: str, make: Callable[[], Thing]) -> Thing:
+    """Return what is kept on disk under a name, which tells the content, or else what ``make`` returns, which is then kept.
+
+    Smoothing a road takes longer than planning along it, and many cells of many processes share it.
+    """
+    folder = _folder("roads")
+    if folder is None:
+        return make()
+    path = folder / f"{content_digest(name)}.pickle"
+    with suppress(Exception):  # none is there, or a crash of the machine left half of one: the next one replaces it
+        found: Thing = pickle.loads(path.read_bytes())  # noqa: S301 - see ``_folder``
+        return found
+    made = make()
+    with suppress(OSError):  # a full disk only costs time
+        write_atomically(path, pickle.dumps(made))
+        for old in sorted(folder.glob("*.pickle"), key=_written)[:-KEPT_ROADS]:
+            old.unlink(missing_ok=True)
+    return made
+
+
+def _written(path: Path) -> float:
+    """Return when a file was written; one that another process has removed counts as old."""
+    try:
+        return path.stat().st_mtime
+    except FileNotFoundError:
+        return 0.0

@@ -17,6 +17,7 @@ import pyogrio
 from numpy.typing import NDArray
 
 from hdvplan.fileio import write_atomically
+from hdvplan.study.engine import answer_of
 from hdvplan.texts import no_formula, printable
 
 MOST_CELLS = 10_000  # a workbook is written from memory as a whole
@@ -39,19 +40,15 @@ def write_workbook(path: Path, cells: Path, varied: tuple[str, ...]) -> None:
         return
     wanted = ["road", "vehicle", *varied, *_WIDTHS, "fits", "spare_m", "verdict_half_width_m", *_PLACE, *_OPTIONS]
     table = file.read([*wanted, "outcome", "reason", "verdict"]).to_pandas()
-    table.insert(2, "answer", [_answer(fits, outcome) for fits, outcome in zip(table["fits"], table["outcome"], strict=True)])
+    table.insert(
+        2, "answer", [answer_of(outcome, fits=fits) or outcome for outcome, fits in zip(table["outcome"], table["fits"], strict=True)]
+    )
     listed = table.drop(columns=["fits", "outcome"]).dropna(axis="columns", how="all")
     with TemporaryDirectory() as folder:
         aside = Path(folder) / "table.xlsx"
         _add(aside, "roads by vehicles", _matrix(table))
         _add(aside, "cells", listed)
         write_atomically(path, aside.read_bytes())
-
-
-def _answer(fits: object, outcome: str) -> str:
-    if outcome == "planned":
-        return "NEEDS" if fits is None else "YES" if fits else "NO"
-    return "NO" if outcome == "no plan" else outcome
 
 
 def _matrix(table: pd.DataFrame) -> pd.DataFrame:

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.optimize import elementwise
 
 from hdvplan.arrays import FloatArray
-from hdvplan.centring.roots import find_roots
+from hdvplan.centring.stationary import find_roots
 from tests.core.chains import few
 
 SHARES = st.lists(st.floats(0.001, 0.999), min_size=1, max_size=9)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from hdvplan.reproduce.bus_uturn import bus_uturn
+from hdvplan.reproduce.bus import bus_uturn
 from hdvplan.reproduce.roundabout import roundabout
 from hdvplan.reproduce.study import Row, Study
 

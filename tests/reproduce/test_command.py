@@ -1,8 +1,6 @@
 """``hdvplan reproduce`` as users run it."""
 
 import json
-import os
-import subprocess
 import sys
 from pathlib import Path
 
@@ -10,7 +8,6 @@ import pandas as pd
 import pytest
 
 from hdvplan.cli.reproduce import NAMES
-from hdvplan.reproduce.studies import STUDIES
 from tests.cli.conftest import Cli, cli  # noqa: F401 - a fixture
 
 COMMAND = (sys.executable, "-m", "hdvplan", "reproduce")
@@ -37,10 +34,6 @@ def test_json_holds_the_rows_and_nothing_else_is_said(cli: Cli, tmp_path: Path) 
     assert rows[-1]["published"] is None
 
 
-def test_the_names_are_the_studies() -> None:
-    assert tuple(STUDIES) == NAMES
-
-
 @pytest.mark.parametrize("arguments", [("bus",), ("bus-uturn", "--out", "file")])
 def test_what_cannot_be_reproduced_is_refused_in_one_line(cli: Cli, tmp_path: Path, arguments: tuple[str, ...]) -> None:  # noqa: F811
     (tmp_path / "file").write_text("taken", encoding="utf-8")
@@ -48,16 +41,6 @@ def test_what_cannot_be_reproduced_is_refused_in_one_line(cli: Cli, tmp_path: Pa
     assert outcome.code == 2
     assert outcome.out == ""
     assert outcome.err.splitlines()[0].startswith("error: ")
-
-
-@pytest.mark.slow
-def test_a_process_of_its_own_leaves_the_same_files(tmp_path: Path) -> None:
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
-    ended = subprocess.run(  # noqa: S603 - our own
-        [*COMMAND, "bus-uturn", "--quiet"], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
-    )
-    assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "")
-    assert (tmp_path / "results" / "bus-uturn.png").stat().st_size > 10_000
 
 
 @pytest.mark.slow

@@ -1,10 +1,8 @@
 """[ART] table 2: the five objectives in one U-turn, and the search for the weight."""
 
-import numpy as np
 import pytest
 
 from hdvplan.reproduce.objectives import OBJECTIVES, SHARES, objectives, plan_whole, search
-from hdvplan.reproduce.study import Study
 from hdvplan.reproduce.swept import Swept
 from hdvplan.vehicle.load import load_vehicle
 from tests.reproduce.conftest import by_name, silent
@@ -37,33 +35,12 @@ def test_the_swept_area_itself_is_reached_least_far_by_its_own_objective(planned
     assert furthest["J5"] <= furthest["J3"]
 
 
-def test_the_furthest_axle_is_nearest_by_its_own_objective(planned: dict[str, tuple[Swept, float]]) -> None:
-    def axles(found: Swept) -> float:
-        drive = found.drive
-        s, offset = drive.stations.s[: len(drive.z)], drive.z[:, 0]
-        road, unit = drive.stations.path.at(s), drive.vehicle.units
-        heading = road.heading + drive.z[:, 1]
-        x, y = drive.stations.path.to_plane(s, offset)
-        x, y = x - unit[0].hitch_offset * np.cos(heading), y - unit[0].hitch_offset * np.sin(heading)
-        behind = heading - drive.z[:, 2]
-        x, y = x - unit[1].wheelbase * np.cos(behind), y - unit[1].wheelbase * np.sin(behind)
-        _, trailer = drive.stations.path.project(x, y, s - unit[1].wheelbase)
-        return float(max(np.max(np.abs(offset)), np.max(np.abs(trailer))))
-
-    found = {name: axles(swept) for name, (swept, _) in planned.items()}
-    assert found["J4"] == min(found.values())
-
-
 def test_every_plan_is_converged_and_predicts_what_is_driven(planned: dict[str, tuple[Swept, float]]) -> None:
     for found, _ in planned.values():
         (plan,) = found.drive.plans
         assert plan.usable
         assert plan.moved < found.drive.settings.sqp_tolerance
         assert found.drive.prediction_error < 0.03  # midpoint steps of 0.5 m, over 134 m without feedback
-
-
-def test_the_costliest_objective_takes_less_than_a_second_at_half_a_metre(planned: dict[str, tuple[Swept, float]]) -> None:
-    assert planned["J5"][1] < 1.0  # measured: 0.06 to 0.3 s
 
 
 def test_the_search_ends_at_the_weight_that_geometry_gives_at_once() -> None:
@@ -74,21 +51,13 @@ def test_the_search_ends_at_the_weight_that_geometry_gives_at_once() -> None:
     assert found.searching > 10.0 * found.solving  # measured: 94 to 1000 times, planning being fast
 
 
-@pytest.fixture(scope="module")
-def whole() -> Study:
-    return objectives(silent)
-
-
 @pytest.mark.slow
-def test_the_whole_study_is_as_fast_as_it_must_be_and_finds_both_weights(whole: Study) -> None:
+def test_the_whole_study_is_as_fast_as_it_must_be_and_finds_both_weights() -> None:
+    whole = objectives(silent)
     rows = by_name(whole)
+    assert [row.quantity for row in whole.rows if row.differs and not row.remark] == []
     assert rows["J5, times faster at 0.1 m"].ours >= 100.0
     assert rows["J5, time at 0.5 m"].ours < 1.0
     assert rows["tractor-trailer-24m: K by search"].ours == pytest.approx(0.45)
     assert rows["tractor-trailer: K by search"].ours == pytest.approx(0.40)
     assert abs(rows["tractor-trailer: K geometric"].ours - 0.395) < 0.01  # it rises from 0.38 to 0.40 with curvature
-
-
-@pytest.mark.slow
-def test_every_row_of_the_whole_study_that_differs_says_why(whole: Study) -> None:
-    assert [row.quantity for row in whole.rows if row.differs and not row.remark] == []

@@ -5,7 +5,7 @@ import pytest
 from hdvplan.reproduce import published
 from hdvplan.reproduce.standards import standards
 from hdvplan.reproduce.study import Study
-from hdvplan.reproduce.turn_accuracy import SPACINGS_M, turn_accuracy
+from hdvplan.reproduce.turns import SPACINGS_M, turn_accuracy
 from tests.reproduce.conftest import silent
 
 
@@ -15,7 +15,7 @@ def study() -> Study:
 
 
 @pytest.mark.slow
-def test_every_row_that_differs_has_a_remark(study: Study) -> None:
+def test_every_row_that_differs_has_a_remark_and_every_vehicle_a_panel(study: Study) -> None:
     assert [row.quantity for row in study.rows if row.differs and not row.remark] == []
     assert len(study.figure().axes) == 4
 

@@ -7,9 +7,8 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
-from hdvplan.reproduce.files import write_study, write_summary
 from hdvplan.reproduce.published import Number
-from hdvplan.reproduce.study import Row, Study, markdown, shown, summary_of
+from hdvplan.reproduce.study import Row, Study, markdown, shown, summary_of, write_study, write_summary
 from hdvplan.reproduce.timing import timing
 from tests.reproduce.conftest import silent
 

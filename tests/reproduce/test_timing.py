@@ -38,15 +38,5 @@ def test_a_table_has_every_vehicle_scheme_and_solver_beside_the_published_number
     assert by_name(short)["bus, riccati: SQP / RTI, max"].published is not None
 
 
-@pytest.mark.slow
-def test_the_speed_up_is_stated_as_what_it_is(short: Study) -> None:
-    row = by_name(short)["bus, RTI, riccati: mean"]
-    assert row.published is not None
-    assert row.remark.startswith(f"{row.published.value / row.ours:.0f} x faster")
-    for words in ("other machine", "MATLAB", "other roads"):
-        assert words in row.remark
-    assert "i7-6820HQ" in short.note
-
-
 def test_the_roads_of_the_table_add_up_to_ten_to_fifteen_kilometres() -> None:
     assert 10e3 < sum(load_road(name).path.length for name in ROADS) < 15e3

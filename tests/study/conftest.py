@@ -11,8 +11,8 @@ import pytest
 
 from hdvplan.machine import THREADS
 from hdvplan.study.cells import Cell
-from hdvplan.study.engine import Done, Ending, outcome_of
-from hdvplan.study.outcome import UNANSWERED, Outcome
+from hdvplan.study.engine import UNANSWERED, Done, Ending, Outcome
+from hdvplan.study.pools import outcome_of
 from tests.cli.conftest import Cli, cli
 
 __all__ = ["Cli", "cli"]

@@ -21,33 +21,17 @@ def _key(folder: Path, entries: dict[str, object]) -> str:
     return cell.key
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"half_widths": [3.6]},
-        {"vehicles": ["semitrailer-steered"]},
-        {"objectives": ["lead-axle"]},
-        {"schemes": ["sqp"]},
-        {"solvers": ["piqp"]},
-        {"need": True},
-        {"settings": {"horizon": 30}},
-        {"settings": {"reverse": True}},
-        {"settings": {"offset": 0.5}},
-        {"settings": {"smooth": 1.0}},
-        {"settings": {"corners": "sharp"}},
-        {"settings": {"corner_radius": 2.0}},
-        {"settings": {"unit": "ft"}},
-        {"settings": {"proof": True}},
-        {"settings": {"refine": False}},
-        {"settings": {"bias": 0.1}},
-        {"settings": {"pass": "left"}},
-        {"vary": {"bus.wheelbase": [5.5]}},
-        {"roads": ["lane.geojson"]},
-    ],
-    ids=str,
-)
-def test_whatever_changes_a_row_changes_its_key(folder: Path, change: dict[str, object]) -> None:
-    assert _key(folder, BASE | change) != _key(folder, BASE)
+SETTINGS = {"horizon": 30, "reverse": True, "offset": 0.5, "smooth": 1.0, "corners": "sharp", "unit": "ft", "proof": True, "refine": False}
+CHANGES: list[tuple[str, object]] = [
+    *(("settings", {name: value}) for name, value in SETTINGS.items()),
+    *(("half_widths", [3.6]), ("schemes", ["sqp"]), ("solvers", ["piqp"]), ("objectives", ["lead-axle"]), ("need", True)),
+    *(("vary", {"bus.wheelbase": [5.5]}), ("roads", ["lane.geojson"])),
+]
+
+
+@pytest.mark.parametrize(("name", "value"), CHANGES)
+def test_whatever_changes_a_row_changes_its_key(folder: Path, name: str, value: object) -> None:
+    assert _key(folder, BASE | {name: value}) != _key(folder, BASE)
 
 
 def test_a_file_that_changes_changes_its_key_and_one_that_moves_does_not(folder: Path) -> None:
@@ -74,17 +58,6 @@ def test_a_study_keeps_its_keys_while_its_files_change(folder: Path) -> None:
     before = [cell.key for cell in cells_of(study)]
     (folder / "mine.py").write_text(OBJECTIVE + "# changed\n", encoding="utf-8")
     assert [cell.key for cell in cells_of(study)] == before
-
-
-def test_a_bias_counts_with_the_content_of_its_file(folder: Path) -> None:
-    bias = folder / "bias.csv"
-    bias.write_text("s,bias\n0,0.1\n60,0.2\n", encoding="utf-8")
-    before = _key(folder, BASE | {"settings": {"bias": "bias.csv"}})
-    (folder / "elsewhere").mkdir()
-    bias = bias.rename(folder / "elsewhere" / "bias.csv")
-    assert _key(folder, BASE | {"settings": {"bias": "elsewhere/bias.csv"}}) == before
-    bias.write_text("s,bias\n0,0.1\n60,0.3\n", encoding="utf-8")
-    assert _key(folder, BASE | {"settings": {"bias": "elsewhere/bias.csv"}}) != before
 
 
 def test_a_key_is_the_same_in_every_process(folder: Path) -> None:

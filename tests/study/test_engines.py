@@ -14,13 +14,11 @@ import pandas as pd
 import pytest
 
 from hdvplan.errors import HdvplanError, OptionError
-from hdvplan.study import spool
+from hdvplan.study import work
 from hdvplan.study.cells import Cell, cells_of
-from hdvplan.study.cluster import DaskEngine, _DaskPool, _within, connected
 from hdvplan.study.conduct import run
-from hdvplan.study.engine import _Queue, run_in
-from hdvplan.study.local import LocalEngine
-from hdvplan.study.outcome import FAILED, KILLED, PLANNED, Outcome, ended
+from hdvplan.study.engine import FAILED, KILLED, PLANNED, Outcome, _Queue, ended, run_in
+from hdvplan.study.pools import DaskEngine, LocalEngine, _DaskPool, _within, connected
 from hdvplan.study.spec import study_of
 from tests.study.conftest import InHere
 from tests.study.test_run import exact
@@ -205,7 +203,7 @@ def test_a_worker_with_another_version_answers_no_cell(folder: Path) -> None:
 
 
 def test_a_process_s_end_is_named() -> None:
-    from hdvplan.study.local import _exit_name  # noqa: PLC0415 - a private word
+    from hdvplan.study.pools import _exit_name  # noqa: PLC0415 - a private word
 
     assert _exit_name(3) == "code 3"
     if os.name == "posix":
@@ -237,24 +235,9 @@ def test_cells_wait_for_their_road_only_so_long(folder: Path, monkeypatch: pytes
     assert queue.empty
 
 
-def test_few_cells_wait_for_a_road_that_has_many(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hdvplan.study.engine._WAITING", 3)
-    taken: list[str] = []
-
-    def watched() -> Iterable[Cell]:
-        for cell in _cells(folder, 9):
-            taken.append(cell.key)
-            yield cell
-
-    queue = _Queue(watched())
-    assert queue.take() is not None
-    assert queue.take() is None
-    assert len(taken) == 4
-
-
 def test_a_smoothed_road_is_kept_for_other_processes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(spool, "_folder", lambda _: tmp_path)
-    monkeypatch.setattr(spool, "KEPT", 2)
+    monkeypatch.setattr(work, "_folder", lambda _: tmp_path)
+    monkeypatch.setattr(work, "KEPT_ROADS", 2)
     made: list[str] = []
 
     def make(name: str) -> str:
@@ -262,13 +245,13 @@ def test_a_smoothed_road_is_kept_for_other_processes(tmp_path: Path, monkeypatch
         return name.upper()
 
     for name in ("a", "a", "b", "c"):
-        assert spool.spooled(name, lambda name=name: make(name)) == name.upper()  # type: ignore[misc] # a lambda's default
+        assert work.spooled(name, lambda name=name: make(name)) == name.upper()  # type: ignore[misc] # a lambda's default
         time.sleep(0.02)  # files differ in age
     assert made == ["a", "b", "c"]
     assert len(list(tmp_path.iterdir())) == 2  # the newest
     newest = max(tmp_path.iterdir(), key=lambda path: path.stat().st_mtime)
     newest.write_bytes(newest.read_bytes()[:-1])  # what a crash of the machine may leave
-    assert spool.spooled("c", lambda: make("c")) == "C"
+    assert work.spooled("c", lambda: make("c")) == "C"
     assert made == ["a", "b", "c", "c"]
-    monkeypatch.setattr(spool, "_folder", lambda _: None)
-    assert spool.spooled("a", lambda: make("a")) == "A"
+    monkeypatch.setattr(work, "_folder", lambda _: None)
+    assert work.spooled("a", lambda: make("a")) == "A"

@@ -6,7 +6,6 @@ import json
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 import shapely
 
@@ -18,21 +17,16 @@ from hdvplan.road.line import RoadOptions
 from hdvplan.road.load import REFERENCE_SLACK
 from hdvplan.stretches.cutting import Stretch
 from hdvplan.stretches.judging import planned
-from hdvplan.study.columns import SUMMARY, taken
+from hdvplan.study.cells import SUMMARY, taken
 from hdvplan.study.conduct import Results, run
-from hdvplan.study.engine import outcome_of
-from hdvplan.study.local import LocalEngine
 from hdvplan.study.places import joined_places
+from hdvplan.study.pools import outcome_of
 from hdvplan.study.spec import study_of
 from tests.study.conftest import InHere
-from tests.study.test_run import exact
 
 Entries = dict[str, object]
-EXACT = ("fits", "side", "unit", "part", "region", "status", "plans", "breaches", "step_m", "proved")
-MILLIMETRE = (
-    "spare_m", "x", "y", "wheels_spare_m", "verdict_half_width_m", "max_left_m", "max_right_m", "imbalance_m", "mean_abs_imbalance_m",
-    "expected_half_width_m", "needed_half_width_m", "min_clearance_m", "limit_violation_m",
-)  # fmt: skip
+EXACT = ("fits", "side", "unit", "part", "region", "plans", "breaches", "step_m")
+MILLIMETRE = ("spare_m", "x", "y", "verdict_half_width_m", "max_left_m", "max_right_m", "needed_half_width_m", "min_clearance_m")
 SHORT = {"horizon": 30, "step": 1, "replan": 10}  # sees little, and is quick
 
 
@@ -72,13 +66,10 @@ def test_a_cell_on_a_long_road_tells_what_a_plan_of_the_whole_road_tells(long_fo
         assert row[name] == told[name], name
     for name in MILLIMETRE:
         assert row[name] == pytest.approx(told[name], abs=1e-3), name  # as above
-    assert (row["s_m"], row["length_m"]) == pytest.approx((told["s_m"], told["length_m"]), abs=0.01)  # lengths of lines that differ by 1 mm
-    places = results.places()
-    breaches = places[places["kind"] == "breach"]
-    assert len(breaches) == row["breaches"] == len(whole.balance.breaches) > 1
-    for found, breach in zip(breaches.to_dict("records"), whole.balance.breaches, strict=True):
-        assert (found["s_from_m"], found["s_to_m"]) == pytest.approx((breach.s_from, breach.s_to), abs=0.01)  # as above
-        assert found["depth_m"] == pytest.approx(breach.depth, abs=1e-3)  # as above
+    breaches = results.places().query("kind == 'breach'")
+    assert len(breaches) == row["breaches"] > 1
+    assert breaches["depth_m"].tolist() == pytest.approx([breach.depth for breach in whole.balance.breaches], abs=1e-3)  # as above
+    assert breaches["s_to_m"].tolist() == pytest.approx([breach.s_to for breach in whole.balance.breaches], abs=0.01)  # lines 1 mm apart
     line = shapely.from_wkb(row["geometry"])
     assert line.distance(shapely.points(row["lon"], row["lat"])) < 1e-4  # degrees: 10 m
 
@@ -121,15 +112,3 @@ def test_a_breach_over_a_cut_is_one_place_and_an_obstacle_beyond_a_stretch_is_no
     assert [place.get("kind") for place in found] == ["tightest", None, None]
     assert found[1] == breach(101.0, 0.3, 90.0, 104.0)
     assert found[2] == beyond
-
-
-@pytest.mark.slow
-def test_a_road_of_more_than_50_km_is_the_same_on_any_number_of_processes(folder: Path) -> None:
-    (folder / "wave.geojson").write_text(wave(52_000.0), encoding="utf-8")
-    entries: Entries = {"roads": ["wave.geojson"], "vehicles": ["P", "citaro-k"], "settings": SHORT}
-    here = run(study_of(entries, folder), folder / "here", InHere())
-    assert here.cells()["stretches"].tolist() == [10, 10]
-    for workers in (1, 2):
-        there = run(study_of(entries, folder), folder / f"there{workers}", LocalEngine(workers))
-        pd.testing.assert_frame_equal(exact(here.cells()), exact(there.cells()))
-        pd.testing.assert_frame_equal(here.places(), there.places())

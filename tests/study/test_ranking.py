@@ -7,10 +7,9 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from hdvplan.study.cells import Row
-from hdvplan.study.columns import cell_columns, place_columns
-from hdvplan.study.geoparquet import LINES, POINTS, schema_of, write_rows
+from hdvplan.study.cells import Row, cell_columns, place_columns
 from hdvplan.study.ranking import MERGED_M, ranking_of
+from hdvplan.study.store import LINES, POINTS, schema_of, write_rows
 
 METRE = 1.0 / 111_195.0  # of latitude, in degrees on a sphere of 6371 km
 

@@ -69,15 +69,8 @@ def test_parameters_of_trailers_and_of_the_steering_vary_too_with_or_without_quo
 
 
 def test_settings_that_are_lists_are_combined(folder: Path) -> None:
-    settings = {
-        "clearance": [0.0, 0.2],
-        "reverse": [False, True],
-        "offset": -1.75,
-        "bias": "centre",
-        "pass": "left",
-        "smooth": 2,
-        "proof": True,
-    }
+    settings = {"clearance": [0.0, 0.2], "reverse": [False, True], "offset": -1.75, "bias": "centre", "pass": "left"}
+    settings |= {"smooth": 2, "proof": True}
     study = study_of(BASE | {"settings": settings, "half_widths": [3.5]}, folder)
     assert [(m.settings.clearance, m.reverse) for m in study.manners] == [(0.0, False), (0.0, True), (0.2, False), (0.2, True)]
     assert {(m.offset, m.bias, m.side) for m in study.manners} == {(-1.75, "centre", "left")}
@@ -126,28 +119,19 @@ def test_biases_and_code_lie_beside_the_study_too(folder: Path, monkeypatch: pyt
         ({"schemes": ["rit"]}, "schemes must be rti or sqp, not 'rit'", None),
         ({"solvers": ["ricatti"]}, "unknown solver 'ricatti'", "did you mean 'riccati'?"),
         ({"settings": {"horizont": 30}}, "unknown entry 'horizont' in the study's settings", "did you mean 'horizon'?"),
-        ({"settings": {"horizon": 30.3}}, "not a whole number of steps", None),
         ({"settings": [1]}, "must be a table", "[settings]"),
-        ({"settings": {"smooth": -1}}, "allowed deviation must be a positive number", None),
-        ({"settings": {"corners": "blunt"}}, "corners are read as auto, sharp or round, not as 'blunt'", None),
         ({"settings": {"unit": "km"}}, "the unit must be mm, cm, m, ft or in, not 'km'", None),
         ({"settings": {"reverse": "yes"}}, "must be true or false", None),
-        ({"need": "yes"}, "must be true or false", None),
         ({"vary": {"bsu.wheelbase": [5.0]}}, "no vehicle of the study is called that", "did you mean 'bus.wheelbase'?"),
         ({"vary": {"bus.wheelbas": [5.0]}}, "bus has no such parameter", "did you mean 'wheelbase'?"),
-        ({"vary": {"bus.2.wheelbase": [5.0]}}, "bus has no such parameter", None),
         ({"vary": {"bus.wheelbase": "5..4"}}, "must rise", None),
-        ({"vary": {"bus.wheelbase": "5..1e999"}}, "must rise", None),
-        ({"vary": {"bus.wheelbase": f"5..6 in {5000 * '1'}"}}, "different numbers or a range", None),
         ({"vary": {"bus.wheelbase": [5.0], "bus.1.wheelbase": [6.0]}}, "vary names 'bus.1.wheelbase', which is 'bus.wheelbase'", None),
         ({"vary": {"bus.wheelbase": [5.0], "bus": {"wheelbase": [6.0]}}}, "'bus.wheelbase' twice", None),
         ({"settings": {"bias": "left"}}, "neither a number of metres", None),
-        ({"settings": {"bias": "a\0b"}}, "neither a number of metres", None),
         ({"settings": {"crs": "EPSG:0"}}, "unknown coordinate reference system", "EPSG code"),
         ({"vary": {"bus.wheelbase": "five"}}, "different numbers or a range, not 'five'", "in 5"),
         ({"vary": {"bus.wheelbase": [5.0, 5.0]}}, "different numbers", None),
         ({"vary": {"bus.wheelbase": [10**400]}}, "different numbers", None),
-        ({"half_widths": [10**400]}, "half_widths must be a number", None),
         ({"vary": {"bus.wheelbase": [500.0]}}, "must lie between", "metres"),
         ({"vary": {"bus.wheelbase": "5..6 in 1000", "bus.width": "2..2.5 in 1000"}}, "1000000 variants of bus; 100000 are", "several"),
         ({"settings": {name: list(range(1, 400)) for name in ("horizon", "smoothness")}}, "159201 combinations of settings", "several"),

@@ -8,9 +8,8 @@ import numpy as np
 import pyogrio
 import pytest
 
-from hdvplan.study.cells import Row
-from hdvplan.study.columns import cell_columns
-from hdvplan.study.geoparquet import LINES, schema_of, write_rows
+from hdvplan.study.cells import Row, cell_columns
+from hdvplan.study.store import LINES, schema_of, write_rows
 from hdvplan.study.workbook import write_workbook
 
 

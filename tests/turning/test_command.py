@@ -10,7 +10,7 @@ import shapely
 from shapely.geometry import shape
 
 from hdvplan.report.turn_plots import compared_figure, turn_figure
-from hdvplan.reproduce.planned_turn import planned_along, room_of, turn_of
+from hdvplan.reproduce.turns import planned_along, room_of, turn_of
 from hdvplan.turning.templates import load_template
 from hdvplan.turning.turn import turn
 from hdvplan.vehicle.load import load_vehicle

@@ -1,23 +1,102 @@
-"""The engine of many machines: a Dask cluster, by its own client. Scheduling, transport and replacing workers are Dask's."""
+"""The engines: processes on this machine, each of which plans one cell after the other, or a Dask cluster of many machines.
+
+Scheduling, transport and replacing workers are Dask's on a cluster, and Pebble's here.
+"""
 
 from __future__ import annotations
 
+import multiprocessing as mp
 import os
+import signal
 import threading
 from collections.abc import Iterable
-from concurrent.futures import CancelledError, Future
+from concurrent.futures import CancelledError, Future, TimeoutError  # noqa: A004 - of futures, an alias of the built-in one
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from typing import Any
 
+import pebble
+
 from hdvplan.errors import HdvplanError, OptionError
-from hdvplan.machine import software
+from hdvplan.machine import software, usable_cores, use_one_thread
 from hdvplan.plugins import said
+from hdvplan.serving import serve_parent
 from hdvplan.study.cells import Cell
-from hdvplan.study.engine import Ending, outcome_of, run_in
-from hdvplan.study.outcome import FAILED, KILLED, Outcome, ended
+from hdvplan.study.engine import FAILED, HUNG, KILLED, Ending, Outcome, ended, run_in
 
 _AHEAD = 3  # cells for every worker: one that it plans, and what it finds when it is done
 _TOO_LONG = 75  # exit code of a worker whose cell took too long (EX_TEMPFAIL of sysexits.h)
+
+
+@dataclass(frozen=True)
+class LocalEngine:
+    """``workers`` processes with one thread each; None: as many as this process may use cores.
+
+    A cell that takes longer than ``limit`` [s] costs its process, which is replaced, as is one that is killed.
+    """
+
+    workers: int | None = None
+    limit: float = 1800.0
+    retries: int = 1
+
+    def run(self, cells: Iterable[Cell]) -> Ending:
+        """Yield every cell as it ends; see ``Engine``."""
+        with closing(_LocalPool(usable_cores() if self.workers is None else self.workers, self.limit)) as pool:
+            yield from run_in(pool, cells, self.retries)
+
+
+class _LocalPool:
+    """A pool of processes that is replaced where it breaks."""
+
+    def __init__(self, workers: int, limit: float) -> None:
+        """Start nothing yet: the first cell does."""
+        self._workers, self._limit = workers, limit
+        self.width = _AHEAD * workers
+        self._pool = self._new()
+
+    def submit(self, cell: Cell) -> Future[Outcome]:
+        """Hand a cell to the process that is free first."""
+        future: Future[Outcome] = self._pool.schedule(outcome_of, args=(cell,), timeout=self._limit)
+        return future
+
+    def outcome_of(self, error: BaseException) -> Outcome:
+        """Return what an error of the pool says of a cell."""
+        if isinstance(error, TimeoutError):
+            return ended(HUNG, f"it took longer than {self._limit:g} s")
+        if isinstance(error, pebble.ProcessExpired):
+            return ended(KILLED, f"its process ended with {_exit_name(error.exitcode)}")
+        return ended(FAILED, f"{type(error).__name__}: {error}")
+
+    def renewed(self) -> bool:
+        """Replace the pool where it has broken: processes were killed while they took a cell or gave one back."""
+        if self._pool.active:
+            return False
+        threading.Thread(target=_end, args=(self._pool,), daemon=True).start()  # a broken pool may never end: nobody waits for it
+        self._pool = self._new()
+        return True
+
+    def close(self) -> None:
+        """End all processes."""
+        _end(self._pool)
+
+    def _new(self) -> pebble.ProcessPool:
+        use_one_thread()  # the processes inherit it before they load anything
+        spawned = mp.get_context("spawn")  # a forked process would share threads and locks with libraries that may be loaded here
+        return pebble.ProcessPool(max_workers=self._workers, initializer=serve_parent, context=spawned)
+
+
+def _end(pool: pebble.ProcessPool) -> None:
+    """End the processes of a pool."""
+    pool.stop()
+    pool.join()
+
+
+def _exit_name(code: int | None) -> str:
+    """Return how a process ended: the signal's name, else the code."""
+    if code is not None and code < 0:
+        with suppress(ValueError):
+            return signal.Signals(-code).name
+    return f"code {code}"
 
 
 @dataclass(frozen=True)
@@ -114,3 +193,10 @@ def _within(cell: Cell, limit: float, source: str) -> Outcome:
         return outcome_of(cell)
     finally:
         watch.cancel()
+
+
+def outcome_of(cell: Cell) -> Outcome:
+    """Work on a cell in a process of an engine's; see ``hdvplan.study.work``."""
+    from hdvplan.study.work import work  # noqa: PLC0415 - the process that hands cells out loads nothing that plans, and stays small
+
+    return work(cell)
