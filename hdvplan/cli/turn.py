@@ -90,8 +90,7 @@ def turn(
         raise OptionError(msg, hint="`hdvplan vehicles list` names the presets, `hdvplan turn --list` the templates")
     check_folder(out)
     from hdvplan.report.files import PICTURES
-    from hdvplan.report.turn_files import TURN_DRAWINGS, write_turn
-    from hdvplan.report.turns import broken_words, turn_json, turn_table, verdict
+    from hdvplan.report.turns import TURN_DRAWINGS, broken_words, turn_json, turn_table, verdict, write_turn
     from hdvplan.turning.turn import turn as drive
 
     kinds = drawn_formats(formats, PICTURES, TURN_DRAWINGS, plot=plot)

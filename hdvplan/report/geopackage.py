@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from hdvplan.judging.result import Result
-from hdvplan.report.layers import Drawn, Layer, drawn_features
-from hdvplan.report.placing import map_system
+from hdvplan.report.geojson import polygons_of
+from hdvplan.report.layers import Drawn, Layer, drawn_features, map_system
 
 _NOWHERE = 'LOCAL_CS["metres of the road file",UNIT["metre",1],AXIS["x",EAST],AXIS["y",NORTH]]'
 
@@ -72,8 +72,3 @@ def _one_kind(geometry: BaseGeometry) -> BaseGeometry:
     if _is_line(geometry):
         return geometry
     return shapely.MultiPolygon(polygons_of(geometry))
-
-
-def polygons_of(geometry: BaseGeometry) -> list[shapely.Polygon]:
-    """Return the polygons in a geometry, however deep they lie."""
-    return [part for part in shapely.get_parts(shapely.get_parts(geometry)) if isinstance(part, shapely.Polygon) and not part.is_empty]

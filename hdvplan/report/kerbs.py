@@ -9,12 +9,13 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from hdvplan.arrays import FloatArray
 from hdvplan.judging.balance import Breach
 from hdvplan.judging.bodies import corners
 from hdvplan.judging.result import Result
 from hdvplan.road.road import Road
 
-_SIMPLER_M = 2.5e-4  # lines leave out points that would move them by no more
+SIMPLER_M = 2.5e-4  # lines leave out points that would move them by no more
 _NEAR_M = 3.0  # from what was swept, on a road without widths
 _FURTHER_M = 0.05  # beyond a kerb than the depth of its breach
 _BESIDE_M = 1.0  # of a conflict, along the kerb: there what was swept is within it again
@@ -37,9 +38,15 @@ def kerb_lines(road: Road, s_from: float, s_to: float) -> list[KerbLine]:
     found = []
     for kerb in street.beside(s_from, s_to):
         named = ("sweepable", "overhangs") if street.two_regions and not kerb.wheels else ("drivable", "wheels")
-        line = shapely.simplify(shapely.LineString(kerb.points), _SIMPLER_M, preserve_topology=False)
-        found.append(KerbLine("left" if kerb.left else "right", *named, line))
+        found.append(KerbLine("left" if kerb.left else "right", *named, simple_line(kerb.points)))
     return sorted(found, key=lambda one: (one.side, one.region))
+
+
+def simple_line(points: FloatArray, off: float = SIMPLER_M) -> shapely.LineString:
+    """Return a line without the points whose absence moves it by no more than ``off`` [m]."""
+    line = shapely.simplify(shapely.LineString(points), off, preserve_topology=False)
+    assert isinstance(line, shapely.LineString)  # noqa: S101 - a line stays one
+    return line
 
 
 def shown_kerbs(result: Result, s_from: float = 0.0, s_to: float = np.inf) -> list[KerbLine]:

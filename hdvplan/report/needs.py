@@ -1,25 +1,36 @@
-"""What ``hdvplan need`` says and writes: its sentence, its JSON, its table, and the widening as polygons."""
+"""What ``hdvplan need`` says, draws and writes. Each file appears whole or not at all, and ``need.json`` comes last."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
 from rich.table import Table
 
-from hdvplan.judging.result import body_name
+from hdvplan.fileio import Together, json_bytes
+from hdvplan.judging.result import Result, body_name
 from hdvplan.judging.verdict import place_text, proof_text
 from hdvplan.need.answer import Need, Place
 from hdvplan.need.bound import Bound
 from hdvplan.need.kerbs import Patch
-from hdvplan.need.search import TOLERANCE_M, WIDE_M, Least
+from hdvplan.need.search import TOLERANCE_M, WIDE_M, Least, on_road
 from hdvplan.need.widening import Widening, Widenings
+from hdvplan.record import NAME, record_of
 from hdvplan.report.colours import BREACH
+from hdvplan.report.files import DRAWINGS, PICTURES, drawn_bytes
 from hdvplan.report.geojson import area_style, feature
 from hdvplan.report.grid import grid
+from hdvplan.report.layers import Drawn, Layer, Value, drawn_features
 from hdvplan.report.summary import proof_json
 from hdvplan.road.regions import called
 from hdvplan.road.road import Road
 from hdvplan.version import __version__
 
 Json = dict[str, object]
+_SUMMARY = "need.json"
+_WIDENINGS = {"area": "widening.geojson", "depth": "widening_least_depth.geojson"}
 
 
 def need_lines(need: Need) -> list[str]:
@@ -196,3 +207,79 @@ def _table(widening: Widening, title: str) -> Table:
         columns.append("limit")
     total = f"{_area_text(widening.area)}, {widening.depth:.2f} m at the deepest"
     return grid(f"{title}: {total}", columns, rows, text=("side", "limit"))
+
+
+def shown_plan(need: Need) -> tuple[Result, tuple[Patch, ...]] | None:
+    """Return the plan to draw, and where the road is widened for it; None where no plan was found."""
+    widened, road = need.widenings, need.case.road
+    if widened is not None and widened.area is not None:
+        return widened.area.result, widened.area.patches
+    if widened is not None and widened.fitting is not None:
+        return widened.fitting, ()
+    best = need.room.result or (None if need.held is None else need.held.result)
+    if best is None:
+        return None
+    return on_road(best, replace(road, limits=None, drawn=None, regions=(), faces=None)), ()
+
+
+def need_features(need: Need, shown: Result) -> tuple[Drawn, ...]:
+    """Return all features of a need's drawing: those of the plan ``shown`` on the road as it is, and the areas to be widened.
+
+    Where these are known, what the plan sweeps beyond the road's limits is left out: it is the same with less around it.
+    """
+    widened = need.widenings
+    areas = () if widened is None or widened.area is None else _areas(widened.area, Layer.WIDENING)
+    depths = () if widened is None or widened.depth is None else _areas(widened.depth, Layer.WIDENING_LEAST_DEPTH)
+    plan = drawn_features(shown)
+    return (*(feature for feature in plan if not areas or feature.layer is not Layer.CONFLICTS), *areas, *depths)
+
+
+def _areas(widening: Widening, layer: Layer) -> tuple[Drawn, ...]:
+    found = []
+    for patch in widening.patches:
+        area = float(patch.polygon.area)
+        properties: dict[str, Value] = {
+            "depth_m": patch.depth,
+            "area_m2": area,
+            "s_m": patch.s_deepest,
+            "s_from_m": patch.s_from,
+            "s_to_m": patch.s_to,
+            "side": patch.side,
+            "region": patch.region,
+            "fits_then": 1,
+        }
+        found.append(Drawn(layer, patch.polygon, properties, f"{patch.side}: {area:.1f} m2, {patch.depth:.2f} m deep"))
+    return tuple(found)
+
+
+def write_need(need: Need, answer: Json, directory: Path, kinds: Sequence[str] = ("png",)) -> None:
+    """Write ``answer``, that of ``need_json``, with widenings as polygons into ``directory``, made if need be.
+
+    ``kinds`` are those of ``PICTURES`` and ``DRAWINGS`` that are drawn as well; where no plan was found there is nothing to draw.
+
+    Raises:
+        OptionError: the folder holds files of others.
+        OSError: the folder or a file cannot be written.
+
+    """
+    contents: dict[str, Callable[[], bytes]] = {NAME: lambda: json_bytes(record_of([need.case]))}
+    for kind, name in _WIDENINGS.items():
+        widening = None if need.widenings is None else getattr(need.widenings, kind)
+        if widening is not None:
+            contents[name] = partial(json_bytes, widening_geojson(need, widening), indent=None)
+    shown = shown_plan(need) if kinds else None
+    if shown is not None:
+        contents |= {f"need.{kind}": partial(_drawn, need, shown[0], kind) for kind in kinds}
+    contents[_SUMMARY] = lambda: json_bytes(answer)
+    names = (*(f"need.{kind}" for kind in (*PICTURES, *DRAWINGS)), *_WIDENINGS.values())
+    Together(_SUMMARY, names, {NAME: "software", _SUMMARY: "tolerance_m"}).write(directory, contents)
+
+
+def _drawn(need: Need, shown: Result, kind: str) -> bytes:
+    """Return the file of one of ``PICTURES`` or ``DRAWINGS``."""
+    if kind not in PICTURES:
+        return drawn_bytes(shown, kind, need_features(need, shown), need_lines(need))
+    from hdvplan.report.need_plots import need_figure  # noqa: PLC0415 - Matplotlib takes half a second to import
+    from hdvplan.report.style import figure_bytes  # noqa: PLC0415 - as above
+
+    return figure_bytes(need_figure(need), kind)

@@ -9,7 +9,7 @@ import numpy as np
 
 from hdvplan.arrays import FloatArray
 from hdvplan.report.planfiles import PlanFiles
-from hdvplan.report.windows import peaks
+from hdvplan.report.rooms import peaks
 
 SPACING_M = 0.5  # between two samples of the page
 _HIDDEN_BELOW = 1e-9

@@ -1,6 +1,10 @@
-"""A driven manoeuvre as verdict, table, JSON, CSV and GeoJSON."""
+"""What ``hdvplan turn`` says, draws and writes. Each file appears whole or not at all, and ``turn.json`` comes last."""
 
 from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -11,20 +15,25 @@ from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
 from hdvplan.arrays import FloatArray
+from hdvplan.fileio import Together, csv_bytes, json_bytes
 from hdvplan.judging.result import body_name
-from hdvplan.report.colours import INK, MUTED
+from hdvplan.judging.wheels import wheels_of
+from hdvplan.report.colours import INK, MUTED, body_colour
+from hdvplan.report.files import PICTURES
 from hdvplan.report.grid import grid
-from hdvplan.report.style import body_colour
+from hdvplan.report.kerbs import simple_line
+from hdvplan.report.layers import Drawn, Layer, System, Value
 from hdvplan.turning.follow import Followed
 from hdvplan.turning.swept import chart_of
 from hdvplan.turning.templates import Limit, figure
 from hdvplan.turning.turn import Turn
 
 Json = dict[str, object]
+TURN_DRAWINGS = ("dxf",)  # for CAD; it lies nowhere on a map
+_RING_SEGMENTS = 128  # a quarter: on a radius of 15 m chords are off by 0.3 mm
 _AREA_M = 0.2  # between the poses that a swept area is joined from: short by 0.7 mm at a radius of 7 m
 _TRACK_M = 0.25
 _SIMPLER_M = 1e-3
-_LIMIT_DIGITS = 3
 
 
 def verdict(turn: Turn) -> str:
@@ -121,7 +130,7 @@ def width_table(turn: Turn) -> pd.DataFrame:
 
 def turn_geojson(turn: Turn) -> Json:
     """Return a FeatureCollection in plane coordinates [m]: swept areas, wheel tracks, the guided path, the arc's centre, limits."""
-    driven, chart = turn.driven, chart_of(turn.driven)
+    driven, centre = turn.driven, shapely.Point(chart_of(turn.driven).centre)
     vehicle = driven.vehicle
     common: Json = {"vehicle": vehicle.name, "note": "planar coordinates in metres"}
     if turn.template is not None:
@@ -135,12 +144,28 @@ def turn_geojson(turn: Turn) -> Json:
         named = {"kind": "wheel track", "unit": body_name(vehicle, unit), "side": side}
         features.append(_feature(shapely.LineString(track), common | named | _stroke(body_colour(unit))))
     features.append(_feature(shapely.LineString(driven.guide[:, :2]), common | {"kind": "guided path"} | _stroke(MUTED)))
-    features.append(_feature(shapely.Point(chart.centre), common | {"kind": "centre"}))
-    for limit in turn.limits:
-        if limit.name.endswith("radius"):
-            ring = shapely.Point(chart.centre).buffer(limit.value, quad_segs=64).exterior
-            features.append(_feature(ring, common | {"kind": limit.words, "limit_m": limit.value} | _stroke(INK)))
+    features.append(_feature(centre, common | {"kind": "centre"}))
+    for limit in turn.circles:
+        ring = centre.buffer(limit.value, quad_segs=64).exterior
+        features.append(_feature(ring, common | {"kind": limit.words, "limit_m": limit.value} | _stroke(INK)))
     return {"type": "FeatureCollection", "features": features}
+
+
+def turn_features(turn: Turn) -> tuple[Drawn, ...]:
+    """Return all features of a manoeuvre's drawing, x, y [m]: path, swept areas, the limits' circles, wheel tracks, a few poses."""
+    driven, units = turn.driven, range(len(turn.driven.vehicle.units))
+    named: list[dict[str, Value]] = [{"body": unit + 1, "unit": body_name(driven.vehicle, unit)} for unit in units]
+    found = [Drawn(Layer.GUIDED_PATH, simple_line(driven.guide[:, :2]), {"point": str(driven.manoeuvre.point)})]
+    found += [Drawn(Layer.ENVELOPE, swept_area(driven, unit), named[unit]) for unit in units]
+    for limit in turn.circles:
+        ring = shapely.Point(chart_of(driven).centre).buffer(limit.value, quad_segs=_RING_SEGMENTS).exterior
+        found.append(Drawn(Layer.LIMITS, ring, {"limit": limit.words, "limit_m": limit.value}))
+    found += [Drawn(Layer.TRACKS, simple_line(track), named[unit] | {"side": side}) for unit, side, track in wheel_tracks(driven)]
+    outlines = [(unit, driven.corners(unit)) for unit in units]
+    found += [
+        Drawn(Layer.VEHICLES, shapely.Polygon(corners[pose]), named[unit]) for pose in shown_poses(driven) for unit, corners in outlines
+    ]
+    return tuple(found)
 
 
 def swept_area(driven: Followed, unit: int) -> BaseGeometry:
@@ -163,11 +188,9 @@ def _swept(corners: FloatArray) -> BaseGeometry:
 def wheel_tracks(driven: Followed) -> list[tuple[int, str, FloatArray]]:
     """Return the tracks of all wheels: unit, side (front left, left, ...), points (n, 2) [m]."""
     kept, tracks = every(driven, _TRACK_M), []
-    for number, unit in enumerate(driven.vehicle.units):
-        for front, ahead in ((True, unit.wheelbase), (False, 0.0)) if number == 0 else ((False, 0.0),):
-            for side, left in (("left", 0.5 * unit.width), ("right", -0.5 * unit.width)):
-                points = driven.points(number, np.array([ahead]), np.array([left]))[kept, 0]
-                tracks.append((number, f"front {side}" if front else side, points))
+    for wheel in wheels_of(driven.vehicle):
+        points = driven.points(wheel.unit, np.array([wheel.ahead]), np.array([wheel.left]))[kept, 0]
+        tracks.append((wheel.unit, f"front {wheel.side}" if wheel.axle == "front" else wheel.side, points))
     return tracks
 
 
@@ -211,3 +234,43 @@ def _feature(geometry: BaseGeometry, properties: Json) -> Json:
     simple = shapely.set_precision(shapely.simplify(geometry, _SIMPLER_M), _SIMPLER_M) if geometry.area > 0.0 else geometry
     wound = shapely.multipolygons([orient(part) for part in shapely.get_parts(simple)]) if geometry.area > 0.0 else simple
     return {"type": "Feature", "properties": properties, "geometry": mapping(shapely.transform(wound, lambda points: np.round(points, 3)))}
+
+
+def _dxf(turn: Turn) -> bytes:
+    """Return the drawing of a manoeuvre [m]: the guided point enters along x, and the turn is to the left."""
+    from hdvplan.report.dxf import drawing_bytes, how_to_read  # noqa: PLC0415 - ezdxf takes half a second to import
+
+    system = System(None, "metres; the turn is to the left, mirror it for one to the right")
+    template = [] if turn.template is None else [f"template: {turn.template.name}; {turn.template.source}"]
+    notes = [verdict(turn), *template, f"vehicle: {turn.driven.vehicle.name}", *how_to_read(system)]
+    return drawing_bytes(turn_features(turn), system, notes)
+
+
+def write_turn(turn: Turn, directory: Path, *, kinds: Collection[str] = ()) -> None:
+    """Write ``turn.json``, ``poses.csv``, ``width.csv``, ``turn.geojson`` and what is drawn into ``directory``.
+
+    ``kinds`` are those of ``PICTURES`` and ``TURN_DRAWINGS`` that are drawn.
+
+    Raises:
+        OptionError: the folder holds files of others.
+        OSError: the folder or a file cannot be written.
+
+    """
+    contents: dict[str, Callable[[], bytes]] = {
+        "poses.csv": lambda: csv_bytes(poses_table(turn.driven)),
+        "width.csv": lambda: csv_bytes(width_table(turn)),
+        "turn.geojson": lambda: json_bytes(turn_geojson(turn), indent=None),
+    }
+    contents |= {f"turn.{kind}": partial(_drawn, turn, kind) for kind in kinds}
+    contents["turn.json"] = lambda: json_bytes(turn_json(turn))
+    names = tuple(f"turn.{kind}" for kind in (*PICTURES, *TURN_DRAWINGS))
+    Together("turn.json", names, {"turn.json": "swept_width_m"}).write(directory, contents)
+
+
+def _drawn(turn: Turn, kind: str) -> bytes:
+    if kind == "dxf":
+        return _dxf(turn)
+    from hdvplan.report.style import figure_bytes  # noqa: PLC0415 - Matplotlib takes half a second to import
+    from hdvplan.report.turn_plots import turn_figure  # noqa: PLC0415 - as above
+
+    return figure_bytes(turn_figure(turn), kind)

@@ -17,8 +17,8 @@ from matplotlib.path import Path as Outline
 
 from hdvplan.arrays import FloatArray
 from hdvplan.judging.bodies import corners, pose_at
-from hdvplan.report.furniture import draw_direction, finish_map
 from hdvplan.report.geojson import swept_area
+from hdvplan.report.maps import draw_direction, finish_map
 from hdvplan.report.style import plain_decades, styled
 from hdvplan.reproduce.published import StepTime
 from hdvplan.reproduce.swept import Swept

@@ -25,14 +25,14 @@ class Turn:
         return () if self.template is None else self.template.limits
 
     @property
+    def circles(self) -> tuple[Limit, ...]:
+        """The demands that are circles about the arc's centre."""
+        return tuple(limit for limit in self.limits if limit.name.endswith("radius"))
+
+    @property
     def complies(self) -> bool | None:
         """Whether all demands are met; None where there are none."""
         return all(limit.kept(self.figures) for limit in self.limits) if self.limits else None
-
-    @property
-    def tightest(self) -> Limit | None:
-        """The demand that is met with the least to spare, or broken most."""
-        return min(self.limits, key=lambda limit: limit.spare(self.figures), default=None)
 
 
 def turn(vehicle: Vehicle, manoeuvre: Manoeuvre | Template) -> Turn:

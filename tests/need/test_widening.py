@@ -15,8 +15,7 @@ from hdvplan.need.kerbs import around, moved, on_kerbs
 from hdvplan.need.room import kerbs_on
 from hdvplan.need.search import Least, on_road, spare_of
 from hdvplan.need.widening import Widenings, least_widenings, own_plans
-from hdvplan.report.need_layers import shown_plan
-from hdvplan.report.needs import need_json, need_lines
+from hdvplan.report.needs import need_json, need_lines, shown_plan
 from hdvplan.road.limits import Limits
 from hdvplan.road.regions import Kind, Region
 from hdvplan.road.road import Road

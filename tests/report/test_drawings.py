@@ -22,8 +22,7 @@ from hdvplan.judging.result import Result
 from hdvplan.judging.wheels import wheel_tracks
 from hdvplan.report.dxf import dxf_bytes
 from hdvplan.report.geopackage import geopackage_bytes
-from hdvplan.report.layers import drawn_features, outline_places
-from hdvplan.report.placing import drawing_system, map_system
+from hdvplan.report.layers import drawing_system, drawn_features, map_system, outline_places
 from hdvplan.road.crs import to_plane
 from hdvplan.road.line import RoadOptions
 from hdvplan.road.load import load_road

@@ -14,7 +14,7 @@ from hdvplan.driving.simulate import simulate
 from hdvplan.errors import OptionError
 from hdvplan.fileio import Column, json_bytes, settle, table_bytes, write_atomically
 from hdvplan.judging.result import Result
-from hdvplan.report.files import Table, envelope_table, path_table, picture_bytes, profile_table, steps_table, write_plan
+from hdvplan.report.files import Table, envelope_table, path_table, drawn_bytes, profile_table, steps_table, write_plan
 from hdvplan.report.planfiles import read_plan
 
 
@@ -211,7 +211,7 @@ def test_pictures_come_in_the_formats_asked_for(bus: Result, tmp_path: Path) -> 
     assert svg.startswith(b"<?xml")
     assert b">bus on uturn" in svg  # text stays text
     assert not (tmp_path / "plan.png").exists()
-    assert picture_bytes(bus, "svg") == svg  # the same plan, the same file
+    assert drawn_bytes(bus, "svg") == svg  # the same plan, the same file
 
 
 def test_writing_tells_how_far_it_is(bus: Result, tmp_path: Path) -> None:

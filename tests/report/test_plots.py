@@ -15,7 +15,7 @@ from hdvplan.judging.result import Result, result_of
 from hdvplan.judging.verdict import verdict_of, verdict_title
 from hdvplan.report.colours import BREACH, INK
 from hdvplan.report.plots import plan_figure
-from hdvplan.report.windows import tightest_windows
+from hdvplan.report.rooms import tightest_windows
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
 from tests.report.conftest import driven, once

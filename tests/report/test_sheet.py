@@ -15,8 +15,7 @@ from pypdf.generic import ContentStream, DictionaryObject
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError
 from hdvplan.judging.result import Result
-from hdvplan.report.pages import pages_of
-from hdvplan.report.paper import PAPERS_MM, SheetOptions
+from hdvplan.report.paper import PAPERS_MM, SheetOptions, pages_of
 from hdvplan.report.sheet import sheet_bytes
 
 MM = 25.4 / 72.0  # of a PDF's unit
