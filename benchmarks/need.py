@@ -26,7 +26,7 @@ from hdvplan.need.answer import Need, need_of
 from hdvplan.planning.bias import Bias
 from hdvplan.planning.settings import Scheme
 from hdvplan.record import write_record
-from hdvplan.report.markdown import markdown_table
+from hdvplan.report.grid import markdown_table
 
 VEHICLES = ("bus", "tractor-trailer", "tractor-trailer-24m")
 HUNTED = ("monaco_fairmont_hairpin", "goteborg_lindholmsallen_uturn", "newyork_columbus_circle")

@@ -18,7 +18,7 @@ from hdvplan.case import Case
 from hdvplan.errors import HdvplanError
 from hdvplan.judging.result import Result, breach_text
 from hdvplan.record import write_record
-from hdvplan.report.markdown import markdown_table
+from hdvplan.report.grid import markdown_table
 from hdvplan.road.library import road_names
 
 VEHICLES = ("bus", "tractor-trailer", "tractor-trailer-24m")

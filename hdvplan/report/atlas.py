@@ -32,6 +32,7 @@ from hdvplan.report.rooms import LONG_ROAD_M, Window, pose_touching
 
 _ABREAST = 2  # enlargements beside each other
 _LETTER_M, _LETTER_PT = 7.0, 25.0  # from the edge that it is written beside: room on the map, and its distance
+_BEYOND_M = 40.0  # the road goes on beyond an enlarged stretch, as far as the map shows
 _TALL = 1.25  # height over width from which a road's overview stands beside its enlargements
 
 
@@ -76,7 +77,7 @@ def _draw_enlarged(axes: Axes, result: Result, features: tuple[Drawn, ...], wind
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
     ends = np.array([middle - 0.5 * extent, middle + 0.5 * extent])
     draw_features(axes, features, around(ends, 0.0))
-    draw_depths(axes, result, window)
+    draw_depths(axes, result, Window(window.s_from - _BEYOND_M, window.s_to + _BEYOND_M))
     if room is not None:
         draw_bodies(axes, corners(result.drive, np.array([pose_touching(result, room)])))
         if room.limited and not room.broken:  # breaches have their depth

@@ -15,8 +15,7 @@ from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError
 from hdvplan.fileio import write_atomically
 from hdvplan.judging.balance import KEPT_M
-from hdvplan.report.payload import label_of, payload_of, tight_places
-from hdvplan.report.planfiles import PlanFiles, read_plan
+from hdvplan.report.planfiles import PlanFiles, label_of, payload_of, read_plan, tight_places
 from hdvplan.road.regions import called
 from hdvplan.texts import encoded
 from hdvplan.version import __version__
@@ -155,32 +154,16 @@ def _cell(summary: Json, key: str, digits: int | None) -> Json:
 def _panel(plan: PlanFiles, heading: str, short: str, edges: FloatArray) -> Json:
     summary = plan.summary
     breaches = sorted(summary["breaches"], key=lambda breach: -breach["depth_m"])
-    rows = [
-        {
-            "s": breach["s_deepest"],
-            "begin": f"{breach['s_from']:.1f}",
-            "end": f"{breach['s_to']:.1f}",
-            "depth": f"{breach['depth_m']:.3f}",
-            "side": breach["side"],
-            "body": breach["unit"],
-            "limit": _broken(breach),
-        }
-        for breach in breaches[:MOST_BREACHES]
-    ]
     return {
         "label": heading,
         "short": short,
         "verdict": verdict_text(summary),
-        "broken": bool(breaches),
         "bodies": [body["name"] for body in summary["bodies"]],
-        "breaches": rows,
-        "more_breaches": len(breaches) - len(rows),
-        "places": [place | {"at": f"{place['s']:.1f}", "value": f"{place['value']:.3f}"} for place in tight_places(plan)],
-        "obstacles": [
-            {"s": near["s_m"], "name": near["name"] or "obstacle", "distance": f"{near['distance_m']:.3f}", "body": near["unit"]}
-            | {"hit": near["distance_m"] < -KEPT_M}
-            for near in sorted(summary["obstacles"], key=lambda near: float(near["distance_m"]))[:MOST_OBSTACLES]
-        ],
+        "breaches": [breach | {"limit": _broken(breach)} for breach in breaches[:MOST_BREACHES]],
+        "more_breaches": len(breaches) - MOST_BREACHES,
+        "places": tight_places(plan),
+        "obstacles": sorted(summary["obstacles"], key=lambda near: float(near["distance_m"]))[:MOST_OBSTACLES],
+        "kept_m": KEPT_M,
         "regions": sorted({region["region"] for region in plan.regions}),
         "times": _histogram(plan.steps["total_ms"].to_numpy(), edges),
         "notice": summary.get("notice"),
@@ -211,28 +194,17 @@ def _edges(times: Sequence[FloatArray]) -> FloatArray:
 
 
 def _histogram(times: FloatArray, edges: FloatArray) -> Json:
-    """Return bars and ticks in the units of the page's drawing."""
+    """Return bars (x, y, width, height, text) and ticks (x, text) in the units of the page's drawing."""
     left, right, top, bottom = _PLOT
     counts, _ = np.histogram(times, edges)
-    width, most = (right - left) / _BINS, max(1, int(np.max(counts)))
+    width, high = (right - left) / _BINS, (bottom - top) * counts / max(1, int(np.max(counts)))
     bars = [
-        {
-            "x": f"{left + width * number:.1f}",
-            "width": f"{0.9 * width:.1f}",
-            "height": f"{(bottom - top) * count / most:.1f}",
-            "y": f"{bottom - (bottom - top) * count / most:.1f}",
-            "title": f"{edges[number]:.3g} to {edges[number + 1]:.3g} ms: {count} steps",
-        }
-        for number, count in enumerate(counts)
-        if count
+        (left + width * at, bottom - high[at], 0.9 * width, high[at], f"{edges[at]:.3g} to {edges[at + 1]:.3g} ms: {counts[at]} steps")
+        for at in np.flatnonzero(counts)
     ]
-    span = float(np.log(edges[-1] / edges[0]))
     nice = [digit * 10.0**power for power in range(-4, 6) for digit in (1, 2, 5)]
-    ticks = [
-        {"x": f"{left + (right - left) * np.log(value / edges[0]) / span:.1f}", "text": f"{value:g}"}
-        for value in nice
-        if edges[0] <= value <= edges[-1]
-    ]
+    scale = (right - left) / float(np.log(edges[-1] / edges[0]))
+    ticks = [(left + scale * np.log(value / edges[0]), f"{value:g}") for value in nice if edges[0] <= value <= edges[-1]]
     return {"bars": bars, "ticks": ticks, "count": len(times)}
 
 

@@ -39,14 +39,17 @@ _HEAD = 0.12  # of the lead unit's length: the arrow head in its front
 _BARS_M = (1000.0, 500.0, 200.0, 100.0, 50.0, 20.0, 10.0, 5.0, 2.0, 1.0)
 _SHARE = 0.3  # of the map's smaller side, at most
 _ARROW_LONG = 0.05  # of the map's larger side
-_NORTH_PT = 22.0  # length of its arrow
+_NORTH_PT = 28.0  # length of its arrow
 
 _LOOKS: dict[Layer, tuple[str, dict[str, Any]]] = {  # what the legend says, and how it is drawn on paper
     Layer.ENVELOPE: ("swept", {"linewidth": 0.6, "zorder": 1}),
     Layer.OBSTACLES: ("obstacle", {"facecolor": "0.6", "edgecolor": INK, "linewidth": 0.5, "zorder": 1.5}),
     Layer.SWEEPABLE: ("sweepable", {"facecolor": "none", "edgecolor": MUTED, "hatch": "////", "linewidth": 0.4, "zorder": 1.5}),
     Layer.TRACKS: ("wheel tracks", {"linewidth": 0.5, "linestyle": (0, (5, 2)), "zorder": 2.5}),
-    Layer.ROAD: ("road centre, direction of travel", {"color": MUTED, "linewidth": 0.5, "linestyle": (0, (14, 3, 2, 3)), "zorder": 2}),
+    Layer.ROAD: (
+        "road centre, s [m], direction of travel",
+        {"color": MUTED, "linewidth": 0.5, "linestyle": (0, (14, 3, 2, 3)), "zorder": 2},
+    ),
     Layer.LIMITS: ("limits", {"color": INK, "linewidth": 1.0, "zorder": 4}),
     Layer.CONFLICTS: ("beyond a limit", {"facecolor": BREACH, "edgecolor": BREACH, "linewidth": 0.8, "zorder": 4.5}),
     Layer.GUIDED_PATH: ("path", {"color": INK, "linewidth": 0.7, "linestyle": (0, (7, 3)), "zorder": 4}),
@@ -209,7 +212,8 @@ def around(points: FloatArray, room: float) -> shapely.Polygon:
     """Return a box around what a map shows that holds all of its panel, whatever that one's shape."""
     low, high = points.min(axis=0) - room, points.max(axis=0) + room
     most = float(np.max(high - low))
-    return shapely.box(*(low - most), *(high + most))
+    box: shapely.Polygon = shapely.box(*(low - most), *(high + most))
+    return box
 
 
 def frame(axes: Axes, points: FloatArray, room: float) -> None:

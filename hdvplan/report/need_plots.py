@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from textwrap import fill
 
 import numpy as np
@@ -9,11 +10,10 @@ import shapely
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hdvplan.need.answer import Need
-from hdvplan.need.kerbs import Patch
+from hdvplan.judging.result import Result
 from hdvplan.report.colours import BREACH, answer_colour
+from hdvplan.report.layers import Drawn, Layer
 from hdvplan.report.maps import draw_map, finish_map
-from hdvplan.report.needs import need_features, need_lines, shown_plan
 from hdvplan.report.rooms import Window
 from hdvplan.report.style import ON_WHITE, SLIDE_IN, styled, write_head
 from hdvplan.road.road import Road
@@ -24,20 +24,13 @@ _MOST = 4  # places shown, the largest first
 
 
 @styled()
-def need_figure(need: Need) -> Figure:
-    """Return the picture of a need: where to widen the road's own limits, or where the room that is needed is decided.
+def need_figure(shown: Result, features: Sequence[Drawn], lines: Sequence[str], s: float) -> Figure:
+    """Return the picture of a need: where to widen the road's own limits, or the place ``s`` [m] that decides how much room is needed.
 
-    Raises:
-        ValueError: no plan was found, so there is nothing to draw.
-
+    ``features`` are those of its drawing, ``lines`` its answer.
     """
-    plan = shown_plan(need)
-    if plan is None:
-        msg = "no plan was found: there is nothing to draw"
-        raise ValueError(msg)
-    shown, patches = plan
-    road, features = shown.drive.road, need_features(need, shown)
-    windows = _windows(need, patches, road)
+    road, patches = shown.drive.road, [feature for feature in features if feature.layer is Layer.WIDENING]
+    windows = _windows(patches, s, road)
     figure = Figure(figsize=SLIDE_IN, layout="constrained")
     across = 1 if len(windows) == 1 else 2
     grid = figure.add_gridspec((len(windows) + across - 1) // across, across)
@@ -50,19 +43,14 @@ def need_figure(need: Need) -> Figure:
         if number == 0:
             handles, labels = axes.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower left", ncols=6)
-    lines = need_lines(need)
     title = "\n".join(fill(line, _TITLE) for line in lines)
     write_head(figure, title, answer_colour(fits=not lines[0].startswith("NO")), notice=road.notice)
     return figure
 
 
-def _windows(need: Need, patches: tuple[Patch, ...], road: Road) -> list[Window]:
-    if patches:
-        largest = sorted(patches, key=lambda patch: -float(patch.polygon.area))[:_MOST]
-        ranges = [(patch.s_from, patch.s_to) for patch in largest]
-    else:
-        s = need.place.s if need.place is not None else 0.0
-        ranges = [(s, s)]
+def _windows(patches: Sequence[Drawn], s: float, road: Road) -> list[Window]:
+    largest = sorted(patches, key=lambda patch: -float(patch.geometry.area))[:_MOST]
+    ranges = [_range(patch) for patch in largest] or [(s, s)]
     joined: list[tuple[float, float]] = []
     for begin, end in sorted((max(0.0, begin - _AROUND_M), min(road.path.length, end + _AROUND_M)) for begin, end in ranges):
         if joined and begin <= joined[-1][1]:
@@ -75,11 +63,16 @@ def _windows(need: Need, patches: tuple[Patch, ...], road: Road) -> list[Window]
     ]
 
 
-def _write_widening(axes: Axes, patches: tuple[Patch, ...], window: Window) -> None:
+def _range(patch: Drawn) -> tuple[float, float]:
+    return float(patch.properties["s_from_m"] or 0.0), float(patch.properties["s_to_m"] or 0.0)
+
+
+def _write_widening(axes: Axes, patches: Sequence[Drawn], window: Window) -> None:
     """Write beside every area that is to be widened how deep and how large it is."""
     for patch in patches:
-        if patch.s_to >= window.s_from and patch.s_from <= window.s_to:
-            x, y = np.asarray(shapely.point_on_surface(patch.polygon).coords)[0]
-            text = f"{patch.depth:.2f} m, {patch.polygon.area:.1f} m²"
+        begin, end = _range(patch)
+        if end >= window.s_from and begin <= window.s_to:
+            x, y = np.asarray(shapely.point_on_surface(patch.geometry).coords)[0]
+            text = f"{patch.properties['depth_m']:.2f} m, {patch.geometry.area:.1f} m²"
             axes.annotate(text, (x, y), xytext=(14, 10), textcoords="offset points", color=BREACH, fontweight="bold", bbox=ON_WHITE,
                           zorder=7, arrowprops={"arrowstyle": "-", "color": BREACH})  # fmt: skip

@@ -209,17 +209,15 @@ def _table(widening: Widening, title: str) -> Table:
     return grid(f"{title}: {total}", columns, rows, text=("side", "limit"))
 
 
-def shown_plan(need: Need) -> tuple[Result, tuple[Patch, ...]] | None:
-    """Return the plan to draw, and where the road is widened for it; None where no plan was found."""
+def shown_plan(need: Need) -> Result | None:
+    """Return the plan to draw; None where no plan was found."""
     widened, road = need.widenings, need.case.road
-    if widened is not None and widened.area is not None:
-        return widened.area.result, widened.area.patches
-    if widened is not None and widened.fitting is not None:
-        return widened.fitting, ()
+    if widened is not None and (widened.area is not None or widened.fitting is not None):
+        return widened.fitting if widened.area is None else widened.area.result
     best = need.room.result or (None if need.held is None else need.held.result)
     if best is None:
         return None
-    return on_road(best, replace(road, limits=None, drawn=None, regions=(), faces=None)), ()
+    return on_road(best, replace(road, limits=None, drawn=None, regions=(), faces=None))
 
 
 def need_features(need: Need, shown: Result) -> tuple[Drawn, ...]:
@@ -269,7 +267,7 @@ def write_need(need: Need, answer: Json, directory: Path, kinds: Sequence[str] =
             contents[name] = partial(json_bytes, widening_geojson(need, widening), indent=None)
     shown = shown_plan(need) if kinds else None
     if shown is not None:
-        contents |= {f"need.{kind}": partial(_drawn, need, shown[0], kind) for kind in kinds}
+        contents |= {f"need.{kind}": partial(_drawn, need, shown, kind) for kind in kinds}
     contents[_SUMMARY] = lambda: json_bytes(answer)
     names = (*(f"need.{kind}" for kind in (*PICTURES, *DRAWINGS)), *_WIDENINGS.values())
     Together(_SUMMARY, names, {NAME: "software", _SUMMARY: "tolerance_m"}).write(directory, contents)
@@ -277,9 +275,10 @@ def write_need(need: Need, answer: Json, directory: Path, kinds: Sequence[str] =
 
 def _drawn(need: Need, shown: Result, kind: str) -> bytes:
     """Return the file of one of ``PICTURES`` or ``DRAWINGS``."""
+    features, lines = need_features(need, shown), need_lines(need)
     if kind not in PICTURES:
-        return drawn_bytes(shown, kind, need_features(need, shown), need_lines(need))
+        return drawn_bytes(shown, kind, features, lines)
     from hdvplan.report.need_plots import need_figure  # noqa: PLC0415 - Matplotlib takes half a second to import
     from hdvplan.report.style import figure_bytes  # noqa: PLC0415 - as above
 
-    return figure_bytes(need_figure(need), kind)
+    return figure_bytes(need_figure(shown, features, lines, 0.0 if need.place is None else need.place.s), kind)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -71,7 +71,7 @@ class Page:
     turn: float
     middle: tuple[float, float]  # [m], turned
     scale: int
-    caption: str  # which part of the road this is
+    caption: str = ""  # which part of the road this is
 
     def turned(self, points: FloatArray) -> FloatArray:
         """Return points of the road's plane, shape (n, 2), as they lie on the sheet [m]."""
@@ -90,27 +90,17 @@ def pages_of(result: Result, field_mm: tuple[float, float], scale: int | None) -
         OptionError: not even the vehicle has room at this scale.
 
     """
-    length = result.drive.road.path.length
-    outline = _Outline(result, field_mm)
+    length, outline = result.drive.road.path.length, _Outline(result, field_mm)
     for round_scale in (scale,) if scale is not None else [s for s in SCALES if s <= _SMALLEST_WHOLE]:
-        whole = outline.page(0.0, length, round_scale, "whole road")
+        whole = outline.page(0.0, length, round_scale)
         if whole is not None:
-            return (whole,)
-    smallest = scale or _SMALLEST_WHOLE
-    parts = _parts(outline, length, smallest)
-    if parts is not None:
-        captions = [f"sheet {number} of {len(parts)}: s = {part[0]:.0f} to {part[1]:.0f} m" for number, part in enumerate(parts, start=1)]
-        return tuple(outline.must(*part, smallest, caption) for part, caption in zip(parts, captions, strict=True))
-    windows = tightest_windows(result)
-    stretches = [_largest(outline, window.s_from, window.s_to, scale) for window in windows]
-    return tuple(
-        outline.must(begin, end, of_scale, _decisive(number, len(stretches), begin, end, length))
-        for number, (begin, end, of_scale) in enumerate(stretches, start=1)
-    )
-
-
-def _decisive(number: int, count: int, begin: float, end: float, length: float) -> str:
-    return f"sheet {number} of {count}: s = {begin:.0f} to {end:.0f} m of {length:.0f} m; only the tightest stretches are drawn"
+            return (replace(whole, caption="whole road"),)
+    pages, of_all = _parts(outline, length, scale or _SMALLEST_WHOLE), ""
+    if pages is None:
+        pages = [_largest(outline, window.s_from, window.s_to, scale) for window in tightest_windows(result)]
+        of_all = f" of {length:.0f} m; only the tightest stretches are drawn"
+    captions = [f"sheet {n} of {len(pages)}: s = {page.s_from:.0f} to {page.s_to:.0f} m" for n, page in enumerate(pages, start=1)]
+    return tuple(replace(page, caption=caption + of_all) for page, caption in zip(pages, captions, strict=True))
 
 
 class _Outline:
@@ -132,24 +122,18 @@ class _Outline:
         self.field_mm = field_mm
         self.vehicle = result.drive.vehicle
 
-    def page(self, begin: float, end: float, scale: int, caption: str) -> Page | None:
+    def page(self, begin: float, end: float, scale: int) -> Page | None:
         """Return the stretch on a sheet, north up if it fits so, else turned; None where it fits neither way."""
         shown = (self.s >= begin - _SPACING_M) & (self.s <= end + _SPACING_M)
         points = np.concatenate([edge[shown] for edge in self.edges])
         room = [(side - 2.0 * _ROOM_MM) * scale / 1e3 for side in self.field_mm]
         for turn in (0.0, _levelling(points)):
-            page = Page(begin, end, turn, (0.0, 0.0), scale, caption)
+            page = Page(begin, end, turn, (0.0, 0.0), scale)
             low, high = (pick(page.turned(points), axis=0) for pick in (np.min, np.max))
             if np.all(high - low <= room):
                 middle = 0.5 * (low + high)
-                return Page(begin, end, turn, (float(middle[0]), float(middle[1])), scale, caption)
+                return replace(page, middle=(float(middle[0]), float(middle[1])))
         return None
-
-    def must(self, begin: float, end: float, scale: int, caption: str) -> Page:
-        """Return the stretch on a sheet that it is known to fit on."""
-        page = self.page(begin, end, scale, caption)
-        assert page is not None  # noqa: S101 - it was tried
-        return page
 
     def refusal(self, scale: int) -> OptionError:
         """Return what is wrong with a scale at which the vehicle has no room."""
@@ -157,35 +141,39 @@ class _Outline:
         return OptionError(msg, hint="take a smaller scale, such as --scale 500, or a larger sheet")
 
 
-def _parts(outline: _Outline, length: float, scale: int) -> list[tuple[float, float]] | None:
-    """Return the stretches of as many sheets as the road needs, or None if they are too many."""
-    parts, begin = list[tuple[float, float]](), 0.0
-    shortest = 2.0 * _OVERLAP_M
-    while len(parts) < _MOST_SHEETS:
-        if outline.page(begin, min(begin + shortest, length), scale, "") is None:
+def _parts(outline: _Outline, length: float, scale: int) -> list[Page] | None:
+    """Return as many sheets as the road needs, or None if they are too many."""
+    pages, begin = list[Page](), 0.0
+    while len(pages) < _MOST_SHEETS:
+        last = outline.page(begin, length, scale)
+        if last is not None:
+            return [*pages, last]
+        fits, fails = min(begin + 2.0 * _OVERLAP_M, length), length
+        page = outline.page(begin, fits, scale)
+        if page is None:
             raise outline.refusal(scale)
-        fits, fails = min(begin + shortest, length), length
-        if outline.page(begin, length, scale, "") is not None:
-            return [*parts, (begin, length)]
         while fails - fits > _SPACING_M:
             middle = 0.5 * (fits + fails)
-            fits, fails = (middle, fails) if outline.page(begin, middle, scale, "") is not None else (fits, middle)
-        parts.append((begin, fits))
+            longer = outline.page(begin, middle, scale)
+            page, fits, fails = (page, fits, middle) if longer is None else (longer, middle, fails)
+        pages.append(page)
         begin = fits - _OVERLAP_M
     return None
 
 
-def _largest(outline: _Outline, begin: float, end: float, scale: int | None) -> tuple[float, float, int]:
-    """Return a tight stretch and the largest round scale that it fits at; at a given scale, as much of its middle as fits."""
+def _largest(outline: _Outline, begin: float, end: float, scale: int | None) -> Page:
+    """Return a tight stretch at the largest round scale that it fits at; at a given scale, as much of its middle as fits."""
     for round_scale in SCALES if scale is None else (scale,):
-        if outline.page(begin, end, round_scale, "") is not None:
-            return begin, end, round_scale
+        page = outline.page(begin, end, round_scale)
+        if page is not None:
+            return page
     smallest = scale or SCALES[-1]
     middle, half = 0.5 * (begin + end), 0.5 * (end - begin)
     while half > _OVERLAP_M:
         half -= _SPACING_M
-        if outline.page(middle - half, middle + half, smallest, "") is not None:
-            return middle - half, middle + half, smallest
+        page = outline.page(middle - half, middle + half, smallest)
+        if page is not None:
+            return page
     raise outline.refusal(smallest)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.legend import Legend
-from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import MaxNLocator
 
 from hdvplan.arrays import BoolArray, FloatArray
 from hdvplan.judging.result import Result, body_name
@@ -17,7 +17,7 @@ from hdvplan.report.atlas import draw_atlas
 from hdvplan.report.colours import BREACH, INK, MUTED, answer_colour, body_colour
 from hdvplan.report.kerbs import judged_stretch
 from hdvplan.report.rooms import FEW_BELOW_M, Window, breach_place, tightest_windows
-from hdvplan.report.style import ON_WHITE, SLIDE_IN, body_fill, styled, write_head
+from hdvplan.report.style import ON_WHITE, SLIDE_IN, body_fill, plain_decades, styled, write_head
 from hdvplan.report.summary import step_times_ms
 
 Panel = Callable[[Axes, Result, Window], None]
@@ -228,9 +228,7 @@ def _draw_times(axes: Axes, result: Result, _window: Window) -> None:
     label = f"mean {times['mean']:.2f}, p99 {times['p99']:.2f}, max {times['max']:.2f} ms"
     axes.axhline(times["mean"], color=MUTED, linewidth=1.0, label=label)
     axes.set_yscale("log")  # always: pictures of different plans are looked at together
-    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axes.yaxis.set_major_formatter("{x:g}")
-    axes.yaxis.set_minor_formatter(NullFormatter())
+    plain_decades(axes, "y")
     axes.set_ylabel("step time [ms]")
 
 

@@ -16,10 +16,10 @@ from hdvplan.report.colours import BREACH, INK, answer_colour, body_colour
 from hdvplan.report.layers import Layer
 from hdvplan.report.maps import draw_bodies, draw_features, outline_of, scale_bar
 from hdvplan.report.style import body_fill, styled, write_head
-from hdvplan.report.turns import shown_poses, swept_area, turn_features, verdict
+from hdvplan.report.turn_layers import shown_poses, swept_area, turn_features
 from hdvplan.turning.follow import Followed
 from hdvplan.turning.swept import band_of, chart_of, front_track
-from hdvplan.turning.turn import Turn
+from hdvplan.turning.turn import Turn, verdict
 
 _ROOM_M = 2.0
 _SHOWN_M = 25.0  # of the straights beside a compared turn

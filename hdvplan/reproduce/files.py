@@ -7,7 +7,7 @@ from io import BytesIO
 from pathlib import Path
 
 from hdvplan.fileio import csv_bytes, write_atomically
-from hdvplan.report.markdown import markdown_table
+from hdvplan.report.grid import markdown_table
 from hdvplan.report.style import DPI
 from hdvplan.reproduce.study import WORDS, Study, markdown, shown, summary_of
 

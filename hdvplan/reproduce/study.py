@@ -10,7 +10,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from hdvplan.case import Case
-from hdvplan.report.markdown import markdown_table
+from hdvplan.report.grid import markdown_table
 from hdvplan.reproduce.published import Number
 
 Progress = Callable[[float], None]

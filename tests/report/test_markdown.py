@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pandas as pd
 
-from hdvplan.report.markdown import markdown_table
+from hdvplan.report.grid import markdown_table
 
 
 def test_words_stand_left_and_numbers_right_as_they_are_given() -> None:

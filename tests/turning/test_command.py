@@ -54,13 +54,6 @@ def test_a_vehicle_that_complies_ends_in_0_with_its_figures(cli: Cli, tmp_path: 
     assert {path.name for path in folder.iterdir()} == {"poses.csv", "width.csv", "turn.geojson", "turn.json", "turn.png"}
 
 
-def test_what_is_assumed_of_a_vehicle_is_said(cli: Cli, tmp_path: Path) -> None:  # noqa: F811
-    (tmp_path / "mine.toml").write_text(VEHICLE.replace("turning_radius = 38\n", ""), encoding="utf-8")
-    outcome = cli("turn", "--vehicle", "mine.toml", "--radius", "14", "--angle", "90", "--no-plot")
-    assert outcome.code == 0
-    assert outcome.err == "mine: no turning_circle or max_curvature is given: the rear axle's least radius is assumed to be 10.0 m\n"
-
-
 def test_a_vehicle_that_does_not_comply_ends_in_1_and_says_by_how_much(cli: Cli) -> None:  # noqa: F811
     outcome = cli("turn", "--vehicle", "citaro-le-mu", "--template", "eu-circle", "--no-plot")
     assert outcome.code == 1
@@ -142,12 +135,6 @@ def test_a_circle_whose_centre_is_within_a_body_ends_in_1(cli: Cli) -> None:  # 
     outcome = cli("turn", "--vehicle", "b-double", "--radius", "13.47", "--angle", "steady", "--guide", "front-corner")
     assert (outcome.code, outcome.out) == (1, "")
     assert "the b-double reaches around the circle's centre" in outcome.err.splitlines()[0]
-
-
-def test_a_kingpin_that_a_vehicle_has_not_ends_in_1(cli: Cli) -> None:  # noqa: F811
-    outcome = cli("turn", "--vehicle", "bus", "--radius", "12", "--angle", "90", "--guide", "kingpin")
-    assert outcome.code == 1
-    assert "kingpin" in outcome.err
 
 
 def test_the_files_hold_the_drive_and_its_areas(cli: Cli, tmp_path: Path) -> None:  # noqa: F811

@@ -53,11 +53,3 @@ def test_a_turn_is_drawn_with_the_figures_that_are_told(cli: Cli, tmp_path: Path
     (notes,) = [entity for entity in drawing.modelspace() if isinstance(entity, MText)]
     assert notes.text.startswith(outcome.out.splitlines()[0])
     assert "mirror it for one to the right" in notes.text
-
-
-def test_a_drawing_that_is_not_asked_for_again_does_not_stay(cli: Cli, tmp_path: Path) -> None:  # noqa: F811
-    asked = ("turn", "--vehicle", "bus", "--radius", "14", "--angle", "30", "--no-plot", "--out", "out")
-    cli(*asked, "--format", "dxf")
-    assert (tmp_path / "out" / "turn.dxf").is_file()
-    assert cli(*asked).code == 0
-    assert not (tmp_path / "out" / "turn.dxf").exists()

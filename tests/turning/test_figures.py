@@ -9,10 +9,9 @@ import shapely
 from hdvplan.errors import TurnError
 from hdvplan.reproduce import published
 from hdvplan.reproduce.standards import deemed_wheelbase, outer_wheel
-from hdvplan.turning.figures import figures_of
 from hdvplan.turning.follow import follow
 from hdvplan.turning.manoeuvre import GuidePoint, Manoeuvre, guide_offsets
-from hdvplan.turning.swept import band_of, chart_of
+from hdvplan.turning.swept import band_of, chart_of, figures_of
 from hdvplan.turning.templates import load_template
 from hdvplan.turning.turn import Turn, turn
 from hdvplan.vehicle.load import load_vehicle, preset_groups
@@ -108,31 +107,6 @@ def test_a_vehicle_that_reaches_around_the_circle_s_centre_has_no_band_and_one_t
         assert figures_of(driven).swept_width == pytest.approx(furthest - nearest, abs=1e-3)
 
 
-@pytest.mark.parametrize("name", ["bus", "tractor-semitrailer", "truck-dolly-semitrailer"])
-def test_in_a_steady_circle_the_swept_width_is_what_lies_between_the_radii(name: str) -> None:
-    figures = figures_of(follow(load_vehicle(name), Manoeuvre(18.0, None)))
-    between = figures.bodies.outside - figures.bodies.inside
-    assert figures.swept_width == pytest.approx(between, abs=2e-4)  # outline points 0.1 m apart on a radius of at least 7 m
-    assert figures.swept_width <= between + 1e-9
-
-
-def test_the_swept_band_of_a_turn_is_that_of_the_outlines_in_the_plane() -> None:
-    """Half-way round, the band's edges are the extremes of dense outlines on the ray from the centre."""
-    vehicle = load_vehicle("WB-40")
-    driven = follow(vehicle, Manoeuvre(11.0, np.pi, lead_in=5.0), spacing=0.02)
-    reached = []
-    for number, unit in enumerate(vehicle.units):
-        ahead = np.linspace(-unit.rear_overhang, unit.front, 400)
-        for side in (0.5, -0.5):
-            points = driven.points(number, ahead, np.full(400, side * unit.width)) - np.array([5.0, 11.0])
-            off = points[..., 1] / np.maximum(np.hypot(*np.moveaxis(points, -1, 0)), 1e-9)  # of the ray along x, as a sine
-            reached.append(points[..., 0][(np.abs(off) < 0.002) & (points[..., 0] > 0.0)])
-    band, at = band_of(driven), 11.0 * 0.5 * np.pi
-    radii_seen = np.concatenate(reached)
-    assert 11.0 - np.interp(at, band.t, band.inner) == pytest.approx(radii_seen.min(), abs=0.005)  # rays within 0.002 rad
-    assert 11.0 - np.interp(at, band.t, band.outer) == pytest.approx(radii_seen.max(), abs=0.005)
-
-
 def test_joined_poses_are_exact_in_the_square_of_their_distance_and_outlines_alone_are_not() -> None:
     vehicle, manoeuvre = load_vehicle("CITY-BUS"), load_template("aashto-90").manoeuvre(load_vehicle("CITY-BUS"))
     exact = band_of(follow(vehicle, manoeuvre, spacing=0.0125))
@@ -163,14 +137,6 @@ def test_a_front_corner_on_the_line_never_swings_beyond_it_and_a_front_axle_lets
     assert swing is not None
     assert 0.3 < swing < bus.lead.front_overhang * np.sin(np.arctan(bus.lead.wheelbase * bus.max_curvature))
     assert figures_of(follow(bus, Manoeuvre(15.0, None))).frontal_swing is None
-
-
-@pytest.mark.parametrize("angle", [1e-4, 0.01, 0.3])
-def test_the_slightest_turn_has_the_radii_of_the_straight_beside_its_centre(angle: float) -> None:
-    figures = figures_of(follow(load_vehicle("WB-40"), Manoeuvre(15.0, angle)))
-    half = 0.5 * load_vehicle("WB-40").width
-    assert figures.bodies.outside == pytest.approx(15.0 + half, abs=angle)  # 0.9 m of overhang, turned
-    assert figures.bodies.inside == pytest.approx(15.0 - half, abs=4.0 * angle)
 
 
 def test_an_inside_radius_is_negative_where_the_body_reaches_over_the_centre() -> None:
