@@ -119,7 +119,7 @@ def turn_geojson(turn: Turn) -> Json:
     features.append(_feature(shapely.LineString(driven.guide[:, :2]), common | {"kind": "guided path"} | _stroke(MUTED)))
     features.append(_feature(centre, common | {"kind": "centre"}))
     for limit in turn.circles:
-        ring = centre.buffer(limit.value, quad_segs=64).exterior
+        ring = shapely.LineString(centre.buffer(limit.value, quad_segs=64).exterior)  # GeoJSON has no rings alone
         features.append(_feature(ring, common | {"kind": limit.words, "limit_m": limit.value} | _stroke(INK)))
     return {"type": "FeatureCollection", "features": features}
 

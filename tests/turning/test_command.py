@@ -138,8 +138,9 @@ def test_a_circle_whose_centre_is_within_a_body_ends_in_1(cli: Cli) -> None:  # 
 
 
 def test_the_files_hold_the_drive_and_its_areas(cli: Cli, tmp_path: Path) -> None:  # noqa: F811
-    assert cli("turn", "--vehicle", "WB-40", "--template", "aashto-90", "--no-plot", "--quiet").out == ""
-    folder = tmp_path / "aashto-90.WB-40"
+    (tmp_path / "gate.toml").write_text(TEMPLATE.replace("swept_width = 20", "outside_radius = 60"), encoding="utf-8")
+    assert cli("turn", "--vehicle", "WB-40", "--template", "gate.toml", "--no-plot", "--quiet").out == ""
+    folder = tmp_path / "depot-gate.WB-40"
     summary = json.loads((folder / "turn.json").read_text(encoding="utf-8"))
     width = pd.read_csv(folder / "width.csv")
     assert width["width"].max() == pytest.approx(summary["swept_width_m"], abs=1e-6)  # the file's digits
@@ -151,6 +152,7 @@ def test_the_files_hold_the_drive_and_its_areas(cli: Cli, tmp_path: Path) -> Non
     assert all(area.is_valid for area in areas)
     kinds = [feature["properties"]["kind"] for feature in features]
     assert kinds.count("wheel track") == 6
+    assert {feature["geometry"]["type"] for feature in features} == {"MultiPolygon", "LineString", "Point"}  # RFC 7946 has no rings alone
     centre = next(shape(feature["geometry"]) for feature in features if feature["properties"]["kind"] == "centre")
     nearest = min(area.distance(centre) for area in areas)
     assert nearest == pytest.approx(summary["min_inside_radius_m"], abs=2e-3)  # rounded and simplified to 1 mm
