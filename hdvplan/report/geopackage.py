@@ -10,7 +10,6 @@ import numpy as np
 import pyogrio
 import shapely
 from numpy.typing import NDArray
-from shapely.geometry.base import BaseGeometry
 
 from hdvplan.judging.result import Result
 from hdvplan.report.geojson import polygons_of

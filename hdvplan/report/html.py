@@ -81,15 +81,8 @@ def write_report(
     try:
         with np.errstate(over="raise", divide="raise", invalid="raise"):  # else such numbers are warned of, and the page shows nothing
             page = encoded(report_html(plans, title))
-    except (
-        ArithmeticError,
-        AttributeError,
-        LookupError,
-        RecursionError,
-        TemplateError,
-        TypeError,
-        ValueError,
-    ) as error:  # files from outside may hold anything
+    except (ArithmeticError, AttributeError, LookupError, RecursionError, TemplateError, TypeError, ValueError) as error:
+        # files from outside may hold anything
         msg = f"the plans in {', '.join(map(str, directories))} cannot be shown: {error}"
         raise OptionError(msg, hint="a file of one of them is damaged: plan again") from error
     write_atomically(path, page)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -19,6 +20,7 @@ from hdvplan.report.rooms import approach_of, peaks, room_at, shared_with, tight
 from hdvplan.road.crs import IntoPlane, ToLonLat, is_local
 from hdvplan.road.regions import Kind
 from hdvplan.road.road import Road
+from hdvplan.vehicle.model import Vehicle
 
 APART = 1.25  # vehicle lengths from outline to outline: they do not touch
 LONLAT_CODE = "EPSG:4326"
@@ -59,16 +61,7 @@ class Drawn:
 
 def drawn_features(result: Result) -> tuple[Drawn, ...]:
     """Return all features of a plan's drawing, in the order of their layers, x, y [m]."""
-    return (
-        *_road(result),
-        *_regions(result.drive.road),
-        *_envelopes(result),
-        *_limits(result),
-        *_tracks(result),
-        *_vehicles(result),
-        *_clearances(result),
-        *_conflicts(result),
-    )
+    return tuple(feature for of_layer in _LAYERS for feature in of_layer(result))
 
 
 def outline_places(result: Result, s_from: float, s_to: float) -> list[float]:
@@ -80,101 +73,78 @@ def outline_places(result: Result, s_from: float, s_to: float) -> list[float]:
     return [first + number * apart for number in range(count)]
 
 
-def _road(result: Result) -> list[Drawn]:
+def of_body(vehicle: Vehicle, unit: int) -> dict[str, Value]:
+    """Return which body of a vehicle a feature is of."""
+    return {"body": unit + 1, "unit": body_name(vehicle, unit)}
+
+
+def _road(result: Result) -> Iterator[Drawn]:
     road, length = result.drive.road, result.drive.road.path.length
     centre = np.column_stack(road.path.to_plane(np.linspace(0.0, length, max(2, int(np.ceil(length / _SPACING_M)) + 1)), 0.0))
-    properties: dict[str, Value] = {
-        "road": road.name,
-        "vehicle": result.drive.vehicle.name,
-        "status": result.status,
-        "length_m": length,
-        "attribution": road.notice,
-    }
-    return [Drawn(Layer.ROAD, simple_line(centre), properties)]
+    named: dict[str, Value] = {"road": road.name, "vehicle": result.drive.vehicle.name, "status": result.status}
+    yield Drawn(Layer.ROAD, simple_line(centre), named | {"length_m": length, "attribution": road.notice})
 
 
-def _regions(road: Road) -> list[Drawn]:
-    layers = {Kind.OBSTACLE: Layer.OBSTACLES, Kind.SWEEPABLE: Layer.SWEEPABLE}
-    ordered = sorted(road.regions, key=lambda region: list(layers).index(region.kind))
-    return [Drawn(layers[region.kind], region.polygon, {"name": region.label or None}, region.label) for region in ordered]
+def _regions(result: Result) -> Iterator[Drawn]:
+    for kind, layer in ((Kind.OBSTACLE, Layer.OBSTACLES), (Kind.SWEEPABLE, Layer.SWEEPABLE)):
+        for region in result.drive.road.regions:
+            if region.kind is kind:
+                yield Drawn(layer, region.polygon, {"name": region.label or None}, region.label)
 
 
-def _envelopes(result: Result) -> list[Drawn]:
-    envelope, found = result.envelope, []
+def _envelopes(result: Result) -> Iterator[Drawn]:
+    envelope, drive = result.envelope, result.drive
     for unit, (left, right) in enumerate(zip(envelope.left, envelope.right, strict=True)):
-        area = swept_area(result.drive.road.path, envelope.s, left, right)
-        properties: dict[str, Value] = {
-            "body": unit + 1,
-            "unit": body_name(result.drive.vehicle, unit),
-            "max_left_m": float(np.nanmax(left)),
-            "max_right_m": -float(np.nanmin(right)),
-            "area_m2": float(shapely.area(area)),
-        }
-        found.append(Drawn(Layer.ENVELOPE, area, properties))
-    return found
+        area = swept_area(drive.road.path, envelope.s, left, right)
+        reach: dict[str, Value] = {"max_left_m": float(np.nanmax(left)), "max_right_m": -float(np.nanmin(right))}
+        yield Drawn(Layer.ENVELOPE, area, of_body(drive.vehicle, unit) | reach | {"area_m2": float(shapely.area(area))})
 
 
-def _limits(result: Result) -> list[Drawn]:
-    kerbs = shown_kerbs(result)
-    return [Drawn(Layer.LIMITS, kerb.line, {"side": kerb.side, "binds": kerb.binds}) for kerb in kerbs]
+def _limits(result: Result) -> Iterator[Drawn]:
+    for kerb in shown_kerbs(result):
+        yield Drawn(Layer.LIMITS, kerb.line, {"side": kerb.side, "binds": kerb.binds})
 
 
-def _tracks(result: Result) -> list[Drawn]:
-    found = []
+def _tracks(result: Result) -> Iterator[Drawn]:
     for track in wheel_tracks(result.drive):
-        wheel = track.wheel
-        unit = body_name(result.drive.vehicle, wheel.unit)
-        properties: dict[str, Value] = {"body": wheel.unit + 1, "unit": unit, "axle": wheel.axle, "side": wheel.side, "note": TRACK_NOTE}
-        found.append(Drawn(Layer.TRACKS, simple_line(track.points), properties))
-    return found
+        wheel: dict[str, Value] = {"axle": track.wheel.axle, "side": track.wheel.side, "note": TRACK_NOTE}
+        yield Drawn(Layer.TRACKS, simple_line(track.points), of_body(result.drive.vehicle, track.wheel.unit) | wheel)
 
 
-def _vehicles(result: Result) -> list[Drawn]:
-    drive = result.drive
-    places = outline_places(result, 0.0, drive.road.path.length)
-    found = []
+def _vehicles(result: Result) -> Iterator[Drawn]:
+    drive, places = result.drive, outline_places(result, 0.0, result.drive.road.path.length)
     for s, bodies in zip(places, corners(drive, np.array([pose_at(drive, s) for s in places])), strict=True):
         for unit, outline in enumerate(bodies):
-            named: dict[str, Value] = {"body": unit + 1, "unit": body_name(drive.vehicle, unit), "s_m": s}
-            found.append(Drawn(Layer.VEHICLES, shapely.Polygon(outline), named))
-    return found
+            yield Drawn(Layer.VEHICLES, shapely.Polygon(outline), of_body(drive.vehicle, unit) | {"s_m": s})
 
 
-def _clearances(result: Result) -> list[Drawn]:
+def _clearances(result: Result) -> Iterator[Drawn]:
     """Return lines across the room at the tightest places, where limits are kept."""
-    if not result.gaps:
-        return []
-    found = []
-    for at in peaks(result.envelope.s, tightness(result), _CLEARANCES_APART_M, _CLEARANCES):
+    for at in peaks(result.envelope.s, tightness(result), _CLEARANCES_APART_M, _CLEARANCES) if result.gaps else ():
         room = room_at(result, at)
-        if room.broken:  # a conflict
-            continue
-        properties: dict[str, Value] = {
-            "s_m": room.s,
-            "clearance_m": -room.depth,
-            "side": room.side,
-            "unit": body_name(result.drive.vehicle, room.unit),
-            "obstacle": room.obstacle,
-        }
-        found.append(Drawn(Layer.CLEARANCE, shapely.LineString(room.ends), properties, f"{max(-room.depth, 0.0):.2f}"))
-    return found
+        if not room.broken:  # else a conflict
+            where: dict[str, Value] = {"s_m": room.s, "clearance_m": -room.depth, "side": room.side}
+            named = where | {"unit": body_name(result.drive.vehicle, room.unit), "obstacle": room.obstacle}
+            yield Drawn(Layer.CLEARANCE, shapely.LineString(room.ends), named, f"{max(-room.depth, 0.0):.2f}")
 
 
-def _conflicts(result: Result) -> list[Drawn]:
+def _conflicts(result: Result) -> Iterator[Drawn]:
     """Return what was swept beyond an edge, and the parts of obstacles that bodies entered."""
-    vehicle, found = result.drive.vehicle, []
+    vehicle = result.drive.vehicle
     for breach in result.balance.breaches:
         area = beyond_kerb(result, breach) if breach.obstacle is None else shared_with(result, approach_of(result, breach))
         where: dict[str, Value] = {"depth_m": breach.depth, "s_m": breach.s_deepest, "s_from_m": breach.s_from, "s_to_m": breach.s_to}
         what: dict[str, Value] = {"obstacle": breach.obstacle, "text": breach_text(result, breach)}
         named = where | {"side": breach.side, "unit": body_name(vehicle, breach.unit)} | what
-        found.append(Drawn(Layer.CONFLICTS, area, named, f"{breach.depth:.2f}"))
+        yield Drawn(Layer.CONFLICTS, area, named, f"{breach.depth:.2f}")
     for near in result.entered:
         where = {"depth_m": -near.distance, "s_m": near.s, "s_from_m": near.s_from, "s_to_m": near.s_to}
         what = {"obstacle": near.obstacle.label, "text": entered_text(result, near)}
         named = where | {"side": near.side, "unit": body_name(vehicle, near.unit)} | what
-        found.append(Drawn(Layer.CONFLICTS, shared_with(result, near), named, f"{-near.distance:.2f}"))
-    return found
+        yield Drawn(Layer.CONFLICTS, shared_with(result, near), named, f"{-near.distance:.2f}")
+
+
+_LAYERS = (_road, _regions, _envelopes, _limits, _tracks, _vehicles, _clearances, _conflicts)
 
 
 @dataclass(frozen=True)

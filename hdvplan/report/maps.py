@@ -23,7 +23,7 @@ from hdvplan.report.colours import BREACH, INK, MUTED, body_colour
 from hdvplan.report.geojson import polygons_of
 from hdvplan.report.kerbs import judged_stretch
 from hdvplan.report.layers import Drawn, Layer, outline_places
-from hdvplan.report.rooms import Room, Window, outwards_at
+from hdvplan.report.rooms import Room, Window, outwards_at, shown_reach
 from hdvplan.report.style import ON_WHITE, body_dark, body_fill
 from hdvplan.road.path import ReferencePath
 
@@ -193,13 +193,10 @@ def point(place: FloatArray) -> tuple[float, float]:
 
 
 def reach_within(result: Result, window: Window) -> float:
-    """Return how far around the centre a map shows; limits far beyond what was swept are not shown [m]."""
-    envelope, limits = result.envelope, result.drive.road.beside
-    shown = (envelope.s >= window.s_from) & (envelope.s <= window.s_to)
-    reach = max(float(np.max(envelope.reach_left[shown])), -float(np.min(envelope.reach_right[shown])))
-    if limits is None:
-        return reach + _ROOM_M
-    return _ROOM_M + max(reach, min(2.0 * reach, float(np.max(np.abs(limits.table(envelope.s[shown]))))))
+    """Return how far around the centre a map shows [m]."""
+    s = result.envelope.s
+    left, right = (side[(s >= window.s_from) & (s <= window.s_to)] for side in shown_reach(result))
+    return _ROOM_M + max(float(np.max(left)), -float(np.min(right)))
 
 
 def stations(window: Window) -> FloatArray:

@@ -25,7 +25,6 @@ from hdvplan.report.grid import grid
 from hdvplan.report.layers import Drawn, Layer, Value, drawn_features
 from hdvplan.report.summary import proof_json
 from hdvplan.road.regions import called
-from hdvplan.road.road import Road
 from hdvplan.version import __version__
 
 Json = dict[str, object]
@@ -104,6 +103,7 @@ def need_json(need: Need, seconds: float) -> Json:
         named[f"least_{'right' if need.side == 'left' else 'left'}_m"] = None if need.held.result is None else need.held.room
     lon, lat = (place.lonlat if place is not None else None) or (None, None)
     widened = need.widenings
+    area, fits = (None, None) if widened is None else (widened.area, widened.fitting is not None)
     return {
         "road": case.road.name,
         "vehicle": case.vehicle.name,
@@ -125,8 +125,8 @@ def need_json(need: Need, seconds: float) -> Json:
         "objective": None if result is None else result.objective,
         "scheme": None if result is None else str(result.case.settings.scheme),
         "plans": need.room.plans,
-        "fits": None if widened is None else widened.fitting is not None,
-        "widening_m2": _widening_m2(need),
+        "fits": fits,
+        "widening_m2": 0.0 if fits else None if area is None else area.area,
         "widening": None
         if widened is None
         else {
@@ -137,14 +137,6 @@ def need_json(need: Need, seconds: float) -> Json:
         "notice": case.road.notice,
         "version": __version__,
     }
-
-
-def _widening_m2(need: Need) -> float | None:
-    if need.widenings is None:
-        return None
-    if need.widenings.fitting is not None:
-        return 0.0
-    return None if need.widenings.area is None else need.widenings.area.area
 
 
 def _widening_json(widening: Widening) -> Json:
@@ -176,12 +168,11 @@ def widening_geojson(need: Need, widening: Widening) -> Json:
     common: Json = {"road": road.name, "vehicle": need.case.vehicle.name, "kind": "widening"}
     if road.notice is not None:
         common["attribution"] = road.notice
-    return {"type": "FeatureCollection", "features": [_feature(patch, road, common) for patch in widening.patches]}
-
-
-def _feature(patch: Patch, road: Road, common: Json) -> Json:
-    measured = {name: round(value, 3) if isinstance(value, float) else value for name, value in _patch_json(patch).items()}
-    return feature(patch.polygon, road, common | measured | area_style(BREACH), fine=True)
+    features = []
+    for patch in widening.patches:
+        measured = {name: round(value, 3) if isinstance(value, float) else value for name, value in _patch_json(patch).items()}
+        features.append(feature(patch.polygon, road, common | measured | area_style(BREACH), fine=True))
+    return {"type": "FeatureCollection", "features": features}
 
 
 def widening_tables(widenings: Widenings) -> list[Table]:

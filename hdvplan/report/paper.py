@@ -10,7 +10,7 @@ import shapely
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError
 from hdvplan.judging.result import Result
-from hdvplan.report.rooms import tightest_windows
+from hdvplan.report.rooms import shown_reach, tightest_windows
 
 PAPERS_MM = {"a4": (297.0, 210.0), "a3": (420.0, 297.0), "a2": (594.0, 420.0), "a1": (841.0, 594.0), "a0": (1189.0, 841.0)}  # landscape
 SCALES = (50, 100, 200, 250, 500, 1000, 2000)  # round ones, largest first: 1:50
@@ -21,7 +21,6 @@ _MOST_SHEETS = 12  # of a whole road; longer ones are drawn where it is tight
 _OVERLAP_M = 5.0  # of neighbouring sheets
 _ROOM_MM = 8.0  # around what is drawn
 _SPACING_M = 1.0
-_FAR = 2.0  # limits further out than this many reaches need no place on the paper
 
 
 @dataclass(frozen=True)
@@ -107,18 +106,10 @@ class _Outline:
     """What must lie on the paper: edges of the swept area, and limits that are not far."""
 
     def __init__(self, result: Result, field_mm: tuple[float, float]) -> None:
-        envelope, path, limits = result.envelope, result.drive.road.path, result.drive.road.beside
-        stride = max(1, round(_SPACING_M / float(envelope.s[1] - envelope.s[0])))
-        self.s = np.append(envelope.s[::stride], envelope.s[-1])
-        reach = [np.append(side[::stride], side[-1]) for side in (envelope.reach_left, envelope.reach_right)]
-        far = _FAR * max(float(np.max(np.abs(side))) for side in reach)
-        if limits is not None:
-            table = limits.table(self.s)[2:]
-            reach = [
-                np.where(np.abs(limit) < far, pick(limit, side), side)
-                for pick, limit, side in zip((np.fmax, np.fmin), table, reach, strict=True)
-            ]
-        self.edges = [np.column_stack(path.to_plane(self.s, side)) for side in reach]
+        s, path = result.envelope.s, result.drive.road.path
+        kept = np.append(np.arange(0, len(s), max(1, round(_SPACING_M / float(s[1] - s[0])))), len(s) - 1)
+        self.s = s[kept]
+        self.edges = [np.column_stack(path.to_plane(self.s, side[kept])) for side in shown_reach(result)]
         self.field_mm = field_mm
         self.vehicle = result.drive.vehicle
 

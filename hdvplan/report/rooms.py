@@ -21,6 +21,7 @@ from hdvplan.road.path import project_many
 from hdvplan.vehicle.model import Vehicle
 
 _FAR_M = 5.0  # what is further away is not tight, where anything else is: roads without widths are open far out
+_FAR_REACHES = 2.0  # limits further out than this many reaches need no place in a drawing
 _LABELS = "ABCD"  # of a long road's enlargements; a shorter one gets the first two
 LONG_ROAD_M = 300.0  # beyond it a body is a speck on a map of the whole
 FEW_BELOW_M = 1000.0
@@ -77,6 +78,23 @@ def tightness(result: Result) -> FloatArray:
         at = _sample(result, approach.s)
         score[at] = max(score[at], -approach.distance)
     return np.where(score < -_FAR_M, -np.inf, score) if np.any(score >= -_FAR_M) else score
+
+
+def shown_reach(result: Result) -> tuple[FloatArray, FloatArray]:
+    """Return how far a drawing shows to the left and, negative, to the right at the envelope's arclengths [m].
+
+    It shows the swept area, and limits that are not far from it.
+    """
+    envelope, limits = result.envelope, result.drive.road.beside
+    left, right = envelope.reach_left, envelope.reach_right
+    if limits is None:
+        return left, right
+    far = _FAR_REACHES * max(float(np.max(left)), -float(np.min(right)))
+    left_limit, right_limit = limits.table(envelope.s)[2:]
+    return (
+        np.where(np.abs(left_limit) < far, np.fmax(left_limit, left), left),
+        np.where(np.abs(right_limit) < far, np.fmin(right_limit, right), right),
+    )
 
 
 def room_at(result: Result, at: int) -> Room:

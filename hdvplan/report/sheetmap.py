@@ -14,7 +14,7 @@ from hdvplan.report.colours import BREACH, INK
 from hdvplan.report.layers import Drawn, outline_places
 from hdvplan.report.maps import draw_bodies, draw_direction, draw_features, draw_letter, draw_north, draw_room
 from hdvplan.report.paper import Page
-from hdvplan.report.rooms import Room, peaks, pose_touching, room_at, tightness
+from hdvplan.report.rooms import Room, peaks, pose_touching, room_at, shown_reach, tightness
 from hdvplan.report.style import ON_WHITE
 
 _BARS_M = (200.0, 100.0, 50.0, 20.0, 10.0, 5.0, 2.0, 1.0)
@@ -25,7 +25,6 @@ _PLACES_APART_M = 15.0
 _BESIDE_MM = 7.0  # of an enlarged place: its text
 _LONG_SHARE = 0.3  # of an enlarged place's height: longer dimensions have room for their text
 _INWARDS_M = 1.2  # that the road is looked at from an enlarged place
-_NEAR_M = 6.0  # limits further out than this from the swept area do not move the stations' numbers
 _TICKS_M = (5.0, 10.0, 20.0, 50.0, 100.0)
 _TICK_MM = 28.0  # at least, between two
 _ARROWS_MM = 70.0  # between arrows along the road
@@ -97,10 +96,10 @@ def _draw_ground(axes: Axes, result: Result, features: tuple[Drawn, ...], page: 
 
 def _draw_stations(axes: Axes, result: Result, page: Page, mm: float) -> None:
     """Draw ticks with their arclength across the road's centre."""
-    path = result.drive.road.path
+    path, (left, _) = result.drive.road.path, shown_reach(result)
     step = next((step for step in _TICKS_M if step / mm >= _TICK_MM), _TICKS_M[-1])
     for s in np.arange(np.ceil(page.s_from / step), np.floor(page.s_to / step) + 1) * step:
-        edge = _edge_at(result, s)
+        edge = float(np.interp(s, result.envelope.s, left))
         offsets = np.array([-1.2 * mm, 1.2 * mm, edge + 0.8 * mm, edge + 2.0 * mm, edge + 4.2 * mm])
         ends = page.turned(np.column_stack(path.to_plane(np.full(5, s), offsets)))
         for tick in (ends[:2], ends[2:4]):
@@ -108,16 +107,6 @@ def _draw_stations(axes: Axes, result: Result, page: Page, mm: float) -> None:
         axes.text(
             float(ends[4, 0]), float(ends[4, 1]), f"{s:.0f}", fontsize=_TINY, color=INK, ha="center", va="center", zorder=7, clip_on=True
         )
-
-
-def _edge_at(result: Result, s: float) -> float:
-    """Return how far left anything is drawn at ``s``: the swept area or a limit that is not far from it [m]."""
-    at = min(int(np.searchsorted(result.envelope.s, s)), len(result.envelope.s) - 1)
-    reach, limits = float(result.envelope.reach_left[at]), result.drive.road.beside
-    if limits is None:
-        return reach
-    limit = float(limits.table(np.array([s]))[2, 0])
-    return max(reach, limit) if limit < reach + _NEAR_M else reach
 
 
 def _draw_bar(axes: Axes, page: Page, size_mm: tuple[float, float]) -> None:

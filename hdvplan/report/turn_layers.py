@@ -7,10 +7,9 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from hdvplan.arrays import FloatArray
-from hdvplan.judging.result import body_name
 from hdvplan.judging.wheels import wheels_of
 from hdvplan.report.kerbs import simple_line
-from hdvplan.report.layers import Drawn, Layer, Value
+from hdvplan.report.layers import Drawn, Layer, of_body
 from hdvplan.turning.follow import Followed
 from hdvplan.turning.swept import chart_of
 from hdvplan.turning.turn import Turn
@@ -23,7 +22,7 @@ _TRACK_M = 0.25
 def turn_features(turn: Turn) -> tuple[Drawn, ...]:
     """Return all features of a manoeuvre's drawing, x, y [m]: path, swept areas, the limits' circles, wheel tracks, a few poses."""
     driven, units = turn.driven, range(len(turn.driven.vehicle.units))
-    named: list[dict[str, Value]] = [{"body": unit + 1, "unit": body_name(driven.vehicle, unit)} for unit in units]
+    named = [of_body(driven.vehicle, unit) for unit in units]
     found = [Drawn(Layer.GUIDED_PATH, simple_line(driven.guide[:, :2]), {"point": str(driven.manoeuvre.point)})]
     found += [Drawn(Layer.ENVELOPE, swept_area(driven, unit), named[unit]) for unit in units]
     for limit in turn.circles:

@@ -84,11 +84,9 @@ class Template:
             OptionError: the ramps are too long for the radius.
 
         """
-        return (
-            self.given
-            if self.radius is not None
-            else replace(self.given, radius=tightest(vehicle, guide_offsets(self.given.point, vehicle)))
-        )
+        if self.radius is not None:
+            return self.given
+        return replace(self.given, radius=tightest(vehicle, guide_offsets(self.given.point, vehicle)))
 
 
 def template_names() -> list[str]:

@@ -57,15 +57,6 @@ def test_the_road_is_found_again_beside_the_driven_path(plan: PlanFiles, kerbed:
     np.testing.assert_allclose(np.cos(heading), np.cos(road.heading), atol=2e-9)  # of nine
 
 
-def test_plans_of_one_road_are_known_by_their_origin(plan: PlanFiles) -> None:
-    assert payload_of(plan)["origin"] == [0.0, 0.0]  # whatever rounding of the path beside it left
-    shifted = replace(plan, path=plan.path.assign(x=plan.path["x"] + 600000.0))
-    page = payload_of(shifted)
-    assert page["origin"] == [600000.0, 0.0]
-    start = np.frombuffer(base64.b64decode(page["columns"]["x"]["data"]), "<f4")
-    assert start[0] == 0.0  # coordinates of a map are too large for single precision
-
-
 def test_the_tightest_places_begin_with_the_deepest_breach(plan: PlanFiles, kerbed: Result) -> None:
     first, *others = tight_places(plan)
     assert first["kind"] == "clearance"

@@ -10,7 +10,6 @@ from hdvplan.api import drive_case
 from hdvplan.case import Case
 from hdvplan.judging.balance import balance_of
 from hdvplan.judging.bodies import corners, pose_at
-from hdvplan.judging.envelope import envelope_of
 from hdvplan.judging.obstacles import approaches
 from hdvplan.judging.result import Result, breach_text
 from hdvplan.judging.verdict import verdict_line, verdict_of
@@ -42,20 +41,6 @@ def test_a_post_that_a_corner_swings_over_between_two_poses_is_hit() -> None:
     assert (
         -0.03 < hit.distance < -0.01
     )  # the post is 3 cm within the path of the corner, which crosses the body's sides at half right angles
-
-
-def test_when_the_lead_axle_has_left_the_road_only_what_is_still_on_it_can_hit_something() -> None:
-    bend = Road("bend", from_curvature(np.array([0.0, 50.0, 56.0, 80.0]), np.array([0.0, 0.0, 0.05, 0.05])))
-    drive = drive_case(Case(bend, load_vehicle("tractor-trailer"), settings=PlannerSettings(horizon=50.0)))
-    inside = float(envelope_of(drive).left[1, -16])  # of the trailer, 4 m before the end
-    x, y = bend.path.to_plane(76.0, inside)
-    far = drive.stations.path.at(90.0)  # further on than the front was when the lead axle left the road
-    spots = [shapely.Point(float(x), float(y)).buffer(0.1), shapely.Point(float(far.x), float(far.y)).buffer(0.1)]
-    regions = tuple(Region(Kind.OBSTACLE, spot) for spot in spots)
-    on_road, beyond = approaches(replace(drive, road=replace(bend, regions=regions)))
-    assert on_road.distance < 0.0
-    assert (on_road.unit, on_road.side) == (1, "left")
-    assert beyond.distance > 5.0  # 10 m beyond the end, and the front 4.63 m beyond the axle
 
 
 def test_an_obstacle_that_is_hit_is_one_breach_with_its_depth_in_the_plane(straight: Result) -> None:

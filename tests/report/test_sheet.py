@@ -6,51 +6,21 @@ from io import BytesIO
 from itertools import pairwise
 from typing import cast
 
-import numpy as np
 import pytest
-from pypdf import PageObject, PdfReader
-from pypdf.generic import ContentStream, DictionaryObject
+from pypdf import PdfReader
+from pypdf.generic import DictionaryObject
 
-from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError
 from hdvplan.judging.result import Result
 from hdvplan.report.paper import SheetOptions, pages_of
 from hdvplan.report.sheet import sheet_bytes
+from tests.report.pdf import strokes
 
-MM = 25.4 / 72.0  # of a PDF's unit
 FIELD_MM = (290.0, 200.0)
 
 
 def read(result: Result, paper: str = "a3", scale: int | None = None) -> PdfReader:
     return PdfReader(BytesIO(sheet_bytes(result, SheetOptions(paper, scale), date="2026-11-22")))
-
-
-def strokes(page: PageObject) -> list[FloatArray]:
-    """Return all straight lines of a page, as corners on the paper [mm]."""
-    lines, points, transforms = list[FloatArray](), list[list[float]](), [np.eye(3)]
-    content = page.get_contents()
-    assert content is not None
-    for operands, operator in ContentStream(content, page.pdf).operations:
-        if operator == b"q":
-            transforms.append(transforms[-1])
-        elif operator == b"Q":
-            transforms.pop()
-        elif operator == b"cm":
-            a, b, c, d, e, f = (float(value) for value in operands)
-            transforms[-1] = np.array([[a, b, 0.0], [c, d, 0.0], [e, f, 1.0]]) @ transforms[-1]
-        elif operator in {b"m", b"l"}:
-            if operator == b"m":
-                points = []
-            points.append([float(value) for value in operands])
-        elif operator == b"S" and points:
-            placed = np.column_stack([np.array(points), np.ones(len(points))]) @ transforms[-1]
-            lines.append(MM * placed[:, :2])
-            points = []
-    return lines
-
-
-def lengths(page: PageObject) -> FloatArray:
-    return np.array([np.sum(np.hypot(*np.diff(line, axis=0).T)) for line in strokes(page)])
 
 
 def test_twenty_metres_are_a_hundred_millimetres_at_1_to_200(bus: Result) -> None:

@@ -10,8 +10,6 @@ from hdvplan.judging.fit import facts_of, fit_of
 from hdvplan.judging.result import Result, body_name
 from hdvplan.report.summary import summary_of
 from hdvplan.road.limits import Limits
-from hdvplan.road.path import from_curvature
-from hdvplan.road.road import Road
 from hdvplan.road.scenarios import SCENARIOS
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Unit, Vehicle
@@ -53,12 +51,6 @@ def test_a_vehicle_fits_where_its_balanced_circle_does() -> None:
     assert fit.fits is True
     assert fit_of(road.with_limits(2.4, 2.4), bus).fits is False
     assert fit_of(replace(road, limits=None), bus).fits is None
-
-
-def test_a_road_shorter_than_the_vehicle_does_not_fit() -> None:
-    fit = fit_of(Road("short", from_curvature(np.array([0.0, 11.0]), np.zeros(2))), load_vehicle("bus"))
-    assert not fit.long_enough
-    assert fit.fits is False
 
 
 def test_facts_find_the_tightest_and_the_narrowest_place() -> None:

@@ -83,15 +83,6 @@ def test_what_counts_as_kept_is_never_called_lacking(bus: Result) -> None:
     assert "YES, 0.00 m to spare" in verdict_title(kept, verdict_of(kept))
 
 
-def test_an_obstacle_beyond_the_limits_reach_decides_by_its_distance_in_the_plane(straight: Result) -> None:
-    tail = straight.drive.vehicle.reach_behind
-    behind = Region(Kind.OBSTACLE, shapely.box(-tail - 0.5, -0.5, -tail + 0.5, 0.5), "bin")  # before the road's start
-    verdict = verdict_of(judged(straight, regions=(behind,)))
-    assert verdict.fits is False
-    assert verdict.obstacle == "bin"
-    assert "beyond the obstacle 'bin'" in line(judged(straight, regions=(behind,)))
-
-
 def test_the_title_and_the_summary_say_the_same(bus: Result, kerbed: Result) -> None:
     for result, word in ((bus, "YES"), (kerbed, "NO")):
         verdict: Verdict = verdict_of(result)

@@ -1,19 +1,15 @@
 """The figures of manoeuvres: published ones, closed forms, an independent integration, and relations between them."""
 
-from functools import cache
-
 import numpy as np
 import pytest
 import shapely
 
 from hdvplan.errors import TurnError
-from hdvplan.reproduce import published
-from hdvplan.reproduce.standards import deemed_wheelbase, outer_wheel
 from hdvplan.turning.follow import follow
 from hdvplan.turning.manoeuvre import GuidePoint, Manoeuvre, guide_offsets
-from hdvplan.turning.swept import band_of, chart_of, figures_of
+from hdvplan.turning.swept import chart_of, figures_of
 from hdvplan.turning.templates import load_template
-from hdvplan.turning.turn import Turn, turn
+from hdvplan.turning.turn import turn
 from hdvplan.vehicle.load import load_vehicle, preset_groups
 from hdvplan.vehicle.model import Unit, Vehicle
 from tests.turning.plane import Poses, rolled
@@ -22,45 +18,16 @@ CANNOT = {"a-double", "b-double"}  # drive a circle of 12.5 m
 FAIL = {"citaro-le-mu", "double-articulated-bus", "truck-dolly-semitrailer"}  # to keep 5.30 m inside it
 
 
-@cache
-def driven_through(template: str, name: str) -> Turn:
-    """Return a preset's turn through a shipped template, driven once for all tests."""
-    return turn(load_vehicle(name), load_template(template))
-
-
-def minimum_turn(name: str) -> Turn:
-    return driven_through("aashto-180", name)
-
-
-@pytest.mark.parametrize("name", sorted(published.TURN_INSIDE))
-def test_a_design_vehicle_has_its_published_inside_radius(name: str) -> None:
-    found = minimum_turn(name).figures.wheels.inside
-    assert found == pytest.approx(published.TURN_INSIDE[name].value, abs=0.03)  # demanded: 0.1 ft
-
-
-def test_wb_62_has_its_published_angles_and_outer_radius() -> None:
-    found = minimum_turn("WB-62")
-    assert np.rad2deg(found.figures.articulation[0]) == pytest.approx(65.0, abs=0.5)  # demanded
-    assert np.rad2deg(found.figures.steering) == pytest.approx(28.4, abs=0.1)  # printed to a tenth; a half turn nearly settles
-    assert outer_wheel(found.driven) == pytest.approx(44.8 * 0.3048, abs=0.015)  # half of the last printed digit
-
-
 @pytest.mark.parametrize(("wheelbase", "overhang", "swing"), [(4.5, 3.7, 0.300), (6.0, 7.0, 1.246), (6.0, 3.7, 0.261)])
 def test_tail_swing_in_the_australian_turn_is_as_published(wheelbase: float, overhang: float, swing: float) -> None:
     rigid = Vehicle("rigid", (Unit(wheelbase, 1.2, overhang, 2.5),), max_curvature=0.2)
     assert turn(rigid, load_template("pbs-90")).figures.tail_swing[0] == pytest.approx(swing, abs=0.005)  # demanded
 
 
-@pytest.mark.parametrize(("width", "printed"), [(2.55, 8.135), (2.60, 8.115)])
-def test_the_wheelbase_deemed_to_comply_is_that_of_the_formula(width: float, printed: float) -> None:
-    found = deemed_wheelbase(width)
-    assert found == pytest.approx(np.sqrt(10.46**2 - (5.30 + 0.5 * width) ** 2), abs=1e-6)  # the root's tolerance
-    assert round(found, 3) == printed  # demanded to the millimetre
-
-
 @pytest.mark.parametrize("name", sorted(set(preset_groups()["europe"]) - CANNOT))
 def test_a_european_preset_in_the_european_circle_agrees_with_an_independent_integration(name: str) -> None:
-    vehicle, found = load_vehicle(name), driven_through("eu-circle", name)
+    vehicle = load_vehicle(name)
+    found = turn(vehicle, load_template("eu-circle"))
     rounds = 8.0 * np.pi * 12.5 if len(vehicle.units) < 3 else 20.0 * np.pi * 12.5
     s = np.array([0.0, 5.0 + rounds])
     poses = rolled(vehicle, *guide_offsets(GuidePoint.FRONT_CORNER, vehicle), 12.5, 5.0, s)
@@ -82,14 +49,6 @@ def radii(vehicle: Vehicle, poses: Poses, centre: np.ndarray[tuple[int], np.dtyp
     return inside, outside
 
 
-@pytest.mark.parametrize(("name", "inside", "width", "swing"), [("citaro-le-u", 6.29, 6.21, 0.61), ("citaro-le-mu", 5.14, 7.36, 0.69)])
-def test_a_citaro_in_the_european_circle_has_its_known_figures(name: str, inside: float, width: float, swing: float) -> None:
-    circle = driven_through("eu-circle", name).figures
-    assert circle.bodies.inside == pytest.approx(inside, abs=0.005)  # known to a centimetre
-    assert circle.swept_width == pytest.approx(width, abs=0.005)
-    assert turn(load_vehicle(name), load_template("swing-out")).figures.tail_swing[0] == pytest.approx(swing, abs=0.005)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("radius", "around"), [(13.48, True), (13.55, False)])
 def test_a_vehicle_that_reaches_around_the_circle_s_centre_has_no_band_and_one_that_nearly_does_has(radius: float, around: bool) -> None:
@@ -105,20 +64,6 @@ def test_a_vehicle_that_reaches_around_the_circle_s_centre_has_no_band_and_one_t
     else:
         # The poses' outlines are joined by chords of 0.1 m about a point that is near: 1 mm covers their sagitta.
         assert figures_of(driven).swept_width == pytest.approx(furthest - nearest, abs=1e-3)
-
-
-def test_joined_poses_are_exact_in_the_square_of_their_distance_and_outlines_alone_are_not() -> None:
-    vehicle, manoeuvre = load_vehicle("CITY-BUS"), load_template("aashto-90").manoeuvre(load_vehicle("CITY-BUS"))
-    exact = band_of(follow(vehicle, manoeuvre, spacing=0.0125))
-    turning = (exact.t > 0.0) & (exact.t < manoeuvre.radius * np.pi / 2)
-
-    def error(spacing: float, *, joined: bool) -> float:
-        band = band_of(follow(vehicle, manoeuvre, spacing=spacing), joined=joined)
-        return float(np.max(np.abs(np.interp(exact.t, band.t, band.outer) - exact.outer)[turning]))
-
-    assert error(0.1, joined=True) < 2e-4  # h^2 / 8R twice, with the track's own curvature
-    assert error(0.5, joined=True) < 4e-3
-    assert error(0.1, joined=False) > 0.01
 
 
 @pytest.mark.parametrize("ramp", [0.0, 4.0])
