@@ -23,7 +23,7 @@ from hdvplan.judging.verdict import verdict_of, verdict_title
 from hdvplan.report.colours import answer_colour, body_colour
 from hdvplan.report.layers import Layer, drawn_features
 from hdvplan.report.maps import around, draw_direction, draw_features, finish_map, frame, reach_within, stations, swept_label
-from hdvplan.report.rooms import Window, half_length, tightest_windows
+from hdvplan.report.rooms import Window, half_length, joined, tightest_windows
 from hdvplan.report.style import body_fill, styled, write_head
 
 _GROUND = {Layer.ROAD, Layer.OBSTACLES, Layer.SWEEPABLE, Layer.LIMITS}  # what stays as it is
@@ -55,15 +55,8 @@ def film_bytes(result: Result) -> bytes:
 def _stretches(result: Result) -> list[Window]:
     """Return the stretches around the tightest places, those that overlap as one."""
     length, half = result.drive.road.path.length, half_length(result.drive.vehicle)
-    found = list[Window]()
-    for window in tightest_windows(result):
-        middle = 0.5 * (window.s_from + window.s_to)
-        begin, end, label = max(0.0, middle - half), min(length, middle + half), window.label
-        if found and begin < found[-1].s_to:
-            before = found.pop()
-            begin, label = before.s_from, f"{before.label}, {label}"
-        found.append(Window(begin, end, label))
-    return found
+    middles = ((0.5 * (window.s_from + window.s_to), window.label) for window in tightest_windows(result))
+    return joined(Window(max(0.0, middle - half), min(length, middle + half), label) for middle, label in middles)
 
 
 def _film(result: Result, window: Window) -> list[Image.Image]:

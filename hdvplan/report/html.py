@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -33,6 +34,7 @@ _DRIVEN = (
     ("road", "", "road", None, ""),
     ("status", "", "status", None, "ok: the vehicle keeps all limits, to 1 cm"),
     ("road length", "m", "length_m", 1, "along the driven line"),
+    ("width between limits", "m", "narrowest", 2, "where the road is narrowest, obstacles included"),
     ("max left", "m", "max_left_m", 3, "furthest that any part of the vehicle reaches to the left of the line"),
     ("max right", "m", "max_right_m", 3, "the same to the right"),
     ("imbalance", "m", "imbalance_m", 3, "max left less max right: 0 where the two extremes agree"),
@@ -43,7 +45,6 @@ _DRIVEN = (
     ("limit violation", "m", "limit_violation_m", 3, "furthest that the vehicle reaches beyond a limit"),
 )
 _MANNER = ("objective", "scheme", "solver")
-_WIDTH = ("width between limits", "m", "where the road is narrowest, obstacles included")
 _COMPUTED = (
     ("objective", "", "objective", None, "what the plan centres between the sides"),
     ("scheme", "", "scheme", None, "rti: one quadratic program a step; sqp: as many as it takes"),
@@ -91,6 +92,7 @@ def write_report(
 
 def report_html(plans: Sequence[PlanFiles], title: str) -> str:
     """Return the page that shows ``plans`` side by side: summary, maps, diagrams, tables, step times."""
+    plans = [replace(plan, summary=plan.summary | {"narrowest": _narrowest(plan)}) for plan in plans]
     environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
     edges = _edges([plan.steps["total_ms"].to_numpy() for plan in plans])
     return environment.from_string(page_part("report.html.j2")).render(
@@ -98,7 +100,7 @@ def report_html(plans: Sequence[PlanFiles], title: str) -> str:
         version=__version__,
         style=page_part("report.css"),
         script=page_part("report.js"),
-        summary=[*(_row(plans, *row) for row in _DRIVEN[:4]), _width_row(plans), *(_row(plans, *row) for row in _DRIVEN[4:])],
+        summary=[_row(plans, *row) for row in _DRIVEN],
         computed=[_row(plans, *row) for row in _COMPUTED],
         plans=[_panel(plan, _heading(plan, plans), short, edges) for plan, short in zip(plans, short_labels(plans), strict=True)],
         data=script_json([payload_of(plan) for plan in plans]),
@@ -120,12 +122,10 @@ def _row(plans: Sequence[PlanFiles], name: str, unit: str, key: str, digits: int
     return {"name": name, "unit": unit, "cells": [_cell(plan.summary, key, digits) for plan in plans], "meaning": meaning}
 
 
-def _width_row(plans: Sequence[PlanFiles]) -> Json:
-    """Return the least width between the limits of each plan, which its summary has not; a dash without limits."""
-    name, unit, meaning = _WIDTH
-    widths = [plan.envelope["left_limit"] - plan.envelope["right_limit"] for plan in plans]
-    cells = [{"text": f"{width.min():.2f}" if width.notna().any() else "-", "bad": False} for width in widths]
-    return {"name": name, "unit": unit, "cells": cells, "meaning": meaning}
+def _narrowest(plan: PlanFiles) -> float | None:
+    """Return the least width between the limits of a plan, which its summary has not [m]."""
+    width = plan.envelope["left_limit"] - plan.envelope["right_limit"]
+    return float(width.min()) if width.notna().any() else None
 
 
 def _heading(plan: PlanFiles, plans: Sequence[PlanFiles]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from textwrap import fill
 
 import numpy as np
@@ -14,7 +15,7 @@ from hdvplan.judging.result import Result
 from hdvplan.report.colours import BREACH, answer_colour
 from hdvplan.report.layers import Drawn, Layer
 from hdvplan.report.maps import draw_map, finish_map
-from hdvplan.report.rooms import Window
+from hdvplan.report.rooms import Window, joined
 from hdvplan.report.style import ON_WHITE, SLIDE_IN, styled, write_head
 from hdvplan.road.road import Road
 
@@ -51,15 +52,11 @@ def need_figure(shown: Result, features: Sequence[Drawn], lines: Sequence[str], 
 def _windows(patches: Sequence[Drawn], s: float, road: Road) -> list[Window]:
     largest = sorted(patches, key=lambda patch: -float(patch.geometry.area))[:_MOST]
     ranges = [_range(patch) for patch in largest] or [(s, s)]
-    joined: list[tuple[float, float]] = []
-    for begin, end in sorted((max(0.0, begin - _AROUND_M), min(road.path.length, end + _AROUND_M)) for begin, end in ranges):
-        if joined and begin <= joined[-1][1]:
-            joined[-1] = joined[-1][0], max(end, joined[-1][1])
-        else:
-            joined.append((begin, end))
-    labels = "ABCD" if len(joined) > 1 else " "
+    length = road.path.length
+    stretches = joined(Window(max(0.0, begin - _AROUND_M), min(length, end + _AROUND_M)) for begin, end in ranges)
+    labels = "ABCD" if len(stretches) > 1 else [""]
     return [
-        Window(begin, end, label.strip(), f"s = {begin:.0f} to {end:.0f} m") for label, (begin, end) in zip(labels, joined, strict=False)
+        replace(one, label=label, reason=f"s = {one.s_from:.0f} to {one.s_to:.0f} m") for label, one in zip(labels, stretches, strict=False)
     ]
 
 

@@ -5,6 +5,7 @@ Room counts from the body that is nearest to a kerb or an obstacle or, without e
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -223,6 +224,19 @@ def tightest_windows(result: Result) -> tuple[Window, ...]:
         what = room.text if not room.broken or room.obstacle is not None else f"limit broken by {room.depth:.2f} m"
         windows.append(Window(middle - half, min(middle + half, length), label, f"{what} at s = {room.s:.0f} m", room))
     return tuple(windows)
+
+
+def joined(windows: Iterable[Window]) -> list[Window]:
+    """Return stretches in road order, those that overlap as one, with both labels."""
+    found = list[Window]()
+    for window in sorted(windows, key=lambda window: window.s_from):
+        if found and window.s_from <= found[-1].s_to:
+            before = found.pop()
+            label = ", ".join(filter(None, (before.label, window.label)))
+            found.append(Window(before.s_from, max(before.s_to, window.s_to), label))
+        else:
+            found.append(window)
+    return found
 
 
 def half_length(vehicle: Vehicle) -> float:

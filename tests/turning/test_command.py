@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import shapely
+from ezdxf.filemanagement import readfile
 from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar  # type: ignore[import-untyped] # Matplotlib types only its core
 from shapely.geometry import shape
 
@@ -16,6 +17,7 @@ from hdvplan.turning.templates import load_template
 from hdvplan.turning.turn import turn
 from hdvplan.vehicle.load import load_vehicle
 from tests.cli.conftest import Cli, cli  # noqa: F401 - a fixture
+from tests.report.test_drawings import notes, polylines
 
 KEYS = {
     "vehicle", "template", "radius_m", "angle_deg", "min_inside_radius_m", "max_outside_radius_m", "swept_width_m", "off_tracking_m",
@@ -158,6 +160,32 @@ def test_the_files_hold_the_drive_and_its_areas(cli: Cli, tmp_path: Path) -> Non
     assert nearest == pytest.approx(summary["min_inside_radius_m"], abs=2e-3)  # rounded and simplified to 1 mm
     tracks = [shape(feature["geometry"]) for feature in features if feature["properties"]["kind"] == "wheel track"]
     assert shapely.union_all(areas).buffer(0.01).covers(shapely.union_all(tracks))  # wheels run inside the body's outline
+
+
+def test_a_turn_is_drawn_for_cad_with_the_figures_that_are_told(cli: Cli, tmp_path: Path) -> None:  # noqa: F811
+    (tmp_path / "gate.toml").write_text("[manoeuvre]\nradius = 14\nangle = 90\n[limits]\ninside_radius = 6.5\noutside_radius = 18\n")
+    asked = ("turn", "--vehicle", "tractor-semitrailer", "--template", "gate.toml", "--no-plot", "--out", "out")
+    outcome = cli(*asked, "--format", "png,dxf")
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"poses.csv", "width.csv", "turn.geojson", "turn.json", "turn.dxf"}
+    drawing = readfile(tmp_path / "out" / "turn.dxf")
+    assert drawing.header["$INSUNITS"] == 6  # metres
+    assert not drawing.audit().errors
+    counts = {
+        "GUIDED_PATH": 1, "LIMITS": 2, "WHEEL_TRACKS": 6, "ENVELOPE_1_TRACTOR": 1, "ENVELOPE_2_SEMITRAILER": 1,
+        "VEHICLE_OUTLINES_1_TRACTOR": 3, "VEHICLE_OUTLINES_2_SEMITRAILER": 3,
+    }  # fmt: skip
+    lines = {layer: polylines(drawing, layer) for layer in counts}
+    assert {layer: len(found) for layer, found in lines.items()} == counts
+    limits = [shapely.LineString(ring) for ring in lines["LIMITS"]]
+    centre = limits[0].envelope.centroid
+    assert sorted(shapely.hausdorff_distance(ring, centre) for ring in limits) == pytest.approx([6.5, 18.0], abs=1e-3)  # chords for arcs
+    told = json.loads((tmp_path / "out" / "turn.json").read_text(encoding="utf-8"))
+    swept = shapely.union_all([shapely.Polygon(ring) for name in lines if name.startswith("ENVELOPE") for ring in lines[name]])
+    assert shapely.distance(swept, centre) == pytest.approx(told["min_inside_radius_m"], abs=1e-3)  # as above
+    assert notes(drawing).startswith(outcome.out.splitlines()[0])
+    assert "mirror it for one to the right" in notes(drawing)
+    cli(*asked)
+    assert not (tmp_path / "out" / "turn.dxf").exists()  # a drawing that is not asked for again does not stay
 
 
 def test_the_picture_is_to_scale_and_its_title_is_the_verdict() -> None:
