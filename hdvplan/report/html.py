@@ -44,7 +44,7 @@ _DRIVEN = (
     ("min clearance", "m", "min_clearance_m", 3, "least room between the vehicle and a limit; negative: it reaches beyond"),
     ("limit violation", "m", "limit_violation_m", 3, "furthest that the vehicle reaches beyond a limit"),
 )
-_MANNER = ("objective", "scheme", "solver")
+_HOW = ("objective", "scheme", "solver")
 _COMPUTED = (
     ("objective", "", "objective", None, "what the plan centres between the sides"),
     ("scheme", "", "scheme", None, "rti: one quadratic program a step; sqp: as many as it takes"),
@@ -110,7 +110,7 @@ def report_html(plans: Sequence[PlanFiles], title: str) -> str:
 
 def short_labels(plans: Sequence[PlanFiles]) -> list[str]:
     """Return what tells these plans apart: only what differs, or the vehicle; folders where nothing does."""
-    keys = ("vehicle", "road", *_MANNER)
+    keys = ("vehicle", "road", *_HOW)
     differing = [key for key in keys if len({plan.summary[key] for plan in plans}) > 1] or ["vehicle"]
     labels = [", ".join(str(plan.summary[key]) for key in differing) for plan in plans]
     if len(set(labels)) < len(labels):
@@ -131,8 +131,8 @@ def _narrowest(plan: PlanFiles) -> float | None:
 def _heading(plan: PlanFiles, plans: Sequence[PlanFiles]) -> str:
     """Return vehicle and road, and how it was planned only where that tells plans apart."""
     subject = f"{plan.summary['vehicle']} on {plan.summary['road']}"
-    manners = {tuple(str(other.summary[key]) for key in _MANNER) for other in plans}
-    return subject if len(manners) == 1 else label_of(plan.summary)
+    ways = {tuple(str(other.summary[key]) for key in _HOW) for other in plans}
+    return subject if len(ways) == 1 else label_of(plan.summary)
 
 
 def _cell(summary: Json, key: str, digits: int | None) -> Json:

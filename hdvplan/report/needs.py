@@ -52,8 +52,8 @@ def need_lines(need: Need) -> list[str]:
 
 
 def _bound_text(need: Need, bound: Bound) -> str:
-    told = proof_text(bound.proof, need.case.vehicle)
-    return f"proved: {told}" if need.room.result is None else f"{bound.room:.2f} m is proved to be too little: {told}"
+    words = proof_text(bound.proof, need.case.vehicle)
+    return f"proved: {words}" if need.room.result is None else f"{bound.room:.2f} m is proved to be too little: {words}"
 
 
 def _held_line(need: Need, vehicle: str) -> str:

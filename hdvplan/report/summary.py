@@ -52,7 +52,7 @@ def summary_of(result: Result) -> Json:
         "min_clearance_m": balance.min_clearance,
         "limit_violation_m": max(broken, default=0.0),
         "breaches": [_breach(breach, drive.vehicle) for breach in balance.breaches],
-        "manners": _manners(result),
+        "manners": _steering(result),
         "fit": [finding_json(finding) for finding in result.fit.findings],
         "obstacles": [
             {"name": near.obstacle.label, "distance_m": near.distance, "s_m": near.s, "unit": body_name(drive.vehicle, near.unit)}
@@ -141,14 +141,14 @@ def corners_of(road: Road) -> list[Json]:
     return [{"s_m": corner.s, "x": corner.x, "y": corner.y, "angle_deg": float(np.degrees(corner.turn))} for corner in corners]
 
 
-def _manners(result: Result) -> Json:
+def _steering(result: Result) -> Json:
     """Return how hard the plan steers; stretches are pairs of arclengths [m]."""
-    manners = manners_of(result.drive)
-    uses = {"steering": manners.curvature, "steering_rate": manners.rate}
+    use_of = manners_of(result.drive)
+    uses = {"steering": use_of.curvature, "steering_rate": use_of.rate}
     named: Json = {
         name: {"share": use.share, "s_m": use.s, "nearly_all": [list(stretch) for stretch in use.stretches]} for name, use in uses.items()
     }
-    return named | {"lock_to_lock": [list(swing) for swing in manners.swings]}
+    return named | {"lock_to_lock": [list(swing) for swing in use_of.swings]}
 
 
 def _body(vehicle: Vehicle, unit: int) -> Json:

@@ -130,14 +130,9 @@ def _draw_angles(axes: Axes, driven: Followed) -> None:
     names = [body_name(driven.vehicle, unit) for unit in range(len(driven.vehicle.units))]
     for number, beta in enumerate(driven.beta.T):
         axes.plot(driven.s, np.rad2deg(beta), color=body_colour(number + 1), linewidth=1.6, label=f"{names[number]} to {names[number + 1]}")
-    axes.set_xlabel(f"along the path of the {_words(driven)} [m]")
+    axes.set_xlabel(f"along the path of the {driven.manoeuvre.point.words} [m]")
     axes.set_title("angles [degrees]", loc="left", fontsize="small")
     axes.legend(loc="best")
-
-
-def _words(driven: Followed) -> str:
-    """Return what the guided point is called."""
-    return str(driven.manoeuvre.point).replace("-", " ")
 
 
 @styled()

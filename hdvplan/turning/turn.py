@@ -72,7 +72,7 @@ def manoeuvre_words(turn: Turn) -> str:
     manoeuvre = turn.driven.manoeuvre
     angle = "full circle" if manoeuvre.angle is None else f"{np.rad2deg(manoeuvre.angle):g} degrees"
     ramp = f", ramps of {manoeuvre.ramp:g} m" if manoeuvre.ramp > 0.0 else ""
-    return f"{angle}, {str(manoeuvre.point).replace('-', ' ')} on a radius of {manoeuvre.radius:.2f} m{ramp}"
+    return f"{angle}, {manoeuvre.point.words} on a radius of {manoeuvre.radius:.2f} m{ramp}"
 
 
 def _demand_words(limit: Limit, turn: Turn) -> str:
