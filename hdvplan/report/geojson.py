@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -113,11 +112,13 @@ def _points(path: ReferencePath, s: FloatArray, offset: FloatArray) -> FloatArra
 
 def feature(geometry: BaseGeometry, road: Road, properties: Json, *, fine: bool = False) -> Json:
     """Return a feature in the road's own coordinates, degrees to 1 cm or, ``fine``, to 0.1 mm; polygons wind as RFC 7946 wants them."""
-    if road.to_lonlat is None:
+    to_lonlat = road.to_lonlat
+    if to_lonlat is None:
         placed, grid, digits = geometry, _METRES_GRID, 3
     else:
         digits = _FINE_DEGREES if fine else _DEGREES
-        placed, grid = shapely.transform(geometry, _lonlat(road.to_lonlat)), 10.0**-digits
+        placed = shapely.transform(geometry, lambda points: np.column_stack(to_lonlat(points[:, 0], points[:, 1])))
+        grid = 10.0**-digits
     if not isinstance(placed, shapely.LineString):
         parts = [orient(part) for part in polygons_of(_rounded(placed, grid))]
         placed = parts[0] if len(parts) == 1 else shapely.MultiPolygon(parts)
@@ -134,10 +135,6 @@ def _rounded(area: BaseGeometry, grid: float) -> BaseGeometry:
         return shapely.set_precision(area, grid)
     except shapely.GEOSException:
         return shapely.make_valid(shapely.set_precision(area, grid, mode="pointwise"))
-
-
-def _lonlat(to_lonlat: Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]) -> Callable[[FloatArray], FloatArray]:
-    return lambda points: np.column_stack(to_lonlat(points[:, 0], points[:, 1]))
 
 
 def polygons_of(geometry: BaseGeometry) -> list[shapely.Polygon]:

@@ -86,12 +86,9 @@ def beyond_kerb(result: Result, breach: Breach) -> BaseGeometry:
 
 def broken_kerb(result: Result, breach: Breach, beside: float) -> shapely.LineString:
     """Return the part of a kerb that is broken, and ``beside`` it so much more of the line [m]."""
-    own = [one.line for one in kerb_lines(result.drive.road, breach.s_from - beside, breach.s_to + beside) if _is(one, breach)]
+    near = kerb_lines(result.drive.road, breach.s_from - beside, breach.s_to + beside)
+    own = [one.line for one in near if (one.side, one.region) == (breach.side, breach.region)]
     return min(own, key=shapely.Point(breach.place).distance)
-
-
-def _is(one: KerbLine, breach: Breach) -> bool:
-    return (one.side, one.region) == (breach.side, breach.region)
 
 
 def _swept(result: Result, breach: Breach) -> NDArray[np.object_]:

@@ -27,16 +27,6 @@ def features(result: Result) -> list[dict[str, Any]]:
     return found
 
 
-def test_every_body_has_an_area_and_the_road_a_line(trailer: Result) -> None:
-    tractor, semitrailer, centre, *tracks = features(trailer)
-    assert [track["properties"]["axle"] for track in tracks] == ["front", "front", "rear", "rear", "axle", "axle"]
-    assert [tractor["properties"]["unit"], semitrailer["properties"]["unit"]] == ["tractor", "trailer"]
-    assert centre["geometry"]["type"] == "LineString"
-    reaches = [feature["properties"][key] for feature in (tractor, semitrailer) for key in ("max_left_m", "max_right_m")]
-    balance = trailer.balance
-    assert max(reaches) == pytest.approx(max(balance.max_left, balance.max_right), abs=1e-4)  # rounded there
-
-
 def test_limits_and_their_breaches_are_lines_of_their_own(kerbed: Result, straight: Result) -> None:
     kinds = [feature["properties"]["kind"] for feature in features(kerbed)]
     breaches = kerbed.balance.breaches

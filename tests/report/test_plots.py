@@ -12,7 +12,6 @@ from hdvplan.judging.result import Result, result_of
 from hdvplan.judging.verdict import verdict_of, verdict_title
 from hdvplan.report.colours import BREACH, INK
 from hdvplan.report.plots import plan_figure
-from hdvplan.report.rooms import tightest_windows
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
 from tests.report.conftest import driven, once
@@ -106,9 +105,3 @@ def test_a_very_long_road_shows_its_profiles_where_it_is_enlarged() -> None:
     assert len(maps(figure)) == 5  # overview and four places
     at = [float(axes.get_title(loc="left").split("s = ")[1].split()[0]) for axes in maps(figure)[1:]]
     assert at == sorted(at)  # in road order
-
-
-def test_the_tightest_places_come_in_order_and_apart(long: Result) -> None:
-    first, second = tightest_windows(long)
-    assert first.s_from < 150.0 < first.s_to <= second.s_from < 350.0 < second.s_to
-    assert [first.label, second.label] == ["A", "B"]

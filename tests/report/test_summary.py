@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hdvplan.judging.fit import facts_of, fit_of
+from hdvplan.judging.fit import facts_of
 from hdvplan.judging.result import Result, body_name
 from hdvplan.report.summary import summary_of
 from hdvplan.road.limits import Limits
@@ -41,16 +41,6 @@ def test_bodies_have_the_names_that_people_use() -> None:
     assert body_name(load_vehicle("bus"), 0) == "bus"
     assert [body_name(load_vehicle("tractor-trailer"), unit) for unit in (0, 1)] == ["tractor", "trailer"]
     assert body_name(Vehicle("road train", (unit, unit, unit)), 2) == "unit 3"
-
-
-def test_a_vehicle_fits_where_its_balanced_circle_does() -> None:
-    road, bus = SCENARIOS["uturn"](), load_vehicle("bus")
-    fit = fit_of(road, bus)
-    assert fit.half_width == pytest.approx(2.486, abs=1e-3)  # the published expectation's digits
-    assert fit.spare == pytest.approx(3.0 - fit.half_width)
-    assert fit.fits is True
-    assert fit_of(road.with_limits(2.4, 2.4), bus).fits is False
-    assert fit_of(replace(road, limits=None), bus).fits is None
 
 
 def test_facts_find_the_tightest_and_the_narrowest_place() -> None:

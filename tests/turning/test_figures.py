@@ -2,12 +2,10 @@
 
 import numpy as np
 import pytest
-import shapely
 
-from hdvplan.errors import TurnError
 from hdvplan.turning.follow import follow
 from hdvplan.turning.manoeuvre import GuidePoint, Manoeuvre, guide_offsets
-from hdvplan.turning.swept import chart_of, figures_of
+from hdvplan.turning.swept import figures_of
 from hdvplan.turning.templates import load_template
 from hdvplan.turning.turn import turn
 from hdvplan.vehicle.load import load_vehicle, preset_groups
@@ -47,23 +45,6 @@ def radii(vehicle: Vehicle, poses: Poses, centre: np.ndarray[tuple[int], np.dtyp
         for ahead in (-unit.rear_overhang, unit.front):
             outside = max(outside, float(np.hypot(*(poses.point(number, ahead, -0.5 * unit.width)[-1] - centre))))
     return inside, outside
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("radius", "around"), [(13.48, True), (13.55, False)])
-def test_a_vehicle_that_reaches_around_the_circle_s_centre_has_no_band_and_one_that_nearly_does_has(radius: float, around: bool) -> None:
-    driven = follow(load_vehicle("b-double"), Manoeuvre(radius, None, GuidePoint.FRONT_CORNER))
-    centre = chart_of(driven).centre
-    bodies = [shapely.Polygon(driven.corners(unit)[-1] - centre) for unit in range(3)]
-    nearest = min(body.distance(shapely.Point(0, 0)) for body in bodies)
-    furthest = max(float(np.hypot(*np.array(body.exterior.coords).T).max()) for body in bodies)
-    assert (nearest == 0.0) is around
-    if around:
-        with pytest.raises(TurnError, match=r"on a radius of 13\.48 m the b-double reaches around the circle's centre"):
-            figures_of(driven)
-    else:
-        # The poses' outlines are joined by chords of 0.1 m about a point that is near: 1 mm covers their sagitta.
-        assert figures_of(driven).swept_width == pytest.approx(furthest - nearest, abs=1e-3)
 
 
 @pytest.mark.parametrize("ramp", [0.0, 4.0])
