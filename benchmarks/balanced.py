@@ -41,7 +41,7 @@ from hdvplan.fileio import csv_bytes, write_atomically
 from hdvplan.machine import use_one_thread
 from hdvplan.planning.objectives import balanced, geometric
 from hdvplan.record import write_record
-from hdvplan.report.markdown import markdown_table
+from hdvplan.report.grid import markdown_table
 from hdvplan.reproduce.swept import Swept, whole_manoeuvre
 from hdvplan.road.load import load_road
 from hdvplan.road.road import Road

@@ -31,7 +31,7 @@ from hdvplan.planning.objectives import Goal
 from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.centring import Centring, Residual
 from hdvplan.record import write_record
-from hdvplan.report.markdown import markdown_table
+from hdvplan.report.grid import markdown_table
 from hdvplan.road.limits import Limits
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle

@@ -42,7 +42,7 @@ from hdvplan.bench.work import ABOUT, SuiteWork, suite_entries, suite_text
 from hdvplan.fileio import csv_bytes, json_bytes, write_atomically
 from hdvplan.machine import load_average, machine_facts
 from hdvplan.record import write_record
-from hdvplan.report.markdown import markdown_table
+from hdvplan.report.grid import markdown_table
 
 ROOT = Path(__file__).resolve().parents[1]
 BASE = "base"

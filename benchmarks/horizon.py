@@ -23,7 +23,7 @@ from hdvplan.case import Case
 from hdvplan.fileio import csv_bytes, write_atomically
 from hdvplan.machine import machine_facts, use_one_thread
 from hdvplan.record import write_record
-from hdvplan.report.markdown import markdown_table
+from hdvplan.report.grid import markdown_table
 from hdvplan.solvers.registry import solver_named
 
 STAGES = (100, 200, 400, 800, 1600)

@@ -33,7 +33,7 @@ from hdvplan.fileio import json_bytes, write_atomically
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.network.extract import RECORD as EXTRACT
 from hdvplan.record import NAME, command, now
-from hdvplan.report.markdown import markdown_table
+from hdvplan.report.grid import markdown_table
 from hdvplan.report.style import figure_bytes, styled
 from hdvplan.road.line import RoadOptions
 from hdvplan.road.load import REFERENCE_SLACK, load_road

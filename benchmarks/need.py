@@ -26,7 +26,7 @@ from hdvplan.judging.verdict import verdict_of
 from hdvplan.need.answer import Need, need_of
 from hdvplan.planning.bias import Bias
 from hdvplan.planning.settings import Scheme
-from hdvplan.report.markdown import markdown_table
+from hdvplan.report.grid import markdown_table
 
 VEHICLES = ("bus", "tractor-trailer", "tractor-trailer-24m")
 HUNTED = ("monaco_fairmont_hairpin", "goteborg_lindholmsallen_uturn", "newyork_columbus_circle")

@@ -20,7 +20,7 @@ from hdvplan.api import drive_case
 from hdvplan.case import Case
 from hdvplan.judging.balance import balance_of
 from hdvplan.judging.envelope import envelope_of
-from hdvplan.report.markdown import markdown_table
+from hdvplan.report.grid import markdown_table
 from hdvplan.road.limits import Limits
 from hdvplan.road.road import Road
 

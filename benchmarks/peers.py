@@ -28,7 +28,7 @@ from hdvplan.planning.planner import Plan, Planner
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import stations_of
 from hdvplan.record import write_record
-from hdvplan.report.markdown import markdown_table
+from hdvplan.report.grid import markdown_table
 from hdvplan.road.load import load_road
 from hdvplan.solvers.registry import solver_named
 from hdvplan.vehicle.load import load_vehicle

@@ -30,7 +30,7 @@ from hdvplan.need.search import even
 from hdvplan.proof.answer import proof_of
 from hdvplan.proof.stretches import stretches_of
 from hdvplan.record import write_record
-from hdvplan.report.markdown import markdown_table
+from hdvplan.report.grid import markdown_table
 
 VEHICLES = ("bus", "citaro-k", "tractor-trailer")
 

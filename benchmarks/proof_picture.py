@@ -9,25 +9,39 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from cases import case_within, free_case, numbers
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
+from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.proof.answer import RIGID, ROUNDING_M, grid_of
 from hdvplan.proof.poses import outline_of
-from hdvplan.proof.reach import reachable
+from hdvplan.proof.reach import Reached, reachable
 from hdvplan.proof.space import beside, frame_of
 from hdvplan.record import write_record
-from hdvplan.report.proof_plots import Followed, reach_figure
-from hdvplan.report.style import figure_bytes
+from hdvplan.report.colours import BODY_COLOURS, BREACH
+from hdvplan.report.style import figure_bytes, styled, write_head
 
 _AROUND_M = 50.0  # of the stretch: no point of a rigid vehicle has its foot further away
 _FINE = RIGID[1]
+_SIZE_IN = (10.0, 7.0)
+_ALPHA = (0.25, 0.75)  # of the sets in the background, and of the last one
+
+
+@dataclass(frozen=True)
+class Followed:
+    """A reachable set over arclengths ``s`` (stations,) [m], and what readers call it."""
+
+    label: str
+    s: FloatArray
+    reached: Reached
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -70,6 +84,39 @@ def followed(case: Case, s_from: float, s_to: float, label: str) -> Followed:
     frame = frame_of(road.path, np.arange(s_from, s_to, _FINE.step))
     reached = reachable(outline, case.vehicle.max_curvature, space, frame, grid_of(frame, _FINE.cell), two_regions=False)
     return Followed(label, frame.s, reached)
+
+
+def reach_figure(sets: Sequence[Followed], title: str) -> Figure:
+    """Return a figure of the offsets, headings and number of headings that are reached over s; the last set is in front.
+
+    Offsets [m] and headings [deg] are those of the rear axle in the road's frame, left positive. A line marks where a set is empty.
+    """
+    with styled():
+        figure = Figure(figsize=_SIZE_IN, layout="constrained")
+        offset, heading, share = figure.subplots(3, 1, sharex=True, height_ratios=[3, 3, 2])
+        for number, followed in enumerate(sets):
+            _draw(offset, heading, share, followed, number, front=number == len(sets) - 1)
+        offset.set_ylabel("offset of the rear axle [m]")
+        heading.set_ylabel("heading off the road's [deg]")
+        share.set_ylabel("cells of heading left")
+        share.set_ylim(bottom=0.0)
+        share.set_xlabel("s [m]")
+        offset.legend(loc="upper right")
+        write_head(figure, title)
+    return figure
+
+
+def _draw(offset: Axes, heading: Axes, share: Axes, followed: Followed, number: int, *, front: bool) -> None:
+    s, reached, colour = followed.s, followed.reached, BODY_COLOURS[number % len(BODY_COLOURS)]
+    bands = ((offset, reached.low, reached.high), (heading, np.degrees(reached.right), np.degrees(reached.left)))
+    for axes, low, high in bands:
+        axes.fill_between(s, low, high, color=colour, alpha=_ALPHA[front], linewidth=0.0, label=followed.label)
+    share.plot(s, reached.filled, color=colour)
+    if reached.empty >= 0:
+        end = float(s[reached.empty])
+        for axes in (offset, heading, share):
+            axes.axvline(end, color=BREACH, linestyle="--", linewidth=1.2)
+        offset.annotate(f" empty at s = {end:.1f} m", (end, 0.05), xycoords=("data", "axes fraction"), color=BREACH)
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ from hdvplan.bench.timing import reasons_of
 from hdvplan.cli.app import run
 from hdvplan.fileio import write_atomically
 from hdvplan.machine import use_one_thread
-from hdvplan.report.markdown import markdown_table
+from hdvplan.report.grid import markdown_table
 from hdvplan.solvers.registry import solver_infos
 
 SOLVERS = (

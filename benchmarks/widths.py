@@ -17,7 +17,7 @@ from hdvplan.api import plan
 from hdvplan.case import Case
 from hdvplan.errors import HdvplanError
 from hdvplan.judging.result import Result, breach_text
-from hdvplan.report.markdown import markdown_table
+from hdvplan.report.grid import markdown_table
 from hdvplan.road.scenarios import shipped
 
 VEHICLES = ("bus", "tractor-trailer", "tractor-trailer-24m")

@@ -16,8 +16,7 @@ from hdvplan.bench.joint import FEWEST
 from hdvplan.bench.statistics import Found
 from hdvplan.bench.suite import KEY, cell_words
 from hdvplan.bench.where import place_words
-from hdvplan.report.grid import grid
-from hdvplan.report.markdown import markdown_table
+from hdvplan.report.grid import grid, markdown_table
 
 ALL_CELLS = "all cells"  # what a statistic is of
 _WRONG = ("cell", "what", "base", "new", "new/base", "part", "place")

@@ -14,8 +14,7 @@ from hdvplan.bench.samples import OK
 from hdvplan.bench.stats import Tables, reference_solver
 from hdvplan.bench.suite import AS_SET, CLASSES, GROUP, Suite, cell_words, tuning_key
 from hdvplan.bench.verdict import Finding, Load, group_words, how_ranked
-from hdvplan.report.grid import grid
-from hdvplan.report.markdown import markdown_table
+from hdvplan.report.grid import grid, markdown_table
 from hdvplan.solvers.registry import settings_of, tolerance_of
 
 _TEXT = ("road", "vehicle", "scheme", "solver", "limits", "status")

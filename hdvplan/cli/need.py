@@ -97,8 +97,7 @@ def need(
     from hdvplan.need.answer import edge_need_of, need_of
     from hdvplan.planning.settings import PlannerSettings
     from hdvplan.report.files import DRAWINGS, PICTURES
-    from hdvplan.report.need_files import write_need
-    from hdvplan.report.needs import need_json
+    from hdvplan.report.needs import need_json, write_need
 
     kinds = drawn_formats(formats, PICTURES, DRAWINGS, plot=plot)
     settings = PlannerSettings(clearance=clearance)

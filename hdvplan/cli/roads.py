@@ -75,8 +75,8 @@ def road_info(
     found = find_road(road, reading.options())  # bad files are refused before more is loaded
     from hdvplan.fileio import csv_bytes, write_atomically
     from hdvplan.judging.fit import facts_of, fit_of, fit_table
-    from hdvplan.report.fit_tables import facts_table, findings_table, fits_table
     from hdvplan.report.summary import corners_of, smoothing_of
+    from hdvplan.report.tables import facts_table, findings_table, fits_table
     from hdvplan.road.regions import distances
     from hdvplan.vehicle.load import load_vehicle, preset_names
 

@@ -90,8 +90,8 @@ def turn(
         raise OptionError(msg, hint="`hdvplan vehicles list` names the presets, `hdvplan turn --list` the templates")
     check_folder(out)
     from hdvplan.report.files import PICTURES
-    from hdvplan.report.turn_files import TURN_DRAWINGS, write_turn
-    from hdvplan.report.turns import broken_words, turn_json, turn_table, verdict
+    from hdvplan.report.turns import TURN_DRAWINGS, turn_json, turn_table, write_turn
+    from hdvplan.turning.turn import broken_words, verdict
     from hdvplan.turning.turn import turn as drive
 
     kinds = drawn_formats(formats, PICTURES, TURN_DRAWINGS, plot=plot)
@@ -164,17 +164,17 @@ def _list(*, json: bool) -> int:
     from hdvplan.turning.templates import load_template, template_names
 
     templates = [load_template(name) for name in template_names()]
-    angles = [None if template.angle is None else degrees(template.angle) for template in templates]
+    angles = [None if template.given.angle is None else degrees(template.given.angle) for template in templates]
     if json:
         print_json(
             [
                 {
                     "name": template.name,
                     "source": template.source,
-                    "guide": str(template.point),
+                    "guide": str(template.given.point),
                     "radius_m": template.radius,
                     "angle_deg": angle,
-                    "standstill": template.standstill,
+                    "standstill": template.given.standstill,
                     "limits": {limit.name: limit.value for limit in template.limits},
                 }
                 for template, angle in zip(templates, angles, strict=True)
@@ -186,7 +186,7 @@ def _list(*, json: bool) -> int:
             template.name,
             "own" if template.radius is None else f"{template.radius:.2f}",
             "circle" if angle is None else f"{angle:g}",
-            str(template.point),
+            str(template.given.point),
             ", ".join(f"{limit.words} {'>=' if limit.least else '<='} {limit.value:g}" for limit in template.limits) or "-",
         )
         for template, angle in zip(templates, angles, strict=True)

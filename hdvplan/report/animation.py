@@ -18,15 +18,15 @@ from PIL import Image, ImageDraw
 
 from hdvplan.arrays import FloatArray
 from hdvplan.judging.bodies import corners
-from hdvplan.judging.result import Result
+from hdvplan.judging.result import Result, body_name
 from hdvplan.judging.verdict import verdict_of, verdict_title
-from hdvplan.report.colours import MUTED
-from hdvplan.report.furniture import draw_direction, finish_map
-from hdvplan.report.heading import answer_colour
-from hdvplan.report.maps import draw_surroundings, frame, reach_within, swept_label
-from hdvplan.report.style import body_colour, body_fill, styled
-from hdvplan.report.windows import HALF_LENGTH_M, LENGTHS, Window, tightest_windows
+from hdvplan.report.colours import answer_colour, body_colour
+from hdvplan.report.layers import Layer, drawn_features
+from hdvplan.report.maps import around, draw_direction, draw_features, finish_map, frame, reach_within, stations, swept_label
+from hdvplan.report.rooms import Window, half_length, joined, tightest_windows
+from hdvplan.report.style import body_fill, styled, write_head
 
+_GROUND = {Layer.ROAD, Layer.OBSTACLES, Layer.SWEEPABLE, Layer.LIMITS}  # what stays as it is
 _SIZE_IN = (8.0, 6.0)
 _DPI = 100
 _OVERSAMPLED = 2  # Pillow draws without anti-aliasing
@@ -54,17 +54,9 @@ def film_bytes(result: Result) -> bytes:
 
 def _stretches(result: Result) -> list[Window]:
     """Return the stretches around the tightest places, those that overlap as one."""
-    vehicle, length = result.drive.vehicle, result.drive.road.path.length
-    half = float(np.clip(LENGTHS * (vehicle.reach_ahead + vehicle.reach_behind), *HALF_LENGTH_M))
-    found = list[Window]()
-    for window in tightest_windows(result):
-        middle = 0.5 * (window.s_from + window.s_to)
-        begin, end, label = max(0.0, middle - half), min(length, middle + half), window.label
-        if found and begin < found[-1].s_to:
-            before = found.pop()
-            begin, label = before.s_from, f"{before.label}, {label}"
-        found.append(Window(begin, end, label))
-    return found
+    length, half = result.drive.road.path.length, half_length(result.drive.vehicle)
+    middles = ((0.5 * (window.s_from + window.s_to), window.label) for window in tightest_windows(result))
+    return joined(Window(max(0.0, middle - half), min(length, middle + half), label) for middle, label in middles)
 
 
 def _film(result: Result, window: Window) -> list[Image.Image]:
@@ -138,23 +130,23 @@ def _fill(unit: int) -> tuple[int, int, int]:
 
 def _map(result: Result, window: Window) -> tuple[Image.Image, Axes]:
     """Return what stays the same in all frames, transparent elsewhere, and the axes that place points on it."""
-    drive, s = result.drive, result.envelope.s
+    drive, verdict = result.drive, verdict_of(result)
+    points, room = np.column_stack(drive.road.path.to_plane(stations(window), 0.0)), reach_within(result, window)
     with styled():
         figure = Figure(figsize=_SIZE_IN, dpi=_DPI * _OVERSAMPLED, layout="constrained", facecolor="none")
         canvas = FigureCanvasAgg(figure)
         axes = figure.add_subplot(facecolor="none")
-        draw_surroundings(axes, result, window)
-        shown = (s >= window.s_from) & (s <= window.s_to)
-        frame(axes, np.column_stack(drive.road.path.to_plane(s[shown], 0.0)), reach_within(result, shown))
+        draw_features(axes, (feature for feature in drawn_features(result) if feature.layer in _GROUND), around(points, room))
+        frame(axes, points, room)
         draw_direction(axes, drive.road.path, window.s_from, window.s_to, count=3)
         finish_map(axes, north=drive.road.to_lonlat is not None)
-        title, colour = verdict_title(result, verdict_of(result)), answer_colour(result)
-        figure.suptitle(title, x=0.01, ha="left", fontsize="medium", fontweight="bold", color=colour)
+        write_head(figure, verdict_title(result, verdict), answer_colour(fits=verdict.fits), notice=drive.road.notice)
         handles, labels = axes.get_legend_handles_labels()
-        bodies = [Patch(color=body_fill(unit), label=swept_label(drive.vehicle, unit)) for unit in range(len(drive.vehicle.units))]
+        bodies = [
+            Patch(color=body_fill(unit), label=swept_label(body_name(drive.vehicle, unit), unit))
+            for unit in range(len(drive.vehicle.units))
+        ]
         figure.legend([*bodies, *handles], [*(str(body.get_label()) for body in bodies), *labels], loc="outside lower left", ncols=4)
-        if drive.road.notice is not None:
-            figure.supxlabel(drive.road.notice, fontsize="x-small", color=MUTED, x=0.01, ha="left")
         canvas.draw()  # type: ignore[no-untyped-call] # Matplotlib's back ends are not typed
     return Image.fromarray(np.array(canvas.buffer_rgba())), axes  # type: ignore[no-untyped-call] # as above
 

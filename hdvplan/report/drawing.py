@@ -1,14 +1,15 @@
-"""The drawing of a vehicle: its stretched bodies from above, to scale, with the dimensions of its TOML entries."""
+"""The drawing of a vehicle: its stretched bodies from above and from the side, to scale, with the dimensions of its TOML entries."""
 
 from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Polygon, Rectangle
+from matplotlib.patches import Arc, Circle, Polygon, Rectangle
 from matplotlib.transforms import Affine2D
 
-from hdvplan.report.style import body_colour, body_fill, styled
+from hdvplan.report.colours import INK, body_colour
+from hdvplan.report.style import body_fill, styled
 from hdvplan.vehicle.model import Unit, Vehicle
 
 WIDTH_IN = 11.0
@@ -19,13 +20,18 @@ _TEXT_IN = 0.2  # between lines of text
 _WHEEL_M = (1.0, 0.32)
 _TURNED_DEG = 14.0  # how far steered wheels are drawn turned
 _LINE = "0.25"
+_ENDS = {"arrowstyle": "<->", "linewidth": 0.9, "shrinkA": 0.0, "shrinkB": 0.0, "mutation_scale": 7.0}
+_VIEW_SCALES = (50, 75, 100, 125, 150, 200, 250, 300, 400, 500)  # of the views on a sheet of paper
+_ROW_MM = 3.6  # between dimension lines there
+_HEIGHTS_M = (0.95, 3.6)  # of bodies in the side view: of no particular vehicle
+_SIDE_WHEEL_M = 0.5  # radius
 
 
 @styled()
 def vehicle_figure(vehicle: Vehicle) -> Figure:
     """Return the drawing of a vehicle, its front to the left, dimensions in metres and a legend of all entries."""
     total, count = vehicle.reach_ahead + vehicle.reach_behind, len(vehicle.units)
-    rows = dimension_rows(vehicle)
+    rows = _dimension_rows(vehicle)
     scale = min(_LARGEST, (WIDTH_IN - 2.0 * _MARGIN_IN - 0.5) / total)  # [in/m]; room for the width's dimension
     heights = [0.9 + vehicle.width * scale + _ROW_IN * rows, _TEXT_IN * (count + 1) + 0.15]
     figure = Figure(figsize=(WIDTH_IN, sum(heights)))
@@ -36,7 +42,7 @@ def vehicle_figure(vehicle: Vehicle) -> Figure:
     axes.set_xlim(middle + 0.5 * WIDTH_IN / scale, middle - 0.5 * WIDTH_IN / scale)  # ahead is to the left
     low = -0.5 * vehicle.width - (_ROW_IN * rows + 0.1) / scale
     axes.set_ylim(low, low + heights[0] / scale)
-    draw_plan_view(axes, vehicle, _ROW_IN / scale, 0.25 / scale)
+    _draw_plan_view(axes, vehicle, _ROW_IN / scale, 0.25 / scale)
     figure.text(_MARGIN_IN / WIDTH_IN, 1.0 - 0.3 / sum(heights), vehicle.name, fontsize="large", fontweight="bold")
     for line, (text, colour) in enumerate(_legend(vehicle)):
         y = (heights[1] - _TEXT_IN * (line + 0.5)) / sum(heights)
@@ -44,12 +50,12 @@ def vehicle_figure(vehicle: Vehicle) -> Figure:
     return figure
 
 
-def dimension_rows(vehicle: Vehicle) -> int:
+def _dimension_rows(vehicle: Vehicle) -> int:
     """Return how many rows of dimensions a plan view has below it; another one lies above. The last unit has no hitch offset."""
     return 2 * len(vehicle.units) - (vehicle.units[-1].front_overhang >= 0.0)
 
 
-def draw_plan_view(axes: Axes, vehicle: Vehicle, row: float, gap: float, *, fontsize: float = 8.0) -> None:
+def _draw_plan_view(axes: Axes, vehicle: Vehicle, row: float, gap: float, *, fontsize: float = 8.0) -> None:
     """Draw a vehicle from above with its dimensions, rows of them ``row`` apart, and its width ``gap`` behind it [m].
 
     The lead rear axle lies at the origin, the front in the direction of x.
@@ -107,18 +113,15 @@ def _draw_dimensions(axes: Axes, number: int, unit: Unit, axle: float, y: float,
 
 def _dimension(axes: Axes, begin: float, end: float, y: float, text: str, colour: str, fontsize: float) -> None:
     """Draw a dimension line from ``begin`` to ``end`` at height ``y``, its text above it."""
-    style = {"arrowstyle": "<->", "color": colour, "linewidth": 0.9, "shrinkA": 0.0, "shrinkB": 0.0, "mutation_scale": 7.0}
-    axes.annotate("", (end, y), (begin, y), arrowprops=style)
+    axes.annotate("", (end, y), (begin, y), arrowprops=_ENDS | {"color": colour})
     middle = (0.5 * (begin + end), y)
     axes.annotate(text, middle, (0.0, 1.0), textcoords="offset points", fontsize=fontsize, color=colour, ha="center", va="bottom")
 
 
 def _draw_width(axes: Axes, vehicle: Vehicle, gap: float, fontsize: float) -> None:
-    last = vehicle.units[-1]
-    x = -vehicle.reach_behind - gap
-    style = {"arrowstyle": "<->", "color": _LINE, "linewidth": 0.9, "shrinkA": 0.0, "shrinkB": 0.0, "mutation_scale": 7.0}
-    axes.annotate("", (x, -0.5 * last.width), (x, 0.5 * last.width), arrowprops=style)
-    axes.annotate(f"{last.width:.2f}", (x, 0.0), (3.0, 0.0), textcoords="offset points", fontsize=fontsize, color=_LINE, va="center")
+    half, x = 0.5 * vehicle.units[-1].width, -vehicle.reach_behind - gap
+    axes.annotate("", (x, -half), (x, half), arrowprops=_ENDS | {"color": _LINE})
+    axes.annotate(f"{2.0 * half:.2f}", (x, 0.0), (3.0, 0.0), textcoords="offset points", fontsize=fontsize, color=_LINE, va="center")
 
 
 def _legend(vehicle: Vehicle) -> list[tuple[str, str]]:
@@ -142,3 +145,59 @@ def _legend(vehicle: Vehicle) -> list[tuple[str, str]]:
             entries += f"; {how} {unit.steering_ratio:.2f} of {of} angle, to {most:.0f}°"
         lines.append((entries, body_colour(number)))
     return [*lines, (f"metres; {vehicle.source}" if vehicle.source else "metres", "0.35")]
+
+
+def draw_vehicle_views(axes: Axes, vehicle: Vehicle, size_mm: tuple[float, float]) -> None:
+    """Draw the vehicle from the side and, with its dimensions, from above, both to one round scale."""
+    width, height = size_mm
+    total, rows = vehicle.reach_ahead + vehicle.reach_behind, _dimension_rows(vehicle)
+    room = (0.5 * width - 14.0, height - 12.0 - _ROW_MM * (rows + 1))
+    scale = next((s for s in _VIEW_SCALES if total * 1e3 / s <= room[0] and vehicle.width * 1e3 / s <= room[1]), _VIEW_SCALES[-1])
+    mm = scale / 1e3  # metres that a millimetre shows
+    middle = vehicle.reach_ahead - 0.5 * total
+    high = 0.5 * vehicle.width + 2.0 * _ROW_MM * mm + 3.0 * mm
+    plan_x = 0.25 * width * mm  # of the plan view's middle, right of the strip's
+    axes.set_xlim(middle + plan_x + 0.5 * width * mm, middle + plan_x - 0.5 * width * mm)  # ahead is to the left
+    axes.set_ylim(high - height * mm, high)
+    _draw_plan_view(axes, vehicle, _ROW_MM * mm, 2.0 * mm, fontsize=6.0)
+    side_x, ground = 0.5 * width * mm, -0.5 * vehicle.width - 0.5 * _ROW_MM * rows * mm
+    _draw_side_view(axes, vehicle, side_x, ground)
+    text = f"{vehicle.name}   1:{scale}   dimensions in metres; heights and wheels of the side view are no particular vehicle's"
+    axes.text(3.0 / width, 3.0 / height, text, transform=axes.transAxes, fontsize=6.0, color=INK)
+
+
+def _draw_side_view(axes: Axes, vehicle: Vehicle, x: float, ground: float) -> None:
+    """Draw bodies and wheels as seen from their left side, ``x`` ahead of the plan view, on a ground line."""
+    low, high = _HEIGHTS_M
+    axle = x
+    for number, unit in enumerate(vehicle.units):
+        corner = (axle - unit.rear_overhang, ground + low)
+        axes.add_patch(
+            Rectangle(corner, unit.length, high - low, facecolor=body_fill(number), edgecolor=body_colour(number), linewidth=0.8)
+        )
+        for at in (axle + unit.wheelbase, axle) if number == 0 else (axle,):
+            axes.add_patch(
+                Arc(
+                    (at, ground + low),
+                    2.6 * _SIDE_WHEEL_M,
+                    2.2 * _SIDE_WHEEL_M,
+                    theta1=0.0,
+                    theta2=180.0,
+                    color=INK,
+                    linewidth=0.5,
+                    zorder=3,
+                )
+            )
+            axes.add_patch(Circle((at, ground + _SIDE_WHEEL_M), _SIDE_WHEEL_M, facecolor="white", edgecolor=INK, linewidth=0.9, zorder=4))
+            axes.add_patch(
+                Circle((at, ground + _SIDE_WHEEL_M), 0.4 * _SIDE_WHEEL_M, facecolor="none", edgecolor=INK, linewidth=0.5, zorder=4)
+            )
+        if number + 1 < len(vehicle.units):
+            behind = vehicle.units[number + 1]
+            axle -= unit.hitch_offset
+            axes.plot(
+                [axle + unit.hitch_offset, axle, axle - max(0.0, -behind.front_overhang)], [ground + 0.8] * 3, color=INK, linewidth=1.0
+            )
+            axes.plot([axle], [ground + 0.8], marker="o", color=INK, markersize=2.5, zorder=5)
+            axle -= behind.wheelbase
+    axes.plot([x + vehicle.reach_ahead + 0.5, x - vehicle.reach_behind - 0.5], [ground, ground], color=INK, linewidth=0.6)

@@ -16,11 +16,10 @@ from ezdxf.filemanagement import new
 
 from hdvplan.arrays import FloatArray
 from hdvplan.judging.result import Result
+from hdvplan.judging.verdict import verdict_line, verdict_of
 from hdvplan.judging.wheels import TRACK_NOTE
-from hdvplan.report.geopackage import polygons_of
-from hdvplan.report.heading import answer_line
-from hdvplan.report.layers import Drawn, Layer, drawn_features
-from hdvplan.report.placing import System, drawing_system
+from hdvplan.report.geojson import polygons_of
+from hdvplan.report.layers import Drawn, Layer, System, drawing_system, drawn_features
 from hdvplan.texts import printable
 from hdvplan.version import __version__
 
@@ -66,7 +65,7 @@ def dxf_bytes(result: Result, features: Sequence[Drawn] | None = None, answer: S
     """
     drive, system = result.drive, drawing_system(result.drive.road)
     notes = [
-        *([answer_line(result)] if answer is None else answer),
+        *([verdict_line(result, verdict_of(result))] if answer is None else answer),
         f"road: {drive.road.name}, {drive.road.path.length:.1f} m",
         f"vehicle: {drive.vehicle.name}",
         *how_to_read(system),

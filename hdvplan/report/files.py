@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from hdvplan.fileio import Column, Together, json_bytes, table_bytes
 from hdvplan.judging.result import Result
 from hdvplan.record import NAME, record_of
 from hdvplan.report.geojson import swept_geojson
+from hdvplan.report.layers import Drawn
 from hdvplan.report.paper import SheetOptions
 from hdvplan.report.summary import summary_of
 from hdvplan.road.road import Road
@@ -64,8 +65,7 @@ def write_plan(
         "swept.geojson": lambda: json_bytes(swept_geojson(result), indent=None),
         NAME: lambda: json_bytes(record_of([result.case])),
     }
-    contents |= {f"plan.{kind}": partial(picture_bytes, result, kind) for kind in pictures}
-    contents |= {f"plan.{kind}": partial(_drawing, result, kind) for kind in drawings}
+    contents |= {f"plan.{kind}": partial(drawn_bytes, result, kind) for kind in (*pictures, *drawings)}
     if sheet is not None:
         contents[SHEET] = partial(_sheet, result, sheet)
     if animate:
@@ -165,9 +165,17 @@ def regions_json(road: Road) -> list[dict[str, object]]:
     ]
 
 
-def picture_bytes(result: Result, kind: str) -> bytes:
-    """Return the picture of a plan as a file of one of ``PICTURES``."""
-    from hdvplan.report.plots import plan_figure  # noqa: PLC0415 - Matplotlib takes half a second to import
+def drawn_bytes(result: Result, kind: str, features: Sequence[Drawn] | None = None, answer: Sequence[str] | None = None) -> bytes:
+    """Return a plan as a file of one of ``PICTURES`` or ``DRAWINGS``; ``features`` and ``answer`` as in ``dxf_bytes``."""
+    if kind == "gpkg":
+        from hdvplan.report.geopackage import geopackage_bytes  # noqa: PLC0415 - GDAL, ezdxf and Matplotlib take a while to import
+
+        return geopackage_bytes(result, features)
+    if kind == "dxf":
+        from hdvplan.report.dxf import dxf_bytes  # noqa: PLC0415 - as above
+
+        return dxf_bytes(result, features, answer)
+    from hdvplan.report.plots import plan_figure  # noqa: PLC0415 - as above
     from hdvplan.report.style import figure_bytes  # noqa: PLC0415 - as above
 
     return figure_bytes(plan_figure(result), kind)
@@ -179,18 +187,7 @@ def _film(result: Result) -> bytes:
     return film_bytes(result)
 
 
-def _drawing(result: Result, kind: str) -> bytes:
-    """Return the plan as a file of one of ``DRAWINGS``."""
-    if kind == "gpkg":
-        from hdvplan.report.geopackage import geopackage_bytes  # noqa: PLC0415 - GDAL and ezdxf take a while to import
-
-        return geopackage_bytes(result)
-    from hdvplan.report.dxf import dxf_bytes  # noqa: PLC0415 - as above
-
-    return dxf_bytes(result)
-
-
 def _sheet(result: Result, options: SheetOptions) -> bytes:
-    from hdvplan.report.sheet import sheet_bytes  # noqa: PLC0415 - Matplotlib, as above
+    from hdvplan.report.sheet import sheet_bytes  # noqa: PLC0415 - as above
 
     return sheet_bytes(result, options)

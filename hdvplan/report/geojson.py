@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -14,8 +13,8 @@ from hdvplan.arrays import FloatArray
 from hdvplan.judging.balance import Breach
 from hdvplan.judging.result import Result, body_name
 from hdvplan.judging.wheels import wheel_tracks
-from hdvplan.report.colours import BODY_COLOURS, BREACH, INK, MUTED
-from hdvplan.report.kerbs import broken_kerb, shown_kerbs
+from hdvplan.report.colours import BREACH, INK, MUTED, body_colour
+from hdvplan.report.kerbs import broken_kerb, shown_kerbs, simple_line
 from hdvplan.report.rooms import approach_of
 from hdvplan.road.path import ReferencePath
 from hdvplan.road.road import Road
@@ -51,22 +50,26 @@ def swept_geojson(result: Result) -> Json:
         left, right = envelope.left[unit], envelope.right[unit]
         reaches: Json = {"max_left_m": round(float(np.nanmax(left)), 4), "max_right_m": round(-float(np.nanmin(right)), 4)}
         area = swept_area(road.path, envelope.s, left, right)
-        styled = area_style(BODY_COLOURS[unit % len(BODY_COLOURS)])
+        styled = area_style(body_colour(unit))
         features.append(feature(area, road, common | {"kind": "swept area", "unit": body_name(vehicle, unit)} | reaches | styled))
     for kerb in shown_kerbs(result):
         kind, width = ("limit of overhangs", 1) if kerb.binds == "overhangs" else ("limit", 2)
         features.append(feature(kerb.line, road, common | {"kind": kind, "side": kerb.side} | _line_style(INK, width)))
     features += [_broken(result, breach, common) for breach in result.balance.breaches]
     s = np.linspace(0.0, road.path.length, max(2, int(np.ceil(road.path.length / CENTRE_SPACING_M)) + 1))
-    features.append(feature(_centre(road.path, s), road, common | {"kind": "road centre"} | _line_style(MUTED, 1)))
+    features.append(
+        feature(
+            simple_line(_points(road.path, s, np.zeros(len(s))), _SIMPLER_M), road, common | {"kind": "road centre"} | _line_style(MUTED, 1)
+        )
+    )
     for region in road.regions:
         label = {"name": region.label} if region.label else {}
         named = common | {"kind": "region", "region": str(region.kind)} | label
         features.append(feature(shapely.simplify(region.polygon, _SIMPLER_M), road, named | area_style(MUTED)))
     for track in wheel_tracks(drive):
-        wheel, line = track.wheel, shapely.simplify(shapely.LineString(track.points), _SIMPLER_M, preserve_topology=False)
+        wheel, line = track.wheel, simple_line(track.points, _SIMPLER_M)
         named = common | {"kind": "wheel track", "unit": body_name(vehicle, wheel.unit), "axle": wheel.axle, "side": wheel.side}
-        features.append(feature(line, road, named | _line_style(BODY_COLOURS[wheel.unit % len(BODY_COLOURS)], 1)))
+        features.append(feature(line, road, named | _line_style(body_colour(wheel.unit), 1)))
     return {"type": "FeatureCollection", "features": features}
 
 
@@ -103,25 +106,22 @@ def _line_style(colour: str, width: int) -> Json:
     return {"stroke": colour, "stroke-width": width, "stroke-opacity": 1.0}
 
 
-def _centre(path: ReferencePath, s: FloatArray) -> shapely.LineString:
-    line = shapely.simplify(shapely.LineString(_points(path, s, np.zeros(len(s)))), _SIMPLER_M, preserve_topology=False)
-    assert isinstance(line, shapely.LineString)  # noqa: S101 - a line stays one
-    return line
-
-
 def _points(path: ReferencePath, s: FloatArray, offset: FloatArray) -> FloatArray:
     return np.column_stack(path.to_plane(s, offset))
 
 
 def feature(geometry: BaseGeometry, road: Road, properties: Json, *, fine: bool = False) -> Json:
     """Return a feature in the road's own coordinates, degrees to 1 cm or, ``fine``, to 0.1 mm; polygons wind as RFC 7946 wants them."""
-    if road.to_lonlat is None:
+    to_lonlat = road.to_lonlat
+    if to_lonlat is None:
         placed, grid, digits = geometry, _METRES_GRID, 3
     else:
         digits = _FINE_DEGREES if fine else _DEGREES
-        placed, grid = shapely.transform(geometry, _lonlat(road.to_lonlat)), 10.0**-digits
+        placed = shapely.transform(geometry, lambda points: np.column_stack(to_lonlat(points[:, 0], points[:, 1])))
+        grid = 10.0**-digits
     if not isinstance(placed, shapely.LineString):
-        placed = _polygons(_rounded(placed, grid))
+        parts = [orient(part) for part in polygons_of(_rounded(placed, grid))]
+        placed = parts[0] if len(parts) == 1 else shapely.MultiPolygon(parts)
     return {
         "type": "Feature",
         "properties": properties,
@@ -137,14 +137,9 @@ def _rounded(area: BaseGeometry, grid: float) -> BaseGeometry:
         return shapely.make_valid(shapely.set_precision(area, grid, mode="pointwise"))
 
 
-def _lonlat(to_lonlat: Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]) -> Callable[[FloatArray], FloatArray]:
-    return lambda points: np.column_stack(to_lonlat(points[:, 0], points[:, 1]))
-
-
-def _polygons(geometry: BaseGeometry) -> shapely.Polygon | shapely.MultiPolygon:
-    """Return the areas of ``geometry``, counter-clockwise; lines and points that repairs left over are dropped."""
-    parts = [orient(part) for part in shapely.get_parts(shapely.get_parts(geometry)) if isinstance(part, shapely.Polygon)]
-    return parts[0] if len(parts) == 1 else shapely.MultiPolygon(parts)
+def polygons_of(geometry: BaseGeometry) -> list[shapely.Polygon]:
+    """Return the polygons in a geometry, however deep they lie; lines and points that repairs left over are dropped."""
+    return [part for part in shapely.get_parts(shapely.get_parts(geometry)) if isinstance(part, shapely.Polygon) and not part.is_empty]
 
 
 def _coordinates(geometry: BaseGeometry, digits: int) -> list[Any]:

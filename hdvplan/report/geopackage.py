@@ -10,11 +10,10 @@ import numpy as np
 import pyogrio
 import shapely
 from numpy.typing import NDArray
-from shapely.geometry.base import BaseGeometry
 
 from hdvplan.judging.result import Result
-from hdvplan.report.layers import Drawn, Layer, drawn_features
-from hdvplan.report.placing import map_system
+from hdvplan.report.geojson import polygons_of
+from hdvplan.report.layers import Drawn, Layer, drawn_features, map_system
 
 _NOWHERE = 'LOCAL_CS["metres of the road file",UNIT["metre",1],AXIS["x",EAST],AXIS["y",NORTH]]'
 
@@ -36,11 +35,12 @@ def geopackage_bytes(result: Result, features: Sequence[Drawn] | None = None) ->
             of_layer = [feature for feature in features if feature.layer is layer]
             if not of_layer:
                 continue
-            placed = np.array([shapely.to_wkb(_one_kind(system.place(feature.geometry))) for feature in of_layer], dtype=object)
-            fields, lines = list(of_layer[0].properties), _is_line(of_layer[0].geometry)
+            fields, lines = list(of_layer[0].properties), isinstance(of_layer[0].geometry, shapely.LineString)
+            places = [system.place(feature.geometry) for feature in of_layer]
+            shapes = places if lines else [shapely.MultiPolygon(polygons_of(place)) for place in places]
             pyogrio.raw.write(
                 path,
-                placed,
+                shapely.to_wkb(np.array(shapes, dtype=object)),
                 [_column(of_layer, name) for name in fields],
                 fields,
                 layer=str(layer),
@@ -61,19 +61,3 @@ def _column(features: Sequence[Drawn], name: str) -> NDArray[np.generic]:
     if all(isinstance(value, float | None) for value in values) and any(value is not None for value in values):
         return np.array([np.nan if value is None else value for value in values])
     return np.array(values, dtype=object)
-
-
-def _is_line(geometry: BaseGeometry) -> bool:
-    return isinstance(geometry, shapely.LineString)
-
-
-def _one_kind(geometry: BaseGeometry) -> BaseGeometry:
-    """Return a line as it is, and areas as one MultiPolygon without the lines and points that repairs left over."""
-    if _is_line(geometry):
-        return geometry
-    return shapely.MultiPolygon(polygons_of(geometry))
-
-
-def polygons_of(geometry: BaseGeometry) -> list[shapely.Polygon]:
-    """Return the polygons in a geometry, however deep they lie."""
-    return [part for part in shapely.get_parts(shapely.get_parts(geometry)) if isinstance(part, shapely.Polygon) and not part.is_empty]

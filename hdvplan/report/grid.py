@@ -1,14 +1,18 @@
-"""A table for the terminal from ready strings. It imports Rich alone: lists are there at once."""
+"""Tables from ready strings, for the terminal and as Markdown. It imports Rich alone: lists are there at once."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
+from typing import TYPE_CHECKING
 
 from rich import box
 from rich.table import Table
 from rich.text import Text
 
 from hdvplan.texts import printable
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def grid(
@@ -43,3 +47,18 @@ def grid(
 
 def _cut(cell: str) -> Text:
     return Text(printable(cell), no_wrap=True, overflow="ellipsis")
+
+
+def markdown_table(table: pd.DataFrame, *, text: Collection[str]) -> str:
+    """Return a table, without its index, as Markdown that ends without a newline.
+
+    Columns named in ``text`` are aligned left, the others right, as numbers are. Values stand as ``str`` has them; bars are escaped
+    and line breaks become blanks, as both would end a cell.
+    """
+    cells = table.astype(str).map(_on_one_line).rename(columns=lambda name: _on_one_line(str(name)))
+    sides = ["left" if name in text else "right" for name in table.columns]
+    return cells.to_markdown(index=False, disable_numparse=True, colalign=sides)
+
+
+def _on_one_line(value: str) -> str:
+    return " ".join(value.replace("|", "\\|").split())

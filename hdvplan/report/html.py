@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -15,8 +16,7 @@ from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError
 from hdvplan.fileio import write_atomically
 from hdvplan.judging.balance import KEPT_M
-from hdvplan.report.payload import label_of, payload_of, tight_places
-from hdvplan.report.planfiles import PlanFiles, read_plan
+from hdvplan.report.planfiles import PlanFiles, label_of, payload_of, read_plan, tight_places
 from hdvplan.road.regions import called
 from hdvplan.texts import encoded
 from hdvplan.version import __version__
@@ -34,6 +34,7 @@ _DRIVEN = (
     ("road", "", "road", None, ""),
     ("status", "", "status", None, "ok: the vehicle keeps all limits, to 1 cm"),
     ("road length", "m", "length_m", 1, "along the driven line"),
+    ("width between limits", "m", "narrowest", 2, "where the road is narrowest, obstacles included"),
     ("max left", "m", "max_left_m", 3, "furthest that any part of the vehicle reaches to the left of the line"),
     ("max right", "m", "max_right_m", 3, "the same to the right"),
     ("imbalance", "m", "imbalance_m", 3, "max left less max right: 0 where the two extremes agree"),
@@ -43,8 +44,7 @@ _DRIVEN = (
     ("min clearance", "m", "min_clearance_m", 3, "least room between the vehicle and a limit; negative: it reaches beyond"),
     ("limit violation", "m", "limit_violation_m", 3, "furthest that the vehicle reaches beyond a limit"),
 )
-_MANNER = ("objective", "scheme", "solver")
-_WIDTH = ("width between limits", "m", "where the road is narrowest, obstacles included")
+_HOW = ("objective", "scheme", "solver")
 _COMPUTED = (
     ("objective", "", "objective", None, "what the plan centres between the sides"),
     ("scheme", "", "scheme", None, "rti: one quadratic program a step; sqp: as many as it takes"),
@@ -82,15 +82,8 @@ def write_report(
     try:
         with np.errstate(over="raise", divide="raise", invalid="raise"):  # else such numbers are warned of, and the page shows nothing
             page = encoded(report_html(plans, title))
-    except (
-        ArithmeticError,
-        AttributeError,
-        LookupError,
-        RecursionError,
-        TemplateError,
-        TypeError,
-        ValueError,
-    ) as error:  # files from outside may hold anything
+    except (ArithmeticError, AttributeError, LookupError, RecursionError, TemplateError, TypeError, ValueError) as error:
+        # files from outside may hold anything
         msg = f"the plans in {', '.join(map(str, directories))} cannot be shown: {error}"
         raise OptionError(msg, hint="a file of one of them is damaged: plan again") from error
     write_atomically(path, page)
@@ -99,6 +92,7 @@ def write_report(
 
 def report_html(plans: Sequence[PlanFiles], title: str) -> str:
     """Return the page that shows ``plans`` side by side: summary, maps, diagrams, tables, step times."""
+    plans = [replace(plan, summary=plan.summary | {"narrowest": _narrowest(plan)}) for plan in plans]
     environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
     edges = _edges([plan.steps["total_ms"].to_numpy() for plan in plans])
     return environment.from_string(page_part("report.html.j2")).render(
@@ -106,7 +100,7 @@ def report_html(plans: Sequence[PlanFiles], title: str) -> str:
         version=__version__,
         style=page_part("report.css"),
         script=page_part("report.js"),
-        summary=[*(_row(plans, *row) for row in _DRIVEN[:4]), _width_row(plans), *(_row(plans, *row) for row in _DRIVEN[4:])],
+        summary=[_row(plans, *row) for row in _DRIVEN],
         computed=[_row(plans, *row) for row in _COMPUTED],
         plans=[_panel(plan, _heading(plan, plans), short, edges) for plan, short in zip(plans, short_labels(plans), strict=True)],
         data=script_json([payload_of(plan) for plan in plans]),
@@ -116,7 +110,7 @@ def report_html(plans: Sequence[PlanFiles], title: str) -> str:
 
 def short_labels(plans: Sequence[PlanFiles]) -> list[str]:
     """Return what tells these plans apart: only what differs, or the vehicle; folders where nothing does."""
-    keys = ("vehicle", "road", *_MANNER)
+    keys = ("vehicle", "road", *_HOW)
     differing = [key for key in keys if len({plan.summary[key] for plan in plans}) > 1] or ["vehicle"]
     labels = [", ".join(str(plan.summary[key]) for key in differing) for plan in plans]
     if len(set(labels)) < len(labels):
@@ -128,19 +122,17 @@ def _row(plans: Sequence[PlanFiles], name: str, unit: str, key: str, digits: int
     return {"name": name, "unit": unit, "cells": [_cell(plan.summary, key, digits) for plan in plans], "meaning": meaning}
 
 
-def _width_row(plans: Sequence[PlanFiles]) -> Json:
-    """Return the least width between the limits of each plan, which its summary has not; a dash without limits."""
-    name, unit, meaning = _WIDTH
-    widths = [plan.envelope["left_limit"] - plan.envelope["right_limit"] for plan in plans]
-    cells = [{"text": f"{width.min():.2f}" if width.notna().any() else "-", "bad": False} for width in widths]
-    return {"name": name, "unit": unit, "cells": cells, "meaning": meaning}
+def _narrowest(plan: PlanFiles) -> float | None:
+    """Return the least width between the limits of a plan, which its summary has not [m]."""
+    width = plan.envelope["left_limit"] - plan.envelope["right_limit"]
+    return float(width.min()) if width.notna().any() else None
 
 
 def _heading(plan: PlanFiles, plans: Sequence[PlanFiles]) -> str:
     """Return vehicle and road, and how it was planned only where that tells plans apart."""
     subject = f"{plan.summary['vehicle']} on {plan.summary['road']}"
-    manners = {tuple(str(other.summary[key]) for key in _MANNER) for other in plans}
-    return subject if len(manners) == 1 else label_of(plan.summary)
+    ways = {tuple(str(other.summary[key]) for key in _HOW) for other in plans}
+    return subject if len(ways) == 1 else label_of(plan.summary)
 
 
 def _cell(summary: Json, key: str, digits: int | None) -> Json:
@@ -155,32 +147,16 @@ def _cell(summary: Json, key: str, digits: int | None) -> Json:
 def _panel(plan: PlanFiles, heading: str, short: str, edges: FloatArray) -> Json:
     summary = plan.summary
     breaches = sorted(summary["breaches"], key=lambda breach: -breach["depth_m"])
-    rows = [
-        {
-            "s": breach["s_deepest"],
-            "begin": f"{breach['s_from']:.1f}",
-            "end": f"{breach['s_to']:.1f}",
-            "depth": f"{breach['depth_m']:.3f}",
-            "side": breach["side"],
-            "body": breach["unit"],
-            "limit": _broken(breach),
-        }
-        for breach in breaches[:MOST_BREACHES]
-    ]
     return {
         "label": heading,
         "short": short,
         "verdict": verdict_text(summary),
-        "broken": bool(breaches),
         "bodies": [body["name"] for body in summary["bodies"]],
-        "breaches": rows,
-        "more_breaches": len(breaches) - len(rows),
-        "places": [place | {"at": f"{place['s']:.1f}", "value": f"{place['value']:.3f}"} for place in tight_places(plan)],
-        "obstacles": [
-            {"s": near["s_m"], "name": near["name"] or "obstacle", "distance": f"{near['distance_m']:.3f}", "body": near["unit"]}
-            | {"hit": near["distance_m"] < -KEPT_M}
-            for near in sorted(summary["obstacles"], key=lambda near: float(near["distance_m"]))[:MOST_OBSTACLES]
-        ],
+        "breaches": [breach | {"limit": _broken(breach)} for breach in breaches[:MOST_BREACHES]],
+        "more_breaches": len(breaches) - MOST_BREACHES,
+        "places": tight_places(plan),
+        "obstacles": sorted(summary["obstacles"], key=lambda near: float(near["distance_m"]))[:MOST_OBSTACLES],
+        "kept_m": KEPT_M,
         "regions": sorted({region["region"] for region in plan.regions}),
         "times": _histogram(plan.steps["total_ms"].to_numpy(), edges),
         "notice": summary.get("notice"),
@@ -211,28 +187,17 @@ def _edges(times: Sequence[FloatArray]) -> FloatArray:
 
 
 def _histogram(times: FloatArray, edges: FloatArray) -> Json:
-    """Return bars and ticks in the units of the page's drawing."""
+    """Return bars (x, y, width, height, text) and ticks (x, text) in the units of the page's drawing."""
     left, right, top, bottom = _PLOT
     counts, _ = np.histogram(times, edges)
-    width, most = (right - left) / _BINS, max(1, int(np.max(counts)))
+    width, high = (right - left) / _BINS, (bottom - top) * counts / max(1, int(np.max(counts)))
     bars = [
-        {
-            "x": f"{left + width * number:.1f}",
-            "width": f"{0.9 * width:.1f}",
-            "height": f"{(bottom - top) * count / most:.1f}",
-            "y": f"{bottom - (bottom - top) * count / most:.1f}",
-            "title": f"{edges[number]:.3g} to {edges[number + 1]:.3g} ms: {count} steps",
-        }
-        for number, count in enumerate(counts)
-        if count
+        (left + width * at, bottom - high[at], 0.9 * width, high[at], f"{edges[at]:.3g} to {edges[at + 1]:.3g} ms: {counts[at]} steps")
+        for at in np.flatnonzero(counts)
     ]
-    span = float(np.log(edges[-1] / edges[0]))
     nice = [digit * 10.0**power for power in range(-4, 6) for digit in (1, 2, 5)]
-    ticks = [
-        {"x": f"{left + (right - left) * np.log(value / edges[0]) / span:.1f}", "text": f"{value:g}"}
-        for value in nice
-        if edges[0] <= value <= edges[-1]
-    ]
+    scale = (right - left) / float(np.log(edges[-1] / edges[0]))
+    ticks = [(left + scale * np.log(value / edges[0]), f"{value:g}") for value in nice if edges[0] <= value <= edges[-1]]
     return {"bars": bars, "ticks": ticks, "count": len(times)}
 
 

@@ -9,12 +9,13 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from hdvplan.arrays import FloatArray
 from hdvplan.judging.balance import Breach
 from hdvplan.judging.bodies import corners
 from hdvplan.judging.result import Result
 from hdvplan.road.road import Road
 
-_SIMPLER_M = 2.5e-4  # lines leave out points that would move them by no more
+SIMPLER_M = 2.5e-4  # lines leave out points that would move them by no more
 _NEAR_M = 3.0  # from what was swept, on a road without widths
 _FURTHER_M = 0.05  # beyond a kerb than the depth of its breach
 _BESIDE_M = 1.0  # of a conflict, along the kerb: there what was swept is within it again
@@ -37,9 +38,15 @@ def kerb_lines(road: Road, s_from: float, s_to: float) -> list[KerbLine]:
     found = []
     for kerb in street.beside(s_from, s_to):
         named = ("sweepable", "overhangs") if street.two_regions and not kerb.wheels else ("drivable", "wheels")
-        line = shapely.simplify(shapely.LineString(kerb.points), _SIMPLER_M, preserve_topology=False)
-        found.append(KerbLine("left" if kerb.left else "right", *named, line))
+        found.append(KerbLine("left" if kerb.left else "right", *named, simple_line(kerb.points)))
     return sorted(found, key=lambda one: (one.side, one.region))
+
+
+def simple_line(points: FloatArray, off: float = SIMPLER_M) -> shapely.LineString:
+    """Return a line without the points whose absence moves it by no more than ``off`` [m]."""
+    line = shapely.simplify(shapely.LineString(points), off, preserve_topology=False)
+    assert isinstance(line, shapely.LineString)  # noqa: S101 - a line stays one
+    return line
 
 
 def shown_kerbs(result: Result, s_from: float = 0.0, s_to: float = np.inf) -> list[KerbLine]:
@@ -79,12 +86,9 @@ def beyond_kerb(result: Result, breach: Breach) -> BaseGeometry:
 
 def broken_kerb(result: Result, breach: Breach, beside: float) -> shapely.LineString:
     """Return the part of a kerb that is broken, and ``beside`` it so much more of the line [m]."""
-    own = [one.line for one in kerb_lines(result.drive.road, breach.s_from - beside, breach.s_to + beside) if _is(one, breach)]
+    near = kerb_lines(result.drive.road, breach.s_from - beside, breach.s_to + beside)
+    own = [one.line for one in near if (one.side, one.region) == (breach.side, breach.region)]
     return min(own, key=shapely.Point(breach.place).distance)
-
-
-def _is(one: KerbLine, breach: Breach) -> bool:
-    return (one.side, one.region) == (breach.side, breach.region)
 
 
 def _swept(result: Result, breach: Breach) -> NDArray[np.object_]:

@@ -1,96 +1,127 @@
-"""Maps of a plan: the swept area in the plane, to scale."""
+"""Maps of a plan, to scale: the layers of its drawing, the vehicle, letters and dimensions, and what makes a drawing a map."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from typing import Any
 
 import numpy as np
 import shapely
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
+from matplotlib.font_manager import FontProperties
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
+from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar  # type: ignore[import-untyped] # Matplotlib types only its core
 from shapely.geometry.base import BaseGeometry
 
-from hdvplan.arrays import BoolArray, FloatArray, IntArray
+from hdvplan.arrays import FloatArray
 from hdvplan.judging.balance import Breach
 from hdvplan.judging.bodies import corners, pose_at
-from hdvplan.judging.result import Result, body_name
-from hdvplan.judging.wheels import wheel_tracks
-from hdvplan.report.colours import BREACH, INK, MUTED
-from hdvplan.report.geojson import swept_area
-from hdvplan.report.kerbs import judged_stretch, shown_kerbs
-from hdvplan.report.layers import conflict_area, outline_places
-from hdvplan.report.rooms import Room, outwards_at
-from hdvplan.report.style import body_colour, body_dark, body_fill
-from hdvplan.report.windows import Window
-from hdvplan.road.regions import Kind
-from hdvplan.vehicle.model import Vehicle
+from hdvplan.judging.result import Result
+from hdvplan.report.colours import BREACH, INK, MUTED, body_colour
+from hdvplan.report.geojson import polygons_of
+from hdvplan.report.kerbs import judged_stretch
+from hdvplan.report.layers import Drawn, Layer, outline_places
+from hdvplan.report.rooms import Room, Window, outwards_at, shown_reach
+from hdvplan.report.style import ON_WHITE, body_dark, body_fill
+from hdvplan.road.path import ReferencePath
 
+Turn = Callable[[FloatArray], FloatArray]  # of points (n, 2) of the road's plane, as they lie on the paper
+
+_SLIDE = 1.5  # how much thicker lines are on a slide than on a sheet of paper
 _SPACING_M = 0.5
 _ROOM_M = 2.0  # around what a map shows
-_LABEL_AWAY_M = 2.5  # from the edge that it is written beside
+LABEL_AWAY_M = 2.5  # from the edge that it is written beside
 _LABELS_APART_M = 8.0
 _MOST_DEPTHS = 4  # written into one map
 _HEAD = 0.12  # of the lead unit's length: the arrow head in its front
-_WHITE = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8}
+_BARS_M = (1000.0, 500.0, 200.0, 100.0, 50.0, 20.0, 10.0, 5.0, 2.0, 1.0)
+_SHARE = 0.3  # of the map's smaller side, at most
+_ARROW_LONG = 0.05  # of the map's larger side
+_NORTH_PT = 28.0  # length of its arrow
+
+_LOOKS: dict[Layer, tuple[str, dict[str, Any]]] = {  # what the legend says, and how it is drawn on paper
+    Layer.ENVELOPE: ("swept", {"linewidth": 0.6, "zorder": 1}),
+    Layer.OBSTACLES: ("obstacle", {"facecolor": "0.6", "edgecolor": INK, "linewidth": 0.5, "zorder": 1.5}),
+    Layer.SWEEPABLE: ("sweepable", {"facecolor": "none", "edgecolor": MUTED, "hatch": "////", "linewidth": 0.4, "zorder": 1.5}),
+    Layer.TRACKS: ("wheel tracks", {"linewidth": 0.5, "linestyle": (0, (5, 2)), "zorder": 2.5}),
+    Layer.ROAD: (
+        "road centre, s [m], direction of travel",
+        {"color": MUTED, "linewidth": 0.5, "linestyle": (0, (14, 3, 2, 3)), "zorder": 2},
+    ),
+    Layer.LIMITS: ("limits", {"color": INK, "linewidth": 1.0, "zorder": 4}),
+    Layer.CONFLICTS: ("beyond a limit", {"facecolor": BREACH, "edgecolor": BREACH, "linewidth": 0.8, "zorder": 4.5}),
+    Layer.GUIDED_PATH: ("path", {"color": INK, "linewidth": 0.7, "linestyle": (0, (7, 3)), "zorder": 4}),
+    Layer.WIDENING: (
+        "to be widened (least area)",
+        {"facecolor": "none", "edgecolor": BREACH, "hatch": "xxxx", "linewidth": 1.0, "zorder": 6},
+    ),
+}
 
 
-def draw_map(axes: Axes, result: Result, window: Window, *, bodies: bool = True, depths: bool = True) -> None:
-    """Draw the stretch ``window`` of the road with limits, what each body swept, breaches with their depth, and bodies."""
-    drive, envelope = result.drive, result.envelope
-    path, vehicle = drive.road.path, drive.vehicle
-    shown = (envelope.s >= window.s_from) & (envelope.s <= window.s_to)
-    s = envelope.s[shown]
-    for unit in reversed(range(len(vehicle.units))):  # the lead unit on top: of the others shows what they sweep besides
-        area = swept_area(path, s, envelope.left[unit][shown], envelope.right[unit][shown])
-        axes.add_patch(PathPatch(outline_of(area), facecolor=body_fill(unit), edgecolor="none", label=swept_label(vehicle, unit)))
-    draw_surroundings(axes, result, window)
-    if bodies:
-        places = outline_places(result, window.s_from, window.s_to)
-        draw_bodies(axes, result, np.array([pose_at(drive, s) for s in places]))
-    _draw_breaches(axes, result, window, depths=depths)
-    frame(axes, np.column_stack(path.to_plane(stations(window), 0.0)), reach_within(result, shown))
+def draw_features(axes: Axes, features: Iterable[Drawn], view: BaseGeometry, *, weight: float = _SLIDE, turned: Turn | None = None) -> None:
+    """Draw the layers of a drawing but vehicles and clearances, as far as they lie in ``view``; the first of a kind is labelled."""
+    labels = set[str]()
+    for feature in sorted(features, key=_order):
+        if feature.layer not in _LOOKS:
+            continue
+        placed = feature.geometry if turned is None else shapely.transform(feature.geometry, turned)
+        line = isinstance(placed, shapely.LineString)  # intersections of one that runs round and round would take minutes
+        seen = shapely.clip_by_rect(placed, *view.bounds) if line else shapely.intersection(shapely.make_valid(placed), view)
+        if seen.is_empty:
+            continue
+        label, look = _LOOKS[feature.layer]
+        look = look | {"linewidth": weight * look["linewidth"]}
+        body = int(feature.properties.get("body") or 1) - 1
+        if feature.layer is Layer.ENVELOPE:
+            label = swept_label(str(feature.properties["unit"]), body)
+            look |= {"facecolor": body_fill(body), "edgecolor": body_colour(body)}
+        elif feature.layer is Layer.TRACKS:
+            look["color"] = body_dark(body)
+        elif feature.layer is Layer.GUIDED_PATH:
+            label = f"path of the {str(feature.properties['point']).replace('-', ' ')}"
+        elif feature.layer is Layer.LIMITS and feature.properties["binds"] == "overhangs":
+            label = "limits of overhangs"
+            look["linestyle"] = (0, (1, 1.5))
+        shown = None if label in labels else label
+        labels.add(label)
+        if line:
+            for number, part in enumerate(shapely.get_parts(seen)):
+                axes.plot(*np.asarray(shapely.get_coordinates(part)).T, label=shown if number == 0 else None, **look)
+        else:
+            axes.add_patch(PathPatch(outline_of(seen), label=shown, **look))
 
 
-def draw_surroundings(axes: Axes, result: Result, window: Window) -> None:
-    """Draw what the road itself brings along the stretch ``window``: its centre and its limits, beyond its ends as far as they are judged.
-
-    Its obstacles and what overhangs may sweep lie below, hatched where it may be swept.
-    """
-    road, s = result.drive.road, stations(window)
-    for kind, colour, hatch in ((Kind.OBSTACLE, "0.6", None), (Kind.SWEEPABLE, "none", "////")):
-        areas = [region.polygon for region in road.regions if region.kind is kind]
-        if areas:
-            shape = outline_of(shapely.union_all(areas))
-            axes.add_patch(PathPatch(shape, facecolor=colour, edgecolor=MUTED, hatch=hatch, linewidth=0.6, zorder=0.5, label=kind))
-    axes.plot(*road.path.to_plane(s, 0.0), color=MUTED, linewidth=0.8, linestyle=(0, (7, 4)), label="road centre")
-    labels = {"wheels": "limits", "overhangs": "limits of overhangs"}
-    for kerb in shown_kerbs(result, window.s_from, window.s_to):
-        look = {"linewidth": 1.3} if kerb.binds == "wheels" else {"linewidth": 1.1, "linestyle": (0, (1, 1.5))}
-        axes.plot(*shapely.get_coordinates(kerb.line).T, color=INK, label=labels.pop(kerb.binds, None), **look)
+def _order(feature: Drawn) -> int:
+    """Return the place in the order of drawing: of the bodies the lead unit last, on top of what only the others sweep."""
+    return -int(feature.properties["body"] or 0) if feature.layer is Layer.ENVELOPE else 0
 
 
-def swept_label(vehicle: Vehicle, unit: int) -> str:
-    """Return what the visible part of a body's swept area is."""
-    name = body_name(vehicle, unit)
+def swept_label(name: str, unit: int) -> str:
+    """Return what the visible part of the area is that the body ``name`` swept."""
     return f"swept by {name}" if unit == 0 else f"swept by {name} only"
+
+
+def draw_map(axes: Axes, result: Result, features: Iterable[Drawn], window: Window) -> None:
+    """Draw a stretch of a plan with bodies that stand behind each other, without wheel tracks."""
+    points = np.column_stack(result.drive.road.path.to_plane(stations(window), 0.0))
+    room = reach_within(result, window)
+    draw_features(axes, (feature for feature in features if feature.layer is not Layer.TRACKS), around(points, room))
+    places = outline_places(result, window.s_from, window.s_to)
+    draw_bodies(axes, corners(result.drive, np.array([pose_at(result.drive, s) for s in places])))
+    frame(axes, points, room)
 
 
 def draw_overview(axes: Axes, result: Result, windows: tuple[Window, ...]) -> None:
     """Draw the whole road as a line, with the enlarged stretches, the breaches and the start marked."""
     path = result.drive.road.path
-    s = np.linspace(0.0, path.length, max(2, int(path.length / _SPACING_M)))
-    points = np.column_stack(path.to_plane(s, 0.0))
+    points = np.column_stack(path.to_plane(stations(Window(0.0, path.length)), 0.0))
     axes.plot(*points.T, color=MUTED, linewidth=1.6)
     for window in windows:
         part = np.column_stack(path.to_plane(stations(window), 0.0))
-        middle = part[len(part) // 2]
         axes.plot(*part.T, color=body_colour(0), linewidth=5.0, solid_capstyle="round")
-        axes.annotate(
-            window.label, middle, xytext=(11, 9), textcoords="offset points", fontweight="bold", color="white", fontsize="small",
-            bbox={"boxstyle": "circle,pad=0.25", "facecolor": body_colour(0), "edgecolor": "white"}, zorder=5,
-        )  # fmt: skip
+        draw_letter(axes, window.label, part[len(part) // 2], (11.0, 9.0), body_colour(0))
     if result.balance.breaches:
         x, y = zip(*(breach.place for breach in result.balance.breaches), strict=True)
         axes.plot(x, y, linestyle="none", marker="X", color=BREACH, markersize=7, markeredgecolor="white", label="limit broken", zorder=4)
@@ -100,86 +131,86 @@ def draw_overview(axes: Axes, result: Result, windows: tuple[Window, ...]) -> No
     axes.set_title("overview", fontsize="small", loc="left")
 
 
-def draw_bodies(axes: Axes, result: Result, poses: IntArray) -> None:
-    """Draw the outlines of all bodies at simulated poses of these numbers, an arrow head in the front of the lead unit."""
-    outlines = corners(result.drive, poses)
-    colours = [body_colour(unit) for unit in range(outlines.shape[1])] * len(poses)
-    axes.add_collection(
-        PolyCollection(list(outlines.reshape(-1, 4, 2)), facecolors="white", edgecolors=colours, linewidths=1.3, alpha=0.7, zorder=3)
+def draw_bodies(axes: Axes, outlines: FloatArray, *, weight: float = _SLIDE, turned: Turn | None = None) -> None:
+    """Draw outlines (poses, bodies, 4, 2), as ``corners`` has them, an arrow head in the front of the lead unit."""
+    shown = outlines if turned is None else turned(outlines.reshape(-1, 2)).reshape(outlines.shape)
+    colours = [body_colour(unit) for unit in range(shown.shape[1])] * len(shown)
+    drawn = PolyCollection(
+        list(shown.reshape(-1, 4, 2)), facecolors="white", edgecolors=colours, linewidths=0.9 * weight, alpha=0.7, zorder=3
     )
-    for left, right, right_back, left_back in outlines[:, 0]:
+    axes.add_collection(drawn)
+    for left, right, right_back, left_back in shown[:, 0]:
         heads = np.array([left + _HEAD * (left_back - left), 0.5 * (left + right), right + _HEAD * (right_back - right)])
-        axes.plot(*heads.T, color=body_colour(0), linewidth=1.0, zorder=3.5)
+        axes.plot(*heads.T, color=body_colour(0), linewidth=0.7 * weight, zorder=3.5)
 
 
-def draw_tracks(axes: Axes, result: Result, window: Window) -> None:
-    """Draw the tracks of all outer wheels along a stretch."""
-    drive = result.drive
-    near = (drive.poses_s >= window.s_from) & (drive.poses_s <= window.s_to + drive.vehicle.reach_behind)
-    for number, track in enumerate(wheel_tracks(drive)):
-        label = "wheel tracks" if number == 0 else None
-        axes.plot(*track.points[near].T, color=body_dark(track.wheel.unit), linewidth=0.8, linestyle=(0, (5, 2)), zorder=2.5, label=label)
-
-
-def draw_room(axes: Axes, room: Room) -> None:
-    """Draw the least room at a place as a dimension, where there is a limit that is kept: breaches have their depth."""
-    if not room.limited or room.broken:
-        return
-    (x, y), (u, v) = room.ends
-    style = {"arrowstyle": "|-|", "color": INK, "linewidth": 1.2, "mutation_scale": 3.0, "shrinkA": 0.0, "shrinkB": 0.0}
-    axes.annotate("", (float(u), float(v)), (float(x), float(y)), arrowprops=style, zorder=6)
-    a, b = room.beyond + _LABEL_AWAY_M * room.outwards
+def draw_letter(axes: Axes, letter: str, at: FloatArray, away_pt: tuple[float, float], colour: str) -> None:
+    """Write a letter in a circle ``away_pt`` [pt] from a place, with a line to it."""
     axes.annotate(
-        f"{max(-room.depth, 0.0):.2f} m", (float(a), float(b)), ha="center", va="center", zorder=7, fontweight="bold", bbox=_WHITE
-    )
+        letter, point(at), away_pt, textcoords="offset points", ha="center", va="center", color="white", fontsize="small",
+        fontweight="bold", zorder=8, arrowprops={"arrowstyle": "-", "color": colour},
+        bbox={"boxstyle": "circle,pad=0.25", "facecolor": colour, "edgecolor": "white"},
+    )  # fmt: skip
 
 
-def _draw_breaches(axes: Axes, result: Result, window: Window, *, depths: bool) -> None:
-    """Fill what was swept beyond a limit, and write how deep the deepest places are if ``depths`` are wanted."""
+def draw_room(axes: Axes, room: Room, text_at: FloatArray, *, turned: Turn | None = None) -> None:
+    """Draw the least room at a place as a dimension, what it is written at ``text_at``, a place on the paper (2,) [m]."""
+    first, last = room.ends if turned is None else turned(room.ends)
+    colour = BREACH if room.broken else INK
+    style = {"arrowstyle": "|-|", "color": colour, "linewidth": 1.1, "mutation_scale": 3.0, "shrinkA": 0.0, "shrinkB": 0.0}
+    axes.annotate("", point(last), point(first), arrowprops=style, zorder=8)
+    axes.annotate(
+        room.text, point(text_at), ha="center", va="center", zorder=9, color=colour, fontweight="bold", fontsize="small",
+        bbox=ON_WHITE, clip_on=True,
+    )  # fmt: skip
+
+
+def draw_depths(axes: Axes, result: Result, window: Window) -> None:
+    """Write how deep the deepest breaches of a stretch are that are far enough apart to be written beside each other."""
     begin, end = judged_stretch(result, window.s_from, window.s_to)
-    breaches = [breach for breach in result.balance.breaches if begin <= breach.s_deepest <= end]
-    for number, breach in enumerate(breaches):
-        outline = outline_of(conflict_area(result, breach))
-        label = "beyond a limit" if number == 0 else None
-        axes.add_patch(PathPatch(outline, facecolor=BREACH, edgecolor=BREACH, linewidth=1.2, label=label, zorder=4))
-    for breach in _spread(breaches if depths else ()):
-        u, v = np.array(breach.place) + _LABEL_AWAY_M * outwards_at(result, breach.s_deepest, breach.side)
-        axes.annotate(
-            f"{breach.depth:.2f} m", breach.place, xytext=(float(u), float(v)), ha="center", va="center", zorder=6,
-            color=BREACH, fontweight="bold", fontsize="small", arrowprops={"arrowstyle": "-", "color": BREACH, "linewidth": 0.8},
-            bbox=_WHITE,
-        )  # fmt: skip
-
-
-def _spread(breaches: Iterable[Breach]) -> list[Breach]:
-    """Return the deepest breaches that are far enough apart to be written beside each other."""
     kept = list[Breach]()
-    for breach in sorted(breaches, key=lambda breach: -breach.depth):
-        if all(abs(breach.s_deepest - other.s_deepest) > _LABELS_APART_M or breach.side != other.side for other in kept):
+    for breach in sorted(result.balance.breaches, key=lambda breach: -breach.depth):
+        apart = all(abs(breach.s_deepest - other.s_deepest) > _LABELS_APART_M or breach.side != other.side for other in kept)
+        if apart and begin <= breach.s_deepest <= end:
             kept.append(breach)
-    return kept[:_MOST_DEPTHS]
+    for breach in kept[:_MOST_DEPTHS]:
+        beside = np.array(breach.place) + LABEL_AWAY_M * outwards_at(result, breach.s_deepest, breach.side)
+        axes.annotate(
+            f"{breach.depth:.2f} m", breach.place, xytext=point(beside), ha="center", va="center", zorder=6, color=BREACH,
+            fontweight="bold", fontsize="small", arrowprops={"arrowstyle": "-", "color": BREACH, "linewidth": 0.8}, bbox=ON_WHITE,
+        )  # fmt: skip
 
 
 def outline_of(area: BaseGeometry) -> Outline:
     """Return polygons with their holes as one outline; lines and points that repairs left over are dropped."""
-    polygons = [part for part in shapely.get_parts(shapely.get_parts(area)) if isinstance(part, shapely.Polygon) and not part.is_empty]
-    rings = [Outline(np.asarray(ring.coords), closed=True) for part in polygons for ring in (part.exterior, *part.interiors)]
+    rings = [Outline(np.asarray(ring.coords), closed=True) for part in polygons_of(area) for ring in (part.exterior, *part.interiors)]
     return Outline.make_compound_path(*rings) if rings else Outline(np.empty((0, 2)))
 
 
-def reach_within(result: Result, shown: BoolArray) -> float:
-    """Return how far around the centre a map shows; limits far beyond what was swept are not shown [m]."""
-    reach = max(float(np.max(result.envelope.reach_left[shown])), -float(np.min(result.envelope.reach_right[shown])))
-    limits = result.drive.road.beside
-    if limits is None:
-        return reach + _ROOM_M
-    return _ROOM_M + max(reach, min(2.0 * reach, float(np.max(np.abs(limits.table(result.envelope.s[shown]))))))
+def point(place: FloatArray) -> tuple[float, float]:
+    """Return a place (2,) as Matplotlib's annotations want it."""
+    return float(place[0]), float(place[1])
+
+
+def reach_within(result: Result, window: Window) -> float:
+    """Return how far around the centre a map shows [m]."""
+    s = result.envelope.s
+    left, right = (side[(s >= window.s_from) & (s <= window.s_to)] for side in shown_reach(result))
+    return _ROOM_M + max(float(np.max(left)), -float(np.min(right)))
 
 
 def stations(window: Window) -> FloatArray:
     """Return arclengths along a stretch, dense enough to draw it [m]."""
     length = window.s_to - window.s_from
     return window.s_from + np.linspace(0.0, length, max(2, int(length / _SPACING_M) + 1))
+
+
+def around(points: FloatArray, room: float) -> shapely.Polygon:
+    """Return a box around what a map shows that holds all of its panel, whatever that one's shape."""
+    low, high = points.min(axis=0) - room, points.max(axis=0) + room
+    most = float(np.max(high - low))
+    box: shapely.Polygon = shapely.box(*(low - most), *(high + most))
+    return box
 
 
 def frame(axes: Axes, points: FloatArray, room: float) -> None:
@@ -189,5 +220,50 @@ def frame(axes: Axes, points: FloatArray, room: float) -> None:
     axes.margins(0.0)
     axes.autoscale_view()
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel("x [m]", fontsize="small", labelpad=1.0)
-    axes.set_ylabel("y [m]", fontsize="small", labelpad=1.0)
+
+
+def finish_map(axes: Axes, *, north: bool) -> None:
+    """Replace the axes' numbers by a scale bar and, on maps with a place on earth, a north arrow, when the map's extent is known."""
+    axes.set_xticks([])
+    axes.set_yticks([])
+    for spine in axes.spines.values():
+        spine.set(visible=True, color=MUTED)
+    scale_bar(axes)
+    if north:
+        draw_north(axes, (0.97, 0.98))
+
+
+def scale_bar(axes: Axes) -> None:
+    """Draw a round number of metres into the lower left corner; its length is that of the data, wherever the axes' limits end up."""
+    extent = min(float(np.ptp(axes.get_xlim())), float(np.ptp(axes.get_ylim())))
+    metres = next((bar for bar in _BARS_M if bar <= _SHARE * extent), _BARS_M[-1])
+    text = f"{metres / 1e3:g} km" if metres >= 1e3 else f"{metres:g} m"  # noqa: PLR2004 - metres in a kilometre
+    bar = AnchoredSizeBar(
+        axes.transData, metres, text, "lower left", pad=0.3, borderpad=0.3, sep=3, frameon=True, color=INK, label_top=True,
+        size_vertical=0.0, fontproperties=FontProperties(size="small"),
+    )  # fmt: skip
+    bar.size_bar.get_children()[0].set(linewidth=2.2, edgecolor=INK)
+    bar.patch.set(facecolor="white", edgecolor="none", alpha=0.8)
+    axes.add_artist(bar)
+
+
+def draw_north(axes: Axes, tip: tuple[float, float], turn: float = 0.0) -> None:
+    """Draw a north arrow to ``tip``, a place as shares of the axes, on a map that is turned by ``turn`` [rad]."""
+    axes.annotate(
+        "N", tip, (_NORTH_PT * np.sin(turn), -_NORTH_PT * np.cos(turn)), xycoords="axes fraction", textcoords="offset points",
+        ha="center", va="center", fontsize="small", fontweight="bold", arrowprops={"arrowstyle": "-|>", "color": INK, "linewidth": 1.2},
+        zorder=9,
+    )  # fmt: skip
+
+
+def draw_direction(
+    axes: Axes, path: ReferencePath, s_from: float, s_to: float, *, count: int, weight: float = _SLIDE, turned: Turn | None = None
+) -> None:
+    """Draw arrows in the direction of travel on the road's centre, ``count`` of them between two arclengths [m]."""
+    points = np.column_stack(path.to_plane(np.linspace(s_from, s_to, 50), 0.0))
+    long = min(_ARROW_LONG * float(np.max(np.ptp(points, axis=0))), 0.2 * (s_to - s_from) / count)
+    style = {"arrowstyle": "-|>", "color": INK, "linewidth": 0.8 * weight, "mutation_scale": 9.0 * weight, "shrinkA": 0.0, "shrinkB": 0.0}
+    for s in s_from + (np.arange(count) + 0.5) * (s_to - s_from) / count:
+        ends = np.column_stack(path.to_plane(np.array([s, min(s + long, path.length)]), 0.0))
+        tail, tip = ends if turned is None else turned(ends)
+        axes.annotate("", point(tip), point(tail), zorder=7, arrowprops=style)

@@ -1,23 +1,33 @@
-"""What ``hdvplan need`` says and writes: its sentence, its JSON, its table, and the widening as polygons."""
+"""What ``hdvplan need`` says, draws and writes. Each file appears whole or not at all, and ``need.json`` comes last."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
 from rich.table import Table
 
-from hdvplan.judging.result import body_name
+from hdvplan.fileio import Together, json_bytes
+from hdvplan.judging.result import Result, body_name
 from hdvplan.judging.verdict import place_text, proof_text
 from hdvplan.need.answer import Bound, Need, Place
-from hdvplan.need.search import TOLERANCE_M, WIDE_M, Least
+from hdvplan.need.search import TOLERANCE_M, WIDE_M, Least, on_road
 from hdvplan.need.widening import Patch, Widening, Widenings
+from hdvplan.record import NAME, record_of
 from hdvplan.report.colours import BREACH
+from hdvplan.report.files import DRAWINGS, PICTURES, drawn_bytes
 from hdvplan.report.geojson import area_style, feature
 from hdvplan.report.grid import grid
+from hdvplan.report.layers import Drawn, Layer, Value, drawn_features
 from hdvplan.report.summary import proof_json
 from hdvplan.road.regions import called
-from hdvplan.road.road import Road
 from hdvplan.version import __version__
 
 Json = dict[str, object]
+_SUMMARY = "need.json"
+_WIDENINGS = {"area": "widening.geojson", "depth": "widening_least_depth.geojson"}
 
 
 def need_lines(need: Need) -> list[str]:
@@ -40,8 +50,8 @@ def need_lines(need: Need) -> list[str]:
 
 
 def _bound_text(need: Need, bound: Bound) -> str:
-    told = proof_text(bound.proof, need.case.vehicle)
-    return f"proved: {told}" if need.room.result is None else f"{bound.room:.2f} m is proved to be too little: {told}"
+    words = proof_text(bound.proof, need.case.vehicle)
+    return f"proved: {words}" if need.room.result is None else f"{bound.room:.2f} m is proved to be too little: {words}"
 
 
 def _held_line(need: Need, vehicle: str) -> str:
@@ -91,6 +101,7 @@ def need_json(need: Need, seconds: float) -> Json:
         named[f"least_{'right' if need.side == 'left' else 'left'}_m"] = None if need.held.result is None else need.held.room
     lon, lat = (place.lonlat if place is not None else None) or (None, None)
     widened = need.widenings
+    area, fits = (None, None) if widened is None else (widened.area, widened.fitting is not None)
     return {
         "road": case.road.name,
         "vehicle": case.vehicle.name,
@@ -112,8 +123,8 @@ def need_json(need: Need, seconds: float) -> Json:
         "objective": None if result is None else result.objective,
         "scheme": None if result is None else str(result.case.settings.scheme),
         "plans": need.room.plans,
-        "fits": None if widened is None else widened.fitting is not None,
-        "widening_m2": _widening_m2(need),
+        "fits": fits,
+        "widening_m2": 0.0 if fits else None if area is None else area.area,
         "widening": None
         if widened is None
         else {
@@ -124,14 +135,6 @@ def need_json(need: Need, seconds: float) -> Json:
         "notice": case.road.notice,
         "version": __version__,
     }
-
-
-def _widening_m2(need: Need) -> float | None:
-    if need.widenings is None:
-        return None
-    if need.widenings.fitting is not None:
-        return 0.0
-    return None if need.widenings.area is None else need.widenings.area.area
 
 
 def _widening_json(widening: Widening) -> Json:
@@ -164,12 +167,11 @@ def widening_geojson(need: Need, widening: Widening) -> Json:
     common: Json = {"road": road.name, "vehicle": need.case.vehicle.name, "kind": "widening"}
     if road.notice is not None:
         common["attribution"] = road.notice
-    return {"type": "FeatureCollection", "features": [_feature(patch, road, common) for patch in widening.patches]}
-
-
-def _feature(patch: Patch, road: Road, common: Json) -> Json:
-    measured = {name: round(value, 3) if isinstance(value, float) else value for name, value in patch_json(patch).items()}
-    return feature(patch.polygon, road, common | measured | area_style(BREACH), fine=True)
+    features = []
+    for patch in widening.patches:
+        measured = {name: round(value, 3) if isinstance(value, float) else value for name, value in patch_json(patch).items()}
+        features.append(feature(patch.polygon, road, common | measured | area_style(BREACH), fine=True))
+    return {"type": "FeatureCollection", "features": features}
 
 
 def widening_tables(widenings: Widenings) -> list[Table]:
@@ -195,3 +197,78 @@ def _table(widening: Widening, title: str) -> Table:
         columns.append("limit")
     total = f"{_area_text(widening.area)}, {widening.depth:.2f} m at the deepest"
     return grid(f"{title}: {total}", columns, rows, text=("side", "limit"))
+
+
+def shown_plan(need: Need) -> Result | None:
+    """Return the plan to draw; None where no plan was found."""
+    widened, road = need.widenings, need.case.road
+    if widened is not None and (widened.area is not None or widened.fitting is not None):
+        return widened.fitting if widened.area is None else widened.area.result
+    best = need.room.result or (None if need.held is None else need.held.result)
+    if best is None:
+        return None
+    return on_road(best, replace(road, limits=None, drawn=None, regions=(), faces=None))
+
+
+def need_features(need: Need, shown: Result) -> tuple[Drawn, ...]:
+    """Return all features of a need's drawing: those of the plan ``shown`` on the road as it is, and the areas to be widened.
+
+    Where these are known, what the plan sweeps beyond the road's limits is left out: it is the same with less around it.
+    """
+    widened = need.widenings
+    areas = () if widened is None or widened.area is None else _areas(widened.area, Layer.WIDENING)
+    depths = () if widened is None or widened.depth is None else _areas(widened.depth, Layer.WIDENING_LEAST_DEPTH)
+    plan = drawn_features(shown)
+    return (*(feature for feature in plan if not areas or feature.layer is not Layer.CONFLICTS), *areas, *depths)
+
+
+def _areas(widening: Widening, layer: Layer) -> tuple[Drawn, ...]:
+    found = []
+    for patch in widening.patches:
+        area = float(patch.polygon.area)
+        properties: dict[str, Value] = {
+            "depth_m": patch.depth,
+            "area_m2": area,
+            "s_m": patch.s_deepest,
+            "s_from_m": patch.s_from,
+            "s_to_m": patch.s_to,
+            "side": patch.side,
+            "region": patch.region,
+            "fits_then": 1,
+        }
+        found.append(Drawn(layer, patch.polygon, properties, f"{patch.side}: {area:.1f} m2, {patch.depth:.2f} m deep"))
+    return tuple(found)
+
+
+def write_need(need: Need, answer: Json, directory: Path, kinds: Sequence[str] = ("png",)) -> None:
+    """Write ``answer``, that of ``need_json``, with widenings as polygons into ``directory``, made if need be.
+
+    ``kinds`` are those of ``PICTURES`` and ``DRAWINGS`` that are drawn as well; where no plan was found there is nothing to draw.
+
+    Raises:
+        OptionError: the folder holds files of others.
+        OSError: the folder or a file cannot be written.
+
+    """
+    contents: dict[str, Callable[[], bytes]] = {NAME: lambda: json_bytes(record_of([need.case]))}
+    for kind, name in _WIDENINGS.items():
+        widening = None if need.widenings is None else getattr(need.widenings, kind)
+        if widening is not None:
+            contents[name] = partial(json_bytes, widening_geojson(need, widening), indent=None)
+    shown = shown_plan(need) if kinds else None
+    if shown is not None:
+        contents |= {f"need.{kind}": partial(_drawn, need, shown, kind) for kind in kinds}
+    contents[_SUMMARY] = lambda: json_bytes(answer)
+    names = (*(f"need.{kind}" for kind in (*PICTURES, *DRAWINGS)), *_WIDENINGS.values())
+    Together(_SUMMARY, names, {NAME: "software", _SUMMARY: "tolerance_m"}).write(directory, contents)
+
+
+def _drawn(need: Need, shown: Result, kind: str) -> bytes:
+    """Return the file of one of ``PICTURES`` or ``DRAWINGS``."""
+    features, lines = need_features(need, shown), need_lines(need)
+    if kind not in PICTURES:
+        return drawn_bytes(shown, kind, features, lines)
+    from hdvplan.report.need_plots import need_figure  # noqa: PLC0415 - Matplotlib takes half a second to import
+    from hdvplan.report.style import figure_bytes  # noqa: PLC0415 - as above
+
+    return figure_bytes(need_figure(shown, features, lines, 0.0 if need.place is None else need.place.s), kind)

@@ -1,15 +1,26 @@
-"""What a drawing to scale may be asked for: paper and scale."""
+"""A drawing to scale on paper: what it may be asked for, and how a road is laid on sheets: scale, turn, and which stretches."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import numpy as np
+import shapely
+
+from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError
+from hdvplan.judging.result import Result
+from hdvplan.report.rooms import shown_reach, tightest_windows
 
 PAPERS_MM = {"a4": (297.0, 210.0), "a3": (420.0, 297.0), "a2": (594.0, 420.0), "a1": (841.0, 594.0), "a0": (1189.0, 841.0)}  # landscape
 SCALES = (50, 100, 200, 250, 500, 1000, 2000)  # round ones, largest first: 1:50
 _SMALLEST = 5000
 _DIGITS = 100  # of a number that is worth reading
+_SMALLEST_WHOLE = 500  # below 1:500 a wheel track is a hair: rather several sheets
+_MOST_SHEETS = 12  # of a whole road; longer ones are drawn where it is tight
+_OVERLAP_M = 5.0  # of neighbouring sheets
+_ROOM_MM = 8.0  # around what is drawn
+_SPACING_M = 1.0
 
 
 @dataclass(frozen=True)
@@ -48,3 +59,121 @@ class SheetOptions:
             msg = f"--scale {scale!r} is not a scale: give 200 or 1:200"
             raise OptionError(msg)
         return cls(paper.lower(), int(digits))
+
+
+@dataclass(frozen=True)
+class Page:
+    """A stretch of road on a sheet: its plane is turned by ``turn`` [rad] about the origin, then ``middle`` is the field's."""
+
+    s_from: float  # [m]
+    s_to: float  # [m]
+    turn: float
+    middle: tuple[float, float]  # [m], turned
+    scale: int
+    caption: str = ""  # which part of the road this is
+
+    def turned(self, points: FloatArray) -> FloatArray:
+        """Return points of the road's plane, shape (n, 2), as they lie on the sheet [m]."""
+        cos, sin = np.cos(self.turn), np.sin(self.turn)
+        turned: FloatArray = points @ np.array([[cos, sin], [-sin, cos]])
+        return turned
+
+
+def pages_of(result: Result, field_mm: tuple[float, float], scale: int | None) -> tuple[Page, ...]:
+    """Return the sheets for a plan whose map has a field of ``field_mm``, at 1:``scale`` or the largest round scale that fits.
+
+    The whole road on one sheet, or, where even 1:500 is too large for that, on up to twelve that overlap; of longer roads the
+    tightest stretches, a sheet each.
+
+    Raises:
+        OptionError: not even the vehicle has room at this scale.
+
+    """
+    length, outline = result.drive.road.path.length, _Outline(result, field_mm)
+    for round_scale in (scale,) if scale is not None else [s for s in SCALES if s <= _SMALLEST_WHOLE]:
+        whole = outline.page(0.0, length, round_scale)
+        if whole is not None:
+            return (replace(whole, caption="whole road"),)
+    pages, of_all = _parts(outline, length, scale or _SMALLEST_WHOLE), ""
+    if pages is None:
+        pages = [_largest(outline, window.s_from, window.s_to, scale) for window in tightest_windows(result)]
+        of_all = f" of {length:.0f} m; only the tightest stretches are drawn"
+    captions = [f"sheet {n} of {len(pages)}: s = {page.s_from:.0f} to {page.s_to:.0f} m" for n, page in enumerate(pages, start=1)]
+    return tuple(replace(page, caption=caption + of_all) for page, caption in zip(pages, captions, strict=True))
+
+
+class _Outline:
+    """What must lie on the paper: edges of the swept area, and limits that are not far."""
+
+    def __init__(self, result: Result, field_mm: tuple[float, float]) -> None:
+        s, path = result.envelope.s, result.drive.road.path
+        kept = np.append(np.arange(0, len(s), max(1, round(_SPACING_M / float(s[1] - s[0])))), len(s) - 1)
+        self.s = s[kept]
+        self.edges = [np.column_stack(path.to_plane(self.s, side[kept])) for side in shown_reach(result)]
+        self.field_mm = field_mm
+        self.vehicle = result.drive.vehicle
+
+    def page(self, begin: float, end: float, scale: int) -> Page | None:
+        """Return the stretch on a sheet, north up if it fits so, else turned; None where it fits neither way."""
+        shown = (self.s >= begin - _SPACING_M) & (self.s <= end + _SPACING_M)
+        points = np.concatenate([edge[shown] for edge in self.edges])
+        room = [(side - 2.0 * _ROOM_MM) * scale / 1e3 for side in self.field_mm]
+        for turn in (0.0, _levelling(points)):
+            page = Page(begin, end, turn, (0.0, 0.0), scale)
+            low, high = (pick(page.turned(points), axis=0) for pick in (np.min, np.max))
+            if np.all(high - low <= room):
+                middle = 0.5 * (low + high)
+                return replace(page, middle=(float(middle[0]), float(middle[1])))
+        return None
+
+    def refusal(self, scale: int) -> OptionError:
+        """Return what is wrong with a scale at which the vehicle has no room."""
+        msg = f"at 1:{scale} the sheet has no room for the {self.vehicle.name}"
+        return OptionError(msg, hint="take a smaller scale, such as --scale 500, or a larger sheet")
+
+
+def _parts(outline: _Outline, length: float, scale: int) -> list[Page] | None:
+    """Return as many sheets as the road needs, or None if they are too many."""
+    pages, begin = list[Page](), 0.0
+    while len(pages) < _MOST_SHEETS:
+        last = outline.page(begin, length, scale)
+        if last is not None:
+            return [*pages, last]
+        fits, fails = min(begin + 2.0 * _OVERLAP_M, length), length
+        page = outline.page(begin, fits, scale)
+        if page is None:
+            raise outline.refusal(scale)
+        while fails - fits > _SPACING_M:
+            middle = 0.5 * (fits + fails)
+            longer = outline.page(begin, middle, scale)
+            page, fits, fails = (page, fits, middle) if longer is None else (longer, middle, fails)
+        pages.append(page)
+        begin = fits - _OVERLAP_M
+    return None
+
+
+def _largest(outline: _Outline, begin: float, end: float, scale: int | None) -> Page:
+    """Return a tight stretch at the largest round scale that it fits at; at a given scale, as much of its middle as fits."""
+    for round_scale in SCALES if scale is None else (scale,):
+        page = outline.page(begin, end, round_scale)
+        if page is not None:
+            return page
+    smallest = scale or SCALES[-1]
+    middle, half = 0.5 * (begin + end), 0.5 * (end - begin)
+    while half > _OVERLAP_M:
+        half -= _SPACING_M
+        page = outline.page(middle - half, middle + half, smallest)
+        if page is not None:
+            return page
+    raise outline.refusal(smallest)
+
+
+def _levelling(points: FloatArray) -> float:
+    """Return the turn [rad], within +-90 degrees, that lays the long side of the points' narrowest rectangle level."""
+    ring = np.asarray(shapely.get_coordinates(shapely.oriented_envelope(shapely.MultiPoint(points))))
+    sides = np.diff(ring, axis=0)
+    if len(sides) < 2:  # noqa: PLR2004 - points in one line
+        sides = points[-1:] - points[:1]
+    long = sides[int(np.argmax(np.hypot(*sides.T)))]
+    angle = float(np.arctan2(long[1], long[0]))
+    return -(angle - np.pi * round(angle / np.pi))

@@ -8,36 +8,29 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.legend import Legend
-from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import MaxNLocator
 
 from hdvplan.arrays import BoolArray, FloatArray
 from hdvplan.judging.result import Result, body_name
 from hdvplan.judging.verdict import verdict_of, verdict_title
 from hdvplan.report.atlas import draw_atlas
-from hdvplan.report.colours import BREACH, INK, MUTED
-from hdvplan.report.heading import answer_colour
+from hdvplan.report.colours import BREACH, INK, MUTED, answer_colour, body_colour
 from hdvplan.report.kerbs import judged_stretch
-from hdvplan.report.rooms import breach_place
-from hdvplan.report.style import SLIDE_IN, body_colour, body_fill, styled
+from hdvplan.report.rooms import FEW_BELOW_M, Window, breach_place, tightest_windows
+from hdvplan.report.style import ON_WHITE, SLIDE_IN, body_fill, plain_decades, styled, write_head
 from hdvplan.report.summary import step_times_ms
-from hdvplan.report.windows import FEW_BELOW_M, Window, tightest_windows
 
 Panel = Callable[[Axes, Result, Window], None]
 _SHADE = "0.90"
-_ON_WHITE = {"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.7}
 _NEAR_LIMIT = 3.0  # a curvature limit more than so many times the plan's largest would flatten the curve
 _BY_END = 0.08  # of a panel's length: text there is written inwards
 _FAR = 2.0  # limits this many reaches away would flatten the envelope
 
 
+@styled()
 def plan_figure(result: Result) -> Figure:
     """Return the figure of a plan: map, or overview with enlargements; beside it envelope, curvature, articulation, times."""
-    with styled():
-        return _plan_figure(result)
-
-
-def _plan_figure(result: Result) -> Figure:
-    drive = result.drive
+    drive, verdict = result.drive, verdict_of(result)
     length = drive.road.path.length
     windows = tightest_windows(result)
     figure = Figure(figsize=SLIDE_IN, layout="constrained")
@@ -47,12 +40,10 @@ def _plan_figure(result: Result) -> Figure:
         _draw_long_profiles(profiles, result, windows)
     else:
         _draw_profiles(profiles, result, windows)
-    title, colour = verdict_title(result, verdict_of(result)), answer_colour(result)
-    figure.suptitle(title, x=0.01, ha="left", fontweight="bold", fontsize="x-large", color=colour)
+    title, colour = verdict_title(result, verdict), answer_colour(fits=verdict.fits)
+    write_head(figure, title, colour, size="x-large", notice=drive.road.notice)
     how = f"planned by {str(drive.settings.scheme).upper()}, {result.solver}, {result.objective}"
     figure.text(0.99, 0.985, how, ha="right", va="top", fontsize="x-small", color=MUTED)
-    if drive.road.notice is not None:
-        figure.supxlabel(drive.road.notice, fontsize="x-small", color=MUTED, x=0.01, ha="left")
     return figure
 
 
@@ -126,7 +117,7 @@ def _finish_whole(axes: Axes, result: Result, windows: tuple[Window, ...], *, na
                 window.label,
                 transform=axes.get_xaxis_transform(),
                 ha="left",
-                bbox=_ON_WHITE,
+                bbox=ON_WHITE,
                 fontsize="small",
                 fontweight="bold",
             )
@@ -183,7 +174,7 @@ def _draw_limits(axes: Axes, result: Result, shown: BoolArray, window: Window) -
     axes.annotate(
         f"{deepest.depth:.2f} m {what}", place, xytext=(0.0, 7.0 * outwards),
         textcoords="offset points", ha=aligned, va="bottom" if outwards > 0.0 else "top", color=BREACH, fontweight="bold", fontsize="small",
-        bbox=_ON_WHITE,
+        bbox=ON_WHITE,
     ).set_in_layout(False)  # fmt: skip
     axes.margins(y=0.16)
 
@@ -237,9 +228,7 @@ def _draw_times(axes: Axes, result: Result, _window: Window) -> None:
     label = f"mean {times['mean']:.2f}, p99 {times['p99']:.2f}, max {times['max']:.2f} ms"
     axes.axhline(times["mean"], color=MUTED, linewidth=1.0, label=label)
     axes.set_yscale("log")  # always: pictures of different plans are looked at together
-    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axes.yaxis.set_major_formatter("{x:g}")
-    axes.yaxis.set_minor_formatter(NullFormatter())
+    plain_decades(axes, "y")
     axes.set_ylabel("step time [ms]")
 
 

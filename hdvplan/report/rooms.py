@@ -1,7 +1,11 @@
-"""The room at a place, in the plane: from the body that is nearest to a kerb or an obstacle or, without either, from the centre."""
+"""Tight places: the least room beside the line, in the plane, and which stretches of a road deserve an enlargement.
+
+Room counts from the body that is nearest to a kerb or an obstacle or, without either, from the road's centre.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,8 +19,16 @@ from hdvplan.judging.obstacles import Approach
 from hdvplan.judging.result import Result
 from hdvplan.report.kerbs import kerb_lines
 from hdvplan.road.path import project_many
+from hdvplan.vehicle.model import Vehicle
 
 _FAR_M = 5.0  # what is further away is not tight, where anything else is: roads without widths are open far out
+_FAR_REACHES = 2.0  # limits further out than this many reaches need no place in a drawing
+_LABELS = "ABCD"  # of a long road's enlargements; a shorter one gets the first two
+LONG_ROAD_M = 300.0  # beyond it a body is a speck on a map of the whole
+FEW_BELOW_M = 1000.0
+_LENGTHS = 1.5  # vehicle lengths shown on either side
+_HALF_LENGTH_M = (25.0, 45.0)  # whatever the vehicle
+_OF_SHORT, _SHORT_HALF_M = 0.1, 12.0  # of a short road's length shown on either side, and at least: else it would be the whole again
 
 
 @dataclass(frozen=True)
@@ -67,6 +79,23 @@ def tightness(result: Result) -> FloatArray:
         at = _sample(result, approach.s)
         score[at] = max(score[at], -approach.distance)
     return np.where(score < -_FAR_M, -np.inf, score) if np.any(score >= -_FAR_M) else score
+
+
+def shown_reach(result: Result) -> tuple[FloatArray, FloatArray]:
+    """Return how far a drawing shows to the left and, negative, to the right at the envelope's arclengths [m].
+
+    It shows the swept area, and limits that are not far from it.
+    """
+    envelope, limits = result.envelope, result.drive.road.beside
+    left, right = envelope.reach_left, envelope.reach_right
+    if limits is None:
+        return left, right
+    far = _FAR_REACHES * max(float(np.max(left)), -float(np.min(right)))
+    left_limit, right_limit = limits.table(envelope.s)[2:]
+    return (
+        np.where(np.abs(left_limit) < far, np.fmax(left_limit, left), left),
+        np.where(np.abs(right_limit) < far, np.fmin(right_limit, right), right),
+    )
 
 
 def room_at(result: Result, at: int) -> Room:
@@ -161,3 +190,67 @@ def outwards_at(result: Result, s: float, side: str) -> FloatArray:
     path = result.drive.stations.path
     heading = float(path.at(min(max(s, path.s_first), path.s_last)).heading)
     return (1.0 if side == "left" else -1.0) * np.array([-np.sin(heading), np.cos(heading)])
+
+
+@dataclass(frozen=True)
+class Window:
+    """A stretch of road, with what makes it worth a look."""
+
+    s_from: float  # [m]
+    s_to: float  # [m]
+    label: str = ""
+    reason: str = ""
+    room: Room | None = None  # that makes it worth it
+
+    @property
+    def title(self) -> str:
+        """The label and the reason as one line."""
+        return f"{self.label}: {self.reason}"
+
+
+def tightest_windows(result: Result) -> tuple[Window, ...]:
+    """Return up to four stretches around the tightest places, two of a road below a kilometre, lettered in road order.
+
+    Tight is the least clearance to edges and obstacles, or the furthest reach without limits.
+    """
+    length = result.drive.road.path.length
+    half = half_length(result.drive.vehicle)
+    if length <= LONG_ROAD_M:
+        half = min(half, max(_OF_SHORT * length, _SHORT_HALF_M))
+    labels, windows = _LABELS[: 2 if length < FEW_BELOW_M else None], []
+    for label, at in zip(labels, sorted(peaks(result.envelope.s, tightness(result), 2.0 * half, len(labels))), strict=False):
+        room = room_at(result, at)
+        middle = min(max(room.s, half), max(length - half, half))
+        what = room.text if not room.broken or room.obstacle is not None else f"limit broken by {room.depth:.2f} m"
+        windows.append(Window(middle - half, min(middle + half, length), label, f"{what} at s = {room.s:.0f} m", room))
+    return tuple(windows)
+
+
+def joined(windows: Iterable[Window]) -> list[Window]:
+    """Return stretches in road order, those that overlap as one, with both labels."""
+    found = list[Window]()
+    for window in sorted(windows, key=lambda window: window.s_from):
+        if found and window.s_from <= found[-1].s_to:
+            before = found.pop()
+            label = ", ".join(filter(None, (before.label, window.label)))
+            found.append(Window(before.s_from, max(before.s_to, window.s_to), label))
+        else:
+            found.append(window)
+    return found
+
+
+def half_length(vehicle: Vehicle) -> float:
+    """Return how much of the road is worth showing on either side of a place [m]."""
+    return float(np.clip(_LENGTHS * (vehicle.reach_ahead + vehicle.reach_behind), *_HALF_LENGTH_M))
+
+
+def peaks(s: FloatArray, score: FloatArray, apart: float, most: int) -> list[int]:
+    """Return up to ``most`` samples of the highest scores at least ``apart`` [m] from each other, highest first."""
+    left, found = score.copy(), list[int]()
+    for _ in range(most):
+        at = int(np.argmax(left))
+        if not np.isfinite(left[at]):
+            break
+        found.append(at)
+        left[np.abs(s - s[at]) < apart] = -np.inf
+    return found

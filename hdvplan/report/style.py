@@ -16,10 +16,11 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-from hdvplan.report.colours import BODY_COLOURS, FAINT, INK, MUTED
+from hdvplan.report.colours import BODY_COLOURS, FAINT, INK, MUTED, body_colour
 
 DPI = 150  # of PNG
 SLIDE_IN = (16.0, 9.0)
+ON_WHITE = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8}  # text on a map
 
 _PALE, _DARK = 0.4, 0.6
 _DECADES = 2.0  # on an axis, from which it has no numbers between them
@@ -70,11 +71,6 @@ def plain_decades(axes: Axes, axis: Literal["x", "y"]) -> None:
     one.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
-def body_colour(unit: int) -> str:
-    """Return the colour of body number ``unit``; colours repeat in long chains."""
-    return BODY_COLOURS[unit % len(BODY_COLOURS)]
-
-
 def body_fill(unit: int) -> tuple[float, float, float]:
     """Return the opaque pale version of a body's colour: overlaps must not mix to a third one."""
     red, green, blue = (1.0 - _PALE * (1.0 - part) for part in to_rgb(body_colour(unit)))
@@ -85,6 +81,13 @@ def body_dark(unit: int) -> tuple[float, float, float]:
     """Return the dark version of a body's colour, which stands out on the pale one."""
     red, green, blue = (_DARK * part for part in to_rgb(body_colour(unit)))
     return red, green, blue
+
+
+def write_head(figure: Figure, title: str, colour: str = INK, *, size: str = "medium", notice: str | None = None) -> None:
+    """Write the title above a figure and, where there is one, the source of its data below it."""
+    figure.suptitle(title, x=0.01, ha="left", fontweight="bold", fontsize=size, color=colour)
+    if notice is not None:
+        figure.supxlabel(notice, x=0.01, ha="left", fontsize="x-small", color=MUTED)
 
 
 def figure_bytes(figure: Figure, kind: str) -> bytes:

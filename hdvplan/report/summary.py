@@ -9,8 +9,7 @@ import numpy as np
 from hdvplan.arrays import FloatArray
 from hdvplan.judging.balance import Breach
 from hdvplan.judging.fit import finding_json
-from hdvplan.judging.manners import Use, manners_of
-from hdvplan.judging.obstacles import Approach
+from hdvplan.judging.manners import manners_of
 from hdvplan.judging.passed import Passed
 from hdvplan.judging.proof import Proof
 from hdvplan.judging.result import Result, body_name
@@ -49,13 +48,16 @@ def summary_of(result: Result) -> Json:
         "mean_abs_off_bias_m": float(np.mean(np.abs(0.5 * (result.envelope.reach_left + result.envelope.reach_right) - result.aim))),
         "expected_half_width_m": balance.expected_half_width,
         "tighter_than_balanced_circle": balance.saturated,
-        "needed_half_width_m": needed_half_width(result),
+        "needed_half_width_m": balance.half_width,
         "min_clearance_m": balance.min_clearance,
         "limit_violation_m": max(broken, default=0.0),
         "breaches": [breach_json(breach, drive.vehicle) for breach in balance.breaches],
-        "manners": _manners(result),
+        "manners": _steering(result),
         "fit": [finding_json(finding) for finding in result.fit.findings],
-        "obstacles": [_approach(approach, drive.vehicle) for approach in result.approaches],
+        "obstacles": [
+            {"name": near.obstacle.label, "distance_m": near.distance, "s_m": near.s, "unit": body_name(drive.vehicle, near.unit)}
+            for near in result.approaches
+        ],
         "passed": [_passed(passed) for passed in result.passed],
         "failed_steps": [float(drive.stations.s[plan.first]) for plan in result.failed],
         "rescued_steps": [{"s_m": float(drive.stations.s[plan.first]), "why": plan.instead} for plan in result.rescued],
@@ -108,11 +110,6 @@ def proof_json(proof: Proof, vehicle: Vehicle) -> Json:
     return {"kind": proof.kind, "s_from_m": proof.s_from, "s_to_m": proof.s_to, "unit": body_name(vehicle, proof.unit)}
 
 
-def needed_half_width(result: Result) -> float:
-    """Return the constant half width that would have held everything the plan swept [m]."""
-    return result.balance.half_width
-
-
 def step_times_ms(result: Result) -> dict[str, float]:
     """Return the distribution of the time of one whole planning step [ms]; ``first`` is the cold start."""
     return times_json(np.array([plan.times.total for plan in result.drive.plans]))
@@ -134,18 +131,8 @@ def times_json(seconds: FloatArray) -> dict[str, float]:
 
 def smoothing_of(road: Road) -> Json | None:
     """Return what smoothing did to the given points, or None for a road that needed none."""
-    smoothing = road.smoothing
-    if smoothing is None:
-        return None
-    return {
-        "points": smoothing.points,
-        "duplicates": smoothing.duplicates,
-        "max_deviation_m": smoothing.max_deviation,
-        "max_deviation_s_m": smoothing.max_deviation_s,
-        "rms_deviation_m": smoothing.rms_deviation,
-        "max_curvature_per_m": smoothing.max_curvature,
-        "max_curvature_s_m": smoothing.max_curvature_s,
-    }
+    units = {"points": "", "duplicates": "", "max_curvature": "_per_m"}
+    return None if road.smoothing is None else {f"{name}{units.get(name, '_m')}": value for name, value in asdict(road.smoothing).items()}
 
 
 def corners_of(road: Road) -> list[Json]:
@@ -154,18 +141,14 @@ def corners_of(road: Road) -> list[Json]:
     return [{"s_m": corner.s, "x": corner.x, "y": corner.y, "angle_deg": float(np.degrees(corner.turn))} for corner in corners]
 
 
-def _manners(result: Result) -> Json:
+def _steering(result: Result) -> Json:
     """Return how hard the plan steers; stretches are pairs of arclengths [m]."""
-    manners = manners_of(result.drive)
-    return {
-        "steering": _use(manners.curvature),
-        "steering_rate": _use(manners.rate),
-        "lock_to_lock": [list(swing) for swing in manners.swings],
+    use_of = manners_of(result.drive)
+    uses = {"steering": use_of.curvature, "steering_rate": use_of.rate}
+    named: Json = {
+        name: {"share": use.share, "s_m": use.s, "nearly_all": [list(stretch) for stretch in use.stretches]} for name, use in uses.items()
     }
-
-
-def _use(use: Use) -> Json:
-    return {"share": use.share, "s_m": use.s, "nearly_all": [list(stretch) for stretch in use.stretches]}
+    return named | {"lock_to_lock": [list(swing) for swing in use_of.swings]}
 
 
 def _body(vehicle: Vehicle, unit: int) -> Json:
@@ -185,15 +168,6 @@ def _wheel(vehicle: Vehicle, wheel: Wheel) -> Json:
     """Return where a wheel whose track is drawn stands on its body: ahead of its axle, left of its axis."""
     unit = body_name(vehicle, wheel.unit)
     return {"body": wheel.unit + 1, "unit": unit, "axle": wheel.axle, "side": wheel.side, "ahead_m": wheel.ahead, "left_m": wheel.left}
-
-
-def _approach(approach: Approach, vehicle: Vehicle) -> Json:
-    return {
-        "name": approach.obstacle.label,
-        "distance_m": approach.distance,
-        "s_m": approach.s,
-        "unit": body_name(vehicle, approach.unit),
-    }
 
 
 def _passed(passed: Passed) -> Json:

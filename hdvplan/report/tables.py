@@ -1,19 +1,22 @@
-"""The tables of a plan for the terminal: a result in, a rich table out. Nothing here prints."""
+"""Tables for the terminal, of a plan and of ``hdvplan roads info``: numbers in, a rich table out. Nothing here prints."""
 
 from __future__ import annotations
 
 from rich.table import Table
 
-from hdvplan.judging.fit import facts_of
+from hdvplan.judging.fit import Fit, RoadFacts, facts_of
 from hdvplan.judging.result import Result, body_name
 from hdvplan.report.grid import grid
-from hdvplan.report.summary import needed_half_width, step_times_ms
+from hdvplan.report.summary import step_times_ms
 from hdvplan.road.given import Corners
 from hdvplan.road.road import Road, Smoothing
 
 MOST_BREACHES = 10  # listed; the summary file holds all
 _MOST_CORNERS = 8  # listed, likewise
 _COLUMNS = ("", "value", "unit", "remark")
+_MOST_FINDINGS = 5  # of each vehicle in the table
+_STRAIGHT_PER_M = 5e-5  # a radius of 20 km; less curvature is shown as 0
+_TROUBLES = {"width": ("width [m]", 2), "curvature": ("curvature [1/m]", 3), "circle": ("no even circle", 0)}  # words and digits
 
 
 def balance_table(result: Result) -> Table:
@@ -30,10 +33,8 @@ def balance_table(result: Result) -> Table:
         ("expected half width", f"{balance.expected_half_width:.3f}", "m", tighter),
         ("min clearance", "-" if balance.min_clearance is None else f"{balance.min_clearance:.3f}", "m", _limits_remark(result)),
     ]
-    facts = facts_of(drive.road)
-    if facts.narrowest is not None:
-        rows.insert(0, ("narrowest limits", f"{facts.narrowest:.2f}", "m", f"apart, first at s = {facts.narrowest_s:.1f} m"))
-    rows = [("road length", f"{drive.road.path.length:.1f}", "m", ""), *line_rows(drive.road), *rows]
+    length = ("road length", f"{drive.road.path.length:.1f}", "m", "")
+    rows = [length, *_line_rows(drive.road), *_narrowest_rows(facts_of(drive.road)), *rows]
     title = f"{drive.vehicle.name} on {drive.road.name}"
     return grid(title, _COLUMNS, rows, text=("", "unit", "remark"))
 
@@ -70,7 +71,13 @@ def breach_table(result: Result) -> Table:
     return grid(title, columns, rows, text=("side", "body", "part", "region", "obstacle"))
 
 
-def line_rows(road: Road) -> list[tuple[str, str, str, str]]:
+def _narrowest_rows(facts: RoadFacts) -> list[tuple[str, str, str, str]]:
+    if facts.narrowest is None:
+        return []
+    return [("narrowest limits", f"{facts.narrowest:.2f}", "m", f"apart, first at s = {facts.narrowest_s:.1f} m")]
+
+
+def _line_rows(road: Road) -> list[tuple[str, str, str, str]]:
     """Return how the given points were read, where widths count from them, and how far planning moved its line from them."""
     rows = []
     if road.about is not None and road.about.reading and road.limits is not None:
@@ -96,7 +103,7 @@ def _smoothing_remark(smoothing: Smoothing) -> str:
 def _limits_remark(result: Result) -> str:
     balance = result.balance
     if balance.min_clearance is None:
-        return f"limits off; the plan needs a half width of {needed_half_width(result):.2f} m"
+        return f"limits off; the plan needs a half width of {result.balance.half_width:.2f} m"
     if not balance.breaches:
         return "limits kept"
     deepest = max(balance.breaches, key=lambda breach: breach.depth)
@@ -108,3 +115,48 @@ def _plans_remark(result: Result) -> str:
     text = f"every {settings.replan:g} m, {settings.horizon:g} m ahead"
     text += f"; {len(result.rescued)} by another solver" if result.rescued else ""
     return f"{text}; {failed} not solved, the vehicle followed the last plan" if failed else text
+
+
+def facts_table(road: Road, facts: RoadFacts) -> Table:
+    """Return a road's numbers."""
+    bends = facts.max_curvature > _STRAIGHT_PER_M
+    curvature = f"radius {1.0 / facts.max_curvature:.2f} m, at s = {facts.max_curvature_s:.1f} m" if bends else "straight"
+    rows = [
+        ("length", f"{facts.length:.1f}", "m", "closed" if facts.closed else ""),
+        ("largest curvature", f"{facts.max_curvature:.4f}", "1/m", curvature),
+    ]
+    if facts.point_spacing is not None:
+        rows.append(("mean point spacing", f"{facts.point_spacing:.2f}", "m", "of the given points"))
+    rows += _line_rows(road)
+    rows += _narrowest_rows(facts)
+    return grid(road.name, _COLUMNS, rows, text=("", "unit", "remark"), caption=road.notice)
+
+
+def fits_table(fits: list[Fit]) -> Table:
+    """Return what each vehicle needs, what is to spare, and the verdict."""
+    rows = [(fit.vehicle, f"{fit.half_width:.2f}", "-" if fit.spare is None else f"{fit.spare:+.2f}", _fit_remark(fit)) for fit in fits]
+    columns = ("vehicle", "needs +- [m]", "spare [m]", "verdict")
+    return grid("preset vehicles, balanced by geometry", columns, rows, text=("vehicle", "verdict"))
+
+
+def findings_table(fits: list[Fit]) -> list[Table]:
+    """Return a table of the stretches that vehicles do not fit; none where all fit."""
+    rows = []
+    for fit in fits:
+        for finding in fit.findings[:_MOST_FINDINGS]:
+            what, digits = _TROUBLES[str(finding.trouble)]
+            numbers = [f"{value:.{digits}f}" if digits else "" for value in (finding.available, finding.needed)]
+            rows.append((fit.vehicle, f"{finding.s_from:.1f}", f"{finding.s_to:.1f}", what, *numbers))
+    left_out = sum(max(0, len(fit.findings) - _MOST_FINDINGS) for fit in fits)
+    caption = f"the first {_MOST_FINDINGS} of each; --json lists {left_out} more" if left_out else None
+    columns = ("vehicle", "from [m]", "to [m]", "what", "has", "needs")
+    return [grid("stretches where a vehicle does not fit", columns, rows, text=("vehicle", "what"), caption=caption)] if rows else []
+
+
+def _fit_remark(fit: Fit) -> str:
+    if not fit.long_enough:
+        return "longer than the road"
+    if fit.findings:
+        count = len(fit.findings)
+        return f"no: {count} place{'s' if count > 1 else ''}, see below"
+    return "the road has no limits" if fit.spare is None else "fits everywhere"

@@ -2,44 +2,33 @@
 
 from __future__ import annotations
 
+import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from hdvplan.arrays import FloatArray
-from hdvplan.judging.result import body_name
-from hdvplan.report.dxf import drawing_bytes, how_to_read
-from hdvplan.report.layers import SIMPLER_M, Drawn, Layer, Value
-from hdvplan.report.placing import System
-from hdvplan.report.turns import shown_poses, swept_area, verdict, wheel_tracks
+from hdvplan.judging.wheels import wheels_of
+from hdvplan.report.kerbs import simple_line
+from hdvplan.report.layers import Drawn, Layer, of_body
+from hdvplan.turning.follow import Followed
 from hdvplan.turning.swept import chart_of
 from hdvplan.turning.turn import Turn
 
 _RING_SEGMENTS = 128  # a quarter: on a radius of 15 m chords are off by 0.3 mm
-
-
-def turn_dxf(turn: Turn) -> bytes:
-    """Return the drawing of a manoeuvre [m]: the guided point enters along x, and the turn is to the left."""
-    system = System(None, "metres; the turn is to the left, mirror it for one to the right")
-    template = turn.template
-    notes = [
-        verdict(turn),
-        *([] if template is None else [f"template: {template.name}; {template.source}"]),
-        f"vehicle: {turn.driven.vehicle.name}",
-        *how_to_read(system),
-    ]
-    return drawing_bytes(turn_features(turn), system, notes)
+_AREA_M = 0.2  # between the poses that a swept area is joined from: short by 0.7 mm at a radius of 7 m
+_TRACK_M = 0.25
 
 
 def turn_features(turn: Turn) -> tuple[Drawn, ...]:
     """Return all features of a manoeuvre's drawing, x, y [m]: path, swept areas, the limits' circles, wheel tracks, a few poses."""
-    driven, found = turn.driven, [Drawn(Layer.GUIDED_PATH, _line(turn.driven.guide[:, :2]), {"point": str(turn.driven.manoeuvre.point)})]
-    units = range(len(driven.vehicle.units))
-    named: list[dict[str, Value]] = [{"body": unit + 1, "unit": body_name(driven.vehicle, unit)} for unit in units]
+    driven, units = turn.driven, range(len(turn.driven.vehicle.units))
+    named = [of_body(driven.vehicle, unit) for unit in units]
+    found = [Drawn(Layer.GUIDED_PATH, simple_line(driven.guide[:, :2]), {"point": str(driven.manoeuvre.point)})]
     found += [Drawn(Layer.ENVELOPE, swept_area(driven, unit), named[unit]) for unit in units]
-    for limit in turn.limits:
-        if limit.name.endswith("radius"):
-            ring = shapely.Point(chart_of(driven).centre).buffer(limit.value, quad_segs=_RING_SEGMENTS).exterior
-            found.append(Drawn(Layer.LIMITS, ring, {"limit": limit.words, "limit_m": limit.value}))
-    found += [Drawn(Layer.TRACKS, _line(track), named[unit] | {"side": side}) for unit, side, track in wheel_tracks(driven)]
+    for limit in turn.circles:
+        ring = shapely.Point(chart_of(driven).centre).buffer(limit.value, quad_segs=_RING_SEGMENTS).exterior
+        found.append(Drawn(Layer.LIMITS, ring, {"limit": limit.words, "limit_m": limit.value}))
+    found += [Drawn(Layer.TRACKS, simple_line(track), named[unit] | {"side": side}) for unit, side, track in wheel_tracks(driven)]
     outlines = [(unit, driven.corners(unit)) for unit in units]
     found += [
         Drawn(Layer.VEHICLES, shapely.Polygon(corners[pose]), named[unit]) for pose in shown_poses(driven) for unit, corners in outlines
@@ -47,8 +36,40 @@ def turn_features(turn: Turn) -> tuple[Drawn, ...]:
     return tuple(found)
 
 
-def _line(points: FloatArray) -> shapely.LineString:
-    """Return a line without the points that it does not need."""
-    line = shapely.simplify(shapely.LineString(points), SIMPLER_M, preserve_topology=False)
-    assert isinstance(line, shapely.LineString)  # noqa: S101 - a line stays one
-    return line
+def swept_area(driven: Followed, unit: int) -> BaseGeometry:
+    """Return the plane area that a body sweeps [m]. Of a full circle those of its first and last round: the others lie in between."""
+    spaced, around = _every(driven, _AREA_M), 2.0 * np.pi * driven.manoeuvre.radius
+    corners, s = driven.corners(unit)[spaced], driven.s[spaced]
+    if driven.manoeuvre.angle is not None or s[-1] < 2.0 * around:
+        return _swept(corners)
+    return shapely.union(_swept(corners[s < driven.manoeuvre.lead_in + around]), _swept(corners[s > s[-1] - around]))
+
+
+def _swept(corners: FloatArray) -> BaseGeometry:
+    """Return the outlines (n, 4, 2), and what their edges sweep from one to the next."""
+    ends = np.roll(corners, -1, axis=1)
+    moved = np.stack([corners[:-1], ends[:-1], ends[1:], corners[1:]], axis=2).reshape(-1, 4, 2)
+    areas = shapely.make_valid(shapely.polygons(moved))  # an edge that turns about a point of its own sweeps two triangles
+    return shapely.union_all(np.concatenate([shapely.polygons(corners), areas]))
+
+
+def wheel_tracks(driven: Followed) -> list[tuple[int, str, FloatArray]]:
+    """Return the tracks of all wheels: unit, side (front left, left, ...), points (n, 2) [m]."""
+    kept, tracks = _every(driven, _TRACK_M), []
+    for wheel in wheels_of(driven.vehicle):
+        points = driven.points(wheel.unit, np.array([wheel.ahead]), np.array([wheel.left]))[kept, 0]
+        tracks.append((wheel.unit, f"front {wheel.side}" if wheel.axle == "front" else wheel.side, points))
+    return tracks
+
+
+def shown_poses(driven: Followed) -> list[int]:
+    """Return the pose at the begin, the one when the turn ends, and the last."""
+    if driven.manoeuvre.angle is None:
+        return [0, len(driven.s) - 1]
+    out = driven.path.starts[-1] - driven.manoeuvre.lead_out_of(driven.vehicle)
+    return [0, int(driven.s.searchsorted(out)), len(driven.s) - 1]
+
+
+def _every(driven: Followed, spacing: float) -> slice:
+    """Return the poses about ``spacing`` apart [m]."""
+    return slice(None, None, max(1, round(spacing / float(np.median(np.diff(driven.s))))))

@@ -8,18 +8,18 @@ from collections.abc import Mapping
 import numpy as np
 import shapely
 from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 
 from hdvplan.judging.result import body_name
-from hdvplan.report.colours import BREACH, INK, MUTED
-from hdvplan.report.maps import outline_of, swept_label
-from hdvplan.report.style import body_colour, body_fill, styled
-from hdvplan.report.turns import shown_poses, swept_area, verdict, wheel_tracks
+from hdvplan.report.colours import BREACH, INK, answer_colour, body_colour
+from hdvplan.report.layers import Layer
+from hdvplan.report.maps import draw_bodies, draw_features, outline_of, scale_bar
+from hdvplan.report.style import body_fill, styled, write_head
+from hdvplan.report.turn_layers import shown_poses, swept_area, turn_features
 from hdvplan.turning.follow import Followed
 from hdvplan.turning.swept import band_of, chart_of, front_track
-from hdvplan.turning.turn import Turn
+from hdvplan.turning.turn import Turn, verdict
 
 _ROOM_M = 2.0
 _SHOWN_M = 25.0  # of the straights beside a compared turn
@@ -27,49 +27,36 @@ _AROUND_M = 12.0  # the circle of a compared turn, in the plane
 _TITLE = 110  # characters a line
 
 
+@styled()
 def turn_figure(turn: Turn) -> Figure:
     """Return the picture of a manoeuvre."""
-    with styled():
-        figure = Figure(figsize=(12.0, 7.5), layout="constrained")
-        layout = figure.add_gridspec(2, 2, width_ratios=(1.7, 1.0))
-        draw_turn(figure.add_subplot(layout[:, 0]), turn)
-        angles = figure.add_subplot(layout[1, 1] if turn.driven.manoeuvre.angle is not None else layout[:, 1])
-        if turn.driven.manoeuvre.angle is not None:
-            _draw_width(figure.add_subplot(layout[0, 1]), turn)
-        _draw_angles(angles, turn.driven)
-        colour = BREACH if turn.complies is False else INK
-        title = "\n".join(textwrap.wrap(verdict(turn), _TITLE))
-        figure.suptitle(title, x=0.01, ha="left", fontsize="medium", fontweight="bold", color=colour)
-        if turn.template is not None:
-            figure.supxlabel(turn.template.source, x=0.01, ha="left", fontsize="x-small", color=MUTED)
+    figure = Figure(figsize=(12.0, 7.5), layout="constrained")
+    layout = figure.add_gridspec(2, 2, width_ratios=(1.7, 1.0))
+    draw_turn(figure.add_subplot(layout[:, 0]), turn)
+    angles = figure.add_subplot(layout[1, 1] if turn.driven.manoeuvre.angle is not None else layout[:, 1])
+    if turn.driven.manoeuvre.angle is not None:
+        _draw_width(figure.add_subplot(layout[0, 1]), turn)
+    _draw_angles(angles, turn.driven)
+    source = None if turn.template is None else turn.template.source
+    write_head(figure, "\n".join(textwrap.wrap(verdict(turn), _TITLE)), answer_colour(fits=turn.complies), notice=source)
     return figure
 
 
 def draw_turn(axes: Axes, turn: Turn) -> None:
     """Draw the swept areas, wheel tracks, three poses, the guided path, the arc's centre and the limits, to scale."""
-    driven, chart = turn.driven, chart_of(turn.driven)
-    units = range(len(driven.vehicle.units))
-    for unit in reversed(units):  # the lead unit on top: of the others shows what they sweep besides
-        shape, label = outline_of(swept_area(driven, unit)), swept_label(driven.vehicle, unit)
-        axes.add_patch(PathPatch(shape, facecolor=body_fill(unit), edgecolor="none", label=label))
-    for unit, side, track in wheel_tracks(driven):
-        label = "wheel tracks" if unit == 0 and side == "left" else ""
-        axes.plot(*track.T, color=body_colour(unit), linewidth=0.6, label=label or None)
-    axes.plot(*driven.guide[:, :2].T, color=INK, linewidth=1.0, linestyle=(0, (7, 3)), label=f"path of the {_words(driven)}")
-    for pose in shown_poses(driven):
-        axes.add_collection(
-            PolyCollection([driven.corners(unit)[pose] for unit in units], facecolors="none", edgecolors=INK, linewidths=0.9, zorder=3)
-        )
-    axes.plot(*chart.centre, marker="+", color=INK, markersize=9)
-    for limit in turn.limits:
-        if limit.name.endswith("radius"):
-            kept = limit.kept(turn.figures)
-            draw_circle(
-                axes, turn, limit.value, f"{limit.words} {limit.value:.2f} m, {'at least' if limit.least else 'at most'}", broken=not kept
-            )
+    features = [feature for feature in turn_features(turn) if feature.layer is not Layer.LIMITS]
+    bounds = shapely.total_bounds([feature.geometry for feature in features])
+    draw_features(axes, features, shapely.box(*bounds).buffer(1.0).envelope)
+    poses = shown_poses(turn.driven)
+    draw_bodies(axes, np.stack([turn.driven.corners(unit)[poses] for unit in range(len(turn.driven.vehicle.units))], axis=1))
+    axes.plot(*chart_of(turn.driven).centre, marker="+", color=INK, markersize=9)
+    for limit in turn.circles:
+        words = f"{limit.words} {limit.value:.2f} m, {'at least' if limit.least else 'at most'}"
+        draw_circle(axes, turn, limit.value, words, broken=not limit.kept(turn.figures))
     _frame(axes)
 
 
+@styled()
 def compared_figure(first: Followed, second: Followed, names: tuple[str, str], title: str) -> Figure:
     """Return the picture of two drives through one turn: their swept areas about the line, and their reaches along it.
 
@@ -77,32 +64,31 @@ def compared_figure(first: Followed, second: Followed, names: tuple[str, str], t
     """
     chart, colours = chart_of(first), (body_colour(1), body_colour(0))
     t_line, e_line = front_track(first, chart)
-    with styled():
-        figure = Figure(figsize=(12.0, 5.6), layout="constrained")
-        plane, reach = figure.subplots(1, 2, width_ratios=(1.0, 1.1))
-        for number, (driven, name, colour) in enumerate(zip((first, second), names, colours, strict=True)):
-            area = outline_of(shapely.union_all([swept_area(driven, unit) for unit in range(len(driven.vehicle.units))]))
-            fill = {"facecolor": body_fill(0) if number else "none", "edgecolor": colour, "linewidth": 1.6, "zorder": 2 - number}
-            plane.add_patch(PathPatch(area, label=f"swept, {name}", **fill))
-            band = band_of(driven)
-            offset = np.interp(band.t, t_line, e_line)
-            seen = (band.t > -_SHOWN_M) & (band.t < first.manoeuvre.radius * first.angle + _SHOWN_M)
-            for edge, label in ((band.inner, name), (band.outer, None)):
-                reach.plot(band.t[seen], (edge - offset)[seen], color=colour, linewidth=1.8, linestyle="-" if number else "--", label=label)
-        plane.plot(*first.guide[:, :2].T, color=INK, linewidth=1.0, linestyle=(0, (7, 3)), label="the line")
-        plane.set_aspect("equal")
-        plane.set_axis_off()
-        plane.legend(loc="upper left", bbox_to_anchor=(0.0, 0.0), ncols=2, borderaxespad=0.2)
-        low, high = chart.centre - first.manoeuvre.radius - _AROUND_M, chart.centre + first.manoeuvre.radius + _AROUND_M
-        plane.set_xlim(low[0], high[0])
-        plane.set_ylim(low[1], high[1])
-        _scale_bar(plane)
-        reach.axhline(0.0, color=INK, linewidth=1.0, linestyle=(0, (7, 3)))
-        reach.axvspan(0.0, first.manoeuvre.radius * first.angle, color="0.93", zorder=0)
-        reach.set_xlabel("along arc and tangents [m]; grey: the turn")
-        reach.set_title("reach from the line [m], inside positive", loc="left", fontsize="small")
-        reach.legend(loc="best")
-        figure.suptitle(title, x=0.01, ha="left", fontsize="medium", fontweight="bold")
+    figure = Figure(figsize=(12.0, 5.6), layout="constrained")
+    plane, reach = figure.subplots(1, 2, width_ratios=(1.0, 1.1))
+    for number, (driven, name, colour) in enumerate(zip((first, second), names, colours, strict=True)):
+        area = outline_of(shapely.union_all([swept_area(driven, unit) for unit in range(len(driven.vehicle.units))]))
+        fill = {"facecolor": body_fill(0) if number else "none", "edgecolor": colour, "linewidth": 1.6, "zorder": 2 - number}
+        plane.add_patch(PathPatch(area, label=f"swept, {name}", **fill))
+        band = band_of(driven)
+        offset = np.interp(band.t, t_line, e_line)
+        seen = (band.t > -_SHOWN_M) & (band.t < first.manoeuvre.radius * first.angle + _SHOWN_M)
+        for edge, label in ((band.inner, name), (band.outer, None)):
+            reach.plot(band.t[seen], (edge - offset)[seen], color=colour, linewidth=1.8, linestyle="-" if number else "--", label=label)
+    plane.plot(*first.guide[:, :2].T, color=INK, linewidth=1.0, linestyle=(0, (7, 3)), label="the line")
+    plane.set_aspect("equal")
+    plane.set_axis_off()
+    plane.legend(loc="upper left", bbox_to_anchor=(0.0, 0.0), ncols=2, borderaxespad=0.2)
+    low, high = chart.centre - first.manoeuvre.radius - _AROUND_M, chart.centre + first.manoeuvre.radius + _AROUND_M
+    plane.set_xlim(low[0], high[0])
+    plane.set_ylim(low[1], high[1])
+    scale_bar(plane)
+    reach.axhline(0.0, color=INK, linewidth=1.0, linestyle=(0, (7, 3)))
+    reach.axvspan(0.0, first.manoeuvre.radius * first.angle, color="0.93", zorder=0)
+    reach.set_xlabel("along arc and tangents [m]; grey: the turn")
+    reach.set_title("reach from the line [m], inside positive", loc="left", fontsize="small")
+    reach.legend(loc="best")
+    write_head(figure, title)
     return figure
 
 
@@ -121,17 +107,9 @@ def _frame(axes: Axes) -> None:
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
     axes.set_xlim(left - _ROOM_M, right + _ROOM_M)
     axes.set_ylim(low - _ROOM_M - 0.1 * (high - low), high + _ROOM_M)
-    _scale_bar(axes)
+    scale_bar(axes)
     axes.set_axis_off()
     axes.legend(loc="upper left", bbox_to_anchor=(0.0, 0.0), ncols=2, borderaxespad=0.2)
-
-
-def _scale_bar(axes: Axes) -> None:
-    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
-    length = next((length for length in (20.0, 10.0, 5.0) if length < 0.4 * (right - left)), 2.0)
-    x, y = left + 0.04 * (right - left), low + 0.04 * (high - low)
-    axes.plot([x, x + length], [y, y], color=INK, linewidth=3.0, solid_capstyle="butt", zorder=5)
-    axes.annotate(f"{length:g} m", (x + length, y), (5.0, 0.0), textcoords="offset points", va="center", fontsize="small")
 
 
 def _draw_width(axes: Axes, turn: Turn) -> None:
@@ -152,23 +130,18 @@ def _draw_angles(axes: Axes, driven: Followed) -> None:
     names = [body_name(driven.vehicle, unit) for unit in range(len(driven.vehicle.units))]
     for number, beta in enumerate(driven.beta.T):
         axes.plot(driven.s, np.rad2deg(beta), color=body_colour(number + 1), linewidth=1.6, label=f"{names[number]} to {names[number + 1]}")
-    axes.set_xlabel(f"along the path of the {_words(driven)} [m]")
+    axes.set_xlabel(f"along the path of the {driven.manoeuvre.point.words} [m]")
     axes.set_title("angles [degrees]", loc="left", fontsize="small")
     axes.legend(loc="best")
 
 
-def _words(driven: Followed) -> str:
-    """Return what the guided point is called."""
-    return str(driven.manoeuvre.point).replace("-", " ")
-
-
+@styled()
 def turns_figure(turns: Mapping[str, Turn], inside: Mapping[str, float]) -> Figure:
     """Return several turns beside each other, each with its published inside radius [m]."""
-    with styled():
-        figure = Figure(figsize=(13.0, 8.5), layout="constrained")
-        for axes, (name, turn) in zip(figure.subplots(2, 2).flat, turns.items(), strict=True):
-            draw_turn(axes, turn)
-            draw_circle(axes, turn, inside[name], f"published inside radius {inside[name]:.2f} m")
-            axes.legend(loc="upper left", bbox_to_anchor=(0.0, 0.0), ncols=2, borderaxespad=0.2)
-            axes.set_title(f"{name}: inside radius {turn.figures.wheels.inside:.2f} m", loc="left", fontsize="medium")
+    figure = Figure(figsize=(13.0, 8.5), layout="constrained")
+    for axes, (name, turn) in zip(figure.subplots(2, 2).flat, turns.items(), strict=True):
+        draw_turn(axes, turn)
+        draw_circle(axes, turn, inside[name], f"published inside radius {inside[name]:.2f} m")
+        axes.legend(loc="upper left", bbox_to_anchor=(0.0, 0.0), ncols=2, borderaxespad=0.2)
+        axes.set_title(f"{name}: inside radius {turn.figures.wheels.inside:.2f} m", loc="left", fontsize="medium")
     return figure

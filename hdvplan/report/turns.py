@@ -1,6 +1,10 @@
-"""A driven manoeuvre as verdict, table, JSON, CSV and GeoJSON."""
+"""What ``hdvplan turn`` says, draws and writes. Each file appears whole or not at all, and ``turn.json`` comes last."""
 
 from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -10,38 +14,21 @@ from shapely.geometry import mapping
 from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
-from hdvplan.arrays import FloatArray
+from hdvplan.fileio import Together, csv_bytes, json_bytes
 from hdvplan.judging.result import body_name
-from hdvplan.report.colours import INK, MUTED
+from hdvplan.report.colours import INK, MUTED, body_colour
+from hdvplan.report.files import PICTURES
 from hdvplan.report.grid import grid
-from hdvplan.report.style import body_colour
+from hdvplan.report.layers import System
+from hdvplan.report.turn_layers import swept_area, turn_features, wheel_tracks
 from hdvplan.turning.follow import Followed
 from hdvplan.turning.swept import chart_of
-from hdvplan.turning.templates import Limit, figure
-from hdvplan.turning.turn import Turn
+from hdvplan.turning.templates import Limit
+from hdvplan.turning.turn import Turn, manoeuvre_words, verdict
 
 Json = dict[str, object]
-_AREA_M = 0.2  # between the poses that a swept area is joined from: short by 0.7 mm at a radius of 7 m
-_TRACK_M = 0.25
+TURN_DRAWINGS = ("dxf",)  # for CAD; it lies nowhere on a map
 _SIMPLER_M = 1e-3
-_LIMIT_DIGITS = 3
-
-
-def verdict(turn: Turn) -> str:
-    """Return one line: whether the vehicle complies, or what width the turn needs."""
-    name, words = turn.driven.vehicle.name, _manoeuvre_words(turn)
-    if turn.template is None or not turn.limits:
-        return f"NEEDS {turn.figures.swept_width:.2f} m of width: {name}, {words}"
-    demands = "; ".join(_demand_words(limit, turn) for limit in turn.limits)
-    answer = f"YES: {name} complies" if turn.complies else f"NO: {name} does not comply"
-    return f"{answer} with {turn.template.name}: {demands}"
-
-
-def broken_words(limit: Limit, turn: Turn) -> str:
-    """Return which demand is not met, and by how much."""
-    found, which = figure(limit.name, turn.figures), "below" if limit.least else "above"
-    off = f"{-limit.spare(turn.figures):.3f} m {which} {limit.value:.3f} m"
-    return f"the {limit.words} of the {turn.driven.vehicle.name} is {found:.3f} m, {off}"
 
 
 def turn_json(turn: Turn) -> Json:
@@ -75,33 +62,28 @@ def turn_json(turn: Turn) -> Json:
 
 def turn_table(turn: Turn, directory: str) -> Table:
     """Return the figures: a quantity, its value and unit, and a remark a row."""
-    figures, vehicle, manoeuvre = turn.figures, turn.driven.vehicle, turn.driven.manoeuvre
+    figures, vehicle = turn.figures, turn.driven.vehicle
     names = [body_name(vehicle, unit) for unit in range(len(vehicle.units))]
-    steady = "in the steady circle" if manoeuvre.angle is None else "largest along the turn"
-    rows = [
-        ("inside radius", f"{figures.bodies.inside:.3f}", "m", f"bodies; wheels {figures.wheels.inside:.3f}"),
-        ("outside radius", f"{figures.bodies.outside:.3f}", "m", f"bodies; wheels {figures.wheels.outside:.3f}"),
-        ("swept width", f"{figures.swept_width:.3f}", "m", steady),
+    steady = "in the steady circle" if turn.driven.manoeuvre.angle is None else "largest along the turn"
+    metres = [
+        ("inside radius", figures.bodies.inside, f"bodies; wheels {figures.wheels.inside:.3f}"),
+        ("outside radius", figures.bodies.outside, f"bodies; wheels {figures.wheels.outside:.3f}"),
+        ("swept width", figures.swept_width, steady),
         *(
-            ("off-tracking", f"{off:.3f}", "m", f"axle of the {name}, inside the front axle's track")
+            ("off-tracking", off, f"axle of the {name}, inside the front axle's track")
             for name, off in zip(names, figures.off_tracking, strict=True)
         ),
-        *(
-            ("tail swing", f"{swing:.3f}", "m", f"{name}, beyond its side before the turn")
-            for name, swing in zip(names, figures.tail_swing, strict=True)
-        ),
-        *(
-            ("articulation", f"{np.rad2deg(angle):.1f}", "deg", f"{ahead} to {behind}, largest")
-            for ahead, behind, angle in zip(names, names[1:], figures.articulation, strict=False)
-        ),
-        ("steering", f"{np.rad2deg(figures.steering):.1f}", "deg", "front wheels, largest"),
+        *(("tail swing", swing, f"{name}, beyond its side before the turn") for name, swing in zip(names, figures.tail_swing, strict=True)),
     ]
     if figures.frontal_swing is not None:
-        rows.insert(
-            -1 - len(figures.articulation), ("frontal swing", f"{figures.frontal_swing:.3f}", "m", "beyond its side in line with the exit")
-        )
+        metres.append(("frontal swing", figures.frontal_swing, "beyond its side in line with the exit"))
+    couplings = zip(names, names[1:], figures.articulation, strict=False)
+    degrees = [("articulation", angle, f"{ahead} to {behind}, largest") for ahead, behind, angle in couplings]
+    degrees.append(("steering", figures.steering, "front wheels, largest"))
+    rows = [(name, f"{value:.3f}", "m", remark) for name, value, remark in metres]
+    rows += [(name, f"{np.rad2deg(angle):.1f}", "deg", remark) for name, angle, remark in degrees]
     source = "" if turn.template is None else f"{turn.template.source}; "
-    title = f"{vehicle.name}, {_manoeuvre_words(turn)}"
+    title = f"{vehicle.name}, {manoeuvre_words(turn)}"
     return grid(title, ("", "value", "unit", "remark"), rows, text=("", "unit", "remark"), caption=f"{source}written to {directory}")
 
 
@@ -121,7 +103,7 @@ def width_table(turn: Turn) -> pd.DataFrame:
 
 def turn_geojson(turn: Turn) -> Json:
     """Return a FeatureCollection in plane coordinates [m]: swept areas, wheel tracks, the guided path, the arc's centre, limits."""
-    driven, chart = turn.driven, chart_of(turn.driven)
+    driven, centre = turn.driven, shapely.Point(chart_of(turn.driven).centre)
     vehicle = driven.vehicle
     common: Json = {"vehicle": vehicle.name, "note": "planar coordinates in metres"}
     if turn.template is not None:
@@ -135,66 +117,11 @@ def turn_geojson(turn: Turn) -> Json:
         named = {"kind": "wheel track", "unit": body_name(vehicle, unit), "side": side}
         features.append(_feature(shapely.LineString(track), common | named | _stroke(body_colour(unit))))
     features.append(_feature(shapely.LineString(driven.guide[:, :2]), common | {"kind": "guided path"} | _stroke(MUTED)))
-    features.append(_feature(shapely.Point(chart.centre), common | {"kind": "centre"}))
-    for limit in turn.limits:
-        if limit.name.endswith("radius"):
-            ring = shapely.Point(chart.centre).buffer(limit.value, quad_segs=64).exterior
-            features.append(_feature(ring, common | {"kind": limit.words, "limit_m": limit.value} | _stroke(INK)))
+    features.append(_feature(centre, common | {"kind": "centre"}))
+    for limit in turn.circles:
+        ring = shapely.LineString(centre.buffer(limit.value, quad_segs=64).exterior)  # GeoJSON has no rings alone
+        features.append(_feature(ring, common | {"kind": limit.words, "limit_m": limit.value} | _stroke(INK)))
     return {"type": "FeatureCollection", "features": features}
-
-
-def swept_area(driven: Followed, unit: int) -> BaseGeometry:
-    """Return the plane area that a body sweeps [m]. Of a full circle those of its first and last round: the others lie in between."""
-    spaced, around = every(driven, _AREA_M), 2.0 * np.pi * driven.manoeuvre.radius
-    corners, s = driven.corners(unit)[spaced], driven.s[spaced]
-    if driven.manoeuvre.angle is not None or s[-1] < 2.0 * around:
-        return _swept(corners)
-    return shapely.union(_swept(corners[s < driven.manoeuvre.lead_in + around]), _swept(corners[s > s[-1] - around]))
-
-
-def _swept(corners: FloatArray) -> BaseGeometry:
-    """Return the outlines (n, 4, 2), and what their edges sweep from one to the next."""
-    ends = np.roll(corners, -1, axis=1)
-    moved = np.stack([corners[:-1], ends[:-1], ends[1:], corners[1:]], axis=2).reshape(-1, 4, 2)
-    areas = shapely.make_valid(shapely.polygons(moved))  # an edge that turns about a point of its own sweeps two triangles
-    return shapely.union_all(np.concatenate([shapely.polygons(corners), areas]))
-
-
-def wheel_tracks(driven: Followed) -> list[tuple[int, str, FloatArray]]:
-    """Return the tracks of all wheels: unit, side (front left, left, ...), points (n, 2) [m]."""
-    kept, tracks = every(driven, _TRACK_M), []
-    for number, unit in enumerate(driven.vehicle.units):
-        for front, ahead in ((True, unit.wheelbase), (False, 0.0)) if number == 0 else ((False, 0.0),):
-            for side, left in (("left", 0.5 * unit.width), ("right", -0.5 * unit.width)):
-                points = driven.points(number, np.array([ahead]), np.array([left]))[kept, 0]
-                tracks.append((number, f"front {side}" if front else side, points))
-    return tracks
-
-
-def shown_poses(driven: Followed) -> list[int]:
-    """Return the pose at the begin, the one when the turn ends, and the last."""
-    if driven.manoeuvre.angle is None:
-        return [0, len(driven.s) - 1]
-    out = driven.path.starts[-1] - driven.manoeuvre.lead_out_of(driven.vehicle)
-    return [0, int(driven.s.searchsorted(out)), len(driven.s) - 1]
-
-
-def every(driven: Followed, spacing: float) -> slice:
-    """Return the poses about ``spacing`` apart [m]."""
-    return slice(None, None, max(1, round(spacing / float(np.median(np.diff(driven.s))))))
-
-
-def _manoeuvre_words(turn: Turn) -> str:
-    manoeuvre = turn.driven.manoeuvre
-    angle = "full circle" if manoeuvre.angle is None else f"{np.rad2deg(manoeuvre.angle):g} degrees"
-    ramp = f", ramps of {manoeuvre.ramp:g} m" if manoeuvre.ramp > 0.0 else ""
-    return f"{angle}, {str(manoeuvre.point).replace('-', ' ')} on a radius of {manoeuvre.radius:.2f} m{ramp}"
-
-
-def _demand_words(limit: Limit, turn: Turn) -> str:
-    spare = limit.spare(turn.figures)
-    kept = f"{max(spare, 0.0):.3f} m to spare" if limit.kept(turn.figures) else f"{-spare:.3f} m {'short' if limit.least else 'too much'}"
-    return f"{limit.words} {figure(limit.name, turn.figures):.3f} m ({'at least' if limit.least else 'at most'} {limit.value:.2f}), {kept}"
 
 
 def _limit_json(limit: Limit, turn: Turn) -> Json:
@@ -211,3 +138,43 @@ def _feature(geometry: BaseGeometry, properties: Json) -> Json:
     simple = shapely.set_precision(shapely.simplify(geometry, _SIMPLER_M), _SIMPLER_M) if geometry.area > 0.0 else geometry
     wound = shapely.multipolygons([orient(part) for part in shapely.get_parts(simple)]) if geometry.area > 0.0 else simple
     return {"type": "Feature", "properties": properties, "geometry": mapping(shapely.transform(wound, lambda points: np.round(points, 3)))}
+
+
+def _dxf(turn: Turn) -> bytes:
+    """Return the drawing of a manoeuvre [m]: the guided point enters along x, and the turn is to the left."""
+    from hdvplan.report.dxf import drawing_bytes, how_to_read  # noqa: PLC0415 - ezdxf takes half a second to import
+
+    system = System(None, "metres; the turn is to the left, mirror it for one to the right")
+    template = [] if turn.template is None else [f"template: {turn.template.name}; {turn.template.source}"]
+    notes = [verdict(turn), *template, f"vehicle: {turn.driven.vehicle.name}", *how_to_read(system)]
+    return drawing_bytes(turn_features(turn), system, notes)
+
+
+def write_turn(turn: Turn, directory: Path, *, kinds: Collection[str] = ()) -> None:
+    """Write ``turn.json``, ``poses.csv``, ``width.csv``, ``turn.geojson`` and what is drawn into ``directory``.
+
+    ``kinds`` are those of ``PICTURES`` and ``TURN_DRAWINGS`` that are drawn.
+
+    Raises:
+        OptionError: the folder holds files of others.
+        OSError: the folder or a file cannot be written.
+
+    """
+    contents: dict[str, Callable[[], bytes]] = {
+        "poses.csv": lambda: csv_bytes(poses_table(turn.driven)),
+        "width.csv": lambda: csv_bytes(width_table(turn)),
+        "turn.geojson": lambda: json_bytes(turn_geojson(turn), indent=None),
+    }
+    contents |= {f"turn.{kind}": partial(_drawn, turn, kind) for kind in kinds}
+    contents["turn.json"] = lambda: json_bytes(turn_json(turn))
+    names = tuple(f"turn.{kind}" for kind in (*PICTURES, *TURN_DRAWINGS))
+    Together("turn.json", names, {"turn.json": "swept_width_m"}).write(directory, contents)
+
+
+def _drawn(turn: Turn, kind: str) -> bytes:
+    if kind == "dxf":
+        return _dxf(turn)
+    from hdvplan.report.style import figure_bytes  # noqa: PLC0415 - Matplotlib takes half a second to import
+    from hdvplan.report.turn_plots import turn_figure  # noqa: PLC0415 - as above
+
+    return figure_bytes(turn_figure(turn), kind)

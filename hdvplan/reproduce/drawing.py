@@ -10,9 +10,8 @@ from matplotlib.patches import PathPatch
 
 from hdvplan.arrays import FloatArray
 from hdvplan.judging.bodies import corners, pose_at
-from hdvplan.report.furniture import draw_direction, finish_map
 from hdvplan.report.geojson import swept_area
-from hdvplan.report.maps import outline_of
+from hdvplan.report.maps import draw_direction, finish_map, outline_of
 from hdvplan.reproduce.swept import Swept
 
 BLUE, YELLOW, GREY = "#0072B2", "#E69F00", "0.35"  # the papers' blue and yellow, as Okabe and Ito have them

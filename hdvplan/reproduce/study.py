@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from hdvplan.case import Case
 from hdvplan.fileio import csv_bytes, write_atomically
-from hdvplan.report.markdown import markdown_table
+from hdvplan.report.grid import markdown_table
 from hdvplan.report.style import DPI
 from hdvplan.reproduce.published import Number
 

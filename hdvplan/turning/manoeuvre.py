@@ -28,6 +28,11 @@ class GuidePoint(StrEnum):
     FRONT_CORNER = "front-corner"  # outer corner of the body's front
     KINGPIN = "kingpin"  # coupling of the first trailer, which must lie ahead of the rear axle
 
+    @property
+    def words(self) -> str:
+        """What readers call it."""
+        return self.replace("-", " ")
+
 
 @dataclass(frozen=True)
 class Manoeuvre:
@@ -52,8 +57,8 @@ class Manoeuvre:
         lengths = {"radius": self.radius, "ramp": self.ramp, "lead_in": self.lead_in, "lead_out": self.lead_out or 0.0, "angle": angle}
         for name, value in lengths.items():
             if not (np.isfinite(value) and value >= 0.0):
-                said = f"{np.rad2deg(value):g} degrees" if name == "angle" else f"{value:g}"
-                msg = f"{name} = {said} must be a positive number"
+                shown = f"{np.rad2deg(value):g} degrees" if name == "angle" else f"{value:g}"
+                msg = f"{name} = {shown} must be a positive number"
                 raise OptionError(msg)
         if self.radius == 0.0 or self.angle == 0.0:
             msg = "a turn needs a radius and an angle above 0"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
 
@@ -13,9 +13,9 @@ from hdvplan.fileio import parse_toml, read_text
 from hdvplan.lengths import METRES
 from hdvplan.spelling import did_you_mean
 from hdvplan.texts import printable
-from hdvplan.turning.figures import Figures
 from hdvplan.turning.follow import tightest
 from hdvplan.turning.manoeuvre import GuidePoint, Manoeuvre, guide_offsets
+from hdvplan.turning.swept import Figures
 from hdvplan.vehicle.load import LENGTH_UNITS
 from hdvplan.vehicle.model import Vehicle
 
@@ -72,13 +72,8 @@ class Template:
 
     name: str
     source: str
-    point: GuidePoint
+    given: Manoeuvre  # where the radius is the vehicle's, a stand-in for it
     radius: float | None  # [m]
-    angle: float | None  # [rad]; None: the steady circle
-    ramp: float  # [m]
-    lead_in: float  # [m]
-    lead_out: float | None  # [m]
-    standstill: bool
     limits: tuple[Limit, ...]
 
     def manoeuvre(self, vehicle: Vehicle) -> Manoeuvre:
@@ -89,8 +84,9 @@ class Template:
             OptionError: the ramps are too long for the radius.
 
         """
-        radius = tightest(vehicle, guide_offsets(self.point, vehicle)) if self.radius is None else self.radius
-        return Manoeuvre(radius, self.angle, self.point, self.ramp, self.lead_in, self.lead_out, self.standstill)
+        if self.radius is not None:
+            return self.given
+        return replace(self.given, radius=tightest(vehicle, guide_offsets(self.given.point, vehicle)))
 
 
 def template_names() -> list[str]:
@@ -153,13 +149,12 @@ def parse_template(text: str, *, default_name: str) -> Template:
         msg = f"{where}: standstill must be true or false, not {standstill!r}"
         raise OptionError(msg)
     point = guide_point(given.get("guide", GuidePoint.FRONT_AXLE), where)
-    probe = Manoeuvre(1e3 if radius is None else radius, angle, point, standstill=standstill, **lengths)  # refuses what is no turn
+    manoeuvre = Manoeuvre(1e3 if radius is None else radius, angle, point, standstill=standstill, **lengths)  # refuses what is no turn
     if angle is None and "frontal_swing" in limits:
         msg = f"{where}: frontal_swing is measured in the exit, and a full circle has none"
         raise OptionError(msg, hint="give an angle, or leave frontal_swing out")
     demands = tuple(Limit(key, *_LIMITS[key], _number(limits, key, where) * METRES[unit]) for key in limits)
-    source = printable(str(document.get("source", "")))
-    return Template(name, source, point, radius, angle, probe.ramp, probe.lead_in, probe.lead_out, standstill, demands)
+    return Template(name, printable(str(document.get("source", ""))), manoeuvre, radius, demands)
 
 
 def guide_point(value: object, where: str) -> GuidePoint:

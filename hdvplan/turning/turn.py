@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hdvplan.turning.figures import Figures, figures_of
+import numpy as np
+
 from hdvplan.turning.follow import Followed, follow
 from hdvplan.turning.manoeuvre import Manoeuvre
-from hdvplan.turning.templates import Limit, Template
+from hdvplan.turning.swept import Figures, figures_of
+from hdvplan.turning.templates import Limit, Template, figure
 from hdvplan.vehicle.model import Vehicle
 
 
@@ -25,14 +27,14 @@ class Turn:
         return () if self.template is None else self.template.limits
 
     @property
+    def circles(self) -> tuple[Limit, ...]:
+        """The demands that are circles about the arc's centre."""
+        return tuple(limit for limit in self.limits if limit.name.endswith("radius"))
+
+    @property
     def complies(self) -> bool | None:
         """Whether all demands are met; None where there are none."""
         return all(limit.kept(self.figures) for limit in self.limits) if self.limits else None
-
-    @property
-    def tightest(self) -> Limit | None:
-        """The demand that is met with the least to spare, or broken most."""
-        return min(self.limits, key=lambda limit: limit.spare(self.figures), default=None)
 
 
 def turn(vehicle: Vehicle, manoeuvre: Manoeuvre | Template) -> Turn:
@@ -46,3 +48,34 @@ def turn(vehicle: Vehicle, manoeuvre: Manoeuvre | Template) -> Turn:
     template = manoeuvre if isinstance(manoeuvre, Template) else None
     driven = follow(vehicle, manoeuvre.manoeuvre(vehicle) if isinstance(manoeuvre, Template) else manoeuvre)
     return Turn(driven, figures_of(driven), template)
+
+
+def verdict(turn: Turn) -> str:
+    """Return one line: whether the vehicle complies, or what width the turn needs."""
+    name, words = turn.driven.vehicle.name, manoeuvre_words(turn)
+    if turn.template is None or not turn.limits:
+        return f"NEEDS {turn.figures.swept_width:.2f} m of width: {name}, {words}"
+    demands = "; ".join(_demand_words(limit, turn) for limit in turn.limits)
+    answer = f"YES: {name} complies" if turn.complies else f"NO: {name} does not comply"
+    return f"{answer} with {turn.template.name}: {demands}"
+
+
+def broken_words(limit: Limit, turn: Turn) -> str:
+    """Return which demand is not met, and by how much."""
+    found, which = figure(limit.name, turn.figures), "below" if limit.least else "above"
+    off = f"{-limit.spare(turn.figures):.3f} m {which} {limit.value:.3f} m"
+    return f"the {limit.words} of the {turn.driven.vehicle.name} is {found:.3f} m, {off}"
+
+
+def manoeuvre_words(turn: Turn) -> str:
+    """Return angle, guided point, radius and ramps of a turn."""
+    manoeuvre = turn.driven.manoeuvre
+    angle = "full circle" if manoeuvre.angle is None else f"{np.rad2deg(manoeuvre.angle):g} degrees"
+    ramp = f", ramps of {manoeuvre.ramp:g} m" if manoeuvre.ramp > 0.0 else ""
+    return f"{angle}, {manoeuvre.point.words} on a radius of {manoeuvre.radius:.2f} m{ramp}"
+
+
+def _demand_words(limit: Limit, turn: Turn) -> str:
+    spare = limit.spare(turn.figures)
+    kept = f"{max(spare, 0.0):.3f} m to spare" if limit.kept(turn.figures) else f"{-spare:.3f} m {'short' if limit.least else 'too much'}"
+    return f"{limit.words} {figure(limit.name, turn.figures):.3f} m ({'at least' if limit.least else 'at most'} {limit.value:.2f}), {kept}"

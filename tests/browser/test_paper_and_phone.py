@@ -9,15 +9,14 @@ from io import BytesIO
 import numpy as np
 import pytest
 from pypdf import PdfReader
-from pypdf.generic import ContentStream
 from selenium import webdriver
 
-from hdvplan.arrays import FloatArray
 from hdvplan.judging.result import Result
 from hdvplan.report.files import write_plan
 from hdvplan.report.html import write_report
 from tests.browser.test_report_page import browser, pytestmark, settled  # noqa: F401 - a fixture, and when it runs
 from tests.report.conftest import kerbed, long, trailer  # noqa: F401 - fixtures
+from tests.report.pdf import strokes
 
 A4_PT = (595.0, 842.0)
 DENSITIES = "[...document.querySelectorAll('canvas')].map((c) => [c.width / c.clientWidth, c.height / c.clientHeight])"
@@ -54,29 +53,6 @@ def printed(browser: webdriver.Chrome, report: str) -> PdfReader:  # noqa: F811
     return PdfReader(BytesIO(base64.b64decode(answer["data"])))
 
 
-def lines(pdf: PdfReader) -> list[tuple[int, FloatArray]]:
-    """Return all drawn lines, with their page, as points on the paper [pt]."""
-    found = list[tuple[int, FloatArray]]()
-    for number, page in enumerate(pdf.pages):
-        transforms, points = [np.eye(3)], list[list[float]]()
-        for operands, operator in ContentStream(page.get_contents(), pdf).operations:
-            if operator == b"q":
-                transforms.append(transforms[-1])
-            elif operator == b"Q":
-                transforms.pop()
-            elif operator == b"cm":
-                a, b, c, d, e, f = (float(value) for value in operands)
-                transforms[-1] = np.array([[a, b, 0.0], [c, d, 0.0], [e, f, 1.0]]) @ transforms[-1]
-            elif operator == b"m":
-                points = [[float(value) for value in operands]]
-            elif operator == b"l":
-                points.append([float(value) for value in operands])
-            elif operator in {b"S", b"f"} and len(points) > 1:
-                found.append((number, (np.column_stack([np.array(points), np.ones(len(points))]) @ transforms[-1])[:, :2]))
-                points = []
-    return found
-
-
 def test_the_report_prints_on_whole_pages(browser: webdriver.Chrome, report: str) -> None:  # noqa: F811
     pdf = printed(browser, report)
     text = " ".join(word for page in pdf.pages for word in page.extract_text().split())  # lines break where they must
@@ -107,7 +83,7 @@ def test_x_and_y_have_one_scale_on_paper(browser: webdriver.Chrome, report: str,
     """Buses along the U-turn point everywhere, and are as long and as wide as buses are, with square corners."""
     pdf = printed(browser, report)
     (at,) = (number for number, page in enumerate(pdf.pages) if "bus on uturn" in page.extract_text())
-    corners = np.array([line[:4] for number, line in lines(pdf) if number == at and len(line) == 5])  # the last closes it
+    corners = np.array([line[:4] for line in strokes(pdf.pages[at]) if len(line) == 5])  # the last closes it
     along, across = corners[:, 1] - corners[:, 2], corners[:, 0] - corners[:, 1]
     ratio = np.hypot(*along.T) / np.hypot(*across.T)
     bus_unit = kerbed.drive.vehicle.lead

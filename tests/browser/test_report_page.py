@@ -29,7 +29,6 @@ from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.actions.wheel_input import ScrollOrigin
 from selenium.webdriver.common.by import By
 from selenium.webdriver.remote.webelement import WebElement
-from selenium.webdriver.support.wait import WebDriverWait
 
 CHROMIUM = next((path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None)
 DRIVER = shutil.which("chromedriver")
@@ -200,20 +199,6 @@ def test_a_broken_limit_in_the_table_leads_to_its_place(page: webdriver.Chrome, 
     assert numbers["s"] == pytest.approx(deepest["s_deepest"], abs=0.25)  # the nearest sample
     assert numbers["clearance"] < 0.0
     assert "bad" in str(plan.find_element(By.CSS_SELECTOR, ".readout").get_attribute("class"))
-
-
-def test_the_drive_plays_and_stops(page: webdriver.Chrome) -> None:
-    plan = shown(page)[0]
-    slider, button = (plan.find_element(By.CSS_SELECTOR, place) for place in (".along", "[data-do=play]"))
-    page.execute_script("arguments[0].value = 0; arguments[0].dispatchEvent(new Event('input'));", slider)
-    settled(page)
-    button.click()
-    WebDriverWait(page, 10).until(lambda _: reading(plan)["s"] > 1.0)
-    button.click()
-    settled(page)
-    stopped = reading(plan)["s"]
-    settled(page)
-    assert reading(plan)["s"] == stopped
 
 
 def test_obstacles_are_drawn_and_their_table_leads_to_them(

@@ -13,8 +13,7 @@ from hdvplan.judging.verdict import verdict_of
 from hdvplan.need.answer import Need, edge_need_of, need_of
 from hdvplan.need.search import Least, kerbs_on, on_road, spare_of
 from hdvplan.need.widening import Widenings, around, least_widenings, moved, on_kerbs, own_plans
-from hdvplan.report.need_layers import shown_plan
-from hdvplan.report.needs import need_json, need_lines
+from hdvplan.report.needs import need_json, need_lines, shown_plan
 from hdvplan.road.limits import Limits
 from hdvplan.road.regions import Kind, Region
 from hdvplan.road.road import Road
@@ -60,7 +59,7 @@ def test_the_least_area_is_smaller_and_the_least_depth_shallower(found: Widening
 def test_the_drawing_shows_the_plan_that_the_widening_belongs_to(narrow: Case, found: Widenings) -> None:
     shown = shown_plan(Need(narrow, None, least_in_the_bend(), None, None, found))
     assert found.area is not None
-    assert shown == (found.area.result, found.area.patches)
+    assert shown is found.area.result
     swept = shapely.union_all(found.area.result.outlines.geometries)
     land = shapely.union_all([patch.polygon for patch in found.area.patches])
     shown_road = found.area.result.drive.road

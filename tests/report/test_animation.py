@@ -9,7 +9,7 @@ from PIL import Image
 from hdvplan.arrays import FloatArray
 from hdvplan.judging.result import Result
 from hdvplan.report.animation import _film, film_bytes
-from hdvplan.report.windows import Window
+from hdvplan.report.rooms import Window
 
 
 def close_to(image: FloatArray, colour: tuple[int, int, int]) -> int:

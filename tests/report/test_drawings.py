@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from io import StringIO
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -22,8 +21,7 @@ from hdvplan.judging.result import Result
 from hdvplan.judging.wheels import wheel_tracks
 from hdvplan.report.dxf import dxf_bytes
 from hdvplan.report.geopackage import geopackage_bytes
-from hdvplan.report.layers import drawn_features, outline_places
-from hdvplan.report.placing import drawing_system, map_system
+from hdvplan.report.layers import drawing_system, drawn_features, map_system
 from hdvplan.road.crs import to_plane
 from hdvplan.road.line import RoadOptions
 from hdvplan.road.load import load_road
@@ -175,15 +173,6 @@ def test_clearances_are_drawn_from_the_body_to_the_limit(bus: Result) -> None:
     for room in rooms:
         assert room.geometry.length == pytest.approx(room.properties["clearance_m"], abs=1e-6)
     assert min(float(room.properties["clearance_m"] or 0.0) for room in rooms) == bus.balance.min_clearance
-
-
-@pytest.mark.parametrize("length", [30.0, 95.0, 500.0])
-def test_outlines_of_vehicles_do_not_touch(bus: Result, length: float) -> None:
-    places = outline_places(bus, 0.0, length)
-    assert all(0.0 <= s <= length for s in places)
-    vehicle = bus.drive.vehicle
-    for one, other in pairwise(places):
-        assert other - one > 1.2 * (vehicle.reach_ahead + vehicle.reach_behind)
 
 
 def test_a_road_across_the_antimeridian_does_not_go_round_the_world(kerbed: Result) -> None:

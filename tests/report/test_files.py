@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import json
 import shutil
 from contextlib import suppress
 from io import BytesIO
@@ -10,11 +9,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from hdvplan.driving.simulate import simulate
 from hdvplan.errors import OptionError
-from hdvplan.fileio import Column, json_bytes, settle, table_bytes, write_atomically
+from hdvplan.fileio import Column, settle, table_bytes, write_atomically
 from hdvplan.judging.result import Result
-from hdvplan.report.files import Table, envelope_table, path_table, picture_bytes, profile_table, steps_table, write_plan
+from hdvplan.report.files import Table, drawn_bytes, envelope_table, path_table, profile_table, steps_table, write_plan
 from hdvplan.report.planfiles import read_plan
 
 
@@ -81,14 +79,6 @@ def test_a_folder_of_others_takes_no_file_away_that_lies_elsewhere(tmp_path: Pat
     assert (tmp_path / "mine.txt").read_text(encoding="utf-8") == "mine"
 
 
-def test_a_folder_with_a_damaged_result_under_way_is_refused(tmp_path: Path) -> None:
-    aside = tmp_path / ".hdvplan-new"
-    aside.mkdir()
-    (aside / ".gone").write_bytes(b"\xff\xfe")
-    with pytest.raises(OptionError):
-        read_plan(tmp_path)
-
-
 def test_a_failing_run_leaves_the_former_plan(bus: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_plan(bus, tmp_path)
     former = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
@@ -101,13 +91,6 @@ def test_a_failing_run_leaves_the_former_plan(bus: Result, tmp_path: Path, monke
     with pytest.raises(OSError, match="disk full"):
         write_plan(bus, tmp_path)
     assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == former
-
-
-def test_without_a_plot_the_picture_of_a_former_plan_goes(bus: Result, tmp_path: Path) -> None:
-    write_plan(bus, tmp_path)
-    (tmp_path / "plan.png").write_bytes(b"old")
-    write_plan(bus, tmp_path)
-    assert not (tmp_path / "plan.png").exists()
 
 
 def test_a_file_appears_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -135,16 +118,6 @@ def test_the_path_reads_back_to_a_micrometre(trailer: Result) -> None:
     assert len(read) == len(trailer.drive.z)
 
 
-def test_a_path_that_is_read_back_and_driven_again_ends_where_it_ended(trailer: Result) -> None:
-    drive, settings = trailer.drive, trailer.drive.settings
-    read = np.loadtxt(BytesIO(table_bytes(path_table(trailer))), delimiter=",", skiprows=1)
-    names = list(path_table(trailer))
-    start = read[0, [names.index(name) for name in ("e_y", "e_psi", "beta1")]]
-    again = simulate(drive.vehicle.table(), drive.stations.path, 0.0, settings.step, start, read[:-1, names.index("kappa")], 1)
-    # Over 246 m rounding to 1e-9 rad may grow to 0.3 um; the simulation's own error is 1 um in 100 m.
-    np.testing.assert_allclose(again[:, 0], drive.z[:, 0], atol=1e-6)
-
-
 def test_missing_numbers_are_empty_and_words_stand_as_they_are() -> None:
     table = {
         "s": Column(np.array([0.0, 0.5, 1.0]), "%.2f"),
@@ -158,13 +131,6 @@ def test_missing_numbers_are_empty_and_words_stand_as_they_are() -> None:
     long = {"number": Column(np.arange(2501.0), "%.1f")}  # more rows than are written at once
     assert table_bytes(long).decode().splitlines() == ["number", *(f"{number}.0" for number in range(2501))]
     assert table_bytes({"none": Column(np.empty(0), "%.1f")}) == b"none\n"
-
-
-def test_the_path_s_heading_is_continuous_and_its_points_lie_at_their_offset(trailer: Result) -> None:
-    table, path = {name: column.content for name, column in path_table(trailer).items()}, trailer.drive.stations.path
-    assert np.max(np.abs(np.diff(table["heading"]))) < 0.1  # half a metre on a radius above 5 m, and no jump by 2 pi
-    _, offset = path.project(table["x"], table["y"], table["s"])
-    np.testing.assert_allclose(offset, table["e_y"], atol=2e-6)  # x, y and e_y are rounded to a micrometre
 
 
 def test_the_envelope_s_limits_are_empty_without_limits(trailer: Result, bus: Result) -> None:
@@ -211,7 +177,7 @@ def test_pictures_come_in_the_formats_asked_for(bus: Result, tmp_path: Path) -> 
     assert svg.startswith(b"<?xml")
     assert b">bus on uturn" in svg  # text stays text
     assert not (tmp_path / "plan.png").exists()
-    assert picture_bytes(bus, "svg") == svg  # the same plan, the same file
+    assert drawn_bytes(bus, "svg") == svg  # the same plan, the same file
 
 
 def test_writing_tells_how_far_it_is(bus: Result, tmp_path: Path) -> None:
@@ -220,9 +186,3 @@ def test_writing_tells_how_far_it_is(bus: Result, tmp_path: Path) -> None:
     assert shares == sorted(shares)
     assert len(shares) == 8
     assert 0.0 < shares[0] < shares[-1] == 1.0
-
-
-def test_json_refuses_what_json_cannot_say() -> None:
-    assert json.loads(json_bytes({"place": "Göteborg"})) == {"place": "Göteborg"}
-    with pytest.raises(ValueError, match="JSON"):
-        json_bytes({"reach": float("nan")})

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hdvplan.centring.stationary import swept_band
 from hdvplan.judging.fit import Trouble, finding_text, fit_of, fit_table, needs_of
 from hdvplan.road.limits import Limits
 from hdvplan.road.path import from_curvature
@@ -20,16 +19,6 @@ BUS, TRAILER = load_vehicle("bus"), load_vehicle("tractor-trailer")
 
 def turn(radius: float) -> Road:
     return Road("turn", from_curvature(*turn_profile(1.0 / radius, 10.0, 20.0)))
-
-
-def test_the_wheelbase_needs_less_than_the_whole_and_ends_at_the_front_axle() -> None:
-    kappa = np.array([0.0, 0.05])
-    outer, inner = swept_band(BUS, kappa, axles_only=True)
-    radius = 20.0
-    assert outer[0] - inner[0] == pytest.approx(BUS.width)
-    assert outer[1] == pytest.approx(np.hypot(radius + 1.27, 6.0) - radius, abs=1e-9)  # the outer front wheel; exact geometry
-    assert inner[1] == pytest.approx(-1.27)
-    assert swept_band(BUS, kappa)[0][1] == pytest.approx(np.hypot(radius + 1.27, 9.34) - radius, abs=1e-9)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

@@ -12,16 +12,13 @@ import pandas as pd
 import pytest
 import shapely
 
-import hdvplan
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError
 from hdvplan.judging.balance import balance_of
 from hdvplan.judging.result import Result
-from hdvplan.planning.bias import Bias
 from hdvplan.report.files import write_plan
 from hdvplan.report.html import report_html, short_labels, write_report
-from hdvplan.report.payload import packed, payload_of, road_frame, tight_places
-from hdvplan.report.planfiles import PlanFiles, read_plan
+from hdvplan.report.planfiles import PlanFiles, packed, payload_of, read_plan, road_frame, tight_places
 from hdvplan.road.regions import Kind, Region
 
 
@@ -58,23 +55,6 @@ def test_the_road_is_found_again_beside_the_driven_path(plan: PlanFiles, kerbed:
     road = kerbed.drive.road.path.at(s)
     np.testing.assert_allclose(np.column_stack([x, y]), np.column_stack([road.x, road.y]), atol=2e-6)  # two numbers of six decimals
     np.testing.assert_allclose(np.cos(heading), np.cos(road.heading), atol=2e-9)  # of nine
-
-
-def test_what_geometry_expects_beside_the_centre_is_shown_beside_the_centre(straight: Result, tmp_path: Path) -> None:
-    write_plan(replace(straight, drive=replace(straight.drive, bias=Bias.constant(0.5))), tmp_path)
-    columns = payload_of(read_plan(tmp_path))["columns"]
-    # A bus is 2.54 m wide; packing keeps 1e-4 of the largest.
-    np.testing.assert_allclose(unpacked(columns["expected_left"]), 1.77, atol=1e-4)
-    np.testing.assert_allclose(unpacked(columns["expected_right"]), -0.77, atol=1e-4)
-
-
-def test_plans_of_one_road_are_known_by_their_origin(plan: PlanFiles) -> None:
-    assert payload_of(plan)["origin"] == [0.0, 0.0]  # whatever rounding of the path beside it left
-    shifted = replace(plan, path=plan.path.assign(x=plan.path["x"] + 600000.0))
-    page = payload_of(shifted)
-    assert page["origin"] == [600000.0, 0.0]
-    start = np.frombuffer(base64.b64decode(page["columns"]["x"]["data"]), "<f4")
-    assert start[0] == 0.0  # coordinates of a map are too large for single precision
 
 
 def test_the_tightest_places_begin_with_the_deepest_breach(plan: PlanFiles, kerbed: Result) -> None:
@@ -239,11 +219,3 @@ def test_a_long_table_with_a_word_is_refused_without_a_warning(copied: Path) -> 
     table.to_csv(file, index=False)
     with pytest.raises(OptionError, match="column x has values that are not numbers"):
         read_plan(copied)
-
-
-@pytest.mark.slow
-def test_a_report_on_twelve_kilometres_stays_below_five_megabytes(tmp_path: Path) -> None:
-    road = hdvplan.load_road("liechtenstein_schaan_balzers").with_limits(4.5, 4.5)
-    write_plan(hdvplan.plan(hdvplan.Case(road, hdvplan.load_vehicle("tractor-trailer"))), tmp_path)
-    assert road.path.length > 11.8e3
-    assert write_report([tmp_path, tmp_path, tmp_path], tmp_path / "report.html") < 5e6  # even three beside each other

@@ -19,10 +19,6 @@ def gentle(result: Result) -> FloatArray:
     return np.zeros(len(result.drive.kappa))
 
 
-def test_a_gentle_plan_has_nothing_to_be_told(straight: Result) -> None:
-    assert steered(straight, gentle(straight)) == []
-
-
 def test_shares_are_those_of_the_vehicles_limits(straight: Result) -> None:
     kappa, vehicle = gentle(straight), straight.drive.vehicle
     kappa[40:] = 0.5 * vehicle.max_curvature_rate * straight.drive.settings.step

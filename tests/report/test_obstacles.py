@@ -8,31 +8,16 @@ import shapely
 
 from hdvplan.api import drive_case
 from hdvplan.case import Case
-from hdvplan.judging.balance import balance_of, gaps_of
+from hdvplan.judging.balance import balance_of
 from hdvplan.judging.bodies import corners, pose_at
-from hdvplan.judging.clearance import touches_of
-from hdvplan.judging.envelope import envelope_of
 from hdvplan.judging.obstacles import approaches
 from hdvplan.judging.result import Result, breach_text
 from hdvplan.judging.verdict import verdict_line, verdict_of
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.road.path import from_curvature
-from hdvplan.road.regions import Kind, Region, Side
+from hdvplan.road.regions import Kind, Region
 from hdvplan.road.road import Road
 from hdvplan.vehicle.load import load_vehicle
-from tests.passing.arrangements import road_with
-
-
-def test_the_nearest_approach_is_told_for_every_obstacle(straight: Result) -> None:
-    beside = Region(Kind.OBSTACLE, shapely.box(40.0, 2.0, 42.0, 3.0))
-    hit = Region(Kind.OBSTACLE, shapely.box(50.0, -3.0, 51.0, -1.0))
-    kerb = Region(Kind.SWEEPABLE, shapely.box(40.0, 0.0, 42.0, 3.0))
-    road = replace(straight.drive.road, regions=(beside, hit, kerb))
-    near, touched = approaches(replace(straight.drive, road=road))
-    assert near.distance == pytest.approx(2.0 - 1.27, abs=1e-6)  # a bus on the centre line of a straight, 2.54 m wide
-    assert near.s == pytest.approx(41.0, abs=1.0 + 1e-9)  # beside it, but for rounding
-    assert touched.distance == pytest.approx(-0.27, abs=1e-6)  # 1.27 m to the side, less 1 m
-    assert approaches(straight.drive) == ()
 
 
 def test_the_place_of_the_nearest_approach_is_told_on_the_road_in_the_plane_and_on_the_body(straight: Result) -> None:
@@ -58,20 +43,6 @@ def test_a_post_that_a_corner_swings_over_between_two_poses_is_hit() -> None:
     )  # the post is 3 cm within the path of the corner, which crosses the body's sides at half right angles
 
 
-def test_when_the_lead_axle_has_left_the_road_only_what_is_still_on_it_can_hit_something() -> None:
-    bend = Road("bend", from_curvature(np.array([0.0, 50.0, 56.0, 80.0]), np.array([0.0, 0.0, 0.05, 0.05])))
-    drive = drive_case(Case(bend, load_vehicle("tractor-trailer"), settings=PlannerSettings(horizon=50.0)))
-    inside = float(envelope_of(drive).left[1, -16])  # of the trailer, 4 m before the end
-    x, y = bend.path.to_plane(76.0, inside)
-    far = drive.stations.path.at(90.0)  # further on than the front was when the lead axle left the road
-    spots = [shapely.Point(float(x), float(y)).buffer(0.1), shapely.Point(float(far.x), float(far.y)).buffer(0.1)]
-    regions = tuple(Region(Kind.OBSTACLE, spot) for spot in spots)
-    on_road, beyond = approaches(replace(drive, road=replace(bend, regions=regions)))
-    assert on_road.distance < 0.0
-    assert (on_road.unit, on_road.side) == (1, "left")
-    assert beyond.distance > 5.0  # 10 m beyond the end, and the front 4.63 m beyond the axle
-
-
 def test_an_obstacle_that_is_hit_is_one_breach_with_its_depth_in_the_plane(straight: Result) -> None:
     boxes = (shapely.box(50.0, -3.0, 51.0, -1.0), shapely.box(60.0, 1.262, 61.0, 3.0))  # 0.27 m, and 8 mm: within what counts as kept
     road = replace(straight.drive.road, regions=tuple(Region(Kind.OBSTACLE, box, "bin") for box in boxes)).with_limits(3.0, 3.0)
@@ -86,15 +57,3 @@ def test_an_obstacle_that_is_hit_is_one_breach_with_its_depth_in_the_plane(strai
     assert "enters the obstacle 'bin' by 0.270 m" in breach_text(judged, breach)
     assert judged.entered == ()
     assert "beyond the obstacle 'bin'" in verdict_line(judged, verdict_of(judged))
-
-
-def test_limits_made_by_an_obstacle_and_its_distance_in_the_plane_are_near_each_other() -> None:
-    # A bus that swings around both sides: its edges run askew where it is nearest.
-    road = road_with([(60.0, 63.0, -1.0, 1.0), (95.0, 98.0, -1.0, 1.0)])
-    drive = drive_case(Case(road.passing({0: Side.LEFT, 1: Side.RIGHT}), load_vehicle("bus")))
-    street, s = drive.road.street, envelope_of(drive).s
-    assert street is not None
-    gaps = gaps_of(touches_of(replace(drive, road=replace(drive.road, drawn=street.kerbs)), s))
-    for near, key in zip(approaches(drive), (("right", "drivable"), ("left", "drivable")), strict=True):
-        beside = (s > near.s - 3.5) & (s < near.s + 3.5)
-        assert np.min(gaps[key][0, beside]) == pytest.approx(near.distance, abs=0.01)  # in this drive; others differ by a few centimetres

@@ -2,20 +2,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import matplotlib as mpl
 import numpy as np
 import pytest
-import shapely
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar  # type: ignore[import-untyped] # Matplotlib types only its core
 
-from hdvplan.judging.bodies import corners, pose_at
 from hdvplan.judging.result import Result, result_of
 from hdvplan.judging.verdict import verdict_of, verdict_title
 from hdvplan.report.colours import BREACH, INK
 from hdvplan.report.plots import plan_figure
-from hdvplan.report.windows import tightest_windows
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
 from tests.report.conftest import driven, once
@@ -100,18 +96,6 @@ def test_limits_far_away_shrink_neither_map_nor_envelope(bus: Result) -> None:
     assert "of overhangs" not in reach.get_legend_handles_labels()[1]  # they have no limits of their own
 
 
-@pytest.mark.slow
-def test_names_of_many_bodies_and_limits_stay_inside_the_picture(kerbed: Result) -> None:
-    figure = plan_figure(driven(kerbed.drive.road, "truck-dolly-semitrailer"))
-    figure.draw_without_rendering()
-    reach = next(axes for axes in figure.axes if axes.get_ylabel().startswith("reach"))
-    legend = reach.get_legend()
-    assert legend is not None
-    assert len(legend.get_texts()) >= 7
-    assert legend.get_window_extent().x1 <= figure.bbox.x1
-    assert np.ptp(figure.axes[0].get_xlim()) < 220.0  # the U-turn is 80 m long, and the panel twice as wide as high
-
-
 def test_a_very_long_road_shows_its_profiles_where_it_is_enlarged() -> None:
     s = np.array([0.0, 195.0, 200.0, 205.0, 595.0, 600.0, 605.0, 995.0, 1000.0, 1005.0, 1200.0])
     kappa = np.array([0.0, 0.0, 0.04, 0.0, 0.0, -0.05, 0.0, 0.0, 0.06, 0.0, 0.0])
@@ -121,49 +105,3 @@ def test_a_very_long_road_shows_its_profiles_where_it_is_enlarged() -> None:
     assert len(maps(figure)) == 5  # overview and four places
     at = [float(axes.get_title(loc="left").split("s = ")[1].split()[0]) for axes in maps(figure)[1:]]
     assert at == sorted(at)  # in road order
-
-
-def test_the_style_leaves_matplotlib_s_settings_alone(bus: Result) -> None:
-    before = dict(mpl.rcParams)
-    plan_figure(bus)
-    assert dict(mpl.rcParams) == before
-
-
-def test_every_map_is_large_enough_to_see_the_bodies(long: Result, bus: Result) -> None:
-    for result in (long, bus):
-        figure = drawn(result)
-        figure.draw_without_rendering()
-        for axes in maps(figure)[1:]:
-            assert metres_an_inch(axes) < 20.0  # a bus of 12 m is one and a half centimetres
-
-
-def test_the_tightest_places_come_in_order_and_apart(long: Result) -> None:
-    first, second = tightest_windows(long)
-    assert first.s_from < 150.0 < first.s_to <= second.s_from < 350.0 < second.s_to
-    assert [first.label, second.label] == ["A", "B"]
-
-
-def test_with_limits_the_tightest_place_is_the_one_of_least_clearance(long: Result) -> None:
-    road = long.drive.road.with_limits(9.0, 9.0)
-    assert road.limits is not None
-    s = np.array([0.0, 59.0, 60.0, 61.0, 500.0])
-    left = np.array([9.0, 9.0, 1.5, 9.0, 9.0])
-    limits = replace(road.limits, s=s, left=left, left_sweep=left, right=np.full(5, -9.0), right_sweep=np.full(5, -9.0))
-    drive = replace(long.drive, road=road.within(limits))
-    window = tightest_windows(result_of(drive, solver="piqp", objective="geometric"))[0]
-    assert window.s_from < 60.0 < window.s_to
-    assert window.reason.startswith("clearance 0.2")  # 1.5 m less half of 2.54 m
-
-
-@pytest.mark.parametrize("name", ["bus", "trailer"])
-def test_drawn_bodies_have_their_size_and_lie_in_what_was_swept(name: str, request: pytest.FixtureRequest) -> None:
-    result: Result = request.getfixturevalue(name)
-    drive = result.drive
-    (bodies,) = corners(drive, np.array([pose_at(drive, 100.0)]))
-    assert bodies.shape == (len(drive.vehicle.units), 4, 2)
-    for unit, body in zip(drive.vehicle.units, bodies, strict=True):
-        assert shapely.Polygon(body).area == pytest.approx(unit.length * unit.width)
-    near = np.full(bodies.shape[:2], 100.0)
-    _, offset = drive.stations.path.project(bodies[..., 0], bodies[..., 1], near)
-    assert np.max(offset) <= np.max(result.envelope.reach_left) + 2e-3  # chord against arc, as the envelope says
-    assert np.min(offset) >= np.min(result.envelope.reach_right) - 2e-3

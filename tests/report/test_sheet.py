@@ -2,57 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from io import BytesIO
 from itertools import pairwise
 from typing import cast
 
-import numpy as np
 import pytest
-from pypdf import PageObject, PdfReader
-from pypdf.generic import ContentStream, DictionaryObject
+from pypdf import PdfReader
+from pypdf.generic import DictionaryObject
 
-from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError
 from hdvplan.judging.result import Result
-from hdvplan.report.pages import pages_of
-from hdvplan.report.paper import PAPERS_MM, SheetOptions
+from hdvplan.report.paper import SheetOptions, pages_of
 from hdvplan.report.sheet import sheet_bytes
+from tests.report.pdf import strokes
 
-MM = 25.4 / 72.0  # of a PDF's unit
 FIELD_MM = (290.0, 200.0)
 
 
 def read(result: Result, paper: str = "a3", scale: int | None = None) -> PdfReader:
     return PdfReader(BytesIO(sheet_bytes(result, SheetOptions(paper, scale), date="2026-11-22")))
-
-
-def strokes(page: PageObject) -> list[FloatArray]:
-    """Return all straight lines of a page, as corners on the paper [mm]."""
-    lines, points, transforms = list[FloatArray](), list[list[float]](), [np.eye(3)]
-    content = page.get_contents()
-    assert content is not None
-    for operands, operator in ContentStream(content, page.pdf).operations:
-        if operator == b"q":
-            transforms.append(transforms[-1])
-        elif operator == b"Q":
-            transforms.pop()
-        elif operator == b"cm":
-            a, b, c, d, e, f = (float(value) for value in operands)
-            transforms[-1] = np.array([[a, b, 0.0], [c, d, 0.0], [e, f, 1.0]]) @ transforms[-1]
-        elif operator in {b"m", b"l"}:
-            if operator == b"m":
-                points = []
-            points.append([float(value) for value in operands])
-        elif operator == b"S" and points:
-            placed = np.column_stack([np.array(points), np.ones(len(points))]) @ transforms[-1]
-            lines.append(MM * placed[:, :2])
-            points = []
-    return lines
-
-
-def lengths(page: PageObject) -> FloatArray:
-    return np.array([np.sum(np.hypot(*np.diff(line, axis=0).T)) for line in strokes(page)])
 
 
 def test_twenty_metres_are_a_hundred_millimetres_at_1_to_200(bus: Result) -> None:
@@ -62,19 +30,6 @@ def test_twenty_metres_are_a_hundred_millimetres_at_1_to_200(bus: Result) -> Non
     assert bar[1, 0] - bar[0, 0] == pytest.approx(100.0, abs=1e-3)  # written to 1e-6 points
     assert "20 m" in page.extract_text()
     assert "1:200" in page.extract_text()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("paper", "scale"), [("a4", 500), ("a2", 200), ("a0", 100)])
-def test_the_road_lies_to_scale_on_the_paper(straight: Result, paper: str, scale: int) -> None:
-    page = read(straight, paper, scale).pages[0]
-    assert [float(page.mediabox.width) * MM, float(page.mediabox.height) * MM] == pytest.approx(PAPERS_MM[paper], abs=1e-2)
-    lines = [line for line in strokes(page) if len(line) == 2]
-    long = 80.0 * 1e3 / scale  # the road is 80 m long; its limits go on as far as the vehicle and the paper reach
-    (middle,) = {round(float(line[0, 1]), 3) for line in lines if np.hypot(*(line[1] - line[0])) == pytest.approx(long, abs=1e-3)}
-    along = (line for line in lines if np.ptp(line[:, 0]) >= long and np.ptp(line[:, 1]) == 0.0)
-    rows = {round((float(line[0, 1]) - middle) * scale / 1e3, 2) for line in along}
-    assert {3.0, -2.0} <= rows
 
 
 def test_fonts_are_embedded_and_nothing_is_a_picture(kerbed: Result) -> None:
@@ -145,12 +100,3 @@ def test_options_are_read_as_they_are_written() -> None:
     for paper, scale in (("a5", None), ("a3", "half"), ("a3", "0"), ("a3", "1:99999")):
         with pytest.raises(OptionError):
             SheetOptions.named(paper, scale)
-
-
-def test_a_turned_sheet_s_north_and_lengths_are_the_plane_s(long: Result) -> None:
-    (page, *_) = pages_of(long, (500.0, 60.0), None)
-    points = np.array([[0.0, 0.0], [30.0, 40.0]])
-    turned = page.turned(points)
-    assert np.hypot(*(turned[1] - turned[0])) == pytest.approx(50.0)
-    tilted = replace(page, turn=0.5 * np.pi)
-    np.testing.assert_allclose(tilted.turned(np.array([[1.0, 0.0]])), [[0.0, 1.0]], atol=1e-12)  # rounding of doubles

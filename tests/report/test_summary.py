@@ -6,12 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hdvplan.judging.fit import facts_of, fit_of
+from hdvplan.judging.fit import facts_of
 from hdvplan.judging.result import Result, body_name
-from hdvplan.report.summary import needed_half_width, step_times_ms, summary_of
+from hdvplan.report.summary import summary_of
 from hdvplan.road.limits import Limits
-from hdvplan.road.path import from_curvature
-from hdvplan.road.road import Road
 from hdvplan.road.scenarios import SCENARIOS
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Unit, Vehicle
@@ -23,12 +21,6 @@ def test_a_limit_broken_by_less_than_is_counted_as_kept_is_no_violation(bus: Res
     assert summary["limit_violation_m"] == 0.0
     assert summary["min_clearance_m"] == -0.005
     assert summary["status"] == "ok"
-
-
-def test_the_deepest_breach_is_the_violation(kerbed: Result) -> None:
-    summary = summary_of(kerbed)
-    assert summary["limit_violation_m"] == max(breach.depth for breach in kerbed.balance.breaches)
-    assert summary["status"] == "limits broken"
 
 
 def test_steps_that_were_not_solved_are_told_where(bus: Result) -> None:
@@ -44,44 +36,11 @@ def test_the_summary_survives_json(trailer: Result) -> None:
     assert json.loads(json.dumps(summary, allow_nan=False)) == summary
 
 
-def test_times_are_those_of_whole_steps_in_order(bus: Result) -> None:
-    times = step_times_ms(bus)
-    assert 0.0 < times["p50"] <= times["p95"] <= times["p99"] <= times["max"]
-    assert times["mean"] == pytest.approx(1e3 * np.mean([plan.times.total for plan in bus.drive.plans]))
-
-
-def test_the_needed_half_width_is_the_furthest_reach(bus: Result) -> None:
-    assert needed_half_width(bus) == max(bus.balance.max_left, bus.balance.max_right)
-
-
 def test_bodies_have_the_names_that_people_use() -> None:
     unit = Unit(6.0, 1.0, 1.0, 2.5)
     assert body_name(load_vehicle("bus"), 0) == "bus"
     assert [body_name(load_vehicle("tractor-trailer"), unit) for unit in (0, 1)] == ["tractor", "trailer"]
     assert body_name(Vehicle("road train", (unit, unit, unit)), 2) == "unit 3"
-
-
-def test_a_vehicle_fits_where_its_balanced_circle_does() -> None:
-    road, bus = SCENARIOS["uturn"](), load_vehicle("bus")
-    fit = fit_of(road, bus)
-    assert fit.half_width == pytest.approx(2.486, abs=1e-3)  # the published expectation's digits
-    assert fit.spare == pytest.approx(3.0 - fit.half_width)
-    assert fit.fits is True
-    assert fit_of(road.with_limits(2.4, 2.4), bus).fits is False
-    assert fit_of(replace(road, limits=None), bus).fits is None
-
-
-def test_a_road_tighter_than_any_balanced_circle_is_told() -> None:
-    tight = Road("tight", from_curvature(np.array([0.0, 30.0, 35.0, 40.0, 70.0]), np.array([0.0, 0.0, 0.4, 0.0, 0.0])))
-    fit = fit_of(tight, load_vehicle("tractor-trailer-24m"))
-    assert fit.saturated
-    assert fit.fits is False
-
-
-def test_a_road_shorter_than_the_vehicle_does_not_fit() -> None:
-    fit = fit_of(Road("short", from_curvature(np.array([0.0, 11.0]), np.zeros(2))), load_vehicle("bus"))
-    assert not fit.long_enough
-    assert fit.fits is False
 
 
 def test_facts_find_the_tightest_and_the_narrowest_place() -> None:

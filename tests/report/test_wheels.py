@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from hdvplan.judging.result import Result
 from hdvplan.judging.wheels import wheel_tracks, wheels_of
@@ -48,9 +47,3 @@ def test_no_wheel_leaves_what_its_body_sweeps(kerbed: Result) -> None:
         # The envelope is short by up to 2 mm on a curve of 10 m, see its module, and as much again between its samples.
         assert np.all(offset[inside] <= reach[0] + 4e-3)
         assert np.all(offset[inside] >= reach[1] - 4e-3)
-
-
-@pytest.mark.parametrize("name", ["bus", "tractor-trailer-24m", "a-double"])
-def test_tracks_start_where_the_vehicle_stands(name: str) -> None:
-    vehicle = load_vehicle(name)
-    assert len(wheels_of(vehicle)) == 2 * (len(vehicle.units) + 1)

@@ -7,6 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 import shapely
+from ezdxf.filemanagement import readfile
+from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar  # type: ignore[import-untyped] # Matplotlib types only its core
 from shapely.geometry import shape
 
 from hdvplan.report.turn_plots import compared_figure, turn_figure
@@ -15,6 +17,7 @@ from hdvplan.turning.templates import load_template
 from hdvplan.turning.turn import turn
 from hdvplan.vehicle.load import load_vehicle
 from tests.cli.conftest import Cli, cli  # noqa: F401 - a fixture
+from tests.report.test_drawings import notes, polylines
 
 KEYS = {
     "vehicle", "template", "radius_m", "angle_deg", "min_inside_radius_m", "max_outside_radius_m", "swept_width_m", "off_tracking_m",
@@ -51,13 +54,6 @@ def test_a_vehicle_that_complies_ends_in_0_with_its_figures(cli: Cli, tmp_path: 
     assert max(len(line) for line in outcome.out.splitlines()[1:]) <= 80
     folder = tmp_path / "eu-circle.tractor-semitrailer"
     assert {path.name for path in folder.iterdir()} == {"poses.csv", "width.csv", "turn.geojson", "turn.json", "turn.png"}
-
-
-def test_what_is_assumed_of_a_vehicle_is_said(cli: Cli, tmp_path: Path) -> None:  # noqa: F811
-    (tmp_path / "mine.toml").write_text(VEHICLE.replace("turning_radius = 38\n", ""), encoding="utf-8")
-    outcome = cli("turn", "--vehicle", "mine.toml", "--radius", "14", "--angle", "90", "--no-plot")
-    assert outcome.code == 0
-    assert outcome.err == "mine: no turning_circle or max_curvature is given: the rear axle's least radius is assumed to be 10.0 m\n"
 
 
 def test_a_vehicle_that_does_not_comply_ends_in_1_and_says_by_how_much(cli: Cli) -> None:  # noqa: F811
@@ -143,15 +139,10 @@ def test_a_circle_whose_centre_is_within_a_body_ends_in_1(cli: Cli) -> None:  # 
     assert "the b-double reaches around the circle's centre" in outcome.err.splitlines()[0]
 
 
-def test_a_kingpin_that_a_vehicle_has_not_ends_in_1(cli: Cli) -> None:  # noqa: F811
-    outcome = cli("turn", "--vehicle", "bus", "--radius", "12", "--angle", "90", "--guide", "kingpin")
-    assert outcome.code == 1
-    assert "kingpin" in outcome.err
-
-
 def test_the_files_hold_the_drive_and_its_areas(cli: Cli, tmp_path: Path) -> None:  # noqa: F811
-    assert cli("turn", "--vehicle", "WB-40", "--template", "aashto-90", "--no-plot", "--quiet").out == ""
-    folder = tmp_path / "aashto-90.WB-40"
+    (tmp_path / "gate.toml").write_text(TEMPLATE.replace("swept_width = 20", "outside_radius = 60"), encoding="utf-8")
+    assert cli("turn", "--vehicle", "WB-40", "--template", "gate.toml", "--no-plot", "--quiet").out == ""
+    folder = tmp_path / "depot-gate.WB-40"
     summary = json.loads((folder / "turn.json").read_text(encoding="utf-8"))
     width = pd.read_csv(folder / "width.csv")
     assert width["width"].max() == pytest.approx(summary["swept_width_m"], abs=1e-6)  # the file's digits
@@ -163,11 +154,38 @@ def test_the_files_hold_the_drive_and_its_areas(cli: Cli, tmp_path: Path) -> Non
     assert all(area.is_valid for area in areas)
     kinds = [feature["properties"]["kind"] for feature in features]
     assert kinds.count("wheel track") == 6
+    assert {feature["geometry"]["type"] for feature in features} == {"MultiPolygon", "LineString", "Point"}  # RFC 7946 has no rings alone
     centre = next(shape(feature["geometry"]) for feature in features if feature["properties"]["kind"] == "centre")
     nearest = min(area.distance(centre) for area in areas)
     assert nearest == pytest.approx(summary["min_inside_radius_m"], abs=2e-3)  # rounded and simplified to 1 mm
     tracks = [shape(feature["geometry"]) for feature in features if feature["properties"]["kind"] == "wheel track"]
     assert shapely.union_all(areas).buffer(0.01).covers(shapely.union_all(tracks))  # wheels run inside the body's outline
+
+
+def test_a_turn_is_drawn_for_cad_with_the_figures_that_are_told(cli: Cli, tmp_path: Path) -> None:  # noqa: F811
+    (tmp_path / "gate.toml").write_text("[manoeuvre]\nradius = 14\nangle = 90\n[limits]\ninside_radius = 6.5\noutside_radius = 18\n")
+    asked = ("turn", "--vehicle", "tractor-semitrailer", "--template", "gate.toml", "--no-plot", "--out", "out")
+    outcome = cli(*asked, "--format", "png,dxf")
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"poses.csv", "width.csv", "turn.geojson", "turn.json", "turn.dxf"}
+    drawing = readfile(tmp_path / "out" / "turn.dxf")
+    assert drawing.header["$INSUNITS"] == 6  # metres
+    assert not drawing.audit().errors
+    counts = {
+        "GUIDED_PATH": 1, "LIMITS": 2, "WHEEL_TRACKS": 6, "ENVELOPE_1_TRACTOR": 1, "ENVELOPE_2_SEMITRAILER": 1,
+        "VEHICLE_OUTLINES_1_TRACTOR": 3, "VEHICLE_OUTLINES_2_SEMITRAILER": 3,
+    }  # fmt: skip
+    lines = {layer: polylines(drawing, layer) for layer in counts}
+    assert {layer: len(found) for layer, found in lines.items()} == counts
+    limits = [shapely.LineString(ring) for ring in lines["LIMITS"]]
+    centre = limits[0].envelope.centroid
+    assert sorted(shapely.hausdorff_distance(ring, centre) for ring in limits) == pytest.approx([6.5, 18.0], abs=1e-3)  # chords for arcs
+    told = json.loads((tmp_path / "out" / "turn.json").read_text(encoding="utf-8"))
+    swept = shapely.union_all([shapely.Polygon(ring) for name in lines if name.startswith("ENVELOPE") for ring in lines[name]])
+    assert shapely.distance(swept, centre) == pytest.approx(told["min_inside_radius_m"], abs=1e-3)  # as above
+    assert notes(drawing).startswith(outcome.out.splitlines()[0])
+    assert "mirror it for one to the right" in notes(drawing)
+    cli(*asked)
+    assert not (tmp_path / "out" / "turn.dxf").exists()  # a drawing that is not asked for again does not stay
 
 
 def test_the_picture_is_to_scale_and_its_title_is_the_verdict() -> None:
@@ -179,7 +197,7 @@ def test_the_picture_is_to_scale_and_its_title_is_the_verdict() -> None:
     assert legend is not None
     words = {text.get_text() for text in legend.get_texts()}
     assert {"outside radius 12.50 m, at most", "inside radius 5.30 m, at least", "path of the front corner"} <= words
-    assert any(text.get_text().endswith(" m") for text in plane.texts)  # the scale bar's length
+    assert any(isinstance(child, AnchoredSizeBar) for child in plane.get_children())
 
 
 @pytest.mark.slow

@@ -1,20 +1,13 @@
 """The figures of manoeuvres: published ones, closed forms, an independent integration, and relations between them."""
 
-from functools import cache
-
 import numpy as np
 import pytest
-import shapely
 
-from hdvplan.errors import TurnError
-from hdvplan.reproduce import published
-from hdvplan.reproduce.standards import deemed_wheelbase, outer_wheel
-from hdvplan.turning.figures import figures_of
 from hdvplan.turning.follow import follow
 from hdvplan.turning.manoeuvre import GuidePoint, Manoeuvre, guide_offsets
-from hdvplan.turning.swept import band_of, chart_of
+from hdvplan.turning.swept import figures_of
 from hdvplan.turning.templates import load_template
-from hdvplan.turning.turn import Turn, turn
+from hdvplan.turning.turn import turn
 from hdvplan.vehicle.load import load_vehicle, preset_groups
 from hdvplan.vehicle.model import Unit, Vehicle
 from tests.turning.plane import Poses, rolled
@@ -23,45 +16,16 @@ CANNOT = {"a-double", "b-double"}  # drive a circle of 12.5 m
 FAIL = {"citaro-le-mu", "double-articulated-bus", "truck-dolly-semitrailer"}  # to keep 5.30 m inside it
 
 
-@cache
-def driven_through(template: str, name: str) -> Turn:
-    """Return a preset's turn through a shipped template, driven once for all tests."""
-    return turn(load_vehicle(name), load_template(template))
-
-
-def minimum_turn(name: str) -> Turn:
-    return driven_through("aashto-180", name)
-
-
-@pytest.mark.parametrize("name", sorted(published.TURN_INSIDE))
-def test_a_design_vehicle_has_its_published_inside_radius(name: str) -> None:
-    found = minimum_turn(name).figures.wheels.inside
-    assert found == pytest.approx(published.TURN_INSIDE[name].value, abs=0.03)  # demanded: 0.1 ft
-
-
-def test_wb_62_has_its_published_angles_and_outer_radius() -> None:
-    found = minimum_turn("WB-62")
-    assert np.rad2deg(found.figures.articulation[0]) == pytest.approx(65.0, abs=0.5)  # demanded
-    assert np.rad2deg(found.figures.steering) == pytest.approx(28.4, abs=0.1)  # printed to a tenth; a half turn nearly settles
-    assert outer_wheel(found.driven) == pytest.approx(44.8 * 0.3048, abs=0.015)  # half of the last printed digit
-
-
 @pytest.mark.parametrize(("wheelbase", "overhang", "swing"), [(4.5, 3.7, 0.300), (6.0, 7.0, 1.246), (6.0, 3.7, 0.261)])
 def test_tail_swing_in_the_australian_turn_is_as_published(wheelbase: float, overhang: float, swing: float) -> None:
     rigid = Vehicle("rigid", (Unit(wheelbase, 1.2, overhang, 2.5),), max_curvature=0.2)
     assert turn(rigid, load_template("pbs-90")).figures.tail_swing[0] == pytest.approx(swing, abs=0.005)  # demanded
 
 
-@pytest.mark.parametrize(("width", "printed"), [(2.55, 8.135), (2.60, 8.115)])
-def test_the_wheelbase_deemed_to_comply_is_that_of_the_formula(width: float, printed: float) -> None:
-    found = deemed_wheelbase(width)
-    assert found == pytest.approx(np.sqrt(10.46**2 - (5.30 + 0.5 * width) ** 2), abs=1e-6)  # the root's tolerance
-    assert round(found, 3) == printed  # demanded to the millimetre
-
-
 @pytest.mark.parametrize("name", sorted(set(preset_groups()["europe"]) - CANNOT))
 def test_a_european_preset_in_the_european_circle_agrees_with_an_independent_integration(name: str) -> None:
-    vehicle, found = load_vehicle(name), driven_through("eu-circle", name)
+    vehicle = load_vehicle(name)
+    found = turn(vehicle, load_template("eu-circle"))
     rounds = 8.0 * np.pi * 12.5 if len(vehicle.units) < 3 else 20.0 * np.pi * 12.5
     s = np.array([0.0, 5.0 + rounds])
     poses = rolled(vehicle, *guide_offsets(GuidePoint.FRONT_CORNER, vehicle), 12.5, 5.0, s)
@@ -83,70 +47,6 @@ def radii(vehicle: Vehicle, poses: Poses, centre: np.ndarray[tuple[int], np.dtyp
     return inside, outside
 
 
-@pytest.mark.parametrize(("name", "inside", "width", "swing"), [("citaro-le-u", 6.29, 6.21, 0.61), ("citaro-le-mu", 5.14, 7.36, 0.69)])
-def test_a_citaro_in_the_european_circle_has_its_known_figures(name: str, inside: float, width: float, swing: float) -> None:
-    circle = driven_through("eu-circle", name).figures
-    assert circle.bodies.inside == pytest.approx(inside, abs=0.005)  # known to a centimetre
-    assert circle.swept_width == pytest.approx(width, abs=0.005)
-    assert turn(load_vehicle(name), load_template("swing-out")).figures.tail_swing[0] == pytest.approx(swing, abs=0.005)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("radius", "around"), [(13.48, True), (13.55, False)])
-def test_a_vehicle_that_reaches_around_the_circle_s_centre_has_no_band_and_one_that_nearly_does_has(radius: float, around: bool) -> None:
-    driven = follow(load_vehicle("b-double"), Manoeuvre(radius, None, GuidePoint.FRONT_CORNER))
-    centre = chart_of(driven).centre
-    bodies = [shapely.Polygon(driven.corners(unit)[-1] - centre) for unit in range(3)]
-    nearest = min(body.distance(shapely.Point(0, 0)) for body in bodies)
-    furthest = max(float(np.hypot(*np.array(body.exterior.coords).T).max()) for body in bodies)
-    assert (nearest == 0.0) is around
-    if around:
-        with pytest.raises(TurnError, match=r"on a radius of 13\.48 m the b-double reaches around the circle's centre"):
-            figures_of(driven)
-    else:
-        # The poses' outlines are joined by chords of 0.1 m about a point that is near: 1 mm covers their sagitta.
-        assert figures_of(driven).swept_width == pytest.approx(furthest - nearest, abs=1e-3)
-
-
-@pytest.mark.parametrize("name", ["bus", "tractor-semitrailer", "truck-dolly-semitrailer"])
-def test_in_a_steady_circle_the_swept_width_is_what_lies_between_the_radii(name: str) -> None:
-    figures = figures_of(follow(load_vehicle(name), Manoeuvre(18.0, None)))
-    between = figures.bodies.outside - figures.bodies.inside
-    assert figures.swept_width == pytest.approx(between, abs=2e-4)  # outline points 0.1 m apart on a radius of at least 7 m
-    assert figures.swept_width <= between + 1e-9
-
-
-def test_the_swept_band_of_a_turn_is_that_of_the_outlines_in_the_plane() -> None:
-    """Half-way round, the band's edges are the extremes of dense outlines on the ray from the centre."""
-    vehicle = load_vehicle("WB-40")
-    driven = follow(vehicle, Manoeuvre(11.0, np.pi, lead_in=5.0), spacing=0.02)
-    reached = []
-    for number, unit in enumerate(vehicle.units):
-        ahead = np.linspace(-unit.rear_overhang, unit.front, 400)
-        for side in (0.5, -0.5):
-            points = driven.points(number, ahead, np.full(400, side * unit.width)) - np.array([5.0, 11.0])
-            off = points[..., 1] / np.maximum(np.hypot(*np.moveaxis(points, -1, 0)), 1e-9)  # of the ray along x, as a sine
-            reached.append(points[..., 0][(np.abs(off) < 0.002) & (points[..., 0] > 0.0)])
-    band, at = band_of(driven), 11.0 * 0.5 * np.pi
-    radii_seen = np.concatenate(reached)
-    assert 11.0 - np.interp(at, band.t, band.inner) == pytest.approx(radii_seen.min(), abs=0.005)  # rays within 0.002 rad
-    assert 11.0 - np.interp(at, band.t, band.outer) == pytest.approx(radii_seen.max(), abs=0.005)
-
-
-def test_joined_poses_are_exact_in_the_square_of_their_distance_and_outlines_alone_are_not() -> None:
-    vehicle, manoeuvre = load_vehicle("CITY-BUS"), load_template("aashto-90").manoeuvre(load_vehicle("CITY-BUS"))
-    exact = band_of(follow(vehicle, manoeuvre, spacing=0.0125))
-    turning = (exact.t > 0.0) & (exact.t < manoeuvre.radius * np.pi / 2)
-
-    def error(spacing: float, *, joined: bool) -> float:
-        band = band_of(follow(vehicle, manoeuvre, spacing=spacing), joined=joined)
-        return float(np.max(np.abs(np.interp(exact.t, band.t, band.outer) - exact.outer)[turning]))
-
-    assert error(0.1, joined=True) < 2e-4  # h^2 / 8R twice, with the track's own curvature
-    assert error(0.5, joined=True) < 4e-3
-    assert error(0.1, joined=False) > 0.01
-
-
 @pytest.mark.parametrize("ramp", [0.0, 4.0])
 def test_off_tracking_of_the_front_axle_s_own_track_is_measured_across_it(ramp: float) -> None:
     """A very short vehicle tracks its front axle; a long one is inside by what the closed form says."""
@@ -163,14 +63,6 @@ def test_a_front_corner_on_the_line_never_swings_beyond_it_and_a_front_axle_lets
     assert swing is not None
     assert 0.3 < swing < bus.lead.front_overhang * np.sin(np.arctan(bus.lead.wheelbase * bus.max_curvature))
     assert figures_of(follow(bus, Manoeuvre(15.0, None))).frontal_swing is None
-
-
-@pytest.mark.parametrize("angle", [1e-4, 0.01, 0.3])
-def test_the_slightest_turn_has_the_radii_of_the_straight_beside_its_centre(angle: float) -> None:
-    figures = figures_of(follow(load_vehicle("WB-40"), Manoeuvre(15.0, angle)))
-    half = 0.5 * load_vehicle("WB-40").width
-    assert figures.bodies.outside == pytest.approx(15.0 + half, abs=angle)  # 0.9 m of overhang, turned
-    assert figures.bodies.inside == pytest.approx(15.0 - half, abs=4.0 * angle)
 
 
 def test_an_inside_radius_is_negative_where_the_body_reaches_over_the_centre() -> None:

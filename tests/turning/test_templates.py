@@ -21,14 +21,14 @@ def test_every_shipped_template_names_its_source() -> None:
 
 def test_the_european_circle_is_the_directive_s() -> None:
     template = load_template("eu-circle")
-    assert (template.radius, template.angle, template.point) == (12.5, None, GuidePoint.FRONT_CORNER)
+    assert (template.radius, template.given.angle, template.given.point) == (12.5, None, GuidePoint.FRONT_CORNER)
     assert {limit.name: limit.value for limit in template.limits} == {"outside_radius": 12.5, "inside_radius": 5.3}
 
 
 def test_feet_become_metres_once_and_exactly() -> None:
     template = load_template("map21")
     assert template.radius == 41.0 * 0.3048
-    assert (template.lead_in, template.lead_out) == (60.0 * 0.3048, 105.0 * 0.3048)
+    assert (template.given.lead_in, template.given.lead_out) == (60.0 * 0.3048, 105.0 * 0.3048)
 
 
 def test_the_vehicle_s_own_radius_is_the_standard_s() -> None:
@@ -39,8 +39,8 @@ def test_the_vehicle_s_own_radius_is_the_standard_s() -> None:
 
 def test_a_template_of_one_s_own_needs_a_radius_and_an_angle_alone() -> None:
     template = parse_template("[manoeuvre]\nradius = 15\nangle = 120\n[limits]\nswept_width = 6.5\n", default_name="mine")
-    assert (template.name, template.radius, template.point) == ("mine", 15.0, GuidePoint.FRONT_AXLE)
-    assert template.angle == pytest.approx(2.0 * np.pi / 3.0)
+    assert (template.name, template.radius, template.given.point) == ("mine", 15.0, GuidePoint.FRONT_AXLE)
+    assert template.given.angle == pytest.approx(2.0 * np.pi / 3.0)
     assert template.limits[0].value == 6.5
 
 
