@@ -156,18 +156,14 @@ def _improved(sides: Sides, passages: Sequence[Passage], near: float, attempt: T
     """Return a group's sides after single obstacles were turned to the other one wherever that is better."""
     best = dict(sides)
     for _ in range(_SWEEPS):
-        turned = [number for number in best if _turn(number, best, passages, near, attempt)]
-        if not turned:
+        before = dict(best)
+        for number in sides:
+            own, other = _both(number, best, passages, near, attempt)
+            if _better(other, own):
+                best[number] = best[number].other
+        if best == before:
             break
     return best
-
-
-def _turn(number: int, best: Sides, passages: Sequence[Passage], near: float, attempt: Try) -> bool:
-    own, other = _both(number, best, passages, near, attempt)
-    if _better(other, own):
-        best[number] = best[number].other
-        return True
-    return False
 
 
 def _both(number: int, sides: Sides, passages: Sequence[Passage], near: float, attempt: Try) -> tuple[Trial, Trial]:

@@ -111,12 +111,7 @@ def _left(study: Study, kept: Kept) -> Iterator[Cell]:
 
 
 def _refuse_others(folder: Path) -> None:
-    """Refuse a folder that cannot hold a study, or holds files of the same names that are not of one.
-
-    Raises:
-        OptionError: it is so.
-
-    """
+    """Refuse a folder that cannot hold a study, or holds files of the same names that are not of one."""
     if folder.exists() and not folder.is_dir():
         msg = f"{folder} is a file, not a folder"
         raise OptionError(msg)

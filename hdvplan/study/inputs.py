@@ -136,12 +136,7 @@ def _globbed(folder: Path, pattern: str) -> list[Path]:
 
 
 def _told_apart(roads: Sequence[RoadSource]) -> list[RoadSource]:
-    """Return roads with labels that differ: by the chosen line, else by the whole path of the file, else by a number.
-
-    Raises:
-        OptionError: the same road twice.
-
-    """
+    """Return roads with labels that differ: by the chosen line, else by the whole path of the file, else by a number."""
     twice = [road for road, count in Counter(roads).items() if count > 1]
     if twice:
         msg = f"the study names the road {twice[0].label} twice"

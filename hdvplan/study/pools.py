@@ -39,9 +39,14 @@ class LocalEngine:
     limit: float = 1800.0
     retries: int = 1
 
+    @property
+    def processes(self) -> int:
+        """The number of processes."""
+        return usable_cores() if self.workers is None else self.workers
+
     def run(self, cells: Iterable[Cell]) -> Ending:
         """Yield every cell as it ends; see ``Engine``."""
-        with closing(_LocalPool(usable_cores() if self.workers is None else self.workers, self.limit)) as pool:
+        with closing(_LocalPool(self.processes, self.limit)) as pool:
             yield from run_in(pool, cells, self.retries)
 
 
@@ -149,12 +154,7 @@ class _DaskPool:
 
     @property
     def width(self) -> int:
-        """How many cells are under way: the cluster may grow and shrink.
-
-        Raises:
-            HdvplanError: the scheduler does not answer.
-
-        """
+        """How many cells are under way: the cluster may grow and shrink."""
         try:
             return max(1, _AHEAD * len(self._client.nthreads()))
         except Exception as error:  # Dask and Tornado raise many kinds

@@ -217,12 +217,7 @@ def _manners(schemes: Sequence[str], settings: Mapping[str, object], folder: Pat
 
 
 def _bias(value: object, folder: Path) -> tuple[str, str | None]:
-    """Return a bias as ``hdvplan plan --bias`` takes it, and a digest of its file, which lies in ``folder`` or is none.
-
-    Raises:
-        OptionError: it is none, or its file cannot be used.
-
-    """
+    """Return a bias as ``hdvplan plan --bias`` takes it, and a digest of its file, which lies in ``folder`` or is none."""
     if not isinstance(value, str):
         return repr(entry("the study's bias", value, float)), None
     from hdvplan.planning.bias import CENTRE, bias_named  # noqa: PLC0415 - few studies have such a word

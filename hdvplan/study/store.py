@@ -252,12 +252,7 @@ def write_tables(path: Path, tables: Iterable[pa.Table], schema: pa.Schema) -> N
 
 
 def _part(folder: Folder, kind: str, schema: pa.Schema, name: str) -> pa.Table:
-    """Return a part's table with the columns of ``schema``; those that it has not are empty.
-
-    Raises:
-        OptionError: it is damaged, or a column is of another kind.
-
-    """
+    """Return a part's table with the columns of ``schema``; those that it has not are empty."""
     path = folder.part(kind, name)
     try:
         table = pq.ParquetFile(path).read()

@@ -91,12 +91,7 @@ def _answer(cell: Cell, row: Row, places: list[Row]) -> str:
 
 
 def _check_unchanged(name: str, digest: str, digest_here: Callable[[str], str]) -> None:
-    """Refuse to plan with a file that is not the one in the cell's key.
-
-    Raises:
-        _ChangedError: it is another one, or cannot be read.
-
-    """
+    """Refuse to plan with a file that is not the one in the cell's key."""
     try:
         same = digest_here(name) == digest
     except (RoadError, OSError) as error:
@@ -192,13 +187,7 @@ class _Loaded:
 
 @lru_cache(maxsize=2)  # cells of one road and vehicle follow each other
 def _loaded(source: RoadSource, options: RoadOptions) -> _Loaded:
-    """Return the road of a cell, smoothed by this process or, if it was smoothed lately, by another one.
-
-    Raises:
-        _ChangedError: its file is another one than when the study began.
-        RoadError: it cannot be read.
-
-    """
+    """Return the road of a cell, smoothed by this process or, if it was smoothed lately, by another one."""
     _check_unchanged(source.source, source.digest, road_digest)
     found = spooled(repr((source, options, software(()))), partial(_load, source, options))
     if isinstance(found, RoadError):
