@@ -23,7 +23,7 @@ from hdvplan.api import plan
 from hdvplan.case import Case
 from hdvplan.errors import HdvplanError
 from hdvplan.judging.clearance import SIDES
-from hdvplan.judging.proof import Proof
+from hdvplan.judging.result import Proof
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.need.answer import need_of
 from hdvplan.need.bound import proved_below

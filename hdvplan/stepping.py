@@ -9,13 +9,12 @@ import numpy as np
 
 from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
-from hdvplan.driving.drive import ready
-from hdvplan.driving.simulate import simulate
+from hdvplan.driving.drive import ready, simulate
 from hdvplan.errors import OptionError, PlanError
 from hdvplan.passing.sides import choose_sides
 from hdvplan.planning.objectives import objective_named
 from hdvplan.planning.planner import Plan
-from hdvplan.solvers.second import dependable
+from hdvplan.solvers.registry import dependable
 
 
 class Stepper:

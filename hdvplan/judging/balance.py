@@ -9,8 +9,8 @@ import numpy as np
 from hdvplan.arrays import FloatArray, Records
 from hdvplan.centring.weights import CentringTable
 from hdvplan.driving.drive import Drive
+from hdvplan.judging.bodies import part_named
 from hdvplan.judging.clearance import Touches, touches_of
-from hdvplan.judging.contact import part_named
 from hdvplan.judging.envelope import SPACING_M, Envelope
 from hdvplan.judging.obstacles import Approach, approaches
 from hdvplan.vehicle.model import Vehicle

@@ -8,10 +8,9 @@ import numpy as np
 
 from hdvplan.arrays import FloatArray
 from hdvplan.judging.balance import KEPT_M
-from hdvplan.judging.contact import contact, part_named
+from hdvplan.judging.bodies import contact, part_named
 from hdvplan.judging.obstacles import Approach
-from hdvplan.judging.proof import Proof
-from hdvplan.judging.result import Result, body_name
+from hdvplan.judging.result import Proof, Result, body_name
 from hdvplan.road.regions import OPEN_M, called
 from hdvplan.vehicle.model import Vehicle
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hdvplan.case import Case
+from hdvplan.judging.bodies import part_named
 from hdvplan.judging.clearance import SIDES
-from hdvplan.judging.contact import part_named
 from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import lonlat_of
 from hdvplan.need.bound import Bound, proved_below

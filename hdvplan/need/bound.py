@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hdvplan.case import Case
-from hdvplan.judging.proof import Proof
+from hdvplan.judging.result import Proof
 from hdvplan.need.search import TOLERANCE_M, WIDE_M, Least
 from hdvplan.proof.answer import proof_of
 from hdvplan.proof.stretches import Stretch, joined

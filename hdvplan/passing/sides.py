@@ -12,7 +12,7 @@ import numpy as np
 from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.judging.balance import KEPT_M
-from hdvplan.judging.passed import Passed, Trial
+from hdvplan.judging.result import Passed, Trial
 from hdvplan.passing.options import Options, independent_m, options_of, spans_of
 from hdvplan.passing.trial import tried
 from hdvplan.road.passages import Passage

@@ -15,13 +15,13 @@ from hdvplan.judging.balance import KEPT_M, gaps_of
 from hdvplan.judging.clearance import touches_of
 from hdvplan.judging.envelope import SPACING_M, envelope_of
 from hdvplan.judging.obstacles import approaches
-from hdvplan.judging.passed import Trial
+from hdvplan.judging.result import Trial
 from hdvplan.planning.bias import Bias
 from hdvplan.planning.objectives import objective_named
 from hdvplan.road.part import part_of
 from hdvplan.road.regions import Side
 from hdvplan.road.road import Road
-from hdvplan.solvers.second import dependable
+from hdvplan.solvers.registry import dependable
 
 _ROOM_M = 20.0  # of path and limits beyond the ends of a stretch, the vehicle and its horizon
 _NO_PLAN = Trial(np.inf, np.inf, -np.inf, np.inf, np.inf)

@@ -21,8 +21,7 @@ from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.term import CorePart, PythonPart
 from hdvplan.qp.judge import Judge, refusal
 from hdvplan.qp.program import StageQp, StageSolution
-from hdvplan.qp.residuals import Residuals
-from hdvplan.qp.workspace import ENDINGS, QpResult, Status, WorkspaceMaker
+from hdvplan.qp.workspace import ENDINGS, QpResult, Residuals, Status, WorkspaceMaker
 from hdvplan.vehicle.model import Vehicle
 
 _HORIZONS = 2  # of memory: the window of a plan is moved back once in so many

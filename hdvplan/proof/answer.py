@@ -13,9 +13,8 @@ import numpy as np
 
 from hdvplan.case import Case
 from hdvplan.judging.balance import KEPT_M
-from hdvplan.judging.proof import Proof
-from hdvplan.proof.articulated import Pair, reachable_with_trailer
-from hdvplan.proof.coupling import coupling_of
+from hdvplan.judging.result import Proof
+from hdvplan.proof.articulated import Pair, coupling_of, reachable_with_trailer
 from hdvplan.proof.poses import fits, outline_of, seen_from
 from hdvplan.proof.reach import Grid, Reached, reachable
 from hdvplan.proof.space import Beside, Frame, beside, frame_of

@@ -21,8 +21,7 @@ from hdvplan import core
 from hdvplan.errors import HdvplanError, SolverError
 from hdvplan.plugins import said
 from hdvplan.qp.program import StageQp, StageSolution
-from hdvplan.qp.residuals import Residuals, residuals
-from hdvplan.qp.workspace import QpResult, QpWorkspace, Status, WorkspaceMaker
+from hdvplan.qp.workspace import QpResult, QpWorkspace, Residuals, Status, WorkspaceMaker, residuals
 
 USABLE_RESIDUAL, WRONG = core.constant("HDV_USABLE_RESIDUAL"), core.constant("HDV_WRONG")
 

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from enum import StrEnum
 from typing import NamedTuple, Protocol
 
+import numpy as np
+
 from hdvplan import core
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 
@@ -63,3 +65,26 @@ class QpWorkspace(Protocol):
 
 
 WorkspaceMaker = Callable[[StageShape], QpWorkspace]
+
+
+_residuals = core.function("hdv_residuals", core.POINTER, core.POINTER, core.POINTER)
+
+
+class Residuals(NamedTuple):
+    """How far a point is from optimal, recomputed from the program and never taken from a solver."""
+
+    primal: float  # largest violation of dynamics, rows and bounds [m, rad, 1/m]
+    dual: float  # largest entry of the Lagrangian's gradient
+    gap: float  # |complementarity| summed over all inequalities
+
+
+def residuals(qp: StageQp, point: StageSolution) -> Residuals:
+    """Return the residuals of ``point``; NaN where anything in it is not finite. They judge every solver alike.
+
+    Raises:
+        QpDataError: the point is of another shape than the program.
+
+    """
+    found = np.empty(3)
+    _residuals(qp.address, point.address_for(qp.shape), core.address(found))
+    return Residuals(*found.tolist())

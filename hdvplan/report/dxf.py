@@ -15,8 +15,8 @@ from ezdxf.enums import TextEntityAlignment
 from ezdxf.filemanagement import new
 
 from hdvplan.arrays import FloatArray
+from hdvplan.judging.bodies import TRACK_NOTE
 from hdvplan.judging.result import Result
-from hdvplan.judging.wheels import TRACK_NOTE
 from hdvplan.report.geopackage import polygons_of
 from hdvplan.report.heading import answer_line
 from hdvplan.report.layers import Drawn, Layer, drawn_features

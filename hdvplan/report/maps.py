@@ -14,9 +14,8 @@ from shapely.geometry.base import BaseGeometry
 
 from hdvplan.arrays import BoolArray, FloatArray, IntArray
 from hdvplan.judging.balance import Breach
-from hdvplan.judging.bodies import corners, pose_at
+from hdvplan.judging.bodies import corners, pose_at, wheel_tracks
 from hdvplan.judging.result import Result, body_name
-from hdvplan.judging.wheels import wheel_tracks
 from hdvplan.report.colours import BREACH, INK, MUTED
 from hdvplan.report.geojson import swept_area
 from hdvplan.report.kerbs import judged_stretch, shown_kerbs

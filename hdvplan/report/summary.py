@@ -8,14 +8,12 @@ import numpy as np
 
 from hdvplan.arrays import FloatArray
 from hdvplan.judging.balance import Breach
+from hdvplan.judging.bodies import Wheel, wheels_of
+from hdvplan.judging.envelope import Use, steering_of
 from hdvplan.judging.fit import finding_json
-from hdvplan.judging.manners import Use, manners_of
 from hdvplan.judging.obstacles import Approach
-from hdvplan.judging.passed import Passed
-from hdvplan.judging.proof import Proof
-from hdvplan.judging.result import Result, body_name
+from hdvplan.judging.result import Passed, Proof, Result, body_name
 from hdvplan.judging.verdict import Verdict, verdict_line, verdict_of
-from hdvplan.judging.wheels import Wheel, wheels_of
 from hdvplan.road.road import Road
 from hdvplan.vehicle.model import Vehicle
 from hdvplan.version import __version__
@@ -156,7 +154,7 @@ def corners_of(road: Road) -> list[Json]:
 
 def _manners(result: Result) -> Json:
     """Return how hard the plan steers; stretches are pairs of arclengths [m]."""
-    manners = manners_of(result.drive)
+    manners = steering_of(result.drive)
     return {
         "steering": _use(manners.curvature),
         "steering_rate": _use(manners.rate),

@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Arc, Circle, Patch, Rectangle
 
+from hdvplan.judging.bodies import TRACK_NOTE
 from hdvplan.judging.result import Result, body_name
-from hdvplan.judging.wheels import TRACK_NOTE
 from hdvplan.report.colours import BREACH, INK, MUTED
 from hdvplan.report.drawing import dimension_rows, draw_plan_view
 from hdvplan.report.heading import answer_colour, answer_line

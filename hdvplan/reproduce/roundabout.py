@@ -10,8 +10,7 @@ import pandas as pd
 
 from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
-from hdvplan.planning.discretisation import Discretisation
-from hdvplan.planning.settings import PlannerSettings
+from hdvplan.planning.settings import Discretisation, PlannerSettings
 from hdvplan.reproduce import published
 from hdvplan.reproduce.figures import roundabout_figure
 from hdvplan.reproduce.published import Number

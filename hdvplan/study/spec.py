@@ -11,9 +11,8 @@ from pathlib import Path
 
 from hdvplan.errors import OptionError
 from hdvplan.fileio import read_toml
-from hdvplan.planning.discretisation import Discretisation
 from hdvplan.planning.objective_names import check_objective
-from hdvplan.planning.settings import PlannerSettings, Scheme
+from hdvplan.planning.settings import Discretisation, PlannerSettings, Scheme
 from hdvplan.plugins import digest_of
 from hdvplan.road.line import RoadOptions
 from hdvplan.road.regions import Side

@@ -18,8 +18,8 @@ from ezdxf.filemanagement import read
 from pyproj import Geod, Transformer
 
 from hdvplan.arrays import FloatArray
+from hdvplan.judging.bodies import wheel_tracks
 from hdvplan.judging.result import Result
-from hdvplan.judging.wheels import wheel_tracks
 from hdvplan.report.dxf import dxf_bytes
 from hdvplan.report.geopackage import geopackage_bytes
 from hdvplan.report.layers import drawn_features, outline_places

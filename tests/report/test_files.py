@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from hdvplan.driving.simulate import simulate
+from hdvplan.driving.drive import simulate
 from hdvplan.errors import OptionError
 from hdvplan.fileio import Column, json_bytes, settle, table_bytes, write_atomically
 from hdvplan.judging.result import Result

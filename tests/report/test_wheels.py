@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from hdvplan.judging.bodies import wheel_tracks, wheels_of
 from hdvplan.judging.result import Result
-from hdvplan.judging.wheels import wheel_tracks, wheels_of
 from hdvplan.vehicle.load import load_vehicle
 
 

@@ -9,13 +9,12 @@ import piqp
 import pytest
 
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
-from hdvplan.qp.residuals import residuals
-from hdvplan.qp.workspace import QpResult, QpWorkspace, Status
+from hdvplan.qp.workspace import QpResult, QpWorkspace, Status, residuals
 from hdvplan.solvers import clarabel as clarabel_adapter
 from hdvplan.solvers import osqp as osqp_adapter
 from hdvplan.solvers import piqp as piqp_adapter
 from hdvplan.solvers.clarabel import ClarabelWorkspace
-from hdvplan.solvers.elastic import hard_first
+from hdvplan.solvers.guards import hard_first
 from hdvplan.solvers.osqp import OsqpWorkspace
 from hdvplan.solvers.piqp import PiqpWorkspace
 from tests.core.programs import random_program, shape

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from hdvplan.arrays import FloatArray
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
-from hdvplan.qp.residuals import residuals
+from hdvplan.qp.workspace import residuals
 from hdvplan.solvers.riccati import adjoint
 from tests.core.programs import PARTS, dense, random_program, shape
 from tests.solvers.passes import factorise, gains, motion_of, plain_recursion, recursion_of, sweep_ahead, sweep_back, weights_of

@@ -7,8 +7,7 @@ import sys
 import pytest
 
 from hdvplan.errors import SolverError
-from hdvplan.qp.residuals import residuals
-from hdvplan.qp.workspace import Status
+from hdvplan.qp.workspace import Status, residuals
 from hdvplan.solvers import catalogue
 from hdvplan.solvers.registry import DEFAULT, settings_of, solver_infos, solver_named, tolerance_of
 from tests.core.programs import random_program, shape

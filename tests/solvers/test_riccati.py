@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from hdvplan.errors import QpDataError
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
-from hdvplan.qp.residuals import residuals
-from hdvplan.qp.workspace import Status
+from hdvplan.qp.workspace import Status, residuals
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
 from hdvplan.solvers.clarabel import ClarabelWorkspace

@@ -29,9 +29,8 @@ from hdvplan.report.summary import summary_of
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
 from hdvplan.road.scenarios import SCENARIOS
-from hdvplan.solvers.registry import solver_named
+from hdvplan.solvers.registry import dependable, solver_named
 from hdvplan.solvers.riccati import RiccatiWorkspace
-from hdvplan.solvers.second import dependable
 from hdvplan.vehicle.load import load_vehicle
 from tests.fakes import Fake, Fault
 

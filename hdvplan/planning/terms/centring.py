@@ -10,7 +10,7 @@ from hdvplan import core
 from hdvplan.arrays import FloatArray, Records
 from hdvplan.errors import OptionError
 from hdvplan.planning.stations import Stations
-from hdvplan.planning.terms.term import CorePart, Needs, Place, Scene, core_functions
+from hdvplan.planning.terms.term import CorePart, Place, Scene, Term, core_functions
 from hdvplan.qp.program import by_stage
 from hdvplan.vehicle.body import auxiliary_ahead
 from hdvplan.vehicle.model import Vehicle
@@ -50,14 +50,10 @@ class Residual:
 
 
 @dataclass(frozen=True)
-class Centring:
+class Centring(Term):
     """The squared residual of two axles' offsets, summed over the stations ([GEO] eq. 20)."""
 
     residual: Residual
-
-    def needs(self, vehicle: Vehicle) -> Needs:  # noqa: ARG002 - a protocol's method
-        """Return nothing: see ``Term``."""
-        return Needs()
 
     def part(self, scene: Scene, place: Place) -> CentringPart:  # noqa: ARG002 - needs no column of its own
         """Return the term in its place: see ``Term``."""
@@ -71,7 +67,8 @@ class Centring:
         coefficients["lead"], coefficients["aux"], coefficients["target"] = residual.lead, residual.aux, residual.target
         axle = (unit, vehicle.lead.wheelbase if unit == 0 else 0.0, auxiliary_ahead(vehicle, unit))
         arrays = (scene.stations.path.record, coefficients, weights, memory)
-        return CentringPart(scene, _FUNCTIONS, np.array([(*axle, *map(core.address, arrays))], _DATA), coefficients, weights, memory)
+        data = np.array([(*axle, *map(core.address, arrays))], _DATA)
+        return CentringPart(scene, _FUNCTIONS, data, coefficients, weights, memory, memory=(by_stage(memory),))
 
 
 @dataclass(frozen=True)
@@ -81,11 +78,6 @@ class CentringPart(CorePart):
     coefficients: Records  #: (stations,) of ``COEFFICIENTS``
     weights: FloatArray  #: (N+1,), of the squared residuals
     stages: Records  #: (N+1,), feet and residuals
-
-    @property
-    def memory(self) -> tuple[FloatArray, ...]:
-        """The feet and residuals."""
-        return (by_stage(self.stages),)
 
     def weighed(self, weights: FloatArray) -> CentringPart:
         """Return the same with other weights; both share what they know."""

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hdvplan import core
-from hdvplan.arrays import FloatArray, Records
-from hdvplan.planning.terms.term import CorePart, Needs, Place, Scene, core_functions
+from hdvplan.arrays import Records
+from hdvplan.planning.terms.term import CorePart, Needs, Place, Scene, Term, core_functions
 from hdvplan.qp.program import by_stage
 from hdvplan.vehicle.body import axle_points, axles_behind, edge_points
 from hdvplan.vehicle.model import Vehicle
@@ -32,7 +32,7 @@ _FUNCTIONS = core_functions("reach")
 
 
 @dataclass(frozen=True)
-class Reach:
+class Reach(Term):
     """The largest distance t of any watched point from the road's centre over the horizon of N stages, at the cost N t^2."""
 
     bodies: bool  # watch the points of both edges of every body; else the axles alone
@@ -45,7 +45,7 @@ class Reach:
         """Return t, the input that sets it, and two rows a point: see ``Term``."""
         return Needs(states=1, inputs=1, rows=2 * self.points(vehicle).size)
 
-    def part(self, scene: Scene, place: Place) -> ReachPart:
+    def part(self, scene: Scene, place: Place) -> CorePart:
         """Return the term in its place: see ``Term``. Its rows are priced above their multipliers, which add up to 2 N t."""
         qp, t, u, count = scene.qp, place.state, place.input, scene.settings.stages
         qp.stages["R"][:, u, u] = 1.0  # the other stages' last inputs do nothing, and are 0
@@ -61,17 +61,4 @@ class Reach:
             [(core.address(curve), core.address(points), points.shape[1], *map(core.address, more), t, u, place.row, core.address(feet))],
             _REACH,
         )
-        return ReachPart(scene, _FUNCTIONS, data, feet, (curve, points, *more))
-
-
-@dataclass(frozen=True)
-class ReachPart(CorePart):
-    """The largest reach in its place; see ``Part``."""
-
-    feet: FloatArray  # (N+1, units, points, 2) [m]
-    kept: tuple[Records | FloatArray, ...]  # what the data point to
-
-    @property
-    def memory(self) -> tuple[FloatArray, ...]:
-        """The feet."""
-        return (by_stage(self.feet),)
+        return CorePart(scene, _FUNCTIONS, data, kept=(curve, points, *more), memory=(by_stage(feet),))
