@@ -142,25 +142,17 @@ def follower(road: Road, vehicle: Vehicle) -> Follow | None:
     units = followed(vehicle)
     if not units:
         return None
-    lead = outline_of(units[0], two_regions=two_regions)
+    lead, *behind = (outline_of(unit, two_regions=two_regions) for unit in units)
+    pair = [Pair(lead, seen_from(body, units[1].wheelbase), coupling_of(*units)) for body in behind]  # from the coupling
 
-    def alone(space: Beside, resolution: Resolution, s_from: float, s_to: float) -> tuple[Frame, Reached]:
-        step, cell = resolution
-        frame = frame_of(road.path, np.arange(s_from, s_to, step))
-        return frame, reachable(lead, kappa, space, frame, grid_of(frame, cell), two_regions=two_regions)
+    def run(space: Beside, resolution: Resolution, s_from: float, s_to: float) -> tuple[Frame, Reached]:
+        frame = frame_of(road.path, np.arange(s_from, s_to, resolution.step))
+        around = (kappa, space, frame, grid_of(frame, resolution.cell))
+        if pair:
+            return frame, reachable_with_trailer(pair[0], *around, two_regions=two_regions)
+        return frame, reachable(lead, *around, two_regions=two_regions)
 
-    if len(units) == 1:
-        return Follow(alone, RIGID)
-    behind = outline_of(units[1], two_regions=two_regions)
-    behind = seen_from(behind, units[1].wheelbase)  # from the coupling
-    pair = Pair(lead, behind, coupling_of(*units))
-
-    def together(space: Beside, resolution: Resolution, s_from: float, s_to: float) -> tuple[Frame, Reached]:
-        step, cell = resolution
-        frame = frame_of(road.path, np.arange(s_from, s_to, step))
-        return frame, reachable_with_trailer(pair, kappa, space, frame, grid_of(frame, cell), two_regions=two_regions)
-
-    return Follow(together, ARTICULATED)
+    return Follow(run, ARTICULATED if pair else RIGID)
 
 
 def _two_regions(road: Road) -> bool:

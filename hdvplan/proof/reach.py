@@ -19,9 +19,8 @@ _REACHED = core.record(
     "hdv_reached",
     [*((name, np.int64) for name in ("empty", "open")), *((name, core.ADDRESS) for name in ("low", "high", "right", "left", "filled"))],
 )
-_CELLS = core.record("hdv_cells", [("number", core.ADDRESS), ("pieces", core.ADDRESS)])
+CELLS = core.record("hdv_cells", [("number", core.ADDRESS), ("pieces", core.ADDRESS)])
 _reachable = core.function("hdv_reachable", core.POINTER, core.REAL, *[core.POINTER] * 8)
-_reach_next = core.function("hdv_reach_next", core.REAL, core.POINTER, core.POINTER, core.INT, *[core.POINTER] * 4, returns=core.INT)
 
 
 class Grid(NamedTuple):
@@ -30,22 +29,6 @@ class Grid(NamedTuple):
     first: float
     size: float
     cells: int
-
-
-class Span(NamedTuple):
-    """Cells from ``begin`` to before ``end`` that may hold anything, of those from ``lowest`` to before ``highest`` that are followed."""
-
-    begin: int
-    end: int
-    lowest: int
-    highest: int
-
-
-class Cells(NamedTuple):
-    """What cells hold: how many intervals of the offset (cells,), and these (cells, MOST, 2) [m]."""
-
-    number: IntArray
-    pieces: FloatArray
 
 
 class Reached(NamedTuple):
@@ -92,25 +75,10 @@ def reachable(
     ``kappa`` is the largest curvature [1/m]. ``keep``, (stations, cells) and (stations, cells, MOST, 2), take the sets.
     """
     near, body, stations = around(space, outline.reach, two_regions=two_regions), outline_record(outline), frame_record(frame)
-    cells, slopes, found = [_empty_cells(grid) for _ in range(2)], np.empty((2 * grid.cells, 2)), Answer.empty(len(frame.s))
-    memory, layout = np.array([tuple(map(core.address, one)) for one in cells], _CELLS), np.array([grid], GRID)
+    cells = [(np.zeros(grid.cells, np.int64), np.empty((grid.cells, MOST, 2))) for _ in range(2)]  # how many intervals, and these
+    slopes, found = np.empty((2 * grid.cells, 2)), Answer.empty(len(frame.s))
+    memory, layout = np.array([tuple(map(core.address, one)) for one in cells], CELLS), np.array([grid], GRID)
     kept = (None, None) if keep is None else tuple(map(core.address, keep))
     records = (stations, layout, near.record, memory, slopes)
     _reachable(core.address(body), kappa, *map(core.address, records), *kept, core.address(found.record))
     return found.read()
-
-
-def step(kappa: float, frame: Frame, grid: Grid, i: int, before: Cells, span: Span, now: Cells) -> tuple[int, int, int]:
-    """Write what station ``i`` can be reached with, from what was reached at the last one, into ``now``.
-
-    Return the cells that may hold anything, and how many cells a heading may have changed by.
-    """
-    left, slopes, stations = np.array(span, np.int64), np.empty((2 * grid.cells, 2)), frame_record(frame)
-    sets, layout = [np.array([tuple(map(core.address, one))], _CELLS) for one in (before, now)], np.array([grid], GRID)
-    parts = (sets[0], left, sets[1], slopes)
-    furthest = _reach_next(kappa, core.address(stations), core.address(layout), i, *map(core.address, parts))
-    return int(left[0]), int(left[1]), int(furthest)
-
-
-def _empty_cells(grid: Grid) -> Cells:
-    return Cells(np.zeros(grid.cells, np.int64), np.empty((grid.cells, MOST, 2)))
