@@ -30,7 +30,6 @@ from tests.core.twins.street import gaps, state_before
 
 LIMIT = 3.4
 TIGHT = {"bus": 2.19, "tractor-trailer": 1.84}  # 0.1 and 0.2 m less than the free plan's reach
-HALVINGS = (*planner_module._WARM, *planner_module._COUNTS).index("halvings")
 VEHICLES = [load_vehicle("bus"), load_vehicle("tractor-trailer")]
 each_vehicle = pytest.mark.parametrize("vehicle", VEHICLES, ids=lambda v: v.name)
 
@@ -390,7 +389,7 @@ def test_where_limits_cannot_be_kept_steps_are_shortened_until_they_gain_nothing
 
     def watched(*arguments: int) -> int:
         stop = accept(*arguments)
-        steps.append(planner._counts[HALVINGS] - sum(steps))
+        steps.append(int(planner._own["halvings"]) - sum(steps))
         return int(stop)
 
     monkeypatch.setattr(planner_module, "_accept", watched)

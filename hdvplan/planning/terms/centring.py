@@ -35,8 +35,8 @@ class Residual:
     target: FloatArray
     axle: int = -1
 
-    def scaled(self, factor: float) -> Residual:
-        """Return the residual at ``factor`` times its size."""
+    def scaled(self, factor: float | FloatArray) -> Residual:
+        """Return the residual at ``factor`` times its size, one or one a station."""
         return replace(self, lead=factor * self.lead, aux=factor * self.aux, target=factor * self.target)
 
     def about(self, stations: Stations, vehicle: Vehicle) -> Residual:
