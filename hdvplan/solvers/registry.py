@@ -156,9 +156,9 @@ def home_of(name: str) -> str | None:
     return "hdvplan.solvers.generic" if name in _ours() else None
 
 
-def settings_of(name: str, tolerance: float | None = None) -> str:
+def settings_of(name: str) -> str:
     """Return version and settings of the solver called ``name`` for the foot of a table: what a reader needs to run it alike."""
-    row, used = _row(name), tolerance_of(name) if tolerance is None else tolerance
+    row, used = _row(name), tolerance_of(name)
     said = [f"{name} {version_of(name) or ''}".rstrip()]
     if isinstance(row, Generic):
         said += [] if used is None else [f"{option} {used:g}" for option in row.accuracy]

@@ -88,8 +88,8 @@ def test_a_solver_without_a_tolerance_refuses_one() -> None:
 
 
 def test_settings_name_version_and_tolerance() -> None:
-    assert settings_of("piqp", 1e-5).startswith("piqp 0.")
-    assert ", tolerance 1e-05, sparse_ldlt_cond" in settings_of("piqp", 1e-5)
+    assert settings_of("piqp").startswith("piqp 0.")
+    assert ", tolerance 1e-08, sparse_ldlt_cond" in settings_of("piqp")
     assert settings_of("qpsolvers/osqp").endswith(", eps_abs 1e-05, eps_rel 0, max_iter 20000")
     assert settings_of("qpsolvers/clarabel").endswith(", defaults")
 
