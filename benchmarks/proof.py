@@ -28,8 +28,7 @@ from hdvplan.judging.verdict import verdict_of
 from hdvplan.need.answer import need_of
 from hdvplan.need.bound import proved_below
 from hdvplan.need.room import even
-from hdvplan.proof.answer import proof_of
-from hdvplan.proof.stretches import stretches_of
+from hdvplan.proof.answer import proof_of, stretches_of
 from hdvplan.record import write_record
 from hdvplan.report.markdown import markdown_table
 

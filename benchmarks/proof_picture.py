@@ -19,8 +19,7 @@ from cases import case_within, free_case
 from hdvplan.case import Case
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.proof.answer import RIGID, ROUNDING_M, grid_of
-from hdvplan.proof.poses import outline_of
-from hdvplan.proof.reach import reachable
+from hdvplan.proof.reach import outline_of, reachable
 from hdvplan.proof.space import beside, frame_of
 from hdvplan.record import write_record
 from hdvplan.report.proof_plots import Followed, reach_figure

@@ -148,32 +148,32 @@ def _driven(begun: Ready, on_progress: Callable[[float], None] | None = None, on
     keep = int(np.ceil(settings.step / POSE_SPACING_M))
     total = int(np.ceil(road.path.length / settings.step - 1e-9))
     z, kappa_before = begun.begin
-    fine, executed, plans, error = [z[None]], [], [], 0.0
+    fine, driven, plans, error = [z[None]], [], [], 0.0
     at = 0
     while at < total:
         plan = begun.planner.plan(at, z, kappa_before)
         if on_plan is not None:
             on_plan(plan)
         count = min(settings.executed, total - at)
-        part = _executed(vehicle, stations, plan, slice(0, count), z, keep)
+        part = executed(vehicle, stations, plan, slice(0, count), z, keep)
         error = max(error, float(np.max(np.abs(part[::keep, 0] - plan.z[: count + 1, 0]))))
         fine.append(part[1:])
-        executed.append(plan.kappa[:count])
+        driven.append(plan.kappa[:count])
         plans.append(plan)
         z, kappa_before, at = part[-1], float(plan.kappa[count - 1]), at + count
         if on_progress is not None:
             on_progress(at / total)
     leaving = slice(count, count + int(np.ceil(vehicle.reach_behind / settings.step)))
-    fine.append(_executed(vehicle, stations, plan, leaving, z, keep)[1:])
-    poses, held = np.concatenate(fine), np.repeat(np.concatenate([*executed, plan.kappa[leaving]]), keep)
+    fine.append(executed(vehicle, stations, plan, leaving, z, keep)[1:])
+    poses, held = np.concatenate(fine), np.repeat(np.concatenate([*driven, plan.kappa[leaving]]), keep)
     poses_s = settings.step / keep * np.arange(len(poses), dtype=np.float64)
     return Drive(
-        road, vehicle, settings, stations, begun.goal, poses[: keep * total + 1 : keep], np.concatenate(executed), poses_s, poses, held,
+        road, vehicle, settings, stations, begun.goal, poses[: keep * total + 1 : keep], np.concatenate(driven), poses_s, poses, held,
         tuple(plans), error, begun.bias,
     )  # fmt: skip
 
 
-def _executed(vehicle: Vehicle, stations: Stations, plan: Plan, part: slice, z: FloatArray, keep: int) -> FloatArray:
+def executed(vehicle: Vehicle, stations: Stations, plan: Plan, part: slice, z: FloatArray, keep: int) -> FloatArray:
     """Return ``keep`` simulated states for each step of a part of a plan, which begins in state ``z``.
 
     Raises:

@@ -10,8 +10,7 @@ import numpy as np
 from hdvplan.case import Case
 from hdvplan.judging.result import Proof
 from hdvplan.need.search import TOLERANCE_M, WIDE_M, Least
-from hdvplan.proof.answer import proof_of
-from hdvplan.proof.stretches import Stretch, joined
+from hdvplan.proof.answer import Stretch, joined, proof_of
 from hdvplan.road.road import Road
 
 _WITHIN_M = 0.3  # of the least gap: where a plan that is asked for less is expected to need it

@@ -14,8 +14,7 @@ from hdvplan.errors import HdvplanError, OptionError
 from hdvplan.planning.objective_names import WEIGHTED, check_objective, share_of
 from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.balance import EnvelopeBalance
-from hdvplan.planning.terms.centring import Centring, Residual
-from hdvplan.planning.terms.reach import Reach
+from hdvplan.planning.terms.centring import Centring, Reach, Residual
 from hdvplan.planning.terms.term import Term
 from hdvplan.vehicle.model import Vehicle
 

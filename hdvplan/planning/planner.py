@@ -19,9 +19,8 @@ from hdvplan.planning.objectives import Goal
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.term import CorePart, PythonPart
-from hdvplan.qp.judge import Judge, refusal
 from hdvplan.qp.program import StageQp, StageSolution
-from hdvplan.qp.workspace import ENDINGS, QpResult, Residuals, Status, WorkspaceMaker
+from hdvplan.qp.workspace import ENDINGS, Judge, QpResult, Residuals, Status, WorkspaceMaker, refusal
 from hdvplan.vehicle.model import Vehicle
 
 _HORIZONS = 2  # of memory: the window of a plan is moved back once in so many

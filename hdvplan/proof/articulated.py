@@ -20,8 +20,7 @@ import numpy as np
 
 from hdvplan import core
 from hdvplan.arrays import FloatArray
-from hdvplan.proof.poses import Outline, outline_record
-from hdvplan.proof.reach import GRID, Answer, Grid, Reached
+from hdvplan.proof.reach import GRID, Answer, Grid, Outline, Reached, outline_record
 from hdvplan.proof.space import Beside, Frame, around, frame_record
 from hdvplan.vehicle.model import Unit
 

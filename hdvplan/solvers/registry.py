@@ -11,9 +11,8 @@ from typing import cast
 
 from hdvplan import plugins
 from hdvplan.errors import SolverError
-from hdvplan.qp.judge import backed
 from hdvplan.qp.program import StageShape
-from hdvplan.qp.workspace import QpWorkspace, WorkspaceMaker
+from hdvplan.qp.workspace import QpWorkspace, WorkspaceMaker, backed
 from hdvplan.solvers.catalogue import GENERIC, NATIVE, THROUGH, Generic, Native
 from hdvplan.solvers.guards import ForeignWorkspace, hard_first
 from hdvplan.spelling import did_you_mean

@@ -10,7 +10,7 @@ from hdvplan.planning.objectives import Goal, balanced
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations, stations_of
 from hdvplan.planning.terms.balance import BalancePart, EnvelopeBalance, tracing_points
-from hdvplan.planning.terms.reach import Reach
+from hdvplan.planning.terms.centring import Reach
 from hdvplan.road.road import Road
 from hdvplan.vehicle.body import axles_behind
 from hdvplan.vehicle.load import load_vehicle

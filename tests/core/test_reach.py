@@ -12,8 +12,7 @@ from hdvplan.planning.objectives import OBJECTIVES, Goal, Objective, art_weighte
 from hdvplan.planning.planner import Plan, Planner
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import Stations, stations_of
-from hdvplan.planning.terms.centring import Centring, Residual
-from hdvplan.planning.terms.reach import Reach
+from hdvplan.planning.terms.centring import Centring, Reach, Residual
 from hdvplan.road.road import Road
 from hdvplan.solvers.registry import solver_named
 from hdvplan.solvers.riccati import RiccatiWorkspace

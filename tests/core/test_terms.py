@@ -15,9 +15,8 @@ from hdvplan.planning.planner import Planner
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations, stations_of
 from hdvplan.planning.terms.balance import BalancePart, EnvelopeBalance
-from hdvplan.planning.terms.centring import Centring, Residual
+from hdvplan.planning.terms.centring import Centring, Reach, Residual
 from hdvplan.planning.terms.limits import ROWS_PER_SIDE, Limits
-from hdvplan.planning.terms.reach import Reach
 from hdvplan.planning.terms.steering import Dynamics, Smoothness, Steering
 from hdvplan.planning.terms.term import Horizon, Motion, Part, Place, Scene, Term
 from hdvplan.qp.program import StageQp, StageShape, row_dtype

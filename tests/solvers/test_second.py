@@ -18,9 +18,8 @@ from hdvplan.judging.result import result_of, solver_texts
 from hdvplan.planning import planner as planner_module
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.settings import PlannerSettings
-from hdvplan.qp.judge import backed
 from hdvplan.qp.program import StageQp, StageSolution
-from hdvplan.qp.workspace import QpResult, Status, WorkspaceMaker
+from hdvplan.qp.workspace import QpResult, Status, WorkspaceMaker, backed
 from hdvplan.report.summary import summary_of
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
