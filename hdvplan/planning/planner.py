@@ -24,26 +24,8 @@ from hdvplan.qp.workspace import ENDINGS, Judge, QpResult, Residuals, Status, Wo
 from hdvplan.vehicle.model import Vehicle
 
 _HORIZONS = 2  # of memory: the window of a plan is moved back once in so many
-_ARRAY = core.record("hdv_array", [("base", core.ADDRESS), ("size", np.int64)])
-_COUNTS = ("last", "binding", "guessed", "reaches", "iterates", "lost", "programs", "iterations", "ending", "halvings", "usable", "priced")
-_PLANNER = core.record(
-    "hdv_planner",
-    [
-        ("scene", core.ADDRESS),
-        *((name, kind) for name, kind in (("arrays", core.ADDRESS), ("array_count", np.int64), ("capacity", np.int64))),
-        ("origin", np.int64),
-        *((name, kind) for name, kind in (("terms", core.ADDRESS), ("term_count", np.int64), ("solver", core.ADDRESS))),
-        *((name, core.ADDRESS) for name in ("stations", "states", "curvatures", "most", "change")),
-        ("wheels", np.int64),
-        *((name, core.ADDRESS) for name in ("start", "weights", "before")),
-        *((name, np.int64) for name in ("rounds", "repairs", "executed", "converges")),
-        ("tolerance", float),
-        *((name, np.int64) for name in _COUNTS),
-        *((name, float) for name in ("violation", "moved", "merit")),
-        ("residuals", float, 3),
-        *((name, float) for name in ("seconds_linearise", "seconds_solve", "seconds_check")),
-    ],
-)
+_ARRAY = core.record("hdv_array")
+_PLANNER = core.record("hdv_planner", residuals=np.dtype((float, 3)))
 _SOLVE, _REFUSED, _LOST = (core.number(f"HDV_{name}") for name in ("SOLVE", "REFUSED", "LOST"))
 _step = core.function("hdv_step", core.POINTER, core.INT, core.REAL, returns=core.INT)
 _begin = core.function("hdv_begin", core.POINTER, core.INT, core.REAL, returns=core.INT)

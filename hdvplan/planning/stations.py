@@ -32,20 +32,8 @@ _STRETCH = 1.25  # a body point moves at most this much further than the lead ax
 
 
 # What planning knows of the road at one station: the road itself, and what the vehicle can meet anywhere along its length when its lead
-# axle is there.
-STATION = core.record(
-    "hdv_station",
-    [
-        ("s", float),  # [m]
-        *((name, float) for name in ("x", "y", "cos", "sin", "curvature")),  # [m, 1/m]
-        ("curvature_between", float),  # half-way to the next station [1/m]
-        ("room_left", float),  # from the line to the nearest kerb there [m]; infinite without limits
-        ("room_right", float),
-        ("k_low", float),  # smallest and largest signed curvature [1/m]
-        ("k_high", float),
-        ("margin", float),  # what a body may reach beyond the limits between stations when it keeps them at every station [m]
-    ],
-)
+# axle is there; hdvplan/core/hdvplan.h has the fields.
+STATION = core.record("hdv_station")
 
 
 @dataclass(frozen=True)

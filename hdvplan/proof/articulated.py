@@ -55,16 +55,9 @@ def coupling_of(lead: Unit, trailer: Unit) -> Coupling:
 
 SIDES = core.number("HDV_SIDES")  # of a polygon
 LEADING = core.constant("HDV_LEADING")  # cells of the leading heading in which the room that a trailer leaves is tabulated [rad]
-_COUPLING = core.record(
-    "hdv_coupling",
-    [
-        *((name, float) for name in ("hitch_offset", "offset_share", "first", "step")),
-        *((name, core.ADDRESS) for name in ("angle", "rate")),
-        ("entries", np.int64),
-    ],
-)
-_PAIR = core.record("hdv_coupled", [(name, core.ADDRESS) for name in ("lead", "trailer", "coupling")])
-_POLYGONS = core.record("hdv_polygons", [("full", core.ADDRESS), ("h", core.ADDRESS)])
+_COUPLING = core.record("hdv_coupling")
+_PAIR = core.record("hdv_coupled")
+_POLYGONS = core.record("hdv_polygons")
 _reachable = core.function("hdv_reachable_with_trailer", core.POINTER, core.REAL, *[core.POINTER] * 5, core.INT, core.POINTER)
 
 

@@ -19,14 +19,7 @@ from hdvplan.vehicle.model import Unit
 
 _SAME_M = 1e-9
 POINTS_M = 0.4  # between the points of an outline that are looked at: a bend of 8 m of radius reaches 2.5 mm in between
-_OUTLINE = core.record(
-    "hdv_outline",
-    [
-        *((name, core.ADDRESS) for name in ("points", "region")),
-        ("point_count", np.int64),
-        *((name, float) for name in ("rear", "front", "half", "reach")),
-    ],
-)
+_OUTLINE = core.record("hdv_outline")
 _fits = core.function("hdv_fits", core.POINTER, core.POINTER, core.POINTER, returns=core.INT)
 
 
@@ -81,12 +74,9 @@ def fits(outline: Outline, space: Beside, frame: Frame, *, two_regions: bool) ->
     return int(_fits(core.address(body), core.address(stations), core.address(near.record)))
 
 
-GRID = core.record("hdv_grid", [("first", float), ("size", float), ("cells", np.int64)])
-_REACHED = core.record(
-    "hdv_reached",
-    [*((name, np.int64) for name in ("empty", "open")), *((name, core.ADDRESS) for name in ("low", "high", "right", "left", "filled"))],
-)
-CELLS = core.record("hdv_cells", [("number", core.ADDRESS), ("pieces", core.ADDRESS)])
+GRID = core.record("hdv_grid")
+_REACHED = core.record("hdv_reached")
+CELLS = core.record("hdv_cells")
 _reachable = core.function("hdv_reachable", core.POINTER, core.REAL, *[core.POINTER] * 8)
 
 

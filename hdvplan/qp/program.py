@@ -73,9 +73,7 @@ def row_dtype(states: int) -> np.dtype[np.void]:
     return np.dtype([("g", float, (states,)), ("h", float), ("linear", float), ("quadratic", float)])
 
 
-PROGRAM = core.record(
-    "hdv_program", [("shape", np.int64, (5,)), *((name, core.ADDRESS) for name in ("stages", "rows", "x_first", "bounded"))]
-)
+PROGRAM = core.record("hdv_program", shape=np.dtype((np.int64, 5)))
 
 
 _ALL, _INTERVALS, _AHEAD = (
@@ -187,7 +185,7 @@ def point_dtype(states: int, inputs: int, bounded: int) -> np.dtype[np.void]:
     return np.dtype([("x", float, n), ("u", float, m), ("dynamics", float, n), ("x_bounds", float, b), ("u_bounds", float, m)])
 
 
-POINT = core.record("hdv_point", [("stages", core.ADDRESS), ("rows", core.ADDRESS)])
+POINT = core.record("hdv_point")
 ROW_POINT = np.dtype([("sigma", float), ("multiplier", float)])  # of one row of a primal-dual point
 
 

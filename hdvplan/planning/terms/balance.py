@@ -23,35 +23,13 @@ from hdvplan.vehicle.model import Vehicle
 _POINTS = core.number("HDV_TRACING_POINTS")  # of a body
 _ROOM = 2  # places and stages beyond the vehicle's length, for bodies that stand askew
 # Of its axle, of its axis [m]; see ``tracing_points``.
-_POINT = core.record("hdv_tracing_point", [("ahead", float), ("left", float), ("start", np.int64)])
+_POINT = core.record("hdv_tracing_point")
 # Of one point at one stage [m]; the foot is NaN where there is none.
-_TRACK = core.record("hdv_track", [("foot", float), ("offset", float)])
-_REACHED = core.record("hdv_furthest", [*((name, float) for name in ("reach", "slope", "ahead")), ("stage", np.int64), ("unit", np.int64)])
-_BODIES = core.record(
-    "hdv_bodies",
-    [
-        ("units", core.ADDRESS),
-        ("unit_count", np.int64),
-        *((name, core.ADDRESS) for name in ("points", "curve", "stations")),
-        ("station_count", np.int64),
-        ("step", float),
-    ],
-)
-_TRACKS = core.record("hdv_tracks", [("poses", core.ADDRESS), ("points", core.ADDRESS)])
-_BALANCE = core.record(
-    "hdv_balance",
-    [
-        ("bodies", _BODIES),
-        ("aim", core.ADDRESS),
-        *((name, float) for name in ("rounding", "relaxation")),
-        *((name, np.int64) for name in ("stages", "places", "before")),
-        *((name, core.ADDRESS) for name in ("centring", "beside")),
-        ("tracks", _TRACKS),
-        *((name, core.ADDRESS) for name in ("reached", "driven")),
-        ("since", np.int64),
-        ("value", float),
-    ],
-)
+_TRACK = core.record("hdv_track")
+_REACHED = core.record("hdv_furthest")
+_BODIES = core.record("hdv_bodies")
+_TRACKS = core.record("hdv_tracks")
+_BALANCE = core.record("hdv_balance", bodies=_BODIES, tracks=_TRACKS)
 _FUNCTIONS = core_functions("balance")
 
 

@@ -20,11 +20,10 @@ from hdvplan.qp.program import by_stage
 from hdvplan.vehicle.body import auxiliary_ahead, axle_points, axles_behind, edge_points
 from hdvplan.vehicle.model import Vehicle
 
-COEFFICIENTS = core.record("hdv_residual", [("lead", float), ("aux", float), ("target", float)])  # of one station; the target in metres
+COEFFICIENTS = core.record("hdv_residual")  # of one station; the target in metres
 # Of one stage: of the auxiliary axle [m], and what is centred [m].
-_MEMORY = core.record("hdv_centred", [("foot", float), ("residual", float)])
-_POINTERS = [(name, core.ADDRESS) for name in ("curve", "residuals", "weights", "memory")]
-_DATA = core.record("hdv_centring", [("unit", np.int64), ("ahead", float), ("beside", float), *_POINTERS])
+_MEMORY = core.record("hdv_centred")
+_DATA = core.record("hdv_centring")
 _FUNCTIONS = core_functions("centring")
 
 
@@ -92,16 +91,7 @@ class CentringPart(CorePart):
 
 
 _FURTHEST_M = 100.0  # more than any vehicle can reach off its road; bounds of a variable that needs none
-_REACH = core.record(
-    "hdv_reach",
-    [
-        *((name, core.ADDRESS) for name in ("curve", "points")),
-        ("point_count", np.int64),
-        *((name, core.ADDRESS) for name in ("half_widths", "ahead")),
-        *((name, np.int64) for name in ("state", "input", "row")),
-        ("feet", core.ADDRESS),
-    ],
-)
+_REACH = core.record("hdv_reach")
 _REACHING = core_functions("reach")
 
 

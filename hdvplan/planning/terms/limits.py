@@ -23,26 +23,8 @@ from hdvplan.vehicle.model import Vehicle
 ROWS_PER_SIDE = core.number("HDV_ROWS_PER_SIDE")  # the tightest contacts to each side that enter the program
 CLEAR_M = core.constant("HDV_CLEAR_M")  # a body that stays this far inside the street by a safe bound needs no rows
 # What is known of one edge of one body at one stage.
-EDGE = core.record(
-    "hdv_edge",
-    [
-        ("clear", float),  # a lower bound of its clearance to all limits, the wheels' for overhangs too [m]
-        ("gap", float),  # a lower bound of its clearance to the limits that it must keep [m]
-        ("looked", float),  # 1 where that was found by looking at the edge, 0 where a bound says it
-        ("never", float),  # 1 while the edge's rows never bind
-        ("moved", float),  # a bound of how far any point has moved since then [m]
-    ],
-)
-_LIMITS = core.record(
-    "hdv_limits",
-    [
-        *((name, core.ADDRESS) for name in ("curve", "street", "behind")),
-        *((name, float) for name in ("reach", "clearance")),
-        *((name, np.int64) for name in ("row", "rows")),
-        *((name, core.ADDRESS) for name in ("seen", "edges")),
-        ("violation", float),
-    ],
-)
+EDGE = core.record("hdv_edge")
+_LIMITS = core.record("hdv_limits")
 _FUNCTIONS = core_functions("limits")
 
 

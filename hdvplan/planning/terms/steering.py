@@ -11,7 +11,7 @@ from hdvplan.planning.terms.term import CorePart, Place, Scene, Term, core_funct
 from hdvplan.vehicle.body import auxiliary_ahead
 
 _DYNAMICS = core_functions("dynamics")
-_RULE = core.record("hdv_dynamics", [("rule", np.int64)])
+_RULE = core.record("hdv_dynamics")
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Dynamics(Term):
 
 
 _SMOOTHNESS = core_functions("smoothness")
-_SMOOTHED = core.record("hdv_smoothness", [(name, float) for name in ("weight", "most", "change")])
+_SMOOTHED = core.record("hdv_smoothness")
 
 
 @dataclass(frozen=True)
@@ -46,8 +46,7 @@ CHANGE_WEIGHT = 20.0  # of the square of a change between stations: as smooth fo
 ANGLE_WEIGHT = 10.0  # of the squared difference from the wanted angle; ten times more or less changes no reach by 2 cm [m^2]
 
 _FUNCTIONS = core_functions("steering")
-_POINTERS = [(name, core.ADDRESS) for name in ("aim", "most", "change")]
-_DATA = core.record("hdv_steering", [("wheels", np.int64), *_POINTERS, ("angle_weight", float), ("change_weight", float)])
+_DATA = core.record("hdv_steering")
 
 
 @dataclass(frozen=True)

@@ -50,20 +50,8 @@ class Motion:
         return self.stages["kappa"][:-1]
 
 
-SCENE = core.record(
-    "hdv_scene",
-    [
-        ("units", core.ADDRESS),
-        ("unit_count", np.int64),
-        ("states", np.int64),
-        *((name, core.ADDRESS) for name in ("road", "motion", "poses")),
-        ("program", PROGRAM),
-        ("step", float),
-        ("kappa_before", float),
-        *((name, np.int64) for name in ("first", "at", "fixed", "binding")),
-    ],
-)
-TERM = core.record("hdv_term", [(name, core.ADDRESS) for name in ("linearise", "price", "data", "violation")])
+SCENE = core.record("hdv_scene", program=PROGRAM)
+TERM = core.record("hdv_term")
 
 
 @dataclass(frozen=True)
