@@ -19,9 +19,8 @@ from scipy.interpolate import BSpline, make_interp_spline
 from stage_blocks import Block, by_stage, counts, taken_apart, values_of
 
 from hdvplan.arrays import FloatArray, IntArray, Records
-from hdvplan.planning.discretisation import Discretisation
 from hdvplan.planning.objectives import Goal
-from hdvplan.planning.settings import PlannerSettings
+from hdvplan.planning.settings import Discretisation, PlannerSettings
 from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.centring import Centring
 from hdvplan.road.path import ReferencePath, evaluate_many

@@ -23,12 +23,11 @@ from hdvplan.api import plan
 from hdvplan.case import Case
 from hdvplan.errors import HdvplanError
 from hdvplan.judging.clearance import SIDES
-from hdvplan.judging.proof import Proof
+from hdvplan.judging.result import Proof
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.need.answer import need_of, proved_below
 from hdvplan.need.search import even
-from hdvplan.proof.answer import proof_of
-from hdvplan.proof.stretches import stretches_of
+from hdvplan.proof.answer import proof_of, stretches_of
 from hdvplan.record import write_record
 from hdvplan.report.grid import markdown_table
 

@@ -16,8 +16,7 @@ from hdvplan.api import drive_case
 from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.centring.weights import CentringTable
-from hdvplan.driving.drive import Drive
-from hdvplan.driving.simulate import simulate
+from hdvplan.driving.drive import Drive, simulate
 from hdvplan.driving.start import start_of
 from hdvplan.errors import HdvplanError
 from hdvplan.judging.balance import KEPT_M

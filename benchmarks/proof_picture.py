@@ -22,8 +22,7 @@ from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.proof.answer import RIGID, ROUNDING_M, grid_of
-from hdvplan.proof.poses import outline_of
-from hdvplan.proof.reach import Reached, reachable
+from hdvplan.proof.reach import Reached, outline_of, reachable
 from hdvplan.proof.space import beside, frame_of
 from hdvplan.record import write_record
 from hdvplan.report.colours import BODY_COLOURS, BREACH

@@ -10,14 +10,13 @@ from reference_scenes import Quantities, Told, case_of, error_of
 from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.centring.weights import CentringTable
-from hdvplan.driving.drive import POSE_SPACING_M, Drive
-from hdvplan.driving.simulate import simulate
+from hdvplan.driving.drive import POSE_SPACING_M, Drive, simulate
 from hdvplan.errors import HdvplanError
 from hdvplan.judging.balance import KEPT_M
-from hdvplan.judging.manners import manners_of
+from hdvplan.judging.bodies import wheel_tracks
+from hdvplan.judging.envelope import steering_of
 from hdvplan.judging.result import Result, result_of
 from hdvplan.judging.verdict import verdict_of
-from hdvplan.judging.wheels import wheel_tracks
 from hdvplan.planning.objectives import Goal
 from hdvplan.planning.stations import stations_of
 from hdvplan.proof.answer import follower, proof_of
@@ -102,7 +101,7 @@ def _of_verdict(result: Result) -> Quantities:
 
 
 def _of_steering(result: Result) -> Quantities:
-    manners = manners_of(result.drive)
+    manners = steering_of(result.drive)
     found: Quantities = {"swings": len(manners.swings)}
     for name, use in (("curvature", manners.curvature), ("rate", manners.rate)):
         found |= {f"{name} share": use.share, f"{name} full": sum(last - first for first, last in use.stretches)}

@@ -12,8 +12,7 @@ from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.errors import HdvplanError
 from hdvplan.planning.bias import Bias
-from hdvplan.planning.discretisation import Discretisation
-from hdvplan.planning.settings import PlannerSettings, Scheme
+from hdvplan.planning.settings import Discretisation, PlannerSettings, Scheme
 from hdvplan.road.limits import Limits
 from hdvplan.road.line import Line, RawRoad, RoadOptions, smoothed
 from hdvplan.road.path import ReferencePath, from_curvature, from_samples

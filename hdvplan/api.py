@@ -12,9 +12,8 @@ from hdvplan.passing.sides import choose_sides
 from hdvplan.planning.bias import CENTRE, bias_named
 from hdvplan.planning.objectives import Objective, objective_named
 from hdvplan.planning.planner import Plan
-from hdvplan.proof.stretches import proved
-from hdvplan.solvers.registry import SolverClass, SolverMaker, solver_named
-from hdvplan.solvers.second import dependable
+from hdvplan.proof.answer import proved
+from hdvplan.solvers.registry import SolverClass, SolverMaker, dependable, solver_named
 
 
 def plan(case: Case, *, on_progress: Callable[[float], None] | None = None) -> Result:

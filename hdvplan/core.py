@@ -15,12 +15,13 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import NDArray
 
 from hdvplan.errors import HdvplanError
 
 INT, REAL, POINTER = ctypes.c_int64, ctypes.c_double, ctypes.c_void_p
 ADDRESS = np.uintp  # of a pointer in a record
+_KINDS: dict[str, Any] = {"f": np.float64, "i": np.int64, "p": ADDRESS}  # as layout.c has them
 
 _FOLDER = Path(__file__).parent
 _SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
@@ -37,7 +38,7 @@ class CoreError(HdvplanError):
 class _LayoutRow(ctypes.Structure):
     """``struct hdv_layout`` of layout.c."""
 
-    _fields_ = (("record", ctypes.c_char_p), ("field", ctypes.c_char_p), ("offset", INT), ("size", INT))
+    _fields_ = (("record", ctypes.c_char_p), ("field", ctypes.c_char_p), ("kind", ctypes.c_char_p), ("offset", INT), ("size", INT))
 
 
 class _ConstantRow(ctypes.Structure):
@@ -76,12 +77,12 @@ def _open(folder: Path, name: str) -> ctypes.CDLL:
         raise CoreError(msg) from None
 
 
-def _layout(library: ctypes.CDLL) -> dict[str, dict[str, tuple[int, int]]]:
-    """Return offset and size [bytes] of every field of the core's records; of a record itself under the name ''."""
+def _layout(library: ctypes.CDLL) -> dict[str, dict[str, tuple[str, int, int]]]:
+    """Return kind, offset and size [bytes] of every field of the core's records; of a record itself under the name ''."""
     library.hdv_layout.restype = ctypes.POINTER(_LayoutRow)
-    found: dict[str, dict[str, tuple[int, int]]] = {}
+    found: dict[str, dict[str, tuple[str, int, int]]] = {}
     for row in takewhile(lambda row: row.record, library.hdv_layout()):
-        found.setdefault(row.record.decode(), {})[row.field.decode()] = row.offset, row.size
+        found.setdefault(row.record.decode(), {})[row.field.decode()] = row.kind.decode(), row.offset, row.size
     return found
 
 
@@ -115,25 +116,20 @@ def function(name: str, *arguments: type[Any], returns: type[Any] | None = None,
     return cast("Callable[..., Any]", found)
 
 
-def record(name: str, fields: DTypeLike) -> np.dtype[np.void]:
-    """Return the dtype of one of the core's records, whose fields are found to stand where the core has them.
+def record(name: str, **nested: np.dtype[Any]) -> np.dtype[np.void]:
+    """Return the dtype of one of the core's records: its numbers and addresses, and what is ``nested`` in it, by the name of its field.
 
     Raises:
-        CoreError: a name, an offset or a size differs.
+        CoreError: there is no such record, or it would not stand where the core has it.
 
     """
-    dtype = np.dtype(fields)
+    rows = _LAYOUT.get(name, {})
+    dtype = np.dtype([(field, nested.get(field, _KINDS[kind])) for field, (kind, _, _) in rows.items() if field])
     ours = {field: (kind[1], kind[0].itemsize) for field, kind in (dtype.fields or {}).items()} | {"": (0, dtype.itemsize)}
-    theirs = _LAYOUT.get(name, {})
-    for field in [*ours, *theirs]:
-        if ours.get(field) != theirs.get(field):
-            msg = f"the C core has {'.'.join(filter(None, (name, field)))} at {_place(theirs, field)}, and hdvplan at {_place(ours, field)}"
-            raise CoreError(msg)
+    if not rows or ours != {field: (offset, size) for field, (_, offset, size) in rows.items()}:
+        msg = f"the C core has no record {name} of such fields"
+        raise CoreError(msg)
     return dtype
-
-
-def _place(places: dict[str, tuple[int, int]], field: str) -> str:
-    return "{} with {} bytes".format(*places[field]) if field in places else "no place"
 
 
 def constant(name: str) -> float:

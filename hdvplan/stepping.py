@@ -9,13 +9,12 @@ import numpy as np
 
 from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
-from hdvplan.driving.drive import ready
-from hdvplan.driving.simulate import simulate
-from hdvplan.errors import OptionError, PlanError
+from hdvplan.driving.drive import executed, ready
+from hdvplan.errors import OptionError
 from hdvplan.passing.sides import choose_sides
 from hdvplan.planning.objectives import objective_named
 from hdvplan.planning.planner import Plan
-from hdvplan.solvers.second import dependable
+from hdvplan.solvers.registry import dependable
 
 
 class Stepper:
@@ -76,14 +75,7 @@ class Stepper:
             PlanError: the motion leaves the model's domain.
 
         """
-        count, vehicle, settings = self.count, self.case.vehicle, self.case.settings
-        wheels = plan.z[: count + 1, vehicle.rigid_states :]
-        z = np.ascontiguousarray(self.z)
-        states = simulate(vehicle.table(), self._stations.path, self.s, settings.step, z, plan.kappa[:count], 1, wheels)
-        if not np.all(np.isfinite(states)):
-            msg = f"behind s = {self.s:.1f} m the motion leaves the road-aligned model's domain"
-            raise PlanError(msg, s_m=self.s)
-        return states
+        return executed(self.case.vehicle, self._stations, plan, slice(0, self.count), np.ascontiguousarray(self.z), 1)
 
     def arrive(self, z: FloatArray, kappa: float) -> None:
         """Put the vehicle ``count`` stations further, in the state ``z`` there, after driving the curvature ``kappa`` [1/m].

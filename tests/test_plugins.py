@@ -97,15 +97,6 @@ def test_a_plan_with_a_solver_and_an_objective_from_files_says_so(capsys: pytest
     assert summary["max_left_m"] == ours.balance.max_left
 
 
-@pytest.mark.slow
-def test_a_bench_takes_a_solver_from_a_file(capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = ["--vehicles", "bus", "--roads", "sturn", "--schemes", "rti", "--rounds", "1", "--horizon", "40", "--out", "out", "--json"]
-    assert run(["bench", "--solvers", "riccati,mine.py:Mine", "--objective", "aims.py:front", *arguments]) == 0
-    rows = json.loads(capsys.readouterr().out)["timing"]
-    assert [row["solver"] for row in rows] == ["riccati", "mine.py:Mine"]
-    assert all(row["status"] == "ok" for row in rows)
-
-
 @pytest.mark.usefixtures("outsider")
 def test_what_an_installed_package_offers_is_listed_and_planned_with(capsys: pytest.CaptureFixture[str]) -> None:
     (info,) = (info for info in solver_infos() if info.name == "hers")
@@ -271,12 +262,6 @@ class Own:
     def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
         """Solve as ours."""
         return self._ours.solve(qp, guess)
-
-
-def test_the_public_names_reach_workspaces() -> None:
-    workspace: hdvplan.QpWorkspace = hdvplan.solver("riccati")(shape())
-    assert workspace.name == "riccati"
-    assert hdvplan.plan(replace(CASE, solver=Own)).solver == "tests.test_plugins:Own"
 
 
 def test_what_a_workspace_returns_must_have_the_program_s_shape() -> None:

@@ -13,10 +13,8 @@ from time import perf_counter
 import numpy as np
 
 from hdvplan.arrays import FloatArray
-from hdvplan.qp.judge import largest_multiplier
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
-from hdvplan.qp.residuals import Residuals, residuals
-from hdvplan.qp.workspace import QpResult, QpWorkspace, WorkspaceMaker
+from hdvplan.qp.workspace import QpResult, QpWorkspace, Residuals, WorkspaceMaker, largest_multiplier, residuals
 
 PRIMAL_M = 1e-4  # a hundredth of the centimetre to which limits are judged
 DUAL = 1e-4  # of the Lagrangian's gradient, relative to the scale

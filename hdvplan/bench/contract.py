@@ -23,8 +23,7 @@ from hdvplan.errors import QpDataError
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.plugins import said
 from hdvplan.qp.program import NAMES, StageQp, StageSolution
-from hdvplan.qp.residuals import residuals
-from hdvplan.qp.workspace import QpWorkspace, Status, WorkspaceMaker
+from hdvplan.qp.workspace import QpWorkspace, Status, WorkspaceMaker, residuals
 from hdvplan.road.scenarios import SCENARIOS
 from hdvplan.vehicle.load import load_vehicle
 

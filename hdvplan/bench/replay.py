@@ -21,10 +21,8 @@ from hdvplan.case import Case
 from hdvplan.driving.drive import drive
 from hdvplan.planning.objectives import objective_named
 from hdvplan.planning.planner import Plan
-from hdvplan.qp.judge import USABLE_RESIDUAL
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
-from hdvplan.qp.residuals import residuals
-from hdvplan.qp.workspace import QpResult, QpWorkspace, WorkspaceMaker
+from hdvplan.qp.workspace import USABLE_RESIDUAL, QpResult, QpWorkspace, WorkspaceMaker, residuals
 from hdvplan.solvers.sparse import SparseQp
 
 _TOTAL, _COLD = NUMBERS.index("total_s"), NUMBERS.index("cold_s")

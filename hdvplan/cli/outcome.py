@@ -31,15 +31,15 @@ def looked_again(result: Result, *, proof: bool, refine: bool, quiet: bool) -> R
 
 def warn_of(result: Result, verdict: Verdict, *, quiet: bool) -> None:
     """Warn of what a driver would find too much and, where a vehicle does not fit, of the places that the fit check calls too narrow."""
+    from hdvplan.judging.envelope import steering_of, steering_texts
     from hdvplan.judging.fit import finding_text
-    from hdvplan.judging.manners import manners_of, manners_texts
     from hdvplan.judging.result import attempts_text, solver_texts
 
     for text in solver_texts(result):
         warn(text, quiet=quiet)
     if result.attempts:
         note(attempts_text(result), quiet=quiet)
-    for text in manners_texts(result.drive, manners_of(result.drive)):
+    for text in steering_texts(result.drive, steering_of(result.drive)):
         warn(text, quiet=quiet)
     findings = () if verdict.fits else result.fit.findings
     for finding in findings[:_MOST_WARNINGS]:

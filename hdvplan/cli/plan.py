@@ -196,8 +196,7 @@ def plan(
     from hdvplan.case import Case
     from hdvplan.judging.verdict import verdict_line, verdict_of
     from hdvplan.planning.bias import CENTRE, NONE, bias_named
-    from hdvplan.planning.discretisation import Discretisation
-    from hdvplan.planning.settings import PlannerSettings, Scheme
+    from hdvplan.planning.settings import Discretisation, PlannerSettings, Scheme
     from hdvplan.report.files import DRAWINGS, PICTURES
     from hdvplan.road.regions import Side
 

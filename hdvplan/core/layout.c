@@ -1,5 +1,5 @@
-/* Sizes and offsets of the records that Python makes, which hdvplan/core.py compares with its own; the constants that
- * Python shares; and what the library was built from. */
+/* Fields of the records that Python makes, of which hdvplan/core.py makes its own; the constants that Python shares;
+ * and what the library was built from. */
 #include <stddef.h>
 
 #include "balance.h"
@@ -18,13 +18,18 @@
 #define HDV_SOURCES "" /* digest of all sources; hatch_build.py knows it */
 #endif
 
-#define RECORD(record) {#record, "", 0, sizeof(struct record)}
-#define FIELD(record, field) {#record, #field, offsetof(struct record, field), sizeof(((struct record *)0)->field)}
+/* f: a double, i: an integer, p: anything else. */
+#define KIND(field) (__extension__ _Generic((field), double: "f", int64_t: "i", default: "p"))
+#define OF(record, field) (((struct record *)0)->field)
+#define RECORD(record) {#record, "", "", 0, sizeof(struct record)}
+#define FIELD(record, field)                                                                                           \
+    {#record, #field, KIND(OF(record, field)), offsetof(struct record, field), sizeof(OF(record, field))}
 #define CONSTANT(constant) {#constant, constant}
 
 struct hdv_layout {
     const char *record, *field; /* the whole record has no field */
-    int64_t offset, size;       /* [bytes] */
+    const char *kind;
+    int64_t offset, size; /* [bytes] */
 };
 
 struct hdv_constant {
@@ -364,7 +369,7 @@ const struct hdv_layout *hdv_layout(void) {
         RECORD(hdv_polygons),
         FIELD(hdv_polygons, full),
         FIELD(hdv_polygons, h),
-        {NULL, NULL, 0, 0},
+        {NULL, NULL, NULL, 0, 0},
     };
     return rows;
 }

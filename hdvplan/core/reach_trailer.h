@@ -7,7 +7,7 @@
 
 #define HDV_LEADING 0.04 /* cells of the leading heading in which the room that a trailer leaves is tabulated [rad] */
 
-/* Tables over x = theta - W, from first in steps of step [rad]: hdvplan/proof/coupling.py. */
+/* Tables over x = theta - W, from first in steps of step [rad]: hdvplan/proof/articulated.py. */
 struct hdv_coupling {
     double hitch_offset; /* of the leading unit [m] */
     double offset_share; /* |hitch offset| / wheelbase */

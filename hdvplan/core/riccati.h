@@ -80,12 +80,11 @@ HDV_INLINE void roll(
     }
 }
 
-HDV_EXPORT int64_t hdv_factorise(
+int64_t hdv_factorise(
     const struct hdv_program *program, const struct hdv_series *weights, double *work, int64_t end, int64_t affine
 );
-HDV_EXPORT void
-hdv_sweep_back(const struct hdv_program *program, const struct hdv_series *weights, double *work, int64_t end);
-HDV_EXPORT void hdv_sweep_ahead(
+void hdv_sweep_back(const struct hdv_program *program, const struct hdv_series *weights, double *work, int64_t end);
+void hdv_sweep_ahead(
     const struct hdv_program *program, double *work, const struct hdv_series *motion, int64_t begin, int64_t end,
     int64_t affine
 );

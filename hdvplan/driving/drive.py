@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hdvplan.arrays import FloatArray
+from hdvplan import core
+from hdvplan.arrays import FloatArray, Records
 from hdvplan.centring.weights import CentringTable
-from hdvplan.driving.simulate import simulate
 from hdvplan.driving.start import Start, approach_to, kept_start, lies_beside, start_of
 from hdvplan.errors import PlanError, RoadError
 from hdvplan.planning.bias import NONE, Bias
@@ -18,8 +18,40 @@ from hdvplan.planning.planner import Plan, Planner
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations, stations_of
 from hdvplan.qp.workspace import WorkspaceMaker
+from hdvplan.road.path import ReferencePath
 from hdvplan.road.road import Road
 from hdvplan.vehicle.model import Vehicle
+
+SUBSTEP_M = 0.05  # the integration error of 100 m is then below 1e-6 m (tested against an adaptive integrator)
+
+_simulate = core.function(
+    "hdv_simulate", core.POINTER, core.INT, core.INT, core.POINTER, core.REAL, core.INT, core.REAL, core.POINTER, core.POINTER,
+    core.INT, core.INT, core.POINTER,
+)  # fmt: skip
+
+
+def simulate(
+    units: Records, path: ReferencePath, s_start: float, step: float, z_start: FloatArray, kappa: FloatArray, keep: int,
+    steering: FloatArray | None = None,
+) -> FloatArray:  # fmt: skip
+    """Return the states while driving ``kappa`` [1/m], each value held over ``step`` [m] of road; shape (len(kappa) * keep + 1, n).
+
+    ``steering`` (len(kappa) + 1, active) are the angles of active wheels at the ends of the steps; without it they are held [rad].
+    ``keep`` states are returned for every step. NaN from where the model leaves its domain (1 - e_y k <= 0, or the lead rear axle
+    no longer moves forward along the road).
+    """
+    n = len(z_start)
+    if steering is None:
+        steering = np.tile(z_start[1 + len(units) :], (len(kappa) + 1, 1))
+    kappa, steering = np.ascontiguousarray(kappa, dtype=float), np.ascontiguousarray(steering, dtype=float)
+    states = np.full((len(kappa) * keep + 1, n), np.nan)
+    states[0] = z_start
+    _simulate(
+        core.address(units), len(units), n, core.address(path.record), s_start, len(kappa), step, core.address(kappa),
+        core.address(steering), keep, int(np.ceil(step / keep / SUBSTEP_M)), core.address(states),
+    )  # fmt: skip
+    return states
+
 
 POSE_SPACING_M = 0.25  # simulated poses are kept at least this densely
 
@@ -116,32 +148,32 @@ def _driven(begun: Ready, on_progress: Callable[[float], None] | None = None, on
     keep = int(np.ceil(settings.step / POSE_SPACING_M))
     total = int(np.ceil(road.path.length / settings.step - 1e-9))
     z, kappa_before = begun.begin
-    fine, executed, plans, error = [z[None]], [], [], 0.0
+    fine, driven, plans, error = [z[None]], [], [], 0.0
     at = 0
     while at < total:
         plan = begun.planner.plan(at, z, kappa_before)
         if on_plan is not None:
             on_plan(plan)
         count = min(settings.executed, total - at)
-        part = _executed(vehicle, stations, plan, slice(0, count), z, keep)
+        part = executed(vehicle, stations, plan, slice(0, count), z, keep)
         error = max(error, float(np.max(np.abs(part[::keep, 0] - plan.z[: count + 1, 0]))))
         fine.append(part[1:])
-        executed.append(plan.kappa[:count])
+        driven.append(plan.kappa[:count])
         plans.append(plan)
         z, kappa_before, at = part[-1], float(plan.kappa[count - 1]), at + count
         if on_progress is not None:
             on_progress(at / total)
     leaving = slice(count, count + int(np.ceil(vehicle.reach_behind / settings.step)))
-    fine.append(_executed(vehicle, stations, plan, leaving, z, keep)[1:])
-    poses, held = np.concatenate(fine), np.repeat(np.concatenate([*executed, plan.kappa[leaving]]), keep)
+    fine.append(executed(vehicle, stations, plan, leaving, z, keep)[1:])
+    poses, held = np.concatenate(fine), np.repeat(np.concatenate([*driven, plan.kappa[leaving]]), keep)
     poses_s = settings.step / keep * np.arange(len(poses), dtype=np.float64)
     return Drive(
-        road, vehicle, settings, stations, begun.goal, poses[: keep * total + 1 : keep], np.concatenate(executed), poses_s, poses, held,
+        road, vehicle, settings, stations, begun.goal, poses[: keep * total + 1 : keep], np.concatenate(driven), poses_s, poses, held,
         tuple(plans), error, begun.bias,
     )  # fmt: skip
 
 
-def _executed(vehicle: Vehicle, stations: Stations, plan: Plan, part: slice, z: FloatArray, keep: int) -> FloatArray:
+def executed(vehicle: Vehicle, stations: Stations, plan: Plan, part: slice, z: FloatArray, keep: int) -> FloatArray:
     """Return ``keep`` simulated states for each step of a part of a plan, which begins in state ``z``.
 
     Raises:

@@ -9,8 +9,8 @@ import numpy as np
 from hdvplan.arrays import FloatArray, Records
 from hdvplan.centring.weights import CentringTable
 from hdvplan.driving.drive import Drive
+from hdvplan.judging.bodies import part_named
 from hdvplan.judging.clearance import Touches, touches_of
-from hdvplan.judging.contact import part_named
 from hdvplan.judging.envelope import SPACING_M, Envelope
 from hdvplan.judging.obstacles import Approach, approaches
 from hdvplan.vehicle.model import Vehicle
@@ -99,7 +99,7 @@ def _clearance(drive: Drive, s: FloatArray, touches: Touches, near: tuple[Approa
     if not touches:
         return None, ()
     breaches = [breach for (side, region), touch in touches.items() for breach in _breaches(drive.vehicle, s, touch, side, region)]
-    breaches = [breach for breach in breaches if not _told(breach, breaches)]
+    breaches = [breach for breach in breaches if not _is_the_wheels_own(breach, breaches)]
     region, length = next(iter(touches))[1], drive.road.path.length
     breaches += [_hit(approach, region) for approach in near if approach.distance < -KEPT_M and 0.0 <= approach.s <= length]
     lowest = min(*(float(np.min(touch["gap"])) for touch in touches.values()), *(approach.distance for approach in near))
@@ -113,7 +113,7 @@ def _hit(approach: Approach, region: str) -> Breach:
     )  # fmt: skip
 
 
-def _told(breach: Breach, breaches: list[Breach]) -> bool:
+def _is_the_wheels_own(breach: Breach, breaches: list[Breach]) -> bool:
     """Return whether a breach of the overhangs' limit is the wheels' own, where both limits coincide."""
     return breach.region == "sweepable" and any(
         other.region == "drivable"

@@ -13,7 +13,7 @@ from hdvplan.road.street import Street
 from hdvplan.vehicle.body import axles_behind
 
 # Where a body came nearest to a kerb while the vehicle moved from a pose to the next.
-TOUCH = core.record("hdv_touch", [*((name, float) for name in ("gap", "s", "x", "y", "ahead")), ("piece", np.int64)])
+TOUCH = core.record("hdv_touch")
 SIDES = ("left", "right")
 _SECTIONS = core.number("HDV_SECTIONS")
 

@@ -111,7 +111,7 @@ def facts_of(road: Road) -> RoadFacts:
     s = _stations(road)
     curvature = np.abs(road.path.at(s).curvature)
     tightest = int(np.argmax(curvature > np.max(curvature) - _SAME_CURVATURE))  # the first one of a constant stretch
-    room = _room(road, s)
+    room = None if road.passable is None else np.subtract(*road.passable.table(s)[:2])  # between the limits that wheels must keep
     narrowest = None if room is None else int(np.argmin(room))
     smoothing = road.smoothing
     return RoadFacts(
@@ -233,12 +233,3 @@ def _stations(road: Road) -> FloatArray:
         return s
     nodes = road.passable.s
     return np.union1d(s, nodes[(nodes > 0.0) & (nodes < road.path.length)])
-
-
-def _room(road: Road, s: FloatArray) -> FloatArray | None:
-    """Return the distance between the limits that wheels must keep [m], shape (len(s),)."""
-    if road.passable is None:
-        return None
-    left, right, _, _ = road.passable.table(s)
-    room: FloatArray = left - right
-    return room

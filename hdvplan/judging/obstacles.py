@@ -10,10 +10,8 @@ import shapely.affinity
 from numpy.typing import NDArray
 
 from hdvplan.arrays import FloatArray, IntArray
-from hdvplan.driving.drive import Drive
-from hdvplan.driving.simulate import simulate
-from hdvplan.judging.bodies import corners, placed
-from hdvplan.judging.contact import part_named
+from hdvplan.driving.drive import Drive, simulate
+from hdvplan.judging.bodies import corners, part_named, placed
 from hdvplan.road.path import project_many
 from hdvplan.road.regions import Kind, Region
 from hdvplan.vehicle.body import axles_behind

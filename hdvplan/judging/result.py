@@ -20,14 +20,55 @@ from hdvplan.judging.clearance import touches_of
 from hdvplan.judging.envelope import Envelope, envelope_of
 from hdvplan.judging.fit import Fit, fit_of
 from hdvplan.judging.obstacles import Approach
-from hdvplan.judging.passed import Passed
-from hdvplan.judging.proof import Proof
 from hdvplan.planning.bias import shifted
 from hdvplan.planning.objectives import Objective
 from hdvplan.planning.planner import Plan
-from hdvplan.road.regions import called
+from hdvplan.road.regions import Region, Side, called
 from hdvplan.solvers.registry import SolverClass
 from hdvplan.vehicle.model import Vehicle
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What a plan of a stretch of road came to, as simulated [m]."""
+
+    violation: float  # by how much the deepest place misses the clearance wanted; 0 when it is kept; infinite where no plan exists
+    harm: float  # the square of what is missing anywhere, over the length of road where it is [m^3]
+    clearance: float  # least room to edges and obstacles; negative where one is broken
+    off_centre: float  # mean distance of the swept area's middle from where it is wanted
+    cost: float  # mean over the stations of its square and of the weighted squared change of curvature, as planning weighs them [m^2]
+
+
+@dataclass(frozen=True)
+class Passed:
+    """An obstacle, the side on which it is passed, and the plans of the road around it with either side.
+
+    ``own`` and ``other`` are None where nothing was to be chosen; ``reason`` says why.
+    """
+
+    obstacle: Region
+    s_from: float  # [m]
+    s_to: float
+    side: Side
+    forced: bool
+    own: Trial | None
+    other: Trial | None
+    reason: str | None
+
+
+@dataclass(frozen=True)
+class Proof:
+    """That no driving keeps a road's limits.
+
+    ``kind`` is "place" where one body alone, ``unit``, fits between the limits at ``s_to`` in no pose; "motion" where the vehicle, up to
+    ``unit``, fits everywhere from ``s_from`` to ``s_to`` [m], but nothing that fits at ``s_from`` can be driven to ``s_to``.
+    """
+
+    kind: str
+    s_from: float
+    s_to: float
+    unit: int
+
 
 _PAIR = ("tractor", "trailer")
 

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from hdvplan.arrays import FloatArray
 from hdvplan.judging.balance import KEPT_M
-from hdvplan.judging.contact import contact, part_named
-from hdvplan.judging.obstacles import Approach
-from hdvplan.judging.proof import Proof
-from hdvplan.judging.result import Result, body_name
+from hdvplan.judging.bodies import contact, part_named
+from hdvplan.judging.result import Proof, Result, body_name
 from hdvplan.road.regions import OPEN_M, called
 from hdvplan.vehicle.model import Vehicle
 
@@ -60,14 +60,42 @@ def verdict_of(result: Result) -> Verdict:
     return replace(found, proof=result.proof) if found.fits is False else found
 
 
+class _Place(NamedTuple):
+    """Where a body comes nearest to a kerb or an obstacle, and how near [m]; the rest as in ``Verdict``."""
+
+    room: float
+    s: float
+    x: float
+    y: float
+    side: str
+    unit: int
+    part: str
+    region: str | None
+    obstacle: str | None
+
+
 def _found(result: Result) -> Verdict:
-    wanted = result.case.settings.clearance
-    tightest = _tightest(result)
-    counting = (approach for approach in result.approaches if approach.distance <= OPEN_M)
-    nearest = min(counting, key=lambda approach: approach.distance, default=None)
-    if nearest is not None and (tightest is None or nearest.distance < tightest.room):
-        return _at_obstacle(result, nearest, wanted)
-    return _needs(result) if tightest is None else _at_limit(result, tightest, wanted)
+    wanted, places = result.case.settings.clearance, [*_beside_kerbs(result)]
+    places += [
+        _Place(near.distance, near.s, near.x, near.y, near.side, near.unit, near.part, None, near.obstacle.label)
+        for near in result.approaches
+        if near.distance <= OPEN_M
+    ]
+    if not places:
+        return _needs(result)
+    near = min(places, key=lambda place: place.room)
+    (room, s, x, y), decides = near[:4], near[4:]
+    spare, half = room - wanted, result.balance.half_width
+    wheels = result.wheel_room if near.obstacle is None and room < -KEPT_M else None
+    return Verdict(spare >= -KEPT_M, spare, wanted, half, s, x, y, lonlat_of(result, x, y), *decides, wheels)
+
+
+def _beside_kerbs(result: Result) -> Iterator[_Place]:
+    for (side, region), touches in result.balance.touches.items():
+        unit, at = (int(number) for number in np.unravel_index(np.argmin(touches["gap"]), touches.shape))
+        room, s, x, y, ahead = (float(touches[unit, at][name]) for name in ("gap", "s", "x", "y", "ahead"))
+        if np.isfinite(room):
+            yield _Place(room, s, x, y, side, unit, part_named(result.drive.vehicle.units[unit], ahead), region, None)
 
 
 def verdict_line(result: Result, verdict: Verdict) -> str:
@@ -122,31 +150,6 @@ def _amount(verdict: Verdict) -> str:
     return f"{max(spare, 0.0):.2f} m to spare" if verdict.fits else f"{-spare:.2f} m lacking"
 
 
-@dataclass(frozen=True)
-class _Tightest:
-    """Where a body comes nearest to a kerb."""
-
-    room: float
-    s: float
-    side: str
-    region: str
-    unit: int
-    part: str
-    x: float
-    y: float
-
-
-def _tightest(result: Result) -> _Tightest | None:
-    found: _Tightest | None = None
-    for (side, region), touches in result.balance.touches.items():
-        unit, at = (int(number) for number in np.unravel_index(np.argmin(touches["gap"]), touches.shape))
-        touch = touches[unit, at]
-        room, s, x, y, ahead = (float(touch[name]) for name in ("gap", "s", "x", "y", "ahead"))
-        if np.isfinite(room) and (found is None or room < found.room):
-            found = _Tightest(room, s, side, region, unit, part_named(result.drive.vehicle.units[unit], ahead), x, y)
-    return found
-
-
 def _needs(result: Result) -> Verdict:
     envelope = result.envelope
     left, right = envelope.left, -envelope.right
@@ -159,24 +162,6 @@ def _needs(result: Result) -> Verdict:
     part = contact(result.drive, unit, side, s)
     wanted = result.case.settings.clearance
     return Verdict(None, None, wanted, half_width + wanted, s, x, y, lonlat_of(result, x, y), side, unit, part, None, None, None)
-
-
-def _at_limit(result: Result, tightest: _Tightest, wanted: float) -> Verdict:
-    spare, half = tightest.room - wanted, result.balance.half_width
-    wheels = result.wheel_room if tightest.room < -KEPT_M else None
-    x, y = tightest.x, tightest.y
-    return Verdict(
-        spare >= -KEPT_M, spare, wanted, half, tightest.s, x, y, lonlat_of(result, x, y), tightest.side, tightest.unit, tightest.part,
-        tightest.region, None, wheels,
-    )  # fmt: skip
-
-
-def _at_obstacle(result: Result, near: Approach, wanted: float) -> Verdict:
-    spare, half = near.distance - wanted, result.balance.half_width
-    return Verdict(
-        spare >= -KEPT_M, spare, wanted, half, near.s, near.x, near.y, lonlat_of(result, near.x, near.y), near.side, near.unit,
-        near.part, None, near.obstacle.label, None,
-    )  # fmt: skip
 
 
 def lonlat_of(result: Result, x: float, y: float) -> tuple[float, float] | None:

@@ -9,15 +9,13 @@ from functools import partial
 import numpy as np
 
 from hdvplan.case import Case
+from hdvplan.judging.bodies import part_named
 from hdvplan.judging.clearance import SIDES
-from hdvplan.judging.contact import part_named
-from hdvplan.judging.proof import Proof
-from hdvplan.judging.result import Result
+from hdvplan.judging.result import Proof, Result
 from hdvplan.judging.verdict import lonlat_of
 from hdvplan.need.search import OTHER, TOLERANCE_M, WIDE_M, Least, beside_held, even, kerbs_on, least_edge, least_half_width
 from hdvplan.need.widening import Widenings, least_widenings, own_plans
-from hdvplan.proof.answer import proof_of
-from hdvplan.proof.stretches import Stretch, joined
+from hdvplan.proof.answer import Stretch, joined, proof_of
 from hdvplan.road.road import Road
 from hdvplan.road.street import Kerb
 

@@ -17,14 +17,14 @@ from hdvplan.judging.balance import KEPT_M, gaps_of
 from hdvplan.judging.clearance import touches_of
 from hdvplan.judging.envelope import SPACING_M, envelope_of
 from hdvplan.judging.obstacles import approaches
-from hdvplan.judging.passed import Passed, Trial
+from hdvplan.judging.result import Passed, Trial
 from hdvplan.passing.options import Options, independent_m, options_of, spans_of
 from hdvplan.planning.bias import Bias
 from hdvplan.planning.objectives import objective_named
 from hdvplan.road.passages import Passage
 from hdvplan.road.regions import Kind, Side
 from hdvplan.road.road import Road, part_of
-from hdvplan.solvers.second import dependable
+from hdvplan.solvers.registry import dependable
 
 _REMEMBERED = 3  # obstacles behind one that a choice is judged with, and by which choices differ
 _AROUND = 2  # obstacles on either side of one that its other side is judged with

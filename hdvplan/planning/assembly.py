@@ -7,15 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from hdvplan import core
-from hdvplan.planning.motion import Motion
 from hdvplan.planning.objectives import Goal
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations
-from hdvplan.planning.terms.dynamics import Dynamics
 from hdvplan.planning.terms.limits import limits_of
-from hdvplan.planning.terms.smoothness import Smoothness
-from hdvplan.planning.terms.steering import Steering
-from hdvplan.planning.terms.term import Needs, Part, Place, Scene, Term, told
+from hdvplan.planning.terms.steering import Dynamics, Smoothness, Steering
+from hdvplan.planning.terms.term import Motion, Needs, Part, Place, Scene, Term, owned_by
 from hdvplan.qp.program import StageQp, StageShape
 from hdvplan.vehicle.model import Vehicle
 
@@ -34,7 +31,7 @@ def needs_of(term: Term, vehicle: Vehicle) -> Needs:
         OptionError: somebody else's term raises, or returns something else.
 
     """
-    with told(term):
+    with owned_by(term):
         need: object = term.needs(vehicle)
         if not isinstance(need, Needs):
             msg = f"needs returned something of type {type(need).__name__}, not Needs"
@@ -78,7 +75,7 @@ def assemble(
     parts, place = [], Place(vehicle.states + 1, 1 + len(vehicle.active), 0)
     for term in terms:
         need = needs_of(term, vehicle)
-        with told(term):
+        with owned_by(term):
             part = term.part(scene, place)
             for array in part.memory:
                 core.address(array, shape=(scene.capacity, *array.shape[1:]))

@@ -14,8 +14,7 @@ from hdvplan.errors import HdvplanError, OptionError
 from hdvplan.planning.objective_names import WEIGHTED, check_objective, share_of
 from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.balance import EnvelopeBalance
-from hdvplan.planning.terms.centring import Centring, Residual
-from hdvplan.planning.terms.reach import Reach
+from hdvplan.planning.terms.centring import Centring, Reach, Residual
 from hdvplan.planning.terms.term import Term
 from hdvplan.vehicle.model import Vehicle
 
@@ -43,22 +42,19 @@ def geometric_fixed(stations: Stations, vehicle: Vehicle) -> Goal:
 
 def lead_axle(stations: Stations, vehicle: Vehicle) -> Goal:
     """Centre the lead unit's rear axle alone (the previous method of [BUS], J1 of [ART])."""
-    one = np.ones(len(stations.s))
-    return _centred(Residual(one, 0.0 * one, 0.0 * one), stations, vehicle)
+    return art_weighted(stations, vehicle, 0.0)
 
 
 def trail_axle(stations: Stations, vehicle: Vehicle) -> Goal:
     """Centre a bus's front axle or a chain's last axle alone (J2 of [ART])."""
-    one = np.ones(len(stations.s))
-    return _centred(Residual(0.0 * one, one, 0.0 * one), stations, vehicle)
+    return art_weighted(stations, vehicle, 1.0)
 
 
 def art_weighted(stations: Stations, vehicle: Vehicle, share: float | None = None) -> Goal:
     """Centre (1 - K) e_y + K e_aux (J3 of [ART]); without a ``share`` K is the geometric one of the road's largest curvature."""
     if share is None:
         fixed = _geometric_fixed(stations)
-        scale = 1.0 / (fixed.lead + fixed.aux)
-        residual = Residual(scale * fixed.lead, scale * fixed.aux, scale * fixed.target, fixed.axle)
+        residual = fixed.scaled(1.0 / (fixed.lead + fixed.aux))
     else:
         one = np.ones(len(stations.s))
         residual = Residual((1.0 - share) * one, share * one, 0.0 * one)
@@ -70,7 +66,7 @@ def axle_max(stations: Stations, vehicle: Vehicle) -> Goal:  # noqa: ARG001 - ev
     return _furthest(stations, bodies=False)
 
 
-def body_max(stations: Stations, vehicle: Vehicle) -> Goal:  # noqa: ARG001 - every objective is told both
+def body_max(stations: Stations, vehicle: Vehicle) -> Goal:  # noqa: ARG001 - as above
     """Keep small how far any body side reaches (J5 of [ART]): the narrowest band that holds the swept area."""
     return _furthest(stations, bodies=True)
 

@@ -19,35 +19,13 @@ from hdvplan.planning.objectives import Goal
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.term import CorePart, PythonPart
-from hdvplan.qp.judge import Judge, refusal
 from hdvplan.qp.program import StageQp, StageSolution
-from hdvplan.qp.residuals import Residuals
-from hdvplan.qp.workspace import ENDINGS, QpResult, Status, WorkspaceMaker
+from hdvplan.qp.workspace import ENDINGS, Judge, QpResult, Residuals, Status, WorkspaceMaker, refusal
 from hdvplan.vehicle.model import Vehicle
 
 _HORIZONS = 2  # of memory: the window of a plan is moved back once in so many
-_ARRAY = core.record("hdv_array", [("base", core.ADDRESS), ("size", np.int64)])
-_WARM = ("last", "binding", "guessed", "reaches")
-_COUNTS = ("iterates", "lost", "programs", "iterations", "ending", "halvings", "usable", "priced")
-_GUESSED, _ENDING, _USABLE = ((*_WARM, *_COUNTS).index(name) for name in ("guessed", "ending", "usable"))
-_PLANNER = core.record(
-    "hdv_planner",
-    [
-        ("scene", core.ADDRESS),
-        *((name, kind) for name, kind in (("arrays", core.ADDRESS), ("array_count", np.int64), ("capacity", np.int64))),
-        ("origin", np.int64),
-        *((name, kind) for name, kind in (("terms", core.ADDRESS), ("term_count", np.int64), ("solver", core.ADDRESS))),
-        *((name, core.ADDRESS) for name in ("stations", "states", "curvatures", "most", "change")),
-        ("wheels", np.int64),
-        *((name, core.ADDRESS) for name in ("start", "weights", "before")),
-        *((name, np.int64) for name in ("rounds", "repairs", "executed", "converges")),
-        ("tolerance", float),
-        *((name, np.int64) for name in (*_WARM, *_COUNTS)),
-        *((name, float) for name in ("violation", "moved", "merit")),
-        ("residuals", float, 3),
-        *((name, float) for name in ("seconds_linearise", "seconds_solve", "seconds_check")),
-    ],
-)
+_ARRAY = core.record("hdv_array")
+_PLANNER = core.record("hdv_planner", residuals=np.dtype((float, 3)))
 _SOLVE, _REFUSED, _LOST = (core.number(f"HDV_{name}") for name in ("SOLVE", "REFUSED", "LOST"))
 _step = core.function("hdv_step", core.POINTER, core.INT, core.REAL, returns=core.INT)
 _begin = core.function("hdv_begin", core.POINTER, core.INT, core.REAL, returns=core.INT)
@@ -137,9 +115,7 @@ class Planner:
         record["converges"], record["tolerance"] = settings.scheme is Scheme.SQP, settings.sqp_tolerance
         record["last"], record["binding"], record["guessed"] = -1, 1, 1
         self._address = core.address(record)
-        begin = _PLANNER.fields["last"][1]  # type: ignore[index] # a structured dtype has fields
-        numbers = record.view(np.int64)[begin // 8 :]
-        self._counts, self._numbers = numbers[: len(_WARM + _COUNTS)], numbers[len(_WARM + _COUNTS) :].view(np.float64)
+        self._own = record[0]  #: the same memory, field by field
 
     def plan(self, first: int, z_start: FloatArray, kappa_before: float) -> Plan:
         """Plan from state ``z_start`` at station ``first``; ``kappa_before`` is the curvature held until there [1/m].
@@ -153,11 +129,10 @@ class Planner:
         """
         began, began_cpu, times = perf_counter(), process_time(), StepTimes()
         self._start[:] = z_start
-        last = self._counts[0]
-        known = 0 <= last <= first
-        ours = self._judge.core_solver
+        own, ours = self._own, self._judge.core_solver
+        known = 0 <= own["last"] <= first
         stop = (_step if ours else _begin)(self._address, first, kappa_before)
-        result: QpResult | None = None
+        result: QpResult | None = None  # of another solver than ours
         instead, iterations = "", 0
         while stop in {_SOLVE, _REFUSED}:
             if stop == _SOLVE and ours:
@@ -166,46 +141,47 @@ class Planner:
             result = self._solved(times, refused=stop == _REFUSED)
             instead, iterations = result.instead or instead, iterations + result.iterations
             stop = _accept(self._address, result.point.address_for(self._program.shape), result.leaves_guess)
-            if result.leaves_guess and self._counts[_USABLE]:
-                self._window_of_points().copy_from(result.point)
-        self._raise_from_python()
-        (_, _, _, reaches, _, lost, programs, own_iterations, ending, halvings, usable, priced) = self._counts.tolist()
-        violation, moved, merit, primal, dual, gap, linearise, solve, check = self._numbers.tolist()
+            if result.leaves_guess and own["usable"]:
+                self._last_point().copy_from(result.point)
+        for part in self._python:  # what it has raised while the core called it
+            raised, part.raised = part.raised, None
+            if raised is not None:
+                raise raised
         if stop == _LOST:
-            raise self._footless(first + lost)
-        status, reason = (ENDINGS[ending], "") if result is None else (result.status, result.reason)
-        residuals = Residuals(primal, dual, gap)
-        if not usable and programs <= 1 and (not known or (status is Status.FAILED and first + self._scene.settings.executed > reaches)):
-            self._counts[0] = -1
-            raise self._unsolved(status, reason, residuals, first, first_plan=not known)
-        at, stages = int(self._scene.record["at"][0]), self._scene.settings.stages
-        motion = self._scene.motion.stages[at : at + stages + 1]
+            raise self._footless(first + int(own["lost"]))
+        status, reason = (ENDINGS[own["ending"]], "") if result is None else (result.status, result.reason)
+        ended = status is Status.FAILED and first + self._scene.settings.executed > own["reaches"]
+        if not own["usable"] and own["programs"] <= 1 and (not known or ended):
+            own["last"] = -1
+            raise self._unsolved(status, reason, first, first_plan=not known)
+        motion = self._scene.motion.stages[self._window()]
         z, kappa = motion["z"].copy(), motion["kappa"][:-1].copy()
-        times.linearise, times.check, times.solve = linearise, check, times.solve + solve
+        times.linearise, times.check = float(own["seconds_linearise"]), float(own["seconds_check"])
+        times.solve += float(own["seconds_solve"])
         times.total = perf_counter() - began - times.aside
         times.cpu = times.total if times.aside else process_time() - began_cpu
         return Plan(
-            first, z, kappa, kappa_before, status=status, reason=reason, usable=bool(usable), instead=instead, qp_count=programs,
-            qp_iterations=iterations + own_iterations, residuals=residuals, violation=violation, moved=moved,
-            merit=merit if priced else None, halvings=halvings, times=times,
+            first, z, kappa, kappa_before, status=status, reason=reason, usable=bool(own["usable"]), instead=instead,
+            qp_count=int(own["programs"]), qp_iterations=iterations + int(own["iterations"]), residuals=self._residuals(),
+            violation=float(own["violation"]), moved=float(own["moved"]), merit=float(own["merit"]) if own["priced"] else None,
+            halvings=int(own["halvings"]), times=times,
         )  # fmt: skip
 
     def _solved(self, times: StepTimes, *, refused: bool) -> QpResult:
         """Return a judged solution of the program, which solvers are given a copy of; ``refused`` is that of our solver."""
-        began = perf_counter()
-        at, count = int(self._scene.record["at"][0]), self._scene.settings.stages + 1
-        for mine, memory in ((self._program.stages, self._scene.qp.stages), (self._program.rows, self._scene.qp.rows)):
-            mine[:] = memory[at : at + count]
+        began, window = perf_counter(), self._window()
+        self._program.stages[:], self._program.rows[:] = self._scene.qp.stages[window], self._scene.qp.rows[window]
         if refused:
-            ours = self._result_of_ours()
+            ours = QpResult(ENDINGS[self._own["ending"]], self._last_point(), 0, 0.0, 0.0)
             result = self._judge.instead(self._program, refusal(ours, self._residuals()), self._judged, began)
             times.aside += perf_counter() - began - result.update_time - result.solve_time
             times.update += result.update_time
         else:
-            mark, judged = perf_counter(), self._numbers[-1]
-            guess = self._window_of_points() if self._judge.starts_warm and self._counts[_GUESSED] else None
+            mark, checked = perf_counter(), float(self._own["seconds_check"])
+            guess = self._last_point() if self._judge.starts_warm and self._own["guessed"] else None
             result = self._judge.judged(self._program, guess, self._judged)
-            times.update += perf_counter() - mark - result.solve_time - result.time_aside - (self._numbers[-1] - judged)
+            checked = float(self._own["seconds_check"]) - checked
+            times.update += perf_counter() - mark - result.solve_time - result.time_aside - checked
             times.aside += mark - began + result.time_aside
         times.solve += result.solve_time
         return result
@@ -216,22 +192,16 @@ class Planner:
         return self._residuals()
 
     def _residuals(self) -> Residuals:
-        return Residuals(*self._numbers[3:6].tolist())
+        return Residuals(*self._own["residuals"].tolist())
 
-    def _window_of_points(self) -> StageSolution:
+    def _window(self) -> slice:
+        """Return where the program's stages are in the memory."""
+        at = int(self._scene.record["at"][0])
+        return slice(at, at + self._scene.settings.stages + 1)
+
+    def _last_point(self) -> StageSolution:
         """Return the last solution along the road: the guess of the next."""
-        at, count = int(self._scene.record["at"][0]), self._scene.settings.stages + 1
-        return StageSolution(self._points.stages[at : at + count], self._points.row_points[at : at + count])
-
-    def _result_of_ours(self) -> QpResult:
-        return QpResult(ENDINGS[self._counts[_ENDING]], self._window_of_points(), 0, 0.0, 0.0)
-
-    def _raise_from_python(self) -> None:
-        """Raise what a part in Python has raised while the core called it."""
-        for part in self._python:
-            raised, part.raised = part.raised, None
-            if raised is not None:
-                raise raised
+        return StageSolution(self._points.stages[self._window()], self._points.row_points[self._window()])
 
     def _footless(self, station: int) -> PlanError:
         """Return the error of a stage with a point that has no foot."""
@@ -239,9 +209,9 @@ class Planner:
         msg = f"at s = {s:.1f} m a point of the {name} lies beyond the road's centre of curvature: the road bends too tightly for it"
         return PlanError(msg, s_m=s, hint="smooth the road more (--smooth), or plan with a shorter vehicle")
 
-    def _unsolved(self, status: Status, reason: str, residuals: Residuals, station: int, *, first_plan: bool) -> SolverError:
+    def _unsolved(self, status: Status, reason: str, station: int, *, first_plan: bool) -> SolverError:
         """Return the error of a step without a motion that could be driven."""
         s, why = float(self._scene.stations.s[station]), f" ({reason})" if reason else ""
         what = "the first plan could not be solved" if first_plan else "no plan was solved since what the last one covered"
-        msg = f"at s = {s:.1f} m {what}: {self._judge.name} says {status}{why}, primal residual {residuals.primal:.2g}"
+        msg = f"at s = {s:.1f} m {what}: {self._judge.name} says {status}{why}, primal residual {self._residuals().primal:.2g}"
         return SolverError(msg, status=str(status), s_m=s, hint="try another --solver")

@@ -6,6 +6,7 @@ step is a slice and nothing about the road is computed twice.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -16,7 +17,6 @@ from hdvplan.arrays import FloatArray, Records
 from hdvplan.centring.stationary import Centring
 from hdvplan.centring.weights import CentringTable
 from hdvplan.planning.bias import NONE, Bias, shifted
-from hdvplan.planning.running import running
 from hdvplan.road.path import ReferencePath, evaluate_many
 from hdvplan.road.regions import OPEN_M
 from hdvplan.road.road import Road
@@ -33,20 +33,8 @@ _STRETCH = 1.25  # a body point moves at most this much further than the lead ax
 
 
 # What planning knows of the road at one station: the road itself, and what the vehicle can meet anywhere along its length when its lead
-# axle is there.
-STATION = core.record(
-    "hdv_station",
-    [
-        ("s", float),  # [m]
-        *((name, float) for name in ("x", "y", "cos", "sin", "curvature")),  # [m, 1/m]
-        ("curvature_between", float),  # half-way to the next station [1/m]
-        ("room_left", float),  # from the line to the nearest kerb there [m]; infinite without limits
-        ("room_right", float),
-        ("k_low", float),  # smallest and largest signed curvature [1/m]
-        ("k_high", float),
-        ("margin", float),  # what a body may reach beyond the limits between stations when it keeps them at every station [m]
-    ],
-)
+# axle is there; hdvplan/core/hdvplan.h has the fields.
+STATION = core.record("hdv_station")
 
 
 @dataclass(frozen=True)
@@ -132,3 +120,16 @@ def _beside(rooms: FloatArray, k: FloatArray, factor: float, vehicle: Vehicle) -
     ahead, behind = (int(np.ceil((factor * reach + _SLACK_M) / _SPACING_M)) for reach in (vehicle.reach_ahead, vehicle.reach_behind))
     low, high = (partial(running, pick, behind=behind, ahead=ahead) for pick in (np.minimum, np.maximum))
     return np.stack([low(rooms[0]), low(rooms[1]), low(k), high(k)])
+
+
+def running(pick: Callable[[FloatArray, FloatArray], FloatArray], values: FloatArray, behind: int, ahead: int) -> FloatArray:
+    """Return every entry's extreme over ``behind`` entries before it to ``ahead`` after it, along the last axis; the ends go on.
+
+    ``pick`` is ``np.minimum`` or ``np.maximum``. Windows are doubled: log2 of their size passes over the array. scipy.ndimage has this
+    too, but takes 0.1 s to load, which every plan would wait for.
+    """
+    size, width, count = behind + ahead + 1, 1, values.shape[-1]
+    window = np.pad(values, [(0, 0)] * (values.ndim - 1) + [(behind, ahead)], mode="edge")
+    while 2 * width <= size:
+        window, width = pick(window[..., :-width], window[..., width:]), 2 * width
+    return pick(window[..., :count], window[..., size - width :][..., :count])

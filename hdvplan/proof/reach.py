@@ -1,27 +1,83 @@
-"""Everything that a rigid vehicle can reach along a road: headings in cells, and for each cell intervals of the lateral offset.
+"""The points of a body that must lie in free space, whether it fits anywhere at all, and everything that a rigid vehicle can reach.
 
-How it is followed, and why nothing is missed: hdvplan/core/reach_set.c.
+Headings are followed in cells, and for each cell intervals of the lateral offset. How, and why nothing is missed: hdvplan/core/poses.c and
+hdvplan/core/reach_set.c.
 """
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hdvplan import core
 from hdvplan.arrays import FloatArray, IntArray, Records
-from hdvplan.proof.poses import Outline, outline_record
 from hdvplan.proof.space import MOST, Beside, Frame, around, frame_record
+from hdvplan.vehicle.model import Unit
 
-GRID = core.record("hdv_grid", [("first", float), ("size", float), ("cells", np.int64)])
-_REACHED = core.record(
-    "hdv_reached",
-    [*((name, np.int64) for name in ("empty", "open")), *((name, core.ADDRESS) for name in ("low", "high", "right", "left", "filled"))],
-)
-_CELLS = core.record("hdv_cells", [("number", core.ADDRESS), ("pieces", core.ADDRESS)])
+_SAME_M = 1e-9
+POINTS_M = 0.4  # between the points of an outline that are looked at: a bend of 8 m of radius reaches 2.5 mm in between
+_OUTLINE = core.record("hdv_outline")
+_fits = core.function("hdv_fits", core.POINTER, core.POINTER, core.POINTER, returns=core.INT)
+
+
+class Outline(NamedTuple):
+    """Points of one body that must lie in free space: ahead of its axle and left of its middle (n, 2) [m], and by which region (n,)."""
+
+    points: FloatArray
+    region: IntArray  # 0: the drivable one, 1: the one for overhangs
+    rear: float  # of the body, ahead of the point of reference [m]
+    front: float
+    half: float  # width [m]
+    reach: float  # of the furthest point [m]
+
+
+def outline_of(unit: Unit, *, two_regions: bool) -> Outline:
+    """Return a body's outline; between its axles it keeps to the drivable region where overhangs have a separate one."""
+    ends = np.unique([-unit.rear_overhang, 0.0, min(unit.wheelbase, unit.front), unit.front])
+    pieces = [np.linspace(a, b, int(np.ceil((b - a) / POINTS_M)) + 1) for a, b in pairwise(ends)]
+    ahead = np.unique(np.concatenate(pieces)) if pieces else ends
+    half = 0.5 * unit.width
+    overhang = (ahead < -_SAME_M) | (ahead > unit.wheelbase + _SAME_M)
+    across = np.linspace(-half, half, int(np.ceil(unit.width / POINTS_M)) + 1)[1:-1]
+    points = [np.column_stack([ahead, np.full(len(ahead), side)]) for side in (half, -half)]
+    points += [np.column_stack([np.full(len(across), end), across]) for end in (ends[-1], ends[0])]
+    whole = np.concatenate([overhang, overhang, np.full(2 * len(across), True)])
+    # Corners first: they rule out most poses at once.
+    order = np.argsort(-np.abs(np.concatenate(points)[:, 0] - 0.5 * (ends[0] + ends[-1])), kind="stable")
+    region = np.where(whole, 1, 0) if two_regions else np.ones(len(whole))
+    return _outline(np.concatenate(points)[order], region[order])
+
+
+def seen_from(outline: Outline, ahead: float) -> Outline:
+    """Return an outline whose point of reference lies ``ahead`` of the old one [m]."""
+    return _outline(outline.points - np.array([ahead, 0.0]), outline.region)
+
+
+def _outline(points: FloatArray, region: NDArray[np.generic]) -> Outline:
+    reach = float(np.max(np.hypot(points[:, 0], points[:, 1])))
+    ends = float(np.min(points[:, 0])), float(np.max(points[:, 0])), float(np.max(points[:, 1]))
+    return Outline(np.ascontiguousarray(points), np.ascontiguousarray(region.astype(np.int64)), *ends, reach)
+
+
+def outline_record(outline: Outline) -> Records:
+    """Return an outline as the core takes it; its arrays must outlive the record."""
+    sizes = (outline.rear, outline.front, outline.half, outline.reach)
+    return np.array([(core.address(outline.points), core.address(outline.region), len(outline.region), *sizes)], _OUTLINE)
+
+
+def fits(outline: Outline, space: Beside, frame: Frame, *, two_regions: bool) -> int:
+    """Return the first station at which the body fits in no pose, its axle on the normal there; -1 if there is none."""
+    near, body, stations = around(space, outline.reach, two_regions=two_regions), outline_record(outline), frame_record(frame)
+    return int(_fits(core.address(body), core.address(stations), core.address(near.record)))
+
+
+GRID = core.record("hdv_grid")
+_REACHED = core.record("hdv_reached")
+CELLS = core.record("hdv_cells")
 _reachable = core.function("hdv_reachable", core.POINTER, core.REAL, *[core.POINTER] * 8)
-_reach_next = core.function("hdv_reach_next", core.REAL, core.POINTER, core.POINTER, core.INT, *[core.POINTER] * 4, returns=core.INT)
 
 
 class Grid(NamedTuple):
@@ -30,22 +86,6 @@ class Grid(NamedTuple):
     first: float
     size: float
     cells: int
-
-
-class Span(NamedTuple):
-    """Cells from ``begin`` to before ``end`` that may hold anything, of those from ``lowest`` to before ``highest`` that are followed."""
-
-    begin: int
-    end: int
-    lowest: int
-    highest: int
-
-
-class Cells(NamedTuple):
-    """What cells hold: how many intervals of the offset (cells,), and these (cells, MOST, 2) [m]."""
-
-    number: IntArray
-    pieces: FloatArray
 
 
 class Reached(NamedTuple):
@@ -92,25 +132,10 @@ def reachable(
     ``kappa`` is the largest curvature [1/m]. ``keep``, (stations, cells) and (stations, cells, MOST, 2), take the sets.
     """
     near, body, stations = around(space, outline.reach, two_regions=two_regions), outline_record(outline), frame_record(frame)
-    cells, slopes, found = [_empty_cells(grid) for _ in range(2)], np.empty((2 * grid.cells, 2)), Answer.empty(len(frame.s))
-    memory, layout = np.array([tuple(map(core.address, one)) for one in cells], _CELLS), np.array([grid], GRID)
+    cells = [(np.zeros(grid.cells, np.int64), np.empty((grid.cells, MOST, 2))) for _ in range(2)]  # how many intervals, and these
+    slopes, found = np.empty((2 * grid.cells, 2)), Answer.empty(len(frame.s))
+    memory, layout = np.array([tuple(map(core.address, one)) for one in cells], CELLS), np.array([grid], GRID)
     kept = (None, None) if keep is None else tuple(map(core.address, keep))
     records = (stations, layout, near.record, memory, slopes)
     _reachable(core.address(body), kappa, *map(core.address, records), *kept, core.address(found.record))
     return found.read()
-
-
-def step(kappa: float, frame: Frame, grid: Grid, i: int, before: Cells, span: Span, now: Cells) -> tuple[int, int, int]:
-    """Write what station ``i`` can be reached with, from what was reached at the last one, into ``now``.
-
-    Return the cells that may hold anything, and how many cells a heading may have changed by.
-    """
-    left, slopes, stations = np.array(span, np.int64), np.empty((2 * grid.cells, 2)), frame_record(frame)
-    sets, layout = [np.array([tuple(map(core.address, one))], _CELLS) for one in (before, now)], np.array([grid], GRID)
-    parts = (sets[0], left, sets[1], slopes)
-    furthest = _reach_next(kappa, core.address(stations), core.address(layout), i, *map(core.address, parts))
-    return int(left[0]), int(left[1]), int(furthest)
-
-
-def _empty_cells(grid: Grid) -> Cells:
-    return Cells(np.zeros(grid.cells, np.int64), np.empty((grid.cells, MOST, 2)))

@@ -22,30 +22,11 @@ STRETCH_M = 10.0  # of line per area: it does not come round to itself within th
 BIN_M = core.constant("HDV_BIN_M")  # of u, ahead of the axle
 MOST = core.number("HDV_FREE_INTERVALS")  # that are stored for one u; of more, the outermost are joined
 _SHARP = 0.1  # sine of a turn of a kerb; less sharp corners reach under 1 cm between points of an outline
-_BESIDE = core.record(
-    "hdv_beside",
-    [
-        *((name, core.ADDRESS) for name in ("areas", "begin", "caps", "kerbs", "blocked", "corners")),
-        *((name, float) for name in ("first", "stretch")),
-        *((name, np.int64) for name in ("stretches", "blocked_count", "corner_count")),
-    ],
-)
-_FRAME = core.record("hdv_frame", [*((name, core.ADDRESS) for name in ("s", "x", "y", "heading")), ("stations", np.int64)])
-_AROUND = core.record(
-    "hdv_around",
-    [
-        ("beside", core.ADDRESS),
-        ("reach", float),
-        *((name, np.int64) for name in ("two_regions", "bins")),
-        *((name, core.ADDRESS) for name in ("free", "lines", "corners")),
-        ("corners_near", np.int64),
-        ("near", float, 2),
-        *((name, core.ADDRESS) for name in ("areas", "triangles", "met")),
-    ],
-)
-_SHAPE_NEAR = core.record(
-    "hdv_shape_near", [("u", float, 3), ("v", float, 3), *((name, float, 2) for name in ("extent", "whole", "first", "last"))]
-)
+_BESIDE = core.record("hdv_beside")
+_FRAME = core.record("hdv_frame")
+_AROUND = core.record("hdv_around", near=np.dtype((float, 2)))
+_PAIR, _TRIPLE = np.dtype((float, 2)), np.dtype((float, 3))
+_SHAPE_NEAR = core.record("hdv_shape_near", u=_TRIPLE, v=_TRIPLE, extent=_PAIR, whole=_PAIR, first=_PAIR, last=_PAIR)
 
 
 class Beside(NamedTuple):

@@ -60,9 +60,9 @@ class StageShape:
             raise QpDataError(msg)
 
 
-def stage_dtype(states: int, inputs: int, bounded: int) -> np.dtype[np.void]:
+def stage_dtype(shape: StageShape) -> np.dtype[np.void]:
     """Return the record of one stage: all numbers of a program but its rows."""
-    n, m, b = states, inputs, bounded
+    n, m, b = shape.states, shape.inputs, len(shape.bounded_states)
     sizes = {"A": (n, n), "B": (n, m), "c": (n,), "Q": (n, n), "q": (n,), "R": (m, m), "r": (m,), "u_low": (m,), "u_high": (m,), "live": (),
              "x_low": (b,), "x_high": (b,)}  # fmt: skip
     return np.dtype([(name, float, size) for name, size in sizes.items()])
@@ -73,9 +73,25 @@ def row_dtype(states: int) -> np.dtype[np.void]:
     return np.dtype([("g", float, (states,)), ("h", float), ("linear", float), ("quadratic", float)])
 
 
-PROGRAM = core.record(
-    "hdv_program", [("shape", np.int64, (5,)), *((name, core.ADDRESS) for name in ("stages", "rows", "x_first", "bounded"))]
-)
+PROGRAM = core.record("hdv_program", shape=np.dtype((np.int64, 5)))
+
+
+_ALL, _INTERVALS, _AHEAD = (
+    slice(None),
+    slice(None, -1),
+    slice(1, None),
+)  # of stages 0..N: all, those with an input, those behind the first
+
+
+class _Named:
+    """A named array of a program or a point: a view of one field of its records, at the stages that have it."""
+
+    def __init__(self, records: str, name: str, at: slice) -> None:
+        self._records, self._name, self._at = records, name, at
+
+    def __get__(self, owner: object, kind: type) -> FloatArray:
+        found: FloatArray = getattr(owner, self._records)[self._name][self._at]
+        return found
 
 
 @dataclass(frozen=True)
@@ -95,7 +111,7 @@ class StageQp:
     def __post_init__(self) -> None:
         """Lay the records over the buffer."""
         shape = self.shape
-        stage, row = stage_dtype(shape.states, shape.inputs, len(shape.bounded_states)), row_dtype(shape.states)
+        stage, row = stage_dtype(shape), row_dtype(shape.states)
         count = shape.stages + 1
         first = count * stage.itemsize // 8
         last = first + count * shape.rows * row.itemsize // 8
@@ -107,7 +123,7 @@ class StageQp:
     @classmethod
     def empty(cls, shape: StageShape) -> StageQp:
         """Return a program of zeros, with all rows live."""
-        stage, row = stage_dtype(shape.states, shape.inputs, len(shape.bounded_states)), row_dtype(shape.states)
+        stage, row = stage_dtype(shape), row_dtype(shape.states)
         size = (shape.stages + 1) * (stage.itemsize + shape.rows * row.itemsize) // 8 + shape.states
         qp = cls(shape, np.zeros(size))
         qp.stages["live"] = 1.0
@@ -124,80 +140,21 @@ class StageQp:
         """Where that record is."""
         return core.address(self.record)
 
-    @property
-    def A(self) -> FloatArray:  # noqa: N802 - the field's name
-        """The dynamics, (N, n, n)."""
-        return self.stages["A"][:-1]
-
-    @property
-    def B(self) -> FloatArray:  # noqa: N802 - the field's name
-        """What the inputs move, (N, n, m)."""
-        return self.stages["B"][:-1]
-
-    @property
-    def c(self) -> FloatArray:
-        """What the dynamics add, (N, n)."""
-        return self.stages["c"][:-1]
-
-    @property
-    def Q(self) -> FloatArray:  # noqa: N802 - the field's name
-        """The states' Hessians, (N+1, n, n)."""
-        return self.stages["Q"]
-
-    @property
-    def q(self) -> FloatArray:
-        """The states' gradients, (N+1, n)."""
-        return self.stages["q"]
-
-    @property
-    def R(self) -> FloatArray:  # noqa: N802 - the field's name
-        """The inputs' Hessians, (N, m, m)."""
-        return self.stages["R"][:-1]
-
-    @property
-    def r(self) -> FloatArray:
-        """The inputs' gradients, (N, m)."""
-        return self.stages["r"][:-1]
-
-    @property
-    def G(self) -> FloatArray:  # noqa: N802 - the field's name
-        """The rows, (N, p, n); entry i belongs to stage i + 1."""
-        return self.rows["g"][1:]
-
-    @property
-    def h(self) -> FloatArray:
-        """The rows' right-hand sides, (N, p)."""
-        return self.rows["h"][1:]
-
-    @property
-    def linear(self) -> FloatArray:
-        """The l1 weights of the rows' elastic variables, (N, p)."""
-        return self.rows["linear"][1:]
-
-    @property
-    def quadratic(self) -> FloatArray:
-        """The squares' weights of the rows' elastic variables, (N, p)."""
-        return self.rows["quadratic"][1:]
-
-    @property
-    def x_low(self) -> FloatArray:
-        """Lower bounds of the bounded states, (N, bounded); entry i belongs to stage i + 1."""
-        return self.stages["x_low"][1:]
-
-    @property
-    def x_high(self) -> FloatArray:
-        """Upper bounds of the bounded states, (N, bounded)."""
-        return self.stages["x_high"][1:]
-
-    @property
-    def u_low(self) -> FloatArray:
-        """Lower bounds of the inputs, (N, m)."""
-        return self.stages["u_low"][:-1]
-
-    @property
-    def u_high(self) -> FloatArray:
-        """Upper bounds of the inputs, (N, m)."""
-        return self.stages["u_high"][:-1]
+    A = _Named("stages", "A", _INTERVALS)  #: (N, n, n)
+    B = _Named("stages", "B", _INTERVALS)  #: (N, n, m)
+    c = _Named("stages", "c", _INTERVALS)  #: (N, n)
+    Q = _Named("stages", "Q", _ALL)  #: (N+1, n, n)
+    q = _Named("stages", "q", _ALL)  #: (N+1, n)
+    R = _Named("stages", "R", _INTERVALS)  #: (N, m, m)
+    r = _Named("stages", "r", _INTERVALS)  #: (N, m)
+    G = _Named("rows", "g", _AHEAD)  #: (N, p, n); entry i of this and those below belongs to stage i + 1
+    h = _Named("rows", "h", _AHEAD)  #: (N, p)
+    linear = _Named("rows", "linear", _AHEAD)  #: (N, p)
+    quadratic = _Named("rows", "quadratic", _AHEAD)  #: (N, p)
+    x_low = _Named("stages", "x_low", _AHEAD)  #: (N, bounded)
+    x_high = _Named("stages", "x_high", _AHEAD)  #: (N, bounded)
+    u_low = _Named("stages", "u_low", _INTERVALS)  #: (N, m)
+    u_high = _Named("stages", "u_high", _INTERVALS)  #: (N, m)
 
     def check(self) -> None:
         """Refuse non-finite values and crossed bounds before any solver sees them.
@@ -228,7 +185,7 @@ def point_dtype(states: int, inputs: int, bounded: int) -> np.dtype[np.void]:
     return np.dtype([("x", float, n), ("u", float, m), ("dynamics", float, n), ("x_bounds", float, b), ("u_bounds", float, m)])
 
 
-POINT = core.record("hdv_point", [("stages", core.ADDRESS), ("rows", core.ADDRESS)])
+POINT = core.record("hdv_point")
 ROW_POINT = np.dtype([("sigma", float), ("multiplier", float)])  # of one row of a primal-dual point
 
 
@@ -244,6 +201,13 @@ class StageSolution:
 
     stages: Records  #: (N+1,) of ``point_dtype``
     row_points: Records  #: (N+1, p) of ``ROW_POINT``
+    x = _Named("stages", "x", _ALL)  #: (N+1, n)
+    u = _Named("stages", "u", _INTERVALS)  #: (N, m)
+    sigma = _Named("row_points", "sigma", _AHEAD)  #: (N, p)
+    dynamics = _Named("stages", "dynamics", _ALL)  #: multipliers of x_0 given, then of each x_{i+1} = ..., (N+1, n)
+    rows = _Named("row_points", "multiplier", _AHEAD)  #: (N, p)
+    x_bounds = _Named("stages", "x_bounds", _AHEAD)  #: (N, bounded)
+    u_bounds = _Named("stages", "u_bounds", _INTERVALS)  #: (N, m)
 
     @classmethod
     def empty(cls, shape: StageShape) -> StageSolution:
@@ -282,38 +246,3 @@ class StageSolution:
         """Take over another point of the same shape."""
         for mine, theirs in zip(self.numbers, other.numbers, strict=True):
             mine[:] = theirs
-
-    @property
-    def x(self) -> FloatArray:
-        """The states, (N+1, n)."""
-        return self.stages["x"]
-
-    @property
-    def u(self) -> FloatArray:
-        """The inputs, (N, m)."""
-        return self.stages["u"][:-1]
-
-    @property
-    def sigma(self) -> FloatArray:
-        """The rows' elastic variables, (N, p); entry i belongs to stage i + 1."""
-        return self.row_points["sigma"][1:]
-
-    @property
-    def dynamics(self) -> FloatArray:
-        """Multipliers of x_0 given, then of each x_{i+1} = ..., (N+1, n)."""
-        return self.stages["dynamics"]
-
-    @property
-    def rows(self) -> FloatArray:
-        """Multipliers of the rows, (N, p)."""
-        return self.row_points["multiplier"][1:]
-
-    @property
-    def x_bounds(self) -> FloatArray:
-        """Multipliers of the bounded states' bounds, (N, bounded); entry i belongs to stage i + 1."""
-        return self.stages["x_bounds"][1:]
-
-    @property
-    def u_bounds(self) -> FloatArray:
-        """Multipliers of the inputs' bounds, (N, m)."""
-        return self.stages["u_bounds"][:-1]

@@ -1,12 +1,27 @@
-"""The protocol of QP solvers: a persistent workspace, common statuses, a point that residuals can check."""
+"""The protocol of QP solvers: a persistent workspace, common statuses, and the judge of every result.
+
+A solver fails where it raises, where it does not answer within a time limit, and where its point, judged by residuals that are recomputed
+here, breaks the program or is far from its optimum. The same program is then solved by the second solver, and the result says so. Where
+that fails too, the result is ``failed``: planning then drives the last plan on, as far as it reaches.
+
+Benchmarks use solvers alone: there a failure is a row.
+"""
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from enum import StrEnum
+from functools import partial
+from queue import Empty, SimpleQueue
+from time import perf_counter
 from typing import NamedTuple, Protocol
 
+import numpy as np
+
 from hdvplan import core
+from hdvplan.errors import HdvplanError, SolverError
+from hdvplan.plugins import said
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 
 
@@ -63,3 +78,147 @@ class QpWorkspace(Protocol):
 
 
 WorkspaceMaker = Callable[[StageShape], QpWorkspace]
+
+
+_residuals = core.function("hdv_residuals", core.POINTER, core.POINTER, core.POINTER)
+
+
+class Residuals(NamedTuple):
+    """How far a point is from optimal, recomputed from the program and never taken from a solver."""
+
+    primal: float  # largest violation of dynamics, rows and bounds [m, rad, 1/m]
+    dual: float  # largest entry of the Lagrangian's gradient
+    gap: float  # |complementarity| summed over all inequalities
+
+
+def residuals(qp: StageQp, point: StageSolution) -> Residuals:
+    """Return the residuals of ``point``; NaN where anything in it is not finite. They judge every solver alike.
+
+    Raises:
+        QpDataError: the point is of another shape than the program.
+
+    """
+    found = np.empty(3)
+    _residuals(qp.address, point.address_for(qp.shape), core.address(found))
+    return Residuals(*found.tolist())
+
+
+USABLE_RESIDUAL, WRONG = core.constant("HDV_USABLE_RESIDUAL"), core.constant("HDV_WRONG")
+
+Judging = Callable[[StageSolution], Residuals]
+
+
+def backed(make: WorkspaceMaker, second: WorkspaceMaker, *, limit_s: float | None = None) -> WorkspaceMaker:
+    """Return the maker of workspaces that have ``second`` solve what the first one fails at.
+
+    ``limit_s`` bounds one solve [s]. It takes a thread, and is meant for solvers that are not known to end. One that has not answered is
+    never asked again: its thread cannot be stopped.
+    """
+    return lambda shape: Judge(make(shape), second, limit_s)
+
+
+class Judge:
+    """A workspace whose results are judged, with another one behind it, if any, which is made when it is first needed."""
+
+    def __init__(self, first: QpWorkspace, second: WorkspaceMaker | None = None, limit_s: float | None = None) -> None:
+        self._first, self._make, self._limit = first, second, limit_s
+        self._second: QpWorkspace | None = None
+        self._hangs = ""
+        self.name, self.starts_warm = first.name, first.starts_warm
+        self.core_solver: int = getattr(first, "core_solver", 0)  #: where the core's solver is, if that is the one
+
+    def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
+        """Solve ``qp``; see ``QpWorkspace``."""
+        return self.judged(qp, guess, partial(residuals, qp))
+
+    def judged(self, qp: StageQp, guess: StageSolution | None, judge: Judging) -> QpResult:
+        """Solve ``qp``, and let another solver do it where ``judge`` refuses the point. Only the time of who answers counts as solving.
+
+        Raises:
+            Exception: without a second solver, whatever the first one raises.
+
+        """
+        if self._make is None:
+            result = self._first.solve(qp, guess)
+            judge(result.point)
+            return result
+        began = perf_counter()
+        found, why = self._asked(qp, guess, judge)
+        return found if found is not None and not why else self.instead(qp, why, judge, began)
+
+    def instead(self, qp: StageQp, why: str, judge: Judging, began: float) -> QpResult:
+        """Return the second solver's result for a program that the first one failed at since ``began`` [s], and say ``why``."""
+        if self._make is None:
+            msg = f"{self.name}: {why}"
+            raise SolverError(msg)
+        second = self._second = self._make(qp.shape) if self._second is None else self._second
+        lost = perf_counter() - began
+        rescued, again = _attempt(partial(second.solve, qp, None), judge)
+        if rescued is None or again:
+            point = StageSolution.empty(qp.shape)
+            point.x[:] = np.nan
+            judge(point)
+            return QpResult(Status.FAILED, point, 0, lost, 0.0, reason=f"{why}; {second.name}: {again}")
+        return rescued._replace(time_aside=rescued.time_aside + lost, instead=f"{why}; solved by {second.name}")
+
+    def _asked(self, qp: StageQp, guess: StageSolution | None, judge: Judging) -> tuple[QpResult | None, str]:
+        """Return the first solver's result, and why it is refused: nothing where it is not."""
+        if self._hangs:
+            return None, self._hangs
+        solve = self._first.solve if self._limit is None else partial(self._in_time, self._limit)
+        return _attempt(partial(solve, qp, guess), judge)
+
+    def _in_time(self, limit_s: float, qp: StageQp, guess: StageSolution | None) -> QpResult:
+        """Have a separate thread solve a copy: one that is late must not see the next program's values.
+
+        Raises:
+            SolverError: it has not answered in time.
+            BaseException: whatever the solver raises.
+
+        """
+        own = StageQp(qp.shape, qp.buffer.copy())
+        answers: SimpleQueue[QpResult | BaseException] = SimpleQueue()
+
+        def answer() -> None:
+            try:
+                answers.put(self._first.solve(own, guess))
+            except BaseException as error:  # noqa: BLE001 - raised again by who waits
+                answers.put(error)
+
+        threading.Thread(target=answer, daemon=True, name="a solver with a time limit").start()
+        try:
+            found = answers.get(timeout=limit_s)
+        except Empty:
+            self._hangs = f"no answer within {limit_s:g} s"
+            raise SolverError(self._hangs) from None
+        if isinstance(found, BaseException):
+            raise found
+        return found
+
+
+def _attempt(solve: Callable[[], QpResult], judge: Judging) -> tuple[QpResult | None, str]:
+    """Return a solver's result, and why it is refused."""
+    try:
+        result = solve()
+        judged = judge(result.point)
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # noqa: BLE001 - compiled solvers panic with what is no Exception, others leave by sys.exit
+        return None, str(error) if isinstance(error, HdvplanError) else said(error)
+    return result, refusal(result, judged)
+
+
+def refusal(result: QpResult, judged: Residuals) -> str:
+    """Return why a result is refused, nothing where it is not."""
+    own = f": {result.reason}" if result.reason else ""
+    if not judged.primal <= USABLE_RESIDUAL:  # NaN too
+        return f"it says {result.status}{own}, with a primal residual of {judged.primal:.2g}"
+    if judged.dual > WRONG and judged.dual > WRONG * largest_multiplier(result.point):
+        return f"it says {result.status}{own}, far from the optimum: dual residual {judged.dual:.2g}"
+    return ""
+
+
+def largest_multiplier(point: StageSolution) -> float:
+    """Return a point's largest multiplier."""
+    parts = (point.dynamics, point.rows, point.x_bounds, point.u_bounds)
+    return max([float(np.max(np.abs(part))) for part in parts if part.size])

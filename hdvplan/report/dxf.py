@@ -15,9 +15,9 @@ from ezdxf.enums import TextEntityAlignment
 from ezdxf.filemanagement import new
 
 from hdvplan.arrays import FloatArray
+from hdvplan.judging.bodies import TRACK_NOTE
 from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import verdict_line, verdict_of
-from hdvplan.judging.wheels import TRACK_NOTE
 from hdvplan.report.geojson import polygons_of
 from hdvplan.report.layers import Drawn, Layer, System, drawing_system, drawn_features
 from hdvplan.texts import printable

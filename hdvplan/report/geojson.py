@@ -11,8 +11,8 @@ from shapely.geometry.polygon import orient
 
 from hdvplan.arrays import FloatArray
 from hdvplan.judging.balance import Breach
+from hdvplan.judging.bodies import wheel_tracks
 from hdvplan.judging.result import Result, body_name
-from hdvplan.judging.wheels import wheel_tracks
 from hdvplan.report.colours import BREACH, INK, MUTED, body_colour
 from hdvplan.report.kerbs import broken_kerb, shown_kerbs, simple_line
 from hdvplan.report.rooms import approach_of
@@ -33,7 +33,7 @@ Json = dict[str, object]
 def swept_geojson(result: Result) -> Json:
     """Return a FeatureCollection: one (Multi)Polygon a body, lines for limits and their breaches, the road's centre, regions, tracks.
 
-    The tracks are those of ``hdvplan.judging.wheels``, one line a wheel.
+    The tracks are those of ``hdvplan.judging.bodies``, one line a wheel.
     Every feature carries its colours as simplestyle properties (github.com/mapbox/simplestyle-spec), which geojson.io and
     GitHub draw by; in QGIS they are fields for data-defined styles.
     Longitude and latitude, rounded to 1e-7 degrees, where the road has them; else planar metres, rounded to 1 mm.

@@ -14,9 +14,9 @@ from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from hdvplan.judging.bodies import TRACK_NOTE
 from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import verdict_line, verdict_of
-from hdvplan.judging.wheels import TRACK_NOTE
 from hdvplan.report.colours import INK, MUTED, answer_colour
 from hdvplan.report.drawing import draw_vehicle_views
 from hdvplan.report.layers import LONLAT_CODE, Drawn, drawn_features, map_system

@@ -8,13 +8,11 @@ import numpy as np
 
 from hdvplan.arrays import FloatArray
 from hdvplan.judging.balance import Breach
+from hdvplan.judging.bodies import Wheel, wheels_of
+from hdvplan.judging.envelope import steering_of
 from hdvplan.judging.fit import finding_json
-from hdvplan.judging.manners import manners_of
-from hdvplan.judging.passed import Passed
-from hdvplan.judging.proof import Proof
-from hdvplan.judging.result import Result, body_name
+from hdvplan.judging.result import Passed, Proof, Result, body_name
 from hdvplan.judging.verdict import Verdict, verdict_line, verdict_of
-from hdvplan.judging.wheels import Wheel, wheels_of
 from hdvplan.road.road import Road
 from hdvplan.vehicle.model import Vehicle
 from hdvplan.version import __version__
@@ -143,7 +141,7 @@ def corners_of(road: Road) -> list[Json]:
 
 def _steering(result: Result) -> Json:
     """Return how hard the plan steers; stretches are pairs of arclengths [m]."""
-    use_of = manners_of(result.drive)
+    use_of = steering_of(result.drive)
     uses = {"steering": use_of.curvature, "steering_rate": use_of.rate}
     named: Json = {
         name: {"share": use.share, "s_m": use.s, "nearly_all": [list(stretch) for stretch in use.stretches]} for name, use in uses.items()

@@ -7,7 +7,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from hdvplan.arrays import FloatArray
-from hdvplan.judging.wheels import wheels_of
+from hdvplan.judging.bodies import wheels_of
 from hdvplan.report.kerbs import simple_line
 from hdvplan.report.layers import Drawn, Layer, of_body
 from hdvplan.turning.follow import Followed

@@ -16,7 +16,7 @@ from hdvplan.centring.stationary import stationary
 from hdvplan.centring.weights import CentringTable
 from hdvplan.planning.objectives import Goal, Objective, axle_max
 from hdvplan.planning.stations import Stations
-from hdvplan.planning.terms.reach import Reach
+from hdvplan.planning.terms.centring import Reach
 from hdvplan.report.style import styled
 from hdvplan.reproduce import drawing, published
 from hdvplan.reproduce.study import Progress, Row, Study

@@ -13,8 +13,7 @@ from matplotlib.figure import Figure
 
 from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
-from hdvplan.planning.discretisation import Discretisation
-from hdvplan.planning.settings import PlannerSettings
+from hdvplan.planning.settings import Discretisation, PlannerSettings
 from hdvplan.report.style import styled
 from hdvplan.reproduce import drawing, published
 from hdvplan.reproduce.published import Number

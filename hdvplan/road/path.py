@@ -24,7 +24,7 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 
 
 # A path as the core takes it; ``coefficients`` is where they begin in memory.
-CURVE = core.record("hdv_curve", [("coefficients", core.ADDRESS), ("segments", np.int64), ("s_first", float), ("spacing", float)])
+CURVE = core.record("hdv_curve")
 
 _evaluate_many = core.function("hdv_evaluate_many", core.POINTER, core.INT, core.POINTER, core.POINTER)
 _project_many = core.function("hdv_project_many", core.POINTER, core.INT, *[core.POINTER] * 3, core.REAL, core.POINTER)

@@ -23,23 +23,15 @@ from hdvplan.road.path import ReferencePath
 if TYPE_CHECKING:
     from hdvplan.road.given import GivenLine
 
-PIECE = core.record(
-    "hdv_piece",
-    [
-        *((name, float) for name in ("x", "y", "cos", "sin", "length", "before_cos", "before_sin")),
-        *((name, float) for name in ("s_low", "s_high", "s_begin", "s_end")),
-        *((name, np.int64) for name in ("kerb", "left", "wheels", "corner", "ends", "ends_after")),
-    ],
-)
-STREET = core.record(
-    "hdv_street", [("pieces", core.ADDRESS), ("reach", core.ADDRESS), ("count", np.int64), ("end", float), ("clearance", float)]
-)
+PIECE = core.record("hdv_piece")
+STREET = core.record("hdv_street")
 # Where a body is nearest to a kerb: see core/street.h.
-CONTACT = core.record(
-    "hdv_contact", [*((name, float) for name in ("gap", "ahead", "left", "along_x", "along_y", "s")), ("piece", np.int64)]
-)
+CONTACT = core.record("hdv_contact")
 CONTACTS = core.record(
-    "hdv_contacts", [("at", CONTACT, (2, core.number("HDV_SECTIONS"))), ("near", float, 2), ("overhang", CONTACT, (2, 2))]
+    "hdv_contacts",
+    at=np.dtype((CONTACT, (2, core.number("HDV_SECTIONS")))),
+    near=np.dtype((float, 2)),
+    overhang=np.dtype((CONTACT, (2, 2))),
 )
 _look_many = core.function("hdv_look_many", core.POINTER, core.INT, core.POINTER, core.INT, core.INT, *[core.POINTER] * 4)
 _rooms = core.function("hdv_rooms", core.POINTER, core.INT, *[core.POINTER] * 4)

@@ -12,10 +12,9 @@ from typing import cast
 from hdvplan import plugins
 from hdvplan.errors import SolverError
 from hdvplan.qp.program import StageShape
-from hdvplan.qp.workspace import QpWorkspace, WorkspaceMaker
+from hdvplan.qp.workspace import QpWorkspace, WorkspaceMaker, backed
 from hdvplan.solvers.catalogue import GENERIC, NATIVE, THROUGH, Generic, Native
-from hdvplan.solvers.elastic import hard_first
-from hdvplan.solvers.foreign import ForeignWorkspace
+from hdvplan.solvers.guards import ForeignWorkspace, hard_first
 from hdvplan.spelling import did_you_mean
 
 SolverClass = Callable[..., QpWorkspace]  # called with a shape, and with ``elastic`` and ``tolerance`` where it has them
@@ -92,7 +91,7 @@ def solver_named(solver: str | SolverClass, tolerance: float | None = None) -> S
 
     ``solver`` is a name of ``solver_infos``, ``package.module:Class``, ``file.py:Class``, or a class: called with the programs' shape, and
     with ``elastic`` and ``tolerance`` where it has parameters of these names. One with ``elastic`` makes programs with hard rows first
-    (``hdvplan.solvers.elastic``). ``tolerance`` is absolute, and each solver measures it in its own way.
+    (``hdvplan.solvers.guards``). ``tolerance`` is absolute, and each solver measures it in its own way.
 
     Raises:
         SolverError: unknown, not installed, cannot be loaded, or without a tolerance that could be set.
@@ -156,9 +155,9 @@ def home_of(name: str) -> str | None:
     return "hdvplan.solvers.generic" if name in _ours() else None
 
 
-def settings_of(name: str, tolerance: float | None = None) -> str:
+def settings_of(name: str) -> str:
     """Return version and settings of the solver called ``name`` for the foot of a table: what a reader needs to run it alike."""
-    row, used = _row(name), tolerance_of(name) if tolerance is None else tolerance
+    row, used = _row(name), tolerance_of(name)
     said = [f"{name} {version_of(name) or ''}".rstrip()]
     if isinstance(row, Generic):
         said += [] if used is None else [f"{option} {used:g}" for option in row.accuracy]
@@ -228,3 +227,19 @@ def _version(distribution: str) -> str | None:
         return metadata.version(distribution)
     except metadata.PackageNotFoundError:
         return None
+
+
+LIMIT_S = 10.0  # for one program: a thousand times what the slowest known solver needs
+
+
+def dependable(solver: str | SolverClass) -> WorkspaceMaker:
+    """Return the maker of a solver's workspaces that has another solver solve what it fails at; with a time limit where it is not ours.
+
+    Raises:
+        SolverError: unknown, not installed, or cannot be loaded.
+
+    """
+    maker = solver_named(solver)
+    ours = isinstance(maker.solver, str) and home_of(maker.solver) is not None
+    alike = isinstance(maker.solver, str) and maker.solver.startswith(DEFAULT)
+    return backed(maker, solver_named("piqp" if alike else DEFAULT), limit_s=None if ours else LIMIT_S)

@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from hdvplan.arrays import BoolArray, FloatArray, IntArray
-from hdvplan.qp.program import StageQp, StageShape, StageSolution
+from hdvplan.qp.program import NAMES, StageQp, StageShape, StageSolution
 
 _ONE, _MINUS_ONE = -1, -2  # codes of constant entries
 
@@ -26,10 +26,10 @@ class _Gather:
     values: FloatArray
     places: IntArray
     sources: IntArray
-    sign: float
+    sign: float = 1.0
 
     def __call__(self, buffer: FloatArray) -> None:
-        self.values[self.places] = buffer[self.sources] if self.sign > 0 else -buffer[self.sources]
+        self.values[self.places] = self.sign * buffer[self.sources]
 
 
 @dataclass(frozen=True)
@@ -103,39 +103,26 @@ def stack(*parts: sp.csc_matrix | sp.csr_array) -> tuple[sp.csc_matrix, IntArray
     return stacked, places
 
 
-class _Triplets:
-    """Collects matrix entries that are either constants or places in the program's buffer."""
+Part = tuple[IntArray, IntArray, IntArray | int, BoolArray | bool]  # rows, columns, places in the buffer or a constant, and which to keep
 
-    def __init__(self) -> None:
-        self.rows: list[IntArray] = []
-        self.columns: list[IntArray] = []
-        self.codes: list[IntArray] = []  # place in the buffer, or one of the constants
 
-    def add(self, rows: IntArray, columns: IntArray, codes: IntArray | int, keep: BoolArray | None = None) -> None:
-        rows, columns, codes = np.broadcast_arrays(rows, columns, codes)
-        chosen = np.broadcast_to(True if keep is None else keep, rows.shape)
-        for target, values in ((self.rows, rows), (self.columns, columns), (self.codes, codes)):
-            target.append(values[chosen].ravel())
-
-    def build(self, shape: tuple[int, int], sign: float) -> tuple[sp.csc_matrix, _Gather]:
-        """Return the matrix and the gather of its variable entries, negated where ``sign`` is negative."""
-        rows, columns, codes = (np.concatenate(part) if part else np.empty(0, int) for part in (self.rows, self.columns, self.codes))
-        order = np.lexsort((rows, columns))
-        rows, columns, codes = rows[order], columns[order], codes[order]
-        pointer = np.concatenate([[0], np.cumsum(np.bincount(columns, minlength=shape[1]))])
-        values = np.where(codes == _MINUS_ONE, -1.0, 1.0)
-        matrix = sp.csc_matrix((values, rows.astype(np.int32), pointer.astype(np.int32)), shape=shape)
-        matrix.has_sorted_indices = True
-        variable = np.flatnonzero(codes >= 0)
-        return matrix, _Gather(matrix.data, variable, codes[variable], sign)
+def _matrix(shape: tuple[int, int], *parts: Part) -> tuple[sp.csc_matrix, _Gather]:
+    """Return a matrix of some parts, and the gather of its variable entries."""
+    entries = [[array[kept].ravel() for array in arrays] for *arrays, kept in (np.broadcast_arrays(*part) for part in parts)]
+    rows, columns, codes = (np.concatenate(column) for column in zip(*entries, strict=True))
+    matrix = sp.csc_matrix((codes + 3.0, (rows, columns)), shape=shape)  # from one, so that no place counts as a zero
+    matrix.sort_indices()
+    codes = matrix.data.astype(np.int64) - 3
+    matrix.data = np.where(codes == _MINUS_ONE, -1.0, 1.0)
+    variable = np.flatnonzero(codes >= 0)
+    return matrix, _Gather(matrix.data, variable, codes[variable])
 
 
 def _lay_out(shape: StageShape, *, elastic: bool) -> SparseQp:
     stages, n, m, p = shape.stages, shape.states, shape.inputs, shape.rows
     slacks = p if elastic else 0
     code = StageQp(shape, np.arange(StageQp.empty(shape).buffer.size, dtype=float))  # every value is its own place
-    codes = {name: getattr(code, name).astype(np.int64) for name in ("A", "B", "c", "x_first", "Q", "q", "R", "r", "G", "h",
-             "linear", "quadratic", "x_low", "x_high", "u_low", "u_high")}  # fmt: skip
+    codes = {name: getattr(code, name).astype(np.int64) for name in NAMES}
     block = n + slacks + m  # columns of one stage: x_i, sigma_i, u_i; the first stage has no sigma
     start = np.concatenate([[0], n + m + block * np.arange(stages)])
     x_columns = start[:, None] + np.arange(n)
@@ -145,32 +132,30 @@ def _lay_out(shape: StageShape, *, elastic: bool) -> SparseQp:
 
     upper_n, upper_m = np.triu(np.ones((n, n), bool)), np.triu(np.ones((m, m), bool))
     q_keep = upper_n if shape.q_pattern is None else upper_n & (shape.q_pattern | np.eye(n, dtype=bool))
-    cost = _Triplets()
-    cost.add(x_columns[:, :, None], x_columns[:, None, :], codes["Q"], q_keep)
-    cost.add(u_columns[:, :, None], u_columns[:, None, :], codes["R"], upper_m)
-    if elastic:
-        cost.add(sigma_columns, sigma_columns, codes["quadratic"])
-
-    equal = _Triplets()
-    equal.add(np.arange(n), x_columns[0], _ONE)
+    cost: list[Part] = [
+        (x_columns[:, :, None], x_columns[:, None, :], codes["Q"], q_keep),
+        (u_columns[:, :, None], u_columns[:, None, :], codes["R"], upper_m),
+    ]
     rows = n + np.arange(stages * n).reshape(stages, n)
-    equal.add(rows[:, :, None], x_columns[:-1, None, :], codes["A"], shape.a_pattern)
-    equal.add(rows[:, :, None], u_columns[:, None, :], codes["B"])
-    equal.add(rows, x_columns[1:], _MINUS_ONE)
-
-    below = _Triplets()
+    equal: list[Part] = [
+        (np.arange(n), x_columns[0], _ONE, True),
+        (rows[:, :, None], x_columns[:-1, None, :], codes["A"], True if shape.a_pattern is None else shape.a_pattern),
+        (rows[:, :, None], u_columns[:, None, :], codes["B"], True),
+        (rows, x_columns[1:], _MINUS_ONE, True),
+    ]
     inequality = np.arange(stages * p).reshape(stages, p)
-    below.add(inequality[:, :, None], x_columns[1:, None, :], codes["G"], shape.g_pattern)
+    g_keep = True if shape.g_pattern is None else shape.g_pattern
+    below: list[Part] = [(inequality[:, :, None], x_columns[1:, None, :], codes["G"], g_keep)]
     if elastic:
-        below.add(inequality, sigma_columns, _MINUS_ONE)
+        cost.append((sigma_columns, sigma_columns, codes["quadratic"], True))
+        below.append((inequality, sigma_columns, _MINUS_ONE, True))
+    cost_matrix, cost_gather = _matrix((size, size), *cost)
+    equal_matrix, equal_gather = _matrix((n + stages * n, size), *equal)
+    below_matrix, below_gather = _matrix((stages * p, size), *below)
 
-    cost_matrix, cost_gather = cost.build((size, size), 1.0)
-    equal_matrix, equal_gather = equal.build((n + stages * n, size), 1.0)
-    below_matrix, below_gather = below.build((stages * p, size), 1.0)
-
-    def vector(length: int, fill: float, *parts: tuple[IntArray, IntArray], sign: float = 1.0) -> tuple[FloatArray, list[_Gather]]:
+    def vector(length: int, fill: float, *parts: tuple[IntArray, IntArray]) -> tuple[FloatArray, list[_Gather]]:
         values = np.full(length, fill)
-        return values, [_Gather(values, places.ravel(), sources.ravel(), sign) for places, sources in parts]
+        return values, [_Gather(values, places.ravel(), sources.ravel()) for places, sources in parts]
 
     slack_costs = ((sigma_columns, codes["linear"]),) if elastic else ()
     q, q_gathers = vector(size, 0.0, (x_columns, codes["q"]), (u_columns, codes["r"]), *slack_costs)

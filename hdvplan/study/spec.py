@@ -14,9 +14,8 @@ from hdvplan.case import content_digest
 from hdvplan.errors import OptionError
 from hdvplan.fileio import read_toml
 from hdvplan.machine import software
-from hdvplan.planning.discretisation import Discretisation
 from hdvplan.planning.objective_names import check_objective
-from hdvplan.planning.settings import PlannerSettings, Scheme
+from hdvplan.planning.settings import Discretisation, PlannerSettings, Scheme
 from hdvplan.plugins import OBJECTIVE, SOLVER, digest_of, identity_of, is_reference, version_of
 from hdvplan.road.line import RoadOptions
 from hdvplan.road.regions import Side

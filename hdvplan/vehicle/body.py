@@ -11,7 +11,7 @@ from hdvplan.vehicle.model import Vehicle
 POINTS_PER_EDGE = core.number("HDV_POINTS_PER_EDGE")
 _SAME_M = 1e-6
 # Ahead of the unit's axle [m]; 1 where it belongs to an overhang.
-EDGE_POINT = core.record("hdv_edge_point", [("ahead", float), ("overhang", np.int64)])
+EDGE_POINT = core.record("hdv_edge_point")
 
 
 def axles_behind(vehicle: Vehicle) -> FloatArray:

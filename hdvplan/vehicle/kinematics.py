@@ -21,7 +21,7 @@ from hdvplan.arrays import FloatArray, Records
 
 # Where a unit is in the plane: its axle, its heading, and its coupling to the unit ahead [m]. The lead unit turns about its own axle,
 # so its "coupling" is that axle. And how it stands to what is ahead: to the road, or by its articulation angle.
-POSE = core.record("hdv_pose", [(name, float) for name in ("x", "y", "cos", "sin", "coupling_x", "coupling_y", "turned_cos", "turned_sin")])
+POSE = core.record("hdv_pose")
 
 _place_many = core.function("hdv_place_many", core.POINTER, core.INT, core.INT, core.POINTER, core.INT, core.POINTER, core.POINTER)
 _derivative = core.function("hdv_derivative", core.POINTER, core.INT, core.REAL, core.INT, core.POINTER, core.REAL, core.POINTER)

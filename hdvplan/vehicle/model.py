@@ -26,19 +26,7 @@ MAX_ANGLE = 0.25 * np.pi  # of an axle's wheels [rad]; catches degrees
 MOST_UNITS = core.number("HDV_MOST_UNITS")  # road trains on roads have up to nine; what planning takes grows with the cube of their number
 MAX_RATE = 1.0  # of an active axle's wheels [rad/m]; catches degrees
 
-UNIT = core.record(
-    "hdv_unit",
-    [
-        ("wheelbase", float),  # [m]
-        ("hitch_offset", float),  # coupling of the next unit behind the axle [m]
-        ("front", float),  # of the body, ahead of the axle [m]
-        ("rear_overhang", float),  # [m]
-        ("half_width", float),  # [m]
-        ("steering_ratio", float),  # of the axle; an axle that the plan steers has -1, which passes its state on
-        ("max_steering_angle", float),  # [rad]
-        ("steered_by", np.int64),  # number of the state that steers a trailer's axle: its coupling's angle, or its wheels' own
-    ],
-)
+UNIT = core.record("hdv_unit")  # hdvplan/core/hdvplan.h has the fields
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from hdvplan.bench.samples import FAILED, NUMBERS, OK, OVER_BUDGET, Measurement,
 from hdvplan.bench.stats import tables_of
 from hdvplan.bench.suite import Suite
 from hdvplan.case import Case
-from hdvplan.driving.simulate import simulate
+from hdvplan.driving.drive import simulate
 from hdvplan.errors import OptionError
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 from hdvplan.qp.workspace import QpResult, QpWorkspace, Status, WorkspaceMaker

@@ -2,8 +2,11 @@
 
 from collections.abc import Callable
 
-from hdvplan.arrays import FloatArray
-from hdvplan.planning.discretisation import Discretisation
+import numpy as np
+
+from hdvplan import core
+from hdvplan.arrays import FloatArray, Records
+from hdvplan.planning.settings import Discretisation
 
 Rates = Callable[[FloatArray], FloatArray]  # dz/ds of a state, at one place of the road
 
@@ -21,3 +24,17 @@ def gap(rule: Discretisation, here: Rates, between: Rates, step: float, z: Float
         slope = between(0.5 * (z + ahead))
     left: FloatArray = z + step * slope + change - ahead
     return left
+
+
+_ADVANCE = core.function(
+    "hdv_advance", core.INT, core.POINTER, core.INT, *(core.REAL,) * 3, core.INT, core.POINTER, core.REAL, core.POINTER
+)
+
+
+def advance(rule: int, units: Records, k: float, k_between: float, step: float, z: FloatArray, kappa: float, out: FloatArray) -> None:
+    """Write the state one station ahead into ``out`` (n,), active wheels held.
+
+    ``k`` and ``k_between`` are the road's curvature at the station and half-way to the next [1/m].
+    """
+    z = np.ascontiguousarray(z)
+    _ADVANCE(rule, core.address(units), len(units), k, k_between, step, len(z), core.address(z), kappa, core.address(out))

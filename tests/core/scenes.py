@@ -7,9 +7,8 @@ import numpy as np
 
 from hdvplan import core
 from hdvplan.arrays import FloatArray, Records
-from hdvplan.planning.motion import Motion
 from hdvplan.planning.terms.limits import CLEAR_M, LimitsPart
-from hdvplan.planning.terms.term import SCENE, Horizon, Part, Scene
+from hdvplan.planning.terms.term import SCENE, Horizon, Motion, Part, Scene
 from hdvplan.qp.program import StageQp, StageShape, by_stage
 
 P = TypeVar("P")

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from hdvplan.arrays import FloatArray
-from hdvplan.driving.drive import Drive, drive
-from hdvplan.driving.simulate import simulate
+from hdvplan.driving.drive import Drive, drive, simulate
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.settings import PlannerSettings

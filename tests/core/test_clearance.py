@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from hdvplan.arrays import FloatArray
 from hdvplan.centring.stationary import stationary
 from hdvplan.centring.weights import CentringTable
-from hdvplan.driving.drive import Drive
-from hdvplan.driving.simulate import simulate
+from hdvplan.driving.drive import Drive, simulate
 from hdvplan.judging.balance import balance_of
 from hdvplan.judging.clearance import touches_of
 from hdvplan.judging.envelope import envelope_of

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hdvplan.arrays import FloatArray
-from hdvplan.driving.simulate import SUBSTEP_M, simulate
+from hdvplan.driving.drive import SUBSTEP_M, simulate
 from hdvplan.judging import envelope
 from hdvplan.road.path import evaluate_many, from_curvature, project_many
 from hdvplan.turning import follow

@@ -8,7 +8,7 @@ from hdvplan.centring.stationary import stationary
 from hdvplan.centring.weights import CentringTable
 from hdvplan.driving.drive import Drive
 from hdvplan.judging.balance import KEPT_M, balance_of
-from hdvplan.judging.contact import contact
+from hdvplan.judging.bodies import contact
 from hdvplan.judging.envelope import envelope_of
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.settings import PlannerSettings

@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 
 from hdvplan import core
 from hdvplan.arrays import FloatArray
-from hdvplan.driving.simulate import simulate
+from hdvplan.driving.drive import simulate
 from hdvplan.planning.stations import STATION
 from hdvplan.road.path import from_curvature
 from hdvplan.vehicle.load import load_vehicle

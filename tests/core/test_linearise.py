@@ -9,20 +9,18 @@ from hypothesis import strategies as st
 from hdvplan.arrays import FloatArray
 from hdvplan.centring.weights import CentringTable
 from hdvplan.planning.assembly import assemble
-from hdvplan.planning.discretisation import Discretisation, advance
 from hdvplan.planning.objectives import Goal
-from hdvplan.planning.settings import PlannerSettings
+from hdvplan.planning.settings import Discretisation, PlannerSettings
 from hdvplan.planning.stations import Stations, stations_of
 from hdvplan.planning.terms.centring import Centring, Residual
-from hdvplan.planning.terms.dynamics import Dynamics
-from hdvplan.planning.terms.smoothness import Smoothness
+from hdvplan.planning.terms.steering import Dynamics, Smoothness
 from hdvplan.planning.terms.term import Place, Scene
 from hdvplan.road.road import Road
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 from tests.core.chains import few, on_road, rates, three_units, vehicles, winding
 from tests.core.differences import differences
-from tests.core.rules import gap
+from tests.core.rules import advance, gap
 from tests.core.scenes import extended, horizon_at, move
 
 STEP = 0.5

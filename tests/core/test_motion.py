@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hdvplan.arrays import FloatArray
-from hdvplan.planning.motion import Motion
 from hdvplan.planning.stations import STATION
+from hdvplan.planning.terms.term import Motion
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 from hdvplan.vehicle.kinematics import place_many
 from hdvplan.vehicle.load import load_vehicle

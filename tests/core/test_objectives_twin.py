@@ -10,7 +10,7 @@ from hdvplan.planning.objectives import Goal, balanced
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations, stations_of
 from hdvplan.planning.terms.balance import BalancePart, EnvelopeBalance, tracing_points
-from hdvplan.planning.terms.reach import Reach, ReachPart
+from hdvplan.planning.terms.centring import Reach
 from hdvplan.road.road import Road
 from hdvplan.vehicle.body import axles_behind
 from hdvplan.vehicle.load import load_vehicle
@@ -36,7 +36,7 @@ def test_the_largest_reach_is_written_as_by_the_twin(vehicle: Vehicle, bodies: b
     settings, term, random = PlannerSettings(horizon=6.0, replan=STEP), Reach(bodies=bodies), np.random.default_rng(1)
     stations, points = stations_for(vehicle, 6.0), term.points(vehicle)
     scene, parts = assemble(vehicle, stations, Goal((term,)), settings)
-    part, t, u = part_of(parts, ReachPart), vehicle.states + 1, scene.qp.shape.inputs - 1
+    part, t, u = parts[2], vehicle.states + 1, scene.qp.shape.inputs - 1
     half = vehicle.table()["half_width"] if bodies else np.zeros(len(points))
     count, feet, first = settings.stages + 1, np.zeros((settings.stages + 1, *points.shape, 2)), FIRST
     for by in (0, 0, 3, 0):
@@ -55,7 +55,7 @@ def test_the_largest_reach_is_written_as_by_the_twin(vehicle: Vehicle, bodies: b
             linearised(parts, horizon_at(scene, first))
         found = [reach_twin.rows(vehicle, stations, points, half, first + i, z[i], feet[i]) for i in range(begin, count)]
         g, h = (np.array(column) for column in zip(*found, strict=True))
-        np.testing.assert_allclose(part.feet[begin:], feet[begin:], rtol=0.0, atol=NEAR)
+        np.testing.assert_allclose(part.memory[0].reshape(feet.shape)[begin:], feet[begin:], rtol=0.0, atol=NEAR)
         np.testing.assert_allclose(scene.qp.G[begin - 1 :, :, : vehicle.states], g, rtol=0.0, atol=NEAR)
         np.testing.assert_allclose(scene.qp.h[begin - 1 :], h, rtol=0.0, atol=NEAR)
         kept = np.arange(settings.stages) > 0

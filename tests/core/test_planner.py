@@ -7,12 +7,11 @@ from hdvplan.centring.weights import CentringTable
 from hdvplan.errors import OptionError, SolverError
 from hdvplan.planning import planner as planner_module
 from hdvplan.planning.assembly import assemble
-from hdvplan.planning.discretisation import advance
-from hdvplan.planning.motion import Motion
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.planner import Plan, Planner
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import BETWEEN, STATION, Stations, stations_of
+from hdvplan.planning.terms.term import Motion
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
@@ -24,13 +23,13 @@ from tests.core.chains import on_road, winding
 from tests.core.differences import differences
 from tests.core.moves import l1_weights, take_step
 from tests.core.programs import PARTS
+from tests.core.rules import advance
 from tests.core.scenes import assert_same_rows, extended, horizon_at, move, moved_of, record_of
 from tests.core.spying import Spy
 from tests.core.twins.street import gaps, state_before
 
 LIMIT = 3.4
 TIGHT = {"bus": 2.19, "tractor-trailer": 1.84}  # 0.1 and 0.2 m less than the free plan's reach
-HALVINGS = (*planner_module._WARM, *planner_module._COUNTS).index("halvings")
 VEHICLES = [load_vehicle("bus"), load_vehicle("tractor-trailer")]
 each_vehicle = pytest.mark.parametrize("vehicle", VEHICLES, ids=lambda v: v.name)
 
@@ -390,7 +389,7 @@ def test_where_limits_cannot_be_kept_steps_are_shortened_until_they_gain_nothing
 
     def watched(*arguments: int) -> int:
         stop = accept(*arguments)
-        steps.append(planner._counts[HALVINGS] - sum(steps))
+        steps.append(int(planner._own["halvings"]) - sum(steps))
         return int(stop)
 
     monkeypatch.setattr(planner_module, "_accept", watched)

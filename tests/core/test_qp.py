@@ -9,13 +9,12 @@ from hdvplan.arrays import FloatArray
 from hdvplan.centring.weights import CentringTable
 from hdvplan.errors import QpDataError
 from hdvplan.planning.assembly import qp_shape, terms_of
-from hdvplan.planning.discretisation import Discretisation
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.planner import Planner
-from hdvplan.planning.settings import PlannerSettings
+from hdvplan.planning.settings import Discretisation, PlannerSettings
 from hdvplan.planning.stations import stations_of
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
-from hdvplan.qp.residuals import residuals
+from hdvplan.qp.workspace import residuals
 from hdvplan.road.road import Road
 from hdvplan.solvers.registry import solver_named
 from hdvplan.solvers.sparse import SparseQp

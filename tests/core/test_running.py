@@ -5,14 +5,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hdvplan.planning.running import Pick, running
+from hdvplan.planning.stations import running
 from tests.core.chains import few
 
 
 @pytest.mark.parametrize("pick", [np.minimum, np.maximum])
 @given(count=st.integers(1, 40), behind=st.integers(0, 60), ahead=st.integers(0, 60), seed=st.integers(0, 10**6))
 @few
-def test_extremes_are_those_of_the_window(pick: Pick, count: int, behind: int, ahead: int, seed: int) -> None:
+def test_extremes_are_those_of_the_window(pick: np.ufunc, count: int, behind: int, ahead: int, seed: int) -> None:
     values = np.random.default_rng(seed).uniform(-1.0, 1.0, (2, count))
     values[1, count // 2] = np.inf
     extreme = np.min if pick is np.minimum else np.max

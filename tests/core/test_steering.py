@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from hdvplan.arrays import FloatArray
 from hdvplan.centring.stationary import stationary, tightest_kappa
-from hdvplan.driving.simulate import simulate
+from hdvplan.driving.drive import simulate
 from hdvplan.road.path import from_curvature
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Unit, Vehicle

@@ -12,8 +12,8 @@ from hdvplan.planning.objectives import Objective, balanced, body_max, geometric
 from hdvplan.planning.planner import Planner
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import stations_of
-from hdvplan.qp.judge import largest_multiplier
 from hdvplan.qp.program import StageQp
+from hdvplan.qp.workspace import largest_multiplier
 from hdvplan.road.limits import Limits
 from hdvplan.road.path import ReferencePath, from_curvature
 from hdvplan.road.road import Road

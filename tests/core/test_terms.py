@@ -10,19 +10,15 @@ from hdvplan.arrays import FloatArray
 from hdvplan.centring.weights import CentringTable
 from hdvplan.planning import planner as planner_module
 from hdvplan.planning.assembly import assemble
-from hdvplan.planning.motion import Motion
 from hdvplan.planning.objectives import OBJECTIVES, Goal, axle_max, balanced, body_max, geometric
 from hdvplan.planning.planner import Planner
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations, stations_of
 from hdvplan.planning.terms.balance import BalancePart, EnvelopeBalance
-from hdvplan.planning.terms.centring import Centring, Residual
-from hdvplan.planning.terms.dynamics import Dynamics
+from hdvplan.planning.terms.centring import Centring, Reach, Residual
 from hdvplan.planning.terms.limits import ROWS_PER_SIDE, Limits
-from hdvplan.planning.terms.reach import Reach
-from hdvplan.planning.terms.smoothness import Smoothness
-from hdvplan.planning.terms.steering import Steering
-from hdvplan.planning.terms.term import Horizon, Part, Place, Scene, Term
+from hdvplan.planning.terms.steering import Dynamics, Smoothness, Steering
+from hdvplan.planning.terms.term import Horizon, Motion, Part, Place, Scene, Term
 from hdvplan.qp.program import StageQp, StageShape, row_dtype
 from hdvplan.road.limits import Limits as RoadLimits
 from hdvplan.road.road import Road

@@ -28,11 +28,16 @@ import pyarrow.parquet as pq
 
 import hdvplan
 from hdvplan.fileio import settle
-from tests.fuzz.tally import say
 
 _PACKAGE = Path(hdvplan.__file__).parent
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
 _HIDDEN = "."  # how names of files begin that are only there while a command runs
+
+
+def say(text: str) -> None:
+    """Write a line at once."""
+    sys.stdout.write(f"{text}\n")
+    sys.stdout.flush()
 
 
 @dataclass(frozen=True)

@@ -37,23 +37,6 @@ rounds = 1
 budget = 1.0
 half_width = 3.2
 """
-STUDY = """roads = ["plain.csv", "uturn", { road = "lane.xodr", road_ids = "2", lane = 0 }]
-vehicles = ["truck.toml", "bus"]
-left = [3.0, 3.5]
-right = [3.0, 3.2]
-objectives = ["geometric"]
-schemes = ["rti"]
-solvers = ["riccati"]
-need = true
-[settings]
-horizon = 60
-clearance = [0.0, 0.2]
-reverse = [false, true]
-bias = "bias.csv"
-[vary]
-"artic.wheelbase" = "3.4..3.8 in 3"
-"artic.2.width" = [2.5, 2.55]
-"""
 BIAS = "s,bias\n0,0\n40,0.3\n80,-0.2\n"
 
 

@@ -1,45 +1,45 @@
-"""Proofs against the least width of a right-angled corner, see ``tests.proof.corners``."""
+"""Proofs against the least width of two straight corridors that meet at a right angle, sharp inside and outside, for a rigid vehicle.
+
+That width was found once by optimal control in the plane, which shares nothing with planning or proving: a chain of arcs of any curvatures
+up to the largest, from any offset and heading in the first corridor, moved by linear programs until the corridors are narrowest.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+import shapely
 
+from hdvplan.case import Case
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.proof.answer import proof_of
+from hdvplan.road.path import from_curvature
+from hdvplan.road.regions import Kind, Region
+from hdvplan.road.road import Road
 from hdvplan.vehicle.load import load_vehicle
-from tests.proof import corners
-from tests.proof.corners import corner, narrowest, reaches, starts
+from hdvplan.vehicle.model import Vehicle
 
+_ARM_M = 60.0  # of the corridors' walls
 BUS = load_vehicle("bus")
 EXACT_M = 7.1186  # of the bus, what halving the arcs converges to: 7.1148, 7.1177, 7.1186 at 0.5, 0.25, 0.125 m
 
 LACKS_M = 0.3  # points of a body's outline are 0.4 m apart: a sharp corner pokes between them
 
 
-@pytest.fixture(scope="module")
-def best() -> corners.Turn:
-    """The narrowest of a few ways round the corner."""
-    return min((narrowest(BUS.lead, BUS.max_curvature, start) for start in starts(BUS.max_curvature, 4)), key=lambda way: way.width)
-
-
-@pytest.mark.slow
-def test_every_start_leads_to_the_same_least_width(best: corners.Turn) -> None:
-    other = narrowest(BUS.lead, BUS.max_curvature, starts(BUS.max_curvature, 10)[9])
-    assert other.width == pytest.approx(best.width, abs=1e-5)  # a local optimum's last step
-    assert best.width == pytest.approx(EXACT_M, abs=2e-3)  # its poses are 0.25 m apart
-
-
-@pytest.mark.slow
-def test_the_least_width_is_driven_from_corridor_to_corridor(best: corners.Turn) -> None:
-    x, y, heading = corners.poses(best.given)
-    outer, inner = reaches(BUS.lead, best.given)
-    assert np.max(outer) <= best.width + 1e-6  # of the linear program
-    assert np.min(inner) >= -1e-6
-    assert np.max(np.abs(best.given[2:])) <= BUS.max_curvature + 1e-12
-    assert x[0] + BUS.lead.front < -10.0  # well before the corner
-    assert y[-1] - BUS.lead.rear_overhang > 10.0  # and after it
-    assert heading[-1] == pytest.approx(0.5 * np.pi, abs=0.1)
+def corner(vehicle: Vehicle, width: float, *, radius: float = 12.0, ramp: float = 6.0) -> Case:
+    """Return a road round the corner of two corridors of ``width`` [m]: a rounded line between walls in the plane."""
+    constant = 0.5 * np.pi * radius - ramp
+    lengths = np.array([35.0, ramp, constant, ramp, 35.0])
+    path = from_curvature(np.concatenate([[0.0], np.cumsum(lengths)]), np.array([0.0, 0.0, 1.0, 1.0, 0.0, 0.0]) / radius)
+    across = float(path.at(path.length).x)  # the line leaves there to the north; it came along y = 0
+    half = 0.5 * width
+    inner, outer = (across - half, half), (across + half, -half)
+    block = shapely.box(inner[0] - _ARM_M, inner[1], inner[0], inner[1] + _ARM_M)
+    south = shapely.box(inner[0] - _ARM_M, outer[1] - 5.0, outer[0] + 5.0, outer[1])
+    east = shapely.box(outer[0], outer[1], outer[0] + 5.0, inner[1] + _ARM_M)
+    regions = tuple(Region(Kind.OBSTACLE, wall, name) for wall, name in ((block, "block"), (south, "south"), (east, "east")))
+    furthest = np.sqrt(2.0) * half + (np.sqrt(2.0) - 1.0) * radius  # the outer corner, from the line
+    return Case(Road("corner", path, regions=regions).with_limits(half + 0.5, furthest + 0.5), vehicle)
 
 
 @pytest.mark.slow

@@ -17,10 +17,8 @@ from hypothesis import strategies as st
 from hdvplan.arrays import FloatArray, IntArray
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.proof.answer import ROUNDING_M, grid_of
-from hdvplan.proof.articulated import Pair, reachable_with_trailer
-from hdvplan.proof.coupling import coupling_of
-from hdvplan.proof.poses import Outline, outline_of, seen_from
-from hdvplan.proof.reach import Grid, Reached, reachable
+from hdvplan.proof.articulated import Pair, coupling_of, reachable_with_trailer
+from hdvplan.proof.reach import Grid, Outline, Reached, outline_of, reachable, seen_from
 from hdvplan.proof.space import MOST, Beside, Frame, beside, frame_of
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road

@@ -91,7 +91,7 @@ def test_the_three_readings_of_a_corner_are_proved_alike() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("reading", READINGS)
 def test_a_corner_that_a_bus_gets_round_is_not_called_impossible(reading: str) -> None:
-    # its leading unit needs a half width of 3.33 m: see ``tests.proof.corners``
+    # its leading unit needs a half width of 3.33 m: as for ``test_corners``
     assert proof_of(Case(corner(reading, 3.4), CITARO)) is None
 
 

@@ -6,14 +6,16 @@ import numpy as np
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from hdvplan import core
 from hdvplan.arrays import FloatArray
-from hdvplan.proof.reach import Cells, Grid, Span, step
-from hdvplan.proof.space import MOST, Frame
+from hdvplan.proof.reach import CELLS, GRID, Grid
+from hdvplan.proof.space import MOST, Frame, frame_record
 
 KAPPA = 0.1  # [1/m]
 SAMPLES = 4000  # of a drive: the crossing is interpolated between two, to a nanometre
 OFFSET_M, HEADING = 1e-8, 1e-8
 
+reach_next = core.function("hdv_reach_next", core.REAL, core.POINTER, core.POINTER, core.INT, *[core.POINTER] * 4, returns=core.INT)
 shares = st.floats(0.0, 1.0)
 curvatures = st.lists(st.one_of(st.sampled_from([-KAPPA, KAPPA]), st.floats(-KAPPA, KAPPA)), min_size=3, max_size=3)
 
@@ -49,11 +51,12 @@ def crossing(frame: Frame, e: float, heading: float, kappas: list[float], switch
 
 def reached(frame: Frame, e: float, j: int, grid: Grid) -> tuple[np.ndarray[tuple[int], np.dtype[np.int64]], FloatArray]:
     """Return what one step leads to from cell ``j`` with a single offset."""
-    before, former = np.zeros(grid.cells, np.int64), np.zeros((grid.cells, MOST, 2))
+    (before, former), (number, pieces) = ((np.zeros(grid.cells, np.int64), np.zeros((grid.cells, MOST, 2))) for _ in range(2))
     before[j], former[j, 0] = 1, e
-    number, pieces = np.zeros(grid.cells, np.int64), np.zeros((grid.cells, MOST, 2))
-    span = Span(j, j + 1, 0, grid.cells)
-    step(KAPPA, frame, grid, 1, Cells(before, former), span, Cells(number, pieces))
+    left, slopes, stations = np.array([j, j + 1, 0, grid.cells]), np.empty((2 * grid.cells, 2)), frame_record(frame)
+    old, new = (np.array([tuple(map(core.address, one))], CELLS) for one in ((before, former), (number, pieces)))
+    layout = np.array([grid], GRID)
+    reach_next(KAPPA, core.address(stations), core.address(layout), 1, *map(core.address, (old, left, new, slopes)))
     return number, pieces
 
 

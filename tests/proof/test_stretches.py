@@ -13,7 +13,7 @@ from hdvplan.case import Case
 from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.planning.settings import PlannerSettings
-from hdvplan.proof.stretches import MOST_M, Stretch, joined, stretches_of
+from hdvplan.proof.answer import MOST_M, Stretch, joined, stretches_of
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
 from hdvplan.vehicle.load import load_vehicle
@@ -54,7 +54,7 @@ def test_tight_places_far_apart_are_examined_one_by_one(narrow: Result) -> None:
 
 
 def test_progress_grows_to_the_whole_where_nothing_is_proved(narrow: Result, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hdvplan.proof.stretches.proof_of", lambda *_: None)
+    monkeypatch.setattr("hdvplan.proof.answer.proof_of", lambda *_: None)
     shares: list[float] = []
     assert hdvplan.prove(narrow, on_progress=shares.append).proof is None
     assert len(shares) == len(stretches_of(narrow))

@@ -17,8 +17,8 @@ from ezdxf.filemanagement import read
 from pyproj import Geod, Transformer
 
 from hdvplan.arrays import FloatArray
+from hdvplan.judging.bodies import wheel_tracks
 from hdvplan.judging.result import Result
-from hdvplan.judging.wheels import wheel_tracks
 from hdvplan.report.dxf import dxf_bytes
 from hdvplan.report.geopackage import geopackage_bytes
 from hdvplan.report.layers import drawing_system, drawn_features, map_system

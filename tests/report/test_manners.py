@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from hdvplan.arrays import FloatArray
-from hdvplan.judging.manners import manners_of, manners_texts
+from hdvplan.judging.envelope import steering_of, steering_texts
 from hdvplan.judging.result import Result
 
 
 def steered(result: Result, kappa: FloatArray) -> list[str]:
     drive = replace(result.drive, kappa=kappa)
-    return manners_texts(drive, manners_of(drive))
+    return steering_texts(drive, steering_of(drive))
 
 
 def gentle(result: Result) -> FloatArray:
@@ -22,10 +22,10 @@ def gentle(result: Result) -> FloatArray:
 def test_shares_are_those_of_the_vehicles_limits(straight: Result) -> None:
     kappa, vehicle = gentle(straight), straight.drive.vehicle
     kappa[40:] = 0.5 * vehicle.max_curvature_rate * straight.drive.settings.step
-    manners = manners_of(replace(straight.drive, kappa=kappa))
-    assert manners.rate.share == pytest.approx(0.5)
-    assert manners.rate.s == 20.0  # of the 40th step of half a metre
-    assert manners.curvature.share == pytest.approx(kappa[-1] / vehicle.max_curvature)
+    found = steering_of(replace(straight.drive, kappa=kappa))
+    assert found.rate.share == pytest.approx(0.5)
+    assert found.rate.s == 20.0  # of the 40th step of half a metre
+    assert found.curvature.share == pytest.approx(kappa[-1] / vehicle.max_curvature)
 
 
 def test_steering_that_is_used_up_is_told_with_its_place(straight: Result) -> None:

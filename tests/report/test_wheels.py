@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from hdvplan.judging.bodies import wheel_tracks, wheels_of
 from hdvplan.judging.result import Result
-from hdvplan.judging.wheels import wheel_tracks, wheels_of
 from hdvplan.vehicle.load import load_vehicle
 
 

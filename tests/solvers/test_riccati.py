@@ -1,5 +1,6 @@
 """Our own solver: screening, the interior point around the recursion, and planning's programs."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -7,23 +8,48 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hdvplan.errors import QpDataError
+from hdvplan.arrays import FloatArray
+from hdvplan.driving.drive import drive
+from hdvplan.errors import PlanError, QpDataError
+from hdvplan.planning.objectives import geometric
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
-from hdvplan.qp.residuals import residuals
-from hdvplan.qp.workspace import Status
+from hdvplan.qp.workspace import Status, residuals
+from hdvplan.road.limits import Limits
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
+from hdvplan.road.scenarios import SCENARIOS
 from hdvplan.solvers.clarabel import ClarabelWorkspace
 from hdvplan.solvers.piqp import PiqpWorkspace
 from hdvplan.solvers.riccati import RiccatiWorkspace, adjoint
-from tests.core.programs import copied, random_program, shape
-from tests.solvers.recorded import COURSES, PINCHED, pinched, record, uturn
-from tests.solvers.test_recursion import free_program, linear_quadratic
+from hdvplan.vehicle.load import load_vehicle
+from tests.core.programs import PARTS, copied, dense, random_program, shape
+from tests.core.spying import Spy
 from tests.solvers.test_workspaces import MORE_SIZES, SIZES, shapes
 from tests.solvers.workspaces import distance, optimum
 
 many = settings(max_examples=300, deadline=None, derandomize=True)
+WIDE = 1e6  # bounds that are never met
+
+
+def free_program(sizes: StageShape, seed: int) -> StageQp:
+    """Return a program whose inequalities are far away."""
+    qp = random_program(sizes, seed)
+    qp.h[:], qp.x_low[:], qp.x_high[:], qp.u_low[:], qp.u_high[:] = WIDE, -WIDE, WIDE, -WIDE, WIDE
+    return qp
+
+
+def linear_quadratic(qp: StageQp) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return states, inputs and multipliers without inequalities, from the optimality conditions as one dense system."""
+    plain, s = dense(qp), qp.shape
+    states, inputs = (s.stages + 1) * s.states, s.stages * s.inputs
+    size = states + inputs
+    P, E = plain.P[:size, :size], plain.E[:, :size]
+    matrix = np.block([[P, E.T], [E, np.zeros((len(E), len(E)))]])
+    solution = np.linalg.solve(matrix, np.concatenate([-plain.q[:size], plain.b]))
+    shapes = ((s.stages + 1, s.states), (s.stages, s.inputs), (s.stages + 1, s.states))
+    x, u, dynamics = np.split(solution, [states, size])
+    return x.reshape(shapes[0]), u.reshape(shapes[1]), dynamics.reshape(shapes[2])
 
 
 @pytest.mark.parametrize("rows", [0, 3])
@@ -138,48 +164,6 @@ def test_of_a_run_of_broken_rows_the_deepest_are_enough() -> None:
     assert distance(found.point, right) < 1e-4  # of the interior point, whose products are 1e-8
 
 
-WRONG = ("row held", "row let go", "row broken", "broken row held", "held row broken", "input held")
-
-
-@pytest.mark.parametrize("wrong", WRONG)
-def test_one_wrong_status_is_put_right(wrong: str) -> None:
-    random, tried, quick = np.random.default_rng(3), 0, 0
-    for seed in range(12):
-        qp = random_program(shape(), seed, tightness=0.2)
-        qp.x_low[:], qp.x_high[:] = -30.0, 30.0
-        workspace = RiccatiWorkspace(qp.shape)
-        right = copied(workspace.solve(qp, None).point)
-        held = (right.rows > 1e-3) & (right.sigma < 1e-9)
-        free, broken, loose = right.rows < 1e-6, right.sigma > 1e-3, np.abs(right.u_bounds) < 1e-6
-        where = {"row held": free, "row let go": held, "row broken": free, "broken row held": broken, "held row broken": held,
-                 "input held": loose}[wrong]  # fmt: skip
-        for i, j in random.permutation(np.argwhere(where))[:3]:
-            guess = copied(right)
-            if wrong == "input held":
-                guess.u_bounds[i, j] = 0.5
-            else:
-                guess.rows[i, j] = 0.0 if wrong == "row let go" else 0.5 * qp.linear[i, j]
-                guess.sigma[i, j] = 0.5 if wrong in {"row broken", "held row broken"} else 0.0
-            found, tried = workspace.solve(qp, guess), tried + 1
-            quick += found.iterations <= 5  # else the interior point had to help
-            assert found.status is Status.SOLVED
-            assert np.min(found.point.rows) >= 0.0
-            judged = residuals(qp, found.point)
-            assert max(judged.primal, judged.dual) < 1e-5
-            assert distance(found.point, right) < 1e-5
-    assert tried > 4
-    assert quick > 0
-
-
-def test_balancing_the_inputs_may_take_iterations_more() -> None:
-    sizes = StageShape(1, 6, 3, 6)
-    qp = random_program(sizes, 35, tightness=0.2)
-    qp.linear[:] *= 1e5
-    result = RiccatiWorkspace(sizes).solve(qp, None)
-    assert result.status is Status.SOLVED  # and not merely inaccurate, after eleven iterations
-    assert adjoint(qp, result.point) < 1e-7  # what it promises; after ten it is 1.2e-7
-
-
 def test_the_corrector_saves_factorisations() -> None:
     programs = [random_program(shape(), seed) for seed in range(30)]
     assert sum(RiccatiWorkspace(qp.shape).solve(qp, None).iterations for qp in programs) < 500  # measured: 460, without its product 585
@@ -192,14 +176,6 @@ def test_rows_that_cost_nothing_to_begin_with_start_with_multipliers_too() -> No
     assert sum(RiccatiWorkspace(qp.shape).solve(qp, None).iterations for qp in programs) < 550  # measured: 501, from zero 622
 
 
-def test_a_free_row_is_no_row_at_all() -> None:
-    qp = random_program(shape(), 2, tightness=-1.0)
-    qp.linear[:], qp.quadratic[:] = 0.0, 0.0
-    result, without = RiccatiWorkspace(qp.shape).solve(qp, None), StageQp(qp.shape, qp.buffer.copy())
-    without.h[:] = 1e6
-    assert distance(result.point, RiccatiWorkspace(qp.shape).solve(without, None).point) < 1e-6
-
-
 def test_a_starting_point_far_outside_its_bounds_comes_in() -> None:
     sizes = shape(rows=0, stages=30)
     qp = StageQp.empty(sizes)  # the bounded states and the first input alone are used
@@ -210,14 +186,6 @@ def test_a_starting_point_far_outside_its_bounds_comes_in() -> None:
     assert result.status is Status.SOLVED
     assert residuals(qp, result.point).primal < 1e-7
     assert distance(result.point, optimum(qp)) < 1e-6
-
-
-def test_bounds_out_of_reach_end_in_the_iteration_limit() -> None:
-    qp = random_program(shape(), 2)
-    qp.x_low[-1], qp.x_high[-1] = 500.0, 501.0
-    result = RiccatiWorkspace(qp.shape).solve(qp, None)
-    assert result.status in {Status.ITERATION_LIMIT, Status.NUMERICAL}
-    assert residuals(qp, result.point).primal > 100.0
 
 
 def test_a_program_of_another_shape_is_refused() -> None:
@@ -240,6 +208,48 @@ def test_a_program_that_overflows_is_not_called_solved() -> None:
     assert not residuals(qp, result.point).primal <= 1e-3
 
 
+def test_the_adjoint_makes_every_state_stationary() -> None:
+    qp, random = random_program(shape(), 8), np.random.default_rng(2)
+    point = StageSolution.empty(qp.shape)
+    for part in PARTS:
+        getattr(point, part)[:] = random.uniform(0.0, 1.0, getattr(point, part).shape)
+    imbalance = adjoint(qp, point)
+    inputs = qp.r + np.einsum("ijk,ik->ij", qp.R, point.u) + point.u_bounds - np.einsum("ikj,ik->ij", qp.B, point.dynamics[1:])
+    qp.linear[:] = 1e3  # the rows' own condition is of no matter here
+    assert residuals(qp, point).dual == pytest.approx(np.max(np.abs(inputs)), rel=1e-12)  # only inputs are left unbalanced
+    most = max(np.max(np.abs(point.dynamics[1:])), np.max(np.abs(point.u_bounds)), 1.0)
+    assert imbalance == pytest.approx(np.max(np.abs(inputs)) / most, rel=1e-12)  # rounding
+
+
+# A bus needs 2.49 m on either side of this U-turn, a tractor-trailer 2.79 m.
+COURSES = (("bus", 2.6), ("bus", 2.48), ("bus", 2.2), ("tractor-trailer", 2.9), ("tractor-trailer", 2.7))
+PINCHED = (("bus", 3.2), ("tractor-trailer", 3.8))
+
+
+def pinched(half_width: float) -> Road:
+    """Return the U-turn with 1.5 m less on the right over six metres in its bend."""
+    road = SCENARIOS["uturn"]()
+    s = np.array([0.0, 89.75, 90.0, 96.0, 96.25, road.path.length])
+    left = np.full(s.size, half_width)
+    right = -left + 1.5 * np.array([0.0, 0.0, 1.0, 1.0, 0.0, 0.0])
+    return replace(road, limits=Limits(s, left, right, left, right))
+
+
+def uturn(half_width: float) -> Road:
+    """Return the U-turn of the first paper between parallel limits."""
+    return SCENARIOS["uturn"]().with_limits(half_width, half_width)
+
+
+def record(road: Road, vehicle: str, settings: PlannerSettings | None = None) -> list[StageQp]:
+    """Return every program of a drive; one that ends early has recorded what it had to solve until there."""
+    spy = Spy(RiccatiWorkspace)
+    try:
+        drive(road, load_vehicle(vehicle), geometric, spy, settings or PlannerSettings())
+    except PlanError:
+        assert spy.programs
+    return spy.programs
+
+
 @cache
 def programs(vehicle: str, half_width: float, *, pinch: bool) -> list[StageQp]:
     return record(pinched(half_width) if pinch else uturn(half_width), vehicle)
@@ -260,20 +270,9 @@ def test_on_recorded_drives_it_finds_what_piqp_finds(vehicle: str, half_width: f
         assert residuals(qp, mine.point).primal < 1e-9
         # a product of 1e-8 leaves a bound with a multiplier of four thousandths 2.5 micrometres of slack
         assert np.max(np.abs(mine.point.x - other.point.x)) < 3e-6
+        assert mine.iterations <= 40  # of 100; the most that these drives took was 30
         bound += bool(np.any(mine.point.rows > 1e-3))
     assert bound > 0 or half_width in {2.6, 2.9, 3.8}  # limits bind unless there is room
-
-
-@each_course
-def test_on_recorded_drives_it_always_ends_early(vehicle: str, half_width: float, pinch: bool) -> None:
-    workspace = None
-    counts = []
-    for qp in programs(vehicle, half_width, pinch=pinch):
-        workspace = workspace or RiccatiWorkspace(qp.shape)
-        result = workspace.solve(qp, None)
-        assert result.status is Status.SOLVED
-        counts.append(result.iterations)
-    assert max(counts) <= 40  # of 100; the most that these drives took was 30
 
 
 @pytest.mark.slow

@@ -3,35 +3,28 @@
 import signal
 import sys
 from dataclasses import replace
-from itertools import product
 from time import perf_counter
 from typing import get_args
 
 import numpy as np
 import pytest
 
-from hdvplan.api import drive_case, plan
+from hdvplan.api import drive_case
 from hdvplan.bench.processes import ended_by_signals
 from hdvplan.case import Case
 from hdvplan.driving.drive import Drive, drive
-from hdvplan.errors import HdvplanError, SolverError
-from hdvplan.judging.balance import KEPT_M
-from hdvplan.judging.envelope import envelope_of
-from hdvplan.judging.result import Result, result_of, solver_texts
-from hdvplan.judging.verdict import verdict_of
+from hdvplan.errors import SolverError
+from hdvplan.judging.result import result_of, solver_texts
 from hdvplan.planning import planner as planner_module
 from hdvplan.planning.objectives import geometric
-from hdvplan.planning.settings import PlannerSettings, Scheme
-from hdvplan.qp.judge import backed
+from hdvplan.planning.settings import PlannerSettings
 from hdvplan.qp.program import StageQp, StageSolution
-from hdvplan.qp.workspace import QpResult, Status, WorkspaceMaker
+from hdvplan.qp.workspace import QpResult, Status, WorkspaceMaker, backed
 from hdvplan.report.summary import summary_of
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
-from hdvplan.road.scenarios import SCENARIOS
-from hdvplan.solvers.registry import solver_named
+from hdvplan.solvers.registry import dependable, solver_named
 from hdvplan.solvers.riccati import RiccatiWorkspace
-from hdvplan.solvers.second import dependable
 from hdvplan.vehicle.load import load_vehicle
 from tests.fakes import Fake, Fault
 
@@ -135,65 +128,10 @@ def test_each_program_is_judged_once_and_that_counts_as_check(monkeypatch: pytes
     assert all(0.0 < plan.times.check < plan.times.total for plan in found.plans)
 
 
-class Leaving:
-    """A class as a user might bring it: it ends the program."""
-
-    starts_warm, name = False, "leaving"
-
-    def __init__(self, shape: object) -> None:
-        """Need nothing."""
-        del shape
-
-    def solve(self, qp: object, guess: object) -> object:
-        """Leave."""
-        del qp, guess
-        raise SystemExit(3)
-
-
-def test_a_solver_that_leaves_the_program_does_not(capsys: pytest.CaptureFixture[str]) -> None:
-    result = plan(Case(BEND, load_vehicle("bus"), "geometric", Leaving, SETTINGS))  # type: ignore[arg-type] # returns nothing
-    assert result.status == "some steps by another solver"
-    assert len(result.rescued) == len(result.drive.plans)
-    assert capsys.readouterr().out == ""
-
-
 def test_the_core_does_not_read_a_point_of_another_shape() -> None:
     said = [plan.instead for plan in driven(second(Fake("another shape", honest=3))).plans]
     assert any(said)
     assert all("a point of another shape" in one for one in said if one)
-
-
-@pytest.mark.slow
-def test_200_drives_with_faults_all_end_and_keep_the_limits_that_they_kept_without() -> None:
-    roads = {name: SCENARIOS[name]() for name in ("uturn", "sturn")}
-    kept = lost = silent = 0
-    cases = list(product(FAULTS, Scheme, roads, ("bus", "tractor-trailer"), (2, 1)))[:200]
-    plain: dict[tuple[object, ...], Result] = {}
-    for fault, scheme, name, vehicle, often in cases:
-        settings = replace(SETTINGS, scheme=scheme)
-        key = (scheme, name, vehicle)
-        if key not in plain:
-            plain[key] = judged(RiccatiWorkspace, settings, roads[name], vehicle)
-        try:
-            result = judged(second(Fake(fault, honest=3, often=often)), settings, roads[name], vehicle)
-        except HdvplanError:
-            lost += 1
-            continue
-        if verdict_of(plain[key]).fits:
-            kept += bool(verdict_of(result).fits)
-            lost += not verdict_of(result).fits
-        silent += not result.rescued
-    assert silent == 0
-    assert kept >= 0.95 * (kept + lost)
-    assert kept + lost >= 0.5 * len(cases)  # else it would show little
-
-
-def judged(make: WorkspaceMaker, settings: PlannerSettings, road: Road, vehicle: str) -> Result:
-    """Drive within what the vehicle needs and half a metre, and judge it."""
-    wide = drive(replace(road, limits=None), load_vehicle(vehicle), geometric, RiccatiWorkspace, settings)
-    half = float(np.nanmax(np.abs([envelope_of(wide).left, envelope_of(wide).right]))) - 2.0 * KEPT_M
-    found = drive(road.with_limits(half, half), load_vehicle(vehicle), geometric, make, settings)
-    return result_of(found, solver="mine", objective="geometric")
 
 
 class Stopped(RiccatiWorkspace):

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from hdvplan.errors import QpDataError
 from hdvplan.qp.program import NAMES, StageQp, StageShape
-from hdvplan.qp.residuals import residuals
-from hdvplan.qp.workspace import Status
+from hdvplan.qp.workspace import Status, residuals
 from tests.core.chains import few
 from tests.core.programs import PARTS, copied, dense, random_program, same, shape
 from tests.solvers.workspaces import GENERIC, NATIVE, distance, generic, native, optimum

@@ -15,7 +15,7 @@ import numpy as np
 from hdvplan import core
 from hdvplan.arrays import FloatArray, Records
 from hdvplan.planning.terms.centring import Centring, CentringPart, Residual
-from hdvplan.planning.terms.term import CorePart, Needs, Place, Scene, core_functions
+from hdvplan.planning.terms.term import CorePart, Place, Scene, Term, core_functions
 from hdvplan.vehicle.body import axles_behind
 from hdvplan.vehicle.kinematics import POSE
 from hdvplan.vehicle.model import Vehicle
@@ -23,40 +23,18 @@ from hdvplan.vehicle.model import Vehicle
 _POINTS = core.number("HDV_TRACING_POINTS")  # of a body
 _ROOM = 2  # places and stages beyond the vehicle's length, for bodies that stand askew
 # Of its axle, of its axis [m]; see ``tracing_points``.
-_POINT = core.record("hdv_tracing_point", [("ahead", float), ("left", float), ("start", np.int64)])
+_POINT = core.record("hdv_tracing_point")
 # Of one point at one stage [m]; the foot is NaN where there is none.
-_TRACK = core.record("hdv_track", [("foot", float), ("offset", float)])
-_REACHED = core.record("hdv_furthest", [*((name, float) for name in ("reach", "slope", "ahead")), ("stage", np.int64), ("unit", np.int64)])
-_BODIES = core.record(
-    "hdv_bodies",
-    [
-        ("units", core.ADDRESS),
-        ("unit_count", np.int64),
-        *((name, core.ADDRESS) for name in ("points", "curve", "stations")),
-        ("station_count", np.int64),
-        ("step", float),
-    ],
-)
-_TRACKS = core.record("hdv_tracks", [("poses", core.ADDRESS), ("points", core.ADDRESS)])
-_BALANCE = core.record(
-    "hdv_balance",
-    [
-        ("bodies", _BODIES),
-        ("aim", core.ADDRESS),
-        *((name, float) for name in ("rounding", "relaxation")),
-        *((name, np.int64) for name in ("stages", "places", "before")),
-        *((name, core.ADDRESS) for name in ("centring", "beside")),
-        ("tracks", _TRACKS),
-        *((name, core.ADDRESS) for name in ("reached", "driven")),
-        ("since", np.int64),
-        ("value", float),
-    ],
-)
+_TRACK = core.record("hdv_track")
+_REACHED = core.record("hdv_furthest")
+_BODIES = core.record("hdv_bodies")
+_TRACKS = core.record("hdv_tracks")
+_BALANCE = core.record("hdv_balance", bodies=_BODIES, tracks=_TRACKS)
 _FUNCTIONS = core_functions("balance")
 
 
 @dataclass(frozen=True)
-class EnvelopeBalance:
+class EnvelopeBalance(Term):
     """The middle of the swept envelope at every place, measured on the plan; ``aim`` (n,) is where it should lie [m].
 
     ``beside`` is the stationary residual: all of it where a plan does not yet sweep a place to its end, a small share elsewhere.
@@ -69,10 +47,6 @@ class EnvelopeBalance:
     rounding: float = 0.05  # an imbalance counts with its square up to about this, with its magnitude beyond [m]
     relaxation: float = 4.0 / 3.0  # of the step that is safe on its own; below 2 no step makes the objective worse
     ahead: float = 50.0  # places as far ahead as this are balanced: those beyond are planned again before they are driven [m]
-
-    def needs(self, vehicle: Vehicle) -> Needs:  # noqa: ARG002 - a protocol's method
-        """Return nothing: see ``Term``."""
-        return Needs()
 
     def part(self, scene: Scene, place: Place) -> BalancePart:
         """Return the term in its place: see ``Term``."""
@@ -109,7 +83,8 @@ class EnvelopeBalance:
             0.0,
         )
         data = np.array([(bodies, *own)], _BALANCE)
-        return BalancePart(scene, _FUNCTIONS, data, centring, beside, window, measured, (*road, self.aim))
+        # places do not move with the plan: it shifts what centring remembers alone
+        return BalancePart(scene, _FUNCTIONS, data, centring, beside, window, measured, kept=(*road, self.aim), memory=centring.memory)
 
 
 class Window(NamedTuple):
@@ -137,12 +112,6 @@ class BalancePart(CorePart):
     beside: CentringPart  # the same, with a share where the plan is measured
     window: Window
     measured: Measured
-    kept: tuple[Records | FloatArray, ...]  # what the data point to
-
-    @property
-    def memory(self) -> tuple[FloatArray, ...]:
-        """What centring keeps: places do not move with the plan."""
-        return self.centring.memory
 
 
 def tracing_points(vehicle: Vehicle, behind: FloatArray, step: float) -> Records:

@@ -1,4 +1,9 @@
-"""Centring: the squared residual (lead e_y + aux e_aux - target)^2 of two axles' offsets at every station."""
+"""Terms of objectives: centring, the squared residual of two axles' offsets at every station, and the largest reach of any point.
+
+The residual is (lead e_y + aux e_aux - target)^2. The largest reach is an epigraph variable t >= |offset| of every watched point at every
+stage: hdvplan/core/reach.c. t is one state more, which the first stage's last input sets and all others keep: its rows then look like those
+of any limit, and every solver takes the program as it is.
+"""
 
 from __future__ import annotations
 
@@ -10,16 +15,15 @@ from hdvplan import core
 from hdvplan.arrays import FloatArray, Records
 from hdvplan.errors import OptionError
 from hdvplan.planning.stations import Stations
-from hdvplan.planning.terms.term import CorePart, Needs, Place, Scene, core_functions
+from hdvplan.planning.terms.term import CorePart, Needs, Place, Scene, Term, core_functions
 from hdvplan.qp.program import by_stage
-from hdvplan.vehicle.body import auxiliary_ahead
+from hdvplan.vehicle.body import auxiliary_ahead, axle_points, axles_behind, edge_points
 from hdvplan.vehicle.model import Vehicle
 
-COEFFICIENTS = core.record("hdv_residual", [("lead", float), ("aux", float), ("target", float)])  # of one station; the target in metres
+COEFFICIENTS = core.record("hdv_residual")  # of one station; the target in metres
 # Of one stage: of the auxiliary axle [m], and what is centred [m].
-_MEMORY = core.record("hdv_centred", [("foot", float), ("residual", float)])
-_POINTERS = [(name, core.ADDRESS) for name in ("curve", "residuals", "weights", "memory")]
-_DATA = core.record("hdv_centring", [("unit", np.int64), ("ahead", float), ("beside", float), *_POINTERS])
+_MEMORY = core.record("hdv_centred")
+_DATA = core.record("hdv_centring")
 _FUNCTIONS = core_functions("centring")
 
 
@@ -35,8 +39,8 @@ class Residual:
     target: FloatArray
     axle: int = -1
 
-    def scaled(self, factor: float) -> Residual:
-        """Return the residual at ``factor`` times its size."""
+    def scaled(self, factor: float | FloatArray) -> Residual:
+        """Return the residual at ``factor`` times its size, one or one a station."""
         return replace(self, lead=factor * self.lead, aux=factor * self.aux, target=factor * self.target)
 
     def about(self, stations: Stations, vehicle: Vehicle) -> Residual:
@@ -50,14 +54,10 @@ class Residual:
 
 
 @dataclass(frozen=True)
-class Centring:
+class Centring(Term):
     """The squared residual of two axles' offsets, summed over the stations ([GEO] eq. 20)."""
 
     residual: Residual
-
-    def needs(self, vehicle: Vehicle) -> Needs:  # noqa: ARG002 - a protocol's method
-        """Return nothing: see ``Term``."""
-        return Needs()
 
     def part(self, scene: Scene, place: Place) -> CentringPart:  # noqa: ARG002 - needs no column of its own
         """Return the term in its place: see ``Term``."""
@@ -71,7 +71,8 @@ class Centring:
         coefficients["lead"], coefficients["aux"], coefficients["target"] = residual.lead, residual.aux, residual.target
         axle = (unit, vehicle.lead.wheelbase if unit == 0 else 0.0, auxiliary_ahead(vehicle, unit))
         arrays = (scene.stations.path.record, coefficients, weights, memory)
-        return CentringPart(scene, _FUNCTIONS, np.array([(*axle, *map(core.address, arrays))], _DATA), coefficients, weights, memory)
+        data = np.array([(*axle, *map(core.address, arrays))], _DATA)
+        return CentringPart(scene, _FUNCTIONS, data, coefficients, weights, memory, memory=(by_stage(memory),))
 
 
 @dataclass(frozen=True)
@@ -82,13 +83,46 @@ class CentringPart(CorePart):
     weights: FloatArray  #: (N+1,), of the squared residuals
     stages: Records  #: (N+1,), feet and residuals
 
-    @property
-    def memory(self) -> tuple[FloatArray, ...]:
-        """The feet and residuals."""
-        return (by_stage(self.stages),)
-
     def weighed(self, weights: FloatArray) -> CentringPart:
         """Return the same with other weights; both share what they know."""
         data = self.data.copy()
         data["weights"] = core.address(weights)
         return replace(self, data=data, weights=weights)
+
+
+_FURTHEST_M = 100.0  # more than any vehicle can reach off its road; bounds of a variable that needs none
+_REACH = core.record("hdv_reach")
+_REACHING = core_functions("reach")
+
+
+@dataclass(frozen=True)
+class Reach(Term):
+    """The largest distance t of any watched point from the road's centre over the horizon of N stages, at the cost N t^2."""
+
+    bodies: bool  # watch the points of both edges of every body; else the axles alone
+
+    def points(self, vehicle: Vehicle) -> Records:
+        """Return the watched points, as ``edge_points``."""
+        return edge_points(vehicle) if self.bodies else axle_points(vehicle)
+
+    def needs(self, vehicle: Vehicle) -> Needs:
+        """Return t, the input that sets it, and two rows a point: see ``Term``."""
+        return Needs(states=1, inputs=1, rows=2 * self.points(vehicle).size)
+
+    def part(self, scene: Scene, place: Place) -> CorePart:
+        """Return the term in its place: see ``Term``. Its rows are priced above their multipliers, which add up to 2 N t."""
+        qp, t, u, count = scene.qp, place.state, place.input, scene.settings.stages
+        qp.stages["R"][:, u, u] = 1.0  # the other stages' last inputs do nothing, and are 0
+        qp.stages["u_low"][:, u], qp.stages["u_high"][:, u] = -_FURTHEST_M, _FURTHEST_M
+        rows = qp.rows[:, place.row : place.row + self.needs(scene.vehicle).rows]
+        rows["g"][:, :, t], rows["linear"] = -1.0, 2.0 * count * _FURTHEST_M
+        points = self.points(scene.vehicle)
+        half = np.ascontiguousarray(scene.units["half_width"]) if self.bodies else np.zeros(len(scene.units))
+        ahead = points["ahead"] - axles_behind(scene.vehicle)[:, None]
+        feet = np.zeros((scene.capacity, *points.shape, 2))
+        curve, more = scene.stations.path.record, (half, ahead)
+        data = np.array(
+            [(core.address(curve), core.address(points), points.shape[1], *map(core.address, more), t, u, place.row, core.address(feet))],
+            _REACH,
+        )
+        return CorePart(scene, _REACHING, data, kept=(curve, points, *more), memory=(by_stage(feet),))

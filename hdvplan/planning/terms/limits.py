@@ -15,7 +15,7 @@ from hdvplan import core
 from hdvplan.arrays import FloatArray, Records
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations
-from hdvplan.planning.terms.term import CorePart, Needs, Place, Scene, core_functions
+from hdvplan.planning.terms.term import CorePart, Needs, Place, Scene, Term, core_functions
 from hdvplan.qp.program import by_stage
 from hdvplan.vehicle.body import axles_behind
 from hdvplan.vehicle.model import Vehicle
@@ -23,26 +23,8 @@ from hdvplan.vehicle.model import Vehicle
 ROWS_PER_SIDE = core.number("HDV_ROWS_PER_SIDE")  # the tightest contacts to each side that enter the program
 CLEAR_M = core.constant("HDV_CLEAR_M")  # a body that stays this far inside the street by a safe bound needs no rows
 # What is known of one edge of one body at one stage.
-EDGE = core.record(
-    "hdv_edge",
-    [
-        ("clear", float),  # a lower bound of its clearance to all limits, the wheels' for overhangs too [m]
-        ("gap", float),  # a lower bound of its clearance to the limits that it must keep [m]
-        ("looked", float),  # 1 where that was found by looking at the edge, 0 where a bound says it
-        ("never", float),  # 1 while the edge's rows never bind
-        ("moved", float),  # a bound of how far any point has moved since then [m]
-    ],
-)
-_LIMITS = core.record(
-    "hdv_limits",
-    [
-        *((name, core.ADDRESS) for name in ("curve", "street", "behind")),
-        *((name, float) for name in ("reach", "clearance")),
-        *((name, np.int64) for name in ("row", "rows")),
-        *((name, core.ADDRESS) for name in ("seen", "edges")),
-        ("violation", float),
-    ],
-)
+EDGE = core.record("hdv_edge")
+_LIMITS = core.record("hdv_limits")
 _FUNCTIONS = core_functions("limits")
 
 
@@ -54,7 +36,7 @@ class Seen(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Limits:
+class Limits(Term):
     """Every edge of every body: ``rows_per_side`` rows a stage, elastic at the settings' prices."""
 
     rows_per_side: int
@@ -79,7 +61,8 @@ class Limits:
         road = (scene.stations.path.record, street, behind)
         own = (_furthest(vehicle), clearance, place.row, rows.shape[1])
         data = np.array([(*map(core.address, road), *own, *map(core.address, seen), 0.0)], _LIMITS)
-        return LimitsPart(scene, _FUNCTIONS, data, rows, seen, (*road, *scene.stations.street))
+        kept, memory = (*road, *scene.stations.street), tuple(by_stage(array) for array in seen)
+        return LimitsPart(scene, _FUNCTIONS, data, rows, seen, kept=kept, memory=memory)
 
 
 def limits_of(stations: Stations, settings: PlannerSettings) -> Limits | None:
@@ -106,14 +89,3 @@ class LimitsPart(CorePart):
 
     rows: Records  # (N+1, own rows)
     seen: Seen
-    kept: tuple[Records | FloatArray, ...]  # what the data point to
-
-    @property
-    def memory(self) -> tuple[FloatArray, ...]:
-        """What was seen."""
-        return tuple(by_stage(array) for array in self.seen)
-
-    @property
-    def violation(self) -> float:
-        """The deepest breach of a limit at any stage of the motion that was last linearised at; 0 when all are kept [m]."""
-        return float(self.data["violation"][0])

@@ -18,27 +18,40 @@ import numpy as np
 from hdvplan import core
 from hdvplan.arrays import FloatArray, Records
 from hdvplan.errors import HdvplanError, OptionError
-from hdvplan.planning.motion import Motion
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations
 from hdvplan.plugins import said
 from hdvplan.qp.program import PROGRAM, StageQp
+from hdvplan.vehicle.kinematics import POSE
 from hdvplan.vehicle.model import Vehicle
 
-SCENE = core.record(
-    "hdv_scene",
-    [
-        ("units", core.ADDRESS),
-        ("unit_count", np.int64),
-        ("states", np.int64),
-        *((name, core.ADDRESS) for name in ("road", "motion", "poses")),
-        ("program", PROGRAM),
-        ("step", float),
-        ("kappa_before", float),
-        *((name, np.int64) for name in ("first", "at", "fixed", "binding")),
-    ],
-)
-TERM = core.record("hdv_term", [(name, core.ADDRESS) for name in ("linearise", "price", "data", "violation")])
+
+@dataclass(frozen=True)
+class Motion:
+    """States and curvatures over one horizon, and the poses that they put the bodies in."""
+
+    stages: Records  # (N+1,): z (n,), and kappa, held until the next stage [1/m]; the last one's kappa is not used
+    poses: Records  # (N+1, units) of ``POSE``, where the motion was last linearised
+
+    @classmethod
+    def empty(cls, vehicle: Vehicle, stages: int) -> Motion:
+        """Return the memory for a horizon of ``stages`` intervals."""
+        record = np.dtype([("z", float, (vehicle.states,)), ("kappa", float)])
+        return cls(np.zeros(stages + 1, record), np.zeros((stages + 1, len(vehicle.units)), POSE))
+
+    @property
+    def z(self) -> FloatArray:
+        """The states, (N+1, n)."""
+        return self.stages["z"]
+
+    @property
+    def kappa(self) -> FloatArray:
+        """The curvatures, (N,) [1/m]."""
+        return self.stages["kappa"][:-1]
+
+
+SCENE = core.record("hdv_scene", program=PROGRAM)
+TERM = core.record("hdv_term")
 
 
 @dataclass(frozen=True)
@@ -148,11 +161,13 @@ def core_functions(term: str, library: CDLL | None = None) -> CoreFunctions:
 
 @dataclass(frozen=True)
 class CorePart:
-    """A term in its place that is written in C; see ``Part``. Who adds arrays to its ``data`` keeps them alive."""
+    """A term in its place that is written in C; see ``Part``. Arrays that its ``data`` point to are ``kept`` alive."""
 
     scene: Scene
     functions: CoreFunctions
     data: Records  #: (1,), the functions' own record
+    kept: tuple[Records | FloatArray, ...] = field(default=(), kw_only=True)  #: what the data point to
+    memory: tuple[FloatArray, ...] = field(default=(), kw_only=True)  #: see ``Part``
     term: Records = field(init=False)  #: (1,) of ``TERM``: all of it as the core takes it
 
     def __post_init__(self) -> None:
@@ -165,14 +180,9 @@ class CorePart:
         object.__setattr__(self, "term", term)
 
     @property
-    def memory(self) -> tuple[FloatArray, ...]:
-        """Nothing: see ``Part``."""
-        return ()
-
-    @property
     def violation(self) -> float:
-        """None: see ``Part``."""
-        return 0.0
+        """See ``Part``."""
+        return float(self.data["violation"][0]) if self.term["violation"][0] else 0.0
 
     def extend(self, horizon: Horizon, begin: int) -> int:
         """See ``Part``."""
@@ -188,7 +198,7 @@ class CorePart:
 
 
 @contextmanager
-def told(term: object) -> Iterator[None]:
+def owned_by(term: object) -> Iterator[None]:
     """Turn what somebody else's term, or part, raises into one line; what is ours raises as it is.
 
     Raises:
@@ -222,7 +232,7 @@ class PythonPart:
 
     def _linearise(self, _data: int, _scene: int, begin: int, fresh: int) -> int:
         try:
-            with told(self._part):
+            with owned_by(self._part):
                 lost = self._part.extend(self._horizon(), begin) if fresh else self._part.linearise(self._horizon())
                 self._violation[0] = self._part.violation
                 return index(lost)  # not what ctypes could not return
@@ -232,7 +242,7 @@ class PythonPart:
 
     def _price(self, _data: int, _scene: int) -> float:
         try:
-            with told(self._part):
+            with owned_by(self._part):
                 return float(self._part.price(self._horizon()))
         except BaseException as error:  # noqa: BLE001 - as above
             self.raised = error
@@ -248,8 +258,9 @@ class PythonPart:
 class Term(Protocol):
     """An objective or a limit, as data."""
 
-    def needs(self, vehicle: Vehicle) -> Needs:
-        """Return what the term adds to every stage."""
+    def needs(self, vehicle: Vehicle) -> Needs:  # noqa: ARG002 - a protocol's method
+        """Return what the term adds to every stage: nothing, where a class below this one says nothing else."""
+        return Needs()
 
     def part(self, scene: Scene, place: Place) -> Part:
         """Return the term in its place; write the values that are constant over a drive."""

@@ -11,8 +11,7 @@ from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.term import Horizon
 from hdvplan.qp.program import StageSolution, by_stage
-from hdvplan.qp.residuals import residuals
-from hdvplan.qp.workspace import WorkspaceMaker
+from hdvplan.qp.workspace import WorkspaceMaker, residuals
 from hdvplan.vehicle.model import Vehicle
 from tests.core.moves import defect_price, guess, l1_weights, take_step
 

@@ -17,9 +17,7 @@ from tests.core.twins.path import evaluate
 
 SECTIONS = core.number("HDV_SECTIONS")
 TO_PLAN, TO_JUDGE = 0, 1  # enum hdv_look
-CONTACT = core.record(
-    "hdv_contact", [*((name, float) for name in ("gap", "ahead", "left", "along_x", "along_y", "s")), ("piece", np.int64)]
-)
+CONTACT = core.record("hdv_contact")
 CONTACTS = np.dtype([("at", CONTACT, (2, SECTIONS)), ("near", float, 2), ("overhang", CONTACT, (2, 2))])
 _LOOK = core.function("hdv_look_many", core.POINTER, core.INT, core.POINTER, core.INT, core.INT, *[core.POINTER] * 4)
 

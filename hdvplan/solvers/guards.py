@@ -1,0 +1,108 @@
+"""Workspaces around workspaces: hard rows before elastic ones, and solvers from outside hdvplan.
+
+A column for every elastic row doubles a program, and its large price slows general solvers tenfold (OSQP: a hundredfold).
+The program with hard rows has the same solution wherever its rows can be kept at multipliers no larger than their price, by the
+optimality conditions of both; only where that is not so is the elastic one solved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NoReturn
+
+import numpy as np
+
+from hdvplan.errors import HdvplanError, QpDataError, SolverError
+from hdvplan.plugins import said
+from hdvplan.qp.program import StageQp, StageShape, StageSolution
+from hdvplan.qp.workspace import QpResult, QpWorkspace, Status, WorkspaceMaker, residuals
+
+_KEPT = 1e-3  # primal residual up to which a solution of the hard program is believed [m]
+
+
+def hard_first(make: Callable[[StageShape, bool], QpWorkspace]) -> WorkspaceMaker:
+    """Return the maker of workspaces that try hard rows first; ``make`` takes a shape and whether rows are elastic."""
+    return lambda shape: _HardFirst(shape, make)
+
+
+class _HardFirst:
+    """Two workspaces of one solver; the elastic one is made when it is first needed."""
+
+    def __init__(self, shape: StageShape, make: Callable[[StageShape, bool], QpWorkspace]) -> None:
+        self._shape, self._make = shape, make
+        self._hard = make(shape, False)
+        self._elastic: QpWorkspace | None = None
+        self.name, self.starts_warm = self._hard.name, self._hard.starts_warm
+
+    def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
+        """Solve ``qp``; see ``QpWorkspace``. Times and iterations of both attempts count."""
+        if self._shape.rows and not np.all(qp.linear > 0.0):  # a row that costs nothing at first is meant to be broken
+            return self._with_columns().solve(qp, guess)
+        first = self._hard.solve(qp, guess)
+        believed = first.status in {Status.SOLVED, Status.INACCURATE} and residuals(qp, first.point).primal <= _KEPT
+        if not self._shape.rows or (believed and np.all(first.point.rows <= qp.linear)):
+            return first
+        second = self._with_columns().solve(qp, None)
+        return second._replace(
+            iterations=first.iterations + second.iterations,
+            update_time=first.update_time + second.update_time,
+            solve_time=first.solve_time + second.solve_time,
+            time_aside=first.time_aside + second.time_aside,
+        )
+
+    def _with_columns(self) -> QpWorkspace:
+        if self._elastic is None:
+            self._elastic = self._make(self._shape, True)
+        return self._elastic
+
+
+class ForeignWorkspace:
+    """Another's workspace under the name by which users ask for it."""
+
+    def __init__(self, name: str, make: Callable[[], QpWorkspace]) -> None:
+        """Make it, and see that it has what ``QpWorkspace`` asks for.
+
+        Raises:
+            SolverError: it cannot be made, or lacks something.
+
+        """
+        self.name = name
+        try:
+            self._own = make()
+            self.starts_warm = bool(self._own.starts_warm)
+            if not callable(self._own.solve):
+                _refuse(f"solver {name!r}: solve is no method")
+        except HdvplanError:
+            raise
+        except AttributeError as error:
+            _refuse(f"solver {name!r} is no QpWorkspace: {said(error)}", error)
+        except Exception as error:  # noqa: BLE001 - an author's constructor may raise anything
+            _refuse(f"solver {name!r} cannot be made: {said(error)}", error)
+
+    def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
+        """Solve ``qp``; see ``QpWorkspace``.
+
+        Raises:
+            SolverError: the solver raises, or what it returns is no result; ``status`` is ``raised``.
+
+        """
+        try:
+            result: object = self._own.solve(qp, guess)
+        except HdvplanError:
+            raise
+        except Exception as error:
+            msg = f"solver {self.name!r} raises {said(error)}"
+            raise SolverError(msg, status="raised") from error
+        if not isinstance(result, QpResult):
+            msg = f"solver {self.name!r} returns something of type {type(result).__name__}, not a QpResult"
+            raise SolverError(msg, status="raised")
+        try:
+            result.point.address_for(qp.shape)
+        except (AttributeError, QpDataError) as error:
+            msg = f"solver {self.name!r} returns a point of another shape"
+            raise SolverError(msg, status="raised") from error
+        return result
+
+
+def _refuse(message: str, error: Exception | None = None) -> NoReturn:
+    raise SolverError(message, hint="docs/extending.md says what a solver's class must have") from error
