@@ -158,13 +158,13 @@ def bench(
     check_objective(wanted.objective)
     for name in wanted.solvers:
         check_solver(name)  # what is wrong with names is said before more is loaded
-    from hdvplan.bench.courses import cases_of
-    from hdvplan.bench.directory import begin, damage_told, discard, finish, read_record, read_table, recorded
-    from hdvplan.bench.run import remaining, run
-    from hdvplan.bench.timing import LAYOUTS, summary_tables
+    from hdvplan.bench.measuring.courses import cases_of
+    from hdvplan.bench.measuring.directory import begin, damage_told, discard, finish, read_record, read_table, recorded
+    from hdvplan.bench.measuring.run import remaining, run
+    from hdvplan.bench.measuring.timing import LAYOUTS, summary_tables
 
     if export_qps is not None:
-        from hdvplan.bench.export import cases_to_export, export
+        from hdvplan.bench.measuring.export import cases_to_export, export
 
         with writing(f"to {export_qps}", "choose another folder"):
             files = export(cases_to_export(wanted), export_qps)
@@ -194,7 +194,7 @@ def bench(
             raise
     if plot is not None:
         picture = out / PICTURE if plot == PICTURE else Path(plot)
-        from hdvplan.bench.pictures import draw
+        from hdvplan.bench.measuring.pictures import draw
 
         with writing(f"{picture}", None), damage_told(out):
             draw(out, picture)
@@ -225,8 +225,8 @@ def _tolerances(
         return {}
     if record is not None and "tolerances" in record:
         return dict(record["tolerances"])
-    from hdvplan.bench.directory import note_tolerances
-    from hdvplan.bench.tuning import tuned
+    from hdvplan.bench.measuring.directory import note_tolerances
+    from hdvplan.bench.measuring.tuning import tuned
 
     with progress("tuning tolerances", quiet=quiet, undisturbed=True) as on_progress:
         found = tuned(suite, cases, on_progress)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import FunctionType
 
-from hdvplan.bench.sides import read_side
+from hdvplan.bench.comparing.sides import read_side
 from hdvplan.bench.suite import read_suite, suite_of
 from hdvplan.errors import HdvplanError
 from hdvplan.planning.bias import bias_named
@@ -25,7 +25,7 @@ _WATCHED = (
     "hdvplan.vehicle.",
     "hdvplan.planning.bias",
     "hdvplan.report.planfiles",
-    "hdvplan.bench.sides",
+    "hdvplan.bench.comparing.sides",
     "hdvplan.bench.suite",
     "hdvplan.study.spec",
     "hdvplan.study.inputs",

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from hdvplan.api import drive_case, plan
-from hdvplan.bench.processes import ended_by_signals
+from hdvplan.bench.comparing.processes import ended_by_signals
 from hdvplan.case import Case
 from hdvplan.driving.drive import Drive, drive
 from hdvplan.errors import HdvplanError, SolverError
