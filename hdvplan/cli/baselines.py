@@ -59,7 +59,6 @@ def gate(
     """
     from hdvplan.bench.comparing.against import SIDES, Settings, Told, Wanted, guard
     from hdvplan.bench.comparing.reports import write_reports
-    from hdvplan.bench.comparing.versions import version_words, versions_of
     from hdvplan.bench.comparing.work import CommandWork
 
     if not isinstance(work, CommandWork):
@@ -69,12 +68,28 @@ def gate(
     try:
         with _told_progress(quiet=quiet) as told:
             comparison = guard(wanted, out, Told(lambda step: note(step, quiet=quiet), told))
-        if comparison.failure is None and (versions := version_words(*(versions_of(out / side / "00") for side in SIDES))):
+        if comparison.failure is None and (versions := _changed_versions(*(_versions(out / side / "00") for side in SIDES))):
             note(f"versions differ: {', '.join(versions)}", quiet=quiet)
         write_reports(comparison, rule, again, out)
     except OSError as error:
         raise _cannot_write(error, out) from error
     return show(comparison, rule, format_=format_, json=json, quiet=quiet, again=again)
+
+
+def _versions(process: Path) -> dict[str, str]:
+    """Return the versions of hdvplan and of libraries from the folder of a process; a command of one's own notes none."""
+    from hdvplan.fileio import read_json
+
+    try:
+        noted = read_json(process / "run.json")["software"]
+        return {"hdvplan": str(noted["hdvplan"])} | {str(name): str(version) for name, version in noted["packages"].items()}
+    except (OSError, ValueError, LookupError, TypeError, AttributeError):
+        return {}
+
+
+def _changed_versions(before: Mapping[str, str], after: Mapping[str, str]) -> list[str]:
+    changed = [name for name in {**before, **after} if before.get(name) != after.get(name)]
+    return [f"{name} {before.get(name, '-')} -> {after.get(name, '-')}" for name in changed]
 
 
 def _cannot_write(error: OSError, out: Path) -> OptionError:
