@@ -33,7 +33,7 @@ from balanced_pictures import draw_convergence, draw_examples, draw_roads
 
 from hdvplan.api import drive_case
 from hdvplan.arrays import FloatArray
-from hdvplan.bench.courses import with_limits
+from hdvplan.bench.measuring.courses import with_limits
 from hdvplan.bench.suite import ROADS, Suite
 from hdvplan.case import Case
 from hdvplan.errors import HdvplanError

@@ -28,17 +28,16 @@ import numpy as np
 import pandas as pd
 from gate_patches import PATCHES, SAME, WORSE
 
-from hdvplan.bench.against import SUITE
-from hdvplan.bench.compare import Comparison, compare
-from hdvplan.bench.counters import Tolerance
-from hdvplan.bench.courses import cases_of
-from hdvplan.bench.gate import BATCH, Rule, Verdict
-from hdvplan.bench.processes import Started, Turns, ended_by_signals, scratch_folder
-from hdvplan.bench.programs import Program, present
-from hdvplan.bench.sides import IMPORT, PEAK, Name, Side, Steps, read_side
+from hdvplan.bench.comparing.against import SUITE
+from hdvplan.bench.comparing.compare import Comparison, compare
+from hdvplan.bench.comparing.counters import Tolerance
+from hdvplan.bench.comparing.decision import BATCH, Rule, Verdict
+from hdvplan.bench.comparing.processes import Started, Turns, ended_by_signals, in_turn, scratch_folder, shared_cores
+from hdvplan.bench.comparing.programs import Program, present
+from hdvplan.bench.comparing.sides import IMPORT, PEAK, Name, Side, Steps, read_side
+from hdvplan.bench.comparing.work import ABOUT, SuiteWork, suite_entries, suite_text
+from hdvplan.bench.measuring.courses import cases_of
 from hdvplan.bench.suite import suite_of
-from hdvplan.bench.turns import in_turn, shared_cores
-from hdvplan.bench.work import ABOUT, SuiteWork, suite_entries, suite_text
 from hdvplan.fileio import csv_bytes, json_bytes, write_atomically
 from hdvplan.machine import load_average, machine_facts
 from hdvplan.record import write_record

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from hdvplan.arrays import FloatArray
-from hdvplan.bench.sides import IMPORT, PEAK, Name, Steps
+from hdvplan.bench.comparing.sides import IMPORT, PEAK, Name, Steps
 
 SAME = "same"
 Process = tuple[Mapping[Name, Steps], Mapping[str, float]]

@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from hdvplan.bench.courses import cases_of
-from hdvplan.bench.measure import measure
-from hdvplan.bench.samples import Measurement
-from hdvplan.bench.stats import tables_of
+from hdvplan.bench.measuring.courses import cases_of
+from hdvplan.bench.measuring.measure import measure
+from hdvplan.bench.measuring.samples import Measurement
+from hdvplan.bench.measuring.stats import tables_of
 from hdvplan.bench.suite import Suite
 from hdvplan.case import Case
 from hdvplan.fileio import csv_bytes, write_atomically

@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 from exact_nlp import Method, Optimum, deepest_cut, exact_nlp
 
-from hdvplan.bench.courses import with_limits
+from hdvplan.bench.measuring.courses import with_limits
 from hdvplan.bench.suite import Suite
 from hdvplan.case import Case
 from hdvplan.centring.weights import CentringTable

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from hdvplan.bench.export import export
+from hdvplan.bench.measuring.export import export
 from hdvplan.case import Case
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.road.scenarios import SCENARIOS

@@ -7,13 +7,11 @@ import pandas as pd
 from reference_scenes import Quantities, Told
 
 from hdvplan.arrays import FloatArray
-from hdvplan.bench.acceptance import accepted
-from hdvplan.bench.counters import COUNTS, LENGTHS, WORK, Tolerance, changes_of
-from hdvplan.bench.gate import Rule, judge
-from hdvplan.bench.joint import agreement
-from hdvplan.bench.ranking import of_group, ranked_times, ranking, waiting_cells
+from hdvplan.bench.comparing.counters import COUNTS, LENGTHS, WORK, Tolerance, changes_of
+from hdvplan.bench.comparing.decision import Rule, agreement, judge
+from hdvplan.bench.measuring.acceptance import accepted
+from hdvplan.bench.measuring.ranking import load_of, of_group, ranked_times, ranking, waiting_cells
 from hdvplan.bench.suite import KEY
-from hdvplan.bench.verdict import load_of
 
 _STEPS = 40
 _CELL = {"road": "road", "vehicle": "bus", "scheme": "rti", "limits": "as set"}

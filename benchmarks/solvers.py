@@ -14,9 +14,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from hdvplan.bench.stats import summary_table
+from hdvplan.bench.measuring.stats import summary_table
+from hdvplan.bench.measuring.timing import reasons_of
 from hdvplan.bench.suite import CLASSES, ROADS, read_suite, suite_of
-from hdvplan.bench.timing import reasons_of
 from hdvplan.cli.app import run
 from hdvplan.fileio import write_atomically
 from hdvplan.machine import use_one_thread

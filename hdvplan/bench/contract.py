@@ -17,7 +17,7 @@ from time import perf_counter
 
 import numpy as np
 
-from hdvplan.bench.recording import LIMITS, Recorded, copied, record
+from hdvplan.bench.measuring.recording import LIMITS, Recorded, copied, record
 from hdvplan.case import Case
 from hdvplan.errors import QpDataError
 from hdvplan.planning.settings import PlannerSettings

@@ -16,9 +16,9 @@ from hdvplan.errors import HdvplanError, OptionError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
-    from hdvplan.bench.gate import Rule
+    from hdvplan.bench.comparing.decision import Rule
+    from hdvplan.bench.comparing.work import CommandWork
     from hdvplan.bench.suite import Suite
-    from hdvplan.bench.work import CommandWork
 
 
 def measured(suite: Path | None, given: Mapping[str, object], command: str | None) -> Suite | CommandWork:
@@ -29,9 +29,9 @@ def measured(suite: Path | None, given: Mapping[str, object], command: str | Non
         SolverError: no such solver.
 
     """
-    from hdvplan.bench.against import SUITE
+    from hdvplan.bench.comparing.against import SUITE
+    from hdvplan.bench.comparing.work import CommandWork, command_words
     from hdvplan.bench.suite import read_suite, suite_of
-    from hdvplan.bench.work import CommandWork, command_words
     from hdvplan.plugins import is_reference
     from hdvplan.solvers.registry import check_solver
 
@@ -57,11 +57,9 @@ def gate(
         OptionError: a road or vehicle that cannot be read, a program that is none, or ``out`` cannot be written.
 
     """
-    from hdvplan.bench.against import SIDES, Settings
-    from hdvplan.bench.guard import Told, Wanted, guard
-    from hdvplan.bench.reports import write_reports
-    from hdvplan.bench.versions import version_words, versions_of
-    from hdvplan.bench.work import CommandWork
+    from hdvplan.bench.comparing.against import SIDES, Settings, Told, Wanted, guard
+    from hdvplan.bench.comparing.reports import write_reports
+    from hdvplan.bench.comparing.work import CommandWork
 
     if not isinstance(work, CommandWork):
         _check(work)
@@ -70,12 +68,28 @@ def gate(
     try:
         with _told_progress(quiet=quiet) as told:
             comparison = guard(wanted, out, Told(lambda step: note(step, quiet=quiet), told))
-        if comparison.failure is None and (versions := version_words(*(versions_of(out / side / "00") for side in SIDES))):
+        if comparison.failure is None and (versions := _changed_versions(*(_versions(out / side / "00") for side in SIDES))):
             note(f"versions differ: {', '.join(versions)}", quiet=quiet)
         write_reports(comparison, rule, again, out)
     except OSError as error:
         raise _cannot_write(error, out) from error
     return show(comparison, rule, format_=format_, json=json, quiet=quiet, again=again)
+
+
+def _versions(process: Path) -> dict[str, str]:
+    """Return the versions of hdvplan and of libraries from the folder of a process; a command of one's own notes none."""
+    from hdvplan.fileio import read_json
+
+    try:
+        noted = read_json(process / "run.json")["software"]
+        return {"hdvplan": str(noted["hdvplan"])} | {str(name): str(version) for name, version in noted["packages"].items()}
+    except (OSError, ValueError, LookupError, TypeError, AttributeError):
+        return {}
+
+
+def _changed_versions(before: Mapping[str, str], after: Mapping[str, str]) -> list[str]:
+    changed = [name for name in {**before, **after} if before.get(name) != after.get(name)]
+    return [f"{name} {before.get(name, '-')} -> {after.get(name, '-')}" for name in changed]
 
 
 def _cannot_write(error: OSError, out: Path) -> OptionError:
@@ -93,7 +107,7 @@ def _check(suite: Suite) -> None:
     Where this very program cannot even be imported, its processes will say so.
     """
     try:
-        from hdvplan.bench.courses import cases_of
+        from hdvplan.bench.measuring.courses import cases_of
 
         cases_of(suite)
     except HdvplanError:
@@ -104,8 +118,8 @@ def _check(suite: Suite) -> None:
 
 def _again(against: str, wanted: Suite | CommandWork, rule: Rule, out: Path, *, expect_changes: bool) -> str:
     """Return the command that measures the same again."""
-    from hdvplan.bench.gate import Rule
-    from hdvplan.bench.work import CommandWork
+    from hdvplan.bench.comparing.decision import Rule
+    from hdvplan.bench.comparing.work import CommandWork
 
     what = ["--command", shlex.join(wanted.words)] if isinstance(wanted, CommandWork) else ["--suite", str(out / "suite.toml")]
     options = [] if rule.factor == Rule().factor else ["--factor", f"{rule.factor:g}"]
@@ -134,10 +148,10 @@ def _told_progress(*, quiet: bool) -> Iterator[Callable[[float], None]]:
 
 def hold_to(counters: Path, out: Path, renew: bool, *, format_: str, json: bool, quiet: bool) -> int:
     """Compare a finished run's counters with a baseline, or make them the baseline."""
-    from hdvplan.bench.compare import compare_counters
-    from hdvplan.bench.counters import read_counters, write_counters
-    from hdvplan.bench.gate import Rule
-    from hdvplan.bench.sides import read_side
+    from hdvplan.bench.comparing.compare import compare_counters
+    from hdvplan.bench.comparing.counters import read_counters, write_counters
+    from hdvplan.bench.comparing.decision import Rule
+    from hdvplan.bench.comparing.sides import read_side
 
     measured = read_side(out).counters
     if renew:

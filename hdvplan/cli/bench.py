@@ -6,39 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hdvplan.bench import PICTURE
+from hdvplan.cli import bench_options as options
 from hdvplan.cli.baselines import gate, hold_to, measured
-from hdvplan.cli.bench_options import (
-    AccuracyOption,
-    AgainstOption,
-    BudgetOption,
-    CellLimitOption,
-    ClassesOption,
-    CommandOption,
-    CountersOption,
-    ExportQpsOption,
-    FreshOption,
-    HalfWidthOption,
-    HorizonOption,
-    InProcessOption,
-    MemoryLimitOption,
-    NoLimitsOption,
-    ObjectiveOption,
-    OutOption,
-    PinchOption,
-    PlotOption,
-    RenewOption,
-    ReplanOption,
-    RoadsOption,
-    RoundsOption,
-    SampleOption,
-    SchemesOption,
-    SlackOption,
-    SolversOption,
-    StepLimitOption,
-    StepOption,
-    SuiteOption,
-    VehiclesOption,
-)
 from hdvplan.cli.compare import FORMATS, ExpectChangesOption, FactorOption, FloorOption, FormatOption, rule_of, told_to_programs
 from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, rows_json, warn, writing
 from hdvplan.cli.options import JsonOption, QuietOption, choice
@@ -63,39 +32,39 @@ def with_picture(arguments: Sequence[str]) -> list[str]:
 
 
 def bench(
-    solvers: SolversOption = None,
-    vehicles: VehiclesOption = None,
-    roads: RoadsOption = None,
-    schemes: SchemesOption = None,
-    objective: ObjectiveOption = None,
-    suite: SuiteOption = None,
-    half_width: HalfWidthOption = None,
-    slack: SlackOption = None,
-    no_limits: NoLimitsOption = False,
-    pinch: PinchOption = None,
-    classes: ClassesOption = None,
-    rounds: RoundsOption = None,
-    accuracy: AccuracyOption = None,
-    sample: SampleOption = None,
-    horizon: HorizonOption = None,
-    step: StepOption = None,
-    replan: ReplanOption = None,
-    budget: BudgetOption = None,
-    step_limit: StepLimitOption = None,
-    cell_limit: CellLimitOption = None,
-    memory_limit: MemoryLimitOption = None,
-    in_process: InProcessOption = False,
-    against: AgainstOption = None,
-    command: CommandOption = None,
-    counters: CountersOption = None,
-    renew: RenewOption = False,
+    solvers: options.Solvers = None,
+    vehicles: options.Vehicles = None,
+    roads: options.Roads = None,
+    schemes: options.Schemes = None,
+    objective: options.Objective = None,
+    suite: options.Suite = None,
+    half_width: options.HalfWidth = None,
+    slack: options.Slack = None,
+    no_limits: options.NoLimits = False,
+    pinch: options.Pinch = None,
+    classes: options.Classes = None,
+    rounds: options.Rounds = None,
+    accuracy: options.Accuracy = None,
+    sample: options.Sample = None,
+    horizon: options.Horizon = None,
+    step: options.Step = None,
+    replan: options.Replan = None,
+    budget: options.Budget = None,
+    step_limit: options.StepLimit = None,
+    cell_limit: options.CellLimit = None,
+    memory_limit: options.MemoryLimit = None,
+    in_process: options.InProcess = False,
+    against: options.Against = None,
+    command: options.Command = None,
+    counters: options.Counters = None,
+    renew: options.Renew = False,
     factor: FactorOption = None,
     floor: FloorOption = None,
     expect_changes: ExpectChangesOption = False,
-    out: OutOption = Path("hdvplan-bench"),
-    fresh: FreshOption = False,
-    plot: PlotOption = None,
-    export_qps: ExportQpsOption = None,
+    out: options.Out = Path("hdvplan-bench"),
+    fresh: options.Fresh = False,
+    plot: options.Plot = None,
+    export_qps: options.ExportQps = None,
     format_: FormatOption = "text",
     json: JsonOption = False,
     quiet: QuietOption = False,
@@ -115,24 +84,29 @@ def bench(
     choice("--format", format_, FORMATS)
     if plot is not None:
         choice("the picture's ending", Path(plot).suffix.lower().removeprefix("."), PICTURES)
-    if against is not None and plot is not None:
-        msg = "--plot draws one benchmark, and --against measures several"
-        raise OptionError(msg, hint="leave out --plot")
-    if against is None and (factor is not None or floor is not None or expect_changes or command is not None):
-        msg = "--factor, --floor, --expect-changes and --command need --against"
-        raise OptionError(msg)
-    if renew and counters is None:
-        msg = "--renew needs --counters"
-        raise OptionError(msg)
-    if against is not None and counters is not None:
-        msg = "--against compares counters with those of REV, not with a file"
-        raise OptionError(msg, hint="leave out --counters")
-    if in_process and (step_limit is not None or cell_limit is not None or memory_limit is not None):
-        msg = "--step-limit, --cell-limit and --memory-limit need a process that can be ended"
-        raise OptionError(msg, hint="leave out --in-process")
-    if export_qps is not None and (against is not None or counters is not None or plot is not None):
-        msg = "--export-qps measures nothing, so --against, --counters and --plot do not apply"
-        raise OptionError(msg, hint="leave them out")
+    compared, limited = against is not None, _any(step_limit, cell_limit, memory_limit)
+    for contradictory, words, hint in (
+        (compared and plot is not None, "--plot draws one benchmark, and --against measures several", "leave out --plot"),
+        (
+            not compared and (expect_changes or _any(factor, floor, command)),
+            "--factor, --floor, --expect-changes and --command need --against",
+            None,
+        ),
+        (renew and counters is None, "--renew needs --counters", None),
+        (compared and counters is not None, "--against compares counters with those of REV, not with a file", "leave out --counters"),
+        (
+            in_process and limited,
+            "--step-limit, --cell-limit and --memory-limit need a process that can be ended",
+            "leave out --in-process",
+        ),
+        (
+            export_qps is not None and _any(against, counters, plot),
+            "--export-qps measures nothing, so --against, --counters and --plot do not apply",
+            "leave them out",
+        ),
+    ):
+        if contradictory:
+            raise OptionError(words, hint=hint)
     from hdvplan.machine import use_one_thread
 
     one_thread = use_one_thread()  # before anything imports NumPy
@@ -140,31 +114,33 @@ def bench(
     from hdvplan.planning.objective_names import check_objective
     from hdvplan.solvers.registry import check_solver, solver_named
 
-    given = {
-        "roads": _names(roads), "vehicles": _names(vehicles), "schemes": _names(schemes), "solvers": _names(solvers),
-        "objective": objective, "rounds": rounds,
-        "budget": budget, "limits": False if no_limits else None, "half_width": half_width, "slack": slack, "pinch": pinch,
-        "horizon": horizon, "step": step, "replan": replan, "classes": _names(classes), "accuracy": accuracy, "sample": sample,
+    lists = {"roads": roads, "vehicles": vehicles, "schemes": schemes, "solvers": solvers, "classes": classes}
+    single = {
+        "objective": objective, "rounds": rounds, "budget": budget, "limits": False if no_limits else None, "half_width": half_width,
+        "slack": slack, "pinch": pinch, "horizon": horizon, "step": step, "replan": replan, "accuracy": accuracy, "sample": sample,
         "step_limit": step_limit, "cell_limit": cell_limit, "memory_limit": memory_limit,
     }  # fmt: skip
+    given: dict[str, object] = {
+        name: [one.strip() for one in text.split(",") if one.strip()] for name, text in lists.items() if text is not None
+    }
+    given |= {name: value for name, value in single.items() if value is not None}
     if against is not None:
-        asked = {name: value for name, value in given.items() if value is not None}
         with told_to_programs(json=json, format_=format_):
-            what = measured(suite, asked, command)
+            what = measured(suite, given, command)
             rule = rule_of(factor, floor)
             return gate(against, what, rule, out, expect_changes=expect_changes, format_=format_, json=json, quiet=quiet)
     entries = read_suite(suite) if suite else {}
-    wanted = suite_of(entries | {name: value for name, value in given.items() if value is not None})
+    wanted = suite_of(entries | given)
     check_objective(wanted.objective)
     for name in wanted.solvers:
         check_solver(name)  # what is wrong with names is said before more is loaded
-    from hdvplan.bench.courses import cases_of
-    from hdvplan.bench.directory import begin, damage_told, discard, finish, read_record, read_table, recorded
-    from hdvplan.bench.run import remaining, run
-    from hdvplan.bench.timing import LAYOUTS, summary_tables
+    from hdvplan.bench.measuring.courses import cases_of
+    from hdvplan.bench.measuring.directory import begin, damage_told, discard, finish, read_record, read_table, recorded
+    from hdvplan.bench.measuring.run import remaining, run
+    from hdvplan.bench.measuring.timing import LAYOUTS, summary_tables
 
     if export_qps is not None:
-        from hdvplan.bench.export import cases_to_export, export
+        from hdvplan.bench.measuring.export import cases_to_export, export
 
         with writing(f"to {export_qps}", "choose another folder"):
             files = export(cases_to_export(wanted), export_qps)
@@ -194,7 +170,7 @@ def bench(
             raise
     if plot is not None:
         picture = out / PICTURE if plot == PICTURE else Path(plot)
-        from hdvplan.bench.pictures import draw
+        from hdvplan.bench.measuring.pictures import draw
 
         with writing(f"{picture}", None), damage_told(out):
             draw(out, picture)
@@ -225,8 +201,8 @@ def _tolerances(
         return {}
     if record is not None and "tolerances" in record:
         return dict(record["tolerances"])
-    from hdvplan.bench.directory import note_tolerances
-    from hdvplan.bench.tuning import tuned
+    from hdvplan.bench.measuring.directory import note_tolerances
+    from hdvplan.bench.measuring.tuning import tuned
 
     with progress("tuning tolerances", quiet=quiet, undisturbed=True) as on_progress:
         found = tuned(suite, cases, on_progress)
@@ -234,5 +210,6 @@ def _tolerances(
     return found
 
 
-def _names(text: str | None) -> list[str] | None:
-    return None if text is None else [name.strip() for name in text.split(",") if name.strip()]
+def _any(*values: object) -> bool:
+    """Tell whether any of these options is given."""
+    return any(value is not None for value in values)

@@ -18,8 +18,8 @@ from hdvplan.errors import HdvplanError, OptionError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from hdvplan.bench.compare import Comparison
-    from hdvplan.bench.gate import Rule
+    from hdvplan.bench.comparing.compare import Comparison
+    from hdvplan.bench.comparing.decision import Rule
 
 DECISION = "Decision"  # options that say what a regression is
 FactorOption = Annotated[
@@ -103,10 +103,10 @@ def _compared(
     base: Path, new: Path, rule: Rule, envelope_tolerance: float | None, expect_changes: bool, reports: Path | None, format_: str,
     *, json: bool, quiet: bool,
 ) -> ExitCode:  # fmt: skip
-    from hdvplan.bench.compare import compare as compared
-    from hdvplan.bench.counters import ENVELOPE_TOLERANCE_M, Tolerance
-    from hdvplan.bench.reports import write_reports
-    from hdvplan.bench.sides import read_side
+    from hdvplan.bench.comparing.compare import compare as compared
+    from hdvplan.bench.comparing.counters import ENVELOPE_TOLERANCE_M, Tolerance
+    from hdvplan.bench.comparing.reports import write_reports
+    from hdvplan.bench.comparing.sides import read_side
 
     if envelope_tolerance is not None and not envelope_tolerance >= 0.0:
         msg = f"--envelope-tolerance must be at least 0, not {envelope_tolerance:g}"
@@ -126,7 +126,7 @@ def told_to_programs(*, json: bool, format_: str) -> Iterator[None]:
         yield
     except (HdvplanError, KeyboardInterrupt, SystemExit) as error:
         if json or format_ == "github":
-            from hdvplan.bench.reports import refusal_annotation, refusal_json
+            from hdvplan.bench.comparing.reports import refusal_annotation, refusal_json
 
             message, hint = (str(error), error.hint) if isinstance(error, HdvplanError) else ("interrupted", None)
             if json:
@@ -143,7 +143,7 @@ def rule_of(factor: float | None, floor_ms: float | None) -> Rule:
         OptionError: a value outside its range.
 
     """
-    from hdvplan.bench.gate import Rule
+    from hdvplan.bench.comparing.decision import Rule
 
     usual = Rule()
     return Rule(usual.factor if factor is None else factor, usual.floor if floor_ms is None else 1e-3 * floor_ms)
@@ -151,9 +151,9 @@ def rule_of(factor: float | None, floor_ms: float | None) -> Rule:
 
 def show(comparison: Comparison, rule: Rule, *, format_: str, json: bool, quiet: bool, again: str | None = None) -> ExitCode:
     """Write a comparison as asked for and return its exit code; ``again`` is the command that shows it again."""
-    from hdvplan.bench.comparison import comparison_markdown, comparison_tables, verdict_line
-    from hdvplan.bench.gate import Verdict
-    from hdvplan.bench.reports import comparison_json, github_annotations
+    from hdvplan.bench.comparing.decision import Verdict
+    from hdvplan.bench.comparing.reports import comparison_json, github_annotations
+    from hdvplan.bench.comparing.words import comparison_markdown, comparison_tables, verdict_line
 
     if json:
         print_json(comparison_json(comparison, rule, again))

@@ -41,7 +41,7 @@ def plan_long(
 
     ``reach`` is how far beyond a stretch a plan sees [m]; ``workers`` processes plan, as many as there are cores where it is None.
     """
-    from hdvplan.bench.processes import ended_by_signals
+    from hdvplan.bench.comparing.processes import ended_by_signals
     from hdvplan.machine import usable_cores
     from hdvplan.stretches.cutting import stretches_of_line
     from hdvplan.stretches.planning import plan_in_stretches

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdvplan.bench.samples import NUMBERS, OK, Judgement, Measurement
+from hdvplan.bench.measuring.samples import NUMBERS, Judgement, Measurement
 from hdvplan.bench.suite import Suite
+from hdvplan.bench.tables import OK
 from hdvplan.cli.app import run
 from hdvplan.machine import use_one_thread
 from tests.cli.conftest import Cli, cli

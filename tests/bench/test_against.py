@@ -16,13 +16,13 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from hdvplan.bench.against import SUITE, Contender, Settings, compared, measure_against
-from hdvplan.bench.compare import Comparison
-from hdvplan.bench.gate import Rule, Verdict
-from hdvplan.bench.processes import Scratch, Started, Turns, scratch_folder, start
-from hdvplan.bench.programs import Program
+from hdvplan.bench.comparing.against import SUITE, Contender, Settings, compared, measure_against
+from hdvplan.bench.comparing.compare import Comparison
+from hdvplan.bench.comparing.decision import Rule, Verdict
+from hdvplan.bench.comparing.processes import Scratch, Started, Turns, scratch_folder, start
+from hdvplan.bench.comparing.programs import Program
+from hdvplan.bench.comparing.work import SuiteWork, suite_entries, suite_text
 from hdvplan.bench.suite import Suite, read_suite, suite_of
-from hdvplan.bench.work import SuiteWork, suite_entries, suite_text
 from hdvplan.cli.app import run
 from hdvplan.cli.baselines import measured as wanted_of
 from hdvplan.errors import MeasurementError, OptionError

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from hdvplan.bench.courses import cases_of
+from hdvplan.bench.measuring.courses import cases_of
 from hdvplan.bench.suite import suite_of
 from tests.bench.conftest import TINY, Cli
 
@@ -113,9 +113,9 @@ def test_the_headline_fits_80_columns_and_json_is_json(cli: Cli, short_road: str
 def test_an_interrupted_run_says_how_to_go_on_and_does_not_repeat_what_it_has(
     cli: Cli, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, short_road: str
 ) -> None:
-    import hdvplan.bench.measure  # noqa: PLC0415 - watched from here on
+    import hdvplan.bench.measuring.measure  # noqa: PLC0415 - watched from here on
 
-    real, calls = hdvplan.bench.measure.measure, []
+    real, calls = hdvplan.bench.measuring.measure.measure, []
 
     def measure(*arguments: object, **options: object) -> object:
         calls.append(arguments)
@@ -123,7 +123,7 @@ def test_an_interrupted_run_says_how_to_go_on_and_does_not_repeat_what_it_has(
             raise KeyboardInterrupt
         return real(*arguments, **options)  # type: ignore[arg-type] # passed through as they came
 
-    monkeypatch.setattr("hdvplan.bench.measure.measure", measure)
+    monkeypatch.setattr("hdvplan.bench.measuring.measure.measure", measure)
     command = ("bench", "--roads", short_road, *TINY, "--out", "run")
     outcome = cli(*command)
     assert outcome.code == 130
@@ -177,7 +177,7 @@ def test_a_folder_with_another_run_is_not_mixed_up(cli: Cli, finished: tuple[str
 
 
 def test_a_run_of_other_source_is_not_gone_on_with(cli: Cli, monkeypatch: pytest.MonkeyPatch, finished: tuple[str, ...]) -> None:
-    monkeypatch.setattr("hdvplan.bench.directory.software", lambda _: {"hdvplan": "9"})
+    monkeypatch.setattr("hdvplan.bench.measuring.directory.software", lambda _: {"hdvplan": "9"})
     outcome = cli(*finished)
     assert outcome.code == 2
     assert "other software: hdvplan was" in outcome.err

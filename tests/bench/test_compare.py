@@ -11,13 +11,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from hdvplan.bench.compare import Comparison, compare, compare_counters
-from hdvplan.bench.counters import Tolerance, counters_of, read_counters, write_counters
-from hdvplan.bench.gate import Rule, Verdict
-from hdvplan.bench.samples import CRASHED, FAILED, OVER_BUDGET, Measurement
-from hdvplan.bench.sides import Side, read_side, times_of
-from hdvplan.bench.stats import envelope_table, samples_of, tables_of, timing_table
+from hdvplan.bench.comparing.compare import Comparison, compare, compare_counters
+from hdvplan.bench.comparing.counters import Tolerance, counters_of, read_counters, write_counters
+from hdvplan.bench.comparing.decision import Rule, Verdict
+from hdvplan.bench.comparing.sides import Side, read_side, times_of
+from hdvplan.bench.measuring.samples import Measurement
+from hdvplan.bench.measuring.stats import envelope_table, samples_of, tables_of, timing_table
 from hdvplan.bench.suite import Cell
+from hdvplan.bench.tables import CRASHED, FAILED, OVER_BUDGET
 from hdvplan.errors import OptionError
 from hdvplan.planning.settings import Scheme
 from tests.bench.conftest import TINY, Cli, made_up

@@ -11,7 +11,7 @@ import pytest
 
 from hdvplan.bench import contract
 from hdvplan.bench.contract import CONTRACT, Rule, samples
-from hdvplan.bench.recording import LIMITS
+from hdvplan.bench.measuring.recording import LIMITS
 from hdvplan.cli.app import run
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 from hdvplan.qp.workspace import QpResult, Status

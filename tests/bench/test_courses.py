@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
-from hdvplan.bench.courses import PINCH_LENGTH_M, PINCH_RAMP_M, cases_of, with_limits
+from hdvplan.bench.measuring.courses import PINCH_LENGTH_M, PINCH_RAMP_M, cases_of, with_limits
 from hdvplan.bench.suite import Cell, Suite
 from hdvplan.errors import RoadError
 from hdvplan.road.limits import Limits

@@ -15,11 +15,11 @@ from pathlib import Path
 
 import pytest
 
-from hdvplan.bench import environment, installing
-from hdvplan.bench.checkout import Checkout, checkout, copy_tree, export
-from hdvplan.bench.environment import Base, base_named, base_program, new_program
-from hdvplan.bench.processes import Ended, Scratch, ended_by_signals, scratch_folder, start
-from hdvplan.bench.programs import Program, ProgramError
+from hdvplan.bench.comparing import environment, programs
+from hdvplan.bench.comparing.checkout import Checkout, checkout, copy_tree, export
+from hdvplan.bench.comparing.environment import Base, base_named, base_program, new_program
+from hdvplan.bench.comparing.processes import Ended, Scratch, ended_by_signals, scratch_folder, start
+from hdvplan.bench.comparing.programs import Program, ProgramError
 from hdvplan.cli.baselines import _cannot_write
 from hdvplan.errors import OptionError
 from tests.bench.conftest import Cli
@@ -224,9 +224,9 @@ def test_a_name_is_data_and_nothing_of_it_runs(
     evil.write_text("#!/bin/sh\ntouch owned\n", encoding="utf-8")
     evil.chmod(0o755)
     monkeypatch.chdir(ours)
-    monkeypatch.setattr("hdvplan.bench.installing.run", nothing)
-    monkeypatch.setattr("hdvplan.bench.programs.start", nothing)
-    monkeypatch.setattr("hdvplan.bench.programs.run", nothing)
+    monkeypatch.setattr("hdvplan.bench.comparing.programs.run", nothing)
+    monkeypatch.setattr("hdvplan.bench.comparing.programs.start", nothing)
+    monkeypatch.setattr("hdvplan.bench.comparing.programs.run", nothing)
     outcome = cli("bench", f"--against={against}", "--roads", short_road, "--quiet")
     assert (outcome.code, outcome.out) == (2, "")
     lines = outcome.err.splitlines()
@@ -255,7 +255,7 @@ def test_a_release_goes_to_pip_behind_the_end_of_its_options(scratch: Scratch, m
         commands.append(command)
         return Ended(0, "", "", None)
 
-    monkeypatch.setattr(installing, "run", noted)
+    monkeypatch.setattr(programs, "run", noted)
     monkeypatch.setattr(environment, "environment", lambda folder, _: folder / "python")
     base(f"hdvplan=={version}", scratch)
     assert commands[0][-2:] == ["--", f"hdvplan=={version}"]
@@ -279,7 +279,7 @@ def test_a_release_that_nobody_can_be_asked_for_is_no_mistake_of_the_user(
 ) -> None:
     """Pip ends in the same words whether there is no such version or nobody answers; the first is exit code 2, the second 3."""
     said = f"{before}ERROR: Could not find a version that satisfies hdvplan==9\nERROR: No matching distribution found for hdvplan==9\n"
-    monkeypatch.setattr(installing, "run", lambda *_: Ended(1, "", said, None))
+    monkeypatch.setattr(programs, "run", lambda *_: Ended(1, "", said, None))
     monkeypatch.setattr(environment, "environment", lambda folder, _: folder / "python")
     with pytest.raises(error, match=f"hdvplan==9 cannot be installed: {words}"):
         base("hdvplan==9", scratch)
@@ -364,7 +364,7 @@ def test_a_checkout_of_another_user_is_refused_with_what_git_advises(
 
 @pytest.mark.usefixtures("ours")
 def test_a_checkout_without_git_says_that_it_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hdvplan.bench.checkout.shutil.which", lambda _: None)
+    monkeypatch.setattr("hdvplan.bench.comparing.checkout.shutil.which", lambda _: None)
     with pytest.raises(OptionError, match="cannot be read: git is not installed"):
         checkout()
 
@@ -433,7 +433,7 @@ def test_a_working_tree_is_copied_with_links_as_links_and_without_results(ours: 
 def test_where_no_cache_can_be_written_a_temporary_one_does(tmp_path: Path, scratch: Scratch, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     assert environment.cache_folder(scratch) == tmp_path / "cache" / "hdvplan" / "gate"
-    monkeypatch.setattr("hdvplan.bench.environment.os.access", lambda *_: False)  # root may write everywhere
+    monkeypatch.setattr("hdvplan.bench.comparing.environment.os.access", lambda *_: False)  # root may write everywhere
     assert environment.cache_folder(scratch).parent == scratch.folder
 
 

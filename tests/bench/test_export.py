@@ -10,7 +10,7 @@ import pytest
 import scipy.sparse as sp
 
 from hdvplan.arrays import FloatArray
-from hdvplan.bench.export import cases_to_export, export
+from hdvplan.bench.measuring.export import cases_to_export, export
 from hdvplan.bench.suite import Suite
 from hdvplan.case import Case
 from hdvplan.planning.settings import PlannerSettings

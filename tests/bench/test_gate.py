@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hdvplan.arrays import FloatArray
-from hdvplan.bench.gate import Decision, Rule, Verdict, decide, judge, median_rank
+from hdvplan.bench.comparing.decision import Decision, Rule, Verdict, judge, median_rank
 from hdvplan.errors import OptionError
 
 STEPS = 100
@@ -131,14 +131,14 @@ def test_differences_below_the_floor_do_not_count() -> None:
 def test_a_half_that_does_not_show_the_slowdown_acquits() -> None:
     base, new = times(np.random.default_rng(13), 10)
     new[:5] *= 1.25  # the machine was slow for one side during the first batch; the repeat is the same program again
-    assert decide(base[:5], new[:5], RULE).verdict is REGRESSED
+    assert judge(base[:5], new[:5], RULE).verdict is REGRESSED
     assert judge(base, new, RULE).verdict is not REGRESSED
 
 
 def test_the_decision_tells_the_numbers_it_rests_on() -> None:
     base = np.full((5, 4), 2e-4)
     new = np.array([1.2, 1.3, 1.25, 1.4, 1.3])[:, None] * base
-    decision = decide(base, new, RULE)
+    decision = judge(base, new, RULE)
     # Fastest of all: 1.2; median: 1.3; the smaller counts. Exact but for rounding.
     assert (decision.verdict, decision.pairs) == (REGRESSED, 5)
     assert [decision.base, decision.new, decision.ratio, decision.low, decision.high] == pytest.approx([2e-4, 2.4e-4, 1.2, 1.2, 1.4])

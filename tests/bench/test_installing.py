@@ -10,10 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from hdvplan.bench import installing
-from hdvplan.bench.installing import PYTHON, install, reason
-from hdvplan.bench.processes import Ended, Scratch, scratch_folder
-from hdvplan.bench.programs import ProgramError, UnreachedError
+from hdvplan.bench.comparing import programs
+from hdvplan.bench.comparing.processes import Ended, Scratch, scratch_folder
+from hdvplan.bench.comparing.programs import PYTHON, ProgramError, UnreachedError, install, reason
 
 PROJECT = """
 [build-system]
@@ -52,7 +51,7 @@ def commands(monkeypatch: pytest.MonkeyPatch) -> list[Command]:
         found.append((list(command), dict(variables), cwd))
         return Ended(0, "", "", None)
 
-    monkeypatch.setattr(installing, "run", noted)
+    monkeypatch.setattr(programs, "run", noted)
     monkeypatch.setattr("shutil.which", lambda name: f"/bin/{name}")
     return found
 
@@ -136,7 +135,7 @@ def test_an_index_that_does_not_answer_is_told_from_a_project_that_cannot_be_ins
     source: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, said: str, *, unreached: bool
 ) -> None:
     monkeypatch.setattr("shutil.which", lambda _: None)
-    monkeypatch.setattr(installing, "run", lambda *_: Ended(1, "", said, None))
+    monkeypatch.setattr(programs, "run", lambda *_: Ended(1, "", said, None))
     with scratch_folder() as scratch, pytest.raises(ProgramError) as raised:
         install(source, tmp_path / "venv", "theirs", scratch, again=True)
     assert isinstance(raised.value, UnreachedError) == unreached

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hdvplan.bench.joint import LEVEL, agreement
+from hdvplan.bench.comparing.decision import LEVEL, agreement
 
 PAIRS, STATISTICS = 10, 15
 

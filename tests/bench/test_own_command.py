@@ -11,13 +11,13 @@ from pathlib import Path
 
 import pytest
 
-from hdvplan.bench.against import REPORTS
-from hdvplan.bench.compare import Comparison
-from hdvplan.bench.gate import Verdict
-from hdvplan.bench.processes import Ended
-from hdvplan.bench.programs import ProgramError, UnreachedError
-from hdvplan.bench.sides import own_name, read_side
-from hdvplan.bench.work import CommandWork, SuiteWork, command_words, steps_of
+from hdvplan.bench.comparing.against import REPORTS
+from hdvplan.bench.comparing.compare import Comparison
+from hdvplan.bench.comparing.decision import Verdict
+from hdvplan.bench.comparing.processes import Ended
+from hdvplan.bench.comparing.programs import ProgramError, UnreachedError
+from hdvplan.bench.comparing.sides import own_name, read_side
+from hdvplan.bench.comparing.work import CommandWork, SuiteWork, command_words, steps_of
 from hdvplan.errors import OptionError
 from tests.bench.conftest import Cli
 from tests.docs.blocks import blocks_of
@@ -192,7 +192,7 @@ def test_a_new_program_that_cannot_be_installed_without_an_index_is_no_regressio
     (theirs / "pyproject.toml").write_text('[project]\nname = "theirs"\nversion = "1"\n', encoding="utf-8")
     git(theirs, "add", ".")
     git(theirs, "commit", "--quiet", "--message", "two")
-    monkeypatch.setattr("hdvplan.bench.environment.install", install)
+    monkeypatch.setattr("hdvplan.bench.comparing.environment.install", install)
     outcome = cli("bench", "--against", "HEAD", "--command", "python ours.py", "--quiet", "--out", str(theirs.parent / "gate"))
     assert outcome.code == code
 
@@ -221,7 +221,7 @@ def test_reports_of_an_earlier_comparison_are_not_taken_for_those_of_one_that_wa
         raise KeyboardInterrupt
 
     monkeypatch.chdir(theirs)
-    monkeypatch.setattr("hdvplan.bench.guard._compared", ended)
+    monkeypatch.setattr("hdvplan.bench.comparing.against._compared", ended)
     out = theirs.parent / "gate"
     out.mkdir()
     for name in REPORTS:
@@ -248,7 +248,7 @@ def test_versions_that_differ_between_the_sides_are_told(cli: Cli, tmp_path: Pat
         (folder / "run.json").write_text(json.dumps(told), encoding="utf-8")
     python = tmp_path / "python"
     python.touch(mode=0o755)
-    monkeypatch.setattr("hdvplan.bench.guard._compared", lambda *_: Comparison((), (), Verdict.FINE, 10))
+    monkeypatch.setattr("hdvplan.bench.comparing.against._compared", lambda *_: Comparison((), (), Verdict.FINE, 10))
     outcome = cli("bench", "--against", str(python), "--command", "ours", "--out", "out")
     assert (outcome.code, outcome.err) == (0, "versions differ: numpy 2.1 -> 2.2\n")
 

@@ -13,12 +13,12 @@ import pandas as pd
 import pytest
 
 from hdvplan.arrays import FloatArray
-from hdvplan.bench.compare import Comparison, compare, failed
-from hdvplan.bench.comparison import comparison_markdown, verdict_line, wrong_rows
-from hdvplan.bench.counters import COUNTS, IN_STEPS, LENGTHS, WORK, Change, Tolerance
-from hdvplan.bench.gate import Rule, Verdict
-from hdvplan.bench.reports import comparison_json, github_annotations, junit_xml, write_reports
-from hdvplan.bench.sides import IMPORT, PEAK, Name, Side, Steps
+from hdvplan.bench.comparing.compare import Comparison, compare, failed
+from hdvplan.bench.comparing.counters import COUNTS, IN_STEPS, LENGTHS, WORK, Change, Tolerance
+from hdvplan.bench.comparing.decision import Rule, Verdict
+from hdvplan.bench.comparing.reports import comparison_json, github_annotations, junit_xml, write_reports
+from hdvplan.bench.comparing.sides import IMPORT, PEAK, Name, Side, Steps
+from hdvplan.bench.comparing.words import comparison_markdown, verdict_line, wrong_rows
 from hdvplan.bench.suite import KEY
 
 CELLS: tuple[Name, ...] = tuple((road, vehicle, "rti", "riccati", "as set") for road in ("bend", "ring") for vehicle in ("bus", "truck"))

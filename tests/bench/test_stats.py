@@ -7,10 +7,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from hdvplan.bench.samples import FAILED, OVER_BUDGET, Measurement
-from hdvplan.bench.stats import SOME_UNSOLVED, reference_solver, status_of, tables_of
+from hdvplan.bench.measuring.samples import Measurement
+from hdvplan.bench.measuring.stats import SOME_UNSOLVED, reference_solver, status_of, tables_of
+from hdvplan.bench.measuring.timing import accuracy, captions
 from hdvplan.bench.suite import Cell, Suite
-from hdvplan.bench.timing import accuracy, captions
+from hdvplan.bench.tables import FAILED, OVER_BUDGET
 from hdvplan.planning.settings import Scheme
 from tests.bench.conftest import made_up
 

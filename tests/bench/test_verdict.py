@@ -6,13 +6,13 @@ from datetime import datetime, timedelta
 import numpy as np
 import pytest
 
-from hdvplan.bench.pictures import bench_figure, tikz
-from hdvplan.bench.profiles import order_of, pictured, share_within
-from hdvplan.bench.samples import FAILED, NUMBERS, OVER_BUDGET, Measurement
-from hdvplan.bench.stats import Tables, tables_of
+from hdvplan.bench.measuring.pictures import bench_figure, order_of, pictured, share_within, tikz
+from hdvplan.bench.measuring.ranking import Finding, Load, findings_of, load_of
+from hdvplan.bench.measuring.samples import NUMBERS, Measurement
+from hdvplan.bench.measuring.stats import Tables, tables_of
+from hdvplan.bench.measuring.timing import latex
 from hdvplan.bench.suite import Cell
-from hdvplan.bench.timing import latex
-from hdvplan.bench.verdict import Finding, Load, findings_of, load_of
+from hdvplan.bench.tables import FAILED, OVER_BUDGET
 from hdvplan.planning.settings import Scheme
 from hdvplan.report.style import styled
 from tests.bench.conftest import made_up

@@ -14,14 +14,13 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from hdvplan.bench.courses import cases_of
-from hdvplan.bench.run import remaining, run
-from hdvplan.bench.samples import Measurement, part_file, read_part
-from hdvplan.bench.stats import tables_of
+from hdvplan.bench.measuring.courses import cases_of
+from hdvplan.bench.measuring.run import Worker, remaining, run
+from hdvplan.bench.measuring.samples import Measurement, part_file, read_part
+from hdvplan.bench.measuring.stats import tables_of
+from hdvplan.bench.measuring.timing import untuned
+from hdvplan.bench.measuring.tuning import tuned
 from hdvplan.bench.suite import Suite, tuning_key
-from hdvplan.bench.timing import untuned
-from hdvplan.bench.tuning import tuned
-from hdvplan.bench.worker import Worker
 from hdvplan.qp.program import StageShape
 from hdvplan.qp.workspace import QpWorkspace, WorkspaceMaker
 from hdvplan.solvers.registry import solver_named

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hdvplan.arrays import FloatArray
-from hdvplan.bench.courses import with_limits
+from hdvplan.bench.measuring.courses import with_limits
 from hdvplan.bench.suite import Suite
 from hdvplan.case import Case
 from hdvplan.centring.weights import CentringTable

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hdvplan.api import drive_case
-from hdvplan.bench.processes import ended_by_signals
+from hdvplan.bench.comparing.processes import ended_by_signals
 from hdvplan.case import Case
 from hdvplan.driving.drive import Drive, drive
 from hdvplan.errors import SolverError

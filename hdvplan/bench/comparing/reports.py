@@ -9,13 +9,12 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
 
-from hdvplan.bench.compare import CellTimes, Comparison, no_longer_planned
-from hdvplan.bench.comparison import ALL_CELLS, change_words, comparison_markdown, verdict_line, word_of
-from hdvplan.bench.counters import Change
-from hdvplan.bench.gate import Rule, Verdict
-from hdvplan.bench.statistics import Found
+from hdvplan.bench.comparing.compare import CellTimes, Comparison, Found, no_longer_planned
+from hdvplan.bench.comparing.counters import Change
+from hdvplan.bench.comparing.decision import Rule, Verdict
+from hdvplan.bench.comparing.where import place_words
+from hdvplan.bench.comparing.words import ALL_CELLS, change_words, comparison_markdown, verdict_line, word_of
 from hdvplan.bench.suite import KEY, cell_words
-from hdvplan.bench.where import place_words
 from hdvplan.fileio import json_bytes, write_atomically
 
 _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")

@@ -24,8 +24,8 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from hdvplan.bench.courses import cases_of
-from hdvplan.bench.recording import ACTIVE, Recorded, record
+from hdvplan.bench.measuring.courses import cases_of
+from hdvplan.bench.measuring.recording import ACTIVE, Recorded, record
 from hdvplan.bench.suite import AS_SET, Suite
 from hdvplan.case import Case
 from hdvplan.errors import OptionError

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 import json
 import zlib
 from dataclasses import dataclass, field, fields
@@ -16,8 +15,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from hdvplan.arrays import FloatArray
+from hdvplan.bench.tables import FAILED, OUT_OF_MEMORY
 from hdvplan.errors import HdvplanError, OptionError
-from hdvplan.fileio import json_bytes, refuse_endless, write_atomically
+from hdvplan.fileio import json_bytes, write_atomically
 
 if TYPE_CHECKING:  # tables of times can be read where nothing can be planned
     from hdvplan.planning.planner import Plan
@@ -29,11 +29,6 @@ NUMBERS = (
 )  # fmt: skip
 COUNTS = ("qp_count", "iterations")
 DISTANCES = ("distance_m", "distance_u", "scale")  # see ``ReferenceCheck.take``
-_LARGEST = 1_000_000_000  # bytes of an unpacked table: ten million planning steps
-OK, FAILED, OVER_BUDGET = "ok", "failed", "over budget"
-UNRECORDED = "nothing recorded"  # of a sample: the reference cannot drive the course, whatever the solver
-CRASHED, HUNG, OUT_OF_MEMORY = "crashed", "out of time", "out of memory"
-LOST = frozenset({FAILED, CRASHED, HUNG, OUT_OF_MEMORY})  # no plan, which is no matter of a budget
 
 
 @dataclass(frozen=True)
@@ -175,24 +170,3 @@ def _read_part(path: Path) -> Measurement:
             arrays["distances"],
             words["first_step"],
         )
-
-
-def read_plain(path: Path) -> pd.DataFrame:
-    """Return a table that was written as CSV, packed by gzip or not.
-
-    Raises:
-        OSError: it cannot be read, or is too large.
-        EOFError: it is cut off.
-        ValueError: it is no table, or unpacks to too much.
-        zlib.error: it is damaged.
-
-    """
-    refuse_endless(path)
-    if path.suffix != ".gz":
-        return pd.read_csv(path)
-    with gzip.open(path) as file:
-        content = file.read(_LARGEST + 1)  # a megabyte can be a gigabyte of nothing
-    if len(content) > _LARGEST:
-        msg = f"it unpacks to more than {_LARGEST / 1e6:.0f} MB"
-        raise ValueError(msg)
-    return pd.read_csv(BytesIO(content))

@@ -10,10 +10,11 @@ from time import perf_counter
 import numpy as np
 
 from hdvplan.arrays import FloatArray
-from hdvplan.bench.acceptance import ReferenceCheck
-from hdvplan.bench.replay import Program, nonzeros_of, replay, sampled
-from hdvplan.bench.samples import DISTANCES, NUMBERS, OK, OVER_BUDGET, UNRECORDED, Judgement, Measurement, ended, numbers_of, outcome_of
+from hdvplan.bench.measuring.acceptance import ReferenceCheck
+from hdvplan.bench.measuring.recording import Program, nonzeros_of, replay, sampled
+from hdvplan.bench.measuring.samples import DISTANCES, NUMBERS, Judgement, Measurement, ended, numbers_of, outcome_of
 from hdvplan.bench.suite import Suite, tuning_key
+from hdvplan.bench.tables import OK, OVER_BUDGET, UNRECORDED
 from hdvplan.case import Case
 from hdvplan.driving.drive import Drive, drive
 from hdvplan.errors import HdvplanError

@@ -19,13 +19,12 @@ from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 
-from hdvplan.bench.checkout import Checkout, copy_tree, export, git
-from hdvplan.bench.installing import PYTHON, environment, install, is_unreached, pip, reason
-from hdvplan.bench.processes import Scratch, remove, run, undisturbed
-from hdvplan.bench.programs import Program, ProgramError, present
+from hdvplan.bench.comparing.checkout import Checkout, copy_tree, export, git
+from hdvplan.bench.comparing.processes import Scratch, remove, run, undisturbed
+from hdvplan.bench.comparing.programs import PYTHON, Program, ProgramError, environment, install, is_unreached, pip, present, reason
 from hdvplan.errors import OptionError
 
-PACKAGE = Path(__file__).parents[1]
+PACKAGE = Path(__file__).parents[2]
 _RELEASE = re.compile(  # a version of PEP 440
     r"hdvplan==v?(?:\d+!)?\d+(?:\.\d+)*(?:[-_.]?(?:a|b|c|rc|alpha|beta|pre|preview)[-_.]?\d*)?(?:-\d+|[-_.]?(?:post|rev|r)[-_.]?\d*)?"
     r"(?:[-_.]?dev[-_.]?\d*)?(?:\+[a-z0-9]+(?:[-_.][a-z0-9]+)*)?",

@@ -11,9 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from hdvplan.bench.samples import CRASHED, DISTANCES, HUNG, OK, OUT_OF_MEMORY, OVER_BUDGET, UNRECORDED, Measurement
+from hdvplan.bench.measuring.run import Worker
+from hdvplan.bench.measuring.samples import DISTANCES, Measurement
 from hdvplan.bench.suite import AS_SET, Suite, tuning_key
-from hdvplan.bench.worker import Worker
+from hdvplan.bench.tables import CRASHED, HUNG, OK, OUT_OF_MEMORY, OVER_BUDGET, UNRECORDED
 from hdvplan.case import Case
 from hdvplan.errors import SolverError
 from hdvplan.qp.workspace import WorkspaceMaker
@@ -30,7 +31,7 @@ def tuned(suite: Suite, cases: Sequence[Case], on_progress: Callable[[float], No
 
     A sample of the class's courses decides, of which those that the reference cannot drive do not count. None: the solver has no
     tolerance, or none of the ladder's serves, and it runs with its own. A class of which no course counts has no entries: see
-    ``hdvplan.bench.timing.untuned``. ``cases`` are the suite's, ``on_progress`` receives the done share.
+    ``hdvplan.bench.measuring.timing.untuned``. ``cases`` are the suite's, ``on_progress`` receives the done share.
     """
     wanted = suite.accuracy or np.inf
     makers: dict[str, WorkspaceMaker] = {maker.name: maker for name in suite.solvers for maker in _makers(name)}

@@ -12,8 +12,8 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from hdvplan.arrays import FloatArray
-from hdvplan.bench.processes import Ended
-from hdvplan.bench.programs import Program, ProgramError
+from hdvplan.bench.comparing.processes import Ended
+from hdvplan.bench.comparing.programs import Program, ProgramError
 from hdvplan.bench.suite import Suite
 from hdvplan.errors import MeasurementError, OptionError
 from hdvplan.fileio import json_bytes, write_atomically

@@ -8,12 +8,11 @@ import pandas as pd
 from rich.table import Table
 from rich.text import Text
 
-from hdvplan.bench.acceptance import DUAL, PRIMAL_M
-from hdvplan.bench.ranking import unit_of
-from hdvplan.bench.samples import OK
-from hdvplan.bench.stats import Tables, reference_solver
+from hdvplan.bench.measuring.acceptance import DUAL, PRIMAL_M
+from hdvplan.bench.measuring.ranking import Finding, Load, group_words, how_ranked, unit_of
+from hdvplan.bench.measuring.stats import Tables, reference_solver
 from hdvplan.bench.suite import AS_SET, CLASSES, GROUP, Suite, cell_words, tuning_key
-from hdvplan.bench.verdict import Finding, Load, group_words, how_ranked
+from hdvplan.bench.tables import OK
 from hdvplan.report.grid import grid, markdown_table
 from hdvplan.solvers.registry import settings_of, tolerance_of
 
@@ -200,7 +199,7 @@ def foot_of(
 def untuned(suite: Suite, tolerances: Mapping[str, float | None]) -> list[str]:
     """Return a warning for each class of limits in which solvers run with their own tolerances, though the suite asks for an accuracy.
 
-    ``tolerances`` as ``hdvplan.bench.tuning.tuned`` returns them.
+    ``tolerances`` as ``hdvplan.bench.measuring.tuning.tuned`` returns them.
     """
     found: list[str] = []
     for limits in (suite.classes or (AS_SET,)) if suite.accuracy is not None else ():

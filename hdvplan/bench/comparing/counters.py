@@ -11,9 +11,8 @@ import numpy as np
 import pandas as pd
 from pandas.api.types import is_numeric_dtype
 
-from hdvplan.bench.samples import OVER_BUDGET
-from hdvplan.bench.stats import keyed
 from hdvplan.bench.suite import KEY
+from hdvplan.bench.tables import OVER_BUDGET, keyed
 from hdvplan.errors import OptionError
 from hdvplan.fileio import csv_bytes, write_atomically
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import select
 import shutil
 import signal
 import socket
@@ -11,14 +12,15 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from time import sleep
 from types import FrameType
 
-TURNS = "HDVPLAN_TURNS"  # the variable that tells a process of its descriptor; see ``hdvplan.bench.turns``
+TURNS = "HDVPLAN_TURNS"  # the variable that tells a process of its descriptor; see ``hdvplan.bench.comparing.processes``
 TERMINATED = 143  # 128 + SIGTERM, as shells report it
 _SAID, _SPENT, _PRINTED = "said", "spent.json", "printed"
 _LONGEST_WORDS, _TAIL_LINES = 300, 20
@@ -224,3 +226,70 @@ def undisturbed() -> Iterator[None]:
             signal.signal(number, before[number])
         if held:
             signal.raise_signal(held[0])
+
+
+_ASK, _GO = b"?", b"!"
+_LOOK_S = 0.2  # how often it is looked whether a process has ended whose children still have the descriptor
+
+
+@contextmanager
+def turns() -> Iterator[Callable[[], None]]:
+    """Provide what waits for this process's next turn; where nobody hands out turns, it has one at any time.
+
+    At the end of the block it waits once more: what follows does not disturb the other's last turn.
+    """
+    told = os.environ.pop(TURNS, "")  # the descriptor is not for what this process starts
+    if not told.isdecimal():
+        yield lambda: None
+        return
+    descriptor = int(told)
+
+    def take() -> None:
+        with suppress(OSError):  # who hands out turns is gone: so is the comparison
+            os.write(descriptor, _ASK)
+            os.read(descriptor, 1)
+
+    try:
+        yield take
+        take()
+    finally:
+        with suppress(OSError):
+            os.close(descriptor)
+
+
+def in_turn(starting: Iterable[Started]) -> None:
+    """Let processes take turns until none asks for one any more.
+
+    Each is started when the one before waits for its first turn, or has ended: so what loads the next does not disturb it, and
+    programs that know nothing of turns run one after the other.
+    """
+    waiting = deque(one for one in starting if _asks(one))
+    while waiting:
+        one = waiting.popleft()
+        if one.turns is None:
+            continue
+        with suppress(OSError):  # it has ended
+            one.turns.send(_GO)
+            if _asks(one):
+                waiting.append(one)
+
+
+def shared_cores(*, one_is_enough: bool) -> Sequence[int | None]:
+    """Return the cores that pairs of processes use one after the other; None: any, where one is too little or the system gives no choice.
+
+    Cores differ in speed too, if others use their other half.
+    """
+    return sorted(os.sched_getaffinity(0)) if one_is_enough and hasattr(os, "sched_getaffinity") else [None]
+
+
+def _asks(one: Started) -> bool:
+    """Wait until a process asks for a turn, or does not any more; tell which."""
+    while one.turns is not None:
+        ready, _, _ = select.select([one.turns], [], [], _LOOK_S)
+        if ready:
+            with suppress(OSError):
+                return bool(one.turns.recv(1))
+            return False
+        if one.process.poll() is not None:
+            return False
+    return False

@@ -12,11 +12,10 @@ import numpy as np
 import pandas as pd
 
 from hdvplan.arrays import FloatArray
-from hdvplan.bench.counters import counters_of
-from hdvplan.bench.samples import LOST, OK, read_plain
-from hdvplan.bench.stats import keyed
+from hdvplan.bench.comparing.counters import counters_of
+from hdvplan.bench.comparing.work import ABOUT, LONGEST_S, SHORTEST_S, STEPS, OwnSteps, steps_of
 from hdvplan.bench.suite import AS_SET, KEY
-from hdvplan.bench.work import ABOUT, LONGEST_S, SHORTEST_S, STEPS, OwnSteps, steps_of
+from hdvplan.bench.tables import LOST, OK, keyed, read_plain
 from hdvplan.errors import OptionError
 from hdvplan.fileio import read_json
 from hdvplan.texts import printable

@@ -14,10 +14,11 @@ import numpy as np
 import pandas as pd
 
 from hdvplan.arrays import BoolArray
-from hdvplan.bench.acceptance import TUNED, WRONG_M, accepted
-from hdvplan.bench.ranking import of_group, ranked_times, ranking, shifted_mean, waiting_cells
-from hdvplan.bench.samples import FAILED, OK, OVER_BUDGET, Judgement, Measurement
-from hdvplan.bench.suite import AS_SET, COURSE, GROUP, KEY, Cell, key_of
+from hdvplan.bench.measuring.acceptance import TUNED, WRONG_M, accepted
+from hdvplan.bench.measuring.ranking import of_group, ranked_times, ranking, shifted_mean, waiting_cells
+from hdvplan.bench.measuring.samples import Judgement, Measurement
+from hdvplan.bench.suite import COURSE, GROUP, KEY, Cell, key_of
+from hdvplan.bench.tables import FAILED, OK, OVER_BUDGET
 from hdvplan.qp.workspace import Status
 
 SOME_UNSOLVED, WRONG, SOME_REFUSED = "some steps not solved", "wrong optimum", "some steps not accepted"
@@ -42,11 +43,6 @@ def tables_of(cells: Sequence[Cell], rounds: Sequence[Sequence[Measurement]], ac
     timing, envelope = timing_table(samples, cells, rounds, accuracy), envelope_table(cells, [measured[0].judgement for measured in rounds])
     judged = dict(zip(cells, (measured[0].judgement for measured in rounds), strict=True))
     return Tables(samples, timing, envelope, scheme_table(timing, judged), summary_table(samples, timing, envelope))
-
-
-def keyed(table: pd.DataFrame) -> pd.DataFrame:
-    """Return a table with all columns of ``KEY``: those of older versions have no classes of limits."""
-    return table if "limits" in table else table.assign(limits=AS_SET)
 
 
 def samples_of(cells: Sequence[Cell], rounds: Sequence[Sequence[Measurement]], accuracy: float | None = None) -> pd.DataFrame:

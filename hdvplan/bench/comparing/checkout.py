@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from hdvplan.bench.programs import ProgramError
+from hdvplan.bench.comparing.programs import ProgramError
 from hdvplan.errors import OptionError
 from hdvplan.texts import printable
 

@@ -9,13 +9,11 @@ import pandas as pd
 from rich.table import Table
 from rich.text import Text
 
-from hdvplan.bench.compare import CellTimes, Comparison, no_longer_planned
-from hdvplan.bench.counters import IN_STEPS, Change
-from hdvplan.bench.gate import FEWEST_PAIRS, Rule, Verdict
-from hdvplan.bench.joint import FEWEST
-from hdvplan.bench.statistics import Found
+from hdvplan.bench.comparing.compare import CellTimes, Comparison, Found, no_longer_planned
+from hdvplan.bench.comparing.counters import IN_STEPS, Change
+from hdvplan.bench.comparing.decision import FEWEST, FEWEST_PAIRS, Rule, Verdict
+from hdvplan.bench.comparing.where import place_words
 from hdvplan.bench.suite import KEY, cell_words
-from hdvplan.bench.where import place_words
 from hdvplan.report.grid import grid, markdown_table
 
 ALL_CELLS = "all cells"  # what a statistic is of

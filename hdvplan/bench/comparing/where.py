@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hdvplan.arrays import FloatArray, IntArray
-from hdvplan.bench.sides import Steps
+from hdvplan.bench.comparing.sides import Steps
 
 _SHARE = 0.8  # of the added time: the steps that are named account for so much of it
 _ALIKE = 0.5  # of the least of these: steps that gained so much belong to them

@@ -1,0 +1,1 @@
+"""Two programs compared: both are made ready, measured in turn, and decided about."""
