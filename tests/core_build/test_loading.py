@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import shutil
 import subprocess
 import sys
@@ -88,11 +87,6 @@ def test_a_function_that_the_core_lacks_is_named() -> None:
 
 def test_a_record_that_stands_in_memory_as_the_core_has_it_is_returned() -> None:
     assert core.record("hdv_unit", UNIT) is UNIT
-
-
-def test_python_compares_every_record_that_the_core_lists() -> None:
-    named = re.findall(r'core\.record\(\s*"(\w+)"', "".join(path.read_text(encoding="utf-8") for path in PACKAGE.rglob("*.py")))
-    assert sorted(named) == sorted(core._LAYOUT)
 
 
 def test_constants_are_the_cores() -> None:
