@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import os
 import platform
+import re
 import shlex
 import shutil
 import subprocess
@@ -76,12 +77,12 @@ def build(folder: Path, names: tuple[str, ...] = (), *, strict: bool) -> list[Pa
     suffix = ".dll" if target.startswith("win") else ".dylib" if target.startswith(("macosx", "darwin")) else ".so"
     names = names or (("baseline", "avx2") if target.endswith(("x86_64", "amd64")) else ("baseline",))
     compiler = _compiler()
-    sources = sorted(SOURCES.glob("*.c"))
-    defined = f'-DHDV_SOURCES="{digest()}"'
-    common = [*compiler, *FLAGS, *(["-Werror"] if strict else []), *([] if suffix == ".dll" else ["-fPIC"]), defined]
+    sources = [str(source) for source in sorted(SOURCES.glob("*.c"))]
     with tempfile.TemporaryDirectory(dir=folder, prefix="_core_") as made:
+        Path(made, "layout.h").write_text(layout(), encoding="ascii")
+        flags = [*FLAGS, *(["-Werror"] if strict else []), *([] if suffix == ".dll" else ["-fPIC"]), f"-I{SOURCES}", f"-I{made}"]
         caches = {} if _wheel() else {"ZIG_GLOBAL_CACHE_DIR": made, "ZIG_LOCAL_CACHE_DIR": made}  # nothing stays at a user's
-        commands = [[*common, *LIBRARIES[name], *map(str, sources), "-o", f"{made}/_core_{name}{suffix}", "-lm"] for name in names]
+        commands = [[*compiler, *flags, *LIBRARIES[name], *sources, "-o", f"{made}/_core_{name}{suffix}", "-lm"] for name in names]
         try:
             running = [
                 subprocess.Popen(command, env=os.environ | caches, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
@@ -102,6 +103,26 @@ def build(folder: Path, names: tuple[str, ...] = (), *, strict: bool) -> list[Pa
 def digest() -> str:
     """Return the digest of the core's sources; core.py computes the same to see whether a library is theirs."""
     return hashlib.sha256(b"".join(source.read_bytes() for source in sorted(SOURCES.glob("*.[ch]")))).hexdigest()
+
+
+def layout() -> str:
+    """Return the header of layout.c: where the headers' records have their fields, what their constants are, and the sources' digest."""
+    headers = {header.name: header.read_text(encoding="ascii") for header in sorted(SOURCES.glob("*.h"))}
+    headers = {name: text for name, text in headers.items() if "\nstruct hdv_" in text}
+    text = re.sub(r"/\*.*?\*/", "", "".join(headers.values()), flags=re.DOTALL)
+    rows = []
+    for record, body in re.findall(r"^struct (hdv_\w+) \{(.*?)^\};", text, re.DOTALL | re.MULTILINE):
+        rows.append(f'{{"{record}", "", "", 0, sizeof(struct {record})}},')
+        for field in re.findall(r"(\w+)(?:\[\w+\])*[,;]", body):
+            own = f"((struct {record} *)0)->{field}"
+            kind = f'(__extension__ _Generic({own}, double: "f", int64_t: "i", default: "p"))'
+            rows.append(f'{{"{record}", "{field}", {kind}, offsetof(struct {record}, {field}), sizeof({own})}},')
+    enumerated = re.findall(r"\bHDV_[A-Z_]+", "".join(re.findall(r"^enum \w*\s*\{.*?\}", text, re.DOTALL | re.MULTILINE)))
+    constants = [*enumerated, *re.findall(r"^#define (HDV_\w+) [\d.]", text, re.MULTILINE)]
+    tables = {"HDV_LAYOUT": rows, "HDV_CONSTANTS": [f'{{"{name}", {name}}},' for name in sorted({*constants})]}
+    lines = ["#include <stddef.h>", *(f'#include "{name}"' for name in headers), f'#define HDV_SOURCES "{digest()}"']
+    lines += [f"#define {name} " + " \\\n".join(entries) for name, entries in tables.items()]
+    return "\n".join(lines) + "\n"
 
 
 def _wheel() -> str | None:

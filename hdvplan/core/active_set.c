@@ -49,20 +49,19 @@ static void guess_bound(struct hdv_inequality *sides, double multiplier) {
 static void
 guess_stage(const struct hdv_program *program, const struct hdv_point *guess, struct hdv_inequality *own, int64_t i) {
     const struct hdv_shape *shape = &program->shape;
-    int64_t n = shape->states, m = shape->inputs, b = shape->bounded, p = shape->rows;
-    struct point point = point_at(guess->stages, n, m, b, i);
-    double live = *stage_at(program->stages, n, m, b, i).live;
+    int64_t n = shape->states, m = shape->inputs, p = shape->rows;
+    struct point point = point_at(program, guess, n, m, i);
+    struct range bounds = bounds_at(shape, i);
+    double live = *stage_at(program, n, m, i).live;
     for (int64_t row = 0; row < p && i > 0; ++row) {
         const double *of_row = guess->rows + 2 * (i * p + row);
-        int violated = of_row[0] > kept || !(*row_at(program->rows, n, p, i, row).linear > 0.0);
+        int violated = of_row[0] > kept || !(*row_at(program, n, i, row).linear > 0.0);
         take_for(own + row, HDV_INACTIVE, 0.0);
         if (of_row[1] > carried && live > 0.0)
             take_for(own + row, violated ? HDV_VIOLATED : HDV_ACTIVE, of_row[1]);
     }
-    for (int64_t bound = 0; bound < b && i > 0; ++bound)
-        guess_bound(own + p + 2 * bound, point.x_bounds[bound]);
-    for (int64_t j = 0; j < m && i < shape->stages; ++j)
-        guess_bound(own + p + 2 * (b + j), point.u_bounds[j]);
+    for (int64_t number = bounds.begin; number < bounds.end; ++number)
+        guess_bound(own + p + 2 * number, point.bounds[number]);
 }
 
 /* Write the guessed status and multiplier of every inequality; return whether any is not inactive. */
@@ -106,25 +105,23 @@ weigh_bound(const struct hdv_inequality *sides, double low, double high, double 
  */
 HDV_INLINE void weigh(struct hdv_solver *solver, const struct hdv_program *program, int64_t n, int64_t m) {
     const struct hdv_shape *shape = &program->shape;
-    int64_t b = shape->bounded, p = shape->rows, size = weights_size(n, m);
+    int64_t p = shape->rows, size = weights_size(n, m);
     for (int64_t i = 0; i <= shape->stages; ++i) {
         const struct hdv_inequality *own = inequalities_at(solver, shape, i);
-        struct stage stage = stage_at(program->stages, n, m, b, i);
+        struct stage stage = stage_at(program, n, m, i);
+        struct range bounds = bounds_at(shape, i);
         struct hdv_series all = {solver->weights, size};
         struct weights to = weights_at(&all, n, m, i);
         for (int64_t j = 0; j < size; ++j)
             to.Q[j] = stage.Q[j];
         for (int64_t row = 0; row < p && i > 0 && *stage.live > 0.0; ++row)
             if (own[row].status != HDV_INACTIVE)
-                weigh_row(row_at(program->rows, n, p, i, row), own + row, to, n);
-        for (int64_t bound = 0; bound < b && i > 0; ++bound) {
-            int64_t state = program->bounded[bound];
+                weigh_row(row_at(program, n, i, row), own + row, to, n);
+        for (int64_t number = bounds.begin; number < bounds.end; ++number)
             weigh_bound(
-                own + p + 2 * bound, stage.x_low[bound], stage.x_high[bound], to.q + state, to.Q + state * n + state
+                own + p + 2 * number, stage.low[number], stage.high[number], bounded_of(program, to.q, to.r, number),
+                hessian_of(program, to, n, m, number)
             );
-        }
-        for (int64_t j = 0; j < m && i < shape->stages; ++j)
-            weigh_bound(own + p + 2 * (b + j), stage.u_low[j], stage.u_high[j], to.r + j, to.R + j * m + j);
     }
 }
 
@@ -150,22 +147,16 @@ static void review(struct hdv_inequality *own, double price, double over, int de
     to->changed += own->status != status;
 }
 
-/* Both sides of a bound. */
-static void review_bound(struct hdv_inequality *sides, double v, double low, double high, struct verdict *to) {
-    review(sides, INFINITY, v - high, 1, to);
-    review(sides + 1, INFINITY, low - v, 1, to);
-}
-
 /* Return whether a row, broken by ``over``, is not broken deeper at the stages beside its own. */
 static int
 is_deepest(const struct hdv_program *program, const struct hdv_point *at, double over, int64_t i, int64_t row) {
     const struct hdv_shape *shape = &program->shape;
-    int64_t n = shape->states, m = shape->inputs, b = shape->bounded, p = shape->rows;
+    int64_t n = shape->states, m = shape->inputs;
     double before = -INFINITY, behind = -INFINITY;
     if (i > 1)
-        before = breach(row_at(program->rows, n, p, i - 1, row), point_at(at->stages, n, m, b, i - 1).x, n);
+        before = breach(row_at(program, n, i - 1, row), point_at(program, at, n, m, i - 1).x, n);
     if (i < shape->stages)
-        behind = breach(row_at(program->rows, n, p, i + 1, row), point_at(at->stages, n, m, b, i + 1).x, n);
+        behind = breach(row_at(program, n, i + 1, row), point_at(program, at, n, m, i + 1).x, n);
     return over >= before && over > behind;
 }
 
@@ -174,24 +165,24 @@ HDV_INLINE struct verdict review_all(
     struct hdv_solver *solver, const struct hdv_program *program, const struct hdv_point *at, int64_t n, int64_t m
 ) {
     const struct hdv_shape *shape = &program->shape;
-    int64_t b = shape->bounded, p = shape->rows;
+    int64_t p = shape->rows;
     struct verdict verdict = {0, 1};
     for (int64_t i = 0; i <= shape->stages; ++i) {
         struct hdv_inequality *own = inequalities_at(solver, shape, i);
-        struct stage stage = stage_at(program->stages, n, m, b, i);
-        struct point point = point_at(at->stages, n, m, b, i);
+        struct stage stage = stage_at(program, n, m, i);
+        struct point point = point_at(program, at, n, m, i);
+        struct range bounds = bounds_at(shape, i);
         for (int64_t row = 0; row < p && i > 0 && *stage.live > 0.0; ++row) {
-            struct row one = row_at(program->rows, n, p, i, row);
+            struct row one = row_at(program, n, i, row);
             double over = breach(one, point.x, n);
             if (over > kept || own[row].status != HDV_INACTIVE)
                 review(own + row, *one.linear, over, is_deepest(program, at, over, i, row), &verdict);
         }
-        for (int64_t bound = 0; bound < b && i > 0; ++bound)
-            review_bound(
-                own + p + 2 * bound, point.x[program->bounded[bound]], stage.x_low[bound], stage.x_high[bound], &verdict
-            );
-        for (int64_t j = 0; j < m && i < shape->stages; ++j)
-            review_bound(own + p + 2 * (b + j), point.u[j], stage.u_low[j], stage.u_high[j], &verdict);
+        for (int64_t number = bounds.begin; number < bounds.end; ++number) {
+            double v = *bounded_of(program, point.x, point.u, number);
+            review(own + p + 2 * number, INFINITY, v - stage.high[number], 1, &verdict);
+            review(own + p + 2 * number + 1, INFINITY, stage.low[number] - v, 1, &verdict);
+        }
     }
     verdict.settled &= verdict.changed == 0;
     return verdict;
@@ -202,21 +193,20 @@ HDV_INLINE void publish(
     const struct hdv_solver *solver, const struct hdv_program *program, const struct hdv_point *to, int64_t n, int64_t m
 ) {
     const struct hdv_shape *shape = &program->shape;
-    int64_t b = shape->bounded, p = shape->rows;
+    int64_t p = shape->rows;
     for (int64_t i = 0; i <= shape->stages; ++i) {
         const struct hdv_inequality *own = inequalities_at(solver, shape, i);
-        struct point point = point_at(to->stages, n, m, b, i);
+        struct point point = point_at(program, to, n, m, i);
+        struct range bounds = bounds_at(shape, i);
         for (int64_t row = 0; row < p && i > 0; ++row) {
-            struct row one = row_at(program->rows, n, p, i, row);
+            struct row one = row_at(program, n, i, row);
             int violated = own[row].status == HDV_VIOLATED;
             double sigma = violated ? breach(one, point.x, n) : 0.0;
             to->rows[2 * (i * p + row)] = sigma;
             to->rows[2 * (i * p + row) + 1] = violated ? *one.linear + *one.quadratic * sigma : own[row].multiplier;
         }
-        for (int64_t bound = 0; bound < b && i > 0; ++bound)
-            point.x_bounds[bound] = own[p + 2 * bound].multiplier - own[p + 2 * bound + 1].multiplier;
-        for (int64_t j = 0; j < m && i < shape->stages; ++j)
-            point.u_bounds[j] = own[p + 2 * (b + j)].multiplier - own[p + 2 * (b + j) + 1].multiplier;
+        for (int64_t number = bounds.begin; number < bounds.end; ++number)
+            point.bounds[number] = own[p + 2 * number].multiplier - own[p + 2 * number + 1].multiplier;
     }
 }
 
@@ -252,13 +242,5 @@ int64_t hdv_settle(
     int64_t n = program->shape.states, m = program->shape.inputs;
     if (!guess_statuses(solver, program, guess))
         return 0;
-    if (n == 3 && m == 1)
-        return settle(solver, program, point, count, 3, 1);
-    if (n == 4 && m == 1)
-        return settle(solver, program, point, count, 4, 1);
-    if (n == 5 && m == 1)
-        return settle(solver, program, point, count, 5, 1);
-    if (n == 6 && m == 1)
-        return settle(solver, program, point, count, 6, 1);
-    return settle(solver, program, point, count, n, m);
+    return HDV_UNROLLED(n, m, settle, solver, program, point, count);
 }

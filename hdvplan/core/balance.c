@@ -4,20 +4,18 @@
  * that moves each of the two by half of the imbalance keeps the program's stages apart: with a + b the change of the
  * imbalance I, (I + a + b)^2 <= 2 (I/2 + a)^2 + 2 (I/2 + b)^2, with equality at a = b.
  */
-#include "balance.h"
+#include "terms.h"
 
 #include <math.h>
 
-#include "centring.h"
 #include "kinematics.h"
 #include "sizes.h"
 
 /* Widen what was driven by the plan that was last measured, up to the present stage 0. */
 static void note_driven(struct hdv_balance *own, int64_t first) {
     int64_t driven_to = (first - own->since < own->places ? first - own->since : own->places) + 1;
-    if (own->since >= 0 && driven_to > 1) { /* the tracks are still those of the last plan */
+    if (own->since >= 0 && driven_to > 1) /* the tracks are still those of the last plan */
         cover(&own->bodies, &own->tracks, own->since, driven_to, own->driven);
-    }
     own->since = first;
 }
 
@@ -29,9 +27,8 @@ static void add_imbalance(
     const struct hdv_furthest *place = &own->reached[side * places + m],
                               *opposite = &own->reached[(1 - side) * places + m];
     int64_t i = place->stage - scene->first;
-    if (i < 1 || i > own->stages) {
+    if (i < 1 || i > own->stages)
         return;
-    }
     /* stages that no later program changes: the opposite side must make up for all that they sweep */
     double share = opposite->stage - scene->first > scene->fixed ? 0.5 : 1.0, sign = side == 0 ? 1.0 : -1.0;
     const struct hdv_station *at = &own->bodies.stations[m];
@@ -44,14 +41,12 @@ static void add_imbalance(
         poses, place->unit, point, &scene->road[i], -at->sin - rise * at->cos, at->cos - rise * at->sin, scene->states,
         gradient
     );
-    struct stage stage =
-        stage_at(scene->program.stages, n, scene->program.shape.inputs, scene->program.shape.bounded, i);
+    struct stage stage = program_stage(&scene->program, i);
     double curved = 2.0 / own->relaxation * weight / share;
     for (int64_t j = 0; j < scene->states; j++) {
         stage.q[j] += 2.0 * weight * wrong * gradient[j];
-        for (int64_t k = 0; k < scene->states; k++) {
+        for (int64_t k = 0; k < scene->states; k++)
             stage.Q[j * n + k] += curved * gradient[j] * gradient[k];
-        }
     }
 }
 
@@ -79,9 +74,8 @@ static void balance(struct hdv_balance *own, const struct hdv_scene *scene) {
     own->value = 0.0;
     for (int64_t m = lowest; m < highest; m++) {
         double wrong = own->reached[m].reach - own->reached[places + m].reach - 2.0 * own->aim[m];
-        if (!isfinite(wrong)) {
+        if (!isfinite(wrong))
             continue;
-        }
         double relative = wrong / own->rounding, weight = 1.0 / sqrt(1.0 + relative * relative);
         own->value += 2.0 * own->rounding * own->rounding * (1.0 / weight - 1.0); /* its derivative is 2 weight wrong */
         add_imbalance(own, scene, m, 0, wrong, weight);
@@ -91,28 +85,25 @@ static void balance(struct hdv_balance *own, const struct hdv_scene *scene) {
 
 /* Forget what was driven: a new motion begins a drive. */
 static void begin_drive(struct hdv_balance *own) {
-    for (int64_t place = 0; place < 2 * own->bodies.station_count; place++) {
+    for (int64_t place = 0; place < 2 * own->bodies.station_count; place++)
         own->driven[place].reach = -INFINITY;
-    }
     own->since = -1;
 }
 
 /* Stages by which a motion is extended were not measured yet: they are centred alone. */
-int64_t hdv_linearise_balance(void *data, const struct hdv_scene *scene, int64_t begin, int64_t fresh) {
+HDV_EXPORT int64_t hdv_linearise_balance(void *data, const struct hdv_scene *scene, int64_t begin, int64_t fresh) {
     struct hdv_balance *own = data;
     int64_t lost = hdv_linearise_centring(begin == 1 ? own->beside : own->centring, scene, begin, fresh);
     if (begin == 1) {
-        if (fresh) {
+        if (fresh)
             begin_drive(own);
-        }
-        if (own->stages > 0) {
+        if (own->stages > 0)
             balance(own, scene);
-        }
     }
     return lost;
 }
 
-double hdv_price_balance(void *data, const struct hdv_scene *scene) {
+HDV_EXPORT double hdv_price_balance(void *data, const struct hdv_scene *scene) {
     const struct hdv_balance *own = data;
     return own->value + hdv_price_centring(own->beside, scene);
 }

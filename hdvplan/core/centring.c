@@ -1,10 +1,21 @@
-#include "centring.h"
+#include "terms.h"
 
 #include <math.h>
 
-#include "cost.h"
 #include "kinematics.h"
 #include "path.h"
+#include "sizes.h"
+
+/* Adds Q, q of weight * residual^2 to a stage of n states; gradient (count,) is the residual's by the first states. */
+HDV_INLINE void
+add_square(struct stage stage, int64_t n, int64_t count, const double *gradient, double residual, double weight) {
+    for (int64_t j = 0; j < count; j++) {
+        double slope = 2.0 * weight * gradient[j];
+        stage.q[j] += slope * residual;
+        for (int64_t k = 0; k < count; k++)
+            stage.Q[j * n + k] += slope * gradient[k];
+    }
+}
 
 /* Adds Q, q of one stage's squared residual for a vehicle of n states, and notes foot and residual. Beyond the road's
  * centre of curvature the offset is that across the line where its foot was last. */
@@ -21,9 +32,8 @@ centre(const struct hdv_centring *own, const struct hdv_scene *scene, int64_t i,
     }
     double gradient[HDV_MOST_STATES];
     point_gradient(poses, own->unit, axle, scene->road + i, -foot.sin, foot.cos, n, gradient);
-    for (int64_t j = 0; j < n; j++) {
+    for (int64_t j = 0; j < n; j++)
         gradient[j] *= weigh->aux;
-    }
     gradient[0] += weigh->lead;
     double e_y = state_at(scene->motion, scene->states, i)[0];
     struct hdv_centred centred = {foot.s, weigh->lead * e_y + weigh->aux * foot.offset - weigh->target};
@@ -33,28 +43,19 @@ centre(const struct hdv_centring *own, const struct hdv_scene *scene, int64_t i,
     );
 }
 
-/* The same for all stages from begin on; returns -1: nothing fails. */
-HDV_INLINE int64_t
-centre_all(const struct hdv_centring *own, const struct hdv_scene *scene, int64_t n, int64_t begin, int64_t fresh) {
-    for (int64_t i = begin; i <= scene->program.shape.stages; i++) {
-        double near = fresh ? scene->road[i].s + own->beside : own->memory[scene->at + i].foot;
-        centre(own, scene, i, n, near);
-    }
-    return -1;
+/* The same for all stages from begin on. Feet are searched from the last ones, or from where they are on a straight. */
+HDV_INLINE void centre_all(
+    const struct hdv_centring *own, const struct hdv_scene *scene, int64_t begin, int64_t fresh, int64_t n, int64_t m
+) {
+    (void)m;
+    for (int64_t i = begin; i <= scene->program.shape.stages; i++)
+        centre(own, scene, i, n - 1, fresh ? scene->road[i].s + own->beside : own->memory[scene->at + i].foot);
 }
 
-/* Adds Q, q of the squared residuals. Feet are searched from the last ones, or from where they are on a straight. */
+/* Adds Q, q of the squared residuals. */
 int64_t hdv_linearise_centring(void *data, const struct hdv_scene *scene, int64_t begin, int64_t fresh) {
-    switch (scene->states) {
-    case 2:
-        return centre_all(data, scene, 2, begin, fresh);
-    case 3:
-        return centre_all(data, scene, 3, begin, fresh);
-    case 4:
-        return centre_all(data, scene, 4, begin, fresh);
-    default:
-        return centre_all(data, scene, scene->states, begin, fresh);
-    }
+    HDV_UNROLLED(scene->states + 1, 1, centre_all, data, scene, begin, fresh);
+    return -1;
 }
 
 /* Sum of the weighted squares of the last linearisation. */

@@ -1,4 +1,4 @@
-#include "dynamics.h"
+#include "terms.h"
 
 #include <string.h>
 
@@ -26,7 +26,7 @@ struct interval {
 
 /* Writes the state one station ahead into z_next (n,), active wheels held. k and k_between are the road's curvature at
  * the station and half-way to the next [1/m]. */
-void hdv_advance(
+HDV_EXPORT void hdv_advance(
     int64_t rule, const struct hdv_unit *units, int64_t count, double k, double k_between, double step, int64_t n,
     const double *z, double kappa, double *z_next
 ) {
@@ -34,14 +34,12 @@ void hdv_advance(
     int64_t passes = rule == HDV_EULER ? 0 : rule == HDV_MIDPOINT ? 1 : PASSES;
     derivative(units, count, k, n, z, kappa, f);
     for (int64_t pass = 0; pass < passes; pass++) {
-        for (int64_t j = 0; j < n; j++) {
+        for (int64_t j = 0; j < n; j++)
             middle[j] = z[j] + 0.5 * step * f[j];
-        }
         derivative(units, count, k_between, n, middle, kappa, f);
     }
-    for (int64_t j = 0; j < n; j++) {
+    for (int64_t j = 0; j < n; j++)
         z_next[j] = z[j] + step * f[j];
-    }
 }
 
 /* Whether a body's rate depends on a state: e_y, e_psi, articulation angles up to its own, and all wheels. */
@@ -69,11 +67,9 @@ HDV_INLINE void compose(const struct rate *first, double half, int64_t count, in
             rate->b[j] += scaled[i] * first->b[i];
         }
         for (int64_t t = 0; t < n; t++) {
-            for (int64_t i = 0; i <= count; i++) {
-                if (depends(j, i, count) && depends(i, t, count)) {
+            for (int64_t i = 0; i <= count; i++)
+                if (depends(j, i, count) && depends(i, t, count))
                     row[t] += scaled[i] * first->a[i * n + t];
-                }
-            }
         }
     }
 }
@@ -81,20 +77,17 @@ HDV_INLINE void compose(const struct rate *first, double half, int64_t count, in
 /* Writes what the changes of active wheels move: they turn evenly, by half of it until the middle of the interval. */
 HDV_INLINE void
 write_wheels(const struct interval *on, double half, int64_t count, int64_t n, const struct rate *rate) {
-    for (int64_t wheel = count + 1; wheel < n; wheel++) {
-        for (int64_t j = 0; j <= count; j++) {
+    for (int64_t wheel = count + 1; wheel < n; wheel++)
+        for (int64_t j = 0; j <= count; j++)
             on->stage.B[j * on->inputs + wheel - count] = half * rate->a[j * n + wheel];
-        }
-    }
 }
 
 /* Writes A = I + share a, kappa's column, which is B's, and c = z + step f - z_next. The wheels' share is the step. */
 HDV_INLINE void write_rate(const struct interval *on, double share, int64_t count, int64_t n, const struct rate *rate) {
     for (int64_t j = 0; j < n; j++) {
         double *row = on->stage.A + j * on->states;
-        for (int64_t t = 0; t < n; t++) {
+        for (int64_t t = 0; t < n; t++)
             row[t] = (t <= count ? share : on->step) * rate->a[j * n + t];
-        }
         row[j] += 1.0;
         row[n] = on->stage.B[j * on->inputs] = on->step * rate->b[j];
         on->stage.c[j] = j <= count ? on->z[j] + on->step * rate->f[j] - on->z_next[j] : 0.0;
@@ -105,15 +98,12 @@ HDV_INLINE void write_rate(const struct interval *on, double share, int64_t coun
 HDV_INLINE void eliminate(const struct interval *on, int64_t count, int64_t n, int64_t pivot, int64_t row, double *a) {
     const struct stage *to = &on->stage;
     double share = a[row * n + pivot] / a[pivot * n + pivot];
-    for (int64_t t = pivot + 1; t <= count; t++) {
+    for (int64_t t = pivot + 1; t <= count; t++)
         a[row * n + t] -= share * a[pivot * n + t];
-    }
-    for (int64_t t = 0; t <= n; t++) {
+    for (int64_t t = 0; t <= n; t++)
         to->A[row * on->states + t] -= share * to->A[pivot * on->states + t];
-    }
-    for (int64_t t = 1; t <= n - 1 - count; t++) {
+    for (int64_t t = 1; t <= n - 1 - count; t++)
         to->B[row * on->inputs + t] -= share * to->B[pivot * on->inputs + t];
-    }
     to->c[row] -= share * to->c[pivot];
 }
 
@@ -124,26 +114,21 @@ HDV_INLINE void eliminate(const struct interval *on, int64_t count, int64_t n, i
 HDV_INLINE void collocate(const struct interval *on, double half, int64_t count, int64_t n, double *a) {
     const struct stage *to = &on->stage;
     for (int64_t j = 0; j <= count; j++) {
-        for (int64_t t = 0; t <= count; t++) {
+        for (int64_t t = 0; t <= count; t++)
             a[j * n + t] *= -half;
-        }
         a[j * n + j] += 1.0;
     }
     for (int64_t pivot = 0; pivot <= count; pivot++) {
-        for (int64_t j = 0; j <= count; j++) {
-            if (j != pivot && a[j * n + pivot] != 0.0) {
+        for (int64_t j = 0; j <= count; j++)
+            if (j != pivot && a[j * n + pivot] != 0.0)
                 eliminate(on, count, n, pivot, j, a);
-            }
-        }
     }
     for (int64_t j = 0; j <= count; j++) {
         double scale = 1.0 / a[j * n + j];
-        for (int64_t t = 0; t <= n; t++) {
+        for (int64_t t = 0; t <= n; t++)
             to->A[j * on->states + t] *= scale;
-        }
-        for (int64_t t = 1; t <= n - 1 - count; t++) {
+        for (int64_t t = 1; t <= n - 1 - count; t++)
             to->B[j * on->inputs + t] *= scale;
-        }
         to->B[j * on->inputs] = to->A[j * on->states + n];
         to->c[j] *= scale;
     }
@@ -154,9 +139,8 @@ HDV_INLINE void linearise_midpoint(const struct interval *on, const struct hdv_u
     double half = 0.5 * on->step, middle[HDV_MOST_STATES];
     struct rate first, rate;
     jacobian(units, count, on->station->curvature, n, on->z, on->kappa, on->poses, first.f, first.a, first.b);
-    for (int64_t j = 0; j < n; j++) {
+    for (int64_t j = 0; j < n; j++)
         middle[j] = j <= count ? on->z[j] + half * first.f[j] : 0.5 * (on->z[j] + on->z_next[j]);
-    }
     rate_between(on, units, count, n, middle, &rate);
     write_wheels(on, half, count, n, &rate);
     compose(&first, half, count, n, &rate);
@@ -175,9 +159,8 @@ HDV_INLINE void linearise_euler(const struct interval *on, const struct hdv_unit
 HDV_INLINE void linearise_gauss(const struct interval *on, const struct hdv_unit *units, int64_t count, int64_t n) {
     double half = 0.5 * on->step, middle[HDV_MOST_STATES];
     struct rate rate;
-    for (int64_t j = 0; j < n; j++) {
+    for (int64_t j = 0; j < n; j++)
         middle[j] = 0.5 * (on->z[j] + on->z_next[j]);
-    }
     rate_between(on, units, count, n, middle, &rate);
     write_wheels(on, half, count, n, &rate);
     write_rate(on, half, count, n, &rate);
@@ -191,27 +174,26 @@ HDV_INLINE void linearise_gauss(const struct interval *on, const struct hdv_unit
  * separate input. */
 HDV_INLINE void
 linearise_interval(int64_t rule, const struct interval *on, const struct hdv_unit *units, int64_t count, int64_t n) {
-    if (rule == HDV_MIDPOINT) {
+    if (rule == HDV_MIDPOINT)
         linearise_midpoint(on, units, count, n);
-    } else if (rule == HDV_EULER) {
+    else if (rule == HDV_EULER)
         linearise_euler(on, units, count, n);
-    } else {
+    else
         linearise_gauss(on, units, count, n);
-    }
 }
 
 /* Writes A, B, c of the first interval and of those that lead to stages i >= begin, and the poses of the stages that
  * they join; clears Q, q and live of stages i >= begin, to which other terms add. */
 HDV_INLINE void
-linearise_horizon(int64_t rule, const struct hdv_scene *scene, int64_t count, int64_t n, int64_t begin) {
+linearise_horizon(int64_t rule, const struct hdv_scene *scene, int64_t begin, int64_t own_states, int64_t own_inputs) {
     const struct hdv_program *program = &scene->program;
     int64_t last = program->shape.stages, size = program->shape.states, m = program->shape.inputs;
+    int64_t n = own_states - 1, count = n - own_inputs;
     for (int64_t i = 0; i <= last; i++) {
-        if (0 < i && i < begin - 1) {
+        if (0 < i && i < begin - 1)
             continue;
-        }
         const struct hdv_station *station = scene->road + i;
-        struct stage stage = stage_at(program->stages, size, m, program->shape.bounded, i);
+        struct stage stage = stage_at(program, size, m, i);
         const double *z = state_at(scene->motion, n, i), *z_next = z + n + 1;
         struct hdv_pose *poses = scene->poses + i * count;
         place(scene->units, count, station->x, station->y, station->cos, station->sin, z, poses);
@@ -227,25 +209,15 @@ linearise_horizon(int64_t rule, const struct hdv_scene *scene, int64_t count, in
 }
 
 /* Linearises the dynamics x_{i+1} = A x_i + B u_i + c at the motion. */
-int64_t hdv_linearise_dynamics(void *data, const struct hdv_scene *scene, int64_t begin, int64_t fresh) {
+HDV_EXPORT int64_t hdv_linearise_dynamics(void *data, const struct hdv_scene *scene, int64_t begin, int64_t fresh) {
     int64_t rule = ((const struct hdv_dynamics *)data)->rule, count = scene->unit_count, n = scene->states;
     (void)fresh;
-    if (n != 1 + count || count > 4) { /* the plan steers an axle, or the chain is long */
-        linearise_horizon(rule, scene, count, n, begin);
-    } else if (count == 1) {
-        linearise_horizon(rule, scene, 1, 2, begin);
-    } else if (count == 2) {
-        linearise_horizon(rule, scene, 2, 3, begin);
-    } else if (count == 3) {
-        linearise_horizon(rule, scene, 3, 4, begin);
-    } else {
-        linearise_horizon(rule, scene, 4, 5, begin);
-    }
+    HDV_UNROLLED(n + 1, n - count, linearise_horizon, rule, scene, begin); /* the last state is kappa */
     return -1;
 }
 
-/* The dynamics have no price of their own: what their gaps cost is a matter of the merit, see merit.h. */
-double hdv_price_dynamics(void *data, const struct hdv_scene *scene) {
+/* The dynamics have no price of their own: what their gaps cost is a matter of the merit, see motion.c. */
+HDV_EXPORT double hdv_price_dynamics(void *data, const struct hdv_scene *scene) {
     (void)data;
     (void)scene;
     return 0.0;

@@ -1,8 +1,13 @@
-#include "follow.h"
-
+/* Drive a manoeuvre exactly: the guided point of the lead unit stays on its path. */
 #include <string.h>
 
 #include "kinematics.h"
+
+/* A piece of the guided point's path: its curvature changes linearly. */
+struct piece {
+    double length;     /* [m] */
+    double begin, end; /* curvature [1/m] */
+};
 
 /* What is driven: a vehicle, the guided point of its lead unit, and the largest kappa. */
 struct guided {
@@ -36,9 +41,8 @@ static double rates_along(const struct guided *guided, double heading, const dou
     for (int attempt = 1; attempt < 30; attempt++) {
         double miss = miss_of(guided, z, kappa, cos_off, sin_off, f);
         double step = miss * (kappa - last) / (miss - last_miss);
-        if (miss == last_miss || miss == 0.0 || fabs(step) < 1e-15) { /* rounding of a curvature [1/m] */
+        if (miss == last_miss || miss == 0.0 || fabs(step) < 1e-15) /* rounding of a curvature [1/m] */
             break;
-        }
         last = kappa;
         last_miss = miss;
         kappa -= step;
@@ -46,9 +50,8 @@ static double rates_along(const struct guided *guided, double heading, const dou
     double along = hypot(
         1.0 - guided->left * f[1], f[0] + guided->ahead * f[1]
     ); /* of the point, per metre that the body moves forward */
-    for (int64_t j = 0; j < guided->count; j++) {
+    for (int64_t j = 0; j < guided->count; j++)
         rates[j] = f[1 + j] / along;
-    }
     return kappa;
 }
 
@@ -66,21 +69,25 @@ static double move_on(
     double slopes[4][HDV_MOST_UNITS];
     double probe[HDV_MOST_UNITS];
     for (int stage = 0; stage < 4; stage++) {
-        for (int64_t j = 0; j < guided->count; j++) {
+        for (int64_t j = 0; j < guided->count; j++)
             probe[j] = y[j] + (stage > 0 ? parts[stage] * h * slopes[stage - 1][j] : 0.0);
-        }
         kappa = rates_along(guided, heading_after(piece, heading, u + parts[stage] * h), probe, kappa, slopes[stage]);
-        if (!(fabs(kappa) <= guided->most)) {
+        if (!(fabs(kappa) <= guided->most))
             return kappa;
-        }
     }
-    for (int64_t j = 0; j < guided->count; j++) {
+    for (int64_t j = 0; j < guided->count; j++)
         y[j] += h / 6.0 * (slopes[0][j] + 2.0 * slopes[1][j] + 2.0 * slopes[2][j] + slopes[3][j]);
-    }
     return kappa;
 }
 
-void hdv_follow(
+/* Drives a vehicle with its lead unit's point, ahead of the axle and left of the axis [m], along a path of pieces
+ * (count_pieces,).
+ *
+ * heading is the path's at its begin [rad], most the largest curvature that the front wheels allow [1/m]. A state
+ * (count,) is the lead unit's heading and the articulation angles [rad]. From states[0], counts (count_pieces,) states
+ * a piece are written behind it, each after substeps Runge-Kutta steps, and kappa of every state into kappas. Stops
+ * where kappa passes most: the front wheels are at their stop. */
+HDV_EXPORT void hdv_follow(
     const struct hdv_unit *units, int64_t count, double ahead, double left, int64_t count_pieces,
     const struct piece *pieces, const int64_t *counts, int64_t substeps, double heading, double most, double *states,
     double *kappas
@@ -97,9 +104,8 @@ void hdv_follow(
         double h = piece->length / (double)(counts[i] * substeps);
         for (int64_t step = 1; step <= counts[i] * substeps; step++) {
             kappa = move_on(&guided, piece, heading, (double)(step - 1) * h, h, y, kappa);
-            if (!(fabs(kappa) <= most)) {
+            if (!(fabs(kappa) <= most))
                 return;
-            }
             if (step % substeps == 0) {
                 row++;
                 kappa = rates_along(&guided, heading_after(piece, heading, (double)step * h), y, kappa, unused);

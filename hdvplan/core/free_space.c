@@ -52,15 +52,12 @@ static void meet_bin(struct hdv_shape_near *area, double u0, double u1) {
     area->first = area->last = NOTHING;
     for (int c = 0; c < 3; c++) {
         int next = (c + 1) % 3;
-        if (u0 <= area->u[c] && area->u[c] <= u1) {
+        if (u0 <= area->u[c] && area->u[c] <= u1)
             widen(&corners, area->v[c]);
-        }
-        if (meets(area, c, next, u0)) {
+        if (meets(area, c, next, u0))
             widen(&area->first, meeting(area, c, next, u0));
-        }
-        if (meets(area, c, next, u1)) {
+        if (meets(area, c, next, u1))
             widen(&area->last, meeting(area, c, next, u1));
-        }
     }
     area->whole.low = smaller(smaller(corners.low, area->first.low), area->last.low);
     area->whole.high = larger(larger(corners.high, area->first.high), area->last.high);
@@ -161,16 +158,14 @@ static int64_t without(struct hdv_line *lines, int64_t kept, struct hdv_shape_ne
     struct hdv_line out[2 * HDV_FREE_INTERVALS];
     int64_t number = 0;
     meet_lines(triangle, u0, u1);
-    for (int64_t p = 0; p < kept; p++) {
+    for (int64_t p = 0; p < kept; p++)
         number += beside_triangle(lines[p], triangle, &out[number]);
-    }
     while (number > HDV_FREE_INTERVALS) { /* the last two become one */
         take_in(&out[number - 2], out[number - 1]);
         number--;
     }
-    for (int64_t p = 0; p < number; p++) {
+    for (int64_t p = 0; p < number; p++)
         lines[p] = out[p];
-    }
     return number;
 }
 
@@ -184,9 +179,8 @@ connected(const struct hdv_around *around, int64_t region, int64_t b, struct hdv
         int inside = (b == middle || b == middle - 1) && touches(span, around->near);
         if (b != middle && !inside) {
             const struct hdv_line *near = &around->lines[(region * around->bins + inner) * HDV_FREE_INTERVALS];
-            for (int64_t q = 0; q < around->free[region * around->bins + inner]; q++) {
+            for (int64_t q = 0; q < around->free[region * around->bins + inner]; q++)
                 inside = inside || touches(span, span_of(near[q]));
-            }
         }
         if (inside) {
             lines[left] = lines[p];
@@ -212,14 +206,12 @@ static void fill_bin(struct hdv_around *around, int64_t region, int64_t b, int64
         }
     }
     total = keep_intervals(all, total, pieces, HDV_FREE_INTERVALS);
-    for (; kept < total; kept++) {
+    for (; kept < total; kept++)
         lines[kept] = line_around(around->met, found, pieces[kept], u0, u1);
-    }
     for (int64_t k = 0; k < triangles; k++) {
         struct hdv_shape_near *triangle = &around->triangles[k];
-        if (triangle->extent.low <= u0 && triangle->extent.high >= u1) {
+        if (triangle->extent.low <= u0 && triangle->extent.high >= u1)
             kept = without(lines, kept, triangle, u0, u1);
-        }
     }
     around->free[region * around->bins + b] = connected(around, region, b, lines, kept);
 }
@@ -241,22 +233,20 @@ void around_at(struct hdv_around *around, const struct hdv_frame *frame, int64_t
     const struct hdv_beside *beside = around->beside;
     struct axes at = axes_at(frame, i);
     struct gate gate = gate_at(beside->kerbs, at, frame->s[i]);
-    struct row row = is_empty(gate.v) ? (struct row){0, 0} : row_at(around, at, gate);
+    struct areas found = is_empty(gate.v) ? (struct areas){0, 0} : areas_at(around, at, gate);
     int64_t middle = around->bins / 2;
-    around->near = row.begin < row.end ? gate.v : NOTHING;
-    if (is_empty(around->near)) {
+    around->near = found.begin < found.end ? gate.v : NOTHING;
+    if (is_empty(around->near))
         return;
-    }
     int64_t triangles = see(around, at, beside->blocked, beside->blocked_count, around->triangles);
     for (int64_t region = around->two_regions ? 0 : 1; region < 2; region++) {
         const int64_t *begin = beside->begin + region * beside->stretches;
-        int64_t first = begin[row.begin], count = begin[row.end] - first;
+        int64_t first = begin[found.begin], count = begin[found.end] - first;
         count = see(around, at, beside->areas + 6 * first, count, around->areas);
         for (int64_t away = 0; away < around->bins; away++) { /* middle, middle - 1, middle + 1, ... */
             int64_t b = away % 2 == 0 ? middle + away / 2 : middle - 1 - away / 2;
-            if (0 <= b && b < around->bins) {
+            if (0 <= b && b < around->bins)
                 fill_bin(around, region, b, count, triangles);
-            }
         }
     }
     see_corners(around, at);

@@ -29,17 +29,14 @@ static int64_t cross(const struct hdv_street *kerbs, struct axes at, double s, s
         const double from[2] = {piece->x, piece->y};
         const double to[2] = {piece->x + piece->length * piece->cos, piece->y + piece->length * piece->sin};
         double first = ahead_of(at, from), last = ahead_of(at, to);
-        if (piece->s_low > s + BESIDE_M || piece->s_high < s - BESIDE_M || (first < 0.0) == (last < 0.0)) {
+        if (piece->s_low > s + BESIDE_M || piece->s_high < s - BESIDE_M || (first < 0.0) == (last < 0.0))
             continue;
-        }
-        if (number == CROSSINGS) {
+        if (number == CROSSINGS)
             return 0;
-        }
         double part = first / (first - last), v = left_of(at, from) + part * (left_of(at, to) - left_of(at, from));
         int64_t place = number;
-        for (; place > 0 && found[place - 1].v > v; place--) {
+        for (; place > 0 && found[place - 1].v > v; place--)
             found[place] = found[place - 1];
-        }
         int street = piece->left ? (last < first ? -1 : 0) : (last > first ? 1 : 0);
         found[place] = (struct crossing){v, piece->s_begin + part * (piece->s_end - piece->s_begin), street};
         number++;
@@ -87,38 +84,33 @@ static int out_of_reach(const struct hdv_around *around, struct axes at, struct 
         double u[2] = {ahead_of(at, cap), ahead_of(at, cap + 2)}, v[2] = {left_of(at, cap), left_of(at, cap + 2)};
         double nearest = smaller(off_gate(gate, u[0], v[0]), off_gate(gate, u[1], v[1]));
         nearest = smaller(nearest, smaller(off_cap(gate.low, u, v), off_cap(gate.high, u, v)));
-        if ((u[0] < 0.0) != (u[1] < 0.0)) {
+        if ((u[0] < 0.0) != (u[1] < 0.0))
             nearest = smaller(nearest, off_gate(gate, 0.0, v[0] + u[0] / (u[0] - u[1]) * (v[1] - v[0])));
-        }
-        if (nearest <= around->reach) {
+        if (nearest <= around->reach)
             return 0;
-        }
     }
     return 1;
 }
 
 /* The areas that a body whose axle is in a gate can touch; none where it can reach beyond the last that are known. */
-struct row row_at(const struct hdv_around *around, struct axes at, struct gate gate) {
+struct areas areas_at(const struct hdv_around *around, struct axes at, struct gate gate) {
     const struct hdv_beside *beside = around->beside;
-    struct row row = {
+    struct areas found = {
         (int64_t)floor((gate.s.low - beside->first) / beside->stretch),
         (int64_t)floor((gate.s.high - beside->first) / beside->stretch) + 1
     };
-    while (row.begin >= 0 && row.begin <= beside->stretches && !out_of_reach(around, at, gate.v, row.begin)) {
-        row.begin--;
-    }
-    while (row.end >= 0 && row.end <= beside->stretches && !out_of_reach(around, at, gate.v, row.end)) {
-        row.end++;
-    }
-    return 0 <= row.begin && row.begin < row.end && row.end <= beside->stretches ? row : (struct row){0, 0};
+    while (found.begin >= 0 && found.begin <= beside->stretches && !out_of_reach(around, at, gate.v, found.begin))
+        found.begin--;
+    while (found.end >= 0 && found.end <= beside->stretches && !out_of_reach(around, at, gate.v, found.end))
+        found.end++;
+    return 0 <= found.begin && found.begin < found.end && found.end <= beside->stretches ? found : (struct areas){0, 0};
 }
 
 /* Whether what was reached in the gate before can be followed to station i: all of that lies behind the new normal, as
  * it does not where normals cross within the street. */
 int follows(const struct hdv_frame *frame, int64_t i, struct interval former, struct interval near) {
-    if (i == 0 || is_empty(former) || is_empty(near) || !touches(former, near)) {
+    if (i == 0 || is_empty(former) || is_empty(near) || !touches(former, near))
         return 0;
-    }
     struct chord_frame chord = chord_at(frame, i);
     return smaller(chord.ahead - former.low * chord.sin, chord.ahead - former.high * chord.sin) > 0.0;
 }

@@ -20,7 +20,7 @@ struct gate {
 };
 
 /* Areas from begin to before end. */
-struct row {
+struct areas {
     int64_t begin, end;
 };
 
@@ -46,6 +46,6 @@ HDV_INLINE double left_of(struct axes at, const double *point) {
 }
 
 struct gate gate_at(const struct hdv_street *kerbs, struct axes at, double s);
-struct row row_at(const struct hdv_around *around, struct axes at, struct gate gate);
+struct areas areas_at(const struct hdv_around *around, struct axes at, struct gate gate);
 
 #endif

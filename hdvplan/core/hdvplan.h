@@ -10,7 +10,7 @@
 
 #include <stdint.h>
 
-/* The sizes of a program are constants to the compiler where a function is called with literals: see sizes.h. */
+/* For functions that are called with literal sizes: see HDV_UNROLLED. */
 #if defined(__GNUC__)
 #define HDV_INLINE static inline __attribute__((always_inline))
 #else
@@ -86,7 +86,7 @@ struct hdv_program {
     const int64_t *bounded; /* (b,), the states with bounds */
 };
 
-/* A primal-dual point: of a stage x (n), u (m), dynamics (n), x_bounds (b), u_bounds (m); of a row sigma and
+/* A primal-dual point: of a stage x (n), u (m), dynamics (n), bounds of x (b) and of u (m); of a row sigma and
  * multiplier. */
 struct hdv_point {
     double *stages; /* (N+1) records */

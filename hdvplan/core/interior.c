@@ -45,8 +45,7 @@ struct step {
 
 HDV_INLINE struct step step_at(const struct iterate *now, int64_t n, int64_t m, int64_t i) {
     double *x = now->steps.first + i * now->steps.stride;
-    struct step view = {x, x + n, x + n + m, x + 2 * n + m};
-    return view;
+    return (struct step){x, x + n, x + n + m, x + 2 * n + m};
 }
 
 /* Write a row's pair; it starts where the row is, its elastic variable taking up what it lacks. gap = h - g'x. */
@@ -86,22 +85,22 @@ static void choose(struct iterate *now, uint8_t *member, int64_t kind, int64_t s
     now->count += 1;
 }
 
-/* Let the sides of a bound take part that have come near. ``kind`` is that of the upper side, the lower one's follows.
- */
-static void join_bound(
-    struct iterate *now, uint8_t *member, double v, double low, double high, int64_t kind, int64_t stage, int64_t index
-) {
+/* Let the sides of a bound take part that have come near; return how many. */
+static int64_t
+join_bound(struct iterate *now, uint8_t *member, double v, double low, double high, int64_t stage, int64_t number) {
+    int64_t before = now->count;
     for (int lower = 0; lower < 2; ++lower) {
         struct hdv_pair *pair = now->solver->pairs + now->count;
         if (!member[lower] && start_bound(pair, v, low, high, lower, now->mean, !now->solver->screens))
-            choose(now, member + lower, kind + lower, stage, index);
+            choose(now, member + lower, lower ? HDV_LOW : HDV_HIGH, stage, number);
     }
+    return now->count - before;
 }
 
 /* Let the rows of stage i take part that have come near. */
 HDV_INLINE void join_rows(struct iterate *now, uint8_t *member, const double *x, int64_t n, int64_t i) {
     for (int64_t number = 0; number < now->program->shape.rows; ++number) {
-        struct row row = row_at(now->program->rows, n, now->program->shape.rows, i, number);
+        struct row row = row_at(now->program, n, i, number);
         double gap = *row.h;
         for (int64_t j = 0; j < n; ++j)
             gap -= row.g[j] * x[j];
@@ -113,30 +112,26 @@ HDV_INLINE void join_rows(struct iterate *now, uint8_t *member, const double *x,
 }
 
 /* Choose the inequalities that have come near the point, or all, in addition to those already chosen; each starts with
- * complementarity
- * ``mean``. Returns the last stage whose state has an inequality that joined, or whose input is followed by such a
- * state; or 0. */
+ * complementarity ``mean``. Returns the last stage whose state has an inequality that joined, or whose input is
+ * followed by such a state; or 0. */
 HDV_INLINE int64_t join(struct iterate *now, int64_t n, int64_t m) {
     const struct hdv_program *program = now->program;
     const struct hdv_shape *shape = &program->shape;
     int64_t b = shape->bounded, p = shape->rows, end = 0;
     for (int64_t i = 0; i <= shape->stages; ++i) {
         uint8_t *member = now->solver->member + i * inequalities_of(shape);
-        struct stage stage = stage_at(program->stages, n, m, b, i);
-        struct point point = point_at(now->point->stages, n, m, b, i);
+        struct stage stage = stage_at(program, n, m, i);
+        struct point point = point_at(program, now->point, n, m, i);
+        struct range bounds = bounds_at(shape, i);
         int64_t before = now->count;
         if (i > 0 && (*stage.live > 0.0 || !now->solver->screens))
             join_rows(now, member, point.x, n, i);
-        for (int64_t bound = 0; bound < b && i > 0; ++bound)
-            join_bound(
-                now, member + p + 2 * bound, point.x[program->bounded[bound]], stage.x_low[bound], stage.x_high[bound],
-                HDV_X_HIGH, i, bound
-            );
         end = now->count > before ? i : end;
-        before = now->count;
-        for (int64_t j = 0; j < m && i < shape->stages; ++j)
-            join_bound(now, member + p + 2 * (b + j), point.u[j], stage.u_low[j], stage.u_high[j], HDV_U_HIGH, i, j);
-        end = now->count > before ? i + 1 : end;
+        for (int64_t number = bounds.begin; number < bounds.end; ++number) {
+            double v = *bounded_of(program, point.x, point.u, number);
+            if (join_bound(now, member + p + 2 * number, v, stage.low[number], stage.high[number], i, number))
+                end = number < b ? i : i + 1;
+        }
     }
     return end;
 }
@@ -158,14 +153,14 @@ derive(const double *H, const double *g, const double *v, int64_t size, double *
 HDV_INLINE void objective(const struct iterate *now, const double *tail, int64_t n, int64_t m) {
     const struct hdv_program *program = now->program;
     for (int64_t i = 0; i < now->end; ++i) {
-        struct stage stage = stage_at(program->stages, n, m, program->shape.bounded, i);
-        struct point point = point_at(now->point->stages, n, m, program->shape.bounded, i);
+        struct stage stage = stage_at(program, n, m, i);
+        struct point point = point_at(program, now->point, n, m, i);
         struct weights to = weights_at(&now->weights, n, m, i);
         struct step step = step_at(now, n, m, i);
         derive(stage.Q, stage.q, point.x, n, to.Q, step.gradient_x);
         derive(stage.R, stage.r, point.u, m, to.R, step.gradient_u);
     }
-    const double *x = point_at(now->point->stages, n, m, program->shape.bounded, now->end).x;
+    const double *x = point_at(program, now->point, n, m, now->end).x;
     derive(
         tail, tail + n * n, x, n, weights_at(&now->weights, n, m, now->end).Q, step_at(now, n, m, now->end).gradient_x
     );
@@ -173,17 +168,15 @@ HDV_INLINE void objective(const struct iterate *now, const double *tail, int64_t
 
 /* The sign with which a bound's value counts. */
 static double sign_of(const struct hdv_pair *pair) {
-    return pair->kind == HDV_X_LOW || pair->kind == HDV_U_LOW ? -1.0 : 1.0;
+    return pair->kind == HDV_LOW ? -1.0 : 1.0;
 }
 
 /* An inequality's value at x, u: g'x of a row, or +-x or +-u. */
 HDV_INLINE double
-value_of(const struct hdv_program *program, const struct hdv_pair *pair, const double *x, const double *u, int64_t n) {
-    if (pair->kind > HDV_X_LOW)
-        return sign_of(pair) * u[pair->index];
+value_of(const struct hdv_program *program, const struct hdv_pair *pair, double *x, double *u, int64_t n) {
     if (pair->kind != HDV_ROW)
-        return sign_of(pair) * x[program->bounded[pair->index]];
-    struct row row = row_at(program->rows, n, program->shape.rows, pair->stage, pair->index);
+        return sign_of(pair) * *bounded_of(program, x, u, pair->index);
+    struct row row = row_at(program, n, pair->stage, pair->index);
     double sum = 0.0;
     for (int64_t j = 0; j < n; ++j)
         sum += row.g[j] * x[j];
@@ -204,14 +197,12 @@ HDV_INLINE void
 add_weight(const struct iterate *now, const struct hdv_pair *pair, double weight, int64_t n, int64_t m) {
     struct weights to = weights_at(&now->weights, n, m, pair->stage);
     if (pair->kind == HDV_ROW) {
-        const double *g = row_at(now->program->rows, n, now->program->shape.rows, pair->stage, pair->index).g;
+        const double *g = row_at(now->program, n, pair->stage, pair->index).g;
         for (int64_t j = 0; j < n; ++j)
             for (int64_t k = 0; k < n; ++k)
                 to.Q[j * n + k] += weight * (g[j] * g[k]);
-    } else if (pair->kind <= HDV_X_LOW) {
-        to.Q[now->program->bounded[pair->index] * (n + 1)] += weight;
     } else {
-        to.R[pair->index * (m + 1)] += weight;
+        *hessian_of(now->program, to, n, m, pair->index) += weight;
     }
 }
 
@@ -221,7 +212,7 @@ HDV_INLINE double weigh(struct iterate *now, int64_t n, int64_t m) {
     double products = 0.0, total = 0.0, largest = 0.0;
     for (int64_t item = 0; item < now->count; ++item) {
         struct hdv_pair *pair = now->solver->pairs + item;
-        struct point point = point_at(now->point->stages, n, m, now->program->shape.bounded, pair->stage);
+        struct point point = point_at(now->program, now->point, n, m, pair->stage);
         products += 1.0;
         total += pair->mu * pair->s;
         largest = larger(largest, smaller(pair->mu, 1.0) * pair->s);
@@ -269,13 +260,11 @@ HDV_INLINE void aim(const struct iterate *now, double target, int second_order, 
         struct weights to = weights_at(&now->weights, n, m, pair->stage);
         double pushed = push(pair, target, second_order);
         if (pair->kind == HDV_ROW) {
-            const double *g = row_at(program->rows, n, program->shape.rows, pair->stage, pair->index).g;
+            const double *g = row_at(program, n, pair->stage, pair->index).g;
             for (int64_t j = 0; j < n; ++j)
                 to.q[j] += g[j] * pushed;
-        } else if (pair->kind <= HDV_X_LOW) {
-            to.q[program->bounded[pair->index]] += sign_of(pair) * pushed;
         } else {
-            to.r[pair->index] += sign_of(pair) * pushed;
+            *bounded_of(program, to.q, to.r, pair->index) += sign_of(pair) * pushed;
         }
     }
 }
@@ -359,9 +348,9 @@ HDV_INLINE void move(struct iterate *now, double length, int64_t n, int64_t m) {
         }
     }
     for (int64_t i = 0; i < now->end; ++i) {
-        struct stage stage = stage_at(program->stages, n, m, program->shape.bounded, i);
-        struct point point = point_at(now->point->stages, n, m, program->shape.bounded, i);
-        double *ahead = point_at(now->point->stages, n, m, program->shape.bounded, i + 1).x;
+        struct stage stage = stage_at(program, n, m, i);
+        struct point point = point_at(program, now->point, n, m, i);
+        double *ahead = point_at(program, now->point, n, m, i + 1).x;
         for (int64_t j = 0; j < m; ++j)
             point.u[j] += length * step_at(now, n, m, i).u[j];
         for (int64_t j = 0; j < n; ++j) {
@@ -383,26 +372,24 @@ static void clear(const struct hdv_program *program, const struct hdv_point *poi
     int64_t n = shape->states, m = shape->inputs, b = shape->bounded;
     memset(point->rows, 0, (size_t)((shape->stages + 1) * shape->rows * 2) * sizeof(double));
     for (int64_t i = 0; i <= shape->stages; ++i)
-        memset(point_at(point->stages, n, m, b, i).x_bounds, 0, (size_t)(b + m) * sizeof(double));
+        memset(point_at(program, point, n, m, i).bounds, 0, (size_t)(b + m) * sizeof(double));
 }
 
 /* Write elastic variables and multipliers to where the program has them, and those of the dynamics; what was never
  * chosen is zero. */
 static double publish(const struct iterate *now) {
     const struct hdv_shape *shape = &now->program->shape;
-    int64_t n = shape->states, m = shape->inputs, b = shape->bounded;
+    int64_t n = shape->states, m = shape->inputs;
     clear(now->program, now->point);
     for (int64_t item = 0; item < now->count; ++item) {
         const struct hdv_pair *pair = now->solver->pairs + item;
-        struct point point = point_at(now->point->stages, n, m, b, pair->stage);
+        struct point point = point_at(now->program, now->point, n, m, pair->stage);
         double *of_row = now->point->rows + 2 * (pair->stage * shape->rows + pair->index);
         if (pair->kind == HDV_ROW) {
             of_row[0] = pair->sigma;
             of_row[1] = pair->mu;
-        } else if (pair->kind <= HDV_X_LOW) {
-            point.x_bounds[pair->index] += sign_of(pair) * pair->mu;
         } else {
-            point.u_bounds[pair->index] += sign_of(pair) * pair->mu;
+            point.bounds[pair->index] += sign_of(pair) * pair->mu;
         }
     }
     return hdv_adjoint(now->program, now->point);
@@ -452,13 +439,5 @@ int64_t hdv_interior(
     struct hdv_series weights = {solver->weights, weights_size(n, m)}, steps = {solver->steps, 2 * (n + m)};
     struct iterate now = {solver, program, point, weights, steps, 0, 0, start};
     memset(solver->member, 0, (size_t)((shape->stages + 1) * inequalities_of(shape)));
-    if (n == 3 && m == 1)
-        return interior(&now, count, 3, 1);
-    if (n == 4 && m == 1)
-        return interior(&now, count, 4, 1);
-    if (n == 5 && m == 1)
-        return interior(&now, count, 5, 1);
-    if (n == 6 && m == 1)
-        return interior(&now, count, 6, 1);
-    return interior(&now, count, n, m);
+    return HDV_UNROLLED(n, m, interior, &now, count);
 }

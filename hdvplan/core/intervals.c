@@ -24,12 +24,10 @@ static void squeeze(struct interval *pieces, int64_t total, double low, double h
  * are joined. */
 int64_t join_interval(struct interval *pieces, int64_t total, int64_t most, double low, double high) {
     int64_t first = 0;
-    if (low > high) {
+    if (low > high)
         return total;
-    }
-    while (first < total && pieces[first].high < low) {
+    while (first < total && pieces[first].high < low)
         first++;
-    }
     int64_t last = first;
     while (last < total && pieces[last].low <= high) { /* first <= p < last become one with the new one */
         low = smaller(low, pieces[last].low);

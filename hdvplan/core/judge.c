@@ -1,13 +1,12 @@
 /* The judge sweeps the simulated bodies along the kerbs. Steps from pose to pose become shorter as a body comes nearer:
  * what may be missed between two looks is a small part of the room there. */
-#include "judge.h"
-
 #include <math.h>
 #include <stddef.h>
 
 #include "kinematics.h"
 #include "numbers.h"
 #include "simulate.h"
+#include "street.h"
 
 static const double SHARE = 0.25;     /* of the room, that a step may be long */
 static const double SHORTEST = 0.005; /* step [m]: a front corner closes in on a kerb by less than a third of that */
@@ -50,29 +49,28 @@ static void sweep_interval(
 ) {
     double states[2 * HDV_MOST_STATES], wheels[2 * HDV_MOST_UNITS], least = touch(on, s, z, touches), here = s;
     int64_t n = on->states, active = n - 1 - on->count;
-    for (int64_t j = 0; j < n; j++) {
+    for (int64_t j = 0; j < n; j++)
         states[j] = z[j];
-    }
     for (;;) {
         double step = larger(SHORTEST, SHARE * least);
-        if (here + 1.5 * step > s_next) { /* the next pose is looked at itself */
+        if (here + 1.5 * step > s_next) /* the next pose is looked at itself */
             return;
-        }
         double part = (here + step - s) / (s_next - s);
         for (int64_t j = 0; j < active; j++) {
             wheels[j] = states[n - active + j];
             wheels[active + j] = (1.0 - part) * z[n - active + j] + part * z_next[n - active + j];
         }
         hdv_simulate(on->units, on->count, n, on->curve, here, 1, step, &kappa, wheels, 1, 1, states);
-        for (int64_t j = 0; j < n; j++) {
+        for (int64_t j = 0; j < n; j++)
             states[j] = states[n + j];
-        }
         here += step;
         least = touch(on, here, states, touches);
     }
 }
 
-void hdv_touch_many(
+/* Writes touches (poses, count, 2, HDV_SECTIONS) of a vehicle that was driven from states z (poses, n) at arclengths
+ * s (poses,), each with the curvature kappa (poses - 1,) to the next [1/m]. */
+HDV_EXPORT void hdv_touch_many(
     const struct hdv_street *street, const struct hdv_unit *units, int64_t count, int64_t n,
     const struct hdv_curve *curve, const double *behind, int64_t poses, const double *s, const double *z,
     const double *kappa, struct hdv_touch *touches
@@ -80,13 +78,10 @@ void hdv_touch_many(
     static const struct hdv_touch none = {INFINITY, 0.0, 0.0, 0.0, 0.0, -1};
     const struct judged on = {street, units, count, n, curve, behind};
     int64_t each = count * 2 * HDV_SECTIONS;
-    for (int64_t number = 0; number < poses * each; number++) {
+    for (int64_t number = 0; number < poses * each; number++)
         touches[number] = none;
-    }
-    for (int64_t i = 0; i + 1 < poses; i++) {
+    for (int64_t i = 0; i + 1 < poses; i++)
         sweep_interval(&on, s[i], s[i + 1], z + i * n, z + (i + 1) * n, kappa[i], touches + i * each);
-    }
-    if (poses > 0) {
+    if (poses > 0)
         touch(&on, s[poses - 1], z + (poses - 1) * n, touches + (poses - 1) * each);
-    }
 }

@@ -1,28 +1,28 @@
 #include "kinematics.h"
 
-void hdv_place_many(
+/* Writes the poses (steps, count) of a vehicle in states z (steps, n) beside points (steps,) of the road. */
+HDV_EXPORT void hdv_place_many(
     const struct hdv_unit *units, int64_t count, int64_t steps, const struct path_point *points, int64_t n,
     const double *z, struct hdv_pose *poses
 ) {
-    for (int64_t i = 0; i < steps; i++) {
+    for (int64_t i = 0; i < steps; i++)
         place(units, count, points[i].x, points[i].y, points[i].cos, points[i].sin, z + i * n, poses + i * count);
-    }
 }
 
-void hdv_derivative(
+HDV_EXPORT void hdv_derivative(
     const struct hdv_unit *units, int64_t count, double k, int64_t n, const double *z, double kappa, double *f
 ) {
     derivative(units, count, k, n, z, kappa, f);
 }
 
-void hdv_jacobian(
+HDV_EXPORT void hdv_jacobian(
     const struct hdv_unit *units, int64_t count, double k, int64_t n, const double *z, double kappa,
     const struct hdv_pose *poses, double *f, double *a, double *b
 ) {
     jacobian(units, count, k, n, z, kappa, poses, f, a, b);
 }
 
-void hdv_point_gradient(
+HDV_EXPORT void hdv_point_gradient(
     const struct hdv_pose *poses, int64_t unit, double x, double y, const struct hdv_station *road, double along_x,
     double along_y, int64_t n, double *gradient
 ) {

@@ -47,25 +47,19 @@ struct plane_point {
 
 /* Wheels of a unit's axle that is steered by an angle [rad]; slope is by that angle. */
 HDV_INLINE struct wheels wheels(const struct hdv_unit *unit, double angle) {
-    struct wheels straight = {0.0, 0.0};
-    if (unit->steering_ratio == 0.0) {
-        return straight;
-    }
+    if (unit->steering_ratio == 0.0)
+        return (struct wheels){0.0, 0.0};
     if (fabs(unit->steering_ratio * angle) >= unit->max_steering_angle) {
-        struct wheels held = {-copysign(tan(unit->max_steering_angle), angle), 0.0};
-        return held;
+        return (struct wheels){-copysign(tan(unit->max_steering_angle), angle), 0.0};
     }
     double turned = -tan(unit->steering_ratio * angle);
-    struct wheels steered = {turned, -unit->steering_ratio * (1.0 + turned * turned)};
-    return steered;
+    return (struct wheels){turned, -unit->steering_ratio * (1.0 + turned * turned)};
 }
 
 /* Wheels of the lead rear axle; slope is by kappa. */
 HDV_INLINE struct wheels rear_wheels(const struct hdv_unit *lead, double kappa) {
-    struct wheels straight = {0.0, 0.0};
-    if (lead->steering_ratio == 0.0) {
-        return straight;
-    }
+    if (lead->steering_ratio == 0.0)
+        return (struct wheels){0.0, 0.0};
     double tan_front = lead->wheelbase * kappa;
     struct wheels rear = wheels(lead, atan(tan_front));
     rear.slope = rear.slope * lead->wheelbase / (1.0 + tan_front * tan_front);
@@ -76,25 +70,22 @@ HDV_INLINE struct wheels rear_wheels(const struct hdv_unit *lead, double kappa) 
  * sideways. Linear, so that it holds for derivatives too. */
 HDV_INLINE struct rolling at_coupling(struct rolling ahead, double hitch_offset, double cos_beta, double sin_beta) {
     double across = ahead.sideways - hitch_offset * ahead.turn;
-    struct rolling coupling = {
+    return (struct rolling){
         ahead.forward * cos_beta - across * sin_beta,
         ahead.forward * sin_beta + across * cos_beta,
         0.0,
     };
-    return coupling;
 }
 
 /* Motion of the lead unit. */
 HDV_INLINE struct rolling lead_rolling(const struct hdv_unit *lead, double kappa, double tan_rear) {
-    struct rolling motion = {1.0, tan_rear, kappa - tan_rear / lead->wheelbase};
-    return motion;
+    return (struct rolling){1.0, tan_rear, kappa - tan_rear / lead->wheelbase};
 }
 
 /* Motion of a unit with given wheels, from that of its coupling. */
 HDV_INLINE struct rolling unit_rolling(const struct hdv_unit *unit, struct rolling coupling, double tan_wheels) {
     double sideways = coupling.forward * tan_wheels;
-    struct rolling motion = {coupling.forward, sideways, (coupling.sideways - sideways) / unit->wheelbase};
-    return motion;
+    return (struct rolling){coupling.forward, sideways, (coupling.sideways - sideways) / unit->wheelbase};
 }
 
 /* Writes dz/ds into f (n,), at the road's curvature k [1/m]. */
@@ -113,9 +104,8 @@ derivative(const struct hdv_unit *units, int64_t count, double k, int64_t n, con
         f[1 + i] = travelled * (motion.turn - behind.turn);
         motion = behind;
     }
-    for (int64_t i = 1 + count; i < n; i++) {
+    for (int64_t i = 1 + count; i < n; i++)
         f[i] = 0.0;
-    }
 }
 
 /* Metres that the lead body moves forward per metre of road. pose holds the sine and cosine of e_psi. */
@@ -123,7 +113,7 @@ HDV_INLINE struct travel lead_travel(double k, double e_y, const struct hdv_pose
     double inside = 1.0 - e_y * k;
     double along = pose->turned_cos - pose->turned_sin * rear.tan;
     double across = pose->turned_sin + pose->turned_cos * rear.tan;
-    struct travel travel = {
+    return (struct travel){
         inside / along,
         -k / along,
         inside * across / (along * along),
@@ -131,7 +121,6 @@ HDV_INLINE struct travel lead_travel(double k, double e_y, const struct hdv_pose
         along,
         across,
     };
-    return travel;
 }
 
 /* Writes the derivatives by z and kappa of the rate of one articulation angle, beta of unit i, into its row of a and
@@ -148,9 +137,8 @@ HDV_INLINE void coupling_gradient(
     row[0] = travel.by_e_y * turning;
     row[1] = travel.by_e_psi * turning;
     for (int64_t column = 2; column <= n; column++) {
-        if (own < column && column <= count) { /* the couplings behind */
+        if (own < column && column <= count) /* the couplings behind */
             continue;
-        }
         struct rolling ahead = chain[column];
         struct rolling change = at_coupling(ahead, units[i - 1].hitch_offset, pose->turned_cos, pose->turned_sin);
         if (column == own) {
@@ -160,11 +148,10 @@ HDV_INLINE void coupling_gradient(
         double by_wheels = column == units[i].steered_by ? coupling.forward * axle.slope : 0.0;
         struct rolling behind = {change.forward, change.forward * axle.tan + by_wheels, 0.0};
         behind.turn = (change.sideways - behind.sideways) / units[i].wheelbase;
-        if (column < n) {
+        if (column < n)
             row[column] = travel.metres * (ahead.turn - behind.turn);
-        } else {
+        else
             *by_kappa = travel.metres * (ahead.turn - behind.turn) + travel.by_kappa * turning;
-        }
         chain[column] = behind;
     }
 }
@@ -181,9 +168,8 @@ HDV_INLINE void jacobian(
     struct travel travel = lead_travel(k, z[0], poses, rear);
     struct rolling motion = lead_rolling(units, kappa, rear.tan);
     double turn_by_kappa = 1.0 - rear.slope / units[0].wheelbase;
-    for (int64_t j = 0; j < n * n; j++) {
+    for (int64_t j = 0; j < n * n; j++)
         a[j] = 0.0;
-    }
     f[0] = travel.metres * travel.across;
     a[0] = travel.by_e_y * travel.across;
     a[1] = travel.metres * travel.along + travel.by_e_psi * travel.across;
@@ -192,9 +178,8 @@ HDV_INLINE void jacobian(
     a[n] = travel.by_e_y * motion.turn;
     a[n + 1] = travel.by_e_psi * motion.turn;
     b[1] = travel.metres * turn_by_kappa + travel.by_kappa * motion.turn;
-    for (int64_t column = 2; column < n; column++) {
+    for (int64_t column = 2; column < n; column++)
         chain[column] = (struct rolling){0.0, 0.0, 0.0};
-    }
     chain[n] = (struct rolling){0.0, rear.slope, turn_by_kappa};
     for (int64_t i = 1; i < count; i++) {
         const struct hdv_pose *pose = poses + i;
@@ -214,9 +199,8 @@ HDV_INLINE void jacobian(
 
 /* Writes the sine and cosine of e_psi, and of every articulation angle, into poses (count,). */
 HDV_INLINE void turn(int64_t count, const double *z, struct hdv_pose *poses) {
-    for (int64_t i = 0; i < count; i++) {
+    for (int64_t i = 0; i < count; i++)
         cosine_and_sine(z[1 + i], &poses[i].turned_cos, &poses[i].turned_sin);
-    }
 }
 
 /* Writes every unit's pose into poses (count,). (x, y) and the heading's (cos, sin) are the road's where the lead rear
@@ -249,11 +233,10 @@ HDV_INLINE void place(
 
 /* The point of a body that lies ahead of its axle and left of its axis [m]. */
 HDV_INLINE struct plane_point body_point(const struct hdv_pose *pose, double ahead, double left) {
-    struct plane_point point = {
+    return (struct plane_point){
         pose->x + ahead * pose->cos - left * pose->sin,
         pose->y + ahead * pose->sin + left * pose->cos,
     };
-    return point;
 }
 
 /* Writes the derivative by z of the motion of a unit's body point in direction (along_x, along_y) into gradient (n,).
@@ -266,32 +249,10 @@ HDV_INLINE void point_gradient(
 ) {
     gradient[0] = -road->sin * along_x + road->cos * along_y;
     gradient[1] = -(point.y - poses[0].y) * along_x + (point.x - poses[0].x) * along_y;
-    for (int64_t i = 1; i <= unit; i++) {
+    for (int64_t i = 1; i <= unit; i++)
         gradient[1 + i] = (point.y - poses[i].coupling_y) * along_x - (point.x - poses[i].coupling_x) * along_y;
-    }
-    for (int64_t i = 2 + unit; i < n; i++) {
+    for (int64_t i = 2 + unit; i < n; i++)
         gradient[i] = 0.0;
-    }
 }
-
-/* Writes the poses (steps, count) of a vehicle in states z (steps, n) beside points (steps,) of the road. */
-HDV_EXPORT void hdv_place_many(
-    const struct hdv_unit *units, int64_t count, int64_t steps, const struct path_point *points, int64_t n,
-    const double *z, struct hdv_pose *poses
-);
-
-HDV_EXPORT void hdv_derivative(
-    const struct hdv_unit *units, int64_t count, double k, int64_t n, const double *z, double kappa, double *f
-);
-
-HDV_EXPORT void hdv_jacobian(
-    const struct hdv_unit *units, int64_t count, double k, int64_t n, const double *z, double kappa,
-    const struct hdv_pose *poses, double *f, double *a, double *b
-);
-
-HDV_EXPORT void hdv_point_gradient(
-    const struct hdv_pose *poses, int64_t unit, double x, double y, const struct hdv_station *road, double along_x,
-    double along_y, int64_t n, double *gradient
-);
 
 #endif

@@ -7,14 +7,13 @@
  * Row order within a stage: unit, left then right kerbs; then the tightest contact of each section of the body; then,
  * where there are rows for them, what its rear and its front corner reach beyond the kerbs that wheels must keep.
  */
-#include "limits.h"
+#include "terms.h"
 
 #include <math.h>
 #include <stddef.h>
 
 #include "kinematics.h"
 #include "numbers.h"
-#include "screening.h"
 #include "sizes.h"
 
 #define NEAR_M                                                                                                         \
@@ -61,15 +60,15 @@ struct tightest {
 };
 
 /* What the rows' breaches cost at the motion at which they were linearised. */
-double hdv_price_limits(void *data, const struct hdv_scene *scene) {
+HDV_EXPORT double hdv_price_limits(void *data, const struct hdv_scene *scene) {
     const struct hdv_limits *own = data;
     const struct hdv_program *program = &scene->program;
     struct hdv_shape shape = program->shape;
     double total = 0.0;
     for (int64_t i = 1; i <= shape.stages; i++) {
-        if (*stage_at(program->stages, shape.states, shape.inputs, shape.bounded, i).live > 0.0) {
+        if (*program_stage(program, i).live > 0.0) {
             for (int64_t number = own->row; number < own->row + own->rows; number++) {
-                struct row row = row_at(program->rows, shape.states, shape.rows, i, number);
+                struct row row = program_row(program, i, number);
                 double over = larger(0.0, -*row.h);
                 total += (*row.linear + 0.5 * *row.quadratic * over) * over;
             }
@@ -90,12 +89,10 @@ static void begin_stage(const struct hdv_limits *own, const struct hdv_scene *sc
     const double *z = state_at(scene->motion, n, i);
     double clear = clear_by_state(scene->units, units, &scene->road[i], z),
            *seen = own->seen + (scene->at + i) * (n + 1);
-    for (int64_t edge = 2 * at; edge < 2 * (at + units); edge++) {
+    for (int64_t edge = 2 * at; edge < 2 * (at + units); edge++)
         own->edges[edge] = (struct hdv_edge){clear, clear, 0.0, 0.0, INFINITY};
-    }
-    for (int64_t j = 0; j < n; j++) {
+    for (int64_t j = 0; j < n; j++)
         seen[j] = z[j];
-    }
     seen[n] = state_at(scene->motion, n, i - 1)[n];
 }
 
@@ -115,9 +112,8 @@ static void follow(const struct hdv_limits *own, const struct hdv_scene *scene, 
         moved +=
             own->reach * fabs(by[j]) * (j < 1 + units ? 1.0 : scene->step); /* wheels turn poses before the stage */
     }
-    if (moved == 0.0) {
+    if (moved == 0.0)
         return;
-    }
     struct hdv_edge *edges = own->edges + 2 * (scene->at + i) * units;
     int64_t each = own->rows / (2 * units);
     for (int64_t edge = 0; edge < 2 * units; edge++) {
@@ -126,10 +122,9 @@ static void follow(const struct hdv_limits *own, const struct hdv_scene *scene, 
         edges[edge].moved += moved;
         int64_t rows = edges[edge].looked > 0.0 && edges[edge].never == 0.0 ? each : 0; /* others never bind */
         for (int64_t number = own->row + edge * each; number < own->row + edge * each + rows; number++) {
-            struct row row = row_at(program->rows, program->shape.states, program->shape.rows, i, number);
-            for (int64_t j = 0; j <= n; j++) {
+            struct row row = program_row(program, i, number);
+            for (int64_t j = 0; j <= n; j++)
                 *row.h -= row.g[j] * by[j];
-            }
         }
     }
 }
@@ -146,14 +141,12 @@ static void see_stage(struct stage_scene *at) {
     struct before *to = &at->before[0];
     to->known = to->derived = 1;
     to->road = scene->road[at->stage];
-    for (int64_t unit = 0; unit < units; unit++) {
+    for (int64_t unit = 0; unit < units; unit++)
         to->poses[unit] = scene->poses[at->stage * units + unit];
-    }
     for (int64_t j = 0; j < n; j++) {
         to->by_kappa[j] = 0.0;
-        for (int64_t t = 0; t < n; t++) {
+        for (int64_t t = 0; t < n; t++)
             to->by_z[j * n + t] = j == t ? 1.0 : 0.0;
-        }
     }
 }
 
@@ -170,13 +163,11 @@ static void see_before(struct stage_scene *at, int number) {
     to->derived = 0;
     to->back = back;
     derivative(scene->units, count, road->curvature, n, z, kappa, f);
-    for (int64_t j = 0; j < n; j++) {
+    for (int64_t j = 0; j < n; j++)
         to->middle[j] = z[j] - 0.5 * back * f[j];
-    }
     derivative(scene->units, count, bend_at(at, back), n, to->middle, kappa, f);
-    for (int64_t j = 0; j < n; j++) {
+    for (int64_t j = 0; j < n; j++)
         z_before[j] = z[j] - back * f[j];
-    }
     struct path_point point = evaluate(at->own->curve, road->s - back);
     to->road =
         (struct hdv_station){.s = road->s - back, .x = point.x, .y = point.y, .cos = point.cos, .sin = point.sin};
@@ -198,15 +189,13 @@ static void derive_before(const struct stage_scene *at, struct before *to) {
     jacobian(scene->units, count, bend_at(at, back), n, to->middle, kappa, turned, f, a_mid, b_mid);
     for (int64_t j = 0; j < n; j++) {
         to->by_kappa[j] = -back * b_mid[j];
-        for (int64_t t = 0; t < n; t++) {
+        for (int64_t t = 0; t < n; t++)
             to->by_z[j * n + t] = (j == t ? 1.0 : 0.0) - back * a_mid[j * n + t];
-        }
         for (int64_t i = 0; i < n; i++) {
             double share = 0.5 * back * back * a_mid[j * n + i];
             to->by_kappa[j] += share * b[i];
-            for (int64_t t = 0; t < n; t++) {
+            for (int64_t t = 0; t < n; t++)
                 to->by_z[j * n + t] += share * a[i * n + t];
-            }
         }
     }
 }
@@ -219,22 +208,19 @@ write_row(struct stage_scene *at, int64_t unit, const struct tightest *found, do
     const struct hdv_contact *contact = &found->contact;
     int64_t n = at->scene->states;
     double gradient[HDV_MOST_STATES];
-    if (!pose->derived) {
+    if (!pose->derived)
         derive_before(at, pose);
-    }
-    struct row row = row_at(program->rows, program->shape.states, program->shape.rows, at->stage, number);
+    struct row row = program_row(program, at->stage, number);
     struct plane_point point = body_point(&pose->poses[unit], contact->ahead, contact->left);
     point_gradient(pose->poses, unit, point, &pose->road, contact->along_x, contact->along_y, n, gradient);
     for (int64_t t = 0; t < n; t++) {
         row.g[t] = 0.0;
-        for (int64_t j = 0; j <= 1 + unit; j++) {
+        for (int64_t j = 0; j <= 1 + unit; j++)
             row.g[t] -= gradient[j] * pose->by_z[j * n + t];
-        }
     }
     row.g[n] = 0.0;
-    for (int64_t j = 0; j <= 1 + unit; j++) {
+    for (int64_t j = 0; j <= 1 + unit; j++)
         row.g[n] -= gradient[j] * pose->by_kappa[j];
-    }
     *row.h = contact->gap - margin;
 }
 
@@ -242,10 +228,9 @@ write_row(struct stage_scene *at, int64_t unit, const struct tightest *found, do
 static void never_bind(const struct hdv_program *program, int64_t i, int64_t begin, int64_t end, double clear) {
     int64_t n = program->shape.states;
     for (int64_t number = begin; number < end; number++) {
-        struct row row = row_at(program->rows, n, program->shape.rows, i, number);
-        for (int64_t j = 0; j < n; j++) {
+        struct row row = row_at(program, n, i, number);
+        for (int64_t j = 0; j < n; j++)
             row.g[j] = 0.0;
-        }
         *row.h = clear;
     }
 }
@@ -261,9 +246,8 @@ static double least_of(const struct hdv_contacts *found, const struct hdv_pose *
     double least = INFINITY;
     for (int side = 0; side < 2; side++) {
         double own = smaller(found->at[side][0].gap, found->at[side][HDV_SECTIONS - 1].gap);
-        for (int section = 0; section < HDV_SECTIONS; section++) {
+        for (int section = 0; section < HDV_SECTIONS; section++)
             least = smaller(least, gap_before(&found->at[side][section], pose, step));
-        }
         least = found->near[side] < own ? smaller(least, found->near[side] - step) : least;
     }
     return least;
@@ -279,20 +263,17 @@ struct looked {
 static double
 look_before(struct stage_scene *at, int64_t unit, int number, const struct some_pieces *among, struct looked *found) {
     struct hdv_contacts seen;
-    if (!at->before[number].known) {
+    if (!at->before[number].known)
         see_before(at, number);
-    }
     const struct before *before = &at->before[number];
     const struct hdv_unit *body = &at->scene->units[unit];
     look_at_body(
         at->own->street, among, HDV_TO_PLAN, body, &before->poses[unit], before->road.s, at->own->behind[unit], &seen
     );
     for (int side = 0; side < 2; side++) {
-        for (int section = 0; section < HDV_SECTIONS; section++) {
-            if (seen.at[side][section].gap < found->at[side][section].contact.gap) {
+        for (int section = 0; section < HDV_SECTIONS; section++)
+            if (seen.at[side][section].gap < found->at[side][section].contact.gap)
                 found->at[side][section] = (struct tightest){seen.at[side][section], number};
-            }
-        }
         found->near[side] = smaller(found->near[side], seen.near[side]);
     }
     return least_of(&seen, &before->poses[unit], 0.0);
@@ -307,32 +288,26 @@ static void look_at_unit(struct stage_scene *at, int64_t unit, struct looked *fo
     double s = at->before[0].road.s, end = own->street->end;
     look_at_body(own->street, NULL, HDV_TO_PLAN, body, pose, s, own->behind[unit], &seen);
     for (int side = 0; side < 2; side++) {
-        for (int section = 0; section < HDV_SECTIONS; section++) {
+        for (int section = 0; section < HDV_SECTIONS; section++)
             found->at[side][section] = (struct tightest){seen.at[side][section], 0};
-        }
-        for (int end = 0; end < 2; end++) {
+        for (int end = 0; end < 2; end++)
             found->overhang[side][end] = (struct tightest){seen.overhang[side][end], 0};
-        }
         found->near[side] = seen.near[side];
     }
-    if (!is_fine(at)) {
+    if (!is_fine(at))
         return;
-    }
     double least = least_of(&seen, pose, at->scene->step) - own->clearance;
-    if (s > end && s - at->scene->step < end) { /* before the road's end more counts than beyond it */
+    if (s > end && s - at->scene->step < end) /* before the road's end more counts than beyond it */
         least = 0.0;
-    }
-    if (least > NEAR_M) {
+    if (least > NEAR_M)
         return;
-    }
     struct some_pieces near;
     pieces_near(own->street, body, pose, s, own->behind[unit], own->clearance + AMONG_M + at->scene->step, &near);
     const struct some_pieces *among = near.count < 0 || least < -AMONG_M ? NULL : &near; /* far beyond a kerb, all */
     for (int round = 0; round < 2 && least <= (round == 0 ? NEAR_M : NEARER_M);
          round++) { /* every other one, the others */
-        for (int number = 2 - round; number < HDV_BETWEEN; number += 2) {
+        for (int number = 2 - round; number < HDV_BETWEEN; number += 2)
             least = smaller(least, look_before(at, unit, number, among, found) - own->clearance);
-        }
     }
 }
 
@@ -342,11 +317,10 @@ write_rows(struct stage_scene *at, int64_t unit, const struct tightest *found, i
     double least = FAR_M;
     for (int number = 0; number < count; number++) {
         least = smaller(least, found[number].contact.gap);
-        if (found[number].contact.piece < 0) {
+        if (found[number].contact.piece < 0)
             never_bind(&at->scene->program, at->stage, row + number, row + number + 1, HDV_CLEAR_M);
-        } else {
+        else
             write_row(at, unit, &found[number], margin, row + number);
-        }
     }
     return least;
 }
@@ -386,13 +360,11 @@ static void write_unit(struct stage_scene *at, int64_t unit, double *live) {
     }
     if (stale) {
         struct looked found;
-        if (!at->before[0].known) {
+        if (!at->before[0].known)
             see_stage(at);
-        }
         look_at_unit(at, unit, &found);
-        for (int side = 0; side < 2; side++) {
+        for (int side = 0; side < 2; side++)
             write_side(at, unit, &found, side, row + side * each, &edges[side]);
-        }
     }
     for (int side = 0; side < 2; side++) {
         if (!is_clear(&edges[side], margin, binding)) {
@@ -412,43 +384,36 @@ static double gap_of(const struct hdv_limits *own, const struct hdv_scene *scene
     const struct hdv_program *program = &scene->program;
     const struct hdv_edge *edge = own->edges + 2 * (scene->at + i) * scene->unit_count + number;
     int64_t each = own->rows / (2 * scene->unit_count);
-    if (edge->looked == 0.0 || edge->never > 0.0) {
+    if (edge->looked == 0.0 || edge->never > 0.0)
         return edge->gap;
-    }
     double least = INFINITY;
-    for (int64_t row = own->row + number * each; row < own->row + number * each + HDV_ROWS_PER_SIDE; row++) {
-        least = smaller(least, *row_at(program->rows, program->shape.states, program->shape.rows, i, row).h);
-    }
+    for (int64_t row = own->row + number * each; row < own->row + number * each + HDV_ROWS_PER_SIDE; row++)
+        least = smaller(least, *program_row(program, i, row).h);
     return least + scene->road[i].margin + own->clearance;
 }
 
 /* Write the rows g dx <= h of the tightest contacts of every body at stages i >= begin >= 1; the first state is given.
  */
-int64_t hdv_linearise_limits(void *data, const struct hdv_scene *scene, int64_t begin, int64_t fresh) {
+HDV_EXPORT int64_t hdv_linearise_limits(void *data, const struct hdv_scene *scene, int64_t begin, int64_t fresh) {
     struct hdv_limits *own = data;
     struct hdv_shape shape = scene->program.shape;
     int64_t edges = 2 * scene->unit_count;
     struct stage_scene at = {.own = own, .scene = scene};
     for (int64_t i = begin; i <= shape.stages; i++) {
-        if (fresh) {
+        if (fresh)
             begin_stage(own, scene, i);
-        } else {
+        else
             follow(own, scene, i);
-        }
-        double *live = stage_at(scene->program.stages, shape.states, shape.inputs, shape.bounded, i).live;
+        double *live = program_stage(&scene->program, i).live;
         at.stage = i;
-        for (int number = 0; number < HDV_BETWEEN; number++) {
+        for (int number = 0; number < HDV_BETWEEN; number++)
             at.before[number].known = 0;
-        }
-        for (int64_t unit = 0; unit < scene->unit_count; unit++) {
+        for (int64_t unit = 0; unit < scene->unit_count; unit++)
             write_unit(&at, unit, live);
-        }
     }
     own->violation = 0.0;
-    for (int64_t i = 1; i <= shape.stages; i++) {
-        for (int64_t edge = 0; edge < edges; edge++) {
+    for (int64_t i = 1; i <= shape.stages; i++)
+        for (int64_t edge = 0; edge < edges; edge++)
             own->violation = larger(own->violation, -gap_of(own, scene, i, edge));
-        }
-    }
     return -1;
 }

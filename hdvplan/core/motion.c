@@ -1,4 +1,12 @@
-#include "motion.h"
+/* The motion that a planning step linearises at: the last plan, extended and moved by each program's solution; and its
+ * merit, by which the step of a program is taken in full or shortened.
+ *
+ * The l1 merit function of sequential quadratic programming (Han 1977; Nocedal, Wright 2006, sec. 18.4): the prices of
+ * all terms, which hold what broken limits cost, and every gap between a predicted state and the dynamics at a weight
+ * no smaller than its multiplier. A step that does not lower it is halved: where limits cannot be kept, full steps
+ * swing from side to side.
+ */
+#include "step.h"
 
 #include <math.h>
 
@@ -26,9 +34,8 @@ void hdv_guess_motion(
     const double *most, const double *change, int64_t wheels
 ) {
     int64_t n = scene->states, last = scene->program.shape.stages;
-    for (int64_t j = 0; j < n; j++) {
+    for (int64_t j = 0; j < n; j++)
         state_at(scene->motion, n, 0)[j] = start[j];
-    }
     for (int64_t i = kept > 1 ? kept : 1; i <= last; i++) {
         double *z = state_at(scene->motion, n, i), *before = state_at(scene->motion, n, i - 1);
         for (int64_t j = 0; j < n; j++) {
@@ -48,11 +55,10 @@ static int stays_inside(const struct hdv_scene *scene, const struct hdv_point *s
     const struct hdv_shape *shape = &scene->program.shape;
     for (int64_t i = 1; i <= shape->stages; i++) {
         const double *z = state_at(scene->motion, scene->states, i);
-        const double *x = point_at(solution->stages, shape->states, shape->inputs, shape->bounded, i).x;
+        const double *x = program_point(&scene->program, solution, i).x;
         double e_y = z[0] + length * x[0], e_psi = z[1] + length * x[1];
-        if (!(fabs(e_psi) < STEEPEST && 1.0 - e_y * scene->road[i].curvature > INSIDE)) {
+        if (!(fabs(e_psi) < STEEPEST && 1.0 - e_y * scene->road[i].curvature > INSIDE))
             return 0;
-        }
     }
     return 1;
 }
@@ -66,14 +72,13 @@ double hdv_take_step(const struct hdv_scene *scene, const struct hdv_point *solu
     int64_t n = scene->states;
     double length = share, largest = 0.0;
     while (!stays_inside(scene, solution, length)) {
-        if (!(length > SHORTEST)) {
+        if (!(length > SHORTEST))
             return INFINITY;
-        }
         length *= 0.5;
     }
     for (int64_t i = 1; i <= shape->stages; i++) {
         double *z = state_at(scene->motion, n, i);
-        const double *x = point_at(solution->stages, shape->states, shape->inputs, shape->bounded, i).x;
+        const double *x = program_point(&scene->program, solution, i).x;
         for (int64_t j = 0; j < n; j++) {
             z[j] += length * x[j];
             largest = larger(largest, length * fabs(x[j]));
@@ -81,4 +86,46 @@ double hdv_take_step(const struct hdv_scene *scene, const struct hdv_point *solu
         state_at(scene->motion, n, i - 1)[n] += length * x[n];
     }
     return largest;
+}
+
+static const double BINDING = 1e-6; /* multiplier from which on a row binds; solvers leave less on the others */
+
+/* Whether any row of a stage that is live has a multiplier. */
+static int binds(const struct hdv_program *program, const struct hdv_point *solution) {
+    const struct hdv_shape *shape = &program->shape;
+    for (int64_t i = 1; i <= shape->stages; i++) {
+        if (!(*program_stage(program, i).live > 0.0))
+            continue;
+        const double *rows = solution->rows + 2 * i * shape->rows; /* of each sigma, multiplier */
+        for (int64_t row = 0; row < shape->rows; row++)
+            if (rows[2 * row + 1] > BINDING)
+                return 1;
+    }
+    return 0;
+}
+
+/* Writes the largest multiplier of the dynamics of each of the first states, which say where the bodies are, into
+ * weights (count,). Returns whether any limit binds in the solution. */
+int64_t
+hdv_l1_weights(const struct hdv_program *program, const struct hdv_point *solution, int64_t count, double *weights) {
+    const struct hdv_shape *shape = &program->shape;
+    for (int64_t j = 0; j < count; j++)
+        weights[j] = 0.0;
+    for (int64_t i = 1; i <= shape->stages; i++) {
+        const double *multipliers = program_point(program, solution, i).dynamics;
+        for (int64_t j = 0; j < count; j++)
+            weights[j] = larger(weights[j], fabs(multipliers[j]));
+    }
+    return binds(program, solution);
+}
+
+/* Cost of the dynamics' gaps at given weights (count,) of the first states; no other's dynamics are ever broken. */
+double hdv_defect_price(const struct hdv_program *program, int64_t count, const double *weights) {
+    double total = 0.0;
+    for (int64_t i = 0; i < program->shape.stages; i++) {
+        const double *gaps = program_stage(program, i).c;
+        for (int64_t j = 0; j < count; j++)
+            total += weights[j] * fabs(gaps[j]);
+    }
+    return total;
 }

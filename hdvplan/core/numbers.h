@@ -16,9 +16,8 @@ HDV_INLINE double smaller(double a, double b) {
 /* A number without its fraction, held between two others; the lower one for NaN. A cast alone is undefined for what no
  * int64_t can be. */
 HDV_INLINE int64_t whole(double value, int64_t low, int64_t high) {
-    if (!(value > (double)low)) {
+    if (!(value > (double)low))
         return low;
-    }
     return value < (double)high ? (int64_t)value : high;
 }
 

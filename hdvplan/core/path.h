@@ -51,14 +51,13 @@ HDV_INLINE struct path_point evaluate(const struct hdv_curve *curve, double s) {
      * 1e-13. */
     double over = dx * dx + dy * dy - 1.0;
     double unit = 1.0 - over * (0.5 - 0.375 * over);
-    struct path_point point = {
+    return (struct path_point){
         x[0] + u * (x[1] + u * (x[2] + u * (x[3] + u * (x[4] + u * x[5])))),
         y[0] + u * (y[1] + u * (y[2] + u * (y[3] + u * (y[4] + u * y[5])))),
         unit * dx,
         unit * dy,
         unit * unit * unit * (dx * ddy - dy * ddx),
     };
-    return point;
 }
 
 /* Foot of (x, y) [m], searched from arclength near; [GEO] eqs. 3 and 7. Its offset is NaN without a foot within
@@ -78,32 +77,18 @@ HDV_INLINE struct foot project(const struct hdv_curve *curve, double x, double y
         /* At or beyond the centre of curvature: creep along the tangent instead. */
         double step = clamped(slope < BEYOND ? ahead : ahead / slope, -LONGEST_STEP_M, LONGEST_STEP_M);
         s += step;
-        if (fabs(s - near) > LOCAL_M || !(curve->s_first - 1e-9 <= s && s <= s_last + 1e-9)) {
+        if (fabs(s - near) > LOCAL_M || !(curve->s_first - 1e-9 <= s && s <= s_last + 1e-9))
             break;
-        }
         if (fabs(step) < last_step) {
-            if (slope <= 0.0) {
+            if (slope <= 0.0)
                 break;
-            }
             double turned = at.curvature * step;
-            struct foot found = {
+            return (struct foot){
                 s, offset - 0.5 * ahead * turned, at.cos - at.sin * turned, at.sin + at.cos * turned, at.curvature,
             };
-            return found;
         }
     }
-    struct foot none = {s, NAN, 1.0, 0.0, 0.0};
-    return none;
+    return (struct foot){s, NAN, 1.0, 0.0, 0.0};
 }
-
-/* Writes the path's points at arclengths s (count,) [m]. */
-HDV_EXPORT void
-hdv_evaluate_many(const struct hdv_curve *curve, int64_t count, const double *s, struct path_point *points);
-
-/* Writes the feet of points x, y (count,) [m], each searched from its arclength near. */
-HDV_EXPORT void hdv_project_many(
-    const struct hdv_curve *curve, int64_t count, const double *x, const double *y, const double *near,
-    double last_step, struct foot *feet
-);
 
 #endif

@@ -10,9 +10,8 @@ enum { MOST_CORNERS = 2 * HDV_SIDES + 4 };
 
 /* Write the directions (HDV_SIDES,), from the first axis on. */
 void write_directions(struct direction *directions) {
-    for (int d = 0; d < HDV_SIDES; d++) {
+    for (int d = 0; d < HDV_SIDES; d++)
         directions[d] = (struct direction){cos(TURN * d / HDV_SIDES), sin(TURN * d / HDV_SIDES)};
-    }
 }
 
 /* Write the supports of a rectangle. */
@@ -60,9 +59,8 @@ int tighten(const struct direction *directions, double *h) {
     struct direction memory[2][MOST_CORNERS], *corners = memory[0], *other = memory[1];
     double right = h[0], top = h[QUARTER_TURN], left = -h[HALF_TURN], bottom = -h[HALF_TURN + QUARTER_TURN];
     int number = 4;
-    if (right < left || top < bottom) {
+    if (right < left || top < bottom)
         return 0;
-    }
     corners[0] = (struct direction){right, top};
     corners[1] = (struct direction){left, top};
     corners[2] = (struct direction){left, bottom};
@@ -77,9 +75,8 @@ int tighten(const struct direction *directions, double *h) {
     }
     for (int d = 0; d < HDV_SIDES && number > 0; d++) {
         double most = -INFINITY;
-        for (int c = 0; c < number; c++) {
+        for (int c = 0; c < number; c++)
             most = larger(most, directions[d].x * corners[c].x + directions[d].y * corners[c].y);
-        }
         h[d] = smaller(h[d], most + HDV_ROUNDING);
     }
     return number > 0;

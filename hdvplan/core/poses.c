@@ -80,15 +80,13 @@ static int64_t off_corners(
     struct interval room[2 * HDV_FREE_INTERVALS];
     double cosine = cos(pose.turned), sine = sin(pose.turned), give = pose.give + outline->reach * pose.spread;
     double rear = outline->rear + give, front = outline->front - give, half = outline->half - give;
-    if (rear >= front || half <= 0.0) {
+    if (rear >= front || half <= 0.0)
         return number;
-    }
     for (int64_t n = 0; n < around->corners_near && number > 0; n++) {
         double u = around->corners[2 * n] - pose.u, middle = around->corners[2 * n + 1] - u * sine / cosine;
         struct interval across = across_body(rear, front, half, u, cosine, sine);
-        if (across.low >= across.high) {
+        if (across.low >= across.high)
             continue;
-        }
         double below = middle - across.high / cosine,
                above = middle - across.low / cosine; /* e in between has the corner inside */
         int64_t left = 0;
@@ -122,19 +120,19 @@ static int fits_here(const struct hdv_outline *outline, const struct hdv_around 
     for (int cell = 0; cell < 2 * cells; cell++) { /* the headings along the road first */
         struct loose_pose pose = {(cell / 2 + 0.5) * CELL_RAD * (cell % 2 == 0 ? 1.0 : -1.0), 0.5 * CELL_RAD, 0.0, 0.0};
         struct interval pieces[HDV_FREE_INTERVALS] = {around->near};
-        if (trim(outline, pose, around, pieces, 1) > 0) {
+        if (trim(outline, pose, around, pieces, 1) > 0)
             return 1;
-        }
     }
     return 0;
 }
 
-int64_t hdv_fits(const struct hdv_outline *outline, const struct hdv_frame *frame, struct hdv_around *around) {
+/* Return the first station at which the body fits in no pose, its axle on the normal there; -1 if there is none. */
+HDV_EXPORT int64_t
+hdv_fits(const struct hdv_outline *outline, const struct hdv_frame *frame, struct hdv_around *around) {
     for (int64_t i = 0; i < frame->stations; i++) {
         around_at(around, frame, i);
-        if (!is_empty(around->near) && !fits_here(outline, around)) {
+        if (!is_empty(around->near) && !fits_here(outline, around))
             return i;
-        }
     }
     return -1;
 }

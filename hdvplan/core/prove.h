@@ -107,6 +107,43 @@ struct chord_frame {
     double cos, sin;      /* of the turn */
 };
 
+/* What cells hold: how many intervals of the offset (cells,), and these (cells, HDV_FREE_INTERVALS) [m]. */
+struct hdv_cells {
+    int64_t *number;
+    struct interval *pieces;
+};
+
+#define HDV_LEADING 0.04 /* cells of the leading heading in which the room that a trailer leaves is tabulated [rad] */
+
+/* Tables over x = theta - W, from first in steps of step [rad]: hdvplan/proof/articulated.py. */
+struct hdv_coupling {
+    double hitch_offset; /* of the leading unit [m] */
+    double offset_share; /* |hitch offset| / wheelbase */
+    double first, step;  /* [rad] */
+    const double *angle; /* (entries,), articulation angle [rad] */
+    const double *rate;  /* (entries,), of W [1/m] */
+    int64_t entries;
+};
+
+/* A leading unit and its trailer, whose outline is seen from the coupling. */
+struct hdv_coupled {
+    const struct hdv_outline *lead;
+    const struct hdv_outline *trailer;
+    const struct hdv_coupling *coupling;
+};
+
+/* What cells hold: whether anything (cells,), and the supports of its polygon (cells, HDV_SIDES) [m]. */
+struct hdv_polygons {
+    int64_t *full;
+    double *h;
+};
+
+/* Between which offsets the coupling can lie, and the station for which that was found (from 1). */
+struct hdv_allowed {
+    double low, high; /* [m] */
+    double station;
+};
+
 int is_empty(struct interval one);
 int follows(const struct hdv_frame *frame, int64_t i, struct interval former, struct interval near);
 void around_at(struct hdv_around *around, const struct hdv_frame *frame, int64_t i);
@@ -116,9 +153,5 @@ int64_t trim(
 );
 struct chord_frame chord_at(const struct hdv_frame *frame, int64_t i);
 double most_turned(double kappa, double furthest, double off, double steepest);
-
-/* Return the first station at which the body fits in no pose, its axle on the normal there; -1 if there is none. */
-HDV_EXPORT int64_t
-hdv_fits(const struct hdv_outline *outline, const struct hdv_frame *frame, struct hdv_around *around);
 
 #endif

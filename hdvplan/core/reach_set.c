@@ -12,7 +12,7 @@
  * the road, so that a vehicle that does not steer stays in its cell: no rounding lets the set turn or creep sideways
  * but for what is said above.
  */
-#include "reach_set.h"
+#include "prove.h"
 
 #include <math.h>
 #include <stddef.h>
@@ -36,9 +36,8 @@ double most_turned(double kappa, double furthest, double off, double steepest) {
     for (int iteration = 0; iteration < ITERATIONS; iteration++) {
         double before = turned, steep = smaller(off + turned, steepest);
         turned = kappa * furthest / cos(steep) / cos(smaller(turned, 0.5));
-        if (turned - before < CONVERGED) {
+        if (turned - before < CONVERGED)
             break;
-        }
     }
     return 1.001 * turned;
 }
@@ -94,9 +93,8 @@ static int64_t spread_cell(
                   grid->size; /* more than any heading changes by on this side of the road's centre */
     double lowest = former[0].low, highest = former[before->number[j] - 1].high;
     double furthest = larger(chord->ahead - lowest * chord->sin, chord->ahead - highest * chord->sin);
-    if (furthest <= 0.0) {
+    if (furthest <= 0.0)
         return -1; /* beyond the centre of curvature */
-    }
     double turned = most_turned(kappa, furthest, larger(fabs(theta), fabs(theta + grid->size)), STEEPEST);
     double range = turned + grid->size, cubed = range * range * range / 6.0;
     int64_t cells = whole(ceil(turned / grid->size), 0, INT32_MAX);
@@ -112,23 +110,23 @@ static int64_t spread_cell(
     return cells;
 }
 
-int64_t hdv_reach_next(
+/* Write what station i can be reached with, from what was reached at the last one; change the span to the cells that
+ * may hold anything, and return how many cells a heading may have changed by. */
+HDV_EXPORT int64_t hdv_reach_next(
     double kappa, const struct hdv_frame *frame, const struct hdv_grid *grid, int64_t i, const struct hdv_cells *before,
     struct cell_span *span, struct hdv_cells *now, double *slopes
 ) {
     struct chord_frame chord = chord_at(frame, i);
     int64_t begin = grid->cells, end = 0, furthest = 0;
-    for (int64_t j = 0; j < grid->cells; j++) {
+    for (int64_t j = 0; j < grid->cells; j++)
         now->number[j] = 0;
-    }
     write_slopes(grid, frame->heading[i], 2.0 * kappa * chord.ahead + grid->size, span, slopes);
     for (int64_t j = span->begin; j < span->end; j++) {
         int64_t cells = before->number[j] == 0
                             ? -1
                             : spread_cell(kappa, grid, frame->heading[i], &chord, j, before, span, now, slopes);
-        if (cells < 0) {
+        if (cells < 0)
             continue;
-        }
         int64_t low = j - cells > span->lowest ? j - cells : span->lowest;
         int64_t high = j + cells + 1 < span->highest ? j + cells + 1 : span->highest;
         begin = low < begin ? low : begin;
@@ -180,13 +178,15 @@ static void keep_cells(
 ) {
     for (int64_t j = 0; j < grid->cells; j++) {
         keep[j] = span->begin <= j && j < span->end ? cells->number[j] : 0;
-        for (int64_t k = 0; k < keep[j]; k++) {
+        for (int64_t k = 0; k < keep[j]; k++)
             kept[j * HDV_FREE_INTERVALS + k] = cells->pieces[j * HDV_FREE_INTERVALS + k];
-        }
     }
 }
 
-void hdv_reachable(
+/* Follow everything that a body can reach from any pose at the first station, until nothing is left. kappa is the
+ * largest curvature [1/m], memory two sets of cells and slopes (2 cells, 2). keep (stations, cells) and kept (stations,
+ * cells, HDV_FREE_INTERVALS) take the sets; NULL keeps nothing. */
+HDV_EXPORT void hdv_reachable(
     const struct hdv_outline *outline, double kappa, const struct hdv_frame *frame, const struct hdv_grid *grid,
     struct hdv_around *around, struct hdv_cells *memory, double *slopes, int64_t *keep, struct interval *kept,
     struct hdv_reached *reached
@@ -207,11 +207,10 @@ void hdv_reachable(
         int64_t middle = whole((heading - grid->first) / grid->size, 0, grid->cells);
         span.lowest = whole(floor((heading - widest - grid->first) / grid->size), 0, grid->cells);
         span.highest = whole(ceil((heading + widest - grid->first) / grid->size), 0, grid->cells);
-        if (fresh) {
+        if (fresh)
             fill_cells(grid, around->near, &span, now);
-        } else {
+        else
             cells = hdv_reach_next(kappa, frame, grid, i, &memory[(i + 1) % 2], &span, now, slopes);
-        }
         trim_cells(outline, grid, heading, around, now, &span, i, reached);
         if (reached->filled[i] == 0) {
             reached->empty = i;
@@ -219,11 +218,9 @@ void hdv_reachable(
         }
         reached->right[i] = grid->first + (double)span.begin * grid->size - heading;
         reached->left[i] = grid->first + (double)span.end * grid->size - heading;
-        if (span.begin < middle - wide + cells || span.end > middle + wide - cells) {
+        if (span.begin < middle - wide + cells || span.end > middle + wide - cells)
             reached->open = i; /* it may stand across the road: this station bounds nothing */
-        }
-        if (keep != NULL) {
+        if (keep != NULL)
             keep_cells(grid, now, &span, keep + i * grid->cells, kept + i * grid->cells * HDV_FREE_INTERVALS);
-        }
     }
 }

@@ -5,7 +5,7 @@
  * polygons that lead to a cell are joined by the largest of their supports. Stations, cells, and what is known of the
  * heading in between are those of a rigid vehicle, see reach_set.c.
  */
-#include "reach_trailer.h"
+#include "prove.h"
 
 #include <math.h>
 
@@ -88,9 +88,8 @@ static int source_of(const struct follow *follow, int64_t i, int64_t j, const do
     from->absolute = grid->first + (double)j * grid->size;
     from->theta = from->absolute - follow->frame->heading[i];
     from->furthest = larger(from->chord.ahead - e_low * from->chord.sin, from->chord.ahead - e_high * from->chord.sin);
-    if (from->furthest <= 0.0) {
+    if (from->furthest <= 0.0)
         return 0; /* beyond the centre of curvature */
-    }
     double off = larger(fabs(from->theta), fabs(from->theta + grid->size)),
            steepest = SIDEWAYS + fabs(from->chord.turn) + grid->size;
     from->turned = most_turned(follow->kappa, from->furthest, off, steepest);
@@ -179,20 +178,17 @@ static void reach_next(
 ) {
     const struct hdv_grid *grid = follow->grid;
     int64_t begin = grid->cells, end = 0;
-    for (int64_t j = 0; j < grid->cells; j++) {
+    for (int64_t j = 0; j < grid->cells; j++)
         now->full[j] = 0;
-    }
     for (int64_t j = span->begin; j < span->end; j++) {
         struct source from;
-        if (!before->full[j] || !source_of(follow, i, j, before->h + j * HDV_SIDES, &from)) {
+        if (!before->full[j] || !source_of(follow, i, j, before->h + j * HDV_SIDES, &from))
             continue;
-        }
         int64_t cells = whole(ceil(from.turned / grid->size), 0, INT32_MAX);
         int64_t low = j - cells > span->lowest ? j - cells : span->lowest;
         int64_t high = j + cells + 1 < span->highest ? j + cells + 1 : span->highest;
-        for (int64_t k = low; k < high; k++) {
+        for (int64_t k = low; k < high; k++)
             join_polygon(follow, &from, k - j, &now->full[k], now->h + k * HDV_SIDES);
-        }
         begin = low < begin ? low : begin;
         end = high > end ? high : end;
     }
@@ -233,11 +229,10 @@ static struct interval within_strip(const struct direction *directions, const do
     struct interval e = {-INFINITY, INFINITY};
     for (int d = 0; d < HDV_SIDES; d++) {
         double x = directions[d].x, y = directions[d].y;
-        if (x > HDV_ROUNDING) {
+        if (x > HDV_ROUNDING)
             e.high = smaller(e.high, larger((h[d] - y * a) / x, (h[d] - y * b) / x));
-        } else if (x < -HDV_ROUNDING) {
+        else if (x < -HDV_ROUNDING)
             e.low = larger(e.low, smaller((h[d] - y * a) / x, (h[d] - y * b) / x));
-        }
     }
     return e;
 }
@@ -255,9 +250,8 @@ static int trim_lead(const struct follow *follow, double turned, double *h) {
     struct interval pieces[HDV_FREE_INTERVALS] = {{-h[HALF_TURN], h[0]}};
     struct loose_pose pose = {turned, 0.5 * follow->grid->size, 0.0, 0.0};
     int64_t number = trim(follow->pair->lead, pose, follow->around, pieces, 1);
-    if (number == 0) {
+    if (number == 0)
         return 0;
-    }
     h[HALF_TURN] = -pieces[0].low;
     h[0] = pieces[number - 1].high;
     return tighten(follow->directions, h);
@@ -273,31 +267,26 @@ static int trim_trailer(const struct follow *follow, int64_t i, double turned, d
     double strips = smaller(larger(1.0, ceil((w_high - w_low) / size)), STRIPS), width = (w_high - w_low) / strips;
     double spread = 0.5 * (width * (1.0 + coupling->offset_share) + coupling->offset_share * size) + 1e-6;
     int anything = 0;
-    for (int d = 0; d < HDV_SIDES; d++) {
+    for (int d = 0; d < HDV_SIDES; d++)
         kept[d] = -INFINITY;
-    }
     for (double n = 0.0; n < strips; n += 1.0) {
         double a = SCALE * (w_low + n * width), b = SCALE * (w_low + (n + 1.0) * width);
         struct interval e = within_strip(follow->directions, h, a, b);
-        if (e.low > e.high) {
+        if (e.low > e.high)
             continue;
-        }
         double gamma = articulation_at(coupling, theta - 0.5 * (a + b) / SCALE);
         struct interval room = trailer_room(follow, turned, turned - gamma, spread, i);
         e = (struct interval){larger(e.low, room.low + aside - give), smaller(e.high, room.high + aside + give)};
-        if (e.low > e.high) {
+        if (e.low > e.high)
             continue;
-        }
         anything = 1;
         double strip[HDV_SIDES];
         box(follow->directions, e, (struct interval){a, b}, strip);
-        for (int d = 0; d < HDV_SIDES; d++) {
+        for (int d = 0; d < HDV_SIDES; d++)
             kept[d] = larger(kept[d], strip[d]);
-        }
     }
-    for (int d = 0; anything && d < HDV_SIDES; d++) {
+    for (int d = 0; anything && d < HDV_SIDES; d++)
         h[d] = smaller(h[d], kept[d]);
-    }
     return anything && tighten(follow->directions, h);
 }
 
@@ -324,9 +313,8 @@ static void trim_polygons(
     struct cell_span left = {span->end, span->begin, span->lowest, span->highest};
     for (int64_t j = span->begin; j < span->end; j++) {
         double *h = now->h + j * HDV_SIDES, theta = grid->first + ((double)j + 0.5) * grid->size;
-        if (!now->full[j]) {
+        if (!now->full[j])
             continue;
-        }
         h[QUARTER_TURN] = smaller(h[QUARTER_TURN], SCALE * (theta + widest));
         h[3 * QUARTER_TURN] = smaller(h[3 * QUARTER_TURN], SCALE * (widest - theta));
         double turned = theta - follow->frame->heading[i];
@@ -342,7 +330,10 @@ static void trim_polygons(
     *span = left;
 }
 
-void hdv_reachable_with_trailer(
+/* Follow everything that a vehicle can reach from any pose at the first station, until nothing is left. memory is two
+ * sets of polygons; allowed (leading headings in steps of HDV_LEADING, trailer headings in steps of the grid, trailers
+ * of them) begins with zeros. */
+HDV_EXPORT void hdv_reachable_with_trailer(
     const struct hdv_coupled *pair, double kappa, const struct hdv_frame *frame, const struct hdv_grid *grid,
     struct hdv_around *around, struct hdv_polygons *memory, struct hdv_allowed *allowed, int64_t trailers,
     struct hdv_reached *reached
@@ -365,11 +356,10 @@ void hdv_reachable_with_trailer(
         }
         span.lowest = whole(ceil((heading - SIDEWAYS - grid->first) / grid->size) - 1.0, 0, grid->cells);
         span.highest = whole(floor((heading + SIDEWAYS - grid->first) / grid->size) + 1.0, 0, grid->cells);
-        if (follows(frame, i, former, around->near)) {
+        if (follows(frame, i, former, around->near))
             reach_next(&follow, i, &memory[(i + 1) % 2], &span, now);
-        } else {
+        else
             fill_polygons(&follow, widest, &span, now);
-        }
         trim_polygons(&follow, widest, i, now, &span, reached);
         if (reached->filled[i] == 0) {
             reached->empty = i;

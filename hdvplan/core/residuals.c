@@ -23,36 +23,21 @@ HDV_INLINE double slope_of_state(
 ) {
     const struct hdv_shape *shape = &program->shape;
     int64_t b = shape->bounded, p = shape->rows;
-    struct stage stage = stage_at(program->stages, n, m, b, i);
-    struct point own = point_at(point->stages, n, m, b, i);
+    struct stage stage = stage_at(program, n, m, i);
+    struct point own = point_at(program, point, n, m, i);
     double slope = stage.q[j] + own.dynamics[j];
     for (int64_t k = 0; k < n; ++k)
         slope += stage.Q[j * n + k] * own.x[k];
     if (i < shape->stages) {
-        const double *dynamics = point_at(point->stages, n, m, b, i + 1).dynamics;
+        const double *dynamics = point_at(program, point, n, m, i + 1).dynamics;
         for (int64_t k = 0; k < n; ++k)
             slope -= stage.A[k * n + j] * dynamics[k];
     }
     for (int64_t bound = 0; bound < b && i > 0; ++bound)
         if (program->bounded[bound] == j)
-            slope += own.x_bounds[bound];
+            slope += own.bounds[bound];
     for (int64_t row = 0; row < p && i > 0 && *stage.live > 0.0; ++row)
-        slope += row_at(program->rows, n, p, i, row).g[j] * point->rows[2 * (i * p + row) + 1];
-    return slope;
-}
-
-/* Gradient of the Lagrangian by input j of stage i. */
-HDV_INLINE double slope_of_input(
-    const struct hdv_program *program, const struct hdv_point *point, int64_t n, int64_t m, int64_t i, int64_t j
-) {
-    int64_t b = program->shape.bounded;
-    struct stage stage = stage_at(program->stages, n, m, b, i);
-    struct point own = point_at(point->stages, n, m, b, i), ahead = point_at(point->stages, n, m, b, i + 1);
-    double slope = stage.r[j] + own.u_bounds[j];
-    for (int64_t k = 0; k < m; ++k)
-        slope += stage.R[j * m + k] * own.u[k];
-    for (int64_t k = 0; k < n; ++k)
-        slope -= stage.B[k * m + j] * ahead.dynamics[k];
+        slope += row_at(program, n, i, row).g[j] * point->rows[2 * (i * p + row) + 1];
     return slope;
 }
 
@@ -69,24 +54,25 @@ judge_row(const double *x, struct row own, const double *of_row, int live, int64
     to->sum += value + of_sigma;
 }
 
-/* What belongs to the state of stage i. */
+/* What belongs to the state of stage i, and all bounds. */
 HDV_INLINE void judge_state(
     const struct hdv_program *program, const struct hdv_point *point, int64_t n, int64_t m, int64_t i, struct judged *to
 ) {
-    int64_t b = program->shape.bounded, p = program->shape.rows;
-    struct stage stage = stage_at(program->stages, n, m, b, i);
-    struct point own = point_at(point->stages, n, m, b, i);
+    int64_t p = program->shape.rows;
+    struct stage stage = stage_at(program, n, m, i);
+    struct point own = point_at(program, point, n, m, i);
+    struct range bounds = bounds_at(&program->shape, i);
     for (int64_t j = 0; j < n; ++j) {
         double slope = slope_of_state(program, point, n, m, i, j);
         to->dual = larger(to->dual, fabs(slope));
         to->sum += slope;
     }
     for (int64_t row = 0; row < p && i > 0; ++row)
-        judge_row(
-            own.x, row_at(program->rows, n, p, i, row), point->rows + 2 * (i * p + row), *stage.live > 0.0, n, to
-        );
-    for (int64_t bound = 0; bound < b && i > 0; ++bound)
-        judge_bound(own.x[program->bounded[bound]], stage.x_low[bound], stage.x_high[bound], own.x_bounds[bound], to);
+        judge_row(own.x, row_at(program, n, i, row), point->rows + 2 * (i * p + row), *stage.live > 0.0, n, to);
+    for (int64_t number = bounds.begin; number < bounds.end; ++number) {
+        double v = *bounded_of(program, own.x, own.u, number);
+        judge_bound(v, stage.low[number], stage.high[number], own.bounds[number], to);
+    }
 }
 
 /* What belongs to the interval behind stage i: dynamics and inputs. */
@@ -94,8 +80,8 @@ HDV_INLINE void judge_interval(
     const struct hdv_program *program, const struct hdv_point *point, int64_t n, int64_t m, int64_t i, struct judged *to
 ) {
     int64_t b = program->shape.bounded;
-    struct stage stage = stage_at(program->stages, n, m, b, i);
-    struct point own = point_at(point->stages, n, m, b, i), ahead = point_at(point->stages, n, m, b, i + 1);
+    struct stage stage = stage_at(program, n, m, i);
+    struct point own = point_at(program, point, n, m, i), ahead = point_at(program, point, n, m, i + 1);
     for (int64_t j = 0; j < n; ++j) {
         double missed = stage.c[j] - ahead.x[j];
         for (int64_t k = 0; k < n; ++k)
@@ -106,15 +92,14 @@ HDV_INLINE void judge_interval(
         to->sum += missed;
     }
     for (int64_t j = 0; j < m; ++j) {
-        double slope = slope_of_input(program, point, n, m, i, j);
+        double slope = slope_of_input(stage, own.u, own.bounds[b + j], ahead.dynamics, n, m, j);
         to->dual = larger(to->dual, fabs(slope));
         to->sum += slope;
-        judge_bound(own.u[j], stage.u_low[j], stage.u_high[j], own.u_bounds[j], to);
     }
 }
 
 HDV_INLINE void judge(
-    const struct hdv_program *program, const struct hdv_point *point, int64_t n, int64_t m, struct hdv_residuals *found
+    const struct hdv_program *program, const struct hdv_point *point, struct hdv_residuals *found, int64_t n, int64_t m
 ) {
     struct judged to = {0.0, 0.0, 0.0, 0.0};
     for (int64_t j = 0; j < n; ++j)
@@ -133,16 +118,7 @@ HDV_INLINE void judge(
 /* Write the residuals of a point; NaN where anything in it is not finite. */
 void hdv_residuals(const struct hdv_program *program, const struct hdv_point *point, struct hdv_residuals *found) {
     int64_t n = program->shape.states, m = program->shape.inputs;
-    if (n == 3 && m == 1)
-        judge(program, point, 3, 1, found);
-    else if (n == 4 && m == 1)
-        judge(program, point, 4, 1, found);
-    else if (n == 5 && m == 1)
-        judge(program, point, 5, 1, found);
-    else if (n == 6 && m == 1)
-        judge(program, point, 6, 1, found);
-    else
-        judge(program, point, n, m, found);
+    HDV_UNROLLED(n, m, judge, program, point, found);
 }
 
 /* The sum of many numbers, which is finite where all of them are; eight at a time, as each addition waits for the one
@@ -161,18 +137,17 @@ static double sum_of(const double *numbers, int64_t count) {
 }
 
 /* Return the faults of a program's values. Their sum is not finite where one of them is not, or where they are huge. */
-int64_t hdv_check(const struct hdv_program *program) {
+HDV_EXPORT int64_t hdv_check(const struct hdv_program *program) {
     const struct hdv_shape *shape = &program->shape;
     int64_t n = shape->states, m = shape->inputs, b = shape->bounded, last = shape->stages;
     double sum = sum_of(program->stages, (last + 1) * stage_size(n, m, b));
     sum += sum_of(program->rows, (last + 1) * shape->rows * (n + 3)) + sum_of(program->x_first, n);
     int64_t faults = fabs(sum) < INFINITY ? 0 : HDV_NOT_FINITE;
     for (int64_t i = 0; i <= last; ++i) {
-        struct stage stage = stage_at(program->stages, n, m, b, i);
-        for (int64_t bound = 0; bound < b && i > 0; ++bound)
-            faults |= stage.x_low[bound] > stage.x_high[bound] ? HDV_CROSSED : 0;
-        for (int64_t j = 0; j < m && i < last; ++j)
-            faults |= stage.u_low[j] > stage.u_high[j] ? HDV_CROSSED : 0;
+        struct stage stage = stage_at(program, n, m, i);
+        struct range bounds = bounds_at(shape, i);
+        for (int64_t number = bounds.begin; number < bounds.end; ++number)
+            faults |= stage.low[number] > stage.high[number] ? HDV_CROSSED : 0;
     }
     return faults;
 }

@@ -18,7 +18,6 @@ struct hdv_residuals {
 
 enum hdv_fault { HDV_NOT_FINITE = 1, HDV_CROSSED = 2 };
 
-HDV_EXPORT int64_t hdv_check(const struct hdv_program *program);
 HDV_EXPORT void
 hdv_residuals(const struct hdv_program *program, const struct hdv_point *point, struct hdv_residuals *found);
 

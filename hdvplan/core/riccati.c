@@ -105,8 +105,8 @@ HDV_INLINE void keep(struct recursion own, vector *P, const four *p, int64_t n) 
 }
 
 HDV_INLINE int64_t factorise(
-    const struct hdv_program *program, const struct hdv_series *weights, double *work, int64_t end, int64_t n,
-    int64_t m, int affine
+    const struct hdv_program *program, const struct hdv_series *weights, double *work, int64_t end, int64_t affine,
+    int64_t n, int64_t m
 ) {
     vector P[HDV_MOST_STATES], p;
     struct cost cost;
@@ -115,7 +115,7 @@ HDV_INLINE int64_t factorise(
     load(p, weights_at(weights, n, m, end).q, n);
     keep(recursion_at(work, n, m, end), P, p, n);
     for (int64_t i = end - 1; i >= 0; --i) {
-        struct stage stage = stage_at(program->stages, n, m, program->shape.bounded, i);
+        struct stage stage = stage_at(program, n, m, i);
         struct weights weight = weights_at(weights, n, m, i);
         struct recursion own = recursion_at(work, n, m, i);
         for (int64_t t = 0; t < n && affine; ++t)
@@ -139,15 +139,7 @@ int64_t hdv_factorise(
     const struct hdv_program *program, const struct hdv_series *weights, double *work, int64_t end, int64_t affine
 ) {
     int64_t n = program->shape.states, m = program->shape.inputs;
-    if (n == 3 && m == 1)
-        return factorise(program, weights, work, end, 3, 1, affine != 0);
-    if (n == 4 && m == 1)
-        return factorise(program, weights, work, end, 4, 1, affine != 0);
-    if (n == 5 && m == 1)
-        return factorise(program, weights, work, end, 5, 1, affine != 0);
-    if (n == 6 && m == 1)
-        return factorise(program, weights, work, end, 6, 1, affine != 0);
-    return factorise(program, weights, work, end, n, m, affine != 0);
+    return HDV_UNROLLED(n, m, factorise, program, weights, work, end, affine);
 }
 
 /* p and k from those of the stage ahead, with the K and L that are there. */
@@ -160,9 +152,7 @@ HDV_INLINE void sweep_back(
     store(recursion_at(work, n, m, end).p, p, n);
     for (int64_t i = end - 1; i >= 0; --i) {
         struct recursion own = recursion_at(work, n, m, i);
-        carry_gradient(
-            stage_at(program->stages, n, m, program->shape.bounded, i), weights_at(weights, n, m, i), p, &cost, n, m
-        );
+        carry_gradient(stage_at(program, n, m, i), weights_at(weights, n, m, i), p, &cost, n, m);
         for (int64_t j = m - 1; j >= 0; --j) {
             load(K, own.K + j * n, n);
             add(cost.x, -cost.u[j], K, n);
@@ -178,31 +168,19 @@ HDV_INLINE void sweep_back(
 /* Write p and k once more for other q and r, of homogeneous dynamics. */
 void hdv_sweep_back(const struct hdv_program *program, const struct hdv_series *weights, double *work, int64_t end) {
     int64_t n = program->shape.states, m = program->shape.inputs;
-    if (n == 3 && m == 1)
-        sweep_back(program, weights, work, end, 3, 1);
-    else if (n == 4 && m == 1)
-        sweep_back(program, weights, work, end, 4, 1);
-    else if (n == 5 && m == 1)
-        sweep_back(program, weights, work, end, 5, 1);
-    else if (n == 6 && m == 1)
-        sweep_back(program, weights, work, end, 6, 1);
-    else
-        sweep_back(program, weights, work, end, n, m);
+    HDV_UNROLLED(n, m, sweep_back, program, weights, work, end);
 }
 
 HDV_INLINE void sweep_ahead(
     const struct hdv_program *program, double *work, const struct hdv_series *motion, int64_t begin, int64_t end,
-    int64_t n, int64_t m, int affine
+    int64_t affine, int64_t n, int64_t m
 ) {
     double x[HDV_MOST_STATES], u[HDV_MOST_INPUTS], ahead[HDV_MOST_STATES];
     for (int64_t j = 0; j < n; ++j)
         x[j] = motion->first[begin * motion->stride + j];
     for (int64_t i = begin; i < end; ++i) {
         double *to = motion->first + i * motion->stride;
-        roll(
-            stage_at(program->stages, n, m, program->shape.bounded, i), recursion_at(work, n, m, i), x, u, ahead, n, m,
-            affine
-        );
+        roll(stage_at(program, n, m, i), recursion_at(work, n, m, i), x, u, ahead, n, m, affine);
         for (int64_t j = 0; j < m; ++j)
             to[n + j] = u[j];
         for (int64_t j = 0; j < n; ++j)
@@ -217,16 +195,7 @@ void hdv_sweep_ahead(
     int64_t affine
 ) {
     int64_t n = program->shape.states, m = program->shape.inputs;
-    if (n == 3 && m == 1)
-        sweep_ahead(program, work, motion, begin, end, 3, 1, affine != 0);
-    else if (n == 4 && m == 1)
-        sweep_ahead(program, work, motion, begin, end, 4, 1, affine != 0);
-    else if (n == 5 && m == 1)
-        sweep_ahead(program, work, motion, begin, end, 5, 1, affine != 0);
-    else if (n == 6 && m == 1)
-        sweep_ahead(program, work, motion, begin, end, 6, 1, affine != 0);
-    else
-        sweep_ahead(program, work, motion, begin, end, n, m, affine != 0);
+    HDV_UNROLLED(n, m, sweep_ahead, program, work, motion, begin, end, affine);
 }
 
 /* Write the multipliers of stage i's dynamics: minus the gradient of the objective and of all inequalities by its
@@ -247,37 +216,26 @@ HDV_INLINE void adjoint_stage(
         add(slope, -ahead[t], row, n);
     }
     for (int64_t number = 0; number < p && i > 0 && *stage.live > 0.0; ++number) {
-        load(row, row_at(program->rows, n, p, i, number).g, n);
+        load(row, row_at(program, n, i, number).g, n);
         add(slope, point->rows[2 * (i * p + number) + 1], row, n);
     }
     for (int64_t j = 0; j < n; ++j)
         own.dynamics[j] = -entry(slope, j);
     for (int64_t bound = 0; bound < b && i > 0; ++bound)
-        own.dynamics[program->bounded[bound]] -= own.x_bounds[bound];
-}
-
-/* Gradient of the Lagrangian by input j, where ``ahead`` are the multipliers of the dynamics that it enters. */
-HDV_INLINE double
-input_slope(struct stage stage, struct point own, const double *ahead, int64_t n, int64_t m, int64_t j) {
-    double slope = stage.r[j] + own.u_bounds[j];
-    for (int64_t t = 0; t < m; ++t)
-        slope += stage.R[j * m + t] * own.u[t];
-    for (int64_t t = 0; t < n; ++t)
-        slope -= stage.B[t * m + j] * ahead[t];
-    return slope;
+        own.dynamics[program->bounded[bound]] -= own.bounds[bound];
 }
 
 HDV_INLINE double adjoint(const struct hdv_program *program, const struct hdv_point *point, int64_t n, int64_t m) {
     int64_t b = program->shape.bounded, last = program->shape.stages;
     double largest = 0.0, most = 1.0;
     for (int64_t i = last; i >= 0; --i) {
-        struct stage stage = stage_at(program->stages, n, m, b, i);
-        struct point own = point_at(point->stages, n, m, b, i);
-        const double *ahead = point_at(point->stages, n, m, b, i + 1).dynamics;
+        struct stage stage = stage_at(program, n, m, i);
+        struct point own = point_at(program, point, n, m, i);
+        const double *ahead = point_at(program, point, n, m, i + 1).dynamics;
         adjoint_stage(program, point, stage, own, ahead, n, i);
         for (int64_t j = 0; j < m && i < last; ++j) {
-            largest = larger(largest, fabs(input_slope(stage, own, ahead, n, m, j)));
-            most = larger(most, fabs(own.u_bounds[j]));
+            largest = larger(largest, fabs(slope_of_input(stage, own.u, own.bounds[b + j], ahead, n, m, j)));
+            most = larger(most, fabs(own.bounds[b + j]));
         }
         for (int64_t j = 0; j < n && i > 0; ++j)
             most = larger(most, fabs(own.dynamics[j]));
@@ -289,13 +247,5 @@ HDV_INLINE double adjoint(const struct hdv_program *program, const struct hdv_po
  * of its gradient by the inputs, relative to the largest multiplier, or to 1. */
 double hdv_adjoint(const struct hdv_program *program, const struct hdv_point *point) {
     int64_t n = program->shape.states, m = program->shape.inputs;
-    if (n == 3 && m == 1)
-        return adjoint(program, point, 3, 1);
-    if (n == 4 && m == 1)
-        return adjoint(program, point, 4, 1);
-    if (n == 5 && m == 1)
-        return adjoint(program, point, 5, 1);
-    if (n == 6 && m == 1)
-        return adjoint(program, point, 6, 1);
-    return adjoint(program, point, n, m);
+    return HDV_UNROLLED(n, m, adjoint, program, point);
 }

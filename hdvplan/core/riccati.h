@@ -20,8 +20,7 @@ HDV_INLINE int64_t recursion_size(int64_t n, int64_t m) {
 
 HDV_INLINE struct recursion recursion_at(double *work, int64_t n, int64_t m, int64_t i) {
     double *P = work + i * recursion_size(n, m), *p = P + n * n, *K = p + n, *k = K + m * n;
-    struct recursion view = {P, p, K, k, k + m};
-    return view;
+    return (struct recursion){P, p, K, k, k + m};
 }
 
 /* Records with Q, q, R, r one behind the other, or with x, u: the first such number, and how many lie from stage to
@@ -41,22 +40,26 @@ HDV_INLINE int64_t weights_size(int64_t n, int64_t m) {
 
 HDV_INLINE struct weights weights_at(const struct hdv_series *weights, int64_t n, int64_t m, int64_t i) {
     double *Q = weights->first + i * weights->stride, *q = Q + n * n, *R = q + n;
-    struct weights view = {Q, q, R, R + m * m};
-    return view;
+    return (struct weights){Q, q, R, R + m * m};
+}
+
+/* The entry of the Hessian that belongs to what a bound bounds. */
+HDV_INLINE double *
+hessian_of(const struct hdv_program *program, struct weights weights, int64_t n, int64_t m, int64_t number) {
+    int64_t b = program->shape.bounded;
+    return number < b ? weights.Q + program->bounded[number] * (n + 1) : weights.R + (number - b) * (m + 1);
 }
 
 /* The program's own weights. */
 HDV_INLINE struct hdv_series own_weights(const struct hdv_program *program) {
     int64_t n = program->shape.states, m = program->shape.inputs, b = program->shape.bounded;
-    struct hdv_series series = {stage_at(program->stages, n, m, b, 0).Q, stage_size(n, m, b)};
-    return series;
+    return (struct hdv_series){stage_at(program, n, m, 0).Q, stage_size(n, m, b)};
 }
 
 /* x and u of a point. */
 HDV_INLINE struct hdv_series motion_of(const struct hdv_program *program, const struct hdv_point *point) {
     const struct hdv_shape *shape = &program->shape;
-    struct hdv_series series = {point->stages, point_size(shape->states, shape->inputs, shape->bounded)};
-    return series;
+    return (struct hdv_series){point->stages, point_size(shape->states, shape->inputs, shape->bounded)};
 }
 
 /* u = -K x - L u - k, and x+ = A x + B u + c; without c where it is not ``affine``. */

@@ -1,10 +1,9 @@
 /* A bound by which all bodies are clear of the kerbs, from the state alone. */
-#include "screening.h"
+#include "terms.h"
 
 #include <math.h>
 
 #include "kinematics.h"
-#include "limits.h"
 #include "numbers.h"
 #include "path.h"
 
@@ -15,9 +14,8 @@ static double highest(double e, double slope, double bend, double x) {
     double found = larger(e, e + x * (slope + 0.5 * bend * x));
     if (bend < 0.0) {
         double summit = x > 0.0 ? -slope / bend : slope / bend;
-        if (x != 0.0 && summit > 0.0 && summit < fabs(x)) {
+        if (x != 0.0 && summit > 0.0 && summit < fabs(x))
             found = e - 0.5 * slope * slope / bend;
-        }
     }
     return found;
 }
@@ -35,9 +33,8 @@ static int bend_of(struct bounds *at, const struct hdv_station *road, double rea
     double k_most = larger(fabs(road->k_low), fabs(road->k_high));
     double most = 1.0 / (1.0 - k_most * reach), least = 1.0 / (1.0 + k_most * reach);
     double steep = larger(fabs(at->phi_low), fabs(at->phi_high)) + length * k_most * most;
-    if (steep > 1.0 || at->e_high > reach || at->e_low < -reach) {
+    if (steep > 1.0 || at->e_high > reach || at->e_low < -reach)
         return 0;
-    }
     double cosine = cos(steep);
     at->upper = -road->k_low * (road->k_low > 0.0 ? cosine * cosine * least : most);
     at->lower = -road->k_high * (road->k_high > 0.0 ? most : cosine * cosine * least);
@@ -49,9 +46,8 @@ static int bend_of(struct bounds *at, const struct hdv_station *road, double rea
  * projected. */
 double clear_by_state(const struct hdv_unit *units, int64_t count, const struct hdv_station *at, const double *z) {
     double reach = larger(at->room_left, at->room_right);
-    if (larger(fabs(at->k_low), fabs(at->k_high)) * reach > BULGING) {
+    if (larger(fabs(at->k_low), fabs(at->k_high)) * reach > BULGING)
         return -INFINITY;
-    }
     struct bounds on = {z[0], z[0], z[1], z[1], 0.0, 0.0};
     double clearance = INFINITY;
     for (int64_t number = 0; number < count; number++) {
@@ -59,18 +55,16 @@ double clear_by_state(const struct hdv_unit *units, int64_t count, const struct 
         double behind = number > 0 ? unit->wheelbase : 0.0; /* of the axle behind the point whose offset is known */
         double rear = -behind - unit->rear_overhang, front = unit->front - behind,
                coupling = -behind - unit->hitch_offset;
-        if (!bend_of(&on, at, reach, larger(larger(front, -rear), -coupling))) {
+        if (!bend_of(&on, at, reach, larger(larger(front, -rear), -coupling)))
             return -INFINITY;
-        }
         double slope_low = sin(on.phi_low), slope_high = sin(on.phi_high);
         double high =
             larger(highest(on.e_high, slope_low, on.upper, rear), highest(on.e_high, slope_high, on.upper, front));
         double low =
             -larger(highest(-on.e_low, -slope_high, -on.lower, rear), highest(-on.e_low, -slope_low, -on.lower, front));
         clearance = smaller(clearance, smaller(at->room_left - high, at->room_right + low) - unit->half_width);
-        if (!(clearance > HDV_CLEAR_M)) {
+        if (!(clearance > HDV_CLEAR_M))
             return -INFINITY;
-        }
         if (number + 1 < count) {
             double x = coupling, beta = z[2 + number];
             on.e_high += x * (x > 0.0 ? slope_high : slope_low) + 0.5 * x * x * on.upper;

@@ -25,9 +25,8 @@ held_over(const struct hdv_unit *lead, double kappa, double step, int64_t active
     struct held held;
     held.kappa = kappa;
     held.off = atan(rear_wheels(lead, kappa).tan);
-    for (int64_t j = 0; j < active; j++) {
+    for (int64_t j = 0; j < active; j++)
         held.rate[j] = (wheels[active + j] - wheels[j]) / step;
-    }
     return held;
 }
 
@@ -37,13 +36,11 @@ HDV_INLINE void rates_at(
     double ahead, const double *slope, double *f
 ) {
     double probe[HDV_MOST_STATES];
-    for (int64_t j = 0; j < n; j++) {
+    for (int64_t j = 0; j < n; j++)
         probe[j] = z[j] + ahead * slope[j];
-    }
     derivative(units, count, k, n, probe, held->kappa, f);
-    for (int64_t j = 1 + count; j < n; j++) {
+    for (int64_t j = 1 + count; j < n; j++)
         f[j] = held->rate[j - 1 - count];
-    }
 }
 
 /* Moves z (n,) on by h metres of road: the classical Runge-Kutta method. */
@@ -55,9 +52,8 @@ HDV_INLINE void runge_kutta(
     rates_at(units, count, n, held, k.middle, z, 0.5 * h, f[0], f[1]);
     rates_at(units, count, n, held, k.middle, z, 0.5 * h, f[1], f[2]);
     rates_at(units, count, n, held, k.last, z, h, f[2], f[3]);
-    for (int64_t j = 0; j < n; j++) {
+    for (int64_t j = 0; j < n; j++)
         z[j] += h / 6.0 * (f[0][j] + 2.0 * f[1][j] + 2.0 * f[2][j] + f[3][j]);
-    }
 }
 
 /* Moves z (n,) on from arclength s by some steps of h metres; returns whether it stays in the model's domain. */
@@ -73,9 +69,8 @@ HDV_INLINE int drive_on(
         k.middle = evaluate(curve, here + 0.5 * h).curvature;
         k.last = evaluate(curve, here + h).curvature;
         runge_kutta(units, count, n, held, k, h, z);
-        if (!(1.0 - z[0] * k.last > 0.0 && fabs(z[1] + held->off) < QUARTER_TURN)) {
+        if (!(1.0 - z[0] * k.last > 0.0 && fabs(z[1] + held->off) < QUARTER_TURN))
             return 0;
-        }
     }
     return 1;
 }
@@ -94,14 +89,12 @@ void hdv_simulate(
         struct held held = held_over(units, kappa[i], step, active, wheels + i * active);
         for (int64_t part = 0; part < keep; part++) {
             double s = s_start + (double)i * step + (double)(part * substeps) * h;
-            if (!drive_on(units, count, n, curve, &held, s, h, substeps, z)) {
+            if (!drive_on(units, count, n, curve, &held, s, h, substeps, z))
                 return;
-            }
             states += n;
             memcpy(states, z, (size_t)n * sizeof *z);
         }
-        for (int64_t j = 0; j < active; j++) { /* no rounding may carry the wheels off the plan */
+        for (int64_t j = 0; j < active; j++) /* no rounding may carry the wheels off the plan */
             z[rigid + j] = states[rigid + j] = wheels[(i + 1) * active + j];
-        }
     }
 }

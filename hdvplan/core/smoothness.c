@@ -1,4 +1,4 @@
-#include "smoothness.h"
+#include "terms.h"
 
 #include "sizes.h"
 
@@ -9,8 +9,9 @@ HDV_INLINE double curvature(const struct hdv_scene *scene, int64_t i) {
 
 /* Writes what a change of curvature costs, and the bounds of kappa_{i-1} (the vehicle's last state) and of its change,
  * at all stages: the first change depends on what was driven. */
-int64_t hdv_linearise_smoothness(void *data, const struct hdv_scene *scene, int64_t begin, int64_t fresh) {
+HDV_EXPORT int64_t hdv_linearise_smoothness(void *data, const struct hdv_scene *scene, int64_t begin, int64_t fresh) {
     const struct hdv_smoothness *own = data;
+    int64_t input = scene->program.shape.bounded; /* its bound's number */
     (void)begin;
     (void)fresh;
     for (int64_t i = 0; i < scene->program.shape.stages; i++) {
@@ -18,16 +19,16 @@ int64_t hdv_linearise_smoothness(void *data, const struct hdv_scene *scene, int6
         double kappa = curvature(scene, i), changed = kappa - curvature(scene, i - 1);
         stage.R[0] = 2.0 * own->weight;
         stage.r[0] = 2.0 * own->weight * changed;
-        stage.u_low[0] = -own->change - changed;
-        stage.u_high[0] = own->change - changed;
-        next.x_low[0] = -own->most - kappa;
-        next.x_high[0] = own->most - kappa;
+        stage.low[input] = -own->change - changed;
+        stage.high[input] = own->change - changed;
+        next.low[0] = -own->most - kappa;
+        next.high[0] = own->most - kappa;
     }
     return -1;
 }
 
 /* Cost of a motion's changes of curvature. */
-double hdv_price_smoothness(void *data, const struct hdv_scene *scene) {
+HDV_EXPORT double hdv_price_smoothness(void *data, const struct hdv_scene *scene) {
     const struct hdv_smoothness *own = data;
     double total = 0.0;
     for (int64_t i = 0; i < scene->program.shape.stages; i++) {

@@ -12,14 +12,13 @@ struct parts {
 
 static struct parts parts_of(const struct hdv_shape *shape) {
     int64_t n = shape->states, m = shape->inputs, count = shape->stages + 1;
-    struct parts parts = {
+    return (struct parts){
         count * recursion_size(n, m), count * weights_size(n, m), count * 2 * (n + m), count * inequalities_of(shape)
     };
-    return parts;
 }
 
 /* Return how many bytes a solver of such programs takes. */
-int64_t hdv_solver_size(const struct hdv_shape *shape) {
+HDV_EXPORT int64_t hdv_solver_size(const struct hdv_shape *shape) {
     struct parts parts = parts_of(shape);
     int64_t numbers = parts.work + parts.weights + parts.steps, sides = parts.inequalities;
     int64_t records = sides * (int64_t)sizeof(struct hdv_inequality) + (sides + 1) * (int64_t)sizeof(struct hdv_pair);
@@ -27,7 +26,7 @@ int64_t hdv_solver_size(const struct hdv_shape *shape) {
 }
 
 /* Lay a solver out in ``memory``, which begins with its struct hdv_solver. */
-void hdv_solver_in(void *memory, const struct hdv_shape *shape, double tolerance, int64_t screens) {
+HDV_EXPORT void hdv_solver_in(void *memory, const struct hdv_shape *shape, double tolerance, int64_t screens) {
     struct parts parts = parts_of(shape);
     struct hdv_solver *solver = memory;
     solver->work = (double *)(solver + 1);
@@ -41,20 +40,17 @@ void hdv_solver_in(void *memory, const struct hdv_shape *shape, double tolerance
 }
 
 /* Return whether stage i breaks an inequality. */
-HDV_INLINE int breaks(
-    const struct hdv_program *program, struct stage stage, const double *x, const double *u, int64_t n, int64_t m,
-    int64_t i
-) {
-    int64_t b = program->shape.bounded, p = program->shape.rows;
+HDV_INLINE int
+breaks(const struct hdv_program *program, struct stage stage, double *x, double *u, int64_t n, int64_t i) {
+    int64_t p = program->shape.rows;
+    struct range bounds = bounds_at(&program->shape, i);
     int any = 0;
     for (int64_t row = 0; row < p && i > 0 && *stage.live > 0.0; ++row)
-        any |= breach(row_at(program->rows, n, p, i, row), x, n) > 0.0;
-    for (int64_t bound = 0; bound < b && i > 0; ++bound) {
-        double v = x[program->bounded[bound]];
-        any |= v > stage.x_high[bound] || v < stage.x_low[bound];
+        any |= breach(row_at(program, n, i, row), x, n) > 0.0;
+    for (int64_t number = bounds.begin; number < bounds.end; ++number) {
+        double v = *bounded_of(program, x, u, number);
+        any |= v > stage.high[number] || v < stage.low[number];
     }
-    for (int64_t j = 0; j < m && i < program->shape.stages; ++j)
-        any |= u[j] > stage.u_high[j] || u[j] < stage.u_low[j];
     return any;
 }
 
@@ -76,27 +72,25 @@ HDV_INLINE int roll_out(
     const struct hdv_solver *solver, const struct hdv_program *program, const struct hdv_point *to, int64_t n, int64_t m
 ) {
     int64_t b = program->shape.bounded;
-    double x[HDV_MOST_STATES], u[HDV_MOST_INPUTS], ahead[HDV_MOST_STATES];
+    double x[HDV_MOST_STATES], u[HDV_MOST_INPUTS] = {0.0}, ahead[HDV_MOST_STATES];
     int any = 0;
     for (int64_t j = 0; j < n; ++j)
         x[j] = program->x_first[j];
     for (int64_t i = 0; i <= program->shape.stages; ++i) {
-        struct stage stage = stage_at(program->stages, n, m, b, i);
+        struct stage stage = stage_at(program, n, m, i);
         struct recursion own = recursion_at(solver->work, n, m, i);
-        struct point point = point_at(to->stages, n, m, b, i);
+        struct point point = point_at(program, to, n, m, i);
         roll(stage, own, x, u, ahead, n, m, 1);
-        any |= breaks(program, stage, x, u, n, m, i);
+        any |= breaks(program, stage, x, u, n, i);
         multiply_out(own, x, point.dynamics, n);
-        for (int64_t j = 0; j < m; ++j) {
+        for (int64_t j = 0; j < m; ++j)
             point.u[j] = u[j];
-            point.u_bounds[j] = 0.0;
-        }
         for (int64_t j = 0; j < n; ++j) {
             point.x[j] = x[j];
             x[j] = ahead[j];
         }
-        for (int64_t j = 0; j < b; ++j)
-            point.x_bounds[j] = 0.0;
+        for (int64_t number = 0; number < b + m; ++number)
+            point.bounds[number] = 0.0;
     }
     memset(to->rows, 0, (size_t)((program->shape.stages + 1) * program->shape.rows * 2) * sizeof(double));
     return any;
@@ -108,16 +102,7 @@ static int screen(struct hdv_solver *solver, const struct hdv_program *program, 
     int64_t n = program->shape.states, m = program->shape.inputs;
     if (!hdv_factorise(program, &weights, solver->work, program->shape.stages, 1))
         return 0;
-    if (n == 3 && m == 1)
-        *any = roll_out(solver, program, to, 3, 1);
-    else if (n == 4 && m == 1)
-        *any = roll_out(solver, program, to, 4, 1);
-    else if (n == 5 && m == 1)
-        *any = roll_out(solver, program, to, 5, 1);
-    else if (n == 6 && m == 1)
-        *any = roll_out(solver, program, to, 6, 1);
-    else
-        *any = roll_out(solver, program, to, n, m);
+    *any = HDV_UNROLLED(n, m, roll_out, solver, program, to);
     return 1;
 }
 

@@ -21,11 +21,11 @@ struct hdv_inequality {
     double multiplier;
 };
 
-/* What an inequality g <= limit of the interior point bounds: a row's G x, or +-x or +-u. */
-enum hdv_kind { HDV_ROW, HDV_X_HIGH, HDV_X_LOW, HDV_U_HIGH, HDV_U_LOW };
+/* What an inequality g <= limit of the interior point bounds: a row's G x, or plus or minus what a bound bounds. */
+enum hdv_kind { HDV_ROW, HDV_HIGH, HDV_LOW };
 
 struct hdv_pair {
-    int64_t kind, stage, index;      /* index of the row, the bounded state or the input */
+    int64_t kind, stage, index;      /* index of the row or the bound */
     double s, mu;                    /* slack and multiplier */
     double sigma, nu;                /* of a row: elastic variable, and the multiplier of sigma >= 0 */
     double limit, linear, quadratic; /* prices of sigma */
@@ -58,8 +58,6 @@ HDV_INLINE int64_t inequalities_of(const struct hdv_shape *shape) {
     return shape->rows + 2 * (shape->bounded + shape->inputs);
 }
 
-HDV_EXPORT int64_t hdv_solver_size(const struct hdv_shape *shape);
-HDV_EXPORT void hdv_solver_in(void *memory, const struct hdv_shape *shape, double tolerance, int64_t screens);
 HDV_EXPORT void hdv_solve(
     struct hdv_solver *solver, const struct hdv_program *program, const struct hdv_point *guess,
     const struct hdv_point *point, struct hdv_solved *solved

@@ -1,4 +1,4 @@
-#include "steering.h"
+#include "terms.h"
 
 #include "sizes.h"
 
@@ -11,11 +11,11 @@ HDV_INLINE const double *angles_at(const struct hdv_steering *own, const struct 
 HDV_INLINE void write_change(const struct hdv_steering *own, const struct hdv_scene *scene, int64_t i, int64_t wheel) {
     struct stage stage = program_stage(&scene->program, i);
     double change = angles_at(own, scene, i + 1)[wheel] - angles_at(own, scene, i)[wheel];
-    int64_t input = 1 + wheel;
+    int64_t input = 1 + wheel, bound = scene->program.shape.bounded + input;
     stage.R[input * scene->program.shape.inputs + input] = 2.0 * own->change_weight;
     stage.r[input] = 2.0 * own->change_weight * change;
-    stage.u_low[input] = -own->change[wheel] - change;
-    stage.u_high[input] = own->change[wheel] - change;
+    stage.low[bound] = -own->change[wheel] - change;
+    stage.high[bound] = own->change[wheel] - change;
 }
 
 /* Writes the bounds of one wheel's angle at stage i, behind those of the curvature; adds its cost where wanted. */
@@ -24,8 +24,8 @@ write_angle(const struct hdv_steering *own, const struct hdv_scene *scene, int64
     struct stage stage = program_stage(&scene->program, i);
     double angle = angles_at(own, scene, i)[wheel];
     int64_t state = scene->states - own->wheels + wheel;
-    stage.x_low[1 + wheel] = -own->most[wheel] - angle;
-    stage.x_high[1 + wheel] = own->most[wheel] - angle;
+    stage.low[1 + wheel] = -own->most[wheel] - angle;
+    stage.high[1 + wheel] = own->most[wheel] - angle;
     if (costs) {
         stage.Q[state * scene->program.shape.states + state] += 2.0 * own->angle_weight;
         stage.q[state] += 2.0 * own->angle_weight * (angle - own->aim[(scene->first + i) * own->wheels + wheel]);
@@ -34,7 +34,7 @@ write_angle(const struct hdv_steering *own, const struct hdv_scene *scene, int64
 
 /* Writes the wheels' part of a program: costs of angles are added at stages i >= begin, changes and bounds are written
  * at all. */
-int64_t hdv_linearise_steering(void *data, const struct hdv_scene *scene, int64_t begin, int64_t fresh) {
+HDV_EXPORT int64_t hdv_linearise_steering(void *data, const struct hdv_scene *scene, int64_t begin, int64_t fresh) {
     const struct hdv_steering *own = data;
     (void)fresh;
     for (int64_t i = 1; i <= scene->program.shape.stages; i++) {
@@ -47,7 +47,7 @@ int64_t hdv_linearise_steering(void *data, const struct hdv_scene *scene, int64_
 }
 
 /* Cost of a motion's wheel angles and of their changes. */
-double hdv_price_steering(void *data, const struct hdv_scene *scene) {
+HDV_EXPORT double hdv_price_steering(void *data, const struct hdv_scene *scene) {
     const struct hdv_steering *own = data;
     double total = 0.0;
     for (int64_t i = 1; i <= scene->program.shape.stages; i++) {

@@ -4,9 +4,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "clock.h"
-#include "merit.h"
-#include "motion.h"
 #include "numbers.h"
 #include "sizes.h"
 
@@ -22,9 +19,8 @@ static const double stalled = 1e-3;
 static void point_at_window(struct hdv_planner *planner) {
     struct hdv_scene *scene = planner->scene;
     void *at[HDV_OWN_ARRAYS];
-    for (int number = 0; number < HDV_OWN_ARRAYS; number++) {
+    for (int number = 0; number < HDV_OWN_ARRAYS; number++)
         at[number] = (char *)planner->arrays[number].base + scene->at * planner->arrays[number].size;
-    }
     scene->program.stages = at[HDV_STAGES];
     scene->program.rows = at[HDV_ROWS];
     scene->motion = at[HDV_MOTION];
@@ -55,13 +51,11 @@ static void extend_guess(const struct hdv_planner *planner, int64_t kept) {
     for (int number = HDV_POINTS; number <= HDV_ROW_POINTS; number++) {
         const struct hdv_array *array = &planner->arrays[number];
         char *base = (char *)array->base + planner->scene->at * array->size;
-        for (int64_t i = kept; i < stages; i++) {
-            if (i < by || kept == 0) {
+        for (int64_t i = kept; i < stages; i++)
+            if (i < by || kept == 0)
                 memset(base + i * array->size, 0, (size_t)array->size);
-            } else {
+            else
                 memcpy(base + i * array->size, base + (i - by) * array->size, (size_t)array->size);
-            }
-        }
     }
 }
 
@@ -71,9 +65,8 @@ static int linearise(struct hdv_planner *planner, int64_t begin, int64_t fresh) 
     for (int64_t number = 0; number < planner->term_count; number++) {
         const struct hdv_term *term = &planner->terms[number];
         planner->lost = term->linearise(term->data, planner->scene, begin, fresh);
-        if (planner->lost >= 0) {
+        if (planner->lost >= 0)
             return 0;
-        }
     }
     return 1;
 }
@@ -100,7 +93,7 @@ static double merit(const struct hdv_planner *planner) {
 
 /* Begin a plan at a station, from the state in planner->start: take over the last plan along the road, extend it by the
  * road's stationary geometry, and linearise at what is new. */
-int64_t hdv_begin(struct hdv_planner *planner, int64_t first, double kappa_before) {
+HDV_EXPORT int64_t hdv_begin(struct hdv_planner *planner, int64_t first, double kappa_before) {
     double began = seconds();
     struct hdv_scene *scene = planner->scene;
     int64_t stages = scene->program.shape.stages + 1, known = planner->last >= 0 && first >= planner->last;
@@ -135,19 +128,14 @@ static double largest_multiplier(const struct hdv_program *program, const struct
     struct hdv_shape shape = program->shape;
     double largest = 0.0;
     for (int64_t i = 0; i <= shape.stages; i++) {
-        struct point point = point_at(at->stages, shape.states, shape.inputs, shape.bounded, i);
-        for (int64_t j = 0; j < shape.states; j++) {
+        struct point point = program_point(program, at, i);
+        struct range bounds = bounds_at(&shape, i);
+        for (int64_t j = 0; j < shape.states; j++)
             largest = larger(largest, fabs(point.dynamics[j]));
-        }
-        for (int64_t bound = 0; bound < shape.bounded && i > 0; bound++) {
-            largest = larger(largest, fabs(point.x_bounds[bound]));
-        }
-        for (int64_t j = 0; j < shape.inputs && i < shape.stages; j++) {
-            largest = larger(largest, fabs(point.u_bounds[j]));
-        }
-        for (int64_t row = 0; row < shape.rows && i > 0; row++) {
+        for (int64_t number = bounds.begin; number < bounds.end; number++)
+            largest = larger(largest, fabs(point.bounds[number]));
+        for (int64_t row = 0; row < shape.rows && i > 0; row++)
             largest = larger(largest, fabs(at->rows[2 * (i * shape.rows + row) + 1]));
-        }
     }
     return largest;
 }
@@ -167,13 +155,11 @@ static enum moved move(struct hdv_planner *planner, const struct hdv_point *poin
     memcpy(planner->before, scene->motion, size);
     for (;;) {
         planner->moved = hdv_take_step(scene, point, share);
-        if (!linearise(planner, 1, 0)) {
+        if (!linearise(planner, 1, 0))
             return MOVED_OFF;
-        }
         planner->merit = merit(planner);
-        if (planner->merit <= worth || planner->moved < planner->tolerance || share <= shortest_step) {
+        if (planner->merit <= worth || planner->moved < planner->tolerance || share <= shortest_step)
             break;
-        }
         memcpy(scene->motion, planner->before, size);
         share *= 0.5;
         halved++;
@@ -186,27 +172,25 @@ static enum moved move(struct hdv_planner *planner, const struct hdv_point *poin
 /* The plan is made: note what it covers. */
 static int64_t finish(struct hdv_planner *planner) {
     planner->last = planner->scene->first;
-    if (planner->usable || planner->programs > 1) {
+    if (planner->usable || planner->programs > 1)
         planner->reaches = planner->scene->first + planner->scene->program.shape.stages;
-    }
     return HDV_PLANNED;
 }
 
 /* Judge a solution by residuals, recomputed from the program that no solver can write to. */
-int64_t hdv_judge(struct hdv_planner *planner, const struct hdv_point *point) {
+HDV_EXPORT int64_t hdv_judge(struct hdv_planner *planner, const struct hdv_point *point) {
     double mark = seconds();
     struct hdv_residuals *found = &planner->residuals;
     hdv_residuals(&planner->scene->program, point, found);
     planner->seconds_check += seconds() - mark;
-    if (!(found->primal <= HDV_USABLE_RESIDUAL)) { /* NaN too */
+    if (!(found->primal <= HDV_USABLE_RESIDUAL)) /* NaN too */
         return HDV_BROKEN;
-    }
     int far = found->dual > HDV_WRONG && found->dual > HDV_WRONG * largest_multiplier(&planner->scene->program, point);
     return far ? HDV_FAR : HDV_FINE;
 }
 
 /* Move by a solution that was judged, where it may be driven; HDV_SOLVE where the plan iterates on. */
-int64_t hdv_accept(struct hdv_planner *planner, const struct hdv_point *point, int64_t leaves_guess) {
+HDV_EXPORT int64_t hdv_accept(struct hdv_planner *planner, const struct hdv_point *point, int64_t leaves_guess) {
     struct hdv_scene *scene = planner->scene;
     double began = seconds();
     planner->programs++;
@@ -220,9 +204,8 @@ int64_t hdv_accept(struct hdv_planner *planner, const struct hdv_point *point, i
     planner->violation = violation(planner);
     planner->guessed = leaves_guess;
     planner->seconds_linearise += seconds() - began;
-    if (moved == MOVED_OFF) {
+    if (moved == MOVED_OFF)
         return HDV_LOST;
-    }
     int repairing = planner->programs <= planner->repairs && planner->violation > repaired;
     int settled = moved == MOVED_HARDLY || planner->moved < planner->tolerance || planner->programs >= planner->rounds;
     return settled || !(planner->iterates || repairing) ? finish(planner) : HDV_SOLVE;
@@ -230,7 +213,7 @@ int64_t hdv_accept(struct hdv_planner *planner, const struct hdv_point *point, i
 
 /* Solve, judge and move, until the plan is made, with our solver. The last solution's multipliers are its guess, and
  * where it writes. */
-int64_t hdv_iterate(struct hdv_planner *planner) {
+HDV_EXPORT int64_t hdv_iterate(struct hdv_planner *planner) {
     int64_t stop = HDV_SOLVE;
     const struct hdv_array *points = &planner->arrays[HDV_POINTS], *rows = &planner->arrays[HDV_ROW_POINTS];
     struct hdv_point point = {
@@ -244,15 +227,14 @@ int64_t hdv_iterate(struct hdv_planner *planner) {
         planner->seconds_solve += seconds() - began;
         planner->iterations += solved.factorisations;
         planner->ending = solved.ending;
-        if (hdv_judge(planner, &point) != HDV_FINE) {
+        if (hdv_judge(planner, &point) != HDV_FINE)
             return HDV_REFUSED;
-        }
         stop = hdv_accept(planner, &point, solved.binding);
     }
     return stop;
 }
 
-int64_t hdv_step(struct hdv_planner *planner, int64_t first, double kappa_before) {
+HDV_EXPORT int64_t hdv_step(struct hdv_planner *planner, int64_t first, double kappa_before) {
     int64_t stop = hdv_begin(planner, first, kappa_before);
     return stop == HDV_SOLVE ? hdv_iterate(planner) : stop;
 }

@@ -74,11 +74,16 @@ struct hdv_planner {
     double seconds_linearise, seconds_solve, seconds_check;
 };
 
-/* All return an enum hdv_stop but hdv_judge, which returns an enum hdv_judgement. */
-HDV_EXPORT int64_t hdv_begin(struct hdv_planner *planner, int64_t first, double kappa_before);
-HDV_EXPORT int64_t hdv_judge(struct hdv_planner *planner, const struct hdv_point *point);
-HDV_EXPORT int64_t hdv_accept(struct hdv_planner *planner, const struct hdv_point *point, int64_t leaves_guess);
-HDV_EXPORT int64_t hdv_iterate(struct hdv_planner *planner);
-HDV_EXPORT int64_t hdv_step(struct hdv_planner *planner, int64_t first, double kappa_before);
+/* The motion that a step linearises at, and its merit. */
+HDV_EXPORT void hdv_guess_motion(
+    const struct hdv_scene *scene, const double *start, const double *states, const double *curvatures, int64_t kept,
+    const double *most, const double *change, int64_t wheels
+);
+HDV_EXPORT double hdv_take_step(const struct hdv_scene *scene, const struct hdv_point *solution, double share);
+HDV_EXPORT int64_t
+hdv_l1_weights(const struct hdv_program *program, const struct hdv_point *solution, int64_t count, double *weights);
+HDV_EXPORT double hdv_defect_price(const struct hdv_program *program, int64_t count, const double *weights);
+
+double seconds(void); /* on the wall, from an arbitrary moment on: how long the parts of a step take */
 
 #endif

@@ -62,9 +62,8 @@ struct search {
 /* The nearest place of one piece to a point of the plane. */
 static void meet(const struct hdv_piece *piece, double x, double y, int64_t number, struct nearest *to) {
     double dx = x - piece->x, dy = y - piece->y, square = dx * dx + dy * dy, most = to->distance + piece->length;
-    if (square > most * most) {
+    if (square > most * most)
         return;
-    }
     double along = dx * piece->cos + dy * piece->sin, across = dy * piece->cos - dx * piece->sin;
     if (along < 0.0 || piece->length == 0.0) { /* its beginning, unless the piece before is nearer */
         int nearer = piece->ends || dx * piece->before_cos + dy * piece->before_sin >= 0.0;
@@ -84,33 +83,28 @@ static void meet(const struct hdv_piece *piece, double x, double y, int64_t numb
 static void meet_aside(const struct hdv_piece *piece, double x, double y, int64_t number, struct nearest *to) {
     double dx = x - piece->x, dy = y - piece->y;
     double along = dx * piece->cos + dy * piece->sin, across = dy * piece->cos - dx * piece->sin;
-    if ((along < 0.0 && piece->ends) || (along > piece->length && piece->ends_after) || piece->length == 0.0) {
+    if ((along < 0.0 && piece->ends) || (along > piece->length && piece->ends_after) || piece->length == 0.0)
         return;
-    }
     double on = clamped(along, 0.0, piece->length), distance = sqrt((along - on) * (along - on) + across * across);
-    if (distance < to->distance) {
+    if (distance < to->distance)
         *to = (struct nearest){distance, across, -piece->sin, piece->cos, on / piece->length, number};
-    }
 }
 
 /* The gap between a kerb's corner, u ahead of the axle and v left of the axis, and the side of the outline that faces
  * it, the left one (sign 1) or the right one (-1). */
 static double corner_gap(const struct outline *on, enum hdv_look look, double u, double v, double sign) {
     double room = sign * v - on->half_width;
-    if (look == HDV_TO_PLAN) {
+    if (look == HDV_TO_PLAN)
         return room;
-    }
-    if (room < -2.0 * on->half_width) {
+    if (room < -2.0 * on->half_width)
         return INFINITY; /* it lies beyond the other side */
-    }
     return room >= 0.0 ? room : larger(room, larger(on->rear - u, u - on->front));
 }
 
 /* Keep the tighter of two contacts. */
 static void keep(struct hdv_contact *to, struct hdv_contact contact) {
-    if (contact.gap < to->gap) {
+    if (contact.gap < to->gap)
         *to = contact;
-    }
 }
 
 static int section_of(const struct hdv_unit *unit, double ahead) {
@@ -127,11 +121,10 @@ static int64_t first_at(const struct hdv_street *street, double s) {
     int64_t low = 0, high = street->count;
     while (low < high) {
         int64_t middle = low + (high - low) / 2;
-        if (street->reach[middle] < s) {
+        if (street->reach[middle] < s)
             low = middle + 1;
-        } else {
+        else
             high = middle;
-        }
     }
     return low;
 }
@@ -162,20 +155,17 @@ begin_outline(struct outline *on, const struct hdv_pose *pose, double rear, doub
 static struct beside *beside_kerb(struct outline *on, const struct hdv_piece *piece) {
     int side = piece->left ? 0 : 1, same = 0;
     for (int number = on->kerbs - 1; number >= 0; number--) {
-        if (on->beside[number].kerb == piece->kerb) {
+        if (on->beside[number].kerb == piece->kerb)
             return &on->beside[number];
-        }
         same = on->beside[number].side == side ? number : same;
     }
-    if (on->kerbs == MOST_KERBS) {
+    if (on->kerbs == MOST_KERBS)
         return &on->beside[same];
-    }
     struct beside *new = &on->beside[on->kerbs++];
     new->kerb = piece->kerb;
     new->side = side;
-    for (int corner = 0; corner < 4; corner++) {
+    for (int corner = 0; corner < 4; corner++)
         new->corners[corner] = nothing;
-    }
     return new;
 }
 
@@ -197,11 +187,9 @@ static int is_wall(const struct hdv_piece *piece) {
 /* The nearest places of one piece to the corners of an outline at one end, in a plan to that on the kerb's own side. */
 static void meet_end(const struct hdv_piece *piece, enum hdv_look look, int64_t number, int end, struct outline *on) {
     struct beside *beside = beside_kerb(on, piece);
-    for (int corner = 2 * end; corner < 2 * end + 2; corner++) {
-        if (look == HDV_TO_JUDGE || corner % 2 != beside->side) {
+    for (int corner = 2 * end; corner < 2 * end + 2; corner++)
+        if (look == HDV_TO_JUDGE || corner % 2 != beside->side)
             meet(piece, on->x[corner], on->y[corner], number, &beside->corners[corner]);
-        }
-    }
 }
 
 /* The nearest place of a kerb without its walls across the street. */
@@ -210,9 +198,8 @@ static struct nearest aside_of(const struct search *in, const struct outline *on
     for (int64_t i = in->first; i < in->beyond; i++) {
         int64_t number = in->numbers ? in->numbers[i] : i;
         const struct hdv_piece *piece = &in->street->pieces[number];
-        if (piece->kerb == kerb && is_beside(piece, in->axle + corner_u(on, corner)) && !is_wall(piece)) {
+        if (piece->kerb == kerb && is_beside(piece, in->axle + corner_u(on, corner)) && !is_wall(piece))
             meet_aside(piece, on->x[corner], on->y[corner], number, &found);
-        }
     }
     return found;
 }
@@ -222,9 +209,8 @@ static struct nearest aside_of(const struct search *in, const struct outline *on
 static struct nearest
 place_of(const struct search *in, const struct outline *on, const struct beside *beside, int corner) {
     const struct nearest *at = &beside->corners[corner];
-    if (in->look == HDV_TO_JUDGE || at->piece < 0 || at->part == 0.0 || !is_wall(&in->street->pieces[at->piece])) {
+    if (in->look == HDV_TO_JUDGE || at->piece < 0 || at->part == 0.0 || !is_wall(&in->street->pieces[at->piece]))
         return *at;
-    }
     return at->gap > in->street->clearance ? nothing : aside_of(in, on, beside->kerb, corner);
 }
 
@@ -236,9 +222,8 @@ static void meet_side(
     const struct hdv_pose *pose = in->pose;
     double x = piece->x - pose->x, y = piece->y - pose->y, u = x * pose->cos + y * pose->sin;
     double beyond = in->look == HDV_TO_PLAN ? PASSING_M : 0.0;
-    if (u < on->rear - beyond || u > on->front + beyond) {
+    if (u < on->rear - beyond || u > on->front + beyond)
         return;
-    }
     double sign = piece->left ? 1.0 : -1.0, gap = corner_gap(on, in->look, u, y * pose->cos - x * pose->sin, sign);
     struct hdv_contact *to = &found->at[piece->left ? 0 : 1][section_of(in->unit, u)];
     if (gap < to->gap) {
@@ -251,13 +236,11 @@ static void meet_side(
 static struct hdv_contact
 corner_contact(const struct search *in, const struct outline *on, const struct beside *beside, int corner) {
     struct nearest at = place_of(in, on, beside, corner);
-    if (at.piece < 0) {
+    if (at.piece < 0)
         return none;
-    }
     double s = s_at(&in->street->pieces[at.piece], at.part);
-    if (!(s < in->last)) {
+    if (!(s < in->last))
         return none;
-    }
     return (struct hdv_contact){at.gap, corner_u(on, corner), corner_v(on, corner), at.x, at.y, s, at.piece};
 }
 
@@ -276,9 +259,8 @@ static void take_corners(const struct search *in, const struct outline *on, stru
 
 static void begin_contacts(struct hdv_contacts *found) {
     for (int side = 0; side < 2; side++) {
-        for (int section = 0; section < HDV_SECTIONS; section++) {
+        for (int section = 0; section < HDV_SECTIONS; section++)
             found->at[side][section] = none;
-        }
         found->overhang[side][0] = found->overhang[side][1] = none;
         found->near[side] = INFINITY;
     }
@@ -289,11 +271,10 @@ static int64_t first_beyond(const struct hdv_street *street, int64_t from, doubl
     int64_t low = from, beyond = street->count;
     while (low < beyond) {
         int64_t middle = low + (beyond - low) / 2;
-        if (street->pieces[middle].s_low <= high) {
+        if (street->pieces[middle].s_low <= high)
             low = middle + 1;
-        } else {
+        else
             beyond = middle;
-        }
     }
     return low;
 }
@@ -320,16 +301,14 @@ void pieces_near(
     double rear = -unit->rear_overhang - reach, front = unit->front + reach, side = unit->half_width + reach;
     for (int64_t number = in.first; number < in.beyond; number++) {
         const struct hdv_piece *piece = &street->pieces[number];
-        if (piece->s_high < in.low) {
+        if (piece->s_high < in.low)
             continue;
-        }
         double x = piece->x - pose->x, y = piece->y - pose->y;
         double u = x * pose->cos + y * pose->sin, v = y * pose->cos - x * pose->sin;
         double to_u = u + piece->length * (piece->cos * pose->cos + piece->sin * pose->sin);
         double to_v = v + piece->length * (piece->sin * pose->cos - piece->cos * pose->sin);
-        if (larger(u, to_u) < rear || smaller(u, to_u) > front || larger(v, to_v) < -side || smaller(v, to_v) > side) {
+        if (larger(u, to_u) < rear || smaller(u, to_u) > front || larger(v, to_v) < -side || smaller(v, to_v) > side)
             continue;
-        }
         if (found->count == HDV_SOME) {
             found->count = -1;
             return;
@@ -359,21 +338,16 @@ void look_at_body(
     for (int64_t i = in.first; i < in.beyond; i++) {
         int64_t number = in.numbers ? in.numbers[i] : i;
         const struct hdv_piece *piece = &street->pieces[number];
-        if (piece->s_high < in.low) {
+        if (piece->s_high < in.low)
             continue;
-        }
         struct outline *on = piece->wheels ? &wheels_of : &body;
-        if (piece->corner && piece->s_begin <= in.last &&
-            begins_beside(piece, in.axle + on->rear, in.axle + on->front)) {
+        if (piece->corner && piece->s_begin <= in.last && begins_beside(piece, in.axle + on->rear, in.axle + on->front))
             meet_side(&in, piece, number, on, found);
-        }
         for (int end = 0; end < 2; end++) {
-            if (is_beside(piece, in.axle + (end ? on->front : on->rear))) {
+            if (is_beside(piece, in.axle + (end ? on->front : on->rear)))
                 meet_end(piece, look, number, end, on);
-            }
-            if (piece->wheels && is_beside(piece, in.axle + (end ? body.front : body.rear))) {
+            if (piece->wheels && is_beside(piece, in.axle + (end ? body.front : body.rear)))
                 meet_end(piece, look, number, end, &overhangs);
-            }
         }
     }
     take_corners(&in, &body, found);
@@ -388,7 +362,7 @@ void look_at_body(
 }
 
 /* Write the contacts of all bodies of a vehicle, (poses, count), whose lead rear axle is at arclengths s (poses,). */
-void hdv_look_many(
+HDV_EXPORT void hdv_look_many(
     const struct hdv_street *street, int64_t look, const struct hdv_unit *units, int64_t count, int64_t poses,
     const double *behind, const double *s, const struct hdv_pose *placed, struct hdv_contacts *found
 ) {
@@ -402,7 +376,7 @@ void hdv_look_many(
 
 /* Write the signed distance of points x, y of the line at arclengths s (points,) to the left and the right kerbs,
  * (points, 2) [m]; infinite without any. */
-void hdv_rooms(
+HDV_EXPORT void hdv_rooms(
     const struct hdv_street *street, int64_t points, const double *s, const double *x, const double *y, double *rooms
 ) {
     for (int64_t i = 0; i < points; i++) {
@@ -411,12 +385,10 @@ void hdv_rooms(
         begin_outline(&point, &at, 0.0, 0.0, 0.0);
         for (int64_t number = first_at(street, s[i] - WINDOW_M); number < street->count; number++) {
             const struct hdv_piece *piece = &street->pieces[number];
-            if (piece->s_low > s[i] + WINDOW_M) {
+            if (piece->s_low > s[i] + WINDOW_M)
                 break;
-            }
-            if (piece->s_high >= s[i] - WINDOW_M) {
+            if (piece->s_high >= s[i] - WINDOW_M)
                 meet(piece, x[i], y[i], number, &beside_kerb(&point, piece)->corners[0]);
-            }
         }
         rooms[2 * i] = rooms[2 * i + 1] = INFINITY;
         for (int number = 0; number < point.kerbs; number++) {

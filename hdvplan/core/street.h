@@ -47,6 +47,16 @@ struct hdv_contacts {
     struct hdv_contact overhang[2][2]; /* of its rear and its front corner with the kerbs that wheels must keep */
 };
 
+/* The tightest contact of one section of a body with one side's kerbs, while the vehicle moves from a pose to the next.
+ */
+struct hdv_touch {
+    double gap;    /* negative beyond the kerb; infinite where there is none [m] */
+    double s;      /* of the kerb there [m] */
+    double x, y;   /* of the body's point [m] */
+    double ahead;  /* of the body's axle, of that point [m] */
+    int64_t piece; /* of the kerb, -1: none */
+};
+
 /* How contacts are looked for. */
 enum hdv_look {
     HDV_TO_PLAN, /* by the side that a kerb has, so that a body beyond it is led back; walls across the street lead
@@ -69,14 +79,6 @@ void pieces_near(
 void look_at_body(
     const struct hdv_street *street, const struct some_pieces *among, enum hdv_look look, const struct hdv_unit *unit,
     const struct hdv_pose *pose, double s, double behind, struct hdv_contacts *found
-);
-
-HDV_EXPORT void hdv_look_many(
-    const struct hdv_street *street, int64_t look, const struct hdv_unit *units, int64_t count, int64_t poses,
-    const double *behind, const double *s, const struct hdv_pose *placed, struct hdv_contacts *found
-);
-HDV_EXPORT void hdv_rooms(
-    const struct hdv_street *street, int64_t points, const double *s, const double *x, const double *y, double *rooms
 );
 
 #endif

@@ -1,5 +1,4 @@
-#include "sweep.h"
-
+/* The swept envelope: how far left and right of the road's centre every body reaches at each arclength, as executed. */
 #include "kinematics.h"
 #include "numbers.h"
 #include "path.h"
@@ -7,6 +6,13 @@
 static const double TRUSTED = 0.9; /* curvature times offset up to which two Newton steps can be trusted */
 static const double ROUNDING =
     1e-6; /* of feet, as a part of the spacing: a body without rear overhang begins at s = 0 */
+
+/* The foot of an outline's point on the road: at this pose, and where it was at the two before. */
+struct track {
+    double s, offset; /* [m] */
+    double s_before, offset_before;
+    double s_earlier;
+};
 
 /* Envelope of one unit. */
 struct envelope {
@@ -37,9 +43,8 @@ HDV_INLINE void move_feet(
             step = ahead / (1.0 - turned);
             s += step;
             offset = across - 0.5 * ahead * at.curvature * step;
-            if (fabs(step) < LAST_STEP_M) {
+            if (fabs(step) < LAST_STEP_M)
                 break;
-            }
         }
         track->s_earlier = track->s_before;
         track->s_before = track->s;
@@ -89,11 +94,10 @@ cover_ordered(const struct envelope *envelope, double s_low, double e_low, doubl
 }
 
 HDV_INLINE void cover(const struct envelope *envelope, double s_from, double e_from, double s_to, double e_to) {
-    if (s_to < s_from || (s_to == s_from && e_to < e_from)) {
+    if (s_to < s_from || (s_to == s_from && e_to < e_from))
         cover_ordered(envelope, s_to, e_to, s_from, e_from);
-    } else {
+    else
         cover_ordered(envelope, s_from, e_from, s_to, e_to);
-    }
 }
 
 /* Widens an envelope by an outline, from point to point, and if it was seen before by every point's way from the last
@@ -101,16 +105,19 @@ HDV_INLINE void cover(const struct envelope *envelope, double s_from, double e_f
 HDV_INLINE void widen(const struct envelope *envelope, int64_t points, const struct track *tracks, int seen) {
     for (int64_t i = 0; i < points; i++) {
         const struct track *here = tracks + i;
-        if (i > 0) {
+        if (i > 0)
             cover(envelope, here[-1].s, here[-1].offset, here->s, here->offset);
-        }
-        if (seen) {
+        if (seen)
             cover(envelope, here->s_before, here->offset_before, here->s, here->offset);
-        }
     }
 }
 
-void hdv_sweep(
+/* Writes the lowest and highest offset of every unit at stations s_first, s_first + spacing, ... into low and high
+ * (count, stations), which come in as infinity and minus infinity [m].
+ *
+ * A vehicle of count units was in states z (poses, n) at arclengths s (poses,). outlines (count, points, 2) are ahead
+ * of a unit's axle and left of its axis; tracks (count, points) is memory, zero at first. */
+HDV_EXPORT void hdv_sweep(
     const struct hdv_unit *units, int64_t count, int64_t n, const struct hdv_curve *curve, int64_t poses,
     const double *s, const double *z, int64_t points, const double *outlines, struct track *tracks, int64_t stations,
     double s_first, double spacing, double *low, double *high
@@ -121,9 +128,8 @@ void hdv_sweep(
         place(units, count, road.x, road.y, road.cos, road.sin, z + i * n, placed);
         double behind = 0.0; /* of the unit's axle behind the lead unit's, in line */
         for (int64_t unit = 0; unit < count; unit++) {
-            if (unit > 0) {
+            if (unit > 0)
                 behind += units[unit - 1].hitch_offset + units[unit].wheelbase;
-            }
             const double *outline = outlines + unit * points * 2;
             struct track *own = tracks + unit * points;
             move_feet(curve, placed + unit, points, outline, own, i > 1);

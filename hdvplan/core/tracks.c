@@ -4,7 +4,7 @@
  * axle, because the axle does not slide and the body turns about a point of the axle's line; where it begins to turn
  * the other way, also by its edges. Each place's left and right reach thus belong to one point of one stage each.
  */
-#include "tracks.h"
+#include "terms.h"
 
 #include <math.h>
 
@@ -35,9 +35,8 @@ static struct seen_from nearest_station(const struct hdv_bodies *bodies, double 
         double dx = x - at->x, dy = y - at->y;
         seen = (struct seen_from){at, near, dx * at->cos + dy * at->sin, dy * at->cos - dx * at->sin};
         double inside = 1.0 - at->curvature * seen.beside;
-        if (!(at->curvature * seen.beside < FOOTLESS) || fabs(seen.ahead) <= 0.75 * bodies->step * inside) {
+        if (!(at->curvature * seen.beside < FOOTLESS) || fabs(seen.ahead) <= 0.75 * bodies->step * inside)
             break;
-        }
         near += whole(floor(seen.ahead / (bodies->step * inside) + 0.5), -last, last);
     }
     return seen;
@@ -74,9 +73,8 @@ void trace(
             const struct hdv_tracing_point *points = bodies->points + unit * HDV_TRACING_POINTS;
             struct hdv_track *own = tracks->points + (i * units + unit) * HDV_TRACING_POINTS;
             tracks->poses[i * units + unit] = poses[i * units + unit];
-            for (int point = 0; point < HDV_TRACING_POINTS; point += 2) {
+            for (int point = 0; point < HDV_TRACING_POINTS; point += 2)
                 trace_pair(bodies, &poses[i * units + unit], &points[point], first + i, &own[point]);
-            }
         }
     }
 }
@@ -123,9 +121,8 @@ static void cover_edge(
     struct places at = places_of(bodies, &piece);
     for (int64_t m = at.low; m <= at.high; m++) {
         double s = (double)m * bodies->step, highest = piece.e_from + rise * (s - piece.s_from);
-        if (highest > reached[m].reach + TIE_M) {
+        if (highest > reached[m].reach + TIE_M)
             reached[m] = (struct hdv_furthest){highest, rise, ahead - (piece.s_to - s), stage, piece.unit};
-        }
     }
 }
 
@@ -146,9 +143,8 @@ static void cover_turning(
         double u = begin + length * number / (pieces > 1 ? pieces : 1);
         struct plane_point at = body_point(pose, u, sign * own->half_width);
         struct foot foot = project(bodies->curve, at.x, at.y, near, LAST_STEP_M);
-        if (isnan(foot.offset)) {
+        if (isnan(foot.offset))
             return;
-        }
         near = piece.s_to = foot.s;
         piece.e_to = sign * foot.offset;
         cover_edge(bodies, piece, u, stage, reached);

@@ -63,8 +63,8 @@ class StageShape:
 def stage_dtype(shape: StageShape) -> np.dtype[np.void]:
     """Return the record of one stage: all numbers of a program but its rows."""
     n, m, b = shape.states, shape.inputs, len(shape.bounded_states)
-    sizes = {"A": (n, n), "B": (n, m), "c": (n,), "Q": (n, n), "q": (n,), "R": (m, m), "r": (m,), "u_low": (m,), "u_high": (m,), "live": (),
-             "x_low": (b,), "x_high": (b,)}  # fmt: skip
+    sizes = {"A": (n, n), "B": (n, m), "c": (n,), "Q": (n, n), "q": (n,), "R": (m, m), "r": (m,), "live": (),
+             "x_low": (b,), "u_low": (m,), "x_high": (b,), "u_high": (m,)}  # fmt: skip
     return np.dtype([(name, float, size) for name, size in sizes.items()])
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import shutil
 import subprocess
 import sys
@@ -91,11 +90,6 @@ def test_a_record_has_the_core_s_fields_of_their_kinds() -> None:
     assert UNIT.itemsize == 64
     kinds = [UNIT["wheelbase"], UNIT["steered_by"], CURVE["coefficients"]]
     assert kinds == [np.dtype(kind) for kind in (np.float64, np.int64, core.ADDRESS)]
-
-
-def test_python_has_every_record_that_the_core_lists() -> None:
-    named = re.findall(r'core\.record\(\s*"(\w+)"', "".join(path.read_text(encoding="utf-8") for path in PACKAGE.rglob("*.py")))
-    assert sorted(named) == sorted(core._LAYOUT)
 
 
 def test_constants_are_the_cores() -> None:
