@@ -113,7 +113,7 @@ FIGURES = (
     Figure(RESULTS, "of the one of 24 m; {} of the kept ones is", lambda: [tables.contradictions()]),
     Figure(RESULTS, "In {} random cases as narrow as a drive that fits, {} is called impossible", lambda: tables.drawn()[:2]),
     Figure(RESULTS, "on either side, {} of {} are", lambda: tables.drawn()[2:]),
-    Figure(PROOF, "in the median {} m for the bus and {} m for the tractor-trailer. Runs", tables.gaps),
+    Figure(PROOF, "in the median {} m for the bus and {} m for the tractor-trailer. Tests", tables.gaps),
     Figure(PROOF, "it took {} s of processor time on average for the bus and {} s for the tractor-trailer.", tables.proof_seconds),
     Figure(LIECHTENSTEIN, "cuts the routes into {} roads of {} km", tables.extracted),
     *(
