@@ -81,7 +81,7 @@ def _draw_enlarged(axes: Axes, result: Result, features: tuple[Drawn, ...], wind
     if room is not None:
         draw_bodies(axes, corners(result.drive, np.array([pose_touching(result, room)])))
         if room.limited and not room.broken:  # breaches have their depth
-            draw_room(axes, room, room.beyond + LABEL_AWAY_M * room.outwards)
+            draw_room(axes, room, f"{max(-room.depth, 0.0):.2f} m", room.beyond + LABEL_AWAY_M * room.outwards)  # the title says what it is
     draw_direction(axes, road.path, window.s_from, window.s_to, count=2)
     frame(axes, ends, 0.0)
     finish_map(axes, north=road.to_lonlat is not None)

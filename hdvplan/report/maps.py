@@ -153,14 +153,14 @@ def draw_letter(axes: Axes, letter: str, at: FloatArray, away_pt: tuple[float, f
     )  # fmt: skip
 
 
-def draw_room(axes: Axes, room: Room, text_at: FloatArray, *, turned: Turn | None = None) -> None:
-    """Draw the least room at a place as a dimension, what it is written at ``text_at``, a place on the paper (2,) [m]."""
+def draw_room(axes: Axes, room: Room, text: str, text_at: FloatArray, *, turned: Turn | None = None) -> None:
+    """Draw the least room at a place as a dimension, with ``text`` at ``text_at``, a place on the paper (2,) [m]."""
     first, last = room.ends if turned is None else turned(room.ends)
     colour = BREACH if room.broken else INK
     style = {"arrowstyle": "|-|", "color": colour, "linewidth": 1.1, "mutation_scale": 3.0, "shrinkA": 0.0, "shrinkB": 0.0}
     axes.annotate("", point(last), point(first), arrowprops=style, zorder=8)
     axes.annotate(
-        room.text, point(text_at), ha="center", va="center", zorder=9, color=colour, fontweight="bold", fontsize="small",
+        text, point(text_at), ha="center", va="center", zorder=9, color=colour, fontweight="bold", fontsize="small",
         bbox=ON_WHITE, clip_on=True,
     )  # fmt: skip
 

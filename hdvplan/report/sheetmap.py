@@ -71,7 +71,7 @@ def draw_inset(
     _draw_ground(axes, result, features, page, view, np.array([pose_touching(result, room)]))
     shown = float(np.hypot(*(ends[1] - ends[0]))) < _LONG_SHARE * size_mm[1] * scale / 1e3  # else the text stands on the dimension
     beside = page.turned((room.beyond + _BESIDE_MM * scale / 1e3 * room.outwards)[None])[0] if room.limited and shown else ends.mean(axis=0)
-    draw_room(axes, room, beside, turned=page.turned)
+    draw_room(axes, room, room.text, beside, turned=page.turned)
     body = body_name(result.drive.vehicle, room.unit)
     axes.text(
         0.02, 0.97, f"{letter}   1:{scale}   s = {room.s:.1f} m, {body}, {room.side}", transform=axes.transAxes, fontsize=_SMALL,
