@@ -184,7 +184,7 @@ def turned_round(file: Path) -> None:
 def test_words_names_and_order_move_nothing_and_each_rule_moves_exactly_its_areas(copy: Path) -> None:
     package = copy / "hdvplan"
     edited(package / "driving" / "drive.py", "m long, shorter than the vehicle", "m long, which is less than the vehicle")
-    renamed(package, "judging.contact", "judging.touching")
+    renamed(package, "judging.fit", "judging.forecast")
     turned_round(package / "judging" / "verdict.py")
     assert moved_areas(copy) == []
 
