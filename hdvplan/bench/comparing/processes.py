@@ -21,7 +21,6 @@ from time import sleep
 from types import FrameType
 
 TURNS = "HDVPLAN_TURNS"  # the variable that tells a process of its descriptor; see ``hdvplan.bench.comparing.processes``
-TERMINATED = 143  # 128 + SIGTERM, as shells report it
 _SAID, _SPENT, _PRINTED = "said", "spent.json", "printed"
 _LONGEST_WORDS, _TAIL_LINES = 300, 20
 _TRIES, _PAUSE_S = 50, 0.05
