@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdvplan.cli.checks import check_workers
-from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error, writing
+from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error, warn, writing
 from hdvplan.cli.help import OUTPUT
 from hdvplan.cli.options import JsonOption, QuietOption
 from hdvplan.errors import OptionError
@@ -106,7 +106,7 @@ def study(
                 counted[:] = done, total
                 tell(done, total)
 
-            results = run(wanted, out, engine, on_progress=on_progress)
+            results = run(wanted, out, engine, on_progress=on_progress, on_damage=warn)
     except (KeyboardInterrupt, SystemExit):
         note(f"{counted[0]} of {counted[1]} cells are kept in {out}; the same command continues the study")
         raise

@@ -18,7 +18,7 @@ from hdvplan.study.cells import Cell, cells_of
 from hdvplan.study.engine import PLANNED, UNANSWERED, Engine, answer_of
 from hdvplan.study.pools import LocalEngine
 from hdvplan.study.spec import Study, read_study, study_of
-from hdvplan.study.store import CELLS, PARTS, PLACES, Folder, Kept, Writer, kept_in, write_whole
+from hdvplan.study.store import CELLS, PARTS, PLACES, DamagedPartError, Folder, Kept, Writer, kept_in, set_aside, write_whole
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -66,11 +66,13 @@ def run(
     engine: Engine | None = None,
     *,
     on_progress: Callable[[int, int], None] | None = None,
+    on_damage: Callable[[str], None] | None = None,
 ) -> Results:
     """Plan and judge all cells of a study that ``out`` does not hold yet, and write its tables, its ranking and its map there.
 
     ``study`` is a TOML file, its entries, or a ``Study``; without an ``engine`` it runs in processes on this machine. ``on_progress``
-    receives the number of cells that have ended, and of all. Whatever interrupts the run: the cells that ended are kept.
+    receives the number of cells that have ended, and of all. Whatever interrupts the run: the cells that ended are kept. Damaged files
+    of kept cells are moved to ``parts/damaged`` and their cells planned again; ``on_damage`` receives a line about each.
 
     Raises:
         HdvplanError: a definition that makes no study (see ``read_study``), or a folder with files of others.
@@ -81,15 +83,44 @@ def run(
     chosen = LocalEngine() if engine is None else engine
     folder = Folder(Path(out), defined.varied)
     _refuse_others(folder.path)
-    kept = kept_in(folder)
+    tell = on_damage or (lambda _: None)
+    kept = _undamaged(folder, tell)
     folder.path.mkdir(parents=True, exist_ok=True)
     record = _begun(defined, folder.path, chosen)
-    total = len(defined)
-    done = total - sum(1 for _ in _left(defined, kept)) if len(kept.keys) else 0
+    while True:
+        _plan(defined, folder, kept, chosen, on_progress)
+        del kept
+        try:
+            write_whole(folder, (cell.key for cell in cells_of(defined)))
+            break
+        except DamagedPartError as damage:  # in columns that nothing has read before
+            _heal(folder, damage, tell)
+            kept = _undamaged(folder, tell)
+    return _finished(folder, record)
+
+
+def _undamaged(folder: Folder, tell: Callable[[str], None]) -> Kept:
+    """Return what a folder holds, but for damaged parts, which are set aside."""
+    while True:
+        try:
+            return kept_in(folder)
+        except DamagedPartError as damage:
+            _heal(folder, damage, tell)
+
+
+def _heal(folder: Folder, damage: DamagedPartError, tell: Callable[[str], None]) -> None:
+    """Set a damaged part aside and say so."""
+    tell(f"{damage}; moved to {set_aside(folder, damage.part)}, and what it held is planned again")
+
+
+def _plan(study: Study, folder: Folder, kept: Kept, engine: Engine, on_progress: Callable[[int, int], None] | None) -> None:
+    """Plan the cells without an answer, and keep them."""
+    total = len(study)
+    done = total - sum(1 for _ in _left(study, kept)) if len(kept.keys) else 0
     if on_progress is not None:
         on_progress(done, total)
     with (
-        closing(chosen.run(_left(defined, kept))) as ending,
+        closing(engine.run(_left(study, kept))) as ending,
         Writer(folder) as writer,
     ):  # written before processes are ended, which may take long
         for ended in ending:
@@ -97,9 +128,6 @@ def run(
             done += 1
             if on_progress is not None:
                 on_progress(done, total)
-    del kept
-    write_whole(folder, (cell.key for cell in cells_of(defined)))
-    return _finished(folder, record)
 
 
 def _left(study: Study, kept: Kept) -> Iterator[Cell]:

@@ -9,6 +9,7 @@ import json
 import os
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
 from itertools import islice
@@ -28,7 +29,7 @@ from hdvplan.fileio import refuse_special, write_atomically
 from hdvplan.study.cells import COUNT, GEOMETRY, NUMBER, SHAPE, TEXT, TRUTH, Column, Row, cell_columns, place_columns
 from hdvplan.study.engine import UNANSWERED, Done
 
-CELLS, PLACES, PARTS = "cells.parquet", "places.parquet", "parts"
+CELLS, PLACES, PARTS, DAMAGED = "cells.parquet", "places.parquet", "parts", "damaged"
 _KEY = "S32"  # a key as an array's entry
 _EVERY_S, _EVERY_ROWS = 10.0, 1024  # a part is written after so long, or with so many cells
 _BLOCK = 4096  # cells of the final table that are put in order at a time
@@ -83,11 +84,35 @@ class Kept:
         return found
 
 
+class DamagedPartError(OptionError):
+    """A part whose content is none of a study; ``part`` is its name, without the ending."""
+
+    def __init__(self, path: Path, error: Exception) -> None:
+        super().__init__(f"{path} cannot be read: {error}")
+        self.path, self.part = path, path.stem
+
+
+def set_aside(folder: Folder, name: str) -> Path:
+    """Move both files of a part to where nothing reads them, and return that folder: its cells have no answer then.
+
+    Raises:
+        OSError: they cannot be moved.
+
+    """
+    aside = folder.path / PARTS / DAMAGED
+    aside.mkdir(exist_ok=True)
+    for kind in ("cells", "places"):  # without its cells nothing looks for a part
+        with suppress(FileNotFoundError):
+            folder.part(kind, name).replace(aside / f"{kind}-{name}.parquet")
+    return aside
+
+
 def kept_in(folder: Folder) -> Kept:
     """Return what the parts in a folder hold.
 
     Raises:
-        OptionError: a part is damaged.
+        DamagedPartError: a part is damaged.
+        OSError: one cannot be read for another reason.
 
     """
     names = tuple(folder.parts())
@@ -99,8 +124,7 @@ def kept_in(folder: Folder) -> Kept:
             keys.append(np.array(table["key"].to_pylist(), dtype=_KEY))
             answered.append(np.array([outcome not in UNANSWERED for outcome in table["outcome"].to_pylist()], dtype=bool))
         except (OSError, pa.ArrowException, LookupError, TypeError, ValueError) as error:  # a damaged table may hold anything
-            msg = f"{path} cannot be read: {error}"
-            raise OptionError(msg, hint="delete it: what it held is planned again") from error
+            raise _reason(path, error) from error
         parts.append(np.full(len(table), number, dtype=np.intp))
     every = np.concatenate(keys)[::-1]  # the last is the first of its kind
     unique, first = np.unique(every, return_index=True)
@@ -180,8 +204,8 @@ def write_whole(folder: Folder, keys: Iterable[str]) -> None:
     What is in memory does not grow with the study, but for ``Kept``.
 
     Raises:
-        OptionError: a part is damaged.
-        OSError: a file cannot be written.
+        DamagedPartError: a part is damaged.
+        OSError: a file cannot be written, or a part not be read for another reason.
 
     """
     kept = kept_in(folder)
@@ -260,7 +284,12 @@ def _part(folder: Folder, kind: str, schema: pa.Schema, name: str) -> pa.Table:
         arrays = [
             table.column(field.name).cast(field.type) if field.name in there else pa.nulls(len(table), field.type) for field in schema
         ]
-    except (OSError, pa.ArrowException, LookupError) as error:
-        msg = f"{path} cannot be read: {error}"
-        raise OptionError(msg, hint="delete it: what it held is planned again") from error
+    except (OSError, pa.ArrowException, LookupError, ValueError) as error:
+        raise _reason(path, error) from error
     return pa.table(arrays, schema=schema)
+
+
+def _reason(path: Path, error: Exception) -> Exception:
+    """Return why a part cannot be read: the system's own reason, or damage. That one of its files is gone is damage too."""
+    of_the_system = isinstance(error, OSError) and error.errno is not None and not isinstance(error, FileNotFoundError)
+    return error if of_the_system else DamagedPartError(path, error)

@@ -6,7 +6,7 @@ import errno
 import json
 import os
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import numpy as np
@@ -276,15 +276,64 @@ def test_a_folder_of_others_is_refused(folder: Path, tiny: Entries, name: str, c
 
 
 @pytest.mark.parametrize("columns", [None, {"mine": [1]}, {"key": ["\u00e4"], "outcome": ["planned"]}])
-def test_a_part_that_is_damaged_or_of_others_is_named(folder: Path, tiny: Entries, columns: dict[str, list[object]] | None) -> None:
+def test_a_part_that_is_of_others_is_set_aside_and_told(folder: Path, tiny: Entries, columns: dict[str, list[object]] | None) -> None:
     _run(folder, tiny | {"roads": ["bend.csv"], "vehicles": ["bus"]})
     part = folder / "out" / "parts" / "cells" / "mine.parquet"
     if columns is None:
         part.write_bytes(b"PAR1 no more")
     else:
         pq.write_table(pa.table(columns), part)
-    with pytest.raises(OptionError, match=r"mine\.parquet cannot be read"):
+    told: list[str] = []
+    engine = InHere()
+    run(study_of(tiny | {"roads": ["bend.csv"], "vehicles": ["bus"]}, folder), folder / "out", engine, on_damage=told.append)
+    assert not engine.worked  # the others are kept
+    (line,) = told
+    assert "mine.parquet cannot be read" in line
+    assert (folder / "out" / "parts" / "damaged" / "cells-mine.parquet").exists()
+
+
+def _torn(part: Path) -> None:
+    part.write_bytes(part.read_bytes()[:-20])
+
+
+def _flipped(part: Path) -> None:
+    """Damage the data of every column, and leave what names them: only whoever reads the columns finds out."""
+    content = bytearray(part.read_bytes())
+    content[4 : len(content) // 3] = bytes(len(content) // 3 - 4)
+    part.write_bytes(bytes(content))
+
+
+@pytest.mark.parametrize(
+    ("kind", "damage"), [("cells", _torn), ("cells", _flipped), ("places", _torn), ("places", _flipped), ("places", Path.unlink)]
+)
+def test_three_damaged_parts_heal_in_one_start(folder: Path, tiny: Entries, kind: str, damage: Callable[[Path], None]) -> None:
+    for widths in ([1.6], [1.6, 3.5]):
+        _run(folder, tiny | {"half_widths": widths, "vehicles": ["bus"]})
+    whole = _run(folder, tiny).cells()  # three parts, one a start
+    parts = sorted((folder / "out" / "parts" / kind).glob("*.parquet"))
+    assert len(parts) >= 3  # one more where ten seconds went by
+    for part in parts:
+        damage(part)
+    told: list[str] = []
+    engine = InHere()
+    healed = run(study_of(tiny, folder), folder / "out", engine, on_damage=told.append)
+    assert len(told) == len(parts)
+    assert len(engine.worked) == len(whole)
+    pd.testing.assert_frame_equal(exact(healed.cells()), exact(whole))
+    again = InHere()
+    _run(folder, tiny, again)
+    assert not again.worked
+
+
+def test_a_part_that_may_not_be_read_is_no_damage(folder: Path, tiny: Entries, monkeypatch: pytest.MonkeyPatch) -> None:
+    def forbidden(*_: object) -> None:
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    _run(folder, tiny | {"vehicles": ["bus"]})
+    monkeypatch.setattr("hdvplan.study.store.pq.ParquetFile", forbidden)
+    with pytest.raises(PermissionError):
         _run(folder, tiny)
+    assert not (folder / "out" / "parts" / "damaged").exists()
 
 
 def test_tables_are_written_through_no_link_and_into_no_folder_of_undecodable_bytes(folder: Path, tiny: Entries) -> None:
