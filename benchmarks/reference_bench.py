@@ -10,7 +10,7 @@ from hdvplan.arrays import FloatArray
 from hdvplan.bench.comparing.counters import COUNTS, LENGTHS, WORK, Tolerance, changes_of
 from hdvplan.bench.comparing.decision import Rule, agreement, judge
 from hdvplan.bench.measuring.acceptance import accepted
-from hdvplan.bench.measuring.ranking import load_of, of_group, ranked_times, ranking, waiting_cells
+from hdvplan.bench.measuring.ranking import load_of, of_group, ranked_times, ranking
 from hdvplan.bench.suite import KEY
 
 _STEPS = 40
@@ -66,7 +66,7 @@ def _acceptance(told: Told) -> Quantities:
 def _ranking(told: Told) -> Quantities:
     """Return the order of solvers: ``took`` is each one's step [ms], ``refused`` its refused steps, ``waited`` clock per processor time."""
     samples = pd.concat([_samples(name, ms, told) for name, ms in told["took"].items()], ignore_index=True)
-    ranked = ranked_times(samples, waiting_cells(samples))
+    ranked = ranked_times(samples)
     cells = [{**_CELL, "solver": name} for name in told["took"]]
     group = pd.DataFrame(cells).assign(cells=1, cells_ok=1, whole=True)
     share = ranked.groupby("solver")["accepted"].mean()

@@ -13,7 +13,7 @@ from hdvplan.qp.workspace import QpResult, Status
 from hdvplan.solvers.riccati import RiccatiWorkspace
 
 Fault = Literal[
-    "wrong", "without multipliers", "sleeping", "crashing", "raising", "not a number", "nothing", "greedy", "lazy", "leaving", "panicking",
+    "wrong", "without multipliers", "sleeping", "crashing", "raising", "not a number", "nothing", "greedy", "slow", "leaving", "panicking",
     "another shape", "infinite", "giving up", "unmoved",
 ]  # fmt: skip
 
@@ -56,8 +56,10 @@ class FakeWorkspace:
                 qp.R[:] *= 300.0
             case "sleeping":
                 time.sleep(3600.0)
-            case "lazy":
-                time.sleep(2e-3)
+            case "slow":
+                began = time.process_time()
+                while time.process_time() < began + 2e-3:
+                    pass
             case "crashing":
                 ctypes.string_at(0)
             case "raising":

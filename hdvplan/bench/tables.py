@@ -13,6 +13,7 @@ from hdvplan.fileio import refuse_endless
 
 OK, FAILED, OVER_BUDGET = "ok", "failed", "over budget"
 UNRECORDED = "nothing recorded"  # of a sample: the reference cannot drive the course, whatever the solver
+UNFAIR = "unfair"  # right or not: it waits, changes clocks or remembers answers
 CRASHED, HUNG, OUT_OF_MEMORY = "crashed", "out of time", "out of memory"
 LOST = frozenset({FAILED, CRASHED, HUNG, OUT_OF_MEMORY})  # no plan, which is no matter of a budget
 _LARGEST = 1_000_000_000  # bytes of an unpacked table: ten million planning steps

@@ -99,7 +99,12 @@ def _beside_kerbs(result: Result) -> Iterator[_Place]:
 
 
 def verdict_line(result: Result, verdict: Verdict) -> str:
-    """Return the verdict as one line that begins with its word."""
+    """Return the verdict as one line that begins with its word, and names a solver whose answers could not be used."""
+    unusable, steps = len(result.failed) + len(result.rescued), len(result.drive.plans)
+    return _answer(result, verdict) + (f"; {result.solver} failed in {unusable} of {steps} steps" if unusable else "")
+
+
+def _answer(result: Result, verdict: Verdict) -> str:
     vehicle, name = result.drive.vehicle.name, body_name(result.drive.vehicle, verdict.unit)
     place = f"at s = {verdict.s:.1f} m ({place_text(verdict.x, verdict.y, verdict.lonlat)})"
     if verdict.fits is None:

@@ -1,5 +1,8 @@
 """Workspaces around workspaces: hard rows before elastic ones, and solvers from outside hdvplan.
 
+What is judged belongs to us: another's solver gets copies of the program and of the guess, which are compared with ours after every
+solve, and its point is copied when it returns. Nor does it say how long it took. All of that is no part of a planning step.
+
 A column for every elastic row doubles a program, and its large price slows general solvers tenfold (OSQP: a hundredfold).
 The program with hard rows has the same solution wherever its rows can be kept at multipliers no larger than their price, by the
 optimality conditions of both; only where that is not so is the elastic one solved.
@@ -8,10 +11,12 @@ optimality conditions of both; only where that is not so is the elastic one solv
 from __future__ import annotations
 
 from collections.abc import Callable
+from time import perf_counter
 from typing import NoReturn
 
 import numpy as np
 
+from hdvplan.arrays import FloatArray
 from hdvplan.errors import HdvplanError, QpDataError, SolverError
 from hdvplan.plugins import said
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
@@ -59,7 +64,7 @@ class _HardFirst:
 class ForeignWorkspace:
     """Another's workspace under the name by which users ask for it."""
 
-    def __init__(self, name: str, make: Callable[[], QpWorkspace]) -> None:
+    def __init__(self, name: str, make: Callable[[], QpWorkspace], shape: StageShape) -> None:
         """Make it, and see that it has what ``QpWorkspace`` asks for.
 
         Raises:
@@ -67,6 +72,7 @@ class ForeignWorkspace:
 
         """
         self.name = name
+        self._lent, self._known, self._point = StageQp.empty(shape), StageSolution.empty(shape), StageSolution.empty(shape)
         try:
             self._own = make()
             self.starts_warm = bool(self._own.starts_warm)
@@ -83,25 +89,50 @@ class ForeignWorkspace:
         """Solve ``qp``; see ``QpWorkspace``.
 
         Raises:
-            SolverError: the solver raises, or what it returns is no result; ``status`` is ``raised``.
+            SolverError: the solver raises, writes into what it is given, or returns no result; ``status`` is ``raised``.
 
         """
+        began = perf_counter()
+        self._lent.buffer[:] = qp.buffer
+        known = None
+        if guess is not None:
+            known = self._known
+            known.copy_from(guess)
+        asked = perf_counter()
         try:
-            result: object = self._own.solve(qp, guess)
-        except HdvplanError:
+            result: object = self._own.solve(self._lent, known)
+        except (HdvplanError, KeyboardInterrupt):
             raise
-        except Exception as error:
+        except BaseException as error:  # compiled solvers panic with what is no Exception, others leave by sys.exit
             msg = f"solver {self.name!r} raises {said(error)}"
             raise SolverError(msg, status="raised") from error
+        took, answered = perf_counter() - asked, perf_counter()
+        if not (_same(self._lent.buffer, qp.buffer) and (guess is None or all(map(_same, self._known.numbers, guess.numbers)))):
+            msg = f"solver {self.name!r} writes into the {'program' if guess is None else 'program or the guess'} that it is given"
+            raise SolverError(msg, status="raised", hint="a solver must work on a copy")
         if not isinstance(result, QpResult):
             msg = f"solver {self.name!r} returns something of type {type(result).__name__}, not a QpResult"
             raise SolverError(msg, status="raised")
         try:
             result.point.address_for(qp.shape)
+            self._point.copy_from(result.point)
         except (AttributeError, QpDataError) as error:
             msg = f"solver {self.name!r} returns a point of another shape"
             raise SolverError(msg, status="raised") from error
-        return result
+        try:
+            status, iterations, solving = Status(result.status), int(result.iterations), min(max(float(result.solve_time), 0.0), took)
+        except (TypeError, ValueError, OverflowError) as error:
+            msg = f"solver {self.name!r} returns a status, a time or iterations that are none: {said(error)}"
+            raise SolverError(msg, status="raised") from error
+        return QpResult(
+            status, self._point, iterations, took - solving, solving, time_aside=asked - began + perf_counter() - answered,
+            leaves_guess=bool(result.leaves_guess), reason=str(result.reason),
+        )  # fmt: skip
+
+
+def _same(one: FloatArray, other: FloatArray) -> bool:
+    """Tell whether two arrays have the same bits: NaN is NaN here."""
+    return np.array_equal(one.view(np.uint64), other.view(np.uint64))
 
 
 def _refuse(message: str, error: Exception | None = None) -> NoReturn:

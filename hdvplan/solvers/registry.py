@@ -83,7 +83,7 @@ class SolverMaker:
     def _guarded(self, make: SolverClass, shape: StageShape, given: Mapping[str, object]) -> QpWorkspace:
         if isinstance(self.solver, str) and self.solver in _ours():
             return make(shape, **given)
-        return ForeignWorkspace(self.name, lambda: make(shape, **given))
+        return ForeignWorkspace(self.name, lambda: make(shape, **given), shape)
 
 
 def solver_named(solver: str | SolverClass, tolerance: float | None = None) -> SolverMaker:

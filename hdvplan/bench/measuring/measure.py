@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from time import perf_counter
 
 import numpy as np
@@ -12,9 +11,10 @@ import numpy as np
 from hdvplan.arrays import FloatArray
 from hdvplan.bench.measuring.acceptance import ReferenceCheck
 from hdvplan.bench.measuring.recording import Program, nonzeros_of, replay, sampled
+from hdvplan.bench.measuring.referee import Watch
 from hdvplan.bench.measuring.samples import DISTANCES, NUMBERS, Judgement, Measurement, ended, numbers_of, outcome_of
 from hdvplan.bench.suite import Suite, tuning_key
-from hdvplan.bench.tables import OK, OVER_BUDGET, UNRECORDED
+from hdvplan.bench.tables import FAILED, OK, OVER_BUDGET, UNFAIR, UNRECORDED
 from hdvplan.case import Case
 from hdvplan.driving.drive import Drive, drive
 from hdvplan.errors import HdvplanError
@@ -103,6 +103,7 @@ def measure(case: Case, make_workspace: WorkspaceMaker, *, budget: float, judged
     outcome, message, judgement, distances = OK, "", None, np.empty((0, len(DISTANCES)))
     gc.collect()
     gc.disable()
+    watch = Watch()
     mark = perf_counter()
     try:
         driven = drive(case.road, case.vehicle, objective_named(case.objective), make, case.settings, bias=case.bias, on_plan=keep)
@@ -114,15 +115,23 @@ def measure(case: Case, make_workspace: WorkspaceMaker, *, budget: float, judged
         outcome, message = outcome_of(error)
     finally:
         gc.enable()
+    if outcome in {OK, OVER_BUDGET} and (fault := watch.fault(len(steps))):
+        return ended(UNFAIR, fault)
     if judged and steps:
-        distances = checked_drive(case, make_workspace, len(steps), alive)
+        distances, why = checked_drive(case, make_workspace, len(steps), alive)
+        if outcome == OK and len(distances) < len(steps):
+            outcome, message = FAILED, f"driven again beside the reference it ends after {len(distances)} of {len(steps)} steps: {why}"
     message = message or next(filter(None, reasons), "")
     numbers = np.array(steps) if steps else np.empty((0, len(NUMBERS)))
     return Measurement(numbers, tuple(statuses), outcome, message, nonzeros_of(shapes[0]) if shapes else 0, judgement, distances)
 
 
-def checked_drive(case: Case, make_workspace: WorkspaceMaker, count: int, alive: Alive) -> FloatArray:
-    """Return of up to ``count`` planning steps how far they lie from the reference's, (steps, len(DISTANCES)), from a drive of its own."""
+def checked_drive(case: Case, make_workspace: WorkspaceMaker, count: int, alive: Alive) -> tuple[FloatArray, str]:
+    """Return of up to ``count`` planning steps how far they lie from the reference's, (steps, len(DISTANCES)), from a drive of its own.
+
+    With it comes why that drive ended early; nothing where it did not.
+    """
+    why = ""
     found: list[tuple[float, float, float]] = []
     check = ReferenceCheck(make_workspace, REFERENCE)
 
@@ -132,9 +141,13 @@ def checked_drive(case: Case, make_workspace: WorkspaceMaker, count: int, alive:
         if len(found) == count:
             raise _OverBudgetError
 
-    with suppress(Exception):  # the timed drive has said why
+    try:
         drive(case.road, case.vehicle, objective_named(case.objective), check, case.settings, bias=case.bias, on_plan=keep)
-    return np.array(found).reshape(-1, len(DISTANCES))
+    except _OverBudgetError:
+        pass
+    except Exception as error:  # noqa: BLE001 - a solver may raise anything
+        why = outcome_of(error)[1]
+    return np.array(found).reshape(-1, len(DISTANCES)), why
 
 
 def judge(driven: Drive) -> Judgement:

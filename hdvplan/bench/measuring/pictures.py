@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from hdvplan.arrays import BoolArray, FloatArray
 from hdvplan.bench.measuring.directory import read_record, read_samples, read_table
-from hdvplan.bench.measuring.ranking import ranked_times, unit_of, waiting_cells
+from hdvplan.bench.measuring.ranking import ranked_times, unit_of
 from hdvplan.bench.measuring.timing import latex_escaped
 from hdvplan.bench.suite import COURSE, KEY
 from hdvplan.bench.tables import OVER_BUDGET
@@ -231,7 +231,7 @@ def order_of(summary: pd.DataFrame) -> list[str]:
 
 def pictured(samples: pd.DataFrame, timing: pd.DataFrame, order: Sequence[str]) -> Pictured:
     """Return what is drawn of a finished benchmark's tables, for the solvers in ``order``."""
-    ranked = ranked_times(samples, waiting_cells(samples))
+    ranked = ranked_times(samples)
     good = ranked[ranked["accepted"]]
     best = good.groupby(_STEP)["ms"].min()
     stopped = {tuple(map(str, key)) for key in timing.loc[timing["status"] == OVER_BUDGET, KEY].itertuples(index=False, name=None)}

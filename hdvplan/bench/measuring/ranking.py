@@ -2,8 +2,7 @@
 
 Solvers are ranked by ``step``: the shifted geometric mean over the accepted steps, each with its fastest round, of the processor time that
 the process took. Waiting for the processor is not in it; neighbours on the same core still slow it. A solver that waits instead of working
-(sleeps, or asks another process) would be flattered: where wall time is 1.5 times as long, and that much longer than beside the other
-solvers, wall time counts.
+(sleeps, or asks another process) would be flattered: it is not ranked, see ``hdvplan.bench.measuring.referee``.
 """
 
 from __future__ import annotations
@@ -17,10 +16,9 @@ import numpy as np
 import pandas as pd
 
 from hdvplan.bench.measuring.acceptance import TUNED
-from hdvplan.bench.suite import AS_SET, COURSE, GROUP, KEY
+from hdvplan.bench.suite import AS_SET, GROUP, KEY
 
 SHIFT_MS = 0.1  # of the geometric mean: steps far shorter than this do not decide it
-_WAITS = 1.5
 
 
 def unit_of(table: pd.DataFrame) -> str:
@@ -28,32 +26,15 @@ def unit_of(table: pd.DataFrame) -> str:
     return "QP" if len(table) and (table["linearise_ms"].dropna() == 0.0).all() and table["linearise_ms"].notna().any() else "step"
 
 
-def waiting_cells(samples: pd.DataFrame) -> frozenset[tuple[str, ...]]:
-    """Return the cells whose solver waits: wall time is much longer than processor time, here and not beside the other solvers."""
-    warm = samples[samples["step"] > 0]
-    fastest = warm.groupby([*KEY, "step"], sort=False)[["total_s", "cpu_s"]].min().groupby(KEY, sort=False).sum()
-    ratio = (fastest["total_s"] / fastest["cpu_s"]).rename("ratio").reset_index()
-    found = set()
-    for _, course in ratio.groupby(COURSE, sort=False):
-        for number, cell in course.iterrows():
-            others = course["ratio"].drop(number)
-            if cell["ratio"] > _WAITS and not cell["ratio"] <= _WAITS * others.min():
-                found.add(tuple(str(cell[name]) for name in KEY))
-    return frozenset(found)
-
-
-def ranked_times(samples: pd.DataFrame, waiting: frozenset[tuple[str, ...]]) -> pd.DataFrame:
+def ranked_times(samples: pd.DataFrame) -> pd.DataFrame:
     """Return what solvers are ranked by: of every step but the first the fastest round's time [ms], and whether it is accepted.
 
     One row a cell and step: KEY, step, ``ms``, ``accepted``, ``binding``.
     """
     warm = samples[samples["step"] > 0]
     grouped = warm.groupby([*KEY, "step"], sort=False)
-    steps = grouped.agg(
-        cpu=("cpu_s", "min"), wall=("total_s", "min"), accepted=("accepted", "all"), binding=("binding", "first")
-    ).reset_index()
-    waits = [key in waiting for key in steps[KEY].itertuples(index=False, name=None)]
-    steps["ms"] = 1e3 * np.where(waits, steps["wall"], steps["cpu"])
+    steps = grouped.agg(ms=("cpu_s", "min"), accepted=("accepted", "all"), binding=("binding", "first")).reset_index()
+    steps["ms"] *= 1e3
     return steps[[*KEY, "step", "ms", "accepted", "binding"]]
 
 

@@ -12,8 +12,9 @@ import numpy as np
 
 from hdvplan.arrays import FloatArray, IntArray
 from hdvplan.bench.measuring.acceptance import proves, scale_of
-from hdvplan.bench.measuring.samples import DISTANCES, NUMBERS, Measurement, outcome_of
-from hdvplan.bench.tables import OK, OVER_BUDGET
+from hdvplan.bench.measuring.referee import Watch
+from hdvplan.bench.measuring.samples import DISTANCES, NUMBERS, Measurement, ended, outcome_of
+from hdvplan.bench.tables import OK, OVER_BUDGET, UNFAIR
 from hdvplan.case import Case
 from hdvplan.driving.drive import drive
 from hdvplan.errors import HdvplanError
@@ -172,6 +173,7 @@ def replay(
     alive(0)
     gc.collect()
     gc.disable()
+    watch = Watch()
     try:
         workspace = make(recorded[0].qp.shape)
         setting_up = _solved(workspace, recorded[0], hurried=True)  # sets up; counts only where it takes the budget
@@ -191,6 +193,8 @@ def replay(
         outcome, message = outcome_of(error)
     finally:
         gc.enable()
+    if outcome in {OK, OVER_BUDGET} and (fault := watch.fault(len(steps))):
+        return ended(UNFAIR, fault)
     table = np.array(steps).reshape(-1, len(NUMBERS))
     told = np.array(distances).reshape(-1, len(DISTANCES)) if judged else np.empty((0, len(DISTANCES)))
     return Measurement(table, tuple(statuses), outcome, message, nonzeros_of(recorded[0].qp.shape), None, told, first_step=1)

@@ -52,7 +52,7 @@ class Measurement:
 
     steps: FloatArray  # (steps, len(NUMBERS)), times in seconds
     statuses: tuple[str, ...]  # the solver's status of every step's last QP
-    outcome: str  # OK, FAILED, UNRECORDED, OVER_BUDGET, CRASHED, HUNG or OUT_OF_MEMORY
+    outcome: str  # OK, FAILED, UNFAIR, UNRECORDED, OVER_BUDGET, CRASHED, HUNG or OUT_OF_MEMORY
     message: str
     nonzeros: int  # of the QP's Hessian (upper triangle), dynamics and rows
     judgement: Judgement | None

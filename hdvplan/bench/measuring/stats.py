@@ -15,13 +15,15 @@ import pandas as pd
 
 from hdvplan.arrays import BoolArray
 from hdvplan.bench.measuring.acceptance import TUNED, WRONG_M, accepted
-from hdvplan.bench.measuring.ranking import of_group, ranked_times, ranking, shifted_mean, waiting_cells
+from hdvplan.bench.measuring.ranking import of_group, ranked_times, ranking, shifted_mean
+from hdvplan.bench.measuring.referee import remembers
 from hdvplan.bench.measuring.samples import Judgement, Measurement
 from hdvplan.bench.suite import COURSE, GROUP, KEY, Cell, key_of
-from hdvplan.bench.tables import FAILED, OK, OVER_BUDGET
+from hdvplan.bench.tables import FAILED, OK, OVER_BUDGET, UNFAIR
 from hdvplan.qp.workspace import Status
 
-SOME_UNSOLVED, WRONG, SOME_REFUSED = "some steps not solved", "wrong optimum", "some steps not accepted"
+SOME_UNSOLVED, SOME_REFUSED = "some steps not solved", "some steps not accepted"
+WRONG, WRONG_PATH = "wrong optimum", "wrong path"
 _PARTS = ("linearise", "update", "solve", "check")
 REFERENCE = "riccati"  # if it takes part; else the first solver
 
@@ -40,7 +42,8 @@ class Tables:
 def tables_of(cells: Sequence[Cell], rounds: Sequence[Sequence[Measurement]], accuracy: float | None = None) -> Tables:
     """Return the tables of a benchmark; ``rounds[i]`` are the measurements of ``cells[i]``, held to ``accuracy`` [m] if it is given."""
     samples = samples_of(cells, rounds, accuracy)
-    timing, envelope = timing_table(samples, cells, rounds, accuracy), envelope_table(cells, [measured[0].judgement for measured in rounds])
+    envelope = envelope_table(cells, [measured[0].judgement for measured in rounds])
+    timing = timing_table(samples, cells, rounds, envelope, accuracy)
     judged = dict(zip(cells, (measured[0].judgement for measured in rounds), strict=True))
     return Tables(samples, timing, envelope, scheme_table(timing, judged), summary_table(samples, timing, envelope))
 
@@ -74,18 +77,22 @@ def accepted_steps(table: pd.DataFrame, judged: pd.DataFrame, accuracy: float | 
 
 
 def timing_table(
-    samples: pd.DataFrame, cells: Sequence[Cell], rounds: Sequence[Sequence[Measurement]], accuracy: float | None = None
+    samples: pd.DataFrame,
+    cells: Sequence[Cell],
+    rounds: Sequence[Sequence[Measurement]],
+    envelope: pd.DataFrame,
+    accuracy: float | None = None,
 ) -> pd.DataFrame:
-    """Return time, iterations, failures and residuals of every cell, in the order of ``cells``."""
+    """Return time, iterations, failures and residuals of every cell, in the order of ``cells``, whose ``envelope_table`` is given."""
+    known = REFERENCE in {cell.solver for cell in cells}
     groups = dict(tuple(samples.groupby(KEY, sort=False)))
     most = samples[samples["round"] == 0].groupby(KEY, sort=False).size().groupby(COURSE).max()
-    waiting = waiting_cells(samples)
     rows = []
-    for cell, measured in zip(cells, rounds, strict=True):
+    for cell, measured, apart in zip(cells, rounds, envelope["path_difference_m"], strict=True):
         mine = groups.get(key_of(cell), samples.iloc[:0])
-        statistics = step_statistics(mine, waiting)
+        statistics = step_statistics(mine)
         statistics["failures"] += sum(drive.outcome == FAILED for drive in measured)
-        status, reason = status_of(measured, accuracy)
+        status, reason = status_of(measured, accuracy, float(apart) if known else np.nan)
         reached = len(measured[0].steps)
         whole = reached if status == OVER_BUDGET else most.get((cell.road, cell.vehicle, str(cell.scheme), cell.limits), 0)
         whole = max(whole, reached + 1) if measured[0].outcome not in {OK, OVER_BUDGET} else whole  # the step in which it ended
@@ -107,8 +114,11 @@ def timing_table(
     return pd.DataFrame(rows)
 
 
-def status_of(measured: Sequence[Measurement], accuracy: float | None = None) -> tuple[str, str]:
-    """Return how a cell went, and why: the first drive that did not reach its end decides, then what its steps are worth."""
+def status_of(measured: Sequence[Measurement], accuracy: float | None = None, apart: float = np.nan) -> tuple[str, str]:
+    """Return how a cell went, and why: the first drive that did not reach its end decides, then what its steps are worth.
+
+    ``apart`` is how far the executed path lies from the reference's [m], NaN where that is not known.
+    """
     for drive in measured:
         if drive.outcome != OK:
             return drive.outcome, drive.message
@@ -119,7 +129,10 @@ def status_of(measured: Sequence[Measurement], accuracy: float | None = None) ->
             SOME_UNSOLVED,
             f"{refused} of {sum(len(drive.steps) for drive in measured)} steps break their program by too much to be driven",
         )
-    wrong = int((judged["distance_m"] > max(WRONG_M, TUNED * (accuracy or 0.0))).sum())
+    if remembers([drive.steps for drive in measured]):
+        return UNFAIR, "the solver remembers answers: the programs of its first round take it a fraction of the time when asked again"
+    another = max(WRONG_M, TUNED * (accuracy or 0.0))
+    wrong = int((judged["distance_m"] > another).sum())
     if wrong:
         return WRONG, f"{wrong} of {len(judged)} optima lie up to {judged['distance_m'].max():.1e} m from the reference's"
     good = accepted_steps(judged, judged, accuracy)
@@ -129,15 +142,15 @@ def status_of(measured: Sequence[Measurement], accuracy: float | None = None) ->
         if accuracy is not None:
             said, first = f"lie further than {TUNED * accuracy:g} m from the optimum; at most ", f"{bad['distance_m'].max():.1e} m"
         return SOME_REFUSED, f"{len(bad)} of {len(judged)} steps {said}{first}"
-    return OK, ""
+    return (WRONG_PATH, f"its path lies up to {apart:.1e} m from that of {REFERENCE}") if apart > another else (OK, "")
 
 
-def step_statistics(samples: pd.DataFrame, waiting: frozenset[tuple[str, ...]]) -> dict[str, float]:
+def step_statistics(samples: pd.DataFrame) -> dict[str, float]:
     """Return the statistics of steps of one or several drives [ms]; NaN where there is no step but the first.
 
     ``step_ms``, ``median_ms`` and ``worst_ms``, by which solvers are ranked, are of accepted steps alone: NaN without any.
     """
-    distinct = ranked_times(samples, waiting)
+    distinct = ranked_times(samples)
     ranked = distinct.loc[distinct["accepted"].astype(bool), "ms"]
     warm, cold = samples[samples["step"] > 0], samples[samples["step"] == 0]
     total = 1e3 * warm["total_s"]
@@ -245,13 +258,13 @@ def summary_table(samples: pd.DataFrame, timing: pd.DataFrame, envelope: pd.Data
     Solvers that did all steps come first, the fastest at the top; ``ratio`` is to the fastest, over the steps that both did, and
     ``won`` the share of steps in which a solver was the fastest of those with all steps accepted.
     """
-    waiting, by_solver = waiting_cells(samples), [*GROUP, "solver"]
-    steps, ranked = dict(tuple(samples.groupby(by_solver, sort=False))), ranked_times(samples, waiting)
+    by_solver = [*GROUP, "solver"]
+    steps, ranked = dict(tuple(samples.groupby(by_solver, sort=False))), ranked_times(samples)
     rows = []
     for key, cells in timing.merge(envelope, on=KEY).groupby(by_solver, sort=False):
         rows.append(
             dict(zip(by_solver, cells[by_solver].iloc[0], strict=True))
-            | step_statistics(steps.get(key, samples.iloc[:0]), waiting)
+            | step_statistics(steps.get(key, samples.iloc[:0]))
             | {
                 "failures": int(cells["failures"].sum()),
                 "cells": len(cells),
