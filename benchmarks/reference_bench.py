@@ -64,7 +64,7 @@ def _acceptance(told: Told) -> Quantities:
 
 
 def _ranking(told: Told) -> Quantities:
-    """Return the order of solvers: ``took`` is each one's step [ms], ``refused`` its refused steps, ``waited`` clock per processor time."""
+    """Return the order of solvers: ``took`` is each one's step [ms], ``refused`` its refused steps."""
     samples = pd.concat([_samples(name, ms, told) for name, ms in told["took"].items()], ignore_index=True)
     ranked = ranked_times(samples)
     cells = [{**_CELL, "solver": name} for name in told["took"]]
@@ -83,9 +83,7 @@ def _samples(solver: str, took: float, told: Told) -> pd.DataFrame:
     step = np.tile(np.arange(_STEPS + 1), 2)
     cpu = 1e-3 * took * (1.0 + 0.3 * np.sin(78.233 * np.arange(len(step)) + took) ** 2)
     refused = step > _STEPS - told.get("refused", {}).get(solver, 0)
-    table = pd.DataFrame(
-        {"round": np.repeat([0, 1], _STEPS + 1), "step": step, "cpu_s": cpu, "total_s": cpu * told.get("waited", {}).get(solver, 1.0)}
-    )
+    table = pd.DataFrame({"round": np.repeat([0, 1], _STEPS + 1), "step": step, "cpu_s": cpu, "total_s": cpu})
     return table.assign(accepted=~refused, binding=False, solver=solver, **_CELL)[[*KEY, *table.columns, "accepted", "binding"]]
 
 
