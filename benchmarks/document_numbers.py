@@ -130,14 +130,12 @@ FIGURES = (
     Figure(LIECHTENSTEIN, "of each bus, on {} different roads,", lambda: tables.checked()[:1]),
     Figure(LIECHTENSTEIN, "differs from the study's by at most {} m. For {} of them", lambda: tables.checked()[1:]),
     Figure(LIECHTENSTEIN, "[killed {} times]", lambda: [tables.kills()]),
-    Figure(NETWORKS, f"| largest difference of e_y [m] |{7 * ' {} |'}", lengths.forgotten),
     *(
         Figure(NETWORKS, f"| {words} | {plan} | {{}} | {{}} |", partial(lengths.long_road, km, name))
         for km, words in ((100, "100 km"), (1000, "1,000 km"))
         for name, plan in (("whole", "undivided"), ("stretches", "in stretches"))
         if (km, name) != (1000, "whole")  # it was not planned
     ),
-    Figure(NETWORKS, "The {} stretches of 1,000 km meet to {} m", lengths.joints),
     Figure(STUDIES, "used {} ms of a core for each, and grew by {} MB in all.", lengths.handed_out),
     Figure(STUDIES, "took {} s of processor time per km and {} MB of memory", lengths.planned_in_stretches),
     Figure(GUARDING, "{} of {} comparisons with an unchanged side were red, and {} of {} with a worse one.", tables.gate),

@@ -1,10 +1,9 @@
-"""Roads of 10, 100 and 1,000 km in stretches: memory, time a kilometre, and how near the plan is to the undivided one.
+"""Roads of 10, 100 and 1,000 km piece by piece: memory, time a kilometre, and how near the plan is to the undivided one.
 
 python benchmarks/long_roads.py [--out results/long-roads] [--lengths 10,100,1000] [--whole 100] [--vehicles bus,...] [--half-width 4]
 
 A long line is that of a real road, end to end again and again. Every plan runs in a process of its own. Writes ``long_roads.csv`` (a row a
-plan: CPU time, largest memory, distances of the plan in stretches from the undivided one), ``forgetting.csv`` (how fast a plan forgets
-where it began), and run.json.
+plan: CPU time, largest memory, distances of the plan in pieces from the undivided one) and run.json.
 """
 
 from __future__ import annotations
@@ -24,24 +23,21 @@ import numpy as np
 import pandas as pd
 from cases import numbers, words
 
-from hdvplan.api import drive_case, plan
+from hdvplan.api import plan
 from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
+from hdvplan.pieces import pieces_of, planned
 from hdvplan.record import write_record
 from hdvplan.report.files import write_plan
+from hdvplan.report.joined import write_pieces
 from hdvplan.road.line import Line
 from hdvplan.road.load import find_road, load_road
 from hdvplan.road.road import Road
-from hdvplan.road.windows import whole_road
-from hdvplan.stretches.cutting import reach_of, stretch_of, stretches_of_line
-from hdvplan.stretches.planning import plan_in_stretches
 from hdvplan.vehicle.load import load_vehicle
 
 ROAD = "liechtenstein_schaan_balzers"  # 11.9 km with five roundabouts
 _FIRST_M = 2e3
 _LINK_M = 30.0  # straight between one time and the next
-_RUN_INS_M = (5, 10, 20, 40, 60, 80, 100, 150, 200, 300)
-_EVERY_M, _JUDGED_M = 500.0, 20.0  # places where forgetting is looked at, and over which length
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -52,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--whole", type=float, default=100.0, help="longest that is planned undivided as well [km]")
     parser.add_argument("--vehicles", type=words, default=["bus", "tractor-trailer"])
     parser.add_argument("--half-width", type=float, default=4.0)
-    parser.add_argument("--one", type=Path, help="plan this line, in stretches or --undivided, and print what it took")
+    parser.add_argument("--one", type=Path, help="plan this line, in pieces or --undivided, and print what it took")
     parser.add_argument("--undivided", action="store_true")
     options = parser.parse_args(arguments)
     if options.one is not None:
@@ -64,18 +60,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
         for km in options.lengths:
             rows += rows_of(km, vehicle, options.half_width, whole=km <= options.whole)
             pd.DataFrame(rows).to_csv(options.out / "long_roads.csv", index=False, float_format="%.5g", lineterminator="\n")
-    forgotten = [row for vehicle in options.vehicles for row in forgetting(case_of(load_road(ROAD), vehicle, options.half_width))]
-    pd.DataFrame(forgotten).to_csv(options.out / "forgetting.csv", index=False, float_format="%.2e", lineterminator="\n")
     write_record(options.out, [case_of(load_road(ROAD), vehicle, options.half_width) for vehicle in options.vehicles])
 
 
-def planned(line: Path, vehicle: str, half_width: float, out: Path, *, undivided: bool) -> dict[str, Any]:
-    """Plan a line, whole or in stretches, write the plan, and return its summary."""
+def plan_line(line: Path, vehicle: str, half_width: float, out: Path, *, undivided: bool) -> dict[str, Any]:
+    """Plan a line, whole or in pieces, write the plan, and return its summary."""
     if undivided:
-        write_plan(plan(case_of(whole_road(line_of(line)), vehicle, half_width)), out)
+        write_plan(plan(case_of(load_road(line), vehicle, half_width)), out)
         return dict(json.loads((out / "summary.json").read_text(encoding="utf-8")))
-    reach = reach_of(load_vehicle(vehicle), case_of(load_road("uturn"), vehicle, half_width).settings)
-    return plan_in_stretches(stretches_of_line(line_of(line), lambda road: case_of(road, vehicle, half_width), reach=reach), out)
+    like = case_of(load_road("uturn"), vehicle, half_width)
+    pieces = pieces_of(find_road(line), like.vehicle, like.settings)
+    return write_pieces(planned(pieces, lambda road: case_of(road, vehicle, half_width)), out)
 
 
 def line_file(folder: Path, length: float) -> Path:
@@ -92,7 +87,7 @@ def case_of(road: Road, vehicle: str, half_width: float) -> Case:
 
 
 def rows_of(km: float, vehicle: str, half_width: float, *, whole: bool) -> list[dict[str, object]]:
-    """Return a row for the plan in stretches of a line this long, and one for the undivided plan."""
+    """Return a row for the plan in pieces of a line this long, and one for the undivided plan."""
     rows: list[dict[str, object]] = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -137,29 +132,27 @@ def line_of(road: str | Path) -> Line:
 def measured(line: Path, vehicle: str, half_width: float, out: Path, *, undivided: bool) -> dict[str, object]:
     """Plan a line in this process; return its length [km], CPU time [s] and largest memory [MB]."""
     with tempfile.TemporaryDirectory() as name:  # what the first plan loads is loaded once, not by the kilometre
-        planned(line_file(Path(name), _FIRST_M), vehicle, half_width, Path(name, "first"), undivided=undivided)
+        plan_line(line_file(Path(name), _FIRST_M), vehicle, half_width, Path(name, "first"), undivided=undivided)
     began = process_time()
-    summary = planned(line, vehicle, half_width, out, undivided=undivided)
+    summary = plan_line(line, vehicle, half_width, out, undivided=undivided)
     spent, km = process_time() - began, 1e-3 * summary["length_m"]
-    stretches = summary.get("stretches", {"count": 1, "apart_m": 0.0})
     return {
         "cpu_s": spent,
         "cpu_s_per_km": spent / km,
         "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0,
         "files_mb": sum(file.stat().st_size for file in out.iterdir()) / 1e6,
-        "stretches": stretches["count"],
-        "stretches_apart_mm": 1e3 * stretches["apart_m"],
+        "pieces": summary.get("stretches", {"count": 1})["count"],
         "min_clearance_m": summary["min_clearance_m"],
     }
 
 
-def apart(whole: Path, stretches: Path) -> dict[str, float]:
+def apart(whole: Path, pieces: Path) -> dict[str, float]:
     """Return how far two plans of the same line lie apart across the road, as driven and as swept [mm]."""
-    a, b = (pd.read_csv(folder / "path.csv") for folder in (whole, stretches))
+    a, b = (pd.read_csv(folder / "path.csv") for folder in (whole, pieces))
     rows = min(len(a), len(b))
     a, b = a[:rows], b[:rows]
     across = np.abs((b.y - a.y) * np.cos(a.heading) - (b.x - a.x) * np.sin(a.heading))
-    swept = [pd.read_csv(folder / "envelope.csv")[["left", "right"]].to_numpy(float) for folder in (whole, stretches)]
+    swept = [pd.read_csv(folder / "envelope.csv")[["left", "right"]].to_numpy(float) for folder in (whole, pieces)]
     samples = min(map(len, swept))
     reach = np.abs(swept[0][:samples] - swept[1][:samples])
     return {
@@ -168,23 +161,6 @@ def apart(whole: Path, stretches: Path) -> dict[str, float]:
         "swept_apart_mm": 1e3 * float(np.nanmax(reach)),
         "swept_apart_p999_mm": 1e3 * float(np.nanquantile(reach, 0.999)),
     }
-
-
-def forgetting(case: Case) -> list[dict[str, object]]:
-    """Return by how much plans that begin on the road differ from the plan of all of it, after run-ins of several lengths [m]."""
-    whole = drive_case(case)
-    longest = _RUN_INS_M[-1] + _JUDGED_M
-    differences: dict[int, list[float]] = {run_in: [] for run_in in _RUN_INS_M}
-    for begin in np.arange(_EVERY_M, case.road.path.length - longest, _EVERY_M):
-        part = drive_case(stretch_of(case, float(begin), float(begin) + longest))
-        for run_in, found in differences.items():
-            there = (part.poses_s >= run_in) & (part.poses_s <= run_in + _JUDGED_M)
-            wanted = np.interp(part.poses_s[there] + begin, whole.poses_s, whole.poses_z[:, 0])
-            found.append(float(np.max(np.abs(part.poses_z[there, 0] - wanted))))
-    return [
-        {"vehicle": case.vehicle.name, "run_in_m": run_in, "places": len(found), "median_m": np.median(found), "max_m": max(found)}
-        for run_in, found in differences.items()
-    ]
 
 
 if __name__ == "__main__":

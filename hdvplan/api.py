@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from hdvplan.case import Case
-from hdvplan.driving.drive import Drive, drive
+from hdvplan.driving.drive import Drive, driven, ready
 from hdvplan.judging.result import Result, result_of
 from hdvplan.passing.sides import choose_sides
 from hdvplan.planning.bias import CENTRE, bias_named
@@ -29,8 +29,8 @@ def plan(case: Case, *, on_progress: Callable[[float], None] | None = None) -> R
 
     """
     road, passed = choose_sides(case)
-    driven = drive_case(replace(case, road=road), on_progress=on_progress)
-    return result_of(driven, solver=case.solver, objective=case.objective, passed=passed)
+    executed = drive_case(replace(case, road=road), on_progress=on_progress)
+    return result_of(executed, solver=case.solver, objective=case.objective, passed=passed)
 
 
 def biased(case: Case, text: str) -> Case:
@@ -72,20 +72,14 @@ def drive_case(
     case: Case,
     objective: Objective | None = None,
     *,
+    after: Drive | None = None,
     on_progress: Callable[[float], None] | None = None,
     on_plan: Callable[[Plan], None] | None = None,
 ) -> Drive:
     """Plan and execute a case without judging it; see ``drive``, and ``plan`` for the errors.
 
-    ``objective`` replaces ``case.objective`` if that is not a public name.
+    ``objective`` replaces ``case.objective`` if that is not a public name. The drive goes on ``after`` one on the road before, if given.
     """
-    return drive(
-        case.road,
-        case.vehicle,
-        objective or objective_named(case.objective),
-        dependable(case.solver),
-        case.settings,
-        bias=case.bias,
-        on_progress=on_progress,
-        on_plan=on_plan,
-    )
+    wanted, solving = objective or objective_named(case.objective), dependable(case.solver)
+    begun = ready(case.road, case.vehicle, wanted, solving, case.settings, case.bias, after=after)
+    return driven(begun, on_progress, on_plan)

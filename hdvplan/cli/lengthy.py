@@ -1,4 +1,4 @@
-"""What ``hdvplan plan`` does on a long road: it plans and writes stretch by stretch."""
+"""What ``hdvplan plan`` does on a long road: it plans and writes piece by piece."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
+    from hdvplan.pieces import CaseOf
+    from hdvplan.planning.settings import PlannerSettings
     from hdvplan.road.line import Line
-    from hdvplan.stretches.cutting import CaseOf
+    from hdvplan.road.load import Found
     from hdvplan.vehicle.model import Vehicle
-
-_JOINED_M = 1e-3  # stretches that lie further apart get a warning
 
 
 def refuse_on_long(line: Line, asked: dict[str, bool]) -> None:
@@ -35,24 +35,19 @@ def refuse_on_long(line: Line, asked: dict[str, bool]) -> None:
 
 
 def plan_long(
-    line: Line, vehicle: Vehicle, case_of: CaseOf, reach: float, directory: Path, *, workers: int | None, json: bool, quiet: bool
+    found: Found, line: Line, vehicle: Vehicle, settings: PlannerSettings, case_of: CaseOf, directory: Path, *, json: bool, quiet: bool
 ) -> int:
-    """Plan a vehicle along a line in stretches, write the plan into a folder, and print its summary; return the exit code.
+    """Plan a vehicle along a road piece by piece, write the plan into a folder, and print its summary; return the exit code.
 
-    ``reach`` is how far beyond a stretch a plan sees [m]; ``workers`` processes plan, as many as there are cores where it is None.
+    ``line`` is the road's; ``case_of`` makes the case of a part of it.
     """
-    from hdvplan.bench.comparing.processes import ended_by_signals
-    from hdvplan.machine import usable_cores
-    from hdvplan.stretches.cutting import stretches_of_line
-    from hdvplan.stretches.planning import plan_in_stretches
-    from hdvplan.stretches.processes import processes
+    from hdvplan.pieces import pieces_of, planned
+    from hdvplan.report.joined import write_pieces
 
     note(f"{line.name} has {line.length / 1e3:.0f} km: it is planned in stretches, without pictures", quiet=quiet)
-    with writing(f"to {directory}"):
-        shown = progress(f"planning {vehicle.name} along {line.name}", quiet=quiet)
-        with ended_by_signals(), shown as told, processes(workers or usable_cores()) as each:
-            cut = stretches_of_line(line, case_of, reach=reach, each=each)
-            summary = plan_in_stretches(cut, directory, each=each, on_progress=lambda done: told(min(1.0, done / line.length)))
+    with writing(f"to {directory}"), progress(f"planning {vehicle.name} along {line.name}", quiet=quiet) as told:
+        pieces = planned(pieces_of(found, vehicle, settings), case_of)
+        summary = write_pieces(pieces, directory, on_progress=lambda done: told(min(1.0, done / line.length)))
     for remark in summary["notes"]:
         note(remark, quiet=quiet)
     verdict = summary["verdict"]
@@ -62,10 +57,6 @@ def plan_long(
         print_line(verdict["text"])
         print_tables(_table(summary, f"{directory}/"))
     _warn_of_steps(summary, quiet=quiet)
-    apart = summary["stretches"]["apart_m"]
-    if apart > _JOINED_M:
-        where = "near limits that are broken, more than one plan may exist"
-        warn(f"two stretches lie {1e3 * apart:.0f} mm apart where they meet: {where}", quiet=quiet)
     return _exit_code(summary)
 
 
@@ -111,16 +102,14 @@ def _table(summary: dict[str, Any], directory: str) -> Table:
     """Return the numbers of the plan."""
     from hdvplan.report.grid import grid
 
-    clearance, times, count = summary["min_clearance_m"], summary["time_ms"], summary["stretches"]["processes"]
-    beside = f", in {count} processes at a time" if count > 1 else ""
+    clearance, times = summary["min_clearance_m"], summary["time_ms"]
     rows = [
         ("road length", f"{1e-3 * summary['length_m']:.1f}", "km", f"in {summary['stretches']['count']} stretches"),
         ("max left", f"{summary['max_left_m']:.3f}", "m", ""),
         ("max right", f"{summary['max_right_m']:.3f}", "m", ""),
         ("mean |left + right|", f"{summary['mean_abs_imbalance_m']:.3f}", "m", "over the whole road"),
         ("min clearance", "-" if clearance is None else f"{clearance:.3f}", "m", _limits_remark(summary)),
-        ("stretches apart", f"{1e3 * summary['stretches']['apart_m']:.3f}", "mm", "at most, where two stretches meet"),
-        ("time per step", f"{times['mean']:.2f}", "ms", f"mean; p95 {times['p95']:.2f}, max {times['max']:.2f}{beside}"),
+        ("time per step", f"{times['mean']:.2f}", "ms", f"mean; p95 {times['p95']:.2f}, max {times['max']:.2f}"),
     ]
     title = f"{summary['vehicle']} on {summary['road']}"
     return grid(title, ("", "value", "unit", "remark"), rows, text=("", "unit", "remark"), caption=f"written to {directory}")

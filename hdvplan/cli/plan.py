@@ -14,7 +14,6 @@ from hdvplan.cli.checks import (
     check_fits,
     check_folder,
     check_room,
-    check_workers,
     reaches_of,
     sheet_options,
     vehicle_named,
@@ -150,15 +149,6 @@ def plan(
         ),
     ] = True,
     out: OutOption = None,
-    workers: Annotated[
-        int | None,
-        typer.Option(
-            "--workers",
-            metavar="N",
-            help="Processes that plan a road of more than 50 km [default: one a core].",
-            rich_help_panel=PLANNING,
-        ),
-    ] = None,
     json: JsonOption = False,
     plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw the picture plan.png.", rich_help_panel=OUTPUT)] = True,
     formats: FormatsOption = "png",
@@ -181,7 +171,6 @@ def plan(
     Exit code 0: the driven path keeps all limits (to 1 cm), or the road has none. 1: it breaks one, or no plan exists. 2: bad input.
     """
     reaches = reaches_of(half_width, left, right)
-    check_workers(workers)
     drawn_on = sheet_options(sheet, scale)
     check_folder(out)
     from hdvplan.planning.objective_names import check_objective
@@ -220,15 +209,14 @@ def plan(
     if found.line is not None and found.line.long:
         dropped = {"--sheet": sheet is not None, "--animate": animate, "--bias centre": bias == CENTRE}
         refuse_on_long(found.line, dropped | {"--format dxf,gpkg": bool({*kinds} & {*DRAWINGS})})
-        from hdvplan.stretches.cutting import reach_of
-
         check_room(driven, reaches)
         along = NONE if bias is None else bias_named(bias, None)
         if bias is not None:
             check_bias(along, bias)
         folder = out or Path(f"{file_name(found.line.name)}.{file_name(driven.name)}")
-        cases, reach = (lambda track: replace(case_of(track), bias=along)), reach_of(driven, settings)
-        return plan_long(found.line, driven, cases, reach, folder, workers=workers, json=json, quiet=quiet)
+        return plan_long(
+            found, found.line, driven, settings, lambda part: replace(case_of(part), bias=along), folder, json=json, quiet=quiet
+        )
     with progress(f"smoothing {road}", quiet=quiet):
         case = case_of(found())
     track = case.road

@@ -107,7 +107,7 @@ def road_info(
                     {"region": str(region.kind), "name": region.label, "distance_m": float(apart)}
                     for region, apart in zip(track.regions, distances(track.path, track.regions), strict=True)
                 ],
-                "smoothing": smoothing_of(track),
+                "smoothing": smoothing_of(track.smoothing),
                 "corners": corners_of(track),
                 "notice": track.notice,
                 "notes": list(track.notes),

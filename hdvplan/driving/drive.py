@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -53,6 +53,7 @@ def simulate(
     return states
 
 
+_ROUNDING_M = 1e-6  # of arclengths
 POSE_SPACING_M = 0.25  # simulated poses are kept at least this densely
 
 
@@ -106,7 +107,7 @@ def drive(
         PlanError: the vehicle cannot be planned further, or the executed motion leaves the model's domain.
 
     """
-    return _driven(ready(road, vehicle, objective, make_workspace, settings, bias), on_progress, on_plan)
+    return driven(ready(road, vehicle, objective, make_workspace, settings, bias), on_progress, on_plan)
 
 
 @dataclass(frozen=True)
@@ -125,16 +126,19 @@ class Ready:
 
 def ready(
     road: Road, vehicle: Vehicle, objective: Objective, make_workspace: WorkspaceMaker, settings: PlannerSettings, bias: Bias, *,
-    stationary: bool = False,
+    stationary: bool = False, after: Drive | None = None,
 ) -> Ready:  # fmt: skip
-    """Return what a drive begins with; see ``drive`` for arguments and errors. A ``stationary`` start is neither approached nor moved."""
+    """Return what a drive begins with; see ``drive`` for arguments and errors. A ``stationary`` start is neither approached nor moved.
+
+    A drive that goes on where the road of another one ended, ``after`` that, begins as that one stood there.
+    """
     length = vehicle.reach_ahead + vehicle.reach_behind
     if road.path.length < length:
         msg = f"the road is {road.path.length:.1f} m long, shorter than the vehicle ({length:.1f} m)"
         raise RoadError(msg)
     stations = stations_of(road, vehicle, CentringTable.of(vehicle), step=settings.step, horizon=settings.horizon, bias=bias)
-    begin = start_of(stations, vehicle)
-    if not stationary:
+    begin = start_of(stations, vehicle) if after is None else Start(after.z[-1], float(after.kappa[-1]))
+    if not stationary and after is None:
         if not lies_beside(stations.path, vehicle, begin.z):
             begin = _arrived(road, vehicle, objective, make_workspace, settings, bias)
         begin = kept_start(stations, vehicle, begin, settings.clearance - settings.give_way)
@@ -142,13 +146,13 @@ def ready(
     return Ready(road, vehicle, settings, bias, stations, begin, goal, Planner(vehicle, stations, goal, settings, make_workspace))
 
 
-def _driven(begun: Ready, on_progress: Callable[[float], None] | None = None, on_plan: Callable[[Plan], None] | None = None) -> Drive:
+def driven(begun: Ready, on_progress: Callable[[float], None] | None = None, on_plan: Callable[[Plan], None] | None = None) -> Drive:
     """Plan and execute from a start to the road's end, then what is left of the last plan, so that all bodies leave the road."""
     road, vehicle, settings, stations = begun.road, begun.vehicle, begun.settings, begun.stations
     keep = int(np.ceil(settings.step / POSE_SPACING_M))
     total = int(np.ceil(road.path.length / settings.step - 1e-9))
     z, kappa_before = begun.begin
-    fine, driven, plans, error = [z[None]], [], [], 0.0
+    fine, steered, plans, error = [z[None]], [], [], 0.0
     at = 0
     while at < total:
         plan = begun.planner.plan(at, z, kappa_before)
@@ -158,19 +162,37 @@ def _driven(begun: Ready, on_progress: Callable[[float], None] | None = None, on
         part = executed(vehicle, stations, plan, slice(0, count), z, keep)
         error = max(error, float(np.max(np.abs(part[::keep, 0] - plan.z[: count + 1, 0]))))
         fine.append(part[1:])
-        driven.append(plan.kappa[:count])
+        steered.append(plan.kappa[:count])
         plans.append(plan)
         z, kappa_before, at = part[-1], float(plan.kappa[count - 1]), at + count
         if on_progress is not None:
             on_progress(at / total)
     leaving = slice(count, count + int(np.ceil(vehicle.reach_behind / settings.step)))
     fine.append(executed(vehicle, stations, plan, leaving, z, keep)[1:])
-    poses, held = np.concatenate(fine), np.repeat(np.concatenate([*driven, plan.kappa[leaving]]), keep)
+    poses, held = np.concatenate(fine), np.repeat(np.concatenate([*steered, plan.kappa[leaving]]), keep)
     poses_s = settings.step / keep * np.arange(len(poses), dtype=np.float64)
     return Drive(
-        road, vehicle, settings, stations, begun.goal, poses[: keep * total + 1 : keep], np.concatenate(driven), poses_s, poses, held,
+        road, vehicle, settings, stations, begun.goal, poses[: keep * total + 1 : keep], np.concatenate(steered), poses_s, poses, held,
         tuple(plans), error, begun.bias,
     )  # fmt: skip
+
+
+def among(here: Drive, before: Drive | None, after: Drive | None, room: float) -> Drive:
+    """Return a drive with what others had driven ``before`` its road and drove ``after`` it, as far as bodies reach and ``room`` [m].
+
+    The roads go on from one to the next: bodies that lie on two of them are then seen whole from each.
+    """
+    vehicle, length, rows = here.vehicle, here.road.path.length, []
+    first, last = -vehicle.reach_ahead - room, length + vehicle.reach_behind + room
+    neighbours = [(here, 0.0, 0.0, np.inf if after is None else length)]
+    neighbours += [] if before is None else [(before, -before.road.path.length, first, 0.0)]
+    neighbours += [] if after is None else [(after, length, length, last)]
+    for drive_, shift, begin, end in sorted(neighbours, key=lambda one: one[1]):
+        s = drive_.poses_s + shift
+        own = (s >= begin - _ROUNDING_M) & (s < end - _ROUNDING_M)
+        rows.append((s[own], drive_.poses_z[own], np.append(drive_.poses_kappa, 0.0)[own]))
+    poses_s, poses_z, poses_kappa = (np.concatenate(column) for column in zip(*rows, strict=True))
+    return replace(here, poses_s=poses_s, poses_z=poses_z, poses_kappa=poses_kappa[:-1])
 
 
 def executed(vehicle: Vehicle, stations: Stations, plan: Plan, part: slice, z: FloatArray, keep: int) -> FloatArray:
@@ -202,8 +224,8 @@ def _arrived(
     way = approach_to(road, vehicle, settings)
     along = Bias(bias.s + way.path.length, bias.offset)
     try:
-        driven = _driven(ready(way, vehicle, objective, make_workspace, settings, along, stationary=True))
+        arrived = driven(ready(way, vehicle, objective, make_workspace, settings, along, stationary=True))
     except PlanError as error:
         msg = f"the road begins in a bend into which the {vehicle.name} cannot be driven"
         raise PlanError(msg, s_m=0.0, hint="let the road begin further back") from error
-    return Start(driven.z[-1], float(driven.kappa[-1]))
+    return Start(arrived.z[-1], float(arrived.kappa[-1]))

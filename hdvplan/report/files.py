@@ -21,6 +21,7 @@ from hdvplan.road.road import Road
 PICTURES = ("png", "pdf", "svg")
 DRAWINGS = ("dxf", "gpkg")  # for CAD and GIS
 SHEET = "sheet.pdf"
+SWEPT, REGIONS = "swept.geojson", "regions.json"
 FILM = "drive.gif"
 FILES = Together(
     "summary.json",
@@ -57,12 +58,9 @@ def write_plan(
 
     """
     contents: dict[str, Callable[[], bytes]] = {
-        "path.csv": lambda: table_bytes(path_table(result)),
-        "envelope.csv": lambda: table_bytes(envelope_table(result)),
-        "profile.csv": lambda: table_bytes(profile_table(result)),
-        "steps.csv": lambda: table_bytes(steps_table(result)),
-        "regions.json": lambda: json_bytes(regions_json(result.drive.road), indent=None),
-        "swept.geojson": lambda: json_bytes(swept_geojson(result), indent=None),
+        **{name: partial(_table, table_of, result) for name, table_of in TABLES.items()},
+        REGIONS: lambda: json_bytes(regions_json(result.drive.road), indent=None),
+        SWEPT: lambda: json_bytes(swept_geojson(result), indent=None),
         NAME: lambda: json_bytes(record_of([result.case])),
     }
     contents |= {f"plan.{kind}": partial(drawn_bytes, result, kind) for kind in (*pictures, *drawings)}
@@ -143,6 +141,15 @@ def steps_table(result: Result) -> Table:
         f"{side}_residual": Column(np.array([getattr(plan.residuals, side) for plan in plans]), "%.3e") for side in ("primal", "dual")
     }
     return table | {"predicted_violation_m": _metres(np.array([plan.violation for plan in plans]))}
+
+
+TABLES: dict[str, Callable[[Result], Table]] = {
+    "path.csv": path_table, "envelope.csv": envelope_table, "profile.csv": profile_table, "steps.csv": steps_table,
+}  # fmt: skip
+
+
+def _table(table_of: Callable[[Result], Table], result: Result) -> bytes:
+    return table_bytes(table_of(result))
 
 
 def _metres(values: FloatArray) -> Column:

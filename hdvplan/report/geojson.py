@@ -38,6 +38,11 @@ def swept_geojson(result: Result) -> Json:
     GitHub draw by; in QGIS they are fields for data-defined styles.
     Longitude and latitude, rounded to 1e-7 degrees, where the road has them; else planar metres, rounded to 1 mm.
     """
+    return {"type": "FeatureCollection", "features": swept_features(result)}
+
+
+def swept_features(result: Result) -> list[Json]:
+    """Return the features of ``swept_geojson``."""
     drive, envelope = result.drive, result.envelope
     road, vehicle = drive.road, drive.vehicle
     common: Json = {"road": road.name, "vehicle": vehicle.name}
@@ -70,7 +75,7 @@ def swept_geojson(result: Result) -> Json:
         wheel, line = track.wheel, simple_line(track.points, _SIMPLER_M)
         named = common | {"kind": "wheel track", "unit": body_name(vehicle, wheel.unit), "axle": wheel.axle, "side": wheel.side}
         features.append(feature(line, road, named | _line_style(body_colour(wheel.unit), 1)))
-    return {"type": "FeatureCollection", "features": features}
+    return features
 
 
 def swept_area(path: ReferencePath, s: FloatArray, left: FloatArray, right: FloatArray) -> BaseGeometry:

@@ -13,7 +13,7 @@ from hdvplan.judging.envelope import steering_of
 from hdvplan.judging.fit import finding_json
 from hdvplan.judging.result import Passed, Proof, Result, body_name
 from hdvplan.judging.verdict import Verdict, verdict_line, verdict_of
-from hdvplan.road.road import Road
+from hdvplan.road.road import Road, Smoothing
 from hdvplan.vehicle.model import Vehicle
 from hdvplan.version import __version__
 
@@ -70,7 +70,7 @@ def summary_of(result: Result) -> Json:
         "time_ms": step_times_ms(result),
         "bodies": [_body(drive.vehicle, unit) for unit in range(len(drive.vehicle.units))],
         "wheels": [_wheel(drive.vehicle, wheel) for wheel in wheels_of(drive.vehicle)],
-        "smoothing": smoothing_of(drive.road),
+        "smoothing": smoothing_of(drive.road.smoothing),
         "corners": corners_of(drive.road),
         "settings": {name: str(value) if isinstance(value, str) else value for name, value in asdict(settings).items()},
         "notice": drive.road.notice,
@@ -127,10 +127,10 @@ def times_json(seconds: FloatArray) -> dict[str, float]:
     }
 
 
-def smoothing_of(road: Road) -> Json | None:
+def smoothing_of(smoothing: Smoothing | None) -> Json | None:
     """Return what smoothing did to the given points, or None for a road that needed none."""
     units = {"points": "", "duplicates": "", "max_curvature": "_per_m"}
-    return None if road.smoothing is None else {f"{name}{units.get(name, '_m')}": value for name, value in asdict(road.smoothing).items()}
+    return None if smoothing is None else {f"{name}{units.get(name, '_m')}": value for name, value in asdict(smoothing).items()}
 
 
 def corners_of(road: Road) -> list[Json]:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from hdvplan.road.crs import ToLonLat
     from hdvplan.road.regions import Region
 
-LONG_M = 50e3  # from this length on a line is smoothed in windows, and planned in stretches
+LONG_M = 50e3  # from this length on a line is smoothed in windows, and planned piece by piece
 OF_POINTS = "corners", "corner_radius"  # options that say how points are read
 _CLOSED_M = 0.01  # how near the last point must come to the first for a closed road
 _CLOSED_TURN = np.deg2rad(100.0)  # a road that returns to its start at a sharper angle merely crosses itself there
@@ -124,9 +124,13 @@ class Line:
 
     @property
     def long(self) -> bool:
-        """Whether it is smoothed in windows, and planned in stretches."""
-        points = self.length > LONG_M and not self.raw.is_profile and self.raw.rounded is None
-        return points and not is_closed(self.raw.points)
+        """Whether it is planned piece by piece."""
+        return self.length > LONG_M and (self.raw.is_profile or not is_closed(self.raw.points))
+
+    @property
+    def windowed(self) -> bool:
+        """Whether it is smoothed in windows."""
+        return self.long and not self.raw.is_profile and self.raw.rounded is None
 
     @property
     def length(self) -> float:

@@ -34,7 +34,7 @@ class Found:
 
     def __call__(self) -> Road:
         """Return the road in the direction and at the offset at which it is driven."""
-        if self.line is not None and self.line.long:
+        if self.line is not None and self.line.windowed:
             from hdvplan.road.windows import whole_road  # noqa: PLC0415 - as below
 
             return whole_road(self.line)

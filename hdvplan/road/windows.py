@@ -7,10 +7,9 @@ or so, are blended over ``BLEND_M``. Whoever takes all windows at once and whoev
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -28,18 +27,7 @@ from hdvplan.road.street import About, Kerb
 WINDOW_M = 5000.0  # about
 BLEND_M = 50.0
 _BESIDE_M = 150.0  # of line on either side of a window: smoothing forgets the end of its line over less
-_HEADING_M = 0.5  # of headings that are followed along a road
-
-Thing = TypeVar("Thing")
-Made = TypeVar("Made")
-
-
-class Each(Protocol):
-    """Does a piece of work on each of many things, as ``map``: results come in the order of the things."""
-
-    def __call__(self, work: Callable[[Thing], Made], things: Iterable[Thing], /) -> Iterable[Made]:
-        """Yield what ``work`` makes of the things."""
-        ...
+_HEADING_M = 0.5  # of headings that are followed along a line
 
 
 @dataclass(frozen=True)
@@ -56,22 +44,19 @@ class Window:
     """A part of a line, smoothed. ``road`` has arclengths of its own, which ``shift`` makes those of the whole road [m].
 
     It stands for the whole road from ``begin`` to ``end`` [m], multiples of the knot spacing, and reaches further on either side.
-    ``turned`` is the heading at ``begin``, followed from the road's start without jumps of a full turn [rad].
     """
 
     road: Road
     shift: float
     begin: float
     end: float
-    turned: float
     last: bool
 
 
-def windows_of(line: Line, length: float = WINDOW_M, *, each: Each = map) -> Iterator[Window]:
+def windows_of(line: Line, length: float = WINDOW_M) -> Iterator[Window]:
     """Smooth a line of points in windows of about ``length`` metres, in driving direction and at the line's offset.
 
-    ``each`` maps the smoothing over the windows, perhaps in other processes. The last window ends at the last multiple of the knot spacing,
-    up to half a metre before the line.
+    The last window ends at the last multiple of the knot spacing, up to half a metre before the line.
 
     Raises:
         RoadError: the line cannot be smoothed; its message says from where its arclengths count.
@@ -80,16 +65,14 @@ def windows_of(line: Line, length: float = WINDOW_M, *, each: Each = map) -> Ite
     chord = chord_of(line.raw.points)
     count = max(1, round(float(chord[-1]) / length))
     ends = np.linspace(0.0, float(chord[-1]), count + 1)
-    begin, turned, place = 0.0, 0.0, (0.0, 0.0)
-    for number, (road, s, along) in enumerate(each(_driven, _pieces(line, chord, ends))):
+    begin, place = 0.0, (0.0, 0.0)
+    for number, (road, s, along) in enumerate(map(_driven, _pieces(line, chord, ends))):
         start = float(road.path.project(*place, float(np.interp(ends[number], along, s)))[0]) if number else 0.0
         shift, last = begin - start, number == count - 1
         end = on_knot(shift + (road.path.length if last else float(np.interp(ends[number + 1], along, s))))
-        heading = headings(road, [start, end - shift])
-        turned = float(heading[0] + 2.0 * np.pi * np.round((turned - heading[0]) / (2.0 * np.pi))) if number else float(heading[0])
-        yield Window(road, shift, begin, end, turned, last)
+        yield Window(road, shift, begin, end, last)
         here = road.path.at(end - shift)
-        place, begin, turned = (float(here.x), float(here.y)), end, turned + float(heading[1] - heading[0])
+        place, begin = (float(here.x), float(here.y)), end
 
 
 def whole_road(line: Line) -> Road:
@@ -273,9 +256,3 @@ def _cut_rows(rows: FloatArray, chord: FloatArray, inside: BoolArray, first: flo
 def _overlaps(region: Region, low: FloatArray, high: FloatArray) -> bool:
     x_low, y_low, x_high, y_high = region.polygon.bounds
     return bool(x_high >= low[0] and y_high >= low[1] and x_low <= high[0] and y_low <= high[1])
-
-
-def headings(road: Road, at: list[float]) -> FloatArray:
-    """Return a road's heading at arclengths, followed along it from its start, without jumps of a full turn [rad]."""
-    fine = np.linspace(0.0, road.path.length, int(np.ceil(road.path.length / _HEADING_M)) + 1)
-    return np.interp(at, fine, np.unwrap(road.path.at(fine).heading))

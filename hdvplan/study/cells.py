@@ -163,7 +163,6 @@ SUMMARY = (
     ),
     Column("step_m", NUMBER, "settings.step"),
     Column("stretches", COUNT, "stretches.count"),
-    Column("stretches_apart_m", NUMBER, "stretches.apart_m"),
     *_columns(TEXT, "notice version"),
 )
 STEPS = _columns(NUMBER, "mean p50 p95 p99 max first", before=f"{PARALLEL}step_ms_", within="time_ms.")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache, lru_cache, partial
@@ -23,18 +23,16 @@ from hdvplan.finer import replanned
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.machine import software
 from hdvplan.need.answer import need_of
+from hdvplan.pieces import Piece, pieces_of, planned
 from hdvplan.planning.bias import CENTRE
 from hdvplan.plugins import digest_of as file_digest
 from hdvplan.plugins import said
+from hdvplan.report.joined import Kept, digest_of, joined_summary, kept_of
 from hdvplan.report.needs import need_json
 from hdvplan.report.summary import summary_of
-from hdvplan.road.line import LONG_M, Line, RoadOptions
-from hdvplan.road.load import find_road
+from hdvplan.road.line import LONG_M, RoadOptions
+from hdvplan.road.load import Found, find_road
 from hdvplan.road.road import Road
-from hdvplan.road.windows import whole_road
-from hdvplan.stretches.cutting import reach_of, stretches_of_line
-from hdvplan.stretches.joining import digest_of, joined_summary
-from hdvplan.stretches.judging import Kept, kept_of, planned
 from hdvplan.study.cells import NEED, NEED_TIME, STEPS, SUMMARY, Cell, Row, taken
 from hdvplan.study.engine import FAILED, NO_PLAN, PLANNED, REFUSED, Outcome
 from hdvplan.study.inputs import RoadSource, road_digest
@@ -79,8 +77,8 @@ def _answer(cell: Cell, row: Row, places: list[Row]) -> str:
     loaded = _loaded(cell.road, cell.reading)
     road = loaded.road
     row |= {"geometry": loaded.shape, "length_m": loaded.length, "notice": loaded.notice}
-    if isinstance(road, Line):
-        ending = _plan_stretches(cell, road, row, places)
+    if isinstance(road, Found):
+        ending = _plan_pieces(cell, road, row, places)
     else:
         case = _case(cell, road)
         row["case"] = case.key
@@ -103,7 +101,7 @@ def _check_unchanged(name: str, digest: str, digest_here: Callable[[str], str]) 
 
 
 def _case(cell: Cell, road: Road) -> Case:
-    """Return the case of a cell on a road, or on a stretch of it."""
+    """Return the case of a cell on a road, or on a part of it."""
     if cell.width is not None:
         road = road.with_limits(cell.width.left, cell.width.right)
     if cell.manner.side is not None:
@@ -128,20 +126,26 @@ def _plan(case: Case, row: Row, places: list[Row], *, prove: bool, refine: bool)
     return PLANNED
 
 
-def _plan_stretches(cell: Cell, line: Line, row: Row, places: list[Row]) -> str:
-    """Plan a long road as ``hdvplan plan`` does, stretch by stretch: memory does not grow with it. There are no proofs and finer plans."""
+def _plan_pieces(cell: Cell, found: Found, row: Row, places: list[Row]) -> str:
+    """Plan a long road as ``hdvplan plan`` does, piece by piece: memory does not grow with it. There are no proofs and finer plans."""
     if cell.manner.bias == CENTRE:
         msg = f"the bias {CENTRE} is not for roads of more than {LONG_M / 1e3:.0f} km"
         raise OptionError(msg)
     kept: list[Kept] = []
     breaches: list[Row] = []
-    for stretch in stretches_of_line(line, partial(_case, cell), reach=reach_of(cell.variant.vehicle, cell.manner.settings)):
-        try:
-            result = planned(stretch)
-        except _UNPLANNED as error:
-            return _no_plan(error, stretch.case.road, stretch.begins, row, places)
-        kept.append(kept_of(result, stretch))
-        breaches += [moved(place, stretch.core_begins) for place in places_of(result) if place["kind"] == BREACH]
+    taken_: list[Piece] = []
+
+    def noted() -> Iterator[Piece]:
+        for piece in pieces_of(found, cell.variant.vehicle, cell.manner.settings):
+            taken_[:] = [piece]
+            yield piece
+
+    try:
+        for one in planned(noted(), partial(_case, cell)):
+            kept.append(kept_of(one))
+            breaches += [moved(place, one.begins) for place in places_of(one.result) if place["kind"] == BREACH]
+    except _UNPLANNED as error:
+        return _no_plan(error, taken_[0].road, taken_[0].begins, row, places)
     told = joined_summary(kept)
     row |= taken(told, SUMMARY) | taken(told, STEPS) | {"case": digest_of(kept)}
     places += joined_places(breaches, told)
@@ -160,11 +164,11 @@ def _no_plan(error: HdvplanError, road: Road, begins: float, row: Row, places: l
     return NO_PLAN
 
 
-def _need(cell: Cell, road: Road | Line, row: Row, places: list[Row]) -> None:
+def _need(cell: Cell, road: Road | Found, row: Row, places: list[Row]) -> None:
     """Add what the vehicle needs; where that cannot be found, the reason. A long road is not cut, as by ``hdvplan need``."""
     began = perf_counter()
     try:
-        need = need_of(_case(cell, whole_road(road) if isinstance(road, Line) else road), prove=None)
+        need = need_of(_case(cell, road() if isinstance(road, Found) else road), prove=None)
     except HdvplanError as error:
         row["reason"] = f"{row['reason']}; need: {error}" if row["reason"] else f"need: {error}"
         return
@@ -174,12 +178,12 @@ def _need(cell: Cell, road: Road | Line, row: Row, places: list[Row]) -> None:
 
 @dataclass(frozen=True)
 class _Loaded:
-    """A road, or the line of one that is too long to be loaded at once.
+    """A road, or what was found of one that is too long to be loaded at once.
 
     ``shape`` is its line as WKB in longitude and latitude; None where it lies nowhere on the Earth. That of a long road is the given one.
     """
 
-    road: Road | Line
+    road: Road | Found
     shape: bytes | None
     length: float
     notice: str | None
@@ -200,7 +204,7 @@ def _load(source: RoadSource, options: RoadOptions) -> _Loaded | RoadError:
     found = find_road(source.source, options)
     if found.line is not None and found.line.long:
         line, raw = found.line, found.line.raw
-        return _Loaded(line, _shape(raw.points[::-1] if options.reverse else raw.points, raw.to_lonlat), line.length, raw.notice)
+        return _Loaded(found, _shape(raw.points[::-1] if options.reverse else raw.points, raw.to_lonlat), line.length, raw.notice)
     try:
         road = found()
     except RoadError as error:

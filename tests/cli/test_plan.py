@@ -179,7 +179,7 @@ def test_a_road_that_cannot_be_planned_ends_in_1(cli: Cli, monkeypatch: pytest.M
     def fail(*_: object, **__: object) -> None:
         raise error
 
-    monkeypatch.setattr("hdvplan.api.drive", fail)
+    monkeypatch.setattr("hdvplan.api.driven", fail)
     outcome = cli("plan", short_road, "--vehicle", "bus", *QUICK)
     assert (outcome.code, outcome.out) == (1, "")
     assert outcome.err == f"error: {error}\n"

@@ -11,8 +11,7 @@ from hdvplan.judging.envelope import envelope_of
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.road.limits import Limits
 from hdvplan.road.path import ReferencePath, from_samples
-from hdvplan.road.road import Road
-from hdvplan.stretches.cutting import stretch_of
+from hdvplan.road.road import Road, part_of
 from hdvplan.vehicle.load import load_vehicle
 from tests.core.chains import arc
 
@@ -47,8 +46,8 @@ def test_what_comes_to_the_start_of_a_closed_road_keeps_the_limits_of_the_lap_s_
     narrow = Limits(end, np.array([4.0, 4.0, 2.0, 4.0]), np.full(4, -4.0), np.array([4.0, 4.0, 2.0, 4.0]), np.full(4, -4.0))
     vehicle, settings = load_vehicle("bus"), PlannerSettings(horizon=20.0)
     way = approach_to(Road("ring", ring(), narrow), vehicle, settings)
-    part = stretch_of(Case(Road("ring", ring(), narrow), vehicle, settings=settings), 0.0, 15.0)
-    for road, start in ((way, way.path.length), (part.road, 0.0)):
+    part = part_of(Road("ring", ring(), narrow), 0.0, 15.0, 20.0, 20.0)
+    for road, start in ((way, way.path.length), (part, 0.0)):
         assert road.given is not None
         (left,) = (kerb for kerb in road.given.unrolled(start - 2.0, start) if kerb.left)
         at = int(np.argmin(np.abs(left.s - (start - 1.0))))

@@ -1,4 +1,4 @@
-"""Cells on roads that are planned in stretches: the same row as of a plan of the whole road, on any number of processes."""
+"""Cells on roads that are planned piece by piece: the same row as of a plan of the whole road."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ import pytest
 import shapely
 
 import hdvplan
+from hdvplan.api import drive_case
+from hdvplan.case import Case
+from hdvplan.driving.drive import Drive
 from hdvplan.errors import PlanError
-from hdvplan.judging.result import Result
 from hdvplan.report.summary import summary_of
 from hdvplan.road.line import RoadOptions
 from hdvplan.road.load import REFERENCE_SLACK
-from hdvplan.stretches.cutting import Stretch
-from hdvplan.stretches.judging import planned
 from hdvplan.study.cells import SUMMARY, taken
 from hdvplan.study.conduct import Results, run
 from hdvplan.study.places import joined_places
@@ -41,7 +41,7 @@ def wave(length: float) -> str:
 
 @pytest.fixture
 def long_folder(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return a folder with a road of 8 km, which is planned in two stretches."""
+    """Return a folder with a road of 8 km, which is planned in two pieces."""
     monkeypatch.setattr("hdvplan.road.line.LONG_M", 1000.0)
     (folder / "wave.geojson").write_text(wave(8000.0), encoding="utf-8")
     return folder
@@ -60,7 +60,6 @@ def test_a_cell_on_a_long_road_tells_what_a_plan_of_the_whole_road_tells(long_fo
     road = hdvplan.load_road(long_folder / "wave.geojson", RoadOptions(max_curvature=REFERENCE_SLACK * vehicle.max_curvature))
     whole = hdvplan.plan(hdvplan.Case(road, vehicle, settings=hdvplan.PlannerSettings(horizon=30.0, step=1.0, replan=10.0)))
     assert (row["outcome"], row["stretches"]) == ("planned", 2)
-    assert row["stretches_apart_m"] < 1e-3  # what stretches may lie apart
     told = taken(summary_of(whole), SUMMARY)
     for name in EXACT:
         assert row[name] == told[name], name
@@ -74,17 +73,18 @@ def test_a_cell_on_a_long_road_tells_what_a_plan_of_the_whole_road_tells(long_fo
     assert line.distance(shapely.points(row["lon"], row["lat"])) < 1e-4  # degrees: 10 m
 
 
-def test_where_a_stretch_has_no_plan_the_cell_has_the_place_on_the_whole_road(long_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def ends(stretch: Stretch) -> Result:
-        if stretch.number:
-            msg = "no further"
-            raise PlanError(msg, s_m=6000.0)
-        return planned(stretch)
+def test_where_a_piece_has_no_plan_the_cell_has_the_place_on_the_whole_road(long_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def ends(case: Case, *, after: Drive | None = None) -> Drive:
+        if after is None:
+            return drive_case(case)
+        msg = "no further"
+        raise PlanError(msg, s_m=6000.0 - after.road.path.length)
 
-    monkeypatch.setattr("hdvplan.study.work.planned", ends)
+    monkeypatch.setattr("hdvplan.pieces.drive_case", ends)
     results = _run(long_folder, {"vehicles": ["P"], "settings": SHORT})
     (row,), (place,) = results.cells().to_dict("records"), results.places().to_dict("records")
-    assert (row["outcome"], row["s_m"], row["reason"]) == ("no plan", 6000.0, "no further")
+    assert (row["outcome"], row["s_m"]) == ("no plan", 6000.0)
+    assert row["reason"].startswith("no further; this s counts from 4000 m")
     assert not row["fits"]
     assert (place["kind"], place["s_m"]) == ("no plan", 6000.0)
     assert place["lon"] == pytest.approx(9.3 + 6000.0 / 75_900.0, abs=2e-3)  # waves are longer than their chord

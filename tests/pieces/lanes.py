@@ -1,4 +1,4 @@
-"""A lane that is cut into stretches, as a file."""
+"""Roads that are cut into pieces: as a file, and from one that is smoothed."""
 
 from __future__ import annotations
 
@@ -7,14 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
-from hdvplan.road.line import Line
-from hdvplan.road.load import find_road
+from hdvplan.road.line import RoadOptions
+from hdvplan.road.load import Found, find_road
+from hdvplan.road.road import Road
 
 PLANE = "+proj=tmerc +lat_0=47 +lon_0=8 +ellps=WGS84 +units=m"  # lengths are true around its origin
 
 
-def lane_with_a_post(folder: Path, reach: float | None = 3.5) -> Line:
-    """Return a line of 2 km beside which a post stands, 12 m before the second of four windows; ``reach`` are its limits [m]."""
+def lane_with_a_post(folder: Path, reach: float | None = 3.5) -> Found:
+    """Return a road of 2 km beside which a post stands, 12 m before the second of four windows; ``reach`` are its limits [m]."""
     x = np.arange(0.0, 2001.0, 20.0)
     line = {"type": "LineString", "coordinates": np.column_stack([x, 10.0 * np.sin(x / 100.0)]).tolist()}
     post = {"type": "Polygon", "coordinates": [[[488.0, -16.0], [489.0, -16.0], [489.0, -15.0], [488.0, -15.0], [488.0, -16.0]]]}
@@ -24,6 +25,9 @@ def lane_with_a_post(folder: Path, reach: float | None = 3.5) -> Line:
     ]
     crs = {"type": "name", "properties": {"name": PLANE}}
     (folder / "lane.geojson").write_text(json.dumps({"type": "FeatureCollection", "crs": crs, "features": features}), encoding="utf-8")
-    found = find_road(folder / "lane.geojson").line
-    assert found is not None
-    return found
+    return find_road(folder / "lane.geojson")
+
+
+def found_of(road: Road) -> Found:
+    """Return a road as one that was found."""
+    return Found(lambda: road, RoadOptions())

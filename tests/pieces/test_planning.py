@@ -1,10 +1,9 @@
-"""A road that is planned in stretches, held against the same road planned whole."""
+"""A road that is planned piece by piece, held against the same road planned whole."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,18 +17,15 @@ from hdvplan.case import Case
 from hdvplan.cli.lengthy import _exit_code, _warn_of_steps
 from hdvplan.errors import HdvplanError, OptionError, PlanError, RoadError
 from hdvplan.judging.result import Result
-from hdvplan.planning.settings import PlannerSettings
+from hdvplan.pieces import pieces_of, planned
+from hdvplan.report.joined import _breaches, _verdict, write_pieces
+from hdvplan.road.load import Found
 from hdvplan.road.path import from_curvature
 from hdvplan.road.regions import Kind, Region, Side
 from hdvplan.road.road import Road
-from hdvplan.road.windows import whole_road
-from hdvplan.stretches.cutting import reach_of, stretches_of_line, stretches_of_road
-from hdvplan.stretches.joining import _breaches, _verdict
-from hdvplan.stretches.judging import planned
-from hdvplan.stretches.planning import plan_in_stretches, side_by_side
 from tests.cli.conftest import Cli
-from tests.stretches.lanes import lane_with_a_post
-from tests.stretches.test_cutting import ROAD, case_on
+from tests.pieces.lanes import found_of, lane_with_a_post
+from tests.pieces.test_cutting import ROAD, case_on
 
 EXACT = (
     "road",
@@ -57,15 +53,20 @@ def whole(case: Case, folder: Path) -> dict[str, Any]:
     return hdvplan.summary_of(result)
 
 
+def in_pieces(case: Case, folder: Path, length: float, found: Found | None = None) -> dict[str, Any]:
+    """Plan a case on its road, or on one that is only found, in pieces of a length [m], and return the summary."""
+    pieces = pieces_of(found or found_of(case.road), case.vehicle, case.settings, length=length)
+    return write_pieces(planned(pieces, lambda road: replace(case, road=road)), folder)
+
+
 @pytest.mark.parametrize(("vehicle", "half_width"), [("bus", 3.2), ("tractor-trailer", None)])
-def test_the_files_of_a_plan_in_stretches_are_those_of_the_whole_plan_to_a_millimetre(
+def test_the_files_of_a_plan_in_pieces_are_those_of_the_whole_plan_to_a_millimetre(
     tmp_path: Path, vehicle: str, half_width: float | None
 ) -> None:
     case = case_on(vehicle=vehicle, half_width=half_width)
     one = whole(case, tmp_path / "whole")
-    joined = plan_in_stretches(stretches_of_road(case, core=500.0, run_in=200.0), tmp_path / "joined")
+    joined = in_pieces(case, tmp_path / "joined", 500.0)
     assert joined["stretches"]["count"] == 4
-    assert joined["stretches"]["apart_m"] < 1e-6  # over 200 m a plan forgets its beginning to 1e-9 m
     for name in ("path.csv", "envelope.csv", "profile.csv"):
         wanted, found = (pd.read_csv(tmp_path / folder / name) for folder in ("whole", "joined"))
         assert list(found) == list(wanted)
@@ -84,7 +85,7 @@ def test_the_files_of_a_plan_in_stretches_are_those_of_the_whole_plan_to_a_milli
 def test_the_place_that_decides_and_the_breaches_are_those_of_the_whole_road(tmp_path: Path) -> None:
     case = case_on("liechtenstein_planken", half_width=2.2)
     one = whole(case, tmp_path / "whole")
-    joined = plan_in_stretches(stretches_of_road(case, core=800.0), tmp_path / "joined")
+    joined = in_pieces(case, tmp_path / "joined", 1100.0)  # cut where limits are kept: elsewhere more than one plan may exist
     assert one["breaches"]  # the hairpins are too narrow
     for key in ("fits", "side", "part", "unit"):
         assert joined["verdict"][key] == one["verdict"][key]
@@ -104,52 +105,11 @@ def test_obstacles_beside_a_cut_are_passed_and_told_once(tmp_path: Path) -> None
     case = Case(hdvplan.load_road("parked_van"), hdvplan.load_vehicle("bus"))
     one = whole(case, tmp_path / "whole")
     van = one["obstacles"][0]["s_m"]
-    joined = plan_in_stretches(stretches_of_road(case, core=van, run_in=100.0), tmp_path / "joined")
+    joined = in_pieces(case, tmp_path / "joined", van)
     assert joined["stretches"]["count"] > 1
     assert [near["name"] for near in joined["obstacles"]] == [near["name"] for near in one["obstacles"]]
     assert joined["obstacles"][0]["distance_m"] == pytest.approx(one["obstacles"][0]["distance_m"], abs=1e-3)  # as above
     assert (tmp_path / "joined" / "regions.json").read_bytes() == (tmp_path / "whole" / "regions.json").read_bytes()
-
-
-def test_a_run_in_that_is_too_short_shows_in_how_far_stretches_lie_apart(tmp_path: Path) -> None:
-    joined = plan_in_stretches(stretches_of_road(case_on("liechtenstein_planken"), core=800.0, run_in=10.0), tmp_path)
-    assert joined["stretches"]["apart_m"] > 1e-3
-
-
-def test_an_executor_gives_the_same_files_in_any_number_of_workers(tmp_path: Path) -> None:
-    case = case_on(half_width=3.5)
-    plan_in_stretches(stretches_of_road(case, core=300.0), tmp_path / "one")
-    with ThreadPoolExecutor(3) as executor:
-        plan_in_stretches(stretches_of_road(case, core=300.0), tmp_path / "many", each=side_by_side(executor, 2))
-    for name in ("path.csv", "envelope.csv", "profile.csv", "swept.geojson", "regions.json"):
-        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "many" / name).read_bytes()
-
-
-def test_no_more_stretches_are_handed_out_than_asked_for() -> None:
-    handed: list[int] = []
-
-    def numbers() -> Iterator[int]:
-        for number in range(10):
-            handed.append(number)
-            yield number
-
-    with ThreadPoolExecutor(1) as executor:
-        found = side_by_side(executor, 3)(lambda number: -number, numbers())
-        assert next(iter(found)) == 0
-        assert len(handed) <= 4
-
-
-def test_an_error_in_what_comes_is_told_after_the_results_before_it() -> None:
-    def numbers() -> Iterator[int]:
-        yield from range(5)
-        msg = "no sixth"
-        raise RoadError(msg)
-
-    with ThreadPoolExecutor(2) as executor:
-        coming = iter(side_by_side(executor, 4)(lambda number: -number, numbers()))
-        assert [next(coming) for _ in range(5)] == [0, -1, -2, -3, -4]
-        with pytest.raises(RoadError, match="no sixth"):
-            next(coming)
 
 
 def test_a_breach_that_goes_on_over_a_cut_is_one() -> None:
@@ -169,16 +129,16 @@ def test_where_no_plan_exists_the_place_is_that_on_the_whole_road(tmp_path: Path
     with pytest.raises(PlanError) as of_whole:
         hdvplan.plan(case)
     with pytest.raises(PlanError, match="m along the road") as caught:
-        plan_in_stretches(stretches_of_road(case, core=300.0), tmp_path)
+        in_pieces(case, tmp_path, 300.0)
     assert caught.value.s_m == pytest.approx(of_whole.value.s_m, abs=5.0)  # a plan's length
     assert list(tmp_path.iterdir()) == []
 
 
 def test_an_obstacle_decides_on_a_road_that_has_no_limits_elsewhere(tmp_path: Path) -> None:
-    line, bus = lane_with_a_post(tmp_path, None), hdvplan.load_vehicle("bus")
-    one: dict[str, Any] = hdvplan.summary_of(hdvplan.plan(Case(whole_road(line), bus)))
-    cut = stretches_of_line(line, lambda road: Case(road, bus), reach=reach_of(bus, PlannerSettings()), core=500.0)
-    joined = plan_in_stretches(cut, tmp_path / "joined")
+    found = lane_with_a_post(tmp_path, None)
+    case = Case(found(), hdvplan.load_vehicle("bus"))
+    one: dict[str, Any] = hdvplan.summary_of(hdvplan.plan(case))
+    joined = in_pieces(case, tmp_path / "joined", 500.0, found)
     assert one["verdict"]["obstacle"] == "post"
     for key in ("fits", "obstacle", "side", "part"):
         assert joined["verdict"][key] == one["verdict"][key], key
@@ -203,7 +163,7 @@ def test_an_obstacle_without_room_on_its_side_is_told_with_its_place_on_the_whol
     wall = Region(Kind.OBSTACLE, shapely.Polygon(np.column_stack([x, y])), "wall", Side.LEFT)
     case = Case(Road("lane", path, regions=(wall,)).with_limits(3.5, 3.5), hdvplan.load_vehicle("bus"))
     with pytest.raises(RoadError, match=r"cannot be passed on the left.*this s counts from .* m along the road") as caught:
-        plan_in_stretches(stretches_of_road(case, core=300.0), tmp_path)
+        in_pieces(case, tmp_path, 300.0)
     assert caught.value.s_m == pytest.approx(900.5, abs=1.0)  # the middle of the wall, in cells of half a metre
 
 
@@ -212,18 +172,18 @@ def test_an_obstacle_without_room_on_its_side_is_told_with_its_place_on_the_whol
     [(PlanError("at s = 7.0 m a body is lost", s_m=7.0), 607.0), (OptionError("a bias leaves no road at s = 7.0 m"), None)],
     ids=["plan", "option"],
 )
-def test_what_is_found_when_a_stretch_is_judged_counts_from_its_core(
+def test_what_is_found_when_a_piece_is_judged_counts_from_its_begin(
     monkeypatch: pytest.MonkeyPatch, error: HdvplanError, s_m: float | None
 ) -> None:
     def refused(*_: object, **__: object) -> Result:
         raise error
 
-    monkeypatch.setattr("hdvplan.stretches.judging.result_of", refused)
-    path = from_curvature(np.array([0.0, 900.0]), np.zeros(2))
-    *_, last = stretches_of_road(Case(Road("lane", path), hdvplan.load_vehicle("bus")), core=300.0)
-    assert last.core_begins == 600.0
+    monkeypatch.setattr("hdvplan.pieces.result_of", refused)
+    case = Case(Road("lane", from_curvature(np.array([0.0, 900.0]), np.zeros(2))), hdvplan.load_vehicle("bus"))
+    *_, last = pieces_of(found_of(case.road), case.vehicle, case.settings, length=300.0)
+    assert last.begins + last.s_from == 600.0
     with pytest.raises(type(error), match=r"at s = 7\.0 m.*this s counts from 600 m along the road") as caught:
-        planned(last)
+        list(planned([last], lambda road: replace(case, road=road)))
     assert getattr(caught.value, "s_m", None) == s_m
 
 
@@ -233,11 +193,14 @@ def _long_roads_are_short(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("_long_roads_are_short")
-def test_a_long_road_is_planned_in_stretches_from_the_command_line(cli: Cli, tmp_path: Path) -> None:
-    outcome = cli("plan", ROAD, "--vehicle", "bus", "--half-width", "3.5", "--workers", "1", "--out", "plan")
+@pytest.mark.parametrize("road", [ROAD, "profile"])
+def test_a_long_road_is_planned_piece_by_piece_from_the_command_line(cli: Cli, tmp_path: Path, road: str) -> None:
+    if road == "profile":
+        (tmp_path / "profile.csv").write_text("s,kappa\n0,0\n900,0.01\n1800,0\n", encoding="utf-8")
+    outcome = cli("plan", ROAD if road == ROAD else "profile.csv", "--vehicle", "bus", "--half-width", "3.5", "--out", "plan")
     assert outcome.code == 0
     assert outcome.out.startswith("YES")
-    assert f"{ROAD} has 2 km: it is planned in stretches, without pictures" in outcome.err
+    assert f"{road} has 2 km: it is planned in stretches, without pictures" in outcome.err
     assert sorted(file.name for file in (tmp_path / "plan").iterdir()) == [
         "envelope.csv", "path.csv", "profile.csv", "regions.json", "run.json", "steps.csv", "summary.json", "swept.geojson",
     ]  # fmt: skip
@@ -246,7 +209,7 @@ def test_a_long_road_is_planned_in_stretches_from_the_command_line(cli: Cli, tmp
 
 @pytest.mark.usefixtures("_long_roads_are_short")
 def test_a_long_road_that_is_too_narrow_is_told_with_exit_code_1(cli: Cli) -> None:
-    outcome = cli("plan", ROAD, "--vehicle", "bus", "--half-width", "1.3", "--json", "--workers", "1", "--out", "plan")
+    outcome = cli("plan", ROAD, "--vehicle", "bus", "--half-width", "1.3", "--json", "--out", "plan")
     assert outcome.code == 1
     assert json.loads(outcome.out)["verdict"]["fits"] is False
     assert "error: the" in outcome.err

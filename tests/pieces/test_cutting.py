@@ -1,9 +1,8 @@
-"""Where a long road is cut, and that what a stretch drives on its core is what the whole road's drive does there."""
+"""Where a long road is cut, that its pieces lie on it, and that what is driven on them is what the whole road's drive does there."""
 
 from __future__ import annotations
 
 import json
-import pickle
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
@@ -17,17 +16,16 @@ from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.errors import OptionError, RoadError
 from hdvplan.judging.envelope import envelope_of
-from hdvplan.judging.result import result_of
+from hdvplan.pieces import Piece, pieces_of, planned
 from hdvplan.planning.bias import Bias
+from hdvplan.planning.settings import PlannerSettings
 from hdvplan.road.line import RoadOptions
 from hdvplan.road.load import Found, find_road, load_road
 from hdvplan.road.regions import OPEN_M
 from hdvplan.road.road import Road
 from hdvplan.road.windows import road_of, windows_of
-from hdvplan.stretches.clipping import clipped
-from hdvplan.stretches.cutting import Stretch, reach_of, stretches_of_line, stretches_of_road
 from hdvplan.vehicle.load import load_vehicle
-from tests.stretches.lanes import PLANE
+from tests.pieces.lanes import PLANE, found_of
 
 ROAD = "goteborg_nya_allen"  # 1852 m
 
@@ -43,95 +41,74 @@ def case_on(road: str = ROAD, *, vehicle: str = "bus", half_width: float | None 
     return Case(track if half_width is None else track.with_limits(half_width, half_width), load_vehicle(vehicle))
 
 
-def of_line(found: Found, *, core: float = 500.0, bias: Bias | None = None) -> list[Stretch]:
-    assert found.line is not None
-    usual = case_on()
-    case = usual if bias is None else replace(usual, bias=bias)
-    return list(
-        stretches_of_line(found.line, lambda road: replace(case, road=road), reach=reach_of(case.vehicle, case.settings), core=core)
-    )
+def of_line(found: Found, *, length: float = 500.0) -> list[Piece]:
+    case = case_on()
+    return list(pieces_of(found, case.vehicle, case.settings, length=length))
+
+
+@pytest.fixture(autouse=True)
+def _long_roads_are_short(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hdvplan.road.line.LONG_M", 500.0)
 
 
 @cache
-def cut_from_its_line() -> tuple[Stretch, ...]:
-    """Return the stretches of the road's line, smoothed once for all tests."""
+def cut_from_its_line() -> tuple[Piece, ...]:
+    """Return the pieces of the road's line, smoothed once for all tests."""
     return tuple(of_line(find_road(ROAD)))
 
 
-def test_cores_cover_the_road_once_and_begin_where_a_plan_of_the_whole_road_begins() -> None:
+@pytest.mark.parametrize("whole", [True, False], ids=["of the road", "of its line"])
+def test_pieces_cover_the_road_once_and_begin_where_a_plan_of_the_whole_road_begins(whole: bool) -> None:
     case = case_on()
-    cut = list(stretches_of_road(case, core=500.0))
-    begins = [one.begins + one.core[0] for one in cut]
-    ends = [one.begins + one.core[1] for one in cut]
-    assert [one.number for one in cut] == [0, 1, 2, 3]
+    cut = list(pieces_of(found_of(case.road), case.vehicle, case.settings, length=500.0)) if whole else cut_from_its_line()
+    begins, ends = [one.begins + one.s_from for one in cut], [one.begins + one.s_to for one in cut]
     assert begins[0] == 0.0
-    assert ends[-1] == pytest.approx(case.road.path.length, abs=1e-9)  # rounding
+    assert ends[-1] == pytest.approx(case.road.path.length, abs=1e-9 if whole else 0.51)  # rounding; a knot: windows end on one
     np.testing.assert_allclose(begins[1:], ends[:-1], atol=1e-9)  # rounding
     np.testing.assert_allclose(np.mod(begins, case.settings.replan), 0.0, atol=1e-9)  # as above
     assert [one.last for one in cut] == [False, False, False, True]
 
 
-def test_a_stretch_pickles_to_the_same_case() -> None:
-    for one in stretches_of_road(case_on(half_width=3.5), core=900.0):
-        assert pickle.loads(pickle.dumps(one)).case.key == one.case.key  # noqa: S301 - our own
-
-
-def test_a_clipped_drive_sweeps_what_the_whole_drive_sweeps_there() -> None:
-    driven = drive_case(case_on("goteborg_lindholmsallen_uturn", vehicle="tractor-trailer", half_width=6.0))
-    whole, part = envelope_of(driven), clipped(driven, 100.0, 200.0)
-    swept = envelope_of(part)
-    first = int(100.0 / 0.25)
-    assert len(swept.s) == 401
+def test_bodies_on_two_pieces_sweep_on_each_what_they_sweep_on_the_whole_road() -> None:
+    case = case_on("goteborg_lindholmsallen_uturn", vehicle="tractor-trailer", half_width=6.0)
+    whole = envelope_of(drive_case(case))
+    pieces = pieces_of(found_of(case.road), case.vehicle, case.settings, length=100.0)
+    found = [one.result.envelope for one in planned(pieces, lambda road: replace(case, road=road))]
+    assert len(found) > 2
     for side in ("left", "right"):
-        of_whole = getattr(whole, side)[:, first : first + 401]
-        np.testing.assert_allclose(getattr(swept, side), of_whole, atol=1e-9)  # arclengths are rounded otherwise
+        joined = np.concatenate([getattr(one, side)[:, :-1] for one in found[:-1]] + [getattr(found[-1], side)], axis=1)
+        np.testing.assert_allclose(joined, getattr(whole, side), atol=1e-4)  # a plan that begins anew is converged to less than that
 
 
-def test_a_clipped_drive_is_judged_as_a_drive_of_its_own() -> None:
-    case = case_on("liechtenstein_planken", half_width=2.2)
-    driven = drive_case(case)
-    result = result_of(driven, solver=case.solver, objective=case.objective)
-    begin = 5.0 * float(np.floor(result.balance.breaches[0].s_from / 5.0)) - 50.0  # the hairpins are too narrow
-    part = result_of(clipped(driven, begin, begin + 150.0), solver=case.solver, objective=case.objective)
-    there, here = result.balance.breaches[0], part.balance.breaches[0]
-    assert (there.side, there.part, there.unit) == (here.side, here.part, here.unit)
-    assert here.depth == pytest.approx(there.depth, abs=1e-9)  # rounding
-    assert here.s_deepest == pytest.approx(there.s_deepest - begin, abs=1e-9)  # as above
-    assert len(part.drive.plans) == 30
-    assert part.drive.stations.s[part.drive.plans[0].first] == 0.0
-
-
-def test_stretches_that_are_smoothed_by_themselves_lie_on_the_line_of_the_whole() -> None:
+def test_pieces_that_are_smoothed_by_themselves_lie_on_the_line_of_the_whole() -> None:
     whole = smoothed(ROAD)
     for one in cut_from_its_line():
-        s = np.arange(one.core[0], one.core[1], 5.0)
-        here = one.case.road.path.at(s)
+        s = np.arange(one.s_from, one.s_to, 5.0)
+        here = one.road.path.at(s)
         feet, apart = whole.path.extended(10.0, 10.0).project(here.x, here.y, s + one.begins)
-        assert (
-            np.max(np.abs(apart)) < 1e-3
-        )  # 1 mm is what stretches may differ by; smoothing ends where it moves the line by less than 1 cm
+        assert np.max(np.abs(apart)) < 1e-3  # 1 mm is what pieces may differ by; smoothing ends where it moves the line by less than 1 cm
         np.testing.assert_allclose(feet, s + one.begins, atol=0.01)  # lengths of lines that differ by that
 
 
-def test_stretches_of_a_line_meet_in_place_heading_and_curvature() -> None:
+def test_pieces_of_a_line_meet_in_place_heading_and_curvature() -> None:
     for before, after in pairwise(cut_from_its_line()):
-        end, start = before.case.road.path.at(before.core[1]), after.case.road.path.at(after.core[0])
-        assert before.begins + before.core[1] == pytest.approx(after.begins + after.core[0], abs=1e-9)  # rounding
+        end, start = before.road.path.at(before.s_to), after.road.path.at(after.s_from)
+        assert before.begins + before.s_to == pytest.approx(after.begins + after.s_from, abs=1e-9)  # rounding
         assert np.hypot(end.x - start.x, end.y - start.y) < 1e-3  # as above
         assert abs(end.curvature - start.curvature) < 1e-4  # of a radius of 100 m, 1 m
 
 
 @pytest.mark.parametrize("options", [RoadOptions(reverse=True), RoadOptions(offset=-1.75), RoadOptions(reverse=True, offset=2.0)])
-def test_direction_and_offset_hold_in_stretches_too(options: RoadOptions) -> None:
+def test_direction_and_offset_hold_in_pieces_too(options: RoadOptions) -> None:
     found = find_road(ROAD, options)
     whole = found()
-    stretches = of_line(found)
-    for one in stretches:
-        s = np.arange(one.core[0], one.core[1], 5.0)
-        here = one.case.road.path.at(s)
+    pieces = of_line(found)
+    for one in pieces:
+        s = np.arange(one.s_from, one.s_to, 5.0)
+        here = one.road.path.at(s)
         _, apart = whole.path.extended(10.0, 10.0).project(here.x, here.y, s + one.begins)
         assert np.max(np.abs(apart)) < 1e-3  # as above
-    assert stretches[-1].begins + stretches[-1].core[1] == pytest.approx(whole.path.length, abs=0.51)  # a knot: windows end on one
+    assert pieces[-1].begins + pieces[-1].s_to == pytest.approx(whole.path.length, abs=0.51)  # a knot: windows end on one
 
 
 def test_widths_along_a_line_lie_where_they_are_given(tmp_path: Path) -> None:
@@ -142,23 +119,16 @@ def test_widths_along_a_line_lie_where_they_are_given(tmp_path: Path) -> None:
     whole = found()
     assert whole.limits is not None
     for one in of_line(found):
-        assert one.case.road.limits is not None
-        s = np.arange(one.core[0], one.core[1], 7.0)
-        np.testing.assert_allclose(
-            one.case.road.limits.table(s), whole.limits.table(s + one.begins), atol=1e-4
-        )  # they change by 1e-3 a metre
+        assert one.road.limits is not None
+        s = np.arange(one.s_from, one.s_to, 7.0)
+        np.testing.assert_allclose(one.road.limits.table(s), whole.limits.table(s + one.begins), atol=1e-4)  # they change by 1e-3 a metre
 
 
-def test_a_bias_along_the_road_moves_with_the_stretches() -> None:
-    bias = Bias(np.array([0.0, 2000.0]), np.array([0.0, 1.0]))
-    for one in of_line(find_road(ROAD), bias=bias):
-        assert one.case.bias.at(np.array([one.core[0]]))[0] == pytest.approx((one.begins + one.core[0]) / 2000.0, abs=1e-9)  # rounding
-
-
-def test_a_curvature_profile_is_not_planned_in_stretches(tmp_path: Path) -> None:
-    (tmp_path / "profile.csv").write_text("s,kappa\n0,0\n600,0\n", encoding="utf-8")
-    with pytest.raises(RoadError, match="only lines of points are planned in stretches"):
-        of_line(find_road(tmp_path / "profile.csv"))
+def test_a_bias_along_the_road_moves_with_the_pieces() -> None:
+    case = replace(case_on(), bias=Bias(np.array([0.0, 2000.0]), np.array([0.0, 1.0])))
+    pieces = pieces_of(found_of(case.road), case.vehicle, case.settings, length=900.0)
+    for one in planned(pieces, lambda road: replace(case, road=road)):
+        assert one.result.aim[0] == pytest.approx(one.begins / 2000.0, abs=1e-9)  # rounding
 
 
 def test_a_corner_that_cannot_be_smoothed_is_told_with_its_place_on_the_whole_line(tmp_path: Path) -> None:
@@ -169,14 +139,14 @@ def test_a_corner_that_cannot_be_smoothed_is_told_with_its_place_on_the_whole_li
     assert caught.value.s_m == pytest.approx(1500.0, abs=30.0)  # where it turns back, as far as smoothing tells
 
 
-def test_stretches_lie_on_the_road_that_all_windows_make_to_rounding() -> None:
+def test_pieces_lie_on_the_road_that_all_windows_make_to_rounding() -> None:
     found = find_road(ROAD)
     assert found.line is not None
     windows = list(windows_of(found.line, 500.0))
     whole = road_of("whole", windows, 0.0, windows[-1].end)
     for one in cut_from_its_line():
-        s = np.arange(one.core[0], one.core[1], 0.7)
-        here, there = one.case.road.path.at(s), whole.path.at(s + one.begins)
+        s = np.arange(one.s_from, one.s_to, 0.7)
+        here, there = one.road.path.at(s), whole.path.at(s + one.begins)
         for name in ("x", "y", "curvature"):
             np.testing.assert_allclose(getattr(here, name), getattr(there, name), atol=1e-9)  # rounding of arclengths
 
@@ -200,10 +170,10 @@ def test_where_no_edge_is_drawn_near_a_road_is_open_and_a_note_says_in_which_par
     assert any("no edge on the left: it is open to 20 m; this is the part from 13" in note for note in last.road.notes)
 
 
-def test_plans_too_long_for_a_stretch_are_refused() -> None:
+def test_plans_too_long_for_a_piece_are_refused() -> None:
     case = case_on()
     with pytest.raises(OptionError, match="stretches of 180 m cannot be replanned every 100 m only"):
-        next(stretches_of_road(replace(case, settings=replace(case.settings, replan=100.0)), core=180.0))
+        pieces_of(found_of(case.road), case.vehicle, PlannerSettings(replan=100.0), length=180.0)
 
 
 def test_windows_are_blended_without_a_kink() -> None:
