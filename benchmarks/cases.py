@@ -12,8 +12,8 @@ import pandas as pd
 
 from hdvplan.case import Case
 from hdvplan.record import write_record
-from hdvplan.road.line import RoadOptions
-from hdvplan.road.load import REFERENCE_SLACK, load_road
+from hdvplan.road.load import load_road
+from hdvplan.road.options import RoadOptions
 from hdvplan.vehicle.load import load_vehicle
 
 
@@ -21,7 +21,7 @@ from hdvplan.vehicle.load import load_vehicle
 def free_case(road: str, name: str) -> Case:
     """Return the run of a vehicle on a road, both by their names, without limits."""
     vehicle = load_vehicle(name)
-    loaded = load_road(road, RoadOptions(max_curvature=REFERENCE_SLACK * vehicle.max_curvature))
+    loaded = load_road(road, RoadOptions().followed_by(vehicle.max_curvature))
     return Case(replace(loaded, limits=None), vehicle)
 
 

@@ -35,8 +35,8 @@ from hdvplan.network.extract import RECORD as EXTRACT
 from hdvplan.record import NAME, command, now
 from hdvplan.report.grid import markdown_table
 from hdvplan.report.style import figure_bytes, styled
-from hdvplan.road.line import RoadOptions
-from hdvplan.road.load import REFERENCE_SLACK, load_road
+from hdvplan.road.load import load_road
+from hdvplan.road.options import RoadOptions
 from hdvplan.study.conduct import RANKING, RECORD
 from hdvplan.study.store import CELLS
 from hdvplan.vehicle.load import load_vehicle
@@ -218,7 +218,7 @@ def again(cell: str, out: Path) -> None:
 def planned_again(folder: Path, name: str, vehicle_name: str, width: float) -> dict[str, object]:
     """Plan a cell by itself, look for a proof, and return its row of ``checked``, without the study's numbers."""
     file, vehicle = folder / f"{name}.geojson", load_vehicle(vehicle_name)
-    road = load_road(file, RoadOptions(max_curvature=REFERENCE_SLACK * vehicle.max_curvature))
+    road = load_road(file, RoadOptions().followed_by(vehicle.max_curvature))
     result = prove(plan(Case(road.with_limits(width, width), vehicle)))
     verdict = verdict_of(result)
     street, _ = street_at(file, verdict.s)

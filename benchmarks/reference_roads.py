@@ -10,8 +10,8 @@ import numpy as np
 from reference_scenes import Quantities, Told, error_of
 
 from hdvplan.errors import HdvplanError
-from hdvplan.road.line import RoadOptions
 from hdvplan.road.load import load_road
+from hdvplan.road.options import RoadOptions
 from hdvplan.road.road import Road
 from hdvplan.turning.manoeuvre import GuidePoint, Manoeuvre
 from hdvplan.turning.templates import load_template

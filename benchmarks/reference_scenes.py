@@ -14,7 +14,8 @@ from hdvplan.errors import HdvplanError
 from hdvplan.planning.bias import Bias
 from hdvplan.planning.settings import Discretisation, PlannerSettings, Scheme
 from hdvplan.road.limits import Limits
-from hdvplan.road.line import Line, RawRoad, RoadOptions, smoothed
+from hdvplan.road.line import Line, RawRoad, smoothed
+from hdvplan.road.options import RoadOptions
 from hdvplan.road.path import ReferencePath, from_curvature, from_samples
 from hdvplan.road.regions import Kind, Region, Side
 from hdvplan.road.road import Road

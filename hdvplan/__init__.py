@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from hdvplan.report.plots import plan_figure
     from hdvplan.report.summary import summary_of
     from hdvplan.road.limits import Limits
-    from hdvplan.road.line import RoadOptions
     from hdvplan.road.load import load_road
+    from hdvplan.road.options import RoadOptions
     from hdvplan.road.road import Road
     from hdvplan.stepping import Stepper
     from hdvplan.vehicle.load import load_vehicle
@@ -51,7 +51,7 @@ _HOMES = {
     "QpWorkspace": "hdvplan.qp.workspace",
     "Result": "hdvplan.judging.result",
     "Road": "hdvplan.road.road",
-    "RoadOptions": "hdvplan.road.line",
+    "RoadOptions": "hdvplan.road.options",
     "Stepper": "hdvplan.stepping",
     "Unit": "hdvplan.vehicle.model",
     "Vehicle": "hdvplan.vehicle.model",

@@ -14,7 +14,7 @@ from importlib import metadata
 from pathlib import Path
 
 from hdvplan import plugins
-from hdvplan.planning.objective_names import OBJECTIVE_NAMES
+from hdvplan.planning.settings import OBJECTIVE_NAMES
 from hdvplan.version import __version__
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "RAYON_NUM_THREADS")

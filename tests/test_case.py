@@ -27,8 +27,8 @@ from hdvplan.planning.objectives import geometric
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.record import command, record_of, write_record
 from hdvplan.road.limits import Limits
-from hdvplan.road.line import RoadOptions
 from hdvplan.road.load import load_road
+from hdvplan.road.options import RoadOptions
 from hdvplan.road.path import ReferencePath
 from hdvplan.road.regions import Kind, Region
 from hdvplan.road.road import Road

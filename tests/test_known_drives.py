@@ -16,7 +16,8 @@ from hdvplan.finer import replanned
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import verdict_of
-from hdvplan.road.line import Line, RawRoad, RoadOptions, smoothed
+from hdvplan.road.line import Line, RawRoad, smoothed
+from hdvplan.road.options import RoadOptions
 from hdvplan.road.road import Road
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle

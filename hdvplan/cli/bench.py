@@ -10,8 +10,9 @@ from hdvplan.cli import bench_options as options
 from hdvplan.cli.baselines import gate, hold_to, measured
 from hdvplan.cli.compare import FORMATS, ExpectChangesOption, FactorOption, FloorOption, FormatOption, rule_of, told_to_programs
 from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, rows_json, warn, writing
-from hdvplan.cli.options import JsonOption, QuietOption, choice
+from hdvplan.cli.options import JsonOption, QuietOption
 from hdvplan.errors import OptionError
+from hdvplan.settings import choice
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

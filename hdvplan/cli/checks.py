@@ -8,10 +8,7 @@ from hdvplan.cli.console import note, warn
 from hdvplan.errors import OptionError, RoadError
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from hdvplan.planning.bias import Bias
-    from hdvplan.report.paper import SheetOptions
     from hdvplan.road.road import Road
     from hdvplan.vehicle.model import Vehicle
 
@@ -46,18 +43,6 @@ def vehicle_named(source: str, *, quiet: bool) -> Vehicle:
     if remark is not None:
         note(remark, quiet=quiet)
     return vehicle
-
-
-def check_folder(out: Path | None) -> None:
-    """Refuse a place of output that is a file.
-
-    Raises:
-        OptionError: it is.
-
-    """
-    if out is not None and out.exists() and not out.is_dir():
-        msg = f"--out {out} is a file, not a folder"
-        raise OptionError(msg, hint="choose another folder with --out")
 
 
 def check_fits(road: Road, vehicle: Vehicle, reaches: tuple[float, float] | None) -> None:
@@ -111,36 +96,3 @@ def warn_far_regions(road: Road, *, quiet: bool) -> None:
     if len(far):
         nearest = f"the nearest of them {far.min():.0f} m"
         warn(f"{len(far)} of {len(apart)} regions lie further than {OPEN_M:.0f} m from the road and do not count, {nearest}", quiet=quiet)
-
-
-def reaches_of(half_width: float | None, left: float | None, right: float | None) -> tuple[float, float] | None:
-    """Return the limits given as options, left and right, or None."""
-    if half_width is not None:
-        if left is not None or right is not None:
-            msg = "--half-width sets both limits; it cannot be combined with --left and --right"
-            raise OptionError(msg)
-        return half_width, half_width
-    if left is None and right is None:
-        return None
-    if left is None or right is None:
-        given, missing = ("--left", "--right") if right is None else ("--right", "--left")
-        msg = f"{given} needs {missing}"
-        raise OptionError(msg, hint="or give --half-width for both")
-    return left, right
-
-
-def sheet_options(sheet: str | None, scale: str | None) -> SheetOptions | None:
-    """Return what the sheet is drawn on, or None without one.
-
-    Raises:
-        OptionError: no such paper or scale, or a scale without a sheet.
-
-    """
-    from hdvplan.report.paper import SheetOptions
-
-    if sheet is None:
-        if scale is not None:
-            msg = f"--scale {scale} needs a sheet"
-            raise OptionError(msg, hint="add --sheet a3")
-        return None
-    return SheetOptions.named(sheet, scale)

@@ -12,8 +12,9 @@ import typer
 
 from hdvplan.cli.console import ExitCode, print_json, print_line, print_tables, warn, writing
 from hdvplan.cli.help import OUTPUT
-from hdvplan.cli.options import JsonOption, QuietOption, choice
+from hdvplan.cli.options import JsonOption, QuietOption
 from hdvplan.errors import HdvplanError, OptionError
+from hdvplan.settings import choice
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

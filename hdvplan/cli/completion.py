@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 
 def roads(incomplete: str) -> list[str]:
     """Return the shipped roads, examples and scenarios that begin so."""
@@ -38,16 +40,6 @@ def objectives(incomplete: str) -> list[str]:
     return _beginning(incomplete, objective_names())
 
 
-def schemes(incomplete: str) -> list[str]:
-    """Return the schemes that begin so."""
-    return _beginning(incomplete, ["rti", "sqp"])
-
-
-def corners(incomplete: str) -> list[str]:
-    """Return the readings of a line's points that begin so."""
-    return _beginning(incomplete, ["auto", "sharp", "round"])
-
-
 def road_list(incomplete: str) -> list[str]:
     """Complete the last of several roads."""
     given, last = _split(incomplete)
@@ -72,5 +64,14 @@ def _split(incomplete: str) -> tuple[str, str]:
     return given + comma, last
 
 
-def _beginning(incomplete: str, names: list[str]) -> list[str]:
+def one_of(names: Sequence[str]) -> Callable[[str], list[str]]:
+    """Return what offers those of fixed names that begin so."""
+
+    def offered(incomplete: str) -> list[str]:
+        return _beginning(incomplete, names)
+
+    return offered
+
+
+def _beginning(incomplete: str, names: Sequence[str]) -> list[str]:
     return [name for name in names if name.startswith(incomplete)]

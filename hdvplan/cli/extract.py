@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hdvplan.cli.checks import check_folder
 from hdvplan.cli.console import ExitCode, note, print_json, print_tables, progress, warn, writing
 from hdvplan.cli.help import OUTPUT
-from hdvplan.cli.options import JsonOption, QuietOption, file_name
+from hdvplan.cli.options import JsonOption, QuietOption, check_folder, file_name
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -8,35 +8,34 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hdvplan.cli.checks import check_fits, check_folder, reaches_of, vehicle_named, warn_far_regions
+from hdvplan.cli.checks import check_fits, vehicle_named, warn_far_regions
 from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error, writing
-from hdvplan.cli.help import OUTPUT, PLANNING, VEHICLE
-from hdvplan.cli.options import (
-    ClearanceOption,
-    FormatsOption,
-    JsonOption,
-    QuietOption,
-    RoadArgument,
-    VehicleOption,
-    choice,
-    drawn_formats,
-    file_name,
-)
-from hdvplan.cli.reading import AS_SAID, Reading, reads_road
+from hdvplan.cli.help import OUTPUT, PLANNING, ROAD, VEHICLE
+from hdvplan.cli.options import Output, RoadArgument, Room, VehicleOption, check_folder, file_name
+from hdvplan.cli.settings import OptionsOf, with_settings
 from hdvplan.errors import OptionError
+from hdvplan.planning.settings import SIDES, PlannerSettings
+from hdvplan.road.options import RoadOptions
+from hdvplan.settings import choice
 
 if TYPE_CHECKING:
     from hdvplan.need.answer import Need
     from hdvplan.road.road import Road
     from hdvplan.road.street import Kerb
 
-_SIDES = ("left", "right")
+_ROOM = {
+    "half_width": "The road's own limits, M to either side [m].",
+    "left": "The road's own left limit, or the fixed one [m].",
+    "right": "The road's own right limit, or the fixed one, positive [m].",
+}
+_OUTPUT = {"out": "Where to write [default: <road>.<vehicle>.need/].", "plot": "Draw the picture need.png."}
 
 
-@reads_road
+@with_settings
 def need(
     road: RoadArgument,
     vehicle: VehicleOption,
+    *,
     fix: Annotated[
         str | None,
         typer.Option(
@@ -46,25 +45,10 @@ def need(
             rich_help_panel=VEHICLE,
         ),
     ] = None,
-    half_width: Annotated[
-        float | None,
-        typer.Option("--half-width", metavar="M", help="The road's own limits, M to either side [m].", rich_help_panel=VEHICLE),
-    ] = None,
-    left: Annotated[
-        float | None, typer.Option("--left", metavar="M", help="The road's own left limit, or the fixed one [m].", rich_help_panel=VEHICLE)
-    ] = None,
-    right: Annotated[
-        float | None,
-        typer.Option("--right", metavar="M", help="The road's own right limit, or the fixed one, positive [m].", rich_help_panel=VEHICLE),
-    ] = None,
-    clearance: ClearanceOption = 0.0,
-    reading: Reading = AS_SAID,
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Where to write [default: <road>.<vehicle>.need/].", rich_help_panel=OUTPUT)
-    ] = None,
-    json: JsonOption = False,
-    plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw the picture need.png.", rich_help_panel=OUTPUT)] = True,
-    formats: FormatsOption = "png",
+    room: Annotated[Room, OptionsOf(Room, VEHICLE, words=_ROOM)],
+    settings: Annotated[PlannerSettings, OptionsOf(PlannerSettings, VEHICLE, only=("clearance",))],
+    reading: Annotated[RoadOptions, OptionsOf(RoadOptions, ROAD)],
+    output: Annotated[Output, OptionsOf(Output, OUTPUT, words=_OUTPUT, only=("out", "json", "plot", "formats", "quiet"))],
     proof: Annotated[
         bool | None,
         typer.Option(
@@ -73,7 +57,6 @@ def need(
             rich_help_panel=PLANNING,
         ),
     ] = None,
-    quiet: QuietOption = False,
 ) -> int:
     """Find the least room that a vehicle needs on a road.
 
@@ -86,21 +69,19 @@ def need(
 
     Exit code 0: the answer was found. 1: no plan exists at any width, or with the fixed edge. 2: bad input.
     """
-    held = None if fix is None else choice("--fix", fix, _SIDES)
-    given = _given(held, half_width, left, right)
-    check_folder(out)
-    from hdvplan.road.load import REFERENCE_SLACK, find_road
+    held = None if fix is None else choice("--fix", fix, SIDES)
+    given, quiet = _given(held, room), output.quiet
+    check_folder(output.out)
+    from hdvplan.road.load import find_road
 
     driven = vehicle_named(vehicle, quiet=quiet)
-    found = find_road(road, reading.options(REFERENCE_SLACK * driven.max_curvature))
+    found = find_road(road, reading.followed_by(driven.max_curvature))
     from hdvplan.case import Case
     from hdvplan.need.answer import edge_need_of, need_of
-    from hdvplan.planning.settings import PlannerSettings
     from hdvplan.report.files import DRAWINGS, PICTURES
     from hdvplan.report.needs import need_json, write_need
 
-    kinds = drawn_formats(formats, PICTURES, DRAWINGS, plot=plot)
-    settings = PlannerSettings(clearance=clearance)
+    kinds = output.kinds(PICTURES, DRAWINGS)
     with progress(f"smoothing {road}", quiet=quiet):
         track = found()
     if given is not None:
@@ -116,28 +97,27 @@ def need(
             answer = need_of(case, prove=proof, on_progress=on_progress)
         else:
             other = "right" if held == "left" else "left"
-            edge = _held(track, held, left if held == "left" else right)
+            edge = _held(track, held, getattr(room, held))
             answer = edge_need_of(case, edge, other, prove=proof, on_progress=on_progress)
     told = need_json(answer, perf_counter() - began)
-    directory = out or Path(f"{file_name(track.name)}.{file_name(driven.name)}.need")
+    directory = output.out or Path(f"{file_name(track.name)}.{file_name(driven.name)}.need")
     with writing(f"to {directory}"):
         write_need(answer, told, directory, kinds)
-    if json:
+    if output.json:
         print_json(told)
     elif not quiet:
         _print(answer, directory)
     return _exit_code(answer)
 
 
-def _given(held: str | None, half_width: float | None, left: float | None, right: float | None) -> tuple[float, float] | None:
+def _given(held: str | None, room: Room) -> tuple[float, float] | None:
     """Return the road's own limits given as options, or None; for a fixed edge only the option of that edge counts."""
     if held is None:
-        return reaches_of(half_width, left, right)
-    asked = right if held == "left" else left
-    if half_width is not None or asked is not None:
-        extra = "--half-width" if half_width is not None else f"--{'right' if held == 'left' else 'left'}"
-        msg = f"--fix {held} asks for the least edge on the other side; {extra} says what it is"
-        raise OptionError(msg, hint=f"give --{held} alone, or leave --fix out")
+        return room.reaches()
+    for extra in ("half_width", *(side for side in SIDES if side != held)):
+        if getattr(room, extra) is not None:
+            msg = f"--fix {held} asks for the least edge on the other side; --{extra.replace('_', '-')} says what it is"
+            raise OptionError(msg, hint=f"give --{held} alone, or leave --fix out")
     return None
 
 

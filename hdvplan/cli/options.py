@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from hdvplan.cli import completion
-from hdvplan.cli.help import OUTPUT, PLANNING, VEHICLE
+from hdvplan.cli.help import OUTPUT, VEHICLE
 from hdvplan.errors import OptionError
+from hdvplan.settings import Setting, choice
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from hdvplan.report.paper import SheetOptions
 
 _LONGEST_NAME = 110  # bytes; a file's name has up to 255
 
@@ -34,56 +37,89 @@ _VEHICLE = typer.Option(
 )
 VehicleOption = Annotated[str, _VEHICLE]
 VehicleOrNoneOption = Annotated[str | None, _VEHICLE]
-HalfWidthOption = Annotated[
-    float | None, typer.Option("--half-width", metavar="M", help="Limits at M to either side of the line [m].", rich_help_panel=VEHICLE)
-]
-ClearanceOption = Annotated[
-    float, typer.Option("--clearance", metavar="M", help="Room to keep from every limit and obstacle [m].", rich_help_panel=VEHICLE)
-]
-ObjectiveOption = Annotated[
-    str,
-    typer.Option(
-        "--objective",
-        metavar="NAME",
-        help="What the plan centres: geometric, balanced, geometric-fixed, lead-axle, trail-axle, art-weighted, art-weighted:0.45, "
-        "axle-max, body-max, one of an installed package, or your own: package.module:name, file.py:name.",
-        autocompletion=completion.objectives,
-        rich_help_panel=PLANNING,
-    ),
-]
 JsonOption = Annotated[bool, typer.Option("--json", help="Write JSON to stdout, and nothing else.", rich_help_panel=OUTPUT)]
 QuietOption = Annotated[bool, typer.Option("--quiet", help="No progress, notes or tables; errors remain.", rich_help_panel=OUTPUT)]
-FormatsOption = Annotated[
-    str,
-    typer.Option("--format", metavar="A,B", help="png, pdf, svg: the picture; dxf, gpkg: layers for CAD and GIS.", rich_help_panel=OUTPUT),
-]
-OutOption = Annotated[
-    Path | None, typer.Option("--out", metavar="DIR", help="Where to write [default: <road>.<vehicle>/].", rich_help_panel=OUTPUT)
-]
 
 
-def choice(option: str, value: str, choices: Sequence[str]) -> str:
-    """Return ``value`` if it is one of the choices.
+@dataclass(frozen=True)
+class Room:
+    """The road's limits, as options give them."""
+
+    half_width: Annotated[float | None, Setting("Limits at M to either side of the line [m].", "M")] = None
+    left: Annotated[float | None, Setting("Limit at M to the left of the line [m]; needs --right.", "M")] = None
+    right: Annotated[float | None, Setting("Limit at M to the right of the line, a positive number [m]; needs --left.", "M")] = None
+
+    def reaches(self) -> tuple[float, float] | None:
+        """Return the limits left and right [m], or None where none are given.
+
+        Raises:
+            OptionError: options contradict each other, or one is missing.
+
+        """
+        if self.half_width is not None:
+            if self.left is not None or self.right is not None:
+                msg = "--half-width sets both limits; it cannot be combined with --left and --right"
+                raise OptionError(msg)
+            return self.half_width, self.half_width
+        if self.left is None and self.right is None:
+            return None
+        if self.left is None or self.right is None:
+            given, missing = ("--left", "--right") if self.right is None else ("--right", "--left")
+            msg = f"{given} needs {missing}"
+            raise OptionError(msg, hint="or give --half-width for both")
+        return self.left, self.right
+
+
+@dataclass(frozen=True)
+class Output:
+    """Where a command that drives a vehicle writes, and what."""
+
+    out: Annotated[Path | None, Setting("Where to write [default: <road>.<vehicle>/].", "DIR")] = None
+    json: Annotated[bool, Setting("Write JSON to stdout, and nothing else.")] = False
+    plot: Annotated[bool, Setting("Draw the picture plan.png.", names=("--plot/--no-plot",))] = True
+    formats: Annotated[str, Setting("png, pdf, svg: the picture; dxf, gpkg: layers for CAD and GIS.", "A,B", ("--format",))] = "png"
+    sheet: Annotated[str | None, Setting("Draw sheet.pdf at a round scale; up to a0.", "a4|a3|...")] = None
+    scale: Annotated[str | None, Setting("Scale of the sheet: 200 draws 1:200 [default: what fits].", "N")] = None
+    animate: Annotated[bool, Setting("Write drive.gif, a film of the drive.")] = False
+    quiet: Annotated[bool, Setting("No progress, notes or tables; errors remain.")] = False
+
+    def drawn_on(self) -> SheetOptions | None:
+        """Return what the sheet is drawn on, or None without one.
+
+        Raises:
+            OptionError: no such paper or scale, or a scale without a sheet.
+
+        """
+        from hdvplan.report.paper import SheetOptions
+
+        if self.sheet is None:
+            if self.scale is not None:
+                msg = f"--scale {self.scale} needs a sheet"
+                raise OptionError(msg, hint="add --sheet a3")
+            return None
+        return SheetOptions.named(self.sheet, self.scale)
+
+    def kinds(self, pictures: Sequence[str], drawings: Sequence[str]) -> list[str]:
+        """Return which of these formats are asked for; without ``plot`` no pictures.
+
+        Raises:
+            OptionError: one is none of them.
+
+        """
+        kinds = [choice("--format", kind.strip(), (*pictures, *drawings)) for kind in self.formats.split(",")]
+        return [kind for kind in kinds if self.plot or kind in drawings]
+
+
+def check_folder(out: Path | None) -> None:
+    """Refuse a place of output that is a file.
 
     Raises:
-        OptionError: it is none of them.
+        OptionError: it is.
 
     """
-    if value not in choices:
-        msg = f"{option} must be {', '.join(choices[:-1])} or {choices[-1]}, not {value!r}"
-        raise OptionError(msg)
-    return value
-
-
-def drawn_formats(text: str, pictures: Sequence[str], drawings: Sequence[str], *, plot: bool) -> list[str]:
-    """Return what ``--format A,B`` asks for, of these; without ``plot`` no pictures.
-
-    Raises:
-        OptionError: one is none of them.
-
-    """
-    kinds = [choice("--format", kind.strip(), (*pictures, *drawings)) for kind in text.split(",")]
-    return [kind for kind in kinds if plot or kind in drawings]
+    if out is not None and out.exists() and not out.is_dir():
+        msg = f"--out {out} is a file, not a folder"
+        raise OptionError(msg, hint="choose another folder with --out")
 
 
 def file_name(name: str) -> str:

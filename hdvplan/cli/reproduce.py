@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hdvplan.cli.checks import check_folder
 from hdvplan.cli.console import ExitCode, print_json, print_tables, progress, rows_json, writing
 from hdvplan.cli.help import OUTPUT
-from hdvplan.cli.options import JsonOption, QuietOption, choice
+from hdvplan.cli.options import JsonOption, QuietOption, check_folder
 from hdvplan.reproduce import STUDIES
+from hdvplan.settings import choice
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

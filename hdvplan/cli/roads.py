@@ -12,15 +12,12 @@ import typer
 from hdvplan.cli import extract
 from hdvplan.cli.checks import warn_far_regions
 from hdvplan.cli.console import ExitCode, note, print_json, print_tables, progress, writing
-from hdvplan.cli.help import OUTPUT, Command
-from hdvplan.cli.options import (
-    HalfWidthOption,
-    JsonOption,
-    RoadArgument,
-    choice,
-)
-from hdvplan.cli.reading import AS_SAID, Reading, reads_road
+from hdvplan.cli.help import OUTPUT, ROAD, VEHICLE, Command
+from hdvplan.cli.options import JsonOption, RoadArgument, Room
+from hdvplan.cli.settings import OptionsOf, with_settings
 from hdvplan.errors import OptionError
+from hdvplan.road.options import RoadOptions
+from hdvplan.settings import choice
 
 if TYPE_CHECKING:
     from hdvplan.judging.fit import Fit
@@ -54,11 +51,11 @@ def list_roads(json: JsonOption = False) -> int:
 
 
 @app.command("info", cls=Command)
-@reads_road
+@with_settings
 def road_info(
     road: RoadArgument,
-    half_width: HalfWidthOption = None,
-    reading: Reading = AS_SAID,
+    room: Annotated[Room, OptionsOf(Room, VEHICLE, only=("half_width",))],
+    reading: Annotated[RoadOptions, OptionsOf(RoadOptions, ROAD)],
     csv: Annotated[
         Path | None,
         typer.Option("--csv", metavar="FILE", help="Write limits and the width that each vehicle needs over s.", rich_help_panel=OUTPUT),
@@ -72,7 +69,7 @@ def road_info(
     """
     from hdvplan.road.load import find_road
 
-    found = find_road(road, reading.options())  # bad files are refused before more is loaded
+    found = find_road(road, reading)  # bad files are refused before more is loaded
     from hdvplan.fileio import csv_bytes, write_atomically
     from hdvplan.judging.fit import facts_of, fit_of, fit_table
     from hdvplan.report.summary import corners_of, smoothing_of
@@ -85,8 +82,9 @@ def road_info(
     for remark in track.notes:
         note(remark)
     warn_far_regions(track, quiet=False)
-    if half_width is not None:
-        track = track.with_limits(half_width, half_width)
+    reaches = room.reaches()
+    if reaches is not None:
+        track = track.with_limits(*reaches)
     vehicles = [load_vehicle(preset) for preset in preset_names()]
     facts, fits = facts_of(track), [fit_of(track, vehicle) for vehicle in vehicles]
     if csv is not None:

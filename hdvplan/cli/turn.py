@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hdvplan.cli import completion
-from hdvplan.cli.checks import check_folder, vehicle_named
+from hdvplan.cli.checks import vehicle_named
 from hdvplan.cli.console import ExitCode, print_json, print_line, print_tables, report_error, writing
 from hdvplan.cli.help import OUTPUT
-from hdvplan.cli.options import JsonOption, QuietOption, VehicleOrNoneOption, drawn_formats, file_name
+from hdvplan.cli.options import Output, VehicleOrNoneOption, check_folder, file_name
+from hdvplan.cli.settings import OptionsOf, with_settings
 from hdvplan.errors import OptionError
+from hdvplan.settings import Setting
 
 if TYPE_CHECKING:
     from hdvplan.turning.manoeuvre import Manoeuvre
@@ -22,59 +24,65 @@ if TYPE_CHECKING:
 _STEADY = "steady"
 _GUIDE = "front-axle"
 _TURN = "Turn"  # options that describe it
+_OUTPUT = {
+    "out": "Where to write [default: <template>.<vehicle>/].",
+    "plot": "Draw the picture turn.png.",
+    "formats": "Formats of the picture: png, pdf, svg; dxf for CAD.",
+}
 
 
-def turn(
-    vehicle: VehicleOrNoneOption = None,
-    template: Annotated[
-        str | None,
-        typer.Option(
-            "--template",
-            metavar="NAME|FILE.toml",
-            help="A turn of a standard, from --list, or a file.",
-            autocompletion=completion.templates,
-            rich_help_panel=_TURN,
-        ),
-    ] = None,
-    radius: Annotated[
-        float | None,
-        typer.Option("--radius", metavar="M", help="Radius of the guided point's path [m]; needs --angle.", rich_help_panel=_TURN),
-    ] = None,
-    angle: Annotated[
-        str | None,
-        typer.Option(
-            "--angle",
-            metavar="DEG|steady",
-            help="Angle of the turn [degrees]; steady: the circle, until the motion is steady.",
-            rich_help_panel=_TURN,
-        ),
-    ] = None,
+@dataclass(frozen=True)
+class TurnOptions:
+    """A turn, as options describe it."""
+
+    template: Annotated[str | None, Setting("A turn of a standard, from --list, or a file.", "NAME|FILE.toml")] = None
+    radius: Annotated[float | None, Setting("Radius of the guided point's path [m]; needs --angle.", "M")] = None
+    angle: Annotated[str | None, Setting("Angle of the turn [degrees]; steady: the circle, until the motion is steady.", "DEG|steady")] = (
+        None
+    )
     guide: Annotated[
         str | None,
-        typer.Option(
-            "--guide",
-            metavar="POINT",
-            help="The point that follows the path: front-axle (default), outer-front-wheel, front-corner or kingpin.",
-            rich_help_panel=_TURN,
-        ),
-    ] = None,
-    ramp: Annotated[
-        float | None,
-        typer.Option("--ramp", metavar="M", help="Length of path over which the curvature grows, and falls [m].", rich_help_panel=_TURN),
-    ] = None,
-    standstill: Annotated[
-        bool, typer.Option("--standstill", help="Turn the front wheels before the vehicle moves.", rich_help_panel=_TURN)
-    ] = False,
+        Setting("The point that follows the path: front-axle (default), outer-front-wheel, front-corner or kingpin.", "POINT"),
+    ] = None
+    ramp: Annotated[float | None, Setting("Length of path over which the curvature grows, and falls [m].", "M")] = None
+    standstill: Annotated[bool, Setting("Turn the front wheels before the vehicle moves.")] = False
+
+    def wanted(self) -> Manoeuvre | Template:
+        """Return the manoeuvre that the options describe.
+
+        Raises:
+            OptionError: they describe none, or two.
+
+        """
+        from math import radians
+
+        from hdvplan.turning.manoeuvre import Manoeuvre
+        from hdvplan.turning.templates import guide_point, load_template
+
+        if self.template is not None:
+            for field in fields(self)[1:]:
+                if getattr(self, field.name) not in {None, False}:
+                    msg = f"--{field.name} contradicts --template, which says it already"
+                    raise OptionError(msg, hint="copy the template to a file of your own and edit it")
+            return load_template(self.template)
+        if self.radius is None or self.angle is None:
+            msg = "a manoeuvre needs --template, or --radius and --angle"
+            raise OptionError(msg, hint="`hdvplan turn --list` names the templates")
+        try:
+            angle = None if self.angle == _STEADY else radians(float(self.angle))
+        except ValueError as error:
+            msg = f"--angle must be a number of degrees or {_STEADY}, not {self.angle!r}"
+            raise OptionError(msg) from error
+        return Manoeuvre(self.radius, angle, guide_point(self.guide or _GUIDE, "--guide"), self.ramp or 0.0, standstill=self.standstill)
+
+
+@with_settings
+def turn(
+    *,
+    vehicle: VehicleOrNoneOption = None,
+    described: Annotated[TurnOptions, OptionsOf(TurnOptions, _TURN)],
     list_: Annotated[bool, typer.Option("--list", help="List the templates.", rich_help_panel=_TURN)] = False,
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Where to write [default: <template>.<vehicle>/].", rich_help_panel=OUTPUT)
-    ] = None,
-    json: JsonOption = False,
-    plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw the picture turn.png.", rich_help_panel=OUTPUT)] = True,
-    formats: Annotated[
-        str, typer.Option("--format", metavar="A,B", help="Formats of the picture: png, pdf, svg; dxf for CAD.", rich_help_panel=OUTPUT)
-    ] = "png",
-    quiet: QuietOption = False,
+    output: Annotated[Output, OptionsOf(Output, OUTPUT, words=_OUTPUT, only=("out", "json", "plot", "formats", "quiet"))],
 ) -> int:
     """Drive a prescribed turn exactly and print what it sweeps.
 
@@ -84,66 +92,30 @@ def turn(
     Exit code 0: the vehicle drives the turn and meets the template's limits. 1: it does not meet them, or cannot drive it. 2: bad input.
     """
     if list_:
-        return _list(json=json)
+        return _list(json=output.json)
     if vehicle is None:
         msg = "missing option '--vehicle'"
         raise OptionError(msg, hint="`hdvplan vehicles list` names the presets, `hdvplan turn --list` the templates")
-    check_folder(out)
+    check_folder(output.out)
     from hdvplan.report.files import PICTURES
     from hdvplan.report.turns import TURN_DRAWINGS, turn_json, turn_table, write_turn
     from hdvplan.turning.turn import broken_words, verdict
     from hdvplan.turning.turn import turn as drive
 
-    kinds = drawn_formats(formats, PICTURES, TURN_DRAWINGS, plot=plot)
-    wanted = _wanted(template, radius, angle, guide, ramp, standstill=standstill)
-    found = drive(vehicle_named(vehicle, quiet=quiet), wanted)
-    directory = out or Path(_folder(found))
+    kinds, wanted = output.kinds(PICTURES, TURN_DRAWINGS), described.wanted()
+    found = drive(vehicle_named(vehicle, quiet=output.quiet), wanted)
+    directory = output.out or Path(_folder(found))
     with writing(f"to {directory}"):
         write_turn(found, directory, kinds=kinds)
-    if json:
+    if output.json:
         print_json(turn_json(found))
-    elif not quiet:
+    elif not output.quiet:
         print_line(verdict(found))
         print_tables(turn_table(found, f"{directory}/"))
     broken = [limit for limit in found.limits if not limit.kept(found.figures)]
     for limit in broken:
         report_error(broken_words(limit, found))
     return ExitCode.BROKEN if broken else ExitCode.OK
-
-
-def _wanted(
-    template: str | None, radius: float | None, angle: str | None, guide: str | None, ramp: float | None, *, standstill: bool
-) -> Manoeuvre | Template:
-    """Return the manoeuvre that the options describe.
-
-    Raises:
-        OptionError: they describe none, or two.
-
-    """
-    from math import radians
-
-    from hdvplan.turning.manoeuvre import Manoeuvre
-    from hdvplan.turning.templates import guide_point, load_template
-
-    if template is not None:
-        given = {"--radius": radius, "--angle": angle, "--guide": guide, "--ramp": ramp, "--standstill": standstill or None}
-        for option, value in given.items():
-            if value is not None:
-                msg = f"{option} contradicts --template, which says it already"
-                raise OptionError(msg, hint="copy the template to a file of your own and edit it")
-        return load_template(template)
-    if radius is None or angle is None:
-        msg = "a manoeuvre needs --template, or --radius and --angle"
-        raise OptionError(msg, hint="`hdvplan turn --list` names the templates")
-    if angle == _STEADY:
-        turned = None
-    else:
-        try:
-            turned = radians(float(angle))
-        except ValueError as error:
-            msg = f"--angle must be a number of degrees or {_STEADY}, not {angle!r}"
-            raise OptionError(msg) from error
-    return Manoeuvre(radius, turned, guide_point(guide or _GUIDE, "--guide"), ramp or 0.0, standstill=standstill)
 
 
 def _folder(found: Turn) -> str:

@@ -11,8 +11,9 @@ import typer
 from hdvplan.cli import completion
 from hdvplan.cli.console import ExitCode, note, print_json, print_tables, writing
 from hdvplan.cli.help import OUTPUT, Command
-from hdvplan.cli.options import JsonOption, choice, file_name
+from hdvplan.cli.options import JsonOption, file_name
 from hdvplan.errors import OptionError
+from hdvplan.settings import choice
 
 if TYPE_CHECKING:
     from hdvplan.vehicle.model import Vehicle

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from hdvplan import plugins
 from hdvplan.errors import OptionError
+from hdvplan.planning.settings import OBJECTIVE_NAMES, WEIGHTED
 from hdvplan.spelling import did_you_mean
-
-WEIGHTED = "art-weighted"
-OBJECTIVE_NAMES = ("geometric", "geometric-fixed", "lead-axle", "trail-axle", WEIGHTED, "axle-max", "body-max", "balanced")
 
 
 def check_objective(name: str) -> None:

@@ -9,11 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
+from typing import Annotated
 
-import numpy as np
-
-from hdvplan import core
 from hdvplan.errors import OptionError
+from hdvplan.settings import NOT_NEGATIVE, POSITIVE, Setting, check
 
 
 class Discretisation(StrEnum):
@@ -26,10 +25,10 @@ class Discretisation(StrEnum):
     @property
     def code(self) -> int:
         """The rule as the core takes it."""
-        return _CODES[self]
+        from hdvplan import core  # noqa: PLC0415 - settings are told without NumPy: --help stays quick
 
+        return core.number(f"HDV_{self.name}")
 
-_CODES = {rule: core.number(f"HDV_{rule.name}") for rule in Discretisation}
 
 SHORTEST_STEP_M = 0.01  # below the accuracy that limits are judged with; a road has a station every step
 MOST_STAGES = 20_000  # of one horizon: ten times what was ever measured, and what memory holds
@@ -42,6 +41,60 @@ class Scheme(StrEnum):
     SQP = "sqp"  # to convergence
 
 
+WEIGHTED = "art-weighted"
+OBJECTIVE_NAMES = ("geometric", "balanced", "geometric-fixed", "lead-axle", "trail-axle", "axle-max", "body-max", WEIGHTED)
+SIDES = "left", "right"
+
+
+@dataclass(frozen=True)
+class PlanOptions:
+    """What is planned, and what of a plan that breaks limits, as users name it; what they bring has a name of the form below.
+
+    Raises:
+        OptionError: no such side.
+
+    """
+
+    solver: Annotated[
+        str | None,
+        Setting("A name from `hdvplan solvers`, or your own: package.module:Class, file.py:Class [default: riccati].", "NAME"),
+    ] = None
+    objective: Annotated[
+        str,
+        Setting(
+            f"What the plan centres: {', '.join(OBJECTIVE_NAMES)}, {WEIGHTED}:0.45, one of an installed package, or your own: "
+            "package.module:name, file.py:name.",
+            "NAME",
+        ),
+    ] = OBJECTIVE_NAMES[0]
+    bias: Annotated[
+        str | None,
+        Setting(
+            "Where the middle of the swept area should lie [m], left positive: a number, a file with columns s,bias, or half-way between "
+            "the limits.",
+            "M|FILE.csv|centre",
+        ),
+    ] = None
+    side: Annotated[
+        str | None,
+        Setting(
+            "Pass all obstacles on the line on this side, seen in the direction of travel [default: the better side].",
+            names=("--pass",),
+            choices=SIDES,
+        ),
+    ] = None
+    proof: Annotated[
+        bool, Setting("If the plan breaks limits, look for a proof that no plan keeps them.", names=("--proof/--no-proof",))
+    ] = True
+    refine: Annotated[bool, Setting("If the plan breaks limits, plan again so that less is lacking.", names=("--refine/--no-refine",))] = (
+        True
+    )
+
+    def __post_init__(self) -> None:
+        """Refuse a side that is none."""
+        check(self)
+
+
 @dataclass(frozen=True)
 class PlannerSettings:
     """All settings of a planner. Lengths are in metres.
@@ -51,33 +104,34 @@ class PlannerSettings:
 
     """
 
-    scheme: Scheme = Scheme.RTI
-    horizon: float = 100.0  #: how far each plan looks ahead [m]
-    step: float = 0.5  #: distance between stations [m]
-    replan: float = 5.0  #: distance driven before the next plan [m]
-    smoothness: float = 1e3  #: w_kappa, the weight of (kappa_i - kappa_{i-1})^2 against squared metres [m^4]
-    discretisation: Discretisation = Discretisation.MIDPOINT
-    clearance: float = 0.0  #: room to keep from every limit and obstacle [m]
-    give_way: float = 0.0  #: by which limits and obstacles give way to plans, never to the judge [m]
-    elastic_weight: float = 1e4  #: exact penalty on a limit's violation [1/m]; above any multiplier seen on feasible roads
-    elastic_growth: float = 1e5  #: growth of the price with depth [1/m^2]: many shallow violations are cheaper than a deep one
-    overhang_cost: float = 1.0  #: weight of an overhang's squared reach beyond the wheels' limit, relative to the squared centring error
-    sqp_tolerance: float = 1e-4  #: SQP ends when no state moves further [m, rad]
-    sqp_iterations: int = 50  #: most iterations of a plan
-    rti_repairs: int = 6  #: most further QPs of an RTI plan that would break a limit
+    scheme: Annotated[Scheme, Setting("rti: the real-time iteration, one quadratic program (QP) a step; sqp: QPs to convergence.")] = (
+        Scheme.RTI
+    )
+    horizon: Annotated[float, Setting("How far each plan looks ahead [m].", "M", above=0.0)] = 100.0
+    step: Annotated[float, Setting("Distance between stations [m].", "M", above=0.0)] = 0.5
+    replan: Annotated[float, Setting("Distance driven before the next plan [m].", "M", above=0.0)] = 5.0
+    smoothness: Annotated[
+        float,
+        Setting(
+            "Weight of curvature changes in the objective: more makes the steering gentler. The road's line is smoothed by --smooth.",
+            "W",
+            ("--curvature-weight", "--smoothness"),
+            above=0.0,
+        ),
+    ] = 1e3  #: w_kappa, the weight of (kappa_i - kappa_{i-1})^2 against squared metres [m^4]
+    discretisation: Annotated[Discretisation, Setting("Rule by which states are predicted.")] = Discretisation.MIDPOINT
+    clearance: Annotated[float, Setting("Room to keep from every limit and obstacle [m].", "M", least=0.0)] = 0.0
+    give_way: Annotated[float, NOT_NEGATIVE] = 0.0  #: by which limits and obstacles give way to plans, never to the judge [m]
+    elastic_weight: Annotated[float, POSITIVE] = 1e4  #: exact penalty on a limit's violation [1/m]; above any multiplier seen
+    elastic_growth: Annotated[float, NOT_NEGATIVE] = 1e5  #: growth of the price [1/m^2]: many shallow violations, no deep one
+    overhang_cost: Annotated[float, NOT_NEGATIVE] = 1.0  #: weight of an overhang's squared reach beyond the wheels' limit
+    sqp_tolerance: Annotated[float, POSITIVE] = 1e-4  #: SQP ends when no state moves further [m, rad]
+    sqp_iterations: Annotated[int, POSITIVE] = 50  #: most iterations of a plan
+    rti_repairs: Annotated[int, NOT_NEGATIVE] = 6  #: most further QPs of an RTI plan that would break a limit
 
     def __post_init__(self) -> None:
         """Refuse what cannot be planned with."""
-        for name in ("horizon", "step", "replan", "smoothness", "elastic_weight", "sqp_tolerance", "sqp_iterations"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0.0):
-                msg = f"{name} must be a positive number, not {value:g}"
-                raise OptionError(msg)
-        for name in ("clearance", "give_way", "elastic_growth", "overhang_cost", "rti_repairs"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0.0):
-                msg = f"{name} must be zero or a positive number, not {value:g}"
-                raise OptionError(msg)
+        check(self)
         for name in ("horizon", "replan"):
             ratio = getattr(self, name) / self.step
             if abs(ratio - round(ratio)) > 1e-6 or round(ratio) < 1:  # noqa: PLR2004 - rounding of decimal inputs

@@ -8,7 +8,7 @@ from hdvplan.judging.fit import Fit, RoadFacts, facts_of
 from hdvplan.judging.result import Result, body_name
 from hdvplan.report.grid import grid
 from hdvplan.report.summary import step_times_ms
-from hdvplan.road.given import Corners
+from hdvplan.road.options import Corners
 from hdvplan.road.road import Road, Smoothing
 
 MOST_BREACHES = 10  # listed; the summary file holds all

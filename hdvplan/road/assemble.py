@@ -14,9 +14,10 @@ from hdvplan.errors import RoadError
 from hdvplan.road.checks import Unit, refuse_far, refuse_no_street
 from hdvplan.road.crs import LONLAT, Plane, check_lonlat, is_geographic, looks_like_degrees, to_plane
 from hdvplan.road.features import LINES, Choice, Feature, Json, Role, coordinates_of, flat, is_finite, parts_of, role_of, unheeded
-from hdvplan.road.given import CORNERS_ASKED, Corners
 from hdvplan.road.line import RawRoad
+from hdvplan.road.options import Corners
 from hdvplan.road.regions import Kind, Region, Side
+from hdvplan.settings import any_of
 from hdvplan.texts import printable
 
 _SNAP_M = 0.01
@@ -203,7 +204,7 @@ def _corners(properties: Json, name: str) -> str | None:
     """Return how the points are to be read; None where the file does not say."""
     said = properties.get("corners")
     if said is not None and said not in list(Corners):
-        msg = f"{name}: property corners must be {CORNERS_ASKED}, not {said!r}"
+        msg = f"{name}: property corners must be {any_of(list(Corners))}, not {said!r}"
         raise RoadError(msg)
     return said
 

@@ -13,6 +13,7 @@ import shapely
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
 from hdvplan.lengths import METRES
+from hdvplan.settings import any_of
 
 _LARGEST_MB = 64
 _PACKED = {".kmz", ".xlsx", ".ods"}  # packed by nature
@@ -31,7 +32,6 @@ _AROUND = 3  # steps looked at before and after
 SPARSE_M = 1000.0  # between the points of a long line, on average: a small file makes no road of a thousand kilometres
 MIN_LENGTH_M = 5.0  # of a road
 LARGEST_M = 1e8  # beyond it a double's rounding of a position shows in the curvature
-ASKED = f"{', '.join(list(METRES)[:-1])} or {list(METRES)[-1]}"
 _IN_METRES = 6  # INSUNITS
 _CODES = {  # what INSUNITS says, and how long that is [m]
     1: ("inches", METRES["in"]),
@@ -220,7 +220,7 @@ def refuse_no_street(
         for part in parts:
             refuse_outliers(part, lines, name)  # one wrong point is no wrong unit
         msg = f"{name} {unit.said}, and {'in these' if unit.code in _CODES else 'in metres'} {odd}, as of no street"
-        raise RoadError(msg, hint=f"say its unit: --unit {ASKED}")
+        raise RoadError(msg, hint=f"say its unit: --unit {any_of(list(METRES))}")
 
 
 def _oddity(parts: Sequence[FloatArray], reaches: FloatArray | None, edges: Sequence[FloatArray], *, drawn: bool) -> str | None:

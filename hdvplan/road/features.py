@@ -13,14 +13,11 @@ import numpy as np
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError, RoadError
 from hdvplan.road.columns import folded
+from hdvplan.road.options import OPTIONS
 
 Json = dict[str, Any]
 _IDS = ("name", "id", "@id", "osm_id", "ref")
 LINES = {"LineString", "MultiLineString"}
-# Options of the command line, by what readers of roads call them.
-OPTIONS = {"feature": "--name", "roles": "--role"} | {
-    name: f"--{name.replace('_', '-')}" for name in ("crs", "layer", "road_ids", "lane", "unit", "corners", "corner_radius")
-}
 
 
 class Role(StrEnum):

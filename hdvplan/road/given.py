@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import TypeVar
 
 import numpy as np
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 
 from hdvplan.arrays import BoolArray, FloatArray, IntArray
 from hdvplan.road.arcs import arcs_and_tangent, biarcs, half_angle, sampled, wrapped
+from hdvplan.road.options import Corners
 
 _SAME_M = 0.02  # points this close repeat their neighbour
 _CHORD_M = 2e-4  # from the dense points' chords to the curve
@@ -36,17 +36,6 @@ _KINK = 1e-3  # [rad] below which a point is no kink: 3 m beside it, a kerb's en
 
 
 _T = TypeVar("_T", np.float64, np.bool_)
-
-
-class Corners(StrEnum):
-    """How points are read: bends and corners told apart, all as corners, or all as samples of one curve."""
-
-    AUTO = "auto"
-    SHARP = "sharp"
-    ROUND = "round"
-
-
-CORNERS_ASKED = f"{', '.join(list(Corners)[:-1])} or {list(Corners)[-1]}"
 
 
 @dataclass(frozen=True)

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hdvplan.arrays import FloatArray
-from hdvplan.errors import OptionError, RoadError
-from hdvplan.lengths import METRES
-from hdvplan.road.checks import ASKED, MIN_LENGTH_M
+from hdvplan.errors import RoadError
+from hdvplan.road.checks import MIN_LENGTH_M
 from hdvplan.road.drawn import drawn_kerbs
 from hdvplan.road.features import refuse_unheeded
-from hdvplan.road.given import CORNERS_ASKED, Corners, given_line
+from hdvplan.road.given import given_line
 from hdvplan.road.limits import Limits
+from hdvplan.road.options import OF_POINTS, Corners, RoadOptions
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road, Smoothing
 from hdvplan.road.street import About, Kerb
@@ -25,11 +24,9 @@ if TYPE_CHECKING:
     from hdvplan.road.regions import Region
 
 LONG_M = 50e3  # from this length on a line is smoothed in windows, and planned piece by piece
-OF_POINTS = "corners", "corner_radius"  # options that say how points are read
 _CLOSED_M = 0.01  # how near the last point must come to the first for a closed road
 _CLOSED_TURN = np.deg2rad(100.0)  # a road that returns to its start at a sharper angle merely crosses itself there
 _JUMP_M = 1e-6  # a limit's jump takes this long
-_TIGHTEST = 0.5  # smoothing stations 1 m apart cannot represent a radius below 2 m [1/m]
 
 
 @dataclass(frozen=True)
@@ -57,61 +54,6 @@ class RawRoad:
     rounded: FloatArray | None = None
     corners: str | None = None
     corner_radius: float = 0.0
-
-
-@dataclass(frozen=True)
-class RoadOptions:
-    """How to read a road file; each has a command-line option of the same name.
-
-    ``smooth`` is the largest allowed deviation from the given line [m], ``crs`` the coordinate reference system of the
-    file's coordinates, ``feature`` the name or id of the line, ``layer`` the layer that holds it, ``max_curvature`` the
-    tightest reference curvature that the caller's vehicle can follow [1/m]. ``reverse`` drives the line the other way;
-    ``offset`` moves the reference to the left of the driving direction [m], such as -1.75 to the middle of the right lane.
-    ``roles`` say what layers or features beside the line are, such as ``hoarding=obstacle``. ``road_ids`` are the roads of
-    an OpenDRIVE file to drive over, such as ``3,12,-5`` or ``("3", "12", "-5")``, and ``lane`` the lane on the first of them.
-    ``unit`` is the unit of coordinates in a plane without a coordinate reference system: mm, cm, m, ft or in. ``corners`` says how points
-    are read, see ``Corners``, and ``corner_radius`` rounds the kerbs inside sharp ones [m]; without them the file's properties do.
-    """
-
-    smooth: float = 5.0
-    crs: str | None = None
-    feature: str | None = None
-    max_curvature: float = 0.125
-    offset: float = 0.0
-    reverse: bool = False
-    layer: str | None = None
-    roles: tuple[str, ...] = ()
-    road_ids: str | Sequence[str] | None = None
-    lane: int | None = None
-    unit: str | None = None
-    corners: str | None = None
-    corner_radius: float | None = None
-
-    def __post_init__(self) -> None:
-        """Refuse values that no road can be read with."""
-        if not 0.0 < self.smooth < np.inf:
-            msg = f"the allowed deviation must be a positive number of metres, not {self.smooth:g}"
-            raise OptionError(msg)
-        if not 0.0 < self.max_curvature <= _TIGHTEST:
-            msg = f"the largest reference curvature must be positive and at most {_TIGHTEST:g} 1/m, not {self.max_curvature:g}"
-            raise OptionError(msg)
-        if self.corner_radius is not None and not 0.0 <= self.corner_radius < np.inf:
-            msg = f"a corner radius must be a number of metres, not {self.corner_radius:g}"
-            raise OptionError(msg)
-        if self.corners is not None and self.corners not in list(Corners):
-            msg = f"corners are read as {CORNERS_ASKED}, not as {self.corners!r}"
-            raise OptionError(msg)
-        if not np.isfinite(self.offset):
-            msg = f"the offset must be a number of metres, not {self.offset:g}"
-            raise OptionError(msg)
-        if self.unit is not None and self.unit not in METRES:
-            msg = f"the unit must be {ASKED}, not {self.unit!r}"
-            raise OptionError(msg)
-        ids = self.road_ids
-        one_by_one = isinstance(ids, tuple | list) and len(ids) > 0 and all(isinstance(one, str) for one in ids)
-        if not (ids is None or isinstance(ids, str) or one_by_one):
-            msg = f"road_ids must be ids of roads as text, not {ids!r}"
-            raise OptionError(msg, hint='such as "3,12,-5" or ("3", "12", "-5")')
 
 
 @dataclass(frozen=True)

@@ -9,17 +9,17 @@ from pathlib import Path
 
 from hdvplan.errors import RoadError
 from hdvplan.road.checks import refuse_far, refuse_outliers, refuse_sparse, refuse_unreadable, text_of
-from hdvplan.road.features import OPTIONS, Choice, refuse_unheeded, roles_of
-from hdvplan.road.line import LONG_M, OF_POINTS, Line, RawRoad, RoadOptions, smoothed
+from hdvplan.road.features import Choice, refuse_unheeded, roles_of
+from hdvplan.road.line import LONG_M, Line, RawRoad, smoothed
 from hdvplan.road.load_csv import has_wkt, read_csv
 from hdvplan.road.load_json import json_object, read_geojson, read_overpass
 from hdvplan.road.load_vector import read_vector
+from hdvplan.road.options import OF_FILES, OF_POINTS, RoadOptions
 from hdvplan.road.road import Road
 from hdvplan.road.scenarios import NOTICE, SCENARIOS, shipped
 from hdvplan.spelling import did_you_mean
 from hdvplan.texts import printable
 
-REFERENCE_SLACK = 1.25  # a balanced lead axle turns wider than the road's centre, which may thus be tighter than its limit
 _USUAL = RoadOptions()
 _TEXTS = {".csv", ".tsv", ".txt", ".dat", ".asc", ""}  # and what these hold is told by their text
 
@@ -71,7 +71,7 @@ def find_road(source: str | Path, options: RoadOptions = _USUAL) -> Found:
         raw = _read(files[str(source)], options)
         line = Line(str(source), replace(raw, notice=raw.notice or NOTICE) if str(source) in shipped() else raw, options)
     elif str(source) in SCENARIOS:
-        refuse_unheeded(f"the scenario {source}", options, *OPTIONS)
+        refuse_unheeded(f"the scenario {source}", options, *OF_FILES)
         return Found(SCENARIOS[str(source)], options)
     else:
         raise _unknown(source)

@@ -12,8 +12,7 @@ from itertools import product
 
 from hdvplan.case import content_digest
 from hdvplan.planning.settings import PlannerSettings
-from hdvplan.road.line import RoadOptions
-from hdvplan.road.load import REFERENCE_SLACK
+from hdvplan.road.options import RoadOptions
 from hdvplan.study.inputs import RoadSource, Variant
 from hdvplan.study.spec import Manner, Study, Width
 
@@ -71,10 +70,16 @@ class Cell:
 def cells_of(study: Study) -> Iterator[Cell]:
     """Yield the cells of a study, those of one road and vehicle behind each other."""
     for road, variant, width, objective, solver, manner in product(*study.parts):
-        reading = RoadOptions(
-            study.smooth, study.crs, road.feature, REFERENCE_SLACK * variant.vehicle.max_curvature, manner.offset, manner.reverse,
-            road.layer, road.roles, road.road_ids, road.lane, study.unit, study.corners, study.corner_radius,
-        )  # fmt: skip
+        reading = replace(
+            study.reading.followed_by(variant.vehicle.max_curvature),
+            feature=road.feature,
+            layer=road.layer,
+            roles=road.roles,
+            road_ids=road.road_ids,
+            lane=road.lane,
+            offset=manner.offset,
+            reverse=manner.reverse,
+        )
         cell = Cell("", road, variant, width, objective, solver, manner, reading, study.prove, study.refine, study.need)
         yield replace(cell, key=_key(cell, study.code[solver, objective]))
 

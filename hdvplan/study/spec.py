@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
 from math import prod
@@ -17,7 +17,7 @@ from hdvplan.machine import software
 from hdvplan.planning.objective_names import check_objective
 from hdvplan.planning.settings import Discretisation, PlannerSettings, Scheme
 from hdvplan.plugins import OBJECTIVE, SOLVER, digest_of, identity_of, is_reference, version_of
-from hdvplan.road.line import RoadOptions
+from hdvplan.road.options import RoadOptions
 from hdvplan.road.regions import Side
 from hdvplan.solvers.registry import DEFAULT, check_solver
 from hdvplan.study.entries import Kind, choice, entry, flattened, list_of, refuse_many, refuse_unknown, repeats, table_of, words_of
@@ -25,7 +25,7 @@ from hdvplan.study.inputs import RoadSource, Variant, roads_of, variants_of
 
 _ENTRIES = ("roads", "vehicles", "half_widths", "left", "right", "objectives", "schemes", "solvers", "settings", "vary", "need")
 _LENGTHS = ("horizon", "step", "replan", "smoothness", "clearance")  # of the planner's settings
-_READING: dict[str, type] = {"smooth": float, "crs": str, "unit": str, "corners": str, "corner_radius": float}
+_READING: dict[str, Any] = {"smooth": float, "crs": str, "unit": str, "corners": str, "corner_radius": float}
 _COMMON = (*_READING, "proof", "refine")  # settings that every cell has in common
 _SETTINGS = (*_LENGTHS, "discretisation", "offset", "reverse", "bias", "pass", *_COMMON)
 _MOST_CELLS = 100_000_000  # of one study: 5 GB of keys, and two days to hand them out
@@ -64,11 +64,7 @@ class Study:
     objectives: tuple[str, ...] = ("geometric",)
     solvers: tuple[str, ...] = (DEFAULT,)
     manners: tuple[Manner, ...] = (Manner(PlannerSettings()),)
-    smooth: float = RoadOptions.smooth
-    crs: str | None = None
-    unit: str | None = None
-    corners: str | None = None
-    corner_radius: float | None = None
+    reading: RoadOptions = field(default_factory=RoadOptions)
     prove: bool = False
     refine: bool = True
     need: bool = False
@@ -134,12 +130,11 @@ def study_of(entries: Mapping[str, object], folder: Path = Path()) -> Study:
         check_solver(solver)
     settings = table_of(entries, "settings")
     refuse_unknown(settings, _SETTINGS, "in the study's settings", "settings")
-    reading: dict[str, Any] = {name: _setting(settings, name, kind) for name, kind in _READING.items() if name in settings}
-    RoadOptions(**reading)  # refuses what no road can be read with
-    if "crs" in reading:
+    reading = RoadOptions(**{name: _setting(settings, name, kind) for name, kind in _READING.items() if name in settings})
+    if reading.crs is not None:
         from hdvplan.road.crs import parse_crs  # noqa: PLC0415 - few studies need it
 
-        parse_crs(str(reading["crs"]))
+        parse_crs(reading.crs)
     study = Study(
         roads=roads_of(list_of(entries, "roads"), folder),
         vehicles=variants_of(words_of(entries, "vehicles"), flattened(table_of(entries, "vary")), folder),
@@ -150,7 +145,7 @@ def study_of(entries: Mapping[str, object], folder: Path = Path()) -> Study:
         prove=_setting(settings, "proof", bool, otherwise=False),
         refine=_setting(settings, "refine", bool, otherwise=True),
         need=_setting(entries, "need", bool, otherwise=False),
-        **reading,
+        reading=reading,
     )
     refuse_many(prod(map(len, study.parts)), "cells", _MOST_CELLS)
     return study

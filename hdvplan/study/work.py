@@ -30,8 +30,9 @@ from hdvplan.plugins import said
 from hdvplan.report.joined import Kept, digest_of, joined_summary, kept_of
 from hdvplan.report.needs import need_json
 from hdvplan.report.summary import summary_of
-from hdvplan.road.line import LONG_M, RoadOptions
+from hdvplan.road.line import LONG_M
 from hdvplan.road.load import Found, find_road
+from hdvplan.road.options import RoadOptions
 from hdvplan.road.road import Road
 from hdvplan.study.cells import NEED, NEED_TIME, STEPS, SUMMARY, Cell, Row, taken
 from hdvplan.study.engine import FAILED, NO_PLAN, PLANNED, REFUSED, Outcome

@@ -113,7 +113,7 @@ def test_an_unusable_vehicle_file_is_named_with_its_fault(cli: Cli, tmp_path: Pa
         ((*BUS, "--step", "half"), ("--step",)),
         ((*BUS, "--replan", "200"), ("replanning distance", "longer than the horizon")),
         ((*BUS, "--smoothness", "0"), ("smoothness",)),
-        ((*BUS, "--smooth", "-1"), ("deviation", "-1")),
+        ((*BUS, "--smooth", "-1"), ("smooth must be a positive number, not -1",)),
         ((*BUS, "--scheme", "mpc"), ("--scheme", "rti or sqp", "'mpc'")),
         ((*BUS, "--discretisation", "rk4"), ("--discretisation", "midpoint, euler or gauss")),
         ((*BUS, "--solver", "simplex"), ("unknown solver 'simplex'", "hint")),

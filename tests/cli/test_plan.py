@@ -13,8 +13,8 @@ from hdvplan.cli.plan import plan
 from hdvplan.errors import PlanError, SolverError
 from hdvplan.planning.bias import Bias
 from hdvplan.planning.settings import PlannerSettings
-from hdvplan.road.line import RoadOptions
 from hdvplan.road.load import load_road
+from hdvplan.road.options import RoadOptions
 from hdvplan.vehicle.load import load_vehicle
 from tests.cli.conftest import Cli
 

@@ -119,8 +119,8 @@ def test_corners_are_read_told_and_decided_by_options_before_properties(cli: Cli
 @pytest.mark.parametrize(
     ("road", "options", "message"),
     [
-        ("corner", ("--corners", "blunt"), "corners are read as auto, sharp or round, not as 'blunt'"),
-        ("corner", ("--corner-radius", "-1"), "a corner radius must be a number of metres, not -1"),
+        ("corner", ("--corners", "blunt"), "--corners must be auto, sharp or round, not 'blunt'"),
+        ("corner", ("--corner-radius", "-1"), "corner_radius must be zero or a positive number, not -1"),
         ("uturn", ("--corners", "sharp"), "the scenario uturn has no use for --corners"),
         ("blunt", (), "corner.geojson: property corners must be auto, sharp or round, not 'blunt'"),
         ("endless", (), "corner.geojson: property corner_radius_m must be a number of metres, not 'much'"),

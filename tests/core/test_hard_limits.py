@@ -11,8 +11,8 @@ from hdvplan.judging.envelope import envelope_of
 from hdvplan.planning.objectives import geometric, lead_axle
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.road.limits import Limits
-from hdvplan.road.line import RoadOptions
 from hdvplan.road.load import load_road
+from hdvplan.road.options import RoadOptions
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
 from hdvplan.road.scenarios import uturn, uturn_profile

@@ -7,10 +7,9 @@ from hdvplan.arrays import FloatArray, Records
 from hdvplan.centring.weights import CentringTable
 from hdvplan.errors import OptionError
 from hdvplan.planning.assembly import assemble
-from hdvplan.planning.objective_names import OBJECTIVE_NAMES
 from hdvplan.planning.objectives import OBJECTIVES, Goal, Objective, art_weighted, axle_max, body_max, geometric, objective_named
 from hdvplan.planning.planner import Plan, Planner
-from hdvplan.planning.settings import PlannerSettings, Scheme
+from hdvplan.planning.settings import OBJECTIVE_NAMES, PlannerSettings, Scheme
 from hdvplan.planning.stations import Stations, stations_of
 from hdvplan.planning.terms.centring import Centring, Reach, Residual
 from hdvplan.road.road import Road

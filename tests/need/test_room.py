@@ -17,7 +17,8 @@ from hdvplan.judging.verdict import verdict_of
 from hdvplan.need.answer import need_of
 from hdvplan.need.search import TOLERANCE_M, Least, kerbs_on, least_edge, least_half_width, spare_of
 from hdvplan.planning.settings import PlannerSettings
-from hdvplan.road.line import Line, RawRoad, RoadOptions, smoothed
+from hdvplan.road.line import Line, RawRoad, smoothed
+from hdvplan.road.options import RoadOptions
 from hdvplan.road.path import from_curvature
 from hdvplan.road.regions import Kind, Region
 from hdvplan.road.road import Road

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from hdvplan.road.line import RoadOptions
 from hdvplan.road.load import Found, find_road
+from hdvplan.road.options import RoadOptions
 from hdvplan.road.road import Road
 
 PLANE = "+proj=tmerc +lat_0=47 +lon_0=8 +ellps=WGS84 +units=m"  # lengths are true around its origin

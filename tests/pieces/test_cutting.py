@@ -19,8 +19,8 @@ from hdvplan.judging.envelope import envelope_of
 from hdvplan.pieces import Piece, pieces_of, planned
 from hdvplan.planning.bias import Bias
 from hdvplan.planning.settings import PlannerSettings
-from hdvplan.road.line import RoadOptions
 from hdvplan.road.load import Found, find_road, load_road
+from hdvplan.road.options import RoadOptions
 from hdvplan.road.regions import OPEN_M
 from hdvplan.road.road import Road
 from hdvplan.road.windows import road_of, windows_of

@@ -11,7 +11,8 @@ from hdvplan.case import Case
 from hdvplan.proof.answer import RIGID, follower, proof_of
 from hdvplan.proof.reach import Reached
 from hdvplan.proof.space import Beside, beside
-from hdvplan.road.line import Line, RawRoad, RoadOptions, smoothed
+from hdvplan.road.line import Line, RawRoad, smoothed
+from hdvplan.road.options import RoadOptions
 from hdvplan.road.path import ReferencePath, from_curvature
 from hdvplan.road.road import Road
 from hdvplan.road.street import Kerb

@@ -23,8 +23,8 @@ from hdvplan.report.dxf import dxf_bytes
 from hdvplan.report.geopackage import geopackage_bytes
 from hdvplan.report.layers import drawing_system, drawn_features, map_system
 from hdvplan.road.crs import to_plane
-from hdvplan.road.line import RoadOptions
 from hdvplan.road.load import load_road
+from hdvplan.road.options import RoadOptions
 from hdvplan.road.regions import Kind, Region
 from tests.report.conftest import once
 

@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hdvplan.arrays import FloatArray
-from hdvplan.road.given import Corners, GivenLine, given_line
+from hdvplan.road.given import GivenLine, given_line
+from hdvplan.road.options import Corners
 
 CHORD_M = 2.1e-4  # of dense points, as promised, and rounding
 STEP_M = 0.002  # of the exact curves

@@ -12,8 +12,8 @@ from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
 from hdvplan.road.lane import offset_road, reversed_road
 from hdvplan.road.limits import Limits
-from hdvplan.road.line import RoadOptions
 from hdvplan.road.load import load_road
+from hdvplan.road.options import RoadOptions
 from hdvplan.road.path import ReferencePath, from_curvature
 from hdvplan.road.regions import Kind, Region
 from hdvplan.road.road import Road

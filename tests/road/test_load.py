@@ -10,8 +10,9 @@ import pytest
 import shapely
 
 from hdvplan.errors import OptionError, RoadError
-from hdvplan.road.line import RoadOptions, is_closed
+from hdvplan.road.line import is_closed
 from hdvplan.road.load import load_road
+from hdvplan.road.options import RoadOptions
 from hdvplan.road.scenarios import shipped
 
 STRAIGHT = "x,y\n0,0\n50,0\n100,0\n"

@@ -18,8 +18,8 @@ from pyproj import Transformer
 from shapely.geometry.base import BaseGeometry
 
 from hdvplan.errors import OptionError, RoadError
-from hdvplan.road.line import RoadOptions
 from hdvplan.road.load import load_road
+from hdvplan.road.options import RoadOptions
 from hdvplan.road.regions import Kind
 
 LONLAT = np.array([[11.950, 57.700], [11.9505, 57.700], [11.951, 57.700], [11.9513, 57.70005], [11.95138, 57.7002], [11.95138, 57.7008]])

@@ -11,10 +11,10 @@ from scipy.special import fresnel
 
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError, RoadError
-from hdvplan.road.line import RoadOptions
 from hdvplan.road.load import load_road
 from hdvplan.road.load_opendrive import read_opendrive
 from hdvplan.road.opendrive import Geometry, OdrRoad, read_roads
+from hdvplan.road.options import RoadOptions
 from hdvplan.road.road import Road
 
 FILES = Path(__file__).parent / "files"

@@ -20,8 +20,9 @@ from hdvplan.case import Case
 from hdvplan.judging.verdict import Verdict, verdict_of
 from hdvplan.road.given import given_line
 from hdvplan.road.limits import Limits
-from hdvplan.road.line import Line, RawRoad, RoadOptions, smoothed
+from hdvplan.road.line import Line, RawRoad, smoothed
 from hdvplan.road.load import load_road
+from hdvplan.road.options import RoadOptions
 from hdvplan.road.path import evaluate_many, from_curvature
 from hdvplan.road.regions import Kind, Region
 from hdvplan.road.road import Road

@@ -10,9 +10,9 @@ from ezdxf.filemanagement import new
 
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError, RoadError
-from hdvplan.road.line import RoadOptions
 from hdvplan.road.load import load_road
 from hdvplan.road.load_csv import read_csv
+from hdvplan.road.options import RoadOptions
 
 INSUNITS = {"mm": 4, "cm": 5, "m": 6, "in": 1, "ft": 2}
 METRES = {"mm": 0.001, "cm": 0.01, "m": 1.0, "in": 0.0254, "ft": 0.3048}
@@ -200,7 +200,7 @@ def test_a_unit_is_refused_where_it_says_nothing(
 def test_feet_have_no_place_in_a_system_in_metres_and_units_have_names() -> None:
     with pytest.raises(RoadError, match="columns x_ft, y_ft are not in metres, but EPSG:3006 is"):
         read_csv(FEET, "f", crs="EPSG:3006")
-    with pytest.raises(OptionError, match="the unit must be mm, cm, m, ft or in, not 'km'"):
+    with pytest.raises(OptionError, match="unit must be mm, cm, m, ft or in, not 'km'"):
         RoadOptions(unit="km")
 
 

@@ -15,8 +15,7 @@ from hdvplan.case import Case
 from hdvplan.driving.drive import Drive
 from hdvplan.errors import PlanError
 from hdvplan.report.summary import summary_of
-from hdvplan.road.line import RoadOptions
-from hdvplan.road.load import REFERENCE_SLACK
+from hdvplan.road.options import RoadOptions
 from hdvplan.study.cells import SUMMARY, taken
 from hdvplan.study.conduct import Results, run
 from hdvplan.study.places import joined_places
@@ -57,7 +56,7 @@ def test_a_cell_on_a_long_road_tells_what_a_plan_of_the_whole_road_tells(long_fo
     results = _run(long_folder, {"vehicles": ["P"], "settings": SHORT})
     (row,) = results.cells().to_dict("records")
     vehicle = hdvplan.load_vehicle("P")
-    road = hdvplan.load_road(long_folder / "wave.geojson", RoadOptions(max_curvature=REFERENCE_SLACK * vehicle.max_curvature))
+    road = hdvplan.load_road(long_folder / "wave.geojson", RoadOptions().followed_by(vehicle.max_curvature))
     whole = hdvplan.plan(hdvplan.Case(road, vehicle, settings=hdvplan.PlannerSettings(horizon=30.0, step=1.0, replan=10.0)))
     assert (row["outcome"], row["stretches"]) == ("planned", 2)
     told = taken(summary_of(whole), SUMMARY)

@@ -74,7 +74,7 @@ def test_settings_that_are_lists_are_combined(folder: Path) -> None:
     study = study_of(BASE | {"settings": settings, "half_widths": [3.5]}, folder)
     assert [(m.settings.clearance, m.reverse) for m in study.manners] == [(0.0, False), (0.0, True), (0.2, False), (0.2, True)]
     assert {(m.offset, m.bias, m.side) for m in study.manners} == {(-1.75, "centre", "left")}
-    assert (study.smooth, study.prove) == (2.0, True)
+    assert (study.reading.smooth, study.prove) == (2.0, True)
 
 
 def test_left_and_right_are_pairs() -> None:
@@ -120,7 +120,7 @@ def test_biases_and_code_lie_beside_the_study_too(folder: Path, monkeypatch: pyt
         ({"solvers": ["ricatti"]}, "unknown solver 'ricatti'", "did you mean 'riccati'?"),
         ({"settings": {"horizont": 30}}, "unknown entry 'horizont' in the study's settings", "did you mean 'horizon'?"),
         ({"settings": [1]}, "must be a table", "[settings]"),
-        ({"settings": {"unit": "km"}}, "the unit must be mm, cm, m, ft or in, not 'km'", None),
+        ({"settings": {"unit": "km"}}, "unit must be mm, cm, m, ft or in, not 'km'", None),
         ({"settings": {"reverse": "yes"}}, "must be true or false", None),
         ({"vary": {"bsu.wheelbase": [5.0]}}, "no vehicle of the study is called that", "did you mean 'bus.wheelbase'?"),
         ({"vary": {"bus.wheelbas": [5.0]}}, "bus has no such parameter", "did you mean 'wheelbase'?"),

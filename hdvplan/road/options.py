@@ -1,0 +1,101 @@
+"""How a road file is read, as a user may say."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import Annotated
+
+from hdvplan.errors import OptionError
+from hdvplan.lengths import METRES
+from hdvplan.settings import Setting, check, fields_of
+
+OF_POINTS = "corners", "corner_radius"  # options that say how points are read
+REFERENCE_SLACK = 1.25  # a balanced lead axle turns wider than the road's centre, which may thus be tighter than its limit
+_TIGHTEST = 0.5  # smoothing stations 1 m apart cannot represent a radius below 2 m [1/m]
+
+
+class Corners(StrEnum):
+    """How points are read: bends and corners told apart, all as corners, or all as samples of one curve."""
+
+    AUTO = "auto"
+    SHARP = "sharp"
+    ROUND = "round"
+
+
+@dataclass(frozen=True)
+class RoadOptions:
+    """How to read a road file; each has a command-line option, but ``max_curvature``.
+
+    ``max_curvature`` is the tightest reference curvature that the caller's vehicle can follow [1/m]. ``roles`` say what layers or
+    features beside the line are, such as ``hoarding=obstacle``. ``road_ids`` are the roads of an OpenDRIVE file to drive over, such as
+    ``3,12,-5`` or ``("3", "12", "-5")``. Without ``corners`` and ``corner_radius`` the file's properties decide.
+
+    Raises:
+        OptionError: a value that no road can be read with.
+
+    """
+
+    smooth: Annotated[float, Setting("How far smoothing may move the road's line from the given points [m].", "M", above=0.0)] = 5.0
+    crs: Annotated[str | None, Setting("Coordinate reference system of the road file.", "EPSG:N")] = None
+    unit: Annotated[
+        str | None,
+        Setting(
+            "Unit of a road file without a coordinate reference system (DXF; CSV with x,y) [default: what it says, or m].",
+            choices=tuple(METRES),
+        ),
+    ] = None
+    corners: Annotated[
+        str | None,
+        Setting(
+            "How the line's points are read: bends and corners told apart, all as corners, or all on one curve [default: auto].",
+            choices=tuple(Corners),
+        ),
+    ] = None
+    corner_radius: Annotated[float | None, Setting("Radius of the kerbs inside corners of the line [m] [default: 0].", "M", least=0.0)] = (
+        None
+    )
+    feature: Annotated[str | None, Setting("Which line of the road file, by its name or id.", "NAME", ("--name", "--id"))] = None
+    layer: Annotated[str | None, Setting("Which layer, or sheet, of the road file.", "LAYER")] = None
+    roles: Annotated[
+        tuple[str, ...],
+        Setting("What a layer or feature of the road file is: obstacle, sweepable or edge; may be repeated.", "NAME=ROLE", ("--role",)),
+    ] = ()
+    road_ids: Annotated[
+        str | Sequence[str] | None,
+        Setting("Roads of an OpenDRIVE file, in driving order; -A drives a road from its end; gaps are filled.", "A,B,..."),
+    ] = None
+    lane: Annotated[
+        int | None,
+        Setting(
+            "Lane of the first OpenDRIVE road [default: the outermost that leads to the last]; 0: along the reference line of all roads.",
+            "N",
+        ),
+    ] = None
+    offset: Annotated[
+        float, Setting("Drive this far to the left of the line, negative: to the right [m]; the file's edges do not move.", "M")
+    ] = 0.0
+    reverse: Annotated[bool, Setting("Drive the line from its end to its start; applied before --offset.")] = False
+    max_curvature: Annotated[float, Setting(above=0.0)] = 0.125
+
+    def __post_init__(self) -> None:
+        """Refuse values that no road can be read with."""
+        check(self)
+        if self.max_curvature > _TIGHTEST:
+            msg = f"the largest reference curvature must be at most {_TIGHTEST:g} 1/m, not {self.max_curvature:g}"
+            raise OptionError(msg)
+        ids = self.road_ids
+        one_by_one = isinstance(ids, tuple | list) and len(ids) > 0 and all(isinstance(one, str) for one in ids)
+        if not (ids is None or isinstance(ids, str) or one_by_one):
+            msg = f"road_ids must be ids of roads as text, not {ids!r}"
+            raise OptionError(msg, hint='such as "3,12,-5" or ("3", "12", "-5")')
+
+    def followed_by(self, max_curvature: float) -> RoadOptions:
+        """Return the options for a vehicle that turns by at most ``max_curvature`` [1/m]."""
+        return replace(self, max_curvature=REFERENCE_SLACK * max_curvature)
+
+
+# Those that name something in a file or say how it is written, by what users call them.
+OF_FILES = ("feature", "roles", "crs", "layer", "road_ids", "lane", "unit", *OF_POINTS)
+OPTIONS = {name: fields_of(RoadOptions)[name].options[0] for name in OF_FILES}

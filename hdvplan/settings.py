@@ -1,0 +1,110 @@
+"""Settings that users choose: what each field of a dataclass means and which values it takes, told once, at the field.
+
+``step: Annotated[float, Setting("Distance between stations [m].", "M", above=0.0)] = 0.5`` is an option ``--step M`` of commands, an entry
+``step`` of files, and ``check`` holds it to its bounds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from enum import StrEnum
+from functools import cache
+from math import inf, isfinite
+from numbers import Real
+from types import NoneType
+from typing import Any, get_args, get_type_hints
+
+from hdvplan.errors import OptionError
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What is told of a field; without ``words`` it is no option of any command."""
+
+    words: str = ""  #: what help says, with the unit
+    metavar: str | None = None  #: what stands for its value in help; None: its choices, and nothing for a flag
+    names: tuple[str, ...] = ()  #: of its option, where they are not the field's
+    above: float = -inf
+    least: float = -inf
+    choices: Sequence[str] = ()  #: the words that it takes; an enumeration's are its own
+    listed: bool = False  #: several words are given with commas, instead of the option again
+
+
+POSITIVE, NOT_NEGATIVE = Setting(above=0.0), Setting(least=0.0)
+
+
+@dataclass(frozen=True)
+class Field:
+    """A field of settings: its type, without None where it may be left out, and what is told of it."""
+
+    name: str
+    kind: Any
+    optional: bool
+    default: object
+    setting: Setting
+
+    @property
+    def choices(self) -> Sequence[str]:
+        """The words that it takes, where only some."""
+        return list(self.kind) if isinstance(self.kind, type) and issubclass(self.kind, StrEnum) else self.setting.choices
+
+    @property
+    def options(self) -> tuple[str, ...]:
+        """The names of its option."""
+        return self.setting.names or (f"--{self.name.replace('_', '-')}",)
+
+
+@cache
+def fields_of(kind: type) -> Mapping[str, Field]:
+    """Return the fields of a dataclass by their names."""
+    hints = get_type_hints(kind, include_extras=True)
+    return {field.name: _field(field.name, hints[field.name], field.default) for field in fields(kind)}
+
+
+def _field(name: str, hint: Any, default: object) -> Field:  # noqa: ANN401 - a type
+    told = next((extra for extra in getattr(hint, "__metadata__", ()) if isinstance(extra, Setting)), Setting())
+    kind = hint.__origin__ if hasattr(hint, "__metadata__") else hint
+    kinds = [one for one in get_args(kind) if one is not NoneType]
+    optional = NoneType in get_args(kind)
+    return Field(name, kinds[0] if optional and len(kinds) == 1 else kind, optional, default, told)
+
+
+def check(settings: Any) -> None:  # noqa: ANN401 - any dataclass
+    """Refuse numbers that are not finite or outside their bounds, and words that are none of a field's choices.
+
+    Raises:
+        OptionError: there is one.
+
+    """
+    for name, field in fields_of(settings.__class__).items():
+        value, told = getattr(settings, name), field.setting
+        if isinstance(value, Real) and not (isfinite(value) and float(value) > told.above and float(value) >= told.least):
+            msg = f"{name} must be {_bounds(told)}, not {value:g}"
+            raise OptionError(msg)
+        if isinstance(value, str) and field.choices:
+            choice(name, value, field.choices)
+
+
+def _bounds(told: Setting) -> str:
+    if told.above == 0.0:
+        return "a positive number"
+    return "zero or a positive number" if told.least == 0.0 else "a finite number"
+
+
+def choice(name: str, value: object, choices: Sequence[str]) -> str:
+    """Return a value that is one of the choices.
+
+    Raises:
+        OptionError: it is none of them.
+
+    """
+    if value not in choices:
+        msg = f"{name} must be {any_of(choices)}, not {value!r}"
+        raise OptionError(msg)
+    return str(value)
+
+
+def any_of(choices: Sequence[str]) -> str:
+    """Return words as a sentence lists them."""
+    return f"{', '.join(choices[:-1])} or {choices[-1]}"
