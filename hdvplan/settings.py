@@ -84,6 +84,9 @@ def check(settings: Any) -> None:  # noqa: ANN401 - any dataclass
             raise OptionError(msg)
         if isinstance(value, str) and field.choices:
             choice(name, value, field.choices)
+        if told.listed and ((not value and field.default) or len(set(value)) < len(value)):
+            msg = f"{name} must name at least one entry, and none twice: {', '.join(map(str, value)) or 'nothing'}"
+            raise OptionError(msg)
 
 
 def _bounds(told: Setting) -> str:
@@ -107,4 +110,4 @@ def choice(name: str, value: object, choices: Sequence[str]) -> str:
 
 def any_of(choices: Sequence[str]) -> str:
     """Return words as a sentence lists them."""
-    return f"{', '.join(choices[:-1])} or {choices[-1]}"
+    return " or ".join([", ".join(choices[:-1]), choices[-1]] if len(choices) > 1 else choices)

@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from itertools import product
 from math import prod
 from pathlib import Path
-
-import numpy as np
+from typing import Annotated
 
 from hdvplan.errors import OptionError
-from hdvplan.fileio import read_toml
-from hdvplan.planning.objective_names import check_objective
-from hdvplan.planning.settings import PlannerSettings, Scheme
-from hdvplan.plugins import is_reference
-from hdvplan.spelling import did_you_mean
+from hdvplan.planning.settings import Horizon, PlannerSettings, Replan, Scheme, Step
+from hdvplan.settings import Setting, check
 
 # Gentle and tight, 345 m to 12 km: roundabouts, a loop that crosses itself, S-bends, a closed ring, hairpins, a U-turn.
 ROADS = (
@@ -31,7 +26,6 @@ ROADS = (
     "newyork_columbus_circle",
     "goteborg_lindholmsallen_uturn",
 )
-_LISTS = ("roads", "vehicles", "schemes", "solvers")
 AS_SET = "as set"
 _MOST_DRIVES = 100_000  # of one benchmark: weeks, and as many files
 CLASSES = {
@@ -40,9 +34,6 @@ CLASSES = {
     "binding": "the same, with the outer limit of the tightest bend moved inwards",
     "unkeepable": "limits half-way between the vehicle's side and what the tightest bend asks for",
 }
-_KINDS = {tuple: "a list of names", bool: "true or false", str: "a name"}
-_OPTIONAL = ("half_width", "pinch", "accuracy", "memory_limit")
-_POSITIVE = ("budget", "half_width", "pinch", "accuracy", "step_limit", "cell_limit", "memory_limit")
 
 
 @dataclass(frozen=True)
@@ -94,60 +85,71 @@ class Suite:
 
     """
 
-    roads: tuple[str, ...] = ROADS
-    vehicles: tuple[str, ...] = ("bus", "tractor-trailer")
-    schemes: tuple[str, ...] = ("rti", "sqp")
-    objective: str = "geometric"
-    solvers: tuple[str, ...] = ("riccati", "piqp", "clarabel", "osqp")
-    rounds: int = 3
-    budget: float = 60.0  # of planning time for one drive [s]
+    solvers: Annotated[tuple[str, ...], Setting("Names from `hdvplan solvers`, or your own: file.py:Class.", "A,B", listed=True)] = (
+        "riccati",
+        "piqp",
+        "clarabel",
+        "osqp",
+    )
+    vehicles: Annotated[tuple[str, ...], Setting("Names from `hdvplan vehicles list`, or vehicle files.", "A,B", listed=True)] = (
+        "bus",
+        "tractor-trailer",
+    )
+    roads: Annotated[tuple[str, ...], Setting("Names from `hdvplan roads list`, or road files.", "A,B", listed=True)] = ROADS
+    schemes: Annotated[
+        tuple[str, ...],
+        Setting("rti: the real-time iteration, one QP a step; sqp: QPs to convergence.", "rti,sqp", listed=True),
+    ] = ("rti", "sqp")
+    objective: Annotated[str, Setting("What all plans centre, as in `plan` [default: geometric].", "NAME")] = "geometric"
+    half_width: Annotated[float | None, Setting("Limits at M to either side of the line [m].", "M", above=0.0)] = None
+    slack: Annotated[float, Setting("Limits this far beyond the geometric half width [m].", "M", least=0.0)] = 0.5
     limits: bool = True
-    half_width: float | None = None
-    slack: float = 0.5
-    pinch: float | None = None
-    horizon: float = 100.0
-    step: float = 0.5
-    replan: float = 5.0
-    classes: tuple[str, ...] = ()
-    accuracy: float | None = None
-    sample: int = 0  # 0: whole drives
-    step_limit: float = 30.0
-    cell_limit: float = 600.0
-    memory_limit: float | None = None
+    pinch: Annotated[float | None, Setting("Move the outer limit of the tightest bend inwards over 6 m of road [m].", "M", above=0.0)] = (
+        None
+    )
+    classes: Annotated[
+        tuple[str, ...],
+        Setting(f"Measure classes of limits side by side: {', '.join(CLASSES)}.", "A,B", listed=True),
+    ] = ()
+    rounds: Annotated[int, Setting("How often every cell is driven.", "N", above=0)] = 3
+    accuracy: Annotated[
+        float | None,
+        Setting("Give every solver the loosest tolerance that keeps the path this near the optimum [m].", "M", above=0.0),
+    ] = None
+    sample: Annotated[int, Setting("Solve N recorded QPs of every drive instead of driving.", "N", least=0)] = 0  # 0: whole drives
+    horizon: Horizon = 100.0
+    step: Step = 0.5
+    replan: Replan = 5.0
+    budget: Annotated[float, Setting("Most planning time of one drive [s].", "S", above=0.0)] = 60.0
+    step_limit: Annotated[float, Setting("Longest planning step; a longer one ends its cell [s].", "S", above=0.0)] = 30.0
+    cell_limit: Annotated[
+        float, Setting("Longest drive, including its check by the reference; a longer one is ended [s].", "S", above=0.0)
+    ] = 600.0
+    memory_limit: Annotated[
+        float | None, Setting("Most memory of the measuring process, where the system can limit it.", "GB", above=0.0)
+    ] = None
 
     def __post_init__(self) -> None:
         """Refuse what cannot be measured."""
-        for name in _LISTS:
-            entries = getattr(self, name)
-            if not entries or len(set(entries)) < len(entries):
-                msg = f"{name} must name at least one entry, and none twice: {', '.join(entries) or 'nothing'}"
-                raise OptionError(msg)
+        from hdvplan.planning.objective_names import check_objective  # noqa: PLC0415 - as below
+        from hdvplan.plugins import is_reference  # noqa: PLC0415 - --help needs the fields alone
+
+        check(self)
         for scheme in self.schemes:
             if scheme not in list(Scheme):
                 msg = f"unknown scheme {scheme!r}"
                 raise OptionError(msg, hint=f"schemes: {', '.join(Scheme)}")
         if not is_reference(self.objective):  # of whoever measures: its code may be what is under test
             check_objective(self.objective)
-        if self.rounds < 1:
-            msg = f"rounds must be a positive number, not {self.rounds}"
-            raise OptionError(msg)
         drives = (
             prod(len(named) for named in (self.roads, self.vehicles, self.schemes, self.solvers, self.classes or (AS_SET,))) * self.rounds
         )
         if drives > _MOST_DRIVES:
             msg = f"the suite asks for {drives} drives; {_MOST_DRIVES} are the most"
             raise OptionError(msg, hint="make several suites of it")
-        if self.sample < 0:
-            msg = f"sample must not be negative, but is {self.sample}"
-            raise OptionError(msg)
-        for name in (*_POSITIVE, "slack"):
-            value = getattr(self, name)
-            if value is not None and not (np.isfinite(value) and (value > 0.0 or (value == 0.0 and name == "slack"))):
-                msg = f"{name} must be {'at least' if name == 'slack' else 'above'} 0, not {value:g}"
-                raise OptionError(msg)
         for name in self.classes:
-            if name not in CLASSES or self.classes.count(name) > 1:
-                msg = f"unknown class of limits {name!r}" if name not in CLASSES else f"classes name {name!r} twice"
+            if name not in CLASSES:
+                msg = f"unknown class of limits {name!r}"
                 raise OptionError(msg, hint=f"classes: {', '.join(CLASSES)}")
         if self.classes and (self.half_width is not None or not self.limits):
             msg = "classes of limits set the limits themselves"
@@ -185,6 +187,8 @@ def visits(courses: int, cells: int, rounds: int) -> list[tuple[int, int]]:
     Every round visits the courses in another order, and within a course its cells in another order: the
     cells that are compared lie seconds apart, and neither a warming processor nor a busy hour favours any of them.
     """
+    import numpy as np  # noqa: PLC0415 - as above
+
     order = []
     for round_ in range(rounds):
         shuffle = np.random.default_rng(round_)
@@ -200,6 +204,8 @@ def read_suite(path: Path) -> dict[str, object]:
         OptionError: no such file, or not TOML.
 
     """
+    from hdvplan.fileio import read_toml  # noqa: PLC0415 - as above
+
     return read_toml(path, "suite")
 
 
@@ -210,30 +216,6 @@ def suite_of(entries: Mapping[str, object]) -> Suite:
         OptionError: an unknown entry, or one of the wrong kind; see ``Suite`` for the others.
 
     """
-    kinds = {field.name: field.default for field in fields(Suite)}
-    values: dict[str, object] = {}
-    for name, value in entries.items():
-        if name not in kinds:
-            msg = f"unknown entry {name!r} in the suite"
-            raise OptionError(msg, hint=did_you_mean(name, kinds, f"entries: {', '.join(kinds)}"))
-        values[name] = _entry(name, value, kinds[name])
-    return Suite(**values)  # type: ignore[arg-type] # every value was brought to its field's type
+    from hdvplan.schema import read  # noqa: PLC0415 - as above
 
-
-def _entry(name: str, value: object, like: object) -> object:
-    if isinstance(like, tuple) and isinstance(value, list | tuple) and all(isinstance(entry, str) for entry in value):
-        return tuple(value)
-    if isinstance(like, bool | str):
-        if isinstance(value, type(like)):
-            return value
-    elif isinstance(like, int):
-        if isinstance(value, int) and not isinstance(value, bool):
-            return value
-    elif (isinstance(like, float) or name in _OPTIONAL) and isinstance(value, int | float) and not isinstance(value, bool):
-        with suppress(OverflowError):  # TOML's integers have no end
-            return float(value)
-    elif name in _OPTIONAL and value is None:
-        return None
-    kind = _KINDS.get(type(like), "a number")
-    msg = f"the suite's {name} must be {kind}, not {value!r}"
-    raise OptionError(msg)
+    return read(Suite, entries, "suite")

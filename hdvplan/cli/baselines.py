@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from hdvplan.bench.comparing.decision import Rule
     from hdvplan.bench.comparing.work import CommandWork
     from hdvplan.bench.suite import Suite
+    from hdvplan.cli.bench_options import Decision, Report
 
 
 def measured(suite: Path | None, given: Mapping[str, object], command: str | None) -> Suite | CommandWork:
@@ -47,10 +48,7 @@ def measured(suite: Path | None, given: Mapping[str, object], command: str | Non
     return wanted
 
 
-def gate(
-    against: str, work: Suite | CommandWork, rule: Rule, out: Path, *,
-    expect_changes: bool, format_: str, json: bool, quiet: bool,
-) -> ExitCode:  # fmt: skip
+def gate(against: str, work: Suite | CommandWork, out: Path, decision: Decision, report: Report) -> ExitCode:
     """Measure this program and another in turn into ``out``, show how they compare, and leave reports for other programs.
 
     Raises:
@@ -63,8 +61,9 @@ def gate(
 
     if not isinstance(work, CommandWork):
         _check(work)
-    again = _again(against, work, rule, out, expect_changes=expect_changes)
-    wanted = Wanted(against, work, Settings(rule, expect_changes))
+    rule, quiet = decision.rule(), report.quiet
+    again = _again(against, work, rule, out, expect_changes=decision.expect_changes)
+    wanted = Wanted(against, work, Settings(rule, decision.expect_changes))
     try:
         with _told_progress(quiet=quiet) as told:
             comparison = guard(wanted, out, Told(lambda step: note(step, quiet=quiet), told))
@@ -73,7 +72,7 @@ def gate(
         write_reports(comparison, rule, again, out)
     except OSError as error:
         raise _cannot_write(error, out) from error
-    return show(comparison, rule, format_=format_, json=json, quiet=quiet, again=again)
+    return show(comparison, rule, report, again)
 
 
 def _versions(process: Path) -> dict[str, str]:
@@ -146,7 +145,7 @@ def _told_progress(*, quiet: bool) -> Iterator[Callable[[float], None]]:
     yield line
 
 
-def hold_to(counters: Path, out: Path, renew: bool, *, format_: str, json: bool, quiet: bool) -> int:
+def hold_to(counters: Path, out: Path, report: Report, *, renew: bool) -> int:
     """Compare a finished run's counters with a baseline, or make them the baseline."""
     from hdvplan.bench.comparing.compare import compare_counters
     from hdvplan.bench.comparing.counters import read_counters, write_counters
@@ -156,6 +155,6 @@ def hold_to(counters: Path, out: Path, renew: bool, *, format_: str, json: bool,
     measured = read_side(out).counters
     if renew:
         write_counters(measured, counters)
-        note(f"counters written to {counters}", quiet=quiet)
+        note(f"counters written to {counters}", quiet=report.quiet)
         return ExitCode.OK
-    return show(compare_counters(read_counters(counters), measured), Rule(), format_=format_, json=json, quiet=quiet)
+    return show(compare_counters(read_counters(counters), measured), Rule(), report)

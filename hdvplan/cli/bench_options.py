@@ -1,73 +1,123 @@
-"""Options of ``hdvplan bench``. Only Typer is imported here: ``--help`` stays quick."""
+"""Options of ``hdvplan bench`` besides those of its suite. Only Typer is imported here: ``--help`` stays quick."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
-import typer
+from hdvplan.errors import OptionError
+from hdvplan.settings import Setting, choice
 
-from hdvplan.cli import completion
-from hdvplan.cli.help import OUTPUT
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from hdvplan.bench.comparing.decision import Rule
+
+PICTURES = ("png", "pdf", "svg", "tex", "pgf")
+_MEASURES = ("step_limit", "cell_limit", "memory_limit")  # that need a process which can be ended
 
 
-def _option(group: str, name: str, metavar: str | None, words: str, complete: Callable[..., Any] | None = None) -> Any:  # noqa: ANN401 - Typer's
-    return typer.Option(name, metavar=metavar, help=words, autocompletion=complete, rich_help_panel=group)
+@dataclass(frozen=True)
+class Decision:
+    """What a regression is."""
+
+    factor: Annotated[float | None, Setting("A cell that takes more than X times as long has regressed [default: 1.08].", "X")] = None
+    floor: Annotated[float | None, Setting("Smaller differences of the mean planning step do not count [ms; default: 0.01].", "MS")] = None
+    envelope_tolerance: Annotated[float | None, Setting("Envelopes that differ by less are equal [m; default: 0.0001].", "M")] = None
+    expect_changes: Annotated[bool, Setting("Show changed counters and envelopes, but do not count them as a regression.")] = False
+
+    @property
+    def given(self) -> bool:
+        """Whether anything is asked for."""
+        return self != Decision()
+
+    def rule(self) -> Rule:
+        """Return what counts as a regression, with the gate's defaults where the user gave nothing.
+
+        Raises:
+            OptionError: a value outside its range.
+
+        """
+        from hdvplan.bench.comparing.decision import Rule
+
+        usual = Rule()
+        return Rule(usual.factor if self.factor is None else self.factor, usual.floor if self.floor is None else 1e-3 * self.floor)
 
 
-_what, _limits = partial(_option, "What to measure"), partial(_option, "Limits")
-_how, _compare, _output = partial(_option, "How to measure"), partial(_option, "Comparison"), partial(_option, OUTPUT)
+@dataclass(frozen=True)
+class Report:
+    """How a comparison is told."""
 
-Solvers = Annotated[
-    str | None, _what("--solvers", "A,B", "Names from `hdvplan solvers`, or your own: file.py:Class.", completion.solver_list)
-]
-Vehicles = Annotated[
-    str | None, _what("--vehicles", "A,B", "Names from `hdvplan vehicles list`, or vehicle files.", completion.vehicle_list)
-]
-Roads = Annotated[str | None, _what("--roads", "A,B", "Names from `hdvplan roads list`, or road files.", completion.road_list)]
-Schemes = Annotated[str | None, _what("--schemes", "rti,sqp", "rti: the real-time iteration, one QP a step; sqp: QPs to convergence.")]
-Objective = Annotated[str | None, _what("--objective", "NAME", "What all plans centre, as in `plan` [default: geometric].")]
-Suite = Annotated[Path | None, _what("--suite", "FILE.toml", "Read settings from a file; options override them.")]
-HalfWidth = Annotated[float | None, _limits("--half-width", "M", "Limits at M to either side of the line [m].")]
-Slack = Annotated[float | None, _limits("--slack", "M", "Limits this far beyond the geometric half width [m].")]
-NoLimits = Annotated[bool, _limits("--no-limits", None, "Plan without limits.")]
-Pinch = Annotated[float | None, _limits("--pinch", "M", "Move the outer limit of the tightest bend inwards over 6 m of road [m].")]
-Classes = Annotated[str | None, _limits("--classes", "A,B", "Measure classes of limits side by side: off, inactive, binding, unkeepable.")]
-Rounds = Annotated[int | None, _how("--rounds", "N", "How often every cell is driven.")]
-Accuracy = Annotated[
-    float | None, _how("--accuracy", "M", "Give every solver the loosest tolerance that keeps the path this near the optimum [m].")
-]
-Sample = Annotated[int | None, _how("--sample", "N", "Solve N recorded QPs of every drive instead of driving.")]
-Horizon = Annotated[float | None, _how("--horizon", "M", "How far each plan looks ahead [m].")]
-Step = Annotated[float | None, _how("--step", "M", "Distance between stations [m].")]
-Replan = Annotated[float | None, _how("--replan", "M", "Distance driven before the next plan [m].")]
-Budget = Annotated[float | None, _how("--budget", "S", "Most planning time of one drive [s].")]
-StepLimit = Annotated[float | None, _how("--step-limit", "S", "Longest planning step; a longer one ends its cell [s].")]
-CellLimit = Annotated[
-    float | None, _how("--cell-limit", "S", "Longest drive, including its check by the reference; a longer one is ended [s].")
-]
-MemoryLimit = Annotated[float | None, _how("--memory-limit", "GB", "Most memory of the measuring process, where the system can limit it.")]
-InProcess = Annotated[
-    bool, _how("--in-process", None, "Measure in this process: of the limits only --budget applies, and a crash ends the run.")
-]
-Against = Annotated[
-    str | None,
-    _compare("--against", "REV", "Measure in alternation with a revision, a release (hdvplan==X) or another interpreter, and compare."),
-]
-Command = Annotated[
-    str | None, _compare("--command", "CMD", "With --against: measure your own command, which prints planning times as JSON.")
-]
-Counters = Annotated[Path | None, _compare("--counters", "FILE.csv", "Compare iterations, sizes and envelopes with a committed baseline.")]
-Renew = Annotated[bool, _compare("--renew", None, "Write FILE.csv of --counters instead of comparing.")]
-Out = Annotated[Path, _output("--out", "DIR", "Where to write, and where a stopped run continues.")]
-Fresh = Annotated[bool, _output("--fresh", None, "Delete what an earlier run has left in DIR.")]
-Plot = Annotated[
-    str | None,
-    _output("--plot", "[FILE]", "Draw the run [default file: DIR/bench.png]: png, pdf, svg; tex, pgf: performance profiles as TikZ."),
-]
-ExportQps = Annotated[
-    Path | None,
-    _output("--export-qps", "DIR", "Measure nothing: write the QPs of all drives as a test set for solvers, in qpbenchmark's format."),
-]
+    format_: Annotated[
+        str,
+        Setting("github: annotations on stdout, a table in the step summary.", names=("--format",), choices=("text", "github")),
+    ] = "text"
+    json: Annotated[bool, Setting("Write JSON to stdout, and nothing else.")] = False
+    quiet: Annotated[bool, Setting("No progress, notes or tables; errors remain.")] = False
+
+
+@dataclass(frozen=True)
+class BenchOptions:
+    """What a benchmark does besides measuring its suite."""
+
+    in_process: Annotated[bool, Setting("Measure in this process: of the limits only --budget applies, and a crash ends the run.")] = False
+    against: Annotated[
+        str | None,
+        Setting("Measure in alternation with a revision, a release (hdvplan==X) or another interpreter, and compare.", "REV"),
+    ] = None
+    command: Annotated[str | None, Setting("With --against: measure your own command, which prints planning times as JSON.", "CMD")] = None
+    counters: Annotated[Path | None, Setting("Compare iterations, sizes and envelopes with a committed baseline.", "FILE.csv")] = None
+    renew: Annotated[bool, Setting("Write FILE.csv of --counters instead of comparing.")] = False
+
+    def check(self, files: BenchFiles, given: Mapping[str, object], decision: Decision) -> None:
+        """Refuse options that contradict each other; ``given`` are those of the suite.
+
+        Raises:
+            OptionError: some do.
+
+        """
+        if files.plot is not None:
+            choice("the picture's ending", Path(files.plot).suffix.lower().removeprefix("."), PICTURES)
+        compared = self.against is not None
+        for contradictory, words, hint in (
+            (compared and files.plot is not None, "--plot draws one benchmark, and --against measures several", "leave out --plot"),
+            (
+                not compared and (decision.given or self.command is not None),
+                "--factor, --floor, --expect-changes and --command need --against",
+                None,
+            ),
+            (self.renew and self.counters is None, "--renew needs --counters", None),
+            (
+                compared and self.counters is not None,
+                "--against compares counters with those of REV, not with a file",
+                "leave out --counters",
+            ),
+            (
+                self.in_process and any(name in given for name in _MEASURES),
+                "--step-limit, --cell-limit and --memory-limit need a process that can be ended",
+                "leave out --in-process",
+            ),
+            (
+                files.export_qps is not None and (compared or self.counters is not None or files.plot is not None),
+                "--export-qps measures nothing, so --against, --counters and --plot do not apply",
+                "leave them out",
+            ),
+        ):
+            if contradictory:
+                raise OptionError(words, hint=hint)
+
+
+@dataclass(frozen=True)
+class BenchFiles:
+    """What a benchmark writes."""
+
+    out: Annotated[Path, Setting("Where to write, and where a stopped run continues.", "DIR")] = Path("hdvplan-bench")
+    fresh: Annotated[bool, Setting("Delete what an earlier run has left in DIR.")] = False
+    plot: Annotated[
+        str | None,
+        Setting("Draw the run [default file: DIR/bench.png]: png, pdf, svg; tex, pgf: performance profiles as TikZ.", "[FILE]"),
+    ] = None
+    export_qps: Annotated[
+        Path | None, Setting("Measure nothing: write the QPs of all drives as a test set for solvers, in qpbenchmark's format.", "DIR")
+    ] = None

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hdvplan.cli.bench_options import Decision, Report
 from hdvplan.cli.console import ExitCode, print_json, print_line, print_tables, warn, writing
 from hdvplan.cli.help import OUTPUT
-from hdvplan.cli.options import JsonOption, QuietOption
+from hdvplan.cli.settings import OptionsOf, with_settings
 from hdvplan.errors import HdvplanError, OptionError
-from hdvplan.settings import choice
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -23,56 +23,16 @@ if TYPE_CHECKING:
     from hdvplan.bench.comparing.decision import Rule
 
 DECISION = "Decision"  # options that say what a regression is
-FactorOption = Annotated[
-    float | None,
-    typer.Option(
-        "--factor", metavar="X", help="A cell that takes more than X times as long has regressed [default: 1.08].", rich_help_panel=DECISION
-    ),
-]
-FloorOption = Annotated[
-    float | None,
-    typer.Option(
-        "--floor",
-        metavar="MS",
-        help="Smaller differences of the mean planning step do not count [ms; default: 0.01].",
-        rich_help_panel=DECISION,
-    ),
-]
-ExpectChangesOption = Annotated[
-    bool,
-    typer.Option(
-        "--expect-changes", help="Show changed counters and envelopes, but do not count them as a regression.", rich_help_panel=DECISION
-    ),
-]
-FormatOption = Annotated[
-    str,
-    typer.Option(
-        "--format",
-        metavar="text|github",
-        help="github: annotations on stdout, a table in the step summary.",
-        rich_help_panel=OUTPUT,
-    ),
-]
-FORMATS = ("text", "github")
 
 
+@with_settings
 def compare(
     base: Annotated[
         Path, typer.Argument(metavar="BASE", help="The former run: a folder of `hdvplan bench`, or one with several such folders.")
     ],
     new: Annotated[Path, typer.Argument(metavar="NEW", help="The new run.")],
-    factor: FactorOption = None,
-    floor: FloorOption = None,
-    envelope_tolerance: Annotated[
-        float | None,
-        typer.Option(
-            "--envelope-tolerance",
-            metavar="M",
-            help="Envelopes that differ by less are equal [m; default: 0.0001].",
-            rich_help_panel=DECISION,
-        ),
-    ] = None,
-    expect_changes: ExpectChangesOption = False,
+    *,
+    decision: Annotated[Decision, OptionsOf(Decision, DECISION)],
     reports: Annotated[
         Path | None,
         typer.Option(
@@ -82,9 +42,7 @@ def compare(
             rich_help_panel=OUTPUT,
         ),
     ] = None,
-    format_: FormatOption = "text",
-    json: JsonOption = False,
-    quiet: QuietOption = False,
+    report: Annotated[Report, OptionsOf(Report, OUTPUT)],
 ) -> int:
     """Compare two benchmark runs of the same cells.
 
@@ -95,74 +53,58 @@ def compare(
     Exit codes: 0 fine; 1 a cell became slower, or counters changed; 2 bad input or usage; 3 could not measure: the times
     are too uncertain.
     """
-    choice("--format", format_, FORMATS)
-    with told_to_programs(json=json, format_=format_):
-        return _compared(base, new, rule_of(factor, floor), envelope_tolerance, expect_changes, reports, format_, json=json, quiet=quiet)
+    with told_to_programs(report):
+        return _compared(base, new, decision, reports, report)
 
 
-def _compared(
-    base: Path, new: Path, rule: Rule, envelope_tolerance: float | None, expect_changes: bool, reports: Path | None, format_: str,
-    *, json: bool, quiet: bool,
-) -> ExitCode:  # fmt: skip
+def _compared(base: Path, new: Path, decision: Decision, reports: Path | None, report: Report) -> ExitCode:
     from hdvplan.bench.comparing.compare import compare as compared
     from hdvplan.bench.comparing.counters import ENVELOPE_TOLERANCE_M, Tolerance
     from hdvplan.bench.comparing.reports import write_reports
     from hdvplan.bench.comparing.sides import read_side
 
-    if envelope_tolerance is not None and not envelope_tolerance >= 0.0:
-        msg = f"--envelope-tolerance must be at least 0, not {envelope_tolerance:g}"
+    rule, given = decision.rule(), decision.envelope_tolerance
+    if given is not None and not given >= 0.0:
+        msg = f"--envelope-tolerance must be at least 0, not {given:g}"
         raise OptionError(msg)
-    tolerance = Tolerance(envelope=ENVELOPE_TOLERANCE_M if envelope_tolerance is None else envelope_tolerance)
-    comparison = compared(read_side(base), read_side(new), rule, tolerance, expect_changes=expect_changes)
+    tolerance = Tolerance(envelope=ENVELOPE_TOLERANCE_M if given is None else given)
+    comparison = compared(read_side(base), read_side(new), rule, tolerance, expect_changes=decision.expect_changes)
     if reports is not None:
         with writing(f"the reports to {reports}", None):
             write_reports(comparison, rule, None, reports)
-    return show(comparison, rule, format_=format_, json=json, quiet=quiet)
+    return show(comparison, rule, report)
 
 
 @contextmanager
-def told_to_programs(*, json: bool, format_: str) -> Iterator[None]:
+def told_to_programs(report: Report) -> Iterator[None]:
     """Report on stdout, too, why the block ends in an error, or that it was interrupted: programs that parse it find the reason there."""
     try:
         yield
     except (HdvplanError, KeyboardInterrupt, SystemExit) as error:
-        if json or format_ == "github":
+        if report.json or report.format_ == "github":
             from hdvplan.bench.comparing.reports import refusal_annotation, refusal_json
 
             message, hint = (str(error), error.hint) if isinstance(error, HdvplanError) else ("interrupted", None)
-            if json:
+            if report.json:
                 print_json(refusal_json(message, hint))
             else:
                 print_line(refusal_annotation(message, hint))
         raise
 
 
-def rule_of(factor: float | None, floor_ms: float | None) -> Rule:
-    """Return what counts as a regression, with the gate's defaults where the user gave nothing.
-
-    Raises:
-        OptionError: a value outside its range.
-
-    """
-    from hdvplan.bench.comparing.decision import Rule
-
-    usual = Rule()
-    return Rule(usual.factor if factor is None else factor, usual.floor if floor_ms is None else 1e-3 * floor_ms)
-
-
-def show(comparison: Comparison, rule: Rule, *, format_: str, json: bool, quiet: bool, again: str | None = None) -> ExitCode:
+def show(comparison: Comparison, rule: Rule, report: Report, again: str | None = None) -> ExitCode:
     """Write a comparison as asked for and return its exit code; ``again`` is the command that shows it again."""
     from hdvplan.bench.comparing.decision import Verdict
     from hdvplan.bench.comparing.reports import comparison_json, github_annotations
     from hdvplan.bench.comparing.words import comparison_markdown, comparison_tables, verdict_line
 
-    if json:
+    if report.json:
         print_json(comparison_json(comparison, rule, again))
-    elif format_ == "github":
+    elif report.format_ == "github":
         sys.stdout.write("".join(f"{line}\n" for line in github_annotations(comparison, rule)))
         _summarise(comparison_markdown(comparison, rule, again))
     else:
-        if not quiet:
+        if not report.quiet:
             print_tables(*comparison_tables(comparison))
             if comparison.failure is not None and comparison.failure.tail:
                 sys.stdout.write(f"{comparison.failure.tail}\n")

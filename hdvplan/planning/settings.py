@@ -41,6 +41,9 @@ class Scheme(StrEnum):
     SQP = "sqp"  # to convergence
 
 
+Horizon = Annotated[float, Setting("How far each plan looks ahead [m].", "M", above=0.0)]
+Step = Annotated[float, Setting("Distance between stations [m].", "M", above=0.0)]
+Replan = Annotated[float, Setting("Distance driven before the next plan [m].", "M", above=0.0)]
 WEIGHTED = "art-weighted"
 OBJECTIVE_NAMES = ("geometric", "balanced", "geometric-fixed", "lead-axle", "trail-axle", "axle-max", "body-max", WEIGHTED)
 SIDES = "left", "right"
@@ -107,9 +110,9 @@ class PlannerSettings:
     scheme: Annotated[Scheme, Setting("rti: the real-time iteration, one quadratic program (QP) a step; sqp: QPs to convergence.")] = (
         Scheme.RTI
     )
-    horizon: Annotated[float, Setting("How far each plan looks ahead [m].", "M", above=0.0)] = 100.0
-    step: Annotated[float, Setting("Distance between stations [m].", "M", above=0.0)] = 0.5
-    replan: Annotated[float, Setting("Distance driven before the next plan [m].", "M", above=0.0)] = 5.0
+    horizon: Horizon = 100.0
+    step: Step = 0.5
+    replan: Replan = 5.0
     smoothness: Annotated[
         float,
         Setting(

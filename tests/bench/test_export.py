@@ -71,7 +71,7 @@ def test_warm_starts_belong_to_shifted_plans_and_cold_ones_have_none(files: list
 
 
 def test_every_class_of_limits_is_a_file_of_its_own() -> None:
-    cases = cases_to_export(Suite(("uturn",), ("bus",), ("rti",), solvers=("riccati", "piqp"), classes=("off", "inactive")))
+    cases = cases_to_export(Suite(("riccati", "piqp"), ("bus",), ("uturn",), ("rti",), classes=("off", "inactive")))
     assert [case.road.name for case in cases] == ["uturn-off", "uturn-inactive"]
 
 

@@ -77,10 +77,10 @@ def test_the_committed_suites_are_valid_and_name_what_ships() -> None:
         ({"solvers": ["osqp", "osqp"]}, "none twice"),
         ({"schemes": ["fast"]}, "unknown scheme 'fast'"),
         ({"rounds": 0}, "rounds must be a positive number"),
-        ({"rounds": 1.5}, "rounds must be a number"),
-        ({"budget": -1}, "budget must be above 0"),
-        ({"budget": float("nan")}, "budget must be above 0"),
-        ({"slack": -0.1}, "slack must be at least 0"),
+        ({"rounds": 1.5}, "rounds must be a whole number"),
+        ({"budget": -1}, "budget must be a positive number"),
+        ({"budget": float("nan")}, "budget must be a positive number"),
+        ({"slack": -0.1}, "slack must be zero or a positive number"),
         ({"limits": 1}, "true or false"),
         ({"limits": False, "pinch": 1.0}, "without limits"),
         ({"horizon": 7.3}, "not a whole number of steps"),
@@ -112,7 +112,7 @@ def test_a_suite_has_any_one_objective(name: str) -> None:
 def test_a_suite_refuses_an_objective_that_nobody_knows() -> None:
     with pytest.raises(OptionError, match="unknown objective"):
         Suite(objective="balance")
-    with pytest.raises(OptionError, match="must be a name"):
+    with pytest.raises(OptionError, match="must be words in quotes"):
         suite_of({"objective": 3})
 
 

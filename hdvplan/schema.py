@@ -1,0 +1,137 @@
+"""Tables of TOML, and dictionaries like them, as dataclasses: every entry of the kind that its field has, and none that has no field.
+
+msgspec holds the entries to a form that is made of the dataclass; what it refuses is told here in the words of users.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, fields, is_dataclass
+from functools import cache, reduce
+from operator import or_
+from types import UnionType
+from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+
+import msgspec
+
+from hdvplan.errors import HdvplanError, OptionError
+from hdvplan.settings import any_of
+from hdvplan.spelling import did_you_mean
+
+Kind = TypeVar("Kind")
+_KINDS = {str: ["words in quotes"], float: ["a number"], int: ["a whole number"], bool: ["true", "false"], dict: ["a table"]}
+_PLACE = re.compile(r" - at `\$(.*)`$")
+_STEP = re.compile(r"([^.\[\]]+)(?:\[(\d+)\])?")
+_UNKNOWN, _MISSING = re.compile(r"Object contains unknown field `(.*?)`"), re.compile(r"Object missing required field `(.*?)`")
+
+
+def read(kind: type[Kind], table: Mapping[str, object], where: str, error: type[HdvplanError] = OptionError) -> Kind:
+    """Return the dataclass that a table's entries make; ``where`` it stands is for messages.
+
+    Raises:
+        HdvplanError: ``error``, for an unknown or missing entry, or one of another kind.
+
+    """
+    made: Kind = kind(**entries(kind, table, where, error))
+    return made
+
+
+def entries(
+    kind: type, table: Mapping[str, object], where: str, error: type[HdvplanError] = OptionError, *, single: bool = False
+) -> dict[str, Any]:
+    """Return those entries of a table that are there, as the fields of a dataclass have them.
+
+    With ``single`` a value where a list is expected is a list of one.
+
+    Raises:
+        HdvplanError: see ``read``.
+
+    """
+    plain = _plain(table, kind if single else object)
+    try:
+        return _given(kind, msgspec.convert(plain, _form(kind)))
+    except msgspec.ValidationError as refused:
+        raise _refusal(kind, plain, str(refused), where, error) from None
+
+
+@cache
+def _form(kind: Any) -> Any:  # noqa: ANN401 - a type
+    """Return a type as msgspec checks it: of a dataclass a structure that knows its fields and no others."""
+    if is_dataclass(kind):
+        hints = get_type_hints(kind)
+        named = [(field, _form(hints[field.name])) for field in fields(kind)]
+        needed = [(field.name, form) for field, form in named if _needed(field)]
+        others = [(field.name, form | msgspec.UnsetType, msgspec.UNSET) for field, form in named if not _needed(field)]
+        return msgspec.defstruct("Table", [*needed, *others], forbid_unknown_fields=True)
+    if get_origin(kind) in {Union, UnionType}:
+        return reduce(or_, map(_form, get_args(kind)))
+    return tuple.__class_getitem__((_form(get_args(kind)[0]), ...)) if _is_list(kind) else kind
+
+
+def _needed(field: Any) -> bool:  # noqa: ANN401 - dataclasses have no name for it
+    return field.default is MISSING and field.default_factory is MISSING
+
+
+def _given(kind: type, found: object) -> dict[str, Any]:
+    hints = get_type_hints(kind)
+    values = {field.name: getattr(found, field.name) for field in fields(kind)}
+    return {name: _made(hints[name], value) for name, value in values.items() if value is not msgspec.UNSET}
+
+
+def _made(kind: Any, value: object) -> object:  # noqa: ANN401 - a type
+    if isinstance(value, tuple):
+        return tuple(_made(kind, one) for one in value)
+    own = _within(kind, is_dataclass)
+    return own(**_given(own, value)) if isinstance(value, msgspec.Struct) else value
+
+
+def _plain(value: Any, kind: Any = object) -> Any:  # noqa: ANN401 - a value of any kind
+    """Return a value of which every part is of Python's own types, as TOML has them; a list of one where ``kind`` has a list of values."""
+    if isinstance(value, Mapping):
+        hints = get_type_hints(own) if (own := _within(kind, is_dataclass)) else {}
+        return {str(name): _plain(one, hints.get(name, object)) for name, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(one, own if (own := _within(kind, is_dataclass)) else object) for one in value]
+    if isinstance(value, str | float):  # words of an enumeration, numbers of NumPy
+        value = str(value) if isinstance(value, str) else float(value)
+    return [value] if _within(kind, _is_list) and value is not None else value
+
+
+def _within(kind: Any, wanted: Callable[[Any], bool]) -> Any:  # noqa: ANN401 - types
+    """Return the first type of a kind within another, or None."""
+    return kind if wanted(kind) else next((found for one in get_args(kind) if (found := _within(one, wanted)) is not None), None)
+
+
+def _is_list(kind: Any) -> bool:  # noqa: ANN401 - a type
+    return get_origin(kind) is tuple
+
+
+def _refusal(kind: Any, table: Any, said: str, where: str, error: type[HdvplanError]) -> HdvplanError:  # noqa: ANN401 - a type, a table
+    """Return in the words of users what msgspec refuses: where, which entry, what was expected, and what a misspelt name may mean."""
+    place = _PLACE.search(said)
+    steps = _STEP.findall(place[1] if place else "")
+    unknown, missing = _UNKNOWN.match(said), _MISSING.match(said)
+    for name, number in steps if unknown or missing else steps[:-1]:  # tables on the way to the entry
+        kind, table = _within(get_type_hints(kind)[name], is_dataclass), table[name][int(number)] if number else table[name]
+        where = f"{where}, {name} {int(number) + 1}" if number else f"{where}, {name}"
+    known = [field.name for field in fields(kind)]
+    if unknown:
+        hint = did_you_mean(unknown[1], known, f"known entries: {', '.join(known)}")
+        return error(f"{where}: unknown entry {unknown[1]!r}", hint=hint)
+    if missing:
+        return error(f"{where}: {missing[1]} is missing", hint=f"known entries: {', '.join(known)}")
+    name = steps[-1][0]
+    return error(f"{where}: {name} must be {any_of(_words(get_type_hints(kind)[name], name))}, not {table[name]!r}")
+
+
+def _words(kind: Any, name: str) -> list[str]:  # noqa: ANN401 - a type
+    """Return what an entry may be."""
+    if get_origin(kind) in {Union, UnionType}:
+        return [word for one in get_args(kind) for word in _words(one, name)]
+    if get_origin(kind) is Literal:
+        return [f"{word!r}" for word in get_args(kind)]
+    if _is_list(kind):
+        inner = get_args(kind)[0]
+        return [f"[[{name}]] tables" if is_dataclass(inner) else {str: "a list of names", float: "a list of numbers"}.get(inner, "a list")]
+    return [f"a table, [{name}]"] if is_dataclass(kind) else _KINDS.get(get_origin(kind) or kind, [])
