@@ -38,15 +38,19 @@ class ProjectionError(RoadError):
         self.offset_m = offset_m
 
 
-class VehicleError(HdvplanError):
-    """A vehicle description that cannot be used; ``field`` names the entry at fault."""
+class EntryError(HdvplanError):
+    """An entry of a file or a setting that cannot be used; ``field`` names it where it is known."""
 
     def __init__(self, message: str, *, field: str | None = None, hint: str | None = None) -> None:
         super().__init__(message, hint=hint)
         self.field = field
 
 
-class OptionError(HdvplanError):
+class VehicleError(EntryError):
+    """A vehicle description that cannot be used."""
+
+
+class OptionError(EntryError):
     """A setting outside its range, or two settings that contradict each other."""
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, fields, is_dataclass
+from enum import StrEnum
 from functools import cache, reduce
 from operator import or_
 from types import UnionType
@@ -15,7 +16,7 @@ from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_
 
 import msgspec
 
-from hdvplan.errors import HdvplanError, OptionError
+from hdvplan.errors import EntryError, OptionError
 from hdvplan.settings import any_of
 from hdvplan.spelling import did_you_mean
 
@@ -26,11 +27,11 @@ _STEP = re.compile(r"([^.\[\]]+)(?:\[(\d+)\])?")
 _UNKNOWN, _MISSING = re.compile(r"Object contains unknown field `(.*?)`"), re.compile(r"Object missing required field `(.*?)`")
 
 
-def read(kind: type[Kind], table: Mapping[str, object], where: str, error: type[HdvplanError] = OptionError) -> Kind:
+def read(kind: type[Kind], table: Mapping[str, object], where: str, error: type[EntryError] = OptionError) -> Kind:
     """Return the dataclass that a table's entries make; ``where`` it stands is for messages.
 
     Raises:
-        HdvplanError: ``error``, for an unknown or missing entry, or one of another kind.
+        EntryError: ``error``, for an unknown or missing entry, or one of another kind.
 
     """
     made: Kind = kind(**entries(kind, table, where, error))
@@ -38,14 +39,14 @@ def read(kind: type[Kind], table: Mapping[str, object], where: str, error: type[
 
 
 def entries(
-    kind: type, table: Mapping[str, object], where: str, error: type[HdvplanError] = OptionError, *, single: bool = False
+    kind: type, table: Mapping[str, object], where: str, error: type[EntryError] = OptionError, *, single: bool = False
 ) -> dict[str, Any]:
     """Return those entries of a table that are there, as the fields of a dataclass have them.
 
     With ``single`` a value where a list is expected is a list of one.
 
     Raises:
-        HdvplanError: see ``read``.
+        EntryError: see ``read``.
 
     """
     plain = _plain(table, kind if single else object)
@@ -107,7 +108,7 @@ def _is_list(kind: Any) -> bool:  # noqa: ANN401 - a type
     return get_origin(kind) is tuple
 
 
-def _refusal(kind: Any, table: Any, said: str, where: str, error: type[HdvplanError]) -> HdvplanError:  # noqa: ANN401 - a type, a table
+def _refusal(kind: Any, table: Any, said: str, where: str, error: type[EntryError]) -> EntryError:  # noqa: ANN401 - a type, a table
     """Return in the words of users what msgspec refuses: where, which entry, what was expected, and what a misspelt name may mean."""
     place = _PLACE.search(said)
     steps = _STEP.findall(place[1] if place else "")
@@ -118,11 +119,11 @@ def _refusal(kind: Any, table: Any, said: str, where: str, error: type[HdvplanEr
     known = [field.name for field in fields(kind)]
     if unknown:
         hint = did_you_mean(unknown[1], known, f"known entries: {', '.join(known)}")
-        return error(f"{where}: unknown entry {unknown[1]!r}", hint=hint)
+        return error(f"{where}: unknown entry {unknown[1]!r}", field=unknown[1], hint=hint)
     if missing:
-        return error(f"{where}: {missing[1]} is missing", hint=f"known entries: {', '.join(known)}")
+        return error(f"{where}: {missing[1]} is missing", field=missing[1], hint=f"known entries: {', '.join(known)}")
     name = steps[-1][0]
-    return error(f"{where}: {name} must be {any_of(_words(get_type_hints(kind)[name], name))}, not {table[name]!r}")
+    return error(f"{where}: {name} must be {any_of(_words(get_type_hints(kind)[name], name))}, not {table[name]!r}", field=name)
 
 
 def _words(kind: Any, name: str) -> list[str]:  # noqa: ANN401 - a type
@@ -131,6 +132,8 @@ def _words(kind: Any, name: str) -> list[str]:  # noqa: ANN401 - a type
         return [word for one in get_args(kind) for word in _words(one, name)]
     if get_origin(kind) is Literal:
         return [f"{word!r}" for word in get_args(kind)]
+    if isinstance(kind, type) and issubclass(kind, StrEnum):
+        return list(kind)
     if _is_list(kind):
         inner = get_args(kind)[0]
         return [f"[[{name}]] tables" if is_dataclass(inner) else {str: "a list of names", float: "a list of numbers"}.get(inner, "a list")]

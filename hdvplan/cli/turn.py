@@ -14,7 +14,7 @@ from hdvplan.cli.help import OUTPUT
 from hdvplan.cli.options import Output, VehicleOrNoneOption, check_folder, file_name
 from hdvplan.cli.settings import OptionsOf, with_settings
 from hdvplan.errors import OptionError
-from hdvplan.settings import Setting
+from hdvplan.settings import Setting, choice
 
 if TYPE_CHECKING:
     from hdvplan.turning.manoeuvre import Manoeuvre
@@ -56,8 +56,8 @@ class TurnOptions:
         """
         from math import radians
 
-        from hdvplan.turning.manoeuvre import Manoeuvre
-        from hdvplan.turning.templates import guide_point, load_template
+        from hdvplan.turning.manoeuvre import GuidePoint, Manoeuvre
+        from hdvplan.turning.templates import load_template
 
         if self.template is not None:
             for field in fields(self)[1:]:
@@ -68,12 +68,13 @@ class TurnOptions:
         if self.radius is None or self.angle is None:
             msg = "a manoeuvre needs --template, or --radius and --angle"
             raise OptionError(msg, hint="`hdvplan turn --list` names the templates")
+        guide = GuidePoint(choice("--guide", self.guide or _GUIDE, list(GuidePoint)))
         try:
             angle = None if self.angle == _STEADY else radians(float(self.angle))
         except ValueError as error:
             msg = f"--angle must be a number of degrees or {_STEADY}, not {self.angle!r}"
             raise OptionError(msg) from error
-        return Manoeuvre(self.radius, angle, guide_point(self.guide or _GUIDE, "--guide"), self.ramp or 0.0, standstill=self.standstill)
+        return Manoeuvre(self.radius, angle, guide, self.ramp or 0.0, standstill=self.standstill)
 
 
 @with_settings

@@ -5,26 +5,59 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from hdvplan.errors import OptionError
 from hdvplan.fileio import parse_toml, read_text
 from hdvplan.lengths import METRES
+from hdvplan.schema import read
 from hdvplan.spelling import did_you_mean
 from hdvplan.texts import printable
 from hdvplan.turning.follow import tightest
 from hdvplan.turning.manoeuvre import GuidePoint, Manoeuvre, guide_offsets
 from hdvplan.turning.swept import Figures
-from hdvplan.vehicle.load import LENGTH_UNITS
+from hdvplan.vehicle.load import LengthUnit
 from hdvplan.vehicle.model import Vehicle
 
-_TOP_KEYS = ("name", "source", "length_unit", "manoeuvre", "limits")
-_LENGTH_KEYS = ("radius", "ramp", "lead_in", "lead_out")
-_MANOEUVRE_KEYS = ("guide", "angle", "standstill", *_LENGTH_KEYS)
-STEADY, OF_VEHICLE = "steady", "vehicle"
 _ROUNDING_M = 1e-6
 _LARGEST = 1e6  # of any entry
+
+
+@dataclass(frozen=True)
+class _ManoeuvreTable:
+    """The table [manoeuvre] of a file: lengths in its unit, the angle in degrees."""
+
+    radius: float | Literal["vehicle"]
+    angle: float | Literal["steady"]
+    guide: GuidePoint = GuidePoint.FRONT_AXLE
+    standstill: bool = False
+    ramp: float | None = None
+    lead_in: float | None = None
+    lead_out: float | None = None
+
+
+@dataclass(frozen=True)
+class _LimitsTable:
+    """The table [limits] of a file."""
+
+    inside_radius: float | None = None
+    outside_radius: float | None = None
+    swept_width: float | None = None
+    tail_swing: float | None = None
+    frontal_swing: float | None = None
+
+
+@dataclass(frozen=True)
+class _TemplateTable:
+    """A template's file."""
+
+    manoeuvre: _ManoeuvreTable
+    name: object = ""
+    source: object = ""
+    length_unit: LengthUnit = "m"
+    limits: _LimitsTable = _LimitsTable()
 
 
 @dataclass(frozen=True)
@@ -129,70 +162,23 @@ def parse_template(text: str, *, default_name: str) -> Template:
         raise OptionError(msg) from error
     name = printable(str(document.get("name", default_name)))
     where = f"template {name!r}"
-    _check_keys(document, _TOP_KEYS, where)
-    unit = document.get("length_unit", "m")
-    if not isinstance(unit, str) or unit not in LENGTH_UNITS:
-        msg = f"{where}: length_unit must be 'm' or 'ft', not {unit!r}"
-        raise OptionError(msg)
-    given, limits = (_table(document, key, where) for key in ("manoeuvre", "limits"))
-    _check_keys(given, _MANOEUVRE_KEYS, where)
-    _check_keys(limits, tuple(_LIMITS), where)
-    for key in ("radius", "angle"):
-        if key not in given:
-            msg = f"{where}: {key} is missing"
-            raise OptionError(msg, hint=f"entries of [manoeuvre]: {', '.join(_MANOEUVRE_KEYS)}")
-    radius = None if given["radius"] == OF_VEHICLE else _number(given, "radius", where) * METRES[unit]
-    angle = None if given["angle"] == STEADY else np.deg2rad(_number(given, "angle", where))
-    lengths = {key: _number(given, key, where) * METRES[unit] for key in _LENGTH_KEYS[1:] if key in given}
-    standstill = given.get("standstill", False)
-    if not isinstance(standstill, bool):
-        msg = f"{where}: standstill must be true or false, not {standstill!r}"
-        raise OptionError(msg)
-    point = guide_point(given.get("guide", GuidePoint.FRONT_AXLE), where)
-    manoeuvre = Manoeuvre(1e3 if radius is None else radius, angle, point, standstill=standstill, **lengths)  # refuses what is no turn
+    table = read(_TemplateTable, document, where)
+    metres, given = METRES[table.length_unit], table.manoeuvre
+    lengths = {key: metres * value for key in ("ramp", "lead_in", "lead_out") if (value := getattr(given, key)) is not None}
+    limits = {key: metres * value for key, value in vars(table.limits).items() if value is not None}
+    for key, value in {**vars(given), **vars(table.limits)}.items():
+        if isinstance(value, float) and not abs(value) < _LARGEST:
+            msg = f"{where}: {key} must be a number below {_LARGEST:g}, not {value:g}"
+            raise OptionError(msg)
+    radius = None if isinstance(given.radius, str) else metres * given.radius
+    angle = None if isinstance(given.angle, str) else np.deg2rad(given.angle)
+    manoeuvre = Manoeuvre(1e3 if radius is None else radius, angle, given.guide, standstill=given.standstill, **lengths)  # refuses no turn
     if angle is None and "frontal_swing" in limits:
         msg = f"{where}: frontal_swing is measured in the exit, and a full circle has none"
         raise OptionError(msg, hint="give an angle, or leave frontal_swing out")
-    demands = tuple(Limit(key, *_LIMITS[key], _number(limits, key, where) * METRES[unit]) for key in limits)
-    return Template(name, printable(str(document.get("source", ""))), manoeuvre, radius, demands)
-
-
-def guide_point(value: object, where: str) -> GuidePoint:
-    """Return the guided point called ``value``.
-
-    Raises:
-        OptionError: there is none of that name.
-
-    """
-    if value not in list(GuidePoint):
-        msg = f"{where}: guide must be {', '.join(list(GuidePoint)[:-1])} or {list(GuidePoint)[-1]}, not {value!r}"
-        raise OptionError(msg)
-    return GuidePoint(str(value))
+    demands = tuple(Limit(key, *_LIMITS[key], value) for key, value in limits.items())
+    return Template(name, printable(str(table.source)), manoeuvre, radius, demands)
 
 
 def _shipped() -> resources.abc.Traversable:
     return resources.files("hdvplan.turning") / "templates"
-
-
-def _table(document: dict[str, object], key: str, where: str) -> dict[str, object]:
-    table = document.get(key, {})
-    if not isinstance(table, dict):
-        msg = f"{where}: {key} must be a table: [{key}]"
-        raise OptionError(msg)
-    return table
-
-
-def _check_keys(table: dict[str, object], known: tuple[str, ...], where: str) -> None:
-    for key in table:
-        if key not in known:
-            msg = f"{where}: unknown entry {key!r}"
-            raise OptionError(msg, hint=did_you_mean(key, known, f"known entries: {', '.join(known)}"))
-
-
-def _number(table: dict[str, object], key: str, where: str) -> float:
-    value = table[key]
-    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < _LARGEST:
-        words = {"radius": f" or '{OF_VEHICLE}'", "angle": f" of degrees or '{STEADY}'"}.get(key, "")
-        msg = f"{where}: {key} must be a number{words}, not {value!r}"
-        raise OptionError(msg)
-    return float(value)

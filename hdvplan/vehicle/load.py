@@ -3,32 +3,66 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from hdvplan.errors import VehicleError
 from hdvplan.fileio import parse_toml, read_text
 from hdvplan.lengths import METRES
+from hdvplan.schema import read
 from hdvplan.spelling import did_you_mean
 from hdvplan.texts import printable
 from hdvplan.vehicle.model import Unit, Vehicle
 
-_TOP_KEYS = ("name", "source", "length_unit", "unit")
-_STEERING_KEYS = ("max_curvature", "max_curvature_rate")
-_DIMENSION_KEYS = ("wheelbase", "front_overhang", "rear_overhang", "width", "hitch_offset", "length")
-_RADIUS_KEY, _CIRCLE_KEY = "turning_radius", "turning_circle"  # other ways to say max_curvature
 _DECIMAL_COMMA = re.compile(r"^\s*\w+\s*=\s*[+-]?\d+,\d+\s*(#.*)?$", re.MULTILINE)
-LENGTH_UNITS = ("m", "ft")
-_AXLE_KEYS = ("steering_ratio", "max_steering_angle", "max_steering_rate")
 _ACTIVE, _ACTIVELY = "active", 'steered = "active"'
 _AIM = 0.6  # of an active axle's angle to the articulation on constant curves, where a file does not say
-_UNIT_KEYS = ("name", *_DIMENSION_KEYS, *_STEERING_KEYS, _RADIUS_KEY, _CIRCLE_KEY, "steered", *_AXLE_KEYS)
 _LENGTH_TOLERANCE_M = 0.01
 _LARGEST_RADIUS_M = 1e6
 _LONGEST_NAME = 120  # letters
 _GROUPS = ("papers", "europe", "aashto")
+LengthUnit = Literal["m", "ft"]
+
+
+@dataclass(frozen=True)
+class _UnitTable:
+    """A [[unit]] table: lengths in the file's unit."""
+
+    wheelbase: float
+    width: float
+    name: str | None = None
+    front_overhang: float = 0.0
+    rear_overhang: float | None = None
+    hitch_offset: float = 0.0
+    length: float | None = None
+    turning_radius: float | None = None  # these two are other ways to say max_curvature
+    turning_circle: float | None = None
+    max_curvature: float | None = None
+    max_curvature_rate: float | None = None
+    steered: bool | Literal["active"] | None = None
+    steering_ratio: float | None = None
+    max_steering_angle: float | None = None
+    max_steering_rate: float | None = None
+
+
+@dataclass(frozen=True)
+class _VehicleTable:
+    """A vehicle's file."""
+
+    name: object = ""
+    source: object = ""
+    length_unit: LengthUnit = "m"
+    unit: tuple[_UnitTable, ...] = ()
+
+
+_LENGTHS = ("wheelbase", "width", "front_overhang", "rear_overhang", "hitch_offset", "length", "turning_radius", "turning_circle")
+_TURNING = ("turning_radius", "turning_circle", "max_curvature")  # ways to say how far the front wheels turn
+_OF_LEAD = (*_TURNING, "max_curvature_rate")
 
 
 def preset_groups() -> dict[str, list[str]]:
@@ -73,9 +107,11 @@ def read_vehicle(source: str | Path) -> tuple[Vehicle, str | None]:
         VehicleError: as ``load_vehicle``.
 
     """
-    text = vehicle_text(source)  # once: it may come from a pipe
-    vehicle = parse_vehicle(text, default_name=Path(source).stem if _is_file(source) else str(source))
-    return vehicle, _assumed(text, vehicle)
+    vehicle, lead = _parsed(vehicle_text(source), Path(source).stem if _is_file(source) else str(source))
+    if _given(lead, _TURNING):
+        return vehicle, None
+    least = f"{1.0 / vehicle.max_curvature:.1f} m"
+    return vehicle, f"{vehicle.name}: no turning_circle or max_curvature is given: the rear axle's least radius is assumed to be {least}"
 
 
 def vehicle_text(source: str | Path) -> str:
@@ -110,6 +146,11 @@ def parse_vehicle(text: str, *, default_name: str) -> Vehicle:
         VehicleError: not TOML, an unknown, missing or impossible entry.
 
     """
+    return _parsed(text, default_name)[0]
+
+
+def _parsed(text: str, default_name: str) -> tuple[Vehicle, _UnitTable]:
+    """Return the vehicle of a TOML text, and its first unit's table, lengths in metres."""
     try:
         document = parse_toml(text)
     except ValueError as error:
@@ -118,42 +159,40 @@ def parse_vehicle(text: str, *, default_name: str) -> Vehicle:
         raise VehicleError(msg, hint=hint) from error
     name = printable(str(document.get("name", default_name)))
     _check_name(name, f"vehicle {name[:_LONGEST_NAME]!r}")
-    _check_keys(document, _TOP_KEYS, f"vehicle {name!r}")
-    tables = document.get("unit", [])
-    if not (isinstance(tables, list) and all(isinstance(table, dict) for table in tables)):
-        msg = f"vehicle {name!r}: 'unit' must be [[unit]] tables, one per body from the front"
-        raise VehicleError(msg, field="unit")
-    metres = _metres(document, name)
-    units = tuple(_unit(table, number, name, metres) for number, table in enumerate(tables, start=1))
-    lead = tables[0] if tables else {}
-    steering = {key: _number(lead, key, f"vehicle {name!r}, unit 1") for key in _STEERING_KEYS if key in lead}
-    if _RADIUS_KEY in lead or _CIRCLE_KEY in lead:
-        steering["max_curvature"] = _curvature(lead, units[0], f"vehicle {name!r}, unit 1", metres)
-    return Vehicle(name, units, source=printable(str(document.get("source", ""))), **steering)
+    table = read(_VehicleTable, document, f"vehicle {name!r}", VehicleError)
+    tables = [_in_metres(one, METRES[table.length_unit]) for one in table.unit]
+    units = tuple(_unit(one, number, f"vehicle {name!r}, unit {number}") for number, one in enumerate(tables, start=1))
+    if not units:
+        return Vehicle(name, ()), _UnitTable(0.0, 0.0)  # which is refused
+    lead = tables[0]
+    steering = {key: getattr(lead, key) for key in _given(lead, ("max_curvature", "max_curvature_rate"))}
+    if ways := _given(lead, _TURNING[:2]):
+        steering["max_curvature"] = _curvature(lead, ways[0], units[0], f"vehicle {name!r}, unit 1")
+    return Vehicle(name, units, source=printable(str(table.source)), **steering), lead
 
 
-def _metres(document: dict[str, object], name: str) -> float:
-    """Return how long the file's unit of length is [m]."""
-    given = document.get("length_unit", "m")
-    if not isinstance(given, str) or given not in LENGTH_UNITS:
-        msg = f"vehicle {name!r}: length_unit must be 'm' or 'ft', not {given!r}"
-        raise VehicleError(msg, field="length_unit", hint="it is the unit of all lengths; curvatures are 1/m, angles radians")
-    return METRES[given]
+def _given(table: _UnitTable, keys: Sequence[str]) -> list[str]:
+    """Return which of these entries are there."""
+    return [key for key in keys if getattr(table, key) is not None]
 
 
-def _curvature(lead: dict[str, object], unit: Unit, where: str, metres: float) -> float:
+def _in_metres(table: _UnitTable, metres: float) -> _UnitTable:
+    return replace(table, **{key: metres * getattr(table, key) for key in _given(table, _LENGTHS)})
+
+
+def _curvature(lead: _UnitTable, way: str, unit: Unit, where: str) -> float:
     """Return the largest curvature from the least radius of the front axle's middle, or from the circle between walls."""
-    ways = [key for key in (_RADIUS_KEY, _CIRCLE_KEY, "max_curvature") if key in lead]
-    if len(ways) > 1 or unit.steering_ratio > 0.0:
-        msg = f"{where}: {ways[0]} contradicts {ways[1] if len(ways) > 1 else 'a steered rear axle'}"
-        raise VehicleError(msg, field=ways[0], hint="give max_curvature alone: tan(front wheels' angle) / wheelbase [1/m]")
-    if _CIRCLE_KEY in lead:
-        return _curvature_between_walls(metres * _number(lead, _CIRCLE_KEY, where), unit, where)
-    radius = metres * _number(lead, _RADIUS_KEY, where)
+    others = [key for key in _given(lead, _TURNING) if key != way]
+    if others or unit.steering_ratio > 0.0:
+        msg = f"{where}: {way} contradicts {others[0] if others else 'a steered rear axle'}"
+        raise VehicleError(msg, field=way, hint="give max_curvature alone: tan(front wheels' angle) / wheelbase [1/m]")
+    if lead.turning_circle is not None:
+        return _curvature_between_walls(lead.turning_circle, unit, where)
+    radius = lead.turning_radius or 0.0
     if not unit.wheelbase < radius <= _LARGEST_RADIUS_M:
         limit = f"larger than the wheelbase of {unit.wheelbase:g} m" if radius <= unit.wheelbase else f"at most {_LARGEST_RADIUS_M:g} m"
-        msg = f"{where}: {_RADIUS_KEY} = {radius:g} m must be {limit}"
-        raise VehicleError(msg, field=_RADIUS_KEY, hint="it is the least radius of the middle of the front axle")
+        msg = f"{where}: turning_radius = {radius:g} m must be {limit}"
+        raise VehicleError(msg, field="turning_radius", hint="it is the least radius of the middle of the front axle")
     return float(1.0 / (radius**2 - unit.wheelbase**2) ** 0.5)
 
 
@@ -163,59 +202,38 @@ def _curvature_between_walls(diameter: float, unit: Unit, where: str) -> float:
     least = 2.0 * float(np.hypot(front, unit.width))  # then the rear axle turns about its inner end
     if not least < diameter <= 2.0 * _LARGEST_RADIUS_M:
         limit = f"larger than {least:.2f} m for these dimensions" if diameter <= least else f"at most {2.0 * _LARGEST_RADIUS_M:g} m"
-        msg = f"{where}: {_CIRCLE_KEY} = {diameter:g} m must be {limit}"
-        raise VehicleError(msg, field=_CIRCLE_KEY, hint="it is the diameter of the turning circle between walls")
+        msg = f"{where}: turning_circle = {diameter:g} m must be {limit}"
+        raise VehicleError(msg, field="turning_circle", hint="it is the diameter of the turning circle between walls")
     return float(1.0 / (((0.5 * diameter) ** 2 - front**2) ** 0.5 - 0.5 * unit.width))
-
-
-def _assumed(text: str, vehicle: Vehicle) -> str | None:
-    tables = parse_toml(text).get("unit")
-    lead = tables[0] if isinstance(tables, list) and tables else {}
-    if any(key in lead for key in ("max_curvature", _RADIUS_KEY, _CIRCLE_KEY)):
-        return None
-    least = f"{1.0 / vehicle.max_curvature:.1f} m"
-    return f"{vehicle.name}: no {_CIRCLE_KEY} or max_curvature is given: the rear axle's least radius is assumed to be {least}"
 
 
 def _presets() -> resources.abc.Traversable:
     return resources.files("hdvplan.vehicle") / "presets"
 
 
-def _unit(table: dict[str, object], number: int, name: str, metres: float) -> Unit:
-    where = f"vehicle {name!r}, unit {number}"
-    _check_keys(table, _UNIT_KEYS, where)
-    if number > 1:
-        for key in (*_STEERING_KEYS, _RADIUS_KEY, _CIRCLE_KEY):
-            if key in table:
-                msg = f"{where}: {key} belongs to unit 1, whose axle the steering moves"
-                raise VehicleError(msg, field=key)
+def _unit(table: _UnitTable, number: int, where: str) -> Unit:
+    if number > 1 and (misplaced := _given(table, _OF_LEAD)):
+        msg = f"{where}: {misplaced[0]} belongs to unit 1, whose axle the steering moves"
+        raise VehicleError(msg, field=misplaced[0])
     _check_steered(table, number, where)
-    values = {key: _number(table, key, where) for key in _AXLE_KEYS if key in table}
-    values |= {key: metres * _number(table, key, where) for key in _DIMENSION_KEYS if key in table}
-    for key in ("wheelbase", "width"):
-        if key not in values:
-            msg = f"{where}: {key} is missing"
-            raise VehicleError(msg, field=key, hint=f"entries of a unit: {', '.join(_UNIT_KEYS)}")
-    if table.get("steered") == _ACTIVE:
-        values.setdefault("steering_ratio", _AIM)
-    length = values.pop("length", None)
-    front = values.setdefault("front_overhang", 0.0)
-    if length is None:
-        values.setdefault("rear_overhang", 0.0)
-    else:
-        rear = values.setdefault("rear_overhang", length - values["wheelbase"] - front)
-        if abs(front + values["wheelbase"] + rear - length) > _LENGTH_TOLERANCE_M or rear < 0.0:
+    axle = {key: getattr(table, key) for key in _given(table, ("steering_ratio", "max_steering_angle", "max_steering_rate"))}
+    if table.steered == _ACTIVE:
+        axle.setdefault("steering_ratio", _AIM)
+    front, rear = table.front_overhang, table.rear_overhang
+    if table.length is not None:
+        rear = table.length - table.wheelbase - front if rear is None else rear
+        if abs(front + table.wheelbase + rear - table.length) > _LENGTH_TOLERANCE_M or rear < 0.0:
             msg = (
-                f"{where}: length = {length:g} m contradicts front_overhang {front:g} + wheelbase {values['wheelbase']:g}"
+                f"{where}: length = {table.length:g} m contradicts front_overhang {front:g} + wheelbase {table.wheelbase:g}"
                 f" + rear_overhang {max(rear, 0.0):g} m"
             )
             raise VehicleError(msg, field="length")
-    called = table.get("name", "")
-    if not isinstance(called, str) or ("name" in table and not called.strip()):
-        msg = f"{where}: name must be a word, not {called!r}"
+    if table.name is not None and not table.name.strip():
+        msg = f"{where}: name must be a word, not {table.name!r}"
         raise VehicleError(msg, field="name")
-    _check_name(printable(called), where)
-    return Unit(**values, name=printable(called))
+    name = printable(table.name or "")
+    _check_name(name, where)
+    return Unit(table.wheelbase, front, rear or 0.0, table.width, table.hitch_offset, name=name, **axle)
 
 
 def _check_name(name: str, where: str) -> None:
@@ -225,54 +243,37 @@ def _check_name(name: str, where: str) -> None:
         raise VehicleError(msg, field="name", hint="give a shorter name")
 
 
-def _check_steered(table: dict[str, object], number: int, where: str) -> None:
+def _check_steered(table: _UnitTable, number: int, where: str) -> None:
     """Refuse entries about steering that contradict each other: ``steered`` is the front axle of unit 1, the axle of others."""
-    if table.get("steered") == _ACTIVE:
+    if table.steered == _ACTIVE:
         _check_active(table, number, where)
         return
-    if "max_steering_rate" in table:
+    if table.max_steering_rate is not None:
         msg = f"{where}: max_steering_rate needs {_ACTIVELY}"
         raise VehicleError(msg, field="max_steering_rate", hint="it limits how fast the plan turns a trailer's wheels")
-    steered = table.get("steered", number == 1 or "steering_ratio" in table)
-    if not isinstance(steered, bool):
-        msg = f"{where}: steered must be true, false or 'active', not {steered!r}"
-        raise VehicleError(msg, field="steered")
+    by_law = table.steering_ratio is not None
+    steered = (number == 1 or by_law) if table.steered is None else table.steered
     if number == 1 and not steered:
         msg = f"{where}: steered = false is not supported; the first unit steers, the others follow"
         raise VehicleError(msg, field="steered")
-    if number > 1 and steered != ("steering_ratio" in table):
+    if number > 1 and steered != by_law:
         words = "needs a steering_ratio" if steered else "contradicts its steering_ratio"
         msg = f"{where}: steered = {str(steered).lower()} {words}"
         raise VehicleError(msg, field="steered", hint="steering_ratio is the axle's steering angle per angle at its coupling")
-    if "max_steering_angle" in table and "steering_ratio" not in table:
+    if table.max_steering_angle is not None and not by_law:
         msg = f"{where}: max_steering_angle needs a steering_ratio"
         raise VehicleError(msg, field="max_steering_angle", hint="it stops this unit's own axle; the front wheels have max_curvature")
 
 
-def _check_active(table: dict[str, object], number: int, where: str) -> None:
+def _check_active(table: _UnitTable, number: int, where: str) -> None:
     """Refuse an axle that the plan is to steer where it cannot, or without saying what its wheels can do."""
     if number == 1:
         msg = f"{where}: {_ACTIVELY} is not supported; only a trailer's axle can be steered actively"
         raise VehicleError(msg, field="steered", hint="the rear axle of unit 1 takes a steering_ratio alone")
     for key in ("max_steering_angle", "max_steering_rate"):
-        if key not in table:
+        if getattr(table, key) is None:
             msg = f"{where}: {_ACTIVELY} needs {key}"
             raise VehicleError(msg, field=key, hint="max_steering_angle is in radians, max_steering_rate in radians per metre travelled")
-    if _number(table, "max_steering_rate", where) == 0.0:
+    if table.max_steering_rate == 0.0:
         msg = f"{where}: max_steering_rate = 0 rad/m must lie above 0"
         raise VehicleError(msg, field="max_steering_rate", hint="wheels that never turn need no steered axle")
-
-
-def _check_keys(table: dict[str, object], known: tuple[str, ...], where: str) -> None:
-    for key in table:
-        if key not in known:
-            msg = f"{where}: unknown entry {key!r}"
-            raise VehicleError(msg, field=key, hint=did_you_mean(key, known, f"known entries: {', '.join(known)}"))
-
-
-def _number(table: dict[str, object], key: str, where: str) -> float:
-    value = table[key]
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        msg = f"{where}: {key} must be a number, not {value!r}"
-        raise VehicleError(msg, field=key)
-    return float(value)

@@ -10,6 +10,7 @@ ERRORS = (
     HdvplanError("no", hint="try"),
     errors.RoadError("no road", s_m=1.5, hint="try"),
     errors.ProjectionError("no foot", s_m=2.5, offset_m=30.0),
+    errors.EntryError("no entry", field="name", hint="try"),
     errors.VehicleError("no vehicle", field="width", hint="try"),
     errors.OptionError("no option", hint="try"),
     errors.QpDataError("no program", hint="try"),

@@ -248,7 +248,7 @@ def test_a_file_is_read_and_named_after_itself(tmp_path: Path) -> None:
         (BUS + "steered = false", "steered", "the first unit steers"),
         (BUS + BUS + "steered = true", "steered", "unit 2: steered = true needs a steering_ratio"),
         (BUS + BUS + "steered = false\nsteering_ratio = 0.5", "steered", "contradicts its steering_ratio"),
-        (BUS + "name = 3", "name", "unit 1: name must be a word, not 3"),
+        (BUS + "name = 3", "name", "unit 1: name must be words in quotes, not 3"),
         (BUS + "name = ' '", "name", "unit 1: name must be a word"),
         (BUS + BUS + "steered = 'actively'", "steered", "true, false or 'active', not 'actively'"),
         (BUS + "steered = 'active'" + BUS, "steered", 'unit 1: steered = "active" is not supported; only a trailer\'s axle'),

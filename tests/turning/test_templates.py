@@ -51,7 +51,7 @@ def test_a_template_of_one_s_own_needs_a_radius_and_an_angle_alone() -> None:
         ("[manoeuvre]\nangle = 90", "radius is missing"),
         ("[manoeuvre]\nradius = 12", "angle is missing"),
         ("[manoeuvre]\nradius = 'own'\nangle = 90", "a number or 'vehicle'"),
-        ("[manoeuvre]\nradius = 12\nangle = 'round'", "a number of degrees or 'steady'"),
+        ("[manoeuvre]\nradius = 12\nangle = 'round'", "a number or 'steady'"),
         ("[manoeuvre]\nradius = true\nangle = 90", "radius must be a number"),
         ("[manoeuvre]\nradius = -1\nangle = 90", "radius = -1"),
         ("[manoeuvre]\nradius = inf\nangle = 90", "radius must be a number"),
