@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from typer.main import get_command
 
-from hdvplan.cli import bench, compare, need, plan, report, reproduce, roads, solvers, study, turn, vehicles
+from hdvplan.cli import bench, compare, export_c, need, plan, report, reproduce, roads, solvers, study, turn, vehicles
 from hdvplan.cli.console import ExitCode, report_error
 from hdvplan.cli.help import Command, Group
 from hdvplan.cli.interruption import interruption_noted
@@ -48,6 +48,7 @@ app.command("report", cls=Command, rich_help_panel=_VEHICLES)(report.report)
 app.command("bench", cls=Command, rich_help_panel=_MEASURING)(bench.bench)
 app.command("compare", cls=Command, rich_help_panel=_MEASURING)(compare.compare)
 app.command("reproduce", cls=Command, rich_help_panel=_MEASURING)(reproduce.reproduce)
+app.command("export-c", cls=Command, rich_help_panel=_DATA)(export_c.export_c)
 app.add_typer(roads.app, name="roads", rich_help_panel=_DATA)
 app.add_typer(vehicles.app, name="vehicles", rich_help_panel=_DATA)
 app.command("solvers", cls=Command, rich_help_panel=_DATA)(solvers.solvers)

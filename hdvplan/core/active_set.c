@@ -217,7 +217,7 @@ HDV_INLINE int64_t settle(
     int64_t last = program->shape.stages;
     struct hdv_series weights = {solver->weights, weights_size(n, m)}, motion = motion_of(program, point);
     struct verdict verdict = {0, 0};
-    for (int64_t pass = 0; pass < PASSES && verdict.changed <= CHANGES; ++pass) {
+    for (int64_t pass = 0; pass < PASSES && verdict.changed <= CHANGES && *count < solver->budget; ++pass) {
         weigh(solver, program, n, m);
         *count += 1;
         if (!hdv_factorise(program, &weights, solver->work, last, 1))

@@ -24,9 +24,7 @@ struct interval {
     int64_t states, inputs;
 };
 
-/* Writes the state one station ahead into z_next (n,), active wheels held. k and k_between are the road's curvature at
- * the station and half-way to the next [1/m]. */
-HDV_EXPORT void hdv_advance(
+void hdv_advance(
     int64_t rule, const struct hdv_unit *units, int64_t count, double k, double k_between, double step, int64_t n,
     const double *z, double kappa, double *z_next
 ) {
@@ -209,7 +207,7 @@ linearise_horizon(int64_t rule, const struct hdv_scene *scene, int64_t begin, in
 }
 
 /* Linearises the dynamics x_{i+1} = A x_i + B u_i + c at the motion. */
-HDV_EXPORT int64_t hdv_linearise_dynamics(void *data, const struct hdv_scene *scene, int64_t begin, int64_t fresh) {
+int64_t hdv_linearise_dynamics(void *data, const struct hdv_scene *scene, int64_t begin, int64_t fresh) {
     int64_t rule = ((const struct hdv_dynamics *)data)->rule, count = scene->unit_count, n = scene->states;
     (void)fresh;
     HDV_UNROLLED(n + 1, n - count, linearise_horizon, rule, scene, begin); /* the last state is kappa */
@@ -217,7 +215,7 @@ HDV_EXPORT int64_t hdv_linearise_dynamics(void *data, const struct hdv_scene *sc
 }
 
 /* The dynamics have no price of their own: what their gaps cost is a matter of the merit, see motion.c. */
-HDV_EXPORT double hdv_price_dynamics(void *data, const struct hdv_scene *scene) {
+double hdv_price_dynamics(void *data, const struct hdv_scene *scene) {
     (void)data;
     (void)scene;
     return 0.0;

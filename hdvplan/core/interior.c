@@ -411,7 +411,7 @@ HDV_INLINE double linearise(struct iterate *now, double *tail, int64_t n, int64_
 HDV_INLINE int64_t interior(struct iterate *now, int64_t *count, int64_t n, int64_t m) {
     double tail[HDV_MOST_STATES * (HDV_MOST_STATES + 1)];
     int64_t refined = 0;
-    for (int64_t iteration = 0; iteration < ITERATIONS; ++iteration) {
+    for (int64_t iteration = 0; iteration < ITERATIONS && *count < now->solver->budget; ++iteration) {
         *count += 1;
         double error = linearise(now, tail, n, m);
         if (error < now->solver->tolerance && isfinite(now->mean)) {

@@ -60,7 +60,7 @@ struct tightest {
 };
 
 /* What the rows' breaches cost at the motion at which they were linearised. */
-HDV_EXPORT double hdv_price_limits(void *data, const struct hdv_scene *scene) {
+double hdv_price_limits(void *data, const struct hdv_scene *scene) {
     const struct hdv_limits *own = data;
     const struct hdv_program *program = &scene->program;
     struct hdv_shape shape = program->shape;
@@ -394,7 +394,7 @@ static double gap_of(const struct hdv_limits *own, const struct hdv_scene *scene
 
 /* Write the rows g dx <= h of the tightest contacts of every body at stages i >= begin >= 1; the first state is given.
  */
-HDV_EXPORT int64_t hdv_linearise_limits(void *data, const struct hdv_scene *scene, int64_t begin, int64_t fresh) {
+int64_t hdv_linearise_limits(void *data, const struct hdv_scene *scene, int64_t begin, int64_t fresh) {
     struct hdv_limits *own = data;
     struct hdv_shape shape = scene->program.shape;
     int64_t edges = 2 * scene->unit_count;

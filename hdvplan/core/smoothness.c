@@ -9,7 +9,7 @@ HDV_INLINE double curvature(const struct hdv_scene *scene, int64_t i) {
 
 /* Writes what a change of curvature costs, and the bounds of kappa_{i-1} (the vehicle's last state) and of its change,
  * at all stages: the first change depends on what was driven. */
-HDV_EXPORT int64_t hdv_linearise_smoothness(void *data, const struct hdv_scene *scene, int64_t begin, int64_t fresh) {
+int64_t hdv_linearise_smoothness(void *data, const struct hdv_scene *scene, int64_t begin, int64_t fresh) {
     const struct hdv_smoothness *own = data;
     int64_t input = scene->program.shape.bounded; /* its bound's number */
     (void)begin;
@@ -28,7 +28,7 @@ HDV_EXPORT int64_t hdv_linearise_smoothness(void *data, const struct hdv_scene *
 }
 
 /* Cost of a motion's changes of curvature. */
-HDV_EXPORT double hdv_price_smoothness(void *data, const struct hdv_scene *scene) {
+double hdv_price_smoothness(void *data, const struct hdv_scene *scene) {
     const struct hdv_smoothness *own = data;
     double total = 0.0;
     for (int64_t i = 0; i < scene->program.shape.stages; i++) {

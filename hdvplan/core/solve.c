@@ -36,6 +36,7 @@ HDV_EXPORT void hdv_solver_in(void *memory, const struct hdv_shape *shape, doubl
     solver->pairs = (struct hdv_pair *)(solver->inequalities + parts.inequalities);
     solver->member = (uint8_t *)(solver->pairs + parts.inequalities + 1);
     solver->tolerance = tolerance;
+    solver->budget = HDV_UNLIMITED;
     solver->screens = screens;
 }
 
@@ -116,8 +117,8 @@ void hdv_solve(
     memcpy(point->stages, program->x_first, (size_t)program->shape.states * sizeof(double));
     int guessed = guess != NULL && solver->screens;
     if (!guessed || !hdv_settle(solver, program, guess, point, &found.factorisations)) {
-        int passed = screen(solver, program, point, &any);
-        found.ending = passed ? HDV_SOLVED : HDV_NUMERICAL;
+        int spent = found.factorisations >= solver->budget, passed = !spent && screen(solver, program, point, &any);
+        found.ending = passed ? HDV_SOLVED : spent ? HDV_ITERATION_LIMIT : HDV_NUMERICAL;
         found.factorisations += passed;
         found.binding = any || !solver->screens;
         if (passed && found.binding)

@@ -45,6 +45,7 @@ struct hdv_solver {
     struct hdv_pair *pairs;              /* one for each inequality, and one to try the next inequality in */
     uint8_t *member;                     /* (N+1, p + 2 (b + m)): whether it has a pair */
     double tolerance;                    /* of products or slacks, and of broken inequalities [m] */
+    int64_t budget;                      /* most factorisations of a solve */
     int64_t screens;                     /* 0: every inequality takes part from the start, and no guess is used */
 };
 
@@ -53,6 +54,9 @@ struct hdv_solved {
     int64_t factorisations;
     int64_t binding; /* whether the point's inequalities are of use to the next solve; 0 where none has a multiplier */
 };
+
+/* No limit of a count. */
+#define HDV_UNLIMITED INT64_MAX
 
 HDV_INLINE int64_t inequalities_of(const struct hdv_shape *shape) {
     return shape->rows + 2 * (shape->bounded + shape->inputs);

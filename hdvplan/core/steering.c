@@ -34,7 +34,7 @@ write_angle(const struct hdv_steering *own, const struct hdv_scene *scene, int64
 
 /* Writes the wheels' part of a program: costs of angles are added at stages i >= begin, changes and bounds are written
  * at all. */
-HDV_EXPORT int64_t hdv_linearise_steering(void *data, const struct hdv_scene *scene, int64_t begin, int64_t fresh) {
+int64_t hdv_linearise_steering(void *data, const struct hdv_scene *scene, int64_t begin, int64_t fresh) {
     const struct hdv_steering *own = data;
     (void)fresh;
     for (int64_t i = 1; i <= scene->program.shape.stages; i++) {
@@ -47,7 +47,7 @@ HDV_EXPORT int64_t hdv_linearise_steering(void *data, const struct hdv_scene *sc
 }
 
 /* Cost of a motion's wheel angles and of their changes. */
-HDV_EXPORT double hdv_price_steering(void *data, const struct hdv_scene *scene) {
+double hdv_price_steering(void *data, const struct hdv_scene *scene) {
     const struct hdv_steering *own = data;
     double total = 0.0;
     for (int64_t i = 1; i <= scene->program.shape.stages; i++) {

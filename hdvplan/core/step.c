@@ -62,6 +62,7 @@ static void extend_guess(const struct hdv_planner *planner, int64_t kept) {
 /* Linearise all terms at stages from begin on, of which nothing is known where they are fresh; 0 where a point has no
  * foot. */
 static int linearise(struct hdv_planner *planner, int64_t begin, int64_t fresh) {
+    planner->linearisations++;
     for (int64_t number = 0; number < planner->term_count; number++) {
         const struct hdv_term *term = &planner->terms[number];
         planner->lost = term->linearise(term->data, planner->scene, begin, fresh);
@@ -112,6 +113,7 @@ HDV_EXPORT int64_t hdv_begin(struct hdv_planner *planner, int64_t first, double 
         planner->most, planner->change, planner->wheels
     );
     planner->programs = planner->iterations = planner->halvings = planner->usable = planner->priced = 0;
+    planner->linearisations = planner->spent = 0;
     planner->violation = 0.0;
     planner->moved = INFINITY;
     planner->seconds_solve = planner->seconds_check = 0.0;
@@ -140,17 +142,17 @@ static double largest_multiplier(const struct hdv_program *program, const struct
     return largest;
 }
 
-/* Move by a solution, halved until the merit is no larger than before.
+/* Move by a solution, or by a share of it, halved until the merit is no larger than before.
  * Where no limit binds the whole of it is taken, and nothing is judged by the merit. */
-static enum moved move(struct hdv_planner *planner, const struct hdv_point *point) {
+static enum moved move(struct hdv_planner *planner, const struct hdv_point *point, double share) {
     struct hdv_scene *scene = planner->scene;
     if (!planner->binding) {
-        planner->moved = hdv_take_step(scene, point, 1.0);
+        planner->moved = hdv_take_step(scene, point, share);
         planner->priced = 0;
         return linearise(planner, 1, 0) ? MOVED : MOVED_OFF;
     }
     size_t size = (size_t)((scene->program.shape.stages + 1) * (scene->states + 1)) * sizeof(double);
-    double worth = merit(planner), share = 1.0;
+    double worth = merit(planner);
     int halved = 0;
     memcpy(planner->before, scene->motion, size);
     for (;;) {
@@ -161,7 +163,7 @@ static enum moved move(struct hdv_planner *planner, const struct hdv_point *poin
         if (planner->merit <= worth || planner->moved < planner->tolerance || share <= shortest_step)
             break;
         memcpy(scene->motion, planner->before, size);
-        share *= 0.5;
+        share = planner->linearisations + 1 < planner->most_linearisations ? 0.5 * share : shortest_step;
         halved++;
     }
     planner->halvings += halved;
@@ -200,7 +202,7 @@ HDV_EXPORT int64_t hdv_accept(struct hdv_planner *planner, const struct hdv_poin
         return finish(planner);
     }
     planner->binding = scene->binding = hdv_l1_weights(&scene->program, point, 1 + scene->unit_count, planner->weights);
-    enum moved moved = move(planner, point);
+    enum moved moved = move(planner, point, 1.0);
     planner->violation = violation(planner);
     planner->guessed = leaves_guess;
     planner->seconds_linearise += seconds() - began;
@@ -209,6 +211,43 @@ HDV_EXPORT int64_t hdv_accept(struct hdv_planner *planner, const struct hdv_poin
     int repairing = planner->programs <= planner->repairs && planner->violation > repaired;
     int settled = moved == MOVED_HARDLY || planner->moved < planner->tolerance || planner->programs >= planner->rounds;
     return settled || !(planner->iterates || repairing) ? finish(planner) : HDV_SOLVE;
+}
+
+/* Whether the budget has room for one more program: its solution is moved by, and once more if that makes a plan worse.
+ */
+static int affords_more(const struct hdv_planner *planner) {
+    return planner->iterations < planner->most_factorisations &&
+           planner->linearisations + 2 <= planner->most_linearisations;
+}
+
+/* The share of a point that keeps all bounds: its motion keeps them, so that any share does that is small enough. */
+static double share_within(const struct hdv_program *program, const struct hdv_point *at) {
+    double share = 1.0;
+    for (int64_t i = 0; i <= program->shape.stages; i++) {
+        struct stage stage = program_stage(program, i);
+        struct point point = program_point(program, at, i);
+        struct range bounds = bounds_at(&program->shape, i);
+        for (int64_t number = bounds.begin; number < bounds.end; number++) {
+            double v = *bounded_of(program, point.x, point.u, number),
+                   most = v > 0.0 ? stage.high[number] : stage.low[number];
+            if (fabs(v) > fabs(most))
+                share = smaller(share, most / v);
+        }
+    }
+    return larger(share, 0.0);
+}
+
+/* The budget was spent within a solve. Its iterate keeps the dynamics: move by as much of it as keeps the bounds. */
+static int64_t salvage(struct hdv_planner *planner, const struct hdv_point *point) {
+    struct hdv_scene *scene = planner->scene;
+    double share = share_within(&scene->program, point);
+    planner->binding = scene->binding = 1;
+    planner->guessed = 0;
+    if (share > shortest_step && move(planner, point, share) == MOVED_OFF)
+        return HDV_LOST;
+    planner->violation = violation(planner);
+    planner->usable = share > shortest_step;
+    return finish(planner);
 }
 
 /* Solve, judge and move, until the plan is made, with our solver. The last solution's multipliers are its guess, and
@@ -223,10 +262,17 @@ HDV_EXPORT int64_t hdv_iterate(struct hdv_planner *planner) {
     while (stop == HDV_SOLVE) {
         struct hdv_solved solved;
         double began = seconds();
+        planner->spent = !affords_more(planner);
+        if (planner->spent)
+            return finish(planner);
+        planner->solver->budget = planner->most_factorisations - planner->iterations;
         hdv_solve(planner->solver, &planner->scene->program, planner->guessed ? &point : NULL, &point, &solved);
         planner->seconds_solve += seconds() - began;
         planner->iterations += solved.factorisations;
         planner->ending = solved.ending;
+        planner->spent = solved.ending == HDV_ITERATION_LIMIT && planner->iterations >= planner->most_factorisations;
+        if (planner->spent)
+            return salvage(planner, &point);
         if (hdv_judge(planner, &point) != HDV_FINE)
             return HDV_REFUSED;
         stop = hdv_accept(planner, &point, solved.binding);
@@ -234,7 +280,7 @@ HDV_EXPORT int64_t hdv_iterate(struct hdv_planner *planner) {
     return stop;
 }
 
-HDV_EXPORT int64_t hdv_step(struct hdv_planner *planner, int64_t first, double kappa_before) {
+int64_t hdv_step(struct hdv_planner *planner, int64_t first, double kappa_before) {
     int64_t stop = hdv_begin(planner, first, kappa_before);
     return stop == HDV_SOLVE ? hdv_iterate(planner) : stop;
 }

@@ -53,6 +53,8 @@ struct hdv_planner {
     int64_t executed;                   /* stages that are driven before the next plan */
     int64_t converges;                  /* 1: SQP */
     double tolerance;                   /* a plan that iterates ends when no state moves further [m, rad] */
+    int64_t most_factorisations;        /* of a step, over all its programs */
+    int64_t most_linearisations;        /* of a step at the whole motion, which end with the best motion so far */
     /* what is known from step to step */
     int64_t last;    /* the last plan's first station, -1: none */
     int64_t binding; /* whether limits bind in the last program */
@@ -64,6 +66,8 @@ struct hdv_planner {
     int64_t programs;               /* solved */
     int64_t iterations;             /* of our solver, over all programs */
     int64_t ending;                 /* of our solver, for the last program: enum hdv_ending */
+    int64_t linearisations;         /* at the whole motion */
+    int64_t spent;                  /* whether the step ended because its budget was spent */
     int64_t halvings;               /* how often a step was halved */
     int64_t usable;                 /* whether the last program's solution was taken */
     int64_t priced;                 /* whether the plan has a merit */
@@ -73,6 +77,9 @@ struct hdv_planner {
     struct hdv_residuals residuals; /* of the last program, recomputed */
     double seconds_linearise, seconds_solve, seconds_check;
 };
+
+/* One step with our solver, from the state in planner->start at a station; ``kappa_before`` was held until there. */
+HDV_EXPORT int64_t hdv_step(struct hdv_planner *planner, int64_t first, double kappa_before);
 
 /* The motion that a step linearises at, and its merit. */
 HDV_EXPORT void hdv_guess_motion(

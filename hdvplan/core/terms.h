@@ -11,6 +11,13 @@ struct hdv_dynamics {
     int64_t rule;
 };
 
+/* Writes the state one station ahead into z_next (n,), active wheels held. k and k_between are the road's curvature at
+ * the station and half-way to the next [1/m]. */
+HDV_EXPORT void hdv_advance(
+    int64_t rule, const struct hdv_unit *units, int64_t count, double k, double k_between, double step, int64_t n,
+    const double *z, double kappa, double *z_next
+);
+
 /* Smooth steering: weight (kappa_i - kappa_{i-1})^2 ([GEO] eq. 20), with the limits of curvature and of its change. */
 struct hdv_smoothness {
     double weight; /* [m^2] */
@@ -51,8 +58,10 @@ struct hdv_centring {
     struct hdv_centred *memory;           /* by stage, stage 0 at scene->at */
 };
 
-HDV_EXPORT hdv_linearise hdv_linearise_centring; /* the balance has it, too */
-HDV_EXPORT hdv_price hdv_price_centring;
+/* The functions of the terms that every planner may have. */
+HDV_EXPORT hdv_linearise hdv_linearise_dynamics, hdv_linearise_smoothness, hdv_linearise_centring,
+    hdv_linearise_steering, hdv_linearise_limits;
+HDV_EXPORT hdv_price hdv_price_dynamics, hdv_price_smoothness, hdv_price_centring, hdv_price_steering, hdv_price_limits;
 
 /* A sampled point of a body's edge. */
 struct hdv_edge_point {

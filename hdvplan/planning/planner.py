@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hdvplan import core
-from hdvplan.arrays import FloatArray
+from hdvplan.arrays import FloatArray, Records
 from hdvplan.errors import PlanError, SolverError
 from hdvplan.planning.assembly import assemble
 from hdvplan.planning.objectives import Goal
@@ -89,6 +89,17 @@ class _Outcome(NamedTuple):
     seconds_check: float
 
 
+def planner_record(vehicle: Vehicle, goal: Goal, settings: PlannerSettings) -> Records:
+    """Return the core's record of a planner before its first step, (1,) of ``hdv_planner``, without addresses; its budget is unlimited."""
+    record = np.zeros(1, _PLANNER)
+    record["wheels"], record["rounds"] = len(vehicle.active), min(settings.sqp_iterations, goal.rounds or settings.sqp_iterations)
+    record["repairs"], record["executed"] = settings.rti_repairs, settings.executed
+    record["converges"], record["tolerance"] = settings.scheme is Scheme.SQP, settings.sqp_tolerance
+    record["most_factorisations"] = record["most_linearisations"] = np.iinfo(np.int64).max
+    record["last"], record["binding"], record["guessed"] = -1, 1, 1
+    return record
+
+
 class Planner:
     """Plans one vehicle along one drive; keeps the QP, the solver and the last plan between steps."""
 
@@ -125,15 +136,11 @@ class Planner:
             "before": np.zeros((settings.stages + 1, vehicle.states + 1)),
         }
         self._kept = kept, arrays
-        record = self._record = np.zeros(1, _PLANNER)
+        record = self._record = planner_record(vehicle, goal, settings)
         for name, array in kept.items():
             record[name] = core.address(array)
         record["array_count"], record["term_count"], record["capacity"] = len(arrays), len(terms), scene.capacity
-        record["solver"], record["wheels"] = self._judge.core_solver, len(wheels)
-        record["rounds"] = min(settings.sqp_iterations, goal.rounds or settings.sqp_iterations)
-        record["repairs"], record["executed"] = settings.rti_repairs, settings.executed
-        record["converges"], record["tolerance"] = settings.scheme is Scheme.SQP, settings.sqp_tolerance
-        record["last"], record["binding"], record["guessed"] = -1, 1, 1
+        record["solver"] = self._judge.core_solver
         self._address = core.address(record)
         # the same memory: all of it, and what every step reads
         self._own, self._outcome, self._last, self._recomputed = (

@@ -1,0 +1,135 @@
+"""The exported planner against hdvplan's own: the same plans, what they take, what a budget costs, sizes and times.
+
+Writes plans.csv (a row a road, vehicle and class of limits), budget.csv, sizes.csv, export-c.md and run.json. Needs a C compiler, cc.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+import pandas as pd
+from exported_planner import ExportedPlanner, driven
+
+from hdvplan.api import drive_case
+from hdvplan.bench.measuring.courses import with_limits
+from hdvplan.bench.suite import ROADS, Suite
+from hdvplan.case import Case
+from hdvplan.driving.drive import Drive
+from hdvplan.export.write import DEFAULT_BUDGET, Budget
+from hdvplan.fileio import csv_bytes, write_atomically
+from hdvplan.judging.balance import KEPT_M
+from hdvplan.judging.result import result_of
+from hdvplan.machine import use_one_thread
+from hdvplan.record import write_record
+from hdvplan.report.grid import markdown_table
+from hdvplan.report.summary import summary_of
+from hdvplan.road.load import find_road
+from hdvplan.vehicle.load import load_vehicle
+
+VEHICLES = ("bus", "tractor-trailer", "a-double")
+CLASSES = ("off", "inactive", "binding", "unkeepable")
+OPTIMISED = ("-O3", "-ffp-contract=fast", "-fno-math-errno", "-fno-trapping-math")  # as hdvplan's own core
+HALF = Budget(DEFAULT_BUDGET.factorisations // 2, DEFAULT_BUDGET.linearisations // 2)
+
+
+def cases(roads: tuple[str, ...], vehicles: tuple[str, ...]) -> Iterator[tuple[str, Case]]:
+    """Return all cases with their class of limits."""
+    for name in roads:
+        road = find_road(name)()
+        for vehicle in map(load_vehicle, vehicles):
+            for limits in CLASSES:
+                yield limits, Case(with_limits(road, vehicle, Suite(), limits), vehicle)
+
+
+def judged(drive: Drive, case: Case) -> float:
+    """Return how deep a drive breaks its limits, as simulated [m]."""
+    broken = summary_of(result_of(drive, solver=case.solver, objective=case.objective))["limit_violation_m"]
+    return float(cast("float", broken))
+
+
+def row_of(limits: str, case: Case) -> dict[str, object]:
+    """Return how the exported plans of a case compare with hdvplan's, and what they took; and the same with half the budget."""
+    own = drive_case(case)
+    row: dict[str, object] = {"road": case.road.name, "vehicle": case.vehicle.name, "limits": limits, "plans": len(own.plans)}
+    row["breach_m"] = judged(own, case)
+    with tempfile.TemporaryDirectory() as folder:
+        planner = ExportedPlanner(case, Path(folder), flags=OPTIMISED)
+        drive = driven(case, planner)
+        row["difference"] = max(float(np.max(np.abs(drive.z - own.z))), float(np.max(np.abs(drive.kappa - own.kappa))))
+        most = np.max([counts[2:] for counts in planner.counts], axis=0)
+        row["factorisations"], row["linearisations"], row["memory_bytes"] = int(most[0]), int(most[1]), planner.memory
+        for name, budget in (("default", DEFAULT_BUDGET), ("half", HALF)):
+            planner.begin(budget)
+            row[f"breach_{name}_m"] = judged(driven(case, planner), case)
+            row[f"spent_{name}"] = sum(status == "spent" for status, *_ in planner.counts)
+    print(f"{row}", file=sys.stderr)
+    return row
+
+
+def sizes(vehicle: str, folder: Path) -> dict[str, object]:
+    """Return bytes of code and of memory of a vehicle's planner on this machine, compiled for size."""
+    case = Case(find_road("uturn")(), load_vehicle(vehicle))
+    planner = ExportedPlanner(case, folder)
+    subprocess.run(["make", "freestanding", "CFLAGS=-std=c99 -Os"], cwd=folder, check=True, capture_output=True)  # noqa: S607 - fixed
+    objects = sorted(str(path) for path in folder.glob("*.o"))
+    listed = subprocess.run(["size", *objects], check=True, capture_output=True, text=True)  # noqa: S603, S607 - ours
+    lines = listed.stdout.splitlines()[1:]
+    stack = max(int(line.split("\t")[1]) for path in folder.glob("*.su") for line in path.read_text().splitlines())
+    return {
+        "vehicle": vehicle,
+        "memory_bytes": planner.memory,
+        "code_bytes": sum(int(line.split()[0]) for line in lines),
+        "largest_frame_bytes": stack,
+    }
+
+
+def text(plans: pd.DataFrame, size: pd.DataFrame) -> str:
+    """Return the page."""
+    kept = plans[plans["breach_m"] <= KEPT_M]
+    lost = kept[kept["breach_half_m"] > KEPT_M]
+    most = plans.groupby(["vehicle", "limits"], sort=False)[["factorisations", "linearisations", "difference"]].max().reset_index()
+    most["difference"] = most["difference"].map("{:.1e}".format)
+    named = ", ".join(f"{row.vehicle} on {row.road}, {row.limits} ({row.breach_half_m:.3f} m)" for row in lost.itertuples()) or "none"
+    default = kept["breach_default_m"] <= KEPT_M
+    return (
+        "Most of one step, over ten roads; the largest difference of a state or curvature from hdvplan's own drive.\n\n"
+        f"{markdown_table(most, text=('vehicle', 'limits'))}\n\n"
+        f"The default budget is {DEFAULT_BUDGET.factorisations} factorisations and {DEFAULT_BUDGET.linearisations} linearisations a step: "
+        f"{int(default.sum())} of the {len(kept)} drives that keep their limits keep them. With half of it {len(kept) - len(lost)} do; "
+        f"the others: {named}.\n\n"
+        "Compiled for size on this machine (`-Os`), without the road's tables:\n\n"
+        f"{markdown_table(size, text=('vehicle',))}\n"
+    )
+
+
+def main() -> None:
+    """Measure and write."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=Path("results/export-c"))
+    parser.add_argument("--roads", default=",".join(ROADS))
+    parser.add_argument("--vehicles", default=",".join(VEHICLES))
+    given = parser.parse_args()
+    use_one_thread()
+    found = list(cases(tuple(given.roads.split(",")), tuple(given.vehicles.split(","))))
+    plans = pd.DataFrame([row_of(limits, case) for limits, case in found])
+    with tempfile.TemporaryDirectory() as folder:
+        rows = []
+        for vehicle in given.vehicles.split(","):
+            (place := Path(folder) / vehicle).mkdir()
+            rows.append(sizes(vehicle, place))
+    given.out.mkdir(parents=True, exist_ok=True)
+    write_atomically(given.out / "plans.csv", csv_bytes(plans))
+    write_atomically(given.out / "sizes.csv", csv_bytes(pd.DataFrame(rows)))
+    write_atomically(given.out / "export-c.md", text(plans, pd.DataFrame(rows)).encode())
+    write_record(given.out, [case for _, case in found])
+
+
+if __name__ == "__main__":
+    main()

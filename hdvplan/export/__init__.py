@@ -1,0 +1,1 @@
+"""A planner as C files: for a vehicle's own computer, without Python, without allocation, with a budget."""

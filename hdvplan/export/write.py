@@ -1,0 +1,237 @@
+"""The files of ``hdvplan export-c``: those of the core that plan, and a vehicle, its settings and a sample road as constants."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from hdvplan import core
+from hdvplan.arrays import Records
+from hdvplan.case import Case
+from hdvplan.driving.drive import Ready, ready
+from hdvplan.errors import OptionError
+from hdvplan.export.constants import array, number, record
+from hdvplan.fileio import Together, json_bytes
+from hdvplan.passing.sides import choose_sides
+from hdvplan.planning.assembly import assemble
+from hdvplan.planning.objectives import objective_named
+from hdvplan.planning.planner import planner_record
+from hdvplan.planning.terms.centring import Centring, CentringPart
+from hdvplan.planning.terms.limits import LimitsPart
+from hdvplan.planning.terms.term import CorePart, Part, Scene
+from hdvplan.qp.program import by_stage
+from hdvplan.record import NAME as RECORD
+from hdvplan.record import record_of
+from hdvplan.solvers.registry import dependable
+from hdvplan.solvers.riccati import TOLERANCE
+from hdvplan.version import __version__
+
+PLANNER = (  # files of the core that plan
+    "step", "motion", "dynamics", "smoothness", "centring", "steering", "limits", "street", "screening", "solve", "active_set", "interior",
+    "riccati", "residuals",
+)  # fmt: skip
+_SAMPLE = ("simulate",)  # that drive the sample
+_OWN = ("planner.h", "planner.c", "sample.h", "main.c", "Makefile", "README.md")
+UNLIMITED = int(np.iinfo(np.int64).max)
+_CORE, _HERE = Path(core.__file__).parent / "core", Path(__file__).parent / "c"
+_WRITTEN = f"Written by hdvplan {__version__}: export it again instead of editing."
+_INCLUDED = re.compile(r'^#include "(\w+\.h)"$', re.MULTILINE)
+_UNROLLED = re.compile(r"#define HDV_UNROLLED\(n, m, function, \.\.\.\)(?:.*\\\n)+.*\n")
+_MOST = re.compile(r"HDV_MOST_UNITS = \d+, HDV_MOST_STATES = \d+, HDV_MOST_INPUTS = \d+")
+
+
+@dataclass(frozen=True)
+class Budget:
+    """The most that one planning step may do."""
+
+    factorisations: int = UNLIMITED
+    linearisations: int = UNLIMITED  #: at the whole motion; the step begins with one
+
+
+DEFAULT_BUDGET = Budget(factorisations=120, linearisations=24)
+
+
+class _Planner(NamedTuple):
+    """A planner as it is before its first step."""
+
+    begun: Ready
+    scene: Scene
+    parts: dict[str, CorePart]
+
+
+def exported(case: Case, budget: Budget) -> dict[str, str]:
+    """Return the files of a case's planner and of its road as the sample, by name.
+
+    Raises:
+        OptionError: an objective that is more than centring, or a solver that is not ours.
+        SolverError, RoadError, PlanError: as for ``Stepper``.
+
+    """
+    planner = _planner(case)
+    files = _core_files(planner)
+    for name in _OWN:
+        files[name] = (_HERE / name).read_text(encoding="utf-8")
+    files["Makefile"] = files["Makefile"].replace("@PLANNER@", " ".join(["planner.c", "vehicle.c", *(f"{name}.c" for name in PLANNER)]))
+    files["vehicle.h"] = _vehicle_header(planner)
+    files["vehicle.c"] = _vehicle(planner, case, budget)
+    files["sample.c"] = _sample(planner, case)
+    return files
+
+
+def write_planner(case: Case, directory: Path, budget: Budget = DEFAULT_BUDGET) -> None:
+    """Write the files of ``exported`` into a folder, and ``run.json``, which says from what.
+
+    Raises:
+        OptionError: as for ``exported``, or files of these names are there that hdvplan did not write.
+        OSError: the folder or a file cannot be written.
+
+    """
+    texts = exported(case, budget)
+    texts[RECORD] = json_bytes(record_of([case]) | {"budget": asdict(budget)}).decode()
+    contents = {name: text.encode for name, text in texts.items()}
+    Together(RECORD, tuple(texts), {RECORD: "software"}).write(directory, contents)
+
+
+def _planner(case: Case) -> _Planner:
+    """Return a case's planner, with memory for one horizon."""
+    if case.solver_name != "riccati":
+        msg = f"only the solver riccati is exported, not {case.solver_name}"
+        raise OptionError(msg, hint="leave --solver out")
+    road, _ = choose_sides(case)
+    begun = ready(road, case.vehicle, objective_named(case.objective), dependable(case.solver), case.settings, case.bias)
+    if len(begun.goal.terms) != 1 or not isinstance(begun.goal.terms[0], Centring):
+        msg = f"the objective {case.objective_name} cannot be exported: it is more than centring two axles"
+        raise OptionError(msg, hint="export geometric, geometric-fixed, lead-axle, trail-axle or art-weighted")
+    scene, parts = assemble(case.vehicle, begun.stations, begun.goal, case.settings)
+    return _Planner(begun, scene, {_name(part): part for part in parts if isinstance(part, CorePart)})
+
+
+def _name(part: Part) -> str:
+    """Return what the C files call a term."""
+    assert isinstance(part, CorePart)  # noqa: S101 - for the type checker: centring and what every program has are
+    name: str = part.functions.linearise.__name__
+    return name.removeprefix("hdv_linearise_")
+
+
+def _core_files(planner: _Planner) -> dict[str, str]:
+    """Return the core's files that planning and the sample need, with room for this vehicle alone."""
+    files, wanted = {}, [f"{name}.c" for name in (*PLANNER, *_SAMPLE)]
+    while wanted:
+        name = wanted.pop()
+        if name not in files and name not in _OWN:
+            files[name] = (_CORE / name).read_text(encoding="utf-8")
+            wanted += _INCLUDED.findall(files[name])
+    n, m, units = planner.scene.qp.shape.states, planner.scene.qp.shape.inputs, len(planner.scene.units)
+    most = f"HDV_MOST_UNITS = {units + 1}, HDV_MOST_STATES = {n}, HDV_MOST_INPUTS = {m}"
+    only = f"#define HDV_UNROLLED(n, m, function, ...) ((void)(n), (void)(m), function(__VA_ARGS__, {n}, {m}))\n"
+    for name, pattern, text in (("hdvplan.h", _MOST, most), ("sizes.h", _UNROLLED, only)):
+        files[name], found = pattern.subn(text, files[name])
+        assert found == 1  # noqa: S101 - a change of the core's headers shows in the tests
+    return files
+
+
+def _vehicle_header(planner: _Planner) -> str:
+    shape, vehicle, settings = planner.scene.qp.shape, planner.begun.vehicle, planner.begun.settings
+    sizes = {
+        "UNITS": (len(vehicle.units), "bodies"),
+        "STATES": (vehicle.states, "e_y, e_psi, articulation angles, angles of the wheels that the plan steers"),
+        "WHEELS": (len(vehicle.active), "axles that the plan steers besides the front one"),
+        "STAGES": (shape.stages, "intervals of a horizon"),
+        "EXECUTED": (settings.executed, "of them driven before the next plan"),
+        "COLUMNS": (shape.states, "states of the program"),
+        "INPUTS": (shape.inputs, "of an interval"),
+        "ROWS": (shape.rows, "limits of a stage"),
+        "BOUNDED": (len(shape.bounded_states), "states with bounds"),
+    }
+    lines = "".join(f"    {name} = {value}, /* {what} */\n" for name, (value, what) in sizes.items())
+    return (
+        f"/* Sizes of the planner of the {_comment(vehicle.name)}. {_WRITTEN} */\n"
+        "#ifndef HDVPLAN_VEHICLE_H\n#define HDVPLAN_VEHICLE_H\n\n"
+        f"enum {{\n{lines}}};\n\n#define STEP_M {number(settings.step)} /* between stations [m] */\n\n#endif\n"
+    )
+
+
+def _comment(text: str) -> str:
+    """Return text from a user that cannot end a comment."""
+    return re.sub(r"[^\w .,:()-]", " ", text)
+
+
+def _vehicle(planner: _Planner, case: Case, budget: Budget) -> str:
+    """Return ``vehicle.c``: dimensions, settings, and what the records of a program begin with."""
+    scene, parts = planner.scene, planner.parts
+    limits = parts.get("limits")
+    own = planner_record(scene.vehicle, planner.begun.goal, scene.settings)
+    own["most_factorisations"], own["most_linearisations"] = budget.factorisations, budget.linearisations
+    wheels = [scene.vehicle.units[axle] for axle in scene.vehicle.active]
+    most = np.array([scene.vehicle.max_curvature, *(unit.max_steering_angle for unit in wheels)])
+    change = scene.settings.step * np.array([scene.vehicle.max_curvature_rate, *(unit.max_steering_rate for unit in wheels)])
+    arrays = [
+        array("units", scene.units, "hdv_unit"),
+        array("most", most),
+        array("change", change),
+        array("behind", limits.kept[2] if isinstance(limits, LimitsPart) else np.zeros(len(scene.units))),
+        array("stage", by_stage(_begins_with(scene.qp.stages))),
+        array("rows", by_stage(_begins_with(scene.qp.rows))),
+        array("bounded", scene.qp.bounded),
+    ]
+    records = {name: record(parts[name].data) for name in ("dynamics", "smoothness", "centring", "steering", "limits") if name in parts}
+    fields = [f".units = units, .planner = {record(own)}", *(f".{name} = {values}" for name, values in records.items())]
+    fields += [*(f".{name} = {name}" for name in ("most", "change", "behind", "stage", "rows", "bounded")), f".tolerance = {TOLERANCE!r}"]
+    listed = ",\n".join(f"    {field}" for field in fields)
+    return (
+        f"/* The {_comment(scene.vehicle.name)}, objective {_comment(case.objective_name)}. {_WRITTEN} */\n"
+        '#include "planner.h"\n\n#include <math.h>\n\n'
+        + "\n".join(f"static {text}" for text in arrays)
+        + f"\nconst struct hdvplan_vehicle hdvplan_vehicle = {{\n{listed}}};\n"
+    )
+
+
+def _begins_with(records: Records) -> Records:
+    """Return the record that all stages begin with, (1, ...)."""
+    assert (records == records[:1]).all()  # noqa: S101 - what differs from stage to stage is the road's, and stands in its tables
+    return np.ascontiguousarray(records[:1])
+
+
+def _sample(planner: _Planner, case: Case) -> str:
+    """Return ``sample.c``: a road's tables, and the vehicle at its start."""
+    stations, begin, parts = planner.begun.stations, planner.begun.begin, planner.parts
+    centring, street, steering = parts["centring"], stations.street, parts.get("steering")
+    assert isinstance(centring, CentringPart)  # noqa: S101 - for the type checker
+    total = int(np.ceil(planner.begun.road.path.length / stations.step - 1e-9))
+    curve = stations.path.record
+    arrays = [
+        array("coefficients", stations.path.coefficients),
+        array("stations", stations.points, "hdv_station"),
+        array("states", stations.centring.states),
+        array("curvatures", stations.centring.kappa),
+        array("residuals", centring.coefficients, "hdv_residual"),
+        array("angles", steering.kept[0] if steering else np.zeros(1)),
+        *((array("pieces", street.pieces, "hdv_piece"), array("reach", street.reach)) if street else ()),
+    ]
+    own = {} if street is None else {"street": record(_kept(street.record, case), {"pieces": "pieces", "reach": "reach"})}
+    fields = {
+        "curve": record(curve, {"coefficients": "coefficients"}),
+        **{name: name for name in ("stations", "states", "curvatures", "residuals", "angles")},
+        "count": str(len(stations.s)),
+        **own,
+    }
+    listed = ",\n".join(f"    .{name} = {value}" for name, value in fields.items())
+    return (
+        f"/* {_comment(planner.begun.road.name)}. {_WRITTEN} */\n"
+        '#include "sample.h"\n\n#include <math.h>\n\n'
+        + "\n".join(f"static {text}" for text in arrays)
+        + f"\nconst struct hdvplan_road sample_road = {{\n{listed}}};\n"
+        + f"\n{array('sample_start', begin.z)}const double sample_kappa = {number(begin.kappa)};\n"
+        + f"const int64_t sample_stations = {total};\n"
+    )
+
+
+def _kept(street: Records, case: Case) -> Records:
+    """Return the street's record with the clearance that the settings ask for."""
+    found = street.copy()
+    found["clearance"] = case.settings.clearance - case.settings.give_way
+    return found
