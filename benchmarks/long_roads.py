@@ -77,7 +77,7 @@ def line_file(folder: Path, length: float) -> Path:
     """Write a long line into a folder, and return its file."""
     line = folder / "long.csv"
     points = long_line(length)
-    line.write_text("x,y\n" + "\n".join(f"{x:.3f},{y:.3f}" for x, y in points) + "\n", encoding="utf-8")
+    line.write_text("x_m,y_m\n" + "\n".join(f"{x:.3f},{y:.3f}" for x, y in points) + "\n", encoding="utf-8")
     return line
 
 

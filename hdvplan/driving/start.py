@@ -19,7 +19,7 @@ from hdvplan.planning.stations import Stations
 from hdvplan.road.path import ReferencePath, evaluate_many, project_many
 from hdvplan.road.road import Road, part_of
 from hdvplan.road.street import look
-from hdvplan.vehicle.body import axles_behind
+from hdvplan.vehicle.body import axles_behind, points_on
 from hdvplan.vehicle.kinematics import place_many
 from hdvplan.vehicle.model import Vehicle
 
@@ -83,8 +83,8 @@ def lies_beside(path: ReferencePath, vehicle: Vehicle, z: FloatArray) -> bool:
     for unit, pose, behind in zip(vehicle.units, poses, axles_behind(vehicle), strict=True):
         ahead = np.linspace(-unit.rear_overhang, unit.front, int(np.ceil((unit.front + unit.rear_overhang) / _SPACING_M)) + 1)
         for across in (0.5 * unit.width, -0.5 * unit.width):
-            edge_x, edge_y = pose["x"] + ahead * pose["cos"] - across * pose["sin"], pose["y"] + ahead * pose["sin"] + across * pose["cos"]
-            if np.any(np.isnan(project_many(path, edge_x, edge_y, ahead - behind)[1])):
+            x, y = points_on(pose, ahead, across).T
+            if np.any(np.isnan(project_many(path, x, y, ahead - behind)[1])):
                 return False
     return True
 

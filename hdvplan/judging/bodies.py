@@ -1,22 +1,15 @@
-"""Where the bodies and wheels of a driven vehicle were, and which part of a body reaches furthest at a place of the road.
-
-A vehicle's model has one axle for every group of axles, and no track width: an axle's tyres count as far out as its body is wide,
-so that a track is that of the outer face of the outer tyre. Wheels further in, and those of a group's other axles, run inside
-of what the body sweeps.
-"""
+"""Where the bodies and wheels of a driven vehicle were, and which part of a body reaches furthest at a place of the road."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 
 from hdvplan.arrays import FloatArray, IntArray, Records
 from hdvplan.driving.drive import Drive
 from hdvplan.road.path import evaluate_many
-from hdvplan.vehicle.body import axles_behind
+from hdvplan.vehicle.body import WheelTrack, axles_behind, corners_at, points_on, tracks_at
 from hdvplan.vehicle.kinematics import place_many
-from hdvplan.vehicle.model import Unit, Vehicle
+from hdvplan.vehicle.model import Unit
 
 
 def placed(drive: Drive, numbers: IntArray) -> Records:
@@ -30,13 +23,7 @@ def corners(drive: Drive, numbers: IntArray, *, axles_only: bool = False) -> Flo
 
     ``axles_only`` leaves the overhangs out.
     """
-    units, poses = drive.vehicle.table(), placed(drive, numbers)[..., None]
-    front = np.minimum(units["wheelbase"], units["front"]) if axles_only else units["front"]
-    rear = np.zeros(len(units)) if axles_only else -units["rear_overhang"]
-    along = np.stack([front, front, rear, rear], axis=1)
-    across = units["half_width"][:, None] * np.array([1.0, -1.0, -1.0, 1.0])
-    x = poses["x"] + along * poses["cos"] - across * poses["sin"]
-    return np.stack([x, poses["y"] + along * poses["sin"] + across * poses["cos"]], axis=-1)
+    return corners_at(drive.vehicle, placed(drive, numbers), axles_only=axles_only)
 
 
 def pose_at(drive: Drive, s: float) -> int:
@@ -47,45 +34,9 @@ def pose_at(drive: Drive, s: float) -> int:
 TRACK_NOTE = "outer faces of the outer tyres, which are taken to be as far apart as the body is wide"
 
 
-@dataclass(frozen=True)
-class Wheel:
-    """A wheel on its body: ``ahead`` of the body's axle and ``left`` of its axis [m]."""
-
-    unit: int
-    axle: str  # "front" or "rear" of the lead unit, "axle" of a trailer
-    side: str  # "left" or "right"
-    ahead: float
-    left: float
-
-
-@dataclass(frozen=True)
-class WheelTrack:
-    """The way of a wheel, shape (n, 2), x, y [m]: one point a simulated pose, at most 0.25 m apart."""
-
-    wheel: Wheel
-    points: FloatArray
-
-
-def wheels_of(vehicle: Vehicle) -> tuple[Wheel, ...]:
-    """Return the outer wheels of all axles, from the front, left before right."""
-    found = []
-    for number, unit in enumerate(vehicle.units):
-        axles = {"front": unit.wheelbase, "rear": 0.0} if number == 0 else {"axle": 0.0}
-        for axle, ahead in axles.items():
-            found += [Wheel(number, axle, side, ahead, half) for side, half in (("left", 0.5 * unit.width), ("right", -0.5 * unit.width))]
-    return tuple(found)
-
-
 def wheel_tracks(drive: Drive) -> tuple[WheelTrack, ...]:
-    """Return the track of every outer wheel over the whole drive, in the order of ``wheels_of``."""
-    poses = placed(drive, np.arange(len(drive.poses_s)))
-    tracks = []
-    for wheel in wheels_of(drive.vehicle):
-        body = poses[:, wheel.unit]
-        x = body["x"] + wheel.ahead * body["cos"] - wheel.left * body["sin"]
-        y = body["y"] + wheel.ahead * body["sin"] + wheel.left * body["cos"]
-        tracks.append(WheelTrack(wheel, np.column_stack([x, y])))
-    return tuple(tracks)
+    """Return the track of every outer wheel over the whole drive, a point at most every 0.25 m, in the order of ``wheels_of``."""
+    return tracks_at(drive.vehicle, placed(drive, np.arange(len(drive.poses_s))))
 
 
 _SPACING_M = 0.1  # of the places on an edge that are looked at
@@ -117,7 +68,7 @@ def _furthest(drive: Drive, unit: int, ahead: FloatArray, across: float, s: floa
     if not len(near):
         return -np.inf, float(ahead[0])
     poses = placed(drive, near)[:, unit, None]
-    x, y = poses["x"] + ahead * poses["cos"] - across * poses["sin"], poses["y"] + ahead * poses["sin"] + across * poses["cos"]
+    x, y = np.moveaxis(points_on(poses, ahead, across), -1, 0)
     foot, offset = drive.stations.path.project(x, y, drive.poses_s[near, None] - behind + ahead)
     reach: FloatArray = np.where(np.abs(foot - s) <= _SPACING_M, np.sign(across) * offset, -np.inf)
     at = int(np.argmax(reach))

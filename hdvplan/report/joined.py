@@ -6,13 +6,13 @@ import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from hashlib import sha256
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 
 from hdvplan.arrays import FloatArray
+from hdvplan.case import content_digest
 from hdvplan.fileio import json_bytes, table_bytes
 from hdvplan.judging.balance import ONE_M
 from hdvplan.judging.verdict import verdict_of
@@ -140,7 +140,7 @@ def _moved(value: object, by: float, key: str = "") -> object:
 
 def digest_of(pieces: Sequence[Kept]) -> str:
     """Return a digest of the cases of a road's pieces."""
-    return sha256("".join(one.key for one in pieces).encode()).hexdigest()
+    return content_digest([one.key for one in pieces])
 
 
 def joined_summary(pieces: Sequence[Kept]) -> Json:

@@ -8,12 +8,12 @@ import numpy as np
 
 from hdvplan.arrays import FloatArray
 from hdvplan.judging.balance import Breach
-from hdvplan.judging.bodies import Wheel, wheels_of
 from hdvplan.judging.envelope import steering_of
 from hdvplan.judging.fit import finding_json
 from hdvplan.judging.result import Passed, Proof, Result, body_name
 from hdvplan.judging.verdict import Verdict, verdict_line, verdict_of
 from hdvplan.road.road import Road, Smoothing
+from hdvplan.vehicle.body import Wheel, wheels_of
 from hdvplan.vehicle.model import Vehicle
 from hdvplan.version import __version__
 

@@ -7,12 +7,12 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from hdvplan.arrays import FloatArray
-from hdvplan.judging.bodies import wheels_of
 from hdvplan.report.kerbs import simple_line
 from hdvplan.report.layers import Drawn, Layer, of_body
 from hdvplan.turning.follow import Followed
 from hdvplan.turning.swept import chart_of
 from hdvplan.turning.turn import Turn
+from hdvplan.vehicle.body import corners_at, tracks_at
 
 _RING_SEGMENTS = 128  # a quarter: on a radius of 15 m chords are off by 0.3 mm
 _AREA_M = 0.2  # between the poses that a swept area is joined from: short by 0.7 mm at a radius of 7 m
@@ -29,17 +29,15 @@ def turn_features(turn: Turn) -> tuple[Drawn, ...]:
         ring = shapely.Point(chart_of(driven).centre).buffer(limit.value, quad_segs=_RING_SEGMENTS).exterior
         found.append(Drawn(Layer.LIMITS, ring, {"limit": limit.words, "limit_m": limit.value}))
     found += [Drawn(Layer.TRACKS, simple_line(track), named[unit] | {"side": side}) for unit, side, track in wheel_tracks(driven)]
-    outlines = [(unit, driven.corners(unit)) for unit in units]
-    found += [
-        Drawn(Layer.VEHICLES, shapely.Polygon(corners[pose]), named[unit]) for pose in shown_poses(driven) for unit, corners in outlines
-    ]
+    outlines = corners_at(driven.vehicle, driven.poses[shown_poses(driven)])
+    found += [Drawn(Layer.VEHICLES, shapely.Polygon(bodies[unit]), named[unit]) for bodies in outlines for unit in units]
     return tuple(found)
 
 
 def swept_area(driven: Followed, unit: int) -> BaseGeometry:
     """Return the plane area that a body sweeps [m]. Of a full circle those of its first and last round: the others lie in between."""
     spaced, around = _every(driven, _AREA_M), 2.0 * np.pi * driven.manoeuvre.radius
-    corners, s = driven.corners(unit)[spaced], driven.s[spaced]
+    corners, s = corners_at(driven.vehicle, driven.poses[spaced])[:, unit], driven.s[spaced]
     if driven.manoeuvre.angle is not None or s[-1] < 2.0 * around:
         return _swept(corners)
     return shapely.union(_swept(corners[s < driven.manoeuvre.lead_in + around]), _swept(corners[s > s[-1] - around]))
@@ -55,11 +53,8 @@ def _swept(corners: FloatArray) -> BaseGeometry:
 
 def wheel_tracks(driven: Followed) -> list[tuple[int, str, FloatArray]]:
     """Return the tracks of all wheels: unit, side (front left, left, ...), points (n, 2) [m]."""
-    kept, tracks = _every(driven, _TRACK_M), []
-    for wheel in wheels_of(driven.vehicle):
-        points = driven.points(wheel.unit, np.array([wheel.ahead]), np.array([wheel.left]))[kept, 0]
-        tracks.append((wheel.unit, f"front {wheel.side}" if wheel.axle == "front" else wheel.side, points))
-    return tracks
+    tracks = ((track.wheel, track.points) for track in tracks_at(driven.vehicle, driven.poses[_every(driven, _TRACK_M)]))
+    return [(wheel.unit, f"front {wheel.side}" if wheel.axle == "front" else wheel.side, points) for wheel, points in tracks]
 
 
 def shown_poses(driven: Followed) -> list[int]:

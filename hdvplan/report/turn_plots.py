@@ -9,21 +9,19 @@ import numpy as np
 import shapely
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import PathPatch
 
 from hdvplan.judging.result import body_name
 from hdvplan.report.colours import BREACH, INK, answer_colour, body_colour
 from hdvplan.report.layers import Layer
-from hdvplan.report.maps import draw_bodies, draw_features, outline_of, scale_bar
-from hdvplan.report.style import body_fill, styled, write_head
-from hdvplan.report.turn_layers import shown_poses, swept_area, turn_features
+from hdvplan.report.maps import draw_bodies, draw_features, scale_bar
+from hdvplan.report.style import styled, write_head
+from hdvplan.report.turn_layers import shown_poses, turn_features
 from hdvplan.turning.follow import Followed
-from hdvplan.turning.swept import band_of, chart_of, front_track
+from hdvplan.turning.swept import chart_of
 from hdvplan.turning.turn import Turn, verdict
+from hdvplan.vehicle.body import corners_at
 
 _ROOM_M = 2.0
-_SHOWN_M = 25.0  # of the straights beside a compared turn
-_AROUND_M = 12.0  # the circle of a compared turn, in the plane
 _TITLE = 110  # characters a line
 
 
@@ -48,48 +46,12 @@ def draw_turn(axes: Axes, turn: Turn) -> None:
     bounds = shapely.total_bounds([feature.geometry for feature in features])
     draw_features(axes, features, shapely.box(*bounds).buffer(1.0).envelope)
     poses = shown_poses(turn.driven)
-    draw_bodies(axes, np.stack([turn.driven.corners(unit)[poses] for unit in range(len(turn.driven.vehicle.units))], axis=1))
+    draw_bodies(axes, corners_at(turn.driven.vehicle, turn.driven.poses[poses]))
     axes.plot(*chart_of(turn.driven).centre, marker="+", color=INK, markersize=9)
     for limit in turn.circles:
         words = f"{limit.words} {limit.value:.2f} m, {'at least' if limit.least else 'at most'}"
         draw_circle(axes, turn, limit.value, words, broken=not limit.kept(turn.figures))
     _frame(axes)
-
-
-@styled()
-def compared_figure(first: Followed, second: Followed, names: tuple[str, str], title: str) -> Figure:
-    """Return the picture of two drives through one turn: their swept areas about the line, and their reaches along it.
-
-    Only the second one's area is filled; ``first`` has driven the line with its guided point.
-    """
-    chart, colours = chart_of(first), (body_colour(1), body_colour(0))
-    t_line, e_line = front_track(first, chart)
-    figure = Figure(figsize=(12.0, 5.6), layout="constrained")
-    plane, reach = figure.subplots(1, 2, width_ratios=(1.0, 1.1))
-    for number, (driven, name, colour) in enumerate(zip((first, second), names, colours, strict=True)):
-        area = outline_of(shapely.union_all([swept_area(driven, unit) for unit in range(len(driven.vehicle.units))]))
-        fill = {"facecolor": body_fill(0) if number else "none", "edgecolor": colour, "linewidth": 1.6, "zorder": 2 - number}
-        plane.add_patch(PathPatch(area, label=f"swept, {name}", **fill))
-        band = band_of(driven)
-        offset = np.interp(band.t, t_line, e_line)
-        seen = (band.t > -_SHOWN_M) & (band.t < first.manoeuvre.radius * first.angle + _SHOWN_M)
-        for edge, label in ((band.inner, name), (band.outer, None)):
-            reach.plot(band.t[seen], (edge - offset)[seen], color=colour, linewidth=1.8, linestyle="-" if number else "--", label=label)
-    plane.plot(*first.guide[:, :2].T, color=INK, linewidth=1.0, linestyle=(0, (7, 3)), label="the line")
-    plane.set_aspect("equal")
-    plane.set_axis_off()
-    plane.legend(loc="upper left", bbox_to_anchor=(0.0, 0.0), ncols=2, borderaxespad=0.2)
-    low, high = chart.centre - first.manoeuvre.radius - _AROUND_M, chart.centre + first.manoeuvre.radius + _AROUND_M
-    plane.set_xlim(low[0], high[0])
-    plane.set_ylim(low[1], high[1])
-    scale_bar(plane)
-    reach.axhline(0.0, color=INK, linewidth=1.0, linestyle=(0, (7, 3)))
-    reach.axvspan(0.0, first.manoeuvre.radius * first.angle, color="0.93", zorder=0)
-    reach.set_xlabel("along arc and tangents [m]; grey: the turn")
-    reach.set_title("reach from the line [m], inside positive", loc="left", fontsize="small")
-    reach.legend(loc="best")
-    write_head(figure, title)
-    return figure
 
 
 def draw_circle(axes: Axes, turn: Turn, radius: float, label: str, *, broken: bool = False) -> None:

@@ -90,7 +90,7 @@ def turn_table(turn: Turn, directory: str) -> Table:
 def poses_table(driven: Followed) -> pd.DataFrame:
     """Return the drive, one row a pose: s and place of the guided point, lead rear axle, angles [m, rad, 1/m]."""
     columns = {"s": driven.s, "guide_x": driven.guide[:, 0], "guide_y": driven.guide[:, 1]}
-    columns |= {"x": driven.axles[:, 0, 0], "y": driven.axles[:, 0, 1], "heading": driven.headings[:, 0]}
+    columns |= {"x": driven.poses["x"][:, 0], "y": driven.poses["y"][:, 0], "heading": driven.headings[:, 0]}
     columns |= {f"beta{number}": beta for number, beta in enumerate(driven.beta.T, start=1)}
     return pd.DataFrame(columns | {"kappa": driven.kappa, "steering": driven.steering}).round(9)
 

@@ -6,9 +6,7 @@ STUDIES = {
     "roundabout": ("roundabout", 0.02),
     "overhang": ("bus", 0.01),
     "standards": ("standards", 0.01),
-    "turn-accuracy": ("turns", 0.01),
-    "planned-turn": ("turns", 0.01),
     "objectives": ("objectives", 0.17),
     "s-turns": ("s_turns", 0.15),
-    "timing": ("timing", 0.61),
+    "timing": ("timing", 0.63),
 }

@@ -132,4 +132,3 @@ TAIL_SWING = {3.7: _printed(0.30, 0.01), 7.0: _printed(1.25, 0.01)}
 # FHWA MAP-21, 2015: low-speed off-tracking of the control vehicle with a trailer of 53 ft, axles of the tractor and of the trailer [m].
 MAP21 = "FHWA MAP-21, 2015"
 MAP21_OFF_TRACKING = (Number(50.0 * INCH_M, 1.0 * INCH_M), Number(244.0 * INCH_M, 1.0 * INCH_M))
-AUTOTURN_MM = Number(2.5, 0.5)  # "2-3 mm difference depending on the vehicle", poses every 100 mm

@@ -17,6 +17,7 @@ from hdvplan import core
 from hdvplan.arrays import FloatArray, IntArray, Records
 from hdvplan.errors import OptionError, TurnError
 from hdvplan.turning.manoeuvre import GuidePath, Manoeuvre, guide_offsets, guide_path
+from hdvplan.vehicle.body import points_on
 from hdvplan.vehicle.kinematics import place_many, rates
 from hdvplan.vehicle.model import Vehicle
 
@@ -48,7 +49,7 @@ class Followed:
     guide: FloatArray  # its x, y, heading, curvature of its path (n, 4)
     kappa: FloatArray  # tan(front angle) / wheelbase (n,) [1/m]
     beta: FloatArray  # articulation angles (n, couplings)
-    axles: FloatArray  # x, y of every unit's axle (n, units, 2)
+    poses: Records  # of every unit (n, units)
     headings: FloatArray  # of every unit (n, units), continuous
 
     @property
@@ -59,15 +60,7 @@ class Followed:
 
     def points(self, unit: int, ahead: FloatArray, left: FloatArray) -> FloatArray:
         """Return body points of ``unit``, ``ahead`` of its axle and ``left`` of its axis [m], at all poses: (n, len(ahead), 2)."""
-        cos, sin = np.cos(self.headings[:, unit, None]), np.sin(self.headings[:, unit, None])
-        x, y = self.axles[:, unit, :1], self.axles[:, unit, 1:]
-        return np.stack([x + ahead * cos - left * sin, y + ahead * sin + left * cos], axis=-1)
-
-    def corners(self, unit: int) -> FloatArray:
-        """Return the corners of a body at all poses, around it, (n, 4, 2) [m]."""
-        body, half = self.vehicle.units[unit], 0.5 * self.vehicle.units[unit].width
-        ahead = np.array([body.front, body.front, -body.rear_overhang, -body.rear_overhang])
-        return self.points(unit, ahead, np.array([half, -half, -half, half]))
+        return points_on(self.poses[:, unit, None], ahead, left)
 
 
 def follow(vehicle: Vehicle, manoeuvre: Manoeuvre, *, spacing: float = POSE_M) -> Followed:
@@ -162,11 +155,10 @@ def _once(
     s = np.concatenate([[0.0], *(a + b * np.arange(1, n + 1) / n for a, b, n in zip(path.starts, path.pieces[:, 0], counts, strict=False))])
     guide = path.at(s)
     poses = place_many(units, _lead_axle(point, guide, states[:, 0]), np.column_stack([np.zeros((len(s), 2)), states[:, 1:]]))
-    axles = np.stack([poses["x"], poses["y"]], axis=-1)
     headings = states[:, :1] - np.concatenate([np.zeros((len(s), 1)), np.cumsum(states[:, 1:], axis=1)], axis=1)
-    driven = Followed(vehicle, manoeuvre, path, angle, s, guide, kappas, states[:, 1:], axles, headings)
+    driven = Followed(vehicle, manoeuvre, path, angle, s, guide, kappas, states[:, 1:], poses, headings)
     middle = 0.5 * (headings[1:] + headings[:-1])
-    forward = np.einsum("nui,nui->nu", np.diff(axles, axis=0), np.stack([np.cos(middle), np.sin(middle)], axis=-1))
+    forward = np.diff(poses["x"], axis=0) * np.cos(middle) + np.diff(poses["y"], axis=0) * np.sin(middle)
     backward = np.flatnonzero(forward.min(axis=0) < 0.0)
     if len(backward):
         unit = vehicle.units[backward[0]].name or f"unit {backward[0] + 1}"

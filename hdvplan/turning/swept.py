@@ -115,11 +115,10 @@ def front_track(driven: Followed, chart: Chart) -> tuple[FloatArray, FloatArray]
     return t[:, 0], e[:, 0]
 
 
-def band_of(driven: Followed, *, joined: bool = True) -> Band:
+def band_of(driven: Followed) -> Band:
     """Return the swept band of all bodies along the turn, with the tracks between poses as straight lines in (t, e).
 
-    Without ``joined`` only the poses themselves are covered: an outline drawn every so often. Of a full circle it is the band
-    of the last quarter turn.
+    Of a full circle it is the band of the last quarter turn.
 
     Raises:
         TurnError: no cross-section of a full circle is passed by all of every body: the circle's centre is within one, or nearly so.
@@ -149,9 +148,8 @@ def band_of(driven: Followed, *, joined: bool = True) -> Band:
         for some in range(0, len(t), _AT_ONCE):  # poses: memory
             own, next_ = slice(some, some + _AT_ONCE), slice(some + 1, some + 1 + _AT_ONCE)
             _widen(chart, closed_t[own, :-1], closed_e[own, :-1], closed_t[own, 1:], closed_e[own, 1:], stations, inner, outer)
-            if joined:
-                last = len(t[next_])
-                _widen(chart, t[own][:last], e[own][:last], t[next_], e[next_], stations, inner, outer)
+            last = len(t[next_])
+            _widen(chart, t[own][:last], e[own][:last], t[next_], e[next_], stations, inner, outer)
     seen = np.isfinite(inner)
     return Band(stations, np.where(seen, inner, np.nan), np.where(seen, outer, np.nan))
 
@@ -165,7 +163,7 @@ def _steady_part(driven: Followed) -> Followed:
         return driven
     length = driven.vehicle.reach_ahead + driven.vehicle.reach_behind
     first = int(driven.s.searchsorted(max(0.0, driven.s[-1] - 0.5 * np.pi * driven.manoeuvre.radius - 1.5 * length)))
-    rows = {name: getattr(driven, name)[first:] for name in ("s", "guide", "kappa", "beta", "axles", "headings")}
+    rows = {name: getattr(driven, name)[first:] for name in ("s", "guide", "kappa", "beta", "poses", "headings")}
     return replace(driven, **rows)
 
 
@@ -247,9 +245,9 @@ def _radii(driven: Followed, chart: Chart, poses: BoolArray, unit: int, outer: F
     t, e = places(driven, chart, unit, outer, np.full(len(outer), -half))
     apart = np.where(poses[:, None], np.abs(t - chart.within(t)), np.inf)
     outside = float(np.max((chart.radius - e)[apart <= apart.min()]))  # a turn of a step or less: where it comes nearest to it
-    centre = chart.centre - driven.axles[:, unit]
-    cos, sin = np.cos(driven.headings[:, unit]), np.sin(driven.headings[:, unit])
-    ahead, left = centre[:, 0] * cos + centre[:, 1] * sin, centre[:, 1] * cos - centre[:, 0] * sin - half
+    at = driven.poses[:, unit]
+    x, y = chart.centre[0] - at["x"], chart.centre[1] - at["y"]
+    ahead, left = x * at["cos"] + y * at["sin"], y * at["cos"] - x * at["sin"] - half
     nearest = np.clip(ahead, outer.min(), outer.max())[:, None] if inner is None else inner
     distance = np.copysign(np.hypot(ahead[:, None] - nearest, left[:, None]), left[:, None])
     return Radii(float(distance[poses].min()), outside)

@@ -2,8 +2,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from hdvplan.judging.bodies import wheel_tracks, wheels_of
+from hdvplan.judging.bodies import wheel_tracks
 from hdvplan.judging.result import Result
+from hdvplan.vehicle.body import wheels_of
 from hdvplan.vehicle.load import load_vehicle
 
 

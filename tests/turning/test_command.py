@@ -11,8 +11,7 @@ from ezdxf.filemanagement import readfile
 from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar  # type: ignore[import-untyped] # Matplotlib types only its core
 from shapely.geometry import shape
 
-from hdvplan.report.turn_plots import compared_figure, turn_figure
-from hdvplan.reproduce.turns import planned_along, room_of, turn_of
+from hdvplan.report.turn_plots import turn_figure
 from hdvplan.turning.templates import load_template
 from hdvplan.turning.turn import turn
 from hdvplan.vehicle.load import load_vehicle
@@ -198,15 +197,3 @@ def test_the_picture_is_to_scale_and_its_title_is_the_verdict() -> None:
     words = {text.get_text() for text in legend.get_texts()}
     assert {"outside radius 12.50 m, at most", "inside radius 5.30 m, at least", "path of the front corner"} <= words
     assert any(isinstance(child, AnchoredSizeBar) for child in plane.get_children())
-
-
-@pytest.mark.slow
-def test_planning_needs_less_room_than_the_front_axle_on_the_line() -> None:
-    case, line = turn_of("WB-40", 0.5 * np.pi)
-    planned = planned_along(case, line)
-    axle, plan = room_of(line, line), room_of(planned, line)
-    assert plan.even < axle.even - 1.0
-    assert abs(plan.inside - plan.outside) < 0.05  # what the objective is for
-    assert axle.outside == pytest.approx(1.45, abs=0.1)  # half the body, and the corner's swing
-    reach = compared_figure(line, planned, ("axle", "planned"), "WB-40").axes[1]
-    assert len(reach.get_lines()) == 5

@@ -35,7 +35,7 @@ def test_steady_off_tracking_of_a_chain_meets_its_closed_form(wheelbases: tuple[
     radius = 20.0
     driven = follow(chain(*wheelbases, hitches=hitches), Manoeuvre(radius, None))
     centre = np.array([5.0, radius])  # after 5 m of straight
-    radii = np.hypot(*(driven.axles[-1] - centre).T)
+    radii = np.hypot(driven.poses["x"][-1] - centre[0], driven.poses["y"][-1] - centre[1])
     lengths, offsets = np.square(wheelbases), np.square([*hitches, *[0.0] * (len(wheelbases) - len(hitches))])
     expected = np.sqrt(radius**2 - np.cumsum(lengths) + np.append(0.0, np.cumsum(offsets)[:-1]))
     np.testing.assert_allclose(radii, expected, atol=1e-9)  # demanded [m]
@@ -69,7 +69,8 @@ def test_every_pose_agrees_with_an_independent_integration(name: str, point: Gui
     driven = follow(vehicle, Manoeuvre(radius, 0.75 * np.pi, point, lead_in=3.0, lead_out=20.0), spacing=0.25)
     found = rolled(vehicle, *guide_offsets(point, vehicle), radius, 3.0, driven.s, 3.0 + 0.75 * np.pi * radius)
     np.testing.assert_allclose(driven.headings, found.headings, atol=1e-7)  # laws have corners at their stops: RK4 steps over them
-    np.testing.assert_allclose(driven.axles, found.axles, atol=1e-6)
+    for axis, place in enumerate("xy"):
+        np.testing.assert_allclose(driven.poses[place], found.axles[..., axis], atol=1e-6)
 
 
 def test_from_standstill_the_lead_unit_is_in_its_circle_at_once() -> None:

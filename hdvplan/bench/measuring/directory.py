@@ -8,7 +8,6 @@ import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +24,7 @@ from hdvplan.case import Case
 from hdvplan.errors import OptionError
 from hdvplan.fileio import csv_bytes, json_bytes, read_json, write_atomically
 from hdvplan.machine import commit, load_average, machine_facts, software
-from hdvplan.plugins import said
+from hdvplan.plugins import digest_of, said
 from hdvplan.record import NAME, command, now
 from hdvplan.texts import encoded
 
@@ -213,7 +212,7 @@ def _remove_parts(directory: Path) -> None:
 def _conditions(suite: Suite) -> Json:
     """Return what must not change between the sessions of one run."""
     files = [Path(name) for name in (*suite.roads, *suite.vehicles) if Path(name).is_file()]
-    digests = {str(path): sha256(path.read_bytes()).hexdigest()[:16] for path in files}
+    digests = {str(path): digest_of(path) for path in files}
     return {"settings": suite.to_dict(), "files": digests, "software": software(suite.solvers), "machine": machine_facts()}
 
 
