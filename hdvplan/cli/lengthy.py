@@ -10,8 +10,6 @@ from hdvplan.errors import OptionError
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from rich.table import Table
-
     from hdvplan.pieces import CaseOf
     from hdvplan.planning.settings import PlannerSettings
     from hdvplan.road.line import Line
@@ -43,6 +41,7 @@ def plan_long(
     """
     from hdvplan.pieces import pieces_of, planned
     from hdvplan.report.joined import write_pieces
+    from hdvplan.report.tables import balance_table, breach_table, planning_table
 
     note(f"{line.name} has {line.length / 1e3:.0f} km: it is planned in stretches, without pictures", quiet=quiet)
     with writing(f"to {directory}"), progress(f"planning {vehicle.name} along {line.name}", quiet=quiet) as told:
@@ -55,7 +54,9 @@ def plan_long(
         print_json(summary)
     elif not quiet:
         print_line(verdict["text"])
-        print_tables(_table(summary, f"{directory}/"))
+        two_regions = any(breach["region"] == "sweepable" for breach in summary["breaches"])
+        broken = [breach_table(summary["breaches"], two_regions=two_regions)] if summary["breaches"] else []
+        print_tables(balance_table(summary), *broken, planning_table(summary, f"{directory}/"))
     _warn_of_steps(summary, quiet=quiet)
     return _exit_code(summary)
 
@@ -89,27 +90,3 @@ def _exit_code(summary: dict[str, Any]) -> ExitCode:
             "summary.json lists all under breaches",
         )
     return ExitCode.BROKEN
-
-
-def _limits_remark(summary: dict[str, Any]) -> str:
-    if summary["min_clearance_m"] is None:
-        return f"limits off; the plan needs a half width of {summary['needed_half_width_m']:.2f} m"
-    count = len(summary["breaches"])
-    return f"limits broken at {count} place{'s' * (count > 1)}, listed in summary.json" if count else "limits kept"
-
-
-def _table(summary: dict[str, Any], directory: str) -> Table:
-    """Return the numbers of the plan."""
-    from hdvplan.report.grid import grid
-
-    clearance, times = summary["min_clearance_m"], summary["time_ms"]
-    rows = [
-        ("road length", f"{1e-3 * summary['length_m']:.1f}", "km", f"in {summary['stretches']['count']} stretches"),
-        ("max left", f"{summary['max_left_m']:.3f}", "m", ""),
-        ("max right", f"{summary['max_right_m']:.3f}", "m", ""),
-        ("mean |left + right|", f"{summary['mean_abs_imbalance_m']:.3f}", "m", "over the whole road"),
-        ("min clearance", "-" if clearance is None else f"{clearance:.3f}", "m", _limits_remark(summary)),
-        ("time per step", f"{times['mean']:.2f}", "ms", f"mean; p95 {times['p95']:.2f}, max {times['max']:.2f}"),
-    ]
-    title = f"{summary['vehicle']} on {summary['road']}"
-    return grid(title, ("", "value", "unit", "remark"), rows, text=("", "unit", "remark"), caption=f"written to {directory}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from hdvplan.cli.console import ExitCode, note, print_tables, progress, report_error, warn
 
@@ -50,10 +50,12 @@ def warn_of(result: Result, verdict: Verdict, *, quiet: bool) -> None:
 
 def print_plan(result: Result, directory: Path) -> None:
     """Print what the plan sweeps and breaks, then how it was planned."""
+    from hdvplan.report.summary import summary_of
     from hdvplan.report.tables import balance_table, breach_table, planning_table
 
-    broken = [breach_table(result)] if result.balance.breaches else []
-    print_tables(balance_table(result), *broken, planning_table(result, f"{directory}/"))
+    summary: dict[str, Any] = summary_of(result)
+    broken = [breach_table(summary["breaches"], two_regions=result.two_regions)] if summary["breaches"] else []
+    print_tables(balance_table(summary, result.drive.road), *broken, planning_table(summary, f"{directory}/"))
 
 
 def exit_code_of(result: Result, verdict: Verdict) -> ExitCode:

@@ -13,6 +13,7 @@ from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.bodies import contact, part_named
 from hdvplan.judging.result import Proof, Result, body_name
 from hdvplan.road.regions import OPEN_M, called
+from hdvplan.road.road import Road
 from hdvplan.vehicle.model import Vehicle
 
 
@@ -87,7 +88,7 @@ def _found(result: Result) -> Verdict:
     (room, s, x, y), decides = near[:4], near[4:]
     spare, half = room - wanted, result.balance.half_width
     wheels = result.wheel_room if near.obstacle is None and room < -KEPT_M else None
-    return Verdict(spare >= -KEPT_M, spare, wanted, half, s, x, y, lonlat_of(result, x, y), *decides, wheels)
+    return Verdict(spare >= -KEPT_M, spare, wanted, half, s, x, y, lonlat_of(result.drive.road, x, y), *decides, wheels)
 
 
 def _beside_kerbs(result: Result) -> Iterator[_Place]:
@@ -166,15 +167,14 @@ def _needs(result: Result) -> Verdict:
     x, y = float(at_x[0]), float(at_y[0])
     part = contact(result.drive, unit, side, s)
     wanted = result.case.settings.clearance
-    return Verdict(None, None, wanted, half_width + wanted, s, x, y, lonlat_of(result, x, y), side, unit, part, None, None, None)
+    return Verdict(None, None, wanted, half_width + wanted, s, x, y, lonlat_of(result.drive.road, x, y), side, unit, part, None, None, None)
 
 
-def lonlat_of(result: Result, x: float, y: float) -> tuple[float, float] | None:
+def lonlat_of(road: Road, x: float, y: float) -> tuple[float, float] | None:
     """Return longitude and latitude [deg] of a point in the plane, or None where the road has no geographic coordinates."""
-    to_lonlat = result.drive.road.to_lonlat
-    if to_lonlat is None:
+    if road.to_lonlat is None:
         return None
-    lon, lat = to_lonlat(_one(x), _one(y))
+    lon, lat = road.to_lonlat(_one(x), _one(y))
     return (float(lon[0]) + 180.0) % 360.0 - 180.0, float(lat[0])  # roads go on across the antimeridian
 
 

@@ -130,7 +130,7 @@ def _place(result: Result | None, sides: tuple[str, ...]) -> Place | None:
     touches = nearest[where, region]
     unit, at = (int(number) for number in np.unravel_index(np.argmin(touches["gap"]), touches.shape))
     s, x, y, ahead = (float(touches[unit, at][name]) for name in ("s", "x", "y", "ahead"))
-    return Place(s, x, y, lonlat_of(result, x, y), where, unit, part_named(result.drive.vehicle.units[unit], ahead))
+    return Place(s, x, y, lonlat_of(result.drive.road, x, y), where, unit, part_named(result.drive.vehicle.units[unit], ahead))
 
 
 def proved_below(

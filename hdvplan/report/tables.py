@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 from rich.table import Table
 
 from hdvplan.judging.fit import Fit, RoadFacts, facts_of
-from hdvplan.judging.result import Result, body_name
 from hdvplan.report.grid import grid
-from hdvplan.report.summary import step_times_ms
 from hdvplan.road.options import Corners
 from hdvplan.road.road import Road, Smoothing
+
+Json = dict[str, Any]
 
 MOST_BREACHES = 10  # listed; the summary file holds all
 _MOST_CORNERS = 8  # listed, likewise
@@ -19,54 +22,55 @@ _STRAIGHT_PER_M = 5e-5  # a radius of 20 km; less curvature is shown as 0
 _TROUBLES = {"width": ("width [m]", 2), "curvature": ("curvature [1/m]", 3), "circle": ("no even circle", 0)}  # words and digits
 
 
-def balance_table(result: Result) -> Table:
-    """Return the envelope balance of one plan: a quantity, its value and unit, and a remark a row."""
-    drive, balance = result.drive, result.balance
-    tighter = (
-        "the road is tighter than the vehicle's tightest balanced circle" if balance.saturated else "geometric, where the road is tightest"
-    )
+def balance_table(summary: Json, road: Road | None = None) -> Table:
+    """Return the envelope balance of one plan from its summary: a quantity, its value and unit, and a remark a row.
+
+    ``road`` adds what its file says; a long one is never there as a whole.
+    """
+    tightest = "geometric, where the road is tightest"
+    tighter = "the road is tighter than the vehicle's tightest balanced circle" if summary["tighter_than_balanced_circle"] else tightest
+    clearance = summary["min_clearance_m"]
     rows = [
-        ("max left", f"{balance.max_left:.3f}", "m", ""),
-        ("max right", f"{balance.max_right:.3f}", "m", ""),
-        ("imbalance", f"{balance.imbalance:+.3f}", "m", "max left - max right"),
-        ("mean |left + right|", f"{balance.mean_abs_imbalance:.3f}", "m", "over the whole road"),
-        ("expected half width", f"{balance.expected_half_width:.3f}", "m", tighter),
-        ("min clearance", "-" if balance.min_clearance is None else f"{balance.min_clearance:.3f}", "m", _limits_remark(result)),
+        ("max left", f"{summary['max_left_m']:.3f}", "m", ""),
+        ("max right", f"{summary['max_right_m']:.3f}", "m", ""),
+        ("imbalance", f"{summary['imbalance_m']:+.3f}", "m", "max left - max right"),
+        ("mean |left + right|", f"{summary['mean_abs_imbalance_m']:.3f}", "m", "over the whole road"),
+        ("expected half width", f"{summary['expected_half_width_m']:.3f}", "m", tighter),
+        ("min clearance", "-" if clearance is None else f"{clearance:.3f}", "m", _limits_remark(summary)),
     ]
-    length = ("road length", f"{drive.road.path.length:.1f}", "m", "")
-    rows = [length, *_line_rows(drive.road), *_narrowest_rows(facts_of(drive.road)), *rows]
-    title = f"{drive.vehicle.name} on {drive.road.name}"
-    return grid(title, _COLUMNS, rows, text=("", "unit", "remark"))
+    count = f"in {summary['stretches']['count']} stretches" if "stretches" in summary else ""
+    known = [] if road is None else [*_line_rows(road), *_narrowest_rows(facts_of(road))]
+    rows = [("road length", f"{summary['length_m']:.1f}", "m", count), *known, *rows]
+    return grid(f"{summary['vehicle']} on {summary['road']}", _COLUMNS, rows, text=("", "unit", "remark"))
 
 
-def planning_table(result: Result, directory: str) -> Table:
+def planning_table(summary: Json, directory: str) -> Table:
     """Return how the plan was made: times of a step, iterations and how far the prediction was off; ``directory`` holds the files."""
-    drive, times = result.drive, step_times_ms(result)
+    times = summary["time_ms"]
     rows = [
-        ("prediction error", f"{1e3 * drive.prediction_error:.1f}", "mm", "planned against simulated position, largest"),
+        ("prediction error", f"{1e3 * summary['prediction_error_m']:.1f}", "mm", "planned against simulated position, largest"),
         ("time per step", f"{times['mean']:.2f}", "ms", f"mean; p95 {times['p95']:.2f}, max {times['max']:.2f}"),
-        ("plans", f"{len(drive.plans)}", "", _plans_remark(result)),
+        ("plans", f"{summary['plans']}", "", _plans_remark(summary)),
     ]
-    title = f"planned by {drive.settings.scheme}, {result.solver}, {result.objective}"
+    title = f"planned by {summary['scheme']}, {summary['solver']}, {summary['objective']}"
     return grid(title, _COLUMNS, rows, text=("", "unit", "remark"), caption=f"written to {directory}")
 
 
-def breach_table(result: Result) -> Table:
-    """Return the first broken limits in order of s; the region only where overhangs have separate limits."""
-    breaches = result.balance.breaches
+def breach_table(breaches: Sequence[Json], *, two_regions: bool) -> Table:
+    """Return the first of a summary's broken limits in order of s; the region only where overhangs have separate limits."""
     columns = ["from [m]", "to [m]", "deepest [m]", "depth [m]", "side", "body", "part"]
     rows = []
     for breach in breaches[:MOST_BREACHES]:
-        place = [f"{breach.s_from:.1f}", f"{breach.s_to:.1f}", f"{breach.s_deepest:.1f}"]
-        rows.append([*place, f"{breach.depth:.3f}", breach.side, body_name(result.drive.vehicle, breach.unit), breach.part])
-        if result.two_regions:
-            rows[-1].append(breach.region)
-    if result.two_regions:
+        place = [f"{breach[name]:.1f}" for name in ("s_from", "s_to", "s_deepest")]
+        rows.append([*place, f"{breach['depth_m']:.3f}", breach["side"], breach["unit"], breach["part"]])
+        if two_regions:
+            rows[-1].append(breach["region"])
+    if two_regions:
         columns.append("region")
-    if any(breach.obstacle is not None for breach in breaches):
+    if any(breach["obstacle"] is not None for breach in breaches):
         columns.append("obstacle")
         for row, breach in zip(rows, breaches, strict=False):
-            row.append("-" if breach.obstacle is None else breach.obstacle or "unnamed")
+            row.append("-" if breach["obstacle"] is None else breach["obstacle"] or "unnamed")
     title = f"broken limits ({len(rows)} of {len(breaches)})" if len(breaches) > len(rows) else "broken limits"
     return grid(title, columns, rows, text=("side", "body", "part", "region", "obstacle"))
 
@@ -100,20 +104,19 @@ def _smoothing_remark(smoothing: Smoothing) -> str:
     )
 
 
-def _limits_remark(result: Result) -> str:
-    balance = result.balance
-    if balance.min_clearance is None:
-        return f"limits off; the plan needs a half width of {result.balance.half_width:.2f} m"
-    if not balance.breaches:
+def _limits_remark(summary: Json) -> str:
+    if summary["min_clearance_m"] is None:
+        return f"limits off; the plan needs a half width of {summary['needed_half_width_m']:.2f} m"
+    if not summary["breaches"]:
         return "limits kept"
-    deepest = max(balance.breaches, key=lambda breach: breach.depth)
-    return f"limits broken by {deepest.depth:.3f} m at s = {deepest.s_deepest:.1f} m"
+    deepest = max(summary["breaches"], key=lambda breach: float(breach["depth_m"]))
+    return f"limits broken by {deepest['depth_m']:.3f} m at s = {deepest['s_deepest']:.1f} m"
 
 
-def _plans_remark(result: Result) -> str:
-    settings, failed = result.drive.settings, len(result.failed)
-    text = f"every {settings.replan:g} m, {settings.horizon:g} m ahead"
-    text += f"; {len(result.rescued)} by another solver" if result.rescued else ""
+def _plans_remark(summary: Json) -> str:
+    settings, failed, rescued = summary["settings"], len(summary["failed_steps"]), len(summary["rescued_steps"])
+    text = f"every {settings['replan']:g} m, {settings['horizon']:g} m ahead"
+    text += f"; {rescued} by another solver" if rescued else ""
     return f"{text}; {failed} not solved, the vehicle followed the last plan" if failed else text
 
 

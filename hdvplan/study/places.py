@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from hdvplan.judging.result import Result, body_name
-from hdvplan.judging.verdict import verdict_of
+from hdvplan.judging.verdict import lonlat_of, verdict_of
 from hdvplan.need.answer import Need
 from hdvplan.report.needs import patch_json
 from hdvplan.report.summary import breach_json, verdict_json
@@ -87,12 +87,9 @@ def _stretch(kind: str, road: Road, at: tuple[float, float], told: Mapping[str, 
 
 def _place(kind: str, road: Road, s: object, at: tuple[float, float]) -> Row:
     """Return a point's columns; its geometry is WKB in longitude and latitude."""
-    lonlat = None
-    if road.to_lonlat is not None:
-        lon, lat = road.to_lonlat(np.array([at[0]]), np.array([at[1]]))
-        lonlat = (float(lon[0]) + 180.0) % 360.0 - 180.0, float(lat[0])  # roads go on across the antimeridian
-    lon_deg, lat_deg = lonlat or (None, None)
-    return {"kind": kind, "s_m": s, "x": at[0], "y": at[1], "lon": lon_deg, "lat": lat_deg, "geometry": _point(lonlat)}
+    lonlat = lonlat_of(road, *at)
+    lon, lat = lonlat or (None, None)
+    return {"kind": kind, "s_m": s, "x": at[0], "y": at[1], "lon": lon, "lat": lat, "geometry": _point(lonlat)}
 
 
 def _point(lonlat: tuple[float, float] | None) -> bytes | None:

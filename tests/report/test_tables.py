@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from io import StringIO
+from typing import Any
 
 import pandas as pd
 import pytest
@@ -11,6 +12,7 @@ from rich.table import Table
 from hdvplan.judging.balance import Breach
 from hdvplan.judging.result import Result, breach_text
 from hdvplan.report.grid import grid, markdown_table
+from hdvplan.report.summary import summary_of
 from hdvplan.report.tables import MOST_BREACHES, balance_table, breach_table, planning_table
 
 
@@ -21,15 +23,24 @@ def printed(table: Table, width: int = 80) -> list[str]:
     return console.file.getvalue().splitlines()
 
 
+def balance_of(result: Result) -> list[str]:
+    return printed(balance_table(summary_of(result), result.drive.road))
+
+
+def breaches_of(result: Result) -> list[str]:
+    told: dict[str, Any] = summary_of(result)
+    return printed(breach_table(told["breaches"], two_regions=result.two_regions))
+
+
 @pytest.mark.parametrize("name", ["bus", "trailer", "kerbed", "straight"])
 def test_the_balance_fits_80_columns(name: str, request: pytest.FixtureRequest) -> None:
-    lines = printed(balance_table(request.getfixturevalue(name)))
+    lines = balance_of(request.getfixturevalue(name))
     assert all(len(line) <= 80 for line in lines)
     assert not any("…" in line for line in lines)
 
 
 def test_how_it_was_planned_fits_80_columns_and_says_where_the_files_are(bus: Result) -> None:
-    lines = printed(planning_table(bus, "out/"))
+    lines = printed(planning_table(summary_of(bus), "out/"))
     assert all(len(line) <= 80 for line in lines)
     assert lines[0].strip() == "planned by rti, piqp, geometric"
     assert lines[-1].strip() == "written to out/"
@@ -60,25 +71,25 @@ def test_a_broken_limit_is_told_with_place_depth_side_and_body(kerbed: Result) -
     text = breach_text(kerbed, deepest)
     for word in ("the bus", deepest.side, deepest.region, f"{deepest.depth:.3f} m", f"s = {deepest.s_deepest:.1f} m"):
         assert word in text
-    assert "limits broken by" in " ".join(printed(balance_table(kerbed)))
+    assert "limits broken by" in " ".join(balance_of(kerbed))
 
 
 def test_the_width_that_a_plan_was_asked_to_keep_is_told(straight: Result) -> None:
-    (row,) = [line for line in printed(balance_table(straight)) if "narrowest limits" in line]
+    (row,) = [line for line in balance_of(straight) if "narrowest limits" in line]
     assert row.split()[2:] == ["5.00", "m", "apart,", "first", "at", "s", "=", "0.0", "m"]
 
 
 def test_the_region_is_told_only_where_overhangs_have_limits_of_their_own(kerbed: Result, bus: Result) -> None:
-    assert any("region" in line for line in printed(breach_table(kerbed)))
+    assert any("region" in line for line in breaches_of(kerbed))
     breach = Breach(10.0, 12.0, 11.0, 0.1, "left", 0, "front corner", "sweepable", (11.0, 1.0))
     broken = replace(bus, balance=replace(bus.balance, breaches=(breach,)))
-    assert not any("region" in line for line in printed(breach_table(broken)))
+    assert not any("region" in line for line in breaches_of(broken))
     assert breach_text(broken, breach) == "the front corner of the bus breaks the left limit by 0.100 m at s = 11.0 m"
 
 
 def test_many_breaches_are_cut_to_the_first_ones_and_counted(bus: Result) -> None:
     breaches = tuple(Breach(i, i + 1.0, i + 0.5, 0.1, "right", 0, "rear axle", "sweepable", (i + 0.5, -1.0)) for i in range(25))
-    lines = printed(breach_table(replace(bus, balance=replace(bus.balance, breaches=breaches))))
+    lines = breaches_of(replace(bus, balance=replace(bus.balance, breaches=breaches)))
     assert lines[0].strip() == f"broken limits ({MOST_BREACHES} of 25)"
     assert sum("right" in line for line in lines) == MOST_BREACHES
 
