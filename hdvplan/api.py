@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from hdvplan.case import Case
 from hdvplan.driving.drive import Drive, driven, ready
+from hdvplan.errors import PlanError
 from hdvplan.judging.result import Result, result_of
 from hdvplan.passing.sides import choose_sides
 from hdvplan.planning.bias import CENTRE, bias_named
@@ -14,6 +15,8 @@ from hdvplan.planning.objectives import Objective, objective_named
 from hdvplan.planning.planner import Plan
 from hdvplan.proof.answer import proved
 from hdvplan.solvers.registry import SolverClass, SolverMaker, dependable, solver_named
+
+_FREE_M = 1e4  # that limits give way where a plan shall meet none: longer than any road is wide
 
 
 def plan(case: Case, *, on_progress: Callable[[float], None] | None = None) -> Result:
@@ -25,11 +28,19 @@ def plan(case: Case, *, on_progress: Callable[[float], None] | None = None) -> R
         OptionError: no such objective, or a bias that the road or the objective has no room for.
         SolverError: no such solver, not installed, or neither it nor a second solver found a plan.
         RoadError: the road is shorter than the vehicle, or an obstacle has no room on the side on which it must be passed.
-        PlanError: the vehicle cannot be planned further, or the motion leaves the model's domain.
+        PlanError: the vehicle cannot be planned along the road's line, even without limits.
 
     """
     road, passed = choose_sides(case)
-    executed = drive_case(replace(case, road=road), on_progress=on_progress)
+    own = replace(case, road=road)
+    try:
+        executed = drive_case(own, on_progress=on_progress)
+    except PlanError:
+        if road.street is None:
+            raise
+        # Limits led to where motion along the line has no model. What a plan without them lacks is an answer, an error would be none.
+        free = replace(own, settings=replace(case.settings, give_way=_FREE_M))
+        executed = replace(drive_case(free, on_progress=on_progress), settings=case.settings)
     return result_of(executed, solver=case.solver, objective=case.objective, passed=passed)
 
 

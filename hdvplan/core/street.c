@@ -12,11 +12,12 @@
 #include "numbers.h"
 
 #define WINDOW_M 4.0 /* pieces beside the line so far before and beyond a point are looked at */
-#define WALL 0.25    /* a piece that is so steep to the line, in metres of line a metre, is a wall across the street */
 #define PASSING_M                                                                                                      \
     0.035 /* a kerb's corner so far before a body, or behind it, comes beside it between two poses of a plan */
 #define ROUNDING_M 1e-6 /* of the last station */
-#define SAME_M 1e-12    /* from a point to a corner of a kerb: no direction leads from one to the other */
+#define IN_FRONT                                                                                                       \
+    0.5 /* sine of the angle to a kerb from which on a place is on its street's side, however a body stands there */
+#define SAME_M 1e-12 /* from a point to a corner of a kerb: no direction leads from one to the other */
 
 /* The nearest place of a kerb to a corner of a body. */
 struct nearest {
@@ -90,15 +91,26 @@ static void meet_aside(const struct hdv_piece *piece, double x, double y, int64_
         *to = (struct nearest){distance, across, -piece->sin, piece->cos, on / piece->length, number};
 }
 
+/* Whether a place so far from a piece's first corner, a protruding one, may lie behind it: the kerb there turns away
+ * from what is seen on its street's side. */
+static int is_behind(const struct hdv_piece *piece, double x, double y) {
+    double before = y * piece->before_cos - x * piece->before_sin, after = y * piece->cos - x * piece->sin;
+    return larger(before, after) < IN_FRONT * hypot(x, y);
+}
+
 /* The gap between a kerb's corner, u ahead of the axle and v left of the axis, and the side of the outline that faces
  * it, the left one (sign 1) or the right one (-1). */
-static double corner_gap(const struct outline *on, enum hdv_look look, double u, double v, double sign) {
-    double room = sign * v - on->half_width;
-    if (look == HDV_TO_PLAN)
+static double corner_gap(
+    const struct search *in, const struct hdv_piece *piece, const struct outline *on, double u, double v, double sign
+) {
+    double room = sign * v - on->half_width, across = v + sign * on->half_width;
+    if (room < -2.0 * on->half_width) { /* it lies beyond the other side: a plan is led back, if from behind it */
+        int behind = is_behind(piece, in->pose->sin * across, -in->pose->cos * across);
+        return in->look == HDV_TO_PLAN && behind ? room : INFINITY;
+    }
+    if (in->look == HDV_TO_PLAN || room >= 0.0)
         return room;
-    if (room < -2.0 * on->half_width)
-        return INFINITY; /* it lies beyond the other side */
-    return room >= 0.0 ? room : larger(room, larger(on->rear - u, u - on->front));
+    return larger(room, larger(on->rear - u, u - on->front));
 }
 
 /* Keep the tighter of two contacts. */
@@ -180,10 +192,6 @@ static int begins_beside(const struct hdv_piece *piece, double rear, double fron
     return piece->s_begin - further <= front && piece->s_begin + further >= rear;
 }
 
-static int is_wall(const struct hdv_piece *piece) {
-    return fabs(piece->s_end - piece->s_begin) < WALL * piece->length;
-}
-
 /* The nearest places of one piece to the corners of an outline at one end, in a plan to that on the kerb's own side. */
 static void meet_end(const struct hdv_piece *piece, enum hdv_look look, int64_t number, int end, struct outline *on) {
     struct beside *beside = beside_kerb(on, piece);
@@ -198,7 +206,7 @@ static struct nearest aside_of(const struct search *in, const struct outline *on
     for (int64_t i = in->first; i < in->beyond; i++) {
         int64_t number = in->numbers ? in->numbers[i] : i;
         const struct hdv_piece *piece = &in->street->pieces[number];
-        if (piece->kerb == kerb && is_beside(piece, in->axle + corner_u(on, corner)) && !is_wall(piece))
+        if (piece->kerb == kerb && is_beside(piece, in->axle + corner_u(on, corner)) && !piece->wall)
             meet_aside(piece, on->x[corner], on->y[corner], number, &found);
     }
     return found;
@@ -209,7 +217,7 @@ static struct nearest aside_of(const struct search *in, const struct outline *on
 static struct nearest
 place_of(const struct search *in, const struct outline *on, const struct beside *beside, int corner) {
     const struct nearest *at = &beside->corners[corner];
-    if (in->look == HDV_TO_JUDGE || at->piece < 0 || at->part == 0.0 || !is_wall(&in->street->pieces[at->piece]))
+    if (in->look == HDV_TO_JUDGE || at->piece < 0 || at->part == 0.0 || !in->street->pieces[at->piece].wall)
         return *at;
     return at->gap > in->street->clearance ? nothing : aside_of(in, on, beside->kerb, corner);
 }
@@ -224,7 +232,7 @@ static void meet_side(
     double beyond = in->look == HDV_TO_PLAN ? PASSING_M : 0.0;
     if (u < on->rear - beyond || u > on->front + beyond)
         return;
-    double sign = piece->left ? 1.0 : -1.0, gap = corner_gap(on, in->look, u, y * pose->cos - x * pose->sin, sign);
+    double sign = piece->left ? 1.0 : -1.0, gap = corner_gap(in, piece, on, u, y * pose->cos - x * pose->sin, sign);
     struct hdv_contact *to = &found->at[piece->left ? 0 : 1][section_of(in->unit, u)];
     if (gap < to->gap) {
         double v = sign * on->half_width;

@@ -62,7 +62,7 @@ class Road:
     def given(self) -> Street | None:
         """The street's kerbs without its regions; without limits those of an open place where it has regions, None else."""
         if self.drawn is not None:
-            return Street.along(self.path, self.drawn)
+            return Street.along(self.path, self.drawn, self.about)
         limits = self.limits
         if limits is None and np.any(distances(self.path, self.regions) <= OPEN_M):
             limits = Limits.constant(OPEN_M, OPEN_M, self.path.length)

@@ -43,6 +43,7 @@ _SHORTEST_M = 1e-6  # two points of a kerb nearer than this are one
 _BACK = -1.0 + 1e-9  # cosine of a turn: a kerb that goes back on itself has no width there
 _SLIVER_M, _SHARPLY = 0.005, -0.5  # a shorter side that the kerb turns to, or from, by over 120 degrees was drawn by nobody
 _STRAIGHT = 1e-7  # [rad] of turn: less is rounding of coordinates of a thousand kilometres, and no corner
+_WALL, _ACROSS = 0.25, 0.5  # metres of line a metre, and cosine to the line, below which a piece is a wall across the street
 _CLEANED = 5  # times that such points are taken out
 
 
@@ -109,6 +110,13 @@ class About:
         here = path.at(s)
         return cls(np.stack([here.x, here.y], axis=1), s, np.zeros(len(s), bool), path.closed)
 
+    @property
+    def ends(self) -> FloatArray:
+        """The directions of its first and its last chord, (2, 2), unit vectors."""
+        chords = np.diff(self.points, axis=0)
+        chords = chords[np.any(chords != 0.0, axis=1)][[0, -1]]
+        return np.asarray(chords / np.hypot(*chords.T)[:, None])
+
     def reversed(self, length: float) -> About:
         """Return the line driven the other way, on a path of that length [m]."""
         corners = tuple(one._replace(s=length - one.s, turn=-one.turn) for one in self.corners[::-1])
@@ -159,8 +167,9 @@ class Pieces(NamedTuple):
 class Street:
     """The kerbs of a road of ``length`` [m]; a closed one has them in every lap.
 
-    ``ends`` are the directions in which those of an open road go on: of the line at its start and at its end, (2, 2), unit vectors.
-    ``line`` has the line's s, x and y [m] and how much it turns around there [rad], (4, n): in a bend, kerbs far along it are near.
+    ``ends`` are the directions in which those of an open road go on: before its start and beyond its end, (2, 2), unit vectors.
+    ``line`` has the line's s, x and y [m], its heading and how much it turns around there [rad], (5, n): in a bend, kerbs far along it
+    are near.
     """
 
     kerbs: tuple[Kerb, ...]
@@ -171,14 +180,14 @@ class Street:
     begin: float = 0.0  #: the arclength of the road's start [m]
 
     @classmethod
-    def along(cls, path: ReferencePath, kerbs: tuple[Kerb, ...]) -> Street:
-        """Return the street of a path."""
+    def along(cls, path: ReferencePath, kerbs: tuple[Kerb, ...], about: About | None = None) -> Street:
+        """Return the street of a path; what lies beyond its ends goes on as the line ``about`` which widths count, or else as the path."""
         s = np.linspace(0.0, path.length, int(np.ceil(path.length / _TURN_M)) + 1)
         here = path.at(s)
         turned, around = np.unwrap(here.heading), 2 * int(np.ceil(_AROUND_M / _TURN_M)) + 1
         bend = scipy.ndimage.maximum_filter1d(turned, around) - scipy.ndimage.minimum_filter1d(turned, around)
-        ends = np.stack([np.cos(here.heading[[0, -1]]), np.sin(here.heading[[0, -1]])], axis=1)
-        return cls(kerbs, path.length, path.closed, ends, np.stack([s, here.x, here.y, bend]))
+        ends = np.stack([np.cos(here.heading[[0, -1]]), np.sin(here.heading[[0, -1]])], axis=1) if about is None else about.ends
+        return cls(kerbs, path.length, path.closed, ends, np.stack([s, here.x, here.y, turned, bend]))
 
     @cached_property
     def two_regions(self) -> bool:
@@ -194,6 +203,7 @@ class Street:
         beyond = np.stack([pieces["x"] + pieces["length"] * pieces["cos"], pieces["y"] + pieces["length"] * pieces["sin"]])
         ends = ((pieces["s_begin"], pieces["x"], pieces["y"]), (pieces["s_end"], *beyond))
         further = np.maximum(*(self._further(*end) for end in ends))
+        pieces["wall"] &= self._across(pieces)
         pieces["s_low"] -= further
         pieces["s_high"] += further
         order = np.argsort(pieces["s_low"], kind="stable")
@@ -201,12 +211,20 @@ class Street:
         np.maximum.accumulate(pieces["s_high"], out=found.reach)
         return found
 
+    def _across(self, pieces: Records) -> BoolArray:
+        """Return which pieces stand beside one place of the line, or are steep to it: the kerb outside a hairpin does neither."""
+        assert self.line is not None  # noqa: S101 - as below
+        s = 0.5 * (pieces["s_begin"] + pieces["s_end"]) - self.begin
+        heading = np.interp(np.mod(s, self.length) if self.closed else s, self.line[0], self.line[3])
+        along = np.abs(pieces["cos"] * np.cos(heading) + pieces["sin"] * np.sin(heading))
+        return np.asarray((pieces["s_begin"] == pieces["s_end"]) | (along < _ACROSS))
+
     def _further(self, s: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
         """Return how much further along the line than beside them a body near points x, y of kerbs may be [m]."""
         assert self.line is not None  # noqa: S101 - for the type checker: who asks has one
         at = s - self.begin
         at = np.mod(at, self.length) if self.closed else at
-        line_x, line_y, bend = (np.interp(at, self.line[0], column) for column in self.line[1:])
+        line_x, line_y, _, bend = (np.interp(at, self.line[0], column) for column in self.line[1:])
         inside = (at >= 0.0) & (at <= self.length)
         return np.where(inside, np.hypot(x - line_x, y - line_y) * np.minimum(bend, _MOST_BEND), 0.0)
 
@@ -321,6 +339,7 @@ def _pieces(kerb: Kerb) -> Records:
     found["s_begin"], found["s_end"] = s[:-1], s[1:]
     found["s_low"], found["s_high"] = np.minimum(s[:-1], s[1:]), np.maximum(s[:-1], s[1:])
     found["left"], found["wheels"] = kerb.left, kerb.wheels
+    found["wall"] = np.abs(np.diff(s)) < _WALL * found["length"]
     found["corner"] = found["before_cos"] * found["sin"] - found["before_sin"] * found["cos"] < -_STRAIGHT
     if not kerb.goes_on:
         found = np.append(found, found[-1:])

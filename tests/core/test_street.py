@@ -163,7 +163,7 @@ def test_inside_a_corner_of_a_wide_road_a_body_is_as_near_to_both_legs_as_it_is(
     legs = np.array([[0.0, half_width], corner, [100.0 - half_width, 100.0]])
     s = np.arange(0.0, 201.0)
     bend = np.where(np.abs(s - 100.0) < 15.0, 0.5 * np.pi, 0.0)  # of a line with a right angle at s = 100
-    line = np.stack([s, np.minimum(s, 100.0), np.maximum(s - 100.0, 0.0), bend])
+    line = np.stack([s, np.minimum(s, 100.0), np.maximum(s - 100.0, 0.0), 0.5 * np.pi * (s > 100.0), bend])
     street = street_of(Kerb(legs, np.array([0.0, 100.0, 200.0]), left=True), length=200.0, line=line)
     area = shapely.Polygon([*legs, (0.0, 100.0)])
     for x in np.arange(80.0, 100.0, 0.5):
@@ -209,6 +209,18 @@ def test_a_wall_across_the_street_leads_a_plan_nowhere_but_is_judged() -> None:
     assert np.min(plan["gap"]) == pytest.approx(-deep, abs=NEAR)
     assert plan["along_y"][np.argmin(plan["gap"])] == pytest.approx(-1.0)
     assert np.min(judge["gap"]) == pytest.approx(-min(deep, unit.front - 8.0), abs=NEAR)
+
+
+@pytest.mark.parametrize("left", [True, False])
+def test_a_plan_is_led_back_from_behind_a_kerb_s_corner_and_never_from_the_street_before_it(left: bool) -> None:
+    """The kerb outside a hairpin ends where that of the next arm begins; a body there turns its other side to the corner."""
+    points, s = np.array([[57.0, -20.0], [57.0, 12.0], [120.0, 12.0]]), np.array([0.0, 32.0, 95.0])
+    sign = -1.0 if left else 1.0
+    street = street_of(Kerb(points * [1.0, sign], s, left))
+    for x, y, led in ((4.0, 12.0, False), (62.0, 10.0, True)):
+        one = standing(x, sign * y, -sign * 0.5 * np.pi)
+        gap = np.min(look(street, Vehicle("one", (BUS.lead,)), np.array([30.0]), one, TO_PLAN)["at"]["gap"])
+        assert bool(gap < 0.0) is led
 
 
 def test_a_body_that_leaves_the_road_keeps_beside_its_side_what_is_left_of_the_kerb() -> None:

@@ -14,6 +14,7 @@ from hdvplan.arrays import FloatArray, Records
 from hdvplan.road.drawn import drawn_kerbs
 from hdvplan.road.given import given_line
 from hdvplan.road.limits import Limits
+from hdvplan.road.line import Line, RawRoad, RoadOptions, smoothed
 from hdvplan.road.path import ReferencePath, from_curvature
 from hdvplan.road.regions import Kind, Region
 from hdvplan.road.road import Road
@@ -77,6 +78,23 @@ def test_a_kerb_goes_on_in_the_direction_of_the_line_s_end_not_its_own() -> None
     places = np.vstack([begin, end])
     assert places[np.argmax(places[:, 0]), 1] == pytest.approx(6.0)
     assert places[np.argmin(places[:, 0]), 1] == pytest.approx(3.0)
+
+
+def test_beyond_the_ends_of_widths_kerbs_go_on_as_the_line_that_was_given_however_it_was_moved() -> None:
+    line = np.array([[0.0, 0.0], [0.0, 10.0], [60.0, 10.0], [60.0, 0.0]])
+    kerbs = smoothed(Line("bay", RawRoad(line, np.full((4, 4), 3.0)), RoadOptions()))[0].kerbs
+    assert kerbs is not None
+    found = kerbs.pieces(-50.0, 200.0).pieces
+    far = found[found["length"] > 500.0]
+    assert len(far) == 4
+    np.testing.assert_allclose(far["cos"], 0.0, atol=1e-12)  # rounding
+
+
+def test_the_kerb_outside_a_hairpin_is_no_wall_however_short_the_line_beside_it_is() -> None:
+    path = from_curvature(np.array([0.0, 30.0, 31.0, 49.0, 50.0, 80.0]), np.array([0.0, 0.0, 1.0, 1.0, 0.0, 0.0]) / 6.0)
+    assert not np.any(
+        Street.along(path, About.smooth(path).kerbs(Limits.constant(30.0, 30.0, path.length))).pieces(0.0, 80.0).pieces["wall"]
+    )
 
 
 @pytest.mark.parametrize("left", [True, False])

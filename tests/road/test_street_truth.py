@@ -305,6 +305,27 @@ def test_kerbs_beside_points_of_exact_curves_are_their_parallels(count: int, spa
             assert found < allowed(points) + 0.002, (phase, parts)  # of either kerb, points are left out within 1 mm
 
 
+# Tight lines in wide streets.
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("straight", "half_width"), [(40.0, 12.0), (0.0, 12.0), (0.0, 15.0)])
+def test_a_long_vehicle_in_hairpins_of_a_wide_street_is_answered(straight: float, half_width: float) -> None:
+    """Around a line of 6 m radius; in the widest street limits lead a plan to where motion along the line has no model."""
+    bend = 6.0 * math.pi
+    parts = [
+        (40.0, 0.0, 0.0),
+        (bend, 1.0 / 6.0, 1.0 / 6.0),
+        (straight + 1e-6, 0.0, 0.0),
+        (bend, -1.0 / 6.0, -1.0 / 6.0),
+        (straight + 1e-6, 0.0, 0.0),
+    ]
+    length = sum(part[0] for part in parts)
+    line = fresnel(parts, np.linspace(0.0, length, round(length)))
+    road = road_of(RawRoad(line, np.full((4, len(line)), half_width)))
+    assert verdict_of(api.plan(Case(road, load_vehicle("a-double")))).fits
+
+
 # Beyond the ends.
 
 STRAIGHT = np.array([[0.0, 0.0], [60.0, 0.0]])
