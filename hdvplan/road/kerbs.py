@@ -209,25 +209,10 @@ def _cut(raw: _Raw, first: int, last: int, far: float) -> _Cut:
     chords = np.diff(raw.line[max(first - 1, 0) : last + 3], axis=0)
     chords = chords[np.any(chords != 0.0, axis=1)]
     looped = np.ptp(np.unwrap(np.arctan2(chords[:, 1], chords[:, 0]))) > math.pi + _ROUNDING
-    for window in (0.1 * far, 0.3 * far, far):
-        low = max(int(np.searchsorted(raw.s, raw.s[first] - window)) - 1, 0)
-        high = min(int(np.searchsorted(raw.s, raw.s[last + 1] + window)), len(raw.folded))
-        one = low + np.flatnonzero(~raw.folded[low:first])
-        other = last + 1 + np.flatnonzero(~raw.folded[last + 1 : high])
-        a, u = raw.points[one, None], (raw.points[one + 1] - raw.points[one])[:, None]
-        b, v = raw.points[None, other], (raw.points[other + 1] - raw.points[other])[None]
-        det = _cross(u, v)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            t, q = _cross(b - a, v) / det, _cross(b - a, u) / det
-            before = raw.s[first] - raw.s[one, None] - t * (raw.s[one + 1] - raw.s[one])[:, None]
-            beyond = raw.s[other] + q * (raw.s[other + 1] - raw.s[other]) - raw.s[last + 1]
-            cut_out = before + beyond
-            met = (t >= 0.0) & (t <= 1.0) & (q >= 0.0) & (q <= 1.0) & (before <= window) & (beyond <= window)
-        if np.any(met) and not looped:
-            i, j = np.unravel_index(np.argmin(np.where(met, cut_out, np.inf)), met.shape)
-            corner = bool(np.any(raw.corner[first : last + 2]))
-            middle = 0.5 * (raw.number[first] + raw.number[last + 1])
-            return _Cut(first, last, one[i] + t[i, j], other[j] + q[i, j], middle, corner)
+    crossing = None if looped else _crossing(raw, first, last, far)
+    if crossing is not None:
+        return crossing
+    low, high = _around(raw, first, last, far)
     around, across = slice(low, high + 1), 0.5 * (raw.points[first] + raw.points[last + 1])
     line, reach = shapely.LineString(raw.line[around]), np.abs(raw.reach)
     if not looped and shapely.distance(shapely.Point(across), line) > min(reach[first], reach[last + 1]) - _WITHIN_M:
@@ -239,6 +224,35 @@ def _cut(raw: _Raw, first: int, last: int, far: float) -> _Cut:
     return _Cut(
         first, last, np.max(on[on <= first], initial=max(low - 1, 0)), np.min(on[on > last], initial=min(high + 1, len(raw.folded))), None
     )
+
+
+def _around(raw: _Raw, first: int, last: int, window: float) -> tuple[int, int]:
+    """Return the first segment within ``window`` [m] before a fold, and the one after the last within it beyond."""
+    low, high = np.searchsorted(raw.s, [raw.s[first] - window, raw.s[last + 1] + window]).tolist()
+    return max(low - 1, 0), min(high, len(raw.folded))
+
+
+def _crossing(raw: _Raw, first: int, last: int, far: float) -> _Cut | None:
+    """Return the least loop around segments ``first`` to ``last`` that ends where it begins, within ``far`` [m]; None without any."""
+    for window in (0.1 * far, 0.3 * far, far):
+        low, high = _around(raw, first, last, window)
+        one = low + np.flatnonzero(~raw.folded[low:first])
+        other = last + 1 + np.flatnonzero(~raw.folded[last + 1 : high])
+        a, u = raw.points[one, None], (raw.points[one + 1] - raw.points[one])[:, None]
+        b, v = raw.points[None, other], (raw.points[other + 1] - raw.points[other])[None]
+        det = _cross(u, v)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            t, q = _cross(b - a, v) / det, _cross(b - a, u) / det
+            before = raw.s[first] - raw.s[one, None] - t * (raw.s[one + 1] - raw.s[one])[:, None]
+            beyond = raw.s[other] + q * (raw.s[other + 1] - raw.s[other]) - raw.s[last + 1]
+            cut_out = before + beyond
+            met = (t >= 0.0) & (t <= 1.0) & (q >= 0.0) & (q <= 1.0) & (before <= window) & (beyond <= window)
+        if np.any(met):
+            i, j = np.unravel_index(np.argmin(np.where(met, cut_out, np.inf)), met.shape)
+            corner = bool(np.any(raw.corner[first : last + 2]))
+            middle = 0.5 * (raw.number[first] + raw.number[last + 1])
+            return _Cut(first, last, one[i] + t[i, j], other[j] + q[i, j], middle, corner)
+    return None
 
 
 def _rounded(
