@@ -41,7 +41,8 @@ class Limits:
         """Return limits that are the same everywhere; ``left`` and ``right`` are positive reaches [m]."""
         for side, reach in (("left", left), ("right", right)):
             if not (np.isfinite(reach) and reach > 0.0):
-                msg = f"the {side} limit must be a positive number of metres, not {reach:g}"
+                what = "half width" if left == right else f"{side} limit"
+                msg = f"the {what} must be a positive number of metres, not {reach:g}"
                 raise OptionError(msg)
         s = np.array([0.0, length])
         one = np.ones(2)
