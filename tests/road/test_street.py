@@ -14,7 +14,8 @@ from hdvplan.arrays import FloatArray, Records
 from hdvplan.road.drawn import drawn_kerbs
 from hdvplan.road.given import given_line
 from hdvplan.road.limits import Limits
-from hdvplan.road.line import Line, RawRoad, RoadOptions, smoothed
+from hdvplan.road.line import Line, RawRoad, smoothed
+from hdvplan.road.options import RoadOptions
 from hdvplan.road.path import ReferencePath, from_curvature
 from hdvplan.road.regions import Kind, Region
 from hdvplan.road.road import Road
