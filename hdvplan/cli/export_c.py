@@ -7,10 +7,11 @@ from typing import Annotated
 
 import typer
 
-from hdvplan.cli.checks import check_folder, vehicle_named
+from hdvplan.cli import completion
+from hdvplan.cli.checks import vehicle_named
 from hdvplan.cli.console import note, print_line, progress, writing
 from hdvplan.cli.help import OUTPUT, PLANNING, ROAD, VEHICLE
-from hdvplan.cli.options import HalfWidthOption, ObjectiveOption, QuietOption, VehicleOption, file_name
+from hdvplan.cli.options import QuietOption, VehicleOption, check_folder, file_name
 
 _BUDGET = "Budget of a step"
 _SAMPLE = "uturn"
@@ -19,11 +20,22 @@ _SAMPLE = "uturn"
 def export_c(
     vehicle: VehicleOption,
     road: Annotated[str, typer.Option("--road", metavar="ROAD", help="The sample that main.c drives.", rich_help_panel=ROAD)] = _SAMPLE,
-    half_width: HalfWidthOption = None,
+    half_width: Annotated[
+        float | None, typer.Option("--half-width", metavar="M", help="Limits at M to either side of the line [m].", rich_help_panel=VEHICLE)
+    ] = None,
     clearance: Annotated[
         float, typer.Option("--clearance", metavar="M", help="Room to keep from every limit [m].", rich_help_panel=VEHICLE)
     ] = 0.0,
-    objective: ObjectiveOption = "geometric",
+    objective: Annotated[
+        str,
+        typer.Option(
+            "--objective",
+            metavar="NAME",
+            help="What the plan centres, as in `hdvplan plan`.",
+            autocompletion=completion.objectives,
+            rich_help_panel=PLANNING,
+        ),
+    ] = "geometric",
     horizon: Annotated[
         float, typer.Option("--horizon", metavar="M", help="How far each plan looks ahead [m].", rich_help_panel=PLANNING)
     ] = 100.0,
