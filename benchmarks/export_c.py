@@ -22,7 +22,7 @@ from hdvplan.bench.measuring.courses import with_limits
 from hdvplan.bench.suite import ROADS, Suite
 from hdvplan.case import Case
 from hdvplan.driving.drive import Drive
-from hdvplan.export.write import DEFAULT_BUDGET, Budget
+from hdvplan.export.budget import Budget
 from hdvplan.fileio import csv_bytes, write_atomically
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.result import result_of
@@ -36,7 +36,8 @@ from hdvplan.vehicle.load import load_vehicle
 VEHICLES = ("bus", "tractor-trailer", "a-double")
 CLASSES = ("off", "inactive", "binding", "unkeepable")
 OPTIMISED = ("-O3", "-ffp-contract=fast", "-fno-math-errno", "-fno-trapping-math")  # as hdvplan's own core
-HALF = Budget(DEFAULT_BUDGET.factorisations // 2, DEFAULT_BUDGET.linearisations // 2)
+DEFAULT = Budget()
+HALF = Budget(DEFAULT.factorisations // 2, DEFAULT.linearisations // 2)
 
 
 def cases(roads: tuple[str, ...], vehicles: tuple[str, ...]) -> Iterator[tuple[str, Case]]:
@@ -65,7 +66,7 @@ def row_of(limits: str, case: Case) -> dict[str, object]:
         row["difference"] = max(float(np.max(np.abs(drive.z - own.z))), float(np.max(np.abs(drive.kappa - own.kappa))))
         most = np.max([counts[2:] for counts in planner.counts], axis=0)
         row["factorisations"], row["linearisations"], row["memory_bytes"] = int(most[0]), int(most[1]), planner.memory
-        for name, budget in (("default", DEFAULT_BUDGET), ("half", HALF)):
+        for name, budget in (("default", DEFAULT), ("half", HALF)):
             planner.begin(budget)
             row[f"breach_{name}_m"] = judged(driven(case, planner), case)
             row[f"spent_{name}"] = sum(status == "spent" for status, *_ in planner.counts)
@@ -101,7 +102,7 @@ def text(plans: pd.DataFrame, size: pd.DataFrame) -> str:
     return (
         "Most of one step, over ten roads; the largest difference of a state or curvature from hdvplan's own drive.\n\n"
         f"{markdown_table(most, text=('vehicle', 'limits'))}\n\n"
-        f"The default budget is {DEFAULT_BUDGET.factorisations} factorisations and {DEFAULT_BUDGET.linearisations} linearisations a step: "
+        f"The default budget is {DEFAULT.factorisations} factorisations and {DEFAULT.linearisations} linearisations a step: "
         f"{int(default.sum())} of the {len(kept)} drives that keep their limits keep them. With half of it {len(kept) - len(lost)} do; "
         f"the others: {named}.\n\n"
         "Compiled for size on this machine (`-Os`), without the road's tables:\n\n"

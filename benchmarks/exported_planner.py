@@ -14,14 +14,14 @@ from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.driving.drive import Drive, Ready, ready
 from hdvplan.driving.drive import driven as driven_from
-from hdvplan.export.write import PLANNER, Budget, exported
+from hdvplan.export.budget import UNLIMITED, Budget
+from hdvplan.export.write import PLANNER, exported
 from hdvplan.passing.sides import choose_sides
 from hdvplan.planning.objectives import objective_named
 from hdvplan.planning.planner import Plan, Planner
 from hdvplan.solvers.registry import dependable
 
 FLAGS = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic")
-_ENDLESS = 2**62
 STATUSES = ("done", "spent", "kept", "beyond")
 _PROBE = """
 #include "sample.h"
@@ -66,7 +66,7 @@ class ExportedPlanner:
 
     def __init__(self, case: Case, folder: Path, *, compiler: str = "cc", flags: tuple[str, ...] = ("-O2",)) -> None:
         """Write and compile."""
-        for name, text in exported(case, Budget()).items():
+        for name, text in exported(case, UNLIMITED).items():
             (folder / name).write_text(text, encoding="utf-8")
         (folder / "probe.c").write_text(_PROBE, encoding="utf-8")
         sources = ["planner.c", "vehicle.c", "sample.c", "probe.c", *(f"{name}.c" for name in PLANNER)]
@@ -78,14 +78,13 @@ class ExportedPlanner:
         library.begin.argtypes = [ctypes.c_int64, ctypes.c_int64]
         self._library, self._stages, self._states = library, case.settings.stages, case.vehicle.states
         self._counts, self._violation = np.zeros(4, np.int64), np.zeros(1)
-        self.begin(Budget())
+        self.begin(UNLIMITED)
 
     def begin(self, budget: Budget) -> None:
         """Forget the last drive, and keep to a budget from now on."""
         self.counts: list[tuple[str, int, int, int]] = []
         self.violations: list[float] = []
-        most = (min(one, _ENDLESS) for one in (budget.factorisations, budget.linearisations))
-        if self._library.begin(*most) != 1:
+        if self._library.begin(budget.factorisations, budget.linearisations) != 1:
             msg = "vehicle.h was made for another core"
             raise RuntimeError(msg)
 

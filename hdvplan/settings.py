@@ -92,6 +92,8 @@ def check(settings: Any) -> None:  # noqa: ANN401 - any dataclass
 def _bounds(told: Setting) -> str:
     if told.above == 0.0:
         return "a positive number"
+    if told.least > 0.0:
+        return f"at least {told.least:g}"
     return "zero or a positive number" if told.least == 0.0 else "a finite number"
 
 

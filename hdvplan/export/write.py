@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,6 +14,7 @@ from hdvplan.arrays import Records
 from hdvplan.case import Case
 from hdvplan.driving.drive import Ready, ready
 from hdvplan.errors import OptionError
+from hdvplan.export.budget import Budget
 from hdvplan.export.constants import array, number, record
 from hdvplan.fileio import Together, json_bytes
 from hdvplan.passing.sides import choose_sides
@@ -36,23 +37,11 @@ PLANNER = (  # files of the core that plan
 )  # fmt: skip
 _SAMPLE = ("simulate",)  # that drive the sample
 _OWN = ("planner.h", "planner.c", "sample.h", "main.c", "Makefile", "README.md")
-UNLIMITED = int(np.iinfo(np.int64).max)
 _CORE, _HERE = Path(core.__file__).parent / "core", Path(__file__).parent / "c"
 _WRITTEN = f"Written by hdvplan {__version__}: export it again instead of editing."
 _INCLUDED = re.compile(r'^#include "(\w+\.h)"$', re.MULTILINE)
 _UNROLLED = re.compile(r"#define HDV_UNROLLED\(n, m, function, \.\.\.\)(?:.*\\\n)+.*\n")
 _MOST = re.compile(r"HDV_MOST_UNITS = \d+, HDV_MOST_STATES = \d+, HDV_MOST_INPUTS = \d+")
-
-
-@dataclass(frozen=True)
-class Budget:
-    """The most that one planning step may do."""
-
-    factorisations: int = UNLIMITED
-    linearisations: int = UNLIMITED  #: at the whole motion; the step begins with one
-
-
-DEFAULT_BUDGET = Budget(factorisations=120, linearisations=24)
 
 
 class _Planner(NamedTuple):
@@ -82,7 +71,7 @@ def exported(case: Case, budget: Budget) -> dict[str, str]:
     return files
 
 
-def write_planner(case: Case, directory: Path, budget: Budget = DEFAULT_BUDGET) -> None:
+def write_planner(case: Case, directory: Path, budget: Budget) -> None:
     """Write the files of ``exported`` into a folder, and ``run.json``, which says from what.
 
     Raises:

@@ -17,7 +17,8 @@ import pytest
 from hdvplan.api import drive_case
 from hdvplan.case import Case
 from hdvplan.errors import OptionError
-from hdvplan.export.write import PLANNER, Budget, exported
+from hdvplan.export.budget import UNLIMITED, Budget
+from hdvplan.export.write import PLANNER, exported
 from hdvplan.road.load import load_road
 from hdvplan.stepping import Stepper
 from hdvplan.vehicle.load import load_vehicle
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
 TIGHT = Case(load_road("uturn").with_limits(2.55, 2.55), load_vehicle("bus"))  # 2.49 m are needed
 # What a freestanding compiler asks of its environment, and functions of math.h.
-ASKED = {"memcpy", "memmove", "memset", "memcmp", "sin", "cos", "tan", "atan", "sqrt", "fabs", "copysign", "sincos"}
+ASKED = {"memcpy", "memmove", "memset", "memcmp", "sin", "cos", "tan", "atan", "sqrt", "hypot", "fabs", "copysign", "sincos"}
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +63,7 @@ def test_the_sample_drives_what_hdvplan_drives_under_sanitizers(tmp_path: Path) 
 
 
 def test_every_plan_of_a_tight_drive_is_that_of_hdvplan(tight: ExportedPlanner) -> None:
-    tight.begin(Budget())
+    tight.begin(UNLIMITED)
     stepper = Stepper(TIGHT)
     while not stepper.done:
         motion = tight.step(stepper.at, stepper.z, stepper.kappa)
@@ -76,7 +77,7 @@ def test_every_plan_of_a_tight_drive_is_that_of_hdvplan(tight: ExportedPlanner) 
 
 
 def test_tables_that_move_along_give_the_same_plans(tight: ExportedPlanner) -> None:
-    tight.begin(Budget())
+    tight.begin(UNLIMITED)
     stepper = Stepper(TIGHT)
     while not stepper.done:
         if stepper.at >= 2 * stepper.count:
@@ -116,7 +117,7 @@ def test_a_state_outside_the_model_or_the_tables_has_no_plan(tight: ExportedPlan
 
 
 def test_the_planner_asks_for_nothing_but_mathematics_and_copies(tmp_path: Path) -> None:
-    for name, text in exported(TIGHT, Budget()).items():
+    for name, text in exported(TIGHT, UNLIMITED).items():
         (tmp_path / name).write_text(text, encoding="utf-8")
     ran(tmp_path, "make", "freestanding", "CFLAGS=-std=c99 -O0 -fno-pic")
     listed = ran(tmp_path, "nm", *(f"{name}.o" for name in ("planner", "vehicle", *PLANNER))).stdout
@@ -137,9 +138,9 @@ def test_the_planner_asks_for_nothing_but_mathematics_and_copies(tmp_path: Path)
 def test_what_cannot_be_exported_is_refused(changed: dict[str, str], said: str) -> None:
     case = Case(TIGHT.road, TIGHT.vehicle, **changed)  # type: ignore[arg-type]
     with pytest.raises(OptionError, match=said):
-        exported(case, Budget())
+        exported(case, UNLIMITED)
 
 
 def test_a_name_from_a_user_ends_no_comment() -> None:
     named = replace(TIGHT.vehicle, name='*/ #include "evil.h"')
-    assert "*/ #include" not in exported(replace(TIGHT, vehicle=named), Budget())["vehicle.h"]
+    assert "*/ #include" not in exported(replace(TIGHT, vehicle=named), UNLIMITED)["vehicle.h"]
