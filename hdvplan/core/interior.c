@@ -35,17 +35,18 @@ struct iterate {
     const struct hdv_point *point;
     struct hdv_series weights, steps; /* of steps x, u */
     int64_t count;                    /* of the chosen inequalities */
-    int64_t end; /* the last stage that one of them touches; beyond it stands the first pass's cost-to-go */
-    double mean; /* product of slack and multiplier */
+    int64_t end;           /* the last stage that one of them touches; beyond it stands the first pass's cost-to-go */
+    double products, mean; /* of slack and multiplier: how many, and their mean */
+    double slope, bend;    /* of their sum, by the share of the Newton step that is taken */
 };
 
 struct step {
-    double *x, *u, *gradient_x, *gradient_u;
+    double *x, *u;
 };
 
-HDV_INLINE struct step step_at(const struct iterate *now, int64_t n, int64_t m, int64_t i) {
+HDV_INLINE struct step step_at(const struct iterate *now, int64_t n, int64_t i) {
     double *x = now->steps.first + i * now->steps.stride;
-    return (struct step){x, x + n, x + n + m, x + 2 * n + m};
+    return (struct step){x, x + n};
 }
 
 /* Write a row's pair; it starts where the row is, its elastic variable taking up what it lacks. gap = h - g'x. */
@@ -156,14 +157,12 @@ HDV_INLINE void objective(const struct iterate *now, const double *tail, int64_t
         struct stage stage = stage_at(program, n, m, i);
         struct point point = point_at(program, now->point, n, m, i);
         struct weights to = weights_at(&now->weights, n, m, i);
-        struct step step = step_at(now, n, m, i);
-        derive(stage.Q, stage.q, point.x, n, to.Q, step.gradient_x);
-        derive(stage.R, stage.r, point.u, m, to.R, step.gradient_u);
+        derive(stage.Q, stage.q, point.x, n, to.Q, to.q);
+        derive(stage.R, stage.r, point.u, m, to.R, to.r);
     }
-    const double *x = point_at(program, now->point, n, m, now->end).x;
-    derive(
-        tail, tail + n * n, x, n, weights_at(&now->weights, n, m, now->end).Q, step_at(now, n, m, now->end).gradient_x
-    );
+    struct weights to = weights_at(&now->weights, n, m, now->end);
+    derive(tail, tail + n * n, point_at(program, now->point, n, m, now->end).x, n, to.Q, to.q);
+    memset(to.r, 0, (size_t)m * sizeof(double));
 }
 
 /* The sign with which a bound's value counts. */
@@ -192,49 +191,8 @@ static double weight_of_row(struct hdv_pair *pair) {
     return pair->w * (pair->v * pair->per_both);
 }
 
-/* Add an inequality's weight to the Hessian. */
-HDV_INLINE void
-add_weight(const struct iterate *now, const struct hdv_pair *pair, double weight, int64_t n, int64_t m) {
-    struct weights to = weights_at(&now->weights, n, m, pair->stage);
-    if (pair->kind == HDV_ROW) {
-        const double *g = row_at(now->program, n, pair->stage, pair->index).g;
-        for (int64_t j = 0; j < n; ++j)
-            for (int64_t k = 0; k < n; ++k)
-                to.Q[j * n + k] += weight * (g[j] * g[k]);
-    } else {
-        *hessian_of(now->program, to, n, m, pair->index) += weight;
-    }
-}
-
-/* Add the weights of the chosen inequalities to the Hessians; write the mean product, return the largest error. A
- * pair's error is its product or, where its multiplier is large, its slack: both vanish at the optimum. */
-HDV_INLINE double weigh(struct iterate *now, int64_t n, int64_t m) {
-    double products = 0.0, total = 0.0, largest = 0.0;
-    for (int64_t item = 0; item < now->count; ++item) {
-        struct hdv_pair *pair = now->solver->pairs + item;
-        struct point point = point_at(now->program, now->point, n, m, pair->stage);
-        products += 1.0;
-        total += pair->mu * pair->s;
-        largest = larger(largest, smaller(pair->mu, 1.0) * pair->s);
-        pair->per_s = 1.0 / pair->s;
-        pair->w = pair->mu * pair->per_s;
-        pair->residual = pair->s - pair->limit + value_of(now->program, pair, point.x, point.u, n);
-        double weight = pair->w;
-        if (pair->kind == HDV_ROW) {
-            pair->residual -= pair->sigma;
-            products += 1.0;
-            total += pair->nu * pair->sigma;
-            largest = larger(largest, smaller(pair->nu, 1.0) * pair->sigma);
-            weight = weight_of_row(pair);
-        }
-        add_weight(now, pair, weight, n, m);
-        largest = larger(largest, fabs(pair->residual));
-    }
-    now->mean = total / products;
-    return largest;
-}
-
-/* Write an inequality's part of the Newton step's right-hand side; return what it pushes against its value with. */
+/* Write an inequality's part of the Newton step's right-hand side towards complementarity ``target``; return what it
+ * pushes against its value with. With ``second_order`` the last step's products are made up for. */
 static double push(struct hdv_pair *pair, double target, int second_order) {
     double over = pair->mu * pair->s - target + (second_order ? pair->d_mu * pair->d_s : 0.0);
     pair->first = pair->w * pair->residual - over * pair->per_s;
@@ -245,27 +203,59 @@ static double push(struct hdv_pair *pair, double target, int second_order) {
     return pair->mu + (pair->v * pair->first - pair->w * pair->second) * pair->per_both;
 }
 
-/* Write the linear terms of the Newton step towards complementarity ``target``. With ``second_order`` the last step's
- * products are made up for. */
-HDV_INLINE void aim(const struct iterate *now, double target, int second_order, int64_t n, int64_t m) {
-    const struct hdv_program *program = now->program;
-    for (int64_t i = 0; i <= now->end; ++i) {
-        struct weights to = weights_at(&now->weights, n, m, i);
-        struct step step = step_at(now, n, m, i);
-        memcpy(to.q, step.gradient_x, (size_t)n * sizeof(double));
-        memcpy(to.r, step.gradient_u, (size_t)m * sizeof(double));
+/* Add an inequality's push to the gradient, and its weight to the Hessian unless that is 0. */
+HDV_INLINE void
+add_pair(const struct iterate *now, const struct hdv_pair *pair, double pushed, double weight, int64_t n, int64_t m) {
+    struct weights to = weights_at(&now->weights, n, m, pair->stage);
+    if (pair->kind != HDV_ROW) {
+        *bounded_of(now->program, to.q, to.r, pair->index) += sign_of(pair) * pushed;
+        *hessian_of(now->program, to, n, m, pair->index) += weight;
+        return;
     }
+    const double *g = row_at(now->program, n, pair->stage, pair->index).g;
+    for (int64_t j = 0; j < n; ++j)
+        to.q[j] += g[j] * pushed;
+    for (int64_t j = 0; j < n && weight > 0.0; ++j)
+        for (int64_t k = 0; k < n; ++k)
+            to.Q[j * n + k] += weight * g[j] * g[k];
+}
+
+/* Add the chosen inequalities to the objective's derivatives, for the predictor, which aims at complementarity 0; write
+ * the mean product, return the largest error. A pair's error is its product or, where its multiplier is large, its
+ * slack: both vanish at the optimum. */
+HDV_INLINE double weigh(struct iterate *now, int64_t n, int64_t m) {
+    double total = 0.0, largest = 0.0;
+    now->products = 0.0;
     for (int64_t item = 0; item < now->count; ++item) {
         struct hdv_pair *pair = now->solver->pairs + item;
-        struct weights to = weights_at(&now->weights, n, m, pair->stage);
-        double pushed = push(pair, target, second_order);
+        struct point point = point_at(now->program, now->point, n, m, pair->stage);
+        now->products += 1.0;
+        total += pair->mu * pair->s;
+        largest = larger(largest, smaller(pair->mu, 1.0) * pair->s);
+        pair->per_s = 1.0 / pair->s;
+        pair->w = pair->mu * pair->per_s;
+        pair->residual = pair->s - pair->limit + value_of(now->program, pair, point.x, point.u, n);
+        double weight = pair->w;
         if (pair->kind == HDV_ROW) {
-            const double *g = row_at(program, n, pair->stage, pair->index).g;
-            for (int64_t j = 0; j < n; ++j)
-                to.q[j] += g[j] * pushed;
-        } else {
-            *bounded_of(program, to.q, to.r, pair->index) += sign_of(pair) * pushed;
+            pair->residual -= pair->sigma;
+            now->products += 1.0;
+            total += pair->nu * pair->sigma;
+            largest = larger(largest, smaller(pair->nu, 1.0) * pair->sigma);
+            weight = weight_of_row(pair);
         }
+        pair->pushed = push(pair, 0.0, 0);
+        add_pair(now, pair, pair->pushed, weight, n, m);
+        largest = larger(largest, fabs(pair->residual));
+    }
+    now->mean = total / now->products;
+    return largest;
+}
+
+/* Change the gradient for the corrector, which aims at complementarity ``target``. */
+HDV_INLINE void correct(const struct iterate *now, double target, int64_t n, int64_t m) {
+    for (int64_t item = 0; item < now->count; ++item) {
+        struct hdv_pair *pair = now->solver->pairs + item;
+        add_pair(now, pair, push(pair, target, 1) - pair->pushed, 0.0, n, m);
     }
 }
 
@@ -292,47 +282,39 @@ static double step_pair(struct hdv_pair *pair, double along, double length) {
 }
 
 /* Write the Newton step in the intervals before ``end`` from the recursion's K and k; return how far it may go. */
-HDV_INLINE double newton_step(struct iterate *now, int64_t n, int64_t m) {
+HDV_INLINE double newton_step(struct iterate *now, int64_t n) {
     struct hdv_solver *solver = now->solver;
-    memset(step_at(now, n, m, 0).x, 0, (size_t)n * sizeof(double));
+    memset(step_at(now, n, 0).x, 0, (size_t)n * sizeof(double));
     hdv_sweep_ahead(now->program, solver->work, &now->steps, 0, now->end, 0);
     double length = 1.0; /* divisions only where it shrinks */
+    now->slope = now->bend = 0.0;
     for (int64_t item = 0; item < now->count; ++item) {
         struct hdv_pair *pair = solver->pairs + item;
-        struct step step = step_at(now, n, m, pair->stage);
+        struct step step = step_at(now, n, pair->stage);
         length = step_pair(pair, value_of(now->program, pair, step.x, step.u, n), length);
-    }
-    return length;
-}
-
-/* Return the mean product that ``length`` of the step would leave. */
-static double mean_after(const struct iterate *now, double length) {
-    double products = 0.0, total = 0.0;
-    for (int64_t item = 0; item < now->count; ++item) {
-        const struct hdv_pair *pair = now->solver->pairs + item;
-        products += 1.0;
-        total += (pair->s + length * pair->d_s) * (pair->mu + length * pair->d_mu);
+        now->slope += pair->s * pair->d_mu + pair->mu * pair->d_s;
+        now->bend += pair->d_s * pair->d_mu;
         if (pair->kind == HDV_ROW) {
-            products += 1.0;
-            total += (pair->sigma + length * pair->d_sigma) * (pair->nu + length * pair->d_nu);
+            now->slope += pair->sigma * pair->d_nu + pair->nu * pair->d_sigma;
+            now->bend += pair->d_sigma * pair->d_nu;
         }
     }
-    return total / products;
+    return length;
 }
 
 /* The predictor aims at complementarity 0; the corrector at a target that the predictor's success tells, with its
  * second-order term. Returns how far to go, or -1 where an input has no curvature. */
 HDV_INLINE double predict_and_correct(struct iterate *now, int64_t n, int64_t m) {
-    aim(now, 0.0, 0, n, m);
     if (!hdv_factorise(now->program, &now->weights, now->solver->work, now->end, 0))
         return -1.0;
-    double share = mean_after(now, newton_step(now, n, m)) / now->mean;
+    double length = newton_step(now, n);
+    double left = now->mean + length * (now->slope + length * now->bend) / now->products, share = left / now->mean;
     double target = larger(
         now->mean * (share * share * share), 0.01 * now->solver->tolerance
     ); /* no pair may run far ahead of the others */
-    aim(now, target, 1, n, m);
+    correct(now, target, n, m);
     hdv_sweep_back(now->program, &now->weights, now->solver->work, now->end);
-    return smaller(1.0, 0.995 * newton_step(now, n, m));
+    return smaller(1.0, 0.995 * newton_step(now, n));
 }
 
 /* Take ``length`` of the step. States are computed again: the rounding of iterates far away must not stay. */
@@ -352,7 +334,7 @@ HDV_INLINE void move(struct iterate *now, double length, int64_t n, int64_t m) {
         struct point point = point_at(program, now->point, n, m, i);
         double *ahead = point_at(program, now->point, n, m, i + 1).x;
         for (int64_t j = 0; j < m; ++j)
-            point.u[j] += length * step_at(now, n, m, i).u[j];
+            point.u[j] += length * step_at(now, n, i).u[j];
         for (int64_t j = 0; j < n; ++j) {
             double sum = stage.c[j];
             for (int64_t k = 0; k < n; ++k)
@@ -436,8 +418,8 @@ int64_t hdv_interior(
 ) {
     const struct hdv_shape *shape = &program->shape;
     int64_t n = shape->states, m = shape->inputs;
-    struct hdv_series weights = {solver->weights, weights_size(n, m)}, steps = {solver->steps, 2 * (n + m)};
-    struct iterate now = {solver, program, point, weights, steps, 0, 0, start};
+    struct hdv_series weights = {solver->weights, weights_size(n, m)}, steps = {solver->steps, n + m};
+    struct iterate now = {solver, program, point, weights, steps, 0, 0, 0.0, start, 0.0, 0.0};
     memset(solver->member, 0, (size_t)((shape->stages + 1) * inequalities_of(shape)));
     return HDV_UNROLLED(n, m, interior, &now, count);
 }

@@ -13,7 +13,7 @@ struct parts {
 static struct parts parts_of(const struct hdv_shape *shape) {
     int64_t n = shape->states, m = shape->inputs, count = shape->stages + 1;
     return (struct parts){
-        count * recursion_size(n, m), count * weights_size(n, m), count * 2 * (n + m), count * inequalities_of(shape)
+        count * recursion_size(n, m), count * weights_size(n, m), count * (n + m), count * inequalities_of(shape)
     };
 }
 

@@ -30,7 +30,7 @@ struct hdv_pair {
     double sigma, nu;                /* of a row: elastic variable, and the multiplier of sigma >= 0 */
     double limit, linear, quadratic; /* prices of sigma */
     double residual, w, v, per_s, per_sigma, per_both; /* of the iterate */
-    double under, first, second;                       /* of the Newton step's right-hand side */
+    double under, first, second, pushed;               /* of the Newton step's right-hand side */
     double d_s, d_mu, d_sigma, d_nu;                   /* Newton step */
 };
 
@@ -40,7 +40,7 @@ struct hdv_pair {
 struct hdv_solver {
     double *work;                        /* (N+1) records of the recursion, see riccati.h */
     double *weights;                     /* (N+1) records Q, q, R, r */
-    double *steps;                       /* (N+1) records: Newton steps x, u, gradients of the objective by x, u */
+    double *steps;                       /* (N+1) records: Newton steps x, u */
     struct hdv_inequality *inequalities; /* (N+1, p + 2 (b + m)) */
     struct hdv_pair *pairs;              /* one for each inequality, and one to try the next inequality in */
     uint8_t *member;                     /* (N+1, p + 2 (b + m)): whether it has a pair */
