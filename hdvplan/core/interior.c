@@ -332,17 +332,9 @@ HDV_INLINE void move(struct iterate *now, double length, int64_t n, int64_t m) {
     for (int64_t i = 0; i < now->end; ++i) {
         struct stage stage = stage_at(program, n, m, i);
         struct point point = point_at(program, now->point, n, m, i);
-        double *ahead = point_at(program, now->point, n, m, i + 1).x;
         for (int64_t j = 0; j < m; ++j)
             point.u[j] += length * step_at(now, n, i).u[j];
-        for (int64_t j = 0; j < n; ++j) {
-            double sum = stage.c[j];
-            for (int64_t k = 0; k < n; ++k)
-                sum += stage.A[j * n + k] * point.x[k];
-            for (int64_t k = 0; k < m; ++k)
-                sum += stage.B[j * m + k] * point.u[k];
-            ahead[j] = sum;
-        }
+        next_state(stage, point.x, point.u, point_at(program, now->point, n, m, i + 1).x, n, m, 1);
     }
     struct hdv_series motion = motion_of(program, now->point);
     hdv_sweep_ahead(program, now->solver->work, &motion, now->end, program->shape.stages, 1);

@@ -14,18 +14,3 @@ HDV_EXPORT void hdv_derivative(
 ) {
     derivative(units, count, k, n, z, kappa, f);
 }
-
-HDV_EXPORT void hdv_jacobian(
-    const struct hdv_unit *units, int64_t count, double k, int64_t n, const double *z, double kappa,
-    const struct hdv_pose *poses, double *f, double *a, double *b
-) {
-    jacobian(units, count, k, n, z, kappa, poses, f, a, b);
-}
-
-HDV_EXPORT void hdv_point_gradient(
-    const struct hdv_pose *poses, int64_t unit, double x, double y, const struct hdv_station *road, double along_x,
-    double along_y, int64_t n, double *gradient
-) {
-    struct plane_point point = {x, y};
-    point_gradient(poses, unit, point, road, along_x, along_y, n, gradient);
-}

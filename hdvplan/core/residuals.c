@@ -1,7 +1,7 @@
 /* How far a point is from optimal, recomputed from the program: the judge of every solver alike. */
 #include "residuals.h"
 #include "numbers.h"
-#include "sizes.h"
+#include "riccati.h"
 
 #include <math.h>
 
@@ -15,30 +15,6 @@ HDV_INLINE void judge_bound(double v, double low, double high, double multiplier
     double over = v - high, under = low - v;
     to->primal = larger(larger(to->primal, over), under);
     to->gap += fabs(larger(multiplier, 0.0) * over) + fabs(larger(-multiplier, 0.0) * under);
-}
-
-/* Gradient of the Lagrangian by state j of stage i. */
-HDV_INLINE double slope_of_state(
-    const struct hdv_program *program, const struct hdv_point *point, int64_t n, int64_t m, int64_t i, int64_t j
-) {
-    const struct hdv_shape *shape = &program->shape;
-    int64_t b = shape->bounded, p = shape->rows;
-    struct stage stage = stage_at(program, n, m, i);
-    struct point own = point_at(program, point, n, m, i);
-    double slope = stage.q[j] + own.dynamics[j];
-    for (int64_t k = 0; k < n; ++k)
-        slope += stage.Q[j * n + k] * own.x[k];
-    if (i < shape->stages) {
-        const double *dynamics = point_at(program, point, n, m, i + 1).dynamics;
-        for (int64_t k = 0; k < n; ++k)
-            slope -= stage.A[k * n + j] * dynamics[k];
-    }
-    for (int64_t bound = 0; bound < b && i > 0; ++bound)
-        if (program->bounded[bound] == j)
-            slope += own.bounds[bound];
-    for (int64_t row = 0; row < p && i > 0 && *stage.live > 0.0; ++row)
-        slope += row_at(program, n, i, row).g[j] * point->rows[2 * (i * p + row) + 1];
-    return slope;
 }
 
 /* Row g'x - sigma <= h with sigma >= 0, whose multiplier is linear + quadratic sigma - multiplier. */
@@ -60,12 +36,14 @@ HDV_INLINE void judge_state(
 ) {
     int64_t p = program->shape.rows;
     struct stage stage = stage_at(program, n, m, i);
-    struct point own = point_at(program, point, n, m, i);
+    struct point own = point_at(program, point, n, m, i), ahead = point_at(program, point, n, m, i + 1);
     struct range bounds = bounds_at(&program->shape, i);
+    double slope[HDV_MOST_STATES];
+    slope_of_state(program, point, stage, own, ahead.dynamics, slope, n, i);
     for (int64_t j = 0; j < n; ++j) {
-        double slope = slope_of_state(program, point, n, m, i, j);
-        to->dual = larger(to->dual, fabs(slope));
-        to->sum += slope;
+        double with_own = slope[j] + own.dynamics[j];
+        to->dual = larger(to->dual, fabs(with_own));
+        to->sum += with_own;
     }
     for (int64_t row = 0; row < p && i > 0; ++row)
         judge_row(own.x, row_at(program, n, i, row), point->rows + 2 * (i * p + row), *stage.live > 0.0, n, to);
@@ -82,12 +60,10 @@ HDV_INLINE void judge_interval(
     int64_t b = program->shape.bounded;
     struct stage stage = stage_at(program, n, m, i);
     struct point own = point_at(program, point, n, m, i), ahead = point_at(program, point, n, m, i + 1);
+    double reached[HDV_MOST_STATES];
+    next_state(stage, own.x, own.u, reached, n, m, 1);
     for (int64_t j = 0; j < n; ++j) {
-        double missed = stage.c[j] - ahead.x[j];
-        for (int64_t k = 0; k < n; ++k)
-            missed += stage.A[j * n + k] * own.x[k];
-        for (int64_t k = 0; k < m; ++k)
-            missed += stage.B[j * m + k] * own.u[k];
+        double missed = reached[j] - ahead.x[j];
         to->primal = larger(to->primal, fabs(missed));
         to->sum += missed;
     }

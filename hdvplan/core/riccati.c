@@ -1,7 +1,6 @@
 /* The Riccati recursion, the sweeps that use it, and the multipliers of the dynamics: see riccati.h. */
 #include "riccati.h"
 #include "numbers.h"
-#include "vectors.h"
 
 #include <math.h>
 
@@ -198,33 +197,6 @@ void hdv_sweep_ahead(
     HDV_UNROLLED(n, m, sweep_ahead, program, work, motion, begin, end, affine);
 }
 
-/* Write the multipliers of stage i's dynamics: minus the gradient of the objective and of all inequalities by its
- * state, plus A' times the multipliers ahead. */
-HDV_INLINE void adjoint_stage(
-    const struct hdv_program *program, const struct hdv_point *point, struct stage stage, struct point own,
-    const double *ahead, int64_t n, int64_t i
-) {
-    int64_t b = program->shape.bounded, p = program->shape.rows;
-    vector slope, row;
-    load(slope, stage.q, n);
-    for (int64_t t = 0; t < n; ++t) {
-        load(row, stage.Q + t * n, n);
-        add(slope, own.x[t], row, n);
-    }
-    for (int64_t t = 0; t < n && i < program->shape.stages; ++t) {
-        load(row, stage.A + t * n, n);
-        add(slope, -ahead[t], row, n);
-    }
-    for (int64_t number = 0; number < p && i > 0 && *stage.live > 0.0; ++number) {
-        load(row, row_at(program, n, i, number).g, n);
-        add(slope, point->rows[2 * (i * p + number) + 1], row, n);
-    }
-    for (int64_t j = 0; j < n; ++j)
-        own.dynamics[j] = -entry(slope, j);
-    for (int64_t bound = 0; bound < b && i > 0; ++bound)
-        own.dynamics[program->bounded[bound]] -= own.bounds[bound];
-}
-
 HDV_INLINE double adjoint(const struct hdv_program *program, const struct hdv_point *point, int64_t n, int64_t m) {
     int64_t b = program->shape.bounded, last = program->shape.stages;
     double largest = 0.0, most = 1.0;
@@ -232,7 +204,9 @@ HDV_INLINE double adjoint(const struct hdv_program *program, const struct hdv_po
         struct stage stage = stage_at(program, n, m, i);
         struct point own = point_at(program, point, n, m, i);
         const double *ahead = point_at(program, point, n, m, i + 1).dynamics;
-        adjoint_stage(program, point, stage, own, ahead, n, i);
+        slope_of_state(program, point, stage, own, ahead, own.dynamics, n, i);
+        for (int64_t j = 0; j < n; ++j)
+            own.dynamics[j] = -own.dynamics[j];
         for (int64_t j = 0; j < m && i < last; ++j) {
             largest = larger(largest, fabs(slope_of_input(stage, own.u, own.bounds[b + j], ahead, n, m, j)));
             most = larger(most, fabs(own.bounds[b + j]));

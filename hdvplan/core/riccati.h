@@ -9,6 +9,7 @@
 #define HDVPLAN_RICCATI_H
 
 #include "sizes.h"
+#include "vectors.h"
 
 struct recursion {
     double *P, *p, *K, *k, *L;
@@ -62,7 +63,19 @@ HDV_INLINE struct hdv_series motion_of(const struct hdv_program *program, const 
     return (struct hdv_series){point->stages, point_size(shape->states, shape->inputs, shape->bounded)};
 }
 
-/* u = -K x - L u - k, and x+ = A x + B u + c; without c where it is not ``affine``. */
+/* x+ = A x + B u + c; without c where it is not ``affine``. */
+HDV_INLINE void
+next_state(struct stage stage, const double *x, const double *u, double *ahead, int64_t n, int64_t m, int affine) {
+    for (int64_t j = 0; j < n; ++j) {
+        ahead[j] = affine ? stage.c[j] : 0.0;
+        for (int64_t t = 0; t < n; ++t)
+            ahead[j] += stage.A[j * n + t] * x[t];
+        for (int64_t t = 0; t < m; ++t)
+            ahead[j] += stage.B[j * m + t] * u[t];
+    }
+}
+
+/* u = -K x - L u - k, and x+. */
 HDV_INLINE void roll(
     struct stage stage, struct recursion own, const double *x, double *u, double *ahead, int64_t n, int64_t m,
     int affine
@@ -74,13 +87,33 @@ HDV_INLINE void roll(
         for (int64_t t = 0; t < j; ++t)
             u[j] -= own.L[j * m + t] * u[t];
     }
-    for (int64_t j = 0; j < n; ++j) {
-        ahead[j] = affine ? stage.c[j] : 0.0;
-        for (int64_t t = 0; t < n; ++t)
-            ahead[j] += stage.A[j * n + t] * x[t];
-        for (int64_t t = 0; t < m; ++t)
-            ahead[j] += stage.B[j * m + t] * u[t];
+    next_state(stage, x, u, ahead, n, m, affine);
+}
+
+/* Gradient of the Lagrangian by the state of stage i, but for the multipliers of the dynamics that lead to it;
+ * ``ahead`` are those of the dynamics behind it. */
+HDV_INLINE void slope_of_state(
+    const struct hdv_program *program, const struct hdv_point *point, struct stage stage, struct point own,
+    const double *ahead, double *slope, int64_t n, int64_t i
+) {
+    int64_t b = program->shape.bounded, p = program->shape.rows;
+    vector sum, row;
+    load(sum, stage.q, n);
+    for (int64_t t = 0; t < n; ++t) {
+        load(row, stage.Q + t * n, n);
+        add(sum, own.x[t], row, n);
     }
+    for (int64_t t = 0; t < n && i < program->shape.stages; ++t) {
+        load(row, stage.A + t * n, n);
+        add(sum, -ahead[t], row, n);
+    }
+    for (int64_t number = 0; number < p && i > 0 && *stage.live > 0.0; ++number) {
+        load(row, row_at(program, n, i, number).g, n);
+        add(sum, point->rows[2 * (i * p + number) + 1], row, n);
+    }
+    store(slope, sum, n);
+    for (int64_t bound = 0; bound < b && i > 0; ++bound)
+        slope[program->bounded[bound]] += own.bounds[bound];
 }
 
 int64_t hdv_factorise(

@@ -1,7 +1,6 @@
 /* One solve of a stage QP, and the memory for it: see solver.h. */
 #include "riccati.h"
 #include "solver.h"
-#include "vectors.h"
 
 #include <string.h>
 

@@ -6,16 +6,16 @@ from hypothesis import strategies as st
 
 from hdvplan import core
 from hdvplan.arrays import FloatArray, Records
+from hdvplan.planning.settings import Discretisation
+from hdvplan.planning.stations import STATION
+from hdvplan.planning.terms.term import SCENE, Motion, core_functions
+from hdvplan.qp.program import StageQp, StageShape
 from hdvplan.road.limits import Limits
 from hdvplan.road.path import ReferencePath, from_curvature
 from hdvplan.vehicle import kinematics
 from hdvplan.vehicle.model import Unit, Vehicle
 
 few = settings(max_examples=25, deadline=None, derandomize=True)  # the same examples on every run, however busy the machine is
-
-_jacobian = core.function(
-    "hdv_jacobian", core.POINTER, core.INT, core.REAL, core.INT, core.POINTER, core.REAL, core.POINTER, *[core.POINTER] * 3
-)
 
 
 def units() -> st.SearchStrategy[Unit]:
@@ -102,8 +102,13 @@ def rates(vehicle: Vehicle, k: float, z: FloatArray, kappa: float) -> FloatArray
 
 
 def linearised(vehicle: Vehicle, k: float, z: FloatArray, kappa: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return dz/ds and its derivatives by z and by kappa."""
-    units, poses, n = vehicle.table(), placed(vehicle, z), vehicle.states
-    f, a, b = np.full(n, np.nan), np.full((n, n), np.nan), np.full(n, np.nan)
-    _jacobian(core.address(units), len(units), k, n, core.address(z), kappa, *map(core.address, (poses, f, a, b)))
-    return f, a, b
+    """Return dz/ds and its derivatives by z and by kappa, from Euler's rule over a metre of a road with curvature ``k``."""
+    units, n = vehicle.table(), vehicle.states
+    qp, motion, road = StageQp.empty(StageShape(1, n + 1, 1 + len(vehicle.active), 0)), Motion.empty(vehicle, 1), np.zeros(2, STATION)
+    motion.z[:], motion.kappa[0], road["curvature"], road["cos"] = z, kappa, k, 1.0
+    scene, rule = np.zeros(1, SCENE), np.array([Discretisation.EULER.code])
+    scene["program"], scene["unit_count"], scene["states"], scene["step"] = qp.record, len(units), n, 1.0
+    for name, array in {"units": units, "road": road, "motion": motion.stages, "poses": motion.poses}.items():
+        scene[name] = core.address(array)
+    core_functions("dynamics").linearise(core.address(rule), core.address(scene), 1, 1)
+    return qp.c[0, :n], qp.A[0, :n, :n] - np.eye(n), qp.B[0, :n, 0]

@@ -4,19 +4,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from hdvplan import core
 from hdvplan.arrays import FloatArray
 from hdvplan.driving.drive import simulate
-from hdvplan.planning.stations import STATION
 from hdvplan.road.path import from_curvature
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 from tests.core.chains import body_points, few, linearised, placed, rates, three_units, vehicles
 from tests.core.differences import differences
 
-_point_gradient = core.function(
-    "hdv_point_gradient", core.POINTER, core.INT, core.REAL, core.REAL, core.POINTER, core.REAL, core.REAL, core.INT, core.POINTER
-)
 PROFILE_S = np.array([0.0, 10.0, 20.0, 30.0, 45.0, 60.0])
 PROFILE_K = np.array([0.0, 0.0, 0.06, 0.06, -0.04, -0.04])
 
@@ -67,29 +62,6 @@ def test_every_unit_is_placed_where_its_couplings_put_it(vehicle: Vehicle, draw:
     for pose, angle, (own, ahead, coupling) in zip(poses, turned, body_points(vehicle, axle, heading + z[1], z[2:], local), strict=True):
         expected = [*own, *(ahead - own), *coupling, np.cos(angle), np.sin(angle)]
         assert np.allclose(pose.tolist(), expected, rtol=0.0, atol=1e-12)  # rounding at 30 m
-
-
-@given(
-    vehicle=vehicles(), draw=unit_box, heading=st.floats(-3.1, 3.1), ahead=st.floats(-5.0, 15.0), left=st.floats(-1.5, 1.5),
-    pick=st.integers(0, 3), direction=st.floats(-3.1, 3.1),
-)  # fmt: skip
-@few
-def test_the_point_gradient_is_the_derivative_of_a_body_points_motion(
-    vehicle: Vehicle, draw: list[float], heading: float, ahead: float, left: float, pick: int, direction: float
-) -> None:
-    z, unit = states(vehicle, draw), pick % len(vehicle.units)
-    along = np.array([np.cos(direction), np.sin(direction)])
-    local = [np.array([[ahead, left]])] * len(vehicle.units)
-
-    def where(v: FloatArray) -> FloatArray:
-        axle = np.array([-v[0] * np.sin(heading), v[0] * np.cos(heading)])
-        return np.asarray(body_points(vehicle, axle, heading + v[1], v[2:], local)[unit][0], float)
-
-    poses, gradient, road = placed(vehicle, z, heading=heading), np.full(vehicle.states, np.nan), np.zeros(1, STATION)
-    road["cos"], road["sin"] = np.cos(heading), np.sin(heading)
-    _point_gradient(core.address(poses), unit, *where(z), core.address(road), *along, vehicle.states, core.address(gradient))
-    # lever arms up to 60 m: rounding of 1e-14 m over a step of 1e-3
-    assert np.allclose(gradient, differences(lambda v: float(where(v) @ along), z), rtol=0.0, atol=1e-9)
 
 
 def plane_rates(vehicle: Vehicle, q: FloatArray, speed: float, kappa: float) -> FloatArray:
