@@ -1,6 +1,6 @@
 """Streets drawn around random drives that are known: how many a plan finds, and whether a YES crosses an edge. Writes known.csv, known.md.
 
-python benchmarks/known_drives.py [--out results/known-drives] [--drives 60] [--vehicles a,b] [--margins 0.05,0.02,-0.1]
+python benchmarks/known_drives.py [--out results/known-drives] [--first 0] [--drives 60] [--vehicles a,b] [--margins 0.05,0.02,-0.1]
 
 Edges lie so many metres outside what the drive sweeps; -0.1: inside, so that nothing fits for all that is known. Every street is planned
 by RTI alone, with repairs, and with what ``replanned`` tries besides. Poses of every plan that fits are integrated anew, every 2 cm, and
@@ -43,6 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Plan along every known drive, and write a row a street."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("results/known-drives"))
+    parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--drives", type=int, default=60)
     parser.add_argument("--vehicles", type=words, default=list(VEHICLES))
     parser.add_argument("--margins", type=numbers, default=list(MARGINS_M))
@@ -53,7 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         vehicle = load_vehicle(name)
         for margin in options.margins:
             known = _known(table, name, margin)
-            for seed in count():
+            for seed in count(options.first):
                 if len(known) >= options.drives:
                     break
                 row = None if seed in known else _tried(vehicle, seed, margin)
