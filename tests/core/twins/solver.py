@@ -18,7 +18,7 @@ def at_active_set(program: Dense, active: BoolArray) -> tuple[FloatArray, FloatA
 
 def interior(program: Dense, tolerance: float = 1e-9, most: int = 60) -> tuple[FloatArray, FloatArray]:
     """Return the optimum and the multipliers of G v <= h by Mehrotra's predictor-corrector method."""
-    v: FloatArray = np.linalg.lstsq(program.E, program.b)[0]
+    v = np.asarray(np.linalg.lstsq(program.E, program.b)[0], float)
     y, z = np.zeros(len(program.b)), np.ones(len(program.h))
     s: FloatArray = np.maximum(program.h - program.G @ v, 1.0)
     for _ in range(most):
