@@ -6,13 +6,13 @@ msgspec holds the entries to a form that is made of the dataclass; what it refus
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import MISSING, fields, is_dataclass
 from enum import StrEnum
 from functools import cache, reduce
 from operator import or_
 from types import UnionType
-from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints, is_typeddict
 
 import msgspec
 
@@ -59,41 +59,46 @@ def entries(
 @cache
 def _form(kind: Any) -> Any:  # noqa: ANN401 - a type
     """Return a type as msgspec checks it: of a dataclass a structure that knows its fields and no others."""
-    if is_dataclass(kind):
-        hints = get_type_hints(kind)
-        named = [(field, _form(hints[field.name])) for field in fields(kind)]
-        needed = [(field.name, form) for field, form in named if _needed(field)]
-        others = [(field.name, form | msgspec.UnsetType, msgspec.UNSET) for field, form in named if not _needed(field)]
+    if _is_table(kind):
+        named = {name: _form(hint) for name, hint in get_type_hints(kind).items()}
+        others = [(name, form | msgspec.UnsetType, msgspec.UNSET) for name, form in named.items() if name not in _needed(kind)]
+        needed = [(name, form) for name, form in named.items() if name in _needed(kind)]
         return msgspec.defstruct("Table", [*needed, *others], forbid_unknown_fields=True)
     if get_origin(kind) in {Union, UnionType}:
         return reduce(or_, map(_form, get_args(kind)))
     return tuple.__class_getitem__((_form(get_args(kind)[0]), ...)) if _is_list(kind) else kind
 
 
-def _needed(field: Any) -> bool:  # noqa: ANN401 - dataclasses have no name for it
-    return field.default is MISSING and field.default_factory is MISSING
+def _is_table(kind: Any) -> bool:  # noqa: ANN401 - a type
+    return is_dataclass(kind) or is_typeddict(kind)
+
+
+def _needed(kind: Any) -> Collection[str]:  # noqa: ANN401 - a type
+    """Return the entries that a table must have."""
+    if not is_dataclass(kind):
+        return frozenset(kind.__required_keys__)
+    return {field.name for field in fields(kind) if field.default is MISSING and field.default_factory is MISSING}
 
 
 def _given(kind: type, found: object) -> dict[str, Any]:
     hints = get_type_hints(kind)
-    values = {field.name: getattr(found, field.name) for field in fields(kind)}
-    return {name: _made(hints[name], value) for name, value in values.items() if value is not msgspec.UNSET}
+    return {name: _made(hint, value) for name, hint in hints.items() if (value := getattr(found, name)) is not msgspec.UNSET}
 
 
 def _made(kind: Any, value: object) -> object:  # noqa: ANN401 - a type
-    if isinstance(value, tuple):
+    own = _within(kind, _is_table)
+    if isinstance(value, tuple) and own is not None:
         return tuple(_made(kind, one) for one in value)
-    own = _within(kind, is_dataclass)
     return own(**_given(own, value)) if isinstance(value, msgspec.Struct) else value
 
 
 def _plain(value: Any, kind: Any = object) -> Any:  # noqa: ANN401 - a value of any kind
     """Return a value of which every part is of Python's own types, as TOML has them; a list of one where ``kind`` has a list of values."""
     if isinstance(value, Mapping):
-        hints = get_type_hints(own) if (own := _within(kind, is_dataclass)) else {}
+        hints = get_type_hints(own) if (own := _within(kind, _is_table)) else {}
         return {str(name): _plain(one, hints.get(name, object)) for name, one in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(one, own if (own := _within(kind, is_dataclass)) else object) for one in value]
+        return [_plain(one, own if (own := _within(kind, _is_table)) else object) for one in value]
     if isinstance(value, str | float):  # words of an enumeration, numbers of NumPy
         value = str(value) if isinstance(value, str) else float(value)
     return [value] if _within(kind, _is_list) and value is not None else value
@@ -114,16 +119,23 @@ def _refusal(kind: Any, table: Any, said: str, where: str, error: type[EntryErro
     steps = _STEP.findall(place[1] if place else "")
     unknown, missing = _UNKNOWN.match(said), _MISSING.match(said)
     for name, number in steps if unknown or missing else steps[:-1]:  # tables on the way to the entry
-        kind, table = _within(get_type_hints(kind)[name], is_dataclass), table[name][int(number)] if number else table[name]
+        kind, table = _within(get_type_hints(kind)[name], _is_table), table[name][int(number)] if number else table[name]
         where = f"{where}, {name} {int(number) + 1}" if number else f"{where}, {name}"
-    known = [field.name for field in fields(kind)]
+    known = list(get_type_hints(kind))
     if unknown:
         hint = did_you_mean(unknown[1], known, f"known entries: {', '.join(known)}")
         return error(f"{where}: unknown entry {unknown[1]!r}", field=unknown[1], hint=hint)
     if missing:
         return error(f"{where}: {missing[1]} is missing", field=missing[1], hint=f"known entries: {', '.join(known)}")
-    name = steps[-1][0]
-    return error(f"{where}: {name} must be {any_of(_words(get_type_hints(kind)[name], name))}, not {table[name]!r}", field=name)
+    name, number = steps[-1]
+    kind, value = get_type_hints(kind)[name], table[name]
+    if number and not _is_table(_inner(kind)):  # one of a list
+        kind, value = _inner(kind), value[int(number)]
+    return error(f"{where}: {name} must be {any_of(_words(kind, name))}, not {value!r}", field=name)
+
+
+def _inner(kind: Any) -> Any:  # noqa: ANN401 - types
+    return get_args(_within(kind, _is_list))[0]
 
 
 def _words(kind: Any, name: str) -> list[str]:  # noqa: ANN401 - a type
@@ -136,5 +148,5 @@ def _words(kind: Any, name: str) -> list[str]:  # noqa: ANN401 - a type
         return list(kind)
     if _is_list(kind):
         inner = get_args(kind)[0]
-        return [f"[[{name}]] tables" if is_dataclass(inner) else {str: "a list of names", float: "a list of numbers"}.get(inner, "a list")]
-    return [f"a table, [{name}]"] if is_dataclass(kind) else _KINDS.get(get_origin(kind) or kind, [])
+        return [f"[[{name}]] tables" if _is_table(inner) else {str: "a list of names", float: "a list of numbers"}.get(inner, "a list")]
+    return [f"a table, [{name}]"] if _is_table(kind) else _KINDS.get(get_origin(kind) or kind, [])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -18,20 +19,32 @@ from hdvplan.errors import OptionError, RoadError, VehicleError
 from hdvplan.plugins import digest_of
 from hdvplan.road.scenarios import SCENARIOS, shipped
 from hdvplan.spelling import did_you_mean
-from hdvplan.study.entries import MOST, entry, is_number, refuse_many, refuse_unknown
 from hdvplan.texts import printable
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Unit, Vehicle
 
-_ROAD_KEYS = ("road", "name", "layer", "roles", "road_ids", "lane")
+MOST = 100_000  # values of one parameter, variants of one vehicle, combinations of settings
 _SEVERAL = (".shp", ".tab", ".mif")  # of which each consists of several files
 _GLOB = re.compile(r"[*?\[]")
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _RANGE = re.compile(rf"\s*({_NUMBER})\s*\.\.\s*({_NUMBER})\s*(?:in\s+(\d{{1,9}}))?\s*")
 _COUNT = 5  # values of a range that says no number
+_MOST = sys.float_info.max  # of a value: integers have no end, and infinity is none
 _DIGITS = 12  # decimals of a range's values: 3.5, not 3.5000000000000004
 _LEAD = ("max_curvature", "max_curvature_rate")  # of the vehicle, whose first unit steers
 _UNIT = tuple(field.name for field in fields(Unit) if field.name != "name")
+
+
+@dataclass(frozen=True)
+class RoadTable:
+    """A road of a study's file: its file, glob, folder or shipped name, and which line of the file it is."""
+
+    road: str
+    name: str | None = None
+    layer: str | None = None
+    roles: tuple[str, ...] = ()
+    road_ids: str | None = None
+    lane: int | None = None
 
 
 @dataclass(frozen=True)
@@ -59,19 +72,19 @@ class Variant:
     varied: tuple[tuple[str, float], ...] = ()
 
 
-def roads_of(entries: Sequence[object], folder: Path) -> tuple[RoadSource, ...]:
-    """Return the roads that entries name: files, globs and folders relative to ``folder``, shipped names, or tables with ``road``.
+def roads_of(entries: Sequence[str | RoadTable], folder: Path) -> tuple[RoadSource, ...]:
+    """Return the roads that entries name: files, globs and folders relative to ``folder``, or shipped names.
 
     Raises:
-        OptionError: an entry of another kind.
+        OptionError: one is there twice.
         RoadError: no such file or name, or one that cannot be read.
 
     """
     found: list[RoadSource] = []
     for one in entries:
-        table = one if isinstance(one, Mapping) else {"road": one}
-        chosen = _chosen(table)
-        found += [replace(chosen, label=label, source=source, digest=road_digest(source)) for label, source in _sources(table, folder)]
+        table = one if isinstance(one, RoadTable) else RoadTable(one)
+        line = (table.name, table.layer, table.roles, table.road_ids, table.lane)
+        found += [RoadSource(label, source, road_digest(source), *line) for label, source in _sources(table.road, folder)]
     return tuple(_told_apart(found))
 
 
@@ -93,23 +106,9 @@ def road_digest(source: str) -> str:
         raise RoadError(msg) from error
 
 
-def _chosen(table: Mapping[str, object]) -> RoadSource:
-    """Return what a road's table says of the line in its file."""
-    refuse_unknown(table, _ROAD_KEYS, "of a road")
-    roles, lane = table.get("roles", []), table.get("lane")
-    if not (isinstance(roles, list) and all(isinstance(role, str) for role in roles)):
-        msg = f"a road's roles must be a list of words, not {roles!r}"
-        raise OptionError(msg)
-    words = ((key, table.get(key)) for key in ("name", "layer", "road_ids"))
-    name, layer, road_ids = (None if word is None else entry(f"a road's {key}", word, str) for key, word in words)
-    number = None if lane is None else entry("a road's lane", lane, int)
-    return RoadSource("", "", "", name, layer, tuple(map(str, roles)), road_ids, number)
-
-
-def _sources(table: Mapping[str, object], folder: Path) -> list[tuple[str, str]]:
+def _sources(name: str, folder: Path) -> list[tuple[str, str]]:
     """Return what tables may call the roads of one entry, and where these are."""
-    name = table.get("road")
-    if not isinstance(name, str) or not name:
+    if not name:
         msg = f"a road of the study must be a file, a glob, a folder or a shipped name, not {name!r}"
         raise OptionError(msg)
     path = folder / name
@@ -210,6 +209,13 @@ def _vehicles(names: Sequence[str], folder: Path) -> dict[str, Vehicle]:
     return found
 
 
+def refuse_many(count: int, what: str, most: int = MOST) -> None:
+    """Refuse more combinations of what a study lists than can be kept in memory: more than ``most``."""
+    if count > most:
+        msg = f"the study asks for {count} {what}; {most} are the most"
+        raise OptionError(msg, hint="make several studies of it")
+
+
 def _values(name: str, given: object) -> list[float]:
     """Return the values of a parameter: a number, a list of them, or a range such as ``3.4..3.8 in 5``."""
     if isinstance(given, str) and (match := _RANGE.fullmatch(given)):
@@ -219,7 +225,7 @@ def _values(name: str, given: object) -> list[float]:
             raise OptionError(msg)
         return [round(float(value), _DIGITS) for value in np.linspace(low, high, count)]
     values = given if isinstance(given, list) else [given]
-    numbers = [float(value) for value in values if is_number(value)]
+    numbers = [float(value) for value in values if isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= _MOST]
     if not values or len(numbers) < len(values) or len(set(numbers)) < len(numbers):
         msg = f"vary {name} must be different numbers or a range, not {given!r}"
         raise OptionError(msg, hint=f'"{name}" = [3.4, 3.6, 3.8], or "3.4..3.8 in 5"')

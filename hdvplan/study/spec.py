@@ -6,28 +6,49 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
-from math import prod
+from math import inf, prod
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
+from hdvplan import schema
 from hdvplan.case import content_digest
 from hdvplan.errors import OptionError
 from hdvplan.fileio import read_toml
 from hdvplan.machine import software
 from hdvplan.planning.objective_names import check_objective
-from hdvplan.planning.settings import Discretisation, PlannerSettings, Scheme
+from hdvplan.planning.settings import OBJECTIVE_NAMES, PlannerSettings, Scheme
 from hdvplan.plugins import OBJECTIVE, SOLVER, digest_of, identity_of, is_reference, version_of
 from hdvplan.road.options import RoadOptions
 from hdvplan.road.regions import Side
+from hdvplan.settings import fields_of
 from hdvplan.solvers.registry import DEFAULT, check_solver
-from hdvplan.study.entries import Kind, choice, entry, flattened, list_of, refuse_many, refuse_unknown, repeats, table_of, words_of
-from hdvplan.study.inputs import RoadSource, Variant, roads_of, variants_of
+from hdvplan.study.inputs import RoadSource, RoadTable, Variant, refuse_many, roads_of, variants_of
 
-_ENTRIES = ("roads", "vehicles", "half_widths", "left", "right", "objectives", "schemes", "solvers", "settings", "vary", "need")
-_LENGTHS = ("horizon", "step", "replan", "smoothness", "clearance")  # of the planner's settings
-_READING: dict[str, Any] = {"smooth": float, "crs": str, "unit": str, "corners": str, "corner_radius": float}
-_COMMON = (*_READING, "proof", "refine")  # settings that every cell has in common
-_SETTINGS = (*_LENGTHS, "discretisation", "offset", "reverse", "bias", "pass", *_COMMON)
+_READING = ("smooth", "crs", "unit", "corners", "corner_radius")  # settings that every cell has in common, as proof and refine
+_PLANNER = {name: field.kind for name, field in fields_of(PlannerSettings).items() if field.setting.words and name != "scheme"}
+_VARIED = _PLANNER | {"offset": float, "reverse": bool, "bias": float | str, "pass": Side}  # each may be a list
+_COMMON: dict[str, Any] = {name: fields_of(RoadOptions)[name].kind for name in _READING} | {"proof": bool, "refine": bool}
+_ENTRIES: dict[str, Any] = {name: tuple.__class_getitem__((kind, ...)) for name, kind in _VARIED.items()} | _COMMON
+_Settings: Any = TypedDict("_Settings", _ENTRIES, total=False)  # type: ignore[misc] # it is made of the fields
+
+
+@dataclass(frozen=True)
+class _StudyTable:
+    """A study's file."""
+
+    roads: tuple[str | RoadTable, ...]
+    vehicles: tuple[str, ...]
+    half_widths: tuple[float, ...] | None = None
+    left: tuple[float, ...] | None = None
+    right: tuple[float, ...] | None = None
+    objectives: tuple[str, ...] = (OBJECTIVE_NAMES[0],)
+    schemes: tuple[Scheme, ...] = (Scheme.RTI,)
+    solvers: tuple[str, ...] = (DEFAULT,)
+    settings: _Settings = field(default_factory=dict)  # type: ignore[assignment] # as above
+    vary: dict[str, object] = field(default_factory=dict)
+    need: bool = False
+
+
 _MOST_CELLS = 100_000_000  # of one study: 5 GB of keys, and two days to hand them out
 
 
@@ -115,105 +136,98 @@ def study_of(entries: Mapping[str, object], folder: Path = Path()) -> Study:
         HdvplanError: see ``read_study``.
 
     """
-    refuse_unknown(entries, _ENTRIES, "in the study")
-    for name in ("roads", "vehicles"):
-        if name not in entries:
-            msg = f"the study names no {name}"
-            raise OptionError(msg, hint=f'{name} = ["{"uturn" if name == "roads" else "bus"}"], for example')
-    objectives, solvers = (
-        tuple(_beside(name, folder) for name in words_of(entries, kind, usual))
-        for kind, usual in (("objectives", "geometric"), ("solvers", DEFAULT))
-    )
+    table = _StudyTable(**schema.entries(_StudyTable, entries, "study", single=True))
+    settings: dict[str, Any] = dict(table.settings)
+    for name, values in (vars(table) | settings).items():
+        if isinstance(values, tuple) and (not values or (len(set(values)) < len(values) and name not in {"left", "right"})):
+            msg = f"{name} must name at least one entry, and none twice: {', '.join(map(str, values)) or 'nothing'}"
+            raise OptionError(msg)
+    objectives, solvers = (tuple(_beside(name, folder) for name in names) for names in (table.objectives, table.solvers))
     for objective in objectives:
         check_objective(objective)
     for solver in solvers:
         check_solver(solver)
-    settings = table_of(entries, "settings")
-    refuse_unknown(settings, _SETTINGS, "in the study's settings", "settings")
-    reading = RoadOptions(**{name: _setting(settings, name, kind) for name, kind in _READING.items() if name in settings})
+    reading = RoadOptions(**{name: settings[name] for name in _READING if name in settings})
     if reading.crs is not None:
         from hdvplan.road.crs import parse_crs  # noqa: PLC0415 - few studies need it
 
         parse_crs(reading.crs)
     study = Study(
-        roads=roads_of(list_of(entries, "roads"), folder),
-        vehicles=variants_of(words_of(entries, "vehicles"), flattened(table_of(entries, "vary")), folder),
-        widths=_widths(entries),
+        roads=roads_of(table.roads, folder),
+        vehicles=variants_of(table.vehicles, _flattened(table.vary), folder),
+        widths=_widths(table),
         objectives=objectives,
         solvers=solvers,
-        manners=_manners(words_of(entries, "schemes", Scheme.RTI), settings, folder),
-        prove=_setting(settings, "proof", bool, otherwise=False),
-        refine=_setting(settings, "refine", bool, otherwise=True),
-        need=_setting(entries, "need", bool, otherwise=False),
+        manners=_manners(table.schemes, {name: values for name, values in settings.items() if name in _VARIED}, folder),
+        prove=settings.get("proof", False),
+        refine=settings.get("refine", True),
+        need=table.need,
         reading=reading,
     )
     refuse_many(prod(map(len, study.parts)), "cells", _MOST_CELLS)
     return study
 
 
-def _setting(entries: Mapping[str, object], name: str, kind: type[Kind], otherwise: Kind | None = None) -> Kind:
-    return entry(f"the study's {name}", entries.get(name, otherwise), kind)
+def _flattened(table: Mapping[str, object], before: str = "") -> dict[str, object]:
+    """Return a table in which ``a.b`` may stand in quotes or not."""
+    flat: dict[str, object] = {}
+    for name, value in table.items():
+        found = _flattened(value, f"{before}{name}.") if isinstance(value, dict) else {before + name: value}
+        if twice := found.keys() & flat.keys():
+            msg = f"vary names {min(twice)!r} twice, with quotes and without"
+            raise OptionError(msg)
+        flat |= found
+    return flat
 
 
-def _widths(entries: Mapping[str, object]) -> tuple[Width | None, ...]:
+def _widths(table: _StudyTable) -> tuple[Width | None, ...]:
     """Return the limits of the study: at both sides alike, or pairs of ``left`` and ``right``; else the roads' own."""
-    if "half_widths" in entries:
-        if "left" in entries or "right" in entries:
+    left, right = table.left, table.right
+    for name in ("half_widths", "left", "right"):
+        for reach in getattr(table, name) or ():
+            if not 0.0 < reach < inf:
+                msg = f"{name} must be positive numbers of metres, not {reach:g}"
+                raise OptionError(msg)
+    if table.half_widths is not None:
+        if left is not None or right is not None:
             msg = "half_widths set both limits; they cannot be combined with left and right"
             raise OptionError(msg)
-        return tuple(Width(reach, reach) for reach in _reaches(entries, "half_widths"))
-    if ("left" in entries) != ("right" in entries):
-        given, missing = ("left", "right") if "left" in entries else ("right", "left")
+        return tuple(Width(reach, reach) for reach in table.half_widths)
+    if left is None and right is None:
+        return (None,)
+    if left is None or right is None:
+        given, missing = ("left", "right") if right is None else ("right", "left")
         msg = f"{given} needs {missing}"
         raise OptionError(msg, hint="or give half_widths for both")
-    if "left" not in entries:
-        return (None,)
-    left, right = _reaches(entries, "left", repeated=True), _reaches(entries, "right", repeated=True)
     if len(left) != len(right):
         msg = f"left and right are pairs, but there are {len(left)} and {len(right)} of them"
         raise OptionError(msg)
     pairs = list(zip(left, right, strict=True))
-    if repeats(pairs):
+    if len(set(pairs)) < len(pairs):
         msg = "left and right must name no pair twice"
         raise OptionError(msg)
     return tuple(Width(*pair) for pair in pairs)
 
 
-def _reaches(entries: Mapping[str, object], name: str, *, repeated: bool = False) -> list[float]:
-    reaches = [entry(f"the study's {name}", value, float) for value in list_of(entries, name, repeated=repeated)]
-    for reach in reaches:
-        if not reach > 0.0:
-            msg = f"{name} must be positive numbers of metres, not {reach:g}"
-            raise OptionError(msg)
-    return reaches
-
-
-def _manners(schemes: Sequence[str], settings: Mapping[str, object], folder: Path) -> tuple[Manner, ...]:
-    """Return every combination of the settings; each of them may be a list."""
-    for scheme in schemes:
-        choice("schemes", scheme, list(Scheme))
-    lists = {name: list_of(settings, name) for name in settings if name not in _COMMON}
+def _manners(schemes: Sequence[Scheme], lists: dict[str, Any], folder: Path) -> tuple[Manner, ...]:
+    """Return every combination of the settings."""
     refuse_many(len(schemes) * prod(map(len, lists.values())), "combinations of settings")
     if "bias" in lists:
         lists["bias"] = [_bias(value, folder) for value in lists["bias"]]
     found = []
-    for kind, *values in product(schemes, *lists.values()):
-        chosen = dict(zip(lists, values, strict=True))
-        lengths = {name: _setting(chosen, name, float) for name in _LENGTHS if name in chosen}
-        rule = choice("discretisation", chosen.get("discretisation", Discretisation.MIDPOINT), list(Discretisation))
-        planner = PlannerSettings(scheme=Scheme(str(kind)), discretisation=Discretisation(rule), **lengths)  # type: ignore[arg-type] # all are lengths or weights
-        given = chosen.get("bias")
-        bias, bias_digest = given if isinstance(given, tuple) else (None, None)
-        offset, reverse = _setting(chosen, "offset", float, 0.0), _setting(chosen, "reverse", bool, otherwise=False)
-        side = Side(choice("pass", chosen["pass"], list(Side))) if "pass" in chosen else None
-        found.append(Manner(planner, offset, reverse, bias, bias_digest, side))
+    for scheme, *values in product(schemes, *lists.values()):
+        chosen: dict[str, Any] = dict(zip(lists, values, strict=True))
+        planner = PlannerSettings(scheme=scheme, **{name: chosen[name] for name in _PLANNER if name in chosen})
+        bias, bias_digest = chosen.get("bias", (None, None))
+        offset = chosen.get("offset", 0.0)
+        found.append(Manner(planner, offset, chosen.get("reverse", False), bias, bias_digest, chosen.get("pass")))
     return tuple(found)
 
 
-def _bias(value: object, folder: Path) -> tuple[str, str | None]:
+def _bias(value: float | str, folder: Path) -> tuple[str, str | None]:
     """Return a bias as ``hdvplan plan --bias`` takes it, and a digest of its file, which lies in ``folder`` or is none."""
     if not isinstance(value, str):
-        return repr(entry("the study's bias", value, float)), None
+        return repr(value), None
     from hdvplan.planning.bias import CENTRE, bias_named  # noqa: PLC0415 - few studies have such a word
 
     if value == CENTRE:  # of limits that only the roads know
