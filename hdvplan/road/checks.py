@@ -31,6 +31,7 @@ _SAME_M = 0.02  # points this close repeat their neighbour
 _AROUND = 3  # steps looked at before and after
 SPARSE_M = 1000.0  # between the points of a long line, on average: a small file makes no road of a thousand kilometres
 MIN_LENGTH_M = 5.0  # of a road
+MAX_LENGTH_M = 200e3  # of one that is smoothed at once, or given as a profile
 LARGEST_M = 1e8  # beyond it a double's rounding of a position shows in the curvature
 _IN_METRES = 6  # INSUNITS
 _CODES = {  # what INSUNITS says, and how long that is [m]

@@ -9,7 +9,7 @@ import numpy as np
 
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
-from hdvplan.road.checks import MIN_LENGTH_M
+from hdvplan.road.checks import MAX_LENGTH_M, MIN_LENGTH_M
 from hdvplan.road.drawn import drawn_kerbs
 from hdvplan.road.features import refuse_unheeded
 from hdvplan.road.given import given_line
@@ -58,11 +58,22 @@ class RawRoad:
 
 @dataclass(frozen=True)
 class Line:
-    """What a file says of a road, and how it shall be read: all that is known before smoothing."""
+    """What a file says of a road, and how it shall be read: all that is known before smoothing.
+
+    Raises:
+        RoadError: a curvature profile that is too short or too long.
+
+    """
 
     name: str
     raw: RawRoad
     options: RoadOptions
+
+    def __post_init__(self) -> None:
+        """Refuse a profile that no road can be made of."""
+        if self.raw.is_profile and not MIN_LENGTH_M <= self.length <= MAX_LENGTH_M:
+            msg = f"{self.name}: the profile is {self.length:g} m long; {MIN_LENGTH_M:g} m to {MAX_LENGTH_M / 1e3:g} km can be used"
+            raise RoadError(msg)
 
     @property
     def long(self) -> bool:
@@ -88,16 +99,13 @@ def smoothed(line: Line) -> tuple[Road, FloatArray]:
         RoadError: the line cannot be smoothed within its options, or has widths and edges.
 
     """
-    from hdvplan.road.smooth import MAX_LENGTH_M, path_through, smooth_line, smoothing_of  # noqa: PLC0415 - a file is refused without loading SciPy  # noqa: PLC0415 - as above
+    from hdvplan.road.smooth import path_through, smooth_line, smoothing_of  # noqa: PLC0415 - a file is refused without loading SciPy
 
     name, raw, options = line.name, line.raw, line.options
     if raw.is_profile:
         refuse_unheeded(f"{name}: a curvature profile", options, *OF_POINTS)
         s, kappa = raw.points.T
         s = s - s[0]
-        if not MIN_LENGTH_M <= s[-1] <= MAX_LENGTH_M:
-            msg = f"{name}: the profile is {s[-1]:g} m long; {MIN_LENGTH_M:g} m to {MAX_LENGTH_M / 1e3:g} km can be used"
-            raise RoadError(msg)
         return Road(name, from_curvature(s, kappa)).within(_widths(s, raw.reaches)), s
     dense = None if raw.rounded is None else path_through(raw.rounded, options.max_curvature)
     smoothing: Smoothing | None

@@ -18,12 +18,11 @@ from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from hdvplan.arrays import FloatArray, IntArray
 from hdvplan.errors import ProjectionError, RoadError
-from hdvplan.road.checks import MIN_LENGTH_M
+from hdvplan.road.checks import MAX_LENGTH_M, MIN_LENGTH_M
 from hdvplan.road.offsets import Stations, program_of, solve_offsets
 from hdvplan.road.path import KNOT_SPACING_M, ReferencePath, from_samples
 from hdvplan.road.road import Smoothing
 
-MAX_LENGTH_M = 200e3
 _FEWEST_CELLS = 8  # of a very short road
 _EXACT_M = 0.25  # knots of a line that is not smoothed
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
