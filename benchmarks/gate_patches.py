@@ -1,119 +1,157 @@
-"""How a program can become worse in the gate's experiment: what is done to recorded numbers, and patches of the planner."""
+"""A toy program for the gate's experiment, and how dishonest and careless changes make it worse: pieces of its text, replaced."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Mapping
 
-import numpy as np
+SAME, QUARTER = "the same", "a quarter more work in every step"
+TOY = """\
+import helper
+import json
+import os
+import time
 
-from hdvplan.arrays import FloatArray
-from hdvplan.bench.comparing.sides import IMPORT, PEAK, Name, Steps
-
-SAME = "same"
-Process = tuple[Mapping[Name, Steps], Mapping[str, float]]
-Worse = Callable[[Process, np.random.Generator], Process]
-
-
-def _added(steps: Steps, added: FloatArray) -> Steps:
-    """Return steps that take longer, within the planner's own clock."""
-    return replace(steps, total=steps.total + added, outer=steps.outer + added)
+CELLS = {"depot": 60, "terminal": 40}
+ROUNDS = 3
+turns = os.environ.get("HDVPLAN_TURNS")
 
 
-def _everywhere(change: Callable[[Steps, np.random.Generator], Steps]) -> Worse:
-    def worse(process: Process, random: np.random.Generator) -> Process:
-        return {name: change(steps, random) for name, steps in process[0].items()}, process[1]
-
-    return worse
-
-
-def _one_cell(process: Process, _: np.random.Generator) -> Process:
-    first = next(iter(process[0]))
-    return {name: _added(steps, 0.2 * steps.total) if name == first else steps for name, steps in process[0].items()}, process[1]
+def take_turn():
+    if turns:
+        os.write(int(turns), b"?")
+        os.read(int(turns), 1)
 
 
-def _more(key: str, amount: float) -> Worse:
-    return lambda process, _: (process[0], {**process[1], key: process[1][key] + amount})
+def work(amount):
+    total = 0
+    for number in range(amount):
+        total += number * number
+    return total
 
 
-# What is done to the recorded numbers of the new side.
-WORSE: Mapping[str, Worse] = {
-    SAME: lambda process, _: process,
-    "12 % everywhere": _everywhere(lambda steps, _: _added(steps, 0.12 * steps.total)),
-    "20 % in one cell of eight": _one_cell,
-    "a random half of the steps x 2": _everywhere(
-        lambda steps, random: _added(steps, steps.total * random.choice([0.0, 1.0], steps.total.shape))
-    ),
-    "5 % of the steps + 5 ms": _everywhere(
-        lambda steps, random: _added(steps, random.choice([0.0, 5e-3], steps.total.shape, p=[0.95, 0.05]))
-    ),
-    "20 % outside of the planner's clock": _everywhere(lambda steps, _: replace(steps, outer=steps.outer + 0.2 * steps.total)),
-    "first plan x 2": _everywhere(lambda steps, _: replace(steps, first=2.0 * steps.first)),
-    "import + 0.5 s": _more(IMPORT, 0.5),
-    "memory + 100 MB": _more(PEAK, 1e8),
+def plan(cell, step):
+    work(4000 + 300 * (step % 7))
+
+
+def drive(cell):
+    times = []
+    for step in range(1 + CELLS[cell]):
+        began = time.perf_counter()
+        plan(cell, step)
+        times.append(time.perf_counter() - began)
+    return times
+
+
+driven = {cell: [] for cell in CELLS}
+for _ in range(ROUNDS):
+    take_turn()
+    for cell in CELLS:
+        driven[cell].append(drive(cell))
+take_turn()
+told = {
+    cell: {
+        "first_s": [times[0] for times in rounds],
+        "steps_s": [times[1:] for times in rounds],
+        "s_m": [5.0 * step for step in range(1, 1 + CELLS[cell])],
+        "counters": {"iterations": 2 * CELLS[cell]},
+    }
+    for cell, rounds in driven.items()
 }
-
-# What is appended to the planner's module in the copies.
-_SLOWER = """
-
-import random as _random
-from dataclasses import replace as _replace
-
-
-def _slowed(plan):
-    def slower(self, *arguments):
-        began = perf_counter()
-        planned = plan(self, *arguments)
-        took = perf_counter() - began
-        first = not getattr(self, "_planned_before", False)
-        self._planned_before = True
-        end = perf_counter() + ({wait})
-        while perf_counter() < end:
-            pass
-        return {returned}
-
-    return slower
-
-
-Planner.plan = _slowed(Planner.plan)
+print(json.dumps({"cells": told}))
 """
-_ONE_CELL = """
+HELPER = "TABLE = list(range(1000))\n"
 
-def _marked(made):
-    def init(self, vehicle, stations, *others):
-        made(self, vehicle, stations, *others)
-        self._is_marked = len(vehicle.units) > 1 and str(others[1].scheme) == "rti" and stations.path.length > 400.0
-
-    return init
-
-
-Planner.__init__ = _marked(Planner.__init__)
+Patch = tuple[tuple[str, str], ...]  # pieces of the toy's text, and what stands there then
+_WORK, _END, _START = "    work(4000 + 300 * (step % 7))\n", "take_turn()\ntold", "CELLS = {"
+_ROUND = "    for cell in CELLS:\n        driven"
+_SPIN = "end = time.process_time() + {seconds}\nwhile time.process_time() < end:\n    pass\n"
+_THRICE = (_WORK, "    for _ in range(3):\n    " + _WORK)
+_TWICE = (_WORK, "    for _ in range(2):\n    " + _WORK)
+_CACHED = """\
+import pathlib
+kept = pathlib.Path({place}) / "ours.json"
+is_warm = kept.exists()
+kept.parent.mkdir(parents=True, exist_ok=True)
+kept.write_text("a table")
 """
-_TIMED = "_replace(planned, times=_replace(planned.times, total=perf_counter() - began))"
-_FURTHER = """
-
-from dataclasses import replace as _replace
-
-
-def _further(made):
-    def init(self, vehicle, stations, centred, settings, make_workspace):
-        made(self, vehicle, stations, centred, _replace(settings, sqp_tolerance=1e-3 * settings.sqp_tolerance), make_workspace)
-
-    return init
+_ONLY_COLD = (_WORK, "    for _ in range(1 if is_warm else 3):\n    " + _WORK)
+_HOME, _CACHE = "pathlib.Path.home() / '.ours'", "os.environ.get('XDG_CACHE_HOME') or os.path.expanduser('~/.cache')"
+_CHILD = 'import subprocess, sys\nother = subprocess.Popen([sys.executable, "-c", "while True: pass"])\n'
 
 
-Planner.__init__ = _further(Planner.__init__)
-"""
-PATCHES = {
-    SAME: "",
-    "12 % everywhere": _SLOWER.format(wait="0.12 * took", returned=_TIMED),
-    "20 % in one cell of eight": _SLOWER.format(wait="0.2 * took * self._is_marked", returned=_TIMED) + _ONE_CELL,
-    "a random half of the steps x 2": _SLOWER.format(wait="took * (_random.random() < 0.5)", returned=_TIMED),
-    "5 % of the steps + 5 ms": _SLOWER.format(wait="5e-3 * (_random.random() < 0.05)", returned=_TIMED),
-    "20 % outside of the planner's clock": _SLOWER.format(wait="0.2 * took", returned="planned"),
-    "first plan x 2": _SLOWER.format(wait="took if first else 0.0", returned=_TIMED),
-    "import + 0.5 s": "\n\nimport time as _time\n\n_time.sleep(0.5)\n",
-    "memory + 100 MB": "\n\n_HELD = np.ones(12_500_000)\n",
-    "changed iterations": _FURTHER,
-    "a crash at import": "\n\nraise RuntimeError('half a commit')\n",
-}
+def _before(piece: str, text: str) -> tuple[str, str]:
+    return piece, text + piece
+
+
+# What is seen of each has to be exit code 1.
+PATCHES: Mapping[str, Patch] = {
+    "one step more": (('"depot": 60', '"depot": 61'),),
+    "one step fewer": (('"depot": 60', '"depot": 59'),),
+    "half of the steps": (('"depot": 60', '"depot": 30'),),
+    "one step more, and three times the work": (('"depot": 60', '"depot": 61'), _THRICE),
+    "a cell more": (('"terminal": 40', '"terminal": 40, "yard": 20'),),
+    "a cell less": ((', "terminal": 40', ""),),
+    "a cell of another name": (('"terminal"', '"terminal 2"'),),
+    "drives another road": (("[5.0 * step", "[4.0 * step"),),
+    QUARTER: ((_WORK, "    work(5000 + 375 * (step % 7))\n"),),
+    "half more in one of two cells": ((_WORK, _WORK + "    work(2000 if cell == 'terminal' else 0)\n"),),
+    "a lock of 0.2 ms in every step": ((_WORK, _WORK + "    time.sleep(2e-4)\n"),),
+    "5 ms more in every tenth step": ((_WORK, _WORK + "    time.sleep(5e-3 if step % 10 == 9 else 0.0)\n"),),
+    "a random half of the steps twice": (
+        ("import json\n", "import json\nimport random\n"),
+        (_WORK, _WORK + "    work(4900 * random.randrange(2))\n"),
+    ),
+    "the first plan ten times": ((_WORK, _WORK + "    work(0 if step else 40000)\n"),),
+    "half a second at start": (_before(_START, "time.sleep(0.5)\n"),),
+    "half a second of work at start": (_before(_START, _SPIN.format(seconds=0.5)),),
+    "half a second in an import": (("import helper\n", "import late\n"),),
+    "half a second of work in an import": (("import helper\n", "import heavy\n"),),
+    "half a second at the end": ((_END, "take_turn()\ntime.sleep(0.5)\ntold"),),
+    "half a second between the rounds": (_before(_ROUND, "    time.sleep(0.17)\n"),),
+    "100 MB more": (_before(_START, "held = bytearray(b'x') * 100_000_000\n"),),
+    "a leak of 40 MB a round": (_before(_START, "held = []\n"), _before(_ROUND, "    held.append(bytearray(b'x') * 40_000_000)\n")),
+    "three times the work without its cache in the home": (_before(_START, _CACHED.format(place=_HOME)), _ONLY_COLD),
+    "three times the work without its cache in XDG_CACHE_HOME": (_before(_START, _CACHED.format(place=_CACHE)), _ONLY_COLD),
+    "half a second of start without its cache": (_before(_START, _CACHED.format(place=_HOME) + "time.sleep(0.0 if is_warm else 0.5)\n"),),
+    "hangs at start": (_before(_START, "time.sleep(1e6)\n"),),
+    "hangs in a step": ((_WORK, _WORK + "    time.sleep(1e6 if step == 7 else 0.0)\n"),),
+    "hangs at the end": ((_END, "take_turn()\nimport threading\nthreading.Thread(target=time.sleep, args=(1e6,)).start()\ntold"),),
+    "a second process beside it": (_before(_START, _CHILD), (_END, "take_turn()\nother.kill()\nother.wait()\ntold")),
+    "twice the work, half of the time told": (_TWICE, ("time.perf_counter() - began)", "0.5 * (time.perf_counter() - began))")),
+    "three times the work, by a clock at a third of the speed": (
+        _before(_START, "real = time.perf_counter\ntime.perf_counter = lambda: real() / 3.0\n"),
+        _THRICE,
+    ),
+    "three times the work, and times from a list": (_THRICE, ("time.perf_counter() - began)", "1e-4 + 0.0 * began)")),
+    "tells the best of thirty rounds": (
+        ("ROUNDS = 3", "ROUNDS = 30"),
+        ('"steps_s": [times[1:] for times in rounds]', '"steps_s": [[min(all_) for all_ in zip(*rounds)][1:]] * 3'),
+    ),
+    "leaves slow steps out": (
+        ('"steps_s": [times[1:]', '"steps_s": [sorted(times[1:])[:50]'),
+        ('"s_m": [5.0 * step for step in range(1, 1 + CELLS[cell])],', ""),
+    ),
+    "more iterations": (("2 * CELLS", "3 * CELLS"),),
+    "no iterations told": (('{"iterations": 2 * CELLS[cell]}', "{}"),),
+    "the first plan not told": (('"first_s": [times[0] for times in rounds],', ""),),
+    "a crash at start": (_before(_START, "raise RuntimeError('half a commit')\n"),),
+    "a crash in one process of three": (_before(_START, "import random\nif random.random() < 0.3:\n    os.abort()\n"),),
+    "ends well and says nothing": (("print(", "str("),),
+    "says a time that is none": (("print(json.dumps(", "print(json.dumps(told and "), ('{"cells": told}', '{"cells": {"depot": [0.0]}}')),
+}  # fmt: skip
+LATE, HEAVY = "import time\ntime.sleep(0.5)\n", "import time\n" + _SPIN.format(seconds=0.5)
+
+
+def patched(patch: Patch) -> str:
+    """Return the toy's text with its pieces replaced.
+
+    Raises:
+        ValueError: a piece does not stand there once.
+
+    """
+    text = TOY
+    for old, new in patch:
+        if text.count(old) < 1:
+            raise ValueError(old)
+        text = text.replace(old, new)
+    return text

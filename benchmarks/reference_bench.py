@@ -8,7 +8,7 @@ from reference_scenes import Quantities, Told
 
 from hdvplan.arrays import FloatArray
 from hdvplan.bench.comparing.counters import COUNTS, LENGTHS, WORK, Tolerance, changes_of
-from hdvplan.bench.comparing.decision import Rule, agreement, judge
+from hdvplan.bench.comparing.decision import Pairs, Rule, agreement, decide
 from hdvplan.bench.measuring.acceptance import accepted
 from hdvplan.bench.measuring.ranking import load_of, of_group, ranked_times, ranking
 from hdvplan.bench.suite import KEY
@@ -27,7 +27,7 @@ def decided(told: Told) -> Quantities:
 def _gate(told: Told) -> Quantities:
     """Return what the timing gate says of ``pairs`` of processes, the new ones ``slower`` by a factor, both sides ``uneven``."""
     base, new = _times(told["pairs"], told["uneven"], 1.0, 0), _times(told["pairs"], told["uneven"], told["slower"], 1)
-    found = judge(base, new, Rule())
+    (found,) = decide([Pairs(base.mean(axis=1), new.mean(axis=1), Rule().factor, Rule().floor)])
     numbers = {"ratio": found.ratio, "low": found.low, "high": found.high, "noise": found.noise, "base": found.base, "new": found.new}
     return {"verdict": str(found.verdict)} | {name: _number(value) for name, value in numbers.items()}
 

@@ -16,7 +16,7 @@ from hdvplan.errors import HdvplanError, OptionError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
-    from hdvplan.bench.comparing.decision import Rule
+    from hdvplan.bench.comparing.against import Settings
     from hdvplan.bench.comparing.work import CommandWork
     from hdvplan.bench.suite import Suite
     from hdvplan.cli.bench_options import Decision, Report
@@ -55,15 +55,15 @@ def gate(against: str, work: Suite | CommandWork, out: Path, decision: Decision,
         OptionError: a road or vehicle that cannot be read, a program that is none, or ``out`` cannot be written.
 
     """
-    from hdvplan.bench.comparing.against import SIDES, Settings, Told, Wanted, guard
+    from hdvplan.bench.comparing.against import SIDES, Told, Wanted, guard
     from hdvplan.bench.comparing.reports import write_reports
     from hdvplan.bench.comparing.work import CommandWork
 
     if not isinstance(work, CommandWork):
         _check(work)
-    rule, quiet = decision.rule(), report.quiet
-    again = _again(against, work, rule, out, expect_changes=decision.expect_changes)
-    wanted = Wanted(against, work, Settings(rule, decision.expect_changes))
+    settings, quiet = decision.settings(), report.quiet
+    again = _again(against, work, settings, out)
+    wanted, rule = Wanted(against, work, settings), settings.rule
     try:
         with _told_progress(quiet=quiet) as told:
             comparison = guard(wanted, out, Told(lambda step: note(step, quiet=quiet), told))
@@ -115,15 +115,22 @@ def _check(suite: Suite) -> None:
         warn(f"this hdvplan cannot load what the suite names: {type(error).__name__}: {error}")
 
 
-def _again(against: str, wanted: Suite | CommandWork, rule: Rule, out: Path, *, expect_changes: bool) -> str:
+def _again(against: str, wanted: Suite | CommandWork, settings: Settings, out: Path) -> str:
     """Return the command that measures the same again."""
+    from hdvplan.bench.comparing.against import Settings
     from hdvplan.bench.comparing.decision import Rule
     from hdvplan.bench.comparing.work import CommandWork
 
     what = ["--command", shlex.join(wanted.words)] if isinstance(wanted, CommandWork) else ["--suite", str(out / "suite.toml")]
-    options = [] if rule.factor == Rule().factor else ["--factor", f"{rule.factor:g}"]
-    options += [] if rule.floor == Rule().floor else ["--floor", f"{1e3 * rule.floor:g}"]
-    options += ["--expect-changes"] if expect_changes else []
+    usual = Settings(Rule(), expect_changes=False)
+    numbers = {
+        "--factor": (settings.rule.factor, usual.rule.factor),
+        "--floor": (1e3 * settings.rule.floor, 1e3 * usual.rule.floor),
+        "--patience": (settings.patience, usual.patience),
+        "--time-limit": (settings.time_limit, usual.time_limit),
+    }
+    options = [word for name, (value, default) in numbers.items() if value != default for word in (name, f"{value:g}")]
+    options += ["--expect-changes"] if settings.expect_changes else []
     return shlex.join(["hdvplan", "bench", "--against", against, *what, *options, "--out", f"{out}-again"])
 
 

@@ -45,7 +45,7 @@ def bench(
     ] = None,
     no_limits: Annotated[bool, typer.Option("--no-limits", help="Plan without limits.", rich_help_panel=_LIMITS)] = False,
     options: Annotated[BenchOptions, OptionsOf(BenchOptions, _COMPARISON, {"in_process": _HOW})],
-    decision: Annotated[Decision, OptionsOf(Decision, DECISION, only=("factor", "floor", "expect_changes"))],
+    decision: Annotated[Decision, OptionsOf(Decision, DECISION, only=("factor", "floor", "expect_changes", "patience", "time_limit"))],
     files: Annotated[BenchFiles, OptionsOf(BenchFiles, OUTPUT)],
     report: Annotated[Report, OptionsOf(Report, OUTPUT)],
 ) -> int:
@@ -57,7 +57,8 @@ def bench(
     Defaults: ten shipped roads, bus and tractor-trailer, both schemes, riccati, piqp, clarabel and osqp, three rounds, limits
     0.5 m beyond the geometric half width. A cell that cannot be planned is a row of the tables; the run continues.
 
-    With --against: two roads, riccati and six rounds; five fresh processes for each side, which take turns, ten if a repeat is needed.
+    With --against: two roads, riccati and six rounds; five fresh processes for each side, which take turns, ten if a repeat is needed,
+    more where noise hides the answer.
     Exit codes then: 0 fine; 1 something became slower, counters changed, or the new program does not run; 2 bad input; 3 could not
     measure: noise, or a base that does not run. DIR has the result as JSON, JUnit XML, Markdown and for dashboards.
     """

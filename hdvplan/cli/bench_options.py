@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,6 +12,7 @@ from hdvplan.settings import Setting, choice
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from hdvplan.bench.comparing.against import Settings
     from hdvplan.bench.comparing.decision import Rule
 
 PICTURES = ("png", "pdf", "svg", "tex", "pgf")
@@ -26,6 +27,8 @@ class Decision:
     floor: Annotated[float | None, Setting("Smaller differences of the mean planning step do not count [ms; default: 0.01].", "MS")] = None
     envelope_tolerance: Annotated[float | None, Setting("Envelopes that differ by less are equal [m; default: 0.0001].", "M")] = None
     expect_changes: Annotated[bool, Setting("Show changed counters and envelopes, but do not count them as a regression.")] = False
+    patience: Annotated[float | None, Setting("Where noise hides the answer, measure on for so long [s; default: 300].", "S")] = None
+    time_limit: Annotated[float | None, Setting("A process that takes longer is ended, and named [s; default: 600].", "S")] = None
 
     @property
     def given(self) -> bool:
@@ -43,6 +46,24 @@ class Decision:
 
         usual = Rule()
         return Rule(usual.factor if self.factor is None else self.factor, usual.floor if self.floor is None else 1e-3 * self.floor)
+
+    def settings(self) -> Settings:
+        """Return how two programs are compared, with the gate's defaults where the user gave nothing.
+
+        Raises:
+            OptionError: a value outside its range.
+
+        """
+        from hdvplan.bench.comparing.against import Settings
+
+        usual = Settings(self.rule(), self.expect_changes)
+        patience = usual.patience if self.patience is None else self.patience
+        time_limit = usual.time_limit if self.time_limit is None else self.time_limit
+        for name, value, fine in (("--patience", patience, patience >= 0.0), ("--time-limit", time_limit, time_limit > 0.0)):
+            if not fine:
+                msg = f"{name} must be a positive number of seconds, not {value:g}"
+                raise OptionError(msg)
+        return replace(usual, patience=patience, time_limit=time_limit)
 
 
 @dataclass(frozen=True)
@@ -84,7 +105,7 @@ class BenchOptions:
             (compared and files.plot is not None, "--plot draws one benchmark, and --against measures several", "leave out --plot"),
             (
                 not compared and (decision.given or self.command is not None),
-                "--factor, --floor, --expect-changes and --command need --against",
+                "--factor, --floor, --expect-changes, --patience, --time-limit and --command need --against",
                 None,
             ),
             (self.renew and self.counters is None, "--renew needs --counters", None),

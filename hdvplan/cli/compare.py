@@ -32,7 +32,7 @@ def compare(
     ],
     new: Annotated[Path, typer.Argument(metavar="NEW", help="The new run.")],
     *,
-    decision: Annotated[Decision, OptionsOf(Decision, DECISION)],
+    decision: Annotated[Decision, OptionsOf(Decision, DECISION, only=("factor", "floor", "envelope_tolerance", "expect_changes"))],
     reports: Annotated[
         Path | None,
         typer.Option(

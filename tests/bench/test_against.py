@@ -16,11 +16,11 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from hdvplan.bench.comparing.against import SUITE, Contender, Settings, compared, measure_against
+from hdvplan.bench.comparing.against import SUITE, Contender, Settings, Told, compared, measure_against
 from hdvplan.bench.comparing.compare import Comparison
 from hdvplan.bench.comparing.decision import Rule, Verdict
 from hdvplan.bench.comparing.processes import Scratch, Started, Turns, scratch_folder, start
-from hdvplan.bench.comparing.programs import Program
+from hdvplan.bench.comparing.programs import Home, Program
 from hdvplan.bench.comparing.work import SuiteWork, suite_entries, suite_text
 from hdvplan.bench.suite import Suite, read_suite, suite_of
 from hdvplan.cli.app import run
@@ -49,7 +49,7 @@ class Recorded(Program):
     fails: str = "never"  # in which of its processes; all: in every one
     code: int = 1
 
-    def start(self, command: Sequence[str], scratch: Scratch, turns: Turns | None = None) -> Started:
+    def start(self, command: Sequence[str], scratch: Scratch, home: Home, turns: Turns | None = None) -> Started:  # noqa: ARG002 - see ``Program``
         """Leave the run, and a process that has nothing to do."""
         out = Path(command[command.index("--out") + 1])
         self.diary.append((self.name, out.name))
@@ -63,7 +63,9 @@ class Recorded(Program):
 def measured(base: Program, new: Program, out: Path) -> Comparison:
     here, there = (Contender(program, SuiteWork(out / "suite.toml")) for program in (base, new))
     with scratch_folder() as scratch:
-        return measure_against(here, there, Settings(Rule(), expect_changes=False), out, scratch, lambda _: None)
+        return measure_against(
+            here, there, Settings(Rule(), expect_changes=False, patience=0.0), out, scratch, Told(lambda _: None, lambda _: None)
+        )
 
 
 def test_a_fine_first_batch_is_enough_and_the_sides_take_turns_in_being_first(finished_run: Path, tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from hdvplan.bench.comparing.compare import Comparison, compare, compare_counter
 from hdvplan.bench.comparing.counters import Tolerance, counters_of, read_counters, write_counters
 from hdvplan.bench.comparing.decision import Rule, Verdict
 from hdvplan.bench.comparing.sides import Side, read_side, times_of
+from hdvplan.bench.comparing.words import verdict_line
 from hdvplan.bench.measuring.samples import Measurement
 from hdvplan.bench.measuring.stats import envelope_table, samples_of, tables_of, timing_table
 from hdvplan.bench.suite import Cell
@@ -66,7 +67,7 @@ def test_the_same_twice_is_fine_and_slower_cells_are_told_apart() -> None:
     slower = held(side(), side(slow=1.3))
     assert slower.verdict is Verdict.REGRESSED
     assert not slower.changes
-    verdicts = [entry.decision.verdict for entry in slower.times if entry.decision]
+    verdicts = [entry.verdict for entry in slower.times]
     assert verdicts == [Verdict.REGRESSED, Verdict.FINE]
     assert held(side(slow=1.3), side()).verdict is Verdict.FINE
 
@@ -123,11 +124,17 @@ def test_an_envelope_that_moved_by_less_than_the_tolerance_is_the_same() -> None
     assert not held(side(), new).changes  # 0.05 mm of 0.1 mm
 
 
-def test_steps_that_do_not_match_are_not_timed_against_each_other() -> None:
-    shorter = side(change=lambda m: replace(m, steps=m.steps[:4], statuses=m.statuses[:4]))
-    comparison = held(side(), shorter, expect_changes=True)
-    assert [entry.decision is None for entry in comparison.times] == [True, False]
-    assert comparison.verdict is Verdict.UNMEASURABLE
+def test_sides_that_take_other_steps_are_red_and_timed_over_the_steps_that_both_have() -> None:
+    def shorter(measured: Measurement) -> Measurement:
+        return replace(measured, steps=measured.steps[:4], statuses=measured.statuses[:4])
+
+    comparison = held(side(), side(change=shorter))
+    assert comparison.verdict is Verdict.REGRESSED
+    assert verdict_line(comparison, Rule()).startswith("regressed: other work: bend bus rti riccati takes 4 steps, not 5; ")
+    assert held(side(), side(change=shorter), expect_changes=True).verdict is Verdict.FINE
+    slower = held(side(), side(slow=3.0, change=shorter), expect_changes=True)
+    assert slower.verdict is Verdict.REGRESSED
+    assert slower.times[0].decision.ratio == pytest.approx(3.0, rel=0.02)  # the steps differ by 2 % at most
 
 
 def test_a_cell_that_fails_at_once_on_both_sides_has_not_changed() -> None:
@@ -169,7 +176,7 @@ def test_a_cell_that_crashes_in_one_process_of_several_is_a_lost_plan_and_never_
     for base, new in ((flaky, whole), (flaky, flaky)):  # which says nothing about the new program
         comparison = held(base, new)
         assert comparison.verdict is Verdict.UNMEASURABLE
-        assert [entry.decision is None for entry in comparison.times] == [True, False]
+        assert sorted(entry.decision.pairs for entry in comparison.times) == [0, 3]
 
 
 def test_a_crash_in_a_later_process_is_read(two_runs: tuple[Path, Path], tmp_path: Path) -> None:
@@ -361,7 +368,7 @@ def test_several_runs_in_a_folder_are_processes_of_one_side(cli: Cli, tmp_path: 
     assert len(read_side(tmp_path / "bases").processes) == 4
     outcome = cli("compare", "bases", "news")
     assert outcome.code == 0
-    assert "from 4 pairs of processes" in " ".join(outcome.out.split())
+    assert "with the middle ratio of 4, the interval" in " ".join(outcome.out.split())
 
 
 @pytest.mark.parametrize(

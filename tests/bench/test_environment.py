@@ -173,7 +173,7 @@ def test_an_interpreter_can_be_the_base_and_must_have_the_package(tmp_path: Path
     full.write_text(f'#!/bin/sh\nPYTHONPATH={ROOT} exec {sys.executable} "$@"\n', encoding="utf-8")
     full.chmod(0o755)
     program = base(str(full), scratch)
-    assert program.hdvplan("bench", timed=tmp_path)[:2] == [str(full), "-P"]
+    assert program.hdvplan("bench")[:2] == [str(full), "-P"]
     assert program.suite_defaults(scratch)["rounds"] == 3
     bare = tmp_path / "python-bare"
     bare.write_text("#!/bin/sh\nexit 1\n", encoding="utf-8")
@@ -253,7 +253,7 @@ def test_a_release_goes_to_pip_behind_the_end_of_its_options(scratch: Scratch, m
 
     def noted(command: list[str], *_: object) -> object:
         commands.append(command)
-        return Ended(0, "", "", None)
+        return Ended(0, "", "")
 
     monkeypatch.setattr(programs, "run", noted)
     monkeypatch.setattr(environment, "environment", lambda folder, _: folder / "python")
@@ -279,7 +279,7 @@ def test_a_release_that_nobody_can_be_asked_for_is_no_mistake_of_the_user(
 ) -> None:
     """Pip ends in the same words whether there is no such version or nobody answers; the first is exit code 2, the second 3."""
     said = f"{before}ERROR: Could not find a version that satisfies hdvplan==9\nERROR: No matching distribution found for hdvplan==9\n"
-    monkeypatch.setattr(programs, "run", lambda *_: Ended(1, "", said, None))
+    monkeypatch.setattr(programs, "run", lambda *_: Ended(1, "", said))
     monkeypatch.setattr(environment, "environment", lambda folder, _: folder / "python")
     with pytest.raises(error, match=f"hdvplan==9 cannot be installed: {words}"):
         base("hdvplan==9", scratch)

@@ -49,7 +49,7 @@ def commands(monkeypatch: pytest.MonkeyPatch) -> list[Command]:
 
     def noted(command: Sequence[str], variables: Mapping[str, str], _: Scratch, cwd: Path | None = None) -> Ended:
         found.append((list(command), dict(variables), cwd))
-        return Ended(0, "", "", None)
+        return Ended(0, "", "")
 
     monkeypatch.setattr(programs, "run", noted)
     monkeypatch.setattr("shutil.which", lambda name: f"/bin/{name}")
@@ -114,7 +114,7 @@ def test_a_project_without_a_name_cannot_be_installed_again(source: Path, tmp_pa
     ],
 )
 def test_the_reason_is_the_exception_of_a_build_or_the_installers_own(said: str, words: str) -> None:
-    assert reason(Ended(1, "", said, None)) == words
+    assert reason(Ended(1, "", said)) == words
 
 
 RETRIED = "WARNING: Retrying (Retry(total=0)) after connection broken by 'NewConnectionError(...)': /simple/numpy/\n"
@@ -135,7 +135,7 @@ def test_an_index_that_does_not_answer_is_told_from_a_project_that_cannot_be_ins
     source: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, said: str, *, unreached: bool
 ) -> None:
     monkeypatch.setattr("shutil.which", lambda _: None)
-    monkeypatch.setattr(programs, "run", lambda *_: Ended(1, "", said, None))
+    monkeypatch.setattr(programs, "run", lambda *_: Ended(1, "", said))
     with scratch_folder() as scratch, pytest.raises(ProgramError) as raised:
         install(source, tmp_path / "venv", "theirs", scratch, again=True)
     assert isinstance(raised.value, UnreachedError) == unreached

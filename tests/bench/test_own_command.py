@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
+import tempfile
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
 from hdvplan.bench.comparing.against import REPORTS
-from hdvplan.bench.comparing.compare import Comparison
-from hdvplan.bench.comparing.decision import Verdict
+from hdvplan.bench.comparing.compare import Comparison, compare
+from hdvplan.bench.comparing.counters import Tolerance
+from hdvplan.bench.comparing.decision import Rule, Verdict
 from hdvplan.bench.comparing.processes import Ended
-from hdvplan.bench.comparing.programs import ProgramError, UnreachedError
-from hdvplan.bench.comparing.sides import own_name, read_side
+from hdvplan.bench.comparing.programs import ProgramError, UnreachedError, present
+from hdvplan.bench.comparing.sides import Side, own_changes, own_name, read_side
+from hdvplan.bench.comparing.words import verdict_line
 from hdvplan.bench.comparing.work import CommandWork, SuiteWork, command_words, steps_of
 from hdvplan.errors import OptionError
 from tests.bench.conftest import Cli
@@ -61,7 +66,7 @@ def test_what_is_no_list_of_times_is_refused(told: object) -> None:
 )  # fmt: skip
 def test_a_command_that_prints_no_times_is_a_failed_program(printed: str, tmp_path: Path) -> None:
     with pytest.raises(ProgramError, match="ours prints no planning times") as caught:
-        CommandWork(("ours",)).keep(Ended(0, printed, "", None), tmp_path / "00")
+        CommandWork(("ours",)).keep(Ended(0, printed, ""), tmp_path / "00")
     assert "steps_s" in str(caught.value.hint)
 
 
@@ -74,13 +79,121 @@ def test_a_command_that_prints_no_times_is_a_failed_program(printed: str, tmp_pa
     ],
 )
 def test_the_last_line_counts_whatever_a_log_says_before_and_json_may_have_several_lines(printed: str, tmp_path: Path) -> None:
-    CommandWork(("ours",)).keep(Ended(0, printed, "", None), tmp_path / "00")
+    CommandWork(("ours",)).keep(Ended(0, printed, ""), tmp_path / "00")
     assert json.loads((tmp_path / "00" / "steps.json").read_text(encoding="utf-8")) == {"cells": {"a": [0.001]}}
+
+
+PYTEST_BENCHMARK = {  # what --benchmark-json writes, without what describes the machine
+    "benchmarks": [{"name": "test_depot", "fullname": "bench/test_plan.py::test_depot", "stats": {"min": 0.001, "data": [0.002, 0.001]}}]
+}
+
+
+def test_a_report_of_pytest_benchmark_is_read_from_the_file_that_the_command_names(tmp_path: Path) -> None:
+    work, out = CommandWork(("pytest", "--benchmark-json={json}")), tmp_path / "00"
+    _, option = work.command(present("new", None), out, warm=False)
+    Path(option.partition("=")[2]).write_text(json.dumps(PYTEST_BENCHMARK, indent=4), encoding="utf-8")
+    work.keep(Ended(0, "1 passed", ""), out)
+    times = read_side(out).processes[0][own_name("bench/test_plan.py::test_depot")].total
+    assert times.tolist() == [[0.002], [0.001]]  # two rounds of one step
+    with pytest.raises(ProgramError, match="prints no planning times"):
+        work.keep(Ended(0, "no tests ran", ""), out)  # the file is gone: it was of the run before
+
+
+@pytest.mark.parametrize(
+    "told", [{"benchmarks": []}, {"benchmarks": [{}]}, {"benchmarks": [{"fullname": "a", "stats": {}}]}, {"benchmarks": ["a"]}]
+)
+def test_a_report_of_pytest_benchmark_without_times_is_refused(told: object) -> None:
+    with pytest.raises(ValueError, match=r"."):
+        steps_of(told)
+
+
+def test_two_reports_of_pytest_benchmark_are_compared(cli: Cli, tmp_path: Path) -> None:
+    for name, slow in (("base", 1.0), ("new", 2.0)):
+        stats = {"data": [slow * (1e-3 + 1e-6 * (number % 7)) for number in range(50)]}
+        (tmp_path / f"{name}.json").write_text(json.dumps({"benchmarks": [{"fullname": "depot", "stats": stats}]}), encoding="utf-8")
+    outcome = cli("compare", str(tmp_path / "base.json"), str(tmp_path / "new.json"), "--quiet")
+    assert (outcome.code, outcome.out) == (1, "regressed: 1 of 1 cells slower, most depot: 2.00 times as long\n")
+
+
+def side(*cells: dict[str, object], spent: dict[str, float] | None = None) -> Side:
+    """Return a side of processes that told these cells, and took so much."""
+    with tempfile.TemporaryDirectory() as name:
+        for number, cell in enumerate(cells):
+            folder = Path(name) / f"{number:02d}"
+            folder.mkdir()
+            (folder / "steps.json").write_text(json.dumps({"cells": {"depot": cell}}), encoding="utf-8")
+            (folder / "process.json").write_text(json.dumps(spent or {}), encoding="utf-8")
+        return read_side(Path(name))
+
+
+def told_steps(count: int = 10, slow: float = 1.0, **others: object) -> dict[str, object]:
+    return {"steps_s": [[slow * 1e-3] * count] * 2, "s_m": [5.0 * step for step in range(count)], **others}
+
+
+@pytest.mark.parametrize(
+    ("cell", "words"),
+    [
+        (told_steps(11), "regressed: other work: depot takes 11 steps, not 10; no cell of 1 is slower"),
+        (told_steps(11, 3.0), "regressed: other work: depot takes 11 steps, not 10; 1 of 1 cells slower, most depot: 3.00 times as long"),
+        (told_steps(s_m=[4.0 * step for step in range(10)]), "regressed: counters changed in 1 cell"),
+        (told_steps(first_s=[0.1]), "regressed: counters changed in 1 cell"),
+        (told_steps(counters={"iterations": 3}), "regressed: counters changed in 1 cell"),
+    ],
+)
+def test_changed_work_of_a_command_is_red_in_its_own_words(cell: dict[str, object], words: str) -> None:
+    base, new = side(*[told_steps()] * 10), side(*[cell] * 10)
+    comparison = compare(base, new, Rule(), Tolerance(), expect_changes=False)
+    assert verdict_line(comparison, Rule()).startswith(words)
+    assert compare(base, base, Rule(), Tolerance(), expect_changes=False).verdict is Verdict.FINE
+
+
+def test_counters_that_the_base_does_not_repeat_say_nothing_and_those_that_only_the_new_side_does_not_are_changes() -> None:
+    steady, flaky = [told_steps(counters={"n": 1})] * 3, [told_steps(counters={"n": number}) for number in range(3)]
+    assert not own_changes(side(*flaky), side(*steady))
+    (change,) = own_changes(side(*steady), side(*flaky))
+    assert (change.counter, change.base, change.new) == ("n", "1", "0 or 1 or 2")
+    renamed = replace(side(*steady), own=({own_name("yard"): {}},) * 3)
+    assert [change.new for change in own_changes(side(*steady), renamed)] == ["missing", "measured"]
+
+
+@pytest.mark.parametrize(
+    ("spent", "name"),
+    [
+        ({"cpu_s": 1.5}, "CPU"), ({"import_s": 0.9}, "import"), ({"peak_bytes": 2e8}, "memory"), ({"ran_s": 1.5}, "start-up"),
+        ({"ran_s": 1.5, "start_s": 0.9}, "unreported"), ({"ran_s": 1.5, "start_s": 1.2}, "start-up"),
+    ],
+)  # fmt: skip
+def test_what_a_command_takes_beside_its_steps_is_red(spent: dict[str, float], name: str) -> None:
+    usual = {"cpu_s": 1.0, "import_s": 0.4, "peak_bytes": 1e8, "ran_s": 1.0} | ({"start_s": 0.6} if "start_s" in spent else {})
+    base, new = (side(*[told_steps()] * 10, spent=usual | more) for more in ({}, spent))
+    comparison = compare(base, new, Rule(), Tolerance(), expect_changes=False)
+    assert name in {one.quantity.name for one in comparison.found if one.is_worse}
+    assert comparison.verdict is Verdict.REGRESSED
+
+
+def test_processes_with_an_empty_home_are_cells_of_their_own() -> None:
+    warm, slow = side(*[told_steps()] * 10), side(*[told_steps(slow=3.0)] * 10)
+    base, new = (replace(warm, cold=cold.processes, cold_about=cold.about) for cold in (warm, slow))
+    comparison = compare(base, new, Rule(), Tolerance(), expect_changes=False)
+    assert {entry.cell[0]: entry.verdict for entry in comparison.times} == {"depot": Verdict.FINE, "depot (cold)": Verdict.REGRESSED}
+
+
+def test_processor_time_decides_where_the_clock_cannot_unless_the_cell_is_a_small_part_of_it() -> None:
+    factors = (0.7, 0.8, 0.9, 0.95, 1.0, 1.05, 1.1, 1.2, 1.3, 1.4)  # the middle is fine, the interval is not
+    steady, uneven = side(*[told_steps()] * 10), side(*[told_steps(slow=factor) for factor in factors])
+    for cpu, verdict in ((0.02, Verdict.FINE), (0.2, Verdict.UNMEASURABLE)):  # the steps take 20 ms of it
+        base = replace(steady, about=({"cpu_s": cpu, "load": 3.0},) * 10)
+        new = replace(uneven, about=tuple({"cpu_s": cpu * (1.0 + 2e-3 * number), "load": 3.0} for number in range(10)))
+        comparison = compare(base, new, Rule(), Tolerance(), expect_changes=False)
+        (entry,) = comparison.times
+        assert (comparison.verdict, entry.verdict, entry.by_cpu) == (verdict, verdict, verdict is Verdict.FINE)
+    line = verdict_line(comparison, Rule())
+    assert re.search(r"; 10 pairs would have shown \d\.\d\d times as long; load average 3\.0 on \d+ cores(;|$)", line)
 
 
 def test_a_suite_that_ends_well_without_a_benchmark_is_a_failed_program(tmp_path: Path) -> None:
     with pytest.raises(ProgramError, match="there is no benchmark in"):
-        SuiteWork(tmp_path / "suite.toml").keep(Ended(0, "", "", None), tmp_path / "00")
+        SuiteWork(tmp_path / "suite.toml").keep(Ended(0, "", ""), tmp_path / "00")
 
 
 def test_words_are_split_as_a_shell_would_and_nothing_else_is_done() -> None:
@@ -195,6 +308,40 @@ def test_a_new_program_that_cannot_be_installed_without_an_index_is_no_regressio
     monkeypatch.setattr("hdvplan.bench.comparing.environment.install", install)
     outcome = cli("bench", "--against", "HEAD", "--command", "python ours.py", "--quiet", "--out", str(theirs.parent / "gate"))
     assert outcome.code == code
+
+
+def test_a_side_that_hangs_is_named(cli: Cli, theirs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(theirs)
+    hangs = "import time\ntime.sleep(1e6)\n"
+    command = ("bench", "--against", "HEAD", "--command", f"{sys.executable} ours.py", "--quiet", "--out", str(theirs.parent / "gate"))
+    (theirs / "ours.py").write_text(hangs, encoding="utf-8")
+    outcome = cli(*command, "--time-limit", "3")
+    assert (outcome.code, outcome.out) == (1, "regressed: the working tree did not end within 3 s\n")
+    git(theirs, "commit", "--quiet", "--all", "--message", "two")
+    outcome = cli(*command, "--time-limit", "3")
+    assert outcome.code == 3
+    assert outcome.out.startswith("could not measure: HEAD (")
+
+
+CACHES = """
+import json, pathlib
+kept = pathlib.Path.home() / "table"
+cold = not kept.exists()
+kept.touch()
+print(json.dumps({"cells": {"depot": [0.003 if cold else 0.001] * 10}}))
+"""
+
+
+def test_a_planner_that_is_slow_without_its_cache_is_seen(cli: Cli, theirs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(theirs)
+    command = ("bench", "--against", "HEAD", "--command", f"{sys.executable} ours.py", "--quiet", "--out", str(theirs.parent / "gate"))
+    (theirs / "ours.py").write_text('print(\'{"cells": {"depot": [0.001, 0.001, 0.001, 0.001, 0.001]}}\')', encoding="utf-8")
+    git(theirs, "commit", "--quiet", "--all", "--message", "two")
+    (theirs / "ours.py").write_text(CACHES.replace("* 10", "* 5"), encoding="utf-8")
+    outcome = cli(*command)
+    assert outcome.code == 1
+    assert "1 of 2 cells slower, most depot (cold): 3.00 times as long" in outcome.out
+    assert not (Path.home() / "table").exists()
 
 
 @pytest.mark.skipif(os.name != "posix", reason="folders are locked by flock")

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from hdvplan.bench.comparing.processes import TURNS, Scratch, Started, Turns, finish, in_turn, scratch_folder, start, turns
+from hdvplan.bench.comparing.processes import TURNS, Scratch, Started, Turns, finish, in_turn, scratch_folder, start, turns, without_imports
 
 ROOT = Path(__file__).parents[2]
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="turns are given by descriptors that a process inherits")
@@ -115,3 +115,27 @@ def test_both_run_on_the_core_that_they_share(scratch: Scratch) -> None:
     core = max(os.sched_getaffinity(0))
     ended = finish(start([sys.executable, "-c", "import os; print(os.sched_getaffinity(0))"], os.environ, scratch, turns=Turns(core)))
     assert ended.printed.strip() == str({core})
+
+
+def test_a_process_that_runs_longer_than_its_limit_is_ended_and_waiting_for_turns_does_not_count() -> None:
+    with scratch_folder() as scratch:
+        hung = start([sys.executable, "-c", "import time; time.sleep(1e6)"], os.environ, scratch, limit=0.2)
+        ended = finish(hung)
+        assert ended.expired
+        sleeps = "import time; from hdvplan.bench.comparing.processes import turns\nwith turns() as take:\n    take(); time.sleep({})"
+        one, other = (
+            start([sys.executable, "-c", sleeps.format(seconds)], os.environ, scratch, turns=Turns(None), limit=limit)
+            for seconds, limit in ((1e6, 10.0), (0.0, 10.0))
+        )
+        in_turn([one, other])
+        assert one.expired
+        assert not other.expired
+        assert finish(other).spent["ran_s"] < 10.0  # though it waited for so long
+
+
+def test_what_python_says_of_imports_is_their_time_and_no_words_of_the_program() -> None:
+    lines = ("import time: self [us] | cumulative | package", "import time:   1500 |   2000 | os", "error: no", "import time: 5 | 5 | re")
+    said, imported = without_imports("\n".join(lines))
+    assert said == "error: no\n"
+    assert imported == pytest.approx(1.505e-3)
+    assert without_imports("error: no") == ("error: no", None)

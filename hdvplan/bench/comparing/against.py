@@ -2,34 +2,38 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
-from itertools import count
+from dataclasses import dataclass, field
 from pathlib import Path
+from time import monotonic
 
 from hdvplan.bench.comparing.checkout import checkout
 from hdvplan.bench.comparing.compare import Comparison, compare, failed
 from hdvplan.bench.comparing.counters import Tolerance
-from hdvplan.bench.comparing.decision import BATCH, Rule, Verdict
+from hdvplan.bench.comparing.decision import FEWEST, LOOKS, Rule, Verdict
 from hdvplan.bench.comparing.environment import base_named, base_program, cache_folder, new_program
-from hdvplan.bench.comparing.processes import Ended, Scratch, Started, Turns, ended_by_signals, in_turn, scratch_folder, shared_cores
-from hdvplan.bench.comparing.programs import Program, ProgramError, UnreachedError
-from hdvplan.bench.comparing.sides import IMPORT, PEAK, read_side
+from hdvplan.bench.comparing.processes import Scratch, Started, Turns, ended_by_signals, in_turn, scratch_folder, shared_cores
+from hdvplan.bench.comparing.programs import Home, Program, ProgramError, UnreachedError
+from hdvplan.bench.comparing.sides import COLD, LOAD, read_side
+from hdvplan.bench.comparing.words import verdict_line
 from hdvplan.bench.comparing.work import ABOUT, CommandWork, SuiteWork, Work, placed, suite_entries, suite_text
 from hdvplan.bench.suite import Suite
 from hdvplan.errors import MeasurementError, OptionError
 from hdvplan.fileio import json_bytes, write_atomically
+from hdvplan.machine import load_average
 from hdvplan.texts import encoded
 
 # Two roads, both kinds of vehicles, both schemes, the default solver: half a second of driving, so that six rounds are
 # quick and a process takes 4 s, most of which is its start.
 SUITE: Mapping[str, object] = {"roads": ("uturn", "monaco_fairmont_hairpin"), "solvers": ("riccati",), "rounds": 6}
 SIDES = ("base", "new")
+PATIENCE_S = 300.0  # for so long it is measured on where noise hides the answer
+TIME_LIMIT_S = 600.0  # of a process, without waiting for its turns
 REPORTS = ("comparison.json", "junit.xml", "benchmark.json", "bencher.json", "summary.md", "suite.toml")  # beside the sides' folders
+WARM = "warm"  # of a process that does its work once before, and of the home that it leaves
 _BAD_USE = (2, 126, 127)  # exit codes: of hdvplan, and of what cannot be started
 
 
@@ -47,64 +51,109 @@ class Settings:
 
     rule: Rule
     expect_changes: bool
+    patience: float = PATIENCE_S
+    time_limit: float = TIME_LIMIT_S
 
 
-def measure_against(
-    base: Contender, new: Contender, settings: Settings, out: Path, scratch: Scratch, on_progress: Callable[[float], None]
-) -> Comparison:
-    """Return the comparison of two programs, measured into ``out``/base and ``out``/new; ``on_progress`` receives the done share.
+@dataclass(frozen=True)
+class Told:
+    """Who wants to hear how a comparison goes on."""
 
-    Both do their work once before, at the same time, so that what a program compiles or loads but once is there. Then five pairs of
-    processes follow, each with the other side first; the two of a pair take turns, on one core if that is enough for both. Unless all is
-    fine then, five more pairs are measured, and all ten decide. A program that fails ends it: a new one that fails beside a base that does
-    not is a regression.
+    step: Callable[[str], None]  # what is being done, in words
+    progress: Callable[[float], None]  # the done share of the measurement
+
+
+@dataclass(frozen=True)
+class _Measuring:
+    """Two programs that are measured: where, how, and the last process of each."""
+
+    sides: Mapping[str, Contender]
+    settings: Settings
+    out: Path
+    scratch: Scratch
+    begun: dict[str, tuple[Started, Path]] = field(default_factory=dict)
+
+    def home(self, side: str, name: str = "") -> Home:
+        """Return where a process has its home: each side has one that stays; that of a cold process is empty."""
+        return Home(self.scratch.folder / f"home-{side}" / (name if COLD in name else WARM), self.settings.time_limit)
+
+    def begin(self, side: str, name: str, turns: Turns | None = None) -> Started:
+        """Start a process of one side, which measures into its folder ``name``."""
+        target, one = self.out / side / name, self.sides[side]
+        with _blamed(side):
+            command = one.work.command(one.program, target, warm=turns is None)
+            self.begun[side] = one.program.start(command, self.scratch, self.home(side, name), turns), target
+        return self.begun[side][0]
+
+    def complete(self) -> None:
+        """Wait for both; the base first: of what fails on both sides the new one is not to blame."""
+        for side in SIDES:
+            started, target = self.begun[side]
+            with _blamed(side):
+                ended = self.sides[side].program.finish(started)
+                self.sides[side].work.keep(ended, target)
+            load = load_average()
+            if target.is_dir():
+                write_atomically(target / ABOUT, json_bytes({**ended.spent, LOAD: load[0] if load else None}))
+
+    def warm_up(self) -> Sequence[str]:
+        """Run both once, at the same time, and return where pairs of processes go: cold ones too if any side keeps files in its home."""
+        for side in SIDES:
+            self.begin(side, WARM)
+        self.complete()
+        for side in SIDES:
+            shutil.rmtree(self.out / side / WARM, ignore_errors=True)
+        return [f"{COLD}/", ""] if any(self.home(side).is_used for side in SIDES) else [""]
+
+    def pair(self, number: int, kinds: Sequence[str]) -> None:
+        """Measure a pair of processes of each kind, which take turns; in every second one the new side begins."""
+        cores = shared_cores(one_is_enough=all(one.work.on_one_thread for one in self.sides.values()))
+        for kind in kinds:
+            turns = Turns(cores[number % len(cores)])
+            in_turn(self.begin(side, f"{kind}{number:02d}", turns) for side in (SIDES if number % 2 == 0 else reversed(SIDES)))
+            self.complete()
+
+
+def measure_against(base: Contender, new: Contender, settings: Settings, out: Path, scratch: Scratch, told: Told) -> Comparison:
+    """Return the comparison of two programs, measured into ``out``/base and ``out``/new.
+
+    Both do their work once before, so that what a program compiles or loads but once is there. Then pairs of fresh processes follow, on
+    one core if that is enough for both. It is decided after five pairs if all is fine, else after ten; while noise hides the answer, after
+    as many again, within the patience. A program that fails ends it: a new one that fails beside a base that does not is a regression.
 
     Raises:
         OptionError: ``out`` holds something else, or neither program can use what it is given.
         OSError: ``out`` cannot be written.
 
     """
-    sides = dict(zip(SIDES, (base, new), strict=True))
     for side in SIDES:
         _clear(out / side)
-    numbers, cores = count(), shared_cores(one_is_enough=base.work.on_one_thread and new.work.on_one_thread)
-    begun: dict[str, tuple[Started, Path, Path]] = {}
-
-    def begin(side: str, name: str, turns: Turns | None = None) -> Started:
-        timed, target = scratch.folder / f"import-{next(numbers)}", out / side / name
-        with _blamed(side):
-            command = sides[side].work.command(sides[side].program, target, timed, warm=turns is None)
-            begun[side] = sides[side].program.start(command, scratch, turns), target, timed
-        return begun[side][0]
-
-    def complete(side: str) -> None:
-        started, target, timed = begun[side]
-        with _blamed(side):
-            ended = sides[side].program.finish(started)
-            sides[side].work.keep(ended, target)
-        _note(target, ended, timed)
-
+    began, measuring = monotonic(), _Measuring(dict(zip(SIDES, (base, new), strict=True)), settings, out, scratch)
     try:
-        for side in SIDES:
-            begin(side, "warm")
-        for side in SIDES:  # the base first: of what fails on both sides the new one is not to blame
-            complete(side)
-            shutil.rmtree(out / side / "warm", ignore_errors=True)
-        for pair in range(2 * BATCH):
-            turns = Turns(cores[pair % len(cores)])
-            in_turn(begin(side, f"{pair:02d}", turns) for side in (SIDES if pair % 2 == 0 else reversed(SIDES)))
-            for side in SIDES:
-                complete(side)
-            on_progress((pair + 1) / (2 * BATCH))
-            if pair + 1 == BATCH and (first := compared(out, settings)).verdict is Verdict.FINE:
-                return first
-            if pair + 1 == BATCH and first.verdict is Verdict.REGRESSED and not _in_times(first):
-                return first  # counters are the same in every process
+        kinds = measuring.warm_up()
+        if len(kinds) > 1:
+            told.step("a side keeps files in its home folder: it is measured with an empty one too")
+        for done in range(1, LOOKS[-1] + 1):
+            measuring.pair(done - 1, kinds)
+            told.progress(min(done / LOOKS[1], 1.0))
+            left = settings.patience - (monotonic() - began)
+            impatient = done >= LOOKS[1] and left <= 0.0
+            if done in LOOKS or impatient:
+                found = compared(out, settings)
+                if _is_answer(found) or impatient:
+                    return found
+                if done >= LOOKS[1]:
+                    told.step(f"{verdict_line(found, settings.rule)}; measuring on, for at most {left:.0f} s")
     except _SideError as blamed:
-        if blamed.side == SIDES[0] and blamed.error.code in _BAD_USE and _fails_too(begun.get(SIDES[1]), new.program):
+        if blamed.side == SIDES[0] and blamed.error.code in _BAD_USE and _fails_too(measuring.begun.get(SIDES[1]), new.program):
             raise OptionError(str(blamed.error), hint=blamed.error.hint) from blamed.error
         return failed(blamed.side, str(blamed.error), blamed.error.tail)
-    return compared(out, settings)
+    return found
+
+
+def _is_answer(found: Comparison) -> bool:
+    """Tell whether more pairs would change nothing. Once there are enough to prove something, an answer may leave noise elsewhere."""
+    return found.failure is not None or found.is_settled or (found.processes >= FEWEST and found.verdict is not Verdict.UNMEASURABLE)
 
 
 class _SideError(Exception):
@@ -135,13 +184,7 @@ def compared(out: Path, settings: Settings) -> Comparison:
     return compare(sides[SIDES[0]], sides[SIDES[1]], settings.rule, Tolerance(), expect_changes=settings.expect_changes)
 
 
-def _in_times(comparison: Comparison) -> bool:
-    """Tell whether there is something in a comparison's times that a repeat could settle."""
-    cells = [entry.decision.verdict for entry in comparison.times if entry.decision]
-    return any(verdict is not Verdict.FINE for verdict in [*cells, *(one.verdict for one in comparison.found)])
-
-
-def _fails_too(begun: tuple[Started, Path, Path] | None, program: Program) -> bool:
+def _fails_too(begun: tuple[Started, Path] | None, program: Program) -> bool:
     """Tell whether the other program ends with bad use as well: then what was asked for is wrong, not a program."""
     if begun is None:
         return False
@@ -152,32 +195,14 @@ def _fails_too(begun: tuple[Started, Path, Path] | None, program: Program) -> bo
     return False
 
 
-def _note(target: Path, ended: Ended, timed: Path) -> None:
-    """Leave beside what a process measured how long its imports took, and its largest memory."""
-    known: dict[str, object] = {PEAK: ended.peak_bytes}
-    with suppress(OSError, ValueError):
-        known[IMPORT] = float(json.loads(timed.read_text(encoding="utf-8")))
-        timed.unlink()
-    if target.is_dir():
-        write_atomically(target / ABOUT, json_bytes(known))
-
-
 def _clear(folder: Path) -> None:
     """Delete the runs of an earlier comparison."""
     if not folder.exists():
         return
-    if not folder.is_dir() or any(not (entry.name.isdigit() or entry.name == "warm") for entry in folder.iterdir()):
+    if not folder.is_dir() or any(not (entry.name.isdigit() or entry.name in {WARM, COLD}) for entry in folder.iterdir()):
         msg = f"{folder} holds files that are not of an earlier comparison"
         raise OptionError(msg, hint="choose another folder with --out")
     shutil.rmtree(folder)
-
-
-@dataclass(frozen=True)
-class Told:
-    """Who wants to hear how a comparison goes on."""
-
-    step: Callable[[str], None]  # what is being done, in words
-    progress: Callable[[float], None]  # the done share of the measurement
 
 
 @dataclass(frozen=True)
@@ -257,7 +282,7 @@ def _compared(
             return failed(side, str(error), tail, blameless=isinstance(error, UnreachedError))
     old, now = contenders
     told.step(f"base: {old.program.name}; new: {now.program.name}")
-    return measure_against(old, now, wanted.settings, out, scratch, told.progress)
+    return measure_against(old, now, wanted.settings, out, scratch, told)
 
 
 def _work(program: Program, wanted: Suite | CommandWork, scratch: Scratch, side: str) -> Work:

@@ -1,8 +1,8 @@
-"""Compare two benchmarks: exact counters first, then times, cell by cell, and statistics over all of them."""
+"""Compare two benchmarks: exact counters first, then times, cell by cell, and quantities of whole processes."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,17 +11,32 @@ import pandas as pd
 
 from hdvplan.arrays import FloatArray
 from hdvplan.bench.comparing.counters import WORK_TOLERANCE, Change, Tolerance, changes_of
-from hdvplan.bench.comparing.decision import Decision, Rule, Verdict, agreement, are_times, judge, judge_whole
-from hdvplan.bench.comparing.sides import IMPORT, PEAK, Name, Side
-from hdvplan.bench.comparing.where import Place, place_of
+from hdvplan.bench.comparing.decision import FEWEST, Decision, Pairs, Rule, Verdict, decide
+from hdvplan.bench.comparing.sides import (
+    COLD,
+    CPU,
+    IMPORT,
+    LOAD,
+    PEAK,
+    START,
+    UNREPORTED,
+    Name,
+    Processes,
+    Side,
+    alike,
+    cold_name,
+    own_changes,
+)
 from hdvplan.bench.tables import LOST, OK
 
+_GROUPS = 10  # of the rounds of a single process
 _SCALES = {"ms": 1e3, "s": 1.0, "MB": 1e-6}
-Values = tuple[FloatArray, FloatArray]  # of both sides, (pairs, cells)
+Values = tuple[FloatArray, FloatArray]  # of both sides, (pairs,)
+Abouts = Sequence[Mapping[str, float]]
 
 
 @dataclass(frozen=True)
-class Statistic:
+class Quantity:
     """A number of one process; larger is worse. A change counts if it exceeds both ``factor`` and ``floor`` (of the number's unit)."""
 
     name: str
@@ -31,28 +46,33 @@ class Statistic:
     floor: float
     times: str  # of what in a cell's ``Steps``; of the process as a whole, as ``Side.about`` names it
     of: Callable[[FloatArray], float] | None = None  # one number of the times; None: of the process as a whole
-
-    def counting(self, base: float) -> float:
-        """Return the ratio from which on a change counts."""
-        return max(self.factor, 1.0 + self.floor / base) if base > 0.0 else np.inf
+    when_cold: bool = False  # also of processes that begin with an empty home
 
 
-def statistics(rule: Rule) -> tuple[Statistic, ...]:
-    """Return the statistics; ``rule`` says what counts for those of ordinary steps, and no factor is below its own."""
+def step_of(rule: Rule) -> Quantity:
+    """Return the quantity of which noise prevents an answer: a cell's mean planning step."""
+    return Quantity("mean step", "every step's fastest round", "ms", rule.factor, 1e3 * rule.floor, "total", _fastest)
+
+
+def quantities(rule: Rule) -> tuple[Quantity, ...]:
+    """Return the quantities over all cells; ``rule`` says what counts for ordinary steps, and no factor is below its own."""
 
     def at_least(factor: float) -> float:
         return max(factor, rule.factor)
 
     floor = 1e3 * rule.floor
     return (
-        Statistic("from outside", "every step's fastest round, by the clock of the drive", "ms", rule.factor, floor, "outside", _fastest),
-        Statistic("typical", "every step's median round, by the clock of the drive", "ms", rule.factor, floor, "outside", _typical),
-        Statistic("p99", "of all steps of all rounds", "ms", at_least(1.25), 5.0 * floor, "outside", lambda all_: np.quantile(all_, 0.99)),
-        Statistic("worst", "of all steps of all rounds", "ms", at_least(1.5), 10.0 * floor, "outside", np.max),
-        Statistic("first plan", "the fastest of the drives' first plans", "ms", at_least(1.25), 10.0 * floor, "first", np.min),
-        Statistic("import", "until what plans is loaded", "s", at_least(1.15), 0.1, IMPORT),
-        Statistic("memory", "largest of the processes", "MB", at_least(1.03), 20.0, PEAK),
-    )
+        Quantity("from outside", "every step's fastest round, by the clock of the drive", "ms", rule.factor, floor, "outer", _fastest),
+        Quantity("typical", "every step's median round", "ms", rule.factor, floor, "outside", _typical),
+        Quantity("p99", "of all steps of all rounds", "ms", at_least(1.25), 5.0 * floor, "outside", lambda all_: np.quantile(all_, 0.99)),
+        Quantity("worst", "of all steps of all rounds", "ms", at_least(1.5), 10.0 * floor, "outside", np.max),
+        Quantity("first plan", "the fastest of the drives' first plans", "ms", at_least(1.25), 10.0 * floor, "first", np.min),
+        Quantity("import", "loading modules", "s", at_least(1.15), 0.1, IMPORT),
+        Quantity("start-up", "until the first turn, else all beside the steps", "s", at_least(1.15), 0.1, START, when_cold=True),
+        Quantity("unreported", "in its turns, beside the steps", "s", at_least(1.15), 0.1, UNREPORTED),
+        Quantity("CPU", "processor time of the whole process", "s", at_least(1.08), 0.02, CPU, when_cold=True),
+        Quantity("memory", "largest of the processes", "MB", at_least(1.03), 20.0, PEAK),
+    )  # fmt: skip
 
 
 def _fastest(times: FloatArray) -> float:
@@ -64,38 +84,23 @@ def _typical(times: FloatArray) -> float:
 
 
 @dataclass(frozen=True)
-class Found:
-    """One statistic of two programs, over all cells."""
-
-    statistic: Statistic
-    base: float  # median over the processes, mean over the cells
-    new: float
-    ratio: float  # median over the pairs of the geometric mean over the cells
-    pairs: int
-    chance: float  # see ``Agreement``
-    detectable: float  # the ratio that would have been found, and counts
-    verdict: Verdict
-
-    @property
-    def unseen(self) -> bool:
-        """Whether nothing was found, but the pairs differ so much that a change of the size that counts could hide among them."""
-        return self.verdict is Verdict.FINE and self.detectable > self.statistic.counting(self.base)
-
-
-@dataclass(frozen=True)
-class CellTimes:
-    """The decision about one cell's planning time; None where its steps cannot be paired because the sides took different ones."""
+class Entry:
+    """The decision about one quantity: of a cell, or of whole processes, whose ``cell`` is empty."""
 
     cell: Name
-    decision: Decision | None
-    chance: float = 1.0  # see ``Agreement``
-    detectable: float = np.inf  # the ratio that would have been found
-    place: Place | None = None  # of a cell that became slower
+    quantity: Quantity
+    decision: Decision
+    by_cpu: bool = False  # decided by processor time, as the clock could not
 
     @property
     def verdict(self) -> Verdict:
-        """The verdict on this cell."""
-        return self.decision.verdict if self.decision else Verdict.UNMEASURABLE
+        """The verdict on it."""
+        return self.decision.verdict
+
+    @property
+    def is_worse(self) -> bool:
+        """Whether it regressed."""
+        return self.verdict is Verdict.REGRESSED
 
 
 @dataclass(frozen=True)
@@ -112,38 +117,49 @@ class Comparison:
     """All that two benchmarks differ in, and the verdict on it."""
 
     changes: tuple[Change, ...]
-    times: tuple[CellTimes, ...]
+    times: tuple[Entry, ...]  # of cells
     verdict: Verdict
     processes: int  # pairs of processes; of one process a side the rounds are the pairs
-    found: tuple[Found, ...] = ()  # the statistics over all cells
+    found: tuple[Entry, ...] = ()  # of whole processes, over all cells
     failure: Failure | None = None
     expected: bool = False  # changed counters are no regression, as the user expects them
+    load: float = np.nan  # the machine's load average meanwhile, where it is known
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether more pairs could change nothing: the times are fine, or something is proven to be worse."""
+        entries = [*self.times, *self.found]
+        fine = all(entry.verdict is Verdict.FINE for entry in entries)
+        return fine or (self.processes >= FEWEST and self.verdict is Verdict.REGRESSED)
 
 
 def compare(base: Side, new: Side, rule: Rule, tolerance: Tolerance, *, expect_changes: bool) -> Comparison:
     """Return what differs between two sides; changed counters are a regression unless ``expect_changes``.
 
-    What was planned before and is not any more is one in any case. All times are judged together: the more there are, the better the
-    pairs of processes must agree in one of them.
+    What was planned before and is not any more is one in any case. Times are compared over the rounds and steps that both sides have. All
+    are judged together: the more there are, the better the pairs of processes must agree in one of them.
     """
     lost = [Change(cell, "status", OK, status) for cell, status in new.lost.items() if cell not in base.lost]
-    changes = (*changes_of(base.counters, new.counters, tolerance), *_own_changes(base, new), *lost)
-    processes = min(len(base.processes), len(new.processes))
-    there = _names(new)
-    cells = {name: _pairs(base, new, name) for name in _names(base) if name in there}
-    known = {name: both for name, both in cells.items() if both is not None and all(map(are_times, both)) and len(both[0]) == processes}
-    whole = {one: values for one in statistics(rule) if processes > 1 and (values := _values(base, new, one, processes))}
-    rows = [np.log(there.mean(axis=1) / here.mean(axis=1)) for here, there in known.values()]
-    rows += [np.log(there / here).mean(axis=1) for here, there in whole.values()]
-    agreed = agreement(np.array(rows).reshape(len(rows), processes))
-    chances = list(zip(agreed.chance.tolist(), agreed.detectable.tolist(), strict=True))
-    by_cell = dict(zip(known, chances, strict=False))
-    times = tuple(_cell_times(name, both, rule, by_cell.get(name), base, new) for name, both in cells.items())
-    found = tuple(
-        _found(one, values, row, *chance)
-        for (one, values), row, chance in zip(whole.items(), rows[len(known) :], chances[len(known) :], strict=True)
-    )
-    short = _short_names([change.cell for change in changes] + list(cells))
+    changes = (*changes_of(base.counters, new.counters, tolerance), *own_changes(base, new), *lost)
+    here, there = alike(base.processes, new.processes)
+    cold = alike(base.cold, new.cold)
+    step, pairs = step_of(rule), len(here)
+    cells = {(name, step): _of_cell(here, there, name) for name in here[0]}
+    cells |= {(cold_name(name), step): _of_cell(*cold, name) for name in cold[0][0]} if len(cold[0]) == pairs > 1 else {}
+    whole: dict[tuple[Name, Quantity], Values | None] = {
+        ((), one): _of_all(one, (here, base.about), (there, new.about)) for one in quantities(rule)
+    }
+    for one in quantities(rule):
+        if one.when_cold:
+            whole[(COLD,), one] = _of_all(one, (cold[0], base.cold_about), (cold[1], new.cold_about))
+    judged = cells | {key: both for key, both in whole.items() if both is not None and len(both[0]) == pairs > 1}
+    decisions = decide([_pairs(one, both, needed=(name, one) in cells, independent=pairs > 1) for (name, one), both in judged.items()])
+    entries = [Entry(name, one, decision) for (name, one), decision in zip(judged, decisions, strict=True)]
+    found = tuple(entries[len(cells) :])
+    times = [_by_cpu(entry, found, here, base.about) for entry in entries[: len(cells)]]
+    missing = [name for name in _names(base) if name in _names(new) and name not in here[0]]
+    times += [Entry(name, step, Decision(Verdict.UNMEASURABLE, 0)) for name in missing]
+    short = _short_names([change.cell for change in changes] + [entry.cell for entry in times])
     return Comparison(
         tuple(
             replace(change, cell=short[change.cell], why=new.last_words.get(change.cell, "") if no_longer_planned(change) else "")
@@ -151,9 +167,10 @@ def compare(base: Side, new: Side, rule: Rule, tolerance: Tolerance, *, expect_c
         ),
         tuple(replace(entry, cell=short[entry.cell]) for entry in times),
         _verdict(changes, times, found, expect_changes=expect_changes),
-        processes,
+        min(len(base.processes), len(new.processes)),
         found,
         expected=expect_changes,
+        load=_mean([about[LOAD] for side in (base, new) for about in side.about if LOAD in about]),
     )
 
 
@@ -178,84 +195,74 @@ def no_longer_planned(change: Change) -> bool:
     return lost or (change.counter == "cell" and change.new == "missing")
 
 
-def _verdict(changes: Iterable[Change], times: Iterable[CellTimes], found: Iterable[Found], *, expect_changes: bool) -> Verdict:
-    cells, wider = {entry.verdict for entry in times}, {one.verdict for one in found}
+def _verdict(changes: Iterable[Change], times: Sequence[Entry], found: Iterable[Entry], *, expect_changes: bool) -> Verdict:
     counted = any(no_longer_planned(change) or not expect_changes for change in changes)
-    if counted or Verdict.REGRESSED in cells | wider:
+    doubts = [entry for entry in found if entry.verdict is Verdict.UNMEASURABLE and entry.decision.pairs < FEWEST]
+    if counted or any(entry.is_worse for entry in (*times, *found)):
         return Verdict.REGRESSED
-    return Verdict.FINE if cells == {Verdict.FINE} and Verdict.UNMEASURABLE not in wider else Verdict.UNMEASURABLE
+    return Verdict.FINE if times and all(entry.verdict is Verdict.FINE for entry in times) and not doubts else Verdict.UNMEASURABLE
 
 
-def _cell_times(name: Name, both: Values | None, rule: Rule, agreed: tuple[float, float] | None, base: Side, new: Side) -> CellTimes:
-    if both is None or agreed is None:
-        return CellTimes(name, both and judge(*both, rule))
-    chance, detectable = agreed
-    decision, place = judge(*both, rule, chance), None
-    if decision.verdict is Verdict.REGRESSED:
-        place = place_of([one[name] for one in base.processes], [one[name] for one in new.processes])
-    return CellTimes(name, decision, chance, max(detectable, decision.noise**2) if np.isfinite(detectable) else detectable, place)
+def _pairs(one: Quantity, both: Values, *, needed: bool, independent: bool) -> Pairs:
+    base, new = (_SCALES[one.unit] * side for side in both)
+    return Pairs(base, new, one.factor, one.floor, needed, independent)
 
 
-def _found(one: Statistic, values: Values, log_ratios: FloatArray, chance: float, detectable: float) -> Found:
-    here, there = (float(np.median(side.mean(axis=1))) for side in values)
-    ratios = np.exp(log_ratios)
-    verdict = judge_whole(ratios, there - here, one.factor, one.floor, chance)
-    return Found(one, here, there, float(np.median(ratios)), len(ratios), chance, max(detectable, one.counting(here)), verdict)
+def _of_cell(here: Processes, there: Processes, name: Name) -> Values:
+    """Return a cell's mean planning step of both sides, (pairs,) [s], every step with its fastest round.
+
+    One process has no pairs. Some of its rounds are left out in turn instead: that shows whether the minima rest on single rounds, but
+    nothing of what differs between processes.
+    """
+    sides = [[process[name].total for process in side] for side in (here, there)]
+    if len(here) == 1 and (rounds := len(sides[0][0])) > 1:
+        groups = np.array_split(np.arange(rounds), min(rounds, _GROUPS))
+        sides = [[np.delete(side[0], group, axis=0) for group in groups] for side in sides]
+    base, new = (np.array([_fastest(times) for times in side]) for side in sides)
+    return base, new
 
 
-def _own_changes(base: Side, new: Side) -> list[Change]:
-    """Return the changed counters of a user's commands."""
-    changes = []
-    for cell in dict.fromkeys([*base.own, *new.own]):
-        if cell not in base.own or cell not in new.own:
-            changes.append(Change(cell, "cell", *("measured" if cell in side.own else "missing" for side in (base, new))))
-            continue
-        old, now = base.own[cell], new.own[cell]
-        changed = [name for name in {**old, **now} if old.get(name) != now.get(name)]
-        changes += [Change(cell, name, str(old.get(name, "-")), str(now.get(name, "-"))) for name in changed]
-    return changes
+def _of_all(one: Quantity, base: tuple[Processes, Abouts], new: tuple[Processes, Abouts]) -> Values | None:
+    """Return a quantity of both sides, (pairs,) in SI units, of cells their geometric mean; None where it is not known of all processes."""
+    if one.of is None:
+        if not all(one.times in about for _, abouts in (base, new) for about in abouts):
+            return None
+        here, there = (np.array([about[one.times] for about in abouts]) for _, abouts in (base, new))
+        return (here, there) if here.size and here.shape == there.shape else None
+    tables = [
+        np.array([[one.of(times) if (times := getattr(steps, one.times)).size else np.nan for steps in cells.values()] for cells in side])
+        for side, _ in (base, new)
+    ]
+    usable = np.all([np.isfinite(table) & (table > 0.0) for table in tables], axis=(0, 1))
+    if not np.any(usable):
+        return None
+    here, there = (np.exp(np.log(table[:, usable]).mean(axis=1)) for table in tables)
+    return here, there
+
+
+def _by_cpu(entry: Entry, found: Iterable[Entry], here: Processes, about: Sequence[Mapping[str, float]]) -> Entry:
+    """Return a cell that the clock leaves open as fine where the processor time of whole processes leaves no room for what counts.
+
+    A cell takes a share of the process: its slowdown shows in that share of the processor time alone.
+    """
+    cpu = next((one.decision for one in found if one.quantity.times == CPU and not one.cell), None)
+    open_ = entry.verdict is Verdict.UNMEASURABLE and entry.decision.ratio <= entry.decision.counting
+    if cpu is None or not open_ or cpu.verdict is not Verdict.FINE or cpu.pairs < FEWEST or entry.cell not in here[0]:
+        return entry
+    share = min(1.0, _mean([float(np.sum(cells[entry.cell].outside)) / one[CPU] for cells, one in zip(here, about, strict=False)]))
+    hidden = 1.0 + (cpu.high - 1.0) / share
+    if hidden > entry.decision.counting:
+        return entry
+    return replace(entry, decision=replace(entry.decision, verdict=Verdict.FINE), by_cpu=True)
+
+
+def _mean(values: Sequence[float]) -> float:
+    return float(np.mean(values)) if values else np.nan
 
 
 def _names(side: Side) -> dict[Name, None]:
     """Return the cells of which any process has steps."""
     return dict.fromkeys(name for process in side.processes for name in process)
-
-
-def _pairs(before: Side, now: Side, name: Name) -> Values | None:
-    """Return the (pairs, steps) times of a cell, as many processes and rounds of both; None where steps differ, or a process has none.
-
-    Every step counts with its fastest round. One process has no pairs. Its rounds are left out in turn instead: that shows whether the
-    minima rest on single rounds, but nothing of what differs between processes.
-    """
-    sides = [[process[name].total for process in side.processes if name in process] for side in (before, now)]
-    every = [times for side in sides for times in side]
-    if len(every) < len(before.processes) + len(now.processes) or len({times.shape[1] for times in every}) > 1:
-        return None
-    processes, rounds = min(map(len, sides)), min(map(len, every))
-    here, there = ([times[:rounds] for times in side[:processes]] for side in sides)
-    if processes == 1 and rounds > 1:
-        here, there = ([np.delete(side[0], left_out, axis=0) for left_out in range(rounds)] for side in (here, there))
-    return tuple(np.array([times.min(axis=0, initial=np.inf) for times in side]) for side in (here, there))  # type: ignore[return-value] # two
-
-
-def _values(base: Side, new: Side, one: Statistic, pairs: int) -> Values | None:
-    """Return a statistic of both sides, (pairs, cells) in its unit; None where it is not known of all processes."""
-    every, first = [*base.processes, *new.processes], base.processes[0]
-    names = [
-        name for name in first if all(name in process and process[name].total.shape[1] == first[name].total.shape[1] for process in every)
-    ]
-    tables = []
-    for side in (base, new):
-        if one.of is None:
-            rows = [[about[one.times]] if one.times in about else [] for about in side.about[:pairs]]
-        else:
-            cells = [[getattr(process[name], one.times) for name in names] for process in side.processes[:pairs]]
-            rows = [[one.of(times) if times.size else np.nan for times in row] for row in cells]
-        if len(rows) < pairs or not all(rows):
-            return None
-        tables.append(_SCALES[one.unit] * np.array(rows, dtype=np.float64))
-    usable = np.all([np.isfinite(table) & (table > 0.0) for table in tables], axis=(0, 1))
-    return (tables[0][:, usable], tables[1][:, usable]) if np.any(usable) else None
 
 
 def _short_names(cells: list[Name]) -> Mapping[Name, Name]:

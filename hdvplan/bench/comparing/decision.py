@@ -1,21 +1,22 @@
-"""Decide from raw samples whether a program became slower. Arrays in, verdicts out: nothing here reads, runs or prints.
+"""Decide from pairs of processes whether a program became worse. Arrays in, verdicts out: nothing here reads, runs or prints.
 
-One process's statistic of a cell is the mean over planning steps of each step's fastest round: what the planner needs, with
-interruptions that hit single steps removed. Two estimates of the slowdown are made from it: the median of the ratios of
-pairs that ran one after the other, which drift cannot move, and the ratio of the sides' minima over all processes, which
-processes that were slow as a whole cannot move. Only what both show is believed. p-values of samples within a process are
-of no use here: they ask whether two processes differ, and two processes of the same program do.
+Every quantity, a cell's mean planning step as well as a process's memory, is one number of each process. The two of a pair ran one after
+the other, or took turns: drift of the machine cancels in their ratio. The slowdown is the middle one of the pairs' ratios, and what is
+shown as base and new are the numbers of that pair. p-values of samples within a process are of no use here: they ask whether two processes
+differ, and two processes of the same program do.
 
-Nor is it believed unless the pairs agree. If both sides are the same program, each pair could as well have been measured with its sides
-exchanged: the signs of its log ratios, in all statistics at once, are as likely turned round. Turned in every possible way, the pairs show
-how large the largest agreement over all statistics becomes by chance. What only one way in a hundred reaches is believed; so all
-statistics together raise a false alarm in at most one comparison of a hundred, however many they are and however they hang together
-(Westfall and Young 1993, Winkler et al. 2014).
+A slowdown is not believed unless the pairs agree. If both sides are the same program, each pair could as well have been measured with its
+sides exchanged: the signs of its log ratios, in all quantities at once, are as likely turned round. Turned in every possible way, the pairs
+show how large the largest agreement over all quantities becomes by chance (Westfall and Young 1993, Winkler et al. 2014). What fewer ways
+than a share of them reach is believed. Who looks several times, after 10, 20, 40 and 80 pairs, may believe less each time: half the share
+at every look, one in a hundred together. So at most one comparison in a hundred is a false alarm, however many quantities there are and
+however they hang together.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
@@ -25,19 +26,18 @@ from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError
 
 FEWEST_PAIRS = 3  # fewer say nothing about their own spread
-BATCH = 5  # pairs; twice as many are two batches, and the second is the repeat that a red needs
-_CONFIDENCE = 0.75  # that the interval holds the median; of five pairs all, of ten the third to the eighth
-LEVEL = 0.01  # largest chance of a false alarm, over all statistics together
+LOOKS = (5, 10, 20, 40, 80)  # pairs after which it is decided; the first look can only be fine, or call for more
+LEVEL = 0.01  # largest chance of a false alarm, over all quantities and looks together
 FEWEST = 7  # pairs that can agree so well: six can be turned round in 64 ways only
-_SUSPECT = 0.8  # share of fewer pairs that must show a change of a statistic for it to be looked at again
+_CONFIDENCE = 0.75  # that the interval holds the median; of five pairs all, of ten the third to the eighth
 _MOST_TURNED = 12  # pairs up to which all ways are looked at: 4096
 _DRAWN = 9999
-_LARGEST = 3.0  # a pair counts with at most this many medians of its statistic's absolute log ratios
+_LARGEST = 2.0  # a pair counts with at most this many medians of its quantity's absolute log ratios
 _SURE = 2.0  # standard deviations beyond the threshold: found 9 times out of 10 where the spread is estimated from ten pairs
 
 
 class Verdict(StrEnum):
-    """What a comparison of times ends with."""
+    """What a comparison ends with."""
 
     FINE = "fine"
     REGRESSED = "regressed"
@@ -67,82 +67,106 @@ class Rule:
 
 
 @dataclass(frozen=True)
+class Pairs:
+    """One quantity of both programs, (pairs,) arrays in the order of measurement; larger is worse.
+
+    A change counts if it exceeds both ``factor`` and ``floor``, which has the quantity's unit. Where noise hides a change of a quantity
+    that is ``needed``, there is no answer at all; of others it is told. ``independent`` is False of pairs that share their measurements:
+    then their agreement proves nothing, and only their spread counts.
+    """
+
+    base: FloatArray
+    new: FloatArray
+    factor: float
+    floor: float
+    needed: bool = True
+    independent: bool = True
+
+
+@dataclass(frozen=True)
 class Decision:
     """A verdict and the numbers it rests on; NaN where there is nothing to compute them from."""
 
     verdict: Verdict
     pairs: int
-    base: float  # mean planning step, each with its fastest sample of all [s]
-    new: float
-    ratio: float  # the slowdown that both estimates show: the smaller of the two
-    low: float  # interval of the median of the pairs' ratios
-    high: float
-    noise: float  # the factor by which the times are uncertain: half the interval, or the estimates' disagreement
+    base: float = np.nan  # of the pair with the middle ratio
+    new: float = np.nan
+    ratio: float = np.nan  # of these two
+    low: float = np.nan  # interval of the median of the pairs' ratios; it contains ``ratio``
+    high: float = np.nan
+    counting: float = np.inf  # the ratio from which on a change counts
+    chance: float = 1.0  # of an agreement as large as this in any of the quantities, where the sides are the same
+    detectable: float = np.inf  # the ratio that would be believed 9 times out of 10, of few pairs with a repeat; infinite where none would
+    needed: bool = True
+
+    @property
+    def noise(self) -> float:
+        """The factor by which the ratio is uncertain."""
+        return float(np.sqrt(self.high / self.low))
+
+    @property
+    def unseen(self) -> bool:
+        """Whether nothing was found, but a change that counts could hide in the noise, which prevents no answer."""
+        return not self.needed and self.verdict is not Verdict.REGRESSED and (self.ratio > self.counting or self.detectable > self.counting)
 
 
 @dataclass(frozen=True)
 class Agreement:
-    """How the pairs agree in each statistic; (statistics,) arrays."""
+    """How the pairs agree in each quantity; (quantities,) arrays."""
 
-    chance: FloatArray  # of an agreement as large as this in any of the statistics, where the sides are the same
-    detectable: FloatArray  # the ratio that would be believed 9 times out of 10, of few pairs with a repeat; infinite where none would
+    chance: FloatArray
+    detectable: FloatArray
 
 
-def judge(base: FloatArray, new: FloatArray, rule: Rule, chance: float = 0.0) -> Decision:
-    """Decide from a cell's pairs in the order in which they were measured; from six pairs on, the later half is the repeat.
+def decide(quantities: Sequence[Pairs]) -> list[Decision]:
+    """Return what to believe of each quantity; all are judged together, and have the same pairs.
 
-    ``base`` and ``new`` are (pairs, steps) times [s], row i of both measured one after the other, column j the same
-    planning step. A slowdown that one half of the pairs does not show does not count: where that half is quiet
-    the verdict is FINE, else UNMEASURABLE, as it is where the pairs agree by a larger ``chance`` than is believed.
+    REGRESSED: the ratio counts, the interval is above 1 and the pairs agree; of fewer than seven pairs, which cannot agree well enough, a
+    needed quantity's ratio must exceed their spread. UNMEASURABLE: it counts and that is not proven, or the interval of a needed
+    quantity reaches beyond what counts.
 
     Raises:
-        ValueError: the arrays differ in shape.
+        ValueError: the sides of a quantity differ in shape, or quantities in their number of independent pairs.
 
     """
-    together = _judge_batch(base, new, rule)
-    if together.verdict is not Verdict.REGRESSED:
-        return together
-    half = (len(base) + 1) // 2 if len(base) >= 2 * FEWEST_PAIRS else len(base)
-    parts = [_judge_batch(base[part], new[part], rule) for part in (slice(half), slice(half, None)) if len(base[part])]
-    doubting = [part for part in parts if not _exceeds(part, rule)]
-    if doubting and all(part.verdict is Verdict.FINE for part in doubting):
-        return replace(together, verdict=Verdict.FINE)
-    agreed = len(base) < FEWEST or chance <= LEVEL
-    return together if agreed and not doubting else replace(together, verdict=Verdict.UNMEASURABLE)
+    for one in quantities:
+        if one.base.shape != one.new.shape or one.base.ndim != 1:
+            msg = f"pairs cannot be formed of {one.base.shape} and {one.new.shape} numbers"
+            raise ValueError(msg)
+    known = [one for one in quantities if one.independent and len(one.base) and are_times(one.base) and are_times(one.new)]
+    pairs = len(known[0].base) if known else 0
+    agreed = agreement(np.array([np.log(one.new / one.base) for one in known]).reshape(len(known), pairs))
+    found = {id(one): pair for one, pair in zip(known, zip(agreed.chance.tolist(), agreed.detectable.tolist(), strict=True), strict=True)}
+    return [_decided(one, *found.get(id(one), (0.0, np.inf))) for one in quantities]
 
 
-def judge_whole(ratios: FloatArray, grown: float, factor: float, floor: float, chance: float) -> Verdict:
-    """Decide about a statistic of whole processes from its ratio in each pair; it has ``grown`` by so much, in the unit of its ``floor``.
+def _decided(one: Pairs, chance: float, detectable: float) -> Decision:
+    """Decide about one quantity, whose pairs agree by ``chance``."""
+    pairs = len(one.base)
+    if not (are_times(one.base) and are_times(one.new)):
+        return Decision(Verdict.UNMEASURABLE, pairs, needed=one.needed)
+    ratios = one.new / one.base
+    order, rank = np.argsort(ratios, kind="stable"), median_rank(pairs)
+    middle = order[(pairs - 1) // 2]
+    base, new, ratio = float(one.base[middle]), float(one.new[middle]), float(ratios[middle])
+    counting = max(one.factor, 1.0 + one.floor / base)
+    if pairs < FEWEST_PAIRS:
+        return Decision(Verdict.UNMEASURABLE, pairs, base, new, ratio, counting=counting, needed=one.needed)
+    low, high = float(ratios[order[rank]]), float(ratios[order[-1 - rank]])
+    verdict = Verdict.FINE
+    if ratio > counting:
+        agree = chance <= level_of(pairs) if one.independent and pairs >= FEWEST else one.needed and ratio > high / low
+        verdict = Verdict.REGRESSED if agree and low > 1.0 else Verdict.UNMEASURABLE
+    elif one.needed and high > counting:
+        verdict = Verdict.UNMEASURABLE
+    return Decision(verdict, pairs, base, new, ratio, low, high, counting, chance, max(detectable, counting), one.needed)
 
-    UNMEASURABLE: large enough and shown by most of too few pairs; a repeat decides.
-    """
-    if not (np.median(ratios) > factor and grown > floor):
-        return Verdict.FINE
-    if len(ratios) >= FEWEST:
-        return Verdict.REGRESSED if chance <= LEVEL else Verdict.FINE
-    return Verdict.UNMEASURABLE if np.mean(ratios > np.sqrt(factor)) >= _SUSPECT else Verdict.FINE
 
-
-def _judge_batch(base: FloatArray, new: FloatArray, rule: Rule) -> Decision:
-    """Decide from one batch of pairs; see ``judge``."""
-    if base.shape != new.shape or base.ndim != 2:  # noqa: PLR2004 - a table
-        msg = f"pairs of planning steps cannot be formed of {base.shape} and {new.shape} times"
-        raise ValueError(msg)
-    pairs, known = len(base), are_times(base) and are_times(new)
-    fastest_base, fastest_new = (float(side.min(axis=0).mean()) if known else np.nan for side in (base, new))
-    fastest = fastest_new / fastest_base
-    if not known or pairs < FEWEST_PAIRS:
-        return Decision(Verdict.UNMEASURABLE, pairs, fastest_base, fastest_new, fastest, np.nan, np.nan, np.nan)
-    ratios = np.sort(new.mean(axis=1) / base.mean(axis=1))
-    rank = median_rank(pairs)
-    low, high, typical = float(ratios[rank]), float(ratios[-1 - rank]), float(np.median(ratios))
-    noise = float(max(np.sqrt(high / low), typical / fastest, fastest / typical))
-    decision = Decision(Verdict.FINE, pairs, fastest_base, fastest_new, min(typical, fastest), low, high, noise)
-    if _exceeds(decision, rule):
-        proven = low > 1.0 and decision.ratio > noise**2  # twice the noise, as factors go
-        return replace(decision, verdict=Verdict.REGRESSED if proven else Verdict.UNMEASURABLE)
-    drowned = noise > rule.factor and high >= 1.0  # a regression of the size asked for could hide; one cannot where new is faster
-    return replace(decision, verdict=Verdict.UNMEASURABLE) if drowned else decision
+def level_of(pairs: int) -> float:
+    """Return the chance that is believed at the look after so many pairs: half as much at each look."""
+    looks = [look for look in LOOKS if look >= FEWEST]
+    number = next((number for number, look in enumerate(looks) if pairs <= look), len(looks))
+    return LEVEL / 2.0 ** (1 + number)
 
 
 def are_times(times: FloatArray) -> bool:
@@ -156,12 +180,8 @@ def median_rank(count: int) -> int:
     return int(max(np.flatnonzero(held >= _CONFIDENCE), default=0))
 
 
-def _exceeds(decision: Decision, rule: Rule) -> bool:
-    return decision.ratio > rule.factor and (decision.ratio - 1.0) * decision.base > rule.floor
-
-
 def agreement(log_ratios: FloatArray) -> Agreement:
-    """Return how pairs agree; ``log_ratios`` is (statistics, pairs), positive where the new side is larger.
+    """Return how pairs agree; ``log_ratios`` is (quantities, pairs), positive where the new side is larger.
 
     The measure of agreement is the mean over the root of the mean square, 1 where all pairs show the same: turning signs changes the
     one and not the other. Single pairs of any size cannot decide it.
@@ -185,14 +205,15 @@ def agreement(log_ratios: FloatArray) -> Agreement:
 
 
 def _detectable(log_ratios: FloatArray, largest: FloatArray) -> FloatArray:
-    """Return the ratio whose agreement exceeds what chance reaches once in a hundred ways, 9 times out of 10.
+    """Return the ratio whose agreement exceeds what chance reaches as often as is believed, 9 times out of 10.
 
     Of too few pairs none would, but a suspicion has as many measured again: then it is the ratio that both batches together would show,
-    with an equal share of the level for each statistic, as the ways to turn pairs that are not measured yet are not known.
+    with an equal share of the level for each quantity, as the ways to turn pairs that are not measured yet are not known.
     """
     count, pairs = log_ratios.shape
     whole = pairs if pairs >= FEWEST else 2 * pairs
-    threshold = float(np.quantile(largest, 1.0 - LEVEL, method="higher"))
+    level = level_of(whole)
+    threshold = float(np.quantile(largest, 1.0 - level, method="higher"))
     if whole < FEWEST or (whole == pairs and threshold >= 1.0):
         return np.full(count, np.inf)
     centred = np.abs(log_ratios - np.median(log_ratios, axis=1, keepdims=True))
@@ -200,6 +221,6 @@ def _detectable(log_ratios: FloatArray, largest: FloatArray) -> FloatArray:
     if whole == pairs:  # the same agreement as Student's t, which then scatters
         student = np.sqrt(pairs - 1.0) * threshold / np.sqrt(1.0 - threshold**2)
     else:
-        student = float(stdtrit(whole - 1.0, 1.0 - LEVEL / count))
+        student = float(stdtrit(whole - 1.0, 1.0 - level / count))
     shift = (student + _SURE * np.sqrt(1.0 + 0.5 * student**2 / (whole - 1.0))) * spread / np.sqrt(whole)
     return np.asarray(np.exp(shift), np.float64)

@@ -15,29 +15,32 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from time import sleep
+from time import monotonic, sleep
 from types import FrameType
 
 TURNS = "HDVPLAN_TURNS"  # the variable that tells a process of its descriptor; see ``hdvplan.bench.comparing.processes``
+_IMPORTED = "import time:"  # of -X importtime
 _SAID, _SPENT, _PRINTED = "said", "spent.json", "printed"
 _LONGEST_WORDS, _TAIL_LINES = 300, 20
 _TRIES, _PAUSE_S = 50, 0.05
 # Between us and what is measured: the high-water mark of memory that a system reports for a process begins at that of the one which
 # started it, and ours has loaded tables and plots.
 _BETWEEN = """
-import json, os, resource, subprocess, sys
+import json, os, resource, subprocess, sys, time
 if sys.argv[2]:
     os.sched_setaffinity(0, {int(sys.argv[2])})
+began = time.monotonic()
 try:
     code = subprocess.call(sys.argv[3:], close_fds=False)
 except OSError as error:
     print(f"error: {sys.argv[3]} cannot be started: {error.strerror}", file=sys.stderr)
     sys.exit(127)
-peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+ran, used = time.monotonic() - began, resource.getrusage(resource.RUSAGE_CHILDREN)
+peak = used.ru_maxrss * (1 if sys.platform == "darwin" else 1024)
 with open(sys.argv[1], "w") as file:
-    json.dump({"peak_bytes": peak}, file)
+    json.dump({"peak_bytes": peak, "cpu_s": used.ru_utime + used.ru_stime, "ran_s": ran}, file)
 sys.exit(code if code >= 0 else 128 - code)
 """
 _SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
@@ -49,12 +52,13 @@ class _SignalError(KeyboardInterrupt):
 
 @dataclass(frozen=True)
 class Ended:
-    """How a process ended: its code as shells report it, stdout, stderr, and its largest memory [bytes], where known."""
+    """How a process ended: its code as shells report it, stdout, stderr, and what it took, where known."""
 
     code: int
     printed: str
     said: str
-    peak_bytes: float | None
+    spent: Mapping[str, float] = field(default_factory=dict)  # largest memory [bytes], processor, running and start-up time [s]
+    expired: bool = False  # it was ended at its time limit
 
     @property
     def how(self) -> str:
@@ -82,13 +86,20 @@ class Turns:
     core: int | None
 
 
-@dataclass(frozen=True)
+@dataclass
 class Started:
     """A process that runs, the folder for what it says, and our end of the sockets by which it has its turns."""
 
     process: subprocess.Popen[bytes]
     folder: Path
     turns: socket.socket | None = None
+    limit: float | None = None  # for as long it may run, without waiting for turns [s]
+    ran: list[float] = field(default_factory=list)  # until its first turn, and in every turn [s]
+    expired: bool = False
+
+    def left(self) -> float | None:
+        """Return for how long it may still run [s]; None: for ever."""
+        return None if self.limit is None else max(self.limit - sum(self.ran), 0.0)
 
 
 @dataclass(frozen=True)
@@ -100,8 +111,9 @@ class Scratch:
 
 
 def start(
-    command: Sequence[str], variables: Mapping[str, str], scratch: Scratch, cwd: Path | None = None, turns: Turns | None = None
-) -> Started:
+    command: Sequence[str], variables: Mapping[str, str], scratch: Scratch, cwd: Path | None = None, turns: Turns | None = None,
+    limit: float | None = None,
+) -> Started:  # fmt: skip
     """Start a command in a separate process group; with ``turns``, if it knows of them and the system has them, it waits for its first.
 
     Raises:
@@ -123,21 +135,35 @@ def start(
             measured, env=variables, stdin=subprocess.DEVNULL, stdout=printed, stderr=said, cwd=cwd, start_new_session=True,
             pass_fds=[theirs.fileno()] if ours else [],
         )  # fmt: skip
-        scratch.started.append(Started(process, folder, ours))
+        scratch.started.append(Started(process, folder, ours, limit))
     return scratch.started[-1]
 
 
 def finish(started: Started) -> Ended:
     """Wait for a process and return how it ended; whatever interrupts the waiting ends its whole group."""
     try:
-        code = started.process.wait()
+        code = started.process.wait(started.left())
+    except subprocess.TimeoutExpired:
+        started.expired, code = True, 128 + signal.SIGTERM
     finally:
         end(started)
-    spent = started.folder / _SPENT
-    peak = json.loads(spent.read_text(encoding="utf-8"))["peak_bytes"] if spent.is_file() else None
     said, printed = ((started.folder / name).read_text(encoding="utf-8", errors="replace") for name in (_SAID, _PRINTED))
+    said, imported = without_imports(said)
+    spent = {} if imported is None else {"import_s": imported}
+    if (file := started.folder / _SPENT).is_file():
+        spent |= json.loads(file.read_text(encoding="utf-8"))
+    if len(started.ran) > 1:  # it took turns
+        spent |= {"ran_s": sum(started.ran), "start_s": started.ran[0]}
     shutil.rmtree(started.folder, ignore_errors=True)
-    return Ended(code if code >= 0 else 128 - code, printed, said, peak)
+    return Ended(code if code >= 0 else 128 - code, printed, said, spent, started.expired)
+
+
+def without_imports(said: str) -> tuple[str, float | None]:
+    """Return stderr without what Python says of imports, and their time [s]; None where it says nothing."""
+    lines = said.splitlines(keepends=True)
+    told = [line for line in lines if line.startswith(_IMPORTED)]
+    times = [int(words[0]) for line in told if (words := line[len(_IMPORTED) :].split()) and words[0].isdecimal()]
+    return "".join(line for line in lines if not line.startswith(_IMPORTED)), 1e-6 * sum(times) if times else None
 
 
 def end(started: Started) -> None:
@@ -282,13 +308,19 @@ def shared_cores(*, one_is_enough: bool) -> Sequence[int | None]:
 
 
 def _asks(one: Started) -> bool:
-    """Wait until a process asks for a turn, or does not any more; tell which."""
+    """Wait until a process asks for a turn, or does not any more; tell which. One that takes too long is ended."""
+    began, asked, left = monotonic(), False, one.left()
     while one.turns is not None:
-        ready, _, _ = select.select([one.turns], [], [], _LOOK_S)
+        ready, _, _ = select.select([one.turns], [], [], _LOOK_S if left is None else min(_LOOK_S, left))
         if ready:
             with suppress(OSError):
-                return bool(one.turns.recv(1))
-            return False
+                asked = bool(one.turns.recv(1))
+            break
         if one.process.poll() is not None:
-            return False
-    return False
+            break
+        if left is not None and monotonic() - began >= left:
+            one.expired = True
+            end(one)
+            break
+    one.ran.append(monotonic() - began)
+    return asked

@@ -6,6 +6,7 @@ import json
 import os
 import re
 import shutil
+import site
 import sys
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -15,26 +16,11 @@ from pathlib import Path
 
 from hdvplan.bench.comparing.processes import Ended, Scratch, Started, Turns, finish, run, start
 from hdvplan.errors import MeasurementError
-from hdvplan.machine import THREADS
 
 _ABOUT = """
 import json, hdvplan
 from hdvplan.bench.suite import Suite
 print(json.dumps([hdvplan.__file__, Suite().to_dict()]))
-"""
-# The command line of hdvplan, with the time that loading what plans took before.
-_TIMED = f"""
-import os, sys, time
-os.environ.update(dict.fromkeys({THREADS!r}, "1"))
-began = time.perf_counter()
-import hdvplan
-hdvplan.plan
-took = time.perf_counter() - began
-with open(sys.argv[1], "w") as file:
-    file.write(repr(took))
-sys.argv = ["hdvplan", *sys.argv[2:]]
-from hdvplan.cli.app import main
-main()
 """
 
 
@@ -51,6 +37,29 @@ class UnreachedError(ProgramError):
 
 
 @dataclass(frozen=True)
+class Home:
+    """Where a process that is measured finds its home, caches and temporary files, and for how long it may run [s]."""
+
+    folder: Path
+    limit: float | None = None
+
+    def variables(self) -> dict[str, str]:
+        """Return the variables that say so; its folders are made. Python's packages of the user stay where they are."""
+        cache, temporary = self.folder / ".cache", self.folder / "tmp"
+        for one in (cache, temporary):
+            one.mkdir(parents=True, exist_ok=True)
+        names = {self.folder: ("HOME", "USERPROFILE"), cache: ("XDG_CACHE_HOME", "LOCALAPPDATA"), temporary: ("TMPDIR", "TEMP", "TMP")}
+        own = {name: str(one) for one, all_ in names.items() for name in all_}
+        own |= {f"XDG_{kind}_HOME": str(self.folder / f".{kind.lower()}") for kind in ("CONFIG", "DATA", "STATE")}
+        return own | {"PYTHONUSERBASE": site.getuserbase()}
+
+    @property
+    def is_used(self) -> bool:
+        """Whether a process has left a file there."""
+        return any(path.is_file() for path in self.folder.rglob("*"))
+
+
+@dataclass(frozen=True)
 class Program:
     """A program in a separate environment: an interpreter, where it finds packages that are not installed there, and a folder."""
 
@@ -59,9 +68,9 @@ class Program:
     source: Path | None = None  # a folder that holds the package hdvplan
     folder: Path | None = None  # where it runs; None: where we do
 
-    def hdvplan(self, *arguments: str, timed: Path) -> list[str]:
-        """Return the command line of its ``hdvplan``; the time of its imports [s] are written to ``timed``."""
-        return [str(self.python), "-P", "-c", _TIMED, str(timed), *arguments]  # -P: never the package that lies where it runs
+    def hdvplan(self, *arguments: str) -> list[str]:
+        """Return the command line of its ``hdvplan``."""
+        return [str(self.python), "-P", "-m", "hdvplan", *arguments]  # -P: never the package that lies where it runs
 
     def environment(self) -> dict[str, str]:
         """Return the environment to start it in."""
@@ -70,15 +79,16 @@ class Program:
         first = os.pathsep.join([str(self.python.parent), *filter(None, [mine.get("PATH")])])
         return mine | path | {"PATH": first, "PYTHONHASHSEED": "0"}
 
-    def start(self, command: Sequence[str], scratch: Scratch, turns: Turns | None = None) -> Started:
+    def start(self, command: Sequence[str], scratch: Scratch, home: Home, turns: Turns | None = None) -> Started:
         """Start a command of this program, with ``turns`` as one of two that take them.
 
         Raises:
             ProgramError: there is no such command.
 
         """
+        variables = self.environment() | home.variables() | {"PYTHONPROFILEIMPORTTIME": "1"}
         try:
-            return start(command, self.environment() | {"TMPDIR": str(scratch.folder)}, scratch, self.folder, turns)
+            return start(command, variables, scratch, self.folder, turns, home.limit)
         except (OSError, ValueError) as error:
             msg = f"{self.name} cannot be started: {error}"
             raise ProgramError(msg) from error
@@ -91,6 +101,9 @@ class Program:
 
         """
         ended = finish(started)
+        if ended.expired:
+            msg = f"{self.name} did not end within {started.limit:g} s"
+            raise ProgramError(msg, tail=ended.tail, code=ended.code, hint="--time-limit S allows more")
         if ended.code != 0:
             msg = f"{self.name} ended with {ended.how} and says: {ended.words}"
             raise ProgramError(msg, tail=ended.tail, code=ended.code, hint="run it there alone")

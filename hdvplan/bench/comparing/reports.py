@@ -9,11 +9,10 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
 
-from hdvplan.bench.comparing.compare import CellTimes, Comparison, Found, no_longer_planned
+from hdvplan.bench.comparing.compare import Comparison, Entry, no_longer_planned
 from hdvplan.bench.comparing.counters import Change
 from hdvplan.bench.comparing.decision import Rule, Verdict
-from hdvplan.bench.comparing.where import place_words
-from hdvplan.bench.comparing.words import ALL_CELLS, change_words, comparison_markdown, verdict_line, word_of
+from hdvplan.bench.comparing.words import ALL_CELLS, change_words, comparison_markdown, quantity_words, verdict_line, word_of
 from hdvplan.bench.suite import KEY, cell_words
 from hdvplan.fileio import json_bytes, write_atomically
 
@@ -44,6 +43,7 @@ def comparison_json(comparison: Comparison, rule: Rule, again: str | None = None
         "verdict": str(comparison.verdict),
         "summary": verdict_line(comparison, rule),
         "factor": rule.factor,
+        "load_average": None if np.isnan(comparison.load) else comparison.load,
         "floor_ms": 1e3 * rule.floor,
         "again": again,
         "failure": None if failure is None else {"side": failure.side, "message": failure.message, "tail": failure.tail},
@@ -76,13 +76,11 @@ def junit_xml(comparison: Comparison, rule: Rule) -> bytes:
         ("counters", cell_words(cell), "failure" if _counts(changes, comparison) else None, _changed_words(changes))
         for cell, changes in _changed(comparison).items()
     ]
-    for entry in comparison.times:
-        verdict = entry.decision.verdict if entry.decision else Verdict.UNMEASURABLE
-        cases.append(("mean planning step", cell_words(entry.cell), _KINDS[verdict], _words(entry)))
+    cases += [("mean planning step", cell_words(entry.cell), _KINDS[entry.verdict], _words(entry)) for entry in comparison.times]
     for one in comparison.found:
-        words = f"{one.base:.3f} {one.statistic.unit} before, {one.new:.3f} now: {one.ratio:.3f} times"
-        kind = "skipped" if one.unseen else _KINDS[one.verdict]
-        cases.append(("whole processes", one.statistic.name, kind, f"{word_of(one)}: {words}" if one.unseen else words))
+        kind = "skipped" if one.decision.unseen else _KINDS[one.verdict]
+        words = f"{word_of(one)}: {_words(one)}" if one.decision.unseen else _words(one)
+        cases.append(("whole processes", quantity_words(one), kind, words))
     suite = Element("testsuite", name="hdvplan timing gate", tests=str(len(cases)))
     for name in ("failure", "error", "skipped"):
         suite.set({"failure": "failures", "error": "errors"}.get(name, name), str(sum(case[2] == name for case in cases)))
@@ -104,14 +102,9 @@ def github_annotations(comparison: Comparison, rule: Rule) -> list[str]:
     tail = comparison.failure.tail if comparison.failure else ""
     found = [_command(kind, verdict_line(comparison, rule) + (f"\n{tail}" if tail else ""))]
     worse = [
-        ((1, entry.decision.ratio), "error", f"{cell_words(entry.cell)}: {_words(entry)}")
-        for entry in comparison.times
-        if entry.decision is not None and entry.decision.verdict is Verdict.REGRESSED
-    ]
-    worse += [
-        ((1, one.ratio), "error", f"{one.statistic.name}: {one.base:.3f} {one.statistic.unit} before, {one.new:.3f} now")
-        for one in comparison.found
-        if one.verdict is Verdict.REGRESSED
+        ((1, entry.decision.ratio), "error", f"{_name(entry)}: {_words(entry)}")
+        for entry in (*comparison.times, *comparison.found)
+        if entry.is_worse
     ]
     worse += [
         (
@@ -152,54 +145,49 @@ def _changed_words(changes: Sequence[Change]) -> str:
     return "; ".join(map(change_words, changes))
 
 
-def _words(entry: CellTimes) -> str:
-    if entry.decision is None:
-        return "the steps differ"
-    words = f"{entry.decision.ratio:.2f} times as long"
-    return words if entry.place is None else f"{words} ({'; '.join(place_words(entry.place))})"
+def _name(entry: Entry) -> str:
+    return cell_words(entry.cell) if entry.decision.needed else quantity_words(entry)
 
 
-def _numbers(entry: CellTimes) -> dict[str, object]:
+def _words(entry: Entry) -> str:
     found = entry.decision
-    if found is None:
-        return {"verdict": str(Verdict.UNMEASURABLE)}
+    if not found.pairs:
+        return "the steps differ"
+    return f"{found.base:.5g} {entry.quantity.unit} before, {found.new:.5g} now: {found.ratio:.3f} times"
+
+
+def _numbers(entry: Entry) -> dict[str, object]:
+    found = entry.decision
     numbers = {
-        "base_ms": 1e3 * found.base, "new_ms": 1e3 * found.new, "ratio": found.ratio, "low": found.low, "high": found.high,
-        "noise": found.noise, "chance": entry.chance, "detectable": entry.detectable,
+        "base_ms": found.base, "new_ms": found.new, "ratio": found.ratio, "low": found.low, "high": found.high, "noise": found.noise,
+        "chance": found.chance, "detectable": found.detectable,
     }  # fmt: skip
-    return {"verdict": str(found.verdict), "pairs": found.pairs} | _known(numbers) | ({} if entry.place is None else _place(entry))
+    told = {"verdict": str(found.verdict), "by_cpu": entry.by_cpu, "pairs": found.pairs}
+    return told | _known(numbers)
 
 
-def _place(entry: CellTimes) -> dict[str, object]:
-    assert entry.place is not None  # noqa: S101 - the caller has looked
-    stretches = [
-        _known({"first_step": one.first, "last_step": one.last, "begin_m": one.begin, "end_m": one.end}) for one in entry.place.stretches
-    ]
-    return {"parts_ms": dict(entry.place.parts), "stretches": stretches, "share_in_stretches": entry.place.share}
-
-
-def _statistic(one: Found) -> dict[str, object]:
-    numbers = {"base": one.base, "new": one.new, "ratio": one.ratio, "chance": one.chance, "detectable": one.detectable}
-    told = {"statistic": one.statistic.name, "meaning": one.statistic.meaning, "unit": one.statistic.unit}
-    return told | {"verdict": word_of(one) if one.unseen else str(one.verdict), "pairs": one.pairs} | _known(numbers)
+def _statistic(one: Entry) -> dict[str, object]:
+    found = one.decision
+    numbers = {"base": found.base, "new": found.new, "ratio": found.ratio, "low": found.low, "high": found.high}
+    numbers |= {"chance": found.chance, "detectable": found.detectable}
+    told = {"statistic": quantity_words(one), "meaning": one.quantity.meaning, "unit": one.quantity.unit}
+    return told | {"verdict": word_of(one) if found.unseen else str(one.verdict), "pairs": found.pairs} | _known(numbers)
 
 
 def _measured(comparison: Comparison) -> tuple[list[dict[str, object]], dict[str, object]]:
     """Return the new side's numbers as github-action-benchmark (``customSmallerIsBetter``) and as Bencher (metric format) take them."""
     benchmark: list[dict[str, object]] = []
     bencher: dict[str, object] = {}
-    values = [
-        (cell_words(entry.cell), "mean step", "ms", 1e3 * entry.decision.new, entry.decision.noise)
-        for entry in comparison.times
-        if entry.decision is not None and np.isfinite(entry.decision.new)
-    ]
-    values += [(ALL_CELLS, one.statistic.name, one.statistic.unit, one.new, np.nan) for one in comparison.found]
-    for cell, what, unit, value, noise in values:
-        name, known = f"{cell}: {what}", np.isfinite(noise)
-        spread = {"range": f"± {100.0 * (noise - 1.0):.1f} %"} if known else {}
-        benchmark.append({"name": name, "unit": unit, "value": value} | spread)
-        bounds = {"lower_value": value / noise, "upper_value": value * noise} if known else {}
-        bencher[name] = {f"{what} [{unit}]": {"value": value} | bounds}
+    for entry in (*comparison.times, *comparison.found):
+        found, unit = entry.decision, entry.quantity.unit
+        if not np.isfinite(found.new):
+            continue
+        what = quantity_words(entry)
+        name, known = f"{cell_words(entry.cell) if found.needed else ALL_CELLS}: {what}", np.isfinite(found.noise)
+        spread = {"range": f"± {100.0 * (found.noise - 1.0):.1f} %"} if known else {}
+        benchmark.append({"name": name, "unit": unit, "value": found.new} | spread)
+        bounds = {"lower_value": found.new / found.noise, "upper_value": found.new * found.noise} if known else {}
+        bencher[name] = {f"{what} [{unit}]": {"value": found.new} | bounds}
     return benchmark, bencher
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from textwrap import shorten
 
@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from hdvplan.arrays import FloatArray
-from hdvplan.bench.comparing.counters import counters_of
+from hdvplan.bench.comparing.counters import Change, counters_of
 from hdvplan.bench.comparing.work import ABOUT, LONGEST_S, SHORTEST_S, STEPS, OwnSteps, steps_of
 from hdvplan.bench.suite import AS_SET, KEY
 from hdvplan.bench.tables import LOST, OK, keyed, read_plain
@@ -22,9 +22,11 @@ from hdvplan.texts import printable
 
 Name = tuple[str, ...]  # of a cell, as in KEY
 TABLES = ("timing.csv", "envelope.csv", "samples.csv.gz")
-PARTS = ("linearise", "update", "solve", "check")
-IMPORT, PEAK = "import_s", "peak_bytes"
+IMPORT, PEAK, CPU, START, LOAD = "import_s", "peak_bytes", "cpu_s", "start_s", "load"  # as ``ABOUT`` has them, with how long it RAN
+RAN, UNREPORTED = "ran_s", "unreported_s"
+COLD = "cold"  # the folder of processes that began with an empty home
 _MOST_BYTES = 1e18  # more than any machine has
+_LEAST_S = 1e-6  # beside the steps, of a program that runs several at once
 _LONGEST = 300  # characters of a drive's last words
 
 
@@ -34,7 +36,6 @@ class Steps:
 
     total: FloatArray  # by the planner's own clock
     outer: FloatArray  # by the clock of the drive around it; empty where it was not taken
-    parts: Mapping[str, FloatArray] = field(default_factory=dict)  # of ``total``
     first: FloatArray = field(default_factory=lambda: np.empty(0))  # (rounds,) the first plan, from outside [s]
     s: FloatArray = field(default_factory=lambda: np.empty(0))  # (steps,) arclength where each step begins [m]
 
@@ -44,44 +45,79 @@ class Steps:
         return self.outer if self.outer.size else self.total
 
 
+Processes = Sequence[Mapping[Name, Steps]]
+
+
 @dataclass(frozen=True)
 class Side:
     """One program's benchmark: the counters of its first process, and times of all, in the order of measurement."""
 
     counters: pd.DataFrame
     processes: tuple[Mapping[Name, Steps], ...]
-    about: tuple[Mapping[str, float], ...] = ()  # of every process as a whole: IMPORT [s], PEAK [bytes]
-    own: Mapping[Name, Mapping[str, object]] = field(default_factory=dict)  # counters that a user's command printed
+    about: tuple[Mapping[str, float], ...] = ()  # of every process as a whole: IMPORT, CPU, START, UNREPORTED [s], PEAK [bytes], LOAD
+    own: tuple[Mapping[Name, Mapping[str, object]], ...] = ()  # counters that a user's command printed, of every process
     lost: Mapping[Name, str] = field(default_factory=dict)  # cells that ended well in the first process, and how they did in a later one
     last_words: Mapping[Name, str] = field(default_factory=dict)  # of cells without a plan in any process: why, in one line
+    cold: Processes = ()  # as ``processes``, each of which began with an empty home
+    cold_about: tuple[Mapping[str, float], ...] = ()
 
 
 def read_side(path: Path) -> Side:
-    """Return one side of a comparison: a directory of ``hdvplan bench``, or one that holds several, numbered in order.
+    """Return one side of a comparison: a folder of ``hdvplan bench``, one that holds several, numbered in order, or a file of times.
 
     Raises:
         OptionError: no finished benchmark is there, or one of its files is missing or damaged.
 
     """
-    if not path.is_dir():
+    if not path.is_dir() and not (path.is_file() and path.suffix == ".json"):
         msg = f"{path} is not a folder of hdvplan bench"
         raise OptionError(msg)
-    folders = [path] if _is_process(path) else sorted(folder for folder in path.iterdir() if _is_process(folder))
-    if not folders:
+    if not (folders := _folders(path)):
         msg = f"{path} holds no benchmark"
         raise OptionError(msg, hint="hdvplan bench --out DIR makes one")
-    about = tuple(_about(folder) for folder in folders)
-    if (folders[0] / STEPS).is_file():
-        return _own_side(folders, about)
+    side = _side(path, folders)
+    if not (cold := _folders(path / COLD)):
+        return side
+    beside = _side(path / COLD, cold)
+    return replace(side, cold=beside.processes, cold_about=beside.about)
+
+
+def _folders(path: Path) -> list[Path]:
+    """Return the folders of processes in order: the one that ``path`` is, or those in it."""
+    if path.is_file() or _is_process(path):
+        return [path]
+    return sorted(folder for folder in path.iterdir() if _is_process(folder)) if path.is_dir() else []
+
+
+def _side(path: Path, folders: list[Path]) -> Side:
+    """Return what some processes measured."""
+    if path.is_file() or (folders[0] / STEPS).is_file():
+        return _own_side(folders)
     tables = [_tables(folder) for folder in folders]
     timing, envelope, samples = tables[0]
     try:
         times = tuple(times_of(samples) for _, _, samples in tables)
         timings = [timing for timing, _, _ in tables]
+        about = tuple(map(_about, folders, times))
         return Side(counters_of(samples, timing, envelope), times, about, lost=_lost(timings), last_words=_last_words(timings))
     except (ArithmeticError, LookupError, TypeError, ValueError) as error:  # a damaged table may hold anything
         msg = f"{path} cannot be read: its tables are not those of hdvplan bench"
         raise OptionError(msg, hint="measure it again") from error
+
+
+def alike(base: Processes, new: Processes) -> tuple[Processes, Processes]:
+    """Return as many processes of both sides, with the cells that all of them have, cut to the rounds and steps that all have."""
+    count = min(len(base), len(new))
+    every = [*base[:count], *new[:count]]
+    names = [name for name in (every or [{}])[0] if all(name in process for process in every)]
+    shapes = {name: np.min([process[name].total.shape for process in every], axis=0) for name in names}
+    cut = [{name: _cut(process[name], *shape) for name, shape in shapes.items() if np.all(shape > 0)} for process in every]
+    return (cut[:count], cut[count:]) if count else ([{}], [{}])
+
+
+def _cut(steps: Steps, rounds: int, count: int) -> Steps:
+    """Return the first rounds and steps."""
+    return Steps(steps.total[:rounds, :count], steps.outer[:rounds, :count], steps.first[:rounds], steps.s[:count])
 
 
 def times_of(samples: pd.DataFrame) -> dict[Name, Steps]:
@@ -92,11 +128,9 @@ def times_of(samples: pd.DataFrame) -> dict[Name, Steps]:
 
     """
     outer = "outer_s" if "outer_s" in samples else None  # older versions did not take it
-    parts = [part for part in PARTS if f"{part}_s" in samples]
-    wholes = ["total_s", *filter(None, [outer])]
-    columns = [*wholes, *(f"{part}_s" for part in parts)]
+    columns = ["total_s", *filter(None, [outer])]
     times = np.abs(samples[columns].to_numpy(np.float64))
-    if np.any(times > LONGEST_S) or np.any((times[:, : len(wholes)] > 0.0) & (times[:, : len(wholes)] < SHORTEST_S)):
+    if np.any(times > LONGEST_S) or np.any((times > 0.0) & (times < SHORTEST_S)):
         msg = "a planning step took a time that no clock shows"
         raise ValueError(msg)
     cells = {}
@@ -111,7 +145,6 @@ def times_of(samples: pd.DataFrame) -> dict[Name, Steps]:
         cells[tuple(str(part) for part in key)] = Steps(
             tables["total_s"],
             tables[outer] if outer else np.empty((0, 0)),
-            {part: tables[f"{part}_s"] for part in parts},
             mine.loc[mine["step"] == 0, outer or "total_s"].to_numpy(np.float64),
             places,
         )
@@ -151,20 +184,45 @@ def _tables(folder: Path) -> list[pd.DataFrame]:
         raise OptionError(msg, hint="measure it again") from error
 
 
-def _own_side(folders: list[Path], about: tuple[Mapping[str, float], ...]) -> Side:
+def _own_side(folders: list[Path]) -> Side:
     """Return a side from what a user's command printed."""
     told: list[dict[str, OwnSteps]] = []
     for folder in folders:
+        file = folder if folder.is_file() else folder / STEPS
         try:
-            told.append(steps_of(read_json(folder / STEPS)))
+            told.append(steps_of(read_json(file)))
         except (OSError, ValueError) as error:
-            msg = f"{folder / STEPS} cannot be read: {error}"
+            msg = f"{file} cannot be read: {error}"
             raise OptionError(msg, hint="measure it again") from error
     processes = tuple(
-        {own_name(name): Steps(cell.steps, np.empty((0, 0)), {}, cell.first, cell.s) for name, cell in cells.items()} for cells in told
+        {own_name(name): Steps(cell.steps, np.empty((0, 0)), cell.first, cell.s) for name, cell in cells.items()} for cells in told
     )
-    counters = {own_name(name): cell.counters for name, cell in told[0].items()}
-    return Side(pd.DataFrame(columns=KEY), processes, about, counters)
+    counters = tuple({own_name(name): _counted(cell) for name, cell in cells.items()} for cells in told)
+    return Side(pd.DataFrame(columns=KEY), processes, tuple(map(_about, folders, processes)), counters)
+
+
+def _counted(cell: OwnSteps) -> Mapping[str, object]:
+    """Return the counters of a cell of a user's command; what else it tells is one too."""
+    places = {} if np.all(np.isnan(cell.s)) else {"last step at [m]": f"{cell.s[-1]:.6g}"}
+    return {"steps": cell.steps.shape[1], **places, "first plan": "timed" if cell.first.size else "not timed", **cell.counters}
+
+
+def own_changes(base: Side, new: Side) -> list[Change]:
+    """Return the changed counters of a user's commands: what all processes of the base agree in, and any of the new side does not."""
+    changes = []
+    for cell in dict.fromkeys(name for process in (*base.own, *new.own) for name in process):
+        there = [all(cell in process for process in side.own) for side in (base, new)]
+        if not there[0] and any(cell in process for process in base.own):
+            continue  # not even the base always has it
+        if not all(there):
+            changes.append(Change(cell, "cell", *("measured" if one else "missing" for one in there)))
+            continue
+        counters = dict.fromkeys(name for process in (*base.own, *new.own) for name in process[cell])
+        for name in counters:
+            old, now = (list(dict.fromkeys(str(process[cell].get(name, "-")) for process in side.own)) for side in (base, new))
+            if len(old) == 1 and now != old:
+                changes.append(Change(cell, name, old[0], " or ".join(now)))
+    return changes
 
 
 def own_name(name: str) -> Name:
@@ -172,15 +230,27 @@ def own_name(name: str) -> Name:
     return name, "", "", "", AS_SET
 
 
+def cold_name(name: Name) -> Name:
+    """Return the name of a cell that was measured with an empty home."""
+    return f"{name[0]} (cold)", *name[1:]
+
+
 def _is_process(folder: Path) -> bool:
     return (folder / "run.json").is_file() or (folder / STEPS).is_file()
 
 
-def _about(folder: Path) -> dict[str, float]:
-    """Return what is known of a process as a whole."""
+def _about(folder: Path, cells: Mapping[Name, Steps]) -> dict[str, float]:
+    """Return what is known of a process as a whole.
+
+    A process that takes turns has a start, until its first. Of others all that is beside the steps that they report is one.
+    """
     try:
         told = read_json(folder / ABOUT)
-        known = {name: float(told[name]) for name in (IMPORT, PEAK) if told.get(name) is not None}
+        known = {name: float(told[name]) for name in (IMPORT, PEAK, CPU, START, RAN, LOAD) if told.get(name) is not None}
     except (OSError, OverflowError, ValueError, AttributeError, TypeError):
         return {}
+    if RAN in known:
+        reported = sum(float(np.sum(steps.outside) + np.sum(steps.first)) for steps in cells.values())
+        rest = max(known[RAN] - known.get(START, 0.0) - reported, _LEAST_S)
+        known[UNREPORTED if START in known else START] = rest
     return {name: value for name, value in known.items() if SHORTEST_S <= value <= _MOST_BYTES}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -9,18 +10,19 @@ import pandas as pd
 from rich.table import Table
 from rich.text import Text
 
-from hdvplan.bench.comparing.compare import CellTimes, Comparison, Found, no_longer_planned
+from hdvplan.bench.comparing.compare import Comparison, Entry, no_longer_planned
 from hdvplan.bench.comparing.counters import IN_STEPS, Change
 from hdvplan.bench.comparing.decision import FEWEST, FEWEST_PAIRS, Rule, Verdict
-from hdvplan.bench.comparing.where import place_words
 from hdvplan.bench.suite import KEY, cell_words
 from hdvplan.report.grid import grid, markdown_table
 
 ALL_CELLS = "all cells"  # what a statistic is of
-_WRONG = ("cell", "what", "base", "new", "new/base", "part", "place")
-_TIMES = (*KEY, "base [ms]", "new [ms]", "new/base", "interval", "visible from", "verdict")
-_FOUND = (ALL_CELLS, "base", "new", "new/base", "visible from", "verdict")
-_TEXT = (*KEY, "verdict", "cell", "what", "part", "place", ALL_CELLS)
+_WRONG = ("cell", "what", "base", "new", "new/base")
+_WORK = ("cell", "steps")  # changes of what is done at all
+_NUMBERS = ("base", "new", "new/base", "interval", "visible from", "verdict")
+_TIMES = (*KEY, "base [ms]", "new [ms]", *_NUMBERS[2:])
+_FOUND = (ALL_CELLS, *_NUMBERS)
+_TEXT = (*KEY, "verdict", "cell", "what", ALL_CELLS)
 _WORDS = {Verdict.FINE: "fine", Verdict.REGRESSED: "slower", Verdict.UNMEASURABLE: "unclear"}
 _MARKS = {Verdict.FINE: "fine", Verdict.REGRESSED: "worse", Verdict.UNMEASURABLE: "unclear"}
 _ROWS = 30  # of what is wrong; more are counted
@@ -31,34 +33,53 @@ def verdict_line(comparison: Comparison, rule: Rule) -> str:
     """Return the comparison in one line."""
     if comparison.failure is not None:
         return f"{comparison.verdict}: {comparison.failure.message}"
-    slower = [entry for entry in comparison.times if _is(entry, Verdict.REGRESSED)]
-    unknown = [entry for entry in comparison.times if _is(entry, Verdict.UNMEASURABLE)]
+    slower = [entry for entry in comparison.times if entry.is_worse]
+    unknown = [entry for entry in comparison.times if entry.verdict is Verdict.UNMEASURABLE]
     cells = len(comparison.times)
-    lost = len({change.cell for change in comparison.changes if no_longer_planned(change)})
-    changed = len({change.cell for change in comparison.changes})
-    why = next((f" ({change.why})" for change in comparison.changes if change.why), "")
-    parts = [f"no plan in {lost} cell{_s(lost)} where there was one{why}"] if lost else []
-    parts += [f"counters changed in {changed} cell{_s(changed)}"] if changed else []
+    parts = _changed_parts(comparison.changes)
     if slower:
-        worst = max(slower, key=lambda entry: entry.decision.ratio if entry.decision else 0.0)
-        ratio = worst.decision.ratio if worst.decision else np.nan
-        parts.append(f"{len(slower)} of {cells} cells slower, most {cell_words(worst.cell)}: {ratio:.2f} times as long")
-    worse = sorted((one for one in comparison.found if one.verdict is Verdict.REGRESSED), key=lambda one: -one.ratio)
-    parts += [f"{one.statistic.name} {one.ratio:.2f} times as {'much' if one.statistic.unit == 'MB' else 'long'}" for one in worse]
-    most = max((entry.decision.pairs for entry in comparison.times if entry.decision), default=FEWEST_PAIRS)
-    unsure = [one.statistic.name for one in comparison.found if one.verdict is Verdict.UNMEASURABLE]
+        worst = max(slower, key=lambda entry: entry.decision.ratio)
+        parts.append(f"{len(slower)} of {cells} cells slower, most {cell_words(worst.cell)}: {worst.decision.ratio:.2f} times as long")
+    worse = sorted((one for one in comparison.found if one.is_worse), key=lambda one: -one.decision.ratio)
+    parts += [f"{quantity_words(one)} {one.decision.ratio:.2f} times as {'much' if one.quantity.unit == 'MB' else 'long'}" for one in worse]
+    most = max((entry.decision.pairs for entry in comparison.times), default=FEWEST_PAIRS)
+    unsure = [quantity_words(one) for one in comparison.found if one.verdict is Verdict.UNMEASURABLE and one.decision.pairs < FEWEST]
     if unknown and most < FEWEST_PAIRS:
         parts.append(f"times need at least {FEWEST_PAIRS} rounds or processes a side, not {most}")
     elif unknown:
-        parts.append(f"the times of {len(unknown)} of {cells} cells are too uncertain for a factor of {rule.factor:g}")
+        uncertain = f"the times of {len(unknown)} of {cells} cells are too uncertain for a factor of {rule.factor:g}"
+        parts.append(uncertain + _could(unknown, comparison))
     if unsure:
         parts.append(f"too few processes to be sure of {', '.join(unsure)}")
     if cells and not slower and not unknown:
         parts.append(f"no cell of {cells} is slower by more than a factor of {rule.factor:g}")
-    unseen = [one.statistic.name for one in comparison.found if one.unseen]
+    unseen = [quantity_words(one) for one in comparison.found if one.decision.unseen and quantity_words(one) not in unsure]
     if unseen and comparison.verdict is not Verdict.REGRESSED:
         parts.append(f"could not see a change of {', '.join(unseen)}")
     return f"{comparison.verdict}: {'; '.join(parts) or 'no counter changed'}"
+
+
+def _changed_parts(changes: Sequence[Change]) -> list[str]:
+    """Return what a comparison's changes are, in words: lost plans, other work, other counters."""
+    lost = len({change.cell for change in changes if no_longer_planned(change)})
+    why = next((f" ({change.why})" for change in changes if change.why), "")
+    parts = [f"no plan in {lost} cell{_s(lost)} where there was one{why}"] if lost else []
+    work = [change for change in changes if change.counter in _WORK and not no_longer_planned(change)]
+    others = len({change.cell for change in changes} - {change.cell for change in work} - {c.cell for c in changes if c.counter == "cell"})
+    if work:
+        first, count = work[0], len({change.cell for change in work})
+        words = "is new" if first.counter == "cell" else f"takes {first.new} steps, not {first.base}"
+        more = f", and {count - 1} more" if count > 1 else ""
+        parts.append(f"other work: {cell_words(first.cell)} {words}{more}")
+    return [*parts, f"counters changed in {others} cell{_s(others)}"] if others else parts
+
+
+def _could(unknown: Sequence[Entry], comparison: Comparison) -> str:
+    """Return what could have been seen in spite of the noise, and the load of the machine."""
+    seen = max(max(entry.decision.detectable, entry.decision.high) for entry in unknown)
+    words = f"; {comparison.processes} pairs would have shown {seen:.2f} times as long" if np.isfinite(seen) else ""
+    cores = os.cpu_count() or 1
+    return words if np.isnan(comparison.load) else f"{words}; load average {comparison.load:.1f} on {cores} cores"
 
 
 def comparison_tables(comparison: Comparison) -> list[Table]:
@@ -67,14 +88,14 @@ def comparison_tables(comparison: Comparison) -> list[Table]:
     columns = _shown(wrong)
     tables = [grid("what changed, the worst first", [_WRONG[i] for i in columns], [[row[i] for i in columns] for row in wrong], text=_TEXT)]
     tables = tables if wrong else []
-    found = _time_rows(comparison.times)
+    found = _rows(comparison.times)
     shown = (_TIMES[0], *_TIMES[len(KEY) :])
     for group in dict.fromkeys(row[1 : len(KEY)] for row in found):
         mine = [(row[0], *row[len(KEY) :]) for row in found if row[1 : len(KEY)] == group]
         words = cell_words(group, ", ")
         tables.append(grid(f"{words}: mean planning step" if words else "mean planning step", shown, mine, text=_TEXT))
     if comparison.found:
-        tables.append(grid("whole processes", _FOUND, _found_rows(comparison.found), text=_TEXT))
+        tables.append(grid("whole processes", _FOUND, _rows(comparison.found), text=_TEXT))
     if comparison.times:
         tables[-1].caption, tables[-1].caption_justify, tables[-1].caption_style = Text(_caption(comparison)), "left", ""
     return tables
@@ -91,9 +112,9 @@ def comparison_markdown(comparison: Comparison, rule: Rule, again: str | None = 
     if again and comparison.verdict is not Verdict.FINE:
         parts.append(f"    {again}")
     if comparison.times:
-        parts += ["Mean planning step:", _markdown(_TIMES, _time_rows(comparison.times))]
+        parts += ["Mean planning step:", _markdown(_TIMES, _rows(comparison.times))]
     if comparison.found:
-        parts += ["Whole processes:", _markdown(_FOUND, _found_rows(comparison.found))]
+        parts += ["Whole processes:", _markdown(_FOUND, _rows(comparison.found))]
     if comparison.times:
         parts.append(_caption(comparison))
     return "\n\n".join(parts) + "\n"
@@ -102,22 +123,12 @@ def comparison_markdown(comparison: Comparison, rule: Rule, again: str | None = 
 def wrong_rows(comparison: Comparison) -> list[tuple[str, ...]]:
     """Return what is wrong as rows, the worst first: lost plans, what became slower by its ratio, then other counters."""
     rows: list[tuple[tuple[int, float], tuple[str, ...]]] = []
-    moved: dict[tuple[str, ...], list[Change]] = {}
-    for change in comparison.changes:
-        moved.setdefault(change.cell, []).append(change)
-    for entry in comparison.times:
-        if entry.decision is not None and _is(entry, Verdict.REGRESSED):
-            part, place = place_words(entry.place) if entry.place else ("-", "-")
-            also = moved.get(entry.cell, [])
-            part = ", ".join([part, *(f"{change.counter} {change.base} -> {change.new}" for change in also if change.counter != IN_STEPS)])
-            numbers = f"{1e3 * entry.decision.base:.3f}", f"{1e3 * entry.decision.new:.3f}", f"{entry.decision.ratio:.2f}"
-            rows.append(((1, entry.decision.ratio), (cell_words(entry.cell), "mean step [ms]", *numbers, part, place)))
-    for one in comparison.found:
-        if one.verdict is Verdict.REGRESSED:
-            what = f"{one.statistic.name} [{one.statistic.unit}]"
-            rows.append(((1, one.ratio), (ALL_CELLS, what, f"{one.base:.3f}", f"{one.new:.3f}", f"{one.ratio:.2f}", "-", "-")))
+    for entry in (*comparison.times, *comparison.found):
+        if entry.is_worse:
+            cell = cell_words(entry.cell) if entry.decision.needed else ALL_CELLS
+            rows.append(((1, entry.decision.ratio), (cell, f"{quantity_words(entry)} [{entry.quantity.unit}]", *_numbers(entry))))
     rows += [
-        ((2 if no_longer_planned(change) else 0, 0.0), (cell_words(change.cell), change.counter, change.base, change.new, "-", "-", "-"))
+        ((2 if no_longer_planned(change) else 0, 0.0), (cell_words(change.cell), change.counter, change.base, change.new, "-"))
         for change in comparison.changes
     ]
     ordered = [row for _, row in sorted(rows, key=lambda entry: (-entry[0][0], -entry[0][1]))]
@@ -132,9 +143,19 @@ def change_words(change: Change) -> str:
     return f"{change.counter} was {change.base}, is {change.new}" + (f" ({change.why})" if change.why else "")
 
 
-def word_of(one: Found) -> str:
-    """Return the verdict on a statistic in a word or two."""
-    return _UNSEEN if one.unseen else _MARKS[one.verdict]
+def quantity_words(entry: Entry) -> str:
+    """Return the name of what was decided about; processes that began with an empty home are told apart."""
+    return " ".join([entry.quantity.name, *(f"({word})" for word in entry.cell)]) if len(entry.cell) < len(KEY) else entry.quantity.name
+
+
+def word_of(entry: Entry) -> str:
+    """Return the verdict on a quantity in a word or two."""
+    if entry.decision.unseen:
+        return _UNSEEN
+    if not entry.decision.pairs:
+        return "other steps"
+    words = _MARKS if not entry.decision.needed else _WORDS
+    return f"{words[entry.verdict]}{' by CPU' if entry.by_cpu else ''}"
 
 
 def _shown(rows: Sequence[Sequence[str]]) -> list[int]:
@@ -142,34 +163,21 @@ def _shown(rows: Sequence[Sequence[str]]) -> list[int]:
     return [i for i in range(len(_WRONG)) if any(row[i] != "-" for row in rows)]
 
 
-def _time_rows(times: Iterable[CellTimes]) -> list[tuple[str, ...]]:
+def _rows(entries: Iterable[Entry]) -> list[tuple[str, ...]]:
+    """Return cells or whole processes as rows, the largest ratio first."""
     rows = []
-    for entry in sorted(
-        times, key=lambda entry: -entry.decision.ratio if entry.decision and np.isfinite(entry.decision.ratio) else -np.inf
-    ):
+    for entry in sorted(entries, key=lambda entry: -entry.decision.ratio if np.isfinite(entry.decision.ratio) else np.inf):
         found = entry.decision
-        if found is None:
-            rows.append((*entry.cell, "-", "-", "-", "-", "-", "other steps"))
-            continue
-        numbers = f"{1e3 * found.base:.3f}", f"{1e3 * found.new:.3f}", f"{found.ratio:.3f}"
         interval = "-" if np.isnan(found.low) else f"{found.low:.2f}-{found.high:.2f}"
-        known = (("-" if "nan" in number else number) for number in numbers)
-        rows.append((*entry.cell, *known, interval, _from(entry.detectable), _WORDS[found.verdict]))
+        names = entry.cell if len(entry.cell) == len(KEY) else (f"{quantity_words(entry)} [{entry.quantity.unit}]",)
+        rows.append((*names, *_numbers(entry), interval, _from(found.detectable), word_of(entry)))
     return rows
 
 
-def _found_rows(found: Iterable[Found]) -> list[tuple[str, ...]]:
-    return [
-        (
-            f"{one.statistic.name} [{one.statistic.unit}]",
-            f"{one.base:.3f}",
-            f"{one.new:.3f}",
-            f"{one.ratio:.3f}",
-            _from(one.detectable),
-            word_of(one),
-        )
-        for one in sorted(found, key=lambda one: -one.ratio)
-    ]
+def _numbers(entry: Entry) -> tuple[str, str, str]:
+    """Return base, new and the quotient of these two, as they are shown."""
+    numbers = [f"{entry.decision.base:.5g}", f"{entry.decision.new:.5g}", f"{entry.decision.ratio:.3f}"]
+    return tuple("-" if number == "nan" else number for number in numbers)  # type: ignore[return-value] # three
 
 
 def _from(detectable: float) -> str:
@@ -178,15 +186,16 @@ def _from(detectable: float) -> str:
 
 
 def _caption(comparison: Comparison) -> str:
-    pairs = max((entry.decision.pairs for entry in comparison.times if entry.decision), default=0)
+    pairs = max((entry.decision.pairs for entry in comparison.times), default=0)
     if comparison.processes == 1:
         return f"One process a side, {pairs} rounds: machine and hour are compared too; `hdvplan bench --against REV` excludes them."
     repeat = ", with the repeat that it would have called for" if comparison.processes < FEWEST else ""
-    hidden = any(one.unseen for one in comparison.found)
+    hidden = any(one.decision.unseen for one in comparison.found)
     unseen = " Could not see: a change of the size that counts could hide in the noise." if hidden else ""
     return (
-        f"Every step with its fastest round; new/base and its interval from {pairs} pairs of processes. Visible from: the smallest "
-        f"slowdown that these pairs would have shown 9 times out of 10{repeat} (- where there are too few).{unseen}"
+        f"Every step with its fastest round; base and new are of the pair of processes with the middle ratio of {pairs}, the interval "
+        f"is that of the median. Visible from: the smallest slowdown that these pairs would have shown 9 times out of 10{repeat} "
+        f"(- where there are too few).{unseen}"
     )
 
 
@@ -197,10 +206,6 @@ def _markdown(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 def _plain(text: str) -> str:
     """Return text that Markdown shows as it stands."""
     return "".join(f"\\{sign}" if sign in "*_`<>[]\\" else sign for sign in text)
-
-
-def _is(entry: CellTimes, verdict: Verdict) -> bool:
-    return (entry.decision.verdict if entry.decision else Verdict.UNMEASURABLE) is verdict
 
 
 def _s(count: int) -> str:

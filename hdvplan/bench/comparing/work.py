@@ -21,6 +21,7 @@ from hdvplan.fileio import json_bytes, write_atomically
 STEPS = "steps.json"  # in the folder of a process: what a user's command has printed
 ABOUT = "process.json"  # in the folder of a process: what was measured of it as a whole
 _HINT = '{"cells": {"depot": {"steps_s": [0.0012, 0.0011]}}} is the least; docs/guarding-timing.md has the rest'
+_FILE, _WRITTEN = "{json}", "written.json"
 
 
 class Work(Protocol):
@@ -30,8 +31,8 @@ class Work(Protocol):
     def on_one_thread(self) -> bool:
         """Whether it never uses more than one core at a time, so that both programs can share one."""
 
-    def command(self, program: Program, out: Path, timed: Path, *, warm: bool) -> list[str]:
-        """Return the command line; ``warm``: only so that what it does but once is done. Imports are timed into the file ``timed``."""
+    def command(self, program: Program, out: Path, *, warm: bool) -> list[str]:
+        """Return the command line; ``warm``: only so that what it does but once is done."""
 
     def keep(self, ended: Ended, out: Path) -> None:
         """Leave in ``out`` what a process has measured, if it has not done so itself; MeasurementError where that is nothing."""
@@ -44,10 +45,10 @@ class SuiteWork:
     file: Path
     on_one_thread: ClassVar = True
 
-    def command(self, program: Program, out: Path, timed: Path, *, warm: bool) -> list[str]:
+    def command(self, program: Program, out: Path, *, warm: bool) -> list[str]:
         """See ``Work``."""
         once = ("--rounds", "1") if warm else ()
-        return program.hdvplan("bench", "--suite", str(self.file), "--quiet", "--fresh", "--out", str(out), *once, timed=timed)
+        return program.hdvplan("bench", "--suite", str(self.file), "--quiet", "--fresh", "--out", str(out), *once)
 
     def keep(self, ended: Ended, out: Path) -> None:
         """See ``Work``: the benchmark has written its run directory."""
@@ -58,20 +59,25 @@ class SuiteWork:
 
 @dataclass(frozen=True)
 class CommandWork:
-    """A command whose last line on stdout is JSON; see ``read_steps``."""
+    """A command whose last line on stdout is JSON, or which writes it into the file that replaces ``{json}`` in its words."""
 
     words: tuple[str, ...]
     on_one_thread: ClassVar = False
 
-    def command(self, program: Program, out: Path, timed: Path, *, warm: bool) -> list[str]:  # noqa: ARG002 - see ``Work``
+    def command(self, program: Program, out: Path, *, warm: bool) -> list[str]:  # noqa: ARG002 - see ``Work``
         """See ``Work``."""
-        return list(self.words)
+        out.mkdir(parents=True, exist_ok=True)
+        return [word.replace(_FILE, str(out / _WRITTEN)) for word in self.words]
 
     def keep(self, ended: Ended, out: Path) -> None:
         """See ``Work``."""
-        lines = ended.printed.strip().splitlines()
         try:
-            told = json.loads(lines[-1] if lines[-1].lstrip().startswith("{") else ended.printed, parse_constant=_refused)
+            written = (out / _WRITTEN).read_text(encoding="utf-8") if any(_FILE in word for word in self.words) else ended.printed
+        except (OSError, ValueError):
+            written = ""
+        lines = written.strip().splitlines()
+        try:
+            told = json.loads(lines[-1] if lines[-1].lstrip().startswith("{") else written, parse_constant=_refused)
             steps_of(told)
         except (ValueError, IndexError, RecursionError) as error:
             reason = str(error) if lines and lines[-1].lstrip().startswith("{") else f"its last line is {(lines or ['nothing'])[-1][:80]!r}"
@@ -79,6 +85,7 @@ class CommandWork:
             raise ProgramError(msg, tail="\n".join(lines[-5:]), hint=_HINT) from error
         out.mkdir(parents=True, exist_ok=True)
         write_atomically(out / STEPS, json_bytes(told))
+        (out / _WRITTEN).unlink(missing_ok=True)
 
 
 SHORTEST_S, LONGEST_S = 1e-12, 1e9  # of a time: no clock shows others, and ratios of them come to the end of what floats hold
@@ -103,17 +110,28 @@ def _refused(name: str) -> None:
 def steps_of(told: object) -> dict[str, OwnSteps]:
     """Return the cells of the protocol: ``{"cells": {NAME: {"steps_s": [...] or [[...], ...], "first_s", "s_m", "counters"}}}``.
 
-    A cell that is a list is its ``steps_s``; one list is one round.
+    A cell that is a list is its ``steps_s``; one list is one round. A report of pytest-benchmark has a cell of one step for each benchmark.
 
     Raises:
         ValueError: anything else.
 
     """
+    if isinstance(told, dict) and isinstance(told.get("benchmarks"), list):
+        told = {"cells": dict(map(_benchmark, told["benchmarks"]))}
     cells = told.get("cells") if isinstance(told, dict) else None
     if not isinstance(cells, dict) or not cells:
         msg = "there are no cells"
         raise ValueError(msg)
     return {str(name): _cell(str(name), cell if isinstance(cell, dict) else {"steps_s": cell}) for name, cell in cells.items()}
+
+
+def _benchmark(told: object) -> tuple[str, list[list[object]]]:
+    """Return the name and the rounds [s] of a benchmark of pytest-benchmark, as ``--benchmark-json`` writes it."""
+    try:
+        return str(told["fullname"]), [[time] for time in told["stats"]["data"]]  # type: ignore[index] # told below
+    except (LookupError, TypeError) as error:
+        msg = "a benchmark has no fullname and stats.data"
+        raise ValueError(msg) from error
 
 
 def _cell(name: str, cell: Mapping[str, object]) -> OwnSteps:
