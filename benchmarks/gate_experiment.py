@@ -2,7 +2,8 @@
 
 The toy (``gate_patches.py``) is a planner of its own in a repository of its own. Every run is ``hdvplan bench --against HEAD --command``
 from end to end, in a working tree that is patched. Half of the comparisons of the toy with itself, and those of a quarter more work, run
-while another process keeps a core busy in bursts. Writes gate.csv, gate.md and run.json.
+while another process keeps a core busy in bursts. Writes gate.csv, gate.md and run.json. Rows are kept in --record; the same command goes
+on from there.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -21,7 +23,7 @@ import pandas as pd
 from gate_patches import HEAVY, HELPER, LATE, PATCHES, QUARTER, SAME, TOY, patched
 
 from hdvplan.bench.comparing.decision import Verdict
-from hdvplan.fileio import csv_bytes, write_atomically
+from hdvplan.fileio import csv_bytes, json_bytes, read_json, write_atomically
 from hdvplan.machine import load_average, machine_facts
 from hdvplan.record import write_record
 from hdvplan.report.grid import markdown_table
@@ -62,8 +64,10 @@ def repository(top: Path) -> None:
         subprocess.run([*git, *words], check=True)  # noqa: S603 - fixed
 
 
-def compared(top: Path, program: str, situation: str) -> dict[str, object]:
+def compared(folder: Path, program: str, situation: str) -> dict[str, object]:
     """Run the gate once for a change and return a row: how it ended, in what time, and what it said."""
+    top = Path(tempfile.mkdtemp(dir=folder)) / "toy"
+    repository(top)
     (top / "toy.py").write_text(TOY if program == SAME else patched(PATCHES[program]), encoding="utf-8")
     command = [sys.executable, "-P", "-m", "hdvplan", "bench", "--against", "HEAD", "--command", "python toy.py", *LIMITS]
     with load(wanted=situation == LOADED):
@@ -76,6 +80,14 @@ def compared(top: Path, program: str, situation: str) -> dict[str, object]:
     row = {"program": program, "situation": situation, "verdict": verdict, "seconds": time.monotonic() - began}
     print(f"{program}, {situation}: {verdict} in {row['seconds']:.0f} s: {said}", file=sys.stderr, flush=True)
     return row | {"said": said.partition(": ")[2]}
+
+
+def kept(record: Path, folder: Path, program: str, situation: str, number: int) -> dict[str, object]:
+    """Return the row of a comparison, from the record if it is there."""
+    file = record / f"{situation}, {program}, {number}.json".replace(" ", "-")
+    if not file.exists():
+        write_atomically(file, json_bytes(compared(folder, program, situation)))
+    return dict(read_json(file))
 
 
 def table_of(rows: Sequence[Mapping[str, object]]) -> pd.DataFrame:
@@ -92,14 +104,14 @@ def table_of(rows: Sequence[Mapping[str, object]]) -> pd.DataFrame:
     return pd.DataFrame(found)
 
 
-def markdown(table: pd.DataFrame) -> str:
+def markdown(table: pd.DataFrame, jobs: int) -> str:
     """Return the table with what a reader must know to believe it."""
     facts, asked = machine_facts(), " ".join(LIMITS)
     caption = (
         f"How often `hdvplan bench --against HEAD --command 'python toy.py' {asked}` calls a toy program regressed, from end to end: the "
         "program itself, and changes of it for the worse (`benchmarks/gate_patches.py`); what it said first. A planning step of the toy "
-        f"takes 0.3 ms, a process 0.2 s. {facts['processor']}, {facts['usable_cores']} cores, {facts['python']}; load average at the end "
-        f"{', '.join(f'{value:.1f}' for value in load_average() or [])}."
+        f"takes 0.3 ms, a process 0.2 s. {facts['processor']}, {facts['usable_cores']} cores, {facts['python']}; {jobs} comparisons at a "
+        f"time, load average at the end {', '.join(f'{value:.1f}' for value in load_average() or [])}."
     )
     return "\n\n".join((caption, markdown_table(table.astype(str), text=("program", "situation", "said")))) + "\n"
 
@@ -110,22 +122,24 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("results/gate"), metavar="DIR")
     parser.add_argument("--same", type=int, default=50, metavar="N", help="comparisons of the program with itself, half of them loaded")
     parser.add_argument("--quarters", type=int, default=10, metavar="N", help="loaded comparisons with a quarter more work")
+    parser.add_argument("--record", type=Path, default=Path("gate-record"), metavar="DIR", help="where rows are kept")
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="comparisons at the same time, which disturb each other")
     parser.add_argument("--only", choices=sorted(PATCHES), metavar="PROGRAM", help="one change alone, once")
     asked = parser.parse_args()
-    wanted = [(program, QUIET) for program in ([asked.only] if asked.only else PATCHES)]
+    wanted = [(program, QUIET, 0) for program in ([asked.only] if asked.only else PATCHES)]
     if not asked.only:
-        wanted += [(QUARTER, LOADED)] * asked.quarters
-        wanted += [(SAME, (QUIET, LOADED)[number % 2]) for number in range(asked.same)]
-    with tempfile.TemporaryDirectory() as name:
-        top = Path(name) / "toy"
-        repository(top)
-        table = table_of([compared(top, program, situation) for program, situation in wanted])
+        wanted += [(QUARTER, LOADED, number) for number in range(asked.quarters)]
+        wanted += [(SAME, (QUIET, LOADED)[number % 2], number) for number in range(asked.same)]
+    with tempfile.TemporaryDirectory() as name, ThreadPoolExecutor(asked.jobs) as pool:
+        folder = Path(name) if asked.only else asked.record
+        folder.mkdir(parents=True, exist_ok=True)
+        table = table_of(list(pool.map(lambda one: kept(folder, Path(name), *one), wanted)))
     asked.out.mkdir(parents=True, exist_ok=True)
     write_atomically(asked.out / "gate.csv", csv_bytes(table))
     if not asked.only:
-        write_atomically(asked.out / "gate.md", markdown(table).encode())
+        write_atomically(asked.out / "gate.md", markdown(table, asked.jobs).encode())
         write_record(asked.out, [])
-        print(markdown(table))
+        print(markdown(table, asked.jobs))
 
 
 if __name__ == "__main__":

@@ -72,7 +72,7 @@ class Report:
 
     format_: Annotated[
         str,
-        Setting("github: annotations on stdout, a table in the step summary.", names=("--format",), choices=("text", "github")),
+        Setting("github: an annotation on stdout, tables in the step summary.", names=("--format",), choices=("text", "github")),
     ] = "text"
     json: Annotated[bool, Setting("Write JSON to stdout, and nothing else.")] = False
     quiet: Annotated[bool, Setting("No progress, notes or tables; errors remain.")] = False

@@ -95,13 +95,13 @@ def told_to_programs(report: Report) -> Iterator[None]:
 def show(comparison: Comparison, rule: Rule, report: Report, again: str | None = None) -> ExitCode:
     """Write a comparison as asked for and return its exit code; ``again`` is the command that shows it again."""
     from hdvplan.bench.comparing.decision import Verdict
-    from hdvplan.bench.comparing.reports import comparison_json, github_annotations
+    from hdvplan.bench.comparing.reports import comparison_json, github_annotation
     from hdvplan.bench.comparing.words import comparison_markdown, comparison_tables, verdict_line
 
     if report.json:
         print_json(comparison_json(comparison, rule, again))
     elif report.format_ == "github":
-        sys.stdout.write("".join(f"{line}\n" for line in github_annotations(comparison, rule)))
+        sys.stdout.write(f"{github_annotation(comparison, rule)}\n")
         _summarise(comparison_markdown(comparison, rule, again))
     else:
         if not report.quiet:

@@ -90,7 +90,7 @@ def study(
     from hdvplan.study.spec import read_study
 
     wanted = read_study(file)
-    from hdvplan.bench.comparing.processes import ended_by_signals
+    from hdvplan.signals import ended_by_signals
     from hdvplan.study import LocalEngine, connected, run
 
     engine: Engine = (

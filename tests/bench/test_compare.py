@@ -327,9 +327,8 @@ def test_changed_counters_are_red_in_every_format(
     monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(summary))
     outcome = cli("compare", "base", "new", "--format", "github")
     assert outcome.code == 1
-    lines = outcome.out.splitlines()
-    assert len(lines) == 2
-    assert all(line.startswith("::error title=planning time::") for line in lines)
+    (line,) = outcome.out.splitlines()
+    assert line.startswith("::error title=planning time::regressed: counters changed")
     text = summary.read_text(encoding="utf-8")
     assert text.startswith("**regressed: counters changed in 1 cell")
     assert text.count("rti piqp ") == text.count("| piqp ") == 1  # among the changes and among the times
@@ -400,7 +399,6 @@ def test_what_is_no_run_is_refused(cli: Cli, two_runs: tuple[Path, Path], spoil:
         ("samples.csv.gz", "qp_count", "1e300"),
         ("samples.csv.gz", "total_s", "1e-300"),
         ("samples.csv.gz", "outer_s", "inf"),
-        ("samples.csv.gz", "solve_s", "-1e300"),
     ],
 )
 def test_a_table_with_something_else_than_numbers_is_refused(

@@ -18,10 +18,11 @@ import pytest
 from hdvplan.bench.comparing import environment, programs
 from hdvplan.bench.comparing.checkout import Checkout, checkout, copy_tree, export
 from hdvplan.bench.comparing.environment import Base, base_named, base_program, new_program
-from hdvplan.bench.comparing.processes import Ended, Scratch, ended_by_signals, scratch_folder, start
+from hdvplan.bench.comparing.processes import Ended, Scratch, scratch_folder, start
 from hdvplan.bench.comparing.programs import Program, ProgramError
 from hdvplan.cli.baselines import _cannot_write
 from hdvplan.errors import OptionError
+from hdvplan.signals import ended_by_signals
 from tests.bench.conftest import Cli
 
 ROOT = Path(__file__).parents[2]

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from hdvplan.bench.comparing.processes import TURNS, Scratch, Started, Turns, finish, in_turn, scratch_folder, start, turns, without_imports
+from hdvplan.bench.comparing.processes import Scratch, Started, Turns, finish, in_turn, scratch_folder, start, without_imports
+from hdvplan.bench.turns import TURNS, turns
 
 ROOT = Path(__file__).parents[2]
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="turns are given by descriptors that a process inherits")
@@ -17,7 +18,7 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="turns are given by d
 # Writes its name at the beginning and end of every turn; the other one must not be between.
 DIARY = """
 import os, sys, time
-from hdvplan.bench.comparing.processes import turns
+from hdvplan.bench.turns import turns
 name, diary, count = sys.argv[1], sys.argv[2], int(sys.argv[3])
 def note(word):
     with open(diary, "a") as file:
@@ -80,7 +81,7 @@ def test_a_program_that_knows_nothing_of_turns_runs_before_or_after_the_other(sc
     assert lines == [f"{one} begins", f"{one} ends", f"{other} begins", f"{other} ends"]
 
 
-CRASHES = "import os, sys; from hdvplan.bench.comparing.processes import turns\nwith turns() as take_turn:\n    take_turn(); os.abort()"
+CRASHES = "import os, sys; from hdvplan.bench.turns import turns\nwith turns() as take_turn:\n    take_turn(); os.abort()"
 CHILD = "import subprocess, sys; subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(60)'], close_fds=False)"
 
 
@@ -105,7 +106,7 @@ def test_where_nobody_hands_out_turns_there_is_no_waiting(monkeypatch: pytest.Mo
 
 def test_who_stops_asking_for_turns_in_an_error_ends_its_own(scratch: Scratch) -> None:
     diary = scratch.folder / "diary"
-    raises = "from hdvplan.bench.comparing.processes import turns\nwith turns() as take_turn:\n    take_turn(); raise SystemExit(3)"
+    raises = "from hdvplan.bench.turns import turns\nwith turns() as take_turn:\n    take_turn(); raise SystemExit(3)"
     in_turn(started(scratch, *arguments) for arguments in ((raises,), (DIARY, "b", str(diary), "2")))
     assert [finish(one).code for one in scratch.started] == [3, 0]
 
@@ -122,7 +123,7 @@ def test_a_process_that_runs_longer_than_its_limit_is_ended_and_waiting_for_turn
         hung = start([sys.executable, "-c", "import time; time.sleep(1e6)"], os.environ, scratch, limit=0.2)
         ended = finish(hung)
         assert ended.expired
-        sleeps = "import time; from hdvplan.bench.comparing.processes import turns\nwith turns() as take:\n    take(); time.sleep({})"
+        sleeps = "import time; from hdvplan.bench.turns import turns\nwith turns() as take:\n    take(); time.sleep({})"
         one, other = (
             start([sys.executable, "-c", sleeps.format(seconds)], os.environ, scratch, turns=Turns(None), limit=limit)
             for seconds, limit in ((1e6, 10.0), (0.0, 10.0))

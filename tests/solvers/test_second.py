@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from hdvplan.api import drive_case
-from hdvplan.bench.comparing.processes import ended_by_signals
 from hdvplan.case import Case
 from hdvplan.driving.drive import Drive, drive
 from hdvplan.errors import SolverError
@@ -24,6 +23,7 @@ from hdvplan.qp.workspace import QpResult, Status, WorkspaceMaker, backed
 from hdvplan.report.summary import summary_of
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
+from hdvplan.signals import ended_by_signals
 from hdvplan.solvers.registry import dependable, solver_named
 from hdvplan.solvers.riccati import RiccatiWorkspace
 from hdvplan.vehicle.load import load_vehicle

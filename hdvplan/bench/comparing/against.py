@@ -15,7 +15,7 @@ from hdvplan.bench.comparing.compare import Comparison, compare, failed
 from hdvplan.bench.comparing.counters import Tolerance
 from hdvplan.bench.comparing.decision import FEWEST, LOOKS, Rule, Verdict
 from hdvplan.bench.comparing.environment import base_named, base_program, cache_folder, new_program
-from hdvplan.bench.comparing.processes import Scratch, Started, Turns, ended_by_signals, in_turn, scratch_folder, shared_cores
+from hdvplan.bench.comparing.processes import Scratch, Started, Turns, in_turn, scratch_folder, shared_cores
 from hdvplan.bench.comparing.programs import Home, Program, ProgramError, UnreachedError
 from hdvplan.bench.comparing.sides import COLD, LOAD, read_side
 from hdvplan.bench.comparing.words import verdict_line
@@ -24,6 +24,7 @@ from hdvplan.bench.suite import Suite
 from hdvplan.errors import MeasurementError, OptionError
 from hdvplan.fileio import json_bytes, write_atomically
 from hdvplan.machine import load_average
+from hdvplan.signals import ended_by_signals
 from hdvplan.texts import encoded
 
 # Two roads, both kinds of vehicles, both schemes, the default solver: half a second of driving, so that six rounds are

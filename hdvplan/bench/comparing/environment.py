@@ -20,9 +20,10 @@ from hashlib import sha256
 from pathlib import Path
 
 from hdvplan.bench.comparing.checkout import Checkout, copy_tree, export, git
-from hdvplan.bench.comparing.processes import Scratch, remove, run, undisturbed
+from hdvplan.bench.comparing.processes import Scratch, remove, run
 from hdvplan.bench.comparing.programs import PYTHON, Program, ProgramError, environment, install, is_unreached, pip, present, reason
 from hdvplan.errors import OptionError
+from hdvplan.signals import undisturbed
 
 PACKAGE = Path(__file__).parents[2]
 _RELEASE = re.compile(  # a version of PEP 440

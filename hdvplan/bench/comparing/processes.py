@@ -11,19 +11,21 @@ import socket
 import subprocess
 import sys
 import tempfile
-import threading
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic, sleep
-from types import FrameType
 
-TURNS = "HDVPLAN_TURNS"  # the variable that tells a process of its descriptor; see ``hdvplan.bench.comparing.processes``
+from hdvplan.bench.turns import TURNS
+from hdvplan.signals import undisturbed
+
 _IMPORTED = "import time:"  # of -X importtime
 _SAID, _SPENT, _PRINTED = "said", "spent.json", "printed"
 _LONGEST_WORDS, _TAIL_LINES = 300, 20
+_GO = b"!"
+_LOOK_S = 0.2  # how often it is looked whether a process has ended whose children still have the descriptor
 _TRIES, _PAUSE_S = 50, 0.05
 # Between us and what is measured: the high-water mark of memory that a system reports for a process begins at that of the one which
 # started it, and ours has loaded tables and plots.
@@ -43,11 +45,6 @@ with open(sys.argv[1], "w") as file:
     json.dump({"peak_bytes": peak, "cpu_s": used.ru_utime + used.ru_stime, "ran_s": ran}, file)
 sys.exit(code if code >= 0 else 128 - code)
 """
-_SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
-
-
-class _SignalError(KeyboardInterrupt):
-    """A signal that ends a block, with the exit code. Who guards against other people's code lets it through as Ctrl-C, unlike sys.exit."""
 
 
 @dataclass(frozen=True)
@@ -210,76 +207,6 @@ def remove(folder: Path) -> None:
         if not folder.exists():
             return
         sleep(_PAUSE_S)
-
-
-@contextmanager
-def ended_by_signals() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP end the block as an exception does, so that it cleans up; the exit code is as shells report it.
-
-    A signal that is ignored stays so, as SIGHUP behind nohup.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def leave(number: int, _: FrameType | None) -> None:
-        raise _SignalError(128 + number)
-
-    heard = [number for number in _SIGNALS if number != signal.SIGINT and signal.getsignal(number) is not signal.SIG_IGN]
-    before = {number: signal.signal(number, leave) for number in heard}
-    try:
-        yield
-    except _SignalError as error:
-        raise SystemExit(*error.args) from None
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
-@contextmanager
-def undisturbed() -> Iterator[None]:
-    """Hold SIGINT, SIGTERM and SIGHUP back until the block has ended."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    held: list[int] = []
-    before = {number: signal.signal(number, lambda number, _: held.append(number)) for number in _SIGNALS}
-    try:
-        yield
-    finally:
-        for number in reversed(before):
-            signal.signal(number, before[number])
-        if held:
-            signal.raise_signal(held[0])
-
-
-_ASK, _GO = b"?", b"!"
-_LOOK_S = 0.2  # how often it is looked whether a process has ended whose children still have the descriptor
-
-
-@contextmanager
-def turns() -> Iterator[Callable[[], None]]:
-    """Provide what waits for this process's next turn; where nobody hands out turns, it has one at any time.
-
-    At the end of the block it waits once more: what follows does not disturb the other's last turn.
-    """
-    told = os.environ.pop(TURNS, "")  # the descriptor is not for what this process starts
-    if not told.isdecimal():
-        yield lambda: None
-        return
-    descriptor = int(told)
-
-    def take() -> None:
-        with suppress(OSError):  # who hands out turns is gone: so is the comparison
-            os.write(descriptor, _ASK)
-            os.read(descriptor, 1)
-
-    try:
-        yield take
-        take()
-    finally:
-        with suppress(OSError):
-            os.close(descriptor)
 
 
 def in_turn(starting: Iterable[Started]) -> None:

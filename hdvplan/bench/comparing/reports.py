@@ -17,7 +17,6 @@ from hdvplan.bench.suite import KEY, cell_words
 from hdvplan.fileio import json_bytes, write_atomically
 
 _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-_SHOWN = 10  # annotations of one kind that GitHub shows of a step
 
 
 def write_reports(comparison: Comparison, rule: Rule, again: str | None, folder: Path) -> None:
@@ -53,8 +52,11 @@ def comparison_json(comparison: Comparison, rule: Rule, again: str | None = None
             | ({"why": change.why} if change.why else {})
             for change in comparison.changes
         ],
-        "times": [dict(zip(KEY, entry.cell, strict=True)) | _numbers(entry) for entry in comparison.times],
-        "statistics": [_statistic(one) for one in comparison.found],
+        "times": [dict(zip(KEY, entry.cell, strict=True)) | _judged(entry) for entry in comparison.times],
+        "statistics": [
+            {"statistic": quantity_words(one), "meaning": one.quantity.meaning, "unit": one.quantity.unit} | _judged(one)
+            for one in comparison.found
+        ],
     }
 
 
@@ -93,31 +95,11 @@ def junit_xml(comparison: Comparison, rule: Rule) -> bytes:
     return b'<?xml version="1.0" encoding="utf-8"?>\n' + tostring(suite, encoding="unicode").encode()
 
 
-def github_annotations(comparison: Comparison, rule: Rule) -> list[str]:
-    """Return the workflow commands that make GitHub Actions show the verdict, then what is wrong, the worst first.
-
-    Of one step GitHub shows ten of a kind: more are counted in the last one.
-    """
+def github_annotation(comparison: Comparison, rule: Rule) -> str:
+    """Return the workflow command that makes GitHub Actions show the verdict; the step's summary has the rest."""
     kind = {Verdict.FINE: "notice", Verdict.REGRESSED: "error", Verdict.UNMEASURABLE: "warning"}[comparison.verdict]
     tail = comparison.failure.tail if comparison.failure else ""
-    found = [_command(kind, verdict_line(comparison, rule) + (f"\n{tail}" if tail else ""))]
-    worse = [
-        ((1, entry.decision.ratio), "error", f"{_name(entry)}: {_words(entry)}")
-        for entry in (*comparison.times, *comparison.found)
-        if entry.is_worse
-    ]
-    worse += [
-        (
-            (2 if any(map(no_longer_planned, changes)) else 0, 0.0),
-            "error" if _counts(changes, comparison) else "notice",
-            f"{cell_words(cell)}: {_changed_words(changes)}",
-        )
-        for cell, changes in _changed(comparison).items()
-    ]
-    found += [_command(mark, words) for _, mark, words in sorted(worse, key=lambda entry: entry[0], reverse=True)]
-    if len(found) <= _SHOWN:
-        return found
-    return [*found[: _SHOWN - 1], _command(kind, f"and {len(found) - _SHOWN + 1} more: the summary of this step has all")]
+    return _command(kind, verdict_line(comparison, rule) + (f"\n{tail}" if tail else ""))
 
 
 def refusal_annotation(message: str, hint: str | None) -> str:
@@ -145,10 +127,6 @@ def _changed_words(changes: Sequence[Change]) -> str:
     return "; ".join(map(change_words, changes))
 
 
-def _name(entry: Entry) -> str:
-    return cell_words(entry.cell) if entry.decision.needed else quantity_words(entry)
-
-
 def _words(entry: Entry) -> str:
     found = entry.decision
     if not found.pairs:
@@ -156,22 +134,16 @@ def _words(entry: Entry) -> str:
     return f"{found.base:.5g} {entry.quantity.unit} before, {found.new:.5g} now: {found.ratio:.3f} times"
 
 
-def _numbers(entry: Entry) -> dict[str, object]:
-    found = entry.decision
+def _judged(entry: Entry) -> dict[str, object]:
+    """Return the decision on a cell, in ms, or on a quantity of whole processes, in its unit."""
+    found, unit = entry.decision, "_ms" if entry.decision.needed else ""
     numbers = {
-        "base_ms": found.base, "new_ms": found.new, "ratio": found.ratio, "low": found.low, "high": found.high, "noise": found.noise,
-        "chance": found.chance, "detectable": found.detectable,
+        f"base{unit}": found.base, f"new{unit}": found.new, "ratio": found.ratio, "low": found.low, "high": found.high,
+        "noise": found.noise, "chance": found.chance, "detectable": found.detectable,
     }  # fmt: skip
-    told = {"verdict": str(found.verdict), "by_cpu": entry.by_cpu, "pairs": found.pairs}
-    return told | _known(numbers)
-
-
-def _statistic(one: Entry) -> dict[str, object]:
-    found = one.decision
-    numbers = {"base": found.base, "new": found.new, "ratio": found.ratio, "low": found.low, "high": found.high}
-    numbers |= {"chance": found.chance, "detectable": found.detectable}
-    told = {"statistic": quantity_words(one), "meaning": one.quantity.meaning, "unit": one.quantity.unit}
-    return told | {"verdict": word_of(one) if found.unseen else str(one.verdict), "pairs": found.pairs} | _known(numbers)
+    return {"verdict": word_of(entry) if found.unseen else str(found.verdict), "by_cpu": entry.by_cpu, "pairs": found.pairs} | _known(
+        numbers
+    )
 
 
 def _measured(comparison: Comparison) -> tuple[list[dict[str, object]], dict[str, object]]:

@@ -85,9 +85,7 @@ def _could(unknown: Sequence[Entry], comparison: Comparison) -> str:
 def comparison_tables(comparison: Comparison) -> list[Table]:
     """Return the tables for the terminal: what is wrong, the worst first; then every time."""
     wrong = wrong_rows(comparison)
-    columns = _shown(wrong)
-    tables = [grid("what changed, the worst first", [_WRONG[i] for i in columns], [[row[i] for i in columns] for row in wrong], text=_TEXT)]
-    tables = tables if wrong else []
+    tables = [grid("what changed, the worst first", _WRONG, wrong, text=_TEXT)] if wrong else []
     found = _rows(comparison.times)
     shown = (_TIMES[0], *_TIMES[len(KEY) :])
     for group in dict.fromkeys(row[1 : len(KEY)] for row in found):
@@ -107,8 +105,7 @@ def comparison_markdown(comparison: Comparison, rule: Rule, again: str | None = 
     if comparison.failure is not None and comparison.failure.tail:
         parts.append("\n".join(f"    {line}" for line in comparison.failure.tail.splitlines()))
     if wrong := wrong_rows(comparison):
-        columns = _shown(wrong)
-        parts += ["What changed, the worst first:", _markdown([_WRONG[i] for i in columns], [[row[i] for i in columns] for row in wrong])]
+        parts += ["What changed, the worst first:", _markdown(_WRONG, wrong)]
     if again and comparison.verdict is not Verdict.FINE:
         parts.append(f"    {again}")
     if comparison.times:
@@ -156,11 +153,6 @@ def word_of(entry: Entry) -> str:
         return "other steps"
     words = _MARKS if not entry.decision.needed else _WORDS
     return f"{words[entry.verdict]}{' by CPU' if entry.by_cpu else ''}"
-
-
-def _shown(rows: Sequence[Sequence[str]]) -> list[int]:
-    """Return the columns in which any row says something."""
-    return [i for i in range(len(_WRONG)) if any(row[i] != "-" for row in rows)]
 
 
 def _rows(entries: Iterable[Entry]) -> list[tuple[str, ...]]:

@@ -14,11 +14,11 @@ from typing import Any, Self
 
 import numpy as np
 
-from hdvplan.bench.comparing.processes import turns
 from hdvplan.bench.measuring.measure import Alive, Bench
 from hdvplan.bench.measuring.samples import Measurement, ended, part_file, write_part
 from hdvplan.bench.suite import Suite, visits
 from hdvplan.bench.tables import CRASHED, HUNG, OUT_OF_MEMORY, OVER_BUDGET
+from hdvplan.bench.turns import turns
 from hdvplan.case import Case
 from hdvplan.qp.workspace import WorkspaceMaker
 from hdvplan.serving import serve_parent
