@@ -88,7 +88,7 @@ def bench(
         from hdvplan.bench.measuring.export import cases_to_export, export
 
         with writing(f"to {files.export_qps}", "choose another folder"):
-            written = export(cases_to_export(wanted), files.export_qps)
+            written = export(cases_to_export(wanted), files.export_qps, files.qp_format)
         note(f"wrote {files.export_qps}/, sequences of QPs: {len(written)}", quiet=quiet)
         return ExitCode.OK
     only_drawn = files.plot is not None and options.counters is None

@@ -25,7 +25,8 @@ HDV_EXPORT int64_t hdv_solver_size(const struct hdv_shape *shape) {
 }
 
 /* Lay a solver out in ``memory``, which begins with its struct hdv_solver. */
-HDV_EXPORT void hdv_solver_in(void *memory, const struct hdv_shape *shape, double tolerance, int64_t screens) {
+HDV_EXPORT void
+hdv_solver_in(void *memory, const struct hdv_shape *shape, double tolerance, int64_t screens, int64_t warm) {
     struct parts parts = parts_of(shape);
     struct hdv_solver *solver = memory;
     solver->work = (double *)(solver + 1);
@@ -37,6 +38,7 @@ HDV_EXPORT void hdv_solver_in(void *memory, const struct hdv_shape *shape, doubl
     solver->tolerance = tolerance;
     solver->budget = HDV_UNLIMITED;
     solver->screens = screens;
+    solver->warm = warm;
 }
 
 /* Return whether stage i breaks an inequality. */
@@ -114,7 +116,7 @@ void hdv_solve(
     struct hdv_solved found = {HDV_SOLVED, 0, 1};
     int any = 0;
     memcpy(point->stages, program->x_first, (size_t)program->shape.states * sizeof(double));
-    int guessed = guess != NULL && solver->screens;
+    int guessed = guess != NULL && solver->warm;
     if (!guessed || !hdv_settle(solver, program, guess, point, &found.factorisations)) {
         int spent = found.factorisations >= solver->budget, passed = !spent && screen(solver, program, point, &any);
         found.ending = passed ? HDV_SOLVED : spent ? HDV_ITERATION_LIMIT : HDV_NUMERICAL;

@@ -46,7 +46,8 @@ struct hdv_solver {
     uint8_t *member;                     /* (N+1, p + 2 (b + m)): whether it has a pair */
     double tolerance;                    /* of products or slacks, and of broken inequalities [m] */
     int64_t budget;                      /* most factorisations of a solve */
-    int64_t screens;                     /* 0: every inequality takes part from the start, and no guess is used */
+    int64_t screens;                     /* 0: every inequality takes part from the start */
+    int64_t warm;                        /* 0: no guess is used */
 };
 
 struct hdv_solved {

@@ -17,6 +17,7 @@ class Native:
     warm_start: bool
     detects_infeasible: bool
     note: str
+    modules: Mapping[str, str] = field(default_factory=dict)  # of distributions that bring it, the best first; none: all are alike
 
 
 @dataclass(frozen=True)
@@ -35,9 +36,17 @@ class Generic:
 NATIVE = {
     "riccati": Native("hdvplan.solvers.riccati:RiccatiWorkspace", "hdvplan", True, False, "active set and interior point; our own"),
     "riccati-ipm": Native("hdvplan.solvers.riccati:InteriorWorkspace", "hdvplan", False, False, "the interior point of riccati alone"),
+    "riccati-warm": Native("hdvplan.solvers.riccati:WarmWorkspace", "hdvplan", True, False, "riccati without its screening"),
     "piqp": Native("hdvplan.solvers.piqp:PiqpWorkspace", "piqp", False, True, "proximal interior point, sparse"),
     "clarabel": Native("hdvplan.solvers.clarabel:ClarabelWorkspace", "clarabel", False, True, "interior point, sparse"),
-    "hpipm": Native("hdvplan.solvers.hpipm:HpipmWorkspace", "casadi", False, False, "interior point with OCP structure; in CasADi's wheel"),
+    "hpipm": Native(
+        "hdvplan.solvers.hpipm:HpipmWorkspace",
+        "comma-deps-acados",
+        False,
+        False,
+        "interior point with OCP structure; from acados' wheel or CasADi's",
+        {"comma-deps-acados": "acados", "casadi": "casadi"},
+    ),
     "daqp": Native("hdvplan.solvers.daqp:DaqpWorkspace", "daqp", False, True, "dual active set, dense, states eliminated"),
     "osqp": Native("hdvplan.solvers.osqp:OsqpWorkspace", "osqp", True, True, "operator splitting, sparse"),
     "proxqp": Native("hdvplan.solvers.proxqp:ProxqpWorkspace", "proxsuite", True, True, "augmented Lagrangian, sparse"),

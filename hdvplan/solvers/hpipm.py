@@ -1,8 +1,11 @@
-"""HPIPM: the interior-point method for optimal control of acados, by its C interface in CasADi's wheel; native workspace.
+"""HPIPM: the interior-point method for optimal control of acados, by its C interface in a wheel; native workspace.
+
+The wheel ``comma-deps-acados`` brings it with a BLASFEO for AVX2 processors; else CasADi's is taken, whose BLASFEO is for any processor.
 
 A program is copied into memory of the workspace, which HPIPM reads in one call through pointers that are made once. The given first
 state is eliminated. Rows are HPIPM's own soft constraints, behind the bounds of u and x; their lower sides, which we do not have, are
-masked. HPIPM condenses blocks of stages before it solves, and expands the solution.
+masked. HPIPM condenses blocks of stages before it solves, and expands the solution. Its fastest mode is tried first; where residuals,
+recomputed, do not prove its point, its careful mode solves the program again, and both times count.
 """
 
 from __future__ import annotations
@@ -22,19 +25,32 @@ from numpy.typing import NDArray
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import SolverError
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
-from hdvplan.qp.workspace import QpResult, Status
+from hdvplan.qp.workspace import QpResult, Status, largest_multiplier, residuals
 
-TOLERANCE = 1e-8  # absolute, of all four residuals
+TOLERANCE = 1e-6  # absolute, of all four residuals; at 1e-8 the balanced mode does not end where limits cannot be kept
 _STATUS = (Status.SOLVED, Status.ITERATION_LIMIT, Status.NUMERICAL, Status.NUMERICAL, Status.INFEASIBLE)  # as hpipm_status counts
-_ITERATIONS = 100
-_BALANCE = 2  # hpipm_mode: relative formulation, refinement where it helps; SPEED is faster, but fails on some programs with broken limits
 _START = 1e4  # complementarity at the start: rows cost 1e4 a metre; at 1e2 it takes twice as many iterations where they bind
-_BLOCK = 4  # stages condensed into one: of 1, 3, 4, 5 and 8 the fastest at 200 stages, 1.2 to 2 times as fast as 1
 _CLASSICAL = 0  # recursion of the condensing; the default takes the root of Q, and gives wrong points where Q is singular
+_PROVED = 10.0  # times the tolerance: residuals up to which the fast mode's point is taken; metres, and shares of the largest multiplier
+
+
+class _Setting(NamedTuple):
+    mode: str
+    number: int  # as hpipm_mode counts
+    block: int  # stages condensed into one
+    power: int  # of the tolerance
+    most: int  # iterations
+
+
+_LEAST = 1e-12  # tolerance: rounding leaves no more
 _ROOM = 1024  # bytes of a structure of which HPIPM does not tell the size; they hold a few pointers
 _ALIGNED = 64  # bytes, for vector instructions
 _CONDENSING = ("d_part_cond_qp_arg", "d_part_cond_qp_ws")
 _FILES = {"Darwin": "libhpipm.dylib", "Windows": "hpipm.dll"}
+_WHEELS = (("acados", "install/lib"), ("casadi", ""))  # modules, and where their libraries are; both would not fit into one environment
+# Fastest of SPEED_ABS, SPEED and BALANCE by 1, 2, 4, 8 and 16 stages on 192 programs of all classes of limits, cold; SPEED_ABS looks at
+# products alone, so that it needs the tolerance squared. BALANCE solves most of what the fast modes do not: limits that cannot be kept.
+_SETTINGS = (_Setting("SPEED_ABS", 0, 8, 2, 20), _Setting("BALANCE", 2, 4, 1, 100))
 
 IntC = NDArray[np.int32]
 Addresses = NDArray[np.uintp]  # one pointer a stage
@@ -55,13 +71,14 @@ class _Memory(NamedTuple):
 
 
 class HpipmWorkspace:
-    """HPIPM in its balanced mode with partial condensing, cold in every solve."""
+    """HPIPM in its fast mode, then in its balanced one, with partial condensing, cold in every solve."""
 
     name = "hpipm"
     starts_warm = False
     settings = (
-        f"BALANCE, mu0 {_START:g}, condensed by {_BLOCK} stages, soft rows of its own, cold; "
-        "BLASFEO built with TARGET=GENERIC in CasADi's wheel"
+        ", else ".join(f"{one.mode} by {one.block} stages{' at its square' * (one.power > 1)}" for one in _SETTINGS)
+        + f"; mu0 {_START:g}, soft rows of its own, cold; "
+        + ("BLASFEO of comma-deps-acados for AVX2" if find_spec("acados") else "BLASFEO of CasADi, for any processor")
     )
 
     def __init__(self, shape: StageShape, *, tolerance: float = TOLERANCE) -> None:
@@ -71,10 +88,10 @@ class HpipmWorkspace:
             SolverError: CasADi has brought no HPIPM.
 
         """
-        self._shape, self._library = shape, _library()
+        self._shape, self._library, self._close = shape, _library(), _PROVED * tolerance
         self._point = StageSolution.empty(shape)
         self._kept: list[object] = []
-        self._memory = self._allocate(tolerance)
+        self._memories = [self._allocate(setting, tolerance) for setting in _SETTINGS]
         stages, n, m, p, b = shape.stages, shape.states, shape.inputs, shape.rows, len(shape.bounded_states)
         count = stages + 1
         self._program = StageQp.empty(shape)
@@ -91,7 +108,8 @@ class HpipmWorkspace:
         self._softening = [softening] * stages + [softening[m:]]  # the same the other way round: HPIPM takes either
         self._into = tuple(map(self._pointer_to, self._places_of_solution()))
         self._from = tuple(map(self._pointer_to, self._places_of_program()))
-        self._mask()
+        for memory in self._memories:
+            self._mask(memory)
 
     def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:  # noqa: ARG002 - a guess helps no interior point here
         """Solve ``qp``; see ``QpWorkspace``."""
@@ -99,34 +117,48 @@ class HpipmWorkspace:
         qp.check()
         self._program.buffer[:] = qp.buffer
         self._gather()
-        library, memory = self._library, self._memory
+        updated, iterations, status = perf_counter(), 0, Status.FAILED
+        for memory in self._memories:
+            status, took = self._attempt(memory)
+            iterations += took
+            if memory is self._memories[-1] or (status is Status.SOLVED and self._proved(qp)):
+                break
+        return QpResult(status, self._point, iterations, updated - started, perf_counter() - updated)
+
+    def _attempt(self, memory: _Memory) -> tuple[Status, int]:
+        """Solve the gathered program with one setting; return what HPIPM says of it, and its iterations."""
+        library = self._library
         library.d_ocp_qp_set_all_rowmaj(*self._from, memory.qp)
-        updated = perf_counter()
         library.d_part_cond_qp_cond(memory.qp, memory.blocks, memory.condensing, memory.condenser)
         library.d_ocp_qp_ipm_solve(memory.blocks, memory.blocks_solution, memory.arguments, memory.workspace)
-        library.d_part_cond_qp_expand_sol(memory.qp, memory.blocks_solution, memory.solution, memory.condensing, memory.condenser)
+        expanded = (memory.qp, *([memory.blocks] if _is_old(library) else []), memory.blocks_solution, memory.solution)
+        library.d_part_cond_qp_expand_sol(*expanded, memory.condensing, memory.condenser)
         library.d_ocp_qp_sol_get_all(memory.solution, *self._into)
         self._publish()
         status, iterations = ctypes.c_int(), ctypes.c_int()
         library.d_ocp_qp_ipm_get_status(memory.workspace, ctypes.byref(status))
         library.d_ocp_qp_ipm_get_iter(memory.workspace, ctypes.byref(iterations))
-        claimed = _STATUS[status.value] if 0 <= status.value < len(_STATUS) else Status.FAILED
-        return QpResult(claimed, self._point, iterations.value, updated - started, perf_counter() - updated)
+        return _STATUS[status.value] if 0 <= status.value < len(_STATUS) else Status.FAILED, iterations.value
 
-    def _allocate(self, tolerance: float) -> _Memory:
-        """Make HPIPM's structures."""
+    def _proved(self, qp: StageQp) -> bool:
+        """Tell whether the residuals of the point prove an optimum."""
+        judged, scale = residuals(qp, self._point), max(1.0, largest_multiplier(self._point))
+        return judged.primal <= self._close and max(judged.dual, judged.gap) <= self._close * scale
+
+    def _allocate(self, setting: _Setting, tolerance: float) -> _Memory:
+        """Make HPIPM's structures for one setting."""
         library, shape = self._library, self._shape
         stages, p, b = shape.stages, shape.rows, len(shape.bounded_states)
         sizes = [
             np.array(values, np.int32)
             for values in (
                 [0] + [shape.states] * stages, [shape.inputs] * stages + [0], [0] + [b] * stages, [shape.inputs] * stages + [0],
-                [0] + [p] * stages, [0] + [p] * stages,
+                [0] + [p] * stages, *([[0] * (stages + 1)] * 2 if _is_old(library) else []), [0] + [p] * stages,
             )
         ]  # fmt: skip
         dimensions = self._made("d_ocp_qp_dim", stages)
         library.d_ocp_qp_dim_set_all(*map(_pointer, sizes), dimensions)
-        count = max(1, stages // _BLOCK)
+        count = max(1, stages // setting.block)
         lengths, shorter = np.zeros(count + 1, np.int32), self._made("d_ocp_qp_dim", count)
         library.d_part_cond_qp_compute_block_size(stages, count, _pointer(lengths))
         library.d_part_cond_qp_compute_dim(dimensions, _pointer(lengths), shorter)
@@ -134,11 +166,16 @@ class HpipmWorkspace:
         library.d_part_cond_qp_arg_set_default(condensing)
         library.d_part_cond_qp_arg_set_ric_alg(_CLASSICAL, condensing)
         arguments = self._made("d_ocp_qp_ipm_arg", shorter)
-        library.d_ocp_qp_ipm_arg_set_default(_BALANCE, arguments)
-        library.d_ocp_qp_ipm_arg_set_iter_max(ctypes.byref(ctypes.c_int(_ITERATIONS)), arguments)
+        library.d_ocp_qp_ipm_arg_set_default(setting.number, arguments)
+        library.d_ocp_qp_ipm_arg_set_comp_dual_sol_eq(
+            ctypes.byref(ctypes.c_int(1)), arguments
+        )  # of the dynamics: SPEED_ABS leaves them out
+        library.d_ocp_qp_ipm_arg_set_iter_max(ctypes.byref(ctypes.c_int(setting.most)), arguments)
         library.d_ocp_qp_ipm_arg_set_mu0(ctypes.byref(ctypes.c_double(_START)), arguments)
         for residual in ("stat", "eq", "ineq", "comp"):
-            getattr(library, f"d_ocp_qp_ipm_arg_set_tol_{residual}")(ctypes.byref(ctypes.c_double(tolerance)), arguments)
+            getattr(library, f"d_ocp_qp_ipm_arg_set_tol_{residual}")(
+                ctypes.byref(ctypes.c_double(max(tolerance**setting.power, _LEAST))), arguments
+            )
         return _Memory(
             self._made("d_ocp_qp", dimensions), self._made("d_ocp_qp_sol", dimensions),
             condensing, self._made("d_part_cond_qp_ws", dimensions, self._pointer_to(lengths), shorter, condensing),
@@ -167,6 +204,7 @@ class HpipmWorkspace:
         b = _addresses(s["c"])
         b[0] = self._first.ctypes.data
         nothing = [self._none] * everywhere
+        softening = [] if _is_old(self._library) else [_addresses(self._softening)]
         return [
             _addresses(s["A"]), _addresses(s["B"]), b, _addresses(s["Q"]), _addresses(nothing), _addresses(s["R"]),
             _addresses(s["q"]), _addresses(s["r"]),
@@ -174,7 +212,7 @@ class HpipmWorkspace:
             _addresses([self._inputs] * everywhere), _addresses(s["u_low"]), _addresses(s["u_high"]),
             _addresses(self._G), _addresses(nothing), _addresses(nothing), _addresses(self._h),
             _addresses([self._one] * everywhere), _addresses(self._quadratic), _addresses(nothing), _addresses(self._linear),
-            _addresses(self._softened), _addresses(self._softening), _addresses(nothing), _addresses(nothing),
+            _addresses(self._softened), *softening, _addresses(nothing), _addresses(nothing),
         ]  # fmt: skip
 
     def _places_of_solution(self) -> list[Addresses]:
@@ -187,12 +225,12 @@ class HpipmWorkspace:
             _addresses(self._upper), unused, unused,
         ]  # fmt: skip
 
-    def _mask(self) -> None:
+    def _mask(self, memory: _Memory) -> None:
         """Take the rows' lower sides and their slacks out of the program."""
         zeros = np.zeros(max(self._shape.rows, 1))
         for stage in range(1, self._shape.stages + 1):
             for field in (b"lg_mask", b"lls_mask"):
-                self._library.d_ocp_qp_set(field, stage, _pointer(zeros), self._memory.qp)
+                self._library.d_ocp_qp_set(field, stage, _pointer(zeros), memory.qp)
 
     def _gather(self) -> None:
         """Lay the program's rows out as HPIPM reads them; the first state moves into the first interval's c."""
@@ -223,22 +261,30 @@ def _addresses(array: np.ndarray[tuple[int, ...], np.dtype[np.float64]] | Sequen
     return np.array([one.ctypes.data for one in array], np.uintp)
 
 
+def _is_old(library: ctypes.CDLL) -> bool:
+    """Tell whether HPIPM is older than 2025: slacks counted by kind, and three functions with other arguments."""
+    return hasattr(library, "d_ocp_qp_dim_set_nsg")
+
+
 @cache
 def _library() -> ctypes.CDLL:
-    """Load HPIPM from CasADi's wheel.
+    """Load HPIPM from a wheel.
 
     Raises:
         SolverError: it is not there.
 
     """
-    found = find_spec("casadi")
-    places = [] if found is None else [Path(place) for place in found.submodule_search_locations or ()]
     name = _FILES.get(platform.system(), "libhpipm.so")
-    file = next((place / name for place in places if (place / name).is_file()), None)
-    if file is None:
-        msg = f"the installed CasADi brings no {name}"
-        raise SolverError(msg, hint="install another one: pip install --upgrade casadi")
-    library = ctypes.CDLL(str(file))
+    found = [(find_spec(module), within) for module, within in _WHEELS]
+    folders = [Path(place, within) for spec, within in found if spec for place in spec.submodule_search_locations or ()]
+    folder = next((folder for folder in folders if (folder / name).is_file()), None)
+    if folder is None:
+        msg = f"neither the wheel comma-deps-acados nor CasADi's brings {name}"
+        raise SolverError(msg, hint="pip install comma-deps-acados, in an environment without CasADi: both bring a module casadi")
+    needed = folder / name.replace("hpipm", "blasfeo")
+    if needed.is_file():
+        ctypes.CDLL(str(needed))  # which the other then finds, wherever the wheel lies
+    library = ctypes.CDLL(str(folder / name))
     structures = ["d_ocp_qp", *(f"d_ocp_qp_{kind}" for kind in ("dim", "sol", "ipm_arg", "ipm_ws"))]
     sizes = [f"{kind}_{size}" for kind in structures for size in ("strsize", "memsize")] + [f"{kind}_memsize" for kind in _CONDENSING]
     for size in sizes:

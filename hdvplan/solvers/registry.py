@@ -35,10 +35,8 @@ class SolverInfo:
 
 def solver_infos() -> list[SolverInfo]:
     """Return every solver that hdvplan knows, installed or not, the default first, and those that installed packages offer."""
-    native = [
-        SolverInfo(name, _version(row.distribution), True, row.warm_start, row.detects_infeasible, row.note) for name, row in NATIVE.items()
-    ]
-    generic = [SolverInfo(THROUGH + name, _version(row.distribution), False, False, True, row.note) for name, row in GENERIC.items()]
+    native = [SolverInfo(name, _version(row), True, row.warm_start, row.detects_infeasible, row.note) for name, row in NATIVE.items()]
+    generic = [SolverInfo(THROUGH + name, _version(row), False, False, True, row.note) for name, row in GENERIC.items()]
     offered = [
         SolverInfo(name, point.dist.version if point.dist else "?", True, None, None, f"offered by {point.value}")
         for name, point in plugins.offers(plugins.SOLVER).items()
@@ -116,10 +114,10 @@ def check_solver(name: str) -> None:
     if row is None:
         _class(name)
         return
-    module = row.module if isinstance(row, Generic) else row.distribution
+    distribution, module = _wheel(row)
     if find_spec(module) is None:
         msg = f"solver {name!r} is not installed"
-        raise SolverError(msg, hint=f"pip install {row.distribution}")
+        raise SolverError(msg, hint=f"pip install {distribution}")
 
 
 def tolerance_of(name: str) -> float | None:
@@ -137,7 +135,7 @@ def tolerance_of(name: str) -> float | None:
 def version_of(name: str) -> str | None:
     """Return the version of the solver called ``name``, of a file its content's digest; None where it is not installed or has none."""
     row = _row(name)
-    return plugins.version_of(plugins.SOLVER, name) if row is None else _version(row.distribution)
+    return plugins.version_of(plugins.SOLVER, name) if row is None else _version(row)
 
 
 def known_version(name: str) -> str | None:
@@ -222,9 +220,17 @@ def _parameters(make: SolverClass) -> Mapping[str, inspect.Parameter]:
         return {}
 
 
-def _version(distribution: str) -> str | None:
+def _wheel(row: Native | Generic) -> tuple[str, str]:
+    """Return the distribution that brings a solver, and its module; of several the first that is installed."""
+    if isinstance(row, Generic):
+        return row.distribution, row.module
+    known = row.modules or {row.distribution: row.distribution}
+    return next(((name, module) for name, module in known.items() if find_spec(module)), next(iter(known.items())))
+
+
+def _version(row: Native | Generic) -> str | None:
     try:
-        return metadata.version(distribution)
+        return metadata.version(_wheel(row)[0])
     except metadata.PackageNotFoundError:
         return None
 

@@ -24,7 +24,7 @@ from hdvplan.qp.workspace import ENDINGS, QpResult
 TOLERANCE = 1e-8  # of products or slacks, and of broken inequalities [m]
 
 _solver_size = core.function("hdv_solver_size", core.POINTER, returns=core.INT)
-_solver_in = core.function("hdv_solver_in", core.POINTER, core.POINTER, core.REAL, core.INT)
+_solver_in = core.function("hdv_solver_in", core.POINTER, core.POINTER, core.REAL, core.INT, core.INT)
 _solve = core.function("hdv_solve", core.POINTER, core.POINTER, core.POINTER, core.POINTER, core.POINTER)
 _adjoint = core.function("hdv_adjoint", core.POINTER, core.POINTER, returns=core.REAL)
 
@@ -46,7 +46,7 @@ class RiccatiWorkspace:
         #: the same, where the core may call it without this class: not where a class below solves otherwise
         self.core_solver = self.address if type(self).solve is RiccatiWorkspace.solve else 0
         self._to = self.address, self._point.address_for(shape), core.address(self._solved)
-        _solver_in(self.address, core.address(sizes), tolerance, self.screens)
+        _solver_in(self.address, core.address(sizes), tolerance, self.screens, self.starts_warm)
 
     def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
         """Solve ``qp``; see ``QpWorkspace``. Of ``guess`` only multipliers and elastic variables matter."""
@@ -73,6 +73,14 @@ class InteriorWorkspace(RiccatiWorkspace):
     name = "riccati-ipm"
     starts_warm = False
     settings = "interior point over all inequalities: no screening, no active set"
+    screens = False
+
+
+class WarmWorkspace(RiccatiWorkspace):
+    """The last active set, else the interior point over all inequalities: what a warm start is worth without the screening."""
+
+    name = "riccati-warm"
+    settings = "warm active set, interior point over all inequalities: no screening"
     screens = False
 
 

@@ -38,7 +38,7 @@ def test_an_unknown_name_is_met_with_the_nearest_or_with_all(asked: str, meant: 
         solver_named(asked)
     assert str(caught.value) == f"unknown solver {asked!r}"
     hint = caught.value.hint or ""
-    assert hint == f"did you mean {meant!r}?" if meant else hint.startswith("solvers: riccati, riccati-ipm, piqp")
+    assert hint == f"did you mean {meant!r}?" if meant else hint.startswith("solvers: riccati, riccati-ipm, riccati-warm, piqp")
 
 
 def test_an_unknown_name_behind_qpsolvers_is_met_with_those_there_are() -> None:
@@ -103,7 +103,6 @@ def test_what_makes_a_named_solver_pickles() -> None:
 @pytest.mark.parametrize(
     ("name", "constant", "words"),
     [
-        ("hpipm", "_BLOCK", "condensed by {} stages"),
         ("hpipm", "_START", "mu0 {:g},"),
         ("daqp", "_ITERATIONS", "iter_limit {},"),
         ("proxqp", "_ITERATIONS", "max_iter {},"),

@@ -21,8 +21,18 @@ class Contestant:
 
 
 # Interior points at 1e-8 on strongly convex inputs end within the root of it, times conditioning; splitting methods stop at
-# 1e-5 or 1e-6 on residuals, which unscaled multipliers of 10 and chains of six stages turn into some 1e-3.
-NATIVE = {"riccati": 1e-5, "riccati-ipm": 1e-5, "piqp": 1e-5, "clarabel": 1e-5, "osqp": 2e-3, "hpipm": 1e-5, "daqp": 1e-5, "proxqp": 1e-3}
+# 1e-5 or 1e-6 on residuals, which unscaled multipliers of 10 and chains of six stages turn into some 1e-3. HPIPM ends at 1e-6.
+NATIVE = {
+    "riccati": 1e-5,
+    "riccati-ipm": 1e-5,
+    "riccati-warm": 1e-5,
+    "piqp": 1e-5,
+    "clarabel": 1e-5,
+    "osqp": 2e-3,
+    "hpipm": 1e-4,
+    "daqp": 1e-5,
+    "proxqp": 1e-3,
+}
 GENERIC = {
     "clarabel": 1e-5, "cvxopt": 1e-3, "daqp": 1e-5, "ecos": 1e-3, "highs": 1e-5, "osqp": 2e-3, "piqp": 1e-5,
     "proxqp": 1e-3, "qpalm": 1e-3, "quadprog": 1e-5, "scs": 2e-3,
