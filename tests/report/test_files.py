@@ -87,7 +87,7 @@ def test_a_failing_run_leaves_the_former_plan(bus: Result, tmp_path: Path, monke
         msg = "disk full"
         raise OSError(msg)
 
-    monkeypatch.setattr("hdvplan.report.files.envelope_table", fail)
+    monkeypatch.setattr("hdvplan.report.files.swept_geojson", fail)
     with pytest.raises(OSError, match="disk full"):
         write_plan(bus, tmp_path)
     assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == former

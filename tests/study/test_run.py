@@ -193,7 +193,7 @@ def test_a_cell_without_an_answer_is_a_row_and_runs_again_at_the_next_start(fold
 def test_what_cannot_be_planned_is_a_row_with_its_reason(folder: Path, tiny: Entries) -> None:
     (folder / "short.csv").write_text("s,kappa\n0,0\n6,0\n", encoding="utf-8")
     (folder / "text.csv").write_text("nothing of a road\n", encoding="utf-8")
-    (folder / "tight.csv").write_text("s,kappa\n0,0\n20,0\n21,0.49\n45,0.49\n46,-0.49\n80,-0.49\n90,0\n", encoding="utf-8")
+    (folder / "tight.csv").write_text("s,kappa\n0,0.49\n45,0.49\n46,-0.49\n80,-0.49\n90,0\n", encoding="utf-8")
     results = _run(folder, tiny | {"roads": ["short.csv", "text.csv", "tight.csv"], "vehicles": ["bus"], "half_widths": [3.5]})
     table = results.cells().set_index("road")
     assert table["outcome"].to_dict() == {"short": "refused", "text": "refused", "tight": "no plan"}
