@@ -87,6 +87,13 @@ class ExportedPlanner:
         if self._library.begin(budget.factorisations, budget.linearisations) != 1:
             msg = "vehicle.h was made for another core"
             raise RuntimeError(msg)
+        self._count()
+
+    def _count(self) -> list[int]:
+        """Return programs, factorisations and linearisations of the last step; note the size of the memory."""
+        self._library.counts(ctypes.c_void_p(self._counts.ctypes.data), ctypes.c_void_p(self._violation.ctypes.data))
+        *counts, self.memory = self._counts.tolist()
+        return counts
 
     def refresh(self, dropped: int) -> None:
         """Let the road's tables begin at station ``dropped``."""
@@ -96,8 +103,7 @@ class ExportedPlanner:
         """Plan once; return the motion, (N + 1, states + 1)."""
         z = np.ascontiguousarray(z)
         status = self._library.step(first, z.ctypes.data, kappa_before)
-        self._library.counts(ctypes.c_void_p(self._counts.ctypes.data), ctypes.c_void_p(self._violation.ctypes.data))
-        programs, factorisations, linearisations, self.memory = self._counts.tolist()
+        programs, factorisations, linearisations = self._count()
         self.counts.append((STATUSES[status], programs, factorisations, linearisations))
         self.violations.append(float(self._violation[0]))
         motion = np.ctypeslib.as_array(self._library.motion(), ((self._stages + 1) * (self._states + 1),))
