@@ -100,7 +100,7 @@ def text(plans: pd.DataFrame, size: pd.DataFrame) -> str:
     named = ", ".join(f"{row.vehicle} on {row.road}, {row.limits} ({row.breach_half_m:.3f} m)" for row in lost.itertuples()) or "none"
     default = kept["breach_default_m"] <= KEPT_M
     return (
-        "Most of one step, over ten roads; the largest difference of a state or curvature from hdvplan's own drive.\n\n"
+        "Most of one step, over these roads; the largest difference of a state or curvature from hdvplan's own drive.\n\n"
         f"{markdown_table(most, text=('vehicle', 'limits'))}\n\n"
         f"The default budget is {DEFAULT.factorisations} factorisations and {DEFAULT.linearisations} linearisations a step: "
         f"{int(default.sum())} of the {len(kept)} drives that keep their limits keep them. With half of it {len(kept) - len(lost)} do; "

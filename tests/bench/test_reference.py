@@ -195,7 +195,7 @@ def test_words_names_and_order_move_nothing_and_each_rule_moves_exactly_its_area
         finally:
             edited(package / file, new, old)
 
-    assert moved_by("planning/settings.py", "smoothness: float = 1e3", "smoothness: float = 2e3") == ["planning", "passing"]
+    assert moved_by("planning/settings.py", "] = 1e3  #: w_kappa", "] = 2e3  #: w_kappa") == ["planning", "passing"]
     assert moved_by("judging/balance.py", "KEPT_M = 0.01 ", "KEPT_M = 0.02 ") == ["judging", "proof"]  # proofs are of what is judged
     assert moved_by("road/smooth.py", "_SPACING_SHARE = 1.25 ", "_SPACING_SHARE = 1.5 ") == ["roads"]
 
