@@ -13,7 +13,7 @@ version = release = hdvplan.__version__
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode"]
 root_doc = "docs/site/index"
-include_patterns = ["*.md", "docs/**.md", "results/**.md", "roads/README.md", "benchmarks/README.md"]
+include_patterns = ["*.md", "docs/**.md", "results/**.md", "roads/README.md", "benchmarks/README.md", "benchmarks/competitors.md"]
 exclude_patterns = [".*", "build", "dist", "site", "hdvplan", "tests"]
 suppress_warnings = ["toc.not_included"]  # tables of results, which the text links to
 
