@@ -34,6 +34,7 @@ from hdvplan.road.regions import Kind, Region
 from hdvplan.road.road import Road
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Unit, Vehicle
+from tests.nightly import nightly
 
 ROOT = Path(__file__).parents[1]
 PLAIN = Case(load_road("uturn"), load_vehicle("bus"))
@@ -74,7 +75,7 @@ def steered_by_law(_folder: Path) -> Case:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("make", [from_csv, with_regions, pytest.param(steered_by_law, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("make", [from_csv, *map(nightly, (with_regions, steered_by_law))])
 def test_a_case_that_another_process_unpickles_has_the_same_key_and_gives_the_identical_plan(
     make: Callable[[Path], Case], tmp_path: Path
 ) -> None:

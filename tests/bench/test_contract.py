@@ -148,15 +148,6 @@ def test_the_command_prints_every_rule_and_fails_with_one(capsys: pytest.Capture
     assert run(["solvers", "--check", "nosuch"]) == 2
 
 
-def test_a_rule_is_printed_before_the_next_one_begins(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    def stopped(_make: object, _programs: object) -> contract.Finding:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(contract, "CONTRACT", (contract.bad_data_is_refused, stopped))
-    assert run(["solvers", "--check", "riccati"]) == 130
-    assert capsys.readouterr().out.startswith("ok NaN, infinity and crossed bounds raise QpDataError")
-
-
 def test_a_solver_that_cannot_be_made_is_refused_before_anything_compiles(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -33,10 +33,6 @@ def test_limits_lie_beyond_the_geometric_half_width_of_the_tightest_bend() -> No
     np.testing.assert_array_equal(found.right, -found.left)
 
 
-def test_a_given_half_width_is_taken_as_it_is() -> None:
-    assert set(limits(SCENARIOS["uturn"](), replace(SUITE, half_width=3.3)).left) == {3.3}
-
-
 def test_without_limits_a_road_loses_its_own() -> None:
     road = SCENARIOS["uturn"]()
     assert road.limits is not None

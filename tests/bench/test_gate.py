@@ -72,12 +72,6 @@ def test_drift_of_the_machine_is_not_taken_for_the_program() -> None:
         assert judge(base * mine, new * other, RULE).verdict is not REGRESSED
 
 
-def test_a_slowdown_is_found_in_spite_of_drift() -> None:
-    drift = np.exp(np.linspace(0.0, 0.3, 10))[:, None]
-    drifting = [(base * drift, new * drift) for base, new in many(5, 10, 1.2)]
-    assert share(REGRESSED, drifting) >= 0.95
-
-
 def test_bursts_that_hit_single_steps_and_whole_processes_are_no_regression() -> None:
     random = np.random.default_rng(6)
     for base, new in many(6, 5):
@@ -125,14 +119,6 @@ def test_noise_too_large_for_the_threshold_could_not_be_measured(process: float,
 @pytest.mark.parametrize("process", [0.05, 0.1, 0.2])
 def test_a_quarter_more_is_not_called_fine_whatever_the_noise(process: float, pairs: int) -> None:
     assert share(FINE, many(17, pairs, 1.25, process)) <= 0.05  # the interval of the median must lie below 1.08, three standard errors off
-
-
-def test_a_coarser_threshold_can_be_measured_in_the_same_noise() -> None:
-    samples = many(11, 10, process=0.08)
-    assert share(UNMEASURABLE, samples) >= 0.3
-    assert share(FINE, samples, Rule(factor=1.5)) == 1.0
-    slow = many(11, 10, 2.0, process=0.08)
-    assert share(REGRESSED, slow, Rule(factor=1.5)) >= 0.95
 
 
 def test_differences_below_the_floor_do_not_count() -> None:
@@ -203,12 +189,3 @@ def test_the_interval_of_the_median_holds_it_as_often_as_is_said() -> None:
         assert held >= 0.75 - 0.01  # 20 000 draws: a standard error of 0.3 %
         if rank + 1 < pairs // 2:  # and no rank further in does
             assert np.mean((sample[:, rank + 1] < 0.0) & (sample[:, -2 - rank] > 0.0)) < 0.75
-
-
-def test_a_decision_is_a_value() -> None:
-    base, new = times(np.random.default_rng(15), 5)
-    kept = base.copy(), new.copy()
-    assert judge(base, new, RULE) == judge(base, new, RULE)
-    assert isinstance(judge(base, new, RULE), Decision)
-    np.testing.assert_array_equal(base, kept[0])
-    np.testing.assert_array_equal(new, kept[1])

@@ -32,17 +32,6 @@ def test_a_change_of_the_size_that_is_called_detectable_is_believed_9_times_of_1
     assert np.mean(found) >= 0.88  # 90 %, less one standard deviation of 400 tries and a bit
 
 
-@pytest.mark.parametrize("spread", [0.01, 0.05])
-def test_of_five_pairs_it_is_what_they_show_with_their_repeat(spread: float) -> None:
-    random = np.random.default_rng(4)
-    found = []
-    for _ in range(400):
-        noise = random.normal(0.0, spread, (STATISTICS, PAIRS))
-        noise[3] += np.log(np.median(agreement(noise[:, : PAIRS // 2]).detectable))
-        found.append(agreement(noise).chance[3] <= LEVEL)
-    assert np.mean(found) >= 0.88  # as above; the share of the level is even, which is more than independent statistics need
-
-
 def test_one_pair_of_any_size_decides_nothing() -> None:
     random = np.random.default_rng(2)
     noise = random.normal(0.0, 0.01, (STATISTICS, PAIRS))

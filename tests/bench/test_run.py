@@ -137,16 +137,6 @@ def test_a_wrong_solver_that_is_sure_of_itself_shows_in_the_path_it_drives(tiny:
     assert differences["osqp"] > 1e-2
 
 
-def test_a_failing_solver_does_not_end_the_run(tiny: Suite, tmp_path: Path) -> None:
-    shares: list[float] = []
-    run(tiny, cases_of(tiny), {"riccati": RICCATI, "piqp": fails_after(0)}, tmp_path, shares.append, in_process=True)
-    assert remaining(tiny, tmp_path) == 0
-    assert shares == sorted(shares)
-    assert shares[-1] == pytest.approx(1.0)  # rounding of a sum
-    outcomes = {cell.solver: read_part(part_file(tmp_path, number, 1)).outcome for number, cell in enumerate(tiny.cells())}
-    assert outcomes == {"riccati": OK, "piqp": FAILED}
-
-
 def test_only_what_is_missing_is_measured(tiny: Suite, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     suite = replace(tiny, schemes=("rti",))
     makers = {name: solver_named(name) for name in suite.solvers}
@@ -194,11 +184,6 @@ def test_a_damaged_measurement_is_named_with_what_to_do(tmp_path: Path, keep: in
     with pytest.raises(OptionError, match="cannot be read") as caught:
         read_part(file)
     assert "delete it" in str(caught.value.hint)
-
-
-def test_the_counters_of_all_rounds_are_the_same(case: Case) -> None:
-    first, second = (measure(case, solver_named("osqp"), budget=_PATIENCE_S, judged=False) for _ in range(2))
-    assert list(first.table()["iterations"]) == list(second.table()["iterations"])
 
 
 @pytest.mark.parametrize("objective", ["balanced", "axle-max", "body-max"])

@@ -104,13 +104,6 @@ def test_where_nobody_hands_out_turns_there_is_no_waiting(monkeypatch: pytest.Mo
         assert TURNS not in os.environ
 
 
-def test_who_stops_asking_for_turns_in_an_error_ends_its_own(scratch: Scratch) -> None:
-    diary = scratch.folder / "diary"
-    raises = "from hdvplan.bench.turns import turns\nwith turns() as take_turn:\n    take_turn(); raise SystemExit(3)"
-    in_turn(started(scratch, *arguments) for arguments in ((raises,), (DIARY, "b", str(diary), "2")))
-    assert [finish(one).code for one in scratch.started] == [3, 0]
-
-
 @pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="this system does not choose cores")
 def test_both_run_on_the_core_that_they_share(scratch: Scratch) -> None:
     core = max(os.sched_getaffinity(0))

@@ -6,7 +6,7 @@ from datetime import datetime, timedelta
 import numpy as np
 import pytest
 
-from hdvplan.bench.measuring.pictures import bench_figure, order_of, pictured, share_within, tikz
+from hdvplan.bench.measuring.pictures import bench_figure, pictured, share_within, tikz
 from hdvplan.bench.measuring.ranking import Finding, Load, findings_of, load_of
 from hdvplan.bench.measuring.samples import NUMBERS, Measurement
 from hdvplan.bench.measuring.stats import Tables, tables_of
@@ -71,14 +71,6 @@ def test_a_solver_that_its_budget_stopped_is_compared_over_the_steps_that_both_d
     assert finding(found).ratio == pytest.approx(10.0)
     assert finding(found).runner_up == "slow"
     assert "10.0 times as fast as slow, over the steps that slow did within its budget (" in finding(found).text
-
-
-def test_nobody_is_compared_with_a_solver_of_which_a_step_was_refused() -> None:
-    refused = made_up([0.1, 0.010, 0.010])
-    refused.steps[2, NUMBERS.index("usable")] = 0.0
-    told = finding(tables(refused=[refused], riccati=[made_up([0.1, 0.001, 0.001])]))
-    assert (told.winner, told.runner_up, told.ratio) == ("riccati", None, None)
-    assert told.text == "bus, rti: riccati is the only solver with all its steps accepted, 1 ms a step; not ranked with it: refused"
 
 
 @pytest.mark.parametrize(("seconds", "winner"), [(0.00119, None), (0.00121, "one")])
@@ -167,14 +159,6 @@ def test_a_profile_counts_what_a_solver_was_given_and_failures_never_come() -> N
     np.testing.assert_allclose(share_within(shown.ratios["riccati"], np.array([1.0, 1.9, 2.0])), [2 / 3, 2 / 3, 1.0])
 
 
-def test_refused_steps_are_not_drawn_along_the_road() -> None:
-    bad = replace(made_up([0.1, 0.0001, 0.0001]), steps=made_up([0.1, 0.0001, 0.0001]).steps.copy())
-    bad.steps[2, NUMBERS.index("usable")] = 0.0
-    found = tables(hasty=[bad], riccati=[made_up([0.1, 0.001, 0.001])])
-    shown = pictured(found.samples, found.timing, ["riccati", "hasty"])
-    assert [len(one.s) for one in shown.along] == [2, 1]
-
-
 def test_what_is_timed_of_a_sample_is_called_a_qp() -> None:
     measured = made_up([0.1, 0.001, 0.002])
     measured.steps[:, NUMBERS.index("linearise_s")] = 0.0
@@ -196,11 +180,6 @@ def test_numbers_on_axes_are_no_formulas() -> None:
     said = [label.get_text() for axes in figure.axes for axis in (axes.xaxis, axes.yaxis) for label in axis.get_ticklabels()]
     assert any(said)
     assert not [text for text in said if "$" in text]
-
-
-def test_solvers_that_are_not_ranked_are_drawn_last() -> None:
-    summary = tables(hasty=[made_up([0.1, 0.0001], outcome=FAILED)], riccati=[made_up([0.1, 0.001, 0.001])]).summary
-    assert order_of(summary) == ["riccati", "hasty"]
 
 
 def test_names_that_latex_would_read_are_escaped_in_tikz() -> None:

@@ -72,15 +72,6 @@ def test_a_solver_that_takes_too_much_memory_is_a_row(tiny: Suite, tmp_path: Pat
     assert {name: row["status"] for name, row in found.items()} == {"riccati": "ok", "piqp": "out of memory"}
 
 
-@pytest.mark.slow
-def test_a_worker_measures_what_this_process_measures(tiny: Suite, tmp_path: Path) -> None:
-    suite, makers = replace(tiny, rounds=1), {"riccati": RICCATI, "piqp": solver_named("piqp")}
-    there, here = measured(suite, makers, tmp_path / "a"), measured(suite, makers, tmp_path / "b", in_process=True)
-    for (one,), (other,) in zip(there, here, strict=True):
-        counted = ["qp_count", "iterations", "usable", "status", "primal", "dual", "gap", "distance_m", "scale"]
-        pd.testing.assert_frame_equal(one.table()[counted], other.table()[counted], check_exact=True)
-
-
 class Fatal:
     """A solver whose maker ends the process that receives it."""
 
@@ -181,21 +172,6 @@ def test_tolerances_are_as_loose_as_the_accuracy_in_metres_allows(tiny: Suite, t
     timing = tables_of(tight.cells(), measured(tight, makers, tmp_path, in_process=True), tight.accuracy).timing
     assert list(timing["status"]) == ["ok", "ok"]
     assert (timing["distance_m"] <= 2e-5).all()  # what the caption promises
-
-
-@pytest.mark.slow
-def test_a_course_that_the_reference_cannot_drive_takes_no_tolerance_from_any_solver(tiny: Suite, tmp_path: Path) -> None:
-    short = tmp_path / "shorter.csv"  # than the bus
-    short.write_text("s,kappa\n0,0\n5,0\n", encoding="utf-8")
-    suite = replace(tiny, roads=(str(short), *tiny.roads), solvers=("riccati",), sample=2, rounds=1, accuracy=1e-2)
-    found = tuned(suite, cases_of(suite), lambda _: None)
-    assert found[tuning_key("riccati", "as set")] is not None
-    assert untuned(suite, found) == []
-    suite = replace(suite, roads=(str(short),))
-    found = tuned(suite, cases_of(suite), lambda _: None)
-    assert found == {}
-    (said,) = untuned(suite, found)
-    assert said.startswith("NOT TUNED: the reference can drive none of the courses that were tried")
 
 
 def test_solvers_that_no_tolerance_brings_within_the_accuracy_are_named() -> None:

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
 
@@ -9,9 +8,6 @@ import pytest
 from tests.cli.conftest import Cli, Outcome
 
 BUS = ("--vehicle", "bus", "--no-plot")
-
-HEADER = "s,kappa\n"
-STRAIGHT = HEADER + "0,0\n60,0\n"
 
 
 def refused(outcome: Outcome, *words: str, code: int = 2) -> None:
@@ -25,45 +21,6 @@ def refused(outcome: Outcome, *words: str, code: int = 2) -> None:
         assert word in outcome.err
 
 
-def geojson(coordinates: object, kind: str = "LineString") -> str:
-    return json.dumps({"type": "Feature", "properties": {}, "geometry": {"type": kind, "coordinates": coordinates}})
-
-
-@pytest.mark.parametrize(
-    ("name", "content", "words"),
-    [
-        ("missing.csv", None, ("missing.csv", "does not exist")),
-        ("empty.csv", "", ("empty.csv", "empty")),
-        ("empty.geojson", "", ("empty.geojson", "JSON")),
-        ("text.geojson", "a road", ("text.geojson", "JSON")),
-        ("pointless.geojson", '{"type": "FeatureCollection", "features": []}', ("LineString",)),
-        ("point.geojson", geojson([11.9, 57.7], "Point"), ("LineString",)),
-        ("one.geojson", geojson([[11.9, 57.7]]), ("two points",)),
-        ("one.csv", "x,y\n0,0\n", ("two points",)),
-        ("swapped.geojson", geojson([[57.7, 111.9], [57.701, 111.9]]), ("latitude", "swapped")),
-        ("nan.csv", "x,y\n0,0\nnan,0\n60,0\n", ("line 3", "column x", "finite")),
-        ("nan.geojson", geojson([[11.9, 57.7], [float("nan"), 57.7]]), ("point 2", "finite")),
-        ("word.csv", "x,y\n0,0\n30,wide\n60,0\n", ("line 3", "column y", "'wide'")),
-        ("columns.csv", "east,kilometre\n0,0\n60,0\n", ("column y is missing", "east")),
-        ("negative.csv", "s,kappa,left,right\n0,0,3,3\n60,0,-3,3\n", ("line 3", "left", "negative")),
-        ("short.csv", HEADER + "0,0\n10,0\n", ("10.0 m long", "12.0 m")),
-        ("dot.csv", "x,y\n0,0\n0,0\n", ("error",)),
-        ("zip.gpkg", "PK\x03\x04", ("zip.gpkg", "archive", "hint")),
-        ("page.csv", "<!DOCTYPE html><html></html>", ("page.csv", "hint")),
-        ("cut.kml", "<kml><Document><Placemark>", ("cut.kml", "ogr2ogr")),
-        ("cut.xodr", "<OpenDRIVE><road", ("cut.xodr", "cut off")),
-        ("mixed.csv", "x,y\n318248,6399401\n318260,6399401\n11.95,57.7\n318290,6399401\n", ("mixed.csv", "lines 3 and 4")),
-    ],
-)
-def test_an_unusable_road_file_is_named_with_its_fault(
-    cli: Cli, tmp_path: Path, name: str, content: str | None, words: tuple[str, ...]
-) -> None:
-    if content is not None:
-        (tmp_path / name).write_text(content, encoding="utf-8")
-    refused(cli("plan", name, *BUS), *words)
-    assert not list(tmp_path.glob("*.bus"))
-
-
 def test_limits_of_the_file_narrower_than_the_vehicle_are_a_warning_with_the_place_and_then_a_broken_limit(
     cli: Cli, tmp_path: Path
 ) -> None:
@@ -75,27 +32,6 @@ def test_limits_of_the_file_narrower_than_the_vehicle_are_a_warning_with_the_pla
     # 2.54 m from 4 m to 2.4 m over 40 m, and back over 20 m; looked at every 0.5 m
     assert warning == "warning: too narrow for the bus from s = 37.0 to 41.5 m: limits are 2.40 m apart, needs 2.54 m"
     assert re.search(" of the bus breaks the (left|right) limit by 0.0", error)  # no part of a bus on a straight is deeper than another
-
-
-def test_narrow_limits_of_the_file_do_not_matter_once_overridden(cli: Cli, tmp_path: Path) -> None:
-    (tmp_path / "narrow.csv").write_text("s,kappa,left,right\n0,0,1,1\n60,0,1,1\n", encoding="utf-8")
-    assert cli("plan", "narrow.csv", *BUS, "--half-width", "2").code == 0
-
-
-@pytest.mark.parametrize(
-    ("toml", "words"),
-    [
-        ("[[unit]]\nwheelbase = -6.0\nwidth = 2.5\n", ("wheelbase", "-6")),
-        ("[[unit]]\nwheel_base = 6.0\nwidth = 2.5\n", ("wheel_base", "did you mean 'wheelbase'")),
-        ("[[unit]]\nwheelbase = 6.0\n", ("width is missing",)),
-        ("[[unit]\nwheelbase = 6.0\n", ("not valid TOML",)),
-        ("", ("no unit",)),
-        ('[[unit]]\nwheelbase = "6 m"\nwidth = 2.5\n', ("wheelbase", "must be a number")),
-    ],
-)
-def test_an_unusable_vehicle_file_is_named_with_its_fault(cli: Cli, tmp_path: Path, toml: str, words: tuple[str, ...]) -> None:
-    (tmp_path / "van.toml").write_text(toml, encoding="utf-8")
-    refused(cli("plan", "uturn", "--vehicle", "van.toml"), *words)
 
 
 @pytest.mark.parametrize(
@@ -190,9 +126,3 @@ def test_a_file_that_cannot_be_written_is_refused_in_a_line(cli: Cli, arguments:
 @pytest.mark.parametrize("lengths", [("--step", "1e-9"), ("--horizon", "1e6", "--step", "0.05")])
 def test_steps_that_no_memory_holds_are_refused(cli: Cli, lengths: tuple[str, ...]) -> None:
     refused(cli("plan", "uturn", *BUS, *lengths), "a step has at least 0.01 m, a horizon at most 20000 steps")
-
-
-def test_a_picture_format_is_checked_whether_it_is_drawn_or_not(cli: Cli) -> None:
-    outcome = cli("plan", "uturn", "--vehicle", "bus", "--no-plot", "--format", "bmp")
-    assert (outcome.code, outcome.out) == (2, "")
-    assert outcome.err.startswith("error: --format must be png, pdf, svg, dxf or gpkg, not 'bmp'")

@@ -30,6 +30,8 @@ def test_a_file_that_cannot_be_used_is_refused_in_the_line_that_is_written_down(
         "vehicles": ("plan", "uturn", "--vehicle", file, *_OUT),
         "suites": ("bench", "--suite", file, "--out", str(tmp_path / "out")),
         "biases": ("plan", "uturn", "--vehicle", "bus", "--bias", file, *_OUT),
+        "templates": ("turn", "--vehicle", "bus", "--template", file, "--out", str(tmp_path / "out")),
+        "studies": ("study", file, "--out", str(tmp_path / "out")),
     }
     monkeypatch.chdir(CORPUS / kind)
     outcome = cli(*commands[kind])

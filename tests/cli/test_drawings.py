@@ -20,12 +20,6 @@ def test_a_plan_is_drawn_for_cad_maps_and_paper(cli: Cli, tmp_path: Path, short_
     assert not {file.name for file in folder.iterdir()} & {"plan.dxf", "plan.gpkg", "sheet.pdf"}  # of the former plan
 
 
-def test_without_a_picture_drawings_are_still_made(cli: Cli, tmp_path: Path, short_road: str) -> None:
-    assert cli("plan", short_road, *QUICK, "--no-plot", "--format", "png,gpkg").code == 0
-    assert (tmp_path / "short.bus" / "plan.gpkg").exists()
-    assert not (tmp_path / "short.bus" / "plan.png").exists()
-
-
 @pytest.mark.parametrize(
     ("options", "words"),
     [

@@ -12,9 +12,14 @@ import pytest
 
 from tests.cli.conftest import Cli, small_disk
 from tests.fuzz.kills import digests, is_torn
+from tests.nightly import nightly
 
 pytestmark = pytest.mark.slow  # every command runs three times
-ROOMS_KB = (0, 24, 64)  # nothing fits; some files do; some results do
+ROOMS_KB = (
+    nightly(0),
+    24,
+    nightly(64),
+)  # nothing fits; some files; some results
 _STUDY = 'roads = ["short.csv"]\nvehicles = ["bus"]\nhalf_widths = [{}]\n'
 
 

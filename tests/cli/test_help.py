@@ -48,11 +48,6 @@ def test_help_fits_the_terminal_and_ends_no_line_in_blanks(
     assert "\x1b" not in outcome.out
 
 
-def test_a_wide_terminal_is_used(cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("COLUMNS", "120")
-    assert max(map(len, cli("plan", "--help").out.splitlines())) > 100  # the texts are longer than the usual 80 columns
-
-
 @pytest.mark.parametrize(
     ("command", "groups"),
     [
@@ -70,15 +65,6 @@ def test_options_are_grouped_by_what_they_are_for(cli: Cli, command: str, groups
     assert GROUP.findall(text) == groups
     (rest,) = re.findall(r"^Options:\n(.*)\Z", text, flags=re.DOTALL | re.MULTILINE)
     assert rest.split() == ["-h,", "--help", "Show", "this", "message", "and", "exit."]  # all others have a group
-
-
-def test_every_command_is_listed_with_a_whole_sentence(cli: Cli) -> None:
-    text = cli("--help").out
-    for command in COMMANDS:
-        if len(command) == 1:
-            (line,) = re.findall(rf"^  {command[0]} .*$", text, flags=re.MULTILINE)
-            assert line.endswith("."), line
-            assert not line.endswith("..."), line
 
 
 def test_the_road_s_smoothing_and_the_plan_s_smoothness_point_at_each_other(cli: Cli) -> None:
@@ -108,11 +94,6 @@ def test_tables_in_a_pipe_end_no_line_in_blanks_and_keep_the_width_that_is_set(
     lines = outcome.out.splitlines()
     assert not [line for line in lines if line != line.rstrip()]
     assert columns is None or max(map(len, lines)) <= int(columns)
-
-
-def test_a_plan_in_a_pipe_ends_no_line_in_blanks(cli: Cli, short_road: str) -> None:
-    outcome = cli("plan", short_road, "--vehicle", "bus", "--horizon", "30", "--no-plot")
-    assert not [line for line in (outcome.out + outcome.err).splitlines() if line != line.rstrip()]
 
 
 @pytest.mark.parametrize(

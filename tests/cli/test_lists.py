@@ -76,14 +76,6 @@ def test_the_list_of_vehicles_tells_units_length_and_what_steers(cli: Cli) -> No
     assert row.split() == ["semitrailer-steered", "2", "16.50", "2.55", "3.7+7.7*", "10.0"]
 
 
-def test_vehicles_are_listed_in_groups(cli: Cli) -> None:
-    groups = {vehicle["name"]: vehicle["group"] for vehicle in json.loads(cli("vehicles", "list", "--json").out)}
-    assert (groups["bus"], groups["citaro"], groups["WB-62"]) == ("papers", "europe", "aashto")
-    table = cli("vehicles", "list").out
-    places = [table.index(words) for words in ("papers", " bus ", "Europe", " citaro ", "AASHTO", " WB-62 ")]
-    assert places == sorted(places)
-
-
 def test_a_vehicle_is_drawn_where_asked_or_under_its_name(cli: Cli, tmp_path: Path) -> None:
     outcome = cli("vehicles", "show", "a-double", "--plot")
     assert (outcome.code, outcome.out) == (0, "")
@@ -107,14 +99,6 @@ def test_a_drawing_that_cannot_be_made_is_refused_in_one_line(cli: Cli, argument
     outcome = cli("vehicles", "show", *arguments)
     assert (outcome.code, outcome.out) == (2, "")
     assert words in outcome.err.splitlines()[0]
-
-
-def test_a_vehicle_file_can_be_shown_and_drawn_too(cli: Cli, tmp_path: Path) -> None:
-    text = cli("vehicles", "show", "b-double").out.replace('"b-double"', '"my double"')
-    (tmp_path / "mine.toml").write_text(text, encoding="utf-8")
-    assert cli("vehicles", "show", "mine.toml").out == text
-    assert cli("vehicles", "show", "mine.toml", "--plot").code == 0
-    assert (tmp_path / "my-double.png").is_file()
 
 
 def test_info_tells_which_vehicles_fit(cli: Cli) -> None:
@@ -178,9 +162,3 @@ def test_an_impossible_scenario_is_refused(cli: Cli, arguments: tuple[str, ...])
     outcome = cli("roads", "make", "uturn", *arguments)
     assert (outcome.code, outcome.out) == (2, "")
     assert outcome.err.startswith("error: ")
-
-
-def test_a_scenario_can_go_to_stdout(cli: Cli) -> None:
-    outcome = cli("roads", "make", "uturn", "--out", "-")
-    assert outcome.out.startswith("s,kappa\n0.0,0.0\n")
-    assert outcome.err == ""

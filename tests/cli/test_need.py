@@ -86,12 +86,6 @@ def test_a_road_too_narrow_is_a_no_with_the_kerb_to_take_away(cli: Cli, tmp_path
         assert columns[name] == pytest.approx([place[key] for place in said])
 
 
-def test_a_road_wide_enough_is_a_yes(cli: Cli, bend: str) -> None:
-    outcome = cli("need", bend, "--vehicle", "bus", "--half-width", "4", "--no-plot", "--no-proof")
-    assert outcome.code == 0
-    assert outcome.out.startswith("YES: the bus fits within the road's own limits\nNEEDS ")
-
-
 @pytest.mark.slow
 def test_a_held_edge_that_cannot_be_kept_is_a_no_with_what_it_takes(cli: Cli, tmp_path: Path) -> None:
     # An edge 0.9 m outside of a half turn of 10.5 m: no long vehicle turns so tightly, however wide the road is inside.

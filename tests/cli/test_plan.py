@@ -113,14 +113,6 @@ def test_a_clearance_that_is_not_kept_ends_in_1_although_no_limit_is_broken(cli:
     assert cli("plan", short_road, "--vehicle", "bus", *QUICK, "--half-width", "3", "--clearance", "0.5").code == 0
 
 
-def test_without_limits_the_plan_says_which_half_width_it_needs(cli: Cli, tmp_path: Path, short_road: str) -> None:
-    outcome = cli("plan", short_road, "--vehicle", "bus", *QUICK)
-    assert outcome.code == 0
-    summary = json.loads((tmp_path / "short.bus" / "summary.json").read_text(encoding="utf-8"))
-    assert summary["min_clearance_m"] is None
-    assert f"half width of {max(summary['max_left_m'], summary['max_right_m']):.2f} m" in " ".join(outcome.out.split())
-
-
 def test_the_record_beside_the_summary_holds_the_case_that_was_planned(cli: Cli, tmp_path: Path, short_road: str) -> None:
     options = ("--half-width", "3", "--objective", "balanced", "--bias", "0.2", "--solver", "piqp")
     assert cli("plan", short_road, "--vehicle", "bus", *QUICK, *options).code == 0
@@ -160,12 +152,6 @@ def test_the_defaults_of_the_options_are_the_defaults_of_the_library() -> None:
     for name, parameter in inspect.signature(plan).parameters.items():
         if hasattr(settings, name):
             assert parameter.default == getattr(settings, name)
-
-
-def test_a_vehicle_file_is_planned_under_its_own_name(cli: Cli, tmp_path: Path, short_road: str) -> None:
-    (tmp_path / "mine.toml").write_text('name = "my van / 2"\n[[unit]]\nwheelbase = 3.0\nwidth = 2.0\n', encoding="utf-8")
-    assert cli("plan", short_road, "--vehicle", "mine.toml", *QUICK).code == 0
-    assert (tmp_path / "short.my-van-2" / "summary.json").is_file()
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import subprocess
@@ -15,6 +14,7 @@ import numpy as np
 import pytest
 
 from hdvplan.vehicle.load import vehicle_text
+from tests.nightly import nightly
 
 HEAVY = ("numpy", "scipy", "pandas", "matplotlib", "shapely", "pyproj", "pyogrio", "rich.table")
 COMMAND = (sys.executable, "-m", "hdvplan")
@@ -81,13 +81,6 @@ def test_help_is_there_at_once(tmp_path: Path) -> None:
     assert any(seconds() < 0.4 for _ in range(3))  # caches may be cold once, not three times
 
 
-@pytest.mark.parametrize("command", [(), ("bench",), ("roads", "info")])  # of the others their tests of help ask in one process
-def test_every_command_explains_itself(tmp_path: Path, command: tuple[str, ...]) -> None:
-    ended = hdvplan(tmp_path, *command, "--help")
-    assert (ended.returncode, ended.stderr) == (0, "")
-    assert ended.stdout.startswith("Usage: hdvplan")
-
-
 def test_without_a_command_the_help_is_shown_and_nothing_is_claimed_to_be_done(tmp_path: Path) -> None:
     ended = hdvplan(tmp_path)
     assert ended.returncode == 2
@@ -106,14 +99,6 @@ def test_a_plan_ends_in_0_with_tables_on_stdout_and_silence_on_stderr(tmp_path: 
     assert "expected half width" in ended.stdout
     assert "\x1b" not in ended.stdout  # no colour codes outside a terminal
     assert ended.stderr == ""
-
-
-def test_a_broken_limit_ends_in_1_with_json_still_on_stdout(tmp_path: Path) -> None:
-    narrow = ("--half-width", "1.5", "--no-proof", "--no-refine")
-    ended = hdvplan(tmp_path, "plan", "sturn", "--vehicle", "tractor-trailer-24m", *narrow, "--no-plot", "--horizon", "50", "--json")
-    assert ended.returncode == 1
-    assert json.loads(ended.stdout)["status"] == "limits broken"
-    assert ended.stderr.splitlines()[-2].startswith("error: the ")
 
 
 def test_a_picture_needs_nothing_of_what_the_user_has_set_up_for_others(tmp_path: Path) -> None:
@@ -145,7 +130,7 @@ def test_signs_that_the_encoding_of_stdout_lacks_are_escaped(tmp_path: Path) -> 
         ("| true", 0, ""),
     ],
 )
-@pytest.mark.parametrize("command", ["vehicles list", "vehicles list --json", "roads make uturn"])
+@pytest.mark.parametrize("command", ["vehicles list", *map(nightly, ("vehicles list --json", "roads make uturn"))])
 def test_streams_that_cannot_be_written_are_no_bug(tmp_path: Path, command: str, streams: str, code: int, said: str) -> None:
     if streams == ">/dev/full" and (command.startswith("roads") or not Path("/dev/full").exists()):
         pytest.skip("nothing is written to stdout, or there is no such device")
@@ -158,12 +143,6 @@ def test_streams_that_cannot_be_written_are_no_bug(tmp_path: Path, command: str,
     assert len(lines) == bool(said)
     assert all(line.startswith("error: ") and line.endswith(said) for line in lines)
     assert command.startswith("vehicles") or (tmp_path / "uturn.csv").read_text(encoding="utf-8").startswith("s,kappa\n0.0,0.0\n")
-
-
-def test_a_bad_road_ends_in_2_without_a_traceback(tmp_path: Path) -> None:
-    ended = hdvplan(tmp_path, "plan", "nowhere.csv", "--vehicle", "bus")
-    assert (ended.returncode, ended.stdout) == (2, "")
-    assert ended.stderr.startswith("error: road file nowhere.csv does not exist\n")
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs signals and named pipes")
@@ -240,7 +219,10 @@ def test_too_little_memory_is_no_bug(
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="needs signals")
-@pytest.mark.parametrize(("number", "codes"), [(signal.SIGINT, {130, -signal.SIGINT, 0}), (signal.SIGTERM, {-signal.SIGTERM, 0})])
+@pytest.mark.parametrize(
+    ("number", "codes"),
+    [(signal.SIGINT, {130, -signal.SIGINT, 0}), nightly(signal.SIGTERM, {-signal.SIGTERM, 0})],
+)
 def test_a_signal_at_any_moment_ends_the_command_as_shells_expect(tmp_path: Path, number: signal.Signals, codes: set[int]) -> None:
     """A shell reports -2 as 130, -15 as 143; -2 is Python's own end before it has come to hdvplan, and 0 that the signal was late."""
     for _ in range(2):  # the first may have modules to translate

@@ -139,12 +139,6 @@ def test_info_of_a_lane_judges_the_lane(cli: Cli) -> None:
     assert lane["narrowest_m"] == pytest.approx(drawn["narrowest_m"])  # the edges stay
 
 
-def test_the_examples_are_listed(cli: Cli) -> None:
-    roads = {road["name"]: road for road in json.loads(cli("roads", "list", "--json").out)}
-    assert roads["parked_van"]["source"] == "example"
-    assert roads["parked_van"]["min_radius_m"] is None
-
-
 def obstacles_on_a_road(tmp_path: Path, *given: str | None) -> str:
     """Write a straight road with obstacles on its line, 15 m apart: changing sides between them is too much for a bus."""
     places = ((97.0, 100.0, -1.5, 1.4), (115.0, 118.0, -1.4, 1.5))
@@ -240,30 +234,3 @@ def test_the_middle_between_limits_is_that_of_the_sides_found(cli: Cli, tmp_path
     assert outcome.code == 0
     (side,) = {passed["side"] for passed in summary["passed"]}
     assert np.sign(summary["mean_bias_m"]) == (1.0 if side == "left" else -1.0)
-
-
-def test_forcing_a_side_leaves_a_curvature_profile_its_limits(cli: Cli, tmp_path: Path) -> None:
-    (tmp_path / "profile.csv").write_text("s,kappa,left,right\n0,0,1.2,1.2\n80,0,1.2,1.2\n", encoding="utf-8")
-    for forced in ((), ("--pass", "left")):
-        outcome = cli("plan", "profile.csv", "--vehicle", "rigid-truck", "--no-plot", "--horizon", "50", *forced)
-        assert outcome.code == 1
-        assert outcome.out.startswith("NO: ")
-
-
-def test_an_obstacle_too_far_away_to_count_makes_no_limits(cli: Cli, tmp_path: Path) -> None:
-    road = {
-        "type": "FeatureCollection",
-        "features": [
-            {"type": "Feature", "properties": {}, "geometry": {"type": "LineString", "coordinates": [[15.0, 60.0], [15.002, 60.0]]}},
-            {
-                "type": "Feature",
-                "properties": {"region": "obstacle"},
-                "geometry": {
-                    "type": "Polygon",
-                    "coordinates": [[[15.0, 60.003], [15.001, 60.003], [15.001, 60.0031], [15.0, 60.0031], [15.0, 60.003]]],
-                },
-            },
-        ],
-    }
-    (tmp_path / "far.geojson").write_text(json.dumps(road), encoding="utf-8")
-    assert cli("plan", "far.geojson", *QUICK).out.startswith("NEEDS ")

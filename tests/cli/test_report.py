@@ -65,10 +65,3 @@ def test_a_plan_brings_the_pictures_and_the_film_asked_for(cli: Cli, tmp_path: P
     assert cli(*arguments, "--no-plot").code == 0
     assert not list((tmp_path / "made").glob("plan.*"))  # they belonged to the former plan
     assert not (tmp_path / "made" / "drive.gif").exists()
-
-
-def test_an_unknown_picture_format_is_refused_before_anything_is_planned(cli: Cli, tmp_path: Path, short_road: str) -> None:
-    outcome = cli("plan", short_road, "--vehicle", "bus", "--format", "png,bmp")
-    assert (outcome.code, outcome.out) == (2, "")
-    assert outcome.err.startswith("error: --format must be png, pdf, svg, dxf or gpkg, not 'bmp'\n")
-    assert not (tmp_path / "short.bus").exists()

@@ -94,30 +94,3 @@ def test_wheels_that_the_plan_steers_are_written_with_the_path(cli: Cli, tmp_pat
     assert (steering.diff().abs().max() <= 0.05 * 0.5 + 1e-6).all()
     assert (steering.abs().max() > 0.05).all()
     assert cli("report", "plan").code == 0
-
-
-@pytest.mark.parametrize(
-    ("wrong", "right", "words"),
-    [
-        ("steering_ratio = 0.4", "steering_ratio = 4.0", "unit 2: steering_ratio = 4 must lie between 0 and 2"),
-        ("max_steering_angle = 0.3", "max_steering_angle = 17", "unit 2: max_steering_angle = 17 rad"),
-        ("steered = true\nsteering_ratio = 1.0", "steered = true", "unit 5: steered = true needs a steering_ratio"),
-        ("steered = true", 'steered = "active"', 'unit 5: steered = "active" needs max_steering_angle'),
-        ("steered = true", "max_steering_rate = 0.1", 'unit 5: max_steering_rate needs steered = "active"'),
-        ("front_overhang = -2.4", "front_overhang = -3.6", "unit 3: front_overhang = -3.6 m must lie between -3.5"),
-        ("wheelbase = 6.0", "wheelbase = 6000", "unit 4: wheelbase = 6000 m must lie between 0.5 and 50 m"),
-        ("hitch_offset = -0.4", "hitch_offset = -5", "unit 1: hitch_offset = -5 m must lie between -4.2 and 50 m"),
-        ("length = 2.0", "length = 0.5", "unit 3: length = 0.5 m contradicts"),
-        ("length = 2.0", "lenght = 2.0", "unit 3: unknown entry 'lenght'"),
-        ("width = 2.3", "width = '2.3'", "unit 5: width must be a number"),
-        ("width = 2.3", "", "unit 5: width is missing"),
-    ],
-)
-def test_nonsense_in_a_unit_is_refused_by_its_name_and_number(cli: Cli, tmp_path: Path, wrong: str, right: str, words: str) -> None:
-    assert wrong in FIVE
-    (tmp_path / "five.toml").write_text(FIVE.replace(wrong, right), encoding="utf-8")
-    outcome = cli("plan", "roundabout", "--vehicle", "five.toml")
-    assert (outcome.code, outcome.out) == (2, "")
-    assert outcome.err.startswith("error: vehicle 'road train', ")
-    assert words in outcome.err.splitlines()[0]
-    assert len(outcome.err.splitlines()) <= 2

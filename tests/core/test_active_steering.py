@@ -19,8 +19,7 @@ from hdvplan.planning.objectives import Goal, Objective, body_max, geometric
 from hdvplan.planning.settings import Discretisation, PlannerSettings
 from hdvplan.planning.stations import Stations, stations_of
 from hdvplan.planning.terms.steering import Steering
-from hdvplan.planning.terms.term import Motion, Place
-from hdvplan.qp.program import StageShape
+from hdvplan.planning.terms.term import Place
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
 from hdvplan.road.scenarios import SCENARIOS
@@ -29,9 +28,8 @@ from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 from tests.core.chains import few, linearised, rates, three_units
 from tests.core.differences import differences
-from tests.core.moves import guess
 from tests.core.rules import gap
-from tests.core.scenes import extended, horizon_at, move, record_of
+from tests.core.scenes import extended, horizon_at, move
 from tests.core.test_steering import PROFILE_K, PROFILE_S, plane_rates
 
 STEP = 0.5
@@ -53,7 +51,6 @@ def one_active() -> Vehicle:
 
 CHAINS = [load_vehicle("semitrailer-active"), active()]
 each_chain = pytest.mark.parametrize("vehicle", [*CHAINS, one_active()], ids=lambda v: v.name)
-MIXED = pytest.param(one_active(), marks=pytest.mark.slow)  # kernels are compiled for its number of states
 boxes = st.lists(st.floats(-1.0, 1.0), min_size=6, max_size=6)
 
 
@@ -115,7 +112,7 @@ def test_the_simulation_agrees_with_turning_wheels_rolling_in_the_plane(vehicle:
 
 
 @pytest.mark.parametrize("rule", list(Discretisation))
-@pytest.mark.parametrize("vehicle", [*CHAINS, MIXED], ids=lambda v: v.name)
+@each_chain
 def test_linearised_dynamics_are_newtons_step_by_state_curvature_and_change_of_angle(vehicle: Vehicle, rule: Discretisation) -> None:
     """By the derivatives of the gap to the rule: 0 = gap + by_z dz + by_change d change + by_kappa d kappa + by_ahead dz_next."""
     stages, n, rigid, random = 9, vehicle.states, vehicle.rigid_states, np.random.default_rng(3)
@@ -206,27 +203,6 @@ def test_wheels_are_wanted_at_the_angles_of_the_road_beside_their_axles() -> Non
     assert np.max(np.abs(aim)) > 0.05
 
 
-def test_guessed_angles_are_brought_within_what_the_wheels_can_do() -> None:
-    vehicle = load_vehicle("semitrailer-active")
-    motion, states = Motion.empty(vehicle, 8), np.zeros((9, 4))
-    motion.z[:2, 3] = [0.1, 0.12]
-    states[:, 3] = [0.0, 0.0, 0.9, 0.9, 0.9, -0.9, -0.9, 0.03, 0.0]
-    record = record_of(motion, StageShape(8, 5, 2, 0))
-    guess(record, np.array([0.0, 0.0, 0.0, 0.1]), states, np.zeros(9), 2, np.array([0.1, 0.2]), np.array([0.01, 0.05]))
-    assert np.allclose(motion.z[:, 3], [0.1, 0.12, 0.17, 0.2, 0.2, 0.15, 0.1, 0.05, 0.0], rtol=0.0, atol=1e-15)
-
-
-def test_guessed_curvatures_are_brought_within_what_can_be_steered() -> None:
-    motion, states = Motion.empty(load_vehicle("bus"), 8), np.zeros((9, 2))
-    motion.kappa[:2] = [0.01, 0.03]
-    wanted = np.array([0.0, 0.0, 0.9, 0.9, 0.9, -0.9, -0.9, 0.03, 0.0])
-    record = record_of(motion, StageShape(8, 3, 1, 0), before=-0.05)
-    guess(record, np.zeros(2), states, wanted, 3, np.array([0.1]), np.array([0.04]))
-    assert np.allclose(motion.kappa, [0.01, 0.03, 0.07, 0.1, 0.1, 0.06, 0.02, 0.03], rtol=0.0, atol=1e-15)
-    guess(record, np.zeros(2), states, wanted, 0, np.array([0.1]), np.array([0.04]))
-    assert np.allclose(motion.kappa[:3], [-0.01, 0.0, 0.04], rtol=0.0, atol=1e-15)  # from what was held before
-
-
 @cache
 def driven(
     name: str, scenario: str = "uturn", half_width: float = 0.0, solver: str = "riccati", objective: Objective = geometric,
@@ -244,16 +220,6 @@ def driven(
 def furthest(run: Drive) -> float:
     envelope = envelope_of(run)
     return float(max(np.max(envelope.reach_left), -np.min(envelope.reach_right)))
-
-
-@pytest.mark.parametrize("solver", ["piqp", "clarabel"])
-@pytest.mark.parametrize("half_width", [0.0, 2.0])
-def test_all_solvers_steer_alike(solver: str, half_width: float) -> None:
-    own, other = driven("semitrailer-active", half_width=half_width), driven("semitrailer-active", half_width=half_width, solver=solver)
-    assert all(plan.usable for plan in other.plans)
-    # solvers stop at 1e-8 of the program, and errors of 70 steps add up; nothing is to be seen of that on a road
-    assert np.max(np.abs(own.kappa - other.kappa)) < 1e-4
-    assert np.max(np.abs(own.steering - other.steering)) < 1e-3
 
 
 def test_what_is_driven_is_the_planned_steering() -> None:
@@ -290,7 +256,6 @@ def test_active_steering_keeps_limits_that_a_law_cannot() -> None:
     assert furthest(own) < stationary(own.vehicle, np.array([1.0 / 17.88])).half_width[0] - 0.01  # more than its aim, on purpose
 
 
-@pytest.mark.slow  # kernels are compiled for its state beside those of the wheels
 def test_the_largest_reach_as_objective_steers_too() -> None:
     own = driven("semitrailer-active", objective=body_max)
     assert all(plan.usable for plan in own.plans)

@@ -114,30 +114,6 @@ def test_a_bias_is_a_number() -> None:
     assert bias_named("-0.25", None).at(np.zeros(2)).tolist() == [-0.25, -0.25]
 
 
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
-        ("s,offset\n0,1\n", "no column 'bias'"),
-        ("s,bias\n0,1\n0,2\n", "increasing"),
-        ("s,bias\n0,left\n", "line 2, column bias: 'left' is not a number"),
-        ("s,bias\n", "finite"),
-        ("", "is empty"),
-        ('s,bias\n"0,1\n', "1 values for 2 columns"),
-        ("s,bias,bias\n0,1,2\n", "column bias occurs twice"),
-        (f"s,bias\n0,{400 * '1'}\n", "not a finite number"),
-        (f"s,bias\n0,1\n{5000 * '1'},1\n", "not a finite number"),
-        ("PK\x03\x04", "damaged or cut-off archive"),
-        ("BZh", "compressed"),
-    ],
-)
-def test_a_file_that_is_no_bias_is_refused_by_name(tmp_path: Path, content: str, words: str) -> None:
-    file = tmp_path / "bias.csv"
-    file.write_text(content, encoding="utf-8")
-    with pytest.raises(OptionError, match=words) as caught:
-        bias_named(str(file), None)
-    assert "bias.csv" in str(caught.value)
-
-
 @pytest.mark.parametrize("text", ["missing.csv", "center", "nan", "inf", "1e400", "-" + 400 * "1", "a\0b", 5000 * "x", "."])
 def test_what_is_no_bias_is_refused(text: str) -> None:
     with pytest.raises(OptionError):

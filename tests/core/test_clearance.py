@@ -28,6 +28,7 @@ from hdvplan.vehicle.model import Vehicle
 from tests.core.chains import arc, few, three_units, winding
 from tests.core.twins.path import evaluate
 from tests.core.twins.street import TO_JUDGE, look
+from tests.nightly import nightly
 
 BUS, TRAILER = load_vehicle("bus"), load_vehicle("tractor-trailer")
 SAME = 1e-9  # rounding of coordinates of 1 km, where kerbs go on
@@ -184,7 +185,7 @@ def dense(done: Drive) -> float:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("vehicle", [BUS, TRAILER, three_units()], ids=lambda v: v.name)
+@pytest.mark.parametrize("vehicle", [BUS, TRAILER, nightly(three_units())], ids=lambda v: v.name)
 @given(seed=st.integers(0, 10**6))
 @few
 def test_no_pose_between_those_that_are_looked_at_comes_nearer_by_more_than_two_millimetres(vehicle: Vehicle, seed: int) -> None:

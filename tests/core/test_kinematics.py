@@ -2,18 +2,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.integrate import solve_ivp
 
 from hdvplan.arrays import FloatArray
 from hdvplan.driving.drive import simulate
 from hdvplan.road.path import from_curvature
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
-from tests.core.chains import body_points, few, linearised, placed, rates, three_units, vehicles
+from tests.core.chains import body_points, few, linearised, placed, rates, vehicles
 from tests.core.differences import differences
-
-PROFILE_S = np.array([0.0, 10.0, 20.0, 30.0, 45.0, 60.0])
-PROFILE_K = np.array([0.0, 0.0, 0.06, 0.06, -0.04, -0.04])
+from tests.core.test_steering import PROFILE_K, PROFILE_S
 
 
 def states(vehicle: Vehicle, draw: list[float]) -> FloatArray:
@@ -62,60 +59,6 @@ def test_every_unit_is_placed_where_its_couplings_put_it(vehicle: Vehicle, draw:
     for pose, angle, (own, ahead, coupling) in zip(poses, turned, body_points(vehicle, axle, heading + z[1], z[2:], local), strict=True):
         expected = [*own, *(ahead - own), *coupling, np.cos(angle), np.sin(angle)]
         assert np.allclose(pose.tolist(), expected, rtol=0.0, atol=1e-12)  # rounding at 30 m
-
-
-def plane_rates(vehicle: Vehicle, q: FloatArray, speed: float, kappa: float) -> FloatArray:
-    """Return the rates of (x, y, headings) of a chain whose axles roll without slipping sideways.
-
-    Unknown rates of all coordinates, and as many conditions: the lead axle rolls at ``speed`` and turns with
-    ``kappa``; no axle's velocity has a component across its body.
-    """
-    count = len(vehicle.units)
-    along, across = np.stack([np.cos(q[2:]), np.sin(q[2:])], axis=1), np.stack([-np.sin(q[2:]), np.cos(q[2:])], axis=1)
-    moves = np.zeros((count, 2, count + 2))  # of every axle by every coordinate
-    moves[:, :, :2] = np.eye(2)
-    for i in range(1, count):
-        moves[i] = moves[i - 1]
-        moves[i, :, 1 + i] -= vehicle.units[i - 1].hitch_offset * across[i - 1]
-        moves[i, :, 2 + i] -= vehicle.units[i].wheelbase * across[i]
-    conditions, wanted = np.zeros((count + 2, count + 2)), np.zeros(count + 2)
-    for i in range(count):
-        conditions[i] = across[i] @ moves[i]
-    conditions[count] = along[0] @ moves[0]
-    conditions[count + 1, 2] = 1.0
-    wanted[count:] = speed, kappa * speed
-    return np.asarray(np.linalg.solve(conditions, wanted), float)
-
-
-@pytest.mark.parametrize("vehicle", [load_vehicle("bus"), load_vehicle("tractor-trailer"), three_units()], ids=lambda v: v.name)
-def test_the_simulation_agrees_with_rolling_axles_in_the_plane(vehicle: Vehicle) -> None:
-    step, count = 0.5, 100
-    kappa = 0.05 * np.sin(0.11 * np.arange(count)) + 0.01 * (-1.0) ** np.arange(count)  # held over each step, and jumping
-    z = np.array([0.4, -0.1, 0.2, -0.1, 0.3][: vehicle.states])
-
-    def road_curvature(s: float) -> float:
-        return float(np.interp(s, PROFILE_S, PROFILE_K))
-
-    def motion(s: float, y: FloatArray, held: float) -> FloatArray:
-        """Move road point and chain so that the lead axle stays abreast of the road point: (P - gamma) . t = 0."""
-        k, tangent = road_curvature(s), np.array([np.cos(y[2]), np.sin(y[2])])
-        normal = np.array([-tangent[1], tangent[0]])
-        offset = (y[3:5] - y[:2]) @ normal
-        speed = (1.0 - k * offset) / (np.cos(y[5]) * tangent[0] + np.sin(y[5]) * tangent[1])
-        return np.concatenate([tangent, np.array([k]), plane_rates(vehicle, y[3:], speed, held)])
-
-    headings = z[1] - np.concatenate([[0.0], np.cumsum(z[2:])])
-    y, expected = np.concatenate([[0.0, 0.0, 0.0, 0.0, z[0]], headings]), [z]
-    for i in range(count):
-        whole = solve_ivp(motion, (i * step, (i + 1) * step), y, "DOP853", args=(kappa[i],), rtol=1e-11, atol=1e-12)
-        y = whole.y[:, -1]
-        e_y = float((y[3:5] - y[:2]) @ [-np.sin(y[2]), np.cos(y[2])])
-        expected.append(np.array([e_y, y[5] - y[2], *(y[5:-1] - y[6:])]))
-    path = from_curvature(PROFILE_S, PROFILE_K)
-    found = simulate(vehicle.table(), path, 0.0, step, z, kappa, 2)
-    assert found.shape == (2 * count + 1, vehicle.states)
-    # both integrate to 1e-9; the road's curvature between its knots is good to 1e-7 and adds up over 50 m
-    assert np.max(np.abs(found[::2] - np.array(expected))) < 1e-6
 
 
 def test_kept_states_do_not_depend_on_how_many_are_kept() -> None:

@@ -153,16 +153,6 @@ def test_what_is_known_of_a_side_is_its_tightest_row(vehicle: Vehicle) -> None:
     assert part.violation == pytest.approx(max(0.0, -float(np.min(edges["gap"][1:]))), abs=1e-12)  # the first stage is given
 
 
-@each_vehicle
-def test_a_range_of_stages_gives_what_the_whole_horizon_gives(vehicle: Vehicle) -> None:
-    stations = prepared(vehicle)
-    whole, part = (looked(vehicle, stations, begin) for begin in (2, 17))
-    assert np.array_equal(whole.rows[17:], part.rows[17:])
-    for one, other in zip(whole.seen, part.seen, strict=True):
-        assert np.array_equal(one[17:], other[17:])
-    assert np.all(part.rows["h"][:17] == 0.0)
-
-
 def test_a_breach_that_was_seen_before_the_horizon_was_extended_still_counts() -> None:
     vehicle = VEHICLES[1]
     stations = prepared(vehicle)

@@ -113,28 +113,6 @@ def test_linearised_dynamics_are_newtons_step_to_the_rule(vehicle: Vehicle, rule
             assert np.allclose(qp.c[i, :n], left(at), rtol=0.0, atol=1e-14)  # nothing to solve: rounding alone
 
 
-@each_rule
-@each_chain
-def test_on_a_motion_that_keeps_the_rule_linearised_dynamics_are_the_derivatives_of_advance(vehicle: Vehicle, rule: Discretisation) -> None:
-    scene, term, _ = laid_out(vehicle, rule=rule)
-    points, n, qp, (z, kappa) = scene.stations.points, vehicle.states, scene.qp, motion(vehicle)
-    z[0] *= 0.2  # over 20 m nothing brings the vehicle back to the road
-
-    def ahead(i: int, v: FloatArray) -> FloatArray:
-        at = points[FIRST + i]
-        return next_state(vehicle, float(at["curvature"]), float(at["curvature_between"]), v[:n], float(v[n]), rule)
-
-    for i in range(STAGES):
-        z[i + 1] = ahead(i, np.append(z[i], kappa[i]))
-    move(scene, z, kappa)
-    extended([term.part(scene, NOWHERE)], horizon_at(scene, FIRST))
-    for i in (0, 7, 19, STAGES - 1):
-        slope = differences(partial(ahead, i), np.append(z[i], kappa[i]))
-        assert np.allclose(qp.A[i, :n], slope, rtol=0.0, atol=1e-10)  # as above
-        assert np.allclose(qp.B[i, :n, 0], slope[:, n], rtol=0.0, atol=1e-10)
-    assert np.allclose(qp.c[:, :n], 0.0, rtol=0.0, atol=1e-13)  # rounding, which an implicit rule's own solution leaves twice
-
-
 def test_the_midpoint_uses_the_roads_curvature_half_way() -> None:
     stations = prepared(VEHICLES[0])
     half_way = winding().at(stations.s[:150] + 0.25).curvature
@@ -173,25 +151,6 @@ def test_the_objective_is_the_square_of_the_projected_offset_to_first_order(vehi
         assert np.all(qp.Q[i, :, n] == 0.0)
         assert qp.q[i, n] == 0.0
     assert part.price(horizon_at(scene, FIRST)) == pytest.approx(cost, rel=1e-9)  # projection's accuracy
-
-
-@each_vehicle
-@pytest.mark.parametrize("begin", [2, 17, STAGES])
-def test_a_range_of_stages_gives_what_the_whole_horizon_gives(vehicle: Vehicle, begin: int) -> None:
-    programs, untouched = [], 7.0
-    for first in (1, begin):
-        scene, dynamics, centring = laid_out(vehicle)
-        scene.qp.stages["q"] = scene.qp.stages["c"] = untouched
-        extended([dynamics.part(scene, NOWHERE), centring.part(scene, NOWHERE)], horizon_at(scene, FIRST), first)
-        programs.append(scene.qp)
-    whole, part = programs
-    written = np.r_[0, begin - 1 : STAGES]  # of the first stage the state is new, too
-    for name in ("A", "B", "c"):
-        assert np.array_equal(getattr(whole, name)[written], getattr(part, name)[written])
-    for name in ("Q", "q"):
-        assert np.array_equal(getattr(whole, name)[begin:], getattr(part, name)[begin:])
-    assert np.all(part.q[:begin] == untouched)
-    assert np.all(part.c[1 : begin - 1] == untouched)
 
 
 def test_an_axle_beyond_the_centre_of_curvature_is_centred_across_the_line() -> None:

@@ -17,15 +17,14 @@ from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
-from tests.core.chains import placed, three_units, winding
+from tests.core.chains import placed, winding
 from tests.core.scenes import extended, horizon_at, linearised, move, part_of, shifted
 from tests.core.twins.path import evaluate
 from tests.core.twins.street import look
 
 STEP, STAGES, FIRST = 0.5, 12, 30
 VEHICLES = [load_vehicle("bus"), load_vehicle("tractor-trailer")]
-LONG = pytest.param(three_units(), marks=pytest.mark.slow)
-each_vehicle = pytest.mark.parametrize("vehicle", [*VEHICLES, LONG], ids=lambda v: v.name)
+each_vehicle = pytest.mark.parametrize("vehicle", VEHICLES, ids=lambda v: v.name)
 NEAR_M = 1e-9  # rounding of coordinates of 1 km, where kerbs go on
 
 

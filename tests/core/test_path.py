@@ -114,16 +114,6 @@ def test_a_search_that_starts_next_to_its_foot_is_exact_after_one_step() -> None
     assert np.max(np.abs(away - here)[:4]) < 2e-12  # second order of 1.6e-5 m in the heading, third in the offset
 
 
-def test_lookups_keep_the_shape_of_their_arguments() -> None:
-    path = winding()
-    s = np.linspace(1.0, 100.0, 12).reshape(3, 4)
-    point = path.at(s)
-    assert point.x.shape == point.heading.shape == (3, 4)
-    found, offset = path.project(point.x, point.y, s + 0.5)
-    assert np.max(np.abs(found - s)) < 1e-9
-    assert np.max(np.abs(offset)) < 1e-9
-
-
 def test_an_arclength_off_the_table_is_refused_with_its_number() -> None:
     with pytest.raises(RoadError) as caught:
         winding().at(np.array([1.0, 111.0]))

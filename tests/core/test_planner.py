@@ -2,17 +2,15 @@ import numpy as np
 import pytest
 from scipy.optimize import LinearConstraint, minimize
 
-from hdvplan.arrays import FloatArray, Records
+from hdvplan.arrays import FloatArray
 from hdvplan.centring.weights import CentringTable
 from hdvplan.errors import OptionError, SolverError
 from hdvplan.planning import planner as planner_module
-from hdvplan.planning.assembly import assemble
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.planner import Plan, Planner
 from hdvplan.planning.settings import PlannerSettings, Scheme
-from hdvplan.planning.stations import BETWEEN, STATION, Stations, stations_of
-from hdvplan.planning.terms.term import Motion
-from hdvplan.qp.program import StageQp, StageShape, StageSolution
+from hdvplan.planning.stations import BETWEEN, Stations, stations_of
+from hdvplan.qp.program import StageQp, StageSolution
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
 from hdvplan.solvers.riccati import RiccatiWorkspace
@@ -21,10 +19,8 @@ from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Unit, Vehicle
 from tests.core.chains import on_road, winding
 from tests.core.differences import differences
-from tests.core.moves import l1_weights, take_step
 from tests.core.programs import PARTS
 from tests.core.rules import advance
-from tests.core.scenes import assert_same_rows, extended, horizon_at, move, moved_of, record_of
 from tests.core.spying import Spy
 from tests.core.twins.street import gaps, state_before
 
@@ -47,44 +43,6 @@ def start(vehicle: Vehicle, e_y: float = 0.1) -> FloatArray:
 def planned(vehicle: Vehicle, settings: PlannerSettings, limit: float | None = LIMIT) -> tuple[Planner, Spy, Stations]:
     spy, stations = Spy(RiccatiWorkspace), stations_for(vehicle, settings, limit)
     return Planner(vehicle, stations, geometric(stations, vehicle), settings, spy), spy, stations
-
-
-def fresh_program(
-    vehicle: Vehicle, stations: Stations, settings: PlannerSettings, first: int, z: FloatArray, kappa: FloatArray, before: float
-) -> tuple[StageQp, FloatArray]:
-    """Linearise everything at a motion without any memory of earlier plans; return the program and how far its rows have followed."""
-    scene, parts = assemble(vehicle, stations, geometric(stations, vehicle), settings)
-    move(scene, z, kappa)
-    extended(parts, horizon_at(scene, first, before=before))
-    return scene.qp, moved_of(parts)
-
-
-@each_vehicle
-@pytest.mark.parametrize("tight", [False, True])
-@pytest.mark.parametrize("by", [1, 10, 47])
-def test_a_shifted_program_equals_a_fresh_linearisation_at_the_same_motion(vehicle: Vehicle, by: int, tight: bool) -> None:
-    settings = PlannerSettings(horizon=25.0)
-    planner, spy, stations = planned(vehicle, settings, TIGHT[vehicle.name] if tight else LIMIT)
-    first = 30
-    plan = planner.plan(first, start(vehicle), 0.0)
-    before = float(plan.kappa[by - 1])
-    asked = len(spy.programs)
-    z_start = plan.z[by] + 0.01
-    followed: list[FloatArray] = []
-    spy.answer = lambda _: followed.append(moved_of(planner._parts))
-    planner.plan(first + by, z_start, before)
-    geometry, N = stations.centring, settings.stages
-    new = slice(first + N + 1, first + by + N + 1)  # stations that the last plan did not reach
-    z = np.concatenate([plan.z[by:], np.column_stack([geometry.e_y[new], np.zeros(by), geometry.beta[new]])])
-    kappa = np.concatenate([plan.kappa[by:], geometry.kappa[first + N : first + by + N]])
-    z[0] = z_start
-    shifted, (fresh, none) = spy.programs[asked], fresh_program(vehicle, stations, settings, first + by, z, kappa, before)
-    for name in ("A", "B", "c", "x_first", "R", "r", "linear", "quadratic", "x_low", "x_high", "u_low", "u_high"):
-        assert np.max(np.abs(getattr(shifted, name) - getattr(fresh, name))) < 1e-12
-    for name in ("Q", "q"):  # the first state is given: its cost is a constant; feet are found to 1e-7 m, on curvatures of 0.06 1/m
-        assert np.max(np.abs(getattr(shifted, name)[1:] - getattr(fresh, name)[1:])) < 1e-6  # by lever arms of 12 m
-    assert_same_rows((shifted, followed[0]), (fresh, none))
-    assert np.any(shifted.G) is np.bool_(tight)
 
 
 @each_vehicle
@@ -294,15 +252,6 @@ def test_a_solver_that_returns_nan_is_not_driven() -> None:
     assert np.all(np.isfinite(kept.kappa))
 
 
-def test_going_back_plans_as_if_for_the_first_time() -> None:
-    vehicle = VEHICLES[0]
-    planner, _, _ = planned(vehicle, PlannerSettings(horizon=25.0))
-    first = planner.plan(30, start(vehicle), 0.0)
-    planner.plan(80, start(vehicle), 0.0)
-    again = planner.plan(30, start(vehicle), 0.0)
-    assert np.max(np.abs(first.z - again.z)) < 1e-3  # the tolerance of a first plan's iterations
-
-
 def test_after_an_error_the_next_plan_is_a_first_plan() -> None:
     vehicle, settings = VEHICLES[0], PlannerSettings(horizon=25.0)
     planner, spy, _ = planned(vehicle, settings)
@@ -320,42 +269,6 @@ def test_after_an_error_the_next_plan_is_a_first_plan() -> None:
     fresh = planned(vehicle, settings)[0].plan(50, plan.z[20], float(plan.kappa[19]))
     assert again.qp_count == fresh.qp_count > 1
     assert np.max(np.abs(again.z - fresh.z)) < 1e-9  # feet found from another start
-
-
-STRAIGHT = np.zeros(4, STATION)
-
-
-def still(vehicle: Vehicle) -> tuple[Motion, StageSolution, Records]:
-    """Return a motion of zeros over three intervals of a straight, a step of zeros, and the record of their scene."""
-    sizes, motion = StageShape(3, vehicle.states + 1, 1, 0, (vehicle.states,)), Motion.empty(vehicle, 3)
-    return motion, StageSolution.empty(sizes), record_of(motion, sizes, road=STRAIGHT)
-
-
-def test_a_step_that_cannot_be_taken_in_any_part_is_refused() -> None:
-    motion, step, scene = still(VEHICLES[0])
-    step.x[:] = 1.0
-    motion.z[2, 1] = 1.4  # already steeper than a plan may be, and the step turns on
-    before = motion.stages.copy()
-    assert take_step(scene, step, 1.0) == np.inf
-    assert np.array_equal(motion.stages, before)
-
-
-def test_a_step_leaves_the_given_state_where_it_is() -> None:
-    motion, step, scene = still(VEHICLES[0])
-    step.x[:] = 0.01
-    step.x[0] = 5.0  # a residual of the solver
-    assert take_step(scene, step, 1.0) == 0.01
-    assert not np.any(motion.z[0])
-    assert np.all(motion.z[1:] == 0.01)
-    assert np.all(motion.kappa == 0.01)
-
-
-def test_a_share_of_a_step_is_taken() -> None:
-    motion, step, scene = still(VEHICLES[0])
-    step.x[:] = 0.5
-    assert take_step(scene, step, 0.25) == 0.125
-    assert np.all(motion.z[1:] == 0.125)
-    assert np.all(motion.kappa == 0.125)
 
 
 def test_a_bend_tighter_than_the_vehicle_is_planned_all_the_same() -> None:
@@ -419,16 +332,6 @@ def test_stages_that_are_driven_before_the_next_plan_count_as_fixed_once_there_i
     assert planner._scene.record["fixed"] == 0  # the first plan of a drive iterates, and so does its every program
     planner.plan(60, plan.z[10], float(plan.kappa[9]))
     assert planner._scene.record["fixed"] == settings.executed
-
-
-@pytest.mark.parametrize(("multiplier", "live", "binds"), [(1e-4, 1.0, True), (1e-8, 1.0, False), (1e-4, 0.0, False)])
-def test_limits_bind_where_a_row_has_a_multiplier(multiplier: float, live: float, binds: bool) -> None:
-    sizes = StageShape(5, 3, 1, 2, (2,))
-    qp, point, weights = StageQp.empty(sizes), StageSolution.empty(sizes), np.full(2, np.nan)
-    qp.stages["live"] = live
-    point.rows[3, 1], point.dynamics[0], point.dynamics[2, :2] = multiplier, 9.0, (-3.0, 2.0)
-    assert l1_weights(qp, point, weights) is binds
-    assert weights.tolist() == [3.0, 2.0]  # the first state is given: its multipliers price nothing
 
 
 def test_a_margin_keeps_that_much_further_from_the_limit() -> None:

@@ -1,7 +1,6 @@
 """Every preset drives: on constant radius as the geometry says, through the papers' scenarios, and along real roads."""
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
@@ -25,13 +24,12 @@ from tests.core.differences import differences
 LEAD_IN, RAMP, CONSTANT = 50.0, 5.5, 320.0  # the roundabout of [GEO], driven three times round so that everything settles
 SETTLED = (LEAD_IN + RAMP + 180.0, LEAD_IN + RAMP + CONSTANT - 70.0)  # before the plan sees the end, some 30 m ahead
 SETTINGS = PlannerSettings()
-# Every kind once, and the shortest. Kernels are compiled for every number of units: those of more than three are slow for that alone.
-QUICK = {
+QUICK = {  # every kind once, and the shortest
     "P", "bus", "rear-steered-bus", "articulated-bus", "tractor-trailer", "tractor-trailer-24m", "semitrailer-steered",
     "semitrailer-active", "truck-dolly-semitrailer",
 }  # fmt: skip
 each_preset = pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in preset_names()]
+    "name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.nightly) for name in preset_names()]
 )
 
 
@@ -39,18 +37,13 @@ def driven(road: Road, vehicle: Vehicle) -> Drive:
     return drive(replace(road, limits=None), vehicle, geometric, RiccatiWorkspace, SETTINGS)
 
 
-@cache
-def round_and_round(name: str) -> Drive:
-    return driven(Road("circle", from_curvature(*turn_profile(1.0 / 17.88, RAMP, CONSTANT))), load_vehicle(name))
-
-
 def test_the_presets_that_are_always_driven_ship() -> None:
     assert set(preset_names()) >= QUICK
 
 
 @each_preset
-def test_on_constant_radius_a_preset_settles_in_its_stationary_circle(name: str) -> None:
-    run = round_and_round(name)
+def test_on_constant_radius_a_preset_settles_in_its_stationary_circle_sweeps_both_sides_alike_and_no_axle_slides(name: str) -> None:
+    run = driven(Road("circle", from_curvature(*turn_profile(1.0 / 17.88, RAMP, CONSTANT))), load_vehicle(name))
     s = run.stations.s[: len(run.z)]
     here = (s > SETTLED[0]) & (s < SETTLED[1])
     geometry = run.stations.centring
@@ -61,18 +54,15 @@ def test_on_constant_radius_a_preset_settles_in_its_stationary_circle(name: str)
         (run.z[:, 1], geometry.e_psi[: len(s)], 1e-3),
     ):
         assert not found.size or np.max(np.abs(found[here] - expected[here])) < tolerance
-
-
-@each_preset
-def test_on_constant_radius_a_preset_sweeps_both_sides_alike(name: str) -> None:
-    run = round_and_round(name)
     envelope = envelope_of(run)
     here = (envelope.s > SETTLED[0]) & (envelope.s < SETTLED[1])
     left, right = envelope.reach_left[here], -envelope.reach_right[here]
-    expected = float(np.max(run.stations.centring.half_width))
+    half_width = float(np.max(geometry.half_width))
     assert abs(np.max(left) - np.max(right)) < 0.03  # demanded
-    assert np.max(np.abs(left - expected)) < 0.02
-    assert np.max(np.abs(right - expected)) < 0.02
+    assert np.max(np.abs(left - half_width)) < 0.02
+    assert np.max(np.abs(right - half_width)) < 0.02
+    for at in range(0, len(run.kappa), 7):
+        assert np.max(slides(run, at)) < 1e-6  # demanded; the five-point rule at 100 m from the origin leaves 1e-10
 
 
 def test_a_bus_whose_axles_run_on_one_circle_is_balanced_by_its_target() -> None:
@@ -111,13 +101,6 @@ def slides(run: Drive, at: int) -> FloatArray:
     return np.abs(across)
 
 
-@each_preset
-def test_no_axle_of_a_driven_preset_slides(name: str) -> None:
-    run = round_and_round(name)
-    for at in range(0, len(run.kappa), 7):
-        assert np.max(slides(run, at)) < 1e-6  # demanded; the five-point rule at 100 m from the origin leaves 1e-10
-
-
 @pytest.mark.parametrize("scenario", ["uturn", "roundabout"])
 @each_preset
 def test_every_preset_drives_the_papers_scenarios(name: str, scenario: str) -> None:
@@ -131,7 +114,7 @@ def test_every_preset_drives_the_papers_scenarios(name: str, scenario: str) -> N
     assert -np.min(envelope.reach_right) < expected + spare
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("road", ["goteborg_nya_allen", "goteborg_tuvevagen_brunnsbo", "neubrandenburg_ring"])
 @each_preset
 def test_every_preset_drives_real_roads(name: str, road: str) -> None:

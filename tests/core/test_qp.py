@@ -6,23 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hdvplan.arrays import FloatArray
-from hdvplan.centring.weights import CentringTable
 from hdvplan.errors import QpDataError
-from hdvplan.planning.assembly import qp_shape, terms_of
-from hdvplan.planning.objectives import geometric
-from hdvplan.planning.planner import Planner
-from hdvplan.planning.settings import Discretisation, PlannerSettings
-from hdvplan.planning.stations import stations_of
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 from hdvplan.qp.workspace import residuals
-from hdvplan.road.road import Road
-from hdvplan.solvers.registry import solver_named
 from hdvplan.solvers.sparse import SparseQp
-from hdvplan.vehicle.load import load_vehicle
-from hdvplan.vehicle.model import Vehicle
-from tests.core.chains import few, three_units, winding
+from tests.core.chains import few
 from tests.core.programs import PARTS, dense, random_program, shape, staged
-from tests.core.spying import Spy
 
 
 def random_point(sizes: StageShape, seed: int) -> StageSolution:
@@ -164,27 +153,3 @@ def test_a_point_that_is_not_a_number_is_not_judged_good(name: str) -> None:
 def test_a_shape_without_stages_or_beyond_the_core_s_memory_is_refused(sizes: tuple[Any, ...]) -> None:
     with pytest.raises(QpDataError):
         StageShape(*sizes)
-
-
-@pytest.mark.parametrize("discretisation", list(Discretisation))
-@pytest.mark.parametrize("vehicle", [load_vehicle("bus"), load_vehicle("tractor-trailer"), three_units()], ids=lambda v: v.name)
-def test_the_zero_pattern_of_planning_covers_every_value_that_is_not_zero(vehicle: Vehicle, discretisation: Discretisation) -> None:
-    settings = PlannerSettings(horizon=20.0, discretisation=discretisation)
-    road = Road("winding", winding()).with_limits(3.5, 3.5)
-    stations = stations_of(road, vehicle, CentringTable.of(vehicle), step=0.5, horizon=20.0)
-    spy = Spy(solver_named("piqp"))
-    z = np.concatenate([[0.2, 0.05], np.full(vehicle.states - 2, 0.1)])
-    goal = geometric(stations, vehicle)
-    Planner(vehicle, stations, goal, settings, spy).plan(30, z, 0.01)
-    sizes = qp_shape(vehicle, settings.stages, terms_of(vehicle, stations, goal, settings))
-    assert sizes.rows > 0
-    assert sizes.a_pattern is not None
-    assert sizes.q_pattern is not None
-    assert sizes.g_pattern is not None
-    for qp in spy.programs:
-        assert np.all(qp.A[:, ~sizes.a_pattern] == 0.0)
-        assert np.all(qp.Q[:, ~sizes.q_pattern] == 0.0)
-        assert np.all(qp.G[:, :, ~sizes.g_pattern] == 0.0)
-    seen = np.any(spy.programs[-1].A != 0.0, axis=0)
-    if discretisation is Discretisation.MIDPOINT:
-        assert np.array_equal(seen, sizes.a_pattern)  # and drops no zero too few

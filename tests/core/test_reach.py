@@ -18,14 +18,13 @@ from hdvplan.solvers.riccati import RiccatiWorkspace
 from hdvplan.vehicle.body import axle_points, axles_behind, edge_points
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
-from tests.core.chains import on_road, three_units, winding
+from tests.core.chains import on_road, winding
 from tests.core.differences import differences
 from tests.core.scenes import extended, horizon_at, move
 from tests.core.spying import Spy
 
 VEHICLES = [load_vehicle("bus"), load_vehicle("tractor-trailer")]
-LONG = pytest.param(three_units(), marks=pytest.mark.slow)  # kernels are compiled for three units and a state of the objective's own
-each_vehicle = pytest.mark.parametrize("vehicle", [*VEHICLES, LONG], ids=lambda v: v.name)
+each_vehicle = pytest.mark.parametrize("vehicle", VEHICLES, ids=lambda v: v.name)
 each_objective = pytest.mark.parametrize("objective", [axle_max, body_max])
 FIRST = 40  # a station in front of the first bend
 
@@ -155,11 +154,6 @@ def test_one_program_a_step_ends_where_a_fresh_start_does(vehicle: Vehicle, obje
     fresh = Planner(vehicle, stations, objective(stations, vehicle), settings, solver_named("riccati"))
     again = fresh.plan(plan.first, plan.z[0], plan.kappa_before)
     assert abs(reach(vehicle, stations, plan, objective) - reach(vehicle, stations, again, objective)) < 0.01  # one QP against many
-
-
-def test_the_axles_of_a_bus_are_two_and_of_a_chain_one_a_unit() -> None:
-    assert axle_points(VEHICLES[0])["ahead"].tolist() == [[0.0, 6.0]]
-    assert axle_points(three_units())["ahead"].tolist() == [[0.0], [0.0], [0.0]]
 
 
 def residual(goal: Goal) -> Residual:

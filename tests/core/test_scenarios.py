@@ -4,16 +4,14 @@ import numpy as np
 import pytest
 
 from hdvplan.driving.drive import Drive, drive
-from hdvplan.errors import OptionError, PlanError, RoadError
 from hdvplan.judging.balance import Balance, balance_of
 from hdvplan.judging.envelope import envelope_of
-from hdvplan.planning.objectives import Goal, geometric, lead_axle, objective_named, trail_axle
+from hdvplan.planning.objectives import Goal, geometric, lead_axle, trail_axle
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.centring import Centring, Residual
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
-from hdvplan.road.scenarios import roundabout, sturn_profile, turn_profile, uturn_articulated, uturn_profile
 from hdvplan.solvers.riccati import RiccatiWorkspace
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
@@ -31,28 +29,6 @@ def searched(stations: Stations, vehicle: Vehicle) -> Goal:  # noqa: ARG001 - ev
     """Weigh the axles as found by exhaustive search: (1 - K) e_y + K e_trailer with K = 0.45."""
     one = np.ones(len(stations.s))
     return Goal((Centring(Residual(0.55 * one, 0.45 * one, 0.0 * one)),))
-
-
-def test_the_published_roads_have_their_published_lengths_and_angles() -> None:
-    s, k = uturn_profile()
-    turned = np.sum(0.5 * (k[1:] + k[:-1]) * np.diff(s))
-    assert abs(turned - np.pi) < 1e-12
-    assert abs((s[3] - s[2]) - 31.5) < 0.1  # read off a figure
-    assert np.max(k) == 0.060
-    assert abs(roundabout().path.length - (50.0 + 5.5 + 135.0 + 5.5 + 50.0)) < 1e-9
-    assert abs(float(roundabout().path.at(120.0).curvature) - 1.0 / 17.88) < 1e-6
-    assert abs(uturn_articulated().path.length - 134.2) < 1e-9
-    path = uturn_articulated().path
-    assert abs(float(np.cos(path.at(path.length).heading)) + 1.0) < 1e-6  # it comes back
-    s, k = sturn_profile(0.06, 0.01)
-    assert np.max(np.abs(np.diff(k) / np.diff(s))) == pytest.approx(0.01)
-    assert abs(np.sum(0.5 * (k[1:] + k[:-1]) * np.diff(s))) < 1e-12
-
-
-@pytest.mark.parametrize("ramp", [-1.0, 0.0])
-def test_a_turn_without_a_ramp_is_refused(ramp: float) -> None:
-    with pytest.raises(OptionError):
-        turn_profile(0.05, ramp, 10.0)
 
 
 @each_scheme
@@ -165,34 +141,6 @@ def test_a_drive_has_a_sample_at_every_station_and_poses_between() -> None:
         assert np.max(np.abs(plan.z[0] - done.z[plan.first])) < 1e-12
         if plan.first > 0:
             assert plan.kappa_before == done.kappa[plan.first - 1]
-
-
-def test_a_road_shorter_than_its_vehicle_is_refused() -> None:
-    with pytest.raises(RoadError, match="shorter than the vehicle"):
-        drive(
-            Road("yard", from_curvature(np.array([0.0, 10.0]), np.zeros(2))),
-            load_vehicle("bus"),
-            geometric,
-            RiccatiWorkspace,
-            PlannerSettings(),
-        )
-
-
-def test_a_road_that_begins_in_a_bend_tighter_than_the_steering_is_driven_or_refused_for_that_reason() -> None:
-    road = Road("bend", from_curvature(np.array([0.0, 20.0, 25.0, 60.0]), np.array([0.12, 0.12, 0.0, 0.0])))
-    try:
-        done = drive(road, load_vehicle("bus"), geometric, RiccatiWorkspace, PlannerSettings(horizon=30.0))
-    except (PlanError, RoadError):
-        return
-    assert np.max(np.abs(done.kappa)) <= 0.1 + KEPT
-
-
-def test_an_unknown_objective_is_met_with_the_right_word() -> None:
-    assert objective_named("geometric") is geometric
-    for misspelt in ("geometrical", "Geometric"):
-        with pytest.raises(OptionError) as caught:
-            objective_named(misspelt)
-        assert caught.value.hint == "did you mean 'geometric'?"
 
 
 def test_a_drive_begins_with_no_more_curvature_than_the_vehicle_has() -> None:

@@ -16,7 +16,6 @@ from tests.core.chains import few, units
 from tests.core.twins.street import TO_JUDGE, TO_PLAN, deepest, dense, look, outline, protruding, signed, standing, street_of
 
 NEAR = 1e-9  # rounding of coordinates of a kilometre, where kerbs go on, is 1e-13; shapely's distances square them
-WINDOW_M = 5.0  # pieces beside the line so far before and beyond a point are surely looked at
 BUS = load_vehicle("bus")
 
 

@@ -26,7 +26,6 @@ from hdvplan.solvers.riccati import RiccatiWorkspace
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 from tests.core.chains import winding
-from tests.core.moves import defect_price
 from tests.core.scenes import SAME, assert_same_rows, extended, horizon_at, linearised, move, moved_of, part_of
 
 STEP, STAGES, FIRST = 0.5, 60, 30
@@ -57,9 +56,7 @@ TERMS: dict[str, Callable[[Stations], Term]] = {  # one of each kind
     "limits": lambda _: Limits(ROWS_PER_SIDE),
     "limits and overhangs": lambda _: Limits(2 * ROWS_PER_SIDE),
 }
-# Kernels are compiled for programs of the sizes that the next test alone has: of these terms that takes five seconds each.
-LARGE = {"balance", "reach of bodies", "reach of axles", "limits", "limits and overhangs"}
-each_term = pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.slow if name in LARGE else ()) for name in TERMS])
+each_term = pytest.mark.parametrize("name", TERMS)
 
 
 def random_motion(vehicle: Vehicle, seed: int) -> tuple[FloatArray, FloatArray]:
@@ -129,7 +126,7 @@ def program(vehicle: Vehicle, goal: Callable[[Stations], Goal], *, limited: bool
     return scene, parts, horizon
 
 
-@pytest.mark.parametrize("vehicle", [TRAILER, pytest.param(ACTIVE, marks=pytest.mark.slow)], ids=lambda v: v.name)  # see below
+@pytest.mark.parametrize("vehicle", [TRAILER, ACTIVE], ids=lambda v: v.name)
 def test_a_program_is_the_sum_of_its_terms(vehicle: Vehicle) -> None:
     names = ("centring", "balance", "reach of axles")
     whole, parts, horizon = program(vehicle, goal_of(*names))
@@ -170,19 +167,9 @@ def test_only_limits_say_that_a_motion_breaks_some() -> None:
 
 
 def each_pair(objectives: Iterable[str]) -> pytest.MarkDecorator:
-    """Return the mark of a test of a trailer that follows and of one whose axle the plan steers, with every objective.
-
-    Only slow tests steer with an objective that brings a state of its own: kernels for that size take half a minute to compile.
-    """
-    slow = {(ACTIVE.name, "axle-max"), (ACTIVE.name, "body-max")}
-    return pytest.mark.parametrize(
-        ("vehicle", "objective"),
-        [
-            pytest.param(vehicle, name, marks=pytest.mark.slow if (vehicle.name, name) in slow else (), id=f"{vehicle.name}-{name}")
-            for vehicle in (TRAILER, ACTIVE)
-            for name in objectives
-        ],
-    )
+    """Return the mark of a test of a trailer that follows and of one whose axle the plan steers, with every objective."""
+    pairs = [pytest.param(vehicle, name, id=f"{vehicle.name}-{name}") for vehicle in (TRAILER, ACTIVE) for name in objectives]
+    return pytest.mark.parametrize(("vehicle", "objective"), pairs)
 
 
 @each_pair(OBJECTIVES)
@@ -299,16 +286,6 @@ def test_extending_and_linearising_comes_to_what_extending_all_comes_to(objectiv
     for other in programs[1:]:
         assert_same_program(programs[0][0], other[0])
         assert_same_rows(programs[0], other)
-
-
-def test_gaps_in_the_dynamics_cost_their_weights() -> None:
-    planner, _, horizon = driven(TRAILER, "geometric", steps=2)
-    settle_feet(planner._parts, horizon)
-    weights = np.array([3.0, 5.0, 7.0])
-    planner._scene.qp.c[4, :3] = 0.1, -0.2, 0.3
-    gaps = np.sum(np.abs(planner._scene.qp.c[:, :3]) @ [3.0, 5.0, 7.0])
-    assert defect_price(planner._scene.qp, weights) == pytest.approx(gaps, rel=1e-12)
-    assert gaps > 3.0
 
 
 @pytest.mark.parametrize("half_width", [1.9, 3.0, 4.0])

@@ -24,16 +24,23 @@ from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Unit, Vehicle
+from tests.nightly import nightly
 
 RIGID = ("bus", "citaro-k", "rigid-truck")
 RADII_M = (12.5, 16.0, 20.0)
 QUICK = [("bus", 16.0)]
 CELLS = [
-    pytest.param(vehicle, radius, marks=() if (vehicle, radius) in QUICK else pytest.mark.slow) for vehicle in RIGID for radius in RADII_M
+    pytest.param(vehicle, radius, marks=() if (vehicle, radius) in QUICK else pytest.mark.nightly)
+    for vehicle in RIGID
+    for radius in RADII_M
 ]
 FITS_M = 1e-3  # wider than the exact least half width
 LACKS_M = 0.015  # of half width: 3 cm of width
-PAIRS = [("tractor-trailer", 17.88), ("tractor-trailer", 25.0), ("tractor-trailer-paper", 17.88)]
+PAIRS = [
+    ("tractor-trailer", 17.88),
+    nightly("tractor-trailer", 25.0),
+    nightly("tractor-trailer-paper", 17.88),
+]
 
 
 _POINTS = 10_000  # of rho: the half width is then good to a tenth of a millimetre
@@ -91,8 +98,7 @@ def steady_half_width_of_pair(vehicle: Vehicle, radius: float) -> float:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", RIGID)
-@pytest.mark.parametrize("radius", RADII_M)
+@pytest.mark.parametrize(("name", "radius"), CELLS)
 def test_a_whole_ring_gives_away_less_than_a_millimetre_to_any_steering(name: str, radius: float) -> None:
     unit = load_vehicle(name).lead
     steady = steady_half_width(unit, radius)

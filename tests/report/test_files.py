@@ -79,20 +79,6 @@ def test_a_folder_of_others_takes_no_file_away_that_lies_elsewhere(tmp_path: Pat
     assert (tmp_path / "mine.txt").read_text(encoding="utf-8") == "mine"
 
 
-def test_a_failing_run_leaves_the_former_plan(bus: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    write_plan(bus, tmp_path)
-    former = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
-
-    def fail(_result: Result) -> None:
-        msg = "disk full"
-        raise OSError(msg)
-
-    monkeypatch.setattr("hdvplan.report.files.swept_geojson", fail)
-    with pytest.raises(OSError, match="disk full"):
-        write_plan(bus, tmp_path)
-    assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == former
-
-
 def test_a_file_appears_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     target = tmp_path / "file"
     target.write_bytes(b"old")
@@ -178,11 +164,3 @@ def test_pictures_come_in_the_formats_asked_for(bus: Result, tmp_path: Path) -> 
     assert b">bus on uturn" in svg  # text stays text
     assert not (tmp_path / "plan.png").exists()
     assert drawn_bytes(bus, "svg") == svg  # the same plan, the same file
-
-
-def test_writing_tells_how_far_it_is(bus: Result, tmp_path: Path) -> None:
-    shares: list[float] = []
-    write_plan(bus, tmp_path, on_progress=shares.append)
-    assert shares == sorted(shares)
-    assert len(shares) == 8
-    assert 0.0 < shares[0] < shares[-1] == 1.0

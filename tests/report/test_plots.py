@@ -12,9 +12,7 @@ from hdvplan.judging.result import Result, result_of
 from hdvplan.judging.verdict import verdict_of, verdict_title
 from hdvplan.report.colours import BREACH, INK
 from hdvplan.report.plots import plan_figure
-from hdvplan.road.path import from_curvature
-from hdvplan.road.road import Road
-from tests.report.conftest import driven, once
+from tests.report.conftest import once
 
 drawn = once(plan_figure)
 
@@ -94,14 +92,3 @@ def test_limits_far_away_shrink_neither_map_nor_envelope(bus: Result) -> None:
     reach = next(axes for axes in figure.axes if axes.get_ylabel().startswith("reach"))
     assert np.ptp(reach.get_ylim()) < 10.0
     assert "of overhangs" not in reach.get_legend_handles_labels()[1]  # they have no limits of their own
-
-
-def test_a_very_long_road_shows_its_profiles_where_it_is_enlarged() -> None:
-    s = np.array([0.0, 195.0, 200.0, 205.0, 595.0, 600.0, 605.0, 995.0, 1000.0, 1005.0, 1200.0])
-    kappa = np.array([0.0, 0.0, 0.04, 0.0, 0.0, -0.05, 0.0, 0.0, 0.06, 0.0, 0.0])
-    figure = plan_figure(driven(Road("very long", from_curvature(s, kappa)), "bus"))
-    spans = [np.ptp(axes.get_xlim()) for axes in figure.axes if axes.get_ylabel() == "curvature [1/m]"]
-    assert spans == [pytest.approx(50.0)]  # the first of the enlarged ones carries the label
-    assert len(maps(figure)) == 5  # overview and four places
-    at = [float(axes.get_title(loc="left").split("s = ")[1].split()[0]) for axes in maps(figure)[1:]]
-    assert at == sorted(at)  # in road order

@@ -109,7 +109,3 @@ def test_no_value_and_no_heading_can_end_a_cell_or_a_row() -> None:
     header, _, row = markdown_table(table, text=()).splitlines()
     assert header == r"|   mean \|left + right\| |"
     assert row.strip("| ") == r"a \| b c"
-
-
-def test_a_table_without_rows_has_its_heading() -> None:
-    assert markdown_table(pd.DataFrame(columns=["road", "ms"]), text=("road",)).startswith("| road")

@@ -42,41 +42,6 @@ def test_longitude_and_latitude_are_projected_with_true_lengths() -> None:
     assert raw.to_lonlat is not None
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("", "is empty"),
-        ("0,0\n1,1\n", "line 1: the first line must name the columns"),
-        ("x,y\n0,0\n", "at least two points, this one has 1"),
-        ("x,y\n0,0\n1,a\n", "line 3, column y: 'a' is not a number"),
-        ("x;y\n0;0\n1,5;2\n2.5;3\n", "line 4, column x: '2.5' is not a number"),
-        ("x;y\n0;0\n1.234,5;2\n", "line 3, column x: '1.234,5' is not a number"),
-        ("x,y\n0,0\n1,5,2,5\n", "line 3: 4 values for 2 columns"),
-        ("x,y\n0,0\n1,nan\n", "line 3, column y: nan is not a finite number"),
-        ("x,y\n0,0\ninf,1\n", "line 3, column x: inf is not a finite number"),
-        ("x,y\n0,0\n1\n", "line 3: 1 values for 2 columns"),
-        ("x,x\n0,0\n1,1\n", "column x occurs twice"),
-        ("x,lat\n0,0\n1,1\n", "contradict each other"),
-        ("x,left\n0,0\n1,1\n", "column y is missing beside x"),
-        ("left,right\n0,0\n1,1\n", "no position columns"),
-        ("x,y,left\n0,0,1\n9,1,1\n", "column right is missing beside left"),
-        ("x,y,left_sweep,right_sweep\n0,0,1,1\n9,1,1,1\n", "need left and right"),
-        ("x,y,left,right\n0,0,1,1\n9,1,1,-1\n", "line 3, column right: -1 m is negative"),
-        ("x,y,left,right,left_sweep,right_sweep\n0,0,3,3,2,3\n9,1,3,3,3,3\n", "line 2, column left_sweep: 2 m is less than left, 3 m"),
-        ("s,kappa\n0,0\n5,0\n5,0.1\n", "line 4, column s: 5 m does not exceed"),
-        ("s,kappa\n0,0\n5,0.9\n", "line 3, column kappa: 0.9 1/m is a radius below 2 m"),
-        ("lon,lat\n11,57\n12,97\n", "point 2 has longitude 12, latitude 97"),
-        ("x,y\n0,0\n1e9,0\n", "line 3, column x: 1e\\+09 m is too large"),
-        ("x_m,y_m\n11.97,57.70\n11.971,57.701\n11.972,57.702\n", "look like degrees"),
-        ("x,y\n0,0.1250\n10,0.1250\n20,0.", "line 4, column y: '0.' has lost digits"),
-    ],
-)
-def test_each_mistake_is_named_in_one_line(text: str, message: str) -> None:
-    with pytest.raises(RoadError, match=message) as caught:
-        read_csv(text, "f")
-    assert "\n" not in str(caught.value)
-
-
 def test_swapped_longitude_and_latitude_are_said_to_be() -> None:
     with pytest.raises(RoadError) as caught:
         read_csv("lon,lat\n43.7,107.4\n43.8,107.5\n", "f")
@@ -149,17 +114,3 @@ def test_coordinates_that_can_only_be_degrees_are_read_as_such_with_a_note() -> 
     assert raw.to_lonlat is not None
     assert raw.notes == ("f: columns X, Y are read as longitude and latitude, for metres they are too close together",)
     np.testing.assert_allclose(read_csv("X,Y\n11.97,57.70\n11.971,57.701\n11.972,57.702\n", "f", crs="EPSG:4326").points, raw.points)
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("x,y,width,left,right\n0,0,7,3,3\n1,1,7,3,3\n", "columns left, right and width contradict each other"),
-        ("x,easting,y\n0,0,0\n1,1,1\n", "columns x and easting contradict each other"),
-        ("lon,lat\n11,950;57,7\n11,951;57,7\n", "line 2: 3 values for 2 columns"),
-        ("x,y\n0,0\n1," + 200_000 * "1" + "\n", "line 3: field larger than field limit"),
-    ],
-)
-def test_tables_that_cannot_be_meant_are_refused(text: str, message: str) -> None:
-    with pytest.raises(RoadError, match=message):
-        read_csv(text, "f")

@@ -105,38 +105,6 @@ def test_an_old_crs_member_is_honoured_and_overridden() -> None:
     assert "--crs" in str(caught.value.hint)
 
 
-@pytest.mark.parametrize(
-    ("document", "message"),
-    [
-        ("{", "is not valid JSON"),
-        ("[1]", "is not GeoJSON"),
-        (json.dumps({"type": "FeatureCollection"}), "'features' must be a list"),
-        (collection(), "no LineString"),
-        (json.dumps(geometry([11.9, 57.7], "Point")), "no LineString"),
-        (json.dumps(feature(geometry([]))), "at least two points, this one has 0"),
-        (json.dumps(feature(geometry([], "MultiLineString"))), "a MultiLineString has no coordinates"),
-        (json.dumps(geometry([[11.9, 57.7]])), "at least two points, this one has 1"),
-        (json.dumps(geometry([[11.9, 57.7], ["a", 1]])), "point 2 is not a pair of finite numbers"),
-        ('{"type": "LineString", "coordinates": [[11.9, 57.7], [NaN, 1]]}', "point 2 is not a pair of finite numbers"),
-        (json.dumps(geometry([[11.9, 57.7], 5])), "point 2 is not a pair of finite numbers"),
-        (json.dumps(feature(left_m=3)), "left_m with right_m"),
-        (json.dumps(feature(width_m="7")), "width_m must be a positive number"),
-        (json.dumps(feature(width_m=[7, 7])), "width_m has 2 values for a line of 3 points"),
-        (json.dumps(feature(width_m=[7, None, 7])), "width_m must be a positive number of metres, not None"),
-        (
-            json.dumps(feature(geometry([LINE[:2], LINE[1:]], "MultiLineString"), width_m=[7, 7, 7, 7])),
-            "width_m is a list, and the line has",
-        ),
-        (json.dumps({**geometry(), "crs": {}}), "names no coordinate reference system"),
-        (json.dumps({**geometry(), "crs": {"properties": {"name": "EPSG:1"}}}), "unknown coordinate reference system"),
-    ],
-)
-def test_each_mistake_is_named_in_one_line(document: str, message: str) -> None:
-    with pytest.raises(RoadError, match=message) as caught:
-        read_geojson(document, "f")
-    assert "\n" not in str(caught.value)
-
-
 def test_widths_may_be_given_for_each_point_and_change_where_a_point_is_there_twice() -> None:
     line = geometry([LINE[0], LINE[1], LINE[1], LINE[2]])
     raw = read_geojson(json.dumps(feature(line, left_m=[3, 3, 2, 2], right_m=[4, 4, 4.5, 4.5])), "f")
@@ -158,48 +126,10 @@ def test_a_polygon_that_crosses_itself_keeps_its_areas() -> None:
     assert len(read_geojson(collection(feature(), feature(bow_tie, region="obstacle")), "f").regions) == 2
 
 
-@pytest.mark.parametrize(
-    ("shape", "region", "message"),
-    [
-        (geometry([[*LINE, LINE[0]]], "Polygon"), "wall", "region 'van' is 'wall'; a region is obstacle or sweepable"),
-        (geometry(), "obstacle", "region 'van' is a LineString, not a Polygon"),
-        (geometry([], "Polygon"), "obstacle", "region 'van' has no coordinates"),
-        (geometry([[LINE[0], LINE[1]]], "Polygon"), "obstacle", "region 'van': a ring needs at least three points, this one has 2"),
-        (geometry([[LINE[0], LINE[1], LINE[0]]], "Polygon"), "obstacle", "region 'van' has no area"),
-        (geometry([[*LINE, ["a", 1]]], "Polygon"), "obstacle", "region 'van': point 4 is not a pair"),
-    ],
-)
-def test_a_region_that_is_none_is_named(shape: dict[str, Any], region: str, message: str) -> None:
-    document = collection(feature(name="road"), feature(shape, region=region, name="van"))
-    with pytest.raises(RoadError, match=message):
-        read_geojson(document, "f", choice=Choice(feature="road" if shape["type"] == "LineString" else None))
-
-
 def test_the_notice_is_the_attribution_with_the_licence() -> None:
     raw = read_geojson(json.dumps(feature(attribution="© Some City. Contains data.", licence="CC-BY-4.0")), "f")
     assert raw.notice == "© Some City, CC BY 4.0"
     assert read_geojson(json.dumps(feature()), "f").notice is None
-
-
-@pytest.mark.parametrize(
-    ("document", "message"),
-    [
-        ("[" * 100_000, "is not valid JSON"),
-        (json.dumps({"type": "Feature", "properties": 5, "geometry": geometry(LINE[:1])}), "a line needs at least two points"),
-        (json.dumps({"type": "GeometryCollection", "geometries": 7}), "no LineString"),
-        (json.dumps(geometry() | {"crs": {"properties": 5}}), "names no coordinate reference system"),
-        (json.dumps(geometry([[10**400, 57.7], [11.9, 57.7]])), "point 1 is not a pair of finite numbers"),
-        (json.dumps(feature(left_m=10**400, right_m=4)), "left_m must be a positive number of metres"),
-        (collection(feature(), feature(geometry(5, "MultiPolygon"), region="obstacle")), "region 1 has no coordinates"),
-        (
-            collection(feature(), feature({"type": "GeometryCollection", "geometries": 7}, region="obstacle")),
-            "region 1 is a feature without geometry",
-        ),
-    ],
-)
-def test_members_of_the_wrong_kind_are_refused_by_name(document: str, message: str) -> None:
-    with pytest.raises(RoadError, match=message):
-        read_geojson(document, "f")
 
 
 def test_geometries_in_each_other_are_refused_however_deep_they_are(tmp_path: Path) -> None:

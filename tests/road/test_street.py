@@ -19,7 +19,7 @@ from hdvplan.road.options import RoadOptions
 from hdvplan.road.path import ReferencePath, from_curvature
 from hdvplan.road.regions import Kind, Region
 from hdvplan.road.road import Road
-from hdvplan.road.street import About, Kerb, Street, rooms_of
+from hdvplan.road.street import About, Kerb, Street
 from tests.core.chains import arc
 
 EAST = np.array([[1.0, 0.0], [1.0, 0.0]])
@@ -132,13 +132,6 @@ def test_the_direction_before_a_piece_is_that_of_its_neighbour(left: bool) -> No
     assert firsts == 1
 
 
-def test_points_that_repeat_make_no_piece() -> None:
-    s = np.array([0.0, 50.0, 50.0, 100.0])
-    found = pieces(Kerb(np.stack([s, np.full(4, 3.0)], axis=1), s, left=True))
-    assert np.all(found["length"] > 1.0)
-    assert np.all(np.isfinite(found["cos"]))
-
-
 @pytest.mark.parametrize("left", [True, False])
 @pytest.mark.parametrize("fold", [[[0.0, 0.004]], [[-0.004, 0.0005]], [[-0.003, 0.002]], [[0.0005, 0.004], [0.001, 0.0]]])
 def test_a_fold_back_of_a_few_millimetres_is_no_side_of_a_kerb(left: bool, fold: list[list[float]]) -> None:
@@ -150,11 +143,6 @@ def test_a_fold_back_of_a_few_millimetres_is_no_side_of_a_kerb(left: bool, fold:
     assert np.min(turns) > -0.5
     begin, _ = ends_of(found)
     assert np.min(np.hypot(*(begin - kink).T)) < 0.005  # a sliver's length
-
-
-def test_a_short_side_that_does_not_fold_back_stays() -> None:
-    points = np.array([[0.0, 3.0], [30.0, 3.0], [30.0, 3.004], [60.0, 3.004]])
-    assert len(pieces(Kerb(points, np.linspace(0.0, 100.0, 4), left=True))) == 5
 
 
 def test_a_closed_road_has_every_kerb_in_every_lap_without_a_gap() -> None:
@@ -170,16 +158,6 @@ def test_a_closed_road_has_every_kerb_in_every_lap_without_a_gap() -> None:
         joints = np.hypot(*(begin[own][:, None] - end[own][None]).transpose(2, 0, 1)).min(axis=1)
         assert np.max(joints[found["ends"][own] == 0]) < 1e-3  # of the seam: where the kerb's ends meet
         assert np.sum(found["ends"][own]) == 1
-
-
-def test_where_a_lap_begins_a_part_of_a_kerb_has_one_point() -> None:
-    path = ring()
-    street = Street.along(path, About.smooth(path).kerbs(Limits.constant(3.0, 2.0, path.length)))
-    for kerb in street.kerbs:
-        for s_from, s_to in ((0.0, path.length - 0.1), (-10.0, 10.0), (path.length - 5.0, path.length)):
-            part = street.part(kerb, s_from, s_to)
-            assert np.min(np.hypot(*np.diff(part.points, axis=0).T)) > 1e-3  # a direction, and no rounding
-            assert (part.s[0], part.s[-1]) == pytest.approx((s_from, s_to))
 
 
 @pytest.mark.parametrize("curvature", [0.0, 0.05, -0.05])
@@ -229,27 +207,6 @@ def test_widths_count_from_the_points_as_given() -> None:
         assert np.interp(57.0, kerb.s, kerb.points[:, 0]) > 56.0  # beside the corner
 
 
-def test_driven_the_other_way_the_street_is_the_same_and_left_is_right() -> None:
-    about = About.smooth(arc(0.03, 80.0))
-    for kerb in about.kerbs(Limits.constant(3.0, 2.0, 80.0)):
-        back = kerb.reversed(80.0)
-        assert back.left is not kerb.left
-        assert np.array_equal(back.points[::-1], kerb.points)
-        np.testing.assert_allclose(back.s, 80.0 - kerb.s[::-1])
-    turned = about.reversed(80.0).kerbs(Limits.constant(2.0, 3.0, 80.0))
-    for one, other in zip(about.kerbs(Limits.constant(3.0, 2.0, 80.0)), turned[::-1], strict=True):
-        # points of chords within 0.3 mm may be left out, others each way
-        assert shapely.hausdorff_distance(shapely.LineString(one.points), shapely.LineString(other.points), densify=0.1) < 1e-3
-
-
-def test_an_offset_path_leaves_the_kerbs_where_they_are() -> None:
-    about = About.smooth(arc(0.03, 80.0))
-    shifted = replace(about, offset=1.5)
-    limits, beside = Limits.constant(3.0, 2.0, 80.0), Limits.constant(1.5, 3.5, 80.0)
-    for one, other in zip(about.kerbs(limits), shifted.kerbs(beside), strict=True):
-        np.testing.assert_allclose(one.points, other.points, atol=1e-9)  # rounding
-
-
 def test_a_kerb_is_replaced_by_parts_of_another_one_where_they_are() -> None:
     own = straight(3.0)
     parts = [
@@ -276,25 +233,6 @@ def test_the_face_of_an_obstacle_is_a_kerb_and_only_in_planning() -> None:
     # around the van from its far side, with walls to where no body comes: 0.1 m, as it reaches over the kerb
     drawn = shapely.LineString([(40.0, 5.1), (40.0, 1.0), (46.0, 1.0), (46.0, 5.1)])
     assert shapely.hausdorff_distance(shapely.LineString(face.points), drawn) < 1e-6  # feet on a straight of quintics
-
-
-@pytest.mark.parametrize("curvature", [0.02, 0.06, -0.06])
-@pytest.mark.parametrize("place", [8.0, 20.0, 40.0])
-@pytest.mark.parametrize("offset", [1.5, -1.5])
-def test_no_point_of_an_obstacle_in_a_bend_lies_in_the_street_that_is_planned_in(curvature: float, place: float, offset: float) -> None:
-    path = arc(curvature, 60.0)
-    x, y = map(float, path.to_plane(place, offset))
-    van = shapely.Polygon([(x - 1.1, y + 0.1), (x - 0.6, y - 0.9), (x + 1.1, y - 0.1), (x + 0.6, y + 0.9)])
-    road = Road("bend", path, regions=(Region(Kind.OBSTACLE, van),)).with_limits(3.0, 3.0)
-    assert road.street is not None
-    pieces = road.street.pieces(0.0, 60.0)
-    at = shapely.get_coordinates(shapely.segmentize(van.exterior, 0.1))
-    s, _ = path.extended(5.0, 5.0).project(at[:, 0], at[:, 1], np.full(len(at), place))
-    rooms = rooms_of(pieces, s, at[:, 0], at[:, 1])
-    assert np.all(rooms[0 if offset > 0.0 else 1] <= 2e-3)  # beyond a face, up to a foot's accuracy
-    clear = np.array([1.0, 59.0])
-    here = path.at(clear)
-    np.testing.assert_allclose(rooms_of(pieces, clear, here.x, here.y), 3.0, atol=2e-3)
 
 
 def lines(kerbs: tuple[Kerb, ...], *, left: bool) -> list[Kerb]:
@@ -372,23 +310,6 @@ def test_edges_beyond_the_ends_belong_to_the_street() -> None:
         for x in (-2.0, 104.0):
             assert line.distance(shapely.Point(x, 1.0 if kerb.left else -1.0)) < 1e-9
         assert np.interp(104.0, kerb.s, np.abs(kerb.points[:, 1])) == pytest.approx(1.0, abs=1e-6)  # its place of the line
-
-
-def test_the_drawn_edges_of_a_closed_road_are_kerbs_in_every_lap() -> None:
-    path, turned = ring(), np.linspace(0.0, 2.0 * np.pi, 241)
-    edges = tuple(np.stack([radius * np.sin(turned + 1.0), 20.0 - radius * np.cos(turned + 1.0)], axis=1) for radius in (17.0, 22.5))
-    kerbs, notes = drawn_kerbs(path, edges)
-    assert not notes
-    found = Street.along(path, kerbs).pieces(0.0, path.length).pieces
-    begin, end = ends_of(found)
-    middle = 0.5 * (begin + end)
-    np.testing.assert_allclose(
-        np.hypot(middle[:, 0], middle[:, 1] - 20.0), np.where(found["left"] == 1, 17.0, 22.5), atol=0.01
-    )  # chords of 0.6 m
-    for left in (0, 1):
-        own = found[found["left"] == left]
-        covered = shapely.union_all([shapely.box(low, 0.0, high, 1.0) for low, high in zip(own["s_low"], own["s_high"], strict=True)])
-        assert shapely.difference(shapely.box(0.5, 0.0, path.length - 0.5, 1.0), covered.buffer(0.01)).area == 0.0
 
 
 @pytest.mark.parametrize("begin", [0.0, 1.0, 6.0])

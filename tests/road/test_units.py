@@ -150,21 +150,6 @@ def test_tables_may_be_in_feet_and_other_units(text: str, unit: str | None) -> N
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("x_ft,y_m\n0,0\n50,0\n", "columns x_ft and y_m are not in one unit"),
-        ("x,y\n0,0\n400000,0\n", "f says no unit, and in metres its line is 400 km long"),
-        ("x,y\n0,0\n0.4,0\n", "f says no unit, and in metres its line is 0.4 m long"),
-        ("x,y,left,right\n0,0,3500,3000\n40000,0,3500,3000\n", "in metres its limits are 6.5 km apart"),
-        ("x,y\n0,0\n20000,0\n40000,5000\n", "in metres the points of its line are 20.31 km apart"),
-    ],
-)
-def test_tables_of_no_street_or_of_two_units_are_refused(text: str, said: str) -> None:
-    with pytest.raises(RoadError, match=said):
-        read_csv(text, "f")
-
-
-@pytest.mark.parametrize(
     "text", ["x_m,y_m\n0,0\n40000,0\n80000,0\n", "x,y,left,right\n0,0,0,6\n50,0,0,6\n", "x,y,left,right\n0,0,3,1000\n50,0,3,1000\n"]
 )
 def test_tables_that_say_metres_or_may_be_streets_are_read_as_they_are(text: str) -> None:

@@ -76,5 +76,5 @@ def tiny() -> dict[str, object]:
         "roads": ["bend.csv", "lane.geojson"],
         "vehicles": ["bus", "tractor-trailer"],
         "half_widths": [1.6, 3.5],
-        "settings": {"horizon": 30},
+        "settings": {"horizon": 30, "refine": False},
     }

@@ -16,11 +16,12 @@ import pytest
 
 from hdvplan.study.conduct import run as run_study
 from hdvplan.study.spec import read_study
+from tests.nightly import nightly
 from tests.study.conftest import Cli, InHere
 from tests.study.test_engines import FAULTY
 from tests.study.test_run import exact
 
-STUDY = 'roads = ["bend.csv", "lane.geojson"]\nvehicles = ["bus"]\nhalf_widths = [1.55, 3.5]\nsettings.horizon = 30\n'
+STUDY = 'roads = ["bend.csv", "lane.geojson"]\nvehicles = ["bus"]\nhalf_widths = [1.55, 3.5]\nsettings = { horizon = 30, refine = false }\n'
 
 
 @pytest.fixture
@@ -124,7 +125,7 @@ def test_places_on_the_page_have_one_of_the_widths_to_choose_from(folder: Path, 
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="needs signals")
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT, nightly(signal.SIGTERM)])
 def test_a_study_that_is_ended_goes_on_from_there(study_file: Path, number: signal.Signals, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(study_file.parent)
     widths = ", ".join(f"{1.6 + 0.02 * step:.2f}" for step in range(60))

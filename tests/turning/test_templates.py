@@ -44,38 +44,6 @@ def test_a_template_of_one_s_own_needs_a_radius_and_an_angle_alone() -> None:
     assert template.limits[0].value == 6.5
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("radius", "not valid TOML"),
-        ("[manoeuvre]\nangle = 90", "radius is missing"),
-        ("[manoeuvre]\nradius = 12", "angle is missing"),
-        ("[manoeuvre]\nradius = 'own'\nangle = 90", "a number or 'vehicle'"),
-        ("[manoeuvre]\nradius = 12\nangle = 'round'", "a number or 'steady'"),
-        ("[manoeuvre]\nradius = true\nangle = 90", "radius must be a number"),
-        ("[manoeuvre]\nradius = -1\nangle = 90", "radius = -1"),
-        ("[manoeuvre]\nradius = inf\nangle = 90", "radius must be a number"),
-        (f"[manoeuvre]\nradius = 1{'0' * 400}\nangle = 90", "radius is too large a number"),
-        ("[manoeuvre]\nradius = 12\nangle = 90\nguide = 'rear'", "front-axle"),
-        ("[manoeuvre]\nradius = 12\nangle = 90\nguide = ['front-axle']", "front-axle"),
-        ("[manoeuvre]\nradius = 12\nangle = 90\nramps = 2", "unknown entry 'ramps'"),
-        ("[manoeuvre]\nradius = 12\nangle = 90\nstandstill = 1", "true or false"),
-        ("[manoeuvre]\nradius = 12\nangle = 90\n[limits]\ninside = 5", "unknown entry 'inside'"),
-        ("[manoeuvre]\nradius = 12\nangle = 90\n[limits]\ninside_radius = '5'", "inside_radius must be a number"),
-        ("length_unit = 'yd'\n[manoeuvre]\nradius = 12\nangle = 90", "'m' or 'ft'"),
-        ("length_unit = ['ft']\n[manoeuvre]\nradius = 12\nangle = 90", "'m' or 'ft'"),
-        ("[manoeuvre]\nradius = 12\nangle = 'steady'\n[limits]\nfrontal_swing = 0.5", "a full circle has none"),
-        (f"[manoeuvre]\nradius = 12\nangle = 1{'0' * 5000}", "not valid TOML"),
-        ("a = " + "[" * 5000, "not valid TOML"),
-        ("manoeuvre = 3", "must be a table"),
-        ("[turn]\nradius = 3", "unknown entry 'turn'"),
-    ],
-)
-def test_a_template_that_cannot_be_used_says_why(text: str, words: str) -> None:
-    with pytest.raises(OptionError, match=words):
-        parse_template(text, default_name="mine")
-
-
 def test_nothing_in_a_template_s_words_steers_a_terminal() -> None:
     words = r'name = "red\u001b[31m"' + "\n" + r'source = "a\nb"' + "\n[manoeuvre]\nradius = 15\nangle = 90\n"
     template = parse_template(words, default_name="mine")
