@@ -11,7 +11,6 @@ from tests.cli.conftest import Cli
 
 CORPUS = Path(__file__).parents[1] / "corpus"
 EXPECTED: dict[str, str] = json.loads((CORPUS / "expected.json").read_text(encoding="utf-8"))
-_OUT = ("--no-plot", "--out", "out")
 
 
 def test_the_corpus_and_its_answers_are_of_the_same_files() -> None:
@@ -25,13 +24,14 @@ def test_a_file_that_cannot_be_used_is_refused_in_the_line_that_is_written_down(
     cli: Cli, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
     kind, _, file = name.partition("/")
+    out = ("--out", str(tmp_path / "out"))
     commands = {
-        "roads": ("plan", file, "--vehicle", "bus", *_OUT),
-        "vehicles": ("plan", "uturn", "--vehicle", file, *_OUT),
-        "suites": ("bench", "--suite", file, "--out", str(tmp_path / "out")),
-        "biases": ("plan", "uturn", "--vehicle", "bus", "--bias", file, *_OUT),
-        "templates": ("turn", "--vehicle", "bus", "--template", file, "--out", str(tmp_path / "out")),
-        "studies": ("study", file, "--out", str(tmp_path / "out")),
+        "roads": ("plan", file, "--vehicle", "bus", "--no-plot", *out),
+        "vehicles": ("plan", "uturn", "--vehicle", file, "--no-plot", *out),
+        "suites": ("bench", "--suite", file, *out),
+        "biases": ("plan", "uturn", "--vehicle", "bus", "--bias", file, "--no-plot", *out),
+        "templates": ("turn", "--vehicle", "bus", "--template", file, *out),
+        "studies": ("study", file, *out),
     }
     monkeypatch.chdir(CORPUS / kind)
     outcome = cli(*commands[kind])
