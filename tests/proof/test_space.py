@@ -17,7 +17,6 @@ from hdvplan.road.path import ReferencePath, from_curvature
 from hdvplan.road.road import Road
 from hdvplan.road.street import Kerb
 from hdvplan.vehicle.load import load_vehicle
-from tests.nightly import nightly
 
 BUS, CITARO = load_vehicle("bus"), load_vehicle("citaro")
 ARM_M, ON_M = 60.0, 30.0  # of the corner's legs; and how far beyond them is looked at
@@ -91,7 +90,7 @@ def test_the_three_readings_of_a_corner_are_proved_alike() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("reading", ["width", *map(nightly, READINGS[1:])])
+@pytest.mark.parametrize("reading", READINGS)
 def test_a_corner_that_a_bus_gets_round_is_not_called_impossible(reading: str) -> None:
     # its leading unit needs a half width of 3.33 m: as for ``test_corners``
     assert proof_of(Case(corner(reading, 3.4), CITARO)) is None
