@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from hdvplan.arrays import FloatArray, Records
@@ -365,6 +365,7 @@ def kerbs_of_closed_roads(draw: st.DrawFn) -> Kerb:
 
 
 @settings(max_examples=300, deadline=None)
+@example(kerb=Kerb(np.array([[20.0, 0.0], [19.96, 4.243], [20.0, 0.0]]), np.array([0.0, 4.0, LAP]), left=True), begin=1.0, length=3.00001)
 @given(kerb=kerbs_of_closed_roads(), begin=st.floats(-2.0 * LAP, LAP), length=st.floats(1.0, LAP - 1.0))
 def test_a_kerb_with_a_part_of_it_put_back_is_the_same_kerb_also_over_the_seam(kerb: Kerb, begin: float, length: float) -> None:
     street = Street((kerb,), LAP, True, EAST)
@@ -373,8 +374,9 @@ def test_a_kerb_with_a_part_of_it_put_back_is_the_same_kerb_also_over_the_seam(k
     beside = np.minimum(kerb.s[-1] + laps, begin + length) - np.maximum(kerb.s[0] + laps, begin)
     assume(np.min(np.abs(beside)) > 1e-6)  # rounding
     assert (len(part.s) > 0) == bool(np.any(beside > 0.0))
-    if np.sum(beside > 0.0) == 1:
-        assert np.ptp(part.s) == pytest.approx(np.max(beside))
+    if np.sum(beside > 0.0) == 1:  # points nearer than 1 um are one, at either end
+        near = 2e-6 * np.max(np.diff(kerb.s) / np.hypot(*np.diff(kerb.points, axis=0).T))
+        assert np.ptp(part.s) == pytest.approx(np.max(beside), abs=near)
     thirds = [street.part(kerb, begin + share * length, begin + (share + 1.0 / 3.0) * length) for share in (0.0, 2.0 / 3.0)]
     for back in (street.replaced(kerb, [part]), street.replaced(kerb, thirds)):
         assert np.all(np.diff(back.s) >= 0.0)
