@@ -24,8 +24,8 @@ from hdvplan.report.grid import markdown_table
 from hdvplan.solvers.registry import solver_infos
 
 SOLVERS = (
-    "riccati", "riccati-warm", "riccati-ipm", "hpipm", "piqp", "osqp", "clarabel", "daqp", "proxqp", "qpalm", "scs", "highs", "cvxopt",
-    "quadprog", "ecos", "qpax",
+    "riccati", "riccati-warm", "riccati-ipm", "hpipm", "acados", "piqp", "osqp", "clarabel", "daqp", "proxqp", "qpalm", "scs", "highs",
+    "cvxopt", "quadprog", "ecos", "qpax",
 )  # fmt: skip
 SUITE = Path(__file__).with_name("solvers.toml")
 ACCURACY_M = 1e-4  # a hundredth of the centimetre to which limits are judged

@@ -54,20 +54,20 @@ _SETTINGS = (_Setting("SPEED_ABS", 0, 8, 2, 20), _Setting("BALANCE", 2, 4, 1, 10
 
 IntC = NDArray[np.int32]
 Addresses = NDArray[np.uintp]  # one pointer a stage
-Structure: TypeAlias = "ctypes.Array[ctypes.c_char]"
+Structure: TypeAlias = "ctypes.Array[ctypes.c_char] | ctypes.c_void_p"
 
 
-class _Memory(NamedTuple):
+class Memory(NamedTuple):
     """HPIPM's structures: a program and its solution, both once more in blocks of stages, and what condenses and solves them."""
 
     qp: Structure
     solution: Structure
-    condensing: Structure
-    condenser: Structure
-    blocks: Structure
-    blocks_solution: Structure
-    arguments: Structure
     workspace: Structure
+    condensing: Structure | None = None  # None, as all that follow: acados keeps them
+    condenser: Structure | None = None
+    blocks: Structure | None = None
+    blocks_solution: Structure | None = None
+    arguments: Structure | None = None
 
 
 class HpipmWorkspace:
@@ -88,10 +88,10 @@ class HpipmWorkspace:
             SolverError: CasADi has brought no HPIPM.
 
         """
-        self._shape, self._library, self._close = shape, _library(), _PROVED * tolerance
+        self._shape, self._library, self._close = shape, load_hpipm(), _PROVED * tolerance
         self._point = StageSolution.empty(shape)
         self._kept: list[object] = []
-        self._memories = [self._allocate(setting, tolerance) for setting in _SETTINGS]
+        self._memories = self._allocated(tolerance)
         stages, n, m, p, b = shape.stages, shape.states, shape.inputs, shape.rows, len(shape.bounded_states)
         count = stages + 1
         self._program = StageQp.empty(shape)
@@ -109,7 +109,7 @@ class HpipmWorkspace:
         self._into = tuple(map(self._pointer_to, self._places_of_solution()))
         self._from = tuple(map(self._pointer_to, self._places_of_program()))
         for memory in self._memories:
-            self._mask(memory)
+            self._mask(memory.qp)
 
     def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:  # noqa: ARG002 - a guess helps no interior point here
         """Solve ``qp``; see ``QpWorkspace``."""
@@ -125,7 +125,7 @@ class HpipmWorkspace:
                 break
         return QpResult(status, self._point, iterations, updated - started, perf_counter() - updated)
 
-    def _attempt(self, memory: _Memory) -> tuple[Status, int]:
+    def _attempt(self, memory: Memory) -> tuple[Status, int]:
         """Solve the gathered program with one setting; return what HPIPM says of it, and its iterations."""
         library = self._library
         library.d_ocp_qp_set_all_rowmaj(*self._from, memory.qp)
@@ -145,23 +145,20 @@ class HpipmWorkspace:
         judged, scale = residuals(qp, self._point), max(1.0, largest_multiplier(self._point))
         return judged.primal <= self._close and max(judged.dual, judged.gap) <= self._close * scale
 
-    def _allocate(self, setting: _Setting, tolerance: float) -> _Memory:
+    def _allocated(self, tolerance: float) -> list[Memory]:
+        """Make the memory of every setting, in the order in which they are tried."""
+        return [self._allocate(setting, tolerance) for setting in _SETTINGS]
+
+    def _allocate(self, setting: _Setting, tolerance: float) -> Memory:
         """Make HPIPM's structures for one setting."""
         library, shape = self._library, self._shape
-        stages, p, b = shape.stages, shape.rows, len(shape.bounded_states)
-        sizes = [
-            np.array(values, np.int32)
-            for values in (
-                [0] + [shape.states] * stages, [shape.inputs] * stages + [0], [0] + [b] * stages, [shape.inputs] * stages + [0],
-                [0] + [p] * stages, *([[0] * (stages + 1)] * 2 if _is_old(library) else []), [0] + [p] * stages,
-            )
-        ]  # fmt: skip
+        stages, sizes = shape.stages, dimensions_of(shape, library)
         dimensions = self._made("d_ocp_qp_dim", stages)
-        library.d_ocp_qp_dim_set_all(*map(_pointer, sizes), dimensions)
+        library.d_ocp_qp_dim_set_all(*map(pointer, sizes), dimensions)
         count = max(1, stages // setting.block)
         lengths, shorter = np.zeros(count + 1, np.int32), self._made("d_ocp_qp_dim", count)
-        library.d_part_cond_qp_compute_block_size(stages, count, _pointer(lengths))
-        library.d_part_cond_qp_compute_dim(dimensions, _pointer(lengths), shorter)
+        library.d_part_cond_qp_compute_block_size(stages, count, pointer(lengths))
+        library.d_part_cond_qp_compute_dim(dimensions, pointer(lengths), shorter)
         condensing = self._made("d_part_cond_qp_arg", count)
         library.d_part_cond_qp_arg_set_default(condensing)
         library.d_part_cond_qp_arg_set_ric_alg(_CLASSICAL, condensing)
@@ -176,11 +173,10 @@ class HpipmWorkspace:
             getattr(library, f"d_ocp_qp_ipm_arg_set_tol_{residual}")(
                 ctypes.byref(ctypes.c_double(max(tolerance**setting.power, _LEAST))), arguments
             )
-        return _Memory(
-            self._made("d_ocp_qp", dimensions), self._made("d_ocp_qp_sol", dimensions),
+        return Memory(
+            self._made("d_ocp_qp", dimensions), self._made("d_ocp_qp_sol", dimensions), self._made("d_ocp_qp_ipm_ws", shorter, arguments),
             condensing, self._made("d_part_cond_qp_ws", dimensions, self._pointer_to(lengths), shorter, condensing),
-            self._made("d_ocp_qp", shorter), self._made("d_ocp_qp_sol", shorter),
-            arguments, self._made("d_ocp_qp_ipm_ws", shorter, arguments),
+            self._made("d_ocp_qp", shorter), self._made("d_ocp_qp_sol", shorter), arguments,
         )  # fmt: skip
 
     def _made(self, kind: str, *given: object) -> Structure:
@@ -196,7 +192,7 @@ class HpipmWorkspace:
     def _pointer_to(self, array: IntC | Addresses) -> ctypes.c_void_p:
         """Return a pointer to an array that stays as long as the workspace."""
         self._kept.append(array)
-        return _pointer(array)
+        return pointer(array)
 
     def _places_of_program(self) -> list[Addresses]:
         """Return where HPIPM finds every argument of its ``set_all``, stage by stage."""
@@ -225,12 +221,12 @@ class HpipmWorkspace:
             _addresses(self._upper), unused, unused,
         ]  # fmt: skip
 
-    def _mask(self, memory: _Memory) -> None:
+    def _mask(self, program: Structure) -> None:
         """Take the rows' lower sides and their slacks out of the program."""
         zeros = np.zeros(max(self._shape.rows, 1))
         for stage in range(1, self._shape.stages + 1):
             for field in (b"lg_mask", b"lls_mask"):
-                self._library.d_ocp_qp_set(field, stage, _pointer(zeros), memory.qp)
+                self._library.d_ocp_qp_set(field, stage, pointer(zeros), program)
 
     def _gather(self) -> None:
         """Lay the program's rows out as HPIPM reads them; the first state moves into the first interval's c."""
@@ -250,7 +246,18 @@ class HpipmWorkspace:
         point.sigma[:], point.rows[:] = self._sigma[1:], self._upper[1:]
 
 
-def _pointer(array: FloatArray | IntC | Addresses) -> ctypes.c_void_p:
+def dimensions_of(shape: StageShape, library: ctypes.CDLL) -> list[IntC]:
+    """Return HPIPM's dimensions of programs without their first state, an array a kind with an entry a stage."""
+    stages, p, b = shape.stages, shape.rows, len(shape.bounded_states)
+    kinds = [
+        [0] + [shape.states] * stages, [shape.inputs] * stages + [0], [0] + [b] * stages, [shape.inputs] * stages + [0],
+        [0] + [p] * stages, *([[0] * (stages + 1)] * 2 if _is_old(library) else []), [0] + [p] * stages,
+    ]  # fmt: skip
+    return [np.array(values, np.int32) for values in kinds]
+
+
+def pointer(array: FloatArray | IntC | Addresses) -> ctypes.c_void_p:
+    """Return a pointer to an array's first entry."""
     return ctypes.c_void_p(array.ctypes.data)
 
 
@@ -267,7 +274,7 @@ def _is_old(library: ctypes.CDLL) -> bool:
 
 
 @cache
-def _library() -> ctypes.CDLL:
+def load_hpipm() -> ctypes.CDLL:
     """Load HPIPM from a wheel.
 
     Raises:

@@ -104,6 +104,7 @@ def test_what_makes_a_named_solver_pickles() -> None:
     ("name", "constant", "words"),
     [
         ("hpipm", "_START", "mu0 {:g},"),
+        ("acados", "_START", "mu0 {:g},"),
         ("daqp", "_ITERATIONS", "iter_limit {},"),
         ("proxqp", "_ITERATIONS", "max_iter {},"),
         ("osqp", "_ADAPTED", "every {} iterations"),
