@@ -12,9 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hdvplan import core
-from hdvplan.arrays import BoolArray, FloatArray, Records
+from hdvplan.arrays import BoolArray, FloatArray, Records, running
 from hdvplan.driving.drive import Drive
-from hdvplan.planning.stations import running
 from hdvplan.road.path import ReferencePath
 
 SPACING_M = 0.25  # of outline points and of the envelope's stations

@@ -6,14 +6,13 @@ step is a slice and nothing about the road is computed twice.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from hdvplan import core
-from hdvplan.arrays import FloatArray, Records
+from hdvplan.arrays import FloatArray, Records, running
 from hdvplan.centring.stationary import Centring
 from hdvplan.centring.weights import CentringTable
 from hdvplan.planning.bias import NONE, Bias, shifted
@@ -120,16 +119,3 @@ def _beside(rooms: FloatArray, k: FloatArray, factor: float, vehicle: Vehicle) -
     ahead, behind = (int(np.ceil((factor * reach + _SLACK_M) / _SPACING_M)) for reach in (vehicle.reach_ahead, vehicle.reach_behind))
     low, high = (partial(running, pick, behind=behind, ahead=ahead) for pick in (np.minimum, np.maximum))
     return np.stack([low(rooms[0]), low(rooms[1]), low(k), high(k)])
-
-
-def running(pick: Callable[[FloatArray, FloatArray], FloatArray], values: FloatArray, behind: int, ahead: int) -> FloatArray:
-    """Return every entry's extreme over ``behind`` entries before it to ``ahead`` after it, along the last axis; the ends go on.
-
-    ``pick`` is ``np.minimum`` or ``np.maximum``. Windows are doubled: log2 of their size passes over the array. scipy.ndimage has this
-    too, but takes 0.1 s to load, which every plan would wait for.
-    """
-    size, width, count = behind + ahead + 1, 1, values.shape[-1]
-    window = np.pad(values, [(0, 0)] * (values.ndim - 1) + [(behind, ahead)], mode="edge")
-    while 2 * width <= size:
-        window, width = pick(window[..., :-width], window[..., width:]), 2 * width
-    return pick(window[..., :count], window[..., size - width :][..., :count])

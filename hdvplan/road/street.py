@@ -12,10 +12,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import scipy  # its subpackages load when they are first used
 
 from hdvplan import core
-from hdvplan.arrays import BoolArray, FloatArray, Records
+from hdvplan.arrays import BoolArray, FloatArray, Records, running
 from hdvplan.road.kerbs import kerb_of
 from hdvplan.road.limits import Limits
 from hdvplan.road.path import ReferencePath
@@ -184,8 +183,8 @@ class Street:
         """Return the street of a path; what lies beyond its ends goes on as the line ``about`` which widths count, or else as the path."""
         s = np.linspace(0.0, path.length, int(np.ceil(path.length / _TURN_M)) + 1)
         here = path.at(s)
-        turned, around = np.unwrap(here.heading), 2 * int(np.ceil(_AROUND_M / _TURN_M)) + 1
-        bend = scipy.ndimage.maximum_filter1d(turned, around) - scipy.ndimage.minimum_filter1d(turned, around)
+        turned, around = np.unwrap(here.heading), int(np.ceil(_AROUND_M / _TURN_M))
+        bend = running(np.maximum, turned, around, around) - running(np.minimum, turned, around, around)
         ends = np.stack([np.cos(here.heading[[0, -1]]), np.sin(here.heading[[0, -1]])], axis=1) if about is None else about.ends
         return cls(kerbs, path.length, path.closed, ends, np.stack([s, here.x, here.y, turned, bend]))
 

@@ -248,4 +248,4 @@ def dependable(solver: str | SolverClass) -> WorkspaceMaker:
     maker = solver_named(solver)
     ours = isinstance(maker.solver, str) and home_of(maker.solver) is not None
     alike = isinstance(maker.solver, str) and maker.solver.startswith(DEFAULT)
-    return backed(maker, solver_named("piqp" if alike else DEFAULT), limit_s=None if ours else LIMIT_S)
+    return backed(maker, SolverMaker("piqp" if alike else DEFAULT), limit_s=None if ours else LIMIT_S)

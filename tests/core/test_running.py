@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hdvplan.planning.stations import running
+from hdvplan.arrays import running
 from tests.core.chains import few
 
 
