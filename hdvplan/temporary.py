@@ -1,4 +1,4 @@
-"""A folder among the temporary files that only its user, and the administrator, can write to: what is kept there may run as code."""
+"""Folders that only their user, and the administrator, can write to: what is kept there may run as code."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ def temporary_folder(name: str) -> Path | None:
         folder = Path(tempfile.gettempdir()).absolute() / f"hdvplan-{user}" / name
         for level in (folder.parent, folder):
             level.mkdir(mode=0o755, exist_ok=True)  # nobody else may write, even where the umask would allow it
-        if os.access(folder, os.R_OK | os.W_OK | os.X_OK) and _is_trusted(folder) and shutil.disk_usage(folder).free >= _ROOM:
+        if os.access(folder, os.R_OK | os.W_OK | os.X_OK) and is_closed(folder) and shutil.disk_usage(folder).free >= _ROOM:
             return folder
     return None
 
 
-def _is_trusted(folder: Path) -> bool:
+def is_closed(folder: Path) -> bool:
     """Tell whether nobody else but the administrator can have filled ``folder``, or put it where it is."""
     if not hasattr(os, "geteuid"):
         return True  # Windows: each user's folders are closed to others
@@ -32,5 +32,10 @@ def _is_trusted(folder: Path) -> bool:
     real = folder.resolve(strict=True)
     named = [level.lstat() for level in (folder, *folder.parents)]  # a link is its owner's, wherever it leads
     own, *above = (level.stat() for level in (real, *real.parents))
-    closed = [not state.st_mode & stat.S_IWOTH or state.st_mode & stat.S_ISVTX for state in above]  # sticky: what is there is its owner's
-    return all(state.st_uid in owners for state in (*named, own, *above)) and not own.st_mode & stat.S_IWOTH and all(closed)
+    closed = [not _is_shared(state, owners) or state.st_mode & stat.S_ISVTX for state in above]  # sticky: what is there is its owner's
+    return all(state.st_uid in owners for state in (*named, own, *above)) and not _is_shared(own, owners) and all(closed)
+
+
+def _is_shared(state: os.stat_result, owners: set[int]) -> bool:
+    """Tell whether others may write: all, or a group other than the administrators' and the one that has the user's own number."""
+    return bool(state.st_mode & stat.S_IWOTH or (state.st_mode & stat.S_IWGRP and state.st_gid not in owners))

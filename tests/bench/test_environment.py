@@ -409,6 +409,18 @@ def test_where_no_cache_can_be_written_a_temporary_one_does(tmp_path: Path, scra
     assert environment.cache_folder(scratch).parent == scratch.folder
 
 
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="on Windows each user's folders are closed to others")
+@pytest.mark.parametrize("shared", ["", "hdvplan", "hdvplan/gate"])
+def test_environments_whose_code_runs_are_not_taken_from_a_folder_of_others(
+    tmp_path: Path, scratch: Scratch, monkeypatch: pytest.MonkeyPatch, shared: str
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    kept = environment.cache_folder(scratch)
+    assert kept == tmp_path / "cache" / "hdvplan" / "gate"
+    (tmp_path / "cache" / shared).chmod(0o777)
+    assert environment.cache_folder(scratch).parent == scratch.folder
+
+
 @pytest.mark.parametrize(
     ("file", "words", "hint"),
     [

@@ -42,6 +42,17 @@ def test_a_folder_into_which_all_may_write_is_not_taken(place: Path, level: str)
     assert temporary_folder("roads") is None
 
 
+@root_only
+@pytest.mark.parametrize("level", [".", "hdvplan-{}", "hdvplan-{}/roads"])
+def test_a_folder_into_which_a_foreign_group_may_write_is_not_taken(place: Path, level: str) -> None:
+    assert temporary_folder("roads") is not None
+    shared = place / level.format(os.geteuid())
+    shared.chmod(0o775)
+    assert temporary_folder("roads") is not None  # the group of the user's own number
+    os.chown(shared, -1, SOMEBODY)
+    assert temporary_folder("roads") is None
+
+
 def test_a_folder_in_a_sticky_one_is_safe_and_the_sticky_one_itself_is_not(place: Path) -> None:
     place.chmod(0o1777)
     found = temporary_folder("roads")

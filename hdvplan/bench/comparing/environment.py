@@ -24,6 +24,7 @@ from hdvplan.bench.comparing.processes import Scratch, remove, run
 from hdvplan.bench.comparing.programs import PYTHON, Program, ProgramError, environment, install, is_unreached, pip, present, reason
 from hdvplan.errors import OptionError
 from hdvplan.signals import undisturbed
+from hdvplan.temporary import is_closed
 
 PACKAGE = Path(__file__).parents[2]
 _RELEASE = re.compile(  # a version of PEP 440
@@ -183,11 +184,11 @@ def _build_core(program: Program, scratch: Scratch, on_step: Callable[[str], Non
 
 
 def cache_folder(scratch: Scratch) -> Path:
-    """Return where environments of revisions are kept; a temporary folder where the user has no place for it."""
+    """Return where environments of revisions are kept, whose code runs; a temporary folder where others could write to the user's place."""
     with suppress(OSError, RuntimeError):
         home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache").absolute() / "hdvplan" / "gate"
-        home.mkdir(parents=True, exist_ok=True)
-        if os.access(home, os.W_OK):
+        home.mkdir(mode=0o755, parents=True, exist_ok=True)
+        if os.access(home, os.W_OK) and is_closed(home):
             return home
     temporary = scratch.folder / "cache"
     temporary.mkdir(exist_ok=True)
