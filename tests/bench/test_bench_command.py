@@ -336,3 +336,15 @@ def test_a_record_that_lost_a_part_is_refused(cli: Cli, tmp_path: Path, finished
     for options in ((), ("--json",)):
         outcome = cli(*finished, *options)
         assert (outcome.code, outcome.err.count("error: ")) == (2, 1)
+
+
+def test_every_printed_ratio_is_the_quotient_of_the_printed_times(cli: Cli, short_road: str) -> None:
+    """Where both solvers did every step: else ``x best`` is over the steps that both did, as its foot says."""
+    out = cli("bench", "--roads", short_road, *TINY, "--out", "run").out
+    found = re.findall(r"^ *(\S+) +([\d.]+) +([\d.]+) +\d+% +100% ", out, flags=re.MULTILINE)
+    rows = [(solver, float(step), float(ratio)) for solver, step, ratio in found]
+    assert len(rows) == 4  # rti and sqp with two solvers
+    for best, other in (rows[:2], rows[2:]):
+        assert best[2] == 1.0
+        quotient = other[1] / best[1]
+        assert other[2] == pytest.approx(quotient, abs=0.05 + quotient * 5e-4 * (1 / best[1] + 1 / other[1]))  # halves of last digits

@@ -162,9 +162,10 @@ def test_every_class_of_limits_is_a_file_of_its_own() -> None:
     assert [case.road.name for case in cases] == ["uturn-off", "uturn-inactive"]
 
 
-def test_qpbenchmark_reads_the_files(files: list[Path]) -> None:
+def test_qpbenchmark_reads_the_files_and_finds_the_same_optimum(files: list[Path]) -> None:
     pytest.importorskip("qpbenchmark")
     from qpbenchmark.parquet_test_set import ParquetTestSet  # noqa: PLC0415 - an optional peer
+    from qpsolvers import solve_problem  # noqa: PLC0415 - loads every solver that it finds
 
     class Planning(ParquetTestSet):  # type: ignore[misc] # it has no types
         title, description, sparse_only = "hdvplan", "planning", False
@@ -176,3 +177,6 @@ def test_qpbenchmark_reads_the_files(files: list[Path]) -> None:
         assert problem.name == row["name"]  # a row's own name is its index
         assert np.all(problem.G @ row.x <= problem.h + 1e-6)  # a broken row would be 1e-3 and more
         assert np.allclose(problem.A @ row.x, problem.b, rtol=0.0, atol=1e-9)  # dynamics to rounding
+        found = np.asarray(solve_problem(problem, solver="piqp", eps_abs=1e-11, eps_rel=0.0).x, float)
+        written_value, value = (0.5 * x @ problem.P @ x + problem.q @ x for x in (row.x, found))
+        assert value == pytest.approx(written_value, rel=1e-8, abs=1e-8)  # as promised; both end at some 1e-11
