@@ -1,0 +1,174 @@
+/* Where bodies that stray from their plan may come upon a kerb: pairs of a body's corner and a piece of kerb, and of a
+ * kerb's corner and a side of a body. To first order each pair's gap falls as the body strays, whatever its direction;
+ * of a kerb's corner the distance is convex, so that no pair falls faster. */
+#include <math.h>
+#include <stddef.h>
+
+#include "kinematics.h"
+#include "numbers.h"
+#include "tracking.h"
+
+#define REACH_M 0.5                 /* more than a body moves between two poses */
+#define HALF 0.5                    /* of the way to the next pose: from there on that one counts */
+static const double NEVER_M = 1e-9; /* a corner of a body so near to a corner of a kerb has no direction from there */
+
+/* One body at one pose. */
+struct body {
+    const struct hdv_tracked *on;
+    const struct hdv_street *street;
+    const struct hdv_unit *unit;
+    const struct hdv_pose *pose, *before, *after; /* half-way to its neighbours the body is looked at */
+    struct hdv_stray stray;                       /* the most it strays here */
+    double axle_off, at, last, reach;
+    int64_t number;
+};
+
+/* What is found. */
+struct found {
+    struct hdv_brush *brushes;
+    int64_t room, count;
+};
+
+/* A point of a body and a kerb. */
+struct pair {
+    double gap;         /* [m] */
+    double ahead, left; /* the point [m] */
+    double x, y;        /* the direction away from the kerb, in the plane */
+    double s;           /* the line's arclength beside the kerb there [m] */
+    int64_t piece;
+    double past, next; /* shares of the way to the poses before and after at which they are a pair, too */
+};
+
+/* Keep a pair whose gap the body may close. */
+static void keep(struct found *found, const struct body *body, const struct pair *pair) {
+    double ahead = pair->ahead, left = pair->left, x = pair->x, y = pair->y;
+    const struct hdv_pose *pose = body->pose;
+    struct plane_point point = body_point(pose, ahead, left), next = body_point(body->after, ahead, left),
+                       past = body_point(body->before, ahead, left);
+    double cosine = cos(body->axle_off), sine = sin(body->axle_off);
+    double along = x * pose->cos + y * pose->sin, across = y * pose->cos - x * pose->sin; /* of the normal */
+    double forth = (next.x - point.x) * x + (next.y - point.y) * y,
+           back = (past.x - point.x) * x + (past.y - point.y) * y;
+    double between = smaller(smaller(pair->next * forth, pair->past * back), 0.0);
+    struct hdv_brush brush = {
+        .gap = pair->gap + between,
+        .at = body->at,
+        .by_axle = along * sine - across * cosine,
+        .by_heading = left * along - ahead * across,
+        .second = fabs(ahead * along + left * across),
+        .s = pair->s,
+        .x = point.x,
+        .y = point.y,
+        .ahead = ahead,
+        .unit = body->number,
+        .piece = pair->piece,
+    };
+    double most = fabs(brush.by_axle) * body->stray.axle + fabs(brush.by_heading) * body->stray.heading +
+                  brush.second * (1.0 - cos(body->stray.heading));
+    if (!(brush.gap < most) || !(pair->s < body->last))
+        return;
+    if (found->count < found->room)
+        found->brushes[found->count] = brush;
+    found->count++;
+}
+
+/* A corner of the body and a piece of kerb: across the piece, or from a corner of the kerb. Where a kerb turns away
+ * from the street, its pieces bound bodies a little further on, too. */
+static void meet_piece(struct found *found, const struct body *body, int64_t number, double ahead, double left) {
+    const struct hdv_piece *piece = &body->street->pieces[number];
+    struct plane_point corner = body_point(body->pose, ahead, left);
+    double dx = corner.x - piece->x, dy = corner.y - piece->y;
+    double along = dx * piece->cos + dy * piece->sin, across = dy * piece->cos - dx * piece->sin;
+    double length = piece->length;
+    if (along < 0.0 && (piece->corner || piece->ends)) {
+        double distance = sqrt(dx * dx + dy * dy);
+        if (distance > NEVER_M && (piece->ends || dx * piece->before_cos + dy * piece->before_sin >= 0.0))
+            keep(
+                found, body,
+                &(struct pair){distance, ahead, left, dx / distance, dy / distance, piece->s_begin, number, HALF, HALF}
+            );
+        return;
+    }
+    double beyond = piece->corner_after ? 0.0 : body->reach;
+    if (length == 0.0 || across < 0.0 || along < -body->reach || along > length + beyond)
+        return;
+    double s = piece->s_begin + clamped(along / length, 0.0, 1.0) * (piece->s_end - piece->s_begin);
+    keep(found, body, &(struct pair){across, ahead, left, -piece->sin, piece->cos, s, number, HALF, HALF});
+}
+
+/* The share of the way between two poses on which a corner of a kerb stays beside a body of which so much is left. */
+static double beside_for(double left, const struct hdv_pose *from, const struct hdv_pose *to) {
+    double way = (to->x - from->x) * from->cos + (to->y - from->y) * from->sin;
+    return left < way ? left / way : HALF;
+}
+
+/* A corner of a kerb and the side of the body that faces it, from rear to front. */
+static void meet_side(struct found *found, const struct body *body, int64_t number, double rear, double front) {
+    const struct hdv_piece *piece = &body->street->pieces[number];
+    const struct hdv_pose *pose = body->pose;
+    double x = piece->x - pose->x, y = piece->y - pose->y, u = x * pose->cos + y * pose->sin;
+    double sign = piece->left ? 1.0 : -1.0, room = sign * (y * pose->cos - x * pose->sin) - body->unit->half_width;
+    if (u < rear || u > front || room < -2.0 * body->unit->half_width)
+        return;
+    double next = beside_for(u - rear, pose, body->after), past = beside_for(front - u, body->before, pose);
+    struct pair pair = {
+        room, u, sign * body->unit->half_width, sign * pose->sin, -sign * pose->cos, piece->s_begin, number, past, next,
+    };
+    keep(found, body, &pair);
+}
+
+static void meet_body(struct found *found, const struct body *body, int64_t number) {
+    const struct hdv_piece *piece = &body->street->pieces[number];
+    const struct hdv_unit *unit = body->unit;
+    double rear = piece->wheels ? 0.0 : -unit->rear_overhang;
+    double front = piece->wheels ? smaller(unit->wheelbase, unit->front) : unit->front;
+    for (int corner = 0; corner < 4; corner++) {
+        double left = corner % 2 ? unit->half_width : -unit->half_width;
+        meet_piece(found, body, number, corner < 2 ? rear : front, left);
+    }
+    if (piece->corner)
+        meet_side(found, body, number, rear, front);
+}
+
+/* The most that a unit strays around a place of the front axle's track. */
+static struct hdv_stray stray_at(const struct hdv_tracked *on, double at, int64_t unit) {
+    int64_t interval = whole(at / on->spacing - 0.5, 0, on->intervals - 1);
+    const struct hdv_stray *here = &on->strays[interval * on->count + unit];
+    const struct hdv_stray *next = interval + 1 < on->intervals ? here + on->count : here;
+    struct hdv_stray most = *here;
+    most.axle = larger(here->axle, next->axle);
+    most.heading = larger(here->heading, next->heading);
+    return most;
+}
+
+/* Write the pairs that bodies may close, as far as there is room; return how many there are. */
+HDV_EXPORT int64_t hdv_brushes(
+    const struct hdv_tracked *on, const struct hdv_street *street, const struct hdv_posed *posed,
+    struct hdv_brush *brushes, int64_t room
+) {
+    struct found found = {brushes, room, 0};
+    for (int64_t i = 0; i < posed->count; i++) {
+        for (int64_t number = 0; number < on->count; number++) {
+            const struct hdv_unit *unit = &on->units[number];
+            const struct hdv_pose *pose = &posed->poses[i * on->count + number];
+            int64_t interval = whole(posed->front[i] / on->spacing, 0, on->intervals - 1);
+            struct body body = {
+                .on = on, .street = street, .unit = unit, .pose = pose, .number = number, .at = posed->front[i]
+            };
+            body.before = i > 0 ? pose - on->count : pose;
+            body.after = i + 1 < posed->count ? pose + on->count : pose;
+            body.stray = stray_at(on, body.at, number);
+            body.axle_off = on->links[interval * on->count + number].axle_off;
+            body.last = posed->s[i] > street->end ? street->end : INFINITY;
+            double longest = larger(unit->front, unit->rear_overhang), askew = body.stray.heading;
+            body.reach = body.stray.axle + hypot(longest, unit->half_width) * askew + REACH_M;
+            struct some_pieces near;
+            pieces_near(street, unit, pose, posed->s[i], posed->behind[number], body.reach, &near);
+            if (near.count < 0)
+                return room + 1;
+            for (int64_t at = 0; at < near.count; at++)
+                meet_body(&found, &body, near.numbers[at]);
+        }
+    }
+    return found.count;
+}
