@@ -63,7 +63,7 @@ def exit_code_of(result: Result, verdict: Verdict) -> ExitCode:
     from hdvplan.judging.result import breach_text, entered_text
 
     if verdict.fits is not False:
-        return ExitCode.OK
+        return _exit_code_of_driver(result)
     breach = max(result.balance.breaches, key=lambda breach: breach.depth, default=None)
     hit = min(result.entered, key=lambda approach: approach.distance, default=None)
     if breach is not None and (hit is None or breach.depth >= -hit.distance):
@@ -84,4 +84,19 @@ def exit_code_of(result: Result, verdict: Verdict) -> ExitCode:
             f"from {'an obstacle' if verdict.obstacle is not None else f'the {verdict.side} limit'} at s = {verdict.s:.1f} m",
             "the vehicle fits without that clearance; `hdvplan need ROAD --vehicle NAME --clearance M` finds the room that it takes",
         )
+    return ExitCode.BROKEN
+
+
+def _exit_code_of_driver(result: Result) -> ExitCode:
+    """Return the exit code of a plan that fits: whether it does with the tracking error that is asked for."""
+    from hdvplan.judging.result import body_name
+
+    wanted, tracking = result.case.settings.tracking_error, result.tracking if result.case.settings.tracking_error > 0.0 else None
+    if tracking is None or tracking.error >= wanted:
+        return ExitCode.OK
+    report_error(
+        f"a driver who strays by {wanted:.3f} m may leave the street at s = {tracking.s:.1f} m with the {tracking.part} of the "
+        f"{body_name(result.drive.vehicle, tracking.unit)}; the plan allows {tracking.error:.3f} m",
+        "--clearance M plans with more room to err",
+    )
     return ExitCode.BROKEN

@@ -41,7 +41,8 @@ def plan(
     Plans in receding horizon along the whole road, simulates the plan exactly and judges the simulation. The first line is the verdict:
     YES, NO or, on a road without limits, NEEDS. DIR receives summary.json, tables as CSV, swept.geojson for a map, and the picture.
 
-    Exit code 0: the driven path keeps all limits (to 1 cm), or the road has none. 1: it breaks one, or no plan exists. 2: bad input.
+    Exit code 0: the driven path keeps all limits (to 1 cm), or the road has none. 1: it breaks one, or may with the
+    --tracking-error, or no plan exists. 2: bad input.
     """
     reaches, bias, quiet = room.reaches(), options.bias, output.quiet
     drawn_on = output.drawn_on()
@@ -56,7 +57,7 @@ def plan(
     found = find_road(road, reading.followed_by(driven.max_curvature))  # mistakes are told before more is loaded
     from hdvplan import api
     from hdvplan.case import Case
-    from hdvplan.judging.verdict import verdict_line, verdict_of
+    from hdvplan.judging.verdict import tracking_line, verdict_line, verdict_of
     from hdvplan.planning.bias import CENTRE, NONE, bias_named
     from hdvplan.report.files import DRAWINGS, PICTURES
     from hdvplan.road.regions import Side
@@ -102,6 +103,8 @@ def plan(
         print_json(summary_of(result))
     elif not quiet:
         print_line(verdict_line(result, verdict))
+        if verdict.fits:
+            print_line(tracking_line(result))
     if verdict.fits and verdict.spare is not None and verdict.spare < _NEAR_M:
         note("the plan comes as near as limits allow; --clearance M keeps it away from them", quiet=quiet)
     warn_of(result, verdict, quiet=quiet)

@@ -65,7 +65,7 @@ static void keep(struct found *found, const struct body *body, const struct pair
     };
     double most = fabs(brush.by_axle) * body->stray.axle + fabs(brush.by_heading) * body->stray.heading +
                   brush.second * (1.0 - cos(body->stray.heading));
-    if (!(brush.gap < most) || !(pair->s < body->last))
+    if (brush.gap >= most || !(pair->s < body->last))
         return;
     if (found->count < found->room)
         found->brushes[found->count] = brush;

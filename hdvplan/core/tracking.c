@@ -65,9 +65,13 @@ static double seen_aside(struct aside at, double offset, double slope) {
     return at.shift * slope + 0.5 * turned * (at.shift + offset * turned);
 }
 
-/* By how much a law turns an axle's wheels otherwise than planned, and what of it the first order leaves out [rad]. */
+/* By how much a law turns an axle's wheels otherwise than planned [rad]. The unit's own heading error turns them so
+ * that it falls: at least ``damping``, at most ``own`` times as much. */
 struct off_law {
-    double angle, residual;
+    double angle;    /* all of it */
+    double other;    /* without that of the own heading */
+    double residual; /* what of it the first order leaves out */
+    double own, damping;
 };
 
 /* What of the unit ahead a law depends on. */
@@ -95,7 +99,7 @@ static struct off_law off_law_of(
     const struct hdv_link *link = link_at(on, interval, unit);
     double ratio = fabs(own->steering_ratio), angle, missing, turned = at.bend * at.shift;
     if (ratio == 0.0 || own->steered_by != 1 + unit)
-        return (struct off_law){0.0, 0.0};
+        return (struct off_law){0.0, 0.0, 0.0, 0.0, 0.0};
     double second = own->wheelbase * (heading - sin(heading) + 1.0 - cos(heading)) + coupling.offset * turned +
                     0.5 * at.shift * turned * turned;
     if (unit == 0) {
@@ -110,12 +114,12 @@ static struct off_law off_law_of(
         angle = ahead.heading + heading + (turning + change) * metres;
         missing = ahead.heading_rate * metres + change * metres + turning * 2.0 * second / link->coupling_speed;
     }
-    double room = fabs(ratio * fabs(link->steered) - own->max_steering_angle);
-    if (room < ratio * angle) /* where the wheels reach their stop, or leave it */
-        missing += angle;
-    else if (ratio * fabs(link->steered) >= own->max_steering_angle)
-        return (struct off_law){0.0, 0.0};
-    return (struct off_law){ratio * angle, ratio * missing};
+    double other = ratio * (angle - heading), stop = own->max_steering_angle, planned = ratio * fabs(link->steered);
+    if (fabs(planned - stop) < ratio * angle) /* where the wheels reach their stop, or leave it */
+        return (struct off_law){ratio * angle, other, ratio * (missing + angle), ratio, 0.0};
+    if (planned >= stop)
+        return (struct off_law){0.0, 0.0, 0.0, 0.0, 0.0};
+    return (struct off_law){ratio * angle, other, ratio * missing, ratio, ratio};
 }
 
 /* What moves a heading error, T1 along the way: its coupling's course, and by how much the unit turns otherwise. */
@@ -126,18 +130,19 @@ struct turning {
 };
 
 static struct turning turning_of(
-    const struct hdv_unit *unit, const struct hdv_link *link, const struct hdv_stray *stray, double course, double off
+    const struct hdv_unit *unit, const struct hdv_link *link, const struct hdv_stray *stray, double course,
+    struct off_law off
 ) {
     double omega = fabs(link->coupling_off), per_metre = link->axle_speed / unit->wheelbase,
            along = cos(link->axle_off);
     double widest = tan(smaller(omega + course + stray->heading, 1.5)), slant = tan(omega);
-    double otherwise =
-        (widest + fabs(tan(link->axle_off))) * (link->bend * stray->axle + 1.0 / cos(stray->heading) - 1.0 + off);
+    double otherwise = (widest + fabs(tan(link->axle_off))) *
+                       (link->bend * stray->axle + 1.0 / cos(smaller(stray->heading, 1.4)) - 1.0);
     double pull = tan(smaller(omega + course - stray->heading, 1.5)) - slant;
     return (struct turning){
-        per_metre * (along * pull + otherwise + off / along),
+        per_metre * (along * pull + otherwise + (1.0 + otherwise) * off.other / along),
         per_metre * along * (1.0 + slant * slant),
-        per_metre * (along * (widest - slant) + otherwise + off / along),
+        per_metre * (along * (widest - slant) + otherwise + (1.0 + otherwise) * off.angle / along),
     };
 }
 
@@ -173,7 +178,7 @@ static struct coupling stray_on(
     double cosine = cos(link->coupling_off), slant = fabs(tan(link->coupling_off)), length = own->wheelbase;
     double course = 0.0;
     struct hdv_stray before = *stray;
-    struct off_law off = {0.0, 0.0};
+    struct off_law off = {0.0, 0.0, 0.0, 0.0, 0.0};
     struct turning turning = {0.0, 0.0, 0.0};
     stray->offset = coupling.offset;
     for (int round = 0; round < ROUNDS; round++) {
@@ -188,10 +193,10 @@ static struct coupling stray_on(
         double turned = smaller(stray->heading + off.angle, 1.5);
         stray->drift =
             link->axle_speed * (tan(turned) - turned + link->bend * stray->axle * tan(turned) + off.residual);
-        double source = link->axle_speed * (offset * link->by_offset + off.angle);
-        double rate = link->axle_speed * link->by_axle;
+        double source = link->axle_speed * ((1.0 + off.own) * offset * link->by_offset + off.other);
+        double rate = link->axle_speed * (1.0 + off.damping) * link->by_axle;
         stray->axle = (before.axle + on->spacing * (source + stray->drift)) / (1.0 + on->spacing * rate);
-        turning = turning_of(own, link, &before, course, off.angle);
+        turning = turning_of(own, link, &before, course, off);
         double most = offset * link->by_offset + stray->axle * link->by_axle;
         stray->heading = before.heading + on->spacing * turning.rate / (1.0 + on->spacing * turning.damping);
         stray->heading = smaller(stray->heading, asin(smaller(most, 1.0)));
@@ -371,7 +376,7 @@ static int64_t approach_of(
     int64_t node = 0;
     for (; node < FURTHEST; node++) {
         at = between_at(on, place - 0.5 - (double)node);
-        if (outstanding(on, at, axle) < LEFT * on->error)
+        if (!(outstanding(on, at, axle) >= LEFT * on->error)) /* or a bound that is none */
             break;
         pull = pulled(on, at, axle, -1, 0.0);
         for (int64_t i = 0; i < on->count; i++)

@@ -20,6 +20,7 @@ from hdvplan.judging.clearance import touches_of
 from hdvplan.judging.envelope import Envelope, envelope_of
 from hdvplan.judging.fit import Fit, fit_of
 from hdvplan.judging.obstacles import Approach
+from hdvplan.judging.tracking import Tracking, tracking_of
 from hdvplan.planning.bias import shifted
 from hdvplan.planning.objectives import Objective
 from hdvplan.planning.planner import Plan
@@ -130,6 +131,11 @@ class Result:
         """Least room that wheels, and what lies between a body's axles, leave to their limits, negative beyond them [m]; None without."""
         touches = touches_of(self.drive, self.envelope.s, wheels_only=True)
         return min((float(np.min(touch["gap"])) for touch in touches.values()), default=None)
+
+    @cached_property
+    def tracking(self) -> Tracking | None:
+        """How far the driver may stray from the plan so that every body still keeps the street; None without limits."""
+        return tracking_of(self.drive, self.balance, self.case.settings.tracking_length)
 
     @property
     def approaches(self) -> tuple[Approach, ...]:

@@ -13,15 +13,14 @@ import shapely
 
 from hdvplan import core
 from hdvplan.arrays import FloatArray, Records
+from hdvplan.driving.drive import Drive
+from hdvplan.judging.balance import Balance
 from hdvplan.judging.bodies import part_named
 from hdvplan.judging.obstacles import Approach
-from hdvplan.judging.result import Result
 from hdvplan.judging.straying import FINER, SPACING_M, Chain, chain_of
-from hdvplan.judging.verdict import verdict_of
 from hdvplan.road.street import Kerb, Pieces, pieces_of
 from hdvplan.vehicle.body import axles_behind
 
-LENGTH_M = 6.0  # within which drivers return to their path: simulated ones took 3 to 8 m
 _ROUNDED_M = 1e-5  # the error is found to this
 _MOST = 1 << 18  # brushes at once
 _FIRST_M, _GROWTH = 0.2, 1.4  # error that is looked at first, and by how much more then
@@ -78,7 +77,7 @@ class Tracked:
         """Return how far brushes (n,) come at most: the gain, and what is added to the error's gain [m], (2, n)."""
         brushes, found = np.ascontiguousarray(brushes), np.empty(len(brushes), APPROACH)
         _approach(core.address(self.record), core.address(brushes), len(brushes), core.address(found))
-        return np.stack([found["gain"], found["remainder"]])
+        return np.stack([found["gain"], np.nan_to_num(found["remainder"], nan=np.inf)])  # a bound that ends in no number is none
 
     def closed(self, brushes: Records) -> Records:
         """Return the brushes whose gap the errors may close, that of the least error first."""
@@ -100,7 +99,7 @@ class Tracked:
             gain, remainder = (float(number) for number in around.approaches(brush)[:, 0])
             over = error * gain + remainder - gap
             low, high = (error, high) if over <= 0.0 else (low, error)
-            square = remainder / error**2  # as which the remainder grows, or nearly
+            square = min(remainder / error**2, 1.0 / _ROUNDED_M**2)  # as which the remainder grows, or nearly
             error = 2.0 * gap / (gain + float(np.sqrt(gain**2 + 4.0 * square * gap))) - 0.1 * _ROUNDED_M
             if not low < error < high:
                 error = 0.5 * (low + high)
@@ -158,21 +157,20 @@ class _Search:
         return np.concatenate(found)
 
 
-def tracking_of(result: Result, length: float = LENGTH_M) -> Tracking | None:
-    """Return the largest tracking error of a judged plan with a tracking ``length`` [m]; None on a road without limits and obstacles.
+def tracking_of(drive: Drive, balance: Balance, length: float) -> Tracking | None:
+    """Return the largest tracking error of a judged drive with a tracking ``length`` [m]; None on a road without limits.
 
     The street counts, not the clearance that was to be kept from it. The error is at most the least room, and at most 1 m.
     """
-    place = verdict_of(result)
-    if place.spare is None:
+    if balance.min_clearance is None:
         return None
-    most = min(place.spare + place.clearance_wanted, _LARGEST_M)
-    if most <= 0.0:
-        return Tracking(0.0, length, place.s, place.x, place.y, place.unit, place.part)
-    chain = chain_of(result.drive)
-    search = _Search(chain, Tracked(chain.vehicle.table(), chain.links, length), _pieces(result))
-    error, held, brush = min(most, _FIRST_M), 0.0, None
-    while True:
+    error, held, brush = 0.0, 0.0, None
+    most = min(balance.min_clearance, _LARGEST_M)
+    if most > 0.0:
+        chain = chain_of(drive)
+        search = _Search(chain, Tracked(chain.vehicle.table(), chain.links, length), _pieces(drive, balance))
+        error = min(most, _FIRST_M)
+    while most > 0.0:
         search.tracked.err(error)
         closed = search.closed()
         if closed is None:
@@ -185,19 +183,29 @@ def tracking_of(result: Result, length: float = LENGTH_M) -> Tracking | None:
         else:
             held, error = error, min(_GROWTH * error, most)
     if brush is None:
-        return Tracking(error, length, place.s, place.x, place.y, place.unit, place.part)
-    at, street = brush[0], result.drive.road.kerbs
-    s, part = float(at["s"]), part_named(result.drive.vehicle.units[at["unit"]], float(at["ahead"]))
+        return Tracking(error, length, *_tightest(drive, balance))
+    at, street = brush[0], drive.road.kerbs
+    s, part = float(at["s"]), part_named(drive.vehicle.units[at["unit"]], float(at["ahead"]))
     if street is not None and street.closed:
         s = street.begin + (s - street.begin) % street.length
     return Tracking(error, length, s, float(at["x"]), float(at["y"]), int(at["unit"]), part)
 
 
-def _pieces(result: Result) -> list[Pieces]:
+def _tightest(drive: Drive, balance: Balance) -> tuple[float, float, float, int, str]:
+    """Return s, x, y, unit and part of the place with the least room."""
+    places = [(near.distance, near.s, near.x, near.y, near.unit, near.part) for near in balance.approaches]
+    for touches in balance.touches.values():
+        unit, at = (int(number) for number in np.unravel_index(np.argmin(touches["gap"]), touches.shape))
+        room, s, x, y, ahead = (float(touches[unit, at][name]) for name in ("gap", "s", "x", "y", "ahead"))
+        places.append((room, s, x, y, unit, part_named(drive.vehicle.units[unit], ahead)))
+    return min(places)[1:]
+
+
+def _pieces(drive: Drive, balance: Balance) -> list[Pieces]:
     """Return what bounds a drive: the kerbs, and every obstacle's outline as one."""
-    street, path = result.drive.road.kerbs, result.drive.stations.path
+    street, path = drive.road.kerbs, drive.stations.path
     kerbs = [] if street is None else [street.pieces(path.s_first, path.s_last)]
-    return kerbs + [_around(near) for near in result.approaches]
+    return kerbs + [_around(near) for near in balance.approaches]
 
 
 def _around(near: Approach) -> Pieces:

@@ -126,6 +126,18 @@ def _answer(result: Result, verdict: Verdict) -> str:
     return f"NO: {amount} {where}{_wheels(result, verdict)}{_hit(result, verdict)}; {_known(result, verdict)}"
 
 
+def tracking_line(result: Result) -> str:
+    """Return how far the driver may stray from a plan that fits, as one line; "" without limits."""
+    tracking, wanted = result.tracking, result.case.settings.tracking_error
+    if tracking is None:
+        return ""
+    held = f"holds while the driver keeps the front axle within {tracking.error:.2f} m of the path"
+    if wanted <= tracking.error:
+        return held
+    name = body_name(result.drive.vehicle, tracking.unit)
+    return f"{held}, not {wanted:.2f} m; the {tracking.part} of the {name} decides at s = {tracking.s:.1f} m"
+
+
 def verdict_title(result: Result, verdict: Verdict) -> str:
     """Return the verdict as a short title: vehicle, word, amount and place."""
     head = f"{result.drive.vehicle.name} on {result.drive.road.name}"

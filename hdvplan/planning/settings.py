@@ -6,7 +6,7 @@ one: a member of ``Discretisation``, and its branch in ``hdv_advance`` and ``lin
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
 from typing import Annotated
@@ -124,6 +124,12 @@ class PlannerSettings:
     ] = 1e3  #: w_kappa, the weight of (kappa_i - kappa_{i-1})^2 against squared metres [m^4]
     discretisation: Annotated[Discretisation, Setting("Rule by which states are predicted.")] = Discretisation.MIDPOINT
     clearance: Annotated[float, Setting("Room to keep from every limit and obstacle [m].", "M", least=0.0)] = 0.0
+    tracking_error: Annotated[
+        float, Setting("Lateral error of the driver, at the front axle, for which the plan must keep the street, too [m].", "M", least=0.0)
+    ] = field(default=0.0, metadata={"decides": False})
+    tracking_length: Annotated[
+        float, Setting("Length l within which the driver returns to the path: directions are at most E / l off [m].", "M", least=1.0)
+    ] = field(default=6.0, metadata={"decides": False})
     give_way: Annotated[float, NOT_NEGATIVE] = 0.0  #: by which limits and obstacles give way to plans, never to the judge [m]
     elastic_weight: Annotated[float, POSITIVE] = 1e4  #: exact penalty on a limit's violation [1/m]; above any multiplier seen
     elastic_growth: Annotated[float, NOT_NEGATIVE] = 1e5  #: growth of the price [1/m^2]: many shallow violations, no deep one

@@ -30,6 +30,7 @@ def summary_of(result: Result) -> Json:
     return {
         "verdict": verdict_json(result, verdict),
         "clearance_wanted_m": settings.clearance,
+        **tracking_json(result),
         "road": drive.road.name,
         "vehicle": drive.vehicle.name,
         "scheme": str(settings.scheme),
@@ -76,6 +77,20 @@ def summary_of(result: Result) -> Json:
         "notice": drive.road.notice,
         "notes": list(drive.road.notes),
         "version": __version__,
+    }
+
+
+def tracking_json(result: Result) -> Json:
+    """Return the largest tracking error, and the place that decides it, under the names that other programs read; None without limits."""
+    tracking = result.tracking
+    if tracking is None:
+        return dict.fromkeys(("tracking_error_m", "tracking_length_m", "tracking_s_m", "tracking_unit", "tracking_part"))
+    return {
+        "tracking_error_m": tracking.error,
+        "tracking_length_m": tracking.length,
+        "tracking_s_m": tracking.s,
+        "tracking_unit": body_name(result.drive.vehicle, tracking.unit),
+        "tracking_part": tracking.part,
     }
 
 
