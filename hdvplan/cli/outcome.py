@@ -91,12 +91,15 @@ def _exit_code_of_driver(result: Result) -> ExitCode:
     """Return the exit code of a plan that fits: whether it does with the tracking error that is asked for."""
     from hdvplan.judging.result import body_name
 
-    wanted, tracking = result.case.settings.tracking_error, result.tracking if result.case.settings.tracking_error > 0.0 else None
+    wanted, tracking = result.case.settings.tracking_error, result.tracking
     if tracking is None or tracking.error >= wanted:
         return ExitCode.OK
+    if tracking.decided:
+        name = body_name(result.drive.vehicle, tracking.unit)
+        where = f"may leave the street at s = {tracking.s:.1f} m with the {tracking.part} of the {name}"
+    else:
+        where = "may leave the street: how far bodies stray then has no known bound"
     report_error(
-        f"a driver who strays by {wanted:.3f} m may leave the street at s = {tracking.s:.1f} m with the {tracking.part} of the "
-        f"{body_name(result.drive.vehicle, tracking.unit)}; the plan allows {tracking.error:.3f} m",
-        "--clearance M plans with more room to err",
+        f"a driver who strays by {wanted:g} m {where}; {tracking.error:.3f} m are allowed", "--clearance M plans with more room to err"
     )
     return ExitCode.BROKEN

@@ -163,11 +163,11 @@ HDV_EXPORT int64_t hdv_brushes(
             double longest = larger(unit->front, unit->rear_overhang), askew = body.stray.heading;
             body.reach = body.stray.axle + hypot(longest, unit->half_width) * askew + REACH_M;
             struct some_pieces near;
-            pieces_near(street, unit, pose, posed->s[i], posed->behind[number], body.reach, &near);
-            if (near.count < 0)
-                return room + 1;
-            for (int64_t at = 0; at < near.count; at++)
-                meet_body(&found, &body, near.numbers[at]);
+            for (int64_t from = 0; from >= 0;) {
+                from = pieces_from(from, street, unit, pose, posed->s[i], posed->behind[number], body.reach, &near);
+                for (int64_t at = 0; at < near.count; at++)
+                    meet_body(&found, &body, near.numbers[at]);
+            }
         }
     }
     return found.count;

@@ -298,16 +298,17 @@ static void range_beside(struct search *in, double s, double behind) {
     in->beyond = first_beyond(in->street, in->first, in->axle + unit->front + WINDOW_M);
 }
 
-/* List the pieces beside a body that are nearer to it than ``reach`` [m]. */
-void pieces_near(
-    const struct hdv_street *street, const struct hdv_unit *unit, const struct hdv_pose *pose, double s, double behind,
-    double reach, struct some_pieces *found
+/* List the pieces beside a body that are nearer to it than ``reach`` [m], from a number on; return the number from
+ * which on there may be more, or -1. */
+int64_t pieces_from(
+    int64_t from, const struct hdv_street *street, const struct hdv_unit *unit, const struct hdv_pose *pose, double s,
+    double behind, double reach, struct some_pieces *found
 ) {
     struct search in = {.street = street, .unit = unit};
     range_beside(&in, s, behind);
     found->count = 0;
     double rear = -unit->rear_overhang - reach, front = unit->front + reach, side = unit->half_width + reach;
-    for (int64_t number = in.first; number < in.beyond; number++) {
+    for (int64_t number = from > in.first ? from : in.first; number < in.beyond; number++) {
         const struct hdv_piece *piece = &street->pieces[number];
         if (piece->s_high < in.low)
             continue;
@@ -317,12 +318,20 @@ void pieces_near(
         double to_v = v + piece->length * (piece->sin * pose->cos - piece->cos * pose->sin);
         if (larger(u, to_u) < rear || smaller(u, to_u) > front || larger(v, to_v) < -side || smaller(v, to_v) > side)
             continue;
-        if (found->count == HDV_SOME) {
-            found->count = -1;
-            return;
-        }
+        if (found->count == HDV_SOME)
+            return number;
         found->numbers[found->count++] = number;
     }
+    return -1;
+}
+
+/* List all of them; there may be too many. */
+void pieces_near(
+    const struct hdv_street *street, const struct hdv_unit *unit, const struct hdv_pose *pose, double s, double behind,
+    double reach, struct some_pieces *found
+) {
+    if (pieces_from(0, street, unit, pose, s, behind, reach, found) >= 0)
+        found->count = -1;
 }
 
 /* Write the tightest contacts of a body whose axle is so far behind the lead rear axle, on a straight, which is at

@@ -74,6 +74,10 @@ struct some_pieces {
     int64_t numbers[HDV_SOME];
 };
 
+int64_t pieces_from(
+    int64_t from, const struct hdv_street *street, const struct hdv_unit *unit, const struct hdv_pose *pose, double s,
+    double behind, double reach, struct some_pieces *found
+);
 void pieces_near(
     const struct hdv_street *street, const struct hdv_unit *unit, const struct hdv_pose *pose, double s, double behind,
     double reach, struct some_pieces *found

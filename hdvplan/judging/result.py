@@ -134,8 +134,12 @@ class Result:
 
     @cached_property
     def tracking(self) -> Tracking | None:
-        """How far the driver may stray from the plan so that every body still keeps the street; None without limits."""
-        return tracking_of(self.drive, self.balance, self.case.settings.tracking_length)
+        """How far the driver may stray from the plan so that every body still keeps the street.
+
+        None without limits, and where the settings ask for no tracking error: of long vehicles it takes longer than the drive.
+        """
+        settings = self.case.settings
+        return tracking_of(self.drive, self.balance, settings.tracking_length) if settings.tracking_error > 0.0 else None
 
     @property
     def approaches(self) -> tuple[Approach, ...]:

@@ -24,6 +24,8 @@ from hdvplan.vehicle.body import axles_behind
 _ROUNDED_M = 1e-5  # the error is found to this
 _MOST = 1 << 18  # brushes at once
 _FIRST_M, _GROWTH = 0.2, 1.4  # error that is looked at first, and by how much more then
+_NEAR = 0.9  # of an error that has no bound, from which on nothing larger is looked for
+_ASKEW = 0.7  # of a heading error [rad], beyond which no bound stays finite
 _LARGEST_M = 1.0  # and at most: who strays further does not follow a path
 _MEMORY_M, _AHEAD_M = 400.0, 20.0  # of a plan before and beyond a place, on which errors there depend
 _AT_ONCE = 128  # brushes that are followed up together
@@ -53,6 +55,7 @@ class Tracking:
     y: float
     unit: int
     part: str
+    decided: bool = True  #: whether the place decides; else no bound is known of larger errors, which may be allowed
 
 
 class Tracked:
@@ -119,6 +122,8 @@ class _Search:
 
         Of all poses every fifth is looked at, and all where that does not do: what is missed between is taken off every gap.
         """
+        if not np.all(self.tracked.strays["heading"] < _ASKEW):
+            return None
         found = self._brushes(slice(None, None, FINER))
         if found is None or not len(found):
             return found
@@ -164,26 +169,28 @@ def tracking_of(drive: Drive, balance: Balance, length: float) -> Tracking | Non
     """
     if balance.min_clearance is None:
         return None
-    error, held, brush = 0.0, 0.0, None
-    most = min(balance.min_clearance, _LARGEST_M)
+    error, held, brush, decided = 0.0, 0.0, None, True
+    most, unknown = min(balance.min_clearance, _LARGEST_M), np.inf
     if most > 0.0:
         chain = chain_of(drive)
-        search = _Search(chain, Tracked(chain.vehicle.table(), chain.links, length), _pieces(drive, balance))
+        search = _Search(chain, Tracked(chain.vehicle.table(), chain.links, length), pieces_around(drive, balance))
         error = min(most, _FIRST_M)
-    while most > 0.0:
+    while error > held:
         search.tracked.err(error)
         closed = search.closed()
-        if closed is None:
-            error = most = 0.5 * (held + error)
-        elif len(closed):
-            brush = closed[:1]
+        if closed is not None and len(closed):
+            brush, decided = closed[:1], True
             error = most = search.tracked.solved(brush, error)
-        elif error >= most:
-            break
+            continue
+        if closed is None:
+            unknown, brush, decided = error, None, False
         else:
-            held, error = error, min(_GROWTH * error, most)
+            held = error
+        error = min(_GROWTH * held if held > 0.0 else most, 0.5 * (held + unknown), most)
+        if held > _NEAR * unknown:
+            error = held
     if brush is None:
-        return Tracking(error, length, *_tightest(drive, balance))
+        return Tracking(error, length, *_tightest(drive, balance), decided)
     at, street = brush[0], drive.road.kerbs
     s, part = float(at["s"]), part_named(drive.vehicle.units[at["unit"]], float(at["ahead"]))
     if street is not None and street.closed:
@@ -201,7 +208,7 @@ def _tightest(drive: Drive, balance: Balance) -> tuple[float, float, float, int,
     return min(places)[1:]
 
 
-def _pieces(drive: Drive, balance: Balance) -> list[Pieces]:
+def pieces_around(drive: Drive, balance: Balance) -> list[Pieces]:
     """Return what bounds a drive: the kerbs, and every obstacle's outline as one."""
     street, path = drive.road.kerbs, drive.stations.path
     kerbs = [] if street is None else [street.pieces(path.s_first, path.s_last)]

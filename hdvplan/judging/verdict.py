@@ -16,6 +16,8 @@ from hdvplan.road.regions import OPEN_M, called
 from hdvplan.road.road import Road
 from hdvplan.vehicle.model import Vehicle
 
+_CENTI, _TENTHS = 100.0, 10.0  # of a metre and of a degree, to which what a driver may err is rounded down
+
 
 @dataclass(frozen=True)
 class Verdict:
@@ -127,15 +129,21 @@ def _answer(result: Result, verdict: Verdict) -> str:
 
 
 def tracking_line(result: Result) -> str:
-    """Return how far the driver may stray from a plan that fits, as one line; "" without limits."""
+    """Return how far the driver may stray from a plan that fits, as one line; "" without limits, and where it was not asked for."""
     tracking, wanted = result.tracking, result.case.settings.tracking_error
     if tracking is None:
         return ""
-    held = f"holds while the driver keeps the front axle within {tracking.error:.2f} m of the path"
+    course = np.floor(np.degrees(tracking.error / tracking.length) * _TENTHS) / _TENTHS  # a bound is rounded to what it allows
+    held = (
+        f"holds while the driver keeps the front axle within {np.floor(tracking.error * _CENTI) / _CENTI:.2f} m of the path "
+        f"and its course within {course:.1f} degrees of it, without slip"
+    )
     if wanted <= tracking.error:
         return held
+    if not tracking.decided:
+        return f"{held}; for {wanted:g} m no bound is known"
     name = body_name(result.drive.vehicle, tracking.unit)
-    return f"{held}, not {wanted:.2f} m; the {tracking.part} of the {name} decides at s = {tracking.s:.1f} m"
+    return f"{held}, not {wanted:g} m; the {tracking.part} of the {name} decides at s = {tracking.s:.1f} m"
 
 
 def verdict_title(result: Result, verdict: Verdict) -> str:

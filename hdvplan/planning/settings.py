@@ -125,7 +125,12 @@ class PlannerSettings:
     discretisation: Annotated[Discretisation, Setting("Rule by which states are predicted.")] = Discretisation.MIDPOINT
     clearance: Annotated[float, Setting("Room to keep from every limit and obstacle [m].", "M", least=0.0)] = 0.0
     tracking_error: Annotated[
-        float, Setting("Lateral error of the driver, at the front axle, for which the plan must keep the street, too [m].", "M", least=0.0)
+        float,
+        Setting(
+            "Lateral error of the driver, at the front axle, with which the plan must keep the street [m]; 0: none.",
+            "M",
+            least=0.0,
+        ),
     ] = field(default=0.0, metadata={"decides": False})
     tracking_length: Annotated[
         float, Setting("Length l within which the driver returns to the path: directions are at most E / l off [m].", "M", least=1.0)

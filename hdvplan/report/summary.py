@@ -81,17 +81,15 @@ def summary_of(result: Result) -> Json:
 
 
 def tracking_json(result: Result) -> Json:
-    """Return the largest tracking error, and the place that decides it, under the names that other programs read; None without limits."""
+    """Return the largest tracking error, and the place that decides it, under the names that other programs read; else None."""
     tracking = result.tracking
-    if tracking is None:
-        return dict.fromkeys(("tracking_error_m", "tracking_length_m", "tracking_s_m", "tracking_unit", "tracking_part"))
-    return {
-        "tracking_error_m": tracking.error,
-        "tracking_length_m": tracking.length,
-        "tracking_s_m": tracking.s,
-        "tracking_unit": body_name(result.drive.vehicle, tracking.unit),
-        "tracking_part": tracking.part,
-    }
+    found: Json = dict.fromkeys(("tracking_error_m", "tracking_length_m", "tracking_s_m", "tracking_unit", "tracking_part"))
+    if tracking is not None:
+        found |= {"tracking_error_m": tracking.error, "tracking_length_m": tracking.length}
+    if tracking is not None and tracking.decided:
+        unit = body_name(result.drive.vehicle, tracking.unit)
+        found |= {"tracking_s_m": tracking.s, "tracking_unit": unit, "tracking_part": tracking.part}
+    return found
 
 
 def verdict_json(result: Result, verdict: Verdict) -> Json:

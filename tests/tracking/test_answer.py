@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import math
+import re
 from dataclasses import replace
 
 import pytest
 
 import hdvplan
+from hdvplan.cli.console import ExitCode
+from hdvplan.cli.outcome import exit_code_of
 from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import tracking_line, verdict_of
+from hdvplan.planning.settings import PlannerSettings
 from hdvplan.report.summary import tracking_json
 from hdvplan.road.road import Road
 
 
-def planned(road: Road) -> Result:
-    return hdvplan.plan(hdvplan.Case(road, hdvplan.load_vehicle("bus")))
+def planned(road: Road, wanted: float = 0.05) -> Result:
+    return hdvplan.plan(hdvplan.Case(road, hdvplan.load_vehicle("bus"), settings=PlannerSettings(tracking_error=wanted)))
 
 
 def test_the_error_is_less_than_the_room_and_halves_with_it(straight: Result) -> None:
@@ -43,6 +48,37 @@ def test_a_tracking_error_changes_no_plan(straight: Result) -> None:
     assert replace(case, settings=replace(case.settings, tracking_error=0.2, tracking_length=4.0)).key == case.key
 
 
-def test_a_line_says_how_far_the_driver_may_stray(straight: Result) -> None:
-    line = tracking_line(straight)
-    assert line == f"holds while the driver keeps the front axle within {straight.tracking.error:.2f} m of the path"  # type: ignore[union-attr] # it has limits
+def test_nothing_is_computed_where_no_tracking_error_is_asked_for(straight: Result) -> None:
+    assert straight.case.settings.tracking_error == 0.0
+    assert straight.tracking is None
+    assert tracking_line(straight) == ""
+    assert set(tracking_json(straight).values()) == {None}
+
+
+@pytest.mark.parametrize("more", [False, True])
+def test_a_line_and_the_exit_code_say_whether_the_driver_may_stray_as_far_as_asked(straight: Result, more: bool) -> None:
+    road = straight.drive.road.with_limits(1.47, 1.47)
+    first = planned(road).tracking
+    assert first is not None
+    result = planned(road, first.error + (0.01 if more else -0.01))
+    found = tracking_json(result)
+    assert found["tracking_error_m"] == first.error  # whatever is asked for
+    assert found["tracking_part"] == first.part
+    line, degrees = tracking_line(result), math.degrees(first.error / first.length)
+    held, course = (float(number) for number in re.findall(r"within (\S+)", line))
+    assert first.error - 0.01 < held <= first.error
+    assert degrees - 0.1 < course <= degrees
+    assert line.startswith("holds while the driver keeps the front axle within")
+    assert ("decides at s = " in line) == more
+    assert exit_code_of(result, verdict_of(result)) == (ExitCode.BROKEN if more else ExitCode.OK)
+
+
+def test_where_larger_errors_have_no_bound_no_place_decides() -> None:
+    road = hdvplan.load_road("uturn").with_limits(5.0, 5.0)
+    result = hdvplan.plan(hdvplan.Case(road, hdvplan.load_vehicle("a-double"), settings=PlannerSettings(tracking_error=0.5)))
+    assert result.tracking is not None
+    assert 0.0 < result.tracking.error < (result.balance.min_clearance or 0.0)
+    assert not result.tracking.decided
+    assert tracking_line(result).endswith("; for 0.5 m no bound is known")
+    assert tracking_json(result)["tracking_part"] is None
+    assert exit_code_of(result, verdict_of(result)) == ExitCode.BROKEN

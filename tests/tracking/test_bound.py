@@ -89,7 +89,7 @@ def attacks(made: Tracked, of: Records, half_steps: FloatArray, rng: np.random.G
     return np.stack([*found, np.ones(len(half_steps)), -np.ones(len(half_steps))])
 
 
-@pytest.mark.parametrize("name", ERRORS)
+@pytest.mark.parametrize("name", [name if name == "bus" else pytest.param(name, marks=pytest.mark.slow) for name in ERRORS])
 def test_no_driver_leads_a_body_beyond_its_bound(name: str) -> None:
     chain, error = bend(name), ERRORS[name]
     lead = chain.poses[:, 0]
