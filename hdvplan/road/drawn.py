@@ -8,6 +8,7 @@ import numpy as np
 import scipy  # its subpackages load when they are first used
 
 from hdvplan.arrays import BoolArray, FloatArray, IntArray
+from hdvplan.errors import RoadError
 from hdvplan.road.limits import Limits
 from hdvplan.road.path import ReferencePath, project_many
 from hdvplan.road.regions import OPEN_M
@@ -26,6 +27,10 @@ def drawn_kerbs(path: ReferencePath, edges: tuple[FloatArray, ...]) -> tuple[tup
 
     Names of lines do not count, only where they lie. Where a line goes over from one side of the road to the other beyond its ends, that
     piece is no kerb: the street is open there. Over a gap a kerb is straight.
+
+    Raises:
+        RoadError: a line crosses the road between its ends, and does not just close an area there.
+
     """
     longer = path.extended(BEYOND_M, BEYOND_M)
     pieces = [piece for edge in edges for piece in _sided(longer, path, edge)]
@@ -64,6 +69,8 @@ def _sided(longer: ReferencePath, path: ReferencePath, edge: FloatArray) -> list
         if (offset[before] > 0.0) != (offset[after % len(points)] > 0.0):
             crossing = between[:-1][np.diff(offset[between] > 0.0)]
             beyond = np.abs(s[crossing] - np.clip(s[crossing], 0.0, path.length))
+            if np.max(beyond) == 0.0:
+                _refuse_wall(path, s, offset, int(crossing[0]))
             left_out |= drawn == drawn[crossing[int(np.argmax(beyond))]]
     found = []
     for part in _runs(left_out, ring=ring):
@@ -73,6 +80,18 @@ def _sided(longer: ReferencePath, path: ReferencePath, edge: FloatArray) -> list
             lap = path.length * np.floor(s[along[0]] / path.length) if path.closed else 0.0
             found.append(Kerb(points[along], np.maximum.accumulate(s[along]) - lap, bool(offset[inside[0]] > 0.0)))
     return found
+
+
+def _refuse_wall(path: ReferencePath, s: FloatArray, offset: FloatArray, crossing: int) -> None:
+    """Refuse a line that crosses the road behind its point ``crossing``, unless both its sides end there: the end of an area."""
+    here = float(s[crossing])
+    for way in (1.0, -1.0):  # all of the line lies before, or beyond
+        along = way * (here - s)
+        if all(np.max(along[side]) > _OVERLAP_M for side in (offset > 0.0, offset <= 0.0)) and np.min(along) > -_OVERLAP_M:
+            return
+    at = here % path.length if path.closed else here
+    msg = f"a line that is drawn as an edge crosses the road's line at s = {at:.1f} m: it would close the street"
+    raise RoadError(msg, hint="take it out of the edges, or break it there", s_m=at)
 
 
 def densely(edge: FloatArray) -> tuple[FloatArray, IntArray]:

@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from hdvplan import api
 from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
+from hdvplan.errors import RoadError
 from hdvplan.judging.verdict import Verdict, verdict_of
 from hdvplan.road.given import given_line
 from hdvplan.road.limits import Limits
@@ -347,6 +348,22 @@ def test_edges_before_the_start_and_beyond_the_end_are_judged(at: float) -> None
             assert found.s == pytest.approx(at, abs=0.5)  # the points of the edges stand there
             assert found.spare is not None
             assert found.spare < half_width - 0.5 * BUS.width + 0.005  # no drive leaves more; edges are judged in steps of 5 mm
+
+
+@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize("wall", [[[30.0, -3.0], [30.0, 3.0]], [[30.0, 15.0], [31.0, -1.0]], [[-25.0, 4.0], [30.0, 4.0], [30.0, -3.0]]])
+def test_an_edge_across_the_street_is_refused_and_not_driven_over(wall: list[list[float]], way: int) -> None:
+    wide = np.array([[-25.0, 3.0], [85.0, 3.0]])
+    with pytest.raises(RoadError, match=r"crosses the road's line at s = 3[01]\.\d m: it would close the street"):
+        road_of(RawRoad(STRAIGHT, edges=(wide, wide * [1.0, -1.0], np.array(wall)[::way])))
+
+
+@pytest.mark.parametrize("turned", [1, -1])
+def test_an_area_that_ends_before_the_line_is_still_a_street(turned: int) -> None:
+    edges = tuple(np.array([[5.0, height], [50.0, height]]) for height in (3.0, -3.0))
+    for drawn in (ring_of((edges[0], edges[1])), ring_of((edges[0], edges[1]))[:-1]):
+        found = verdict_of(api.plan(Case(road_of(RawRoad(STRAIGHT, edges=(drawn[::turned],))), BUS)))
+        assert found.spare == pytest.approx(3.0 - 0.5 * BUS.width, abs=0.01)  # straight along the middle
 
 
 @pytest.mark.parametrize("at", [-2.0, 62.0, 66.0])
