@@ -20,13 +20,13 @@ from hdvplan.pieces import Judged
 from hdvplan.record import NAME, record_of
 from hdvplan.report.files import FILES, REGIONS, SWEPT, TABLES, regions_json
 from hdvplan.report.geojson import swept_features
-from hdvplan.report.summary import smoothing_of, summary_of, times_json, verdict_json
+from hdvplan.report.summary import TRACKING, smoothing_of, summary_of, times_json, verdict_json
 from hdvplan.texts import encoded
 
 Json = dict[str, Any]
 
 _PLACES = {"s_m", "s_from", "s_to", "s_deepest", "s_from_m", "s_to_m", "s_worst_m", "max_deviation_s_m", "max_curvature_s_m"}
-_ARCLENGTHS = {"nearly_all", "lock_to_lock", "failed_steps"}  # lists of them, or of pairs of them
+_ARCLENGTHS = {"tracking_s_m", "nearly_all", "lock_to_lock", "failed_steps"}  # lists of them, or of pairs of them
 _ONCE = {"path.csv", "envelope.csv", "profile.csv"}  # whose last row is the first of the next piece
 _FIRST = (
     "clearance_wanted_m", "road", "vehicle", "scheme", "solver", "objective", "bodies", "wheels", "settings", "notice", "version",
@@ -156,6 +156,8 @@ def joined_summary(pieces: Sequence[Kept]) -> Json:
     summary |= {key: _mean([one[key] for one in every], lengths) for key in _BY_LENGTH}
     summary |= {key: _mean([one[key] for one in every], plans) for key in _BY_PLANS}
     summary |= {key: [item for one in every for item in one[key]] for key in _LISTS}
+    strays = min(every, key=lambda one: np.inf if one["tracking_error_m"] is None else one["tracking_error_m"])
+    summary |= {key: strays[key] for key in TRACKING}
     summary["notes"] = list(dict.fromkeys(note for one in every for note in one["notes"]))
     summary["imbalance_m"] = summary["max_left_m"] - summary["max_right_m"]
     summary["status"] = min((one["status"] for one in every), key=_WORST_FIRST.index)

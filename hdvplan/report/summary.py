@@ -80,10 +80,13 @@ def summary_of(result: Result) -> Json:
     }
 
 
+TRACKING = ("tracking_error_m", "tracking_length_m", "tracking_s_m", "tracking_unit", "tracking_part")
+
+
 def tracking_json(result: Result) -> Json:
     """Return the largest tracking error, and the place that decides it, under the names that other programs read; else None."""
     tracking = result.tracking
-    found: Json = dict.fromkeys(("tracking_error_m", "tracking_length_m", "tracking_s_m", "tracking_unit", "tracking_part"))
+    found: Json = dict.fromkeys(TRACKING)
     if tracking is not None:
         found |= {"tracking_error_m": tracking.error, "tracking_length_m": tracking.length}
     if tracking is not None and tracking.decided:
