@@ -1,4 +1,6 @@
-"""The compiled core: loads the library built from ``hdvplan/core`` and declares its functions and records. The only ctypes in hdvplan.
+"""The compiled core: loads the library built from ``hdvplan/core`` and declares its functions and records.
+
+It has ctypes; besides, only solvers in others' libraries have.
 
 Who makes a record of arrays checks their kind and sizes then, once, keeps the arrays, and hands their addresses to every call.
 """
