@@ -25,7 +25,8 @@ from hdvplan.texts import encoded
 
 Json = dict[str, Any]
 
-_PLACES = {"s_m", "s_from", "s_to", "s_deepest", "s_from_m", "s_to_m", "s_worst_m", "max_deviation_s_m", "max_curvature_s_m", "tracking_s_m"}
+_PLACES = {"s_m", "s_from", "s_to", "s_deepest", "s_from_m", "s_to_m", "s_worst_m", "tracking_s_m"}
+_PLACES |= {"max_deviation_s_m", "max_curvature_s_m"}
 _ARCLENGTHS = {"nearly_all", "lock_to_lock", "failed_steps"}  # lists of them, or of pairs of them
 _ONCE = {"path.csv", "envelope.csv", "profile.csv"}  # whose last row is the first of the next piece
 _FIRST = (
