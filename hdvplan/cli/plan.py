@@ -71,8 +71,8 @@ def plan(
 
     if found.line is not None and found.line.long:
         dropped = {"--sheet": output.sheet is not None, "--animate": output.animate, "--bias centre": bias == CENTRE}
-        dropped |= {"--tracking-error": settings.tracking_error > 0.0}
-        refuse_on_long(found.line, dropped | {"--format dxf,gpkg": bool({*kinds} & {*DRAWINGS})})
+        dropped |= {"--tracking-error": settings.tracking_error > 0.0, "--format dxf,gpkg": bool({*kinds} & {*DRAWINGS})}
+        refuse_on_long(found.line, dropped)
         check_room(driven, reaches)
         along = NONE if bias is None else bias_named(bias, None)
         if bias is not None:

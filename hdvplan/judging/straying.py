@@ -10,6 +10,7 @@ import numpy as np
 from hdvplan import core
 from hdvplan.arrays import FloatArray, Records
 from hdvplan.driving.drive import POSE_SPACING_M, Drive, simulate
+from hdvplan.road.arcs import wrapped
 from hdvplan.road.path import evaluate_many
 from hdvplan.vehicle.kinematics import place_many
 from hdvplan.vehicle.model import Vehicle
@@ -71,14 +72,14 @@ def _links(vehicle: Vehicle, nodes: Records) -> Records:
         ahead = np.where(x * np.cos(middle) + y * np.sin(middle) < 0.0, -1.0, 1.0)  # an axle may roll backwards
         length = np.hypot(x, y)
         links[f"{name}_speed"] = ahead * length / SPACING_M
-        off = np.where(length > _LEAST_M, _wrapped(np.arctan2(ahead * y, ahead * x) - middle), 0.0)
+        off = np.where(length > _LEAST_M, wrapped(np.arctan2(ahead * y, ahead * x) - middle), 0.0)
         links[f"{name}_off"] = np.where(units["steering_ratio"] == 0.0, 0.0, off) if name == "axle" else off
         course[name] = middle + links[f"{name}_off"]
     links["course"], links["turning"] = course["coupling"], turned / SPACING_M
     bend = np.abs(np.diff(course["axle"], axis=0)) / np.maximum(np.abs(links["axle_speed"][1:]) * SPACING_M, _LEAST_M)
     links["bend"][:-1] = bend
     links["bend"][1:] = np.maximum(links["bend"][1:], bend)
-    links["next_off"][:, :-1] = _wrapped(course["coupling"][:, 1:] - middle[:, :-1])
+    links["next_off"][:, :-1] = wrapped(course["coupling"][:, 1:] - middle[:, :-1])
     coupling, axle, behind = links["coupling_off"], links["axle_off"], links["next_off"]
     links["by_offset"] = 1.0 / (wheelbase * np.cos(coupling))
     links["by_axle"] = np.cos(coupling - axle) * links["by_offset"]
@@ -106,8 +107,3 @@ def _add_laws(vehicle: Vehicle, units: Records, links: Records) -> None:
             own["law_by_ahead"] = -turning * np.sin(behind[:, number - 1] - axle[:, number - 1])
             own["law_by_turned"] = slope + turning * units[number - 1]["hitch_offset"] * np.sin(behind[:, number - 1])
         own["law_by_axle"], own["law_by_heading"] = turning * along_axle, -slope + turning * along_heading
-
-
-def _wrapped(angle: FloatArray) -> FloatArray:
-    """Return angles [rad] between -pi and pi."""
-    return np.arctan2(np.sin(angle), np.cos(angle))
