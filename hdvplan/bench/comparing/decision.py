@@ -72,7 +72,7 @@ class Pairs:
 
     A change counts if it exceeds both ``factor`` and ``floor``, which has the quantity's unit. Where noise hides a change of a quantity
     that is ``needed``, there is no answer at all; of others it is told. ``independent`` is False of pairs that share their measurements:
-    then their agreement proves nothing, and only their spread counts.
+    then nothing of them proves a regression, as the hour may differ as well as the program.
     """
 
     base: FloatArray
@@ -121,8 +121,8 @@ class Agreement:
 def decide(quantities: Sequence[Pairs]) -> list[Decision]:
     """Return what to believe of each quantity; all are judged together, and have the same pairs.
 
-    REGRESSED: the ratio counts, the interval is above 1 and the pairs agree; of fewer than seven pairs, which cannot agree well enough, a
-    needed quantity's ratio must exceed their spread. UNMEASURABLE: it counts and that is not proven, or the interval of a needed
+    REGRESSED: the ratio counts, the interval is above 1 and the independent pairs agree; of fewer than seven, which cannot agree well
+    enough, a needed quantity's ratio must exceed their spread. UNMEASURABLE: it counts and that is not proven, or the interval of a needed
     quantity reaches beyond what counts.
 
     Raises:
@@ -155,8 +155,8 @@ def _decided(one: Pairs, chance: float, detectable: float) -> Decision:
     low, high = float(ratios[order[rank]]), float(ratios[order[-1 - rank]])
     verdict = Verdict.FINE
     if ratio > counting:
-        agree = chance <= level_of(pairs) if one.independent and pairs >= FEWEST else one.needed and ratio > high / low
-        verdict = Verdict.REGRESSED if agree and low > 1.0 else Verdict.UNMEASURABLE
+        agree = chance <= level_of(pairs) if pairs >= FEWEST else one.needed and ratio > high / low
+        verdict = Verdict.REGRESSED if one.independent and agree and low > 1.0 else Verdict.UNMEASURABLE
     elif one.needed and high > counting:
         verdict = Verdict.UNMEASURABLE
     return Decision(verdict, pairs, base, new, ratio, low, high, counting, chance, max(detectable, counting), one.needed)

@@ -46,6 +46,10 @@ def verdict_line(comparison: Comparison, rule: Rule) -> str:
     unsure = [quantity_words(one) for one in comparison.found if one.verdict is Verdict.UNMEASURABLE and one.decision.pairs < FEWEST]
     if unknown and most < FEWEST_PAIRS:
         parts.append(f"times need at least {FEWEST_PAIRS} rounds or processes a side, not {most}")
+    elif unknown and comparison.processes == 1 and (longer := [one for one in unknown if one.decision.ratio > one.decision.counting]):
+        worst = max(longer, key=lambda entry: entry.decision.ratio)
+        took = f"{len(longer)} of {cells} cells took longer, most {cell_words(worst.cell)}: {worst.decision.ratio:.2f} times as long"
+        parts.append(f"{took}; one process a side cannot tell a slower program from a slower hour, `hdvplan bench --against REV` can")
     elif unknown:
         uncertain = f"the times of {len(unknown)} of {cells} cells are too uncertain for a factor of {rule.factor:g}"
         parts.append(uncertain + _could(unknown, comparison))
@@ -180,7 +184,7 @@ def _from(detectable: float) -> str:
 def _caption(comparison: Comparison) -> str:
     pairs = max((entry.decision.pairs for entry in comparison.times), default=0)
     if comparison.processes == 1:
-        return f"One process a side, {pairs} rounds: machine and hour are compared too; `hdvplan bench --against REV` excludes them."
+        return f"One process a side, {pairs} rounds: machine and hour are compared too, so nothing here proves a slower program."
     repeat = ", with the repeat that it would have called for" if comparison.processes < FEWEST else ""
     hidden = any(one.decision.unseen for one in comparison.found)
     unseen = " Could not see: a change of the size that counts could hide in the noise." if hidden else ""
