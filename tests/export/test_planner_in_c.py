@@ -33,12 +33,17 @@ ASKED = {"memcpy", "memmove", "memset", "memcmp", "sin", "cos", "tan", "atan", "
 
 
 @pytest.fixture(scope="module")
-def tight(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ExportedPlanner]:
+def compiled() -> Iterator[type[ExportedPlanner]]:
     with pytest.MonkeyPatch.context() as patched:
         patched.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
         from exported_planner import ExportedPlanner  # noqa: PLC0415 - a script, found by now
 
-        yield ExportedPlanner(TIGHT, tmp_path_factory.mktemp("tight"), flags=("-O1",))
+        yield ExportedPlanner
+
+
+@pytest.fixture(scope="module")
+def tight(compiled: type[ExportedPlanner], tmp_path_factory: pytest.TempPathFactory) -> ExportedPlanner:
+    return compiled(TIGHT, tmp_path_factory.mktemp("tight"), flags=("-O1",))
 
 
 def ran(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
@@ -74,6 +79,20 @@ def test_every_plan_of_a_tight_drive_is_that_of_hdvplan(tight: ExportedPlanner) 
         assert tight.violations[-1] == pytest.approx(plan.violation, abs=1e-12)
         assert tight.counts[-1][:3] == ("done", plan.qp_count, plan.qp_iterations)
         stepper.arrive(stepper.simulate(plan)[-1], float(plan.kappa[stepper.count - 1]))
+
+
+def test_every_plan_where_limits_bind_takes_what_hdvplan_takes(tmp_path: Path, compiled: type[ExportedPlanner]) -> None:
+    case = Case(load_road("monaco_fairmont_hairpin").with_limits(3.5, 3.5), load_vehicle("bus"))
+    planner, stepper, took = compiled(case, tmp_path, flags=("-O1",)), Stepper(case), []
+    while not stepper.done:
+        motion = planner.step(stepper.at, stepper.z, stepper.kappa)
+        plan = stepper.plan()
+        # the interior point's weights of 1e8 turn the rounding of other flags into 1e-11 m at one plan in a hundred
+        assert np.max(np.abs(motion[:, :-1] - plan.z)) < 1e-10
+        assert planner.counts[-1][:3] == ("done", plan.qp_count, plan.qp_iterations)
+        took.append(plan.qp_iterations)
+        stepper.arrive(stepper.simulate(plan)[-1], float(plan.kappa[stepper.count - 1]))
+    assert any(2 <= count <= 6 for count in took)  # of the active set: the interior point takes more
 
 
 def test_tables_that_move_along_give_the_same_plans(tight: ExportedPlanner) -> None:

@@ -24,11 +24,12 @@ static void lay_out(struct hdvplan_memory *own) {
         .work = own->work,
         .weights = own->weights,
         .steps = own->steps,
-        .inequalities = own->inequalities,
-        .pairs = own->pairs,
+        .inequalities = own->sides.inequalities,
+        .pairs = own->sides.pairs,
         .member = own->member,
         .tolerance = hdvplan_vehicle.tolerance,
-        .screens = 1
+        .screens = 1,
+        .warm = 1
     };
     own->scene = (struct hdv_scene){
         .units = hdvplan_vehicle.units,

@@ -88,10 +88,11 @@ struct hdvplan_memory {
     double seen[COUNT * (STATES + 1)];
     struct hdv_edge edges[COUNT * UNITS * 2];
     /* of the solver */
-    double work[COUNT * RECURSION + MORE], weights[COUNT * WEIGHTS + MORE],
-        steps[COUNT * 2 * (COLUMNS + INPUTS) + MORE];
-    struct hdv_inequality inequalities[COUNT * SIDES];
-    struct hdv_pair pairs[COUNT * SIDES + 1];
+    double work[COUNT * RECURSION + MORE], weights[COUNT * WEIGHTS + MORE], steps[COUNT * (COLUMNS + INPUTS) + MORE];
+    union {
+        struct hdv_inequality inequalities[COUNT * SIDES]; /* of the active set, */
+        struct hdv_pair pairs[COUNT * SIDES + 1];          /* of the interior point, which begins when that has ended */
+    } sides;
     uint8_t member[COUNT * SIDES];
 };
 
