@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import sys
 
+_COLLECTED = 300_000  # new objects from which Python looks for dead ones: 700, its own, lets it go through all imports again and again
 _STREAMS = (("stdin", "r"), ("stdout", "w"), ("stderr", "w"))
 
 
@@ -14,6 +16,7 @@ def main() -> None:
     code = 130  # interrupted, as shells report it
     try:
         open_streams()
+        gc.set_threshold(_COLLECTED)
         from hdvplan.cli.app import run_process
 
         code = run_process()
@@ -21,6 +24,7 @@ def main() -> None:
     except KeyboardInterrupt:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         sys.stderr.write("error: interrupted\n")
+    gc.disable()  # the process ends: its memory is given back as a whole
     sys.exit(code)
 
 

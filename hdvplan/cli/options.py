@@ -90,13 +90,13 @@ class Output:
             OptionError: no such paper or scale, or a scale without a sheet.
 
         """
-        from hdvplan.report.paper import SheetOptions
-
         if self.sheet is None:
             if self.scale is not None:
                 msg = f"--scale {self.scale} needs a sheet"
                 raise OptionError(msg, hint="add --sheet a3")
             return None
+        from hdvplan.report.paper import SheetOptions
+
         return SheetOptions.named(self.sheet, self.scale)
 
     def kinds(self, pictures: Sequence[str], drawings: Sequence[str]) -> list[str]:

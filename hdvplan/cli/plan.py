@@ -48,12 +48,13 @@ def plan(
     drawn_on = output.drawn_on()
     check_folder(output.out)
     from hdvplan.planning.objective_names import check_objective
-    from hdvplan.road.load import find_road
     from hdvplan.solvers.registry import DEFAULT, check_solver
 
     check_solver(options.solver or DEFAULT)
     check_objective(options.objective)
     driven = vehicle_named(vehicle, quiet=quiet)
+    from hdvplan.road.load import find_road
+
     found = find_road(road, reading.followed_by(driven.max_curvature))  # mistakes are told before more is loaded
     from hdvplan import api
     from hdvplan.case import Case

@@ -151,6 +151,7 @@ def make_road(
         Limits.constant(half_width, half_width, 1.0)  # refuses what cannot be a limit
     text = _csv(profile, half_width)
     s, kappa = profile
+    sharpest = max(map(abs, kappa))
     if out == Path("-"):
         sys.stdout.write(text)
         return ExitCode.OK
@@ -158,9 +159,9 @@ def make_road(
     with writing(f"{path}", "choose another file with --out"):
         write_atomically(path, text.encode())
     if json:
-        print_json({"file": str(path), "length_m": float(s[-1]), "max_curvature_per_m": float(abs(kappa).max())})
+        print_json({"file": str(path), "length_m": s[-1], "max_curvature_per_m": sharpest})
     else:
-        note(f"wrote {path}: {s[-1]:.1f} m, radius {1 / abs(kappa).max():.2f} m")
+        note(f"wrote {path}: {s[-1]:.1f} m, radius {1 / sharpest:.2f} m")
     return ExitCode.OK
 
 
@@ -198,7 +199,7 @@ def _scenarios() -> list[dict[str, object]]:
     scenarios = []
     for scenario in SCENARIOS.values():
         s, curvature = scenario.profile
-        given = {"length_m": float(s[-1]), "min_radius_m": float(1.0 / abs(curvature).max()), "kind": "scenario"}
+        given = {"length_m": s[-1], "min_radius_m": 1.0 / max(map(abs, curvature)), "kind": "scenario"}
         scenarios.append({"name": scenario.name, "place": None, "source": "scenario"} | given)
     return scenarios
 
@@ -262,5 +263,5 @@ def _csv(profile: Profile, half_width: float | None) -> str:
     """Return the profile as a road file whose numbers read back exactly."""
     extra = "" if half_width is None else f",{half_width!r},{half_width!r}"
     header = "s,kappa" if half_width is None else "s,kappa,left,right"
-    lines = [f"{float(s)!r},{float(kappa)!r}{extra}" for s, kappa in zip(*profile, strict=True)]
+    lines = [f"{s!r},{kappa!r}{extra}" for s, kappa in zip(*profile, strict=True)]
     return "\n".join([header, *lines]) + "\n"

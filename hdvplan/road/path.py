@@ -7,6 +7,7 @@ counter-clockwise from x; lateral offset positive to the left.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any
@@ -181,11 +182,14 @@ def _quintic(value: FloatArray, first: FloatArray, second: FloatArray, h: float)
     ]
 
 
-def from_curvature(s: FloatArray, curvature: FloatArray, *, spacing: float = KNOT_SPACING_M) -> ReferencePath:
+def from_curvature(
+    arclengths: Sequence[float] | FloatArray, curvatures: Sequence[float] | FloatArray, *, spacing: float = KNOT_SPACING_M
+) -> ReferencePath:
     """Build the path of a curvature profile, linear between the given arclengths [m], starting at the origin eastwards.
 
     The heading is exact; positions are integrated by Gauss-Legendre quadrature on every knot interval.
     """
+    s, curvature = np.asarray(arclengths, float), np.asarray(curvatures, float)
     cells = max(1, round(float(s[-1] - s[0]) / spacing))
     step = float(s[-1] - s[0]) / cells
     knots = s[0] + step * np.arange(cells + 1)

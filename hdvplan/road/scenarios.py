@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import accumulate, pairwise
+from math import inf, isfinite, pi
 from pathlib import Path
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError
-from hdvplan.road.path import from_curvature
-from hdvplan.road.road import Road
+
+if TYPE_CHECKING:
+    from hdvplan.road.road import Road
 
 NOTICE = "© OpenStreetMap contributors, ODbL 1.0"
 _PACKAGE = Path(__file__).parents[1]
-Profile = tuple[FloatArray, FloatArray]
+Profile = tuple[tuple[float, ...], tuple[float, ...]]  # arclengths [m] and curvatures there [1/m]; no arrays: lists of roads load no NumPy
 
 _LEAD_M = 50.0  # straight before and after: the roundabout's of [GEO] fig. 8, taken for all
 _ART_HORIZON_M = 134.2  # [ART] table 2
@@ -42,7 +43,7 @@ def turn_profile(curvature: float, ramp: float, constant: float, lead_in: float 
 
 
 def uturn_profile(
-    curvature: float = 0.060, ramp: float = 20.9, *, angle: float = np.pi, lead_in: float = _LEAD_M, lead_out: float = _LEAD_M
+    curvature: float = 0.060, ramp: float = 20.9, *, angle: float = pi, lead_in: float = _LEAD_M, lead_out: float = _LEAD_M
 ) -> Profile:
     """Return a turn by ``angle`` [rad] with largest ``curvature`` [1/m]; the defaults are [GEO] fig. 7.
 
@@ -74,19 +75,19 @@ def sturn_profile(
 
 def _profile(lengths: list[float], curvature: list[float]) -> Profile:
     """Return the profile of pieces of the given lengths; pieces of constant curvature may have length zero."""
-    pieces, kappa = np.array(lengths), np.array(curvature)
-    changes = np.diff(kappa) != 0.0
-    bad = (pieces < 0.0) | (changes & (pieces <= 0.0)) | ~np.isfinite(pieces)
-    if np.any(bad) or not np.all(np.isfinite(kappa)):
-        msg = f"a road cannot be made of pieces of {', '.join(f'{piece:g}' for piece in pieces)} m"
+    changes = [before != after for before, after in pairwise(curvature)]
+    steps = [length <= 0.0 and changed for length, changed in zip(lengths, changes, strict=True)]
+    if any(steps) or not all(0.0 <= length < inf for length in lengths) or not all(map(isfinite, curvature)):
+        msg = f"a road cannot be made of pieces of {', '.join(f'{piece:g}' for piece in lengths)} m"
         raise OptionError(msg, hint="lengths must not be negative, and curvature needs a ramp to change on")
-    keep = np.append(True, pieces > 0.0)
-    return np.concatenate([[0.0], np.cumsum(pieces)])[keep], kappa[keep]
+    s = accumulate(lengths, initial=0.0)
+    kept = [place for place, length in zip(zip(s, curvature, strict=True), [inf, *lengths], strict=True) if length > 0.0]
+    return tuple(at for at, _ in kept), tuple(kappa for _, kappa in kept)
 
 
 def _uturn_articulated() -> Profile:
     curvature, ramp = 0.065, 1.0
-    turning = np.pi / curvature + ramp
+    turning = pi / curvature + ramp
     return uturn_profile(curvature, ramp, lead_in=_ART_LEAD_IN_M, lead_out=_ART_HORIZON_M - _ART_LEAD_IN_M - turning)
 
 
@@ -100,6 +101,9 @@ class Scenario:
 
     def __call__(self) -> Road:
         """Return the road."""
+        from hdvplan.road.path import from_curvature  # noqa: PLC0415 - slow to load
+        from hdvplan.road.road import Road  # noqa: PLC0415 - as above
+
         road = Road(self.name, from_curvature(*self.profile))
         return road if self.half_width is None else road.with_limits(self.half_width, self.half_width)
 

@@ -70,6 +70,12 @@ def test_lists_and_refusals_wait_for_nothing_that_is_slow_to_load(tmp_path: Path
     assert said == [f"> {words} {code} []" for words, code in LIGHT]
 
 
+def test_the_list_of_roads_loads_no_numpy(tmp_path: Path) -> None:
+    code = "import sys; from hdvplan.cli.app import run; run(['roads', 'list']); print('numpy' in sys.modules)"
+    ended = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=_environment(), capture_output=True, text=True, check=True)  # noqa: S603 - our own
+    assert ended.stdout.splitlines()[-1] == "False"
+
+
 def test_a_plan_without_a_picture_loads_no_library_that_it_has_no_use_for(tmp_path: Path) -> None:
     code = (
         "import sys; from hdvplan.cli.app import run; run('plan uturn --vehicle bus --no-plot'.split()); "

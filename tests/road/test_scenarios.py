@@ -10,7 +10,7 @@ from hdvplan.road.scenarios import Profile, roundabout, sturn_profile, turn_prof
 
 
 def turned(profile: Profile) -> float:
-    s, kappa = profile
+    s, kappa = map(np.array, profile)
     return float(np.sum(0.5 * (kappa[1:] + kappa[:-1]) * np.diff(s)))
 
 
