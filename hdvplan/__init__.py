@@ -20,8 +20,9 @@ from hdvplan.version import __version__
 
 if TYPE_CHECKING:
     from hdvplan import study
-    from hdvplan.api import plan, prove, solver
+    from hdvplan.api import judge, plan, prove, solver
     from hdvplan.case import Case
+    from hdvplan.driving.followed import GivenPath
     from hdvplan.errors import HdvplanError
     from hdvplan.finer import replanned
     from hdvplan.judging.result import Result
@@ -46,6 +47,7 @@ _HOMES = {
     "Bias": "hdvplan.planning.bias",
     "Case": "hdvplan.case",
     "HdvplanError": "hdvplan.errors",
+    "GivenPath": "hdvplan.driving.followed",
     "Limits": "hdvplan.road.limits",
     "PlannerSettings": "hdvplan.planning.settings",
     "QpWorkspace": "hdvplan.qp.workspace",
@@ -55,6 +57,7 @@ _HOMES = {
     "Stepper": "hdvplan.stepping",
     "Unit": "hdvplan.vehicle.model",
     "Vehicle": "hdvplan.vehicle.model",
+    "judge": "hdvplan.api",
     "load_road": "hdvplan.road.load",
     "load_vehicle": "hdvplan.vehicle.load",
     "need_of": "hdvplan.need.answer",
@@ -73,6 +76,7 @@ _HOMES = {
 __all__ = [
     "Bias",
     "Case",
+    "GivenPath",
     "HdvplanError",
     "Limits",
     "PlannerSettings",
@@ -84,6 +88,7 @@ __all__ = [
     "Unit",
     "Vehicle",
     "__version__",
+    "judge",
     "load_road",
     "load_vehicle",
     "need_of",

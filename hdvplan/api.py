@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from hdvplan.case import Case
 from hdvplan.driving.drive import Drive, driven, ready
+from hdvplan.driving.followed import Followed, GivenPath, followed
 from hdvplan.errors import PlanError
 from hdvplan.judging.result import Result, result_of
 from hdvplan.passing.sides import choose_sides
@@ -42,6 +43,24 @@ def plan(case: Case, *, on_progress: Callable[[float], None] | None = None) -> R
         free = replace(own, settings=replace(case.settings, give_way=_FREE_M))
         executed = replace(drive_case(free, on_progress=on_progress), settings=case.settings)
     return result_of(executed, solver=case.solver, objective=case.objective, passed=passed)
+
+
+def follow(case: Case, path: GivenPath) -> Followed:
+    """Return the drive along a path of one's own without judging it; see ``judge`` for the errors."""
+    return followed(case.road, case.vehicle, case.settings, path, objective_named(case.objective))
+
+
+def judge(case: Case, path: GivenPath) -> Result:
+    """Judge a path of one's own for the lead unit as ``plan`` judges its own: nothing is planned, the trailers follow.
+
+    The result is about the part of the road that the path covers. Its case has an objective and a solver that were not asked.
+
+    Raises:
+        RoadError: points that are no path, or that do not run along the road.
+        PlanError: a curvature that the vehicle cannot steer, or a motion that leaves the model's domain.
+
+    """
+    return result_of(follow(case, path).drive, solver=case.solver, objective=case.objective)
 
 
 def biased(case: Case, text: str) -> Case:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from typer.main import get_command
 
-from hdvplan.cli import bench, compare, export_c, need, plan, report, reproduce, roads, solvers, study, turn, vehicles
+from hdvplan.cli import bench, compare, export_c, judge, need, plan, report, reproduce, roads, solvers, study, turn, vehicles
 from hdvplan.cli.console import ExitCode, report_error
 from hdvplan.cli.help import Command, Group
 from hdvplan.cli.interruption import interruption_noted
@@ -41,6 +41,7 @@ app = typer.Typer(
 _VEHICLES, _MEASURING = "Does my vehicle fit?", "How fast, and how exact?"
 _DATA = "Roads, vehicles, solvers"
 app.command("plan", cls=Command, rich_help_panel=_VEHICLES)(plan.plan)
+app.command("judge", cls=Command, rich_help_panel=_VEHICLES)(judge.judge)
 app.command("need", cls=Command, rich_help_panel=_VEHICLES)(need.need)
 app.command("turn", cls=Command, rich_help_panel=_VEHICLES)(turn.turn)
 app.command("study", cls=Command, rich_help_panel=_VEHICLES)(study.study)

@@ -1,17 +1,19 @@
-"""What ``hdvplan plan`` prints about a judged plan: warnings, tables, and the exit code with its message."""
+"""What is written and printed about a judged drive: files, verdict, warnings, tables, and the exit code with its message."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hdvplan.cli.console import ExitCode, note, print_tables, progress, report_error, warn
+from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error, warn, writing
 
 if TYPE_CHECKING:
     from hdvplan.judging.result import Result
     from hdvplan.judging.verdict import Verdict
+    from hdvplan.report.paper import SheetOptions
 
 _MOST_WARNINGS = 5
+_NEAR_M = 0.05  # room to spare below which people ask whether more can be had
 
 
 def looked_again(result: Result, *, proof: bool, refine: bool, quiet: bool) -> Result:
@@ -27,6 +29,35 @@ def looked_again(result: Result, *, proof: bool, refine: bool, quiet: bool) -> R
         with progress("planning again so that less is lacking", quiet=quiet) as on_progress:
             result = replanned(result, on_progress=on_progress)
     return result
+
+
+def write(result: Result, directory: Path, kinds: list[str], sheet: SheetOptions | None, *, animate: bool, quiet: bool) -> None:
+    """Write the files of a judged drive, with pictures and drawings of these ``kinds``."""
+    from hdvplan.report.files import DRAWINGS, write_plan
+
+    pictures, drawings = ([kind for kind in kinds if (kind in DRAWINGS) == drawn] for drawn in (False, True))
+    with progress(f"writing {directory}/", quiet=quiet) as on_progress, writing(f"to {directory}"):
+        write_plan(result, directory, pictures=pictures, drawings=drawings, sheet=sheet, animate=animate, on_progress=on_progress)
+
+
+def tell(result: Result, directory: Path, *, as_json: bool, quiet: bool) -> Verdict:
+    """Print verdict, warnings and tables of a judged drive, or its summary as JSON; return the verdict."""
+    from hdvplan.judging.verdict import tracking_line, verdict_line, verdict_of
+    from hdvplan.report.summary import summary_of
+
+    verdict = verdict_of(result)
+    if as_json:
+        print_json(summary_of(result))
+    elif not quiet:
+        print_line(verdict_line(result, verdict))
+        if verdict.fits:
+            print_line(tracking_line(result))
+    if result.planned and verdict.fits and verdict.spare is not None and verdict.spare < _NEAR_M:
+        note("the plan comes as near as limits allow; --clearance M keeps it away from them", quiet=quiet)
+    warn_of(result, verdict, quiet=quiet)
+    if not as_json and not quiet:
+        print_plan(result, directory)
+    return verdict
 
 
 def warn_of(result: Result, verdict: Verdict, *, quiet: bool) -> None:
@@ -49,7 +80,7 @@ def warn_of(result: Result, verdict: Verdict, *, quiet: bool) -> None:
 
 
 def print_plan(result: Result, directory: Path) -> None:
-    """Print what the plan sweeps and breaks, then how it was planned."""
+    """Print what the drive sweeps and breaks, then how it was planned."""
     from hdvplan.report.summary import summary_of
     from hdvplan.report.tables import balance_table, breach_table, planning_table
 

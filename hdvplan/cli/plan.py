@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from hdvplan.cli.checks import check_bias, check_fits, check_room, vehicle_named, warn_far_regions
-from hdvplan.cli.console import note, print_json, print_line, progress, writing
+from hdvplan.cli.console import note, progress
 from hdvplan.cli.help import OUTPUT, PLANNING, ROAD, VEHICLE
 from hdvplan.cli.lengthy import plan_long, refuse_on_long
 from hdvplan.cli.options import Output, RoadArgument, Room, VehicleOption, check_folder, file_name
-from hdvplan.cli.outcome import exit_code_of, looked_again, print_plan, warn_of
+from hdvplan.cli.outcome import exit_code_of, looked_again, tell, write
 from hdvplan.cli.settings import OptionsOf, with_settings
 from hdvplan.planning.settings import PlannerSettings, PlanOptions
 from hdvplan.road.options import RoadOptions
 
 if TYPE_CHECKING:
-    from hdvplan.judging.result import Result
-    from hdvplan.report.paper import SheetOptions
     from hdvplan.road.road import Road
-
-_NEAR_M = 0.05  # room to spare below which people ask whether more can be had
 
 
 @with_settings
@@ -58,7 +53,6 @@ def plan(
     found = find_road(road, reading.followed_by(driven.max_curvature))  # mistakes are told before more is loaded
     from hdvplan import api
     from hdvplan.case import Case
-    from hdvplan.judging.verdict import tracking_line, verdict_line, verdict_of
     from hdvplan.planning.bias import CENTRE, NONE, bias_named
     from hdvplan.report.files import DRAWINGS, PICTURES
     from hdvplan.road.regions import Side
@@ -96,30 +90,6 @@ def plan(
         result = api.plan(case, on_progress=on_progress)
     result = looked_again(result, proof=options.proof, refine=options.refine, quiet=quiet)
     directory = output.out or Path(f"{file_name(track.name)}.{file_name(driven.name)}")
-    with progress(f"writing {directory}/", quiet=quiet) as on_progress:
-        _write(result, directory, kinds, drawn_on, output.animate, on_progress)
-    from hdvplan.report.summary import summary_of
-
-    verdict = verdict_of(result)
-    if output.json:
-        print_json(summary_of(result))
-    elif not quiet:
-        print_line(verdict_line(result, verdict))
-        if verdict.fits:
-            print_line(tracking_line(result))
-    if verdict.fits and verdict.spare is not None and verdict.spare < _NEAR_M:
-        note("the plan comes as near as limits allow; --clearance M keeps it away from them", quiet=quiet)
-    warn_of(result, verdict, quiet=quiet)
-    if not output.json and not quiet:
-        print_plan(result, directory)
+    write(result, directory, kinds, drawn_on, animate=output.animate, quiet=quiet)
+    verdict = tell(result, directory, as_json=output.json, quiet=quiet)
     return exit_code_of(result, verdict)
-
-
-def _write(
-    result: Result, directory: Path, kinds: list[str], sheet: SheetOptions | None, animate: bool, on_progress: Callable[[float], None]
-) -> None:
-    from hdvplan.report.files import DRAWINGS, write_plan
-
-    pictures, drawings = ([kind for kind in kinds if (kind in DRAWINGS) == drawn] for drawn in (False, True))
-    with writing(f"to {directory}"):
-        write_plan(result, directory, pictures=pictures, drawings=drawings, sheet=sheet, animate=animate, on_progress=on_progress)

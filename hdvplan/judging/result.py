@@ -71,6 +71,7 @@ class Proof:
     unit: int
 
 
+NOT_PLANNED = "none"
 _PAIR = ("tractor", "trailer")
 
 
@@ -97,14 +98,29 @@ class Result:
     attempts: tuple[Attempt, ...] = ()  #: every plan, if it was planned more than once; see ``hdvplan.replanned``
 
     @property
+    def planned(self) -> bool:
+        """Whether the drive was planned; else its path was given."""
+        return bool(self.drive.plans)
+
+    @property
+    def scheme(self) -> str:
+        """What users call the scheme; "none" of a given path, as for ``solver`` and ``objective``."""
+        return str(self.case.settings.scheme) if self.planned else NOT_PLANNED
+
+    @property
     def solver(self) -> str:
         """What users call the solver."""
-        return self.case.solver_name
+        return self.case.solver_name if self.planned else NOT_PLANNED
 
     @property
     def objective(self) -> str:
         """What users call the objective."""
-        return self.case.objective_name
+        return self.case.objective_name if self.planned else NOT_PLANNED
+
+    @property
+    def origin(self) -> str:
+        """How the drive came about, for a title."""
+        return f"planned by {self.scheme.upper()}, {self.solver}, {self.objective}" if self.planned else "driven along a given path"
 
     @cached_property
     def gaps(self) -> Gaps:

@@ -166,7 +166,7 @@ def proof_text(proof: Proof, vehicle: Vehicle) -> str:
 def _known(result: Result, verdict: Verdict) -> str:
     """Return what is known beyond the plan that was made."""
     if verdict.proof is None:
-        return "no plan was found, and none is excluded"
+        return "no plan was found, and none is excluded" if result.planned else "another path may fit: `hdvplan plan` looks for one"
     return f"proved: {proof_text(verdict.proof, result.drive.vehicle)}"
 
 

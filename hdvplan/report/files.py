@@ -134,7 +134,7 @@ def steps_table(result: Result) -> Table:
     """Return the planning steps in their order: where, their times [ms], iterations, status and recomputed residuals."""
     plans = result.drive.plans
     times = {name: np.array([getattr(plan.times, name) for plan in plans]) for name in ("total", "linearise", "update", "solve", "check")}
-    table = {"s": _metres(result.drive.stations.s[[plan.first for plan in plans]])}
+    table = {"s": _metres(result.drive.stations.s[np.array([plan.first for plan in plans], dtype=int)])}
     table |= {f"{name}_ms": Column(1e3 * seconds, "%.6f") for name, seconds in times.items()}
     table |= {name: Column(np.array([getattr(plan, of) for plan in plans])) for name, of in _COUNTS.items()}
     table |= {

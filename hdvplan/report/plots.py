@@ -42,8 +42,7 @@ def plan_figure(result: Result) -> Figure:
         _draw_profiles(profiles, result, windows)
     title, colour = verdict_title(result, verdict), answer_colour(fits=verdict.fits)
     write_head(figure, title, colour, size="x-large", notice=drive.road.notice)
-    how = f"planned by {str(drive.settings.scheme).upper()}, {result.solver}, {result.objective}"
-    figure.text(0.99, 0.985, how, ha="right", va="top", fontsize="x-small", color=MUTED)
+    figure.text(0.99, 0.985, result.origin, ha="right", va="top", fontsize="x-small", color=MUTED)
     return figure
 
 
@@ -53,7 +52,7 @@ def _panels(result: Result) -> list[Panel]:
 
 def _draw_profiles(figure: SubFigure, result: Result, windows: tuple[Window, ...]) -> None:
     """Draw everything over the road's whole length, the enlarged stretches shaded."""
-    draw = [*_panels(result), _draw_times]
+    draw = [*_panels(result), *([_draw_times] if result.planned else [])]
     cells = figure.add_gridspec(len(draw), 1, height_ratios=[1.5] + [1.0] * (len(draw) - 1))
     first: Axes | None = None
     for number, draw_panel in enumerate(draw):
@@ -68,12 +67,12 @@ def _draw_profiles(figure: SubFigure, result: Result, windows: tuple[Window, ...
 def _draw_long_profiles(figure: SubFigure, result: Result, windows: tuple[Window, ...]) -> None:
     """Draw reach and step times over the whole length of a road on which bends are but spikes; the rest where it is enlarged."""
     draw = _panels(result)
-    grid = figure.add_gridspec(3, 1, height_ratios=[1.1, 0.8 + len(draw), 0.9])
-    whole, times = figure.add_subplot(grid[0]), figure.add_subplot(grid[2])
-    _draw_envelope(whole, result, _whole(result))
-    _draw_times(times, result, _whole(result))
-    for axes in (whole, times):
-        _finish_whole(axes, result, windows, named=axes is whole)
+    over_all: list[Panel] = [_draw_envelope, *([_draw_times] if result.planned else [])]
+    grid = figure.add_gridspec(1 + len(over_all), 1, height_ratios=[1.1, 0.8 + len(draw), 0.9][: 1 + len(over_all)])
+    for number, draw_panel in enumerate(over_all):
+        axes = figure.add_subplot(grid[2 * number])
+        draw_panel(axes, result, _whole(result))
+        _finish_whole(axes, result, windows, named=number == 0)
         axes.set_xlabel("arclength s [m]", labelpad=1.0)
     cells = grid[1].subgridspec(len(draw), len(windows), height_ratios=[1.5] + [1.0] * (len(draw) - 1))
     for row, draw_panel in enumerate(draw):
@@ -187,7 +186,7 @@ def _draw_curvature(axes: Axes, result: Result, window: Window) -> None:
     edges = drive.stations.s[: len(drive.kappa) + 1]
     held = np.flatnonzero(_within(edges[:-1], window))
     planned, edges = drive.kappa[held], edges[held[0] : held[-1] + 2]
-    axes.stairs(planned, edges, baseline=None, color=body_colour(0), linewidth=1.3, label="planned")
+    axes.stairs(planned, edges, baseline=None, color=body_colour(0), linewidth=1.3, label="planned" if result.planned else "driven")
     _draw_curvature_limit(axes, drive.vehicle.max_curvature, planned)
     axes.set_ylabel("curvature [1/m]")
 

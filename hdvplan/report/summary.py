@@ -18,6 +18,7 @@ from hdvplan.vehicle.model import Vehicle
 from hdvplan.version import __version__
 
 Json = dict[str, object]
+TIMES = ("mean", "p50", "p95", "p99", "max", "first")
 
 
 def summary_of(result: Result) -> Json:
@@ -33,7 +34,7 @@ def summary_of(result: Result) -> Json:
         **tracking_json(result),
         "road": drive.road.name,
         "vehicle": drive.vehicle.name,
-        "scheme": str(settings.scheme),
+        "scheme": result.scheme,
         "solver": result.solver,
         "objective": result.objective,
         "status": result.status,
@@ -62,13 +63,13 @@ def summary_of(result: Result) -> Json:
         "rescued_steps": [{"s_m": float(drive.stations.s[plan.first]), "why": plan.instead} for plan in result.rescued],
         "attempts": [{"step_m": attempt.step, "give_way_m": attempt.give_way, "lacking_m": attempt.lacking} for attempt in result.attempts],
         "prediction_error_m": drive.prediction_error,
-        "sqp_iterations_mean": float(np.mean(counts)),
-        "sqp_iterations_max": int(np.max(counts)),
+        "sqp_iterations_mean": float(np.mean(counts)) if result.planned else None,
+        "sqp_iterations_max": int(np.max(counts)) if result.planned else None,
         "converged_plans": int(sum(plan.moved < settings.sqp_tolerance for plan in drive.plans)),
         "steps_halved": int(sum(plan.halvings for plan in drive.plans)),
         "merit_mean": float(np.mean(merits)) if merits else None,
         "merit_max": max(merits, default=None),
-        "time_ms": step_times_ms(result),
+        "time_ms": step_times_ms(result) if result.planned else dict.fromkeys(TIMES),
         "bodies": [_body(drive.vehicle, unit) for unit in range(len(drive.vehicle.units))],
         "wheels": [_wheel(drive.vehicle, wheel) for wheel in wheels_of(drive.vehicle)],
         "smoothing": smoothing_of(drive.road.smoothing),
@@ -132,15 +133,7 @@ def step_times_ms(result: Result) -> dict[str, float]:
 def times_json(seconds: FloatArray) -> dict[str, float]:
     """Return the distribution of times of planning steps [s] in milliseconds, as ``step_times_ms``."""
     times = 1e3 * seconds
-    p50, p95, p99 = np.percentile(times, [50, 95, 99])
-    return {
-        "mean": float(np.mean(times)),
-        "p50": float(p50),
-        "p95": float(p95),
-        "p99": float(p99),
-        "max": float(np.max(times)),
-        "first": float(times[0]),
-    }
+    return dict(zip(TIMES, map(float, (np.mean(times), *np.percentile(times, [50, 95, 99]), np.max(times), times[0])), strict=True))
 
 
 def smoothing_of(smoothing: Smoothing | None) -> Json | None:

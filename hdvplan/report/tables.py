@@ -17,6 +17,7 @@ Json = dict[str, Any]
 MOST_BREACHES = 10  # listed; the summary file holds all
 _MOST_CORNERS = 8  # listed, likewise
 _COLUMNS = ("", "value", "unit", "remark")
+_TEXT = ("", "unit", "remark")
 _MOST_FINDINGS = 5  # of each vehicle in the table
 _STRAIGHT_PER_M = 5e-5  # a radius of 20 km; less curvature is shown as 0
 _TROUBLES = {"width": ("width [m]", 2), "curvature": ("curvature [1/m]", 3), "circle": ("no even circle", 0)}  # words and digits
@@ -41,11 +42,13 @@ def balance_table(summary: Json, road: Road | None = None) -> Table:
     count = f"in {summary['stretches']['count']} stretches" if "stretches" in summary else ""
     known = [] if road is None else [*_line_rows(road), *_narrowest_rows(facts_of(road))]
     rows = [("road length", f"{summary['length_m']:.1f}", "m", count), *known, *rows]
-    return grid(f"{summary['vehicle']} on {summary['road']}", _COLUMNS, rows, text=("", "unit", "remark"))
+    return grid(f"{summary['vehicle']} on {summary['road']}", _COLUMNS, rows, text=_TEXT)
 
 
 def planning_table(summary: Json, directory: str) -> Table:
     """Return how the plan was made: times of a step, iterations and how far the prediction was off; ``directory`` holds the files."""
+    if not summary["plans"]:
+        return grid("driven along a given path", _COLUMNS, [("plans", "0", "", "")], text=_TEXT, caption=f"written to {directory}")
     times = summary["time_ms"]
     rows = [
         ("prediction error", f"{1e3 * summary['prediction_error_m']:.1f}", "mm", "planned against simulated position, largest"),
@@ -53,7 +56,7 @@ def planning_table(summary: Json, directory: str) -> Table:
         ("plans", f"{summary['plans']}", "", _plans_remark(summary)),
     ]
     title = f"planned by {summary['scheme']}, {summary['solver']}, {summary['objective']}"
-    return grid(title, _COLUMNS, rows, text=("", "unit", "remark"), caption=f"written to {directory}")
+    return grid(title, _COLUMNS, rows, text=_TEXT, caption=f"written to {directory}")
 
 
 def breach_table(breaches: Sequence[Json], *, two_regions: bool) -> Table:
@@ -132,7 +135,7 @@ def facts_table(road: Road, facts: RoadFacts) -> Table:
         rows.append(("mean point spacing", f"{facts.point_spacing:.2f}", "m", "of the given points"))
     rows += _line_rows(road)
     rows += _narrowest_rows(facts)
-    return grid(road.name, _COLUMNS, rows, text=("", "unit", "remark"), caption=road.notice)
+    return grid(road.name, _COLUMNS, rows, text=_TEXT, caption=road.notice)
 
 
 def fits_table(fits: list[Fit]) -> Table:

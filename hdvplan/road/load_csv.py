@@ -68,10 +68,10 @@ def read_csv(text: str, name: str, *, crs: str | None = None, unit: str | None =
     return read_table(_table(text, name), name, crs=crs, unit=unit)
 
 
-def read_columns(path: Path, wanted: Sequence[str], what: str) -> list[FloatArray]:
-    """Return the ``wanted`` columns of a CSV file, written as a road's may be; ``what`` the file is, is for the messages.
+def read_columns(path: Path, wanted: Sequence[str], what: str, optional: Sequence[str] = ()) -> dict[str, FloatArray]:
+    """Return the ``wanted`` columns of a CSV file, and of ``optional`` ones those that it has; ``what`` the file is, is for the messages.
 
-    A column may have its unit in its title: ``s``, ``s_m`` and ``S [m]`` are the same.
+    It is written as a road's may be. A column may have its unit in its title: ``s``, ``s_m`` and ``S [m]`` are the same.
 
     Raises:
         RoadError: no such file of text, a column that is missing or there twice, or what is not a finite number.
@@ -85,13 +85,11 @@ def read_columns(path: Path, wanted: Sequence[str], what: str) -> list[FloatArra
     layout = f"its header is {','.join(wanted)}"
     table = _table(text_of(path, what), name, layout)
     titles = [folded(title).removesuffix("_m") for title in table.titles]
-    for title in wanted:
-        if titles.count(title) != 1:
+    for title in (*wanted, *optional):
+        if titles.count(title) > 1 or (title in wanted and title not in titles):
             msg = f"{name}: column {title} occurs twice" if title in titles else f"{name} has no column {title!r}"
             raise RoadError(msg, hint=layout)
-    at = {title: titles.index(title) for title in wanted}
-    values = _numbers(table, at, name).values
-    return [values[title] for title in wanted]
+    return _numbers(table, {title: titles.index(title) for title in (*wanted, *optional) if title in titles}, name).values
 
 
 def has_wkt(text: str) -> bool:

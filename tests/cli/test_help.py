@@ -12,6 +12,7 @@ from tests.cli.conftest import Cli
 COMMANDS = [
     (),
     ("plan",),
+    ("judge",),
     ("need",),
     ("turn",),
     ("study",),
@@ -52,6 +53,7 @@ def test_help_fits_the_terminal_and_ends_no_line_in_blanks(
     ("command", "groups"),
     [
         ("plan", ["Arguments", "Vehicle and room", "Road file", "Planning", "Output", "Options"]),
+        ("judge", ["Arguments", "Vehicle and room", "Road file", "Planning", "Output", "Options"]),
         ("need", ["Arguments", "Vehicle and room", "Road file", "Output", "Planning", "Options"]),
         ("turn", ["Vehicle and room", "Turn", "Output", "Options"]),
         ("bench", ["What to measure", "Limits", "How to measure", "Comparison", "Decision", "Output", "Options"]),

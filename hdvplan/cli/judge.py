@@ -1,0 +1,84 @@
+"""``hdvplan judge``: judge a path of one's own as ``hdvplan plan`` judges its plans."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hdvplan.cli.checks import check_fits, vehicle_named, warn_far_regions
+from hdvplan.cli.console import note, progress
+from hdvplan.cli.help import OUTPUT, PLANNING, ROAD, VEHICLE
+from hdvplan.cli.options import Output, RoadArgument, Room, VehicleOption, check_folder, file_name
+from hdvplan.cli.outcome import exit_code_of, looked_again, tell, write
+from hdvplan.cli.settings import OptionsOf, with_settings
+from hdvplan.errors import RoadError
+from hdvplan.planning.settings import PlannerSettings, PlanOptions
+from hdvplan.road.options import RoadOptions
+
+_JUDGED = ("clearance", "tracking_error", "tracking_length")
+
+
+@with_settings
+def judge(
+    path: Annotated[Path, typer.Argument(metavar="PATH.csv", help="The path: columns x, y and, if known, heading, beta1, ...")],
+    road: RoadArgument,
+    vehicle: VehicleOption,
+    *,
+    room: Annotated[Room, OptionsOf(Room, VEHICLE)],
+    reading: Annotated[RoadOptions, OptionsOf(RoadOptions, ROAD)],
+    settings: Annotated[PlannerSettings, OptionsOf(PlannerSettings, VEHICLE, only=_JUDGED)],
+    options: Annotated[PlanOptions, OptionsOf(PlanOptions, PLANNING, only=("proof",))],
+    output: Annotated[Output, OptionsOf(Output, OUTPUT)],
+) -> int:
+    """Judge a path of your own, of whatever planner, in the street of a road.
+
+    The middle of the lead unit's rear axle follows PATH.csv exactly; its trailers are simulated. x and y are in the plane of the road's
+    path, as in the path.csv of `hdvplan plan`, headings in radians, counter-clockwise from x. Prints and writes what `hdvplan plan` does.
+
+    Exit code 0: the path keeps all limits (to 1 cm), or the road has none. 1: it breaks one, or may with the --tracking-error, or the
+    vehicle cannot steer it. 2: bad input.
+    """
+    reaches, quiet = room.reaches(), output.quiet
+    drawn_on = output.drawn_on()
+    check_folder(output.out)
+    from hdvplan.road.load import find_road
+
+    driven = vehicle_named(vehicle, quiet=quiet)
+    found = find_road(road, reading.followed_by(driven.max_curvature))
+    if found.line is not None and found.line.long:
+        msg = f"{found.line.name} is too long to be judged as one road"
+        raise RoadError(msg, hint="judge along a shorter part of it")
+    from hdvplan import api
+    from hdvplan.case import Case
+    from hdvplan.driving.followed import read_given_path
+    from hdvplan.judging.result import result_of
+    from hdvplan.report.files import DRAWINGS, PICTURES
+
+    kinds = output.kinds(PICTURES, DRAWINGS)
+    try:
+        given = read_given_path(path, driven)
+    except OSError as error:
+        msg = f"{path} cannot be read: {error.strerror or 'there is no such file'}"
+        raise RoadError(msg) from error
+    with progress(f"smoothing {road}", quiet=quiet):
+        track = found() if reaches is None else found().with_limits(*reaches)
+    for remark in track.notes:
+        note(remark, quiet=quiet)
+    check_fits(track, driven, reaches)
+    warn_far_regions(track, quiet=quiet)
+    with progress(f"following {path.name} along {track.name}", quiet=quiet):
+        case = Case(track, driven, settings=settings)
+        along = api.follow(case, given)
+        result = result_of(along.drive, solver=case.solver, objective=case.objective)
+    if along.drive.road.path.length < track.path.length - settings.step:
+        words = f"the path covers s = {along.begins:.1f} to {along.ends:.1f} m of {track.path.length:.1f} m"
+        note(f"{words}; arclengths count from its beginning" if along.begins > 0.0 else words, quiet=quiet)
+    if along.apart is not None:
+        note(f"articulations come within {along.apart:.4f} rad of those in {path.name}", quiet=quiet)
+    result = looked_again(result, proof=options.proof, refine=False, quiet=quiet)
+    directory = output.out or Path(f"{file_name(path.stem)}.{file_name(track.name)}.{file_name(driven.name)}")
+    write(result, directory, kinds, drawn_on, animate=output.animate, quiet=quiet)
+    verdict = tell(result, directory, as_json=output.json, quiet=quiet)
+    return exit_code_of(result, verdict)

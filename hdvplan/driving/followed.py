@@ -1,0 +1,282 @@
+"""A path of one's own as a drive: the lead unit is where the path says, its trailers follow, and nothing is planned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
+
+from hdvplan.arrays import BoolArray, FloatArray
+from hdvplan.centring.weights import CentringTable
+from hdvplan.driving.drive import POSE_SPACING_M, Drive, simulate
+from hdvplan.driving.start import start_of
+from hdvplan.errors import PlanError, RoadError
+from hdvplan.planning.objectives import Objective
+from hdvplan.planning.settings import PlannerSettings
+from hdvplan.planning.stations import stations_of
+from hdvplan.road.arcs import wrapped
+from hdvplan.road.load_csv import read_columns
+from hdvplan.road.passages import Passage
+from hdvplan.road.path import ReferencePath, project_many
+from hdvplan.road.regions import Side
+from hdvplan.road.road import Road, part_of
+from hdvplan.vehicle.model import Vehicle
+
+_APART_M = 1e-6  # nearer points are one
+_ROOM_M = 20.0  # of line beyond the road, for points before its start and beyond its end
+_FAR_M = 50.0  # from the line: such a path is another road's
+_ASKEW = 0.1  # that a heading may differ from the direction to the next point [rad]: rounding, and how a curvature changes between them
+_LONG_M = 0.2  # distance of points from which such a direction is known in spite of rounding
+_STEERED_M = 1.0  # over which the curvature is looked at: points rounded to a millimetre then leave an error of 0.002 1/m
+_CURVED = 0.01  # share of the largest curvature, and
+_ROUNDED = 2e-3  # curvature [1/m] by which it may be exceeded
+_NEWTON = 4  # steps; the first guess is between points that are at most some metres apart
+_FORWARD = 0.05  # cosine of the angle to the line, at least
+_HINT = "x and y are the middle of the lead unit's rear axle, heading its direction [rad, counter-clockwise from x]"
+
+
+@dataclass(frozen=True)
+class GivenPath:
+    """Where the lead unit's rear axle is driven: points and headings, (n, 2) [m] and (n,) [rad], in the plane of the road's path.
+
+    ``heading`` is None where it is the direction of a spline through the points. ``betas`` (n, couplings) [rad] is what the path's author
+    says of the trailers, of which only the first row is used; ``steering`` (n, active) [rad] the wheels that the vehicle steers by itself.
+    """
+
+    points: FloatArray
+    heading: FloatArray | None = None
+    betas: FloatArray | None = None
+    steering: FloatArray | None = None
+
+
+@dataclass(frozen=True)
+class Followed:
+    """The drive along a given path, where it begins on the road, and how far the trailers come from where the path has them [rad]."""
+
+    drive: Drive
+    begins: float  # [m]
+    ends: float
+    apart: float | None  # None where it says nothing of them
+
+
+def read_given_path(path: Path, vehicle: Vehicle) -> GivenPath:
+    """Return the path in a CSV file with columns x, y and, if it has them, heading, beta1, ..., steering1, ...; as ``path.csv`` is written.
+
+    Raises:
+        RoadError: as for ``read_columns``, or fewer than two points.
+        OSError: the file cannot be read.
+
+    """
+    couplings = [f"beta{number}" for number in range(1, len(vehicle.units))]
+    steered = [f"steering{number}" for number in range(1, len(vehicle.active) + 1)]
+    columns = read_columns(path, ("x", "y"), "path", ("heading", *couplings, *steered))
+
+    def together(names: list[str]) -> FloatArray | None:
+        return np.column_stack([columns[name] for name in names]) if names and all(name in columns for name in names) else None
+
+    points = np.column_stack([columns["x"], columns["y"]])
+    return GivenPath(points, columns.get("heading"), together(couplings), together(steered))
+
+
+def followed(road: Road, vehicle: Vehicle, settings: PlannerSettings, path: GivenPath, objective: Objective) -> Followed:
+    """Return the drive of a vehicle along a given path, over the part of the road that it covers; ``objective`` is not asked.
+
+    Between its points the path is the cubic with their headings; over each ``POSE_SPACING_M`` of road the trailers follow an arc with the
+    path's mean curvature there. Where the path says nothing of the trailers, they begin as they stand in a circle of the road's curvature.
+
+    Raises:
+        RoadError: points or headings that are no path, or that do not run along the road.
+        PlanError: a curvature that the vehicle cannot steer, or a motion that leaves the model's domain.
+
+    """
+    curve = _Curve.of(path, vehicle)
+    line = road.path.extended(_ROOM_M + vehicle.reach_behind, curve.length + _ROOM_M)
+    (feet, offsets), step = _feet(line, road.path.length, curve.points), settings.step
+    road = road.passing({number: _side(one, feet, offsets) for number, one in enumerate(road.passages)})
+    begins, ends = max(0.0, float(feet[0])), step * np.ceil(road.path.length / step - _APART_M)
+    if begins > _APART_M or feet[-1] < ends - _APART_M:
+        ends = begins + step * np.floor((min(float(feet[-1]), road.path.length) - begins) / step + _APART_M)
+        if ends - begins < vehicle.reach_ahead + vehicle.reach_behind:
+            msg = f"the path covers {max(ends - begins, 0.0):.1f} m of the road, less than the {vehicle.name} is long"
+            raise RoadError(msg, s_m=begins, hint="judge a longer part of it")
+        beyond = vehicle.reach_ahead + vehicle.reach_behind + _ROOM_M
+        road, feet = part_of(road, begins, ends, beyond, beyond + settings.horizon), feet - begins
+    stations = stations_of(road, vehicle, CentringTable.of(vehicle), step=step, horizon=settings.horizon)
+    keep = int(np.ceil(step / POSE_SPACING_M))
+    count = keep * round(np.ceil(road.path.length / step - _APART_M))
+    last = min(float(feet[-1]), road.path.length + vehicle.reach_behind)  # as a plan's last bodies leave the road
+    poses_s = step / keep * np.arange(max(count, int(last * keep / step)) + 1, dtype=np.float64)
+    at = curve.where(stations.path, poses_s, feet)
+    _refuse_sharp(curve, at, vehicle, poses_s + begins)
+    z, kappa = _poses(curve, at, stations.path, poses_s, start_of(stations, vehicle).z, vehicle)
+    drive = Drive(
+        road, vehicle, settings, stations, objective(stations, vehicle), z[: count + 1 : keep], kappa[:count:keep],
+        poses_s, z, kappa, (), 0.0,
+    )  # fmt: skip
+    return Followed(drive, begins, begins + road.path.length, curve.apart(at, z[:, 2 : vehicle.rigid_states]))
+
+
+@dataclass(frozen=True)
+class _Curve:
+    """A given path as a curve over its length; ``t`` (n,) [m] is where its points are."""
+
+    t: FloatArray
+    points: FloatArray
+    position: CubicHermiteSpline | CubicSpline
+    betas: FloatArray | None
+    steering: FloatArray
+
+    @classmethod
+    def of(cls, path: GivenPath, vehicle: Vehicle) -> _Curve:
+        """Return the curve through the points of a path."""
+        own: BoolArray = np.append(True, np.hypot(*np.diff(path.points, axis=0).T) > _APART_M)
+        points = path.points[own]
+        if len(points) < 2:  # noqa: PLR2004 - a line has two
+            msg = "the path has fewer than two different points"
+            raise RoadError(msg, hint=_HINT)
+        chords = np.diff(points, axis=0)
+        length = np.hypot(*chords.T)
+        if vehicle.active and path.steering is None:
+            msg = "the path has no column steering1 with the angles of the wheels that the vehicle steers by itself"
+            raise RoadError(msg, hint=f"{_HINT}; one column for each steered axle")
+        steering = np.zeros((len(points), 0)) if path.steering is None else path.steering[own]
+        if path.heading is None:
+            t = np.append(0.0, np.cumsum(length))
+            spline = CubicSpline(t, points)
+            heading = np.arctan2(*spline(t, 1).T[::-1])
+        else:
+            heading = path.heading[own]
+        turn = wrapped(np.diff(heading))
+        off = np.abs(wrapped(np.arctan2(chords[:, 1], chords[:, 0]) - heading[:-1] - 0.5 * turn))
+        askew = np.flatnonzero((off > _ASKEW) & (length > _LONG_M))
+        if askew.size:
+            row = int(askew[0])
+            msg = (
+                f"at its point {row + 1} ({points[row, 0]:.2f}, {points[row, 1]:.2f}) the path goes {np.degrees(off[row]):.0f} degrees "
+                "off its heading"
+            )
+            raise RoadError(msg, hint=f"{_HINT}; it does not slip, and goes forwards")
+        arcs = length / np.sinc(0.5 * turn / np.pi)
+        t = np.append(0.0, np.cumsum(arcs))
+        position = CubicHermiteSpline(t, points, np.column_stack([np.cos(heading), np.sin(heading)]))
+        return cls(t, points, position, None if path.betas is None else path.betas[own], steering)
+
+    @property
+    def length(self) -> float:
+        """Its length [m]."""
+        return float(self.t[-1])
+
+    def heading(self, t: FloatArray) -> FloatArray:
+        """Return its continuous headings [rad]."""
+        dx, dy = self.position(t, 1).T
+        angles: FloatArray = np.unwrap(np.arctan2(dy, dx))
+        return angles
+
+    def where(self, line: ReferencePath, s: FloatArray, feet: FloatArray) -> FloatArray:
+        """Return where on the curve the line's normals at ``s`` [m] meet it, (n,) [m]; ``feet`` are those of its points."""
+        t = np.interp(s, feet, self.t)
+        for _ in range(_NEWTON):
+            x, y = self.position(t).T
+            found, offset, cos, sin, curvature = project_many(line, x, y, s)
+            dx, dy = self.position(t, 1).T
+            along = (dx * cos + dy * sin) / (1.0 - curvature * offset)
+            t = t + np.where(along > _FORWARD, (s - found) / np.maximum(along, _FORWARD), np.nan)
+        wrong = ~np.isfinite(t)
+        if np.any(wrong):
+            at = float(s[np.argmax(wrong)])
+            msg = f"at s = {at:.1f} m the path leaves the road-aligned model's domain"
+            raise PlanError(msg, s_m=at, hint="a road whose line runs along the path judges it")
+        return t
+
+    def apart(self, at: FloatArray, betas: FloatArray) -> float | None:
+        """Return how far articulations differ at most from the path's own, of the poses ``at``; None where it has none."""
+        if self.betas is None:
+            return None
+        claimed = np.stack([np.interp(at, self.t, column) for column in self.betas.T], axis=1)
+        return float(np.max(np.abs(claimed - betas)))
+
+
+def _side(passage: Passage, feet: FloatArray, offsets: FloatArray) -> Side:
+    """Return on which side of an obstacle a path passes; where that lies on both sides of the line there is but the usual one."""
+    if passage.around:
+        return passage.usual
+    offset = np.interp(0.5 * (passage.s_from + passage.s_to), feet, offsets)
+    return Side.LEFT if 2.0 * offset > passage.low + passage.high else Side.RIGHT
+
+
+def _feet(line: ReferencePath, length: float, points: FloatArray) -> FloatArray:
+    """Return arclengths, increasing, and offsets of the feet of points, (2, n) [m]; the first is sought along the whole road.
+
+    Raises:
+        RoadError: they do not run forwards along the line.
+
+    """
+    s = np.linspace(0.0, length, int(np.ceil(length)) + 1)
+    there = line.at(s)
+    ahead = np.arctan2(*(points[1] - points[0])[::-1])
+    away = np.hypot(there.x - points[0, 0], there.y - points[0, 1]) + _FAR_M * (np.cos(there.heading - ahead) < 0.0)
+    near = float(s[np.argmin(away)])
+    if np.min(away) > _FAR_M:
+        msg = f"the path begins {np.min(np.hypot(there.x - points[0, 0], there.y - points[0, 1])):.0f} m away from the road, or against it"
+        raise RoadError(msg, hint="its x and y are in the plane of the road's path, as in the path.csv that `hdvplan plan` writes")
+    feet = np.empty((2, len(points)))
+    step = 0.0
+    for number, (x, y) in enumerate(points):
+        found = project_many(line, np.array([x]), np.array([y]), np.array([near + step]))
+        if not np.isfinite(found[1, 0]) or abs(found[1, 0]) > _FAR_M or (number and found[0, 0] <= feet[0, number - 1]):
+            msg = f"at its point {number + 1} ({x:.2f}, {y:.2f}), near s = {near:.1f} m, the path does not go forwards along the road"
+            raise RoadError(msg, s_m=near, hint="it runs beside the road's line, in its direction")
+        feet[:, number], near = found[:2, 0], float(found[0, 0])
+        step = float(np.hypot(*(points[number + 1] - points[number]))) if number + 1 < len(points) else 0.0
+    return feet
+
+
+def _refuse_sharp(curve: _Curve, at: FloatArray, vehicle: Vehicle, s: FloatArray) -> None:
+    """Refuse a path that the vehicle cannot steer; its curvature is looked at over some ``_STEERED_M``.
+
+    Raises:
+        PlanError: it is too tight.
+
+    """
+    count = max(1, round(_STEERED_M / float(s[1] - s[0])))
+    heading = curve.heading(at)
+    kappa = (heading[count:] - heading[:-count]) / (at[count:] - at[:-count])
+    sharp = np.flatnonzero(np.abs(kappa) > (1.0 + _CURVED) * vehicle.max_curvature + _ROUNDED)
+    if sharp.size:
+        place = float(s[sharp[0]])
+        worst = float(np.max(np.abs(kappa)))
+        turns = f"it turns with up to {worst:.3f} 1/m, the {vehicle.name} with {vehicle.max_curvature:.3f}"
+        msg = f"from s = {place:.1f} m on the path is too tight: {turns}"
+        raise PlanError(msg, s_m=place, hint="no vehicle of this kind can drive it; are its points exact to some millimetres?")
+
+
+def _poses(
+    curve: _Curve, at: FloatArray, line: ReferencePath, s: FloatArray, start: FloatArray, vehicle: Vehicle
+) -> tuple[FloatArray, FloatArray]:
+    """Return the states at all poses, (n, states), and the curvature from each to the next: the lead unit's are the path's.
+
+    Raises:
+        PlanError: the trailers leave the model's domain.
+
+    """
+    x, y = curve.position(at).T
+    road, heading = line.at(s), curve.heading(at)
+    _, offset = line.project(x, y, s)
+    kappa = np.diff(heading) / np.diff(at)
+    rigid, units = vehicle.rigid_states, vehicle.table()
+    z = np.empty((len(s), vehicle.states))
+    z[:, 0], z[:, 1] = offset, wrapped(heading - road.heading)
+    z[:, rigid:] = np.stack([np.interp(at, curve.t, column) for column in curve.steering.T], axis=1) if vehicle.active else 0.0
+    z[0, 2:rigid] = start[2:rigid] if curve.betas is None else [np.interp(at[0], curve.t, column) for column in curve.betas.T]
+    if rigid == 2:  # noqa: PLR2004 - offset and direction: no trailer
+        return z, kappa
+    for number, curvature in enumerate(kappa):
+        moved = simulate(units, line, float(s[number]), float(s[1] - s[0]), z[number], curvature[None], 1, z[number : number + 2, rigid:])
+        z[number + 1, 2:rigid] = moved[1, 2:rigid]
+    if not np.all(np.isfinite(z)):
+        place = float(s[np.argmin(np.all(np.isfinite(z), axis=1))])
+        msg = f"at s = {place:.1f} m the motion leaves the road-aligned model's domain"
+        raise PlanError(msg, s_m=place)
+    return z, kappa

@@ -1,0 +1,139 @@
+"""``hdvplan judge``: a path of one's own, judged as plans are."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.integrate import solve_ivp
+
+import hdvplan
+from hdvplan.api import follow
+from hdvplan.arrays import FloatArray
+from hdvplan.driving.followed import GivenPath
+from hdvplan.errors import PlanError, RoadError
+from tests.cli.conftest import Cli
+
+_ROUNDING_M = 1e-3  # of path.csv's numbers, and of arcs of 0.25 m for a curvature that changes
+
+
+@pytest.fixture
+def planned(cli: Cli, short_road: str) -> Path:
+    """Return the folder of a plan of a tractor-trailer on a short road."""
+    assert cli("plan", short_road, "--vehicle", "tractor-trailer", "--half-width", "2", "--no-plot", "--out", "plan").code == 0
+    return Path("plan")
+
+
+def summary(folder: str | Path) -> dict[str, object]:
+    found: dict[str, object] = json.loads((Path(folder) / "summary.json").read_text(encoding="utf-8"))
+    return found
+
+
+@pytest.mark.parametrize("columns", [["x", "y", "heading", "beta1"], ["x", "y", "heading"], ["x", "y"]])
+def test_a_plan_s_own_path_is_judged_as_the_plan_was(cli: Cli, planned: Path, short_road: str, columns: list[str]) -> None:
+    pd.read_csv(planned / "path.csv")[columns].to_csv("own.csv", index=False)
+    outcome = cli("judge", "own.csv", short_road, "--vehicle", "tractor-trailer", "--half-width", "2", "--out", "judged", "--no-plot")
+    assert outcome.code == 0
+    assert outcome.out.startswith("YES: ")
+    assert "driven along a given path" in outcome.out
+    assert ("articulations come within 0.000" in outcome.err) == ("beta1" in columns)
+    before, after = summary(planned), summary("judged")
+    for name in ("max_left_m", "max_right_m", "min_clearance_m"):  # means differ: a plan goes on until its last body has left the road
+        assert after[name] == pytest.approx(before[name], abs=_ROUNDING_M)
+    assert (after["plans"], after["solver"], after["time_ms"]["mean"]) == (0, "none", None)  # type: ignore[index] # a dictionary
+    assert cli("report", "plan", "judged", "--out", "both.html").code == 0
+
+
+def test_a_path_that_leaves_the_street_is_a_no_that_speaks_of_the_path_alone(cli: Cli, planned: Path, short_road: str) -> None:
+    path = pd.read_csv(planned / "path.csv")
+    path.assign(y=path["y"] + 1.0).to_csv("beside.csv", index=False)  # the road runs eastwards
+    arguments = ("beside.csv", short_road, "--vehicle", "tractor-trailer", "--half-width", "2", "--no-proof", "--no-plot")
+    outcome = cli("judge", *arguments)
+    assert outcome.code == 1
+    assert "another path may fit" in outcome.out
+    assert "limit by 0." in outcome.err
+    assert (Path("beside.short.tractor-trailer") / "swept.geojson").is_file()
+
+
+def test_a_part_of_a_road_is_judged_by_itself_and_said(cli: Cli, planned: Path, short_road: str) -> None:
+    path = pd.read_csv(planned / "path.csv")
+    path[(path["s"] > 9.9) & (path["s"] < 52.0)].to_csv("part.csv", index=False)
+    outcome = cli("judge", "part.csv", short_road, "--vehicle", "tractor-trailer", "--half-width", "2", "--no-plot")
+    assert outcome.code == 0
+    assert "the path covers s = 10.0 to 51.5 m of 60.0 m; arclengths count from its beginning" in outcome.err
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (lambda path: path.iloc[::-1], "180 degrees off its heading"),
+        (lambda path: path.iloc[::-1].drop(columns="heading"), "against it"),
+        (lambda path: path.assign(x=path["x"] + 1e4), "m away from the road"),
+        (lambda path: path.drop(columns="x"), "has no column 'x'"),
+        (lambda path: path.iloc[:1], "fewer than two different points"),
+        (lambda path: path.iloc[:6], "less than the tractor-trailer is long"),
+        (lambda path: path.assign(heading=np.degrees(path["heading"]) + 20.0), "degrees off its heading"),
+        (lambda path: path.assign(y=path["y"].astype(object).where(path["s"] != 5.0, "far")), "not a number"),
+    ],
+)
+def test_what_is_no_path_along_the_road_is_refused(cli: Cli, planned: Path, short_road: str, spoil: object, words: str) -> None:
+    spoil(pd.read_csv(planned / "path.csv")).to_csv("own.csv", index=False)  # type: ignore[operator] # a function
+    outcome = cli("judge", "own.csv", short_road, "--vehicle", "tractor-trailer")
+    assert (outcome.code, outcome.out) == (2, "")
+    assert words in outcome.err
+    assert not Path("own.short.tractor-trailer").exists()
+
+
+def test_a_missing_file_is_refused(cli: Cli, short_road: str) -> None:
+    outcome = cli("judge", "nothing.csv", short_road, "--vehicle", "bus")
+    assert (outcome.code, outcome.err) == (2, "error: nothing.csv cannot be read: there is no such file\n")
+
+
+def test_trailers_follow_as_an_integration_of_their_own_says(tmp_path: Path) -> None:
+    file = tmp_path / "straight.csv"
+    file.write_text("s,kappa\n0,0\n200,0\n", encoding="utf-8")
+    road, vehicle = hdvplan.load_road(file), hdvplan.load_vehicle("tractor-trailer")
+    amplitude, k = 1.0, 2.0 * np.pi / 50.0
+    x = np.arange(0.0, 200.5, 0.5)
+    path = GivenPath(np.column_stack([x, amplitude * np.sin(k * x)]), np.arctan(amplitude * k * np.cos(k * x)))
+    found = follow(hdvplan.Case(road, vehicle), path).drive
+    hitch, length = vehicle.lead.hitch_offset, vehicle.units[1].wheelbase
+
+    def turning(x: float, heading: FloatArray) -> list[float]:  # of the trailer, over x instead of the path's length
+        slope, bend = amplitude * k * np.cos(k * x), -amplitude * k**2 * np.sin(k * x)
+        ahead = np.arctan(slope)
+        beta, kappa = ahead - heading[0], bend / (1.0 + slope**2) ** 1.5
+        return [np.sqrt(1.0 + slope**2) * (np.sin(beta) - hitch * kappa * np.cos(beta)) / length]
+
+    start = float(np.arctan(amplitude * k)) - found.poses_z[0, 2]
+    s = found.poses_s[found.poses_s <= 200.0]
+    own = solve_ivp(turning, (0.0, 200.0), [start], t_eval=s, rtol=1e-10, atol=1e-12).y[0]
+    lead = found.poses_z[:, 1]  # the road runs along x
+    beta = np.arctan(amplitude * k * np.cos(k * s)) - own
+    assert found.poses_z[: len(s), 0] == pytest.approx(amplitude * np.sin(k * s), abs=1e-6)  # cubics of 0.5 m
+    assert lead[: len(s)] == pytest.approx(np.arctan(amplitude * k * np.cos(k * s)), abs=1e-5)
+    assert found.poses_z[: len(s), 2] == pytest.approx(beta, abs=2e-5)  # an arc of 0.25 m for a changing curvature
+
+
+def test_a_path_too_tight_for_the_vehicle_is_refused_with_its_place(tmp_path: Path) -> None:
+    file = tmp_path / "straight.csv"
+    file.write_text("s,kappa\n0,0\n200,0\n", encoding="utf-8")
+    x = np.arange(0.0, 200.5, 0.5)
+    path = GivenPath(np.column_stack([x, 4.0 * np.exp(-(((x - 100.0) / 6.0) ** 2))]))
+    with pytest.raises(PlanError, match=r"too tight: it turns with up to 0\.2") as raised:
+        hdvplan.judge(hdvplan.Case(hdvplan.load_road(file), hdvplan.load_vehicle("bus")), path)
+    assert raised.value.s_m == pytest.approx(97.0, abs=3.0)
+
+
+def test_wheels_that_the_vehicle_steers_by_itself_must_be_told(tmp_path: Path) -> None:
+    file = tmp_path / "straight.csv"
+    file.write_text("s,kappa\n0,0\n200,0\n", encoding="utf-8")
+    case = hdvplan.Case(hdvplan.load_road(file), hdvplan.load_vehicle("semitrailer-active"))
+    points = np.column_stack([np.linspace(0.0, 200.0, 41), np.zeros(41)])
+    with pytest.raises(RoadError, match="no column steering1"):
+        hdvplan.judge(case, GivenPath(points))
+    held = GivenPath(points, steering=np.zeros((41, len(case.vehicle.active))))
+    assert hdvplan.judge(case, held).balance.max_left == pytest.approx(0.5 * case.vehicle.width, abs=1e-6)
