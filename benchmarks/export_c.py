@@ -15,14 +15,14 @@ from typing import cast
 
 import numpy as np
 import pandas as pd
-from exported_planner import ExportedPlanner, driven
+from exported_planner import ROUNDING, ExportedPlanner, compared, driven
 
 from hdvplan.api import drive_case
 from hdvplan.bench.measuring.courses import with_limits
 from hdvplan.bench.suite import ROADS, Suite
 from hdvplan.case import Case
 from hdvplan.driving.drive import Drive
-from hdvplan.export.budget import Budget
+from hdvplan.export.budget import UNLIMITED, Budget
 from hdvplan.fileio import csv_bytes, write_atomically
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.result import result_of
@@ -66,6 +66,8 @@ def row_of(limits: str, case: Case) -> dict[str, object]:
         row["difference"] = max(float(np.max(np.abs(drive.z - own.z))), float(np.max(np.abs(drive.kappa - own.kappa))))
         most = np.max([counts[2:] for counts in planner.counts], axis=0)
         row["factorisations"], row["linearisations"], row["memory_bytes"] = int(most[0]), int(most[1]), planner.memory
+        planner.begin(UNLIMITED)
+        row["plan_difference"], row["beyond_rounding"], row["recounted"] = compared(case, planner)
         for name, budget in (("default", DEFAULT), ("half", HALF)):
             planner.begin(budget)
             row[f"breach_{name}_m"] = judged(driven(case, planner), case)
@@ -95,12 +97,17 @@ def text(plans: pd.DataFrame, size: pd.DataFrame) -> str:
     """Return the page."""
     kept = plans[plans["breach_m"] <= KEPT_M]
     lost = kept[kept["breach_half_m"] > KEPT_M]
-    most = plans.groupby(["vehicle", "limits"], sort=False)[["factorisations", "linearisations", "difference"]].max().reset_index()
-    most["difference"] = most["difference"].map("{:.1e}".format)
+    classes = plans.groupby(["vehicle", "limits"], sort=False)
+    most = classes[["factorisations", "linearisations", "plan_difference", "difference"]].max()
+    for name in ("plan_difference", "difference"):
+        most[name] = most[name].map("{:.1e}".format)
+    most = most.join(classes[["plans", "beyond_rounding", "recounted"]].sum()).reset_index()
     named = ", ".join(f"{row.vehicle} on {row.road}, {row.limits} ({row.breach_half_m:.3f} m)" for row in lost.itertuples()) or "none"
     default = kept["breach_default_m"] <= KEPT_M
     return (
-        "Most of one step, over these roads; the largest difference of a state or curvature from hdvplan's own drive.\n\n"
+        f"The most that one step took over {plans['road'].nunique()} roads, and the largest difference of a state or curvature from "
+        "hdvplan: of a plan from the same state, and of a whole drive. Of the plans, those that differ by more than "
+        f"{ROUNDING:g}, and those that took another number of factorisations.\n\n"
         f"{markdown_table(most, text=('vehicle', 'limits'))}\n\n"
         f"The default budget is {DEFAULT.factorisations} factorisations and {DEFAULT.linearisations} linearisations a step: "
         f"{int(default.sum())} of the {len(kept)} drives that keep their limits keep them. With half of it {len(kept) - len(lost)} do; "

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import atexit
 import ctypes
+import shutil
 import subprocess
+import tempfile
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
-from typing import cast
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -20,8 +24,10 @@ from hdvplan.passing.sides import choose_sides
 from hdvplan.planning.objectives import objective_named
 from hdvplan.planning.planner import Plan, Planner
 from hdvplan.solvers.registry import dependable
+from hdvplan.stepping import Stepper
 
 FLAGS = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic")
+ROUNDING = 1e-12  # of plans by other instructions [m, rad, 1/m]
 STATUSES = ("done", "spent", "kept", "beyond")
 _PROBE = """
 #include "sample.h"
@@ -58,6 +64,18 @@ void counts(int64_t *to, double *violation) {
 """
 
 
+@cache
+def _objects(texts: tuple[tuple[str, str], ...], compiler: str, flags: tuple[str, ...]) -> list[str]:
+    """Return the object files of a vehicle's planner and its probe, compiled once for all its roads."""
+    made = tempfile.mkdtemp()
+    atexit.register(shutil.rmtree, made)
+    for name, text in texts:
+        Path(made, name).write_text(text, encoding="utf-8")
+    sources = ["planner.c", "vehicle.c", "probe.c", *(f"{name}.c" for name in PLANNER)]
+    subprocess.run([compiler, *FLAGS, *flags, "-fPIC", "-c", *sources], cwd=made, check=True, capture_output=True, text=True)  # noqa: S603 - ours
+    return sorted(str(path) for path in Path(made).glob("*.o"))
+
+
 class ExportedPlanner:
     """The planner of a case as its C files have it; ``plan`` is that of ``Planner``.
 
@@ -66,11 +84,12 @@ class ExportedPlanner:
 
     def __init__(self, case: Case, folder: Path, *, compiler: str = "cc", flags: tuple[str, ...] = ("-O2",)) -> None:
         """Write and compile."""
-        for name, text in exported(case, UNLIMITED).items():
+        texts = exported(case, UNLIMITED) | {"probe.c": _PROBE}
+        for name, text in texts.items():
             (folder / name).write_text(text, encoding="utf-8")
-        (folder / "probe.c").write_text(_PROBE, encoding="utf-8")
-        sources = ["planner.c", "vehicle.c", "sample.c", "probe.c", *(f"{name}.c" for name in PLANNER)]
-        command = [compiler, *FLAGS, *flags, "-shared", "-fPIC", "-o", "planner.so", *sources, "-lm"]
+        del texts["sample.c"]
+        objects = _objects(tuple(texts.items()), compiler, flags)
+        command = [compiler, "-std=c99", "-shared", "-fPIC", "-o", "planner.so", "sample.c", *objects, "-lm"]
         subprocess.run(command, cwd=folder, check=True, capture_output=True, text=True)  # noqa: S603 - ours
         library = ctypes.CDLL(str(folder / "planner.so"))
         library.motion.restype = ctypes.POINTER(ctypes.c_double)
@@ -108,6 +127,27 @@ class ExportedPlanner:
         self.violations.append(float(self._violation[0]))
         motion = np.ctypeslib.as_array(self._library.motion(), ((self._stages + 1) * (self._states + 1),))
         return motion.reshape(self._stages + 1, self._states + 1).copy()
+
+
+class Apart(NamedTuple):
+    """How an exported planner's plans lie beside hdvplan's, each from the same state and with its own memory of the last."""
+
+    difference: float  # the largest of a state or curvature
+    beyond: int  # plans that differ by more than ROUNDING
+    recounted: int  # plans that took another number of programs or factorisations
+
+
+def compared(case: Case, planner: ExportedPlanner) -> Apart:
+    """Return how the plans of a case compare, along hdvplan's drive."""
+    stepper, most, beyond, recounted = Stepper(case), 0.0, 0, 0
+    while not stepper.done:
+        motion = planner.step(stepper.at, stepper.z, stepper.kappa)
+        plan = stepper.plan()
+        apart = max(float(np.max(np.abs(motion[:, :-1] - plan.z))), float(np.max(np.abs(motion[:-1, -1] - plan.kappa))))
+        most, beyond = max(most, apart), beyond + (apart > ROUNDING)
+        recounted += planner.counts[-1][1:3] != (plan.qp_count, plan.qp_iterations)
+        stepper.arrive(stepper.simulate(plan)[-1], float(plan.kappa[stepper.count - 1]))
+    return Apart(most, beyond, recounted)
 
 
 def begun(case: Case) -> Ready:

@@ -66,13 +66,14 @@ guess_stage(const struct hdv_program *program, const struct hdv_point *guess, st
 
 /* Write the guessed status and multiplier of every inequality; return whether any is not inactive. */
 static int guess_statuses(struct hdv_solver *solver, const struct hdv_program *program, const struct hdv_point *guess) {
-    int64_t count = inequalities_of(&program->shape);
+    int64_t p = program->shape.rows;
     int any = 0;
     for (int64_t i = 0; i <= program->shape.stages; ++i) {
         struct hdv_inequality *own = inequalities_at(solver, &program->shape, i);
+        struct range bounds = bounds_at(&program->shape, i);
         guess_stage(program, guess, own, i);
-        for (int64_t number = 0; number < count; ++number)
-            any |= own[number].status != HDV_INACTIVE;
+        for (int64_t number = i > 0 ? 0 : p + 2 * bounds.begin; number < p + 2 * bounds.end; ++number)
+            any |= own[number].status != HDV_INACTIVE; /* only those that are written: what counts */
     }
     return any;
 }

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hdvplan import core
 from hdvplan.arrays import FloatArray
 from hdvplan.driving.drive import drive
 from hdvplan.errors import PlanError, QpDataError
@@ -50,6 +51,14 @@ def linear_quadratic(qp: StageQp) -> tuple[FloatArray, FloatArray, FloatArray]:
     shapes = ((s.stages + 1, s.states), (s.stages, s.inputs), (s.stages + 1, s.states))
     x, u, dynamics = np.split(solution, [states, size])
     return x.reshape(shapes[0]), u.reshape(shapes[1]), dynamics.reshape(shapes[2])
+
+
+def test_a_guess_looks_at_no_status_that_it_has_not_written() -> None:
+    qp = free_program(shape(rows=3), 1)
+    workspace = RiccatiWorkspace(qp.shape)
+    workspace._memory[core.record("hdv_solver").itemsize :] = 0xFF  # what another method, or nobody, has left there
+    result = workspace.solve(qp, StageSolution.empty(qp.shape))
+    assert (result.iterations, result.leaves_guess) == (1, False)  # no inequality is guessed to be active
 
 
 @pytest.mark.parametrize("rows", [0, 3])
