@@ -54,6 +54,7 @@ def plan_long(
         print_json(summary)
     elif not quiet:
         print_line(verdict["text"])
+        print_line(verdict["details"])
         two_regions = any(breach["region"] == "sweepable" for breach in summary["breaches"])
         broken = [breach_table(summary["breaches"], two_regions=two_regions)] if summary["breaches"] else []
         print_tables(balance_table(summary), *broken, planning_table(summary, f"{directory}/"))

@@ -42,7 +42,7 @@ def write(result: Result, directory: Path, kinds: list[str], sheet: SheetOptions
 
 def tell(result: Result, directory: Path, *, as_json: bool, quiet: bool) -> Verdict:
     """Print verdict, warnings and tables of a judged drive, or its summary as JSON; return the verdict."""
-    from hdvplan.judging.verdict import tracking_line, verdict_line, verdict_of
+    from hdvplan.judging.verdict import tracking_line, verdict_details, verdict_line, verdict_of
     from hdvplan.report.summary import summary_of
 
     verdict = verdict_of(result)
@@ -50,8 +50,7 @@ def tell(result: Result, directory: Path, *, as_json: bool, quiet: bool) -> Verd
         print_json(summary_of(result))
     elif not quiet:
         print_line(verdict_line(result, verdict))
-        if verdict.fits:
-            print_line(tracking_line(result))
+        print_line("; ".join(text for text in (verdict_details(result, verdict), tracking_line(result) if verdict.fits else "") if text))
     if result.planned and verdict.fits and verdict.spare is not None and verdict.spare < _NEAR_M:
         note("the plan comes as near as limits allow; --clearance M keeps it away from them", quiet=quiet)
     warn_of(result, verdict, quiet=quiet)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline, CubicSpline
+import scipy  # its subpackages load when they are first used
 
 from hdvplan.arrays import BoolArray, FloatArray
 from hdvplan.centring.weights import CentringTable
@@ -124,7 +124,7 @@ class _Curve:
 
     t: FloatArray
     points: FloatArray
-    position: CubicHermiteSpline | CubicSpline
+    position: scipy.interpolate.CubicHermiteSpline
     betas: FloatArray | None
     steering: FloatArray
 
@@ -144,7 +144,7 @@ class _Curve:
         steering = np.zeros((len(points), 0)) if path.steering is None else path.steering[own]
         if path.heading is None:
             t = np.append(0.0, np.cumsum(length))
-            spline = CubicSpline(t, points)
+            spline = scipy.interpolate.CubicSpline(t, points)
             heading = np.arctan2(*spline(t, 1).T[::-1])
         else:
             heading = path.heading[own]
@@ -160,7 +160,7 @@ class _Curve:
             raise RoadError(msg, hint=f"{_HINT}; it does not slip, and goes forwards")
         arcs = length / np.sinc(0.5 * turn / np.pi)
         t = np.append(0.0, np.cumsum(arcs))
-        position = CubicHermiteSpline(t, points, np.column_stack([np.cos(heading), np.sin(heading)]))
+        position = scipy.interpolate.CubicHermiteSpline(t, points, np.column_stack([np.cos(heading), np.sin(heading)]))
         return cls(t, points, position, None if path.betas is None else path.betas[own], steering)
 
     @property

@@ -16,6 +16,7 @@ from hdvplan.road.regions import OPEN_M, called
 from hdvplan.road.road import Road
 from hdvplan.vehicle.model import Vehicle
 
+LINE = 100  # characters of a verdict, so that it is one line wherever it is read
 _CENTI, _TENTHS = 100.0, 10.0  # of a metre and of a degree, to which what a driver may err is rounded down
 
 
@@ -102,17 +103,47 @@ def _beside_kerbs(result: Result) -> Iterator[_Place]:
 
 
 def verdict_line(result: Result, verdict: Verdict) -> str:
-    """Return the verdict as one line that begins with its word, and names a solver whose answers could not be used."""
+    """Return the verdict as one line of at most ``LINE`` characters, which names a solver whose answers could not be used.
+
+    Where it would be longer the body is left out, then the name of the obstacle.
+    """
     unusable, steps = len(result.failed) + len(result.rescued), len(result.drive.plans)
-    return _answer(result, verdict) + (f"; {result.solver} failed in {unusable} of {steps} steps" if unusable else "")
+    solver = f"; {result.solver} failed in {unusable} of {steps} steps" if unusable else ""
+    lines = [f"{_answer(result, verdict, who)}{solver}" for who in _who(result, verdict)]
+    return next((line for line in lines if len(line) <= LINE), f"{lines[-1][: LINE - 3]}...")
 
 
-def _answer(result: Result, verdict: Verdict) -> str:
-    vehicle, name = result.drive.vehicle.name, body_name(result.drive.vehicle, verdict.unit)
-    place = f"at s = {verdict.s:.1f} m ({place_text(verdict.x, verdict.y, verdict.lonlat)})"
+def verdict_details(result: Result, verdict: Verdict) -> str:
+    """Return what else is known, as one line: what the first had no room for, coordinates, wheels, and whether anything can fit."""
+    who, line = _who(result, verdict)[0], verdict_line(result, verdict)
+    parts = [] if who in line else [who]
+    parts.append(f"at {place_text(verdict.x, verdict.y, verdict.lonlat)}")
     if verdict.fits is None:
-        furthest = f"the {verdict.part} of the {name} reaches furthest, to the {verdict.side}, {place}"
-        return f"NEEDS {verdict.half_width:.2f} m to both sides of the line for the {vehicle}: {furthest}; the road has no limits"
+        parts.append("the road has no limits")
+    elif not verdict.fits:
+        parts += [text for text in (_wheels(result, verdict), _hit(result, verdict)) if text]
+        parts.append(_known(result, verdict))
+    return "; ".join(parts)
+
+
+def verdict_text(result: Result, verdict: Verdict) -> str:
+    """Return verdict and details in one line."""
+    return f"{verdict_line(result, verdict)}; {verdict_details(result, verdict)}"
+
+
+def _who(result: Result, verdict: Verdict) -> list[str]:
+    """Return what decides and beside what it is: in full, without the body, and without the obstacle's name."""
+    full = f"{verdict.part} of the {body_name(result.drive.vehicle, verdict.unit)}"
+    if verdict.fits is None:
+        return [f"{name} to the {verdict.side}" for name in (full, verdict.part)]
+    beside = "beyond" if _broken(verdict) else "beside"
+    against = _against(verdict, two_regions=result.two_regions)
+    return [f"{full} {beside} {against}", f"{verdict.part} {beside} {against}", f"{verdict.part} {beside} {called('')}"]
+
+
+def _answer(result: Result, verdict: Verdict, who: str) -> str:
+    if verdict.fits is None:
+        return f"NEEDS {verdict.half_width:.2f} m to both sides for the {result.drive.vehicle.name}: {who} at s = {verdict.s:.1f} m"
     assert verdict.spare is not None  # noqa: S101 - for the type checker: only NEEDS has none
     amount = _amount(verdict)
     if verdict.clearance_wanted > 0.0:
@@ -120,12 +151,7 @@ def _answer(result: Result, verdict: Verdict) -> str:
             f" of the {verdict.clearance_wanted:.2f} m to keep" if verdict.spare > -verdict.clearance_wanted else
             f" with the {verdict.clearance_wanted:.2f} m to keep"
         )  # fmt: skip
-    who = f"the {verdict.part} of the {name}"
-    against = _against(verdict, two_regions=result.two_regions)
-    if verdict.fits:
-        return f"YES: {amount}; tightest {place}, {who} beside {against}"
-    where = f"{place}, {who} {'beyond' if _broken(verdict) else 'beside'} {against}"
-    return f"NO: {amount} {where}{_wheels(result, verdict)}{_hit(result, verdict)}; {_known(result, verdict)}"
+    return f"{verdict.word}: {amount} at s = {verdict.s:.1f} m, {who}"
 
 
 def tracking_line(result: Result) -> str:
@@ -227,8 +253,8 @@ def _wheels(result: Result, verdict: Verdict) -> str:
     if verdict.wheels_spare is None:
         return ""
     if verdict.wheels_spare >= -KEPT_M:
-        return "; only overhangs pass over it, the wheels keep it"
-    return f"; wheels leave the {'drivable area' if result.two_regions else 'road'} by {-verdict.wheels_spare:.2f} m"
+        return "only overhangs pass over it, the wheels keep it"
+    return f"wheels leave the {'drivable area' if result.two_regions else 'road'} by {-verdict.wheels_spare:.2f} m"
 
 
 def _hit(result: Result, verdict: Verdict) -> str:
@@ -236,4 +262,4 @@ def _hit(result: Result, verdict: Verdict) -> str:
     near = min(result.approaches, key=lambda approach: approach.distance, default=None)
     if verdict.obstacle is not None or near is None or near.distance >= -KEPT_M:
         return ""
-    return f"; {-near.distance:.2f} m into {called(near.obstacle.label)} as well"
+    return f"{-near.distance:.2f} m into {called(near.obstacle.label)} as well"

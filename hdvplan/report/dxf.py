@@ -17,7 +17,7 @@ from ezdxf.filemanagement import new
 from hdvplan.arrays import FloatArray
 from hdvplan.judging.bodies import TRACK_NOTE
 from hdvplan.judging.result import Result
-from hdvplan.judging.verdict import verdict_line, verdict_of
+from hdvplan.judging.verdict import verdict_details, verdict_line, verdict_of
 from hdvplan.report.geojson import polygons_of
 from hdvplan.report.layers import Drawn, Layer, System, drawing_system, drawn_features
 from hdvplan.texts import printable
@@ -65,7 +65,7 @@ def dxf_bytes(result: Result, features: Sequence[Drawn] | None = None, answer: S
     """
     drive, system = result.drive, drawing_system(result.drive.road)
     notes = [
-        *([verdict_line(result, verdict_of(result))] if answer is None else answer),
+        *((told(result, verdict_of(result)) for told in (verdict_line, verdict_details)) if answer is None else answer),
         f"road: {drive.road.name}, {drive.road.path.length:.1f} m",
         f"vehicle: {drive.vehicle.name}",
         *how_to_read(system),

@@ -174,7 +174,8 @@ def _broken(breach: Json) -> str:
 def verdict_text(summary: Json) -> Json:
     """Return the answer that a summary holds, its first word by itself, and whether it is no."""
     verdict = summary.get("verdict") or {}
-    word, _, rest = str(verdict.get("text", summary["status"])).partition(" ")
+    told = [str(text) for text in (verdict.get("text", summary["status"]), verdict.get("details")) if text]
+    word, _, rest = "; ".join(told).partition(" ")
     return {"word": word, "rest": rest, "bad": verdict.get("fits") is False}
 
 

@@ -16,7 +16,7 @@ from matplotlib.patches import Rectangle
 
 from hdvplan.judging.bodies import TRACK_NOTE
 from hdvplan.judging.result import Result
-from hdvplan.judging.verdict import verdict_line, verdict_of
+from hdvplan.judging.verdict import verdict_line, verdict_of, verdict_text
 from hdvplan.report.colours import INK, MUTED, answer_colour
 from hdvplan.report.drawing import draw_vehicle_views
 from hdvplan.report.layers import LONLAT_CODE, Drawn, drawn_features, map_system
@@ -124,7 +124,7 @@ def _draw_title(axes: Axes, result: Result, page: Page, paper: str, date: str, s
     axes.set_ylim(0.0, height)
     drive, verdict = result.drive, verdict_of(result)
     y = height - _MARGIN_MM
-    for line in _lines(verdict_line(result, verdict), width, _BOLD * _VERDICT, 4):
+    for line in _lines(verdict_text(result, verdict), width, _BOLD * _VERDICT, 4):
         axes.text(_MARGIN_MM, y, line, fontsize=_VERDICT, fontweight="bold", color=answer_colour(fits=verdict.fits), va="top")
         y -= 1.25 * _VERDICT * _MM_PT
     vehicle = f"{drive.vehicle.name}, {drive.vehicle.reach_ahead + drive.vehicle.reach_behind:.2f} x {drive.vehicle.width:.2f} m"

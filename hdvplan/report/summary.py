@@ -11,7 +11,7 @@ from hdvplan.judging.balance import Breach
 from hdvplan.judging.envelope import steering_of
 from hdvplan.judging.fit import finding_json
 from hdvplan.judging.result import Passed, Proof, Result, body_name
-from hdvplan.judging.verdict import Verdict, verdict_line, verdict_of
+from hdvplan.judging.verdict import Verdict, verdict_details, verdict_line, verdict_of
 from hdvplan.road.road import Road, Smoothing
 from hdvplan.vehicle.body import Wheel, wheels_of
 from hdvplan.vehicle.model import Vehicle
@@ -101,6 +101,7 @@ def verdict_json(result: Result, verdict: Verdict) -> Json:
     lon, lat = verdict.lonlat or (None, None)
     return {
         "text": verdict_line(result, verdict),
+        "details": verdict_details(result, verdict),
         "fits": verdict.fits,
         "spare_m": verdict.spare,
         "half_width_m": verdict.half_width,

@@ -139,6 +139,7 @@ CONDITIONS = tuple(
 ENDING = _columns(TEXT, "outcome reason case")
 SUMMARY = (
     Column("verdict", TEXT, "verdict.text"),
+    Column("verdict_details", TEXT, "verdict.details"),
     *_columns(TRUTH, "fits", within="verdict."),
     *_columns(NUMBER, "spare_m s_m x y lon lat", within="verdict."),
     *_columns(TEXT, "side unit part region obstacle", within="verdict."),

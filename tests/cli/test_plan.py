@@ -99,7 +99,7 @@ def test_a_broken_limit_ends_in_1_and_says_which_where_and_by_how_much(cli: Cli,
     assert "broken limits" in outcome.out
     verdict = summary["verdict"]
     assert outcome.out.splitlines()[0] == verdict["text"]
-    assert verdict["text"].startswith(f"NO: {-verdict['spare_m']:.2f} m lacking at s = {verdict['s_m']:.1f} m (")
+    assert verdict["text"].startswith(f"NO: {-verdict['spare_m']:.2f} m lacking at s = {verdict['s_m']:.1f} m, ")
     assert (verdict["fits"], -verdict["spare_m"]) == (False, deepest["depth_m"])
 
 

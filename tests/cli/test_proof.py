@@ -30,7 +30,7 @@ def test_a_bus_that_cannot_pass_gets_a_proof_with_its_stretch(cli: Cli, bend: Pa
     said = f"proved: between s = {proof['s_from_m']:.1f} and {proof['s_to_m']:.1f} m nothing that this vehicle can drive keeps the limits"
     assert outcome.out.splitlines()[0] == verdict["text"]
     assert verdict["text"].startswith("NO: ")
-    assert verdict["text"].endswith(f"; {said}")
+    assert verdict["details"].endswith(f"; {said}")
 
 
 def test_json_carries_the_proof_and_no_proof_leaves_it_out(cli: Cli, bend: Path) -> None:
@@ -42,7 +42,7 @@ def test_json_carries_the_proof_and_no_proof_leaves_it_out(cli: Cli, bend: Path)
     assert verdict["proved"] is True
     assert verdict["proof"].keys() == {"kind", "s_from_m", "s_to_m", "unit"}
     assert (without["proved"], without["proof"]) == (False, None)
-    assert without["text"].endswith("; no plan was found, and none is excluded")
+    assert without["details"].endswith("; no plan was found, and none is excluded")
     assert without["spare_m"] == verdict["spare_m"]  # a proof changes nothing of the plan
 
 
@@ -54,7 +54,7 @@ def test_a_bad_plan_where_a_better_one_fits_is_not_called_proved(cli: Cli, bend:
     verdict = json.loads(short_sighted.out)["verdict"]
     assert short_sighted.code == 1
     assert (verdict["fits"], verdict["proved"], verdict["proof"]) == (False, False, None)
-    assert verdict["text"].endswith("; no plan was found, and none is excluded")
+    assert verdict["details"].endswith("; no plan was found, and none is excluded")
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from hdvplan.judging.result import Result, result_of
-from hdvplan.judging.verdict import Verdict, verdict_line, verdict_of, verdict_title
+from hdvplan.judging.verdict import LINE, Verdict, verdict_details, verdict_line, verdict_of, verdict_title
 from hdvplan.report.summary import summary_of
 from hdvplan.road.limits import Limits
 from hdvplan.road.regions import Kind, Region
@@ -24,33 +24,51 @@ def line(result: Result) -> str:
     return verdict_line(result, verdict_of(result))
 
 
+def details(result: Result) -> str:
+    return verdict_details(result, verdict_of(result))
+
+
 def test_a_plan_that_keeps_its_limits_says_yes_and_what_is_to_spare_where(bus: Result) -> None:
     verdict = verdict_of(bus)
     assert verdict.fits is True
     assert verdict.spare == bus.balance.min_clearance
-    assert line(bus).startswith(f"YES: {verdict.spare:.2f} m to spare; tightest at s = {verdict.s:.1f} m (x ")
-    assert f"the {verdict.part} of the bus beside the {verdict.side} limit" in line(bus)
+    where = f"s = {verdict.s:.1f} m, {verdict.part} of the bus beside the {verdict.side} limit"
+    assert line(bus) == f"YES: {verdict.spare:.2f} m to spare at {where}"
+    assert details(bus) == f"at x {verdict.x:.1f}, y {verdict.y:.1f}"
+
+
+def test_the_first_line_is_short_and_what_it_had_no_room_for_is_in_the_second(bus: Result) -> None:
+    name = "bus of the line to the new hospital by way of the old market"
+    unit = replace(bus.drive.vehicle.units[0], name=name)
+    named = replace(bus, drive=replace(bus.drive, vehicle=replace(bus.drive.vehicle, units=(unit,))))
+    assert name not in line(named)
+    assert name in details(named)
+    van = Region(Kind.OBSTACLE, shapely.box(9.5, 2.5, 10.5, 60.0), "van " * 40)
+    for result in (named, judged(named, regions=(van,), clearance=0.25)):
+        assert len(line(result)) <= LINE
+        assert line(result).startswith(verdict_of(result).word)
 
 
 def test_a_road_without_limits_says_what_it_needs(trailer: Result) -> None:
     verdict = verdict_of(trailer)
     assert (verdict.fits, verdict.spare, verdict.wheels_spare) == (None, None, None)
     assert verdict.half_width == max(trailer.balance.max_left, trailer.balance.max_right)
-    assert line(trailer).startswith(f"NEEDS {verdict.half_width:.2f} m to both sides of the line for the tractor-trailer: the ")
+    assert line(trailer).startswith(f"NEEDS {verdict.half_width:.2f} m to both sides for the tractor-trailer: {verdict.part} ")
+    assert details(trailer).endswith("; the road has no limits")
 
 
 def test_wheels_on_the_wrong_side_are_told_from_an_overhang_over_the_kerb(bus: Result, kerbed: Result) -> None:
     assert verdict_of(kerbed).wheels_spare == kerbed.wheel_room
-    assert "; wheels leave the drivable area by " in line(kerbed)
+    assert "; wheels leave the drivable area by " in details(kerbed)
     # In a left bend the bus's front corner is what reaches furthest to the right, over two metres ahead of its front axle.
     road = judged(bus, limits=Limits.constant(3.0, bus.balance.max_right - 0.05, 200.0))
-    assert "; only overhangs pass over it, the wheels keep it; " in line(road)
+    assert "; only overhangs pass over it, the wheels keep it; " in details(road)
 
 
 def test_a_clearance_that_is_not_kept_is_a_no_although_no_limit_is_broken(bus: Result) -> None:
     least = bus.balance.min_clearance or 0.0
     enough, lacking = judged(bus, clearance=least - 0.1), judged(bus, clearance=least + 0.1)
-    assert line(enough).startswith(f"YES: 0.10 m to spare beyond the {least - 0.1:.2f} m to keep; ")
+    assert line(enough).startswith(f"YES: 0.10 m to spare beyond the {least - 0.1:.2f} m to keep at s = ")
     assert line(lacking).startswith(f"NO: 0.10 m lacking of the {least + 0.1:.2f} m to keep at s = ")
     assert " beside the " in line(lacking)
     assert (enough.status, lacking.status) == ("ok", "clearance not kept")
@@ -73,7 +91,7 @@ def test_a_post_between_two_stations_of_the_envelope_is_not_driven_through_unsee
     assert verdict.spare == pytest.approx(0.5 - straight.balance.max_left, abs=1e-3)
     assert verdict.spare == judged_.balance.min_clearance
     assert judged_.wheel_room == pytest.approx(verdict.spare, abs=1e-3)  # as above
-    assert "; wheels leave the road by " in line(judged_)
+    assert "; wheels leave the road by " in details(judged_)
 
 
 def test_what_counts_as_kept_is_never_called_lacking(bus: Result) -> None:
