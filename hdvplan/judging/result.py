@@ -92,7 +92,6 @@ class Result:
     envelope: Envelope
     balance: Balance
     expected: Centring
-    fit: Fit  #: the forecast from stationary circles
     passed: tuple[Passed, ...] = ()  #: the obstacles in order of s, and their sides
     proof: Proof | None = None  #: that nothing keeps the limits; None if none was found or looked for
     attempts: tuple[Attempt, ...] = ()  #: every plan, if it was planned more than once; see ``hdvplan.replanned``
@@ -121,6 +120,11 @@ class Result:
     def origin(self) -> str:
         """How the drive came about, for a title."""
         return f"planned by {self.scheme.upper()}, {self.solver}, {self.objective}" if self.planned else "driven along a given path"
+
+    @cached_property
+    def fit(self) -> Fit:
+        """The forecast from stationary circles."""
+        return fit_of(self.drive.road, self.drive.vehicle)
 
     @cached_property
     def gaps(self) -> Gaps:
@@ -225,7 +229,7 @@ def result_of(drive: Drive, *, solver: str | SolverClass, objective: str | Objec
     curvature = shifted(drive.road.path.at(envelope.s).curvature, drive.bias.at(envelope.s), envelope.s)
     expected = CentringTable.of(drive.vehicle).at(curvature)
     case = Case(drive.road, drive.vehicle, objective, solver, drive.settings, drive.bias)
-    return Result(case, drive, envelope, balance_of(drive, envelope), expected, fit_of(drive.road, drive.vehicle), passed)
+    return Result(case, drive, envelope, balance_of(drive, envelope), expected, passed)
 
 
 def solver_texts(result: Result) -> list[str]:

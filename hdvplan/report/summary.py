@@ -21,8 +21,11 @@ Json = dict[str, object]
 TIMES = ("mean", "p50", "p95", "p99", "max", "first")
 
 
-def summary_of(result: Result) -> Json:
-    """Return the summary, ready for ``json.dumps``: units are in the names, numbers without a value are None."""
+def summary_of(result: Result, *, forecast: bool = True) -> Json:
+    """Return the summary, ready for ``json.dumps``: units are in the names, numbers without a value are None.
+
+    Without ``forecast``, which takes longer than the rest, ``fit`` is missing.
+    """
     drive, balance, settings = result.drive, result.balance, result.drive.settings
     counts = np.array([plan.qp_count for plan in drive.plans])
     merits = [plan.merit for plan in drive.plans if plan.usable and plan.merit is not None]
@@ -53,7 +56,7 @@ def summary_of(result: Result) -> Json:
         "limit_violation_m": max(broken, default=0.0),
         "breaches": [breach_json(breach, drive.vehicle) for breach in balance.breaches],
         "manners": _steering(result),
-        "fit": [finding_json(finding) for finding in result.fit.findings],
+        **({"fit": [finding_json(finding) for finding in result.fit.findings]} if forecast else {}),
         "obstacles": [
             {"name": near.obstacle.label, "distance_m": near.distance, "s_m": near.s, "unit": body_name(drive.vehicle, near.unit)}
             for near in result.approaches

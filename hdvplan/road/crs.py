@@ -15,6 +15,7 @@ if TYPE_CHECKING:  # many roads are in metres, and need no PROJ
     from pyproj import CRS, Transformer
 
 LONLAT = "OGC:CRS84"
+_TENTH = 1.6e-9  # [deg] from a tenth of a degree, which PROJ would take instead
 _LOCAL = "+proj=tmerc +ellps=WGS84 +units=m +k=1 +x_0=0 +y_0=0 "  # in this order: of planes made here alone
 _LARGEST_LON, _LARGEST_LAT = 180.0, 90.0  # [deg]
 _STEP_M = 100.0  # over which a system's scale is measured
@@ -215,6 +216,7 @@ def _local(lonlat: FloatArray) -> str:
     """Return the transverse Mercator at the middle of the points' extent, as a PROJ string."""
     lon = np.unwrap(lonlat[:, 0], period=360.0)  # a road may cross the antimeridian
     lon_0, lat_0 = 0.5 * (lon.min() + lon.max()), 0.5 * (lonlat[:, 1].min() + lonlat[:, 1].max())
+    lat_0, lon_0 = (round(value, 1) if abs(value - round(value, 1)) < _TENTH else value for value in (lat_0, lon_0))
     return f"{_LOCAL}+lat_0={lat_0:.9f} +lon_0={lon_0:.9f}"
 
 
@@ -235,4 +237,8 @@ def _transformer(source: str, target: str) -> Transformer:
     """Return PROJ's transformer between two systems: the values above hold names alone, so that they pickle."""
     from pyproj import Transformer  # noqa: PLC0415 - see above
 
+    if source == LONLAT and target.startswith(_LOCAL):  # what PROJ finds, too, after a search of 25 ms
+        return Transformer.from_pipeline(f"+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad +step {target}")
+    if target == LONLAT and source.startswith(_LOCAL):
+        return Transformer.from_pipeline(f"+proj=pipeline +step +inv {source} +step +proj=unitconvert +xy_in=rad +xy_out=deg")
     return Transformer.from_crs(source, target, always_xy=True)

@@ -18,6 +18,7 @@ from hdvplan.road.street import About, Kerb, Street
 from hdvplan.road.widened import widened
 
 _SPACING_M = 0.1  # of normals: between two of them a kerb is taken as straight
+_NEAR_M = 6.0  # to the kerbs of most streets
 _BESIDE_M, _WITHIN_M = 1e-6, 1e-3  # that a face is longer than its points, for rounding; from its ends, where walls begin
 
 
@@ -222,25 +223,38 @@ def edge_reaches(path: ReferencePath, kerbs: Sequence[Kerb]) -> tuple[FloatArray
     """
     s = _places(path)
     here = path.at(s)
-    segments = np.asarray(shapely.linestrings(np.concatenate([np.stack([one.points[:-1], one.points[1:]], axis=1) for one in kerbs])))
+    chords = np.concatenate([np.stack([one.points[:-1], one.points[1:]], axis=1) for one in kerbs])
     ends = np.concatenate([np.stack([one.s[:-1], one.s[1:]], axis=1) for one in kerbs])
     middle, half = np.mean(ends, axis=1), 0.5 * np.ptp(ends, axis=1)
-    tree = shapely.STRtree(segments)
+    tree = shapely.STRtree(np.asarray(shapely.linestrings(chords)))
     centre, normal = normals(here)
     reaches = []
     for sign in (1.0, -1.0):
-        far = furthest(sign * here.curvature)
-        rays = np.asarray(shapely.linestrings(np.stack([centre, centre + sign * far[:, None] * normal], axis=1)))
-        ray, segment = tree.query(rays, predicate="intersects")
-        apart = np.abs(s[ray] - middle[segment])
-        apart = np.minimum(apart, path.length - apart) if path.closed else apart
-        ray, segment = (found[apart <= half[segment] + OPEN_M] for found in (ray, segment))
-        met = shapely.intersection(rays[ray], segments[segment])
+        far, towards = furthest(sign * here.curvature), sign * normal
         reach = np.full(len(s), np.inf)
-        np.minimum.at(reach, ray, shapely.distance(shapely.points(centre[ray]), met))
+        for most in (_NEAR_M, OPEN_M):  # most normals end near by, and few chords are there to be looked at
+            still = np.flatnonzero(np.isinf(reach))
+            tips = centre[still] + np.minimum(far[still], most)[:, None] * towards[still]
+            ray, chord = tree.query(shapely.linestrings(np.stack([centre[still], tips], axis=1)), predicate="intersects")
+            at = still[ray]
+            apart = np.abs(s[at] - middle[chord])
+            apart = np.minimum(apart, path.length - apart) if path.closed else apart
+            at, chord = (found[apart <= half[chord] + OPEN_M] for found in (at, chord))
+            np.minimum.at(reach, at, _crossed(centre[at], towards[at], chords[chord]))
         seen = np.isfinite(reach)
         reaches.append(np.interp(s, s[seen], reach[seen]) if np.any(seen) else far)
     return s, np.stack(reaches)
+
+
+def _crossed(origin: FloatArray, towards: FloatArray, chords: FloatArray) -> FloatArray:
+    """Return how far rays from ``origin`` (n, 2) [m] along unit vectors ``towards`` (n, 2) go to ``chords`` (n, 2, 2) they meet [m]."""
+    start, chord = chords[:, 0] - origin, chords[:, 1] - chords[:, 0]
+    along = np.sort(np.einsum("nij,nj->ni", chords - origin[:, None], towards), axis=1)  # of both ends: the crossing lies between them
+    turn = towards[:, 0] * chord[:, 1] - towards[:, 1] * chord[:, 0]
+    across = start[:, 0] * chord[:, 1] - start[:, 1] * chord[:, 0]
+    met = np.divide(across, turn, out=along[:, 0].copy(), where=turn != 0.0)  # where they lie on each other, the nearer end
+    reach: FloatArray = np.maximum(np.clip(met, *along.T), 0.0)
+    return reach
 
 
 def _places(path: ReferencePath) -> FloatArray:

@@ -120,7 +120,7 @@ def _plan(case: Case, row: Row, places: list[Row], *, prove: bool, refine: bool)
         result = api.prove(result)
     if refine:
         result = replanned(result)
-    told = summary_of(result)
+    told = summary_of(result, forecast=False)  # no column of a study has it
     row["case"] = result.case.key  # of the stations that it was planned with
     row |= taken(told, SUMMARY) | taken(told, STEPS)
     places += places_of(result)

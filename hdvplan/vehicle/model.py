@@ -13,6 +13,7 @@ A trailer's axle with a ``max_steering_rate`` is active: the plan steers it, and
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -169,6 +170,10 @@ class Vehicle:
 
     def table(self) -> Records:
         """Return the dimensions for the core, one record of ``UNIT`` per unit."""
+        return self._table.copy()
+
+    @cached_property
+    def _table(self) -> Records:
         table = np.zeros(len(self.units), UNIT)
         table["steered_by"] = 1 + np.arange(len(self.units))
         table["steered_by"][list(self.active)] = np.arange(self.rigid_states, self.states)

@@ -49,6 +49,16 @@ def test_another_geographic_system_is_projected_too() -> None:
     assert float(np.hypot(*(plane.points[1] - plane.points[0]))) == pytest.approx(1113.7, abs=0.5)  # meridian arc at 57.7 degrees
 
 
+@pytest.mark.parametrize("off", [0.0, 0.56e-9, 1.2e-9, -1e-9, 3e-9, 0.0123456789])
+def test_a_plane_of_ours_is_reached_as_proj_itself_finds_the_way(off: float) -> None:
+    points = np.array([[13.26, 53.55], [13.34, 53.65]]) + off
+    plane = to_plane(points)
+    there = Transformer.from_crs("OGC:CRS84", plane.to_lonlat.plane, always_xy=True)
+    np.testing.assert_array_equal(plane.points, np.stack(there.transform(*points.T), axis=1))
+    back = there.transform(*plane.points.T, direction="INVERSE")
+    np.testing.assert_allclose(plane.to_lonlat(*plane.points.T), back, rtol=0.0, atol=1e-13)  # rounding of degrees
+
+
 @pytest.mark.parametrize("lon", [179.999, -179.999])
 def test_longitudes_go_on_across_the_antimeridian_so_that_areas_do_not_wrap(lon: float) -> None:
     points = np.array([[lon, -17.0], [-lon, -17.0]])
