@@ -2,6 +2,7 @@
  * kerb's corner and a side of a body. To first order each pair's gap falls as the body strays, whatever its direction;
  * of a kerb's corner the distance is convex, so that no pair falls faster. */
 #include <math.h>
+#include <stdbool.h>
 #include <stddef.h>
 
 #include "kinematics.h"
@@ -18,6 +19,7 @@ struct body {
     const struct hdv_street *street;
     const struct hdv_unit *unit;
     const struct hdv_pose *pose, *before, *after; /* half-way to its neighbours the body is looked at */
+    const struct hdv_link *link, *next_link;      /* around it */
     struct hdv_stray stray;                       /* the most it strays here */
     double axle_off, at, last, reach;
     int64_t number;
@@ -39,8 +41,22 @@ struct pair {
     double past, next; /* shares of the way to the poses before and after at which they are a pair, too */
 };
 
-/* Keep a pair whose gap the body may close. */
-static void keep(struct found *found, const struct body *body, const struct pair *pair) {
+/* How far a brush comes at most, by what its body strays: by its axle and its heading (T5), or by its axle and its
+ * coupling (T1). */
+static double reached(const struct hdv_brush *brush, const struct body *body) {
+    const struct hdv_stray *stray = &body->stray;
+    double heading = fabs(brush->by_heading), third = stray->heading - sin(stray->heading);
+    double apart = fabs(brush->by_axle) * stray->axle + heading * stray->heading;
+    double here = brush->by_axle - brush->by_heading * body->link->by_axle;
+    double next = brush->by_axle - brush->by_heading * body->next_link->by_axle;
+    double by_offset = larger(body->link->by_offset, body->next_link->by_offset);
+    double offset = stray->offset + stray->residual + stray->bow;
+    double together = larger(fabs(here), fabs(next)) * stray->axle + heading * (by_offset * offset + third);
+    return smaller(apart, together) + brush->second * (1.0 - cos(stray->heading));
+}
+
+/* What a pair is to the driver's errors. */
+static struct hdv_brush brush_of(const struct body *body, const struct pair *pair) {
     double ahead = pair->ahead, left = pair->left, x = pair->x, y = pair->y;
     const struct hdv_pose *pose = body->pose;
     struct plane_point point = body_point(pose, ahead, left), next = body_point(body->after, ahead, left),
@@ -50,7 +66,7 @@ static void keep(struct found *found, const struct body *body, const struct pair
     double forth = (next.x - point.x) * x + (next.y - point.y) * y,
            back = (past.x - point.x) * x + (past.y - point.y) * y;
     double between = smaller(smaller(pair->next * forth, pair->past * back), 0.0);
-    struct hdv_brush brush = {
+    return (struct hdv_brush){
         .gap = pair->gap + between,
         .at = body->at,
         .by_axle = along * sine - across * cosine,
@@ -63,37 +79,44 @@ static void keep(struct found *found, const struct body *body, const struct pair
         .unit = body->number,
         .piece = pair->piece,
     };
-    double most = fabs(brush.by_axle) * body->stray.axle + fabs(brush.by_heading) * body->stray.heading +
-                  brush.second * (1.0 - cos(body->stray.heading));
-    if (brush.gap >= most || !(pair->s < body->last))
+}
+
+/* Keep a pair whose gap the body may close. */
+static void keep(struct found *found, const struct body *body, const struct hdv_brush *brush) {
+    if (brush->gap >= reached(brush, body) || !(brush->s < body->last))
         return;
     if (found->count < found->room)
-        found->brushes[found->count] = brush;
+        found->brushes[found->count] = *brush;
     found->count++;
 }
 
-/* A corner of the body and a piece of kerb: across the piece, or from a corner of the kerb. Where a kerb turns away
- * from the street, its pieces bound bodies a little further on, too. */
+/* A corner of the body and a piece of kerb. Any line that leaves the corner on one side and the piece on the other
+ * keeps them apart: the piece's own, or, from beyond an end, the one across the way from there; that of the larger gap
+ * to what may be reached is kept. What is kept apart from every piece stays in the street. */
 static void meet_piece(struct found *found, const struct body *body, int64_t number, double ahead, double left) {
     const struct hdv_piece *piece = &body->street->pieces[number];
     struct plane_point corner = body_point(body->pose, ahead, left);
-    double dx = corner.x - piece->x, dy = corner.y - piece->y;
+    double dx = corner.x - piece->x, dy = corner.y - piece->y, length = piece->length;
     double along = dx * piece->cos + dy * piece->sin, across = dy * piece->cos - dx * piece->sin;
-    double length = piece->length;
-    if (along < 0.0 && (piece->corner || piece->ends)) {
-        double distance = sqrt(dx * dx + dy * dy);
-        if (distance > NEVER_M && (piece->ends || dx * piece->before_cos + dy * piece->before_sin >= 0.0))
-            keep(
-                found, body,
-                &(struct pair){distance, ahead, left, dx / distance, dy / distance, piece->s_begin, number, HALF, HALF}
-            );
+    double end = clamped(along, 0.0, length), share = length > 0.0 ? end / length : 0.0;
+    struct pair pair = {across, ahead, left, -piece->sin, piece->cos, piece->s_begin, number, HALF, HALF};
+    pair.s += share * (piece->s_end - piece->s_begin);
+    struct hdv_brush own = brush_of(body, &pair);
+    if (along == end) {
+        if (across >= 0.0 && length > 0.0)
+            keep(found, body, &own);
         return;
     }
-    double beyond = piece->corner_after ? 0.0 : body->reach;
-    if (length == 0.0 || across < 0.0 || along < -body->reach || along > length + beyond)
+    dx -= end * piece->cos;
+    dy -= end * piece->sin;
+    pair.gap = sqrt(dx * dx + dy * dy);
+    if (pair.gap <= NEVER_M)
         return;
-    double s = piece->s_begin + clamped(along / length, 0.0, 1.0) * (piece->s_end - piece->s_begin);
-    keep(found, body, &(struct pair){across, ahead, left, -piece->sin, piece->cos, s, number, HALF, HALF});
+    pair.x = dx / pair.gap;
+    pair.y = dy / pair.gap;
+    struct hdv_brush slanting = brush_of(body, &pair);
+    bool better = across > 0.0 && own.gap * reached(&slanting, body) > slanting.gap * reached(&own, body);
+    keep(found, body, better ? &own : &slanting);
 }
 
 /* The share of the way between two poses on which a corner of a kerb stays beside a body of which so much is left. */
@@ -114,7 +137,8 @@ static void meet_side(struct found *found, const struct body *body, int64_t numb
     struct pair pair = {
         room, u, sign * body->unit->half_width, sign * pose->sin, -sign * pose->cos, piece->s_begin, number, past, next,
     };
-    keep(found, body, &pair);
+    struct hdv_brush brush = brush_of(body, &pair);
+    keep(found, body, &brush);
 }
 
 static void meet_body(struct found *found, const struct body *body, int64_t number) {
@@ -138,6 +162,9 @@ static struct hdv_stray stray_at(const struct hdv_tracked *on, double at, int64_
     struct hdv_stray most = *here;
     most.axle = larger(here->axle, next->axle);
     most.heading = larger(here->heading, next->heading);
+    most.offset = larger(here->offset, next->offset);
+    most.residual = larger(here->residual, next->residual);
+    most.bow = larger(fabs(here->bow), fabs(next->bow));
     return most;
 }
 
@@ -159,6 +186,9 @@ HDV_EXPORT int64_t hdv_brushes(
             body.after = i + 1 < posed->count ? pose + on->count : pose;
             body.stray = stray_at(on, body.at, number);
             body.axle_off = on->links[interval * on->count + number].axle_off;
+            interval = whole(body.at / on->spacing - 0.5, 0, on->intervals - 1);
+            body.link = &on->links[interval * on->count + number];
+            body.next_link = interval + 1 < on->intervals ? body.link + on->count : body.link;
             body.last = posed->s[i] > street->end ? street->end : INFINITY;
             double longest = larger(unit->front, unit->rear_overhang), askew = body.stray.heading;
             body.reach = body.stray.axle + hypot(longest, unit->half_width) * askew + REACH_M;

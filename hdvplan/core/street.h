@@ -19,7 +19,6 @@ struct hdv_piece {
     int64_t wheels;                /* 1: bounds wheels and what lies between axles, 0: bounds all of a body */
     int64_t corner;                /* 1: its beginning protrudes into the street */
     int64_t wall;                  /* 1: it stands across the street */
-    int64_t corner_after;          /* 1: and its end */
     int64_t ends;                  /* 1: the kerb ends where it begins: beyond that the street is open */
     int64_t ends_after;            /* 1: and where it ends */
 };

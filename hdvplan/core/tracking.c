@@ -15,6 +15,7 @@ static const double BEFORE_M = 150.0;  /* of driving like at the start, until er
 static const double LEFT = 1e-5;       /* of the error: what lies further back counts less together */
 static const int64_t FURTHEST = 20000; /* intervals back at most */
 static const int ROUNDS = 3;           /* of what depends on itself: each leaves its square */
+static const int64_t LOOK = 8;         /* intervals back after which it is looked whether a gap can still be closed */
 
 /* The errors of a coupling against its planned track. */
 struct coupling {
@@ -352,8 +353,9 @@ static double most_of(const struct programme *on) {
     return most + on->slack + 0.5 * on->largest / (double)on->levels;
 }
 
-/* How far one brush comes at most. Weights of the nodes, from the brush backwards, go to ``weights`` (room,) unless it
- * is NULL; returned is their number. */
+/* How far one brush comes at most; whatever lies further back, bodies stray no more than ``outstanding``, so that it
+ * ends where the gap cannot be closed any more. Weights of the nodes, from the brush backwards, go to ``weights``
+ * (room,) unless it is NULL; returned is their number. */
 static int64_t approach_of(
     const struct hdv_tracked *on, const struct hdv_brush *brush, double *weights, int64_t room,
     struct hdv_approach *found
@@ -376,7 +378,10 @@ static int64_t approach_of(
     int64_t node = 0;
     for (; node < FURTHEST; node++) {
         at = between_at(on, place - 0.5 - (double)node);
-        if (!(outstanding(on, at, axle) >= LEFT * on->error)) /* or a bound that is none */
+        double rest = outstanding(on, at, axle);
+        if (!(rest >= LEFT * on->error)) /* or a bound that is none */
+            break;
+        if (node % LOOK == 0 && on->error * (most_of(&programme) + fabs(weight)) + left + rest < brush->gap)
             break;
         pull = pulled(on, at, axle, -1, 0.0);
         for (int64_t i = 0; i < on->count; i++)

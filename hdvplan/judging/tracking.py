@@ -21,7 +21,7 @@ from hdvplan.judging.straying import FINER, SPACING_M, Chain, chain_of
 from hdvplan.road.street import Kerb, Pieces, pieces_of
 from hdvplan.vehicle.body import axles_behind
 
-_ROUNDED_M = 1e-5  # the error is found to this
+_ROUNDED_M = 1e-4  # the error is found to this
 _MOST = 1 << 18  # brushes at once
 _FIRST_M, _GROWTH = 0.2, 1.4  # error that is looked at first, and by how much more then
 _NEAR = 0.9  # of an error that has no bound, from which on nothing larger is looked for
@@ -77,7 +77,10 @@ class Tracked:
         _stray(core.address(self.record))
 
     def approaches(self, brushes: Records) -> FloatArray:
-        """Return how far brushes (n,) come at most: the gain, and what is added to the error's gain [m], (2, n)."""
+        """Return how far brushes (n,) come at most: the gain, and what is added to the error's gain [m], (2, n).
+
+        Of a brush whose gap the errors cannot close it is no more than that: what is returned is less than the gap.
+        """
         brushes, found = np.ascontiguousarray(brushes), np.empty(len(brushes), APPROACH)
         _approach(core.address(self.record), core.address(brushes), len(brushes), core.address(found))
         return np.stack([found["gain"], np.nan_to_num(found["remainder"], nan=np.inf)])  # a bound that ends in no number is none
@@ -94,9 +97,10 @@ class Tracked:
         begin = max(int((brush["at"][0] - _MEMORY_M) / SPACING_M), 0)
         end = min(int((brush["at"][0] + _AHEAD_M) / SPACING_M), len(self.links))
         around = Tracked(self.units, self.links[begin:end], self.length)
+        low, high, error, gap = 0.0, most, most, max(float(brush["gap"][0]), 0.0)
         brush = brush.copy()
         brush["at"] -= begin * SPACING_M
-        low, high, error, gap = 0.0, most, most, max(float(brush["gap"][0]), 0.0)
+        brush["gap"] = 0.0  # all of its approach is looked at, whether the gap can be closed or not
         while high - low > _ROUNDED_M:
             around.err(error)
             gain, remainder = (float(number) for number in around.approaches(brush)[:, 0])
@@ -110,8 +114,8 @@ class Tracked:
 
 
 @dataclass(frozen=True)
-class _Search:
-    """What a largest error is looked for in."""
+class Search:
+    """What a largest error is looked for in: a chain, how far its bodies stray, and the kerbs around it."""
 
     chain: Chain
     tracked: Tracked
@@ -173,7 +177,7 @@ def tracking_of(drive: Drive, balance: Balance, length: float) -> Tracking | Non
     most, unknown = min(balance.min_clearance, _LARGEST_M), np.inf
     if most > 0.0:
         chain = chain_of(drive)
-        search = _Search(chain, Tracked(chain.vehicle.table(), chain.links, length), pieces_around(drive, balance))
+        search = Search(chain, Tracked(chain.vehicle.table(), chain.links, length), pieces_around(drive, balance))
         error = min(most, _FIRST_M)
     while error > held:
         search.tracked.err(error)
@@ -226,5 +230,5 @@ def _around(near: Approach) -> Pieces:
     turn = found["before_cos"] * found["sin"] - found["before_sin"] * found["cos"]
     turn[0] = found["cos"][-1] * found["sin"][0] - found["sin"][-1] * found["cos"][0]  # a ring
     found["before_cos"][0], found["before_sin"][0] = found["cos"][-1], found["sin"][-1]
-    found["corner"], found["corner_after"], found["ends"] = turn < 0.0, np.roll(turn, -1) < 0.0, 0
+    found["corner"], found["ends"] = turn < 0.0, 0
     return pieces

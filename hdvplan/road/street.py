@@ -340,11 +340,10 @@ def _pieces(kerb: Kerb) -> Records:
     found["left"], found["wheels"] = kerb.left, kerb.wheels
     found["wall"] = np.abs(np.diff(s)) < _WALL * found["length"]
     found["corner"] = found["before_cos"] * found["sin"] - found["before_sin"] * found["cos"] < -_STRAIGHT
-    found["corner_after"][:-1] = found["corner"][1:]
     if not kerb.goes_on:
         found = np.append(found, found[-1:])
         found[-1:][["x", "y", "length", "s_begin", "s_low", "s_high"]] = (*points[-1], 0.0, s[-1], s[-1], s[-1])
-        found["corner"][[0, -1]] = found["corner_after"][-2:] = found["ends_after"][-2:] = 1
+        found["corner"][[0, -1]] = found["ends_after"][-2:] = 1
     found["ends"][[0, -1]] = 1, not kerb.goes_on
     return found
 

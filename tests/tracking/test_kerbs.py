@@ -13,7 +13,7 @@ from hdvplan.arrays import FloatArray, Records
 from hdvplan.judging.obstacles import Shapes
 from hdvplan.judging.result import Result
 from hdvplan.judging.straying import Chain, chain_of
-from hdvplan.judging.tracking import _Search, pieces_around, tracking_of
+from hdvplan.judging.tracking import Search, pieces_around, tracking_of
 from hdvplan.vehicle.model import Unit
 from tests.tracking import attacks
 from tests.tracking.attacks import Driver, Motion
@@ -38,7 +38,7 @@ def driven(name: str) -> tuple[Scene, Result, Chain, float]:
 
 def aims(result: Result, chain: Chain, error: float) -> Records:
     """Return pairs of a body and a kerb that errors close, those of the least error first, and some of every other."""
-    search = _Search(chain, tracked(chain, error), pieces_around(result.drive, result.balance))
+    search = Search(chain, tracked(chain, error), pieces_around(result.drive, result.balance))
     found = search.closed()
     assert found is not None
     aimed: Records = found[np.unique(np.concatenate([np.arange(AIMED // 2), np.linspace(0, len(found) - 1, AIMED // 2).astype(np.int64)]))]
@@ -96,6 +96,15 @@ def test_no_driver_who_errs_as_much_as_is_allowed_touches_a_kerb(name: str) -> N
     assert error > 0.05
     aimed = aims(result, chain, 1.1 * error)
     assert touching(scene, chain, motions(chain, aimed, error), aimed) == 0
+
+
+def test_a_kerb_that_turns_away_leaves_room_to_err_beyond_its_turn() -> None:
+    road = hdvplan.load_road("monaco_fairmont_hairpin").with_limits(5.0, 5.0)
+    result = hdvplan.plan(hdvplan.Case(road, hdvplan.load_vehicle("semitrailer-steered")))
+    assert (result.balance.min_clearance or 0.0) > 2.0  # the lines on which pieces of the kerb lie cross that room
+    tracking = tracking_of(result.drive, result.balance, 6.0)
+    assert tracking is not None
+    assert tracking.error > 0.1
 
 
 @pytest.mark.parametrize("name", NAMES)
