@@ -36,6 +36,16 @@ _VEHICLE = typer.Option(
     rich_help_panel=VEHICLE,
 )
 VehicleOption = Annotated[str, _VEHICLE]
+VehiclesOption = Annotated[
+    str,
+    typer.Option(
+        "--vehicle",
+        metavar="NAME|FILE.toml,...",
+        help="A name from `hdvplan vehicles list`, or a vehicle file; several, separated by commas, are compared.",
+        autocompletion=completion.vehicle_list,
+        rich_help_panel=VEHICLE,
+    ),
+]
 VehicleOrNoneOption = Annotated[str | None, _VEHICLE]
 JsonOption = Annotated[bool, typer.Option("--json", help="Write JSON to stdout, and nothing else.", rich_help_panel=OUTPUT)]
 QuietOption = Annotated[bool, typer.Option("--quiet", help="No progress, notes or tables; errors remain.", rich_help_panel=OUTPUT)]

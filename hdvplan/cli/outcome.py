@@ -59,6 +59,34 @@ def tell(result: Result, directory: Path, *, as_json: bool, quiet: bool) -> Verd
     return verdict
 
 
+def compare(results: list[Result], directory: Path, *, picture: bool, as_json: bool, quiet: bool) -> ExitCode:
+    """Write and print the answers of several vehicles beside each other; return the worst exit code."""
+    from hdvplan.fileio import csv_bytes, write_atomically
+    from hdvplan.judging.verdict import verdict_of
+    from hdvplan.report.compared import answer_of, answer_rows, compared_figure
+    from hdvplan.report.grid import grid
+    from hdvplan.report.style import figure_bytes
+    from hdvplan.report.summary import summary_of
+
+    table = answer_rows(results)
+    with progress(f"writing {directory}/", quiet=quiet), writing(f"to {directory}"):
+        write_atomically(directory / "compared.csv", csv_bytes(table))
+        if picture:
+            write_atomically(directory / "compared.png", figure_bytes(compared_figure(results), "png"))
+    if as_json:
+        print_json([summary_of(result) for result in results])
+    elif not quiet:
+        print_line(answer_of(results))
+        columns = ("vehicle", "answer", "to spare [m]", "half width [m]", "at s [m]", "what decides")
+        rows = [
+            (name, word, "-" if spare != spare else f"{spare:.3f}", f"{half:.3f}", f"{s:.1f}", decides)  # noqa: PLR0124 - NaN
+            for name, word, spare, half, s, decides in table.itertuples(index=False)
+        ]
+        title = f"{len(results)} vehicles on {results[0].drive.road.name}"
+        print_tables(grid(title, columns, rows, text=(columns[0], columns[1], columns[-1]), caption=f"written to {directory}/"))
+    return max(exit_code_of(result, verdict_of(result)) for result in results)
+
+
 def warn_of(result: Result, verdict: Verdict, *, quiet: bool) -> None:
     """Warn of what a driver would find too much and, where a vehicle does not fit, of the places that the fit check calls too narrow."""
     from hdvplan.judging.envelope import steering_of, steering_texts

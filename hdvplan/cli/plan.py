@@ -1,8 +1,8 @@
-"""``hdvplan plan``: plan one vehicle along one road, judge it, write it down."""
+"""``hdvplan plan``: plan vehicles along one road, judge them, write them down."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,20 +10,53 @@ from hdvplan.cli.checks import check_bias, check_fits, check_room, vehicle_named
 from hdvplan.cli.console import note, progress
 from hdvplan.cli.help import OUTPUT, PLANNING, ROAD, VEHICLE
 from hdvplan.cli.lengthy import plan_long, refuse_on_long
-from hdvplan.cli.options import Output, RoadArgument, Room, VehicleOption, check_folder, file_name
-from hdvplan.cli.outcome import exit_code_of, looked_again, tell, write
+from hdvplan.cli.options import Output, RoadArgument, Room, VehiclesOption, check_folder, file_name
+from hdvplan.cli.outcome import compare, exit_code_of, looked_again, tell, write
 from hdvplan.cli.settings import OptionsOf, with_settings
+from hdvplan.errors import OptionError
 from hdvplan.planning.settings import PlannerSettings, PlanOptions
 from hdvplan.road.options import RoadOptions
 
 if TYPE_CHECKING:
+    from hdvplan.case import Case
+    from hdvplan.judging.result import Result
+    from hdvplan.road.line import Line
+    from hdvplan.road.load import Found
     from hdvplan.road.road import Road
+    from hdvplan.vehicle.model import Vehicle
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """What is asked of every vehicle."""
+
+    road: str
+    reaches: tuple[float, float] | None
+    reading: RoadOptions
+    settings: PlannerSettings
+    options: PlanOptions
+    output: Output
+
+    @property
+    def solver(self) -> str:
+        from hdvplan.solvers.registry import DEFAULT
+
+        return self.options.solver or DEFAULT
+
+    def case(self, track: Road, vehicle: Vehicle) -> Case:
+        """Return the case of a vehicle on a road, between these limits and by these sides."""
+        from hdvplan.case import Case
+        from hdvplan.road.regions import Side
+
+        track = track if self.reaches is None else track.with_limits(*self.reaches)
+        track = track if self.options.side is None else track.passed_on(Side(self.options.side))
+        return Case(track, vehicle, self.options.objective, self.solver, self.settings)
 
 
 @with_settings
 def plan(
     road: RoadArgument,
-    vehicle: VehicleOption,
+    vehicle: VehiclesOption,
     *,
     room: Annotated[Room, OptionsOf(Room, VEHICLE)],
     reading: Annotated[RoadOptions, OptionsOf(RoadOptions, ROAD)],
@@ -34,62 +67,106 @@ def plan(
     """Plan a vehicle along a road and write what it sweeps.
 
     Plans in receding horizon along the whole road, simulates the plan exactly and judges the simulation. The first line is the verdict:
-    YES, NO or, on a road without limits, NEEDS. DIR receives summary.json, tables as CSV, swept.geojson for a map, and the picture.
+    YES, NO or, on a road without limits, NEEDS. DIR receives summary.json, tables as CSV, swept.geojson for a map, and the picture. Of
+    several vehicles, DIR has a folder for each, compared.csv and compared.png.
 
     Exit code 0: the driven path keeps all limits (to 1 cm), or the road has none. 1: it breaks one, or may with the
     --tracking-error, or no plan exists. 2: bad input.
     """
-    reaches, bias, quiet = room.reaches(), options.bias, output.quiet
-    drawn_on = output.drawn_on()
+    asked = _Asked(road, room.reaches(), reading, settings, options, output)
+    output.drawn_on()
     check_folder(output.out)
     from hdvplan.planning.objective_names import check_objective
-    from hdvplan.solvers.registry import DEFAULT, check_solver
+    from hdvplan.solvers.registry import check_solver
 
-    check_solver(options.solver or DEFAULT)
+    check_solver(asked.solver)
     check_objective(options.objective)
-    driven = vehicle_named(vehicle, quiet=quiet)
+    names = [vehicle] if Path(vehicle).is_file() else [name.strip() for name in vehicle.split(",")]
+    driven = [vehicle_named(name, quiet=output.quiet) for name in names]
+    return _plan_one(asked, driven[0]) if len(driven) == 1 else _plan_all(asked, driven)
+
+
+def _found(asked: _Asked, vehicle: Vehicle) -> Found:
     from hdvplan.road.load import find_road
 
-    found = find_road(road, reading.followed_by(driven.max_curvature))  # mistakes are told before more is loaded
-    from hdvplan import api
-    from hdvplan.case import Case
-    from hdvplan.planning.bias import CENTRE, NONE, bias_named
-    from hdvplan.report.files import DRAWINGS, PICTURES
-    from hdvplan.road.regions import Side
+    return find_road(asked.road, asked.reading.followed_by(vehicle.max_curvature))  # mistakes are told before more is loaded
 
-    kinds = output.kinds(PICTURES, DRAWINGS)
 
-    def case_of(track: Road) -> Case:
-        track = track if reaches is None else track.with_limits(*reaches)
-        track = track if options.side is None else track.passed_on(Side(options.side))
-        return Case(track, driven, options.objective, options.solver or DEFAULT, settings)
-
+def _plan_one(asked: _Asked, vehicle: Vehicle) -> int:
+    found, output = _found(asked, vehicle), asked.output
     if found.line is not None and found.line.long:
-        dropped = {"--sheet": output.sheet is not None, "--animate": output.animate, "--bias centre": bias == CENTRE}
-        dropped |= {"--tracking-error": settings.tracking_error > 0.0, "--format dxf,gpkg": bool({*kinds} & {*DRAWINGS})}
-        refuse_on_long(found.line, dropped)
-        check_room(driven, reaches)
-        along = NONE if bias is None else bias_named(bias, None)
-        if bias is not None:
-            check_bias(along, bias)
-        folder = output.out or Path(f"{file_name(found.line.name)}.{file_name(driven.name)}")
-        return plan_long(
-            found, found.line, driven, settings, lambda part: replace(case_of(part), bias=along), folder, json=output.json, quiet=quiet
-        )
-    with progress(f"smoothing {road}", quiet=quiet):
-        case = case_of(found())
+        return _plan_long(asked, found, found.line, vehicle)
+    result = _planned(asked, found, vehicle)
+    directory = output.out or Path(f"{file_name(result.case.road.name)}.{file_name(vehicle.name)}")
+    _write(asked, result, directory)
+    verdict = tell(result, directory, as_json=output.json, quiet=output.quiet)
+    return exit_code_of(result, verdict)
+
+
+def _plan_all(asked: _Asked, vehicles: list[Vehicle]) -> int:
+    """Plan several vehicles, write each into a folder of its own, and compare them."""
+    output, names = asked.output, [vehicle.name for vehicle in vehicles]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        msg = f"the vehicle {twice} is given twice"
+        raise OptionError(msg, hint="vehicles of one plan have different names")
+    results = []
+    for vehicle in vehicles:
+        found = _found(asked, vehicle)
+        if found.line is not None and found.line.long:
+            refuse_on_long(found.line, {"several vehicles": True})
+        results.append(_planned(asked, found, vehicle))
+        directory = output.out or Path(f"{file_name(results[0].case.road.name)}.compared")
+        _write(asked, results[-1], directory / file_name(vehicle.name))
+    return compare(results, directory, picture="png" in _kinds(output), as_json=output.json, quiet=output.quiet)
+
+
+def _kinds(output: Output) -> list[str]:
+    from hdvplan.report.files import DRAWINGS, PICTURES
+
+    return output.kinds(PICTURES, DRAWINGS)
+
+
+def _write(asked: _Asked, result: Result, directory: Path) -> None:
+    output = asked.output
+    write(result, directory, _kinds(output), output.drawn_on(), animate=output.animate, quiet=output.quiet)
+
+
+def _plan_long(asked: _Asked, found: Found, line: Line, vehicle: Vehicle) -> int:
+    from hdvplan.planning.bias import CENTRE, NONE, bias_named
+    from hdvplan.report.files import DRAWINGS
+
+    output, bias = asked.output, asked.options.bias
+    dropped = {"--sheet": output.sheet is not None, "--animate": output.animate, "--bias centre": bias == CENTRE}
+    dropped |= {"--tracking-error": asked.settings.tracking_error > 0.0, "--format dxf,gpkg": bool({*_kinds(output)} & {*DRAWINGS})}
+    refuse_on_long(line, dropped)
+    check_room(vehicle, asked.reaches)
+    along = NONE if bias is None else bias_named(bias, None)
+    if bias is not None:
+        check_bias(along, bias)
+
+    def case_of(part: Road) -> Case:
+        return replace(asked.case(part, vehicle), bias=along)
+
+    folder = output.out or Path(f"{file_name(line.name)}.{file_name(vehicle.name)}")
+    return plan_long(found, line, vehicle, asked.settings, case_of, folder, json=output.json, quiet=output.quiet)
+
+
+def _planned(asked: _Asked, found: Found, vehicle: Vehicle) -> Result:
+    from hdvplan import api
+
+    _kinds(asked.output)
+    options, quiet = asked.options, asked.output.quiet
+    with progress(f"smoothing {asked.road}", quiet=quiet):
+        case = asked.case(found(), vehicle)
     track = case.road
     for remark in track.notes:
         note(remark, quiet=quiet)
-    check_fits(track, driven, reaches)
+    check_fits(track, vehicle, asked.reaches)
     warn_far_regions(track, quiet=quiet)
-    with progress(f"planning {driven.name} along {track.name}", quiet=quiet) as on_progress:
-        if bias is not None:
-            case = api.biased(case, bias)
-            check_bias(case.bias, bias)
+    with progress(f"planning {vehicle.name} along {track.name}", quiet=quiet) as on_progress:
+        if options.bias is not None:
+            case = api.biased(case, options.bias)
+            check_bias(case.bias, options.bias)
         result = api.plan(case, on_progress=on_progress)
-    result = looked_again(result, proof=options.proof, refine=options.refine, quiet=quiet)
-    directory = output.out or Path(f"{file_name(track.name)}.{file_name(driven.name)}")
-    write(result, directory, kinds, drawn_on, animate=output.animate, quiet=quiet)
-    verdict = tell(result, directory, as_json=output.json, quiet=quiet)
-    return exit_code_of(result, verdict)
+    return looked_again(result, proof=options.proof, refine=options.refine, quiet=quiet)

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import inspect
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -198,3 +199,34 @@ def test_a_plan_can_be_balanced_about_a_bias(cli: Cli, tmp_path: Path, short_roa
     assert np.allclose(middles[0], middles[1])
     assert np.allclose(middles[0], middles[2])
     assert float(middles[0].mean()) == pytest.approx(0.3, abs=0.03)
+
+
+def test_several_vehicles_are_compared_and_answered_as_each_by_itself(cli: Cli, short_road: str) -> None:
+    outcome = cli("plan", short_road, "--vehicle", "bus, a-double", "--half-width", "1.7", "--out", "both")
+    assert outcome.code == 1
+    assert outcome.out.startswith("NO: 1 of 2 vehicles does not fit: a-double\n")
+    assert outcome.err.count("error: ") == 1
+    table = pd.read_csv("both/compared.csv").set_index("vehicle")
+    assert table["answer"].to_dict() == {"bus": "YES", "a-double": "NO"}
+    for name in table.index:
+        cli("plan", short_road, "--vehicle", name, "--half-width", "1.7", "--out", "alone", "--no-plot")
+        alone = json.loads(Path("alone/summary.json").read_text(encoding="utf-8"))["verdict"]
+        assert json.loads(Path("both", name, "summary.json").read_text(encoding="utf-8"))["verdict"] == alone
+        assert (table["spare_m"][name], table["s_m"][name]) == (alone["spare_m"], alone["s_m"])
+    assert Path("both/compared.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_vehicles_on_a_road_without_limits_are_compared_by_what_they_need(cli: Cli, short_road: str) -> None:
+    outcome = cli("plan", short_road, "--vehicle", "bus,a-double", "--no-plot")
+    assert outcome.code == 0
+    assert re.match(r"NEEDS \d\.\d\d m to both sides for the a-double, the widest of 2\n", outcome.out)
+    assert not Path("short.compared/compared.png").exists()
+    both = json.loads(cli("plan", short_road, "--vehicle", "bus,a-double", "--no-plot", "--json").out)
+    assert [one["vehicle"] for one in both] == ["bus", "a-double"]
+
+
+@pytest.mark.parametrize(("vehicles", "words"), [("bus,bus", "the vehicle bus is given twice"), ("bus,", "unknown vehicle ''")])
+def test_vehicles_that_cannot_be_compared_are_refused(cli: Cli, short_road: str, vehicles: str, words: str) -> None:
+    outcome = cli("plan", short_road, "--vehicle", vehicles)
+    assert (outcome.code, outcome.out) == (2, "")
+    assert words in outcome.err

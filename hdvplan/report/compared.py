@@ -1,0 +1,103 @@
+"""Several vehicles on one road: a table of their answers, and a picture with what each sweeps on top of the others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+
+from hdvplan.judging.result import Result, body_name
+from hdvplan.judging.verdict import verdict_of
+from hdvplan.report.colours import INK, MUTED, answer_colour, body_colour
+from hdvplan.report.geojson import swept_area
+from hdvplan.report.layers import Drawn, Layer, drawn_features
+from hdvplan.report.maps import around, draw_direction, draw_features, finish_map, frame, outline_of, reach_within, stations
+from hdvplan.report.rooms import Window, shown_reach, tightest_windows
+from hdvplan.report.style import SLIDE_IN, styled, write_head
+
+_ROAD = (Layer.ROAD, Layer.OBSTACLES, Layer.SWEEPABLE, Layer.LIMITS)
+_MAPS = 2  # of the places that are tightest for the vehicle with the least room
+_BEYOND_M = 0.5  # that the profile shows
+_MAP_OVER_PROFILE = 1.6  # height
+
+
+def answer_rows(results: Sequence[Result]) -> pd.DataFrame:
+    """Return a row a vehicle: its answer, the room to spare (negative: lacking) and the swept half width [m], and what decides where."""
+    rows = []
+    for result in results:
+        verdict = verdict_of(result)
+        decides = f"{verdict.part} of the {body_name(result.drive.vehicle, verdict.unit)}, {verdict.side}"
+        spare = np.nan if verdict.spare is None else verdict.spare
+        rows.append((result.drive.vehicle.name, verdict.word, spare, result.balance.half_width, verdict.s, decides))
+    return pd.DataFrame(rows, columns=["vehicle", "answer", "spare_m", "half_width_m", "s_m", "decides"])
+
+
+def answer_of(results: Sequence[Result]) -> str:
+    """Return one line for all vehicles; it begins with the word of the worst."""
+    words = {result.drive.vehicle.name: verdict_of(result).word for result in results}
+    no = [name for name, word in words.items() if word == "NO"]
+    if no:
+        return f"NO: {len(no)} of {len(words)} vehicles do{'es' * (len(no) == 1)} not fit: {', '.join(no)}"
+    widest = max(results, key=lambda result: verdict_of(result).half_width)
+    if "NEEDS" in words.values():
+        return f"NEEDS {verdict_of(widest).half_width:.2f} m to both sides for the {widest.drive.vehicle.name}, the widest of {len(words)}"
+    tightest = min(results, key=_spare)
+    return f"YES: all {len(words)} vehicles fit; {_spare(tightest):.2f} m to spare for the {tightest.drive.vehicle.name}"
+
+
+@styled()
+def compared_figure(results: Sequence[Result]) -> Figure:
+    """Return the picture: the tightest places of the vehicle with the least room, with all envelopes, and these over the whole road."""
+    tightest = min(results, key=_spare)
+    windows = tightest_windows(tightest)[:_MAPS]
+    figure = Figure(figsize=SLIDE_IN, layout="constrained")
+    grid = figure.add_gridspec(2, len(windows), height_ratios=[_MAP_OVER_PROFILE, 1.0])
+    features = [feature for feature in drawn_features(tightest) if feature.layer in _ROAD]
+    for number, window in enumerate(windows):
+        _draw_map(figure.add_subplot(grid[0, number]), results, tightest, features, window)
+    _draw_envelopes(figure.add_subplot(grid[1, :]), results, tightest)
+    fits = None if verdict_of(tightest).fits is None else all(verdict_of(result).fits for result in results)
+    road = tightest.drive.road
+    write_head(figure, f"{road.name}: {answer_of(results)}", answer_colour(fits=fits), size="large", notice=road.notice)
+    return figure
+
+
+def _spare(result: Result) -> float:
+    verdict = verdict_of(result)
+    return -verdict.half_width if verdict.spare is None else verdict.spare
+
+
+def _draw_map(axes: Axes, results: Sequence[Result], tightest: Result, features: Sequence[Drawn], window: Window) -> None:
+    points = np.column_stack(tightest.drive.road.path.to_plane(stations(window), 0.0))
+    room = max(reach_within(result, window) for result in results)
+    draw_features(axes, features, around(points, room))
+    for number, result in enumerate(results):
+        envelope = result.envelope
+        beyond = window.s_to - window.s_from  # as far as the map may show
+        near = (envelope.s >= window.s_from - beyond) & (envelope.s <= window.s_to + beyond)
+        area = swept_area(result.drive.road.path, envelope.s[near], envelope.reach_left[near], envelope.reach_right[near])
+        axes.add_patch(PathPatch(outline_of(area), facecolor="none", edgecolor=body_colour(number), linewidth=1.8, zorder=3))
+    draw_direction(axes, tightest.drive.road.path, window.s_from, window.s_to, count=2)
+    frame(axes, points, room)
+    finish_map(axes, north=tightest.drive.road.to_lonlat is not None)
+    axes.set_title(f"{window.title}, {tightest.drive.vehicle.name}", fontsize="medium", loc="left", fontweight="bold")
+
+
+def _draw_envelopes(axes: Axes, results: Sequence[Result], tightest: Result) -> None:
+    for number, result in enumerate(results):
+        for reach, label in ((result.envelope.reach_left, result.drive.vehicle.name), (result.envelope.reach_right, None)):
+            axes.plot(result.envelope.s, reach, color=body_colour(number), linewidth=1.6, label=label)
+    limits = tightest.drive.road.passable
+    if limits is not None:
+        for limit, label in zip(limits.table(tightest.envelope.s)[:2], ("limits", None), strict=True):
+            axes.plot(tightest.envelope.s, limit, color=INK, linewidth=1.0, label=label)
+    left, right = zip(*(shown_reach(result) for result in results), strict=True)
+    axes.set_ylim(min(map(np.min, right)) - _BEYOND_M, max(map(np.max, left)) + _BEYOND_M)
+    axes.axhline(0.0, color=MUTED, linewidth=0.7)
+    axes.set(xlabel="arclength s [m]", ylabel="reach [m]\n(left positive)", xlim=(0.0, tightest.drive.road.path.length))
+    axes.grid(visible=True)
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.0, ncols=6)
