@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 
 def roads(incomplete: str) -> list[str]:
     """Return the shipped roads, examples and scenarios that begin so."""
-    from hdvplan.road.scenarios import SCENARIOS, shipped
+    from hdvplan.road.scenarios import SCENARIOS, shipped_roads
 
-    return _beginning(incomplete, [*shipped(), *shipped("examples"), *SCENARIOS])
+    return _beginning(incomplete, [*shipped_roads(), *SCENARIOS])
 
 
 def vehicles(incomplete: str) -> list[str]:

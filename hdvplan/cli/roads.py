@@ -40,12 +40,13 @@ def list_roads(json: JsonOption = False) -> int:
     """List the shipped roads and the scenarios."""
     from hdvplan.report.grid import grid
 
-    listed = [*_shipped(), *_examples(), *_scenarios()]
+    listed = [*_shipped(), *_examples(), *_maps(), *_scenarios()]
     if json:
         print_json(listed)
         return ExitCode.OK
     radii = ["-" if road["min_radius_m"] is None else f"{road['min_radius_m']:.1f}" for road in listed]
-    rows = [(str(road["name"]), f"{road['length_m']:.0f}", radius, str(road["kind"])) for road, radius in zip(listed, radii, strict=True)]
+    lengths = ["-" if road["length_m"] is None else f"{road['length_m']:.0f}" for road in listed]
+    rows = [(str(road["name"]), *sizes, str(road["kind"])) for road, *sizes in zip(listed, lengths, radii, strict=True)]
     print_tables(grid("roads", ("name", "length [m]", "radius [m]", "kind"), rows, text=("name", "kind"), one_line=("kind",)))
     return ExitCode.OK
 
@@ -191,6 +192,17 @@ def _examples() -> list[dict[str, object]]:
         given = {name: properties[name] for name in ("length_m", "min_radius_m")} | {"kind": "made-up place with obstacles"}
         examples.append({"name": name, "place": None, "source": "example"} | given)
     return examples
+
+
+def _maps() -> list[dict[str, object]]:
+    """Return the shipped maps, of which --road-ids choose what is driven."""
+    from hdvplan.road.scenarios import shipped
+
+    kind = "roundabout, OpenDRIVE: choose the way, such as --road-ids 0,5"
+    return [
+        {"name": name, "place": None, "source": "OpenDRIVE", "length_m": None, "min_radius_m": None, "kind": kind}
+        for name in shipped("opendrive")
+    ]
 
 
 def _scenarios() -> list[dict[str, object]]:

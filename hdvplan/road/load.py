@@ -16,7 +16,7 @@ from hdvplan.road.load_json import json_object, read_geojson, read_overpass
 from hdvplan.road.load_vector import read_vector
 from hdvplan.road.options import OF_FILES, OF_POINTS, RoadOptions
 from hdvplan.road.road import Road
-from hdvplan.road.scenarios import NOTICE, SCENARIOS, shipped
+from hdvplan.road.scenarios import NOTICE, SCENARIOS, shipped, shipped_roads
 from hdvplan.spelling import did_you_mean
 from hdvplan.texts import printable
 
@@ -64,7 +64,7 @@ def find_road(source: str | Path, options: RoadOptions = _USUAL) -> Found:
 
     """
     path = Path(source)
-    files = shipped("examples") | shipped()
+    files = shipped_roads()
     if path.is_file():
         line = Line(printable(path.stem), _read(path, options), options)
     elif str(source) in files:
@@ -82,7 +82,7 @@ def _unknown(source: str | Path) -> RoadError:
     path = Path(source)
     if path.is_dir():
         return RoadError(f"{path} is a folder, not a road file")
-    names = [*shipped(), *shipped("examples"), *SCENARIOS]
+    names = [*shipped_roads(), *SCENARIOS]
     otherwise = "give a road file, or a name from `hdvplan roads list`"
     if not path.suffix and len(path.parts) == 1:
         msg = f"no road file, shipped road or scenario is called {str(source)!r}"

@@ -25,11 +25,16 @@ _ART_LEAD_IN_M = 40.0
 
 
 def shipped(kind: str = "osm") -> dict[str, Path]:
-    """Return the files of the shipped places by name, sorted: roads from ``osm``, made-up ``examples`` or maps of ``networks``."""
+    """Return the files of the shipped places by name, sorted: ``osm`` roads, made-up ``examples``, ``opendrive`` maps, ``networks``."""
     installed = _PACKAGE / "_roads" / kind
     directory = installed if installed.is_dir() else _PACKAGE.parent / "roads" / kind
-    ending = ".osm.pbf" if kind == "networks" else ".geojson"
+    ending = {"networks": ".osm.pbf", "opendrive": ".xodr"}.get(kind, ".geojson")
     return {path.name.removesuffix(ending): path for path in sorted(directory.glob(f"*{ending}"))}
+
+
+def shipped_roads() -> dict[str, Path]:
+    """Return the files of all places that are driven by their name."""
+    return {**shipped(), **shipped("examples"), **shipped("opendrive")}
 
 
 def turn_profile(curvature: float, ramp: float, constant: float, lead_in: float = _LEAD_M, lead_out: float = _LEAD_M) -> Profile:

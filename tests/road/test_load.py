@@ -22,6 +22,12 @@ def test_the_25_shipped_roads_are_found_with_their_licence() -> None:
     assert (shipped()["goteborg_nya_allen"].parent / "ODbL-1.0.txt").is_file()
 
 
+def test_a_shipped_map_is_found_by_its_name() -> None:
+    by_name, by_file = (load_road(one, RoadOptions(road_ids="0,5")) for one in ("neuweiler", shipped("opendrive")["neuweiler"]))
+    assert by_name.name == "neuweiler"
+    assert by_name.path.length == by_file.path.length
+
+
 @pytest.mark.parametrize(
     ("name", "radius"),
     [
