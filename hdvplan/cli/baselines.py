@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import shlex
-import sys
-from contextlib import contextmanager
 from pathlib import Path
-from time import monotonic
 from typing import TYPE_CHECKING
 
 from hdvplan.cli.compare import show
@@ -14,7 +11,7 @@ from hdvplan.cli.console import ExitCode, note, progress, warn
 from hdvplan.errors import HdvplanError, OptionError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Mapping
 
     from hdvplan.bench.comparing.against import Settings
     from hdvplan.bench.comparing.work import CommandWork
@@ -65,7 +62,7 @@ def gate(against: str, work: Suite | CommandWork, out: Path, decision: Decision,
     again = _again(against, work, settings, out)
     wanted, rule = Wanted(against, work, settings), settings.rule
     try:
-        with _told_progress(quiet=quiet) as told:
+        with progress("measuring", quiet=quiet, undisturbed=True) as told:
             comparison = guard(wanted, out, Told(lambda step: note(step, quiet=quiet), told))
         if comparison.failure is None and (versions := _changed_versions(*(_versions(out / side / "00") for side in SIDES))):
             note(f"versions differ: {', '.join(versions)}", quiet=quiet)
@@ -132,24 +129,6 @@ def _again(against: str, wanted: Suite | CommandWork, settings: Settings, out: P
     options = [word for name, (value, default) in numbers.items() if value != default for word in (name, f"{value:g}")]
     options += ["--expect-changes"] if settings.expect_changes else []
     return shlex.join(["hdvplan", "bench", "--against", against, *what, *options, "--out", f"{out}-again"])
-
-
-@contextmanager
-def _told_progress(*, quiet: bool) -> Iterator[Callable[[float], None]]:
-    """Show a bar at a terminal; elsewhere a line after each pair of processes, with the time left: logs of CI are read while they grow."""
-    if quiet or sys.stderr.isatty():
-        with progress("measuring", quiet=quiet, undisturbed=True) as bar:
-            yield bar
-        return
-    seen: list[tuple[float, float]] = []
-
-    def line(share: float) -> None:
-        seen.append((monotonic(), share))
-        (began, first), (now, _) = seen[0], seen[-1]
-        left = f", {(now - began) * (1.0 - share) / (share - first):.0f} s left at most" if share > first else ""
-        note(f"measured {100.0 * share:.0f} %{left}")
-
-    yield line
 
 
 def hold_to(counters: Path, out: Path, report: Report, *, renew: bool) -> int:

@@ -7,6 +7,7 @@ import os
 import sys
 from contextlib import contextmanager
 from enum import IntEnum
+from time import monotonic
 from typing import TYPE_CHECKING
 
 from hdvplan.errors import OptionError
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 
+_TELL_S = 10.0  # between two lines of progress
 _UNCUT = 1000  # columns: wider than any table
 
 
@@ -105,18 +107,44 @@ def writing(what: str, hint: str | None = "choose another folder with --out") ->
 def progress(task: str, *, quiet: bool, undisturbed: bool = False) -> Iterator[Callable[[float], None]]:
     """Show a bar with the time left on stderr while the block runs; it receives the done share, 0 to 1.
 
-    Nothing is shown if stderr is not a terminal. With ``undisturbed`` the bar is drawn
+    Where stderr is no terminal, a line is written at most every ten seconds. With ``undisturbed`` the bar is drawn
     only when the share changes: no other thread runs during a measurement, and the time left is estimated from the last hour.
     """
+    if quiet or not sys.stderr.isatty():
+        yield (lambda _: None) if quiet else _lines(task)
+        return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
     console = Console(stderr=True)
-    if quiet or not console.is_terminal:  # a bar that is disabled still ends with an empty line in older versions of Rich
-        yield lambda _: None
-        return
     memory = 3600.0 if undisturbed else 30.0  # [s]
     with Progress(*columns, console=console, transient=True, auto_refresh=not undisturbed, speed_estimate_period=memory) as bar:
         known = bar.add_task(printable(task), total=1.0)
         yield lambda share: bar.update(known, completed=share, refresh=undisturbed)
+
+
+def _lines(task: str) -> Callable[[float], None]:
+    """Return what writes how far a task is, and the time left, whenever ``_TELL_S`` have passed: logs are read while they grow."""
+    first: float | None = None
+    last = began = monotonic()
+
+    def tell(share: float) -> None:
+        nonlocal first, last
+        first = share if first is None else first  # what an earlier run has done
+        now = monotonic()
+        if now - last < _TELL_S:
+            return
+        last = now
+        left = f", about {duration((now - began) * (1.0 - share) / (share - first))} left" if share > first else ""
+        note(f"{task}: {100.0 * share:.0f} %{left}")
+
+    return tell
+
+
+def duration(seconds: float) -> str:
+    """Return a time as people say it."""
+    minutes = round(seconds / 60.0)
+    if minutes < 1:
+        return f"{max(1, round(seconds))} s"
+    return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"  # noqa: PLR2004 - of an hour

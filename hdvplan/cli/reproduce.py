@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hdvplan.cli.console import ExitCode, print_json, print_tables, progress, rows_json, writing
+from hdvplan.cli.console import ExitCode, duration, note, print_json, print_tables, progress, rows_json, writing
 from hdvplan.cli.help import OUTPUT
 from hdvplan.cli.options import JsonOption, QuietOption, check_folder
 from hdvplan.reproduce import STUDIES
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 NAMES = tuple(STUDIES)
 _ALL = "all"
+_LONG_S = 10.0  # that users are told beforehand
 
 
 def reproduce(
@@ -41,8 +42,10 @@ def reproduce(
 
     use_one_thread()  # before anything imports NumPy
 
+    seconds = sum(STUDIES[study][1] for study in chosen)
+    note(f"this takes about {duration(seconds)}", quiet=quiet or seconds < _LONG_S)
     with progress("reproducing", quiet=quiet, undisturbed=True) as on_progress:
-        studies = _run(chosen, out, on_progress)
+        studies = _run(chosen, out, on_progress, quiet=quiet)
     if json:
         print_json({study.name: rows_json(study.table()) for study in studies})
     elif not quiet:
@@ -50,7 +53,7 @@ def reproduce(
     return ExitCode.OK
 
 
-def _run(names: Sequence[str], out: Path, on_progress: Progress) -> list[Study]:
+def _run(names: Sequence[str], out: Path, on_progress: Progress, *, quiet: bool) -> list[Study]:
     """Run studies one after the other and write each as soon as it is done.
 
     Raises:
@@ -69,6 +72,7 @@ def _run(names: Sequence[str], out: Path, on_progress: Progress) -> list[Study]:
             study = getattr(import_module(f"hdvplan.reproduce.{module}"), name.replace("-", "_"))
             studies.append(study(lambda share, begin=begin, part=part: on_progress(begin + part * share)))
             write_study(studies[-1], out)
+            note(f"wrote {out / name}.md, .csv, .png and -data.csv", quiet=quiet or len(names) == 1)
             done += part
         if len(studies) > 1:
             write_summary(studies, out)

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import sys
-from contextlib import contextmanager
 from pathlib import Path
-from time import monotonic
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -17,8 +14,6 @@ from hdvplan.cli.options import JsonOption, QuietOption
 from hdvplan.errors import OptionError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
     from rich.table import Table
 
     from hdvplan.study import Engine, Results
@@ -26,7 +21,6 @@ if TYPE_CHECKING:
 _RUNNING = "Running"  # a group of options
 _LIMIT_S = 1800.0
 _RETRIES = 1
-_TELL_S = 30.0  # between two lines of progress where there is no terminal
 _PLACES = 8  # of the ranking that are printed
 
 
@@ -100,11 +94,11 @@ def study(
     )
     counted = [0, len(wanted)]
     try:
-        with writing(f"to {out}"), ended_by_signals(), _told(quiet=quiet) as tell:
+        with writing(f"to {out}"), ended_by_signals(), progress(f"planning {counted[1]} cells", quiet=quiet, undisturbed=True) as tell:
 
             def on_progress(done: int, total: int) -> None:
                 counted[:] = done, total
-                tell(done, total)
+                tell(done / total)
 
             results = run(wanted, out, engine, on_progress=on_progress, on_damage=warn)
     except (KeyboardInterrupt, SystemExit):
@@ -122,37 +116,6 @@ def study(
         )
         return ExitCode.BROKEN
     return ExitCode.OK
-
-
-@contextmanager
-def _told(*, quiet: bool) -> Iterator[Callable[[int, int], None]]:
-    """Show the progress of a study: a bar at a terminal, else a line now and then, with the time left."""
-    if quiet or sys.stderr.isatty():
-        with progress("planning", quiet=quiet, undisturbed=True) as bar:
-            yield lambda done, total: bar(done / total)
-        return
-    began = last = monotonic()
-    before: int | None = None
-
-    def tell(done: int, total: int) -> None:
-        nonlocal last, before
-        before = done if before is None else before
-        if monotonic() - last < _TELL_S:
-            return
-        last = monotonic()
-        rate = (done - before) / (last - began)
-        left = f", about {_duration((total - done) / rate)} left" if rate > 0.0 else ""
-        note(f"{done} of {total} cells{left}")
-
-    yield tell
-
-
-def _duration(seconds: float) -> str:
-    """Return a time as people say it."""
-    minutes = round(seconds / 60.0)
-    if minutes < 1:
-        return f"{max(1, round(seconds))} s"
-    return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"  # noqa: PLR2004 - of an hour
 
 
 def _summary(results: Results, cells: int) -> str:

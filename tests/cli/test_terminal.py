@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from hdvplan.cli.console import progress
+
 pty = pytest.importorskip("pty", reason="needs pseudo-terminals")
 
 CODES = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
@@ -45,3 +47,22 @@ def test_a_terminal_gets_progress_with_the_time_left_and_no_colour_if_it_asks_fo
     for seen in (coloured, plain):
         assert re.search(r"planning bus along sturn \S+ +\d+% \d:\d\d:\d\d", CODES.sub("", seen))
         assert "expected half width" in seen
+
+
+def test_without_a_terminal_a_line_every_ten_seconds_has_the_time_left(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    seconds = iter([0.0, 4.0, 11.0, 13.0, 90.0])
+    monkeypatch.setattr("hdvplan.cli.console.monotonic", lambda: next(seconds))
+    with progress("planning 8 cells", quiet=False) as tell:
+        for share in (0.25, 0.5, 0.5, 0.75):  # an earlier run has done a quarter
+            tell(share)
+    assert capsys.readouterr() == ("", "planning 8 cells: 50 %, about 22 s left\nplanning 8 cells: 75 %, about 1 min left\n")
+
+
+def test_who_wants_silence_gets_it_without_a_terminal_too(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr("hdvplan.cli.console._TELL_S", 0.0)
+    with progress("planning", quiet=True) as tell:
+        tell(0.0)
+        tell(0.5)
+    assert capsys.readouterr() == ("", "")
