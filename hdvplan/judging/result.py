@@ -154,12 +154,11 @@ class Result:
 
     @cached_property
     def tracking(self) -> Tracking | None:
-        """How far the driver may stray from the plan so that every body still keeps the street.
-
-        None without limits, and where the settings ask for no tracking error: of long vehicles it takes longer than the drive.
-        """
-        settings = self.case.settings
-        return tracking_of(self.drive, self.balance, settings.tracking_length) if settings.tracking_error > 0.0 else None
+        """How far the driver may stray so that every body still keeps the street; None without limits, and where they are broken."""
+        room = self.balance.min_clearance
+        if room is None or room < -KEPT_M:
+            return None
+        return tracking_of(self.drive, self.balance, self.case.settings.tracking_length)
 
     @property
     def approaches(self) -> tuple[Approach, ...]:

@@ -55,7 +55,7 @@ class Tracking:
     y: float
     unit: int
     part: str
-    decided: bool = True  #: whether the place decides; else no bound is known of larger errors, which may be allowed
+    decided: bool = True  #: whether the place decides; else larger errors may be allowed: they have no bound, or were not looked at
 
 
 class Tracked:
@@ -194,7 +194,7 @@ def tracking_of(drive: Drive, balance: Balance, length: float) -> Tracking | Non
         if held > _NEAR * unknown:
             error = held
     if brush is None:
-        return Tracking(error, length, *_tightest(drive, balance), decided)
+        return Tracking(error, length, *_tightest(drive, balance), decided and error < _LARGEST_M)
     at, street = brush[0], drive.road.kerbs
     s, part = float(at["s"]), part_named(drive.vehicle.units[at["unit"]], float(at["ahead"]))
     if street is not None and street.closed:

@@ -155,21 +155,19 @@ def _answer(result: Result, verdict: Verdict, who: str) -> str:
 
 
 def tracking_line(result: Result) -> str:
-    """Return how far the driver may stray from a plan that fits, as one line; "" without limits, and where it was not asked for."""
-    tracking, wanted = result.tracking, result.case.settings.tracking_error
+    """Return how far the driver may stray from a plan that keeps the street, and what decides that, as one line; "" without limits."""
+    tracking = result.tracking
     if tracking is None:
         return ""
     course = np.floor(np.degrees(tracking.error / tracking.length) * _TENTHS) / _TENTHS  # a bound is rounded to what it allows
     held = (
-        f"holds while the driver keeps the front axle within {np.floor(tracking.error * _CENTI) / _CENTI:.2f} m of the path "
-        f"and its course within {course:.1f} degrees of it, without slip"
+        f"holds while the driver keeps the front axle within {np.floor(tracking.error * _CENTI) / _CENTI:.2f} m of the path, "
+        f"its course within {course:.1f} degrees, without slip"
     )
-    if wanted <= tracking.error:
-        return held
     if not tracking.decided:
-        return f"{held}; for {wanted:g} m no bound is known"
+        return f"{held}; of more nothing is known"
     name = body_name(result.drive.vehicle, tracking.unit)
-    return f"{held}, not {wanted:g} m; the {tracking.part} of the {name} decides at s = {tracking.s:.1f} m"
+    return f"{held}; decided at s = {tracking.s:.1f} m, {tracking.part} of the {name}"
 
 
 def verdict_title(result: Result, verdict: Verdict) -> str:

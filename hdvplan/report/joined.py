@@ -157,7 +157,7 @@ def joined_summary(pieces: Sequence[Kept]) -> Json:
     summary |= {key: _mean([one[key] for one in every], lengths) for key in _BY_LENGTH}
     summary |= {key: _mean([one[key] for one in every], plans) for key in _BY_PLANS}
     summary |= {key: [item for one in every for item in one[key]] for key in _LISTS}
-    strays = min(every, key=lambda one: np.inf if one["tracking_error_m"] is None else one["tracking_error_m"])
+    strays = min(every, key=lambda one: -1.0 if one["tracking_error_m"] is None else one["tracking_error_m"])  # what breaks has none
     summary |= {key: strays[key] for key in TRACKING}
     summary["notes"] = list(dict.fromkeys(note for one in every for note in one["notes"]))
     summary["imbalance_m"] = summary["max_left_m"] - summary["max_right_m"]

@@ -16,7 +16,7 @@ from matplotlib.patches import Rectangle
 
 from hdvplan.judging.bodies import TRACK_NOTE
 from hdvplan.judging.result import Result
-from hdvplan.judging.verdict import verdict_line, verdict_of, verdict_text
+from hdvplan.judging.verdict import tracking_line, verdict_line, verdict_of, verdict_text
 from hdvplan.report.colours import INK, MUTED, answer_colour
 from hdvplan.report.drawing import draw_vehicle_views
 from hdvplan.report.layers import LONLAT_CODE, Drawn, drawn_features, map_system
@@ -136,12 +136,13 @@ def _draw_title(axes: Axes, result: Result, page: Page, paper: str, date: str, s
         ("date", f"{date}, hdvplan {__version__}, planned with {result.objective}, judged by simulation"),
         ("source", drive.road.notice or "road file without attribution"),
         ("wheel tracks", TRACK_NOTE),
+        *([("driver", tracking_line(result))] if verdict.fits else []),
     ]
     y -= 1.5
     for name, value in rows:
         axes.plot([0.0, width], [y + 0.8, y + 0.8], color=MUTED, linewidth=0.3)
         axes.text(_MARGIN_MM, y, name, fontsize=_SMALL, color=MUTED, va="top")
-        for line in _lines(value, width - 18.0, _TEXT, 2):
+        for line in _lines(value, width - 18.0, _TEXT, 3):
             axes.text(_MARGIN_MM + 16.0, y, line, fontsize=_TEXT, va="top")
             y -= 1.25 * _TEXT * _MM_PT
         y -= 1.4

@@ -46,8 +46,9 @@ def test_a_plan_writes_every_file_and_prints_the_balance(cli: Cli, tmp_path: Pat
     assert (folder / "plan.png").read_bytes().startswith(b"\x89PNG")
     for words in ("max left", "mean |left + right|", "expected half width", "limits kept", "time per step", "short.bus/"):
         assert words in outcome.out
-    verdict, *tables = outcome.out.splitlines()
+    verdict, more, *tables = outcome.out.splitlines()
     assert verdict.startswith("YES: ")
+    assert "holds while the driver keeps" in more
     assert max(len(line) for line in tables) <= 80
 
 

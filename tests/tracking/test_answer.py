@@ -12,6 +12,7 @@ import hdvplan
 from hdvplan.cli.console import ExitCode
 from hdvplan.cli.outcome import exit_code_of
 from hdvplan.judging.result import Result
+from hdvplan.judging.tracking import tracking_of
 from hdvplan.judging.verdict import tracking_line, verdict_of
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.report.summary import tracking_json
@@ -33,7 +34,7 @@ def test_the_error_is_less_than_the_room_and_halves_with_it(straight: Result) ->
 
 
 def test_a_plan_that_touches_its_limits_allows_no_error(straight: Result) -> None:
-    assert planned(straight.drive.road.with_limits(1.26, 1.26)).tracking.error == 0.0  # type: ignore[union-attr] # it has limits
+    assert planned(straight.drive.road.with_limits(1.265, 1.265)).tracking.error == 0.0  # type: ignore[union-attr] # it has limits
 
 
 def test_without_limits_there_is_no_tracking_error(straight: Result) -> None:
@@ -48,11 +49,26 @@ def test_a_tracking_error_changes_no_plan(straight: Result) -> None:
     assert replace(case, settings=replace(case.settings, tracking_error=0.2, tracking_length=4.0)).key == case.key
 
 
-def test_nothing_is_computed_where_no_tracking_error_is_asked_for(straight: Result) -> None:
-    assert straight.case.settings.tracking_error == 0.0
-    assert straight.tracking is None
-    assert tracking_line(straight) == ""
-    assert set(tracking_json(straight).values()) == {None}
+def test_a_plan_that_breaks_its_limits_has_no_tracking_error(straight: Result) -> None:
+    result = planned(straight.drive.road.with_limits(1.1, 1.1))
+    assert verdict_of(result).fits is False
+    assert result.tracking is None
+    assert set(tracking_json(result).values()) == {None}
+
+
+def test_it_is_told_whether_asked_for_or_not(straight: Result) -> None:
+    result = planned(straight.drive.road.with_limits(1.47, 1.47), 0.0)
+    assert result.case.settings.tracking_error == 0.0
+    assert tracking_line(result).startswith("holds while")
+    assert tracking_json(result)["tracking_error_m"] == tracking_of(result.drive, result.balance, 6.0).error  # type: ignore[union-attr]
+
+
+def test_more_than_a_metre_is_not_looked_for(straight: Result) -> None:
+    result = planned(straight.drive.road.with_limits(5.0, 5.0))
+    assert result.tracking is not None
+    assert result.tracking.error == 1.0
+    assert not result.tracking.decided
+    assert tracking_json(result)["tracking_part"] is None
 
 
 @pytest.mark.parametrize("more", [False, True])
@@ -69,7 +85,7 @@ def test_a_line_and_the_exit_code_say_whether_the_driver_may_stray_as_far_as_ask
     assert first.error - 0.01 < held <= first.error
     assert degrees - 0.1 < course <= degrees
     assert line.startswith("holds while the driver keeps the front axle within")
-    assert ("decides at s = " in line) == more
+    assert "decided at s = " in line
     assert exit_code_of(result, verdict_of(result)) == (ExitCode.BROKEN if more else ExitCode.OK)
 
 
@@ -79,6 +95,6 @@ def test_where_larger_errors_have_no_bound_no_place_decides() -> None:
     assert result.tracking is not None
     assert 0.0 < result.tracking.error < (result.balance.min_clearance or 0.0)
     assert not result.tracking.decided
-    assert tracking_line(result).endswith("; for 0.5 m no bound is known")
+    assert tracking_line(result).endswith("; of more nothing is known")
     assert tracking_json(result)["tracking_part"] is None
     assert exit_code_of(result, verdict_of(result)) == ExitCode.BROKEN
