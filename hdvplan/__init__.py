@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from hdvplan.case import Case
     from hdvplan.driving.followed import GivenPath
     from hdvplan.errors import HdvplanError
-    from hdvplan.finer import replanned
+    from hdvplan.finer import clearest, replanned
     from hdvplan.judging.result import Result
     from hdvplan.judging.verdict import verdict_of
     from hdvplan.need.answer import need_of
@@ -64,6 +64,7 @@ _HOMES = {
     "plan": "hdvplan.api",
     "plan_figure": "hdvplan.report.plots",
     "prove": "hdvplan.api",
+    "clearest": "hdvplan.finer",
     "replanned": "hdvplan.finer",
     "solver": "hdvplan.api",
     "study": "hdvplan.study",
@@ -88,6 +89,7 @@ __all__ = [
     "Unit",
     "Vehicle",
     "__version__",
+    "clearest",
     "judge",
     "load_road",
     "load_vehicle",

@@ -5,6 +5,8 @@ metres it keeps those wherever something does, and so lacks no more than these m
 
 From one station to the next a plan holds its curvature. On a road just wide enough for the vehicle, one that may steer more often can keep
 limits that a coarse one breaks.
+
+A plan that fits comes as near to limits as its objective likes. The largest clearance that one can keep leaves its driver the most room.
 """
 
 from __future__ import annotations
@@ -12,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
-from math import ceil, log
+from math import ceil, inf, log
 
 from hdvplan import api
 from hdvplan.errors import HdvplanError
@@ -24,6 +26,7 @@ from hdvplan.planning.settings import MOST_STAGES, SHORTEST_STEP_M, PlannerSetti
 _SHARE = 0.25  # of what was to be gained that a plan may miss and counts as found: what gives way is kept to some centimetres only
 _REPAIRS = 3  # times as many as of a first plan: with as many, a long vehicle may lack 3 cm where 1.5 do
 _DIVISORS = (2, 5)  # of the distance of stations: whole numbers, so that horizon and replanning distance remain multiples of it
+_FIRST_M, _MOST = 0.2, 20  # clearance that is tried beyond the room of a plan, then twice that, and so on; plans at most
 _WORTH = 0.1  # metres lacking at best per metre between stations beyond which a finer plan is not tried: that much is hardly ever gained
 
 
@@ -79,3 +82,28 @@ def _divided(settings: PlannerSettings, divisor: int) -> PlannerSettings | None:
     if step < SHORTEST_STEP_M or settings.stages * divisor > MOST_STAGES:
         return None
     return replace(settings, step=step, give_way=0.5 * KEPT_M)  # half of what counts as kept
+
+
+def clearest(result: Result, *, on_progress: Callable[[float], None] | None = None) -> Result:
+    """Return the plan that was asked for the largest clearance and keeps it, to 1 cm, of one that fits and others of its case.
+
+    Plans that do not fit, and those on roads without limits, are returned as they are. The clearance is that of the returned case's
+    settings. ``on_progress`` receives the share of the plans that are made at most, 0 to 1.
+    """
+    if not verdict_of(result).fits or result.balance.min_clearance is None:
+        return result
+    best, kept, missed, step = result, result.case.settings.clearance, inf, result.balance.min_clearance + _FIRST_M
+    for number in range(_MOST):
+        if missed - kept <= KEPT_M:
+            break
+        wanted, step = (kept + step, 2.0 * step) if missed == inf else (0.5 * (kept + missed), step)
+        found = result
+        with suppress(HdvplanError):  # what cannot be planned so is too much
+            found = api.plan(replace(result.case, settings=replace(result.case.settings, clearance=wanted)))
+        if found is not result and verdict_of(found).fits:
+            best, kept = found, wanted
+        else:
+            missed = wanted
+        if on_progress is not None:
+            on_progress((number + 1) / _MOST)
+    return best

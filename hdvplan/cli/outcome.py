@@ -31,6 +31,22 @@ def looked_again(result: Result, *, proof: bool, refine: bool, quiet: bool) -> R
     return result
 
 
+def cleared(result: Result, *, quiet: bool) -> Result:
+    """Return the plan with the largest clearance that can be kept, of one that fits, and say what it gives the driver."""
+    from hdvplan.finer import clearest
+
+    with progress("planning again with more clearance", quiet=quiet) as on_progress:
+        found = clearest(result, on_progress=on_progress)
+    before, after = result.tracking, found.tracking
+    if before is not None and after is not None:
+        note(
+            f"a clearance of {found.case.settings.clearance:.2f} m can be kept; "
+            f"with it the driver may stray by {after.error:.3f} m, without by {before.error:.3f} m",
+            quiet=quiet,
+        )
+    return found
+
+
 def write(result: Result, directory: Path, kinds: list[str], sheet: SheetOptions | None, *, animate: bool, quiet: bool) -> None:
     """Write the files of a judged drive, with pictures and drawings of these ``kinds``."""
     from hdvplan.report.files import DRAWINGS, write_plan
@@ -51,7 +67,7 @@ def tell(result: Result, directory: Path, *, as_json: bool, quiet: bool) -> Verd
     elif not quiet:
         print_line(verdict_line(result, verdict))
         print_line("; ".join(text for text in (verdict_details(result, verdict), tracking_line(result) if verdict.fits else "") if text))
-    if result.planned and verdict.fits and verdict.spare is not None and verdict.spare < _NEAR_M:
+    if result.planned and verdict.fits and verdict.spare is not None and verdict.clearance_wanted + verdict.spare < _NEAR_M:
         note("the plan comes as near as limits allow; --clearance M keeps it away from them", quiet=quiet)
     warn_of(result, verdict, quiet=quiet)
     if not as_json and not quiet:

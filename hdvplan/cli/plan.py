@@ -6,16 +6,19 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import typer
+
 from hdvplan.cli.checks import check_bias, check_fits, check_room, vehicle_named, warn_far_regions
 from hdvplan.cli.console import note, progress
 from hdvplan.cli.help import OUTPUT, PLANNING, ROAD, VEHICLE
 from hdvplan.cli.lengthy import plan_long, refuse_on_long
 from hdvplan.cli.options import Output, RoadArgument, Room, VehiclesOption, check_folder, file_name
-from hdvplan.cli.outcome import compare, exit_code_of, looked_again, tell, write
+from hdvplan.cli.outcome import cleared, compare, exit_code_of, looked_again, tell, write
 from hdvplan.cli.settings import OptionsOf, with_settings
 from hdvplan.errors import OptionError
 from hdvplan.planning.settings import PlannerSettings, PlanOptions
 from hdvplan.road.options import RoadOptions
+from hdvplan.settings import fields_of
 
 if TYPE_CHECKING:
     from hdvplan.case import Case
@@ -24,6 +27,10 @@ if TYPE_CHECKING:
     from hdvplan.road.load import Found
     from hdvplan.road.road import Road
     from hdvplan.vehicle.model import Vehicle
+
+
+_LARGEST = "max"  # instead of a clearance
+_OTHERS = tuple(name for name in fields_of(PlannerSettings) if name != "clearance")
 
 
 @dataclass(frozen=True)
@@ -36,6 +43,7 @@ class _Asked:
     settings: PlannerSettings
     options: PlanOptions
     output: Output
+    largest: bool  # whether as much clearance is wanted as can be kept
 
     @property
     def solver(self) -> str:
@@ -59,8 +67,16 @@ def plan(
     vehicle: VehiclesOption,
     *,
     room: Annotated[Room, OptionsOf(Room, VEHICLE)],
+    clearance: Annotated[
+        str,
+        typer.Option(
+            metavar="M|max",
+            help="Room to keep from every limit and obstacle [m]; max: as much as can be kept.",
+            rich_help_panel=VEHICLE,
+        ),
+    ] = "0.0",
     reading: Annotated[RoadOptions, OptionsOf(RoadOptions, ROAD)],
-    settings: Annotated[PlannerSettings, OptionsOf(PlannerSettings, PLANNING, {"clearance": VEHICLE})],
+    settings: Annotated[PlannerSettings, OptionsOf(PlannerSettings, PLANNING, only=_OTHERS)],
     options: Annotated[PlanOptions, OptionsOf(PlanOptions, PLANNING, {"side": VEHICLE})],
     output: Annotated[Output, OptionsOf(Output, OUTPUT)],
 ) -> int:
@@ -73,7 +89,9 @@ def plan(
     Exit code 0: the driven path keeps all limits (to 1 cm), or the road has none. 1: it breaks one, or may with the
     --tracking-error, or no plan exists. 2: bad input.
     """
-    asked = _Asked(road, room.reaches(), reading, settings, options, output)
+    largest = clearance == _LARGEST
+    settings = settings if largest else replace(settings, clearance=_metres(clearance))
+    asked = _Asked(road, room.reaches(), reading, settings, options, output, largest)
     output.drawn_on()
     check_folder(output.out)
     from hdvplan.planning.objective_names import check_objective
@@ -138,6 +156,7 @@ def _plan_long(asked: _Asked, found: Found, line: Line, vehicle: Vehicle) -> int
 
     output, bias = asked.output, asked.options.bias
     dropped = {"--sheet": output.sheet is not None, "--animate": output.animate, "--bias centre": bias == CENTRE}
+    dropped |= {f"--clearance {_LARGEST}": asked.largest}
     dropped |= {"--tracking-error": asked.settings.tracking_error > 0.0, "--format dxf,gpkg": bool({*_kinds(output)} & {*DRAWINGS})}
     refuse_on_long(line, dropped)
     check_room(vehicle, asked.reaches)
@@ -169,4 +188,13 @@ def _planned(asked: _Asked, found: Found, vehicle: Vehicle) -> Result:
             case = api.biased(case, options.bias)
             check_bias(case.bias, options.bias)
         result = api.plan(case, on_progress=on_progress)
-    return looked_again(result, proof=options.proof, refine=options.refine, quiet=quiet)
+    result = looked_again(result, proof=options.proof, refine=options.refine, quiet=quiet)
+    return cleared(result, quiet=quiet) if asked.largest else result
+
+
+def _metres(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        msg = f"--clearance must be a number of metres or {_LARGEST}, not {text!r}"
+        raise OptionError(msg) from None

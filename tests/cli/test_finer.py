@@ -101,3 +101,20 @@ def test_plan_tells_how_it_came_to_its_answer(cli: Cli, tmp_path: Path) -> None:
     assert json.loads(coarse.out)["attempts"] == []
     said = cli(*options, "--out", "again")
     assert f"{last['step_m']:g} m apart, it fits: that is the plan here" in said.err
+
+
+def test_the_largest_clearance_leaves_the_driver_more_room_and_a_larger_one_is_not_kept() -> None:
+    road = hdvplan.load_road("monaco_fairmont_hairpin").with_limits(4.2, 4.2)
+    first = hdvplan.plan(hdvplan.Case(road, hdvplan.load_vehicle("bus")))
+    found = hdvplan.clearest(first)
+    kept = found.case.settings.clearance
+    assert found.balance.min_clearance == pytest.approx(kept, abs=0.02)
+    assert first.tracking is not None
+    assert found.tracking is not None
+    assert found.tracking.error > first.tracking.error
+    more = replace(found.case, settings=replace(found.case.settings, clearance=kept + 0.05))
+    assert verdict_of(hdvplan.plan(more)).fits is False
+
+
+def test_a_plan_that_does_not_fit_has_no_largest_clearance(much: Result) -> None:
+    assert hdvplan.clearest(much) is much
