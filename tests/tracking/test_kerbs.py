@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -47,13 +48,22 @@ def aims(result: Result, chain: Chain, error: float) -> Records:
 
 def motions(chain: Chain, aimed: Records, error: float) -> Motion:
     """Return how the vehicle moves with errors at each of the aims, to either side, and others; as the plan itself with none."""
+
+    def errors(half_steps: FloatArray) -> FloatArray:
+        found = errors_of(tracked(chain, error), aimed, half_steps, np.random.default_rng(3))
+        return error * np.concatenate([found, -found[: len(aimed)]])
+
+    return led(chain, errors)
+
+
+def led(chain: Chain, errors: Callable[[FloatArray], FloatArray]) -> Motion:
+    """Return how the vehicle moves with errors (attacks, n) at half steps (n,) [m], those of none before them."""
     lead = chain.poses[:, 0]
     front = [lead[axis] + chain.vehicle.lead.wheelbase * lead[part] for axis, part in (("x", "cos"), ("y", "sin"))]
     headings = np.unwrap(np.arctan2(chain.poses["sin"], chain.poses["cos"]), axis=0)
     driver = Driver(chain.vehicle, np.stack(front, axis=1), headings[0])
     half_steps = 0.5 * attacks.STEP_M * np.arange(2 * len(driver.front), dtype=np.float64)
-    errors = errors_of(tracked(chain, error), aimed, half_steps, np.random.default_rng(3))
-    motion = driver.driven(error * np.concatenate([np.zeros((1, len(half_steps))), errors, -errors[: len(aimed)]]))
+    motion = driver.driven(np.concatenate([np.zeros((1, len(half_steps))), errors(half_steps)]))
     axles, turned = motion.axles, motion.headings
     for unit in range(len(chain.vehicle.units)):  # what the plan's own integration leaves is no error
         for number, axis in enumerate("xy"):
@@ -74,9 +84,9 @@ def outlines(unit: Unit, axles: FloatArray, headings: FloatArray, *, wheels: boo
     return np.asarray(shapely.polygons(np.stack([x, y], axis=-1).reshape(-1, 4, 2)))
 
 
-def touching(scene: Scene, chain: Chain, motion: Motion, aimed: Records) -> int:
-    """Return at how many poses bodies lie beyond what bounds them, in the plane."""
-    near = np.flatnonzero((motion.front > np.min(aimed["at"]) - NEAR_M) & (motion.front < np.max(aimed["at"]) + NEAR_M))
+def touching(scene: Scene, chain: Chain, motion: Motion, aimed: Records, every: int = 1) -> int:
+    """Return at how many poses bodies lie beyond what bounds them, in the plane; ``every`` so many of them are looked at."""
+    near = np.flatnonzero((motion.front > np.min(aimed["at"]) - NEAR_M) & (motion.front < np.max(aimed["at"]) + NEAR_M))[::every]
     for area in (scene.bodies, scene.wheels, *scene.obstacles):
         shapely.prepare(area)
     count = 0

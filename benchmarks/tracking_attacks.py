@@ -1,0 +1,138 @@
+"""Drivers who err as much as the answer allows, 10,000 a vehicle, integrated apart: touches. Writes attacks.csv, attacks.md and run.json.
+
+python benchmarks/tracking_attacks.py [--out results/tracking-attacks] [--vehicles a,b] [--attacks 10000]
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from cases import words, write_results
+
+from hdvplan.api import plan
+from hdvplan.arrays import FloatArray, Records
+from hdvplan.judging.straying import SPACING_M, Chain, chain_of
+from hdvplan.judging.tracking import Tracked, tracking_of
+from hdvplan.report.grid import markdown_table
+from tests.tracking.attacks import Motion, strayed
+from tests.tracking.scenes import Scene, along, case_of
+from tests.tracking.test_bound import weights, worst
+from tests.tracking.test_kerbs import aims, led, touching
+
+HALF_WIDTHS_M = {"a-double": 4.2, "semitrailer-steered": 2.6, "articulated-bus": 3.1, "tractor-trailer": 3.3, "bus": 3.0}
+LENGTH_M = 6.0  # of tracking
+BATCH = 500  # attacks in memory
+PROCESSES = 2
+EVERY = 5  # poses of 0.1 m, at which bodies are held against kerbs
+KINDS = ("random walks", "bang-bang", "waves", "the worst, moved")
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Attack a plan of every vehicle and write the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, default=Path("results/tracking-attacks"))
+    parser.add_argument("--vehicles", type=words, default=list(HALF_WIDTHS_M))
+    parser.add_argument("--attacks", type=int, default=10_000)
+    options = parser.parse_args(arguments)
+    with ProcessPoolExecutor(PROCESSES) as pool:
+        table = pd.DataFrame(pool.map(attacked, options.vehicles, [options.attacks] * len(options.vehicles)))
+    write_results(options.out, "attacks", table, markdown(table), [case_of(scene_of(vehicle)) for vehicle in options.vehicles])
+
+
+def scene_of(vehicle: str) -> Scene:
+    """Return the bend that a vehicle drives, between kerbs."""
+    return along(vehicle, HALF_WIDTHS_M[vehicle])
+
+
+def attacked(vehicle: str, attacks: int) -> dict[str, object]:
+    """Attack the plan of one vehicle; return its row."""
+    scene = scene_of(vehicle)
+    result = plan(case_of(scene))
+    tracking, chain = tracking_of(result.drive, result.balance, LENGTH_M), chain_of(result.drive)
+    error = 0.0 if tracking is None else tracking.error
+    made, rng = Tracked(chain.vehicle.table(), chain.links, LENGTH_M), np.random.default_rng(11)
+    aimed = aims(result, chain, 1.05 * error)
+    made.err(error)
+    touches, came, batches = 0, np.zeros(len(aimed)), -(-attacks // BATCH)
+    for number in range(batches):
+        kind = KINDS[number % len(KINDS)]
+        motion = led(chain, lambda half_steps, kind=kind: error * errors(made, aimed, half_steps, kind, rng))  # type: ignore[misc] # Callable
+        touches += touching(scene, chain, motion, aimed, EVERY)
+        came = np.maximum(came, reached(chain, motion, aimed))
+    aimed["gap"] = 0.0  # all of the bound counts, whether it closes the gap or not
+    gain, remainder = made.approaches(aimed)
+    quotient = (error * gain + remainder) / came
+    row: dict[str, object] = {"vehicle": vehicle, "half_width_m": HALF_WIDTHS_M[vehicle], "spare_m": result.balance.min_clearance}
+    row |= {"error_m": error, "decided": tracking is not None and tracking.decided, "attacks": BATCH * batches, "touches": touches}
+    row |= {"bound_over_worst_first": float(quotient[0]), "bound_over_worst_most": float(np.max(quotient))}
+    print(*row.values(), sep="  ", flush=True)
+    return row
+
+
+def errors(made: Tracked, aimed: Records, half_steps: FloatArray, kind: str, rng: np.random.Generator) -> FloatArray:
+    """Return errors (BATCH, n) of one kind, between -1 and 1, that change by 1 within the tracking length at least."""
+    each = half_steps[1] - half_steps[0]
+    if kind == "waves":  # from those that only the lead unit answers to, to those that the last trailer follows
+        slope, phase = 2.0 * np.pi / np.exp(rng.uniform(np.log(8.0), np.log(120.0), BATCH)), rng.uniform(0.0, 2.0 * np.pi, BATCH)
+        most = np.minimum(1.0, 1.0 / (made.length * slope))
+        return most[:, None] * np.sin(slope[:, None] * half_steps + phase[:, None])
+    if kind == "the worst, moved":  # what a search around the first order's worst would try
+        found = np.zeros((BATCH, len(half_steps)))
+        for number in range(BATCH):
+            brush = aimed[number % len(aimed)][None]
+            of = worst(weights(made, brush), made.levels)[1]
+            nodes = brush["at"] - SPACING_M * np.arange(len(of)) + (0.0 if number < len(aimed) else rng.normal(0.0, 1.0))
+            found[number] = np.interp(half_steps, nodes[::-1], of[::-1])
+        return found
+    held = rng.integers(1, 150, BATCH)
+    found, now, step = np.empty((BATCH, len(half_steps))), rng.uniform(-1.0, 1.0, BATCH), np.ones(BATCH)
+    for at in range(len(half_steps)):
+        fresh = rng.choice([-1.0, 1.0], BATCH) if kind == "bang-bang" else rng.uniform(-1.0, 1.0, BATCH)
+        step = np.where(at % held == 0, fresh, step)
+        now = np.clip(now + step * each / made.length, -1.0, 1.0)
+        found[:, at] = now
+    return found
+
+
+def reached(chain: Chain, motion: Motion, aimed: Records) -> FloatArray:
+    """Return how near the attacks came at most at every brush (brushes,) [m], along its own direction."""
+    planned, found = Motion(motion.front, motion.axles[:, :1], motion.headings[:, :1]), []
+    for brush in aimed:
+        unit, at = int(brush["unit"]), float(brush["at"])
+        moved, turned = strayed(planned, motion, unit, at)
+        track = chain.poses[int(np.searchsorted(chain.front, at))][unit]
+        off = float(chain.links[int(at / SPACING_M), unit]["axle_off"])
+        left = np.array([-track["sin"] * np.cos(off) - track["cos"] * np.sin(off), track["cos"] * np.cos(off) - track["sin"] * np.sin(off)])
+        found.append(
+            np.max(brush["by_axle"] * (moved @ left) + brush["by_heading"] * np.sin(turned) - brush["second"] * (1.0 - np.cos(turned)))
+        )
+    return np.array(found)
+
+
+def markdown(table: pd.DataFrame) -> str:
+    """Return the table as it is read."""
+    shown = table.assign(
+        **{name: table[name].map("{:.2f}".format) for name in ("spare_m", "bound_over_worst_first", "bound_over_worst_most")},
+        error_m=table["error_m"].map("{:.3f}".format),
+    )
+    shown.columns = [
+        "vehicle", "half width [m]", "spare [m]", "E [m]", "a place decides", "attacks", "touches", "bound / worst, where E is decided",
+        "most of all places",
+    ]  # fmt: skip
+    return f"""# Attacks on what a driver may err by
+
+Drives of a bend of 14 m with errors up to E, integrated apart from the program: {", ".join(KINDS)}, as many of each. A touch is
+a body beyond a kerb by more than 0.1 mm, at poses every {0.1 * EVERY:g} m around the places that are aimed at. The bound over the worst
+found is that of the approach at one place.
+
+{markdown_table(shown, text=("vehicle",))}
+"""
+
+
+if __name__ == "__main__":
+    main()
