@@ -101,11 +101,12 @@ def text(plans: pd.DataFrame, size: pd.DataFrame) -> str:
     most = classes[["factorisations", "linearisations", "plan_difference", "difference"]].max()
     for name in ("plan_difference", "difference"):
         most[name] = most[name].map("{:.1e}".format)
-    most = most.join(classes[["plans", "beyond_rounding", "recounted"]].sum()).reset_index()
+    most = classes[["road"]].nunique().join(most).join(classes[["plans", "beyond_rounding", "recounted"]].sum()).reset_index()
+    most = most.rename(columns={"road": "roads"})
     named = ", ".join(f"{row.vehicle} on {row.road}, {row.limits} ({row.breach_half_m:.3f} m)" for row in lost.itertuples()) or "none"
     default = kept["breach_default_m"] <= KEPT_M
     return (
-        f"The most that one step took over {plans['road'].nunique()} roads, and the largest difference of a state or curvature from "
+        "The most that one step took, and the largest difference of a state or curvature from "
         "hdvplan: of a plan from the same state, and of a whole drive. Of the plans, those that differ by more than "
         f"{ROUNDING:g}, and those that took another number of factorisations.\n\n"
         f"{markdown_table(most, text=('vehicle', 'limits'))}\n\n"

@@ -108,13 +108,18 @@ def _name(part: Part) -> str:
 
 def _core_files(planner: _Planner) -> dict[str, str]:
     """Return the core's files that planning and the sample need, with room for this vehicle alone."""
-    files, wanted = {}, [f"{name}.c" for name in (*PLANNER, *_SAMPLE)]
+    shape = planner.scene.qp.shape
+    return core_files((*PLANNER, *_SAMPLE), len(planner.scene.units), shape.states, shape.inputs)
+
+
+def core_files(names: tuple[str, ...], units: int, n: int, m: int) -> dict[str, str]:
+    """Return files of the core and what they include, for programs of ``n`` states and ``m`` inputs alone."""
+    files, wanted = {}, [f"{name}.c" for name in names]
     while wanted:
         name = wanted.pop()
         if name not in files and name not in _OWN:
             files[name] = (_CORE / name).read_text(encoding="utf-8")
             wanted += _INCLUDED.findall(files[name])
-    n, m, units = planner.scene.qp.shape.states, planner.scene.qp.shape.inputs, len(planner.scene.units)
     most = f"HDV_MOST_UNITS = {units + 1}, HDV_MOST_STATES = {n}, HDV_MOST_INPUTS = {m}"
     only = f"#define HDV_UNROLLED(n, m, function, ...) ((void)(n), (void)(m), function(__VA_ARGS__, {n}, {m}))\n"
     for name, pattern, text in (("hdvplan.h", _MOST, most), ("sizes.h", _UNROLLED, only)):

@@ -41,6 +41,7 @@ def test_percentiles_are_those_of_all_rounds_together() -> None:
     assert row["p50_ms"] == pytest.approx(50.5)  # interpolated halfway between 50 and 51
     assert row["p95_ms"] == pytest.approx(np.percentile(range(1, 101), 95))
     assert row["p99_ms"] == pytest.approx(np.percentile(range(1, 101), 99))
+    assert row["p99_99_ms"] == pytest.approx(99.9901)  # of a hundred steps: a hundredth of the way from the slowest to the next
 
 
 def test_a_disturbed_round_moves_the_max_but_not_the_fastest() -> None:
