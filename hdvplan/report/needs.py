@@ -11,7 +11,7 @@ from rich.table import Table
 
 from hdvplan.fileio import Together, json_bytes
 from hdvplan.judging.result import Result, body_name
-from hdvplan.judging.verdict import place_text, proof_text
+from hdvplan.judging.verdict import place_text, proof_text, tracking_line
 from hdvplan.need.answer import Bound, Need, Place
 from hdvplan.need.search import TOLERANCE_M, WIDE_M, Least, on_road
 from hdvplan.need.widening import Patch, Widening, Widenings
@@ -21,7 +21,7 @@ from hdvplan.report.files import DRAWINGS, PICTURES, drawn_bytes
 from hdvplan.report.geojson import area_style, feature
 from hdvplan.report.grid import grid
 from hdvplan.report.layers import Drawn, Layer, Value, drawn_features
-from hdvplan.report.summary import proof_json
+from hdvplan.report.summary import proof_json, tracking_json
 from hdvplan.road.regions import called
 from hdvplan.version import __version__
 
@@ -66,7 +66,7 @@ def _widening_line(need: Need) -> str:
     widenings, vehicle = need.widenings, need.case.vehicle.name
     assert widenings is not None  # noqa: S101 - for the type checker
     if widenings.fitting is not None:
-        return f"YES: the {vehicle} fits within the road's own limits"
+        return f"YES: the {vehicle} fits within the road's own limits; {tracking_line(widenings.fitting)}"
     if widenings.area is None or widenings.depth is None:
         return f"NO: the {vehicle} does not fit, and no widening of the road's own limits was found that would do{_why(need.room)}"
     area, depth = widenings.area, widenings.depth
@@ -112,6 +112,7 @@ def need_json(need: Need, seconds: float) -> Json:
         "proof": None if need.bound is None else proof_json(need.bound.proof, case.vehicle),
         "out_of_reach_m": WIDE_M if result is None else need.room.out_of_reach if need.room.out_of_reach < need.room.room else None,
         "clearance_wanted_m": case.settings.clearance,
+        **tracking_json(None if widened is None else widened.fitting),
         "s_m": None if place is None else place.s,
         "x": None if place is None else place.x,
         "y": None if place is None else place.y,

@@ -87,13 +87,14 @@ def summary_of(result: Result, *, forecast: bool = True) -> Json:
 TRACKING = ("tracking_error_m", "tracking_length_m", "tracking_s_m", "tracking_unit", "tracking_part")
 
 
-def tracking_json(result: Result) -> Json:
+def tracking_json(result: Result | None) -> Json:
     """Return the largest tracking error, and the place that decides it, under the names that other programs read; else None."""
-    tracking = result.tracking
+    tracking = None if result is None else result.tracking
     found: Json = dict.fromkeys(TRACKING)
-    if tracking is not None:
-        found |= {"tracking_error_m": tracking.error, "tracking_length_m": tracking.length}
-    if tracking is not None and tracking.decided:
+    if result is None or tracking is None:
+        return found
+    found |= {"tracking_error_m": tracking.error, "tracking_length_m": tracking.length}
+    if tracking.decided:
         unit = body_name(result.drive.vehicle, tracking.unit)
         found |= {"tracking_s_m": tracking.s, "tracking_unit": unit, "tracking_part": tracking.part}
     return found

@@ -14,7 +14,9 @@ from hdvplan.cli.outcome import exit_code_of
 from hdvplan.judging.result import Result
 from hdvplan.judging.tracking import tracking_of
 from hdvplan.judging.verdict import tracking_line, verdict_of
+from hdvplan.need.answer import need_of
 from hdvplan.planning.settings import PlannerSettings
+from hdvplan.report.needs import need_json, need_lines
 from hdvplan.report.summary import tracking_json
 from hdvplan.road.road import Road
 
@@ -98,3 +100,14 @@ def test_where_larger_errors_have_no_bound_no_place_decides() -> None:
     assert tracking_line(result).endswith("; of more nothing is known")
     assert tracking_json(result)["tracking_part"] is None
     assert exit_code_of(result, verdict_of(result)) == ExitCode.BROKEN
+
+
+def test_need_tells_it_of_a_plan_that_fits(straight: Result) -> None:
+    road = straight.drive.road.with_limits(1.47, 1.47)
+    need = need_of(hdvplan.Case(road, hdvplan.load_vehicle("bus")))
+    assert need.widenings is not None
+    assert need.widenings.fitting is not None
+    tracking = need.widenings.fitting.tracking
+    assert tracking is not None
+    assert need_lines(need)[0].endswith(tracking_line(need.widenings.fitting))
+    assert need_json(need, 1.0)["tracking_error_m"] == tracking.error
