@@ -18,6 +18,7 @@ from hdvplan.need.answer import need_of
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.report.needs import need_json, need_lines
 from hdvplan.report.summary import tracking_json
+from hdvplan.report.tube import tube_of
 from hdvplan.road.road import Road
 
 
@@ -111,3 +112,13 @@ def test_need_tells_it_of_a_plan_that_fits(straight: Result) -> None:
     assert tracking is not None
     assert need_lines(need)[0].endswith(tracking_line(need.widenings.fitting))
     assert need_json(need, 1.0)["tracking_error_m"] == tracking.error
+
+
+def test_the_tube_in_the_picture_lies_around_what_is_swept_and_within_the_street(straight: Result) -> None:
+    result = planned(straight.drive.road.with_limits(1.47, 1.47))
+    assert result.tracking is not None
+    tube = tube_of(result, 10.0, 30.0)
+    assert tube is not None
+    _, low, _, high = tube.bounds
+    assert (low, high) == pytest.approx((-1.47, 1.47), abs=5e-3)  # a corner decides: it comes to the kerb
+    assert tube_of(planned(straight.drive.road.with_limits(1.265, 1.265)), 10.0, 30.0) is None
