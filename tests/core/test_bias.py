@@ -23,7 +23,7 @@ MIDDLE = slice(240, 360)  # 60 to 90 m of 150 m, every 0.25 m
 
 
 def constant_road(curvature: float) -> Road:
-    return road_of("constant", (np.array([0.0, 150.0]), np.array([curvature, curvature])))
+    return road_of("constant", ((0.0, 150.0), (curvature, curvature)))
 
 
 def run(road: Road, name: str, bias: Bias, objective: Objective = geometric) -> tuple[Drive, Envelope]:

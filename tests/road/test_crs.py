@@ -55,7 +55,7 @@ def test_a_plane_of_ours_is_reached_as_proj_itself_finds_the_way(off: float) -> 
     plane = to_plane(points)
     there = Transformer.from_crs("OGC:CRS84", plane.to_lonlat.plane, always_xy=True)
     np.testing.assert_array_equal(plane.points, np.stack(there.transform(*points.T), axis=1))
-    back = there.transform(*plane.points.T, direction="INVERSE")
+    back = there.transform(plane.points[:, 0], plane.points[:, 1], direction="INVERSE")
     np.testing.assert_allclose(plane.to_lonlat(*plane.points.T), back, rtol=0.0, atol=1e-13)  # rounding of degrees
 
 
