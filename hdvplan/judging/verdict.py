@@ -110,7 +110,8 @@ def verdict_line(result: Result, verdict: Verdict) -> str:
     unusable, steps = len(result.failed) + len(result.rescued), len(result.drive.plans)
     solver = f"; {result.solver} failed in {unusable} of {steps} steps" if unusable else ""
     lines = [f"{_answer(result, verdict, who)}{solver}" for who in _who(result, verdict)]
-    return next((line for line in lines if len(line) <= LINE), f"{lines[-1][: LINE - 3]}...")
+    cut = f"{lines[-1][: max(0, LINE - 3 - len(solver))]}...{solver}"
+    return next((line for line in lines if len(line) <= LINE), cut)
 
 
 def verdict_details(result: Result, verdict: Verdict) -> str:
@@ -135,7 +136,7 @@ def _who(result: Result, verdict: Verdict) -> list[str]:
     """Return what decides and beside what it is: in full, without the body, and without the obstacle's name."""
     full = f"{verdict.part} of the {body_name(result.drive.vehicle, verdict.unit)}"
     if verdict.fits is None:
-        return [f"{name} to the {verdict.side}" for name in (full, verdict.part)]
+        return [f"{full} to the {verdict.side}", f"{verdict.part} to the {verdict.side}", verdict.part]
     beside = "beyond" if _broken(verdict) else "beside"
     against = _against(verdict, two_regions=result.two_regions)
     return [f"{full} {beside} {against}", f"{verdict.part} {beside} {against}", f"{verdict.part} {beside} {called('')}"]
