@@ -92,7 +92,7 @@ def plan(
     largest = clearance == _LARGEST
     settings = settings if largest else replace(settings, clearance=_metres(clearance))
     asked = _Asked(road, room.reaches(), reading, settings, options, output, largest)
-    output.drawn_on()
+    output.drawn_on()  # a sheet that cannot be is told before anything is read
     check_folder(output.out)
     from hdvplan.planning.objective_names import check_objective
     from hdvplan.solvers.registry import check_solver
@@ -174,7 +174,7 @@ def _plan_long(asked: _Asked, found: Found, line: Line, vehicle: Vehicle) -> int
 def _planned(asked: _Asked, found: Found, vehicle: Vehicle) -> Result:
     from hdvplan import api
 
-    _kinds(asked.output)
+    _kinds(asked.output)  # mistakes are told before anything is smoothed
     options, quiet = asked.options, asked.output.quiet
     with progress(f"smoothing {asked.road}", quiet=quiet):
         case = asked.case(found(), vehicle)

@@ -65,7 +65,7 @@ def read_given_path(path: Path, vehicle: Vehicle) -> GivenPath:
     """Return the path in a CSV file with columns x, y and, if it has them, heading, beta1, ..., steering1, ...; as ``path.csv`` is written.
 
     Raises:
-        RoadError: as for ``read_columns``, or fewer than two points.
+        RoadError: as for ``read_columns``.
         OSError: the file cannot be read.
 
     """
@@ -194,8 +194,11 @@ class _Curve:
         """Return how far articulations differ at most from the path's own, of the poses ``at``; None where it has none."""
         if self.betas is None:
             return None
-        claimed = np.stack([np.interp(at, self.t, column) for column in self.betas.T], axis=1)
-        return float(np.max(np.abs(claimed - betas)))
+        return float(np.max(np.abs(self.between(at, self.betas) - betas)))
+
+    def between(self, at: FloatArray, values: FloatArray) -> FloatArray:
+        """Return what the path says at its points, (n, k), at places between them, (len(at), k)."""
+        return np.array([np.interp(at, self.t, column) for column in values.T]).reshape(-1, len(at)).T
 
 
 def _side(passage: Passage, feet: FloatArray, offsets: FloatArray) -> Side:
@@ -216,10 +219,11 @@ def _feet(line: ReferencePath, length: float, points: FloatArray) -> FloatArray:
     s = np.linspace(0.0, length, int(np.ceil(length)) + 1)
     there = line.at(s)
     ahead = np.arctan2(*(points[1] - points[0])[::-1])
-    away = np.hypot(there.x - points[0, 0], there.y - points[0, 1]) + _FAR_M * (np.cos(there.heading - ahead) < 0.0)
+    apart = np.hypot(there.x - points[0, 0], there.y - points[0, 1])
+    away = apart + _FAR_M * (np.cos(there.heading - ahead) < 0.0)
     near = float(s[np.argmin(away)])
     if np.min(away) > _FAR_M:
-        msg = f"the path begins {np.min(np.hypot(there.x - points[0, 0], there.y - points[0, 1])):.0f} m away from the road, or against it"
+        msg = f"the path begins {np.min(apart):.0f} m away from the road, or against it"
         raise RoadError(msg, hint="its x and y are in the plane of the road's path, as in the path.csv that `hdvplan plan` writes")
     feet = np.empty((2, len(points)))
     step = 0.0
@@ -268,8 +272,8 @@ def _poses(
     rigid, units = vehicle.rigid_states, vehicle.table()
     z = np.empty((len(s), vehicle.states))
     z[:, 0], z[:, 1] = offset, wrapped(heading - road.heading)
-    z[:, rigid:] = np.stack([np.interp(at, curve.t, column) for column in curve.steering.T], axis=1) if vehicle.active else 0.0
-    z[0, 2:rigid] = start[2:rigid] if curve.betas is None else [np.interp(at[0], curve.t, column) for column in curve.betas.T]
+    z[:, rigid:] = curve.between(at, curve.steering)
+    z[0, 2:rigid] = start[2:rigid] if curve.betas is None else curve.between(at[:1], curve.betas)[0]
     if rigid == 2:  # noqa: PLR2004 - offset and direction: no trailer
         return z, kappa
     for number, curvature in enumerate(kappa):

@@ -38,8 +38,7 @@ def verdict_line(comparison: Comparison, rule: Rule) -> str:
     cells = len(comparison.times)
     parts = _changed_parts(comparison.changes)
     if slower:
-        worst = max(slower, key=lambda entry: entry.decision.ratio)
-        parts.append(f"{len(slower)} of {cells} cells slower, most {cell_words(worst.cell)}: {worst.decision.ratio:.2f} times as long")
+        parts.append(_longest(slower, cells, "slower"))
     worse = sorted((one for one in comparison.found if one.is_worse), key=lambda one: -one.decision.ratio)
     parts += [f"{quantity_words(one)} {one.decision.ratio:.2f} times as {'much' if one.quantity.unit == 'MB' else 'long'}" for one in worse]
     most = max((entry.decision.pairs for entry in comparison.times), default=FEWEST_PAIRS)
@@ -47,8 +46,7 @@ def verdict_line(comparison: Comparison, rule: Rule) -> str:
     if unknown and most < FEWEST_PAIRS:
         parts.append(f"times need at least {FEWEST_PAIRS} rounds or processes a side, not {most}")
     elif unknown and comparison.processes == 1 and (longer := [one for one in unknown if one.decision.ratio > one.decision.counting]):
-        worst = max(longer, key=lambda entry: entry.decision.ratio)
-        took = f"{len(longer)} of {cells} cells took longer, most {cell_words(worst.cell)}: {worst.decision.ratio:.2f} times as long"
+        took = _longest(longer, cells, "took longer")
         parts.append(f"{took}; one process a side cannot tell a slower program from a slower hour, `hdvplan bench --against REV` can")
     elif unknown:
         uncertain = f"the times of {len(unknown)} of {cells} cells are too uncertain for a factor of {rule.factor:g}"
@@ -61,6 +59,12 @@ def verdict_line(comparison: Comparison, rule: Rule) -> str:
     if unseen and comparison.verdict is not Verdict.REGRESSED:
         parts.append(f"could not see a change of {', '.join(unseen)}")
     return f"{comparison.verdict}: {'; '.join(parts) or 'no counter changed'}"
+
+
+def _longest(entries: Sequence[Entry], cells: int, what: str) -> str:
+    """Return how many of all cells did ``what``, and which by most."""
+    worst = max(entries, key=lambda entry: entry.decision.ratio)
+    return f"{len(entries)} of {cells} cells {what}, most {cell_words(worst.cell)}: {worst.decision.ratio:.2f} times as long"
 
 
 def _changed_parts(changes: Sequence[Change]) -> list[str]:
