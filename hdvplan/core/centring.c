@@ -5,6 +5,7 @@
 #include "kinematics.h"
 #include "path.h"
 #include "sizes.h"
+#include "standing.h"
 
 /* Adds Q, q of weight * residual^2 to a stage of n states; gradient (count,) is the residual's by the first states. */
 HDV_INLINE void
@@ -15,6 +16,11 @@ add_square(struct stage stage, int64_t n, int64_t count, const double *gradient,
         for (int64_t k = 0; k < count; k++)
             stage.Q[j * n + k] += slope * gradient[k];
     }
+}
+
+/* The weight of stage i: where the vehicle stands, one stage of two counts. */
+HDV_INLINE double weight_at(const struct hdv_centring *own, const struct hdv_scene *scene, int64_t i) {
+    return stands(&scene->road[i - 1]) ? 0.0 : own->weights[i];
 }
 
 /* Adds Q, q of one stage's squared residual for a vehicle of n states, and notes foot and residual. Beyond the road's
@@ -36,10 +42,11 @@ centre(const struct hdv_centring *own, const struct hdv_scene *scene, int64_t i,
         gradient[j] *= weigh->aux;
     gradient[0] += weigh->lead;
     double e_y = state_at(scene->motion, scene->states, i)[0];
+    double weight = weight_at(own, scene, i);
     struct hdv_centred centred = {foot.s, weigh->lead * e_y + weigh->aux * foot.offset - weigh->target};
     own->memory[scene->at + i] = centred;
     add_square(
-        program_stage(&scene->program, i), scene->program.shape.states, n, gradient, centred.residual, own->weights[i]
+        program_stage(&scene->program, i), scene->program.shape.states, n, gradient, centred.residual, weight
     );
 }
 
@@ -64,7 +71,7 @@ double hdv_price_centring(void *data, const struct hdv_scene *scene) {
     double total = 0.0;
     for (int64_t i = 1; i <= scene->program.shape.stages; i++) {
         double residual = own->memory[scene->at + i].residual;
-        total += own->weights[i] * (residual * residual);
+        total += weight_at(own, scene, i) * (residual * residual);
     }
     return total;
 }

@@ -196,7 +196,7 @@ linearise_horizon(int64_t rule, const struct hdv_scene *scene, int64_t begin, in
         struct hdv_pose *poses = scene->poses + i * count;
         place(scene->units, count, station->x, station->y, station->cos, station->sin, z, poses);
         if (i < last) {
-            struct interval on = {station, scene->step, z, z_next, z[n], poses, stage, size, m};
+            struct interval on = {station, station->step, z, z_next, z[n], poses, stage, size, m};
             linearise_interval(rule, &on, scene->units, count, n);
         }
         if (i >= begin) {

@@ -56,11 +56,12 @@ struct hdv_pose {
 /* What planning knows of the road where the lead axle is. */
 struct hdv_station {
     double s;                 /* [m] */
+    double step;              /* to the next station [m]: negative where driven rear first, 0 where the vehicle stands */
     double x, y;              /* [m] */
     double cos, sin;          /* of the heading */
     double curvature;         /* [1/m] */
     double curvature_between; /* half-way to the next station [1/m] */
-    double room_left;     /* the narrowest reach that limits leave beside the vehicle [m]; infinite without limits */
+    double room_left;     /* the narrowest reach that limits leave beside the vehicle [m]; infinite where none counts */
     double room_right;    /* [m] */
     double k_low, k_high; /* smallest and largest signed curvature beside the vehicle [1/m] */
     double
@@ -103,7 +104,7 @@ struct hdv_scene {
     double *motion;                 /* (N+1, states + 1): z, and kappa held until the next stage [1/m] */
     struct hdv_pose *poses;         /* (N+1, units) */
     struct hdv_program program;
-    double step;         /* between stations [m] */
+    double step;         /* between stations, at most [m] */
     double kappa_before; /* held until stage 0 [1/m] */
     int64_t first;       /* station of stage 0 */
     int64_t at;          /* stage 0 in the memory of terms, which is indexed by station less the memory's origin */

@@ -15,6 +15,7 @@
 #include "kinematics.h"
 #include "numbers.h"
 #include "sizes.h"
+#include "standing.h"
 
 #define NEAR_M                                                                                                         \
     0.2 /* a body that is nearer to a kerb at a station is looked at before it: a front corner closes in on a          \
@@ -83,12 +84,15 @@ static int is_clear(const struct hdv_edge *edge, double margin, int64_t binding)
     return edge->clear - margin > HDV_CLEAR_M && !(binding && edge->looked > 0.0);
 }
 
-/* Write what is known of a stage that nothing has been seen of: clearances by a bound from the state. */
+/* Write what is known of a stage that nothing has been seen of: clearances by a bound from the state. Where the vehicle
+ * has not moved since the stage before, the rows of that one are enough; some stations have no limits. */
 static void begin_stage(const struct hdv_limits *own, const struct hdv_scene *scene, int64_t i) {
     int64_t units = scene->unit_count, at = (scene->at + i) * units, n = scene->states;
     const double *z = state_at(scene->motion, n, i);
-    double clear = clear_by_state(scene->units, units, &scene->road[i], z),
-           *seen = own->seen + (scene->at + i) * (n + 1);
+    const struct hdv_station *road = &scene->road[i];
+    int free = stands(road - 1) || isinf(road->room_left);
+    double clear = free ? FAR_M : clear_by_state(scene->units, units, road, z);
+    double *seen = own->seen + (scene->at + i) * (n + 1);
     for (int64_t edge = 2 * at; edge < 2 * (at + units); edge++)
         own->edges[edge] = (struct hdv_edge){clear, clear, 0.0, 0.0, INFINITY};
     for (int64_t j = 0; j < n; j++)
@@ -150,11 +154,12 @@ static void see_stage(struct stage_scene *at) {
     }
 }
 
-/* The vehicle so far back before the stage, by the explicit midpoint rule, wheels held. */
+/* The vehicle so far back before the stage, by the explicit midpoint rule, wheels held; ahead of it in a leg that is
+ * driven rear first. */
 static void see_before(struct stage_scene *at, int number) {
     const struct hdv_scene *scene = at->scene;
     int64_t n = scene->states, count = scene->unit_count;
-    double back = scene->step * (double)number / HDV_BETWEEN, z_before[HDV_MOST_STATES], f[HDV_MOST_STATES];
+    double back = scene->road[at->stage - 1].step * (double)number / HDV_BETWEEN, z_before[HDV_MOST_STATES], f[HDV_MOST_STATES];
     const struct hdv_station *road = &scene->road[at->stage];
     const double *z = state_at(scene->motion, n, at->stage);
     double kappa = state_at(scene->motion, n, at->stage - 1)[n];

@@ -12,6 +12,7 @@
 
 #include "numbers.h"
 #include "sizes.h"
+#include "standing.h"
 
 static const double STEEPEST = 1.3;  /* largest heading error a plan may reach: the model's domain ends at pi/2 [rad] */
 static const double INSIDE = 0.05;   /* smallest 1 - e_y k a plan may reach */
@@ -41,12 +42,15 @@ void hdv_guess_motion(
         for (int64_t j = 0; j < n; j++) {
             int64_t wheel = j - (n - wheels) + 1;
             double wanted = states[i * n + j];
-            z[j] = wheel > 0 ? steered(wanted, before[j], change[wheel], most[wheel]) : wanted;
+            double within =
+                wheel > 0 ? change_from(&scene->road[i - 1], scene->step, change[wheel], most[wheel]) : INFINITY;
+            z[j] = wheel > 0 ? steered(wanted, before[j], within, most[wheel]) : wanted;
         }
     }
     for (int64_t i = kept > 1 ? kept - 1 : 0; i <= last; i++) {
         double held = i > 0 ? state_at(scene->motion, n, i - 1)[n] : scene->kappa_before;
-        state_at(scene->motion, n, i)[n] = steered(curvatures[i], held, change[0], most[0]);
+        double within = change_from(&scene->road[i], scene->step, change[0], most[0]);
+        state_at(scene->motion, n, i)[n] = steered(curvatures[i], held, within, most[0]);
     }
 }
 

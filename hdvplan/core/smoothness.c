@@ -1,6 +1,7 @@
 #include "terms.h"
 
 #include "sizes.h"
+#include "standing.h"
 
 /* Curvature held from stage i to the next [1/m]; i = -1 is what was held before. */
 HDV_INLINE double curvature(const struct hdv_scene *scene, int64_t i) {
@@ -17,10 +18,12 @@ int64_t hdv_linearise_smoothness(void *data, const struct hdv_scene *scene, int6
     for (int64_t i = 0; i < scene->program.shape.stages; i++) {
         struct stage stage = program_stage(&scene->program, i), next = program_stage(&scene->program, i + 1);
         double kappa = curvature(scene, i), changed = kappa - curvature(scene, i - 1);
-        stage.R[0] = 2.0 * own->weight;
-        stage.r[0] = 2.0 * own->weight * changed;
-        stage.low[input] = -own->change - changed;
-        stage.high[input] = own->change - changed;
+        double weight = change_weight(&scene->road[i], own->weight);
+        double change = change_from(&scene->road[i], scene->step, own->change, own->most);
+        stage.R[0] = 2.0 * weight;
+        stage.r[0] = 2.0 * weight * changed;
+        stage.low[input] = -change - changed;
+        stage.high[input] = change - changed;
         next.low[0] = -own->most - kappa;
         next.high[0] = own->most - kappa;
     }
@@ -33,7 +36,7 @@ double hdv_price_smoothness(void *data, const struct hdv_scene *scene) {
     double total = 0.0;
     for (int64_t i = 0; i < scene->program.shape.stages; i++) {
         double changed = curvature(scene, i) - curvature(scene, i - 1);
-        total += own->weight * (changed * changed);
+        total += change_weight(&scene->road[i], own->weight) * (changed * changed);
     }
     return total;
 }

@@ -1,6 +1,7 @@
 #include "terms.h"
 
 #include "sizes.h"
+#include "standing.h"
 
 /* Wheel angles of stage i (wheels,) [rad]. */
 HDV_INLINE const double *angles_at(const struct hdv_steering *own, const struct hdv_scene *scene, int64_t i) {
@@ -12,10 +13,12 @@ HDV_INLINE void write_change(const struct hdv_steering *own, const struct hdv_sc
     struct stage stage = program_stage(&scene->program, i);
     double change = angles_at(own, scene, i + 1)[wheel] - angles_at(own, scene, i)[wheel];
     int64_t input = 1 + wheel, bound = scene->program.shape.bounded + input;
-    stage.R[input * scene->program.shape.inputs + input] = 2.0 * own->change_weight;
-    stage.r[input] = 2.0 * own->change_weight * change;
-    stage.low[bound] = -own->change[wheel] - change;
-    stage.high[bound] = own->change[wheel] - change;
+    double weight = change_weight(&scene->road[i], own->change_weight);
+    double most = change_from(&scene->road[i], scene->step, own->change[wheel], own->most[wheel]);
+    stage.R[input * scene->program.shape.inputs + input] = 2.0 * weight;
+    stage.r[input] = 2.0 * weight * change;
+    stage.low[bound] = -most - change;
+    stage.high[bound] = most - change;
 }
 
 /* Writes the bounds of one wheel's angle at stage i, behind those of the curvature; adds its cost where wanted. */
@@ -55,7 +58,8 @@ double hdv_price_steering(void *data, const struct hdv_scene *scene) {
         for (int64_t wheel = 0; wheel < own->wheels; wheel++) {
             double off = angles[wheel] - own->aim[(scene->first + i) * own->wheels + wheel],
                    change = angles[wheel] - before[wheel];
-            total += own->angle_weight * (off * off) + own->change_weight * (change * change);
+            total += own->angle_weight * (off * off) +
+                     change_weight(&scene->road[i - 1], own->change_weight) * (change * change);
         }
     }
     return total;

@@ -36,6 +36,8 @@ def simulate(
 ) -> FloatArray:  # fmt: skip
     """Return the states while driving ``kappa`` [1/m], each value held over ``step`` [m] of road; shape (len(kappa) * keep + 1, n).
 
+    Where ``step`` is negative the vehicle is driven backwards.
+
     ``steering`` (len(kappa) + 1, active) are the angles of active wheels at the ends of the steps; without it they are held [rad].
     ``keep`` states are returned for every step. NaN from where the model leaves its domain (1 - e_y k <= 0, or the lead rear axle
     no longer moves forward along the road).
@@ -48,7 +50,7 @@ def simulate(
     states[0] = z_start
     _simulate(
         core.address(units), len(units), n, core.address(path.record), s_start, len(kappa), step, core.address(kappa),
-        core.address(steering), keep, int(np.ceil(step / keep / SUBSTEP_M)), core.address(states),
+        core.address(steering), keep, int(np.ceil(abs(step) / keep / SUBSTEP_M)), core.address(states),
     )  # fmt: skip
     return states
 

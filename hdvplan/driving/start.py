@@ -45,18 +45,21 @@ def start_of(stations: Stations, vehicle: Vehicle) -> Start:
     return Start(geometry.states[0], float(np.clip(geometry.kappa[0], -vehicle.max_curvature, vehicle.max_curvature)))
 
 
-def kept_start(stations: Stations, vehicle: Vehicle, begin: Start, clearance: float) -> Start:
-    """Return a start moved as little as it takes for all bodies to stand within the street; the start itself where that is not found."""
+def kept_start(stations: Stations, vehicle: Vehicle, begin: Start, clearance: float, s: float = 0.0) -> Start:
+    """Return a start at ``s`` [m] moved as little as it takes for all bodies to stand within the street.
+
+    It is the start itself where that is not found.
+    """
     if stations.street is None:
         return begin
     z = begin.z
     metres = np.array([1.0, *[vehicle.reach_ahead + vehicle.reach_behind] * vehicle.rigid_states][: len(z)])  # that a body moves, about
     for _ in range(_MOVES):
-        gaps = _gaps(stations, vehicle, z[None])[0]
+        gaps = _gaps(stations, vehicle, z[None], s)[0]
         if np.min(gaps, initial=np.inf) >= clearance:
             return begin._replace(z=z)
         near = np.flatnonzero(gaps < clearance + _NEAR_M)
-        changed = _gaps(stations, vehicle, z + np.diag(_PROBE_M / metres))[:, near]
+        changed = _gaps(stations, vehicle, z + np.diag(_PROBE_M / metres), s)[:, near]
         rows, lacking = (changed - gaps[near]).T / _PROBE_M, clearance + _INSIDE_M - gaps[near]
         # Least-distance programming (Lawson and Hanson 1974, chapter 23): the shortest move for which rows @ move >= lacking.
         wanted = np.append(np.zeros(len(z)), 1.0)
@@ -68,11 +71,12 @@ def kept_start(stations: Stations, vehicle: Vehicle, begin: Start, clearance: fl
     return begin
 
 
-def _gaps(stations: Stations, vehicle: Vehicle, z: FloatArray) -> FloatArray:
-    """Return the gaps of all bodies' contacts in states ``z`` (k, states) at s = 0, (k, contacts) [m]; see ``look``."""
-    points = np.tile(evaluate_many(stations.path, np.zeros(1)), (1, len(z)))
+def _gaps(stations: Stations, vehicle: Vehicle, z: FloatArray, at: float) -> FloatArray:
+    """Return the gaps of all bodies' contacts in states ``z`` (k, states) at an arclength [m], (k, contacts) [m]; see ``look``."""
+    s = np.full(len(z), at)
+    points = evaluate_many(stations.path, s)
     assert stations.street is not None  # noqa: S101 - for the type checker: who asks has one
-    poses, s = place_many(vehicle.table(), points, z), np.zeros(len(z))
+    poses = place_many(vehicle.table(), points, z)
     found: FloatArray = look(stations.street, vehicle.table(), axles_behind(vehicle), s, poses)["gap"]
     return found.reshape(len(z), -1)
 

@@ -122,7 +122,7 @@ class SteeringUse:
 
 def steering_of(drive: Drive) -> SteeringUse:
     """Return how hard a drive steers, from its executed curvatures, each held over a step."""
-    vehicle, step, kappa = drive.vehicle, drive.settings.step, drive.kappa
+    vehicle, step, kappa = drive.vehicle, drive.stations.step, drive.kappa
     s = drive.stations.s[: len(kappa)]
     curvature = np.abs(kappa) / vehicle.max_curvature
     rate = np.abs(np.diff(kappa, prepend=kappa[:1])) / (step * vehicle.max_curvature_rate)

@@ -24,7 +24,7 @@ from hdvplan.vehicle.model import Vehicle
 
 BETWEEN = core.number("HDV_BETWEEN")  # poses of a step that are looked at where a body is near a kerb
 _SPACING_M = 0.2  # of the places of the line whose distance from the kerbs is known
-_ROOM_M = 10.0  # table beyond the vehicle's ends, for bodies that stand askew
+ROOM_M = 10.0  # table beyond the vehicle's ends, for bodies that stand askew
 _STRAIGHT = 1.15  # road beside a body is at most so many times as long where the road is nearly straight
 _CHORD_M = 1.5e-3  # of kerbs, which are polygons to 1 mm, and of rows that follow a motion
 _SLACK_M = 1.0  # of rounding to the grid, and of corners of a body askew
@@ -57,6 +57,12 @@ class Stations:
         """The road's curvature, (n,) [1/m]."""
         return self.points["curvature"]
 
+    def ahead(self, values: FloatArray, by: float) -> FloatArray:
+        """Return what ``values`` (n,) of the stations are ``by`` further along the line than each of them [m], between them linear."""
+        order = np.argsort(self.s, kind="stable")  # those of a leg that is driven backwards come in the opposite order
+        found: FloatArray = np.interp(self.s + by, self.s[order], values[order])
+        return found
+
 
 def stations_of(road: Road, vehicle: Vehicle, table: CentringTable, *, step: float, horizon: float, bias: Bias = NONE) -> Stations:
     """Sample ``road`` for driving ``vehicle`` along all of it with the given step and horizon [m], balanced about ``bias``.
@@ -66,12 +72,24 @@ def stations_of(road: Road, vehicle: Vehicle, table: CentringTable, *, step: flo
 
     """
     count = int(np.ceil(road.path.length / step - 1e-9)) + round(horizon / step) + 1
-    last = step * count
-    before, after = vehicle.reach_behind + _ROOM_M, last - road.path.length + vehicle.reach_ahead + _ROOM_M
-    path = road.path.extended(before, after)
-    s = step * np.arange(count, dtype=np.float64)
+    before, after = vehicle.reach_behind + ROOM_M, step * count - road.path.length + vehicle.reach_ahead + ROOM_M
+    return sampled(road, vehicle, table, road.path.extended(before, after), step=step, count=count, bias=bias)
+
+
+def sampled(
+    road: Road, vehicle: Vehicle, table: CentringTable, path: ReferencePath, *, step: float, count: int, first: int = 0, bias: Bias = NONE
+) -> Stations:
+    """Return ``count`` stations from the ``first`` on, along the road's ``path``, which reaches beyond them as far as bodies do.
+
+    Station 0 is at the road's start.
+
+    Raises:
+        OptionError: the bias lies beyond the road's centre of curvature.
+
+    """
+    s = step * np.arange(first, first + count, dtype=np.float64)
     points = np.zeros(count, STATION)
-    points["s"] = s
+    points["s"], points["step"] = s, step
     for name, row in zip(("x", "y", "cos", "sin", "curvature"), evaluate_many(path, s), strict=True):
         points[name] = row
     points["curvature_between"] = evaluate_many(path, s + 0.5 * step)[4]

@@ -49,7 +49,7 @@ class Residual:
         K (e_y - e_y*) + (e_aux - e_aux*) with the stationary offsets of the biased circle: those of the circle itself cancel by
         the choice of K, and what remains of the target is each axle's bias at its own place.
         """
-        at_aux = np.interp(stations.s + auxiliary_ahead(vehicle, self.axle), stations.s, stations.bias)
+        at_aux = stations.ahead(stations.bias, auxiliary_ahead(vehicle, self.axle))
         return replace(self, target=self.target + self.lead * stations.bias + self.aux * at_aux)
 
 

@@ -65,8 +65,8 @@ class Steering(Term):
         """Return the term in its place: see ``Term``."""
         vehicle, stations = scene.vehicle, scene.stations
         axles = [vehicle.units[axle] for axle in vehicle.active]
-        beside = [stations.s + auxiliary_ahead(vehicle, axle) for axle in vehicle.active]
-        angles = [np.interp(at, stations.s, wanted) for at, wanted in zip(beside, stations.centring.steering.T, strict=True)]
+        wanted = zip(vehicle.active, stations.centring.steering.T, strict=True)
+        angles = [stations.ahead(angle, auxiliary_ahead(vehicle, axle)) for axle, angle in wanted]
         aim = np.stack(angles, axis=1)  # (stations, active), left positive [rad]
         most = np.array([unit.max_steering_angle for unit in axles])
         change = np.array([unit.max_steering_rate * stations.step for unit in axles])
