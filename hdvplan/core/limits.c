@@ -90,7 +90,7 @@ static void begin_stage(const struct hdv_limits *own, const struct hdv_scene *sc
     int64_t units = scene->unit_count, at = (scene->at + i) * units, n = scene->states;
     const double *z = state_at(scene->motion, n, i);
     const struct hdv_station *road = &scene->road[i];
-    int free = stands(road - 1) || isinf(road->room_left);
+    int free = stands(road - 1) || road->room_left == INFINITY;
     double clear = free ? FAR_M : clear_by_state(scene->units, units, road, z);
     double *seen = own->seen + (scene->at + i) * (n + 1);
     for (int64_t edge = 2 * at; edge < 2 * (at + units); edge++)

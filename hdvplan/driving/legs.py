@@ -41,6 +41,33 @@ class _Driven:
     error: float = 0.0
 
 
+@dataclass(frozen=True)
+class ReadyLegs:
+    """A vehicle where its first leg begins, and what plans it."""
+
+    vehicle: Vehicle
+    settings: PlannerSettings
+    course: Course
+    begin: Start
+    goal: Goal
+    planner: Planner
+
+
+def ready_legs(
+    legs: Legs, vehicle: Vehicle, objective: Objective, make_workspace: WorkspaceMaker, settings: PlannerSettings
+) -> ReadyLegs:  # fmt: skip
+    """Return what a drive of several legs begins with; see ``drive_legs``."""
+    settings = replace(settings, discretisation=Discretisation.GAUSS)
+    course = course_of(legs.legs, vehicle, step=settings.step, stages=settings.stages)
+    goal = objective(course.stations, vehicle)
+    if any(isinstance(term, EnvelopeBalance) for term in goal.terms):
+        msg = "the objective that balances the swept envelope counts along one line, and cannot plan several legs"
+        raise OptionError(msg, hint="choose --objective geometric")
+    goal = replace(goal, terms=(*goal.terms, *_held(course.stations, vehicle)))
+    planner = Planner(vehicle, course.stations, goal, settings, make_workspace)
+    return ReadyLegs(vehicle, settings, course, _start(course, vehicle, settings), goal, planner)
+
+
 def drive_legs(
     legs: Legs,
     vehicle: Vehicle,
@@ -61,19 +88,17 @@ def drive_legs(
         SolverError: as for ``drive``.
 
     """
-    settings = replace(settings, discretisation=Discretisation.GAUSS)
-    course = course_of(legs.legs, vehicle, step=settings.step, stages=settings.stages)
-    goal = objective(course.stations, vehicle)
-    if any(isinstance(term, EnvelopeBalance) for term in goal.terms):
-        msg = "the objective that balances the swept envelope counts along one line, and cannot plan several legs"
-        raise OptionError(msg, hint="choose --objective geometric")
+    return driven_legs(ready_legs(legs, vehicle, objective, make_workspace, settings), on_progress)
+
+
+def driven_legs(begun: ReadyLegs, on_progress: Callable[[float], None] | None = None) -> tuple[Drive, ...]:
+    """Plan and execute from a start to the end of the last leg; see ``drive_legs``."""
+    course, settings, vehicle = begun.course, begun.settings, begun.vehicle
     keep = int(np.ceil(settings.step / POSE_SPACING_M))
-    goal = replace(goal, terms=(*goal.terms, *_held(course.stations, vehicle)))
-    planner, begin = Planner(vehicle, course.stations, goal, settings, make_workspace), _start(course, vehicle, settings)
-    z, kappa, at = begin.z, begin.kappa, 0
+    z, kappa, at = begun.begin.z, begun.begin.kappa, 0
     done = [_Driven([z[None]] if number == 0 else []) for number in range(len(course.ways))]
     while at < course.end:
-        plan = planner.plan(at, np.ascontiguousarray(z), kappa)
+        plan = begun.planner.plan(at, np.ascontiguousarray(z), kappa)
         done[_number(course, at)].plans.append(plan)
         count = min(settings.executed, course.end - at)
         for station in range(at, at + count):
@@ -81,7 +106,7 @@ def drive_legs(
         at, kappa = at + count, float(plan.kappa[count - 1])
         if on_progress is not None:
             on_progress(at / course.end)
-    return tuple(_drive(way, own, vehicle, settings, goal, keep) for way, own in zip(course.ways, done, strict=True))
+    return tuple(_drive(way, own, vehicle, settings, begun.goal, keep) for way, own in zip(course.ways, done, strict=True))
 
 
 def _held(stations: Stations, vehicle: Vehicle) -> tuple[Centring, ...]:

@@ -105,7 +105,7 @@ def linearised(vehicle: Vehicle, k: float, z: FloatArray, kappa: float) -> tuple
     """Return dz/ds and its derivatives by z and by kappa, from Euler's rule over a metre of a road with curvature ``k``."""
     units, n = vehicle.table(), vehicle.states
     qp, motion, road = StageQp.empty(StageShape(1, n + 1, 1 + len(vehicle.active), 0)), Motion.empty(vehicle, 1), np.zeros(2, STATION)
-    motion.z[:], motion.kappa[0], road["curvature"], road["cos"] = z, kappa, k, 1.0
+    motion.z[:], motion.kappa[0], road["curvature"], road["cos"], road["step"] = z, kappa, k, 1.0, 1.0
     scene, rule = np.zeros(1, SCENE), np.array([Discretisation.EULER.code])
     scene["program"], scene["unit_count"], scene["states"], scene["step"] = qp.record, len(units), n, 1.0
     for name, array in {"units": units, "road": road, "motion": motion.stages, "poses": motion.poses}.items():

@@ -21,12 +21,13 @@ def horizon_at(scene: Scene, first: int, *, before: float = 0.0, fixed: int = 0,
     return Horizon(first, road, before, fixed, binding)
 
 
-def record_of(motion: Motion, shape: StageShape, *, road: Records | None = None, before: float = 0.0) -> Records:
+def record_of(motion: Motion, shape: StageShape, *, road: Records, step: float = 1.0, before: float = 0.0) -> Records:
     """Return the core's record of a scene that has a motion, a road and the sizes of a program, and no more."""
     record = np.zeros(1, SCENE)
+    record["step"] = step
     record["motion"], record["states"], record["kappa_before"] = core.address(motion.stages), motion.z.shape[1], before
     record["program"]["shape"] = shape.sizes
-    record["road"] = 0 if road is None else core.address(road)
+    record["road"] = core.address(road)
     return record
 
 

@@ -36,12 +36,12 @@ def filled(random: np.random.Generator) -> StageSolution:
     return solution
 
 
-def steered(wanted: FloatArray, begin: int, before: float, change: float, most: float) -> FloatArray:
-    """Return values that are wanted from number ``begin`` on, as far as can be steered."""
+def steered(wanted: FloatArray, begin: int, before: float, changes: FloatArray, most: float) -> FloatArray:
+    """Return values that are wanted from number ``begin`` on, as far as can be steered: each may differ so much from the one before."""
     values = wanted.copy()
     for i in range(begin, len(values)):
         held = values[i - 1] if i > 0 else before
-        values[i] = np.clip(np.clip(wanted[i], held - change, held + change), -most, most)
+        values[i] = np.clip(np.clip(wanted[i], held - changes[i], held + changes[i]), -most, most)
     return values
 
 
@@ -53,13 +53,16 @@ def test_a_motion_is_extended_by_what_is_wanted_and_can_be_steered(seed: int, ke
     most, change = random.uniform([0.1, 0.3], [0.2, 0.4]), random.uniform(0.01, 0.1, 2)  # the motion itself keeps them
     z, kappa, start = motion.z.copy(), motion.stages["kappa"].copy(), random.uniform(-0.3, 0.3, 4)
     states, curvatures = random.uniform(-0.6, 0.6, z.shape), random.uniform(-0.3, 0.3, len(kappa))
-    guess(record_of(motion, SHAPE, before=before), start, states, curvatures, kept, most, change)
+    road = np.zeros(STAGES + 1, STATION)
+    road["step"] = random.choice([0.5, 0.25, 0.0, -0.25, -0.5], len(road))  # backwards, too; and the vehicle stands
+    guess(record_of(motion, SHAPE, road=road, step=0.5, before=before), start, states, curvatures, kept, most, change)
+    within = np.where(road["step"] == 0.0, 2.0 * most[:, None], change[:, None] * np.abs(road["step"]) / 0.5)
     begin = max(kept, 1)
     z[0], z[begin:] = start, states[begin:]
-    z[:, 3] = steered(z[:, 3], begin, np.nan, change[1], most[1])
+    z[:, 3] = steered(z[:, 3], begin, np.nan, np.append(np.nan, within[1, :-1]), most[1])
     begin = max(kept - 1, 0)
     kappa[begin:] = curvatures[begin:]
-    kappa[:] = steered(kappa, begin, before, change[0], most[0])
+    kappa[:] = steered(kappa, begin, before, within[0], most[0])
     assert np.array_equal(motion.z, z)
     assert np.array_equal(motion.stages["kappa"], kappa)
 
