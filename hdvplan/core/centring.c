@@ -45,9 +45,7 @@ centre(const struct hdv_centring *own, const struct hdv_scene *scene, int64_t i,
     double weight = weight_at(own, scene, i);
     struct hdv_centred centred = {foot.s, weigh->lead * e_y + weigh->aux * foot.offset - weigh->target};
     own->memory[scene->at + i] = centred;
-    add_square(
-        program_stage(&scene->program, i), scene->program.shape.states, n, gradient, centred.residual, weight
-    );
+    add_square(program_stage(&scene->program, i), scene->program.shape.states, n, gradient, centred.residual, weight);
 }
 
 /* The same for all stages from begin on. Feet are searched from the last ones, or from where they are on a straight. */

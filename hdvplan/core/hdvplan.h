@@ -55,11 +55,11 @@ struct hdv_pose {
 
 /* What planning knows of the road where the lead axle is. */
 struct hdv_station {
-    double s;                 /* [m] */
-    double step;              /* to the next station [m]: negative where driven rear first, 0 where the vehicle stands */
-    double x, y;              /* [m] */
-    double cos, sin;          /* of the heading */
-    double curvature;         /* [1/m] */
+    double s;         /* [m] */
+    double step;      /* to the next station [m]: negative where driven rear first, 0 where the vehicle stands */
+    double x, y;      /* [m] */
+    double cos, sin;  /* of the heading */
+    double curvature; /* [1/m] */
     double curvature_between; /* half-way to the next station [1/m] */
     double room_left;     /* the narrowest reach that limits leave beside the vehicle [m]; infinite where none counts */
     double room_right;    /* [m] */

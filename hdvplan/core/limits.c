@@ -159,7 +159,8 @@ static void see_stage(struct stage_scene *at) {
 static void see_before(struct stage_scene *at, int number) {
     const struct hdv_scene *scene = at->scene;
     int64_t n = scene->states, count = scene->unit_count;
-    double back = scene->road[at->stage - 1].step * (double)number / HDV_BETWEEN, z_before[HDV_MOST_STATES], f[HDV_MOST_STATES];
+    double back = scene->road[at->stage - 1].step * (double)number / HDV_BETWEEN, z_before[HDV_MOST_STATES],
+           f[HDV_MOST_STATES];
     const struct hdv_station *road = &scene->road[at->stage];
     const double *z = state_at(scene->motion, n, at->stage);
     double kappa = state_at(scene->motion, n, at->stage - 1)[n];

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import accumulate
+from typing import Any
 
 import numpy as np
 
@@ -118,13 +119,14 @@ def _joined(paths: Sequence[ReferencePath]) -> tuple[ReferencePath, FloatArray]:
     begins = KNOT_SPACING_M * np.array([0, *accumulate(counts)], dtype=np.float64)
     tables = []
     for path, count in zip(paths, counts, strict=True):
-        at = path.at(path.s_first + KNOT_SPACING_M * np.arange(count + 1))
+        at = path.at(path.s_first + KNOT_SPACING_M * np.arange(count + 1, dtype=np.float64))
         tables.append(from_samples(at.x, at.y, at.heading, at.curvature, KNOT_SPACING_M).coefficients)
     whole = ReferencePath(np.vstack(tables), 0.0, KNOT_SPACING_M, float(begins[-1]), closed=False)
     return whole, begins[:-1] - np.array([path.s_first for path in paths])
 
 
-def _arrays(centring: Centring) -> dict[str, FloatArray]:
+def _arrays(centring: Centring) -> dict[str, Any]:
+    """Return its fields that have a row a station."""
     return {field.name: getattr(centring, field.name) for field in fields(centring) if field.name != "axle"}
 
 
@@ -134,6 +136,7 @@ def _picked(centring: Centring, which: slice | IntArray) -> Centring:
 
 
 def _behind_each_other(parts: Sequence[Centring]) -> Centring:
+    """Return the balanced driving at the stations of one after the other."""
     rows = [_arrays(part) for part in parts]
     return replace(parts[0], **{name: np.concatenate([row[name] for row in rows]) for name in rows[0]})
 
