@@ -138,7 +138,8 @@ def _picked(centring: Centring, which: slice | IntArray) -> Centring:
 def _behind_each_other(parts: Sequence[Centring]) -> Centring:
     """Return the balanced driving at the stations of one after the other."""
     rows = [_arrays(part) for part in parts]
-    return replace(parts[0], **{name: np.concatenate([row[name] for row in rows]) for name in rows[0]})
+    joined: dict[str, Any] = {name: np.concatenate([row[name] for row in rows]) for name in rows[0]}
+    return replace(parts[0], **joined)
 
 
 def _street(legs: Sequence[Stations], offsets: FloatArray) -> Pieces | None:
