@@ -46,7 +46,8 @@ FIGURES = (
     Figure(README, "U-turn at {} / {} m (published {} / {}), the roundabout at {} / {} m ({} / {})", tables.uturn_and_roundabout),
     Figure(
         README,
-        "takes {} ms for the bus and {} ms for the tractor-trailer (ten roads, one QP a step). PIQP takes {} and {} times as long",
+        "takes {} ms for the bus and {} ms for the tractor-trailer (ten roads, one QP a step). HPIPM takes {} and {} times as long, "
+        "acados {} and {}, PIQP {} and {} (",
         tables.readme_speed,
     ),
     Figure(README, "a plan fits in {} of {} cases; within 2 cm less, {} of {} plans fit", tables.least_room),
@@ -62,8 +63,10 @@ FIGURES = (
     ),
     Figure(RESULTS, "time [s] (their laptop and MATLAB) | {} | {} |", lambda: tables.pairs("objectives", ("J5, time at 0.1 m",))),
     Figure(RESULTS, "(their road is not published) | {} / {} / {} | {} / {} / {} |", lambda: tables.pairs("overhang", OUTSIDE)),
-    Figure(RESULTS, "| `riccati` | {} / {} | {} / {} | {} / {} | {} / {} |", lambda: tables.headline("riccati")),
-    Figure(RESULTS, "| `piqp` | {} / {} | {} / {} | {} / {} | {} / {} |", lambda: tables.headline("piqp")),
+    *(
+        Figure(RESULTS, f"| `{solver}` | {{}} / {{}} | {{}} / {{}} | {{}} / {{}} | {{}} / {{}} |", partial(tables.headline, solver))
+        for solver in ("riccati", *tables.COMPETITORS)
+    ),
     Figure(RESULTS, "without screening and active set | {} to {} | {} to {} |", lambda: tables.spread("riccati-ipm")),
     Figure(RESULTS, "| `piqp` | {} to {} | {} to {} |", lambda: tables.spread("piqp")),
     Figure(RESULTS, "| `hpipm` | {} to {} | {} to {} |", lambda: tables.spread("hpipm")),

@@ -45,7 +45,7 @@ def headline(solver: str) -> list[str]:
     for vehicle in ("bus", "tractor-trailer"):
         for scheme in ("rti", "sqp"):
             mean, most = (step(vehicle, scheme, solver, f"fastest_{which}_ms") for which in ("mean", "max"))
-            texts += [f"{mean:.3g}", f"{most:.2g}"]
+            texts += [f"{mean:.3g}", f"{most:.2g}" if most < 100.0 else f"{most:.0f}"]  # noqa: PLR2004 - no exponents
     return texts
 
 
