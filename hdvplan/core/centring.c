@@ -23,11 +23,11 @@ HDV_INLINE double weight_at(const struct hdv_centring *own, const struct hdv_sce
     return stands(&scene->road[i - 1]) ? 0.0 : own->weights[i];
 }
 
-/* Adds Q, q of one stage's squared residual for a vehicle of n states, and notes foot and residual. Beyond the road's
- * centre of curvature the offset is that across the line where its foot was last. */
-HDV_INLINE void
-centre(const struct hdv_centring *own, const struct hdv_scene *scene, int64_t i, int64_t n, double near) {
-    const struct hdv_residual *weigh = own->residuals + scene->first + i;
+/* Where the auxiliary axle is beside the road, and how its offset changes with the first states, gradient (n,). Beyond
+ * the road's centre of curvature the offset is that across the line where its foot was last. */
+HDV_INLINE struct foot offset_at(
+    const struct hdv_centring *own, const struct hdv_scene *scene, int64_t i, int64_t n, double near, double *gradient
+) {
     const struct hdv_pose *poses = scene->poses + i * scene->unit_count;
     struct plane_point axle = body_point(poses + own->unit, own->ahead, 0.0);
     struct foot foot = project(own->curve, axle.x, axle.y, near, PLANNING_STEP_M);
@@ -36,16 +36,29 @@ centre(const struct hdv_centring *own, const struct hdv_scene *scene, int64_t i,
         double across = (axle.y - at.y) * at.cos - (axle.x - at.x) * at.sin;
         foot = (struct foot){near, across, at.cos, at.sin, at.curvature};
     }
-    double gradient[HDV_MOST_STATES];
     point_gradient(poses, own->unit, axle, scene->road + i, -foot.sin, foot.cos, n, gradient);
+    return foot;
+}
+
+/* Adds Q, q of one stage's squared residual for a vehicle of n states, and notes foot and residual. */
+HDV_INLINE void
+centre(const struct hdv_centring *own, const struct hdv_scene *scene, int64_t i, int64_t n, double near) {
+    const struct hdv_residual *weigh = own->residuals + scene->first + i;
+    struct foot foot = {near, 0.0, 1.0, 0.0, 0.0};
+    double gradient[HDV_MOST_STATES] = {0.0};
+    if (weigh->aux != 0.0)
+        foot = offset_at(own, scene, i, n, near, gradient);
     for (int64_t j = 0; j < n; j++)
         gradient[j] *= weigh->aux;
     gradient[0] += weigh->lead;
     double e_y = state_at(scene->motion, scene->states, i)[0];
-    double weight = weight_at(own, scene, i);
     struct hdv_centred centred = {foot.s, weigh->lead * e_y + weigh->aux * foot.offset - weigh->target};
     own->memory[scene->at + i] = centred;
-    add_square(program_stage(&scene->program, i), scene->program.shape.states, n, gradient, centred.residual, weight);
+    if (weigh->lead != 0.0 || weigh->aux != 0.0)
+        add_square(
+            program_stage(&scene->program, i), scene->program.shape.states, n, gradient, centred.residual,
+            weight_at(own, scene, i)
+        );
 }
 
 /* The same for all stages from begin on. Feet are searched from the last ones, or from where they are on a straight. */

@@ -96,8 +96,7 @@ def course_of(legs: Sequence[Leg], vehicle: Vehicle, *, step: float, stages: int
     backwards = points["step"] < 0.0
     points["curvature_between"][:-1] = np.where(backwards[:-1], points["curvature_between"][1:], points["curvature_between"][:-1])
     end = ways[-1].first + ways[-1].steps
-    for name in ("room_left", "room_right"):  # where legs lead up to walls, no body is known to be clear before it was looked at
-        points[name][: end + 1], points[name][end + 1 :] = 0.0, np.inf
+    points["room_left"][end + 1 :] = points["room_right"][end + 1 :] = np.inf
     centring = _behind_each_other([_picked(way.stations.centring, own) for way, own in zip(ways, order, strict=True)])
     street = _street([way.stations for way in ways], offsets)
     return Course(Stations(path, step, points, centring, street, np.zeros(len(points))), tuple(ways), end)
