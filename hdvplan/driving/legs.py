@@ -28,6 +28,7 @@ from hdvplan.vehicle.body import auxiliary_ahead
 from hdvplan.vehicle.kinematics import place_many
 from hdvplan.vehicle.model import Vehicle
 
+HORIZON_M, TRAILER_HORIZON_M = 20.0, 30.0  # with shorter ones preset vehicles, those with trailers, fold backwards: results/legs
 _HELD = 0.1  # weight of each axle's own offset where the vehicle is driven backwards, beside the objective
 
 
@@ -83,11 +84,15 @@ def drive_legs(
     step back undoes a step forward.
 
     Raises:
-        OptionError: an objective that balances the swept envelope itself, which counts along one line.
+        OptionError: an objective that balances the swept envelope itself, which counts along one line, or too short a horizon.
         PlanError: the vehicle cannot be planned further, or the executed motion leaves the model's domain.
         SolverError: as for ``drive``.
 
     """
+    least = TRAILER_HORIZON_M if len(vehicle.units) > 1 else HORIZON_M
+    if settings.horizon < least and any(leg.backward for leg in legs.legs):
+        msg = f"with a horizon of {settings.horizon:g} m the {vehicle.name} cannot be driven backwards: it would fold"
+        raise OptionError(msg, hint=f"--horizon {least:g} or more")
     return driven_legs(ready_legs(legs, vehicle, objective, make_workspace, settings), on_progress)
 
 

@@ -156,6 +156,16 @@ def test_an_objective_that_counts_along_one_line_is_refused() -> None:
         planned(there_and_back(False, True), "bus", "balanced")
 
 
+@pytest.mark.parametrize(("vehicle", "horizon"), [("bus", 20.0), ("tractor-semitrailer", 30.0)])
+def test_a_horizon_in_which_a_vehicle_folds_is_refused_with_the_one_that_it_needs(vehicle: str, horizon: float) -> None:
+    short = replace(SETTINGS, horizon=horizon - 5.0)
+    wanted = objective_named("geometric"), dependable(DEFAULT)
+    with pytest.raises(OptionError, match="would fold") as raised:
+        drive_legs(there_and_back(False, True), load_vehicle(vehicle), *wanted, short)
+    assert raised.value.hint == f"--horizon {horizon:g} or more"
+    assert len(drive_legs(there_and_back(False), load_vehicle(vehicle), *wanted, short)) == 1
+
+
 @pytest.mark.parametrize("replan", [1.0, 5.0])
 def test_a_semitrailer_is_backed_onto_a_straight_line(replan: float) -> None:
     vehicle = load_vehicle("tractor-semitrailer")
