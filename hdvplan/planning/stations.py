@@ -19,7 +19,7 @@ from hdvplan.planning.bias import NONE, Bias, shifted
 from hdvplan.road.path import ReferencePath, evaluate_many
 from hdvplan.road.regions import OPEN_M
 from hdvplan.road.road import Road
-from hdvplan.road.street import Pieces, rooms_of
+from hdvplan.road.street import Pieces, Street, rooms_of
 from hdvplan.vehicle.model import Vehicle
 
 BETWEEN = core.number("HDV_BETWEEN")  # poses of a step that are looked at where a body is near a kerb
@@ -73,13 +73,22 @@ def stations_of(road: Road, vehicle: Vehicle, table: CentringTable, *, step: flo
     """
     count = int(np.ceil(road.path.length / step - 1e-9)) + round(horizon / step) + 1
     before, after = vehicle.reach_behind + ROOM_M, step * count - road.path.length + vehicle.reach_ahead + ROOM_M
-    return sampled(road, vehicle, table, road.path.extended(before, after), step=step, count=count, bias=bias)
+    path = road.path.extended(before, after)
+    return sampled(path, road.street, vehicle, table, step=step, count=count, bias=bias)
 
 
 def sampled(
-    road: Road, vehicle: Vehicle, table: CentringTable, path: ReferencePath, *, step: float, count: int, first: int = 0, bias: Bias = NONE
+    path: ReferencePath,
+    beside: Street | None,
+    vehicle: Vehicle,
+    table: CentringTable,
+    *,
+    step: float,
+    count: int,
+    first: int = 0,
+    bias: Bias = NONE,
 ) -> Stations:
-    """Return ``count`` stations from the ``first`` on, along the road's ``path``, which reaches beyond them as far as bodies do.
+    """Return ``count`` stations from the ``first`` on, along a ``path`` which reaches beyond them as far as bodies do, in a street.
 
     Station 0 is at the road's start.
 
@@ -93,11 +102,11 @@ def sampled(
     for name, row in zip(("x", "y", "cos", "sin", "curvature"), evaluate_many(path, s), strict=True):
         points[name] = row
     points["curvature_between"] = evaluate_many(path, s + 0.5 * step)[4]
-    street = None if road.street is None else road.street.pieces(path.s_first, path.s_last)
+    street = None if beside is None else beside.pieces(path.s_first, path.s_last)
     for name, row in zip(("room_left", "room_right", "k_low", "k_high"), _around(path, street, s, vehicle), strict=True):
         points[name] = row
     points["margin"] = _margin(points, vehicle, step)
-    offset, halfway = (bias.at(np.asarray(np.mod(at, road.path.length)) if path.closed else at) for at in (s, s + 0.5 * step))
+    offset, halfway = (bias.at(np.asarray(np.mod(at, path.length)) if path.closed else at) for at in (s, s + 0.5 * step))
     balanced = table.at(shifted(points["curvature"], offset, s))
     shifted(points["curvature_between"], halfway, s)  # refused now rather than when the drive is judged
     centring = replace(balanced, e_y=balanced.e_y + offset, e_aux=balanced.e_aux + offset)
