@@ -27,14 +27,18 @@ if TYPE_CHECKING:
     from hdvplan.finer import clearest, replanned
     from hdvplan.judging.result import Result
     from hdvplan.judging.verdict import verdict_of
+    from hdvplan.judging.legs import LegsResult
+    from hdvplan.legs import load_legs, plan_legs
     from hdvplan.need.answer import need_of
     from hdvplan.planning.bias import Bias
     from hdvplan.planning.settings import PlannerSettings
     from hdvplan.qp.workspace import QpWorkspace
     from hdvplan.report.files import write_plan
+    from hdvplan.report.leg_files import write_legs
     from hdvplan.report.html import write_report
     from hdvplan.report.plots import plan_figure
     from hdvplan.report.summary import summary_of
+    from hdvplan.road.legs import Leg, Legs
     from hdvplan.road.limits import Limits
     from hdvplan.road.load import load_road
     from hdvplan.road.options import RoadOptions
@@ -48,6 +52,9 @@ _HOMES = {
     "Case": "hdvplan.case",
     "HdvplanError": "hdvplan.errors",
     "GivenPath": "hdvplan.driving.followed",
+    "Leg": "hdvplan.road.legs",
+    "Legs": "hdvplan.road.legs",
+    "LegsResult": "hdvplan.judging.legs",
     "Limits": "hdvplan.road.limits",
     "PlannerSettings": "hdvplan.planning.settings",
     "QpWorkspace": "hdvplan.qp.workspace",
@@ -58,11 +65,13 @@ _HOMES = {
     "Unit": "hdvplan.vehicle.model",
     "Vehicle": "hdvplan.vehicle.model",
     "judge": "hdvplan.api",
+    "load_legs": "hdvplan.legs",
     "load_road": "hdvplan.road.load",
     "load_vehicle": "hdvplan.vehicle.load",
     "need_of": "hdvplan.need.answer",
     "plan": "hdvplan.api",
     "plan_figure": "hdvplan.report.plots",
+    "plan_legs": "hdvplan.legs",
     "prove": "hdvplan.api",
     "clearest": "hdvplan.finer",
     "replanned": "hdvplan.finer",
@@ -70,6 +79,7 @@ _HOMES = {
     "study": "hdvplan.study",
     "summary_of": "hdvplan.report.summary",
     "verdict_of": "hdvplan.judging.verdict",
+    "write_legs": "hdvplan.report.leg_files",
     "write_plan": "hdvplan.report.files",
     "write_report": "hdvplan.report.html",
 }
@@ -79,6 +89,9 @@ __all__ = [
     "Case",
     "GivenPath",
     "HdvplanError",
+    "Leg",
+    "Legs",
+    "LegsResult",
     "Limits",
     "PlannerSettings",
     "QpWorkspace",
@@ -91,17 +104,20 @@ __all__ = [
     "__version__",
     "clearest",
     "judge",
+    "load_legs",
     "load_road",
     "load_vehicle",
     "need_of",
     "plan",
     "plan_figure",
+    "plan_legs",
     "prove",
     "replanned",
     "solver",
     "study",
     "summary_of",
     "verdict_of",
+    "write_legs",
     "write_plan",
     "write_report",
 ]

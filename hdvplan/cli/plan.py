@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdvplan.cli.checks import check_bias, check_fits, check_room, vehicle_named, warn_far_regions
+from hdvplan.cli.completion import one_of
 from hdvplan.cli.console import note, progress
 from hdvplan.cli.help import OUTPUT, PLANNING, ROAD, VEHICLE
+from hdvplan.cli.legs import LAST, LEAD, finish, legs_in, planned, refuse_on_legs
 from hdvplan.cli.lengthy import plan_long, refuse_on_long
 from hdvplan.cli.options import Output, RoadArgument, Room, VehiclesOption, check_folder, file_name
 from hdvplan.cli.outcome import cleared, compare, exit_code_of, looked_again, tell, write
@@ -18,7 +20,7 @@ from hdvplan.cli.settings import OptionsOf, with_settings
 from hdvplan.errors import OptionError
 from hdvplan.planning.settings import PlannerSettings, PlanOptions
 from hdvplan.road.options import RoadOptions
-from hdvplan.settings import fields_of
+from hdvplan.settings import choice, fields_of
 
 if TYPE_CHECKING:
     from hdvplan.case import Case
@@ -44,6 +46,7 @@ class _Asked:
     options: PlanOptions
     output: Output
     largest: bool  # whether as much clearance is wanted as can be kept
+    leg_line: str | None  # whose line a backward leg is
 
     @property
     def solver(self) -> str:
@@ -76,6 +79,15 @@ def plan(
         ),
     ] = "0.0",
     reading: Annotated[RoadOptions, OptionsOf(RoadOptions, ROAD)],
+    leg_line: Annotated[
+        str | None,
+        typer.Option(
+            metavar=f"{LEAD}|{LAST}",
+            help="Of a file of several legs: which axle's line those are that are driven backwards [default: lead-axle].",
+            autocompletion=one_of((LEAD, LAST)),
+            rich_help_panel=ROAD,
+        ),
+    ] = None,
     settings: Annotated[PlannerSettings, OptionsOf(PlannerSettings, PLANNING, only=_OTHERS)],
     options: Annotated[PlanOptions, OptionsOf(PlanOptions, PLANNING, {"side": VEHICLE})],
     output: Annotated[Output, OptionsOf(Output, OUTPUT)],
@@ -86,12 +98,16 @@ def plan(
     YES, NO or, on a road without limits, NEEDS. DIR receives summary.json, tables as CSV, swept.geojson for a map, and the picture. Of
     several vehicles, DIR has a folder for each, compared.csv and compared.png.
 
+    A file of several legs, with directions, is driven forwards and backwards; its tables say which leg.
+
     Exit code 0: the driven path keeps all limits (to 1 cm), or the road has none. 1: it breaks one, or may with the
     --tracking-error, or no plan exists. 2: bad input.
     """
     largest = clearance == _LARGEST
     settings = settings if largest else replace(settings, clearance=_metres(clearance))
-    asked = _Asked(road, room.reaches(), reading, settings, options, output, largest)
+    if leg_line is not None:
+        choice("--leg-line", leg_line, (LEAD, LAST))
+    asked = _Asked(road, room.reaches(), reading, settings, options, output, largest, leg_line)
     output.drawn_on()  # a sheet that cannot be is told before anything is read
     check_folder(output.out)
     from hdvplan.planning.objective_names import check_objective
@@ -112,6 +128,11 @@ def _found(asked: _Asked, vehicle: Vehicle) -> Found:
 
 def _plan_one(asked: _Asked, vehicle: Vehicle) -> int:
     found, output = _found(asked, vehicle), asked.output
+    if found.line is not None and found.line.raw.legs:
+        return _plan_legs(asked, found.line, vehicle)
+    if asked.leg_line is not None:
+        msg = f"{asked.road} has no legs, and no use for --leg-line"
+        raise OptionError(msg, hint="leave --leg-line out")
     if found.line is not None and found.line.long:
         return _plan_long(asked, found, found.line, vehicle)
     result = _planned(asked, found, vehicle)
@@ -131,6 +152,8 @@ def _plan_all(asked: _Asked, vehicles: list[Vehicle]) -> int:
     results = []
     for vehicle in vehicles:
         found = _found(asked, vehicle)
+        if found.line is not None and found.line.raw.legs:
+            refuse_on_legs(found.line, {"--vehicle with several names": True})
         if found.line is not None and found.line.long:
             refuse_on_long(found.line, {"several vehicles": True})
         results.append(_planned(asked, found, vehicle))
@@ -169,6 +192,19 @@ def _plan_long(asked: _Asked, found: Found, line: Line, vehicle: Vehicle) -> int
 
     folder = output.out or Path(f"{file_name(line.name)}.{file_name(vehicle.name)}")
     return plan_long(found, line, vehicle, asked.settings, case_of, folder, json=output.json, quiet=output.quiet)
+
+
+def _plan_legs(asked: _Asked, line: Line, vehicle: Vehicle) -> int:
+    options, output, settings = asked.options, asked.output, asked.settings
+    dropped = {"--sheet": output.sheet is not None, "--animate": output.animate, "--bias": options.bias is not None}
+    dropped |= {f"--clearance {_LARGEST}": asked.largest, "--tracking-error": settings.tracking_error > 0.0}
+    refuse_on_legs(line, dropped | {"--pass": options.side is not None})
+    kinds = _kinds(output)
+    check_room(vehicle, asked.reaches)
+    legs = legs_in(line, vehicle, asked.reaches, last_axle=asked.leg_line == LAST, quiet=output.quiet)
+    driven = planned(legs, vehicle, options.objective, asked.solver, settings, quiet=output.quiet)
+    folder = output.out or Path(f"{file_name(line.name)}.{file_name(vehicle.name)}")
+    return finish(driven, folder, kinds, as_json=output.json, quiet=output.quiet)
 
 
 def _planned(asked: _Asked, found: Found, vehicle: Vehicle) -> Result:

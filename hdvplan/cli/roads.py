@@ -189,7 +189,8 @@ def _examples() -> list[dict[str, object]]:
     examples = []
     for name, file in shipped("examples").items():
         properties = json.loads(file.read_text(encoding="utf-8"))["features"][0]["properties"]
-        given = {name: properties[name] for name in ("length_m", "min_radius_m")} | {"kind": "made-up place with obstacles"}
+        kind = "drive of several legs" if "leg" in properties else "made-up place with obstacles"
+        given = {name: properties[name] for name in ("length_m", "min_radius_m")} | {"kind": kind}
         examples.append({"name": name, "place": None, "source": "example"} | given)
     return examples
 

@@ -102,21 +102,21 @@ def _beside_kerbs(result: Result) -> Iterator[_Place]:
             yield _Place(room, s, x, y, side, unit, part_named(result.drive.vehicle.units[unit], ahead), region, None)
 
 
-def verdict_line(result: Result, verdict: Verdict) -> str:
+def verdict_line(result: Result, verdict: Verdict, of: str = "") -> str:
     """Return the verdict as one line of at most ``LINE`` characters, which names a solver whose answers could not be used.
 
-    Where it would be longer the body is left out, then the name of the obstacle.
+    Where it would be longer the body is left out, then the name of the obstacle. ``of`` follows the place: on which leg it lies.
     """
     unusable, steps = len(result.failed) + len(result.rescued), len(result.drive.plans)
     solver = f"; {result.solver} failed in {unusable} of {steps} steps" if unusable else ""
-    lines = [f"{_answer(result, verdict, who)}{solver}" for who in _who(result, verdict)]
+    lines = [f"{_answer(result, verdict, who, of)}{solver}" for who in _who(result, verdict)]
     cut = f"{lines[-1][: max(0, LINE - 3 - len(solver))]}...{solver}"
     return next((line for line in lines if len(line) <= LINE), cut)
 
 
-def verdict_details(result: Result, verdict: Verdict) -> str:
+def verdict_details(result: Result, verdict: Verdict, of: str = "") -> str:
     """Return what else is known, as one line: what the first had no room for, coordinates, wheels, and whether anything can fit."""
-    who, line = _who(result, verdict)[0], verdict_line(result, verdict)
+    who, line = _who(result, verdict)[0], verdict_line(result, verdict, of)
     parts = [] if who in line else [who]
     parts.append(f"at {place_text(verdict.x, verdict.y, verdict.lonlat)}")
     if verdict.fits is None:
@@ -142,9 +142,10 @@ def _who(result: Result, verdict: Verdict) -> list[str]:
     return [f"{full} {beside} {against}", f"{verdict.part} {beside} {against}", f"{verdict.part} {beside} {called('')}"]
 
 
-def _answer(result: Result, verdict: Verdict, who: str) -> str:
+def _answer(result: Result, verdict: Verdict, who: str, of: str) -> str:
+    where = f"at s = {verdict.s:.1f} m{of}"
     if verdict.fits is None:
-        return f"NEEDS {verdict.half_width:.2f} m to both sides for the {result.drive.vehicle.name}: {who} at s = {verdict.s:.1f} m"
+        return f"NEEDS {verdict.half_width:.2f} m to both sides for the {result.drive.vehicle.name}: {who} {where}"
     assert verdict.spare is not None  # noqa: S101 - for the type checker: only NEEDS has none
     amount = _amount(verdict)
     if verdict.clearance_wanted > 0.0:
@@ -152,7 +153,7 @@ def _answer(result: Result, verdict: Verdict, who: str) -> str:
             f" of the {verdict.clearance_wanted:.2f} m to keep" if verdict.spare > -verdict.clearance_wanted else
             f" with the {verdict.clearance_wanted:.2f} m to keep"
         )  # fmt: skip
-    return f"{verdict.word}: {amount} at s = {verdict.s:.1f} m, {who}"
+    return f"{verdict.word}: {amount} {where}, {who}"
 
 
 def tracking_line(result: Result) -> str:

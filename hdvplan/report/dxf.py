@@ -127,12 +127,17 @@ def _fill(space: Modelspace, polygons: list[shapely.Polygon], layer: str) -> Non
 
 
 def _layer(document: Drawing, feature: Drawn) -> str:
-    """Return the name of a feature's layer, which is made when it is first needed; bodies have their own, numbered from the front."""
+    """Return the name of a feature's layer, which is made when it is first needed.
+
+    Bodies have their own, numbered from the front, and of several legs those that are driven forward and backward.
+    """
     name, look = feature.layer.upper(), _LOOKS.get(feature.layer)
     if look is None:  # of one body
         body = int(feature.properties["body"] or 0)
         name = f"{name}_{body}_{re.sub('[^A-Z0-9]+', '_', str(feature.properties['unit']).upper())}"
         look = _Look(_BODIES_ACI[(body - 1) % len(_BODIES_ACI)], width=35 if feature.layer is Layer.ENVELOPE else 25)
+    if "direction" in feature.properties:
+        name = f"{name}_{str(feature.properties['direction']).upper()}"
     if name not in document.layers:
         document.layers.add(name, color=look.colour, linetype=look.linetype, lineweight=look.width)
     return name

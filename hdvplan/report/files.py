@@ -16,7 +16,7 @@ from hdvplan.report.geojson import swept_geojson
 from hdvplan.report.layers import Drawn
 from hdvplan.report.paper import SheetOptions
 from hdvplan.report.summary import summary_of
-from hdvplan.road.road import Road
+from hdvplan.road.regions import Region
 
 PICTURES = ("png", "pdf", "svg")
 DRAWINGS = ("dxf", "gpkg")  # for CAD and GIS
@@ -59,7 +59,7 @@ def write_plan(
     """
     contents: dict[str, Callable[[], bytes]] = {
         **{name: partial(_table, table_of, result) for name, table_of in TABLES.items()},
-        REGIONS: lambda: json_bytes(regions_json(result.drive.road), indent=None),
+        REGIONS: lambda: json_bytes(regions_json(result.drive.road.regions), indent=None),
         SWEPT: lambda: json_bytes(swept_geojson(result), indent=None),
         NAME: lambda: json_bytes(record_of([result.case])),
     }
@@ -160,15 +160,15 @@ def _radians(values: FloatArray) -> Column:
     return Column(np.round(values, 9) + 0.0, "%.9f")
 
 
-def regions_json(road: Road) -> list[dict[str, object]]:
-    """Return the road's obstacles and sweepable regions with their rings, holes after the outline, in path.csv's plane to 1 mm."""
+def regions_json(regions: Sequence[Region]) -> list[dict[str, object]]:
+    """Return obstacles and sweepable regions with their rings, holes after the outline, in path.csv's plane to 1 mm."""
     return [
         {
             "region": str(region.kind),
             "name": region.label,
             "rings": [np.round(ring.coords, 3).tolist() for ring in (region.polygon.exterior, *region.polygon.interiors)],
         }
-        for region in road.regions
+        for region in regions
     ]
 
 

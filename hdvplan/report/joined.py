@@ -123,7 +123,7 @@ def kept_of(one: Judged) -> Kept:
     summary["smoothing"] = smoothing_of(one.smoothing)
     outlines = [near.obstacle.polygon.wkb for near in result.approaches]
     road, times = result.drive.road, np.array([plan.times.total for plan in result.drive.plans])
-    regions = dict(zip([region.polygon.wkb for region in road.regions], regions_json(road), strict=True))
+    regions = dict(zip([region.polygon.wkb for region in road.regions], regions_json(road.regions), strict=True))
     return Kept(result.case.key, summary, dict(zip(outlines, summary.pop("obstacles"), strict=True)), regions, times)
 
 

@@ -90,6 +90,9 @@ def _check_summary(summary: object) -> None:
 
     """
     entries = summary if isinstance(summary, dict) else {}
+    if "legs" in entries:
+        msg = "it is of several legs, and a report is of roads; plan.png shows all legs"
+        raise ValueError(msg)
     for name, kind in _ENTRIES.items():
         if not isinstance(entries.get(name), kind):
             msg = f"summary.json has no {name}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import islice, pairwise
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,8 @@ from hdvplan.errors import RoadError
 from hdvplan.road.checks import Unit, refuse_far, refuse_no_street
 from hdvplan.road.crs import LONLAT, Plane, check_lonlat, is_geographic, looks_like_degrees, to_plane
 from hdvplan.road.features import LINES, Choice, Feature, Json, Role, coordinates_of, flat, is_finite, parts_of, role_of, unheeded
-from hdvplan.road.line import RawRoad
+from hdvplan.road.leg_lines import legs_among
+from hdvplan.road.line import RawLeg, RawRoad
 from hdvplan.road.options import Corners
 from hdvplan.road.regions import Kind, Region, Side
 from hdvplan.settings import any_of
@@ -42,18 +43,25 @@ class _Line:
 
 
 def road_of(features: list[Feature], name: str, choice: Choice, unit: Unit = _METRES, *, routes: bool = False) -> RawRoad:
-    """Return the road among ``features``; ``name`` begins the messages, ``unit`` is that of coordinates without a system.
+    """Return the road, or the legs of a drive, among ``features``; ``name`` begins the messages.
 
-    A note tells which layers are not read, but not of ``routes``, whose layers are other roads and not what is beside one.
+    ``unit`` is that of coordinates without a system. A note tells which layers are not read, but not of ``routes``, whose layers are other roads and not what is beside one.
 
     Raises:
         RoadError: no line, several lines and none chosen, parts that do not join, impossible coordinates, several
             coordinate reference systems, or a unit that was given for nothing or is needed.
 
     """
-    line = _chosen(_lines(features, name), choice, name)
-    parts = [coordinates_of(part, name) for part in line.parts]
-    system = line.feature.system
+    lines = _lines(features, name)
+    within = lines if choice.layer is None else [line for line in lines if line.feature.layer == choice.layer]
+    legs = legs_among([line.feature for line in within], name) if choice.feature is None else []
+    chosen = [within[at] for at, _ in legs] if legs else [_chosen(lines, choice, name)]
+    parts = [coordinates_of(part, name) for line in chosen for part in line.parts]
+    systems = {line.feature.system for line in chosen}
+    if len(systems) > 1:
+        msg = f"{name}: the legs are in {len(systems)} coordinate reference systems"
+        raise RoadError(msg, hint="bring them into one system first: ogr2ogr -t_srs EPSG:N one.gpkg FILE")
+    system = systems.pop()
     everything = np.concatenate(parts)
     notes: tuple[str, ...] = ()
     if system is None and looks_like_degrees(everything):
@@ -68,27 +76,33 @@ def road_of(features: list[Feature], name: str, choice: Choice, unit: Unit = _ME
     plane = None if system is None else to_plane(everything, system)
     whole = unit.metres * everything if plane is None else plane.points
     placed = np.split(whole, np.cumsum([len(part) for part in parts])[:-1])
-    beside = _Beside(name, system, plane, choice, line.feature.geometry, unit.metres)
+    beside = _Beside(name, system, plane, choice, tuple(line.feature.geometry for line in chosen), unit.metres)
     edges = tuple(edge for feature in features for edge in beside.edges(feature))
     if system is None:
         refuse_no_street(placed, None, edges, unit, name)
-    points = _joined(placed, name, directed=line.directed)
-    if len(parts) > 1:
-        _refuse_lists(line.feature.properties, name)
+    to_lonlat, rest = None if plane is None else plane.to_lonlat, iter(placed)
+    drawn = [replace(_drawn(line, list(islice(rest, len(line.parts))), name), to_lonlat=to_lonlat) for line in chosen]
     regions: list[Region] = []
     for feature in features:
         regions += beside.regions(feature, len(regions) + 1)
-    return RawRoad(
-        points,
-        _reaches(line.feature.properties, len(points), name),
-        to_lonlat=None if plane is None else plane.to_lonlat,
-        notice=_notice(line.feature.properties),
+    unread = () if routes else _unread_note(features, {line.feature.layer for line in chosen}, name, choice)
+    return replace(
+        drawn[0],
+        points=np.concatenate([one.points for one in drawn]),
         regions=tuple(regions),
         edges=edges,
-        corners=_corners(line.feature.properties, name),
-        corner_radius=_corner_radius(line.feature.properties, name),
-        notes=(*notes, *unit.notes(name, system), *(() if routes else _unread_note(features, line.feature.layer, name, choice))),
+        notes=(*notes, *unit.notes(name, system), *unread),
+        legs=tuple(RawLeg(one, backward) for one, (_, backward) in zip(drawn, legs, strict=False)),
     )
+
+
+def _drawn(line: _Line, parts: list[FloatArray], name: str) -> RawRoad:
+    """Return a line with what its own properties say; ``parts`` are its own in the plane."""
+    points, properties = _joined(parts, name, directed=line.directed), line.feature.properties
+    if len(parts) > 1:
+        _refuse_lists(properties, name)
+    reaches, notice = _reaches(properties, len(points), name), _notice(properties)
+    return RawRoad(points, reaches, notice=notice, corners=_corners(properties, name), corner_radius=_corner_radius(properties, name))
 
 
 def _lines(features: list[Feature], name: str) -> list[_Line]:
@@ -128,9 +142,9 @@ def _chosen(lines: list[_Line], choice: Choice, name: str) -> _Line:
     raise RoadError(msg)
 
 
-def _unread_note(features: list[Feature], layer: str, name: str, choice: Choice) -> tuple[str, ...]:
-    """Return a note on the layers that are not read beside the line's ``layer``, and how one would be; none without any."""
-    used = {layer, ""} | {feature.layer for feature in features if feature.properties.get("region") or role_of(feature, choice)}
+def _unread_note(features: list[Feature], own: set[str], name: str, choice: Choice) -> tuple[str, ...]:
+    """Return a note on the layers that are not read beside the line's ``own``, and how one would be; none without any."""
+    used = {*own, ""} | {feature.layer for feature in features if feature.properties.get("region") or role_of(feature, choice)}
     layers = [printable(one)[:_LONGEST] for one in dict.fromkeys(feature.layer for feature in features) if one not in used]
     if not layers:
         return ()
@@ -241,13 +255,13 @@ class _Beside:
     system: str | None
     plane: Plane | None
     choice: Choice
-    line: object  # the geometry of the chosen line
+    lines: tuple[object, ...]  # the geometries of the line, or of the legs
     metres: float  # a unit of coordinates without a system
 
     def regions(self, feature: Feature, number: int) -> list[Region]:
         """Return the regions of a feature, none if it is no region; ``number`` is the first one's."""
         given, role = feature.properties.get("region"), role_of(feature, self.choice)
-        if given is None and (role not in {Role.OBSTACLE, Role.SWEEPABLE} or feature.geometry is self.line):
+        if given is None and (role not in {Role.OBSTACLE, Role.SWEEPABLE} or self._is_line(feature)):
             return []
         label = printable(feature.labels[0] if feature.labels else feature.layer)[:_LONGEST_LABEL]
         where = f"{self.name}: region {label!r}" if label else f"{self.name}: region {number}"
@@ -270,13 +284,16 @@ class _Beside:
 
     def edges(self, feature: Feature) -> list[FloatArray]:
         """Return the lines of a feature in the plane if it is an edge, none else."""
-        if feature.geometry is self.line or role_of(feature, self.choice) is not Role.EDGE:
+        if self._is_line(feature) or role_of(feature, self.choice) is not Role.EDGE:
             return []
         where = f"{self.name}: edge {(feature.labels or (feature.layer,))[0]!r}"
         lines = [part for geometry in flat(feature.geometry) if geometry["type"] in LINES for part in parts_of(geometry, where)]
         if lines:
             self._check_system(feature, where)
         return [self._placed(coordinates_of(part, where), where) for part in lines]
+
+    def _is_line(self, feature: Feature) -> bool:
+        return any(feature.geometry is line for line in self.lines)
 
     def _check_system(self, feature: Feature, where: str) -> None:
         if feature.system != self.system:

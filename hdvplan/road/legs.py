@@ -1,24 +1,41 @@
-"""A drive of several legs: lines that are driven one after the other, each forwards or backwards."""
+"""Several lines that a vehicle drives one after the other, forwards or rear first: turning heads, docks, three-point turns."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+from hdvplan.road.regions import Region
 from hdvplan.road.road import Road
 
 
 @dataclass(frozen=True)
 class Leg:
-    """A line in its street, directed as the vehicle heads; one that is driven ``backward`` is driven from its end to its beginning."""
+    """One stretch between two cusps, in its street.
+
+    The line of ``road`` is directed as the vehicle heads, and its s counts along that heading. A ``backward`` leg is driven rear first:
+    from the line's end to its beginning.
+    """
 
     road: Road
     backward: bool
 
+    @property
+    def direction(self) -> str:
+        """What files and tables call the direction."""
+        return "backward" if self.backward else "forward"
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The arclengths at which the leg is begun and ended, in the order of driving [m]."""
+        length = self.road.path.length
+        return (length, 0.0) if self.backward else (0.0, length)
+
 
 @dataclass(frozen=True)
 class Legs:
-    """The legs of a drive in the order of driving, all in one plane: at a cusp neighbours share point and heading."""
+    """All legs of a drive in the order of driving, in one plane; at a cusp neighbours share the point and the heading of their lines."""
 
     name: str
     legs: tuple[Leg, ...]
-    notes: tuple[str, ...] = ()  #: from reading its file
+    notes: tuple[str, ...] = ()  #: from reading the file
+    regions: tuple[Region, ...] = ()  #: as drawn; a leg's own are cut where they lie across the continuation of its line

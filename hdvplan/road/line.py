@@ -38,7 +38,8 @@ class RawRoad:
     shape (m, 2), x, y [m]. ``lines`` are the lines of the points in their file, where it has some; ``notes`` what the reader
     has to say to the user. ``rounded`` are the points moved as little as it takes for a line without gaps and kinks, where
     that is known: it needs no smoothing. ``corners`` says how the points are read, where the file does, see ``Corners``, and
-    ``corner_radius`` rounds the kerbs inside sharp ones [m].
+    ``corner_radius`` rounds the kerbs inside sharp ones [m]. ``legs`` are what a drive forwards and backwards is made of, in its order:
+    ``points`` are then those of all.
     """
 
     points: FloatArray
@@ -54,6 +55,15 @@ class RawRoad:
     rounded: FloatArray | None = None
     corners: str | None = None
     corner_radius: float = 0.0
+    legs: tuple[RawLeg, ...] = ()
+
+
+@dataclass(frozen=True)
+class RawLeg:
+    """A leg as given: its line is drawn in the order of driving, also where it is driven ``backward``."""
+
+    raw: RawRoad
+    backward: bool
 
 
 @dataclass(frozen=True)

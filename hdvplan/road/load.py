@@ -33,7 +33,15 @@ class Found:
     line: Line | None = None
 
     def __call__(self) -> Road:
-        """Return the road in the direction and at the offset at which it is driven."""
+        """Return the road in the direction and at the offset at which it is driven.
+
+        Raises:
+            RoadError: the file holds the legs of a drive, or its line cannot be smoothed within the options or moved.
+
+        """
+        if self.line is not None and self.line.raw.legs:
+            msg = f"{self.line.name} holds the legs of a drive forwards and backwards, which only `hdvplan plan` plans"
+            raise RoadError(msg, hint="--name chooses one line of a file as a road; in a table, leave the column direction out")
         if self.line is not None and self.line.windowed:
             from hdvplan.road.windows import whole_road  # noqa: PLC0415 - as below
 

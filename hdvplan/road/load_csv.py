@@ -16,6 +16,7 @@ from hdvplan.road.checks import LARGEST_M, Unit, refuse_no_street, refuse_unread
 from hdvplan.road.columns import LAYOUTS, LENGTHS, Columns, columns_of, folded, has_geometry, is_header, unread_note
 from hdvplan.road.crs import LONLAT, check_lonlat, is_geographic, looks_like_degrees, to_plane
 from hdvplan.road.features import unheeded
+from hdvplan.road.leg_lines import in_legs, signs_in
 from hdvplan.road.line import RawRoad
 
 _SEPARATORS = ("\t", ";", "|", ",")  # the first that the header has; decimal commas cannot occur in a header
@@ -36,6 +37,11 @@ class Table:
     lines: list[int]
     rows: list[list[str]]
     open_ended: bool = False
+
+    def without(self, column: int) -> Table:
+        """Return the table without one of its columns, by its number."""
+        titles, *rows = ([cell for at, cell in enumerate(row) if at != column] for row in (self.titles, *self.rows))
+        return Table(titles, self.lines, rows, self.open_ended)
 
 
 @dataclass(frozen=True)
@@ -99,12 +105,21 @@ def has_wkt(text: str) -> bool:
 
 
 def read_table(table: Table, name: str, *, crs: str | None = None, unit: str | None = None) -> RawRoad:
-    """Return the road in a table of points; as ``read_csv``.
+    """Return the road in a table of points, or the legs of a drive where a column ``direction`` has both signs; as ``read_csv``.
 
     Raises:
-        RoadError: contradicting columns, an impossible value, with its line and column, or a unit that was given for nothing or is needed.
+        RoadError: contradicting columns, an impossible value, with its line and column, a unit that was given for nothing or is needed,
+            or a direction that changes where the line does not turn back.
 
     """
+    signs = signs_in(table.titles, table.rows)
+    if signs is None:
+        return _line_in(table, name, crs=crs, unit=unit)
+    return in_legs(_line_in(table.without(signs[0]), name, crs=crs, unit=unit), signs[1], name)
+
+
+def _line_in(table: Table, name: str, *, crs: str | None, unit: str | None) -> RawRoad:
+    """Return the line in a table of points."""
     columns = columns_of(table.titles, name)
     numbers = _numbers(table, columns.at, name)
     positions, called = columns.position, f"{name}: columns {columns.where}"

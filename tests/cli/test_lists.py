@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from hdvplan.judging.fit import facts_of
+from hdvplan.legs import load_legs
 from hdvplan.road.load import load_road
 from hdvplan.road.scenarios import SCENARIOS, shipped
 from tests.cli.conftest import Cli
@@ -48,7 +49,12 @@ def test_nothing_is_cut_or_broken_where_no_terminal_limits_the_width(cli: Cli, m
 def test_the_listed_sizes_of_examples_and_scenarios_are_those_of_their_roads(cli: Cli) -> None:
     listed = [road for road in json.loads(cli("roads", "list", "--json").out) if road["source"] in {"example", "scenario"}]
     assert len(listed) == len(shipped("examples")) + len(SCENARIOS)
-    for road in listed:
+    drives = [road for road in listed if road["kind"] == "drive of several legs"]
+    for road in drives:
+        parts = [facts_of(leg.road) for leg in load_legs(road["name"]).legs]
+        assert road["length_m"] == pytest.approx(sum(part.length for part in parts), abs=0.05)
+        assert road["min_radius_m"] == pytest.approx(min(1.0 / part.max_curvature for part in parts), abs=0.05)
+    for road in (one for one in listed if one not in drives):
         facts = facts_of(load_road(road["name"]))
         assert road["length_m"] == pytest.approx(facts.length, abs=0.05)  # a decimetre is listed
         if road["min_radius_m"] is None:

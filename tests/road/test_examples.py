@@ -6,17 +6,21 @@ import numpy as np
 import pytest
 
 from hdvplan.judging.fit import Trouble, fit_of
+from hdvplan.legs import load_legs
 from hdvplan.road.load import load_road
 from hdvplan.road.scenarios import shipped
 from hdvplan.vehicle.load import load_vehicle
 
 BUS = load_vehicle("bus")
+LEGS = ("side_street", "three_point_turn")
 
 
 def test_every_example_loads_with_its_regions_and_says_that_it_is_none_of_osm() -> None:
-    assert list(shipped("examples")) == ["kerb_bend", "kerb_bend_wall", "parked_van", "parked_van_tight", "street_corner"]
+    assert list(shipped("examples")) == [
+        "kerb_bend", "kerb_bend_wall", "parked_van", "parked_van_tight", "side_street", "street_corner", "three_point_turn",
+    ]  # fmt: skip
     for name in shipped("examples"):
-        road = load_road(name)
+        road = load_legs(name).legs[0].road if name in LEGS else load_road(name)
         assert road.regions
         assert road.notice is None
         assert road.to_lonlat is not None
@@ -56,3 +60,12 @@ def test_the_corner_is_rounded_within_the_stated_deviation_and_houses_stay() -> 
     assert road.passable is not None
     left, right, left_sweep, _ = road.passable.table(np.array([30.0]))
     np.testing.assert_allclose([left[0], right[0], left_sweep[0]], [4.0, -3.5, 4.5], atol=0.03)  # drawn; the line moves by 3 cm here
+
+
+@pytest.mark.parametrize("name", LEGS)
+def test_the_drives_of_several_legs_are_drawn_so_that_nothing_is_moved(name: str) -> None:
+    legs = load_legs(name)
+    assert [leg.direction for leg in legs.legs] == ["forward", "backward", "forward"]
+    assert legs.notes == ()
+    first, last = legs.legs[0].road.path.at(0.0), legs.legs[-1].road.path.at(legs.legs[-1].road.path.length)
+    assert abs(np.cos(float(last.heading) - float(first.heading)) + 1.0) < 1e-3  # they turn the vehicle round

@@ -1,0 +1,122 @@
+"""A drive of several legs, judged leg by leg: what decides over all of them, and where a trailer folds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from hdvplan.arrays import FloatArray
+from hdvplan.driving.drive import Drive
+from hdvplan.judging.bodies import placed
+from hdvplan.judging.result import Result, body_name
+from hdvplan.judging.verdict import Verdict, verdict_details, verdict_line, verdict_of
+from hdvplan.road.legs import Leg, Legs
+from hdvplan.vehicle.jackknife import critical_angles
+
+_ROUNDING = np.deg2rad(0.1)  # beyond a critical angle: plans keep their bounds at stations, and simulation strays between them by less
+
+
+@dataclass(frozen=True)
+class Jackknife:
+    """Where an articulation lies furthest beyond the angle from which no steering brings it back."""
+
+    s: float  #: of the lead rear axle [m]
+    x: float  #: of the coupling [m]
+    y: float
+    coupling: int  #: from 0
+    angle: float  #: without its sign [rad]
+    critical: float  #: [rad]
+
+
+@dataclass(frozen=True)
+class LegsResult:
+    """The legs of a drive with their judged drives, each of them in order of s on its own line."""
+
+    legs: Legs
+    results: tuple[Result, ...]
+
+    @cached_property
+    def verdicts(self) -> tuple[Verdict, ...]:
+        """Of each leg, on its street."""
+        return tuple(verdict_of(result) for result in self.results)
+
+    @cached_property
+    def jackknives(self) -> tuple[Jackknife | None, ...]:
+        """Of each leg, None where no trailer folds."""
+        return tuple(jackknife_of(result.drive) for result in self.results)
+
+    @property
+    def worst(self) -> int:
+        """The number of the leg that decides, from 0: one that folds a trailer, else that with the least room, or the widest sweep."""
+        return min(range(len(self.results)), key=self._rank)
+
+    @property
+    def fits(self) -> bool | None:
+        """Whether all legs keep their street and no trailer folds; None where nothing limits any of them."""
+        known = [verdict.fits for verdict in self.verdicts if verdict.fits is not None]
+        if any(one is not None for one in self.jackknives) or not all(known):
+            return False
+        return True if known else None
+
+    @property
+    def word(self) -> str:
+        """``YES``, ``NO`` or, without limits, ``NEEDS``."""
+        return "NEEDS" if self.fits is None else "YES" if self.fits else "NO"
+
+    @property
+    def text(self) -> str:
+        """The verdict over all legs as one line."""
+        at = self.worst
+        folded, result = self.jackknives[at], self.results[at]
+        if folded is None:
+            return verdict_line(result, self.verdicts[at], self.of(at))
+        degrees = f"{np.degrees(folded.angle):.0f} degrees, beyond the {np.degrees(folded.critical):.1f}"
+        return f"NO: jack-knife at s = {folded.s:.1f} m{self.of(at)}: {degrees} that steering brings back"
+
+    @property
+    def details(self) -> str:
+        """What else is known of the leg that decides, as one line."""
+        at = self.worst
+        folded, result = self.jackknives[at], self.results[at]
+        if folded is None:
+            return verdict_details(result, self.verdicts[at], self.of(at))
+        ahead, behind = (body_name(result.drive.vehicle, folded.coupling + later) for later in (0, 1))
+        own = verdict_line(result, self.verdicts[at], self.of(at))
+        return f"between the {ahead} and the {behind}, at x {folded.x:.1f}, y {folded.y:.1f}; apart from that {own}"
+
+    def called(self, at: int) -> str:
+        """Return what a leg is called, by its number from 0."""
+        return f"leg {at + 1} ({self.legs.legs[at].direction})"
+
+    def of(self, at: int) -> str:
+        """Return what follows a place in a sentence, so that it is known on which leg it lies."""
+        return f" of {self.called(at)}"
+
+    def articulation(self, at: int) -> tuple[FloatArray, FloatArray]:
+        """Return the articulations at which a leg begins and ends, in the order of driving, (couplings,) each [rad]."""
+        return ends_of(self.results[at].drive, self.legs.legs[at])
+
+    def _rank(self, at: int) -> tuple[bool, bool, float]:
+        verdict = self.verdicts[at]
+        room = -verdict.half_width if verdict.spare is None else verdict.spare
+        return self.jackknives[at] is None, verdict.spare is None, room
+
+
+def ends_of(drive: Drive, leg: Leg) -> tuple[FloatArray, FloatArray]:
+    """Return the articulations at which a leg begins and ends, in the order of driving, (couplings,) each [rad]."""
+    low, high = drive.z[[0, -1], 2 : drive.vehicle.rigid_states]
+    return (high, low) if leg.backward else (low, high)
+
+
+def jackknife_of(drive: Drive) -> Jackknife | None:
+    """Return where a drive folds a trailer furthest beyond its critical angle, as simulated; None where it does not."""
+    angles = np.abs(drive.poses_z[:, 2 : drive.vehicle.rigid_states])
+    critical = critical_angles(drive.vehicle)
+    if not angles.size or not np.any(angles > critical + _ROUNDING):
+        return None
+    at, coupling = (int(number) for number in np.unravel_index(np.argmax(angles - critical), angles.shape))
+    trailer = placed(drive, np.array([at]))[0, coupling + 1]
+    x, y = (float(trailer[f"coupling_{axis}"]) for axis in "xy")
+    return Jackknife(float(drive.poses_s[at]), x, y, coupling, float(angles[at, coupling]), float(critical[coupling]))

@@ -1,0 +1,127 @@
+"""Write the files of a drive of several legs: those of a road's plan, with the number and the direction of the leg in every row."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hdvplan.fileio import Column, json_bytes, table_bytes
+from hdvplan.judging.legs import Jackknife, LegsResult
+from hdvplan.judging.result import Result
+from hdvplan.record import NAME, record_of
+from hdvplan.report.dxf import drawing_bytes, how_to_read
+from hdvplan.report.files import FILES, REGIONS, SWEPT, TABLES, Table, path_table, regions_json
+from hdvplan.report.leg_layers import leg_features, legs_geojson
+from hdvplan.report.layers import drawing_system
+from hdvplan.report.summary import summary_of, verdict_json
+from hdvplan.road.legs import Leg
+
+Json = dict[str, Any]
+_COMMON = ("road", "vehicle", "scheme", "solver", "objective", "settings", "bodies", "wheels", "notice", "clearance_wanted_m", "version")
+JACKKNIFE = "jack-knife"  # a status
+
+
+def write_legs(
+    driven: LegsResult,
+    directory: Path,
+    *,
+    pictures: Collection[str] = (),
+    drawings: Collection[str] = (),
+    on_progress: Callable[[float], None] | None = None,
+) -> None:
+    """Write all files of a drive of several legs into ``directory``, as ``write_plan`` does those of a road.
+
+    Raises:
+        OptionError: the folder has files that hdvplan did not write.
+        OSError: the folder or a file cannot be written.
+
+    """
+    contents: dict[str, Callable[[], bytes]] = {name: partial(_table, driven, table_of) for name, table_of in TABLES.items()}
+    contents |= {
+        REGIONS: lambda: json_bytes(regions_json(driven.legs.regions), indent=None),
+        SWEPT: lambda: json_bytes(legs_geojson(driven), indent=None),
+        NAME: lambda: json_bytes(record_of([result.case for result in driven.results])),
+    }
+    contents |= {f"plan.{kind}": partial(_drawn, driven, kind) for kind in (*pictures, *drawings)}
+    contents[FILES.last] = lambda: json_bytes(summary_of_legs(driven))
+    FILES.write(directory, contents, None if on_progress is None else lambda number: on_progress(number / len(contents)))
+
+
+def summary_of_legs(driven: LegsResult) -> Json:
+    """Return the summary, ready for ``json.dumps``: the verdict over all legs, and ``legs`` with what a road's summary has of each.
+
+    Their articulations at the ends are in the order of driving.
+    """
+    legs = [_summary(driven, at) for at in range(len(driven.results))]
+    at, whole = driven.worst, summary_of(driven.results[0], forecast=False)
+    verdict = verdict_json(driven.results[at], driven.verdicts[at])
+    decided = {"text": driven.text, "details": driven.details, "fits": driven.fits}
+    return {
+        "verdict": verdict | decided | {name: legs[at][name] for name in ("leg", "direction", "jackknife")},
+        **{name: whole[name] for name in _COMMON},
+        "road": driven.legs.name,
+        "status": legs[at]["status"],
+        "length_m": sum(leg["length_m"] for leg in legs),
+        "plans": sum(leg["plans"] for leg in legs),
+        "min_clearance_m": min((leg["min_clearance_m"] for leg in legs if leg["min_clearance_m"] is not None), default=None),
+        "legs": legs,
+        "notes": list(driven.legs.notes),
+    }
+
+
+def _summary(driven: LegsResult, at: int) -> Json:
+    result, leg, folded = driven.results[at], driven.legs.legs[at], driven.jackknives[at]
+    begin, end = (np.degrees(angles).tolist() for angles in driven.articulation(at))
+    told = {name: value for name, value in summary_of(result, forecast=False).items() if name not in _COMMON}
+    told |= {} if folded is None else {"status": JACKKNIFE}
+    ends = {"articulation_begin_deg": begin, "articulation_end_deg": end}
+    return {"leg": at + 1, "direction": leg.direction} | told | ends | {"jackknife": None if folded is None else _jackknife(folded)}
+
+
+def _jackknife(folded: Jackknife) -> Json:
+    angles = {"angle_deg": float(np.degrees(folded.angle)), "critical_deg": float(np.degrees(folded.critical))}
+    return {"s_m": folded.s, "x": folded.x, "y": folded.y, "coupling": folded.coupling + 1} | angles
+
+
+def _table(driven: LegsResult, table_of: Callable[[Result], Table]) -> bytes:
+    """Return the tables of all legs as one; the path's rows in the order of driving, those over s in the order of s."""
+    tables = [table_of(result) for result in driven.results]
+    if table_of is path_table:
+        tables = [_driven(table, leg) for table, leg in zip(tables, driven.legs.legs, strict=True)]
+    rows = [len(next(iter(table.values())).content) for table in tables]
+    directions = np.array([-1 if leg.backward else 1 for leg in driven.legs.legs])
+    whole = {"leg": Column(np.repeat(np.arange(1, len(rows) + 1), rows)), "direction": Column(np.repeat(directions, rows))}
+    for name, column in tables[0].items():
+        whole[name] = Column(np.concatenate([table[name].content for table in tables]), column.form)
+    return table_bytes(whole)
+
+
+def _driven(table: Table, leg: Leg) -> Table:
+    """Return a leg's path in the order of driving: a row's curvature is held to the next row."""
+    if not leg.backward:
+        return table
+    turned = {name: Column(column.content[::-1], column.form) for name, column in table.items()}
+    held = turned["kappa"].content[1:]
+    return turned | {"kappa": Column(np.append(held, held[-1]), table["kappa"].form)}
+
+
+def _drawn(driven: LegsResult, kind: str) -> bytes:
+    first = driven.results[0]
+    if kind == "gpkg":
+        from hdvplan.report.geopackage import geopackage_bytes  # noqa: PLC0415 - GDAL takes a while to import
+
+        return geopackage_bytes(first, leg_features(driven))
+    if kind == "dxf":
+        system = drawing_system(first.drive.road)
+        length = sum(leg.road.path.length for leg in driven.legs.legs)
+        what = f"road: {driven.legs.name}, {len(driven.legs.legs)} legs, {length:.1f} m"
+        notes = [driven.text, driven.details, what, f"vehicle: {first.drive.vehicle.name}", *how_to_read(system)]
+        return drawing_bytes(leg_features(driven), system, [*notes, *filter(None, [first.drive.road.notice])])
+    from hdvplan.report.leg_plots import legs_figure  # noqa: PLC0415 - Matplotlib, likewise
+    from hdvplan.report.style import figure_bytes  # noqa: PLC0415 - as above
+
+    return figure_bytes(legs_figure(driven), kind)

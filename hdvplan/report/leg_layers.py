@@ -1,0 +1,81 @@
+"""What a drawing of a drive of several legs holds: every leg's features with its number and direction, what lies beside them once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from hdvplan.driving.drive import Drive
+from hdvplan.judging.bodies import corners
+from hdvplan.judging.legs import LegsResult
+from hdvplan.judging.result import body_name
+from hdvplan.report.colours import MUTED, body_colour
+from hdvplan.report.geojson import area_style, feature, swept_features
+from hdvplan.report.layers import Drawn, Layer, Value, drawn_features, of_body
+from hdvplan.road.regions import Kind
+
+_SIMPLER_M = 1e-3  # points are left out that would move no outline by more
+_ONCE = (Layer.OBSTACLES, Layer.SWEEPABLE)
+_OWN = (*_ONCE, Layer.ENVELOPE, Layer.VEHICLES)  # layers that a drive along one line draws otherwise
+_OWN_KINDS = ("swept area", "region")  # the same of features for a map
+
+Json = dict[str, object]
+
+
+def swept_by(drive: Drive) -> list[BaseGeometry]:
+    """Return the area that each body swept, also beyond the ends of the line, from each simulated pose to the next [m]."""
+    outlines = corners(drive, np.arange(len(drive.poses_s)))
+    pairs = np.concatenate([outlines[:-1], outlines[1:]], axis=2)
+    hulls = shapely.convex_hull(shapely.multipoints(pairs.reshape(-1, 8, 2))).reshape(pairs.shape[:2])
+    return [shapely.simplify(shapely.union_all(hulls[:, unit]), _SIMPLER_M) for unit in range(hulls.shape[1])]
+
+
+def leg_features(driven: LegsResult) -> tuple[Drawn, ...]:
+    """Return all features of the drawing, in the order of its layers, x, y [m]; those of a leg have ``leg`` and ``direction``."""
+    found = [one for at in range(len(driven.results)) for one in _of_leg(driven, at)]
+    for region in driven.legs.regions:
+        layer = Layer.OBSTACLES if region.kind is Kind.OBSTACLE else Layer.SWEEPABLE
+        found.append(Drawn(layer, region.polygon, {"name": region.label or None}, region.label))
+    return tuple(sorted(found, key=lambda one: list(Layer).index(one.layer)))
+
+
+def _of_leg(driven: LegsResult, at: int) -> Iterator[Drawn]:
+    result, leg = driven.results[at], driven.legs.legs[at]
+    drive, vehicle = result.drive, result.drive.vehicle
+    named: dict[str, Value] = {"leg": at + 1, "direction": leg.direction}
+    for one in drawn_features(result):
+        if one.layer not in _OWN:
+            yield replace(one, properties=named | one.properties)
+    for unit, area in enumerate(swept_by(drive)):
+        yield Drawn(Layer.ENVELOPE, area, named | of_body(vehicle, unit) | {"area_m2": float(shapely.area(area))})
+    ends = np.array([0, len(drive.poses_s) - 1])
+    for pose, bodies in zip(ends, corners(drive, ends), strict=True):
+        for unit, outline in enumerate(bodies):
+            yield Drawn(Layer.VEHICLES, shapely.Polygon(outline), named | of_body(vehicle, unit) | {"s_m": float(drive.poses_s[pose])})
+
+
+def legs_geojson(driven: LegsResult) -> Json:
+    """Return a FeatureCollection as of a road, with ``leg`` and ``direction``; swept areas include what lies beyond the lines' ends."""
+    features: list[Json] = []
+    for at, (result, leg) in enumerate(zip(driven.results, driven.legs.legs, strict=True)):
+        road, vehicle = result.drive.road, result.drive.vehicle
+        named: Json = {"leg": at + 1, "direction": leg.direction}
+        common = named | {"road": driven.legs.name, "vehicle": vehicle.name}
+        for unit, area in enumerate(swept_by(result.drive)):
+            styled = {"kind": "swept area", "unit": body_name(vehicle, unit)} | area_style(body_colour(unit))
+            features.append(feature(area, road, common | styled))
+        for one in swept_features(result):
+            properties = one["properties"]
+            assert isinstance(properties, dict)  # noqa: S101 - for the type checker
+            if properties["kind"] not in _OWN_KINDS:
+                features.append(one | {"properties": properties | common})
+    road = driven.legs.legs[0].road
+    for region in driven.legs.regions:
+        label = {"name": region.label} if region.label else {}
+        named = {"kind": "region", "region": str(region.kind)} | label | area_style(MUTED)
+        features.append(feature(shapely.simplify(region.polygon, _SIMPLER_M), road, named))
+    return {"type": "FeatureCollection", "features": features}

@@ -1,0 +1,154 @@
+"""Cusps: where two legs meet, and how their lines are moved so that they share its point and the vehicle's heading there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from hdvplan.arrays import FloatArray
+from hdvplan.errors import RoadError
+from hdvplan.road.arcs import wrapped
+from hdvplan.road.legs import Leg
+from hdvplan.road.path import KNOT_SPACING_M, ReferencePath, from_samples
+from hdvplan.road.road import Road
+from hdvplan.road.smooth import equal_arclengths
+
+SAME_M = 0.01  # ends this close are one point
+LARGEST_BREAK = np.deg2rad(15.0)  # of two lines drawn by hand; of more one of them is meant otherwise
+_WRONG_WAY = np.deg2rad(120.0)  # from which on a direction is wrong, not a line
+_BLEND_M = 10.0  # over which a line is moved, or over half of a shorter one
+_SAMPLES_M = 0.25  # of a line that is moved: half its knots' spacing
+_TOLD_M, _TOLD = 1e-3, np.deg2rad(0.05)  # less is rounding of a file's coordinates
+_SETTLED = 1e-9  # [m] and [rad]: no end is moved by less
+
+
+class _End(NamedTuple):
+    """By how much an end of a line is moved, (2,) [m], and turned [rad]."""
+
+    move: FloatArray
+    turn: float
+
+    @property
+    def settled(self) -> bool:
+        return bool(np.hypot(*self.move) < _SETTLED and abs(self.turn) < _SETTLED)
+
+
+@dataclass(frozen=True)
+class _Cusp:
+    """Where the lines of two legs end: places (2, 2) [m] and headings (2,) [rad] of the vehicle, of the leg before and the one after."""
+
+    places: FloatArray
+    headings: FloatArray
+
+    @classmethod
+    def between(cls, before: Leg, after: Leg) -> _Cusp:
+        ends = [leg.road.path.at(leg.ends[number]) for leg, number in ((before, 1), (after, 0))]
+        return cls(np.array([[end.x, end.y] for end in ends], dtype=float), np.array([end.heading for end in ends], dtype=float))
+
+    @property
+    def gap(self) -> float:
+        """Between the two ends [m]."""
+        return float(np.hypot(*(self.places[1] - self.places[0])))
+
+    @property
+    def turn(self) -> float:
+        """From one line to the other [rad]."""
+        return float(wrapped(self.headings[1] - self.headings[0]))
+
+    @property
+    def told(self) -> bool:
+        """Whether it is more than the rounding of a file's coordinates."""
+        return self.gap > _TOLD_M or abs(self.turn) > _TOLD
+
+    def ends(self) -> tuple[_End, _End]:
+        """Return how both ends are moved to meet half-way."""
+        half = 0.5 * (self.places[1] - self.places[0])
+        return _End(half, 0.5 * self.turn), _End(-half, -0.5 * self.turn)
+
+
+def joined(legs: tuple[Leg, ...], gap: float = SAME_M) -> tuple[tuple[Leg, ...], tuple[str, ...]]:
+    """Return legs whose lines share point and heading at every cusp, and notes on how far they were moved; their streets stay.
+
+    Raises:
+        RoadError: two lines end further apart than ``gap`` [m], or at an angle that nobody draws by mistake.
+
+    """
+    cusps = [_Cusp.between(before, after) for before, after in zip(legs, legs[1:], strict=False)]
+    for number, cusp in enumerate(cusps, start=1):
+        _refuse(cusp, number, gap)
+    none = _End(np.zeros(2), 0.0)
+    arrive, leave = [*(cusp.ends()[0] for cusp in cusps), none], [none, *(cusp.ends()[1] for cusp in cusps)]
+    moved, offs = [], []
+    for leg, first, last in zip(legs, leave, arrive, strict=True):
+        low, high = (last, first) if leg.backward else (first, last)
+        road = leg.road if low.settled and high.settled else _moved(leg.road, low, high)
+        moved.append(replace(leg, road=road))
+        offs.append(_off(leg.road.path, road.path))
+    told = (_note(cusp, number, max(offs[number - 1 : number + 1])) for number, cusp in enumerate(cusps, start=1) if cusp.told)
+    return tuple(moved), tuple(told)
+
+
+def _refuse(cusp: _Cusp, number: int, gap: float) -> None:
+    x, y = cusp.places[0]
+    if cusp.gap > gap:
+        msg = f"leg {number + 1} begins {cusp.gap:.2f} m from the end of leg {number}, which is at x {x:.2f}, y {y:.2f}"
+        raise RoadError(msg, hint="a leg begins where the one before it ends: lines are drawn in the order of driving")
+    if abs(cusp.turn) > LARGEST_BREAK:
+        degrees = abs(np.degrees(cusp.turn))
+        msg = f"the vehicle's heading changes by {degrees:.0f} degrees from leg {number} to leg {number + 1}, at x {x:.2f}, y {y:.2f}"
+        wrong = "is a direction wrong? lines are drawn in the order of driving, also those that are driven backward"
+        back = f"draw the beginning of leg {number + 1} back over the end of leg {number}: at a cusp a vehicle cannot turn"
+        raise RoadError(msg, hint=wrong if abs(cusp.turn) > _WRONG_WAY else back)
+
+
+def _note(cusp: _Cusp, number: int, off: float) -> str:
+    apart = f"{100.0 * cusp.gap:.1f} cm apart and " if cusp.gap > _TOLD_M else ""
+    return (
+        f"the lines of legs {number} and {number + 1} meet {apart}at {abs(np.degrees(cusp.turn)):.1f} degrees: "
+        f"they are moved by up to {off:.2f} m"
+    )
+
+
+def _off(path: ReferencePath, moved: ReferencePath) -> float:
+    """Return how far a line was moved at most [m]."""
+    share = np.linspace(0.0, 1.0, max(2, int(path.length / _SAMPLES_M)))
+    here, there = path.at(share * path.length), moved.at(share * moved.length)
+    return float(np.max(np.hypot(there.x - here.x, there.y - here.y)))
+
+
+def _moved(road: Road, low: _End, high: _End) -> Road:
+    """Return a road whose line's ends are moved and turned; what lies further inside stays, and so does its street."""
+    path = road.path
+    s = np.linspace(0.0, path.length, max(8, int(np.ceil(path.length / _SAMPLES_M))) + 1)
+    here, blend = path.at(s), min(_BLEND_M, 0.5 * path.length)
+    points = np.stack([here.x, here.y], axis=1)
+    normal = np.stack([-np.sin(here.heading), np.cos(here.heading)], axis=1)
+    for end, inwards, turn in ((low, s, low.turn), (high, path.length - s, -high.turn)):
+        u = np.minimum(inwards / blend, 1.0)  # the quintics end with no slope and no curvature
+        points += (1.0 - u**3 * (10.0 - 15.0 * u + 6.0 * u**2))[:, None] * end.move
+        points += (np.tan(turn) * blend * (u - 6.0 * u**3 + 8.0 * u**4 - 3.0 * u**5))[:, None] * normal
+    moved, along = _through(points, (float(here.heading[0]) + low.turn, float(here.heading[-1]) + high.turn))
+    about = None if road.about is None else replace(road.about, s=np.interp(road.about.s, s, along))
+    drawn = None if road.drawn is None else tuple(replace(kerb, s=_beyond(kerb.s, s, along)) for kerb in road.drawn)
+    there = replace(road, path=moved, about=about)
+    return there if drawn is None else there.with_kerbs(drawn)
+
+
+def _beyond(at: FloatArray, s: FloatArray, along: FloatArray) -> FloatArray:
+    """Return arclengths on a moved line; beyond its ends both run alike."""
+    moved: FloatArray = np.interp(at, s, along) + np.minimum(at - s[0], 0.0) + np.maximum(at - s[-1], 0.0)
+    return moved
+
+
+def _through(points: FloatArray, headings: tuple[float, float]) -> tuple[ReferencePath, FloatArray]:
+    """Return the path through dense points (n, 2) [m] with these headings at its ends [rad], and the points' arclengths on it [m]."""
+    chord = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    first, last = ((1, np.array([np.cos(heading), np.sin(heading)])) for heading in headings)
+    spline = CubicSpline(chord, points, bc_type=(first, last))
+    parameters, s = equal_arclengths(spline, KNOT_SPACING_M)
+    (x, y), (dx, dy), (ddx, ddy) = (spline(parameters, order).T for order in range(3))
+    curvature = (dx * ddy - dy * ddx) / np.hypot(dx, dy) ** 3
+    return from_samples(x, y, np.arctan2(dy, dx), curvature, float(s[-1]) / (len(parameters) - 1)), s

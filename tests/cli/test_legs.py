@@ -1,0 +1,176 @@
+"""``hdvplan plan`` on files of several legs: what it prints and writes, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import ezdxf
+import numpy as np
+import pandas as pd
+import pyogrio
+import pytest
+
+from tests.cli.conftest import Cli
+from tests.road.drives import EAST, NORTH, drawn, leg, line_feature, turn_features, written
+
+VEHICLE, LENGTH = "citaro-k", 10.533
+QUICK = ("--vehicle", VEHICLE, "--horizon", "40")
+WIDE = np.array([(-20.0, -12.0), (50.0, -12.0), (50.0, 30.0), (-20.0, 30.0), (-20.0, -12.0)])
+
+
+def summary_of(folder: Path) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    return found
+
+
+def test_a_turn_in_three_moves_is_planned_judged_told_and_written(cli: Cli, tmp_path: Path) -> None:
+    written(tmp_path, *turn_features(), line_feature(WIDE, edge="left"))
+    outcome = cli("plan", "turn.geojson", *QUICK, "--format", "png,svg,dxf,gpkg")
+    assert (outcome.code, outcome.err) == (0, "")
+    verdict, more, *table = outcome.out.splitlines()
+    assert verdict.startswith("YES: ")
+    assert any(
+        f" of leg {number} ({direction}), " in verdict for number, direction in enumerate(("forward", "backward", "forward"), start=1)
+    )
+    assert len(verdict) <= 100
+    assert more.startswith("at ")
+    assert [row.split()[:2] for row in table if row[:1] in {"1", "2", "3"}] == [["1", "forward"], ["2", "backward"], ["3", "forward"]]
+    folder = tmp_path / f"turn.{VEHICLE}"
+    assert {path.name for path in folder.iterdir()} == {
+        "envelope.csv", "path.csv", "plan.dxf", "plan.gpkg", "plan.png", "plan.svg", "profile.csv", "regions.json", "run.json", "steps.csv",
+        "summary.json", "swept.geojson",
+    }  # fmt: skip
+    assert (folder / "plan.png").read_bytes().startswith(b"\x89PNG")
+    drawing = (folder / "plan.svg").read_text(encoding="utf-8")
+    for words in ("swept forward", "swept backward", "cusp 1", "cusp 2", "start", "end", "way driven [m]"):
+        assert words in drawing
+    layers = {layer.dxf.name for layer in ezdxf.readfile(folder / "plan.dxf").layers}  # type: ignore[attr-defined] # ezdxf does not re-export it
+    assert {"ROAD_FORWARD", "ROAD_BACKWARD", "OBSTACLES"} <= layers
+    assert {row for row in pyogrio.read_info(folder / "plan.gpkg", layer="road")["fields"]} >= {"leg", "direction"}
+    features = json.loads((folder / "swept.geojson").read_text(encoding="utf-8"))["features"]
+    swept = [one["properties"] for one in features if one["properties"]["kind"] == "swept area"]
+    assert [(one["leg"], one["direction"]) for one in swept] == [(1, "forward"), (2, "backward"), (3, "forward")]
+
+
+def test_the_summary_has_what_a_road_s_has_of_every_leg(cli: Cli, tmp_path: Path) -> None:
+    written(tmp_path, *turn_features(), line_feature(WIDE, edge="left"))
+    outcome = cli("plan", "turn.geojson", *QUICK, "--no-plot", "--json", "--out", "out")
+    summary = summary_of(tmp_path / "out")
+    assert json.loads(outcome.out) == summary
+    assert [(one["leg"], one["direction"]) for one in summary["legs"]] == [(1, "forward"), (2, "backward"), (3, "forward")]
+    worst = min(summary["legs"], key=lambda one: one["verdict"]["spare_m"])
+    assert summary["verdict"]["leg"] == worst["leg"]
+    assert summary["verdict"]["spare_m"] == worst["verdict"]["spare_m"] == pytest.approx(summary["min_clearance_m"])
+    assert summary["length_m"] == pytest.approx(sum(one["length_m"] for one in summary["legs"]))
+    for one in summary["legs"]:
+        assert one["status"] == "ok"
+        assert one["jackknife"] is None
+        assert one["articulation_begin_deg"] == one["articulation_end_deg"] == []
+        assert one["plans"] > 0
+    assert summary["settings"]["horizon"] == 40.0
+
+
+def test_the_path_s_rows_are_in_the_order_of_driving_and_move_as_their_direction_says(cli: Cli, tmp_path: Path) -> None:
+    written(tmp_path, *turn_features())
+    assert cli("plan", "turn.geojson", *QUICK, "--no-plot", "--out", "out").code == 0
+    path = pd.read_csv(tmp_path / "out" / "path.csv")
+    assert list(path.columns) == ["leg", "direction", "s", "x", "y", "heading", "e_y", "e_psi", "kappa", "K"]
+    assert path.groupby("leg")["direction"].first().tolist() == [1, -1, 1]
+    ends = []
+    for _, rows in path.groupby("leg"):
+        sign = rows["direction"].iloc[0]
+        step = np.diff(rows[["x", "y"]].to_numpy(), axis=0)
+        heading = rows["heading"].to_numpy()
+        middle = 0.5 * (heading[1:] + heading[:-1])
+        along = step[:, 0] * np.cos(middle) + step[:, 1] * np.sin(middle)
+        across = step[:, 1] * np.cos(middle) - step[:, 0] * np.sin(middle)
+        assert np.all(sign * along > 0.0)
+        assert np.all(np.diff(rows["s"]) * sign > 0.0)
+        assert float(np.max(np.abs(across))) < 1e-5  # an arc's chord has the mean of its ends' headings; six decimals are written
+        turned = along * rows["kappa"].to_numpy()[:-1]
+        np.testing.assert_allclose(np.diff(heading), turned, atol=2e-4)  # chord against arc: (0.5 m)^3 (0.11 1/m)^3 / 24
+        ends.append(rows.iloc[[0, -1]][["x", "y", "heading"]].to_numpy())
+    for before, after in zip(ends, ends[1:], strict=False):
+        np.testing.assert_allclose(before[1][:2], after[0][:2], atol=2e-6)  # a cusp: the state is handed on, to six decimals
+        assert abs(np.angle(np.exp(1j * (before[1][2] - after[0][2])))) < 1e-6
+
+
+def test_a_street_that_is_too_narrow_is_a_no_with_its_leg(cli: Cli, tmp_path: Path) -> None:
+    walls = [line_feature(np.array([[-30.0, y], [50.0, y]]), edge="left", name=f"wall {y:g}") for y in (-3.0, 12.0)]
+    written(tmp_path, *turn_features(), *walls)
+    outcome = cli("plan", "turn.geojson", *QUICK, "--no-plot")
+    assert outcome.code == 1
+    verdict = outcome.out.splitlines()[0]
+    assert verdict.startswith("NO: ")
+    assert " of leg " in verdict
+    assert outcome.err.splitlines()[-2] == f"error: {verdict.removeprefix('NO: ')}"
+    assert "legs are planned once" in outcome.err
+
+
+def test_without_anything_beside_the_legs_the_answer_is_what_they_need(cli: Cli, tmp_path: Path) -> None:
+    written(tmp_path, *turn_features())
+    outcome = cli("plan", "turn.geojson", *QUICK, "--no-plot")
+    assert outcome.code == 0
+    assert outcome.out.startswith("NEEDS ")
+    assert cli("plan", "turn.geojson", *QUICK, "--no-plot", "--half-width", "5").out.startswith("YES: ")
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--sheet", "a3"), "--sheet is not for a drive of several legs, as turn is"),
+        (("--animate",), "--animate is not for a drive of several legs, as turn is"),
+        (("--bias", "0.1"), "--bias is not for a drive of several legs, as turn is"),
+        (("--pass", "left"), "--pass is not for a drive of several legs, as turn is"),
+        (("--clearance", "max"), "--clearance max is not for a drive of several legs, as turn is"),
+        (("--tracking-error", "0.1"), "--tracking-error is not for a drive of several legs, as turn is"),
+        (("--vehicle", "bus,citaro"), "--vehicle with several names is not for a drive of several legs, as turn is"),
+        (("--offset", "1"), "turn: a drive of several legs has no use for --offset"),
+        (("--reverse",), "turn: a drive of several legs has no use for --reverse"),
+        (("--leg-line", "rear"), "--leg-line must be lead-axle or last-axle, not 'rear'"),
+        (("--road-ids", "1,2"), "turn.geojson has no road ids and lanes to choose; OpenDRIVE files (.xodr) have"),
+        (("--half-width", "1"), f"limits are 2.00 m apart; the {VEHICLE} is 2.55 m wide"),
+    ],
+)
+def test_what_legs_do_not_have_is_refused_in_a_line(cli: Cli, tmp_path: Path, options: tuple[str, ...], message: str) -> None:
+    written(tmp_path, *turn_features())
+    outcome = cli("plan", "turn.geojson", *QUICK, *options)
+    assert (outcome.code, outcome.out) == (2, "")
+    assert outcome.err.splitlines()[0] == f"error: {message}"
+
+
+@pytest.mark.parametrize("command", [("need", "turn.geojson", "--vehicle", "bus"), ("roads", "info", "turn.geojson")])
+def test_other_commands_refuse_legs(cli: Cli, tmp_path: Path, command: tuple[str, ...]) -> None:
+    written(tmp_path, *turn_features())
+    outcome = cli(*command)
+    assert outcome.code == 2
+    assert "error: turn holds the legs of a drive forwards and backwards, which only `hdvplan plan` plans" in outcome.err
+
+
+def test_a_road_has_no_use_for_whose_line_a_leg_is(cli: Cli, short_road: str) -> None:
+    outcome = cli("plan", short_road, "--vehicle", "bus", "--leg-line", "last-axle")
+    assert outcome.code == 2
+    assert outcome.err.startswith("error: short.csv has no legs, and no use for --leg-line")
+
+
+def test_a_report_of_legs_is_refused(cli: Cli, tmp_path: Path) -> None:
+    written(tmp_path, *turn_features())
+    assert cli("plan", "turn.geojson", *QUICK, "--no-plot", "--out", "out").code == 0
+    outcome = cli("report", "out")
+    assert outcome.code == 2
+    assert "of several legs" in outcome.err
+
+
+def test_the_line_of_the_last_axle_leads_the_semitrailer_onto_a_dock(cli: Cli, tmp_path: Path) -> None:
+    rear, _ = drawn((0.0, 0.0, 0.0), [(-30.0, 0.0), (-15.0, -0.02), (-20.0, 0.0)])
+    written(tmp_path, leg(1, "backward", rear), name="dock.geojson")
+    outcome = cli("plan", "dock.geojson", "--vehicle", "tractor-semitrailer", "--leg-line", "last-axle", "--no-plot", "--out", "out")
+    assert outcome.code == 0
+    path = pd.read_csv(tmp_path / "out" / "path.csv")
+    end = path.iloc[-1]
+    lengths = 3.6 + 7.7  # about, from the tractor's axle to the trailer's: the dock's end is where the trailer's line ends
+    apart = np.hypot(end["x"] - (rear[-1, 0] + EAST), end["y"] - (rear[-1, 1] + NORTH))
+    assert 0.5 * lengths < apart < 1.2 * lengths
+    assert abs(end["beta1"]) < np.deg2rad(3.0)  # on the straight before the dock the vehicle is stretched again
