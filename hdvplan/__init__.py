@@ -25,17 +25,17 @@ if TYPE_CHECKING:
     from hdvplan.driving.followed import GivenPath
     from hdvplan.errors import HdvplanError
     from hdvplan.finer import clearest, replanned
+    from hdvplan.judging.legs import LegsResult
     from hdvplan.judging.result import Result
     from hdvplan.judging.verdict import verdict_of
-    from hdvplan.judging.legs import LegsResult
     from hdvplan.legs import load_legs, plan_legs
     from hdvplan.need.answer import need_of
     from hdvplan.planning.bias import Bias
     from hdvplan.planning.settings import PlannerSettings
     from hdvplan.qp.workspace import QpWorkspace
     from hdvplan.report.files import write_plan
-    from hdvplan.report.leg_files import write_legs
     from hdvplan.report.html import write_report
+    from hdvplan.report.leg_files import write_legs
     from hdvplan.report.plots import plan_figure
     from hdvplan.report.summary import summary_of
     from hdvplan.road.legs import Leg, Legs

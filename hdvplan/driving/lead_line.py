@@ -44,7 +44,7 @@ def lead_line(vehicle: Vehicle, points: FloatArray, options: RoadOptions) -> Flo
         coupling = axle + unit.wheelbase * _unit(heading)
         heading = _followed(coupling, ahead.hitch_offset)
         axle = coupling + ahead.hitch_offset * _unit(heading)
-    return np.asarray(axle)
+    return axle
 
 
 def _most(vehicle: Vehicle, options: RoadOptions) -> float:
@@ -71,19 +71,18 @@ def _followed(coupling: FloatArray, lever: float) -> FloatArray:
     s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(coupling, axis=0).T))])
     spline = CubicSpline(s, coupling)
     x, y = spline(s, 1).T
-    along = np.unwrap(np.arctan2(y, x))
+    along: FloatArray = np.unwrap(np.arctan2(y, x))
     if abs(lever) < _ON_AXLE_M:
         return along
-    span = (s[-1], 0.0) if lever > 0.0 else (0.0, s[-1])
-    begin = along[-1] if lever > 0.0 else along[0]
-    direction = CubicSpline(s, along)
+    order = slice(None, None, -1 if lever > 0.0 else 1)
+    direction, at = CubicSpline(s, along), s[order]
     followed = solve_ivp(
-        lambda at, psi: np.sin(psi - direction(at)) / lever, span, [begin], "LSODA", dense_output=True, rtol=_EXACT, atol=_EXACT
+        lambda at, psi: np.sin(psi - direction(at)) / lever, (at[0], at[-1]), along[order][:1], "LSODA", t_eval=at, rtol=_EXACT, atol=_EXACT
     )
-    heading: FloatArray = followed.sol(s)[0]
+    heading: FloatArray = np.asarray(followed.y[0])[order]
     across = np.abs(heading - along)
     if np.max(across) > _ACROSS:
-        at = float(s[np.argmax(across)])
-        msg = f"the last axle's line turns so sharply near s = {at:.0f} m that the body ahead would stand across its path"
-        raise RoadError(msg, s_m=at, hint="draw it wider, or draw the line of the lead axle: --leg-line lead-axle")
+        place = float(s[np.argmax(across)])
+        msg = f"the last axle's line turns so sharply near s = {place:.0f} m that the body ahead would stand across its path"
+        raise RoadError(msg, s_m=place, hint="draw it wider, or draw the line of the lead axle: --leg-line lead-axle")
     return heading

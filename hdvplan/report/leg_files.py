@@ -15,8 +15,8 @@ from hdvplan.judging.result import Result
 from hdvplan.record import NAME, record_of
 from hdvplan.report.dxf import drawing_bytes, how_to_read
 from hdvplan.report.files import FILES, REGIONS, SWEPT, TABLES, Table, path_table, regions_json
-from hdvplan.report.leg_layers import leg_features, legs_geojson
 from hdvplan.report.layers import drawing_system
+from hdvplan.report.leg_layers import leg_features, legs_geojson
 from hdvplan.report.summary import summary_of, verdict_json
 from hdvplan.road.legs import Leg
 

@@ -30,8 +30,11 @@ def swept_by(drive: Drive) -> list[BaseGeometry]:
     """Return the area that each body swept, also beyond the ends of the line, from each simulated pose to the next [m]."""
     outlines = corners(drive, np.arange(len(drive.poses_s)))
     pairs = np.concatenate([outlines[:-1], outlines[1:]], axis=2)
-    hulls = shapely.convex_hull(shapely.multipoints(pairs.reshape(-1, 8, 2))).reshape(pairs.shape[:2])
-    return [shapely.simplify(shapely.union_all(hulls[:, unit]), _SIMPLER_M) for unit in range(hulls.shape[1])]
+    found = []
+    for unit in range(pairs.shape[1]):
+        hulls = shapely.convex_hull(shapely.multipoints(pairs[:, unit]))
+        found.append(shapely.simplify(shapely.union_all(hulls), _SIMPLER_M))
+    return found
 
 
 def leg_features(driven: LegsResult) -> tuple[Drawn, ...]:

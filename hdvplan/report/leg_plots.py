@@ -27,7 +27,8 @@ _COLOURS, _DASHES = (BODY_COLOURS[0], BODY_COLOURS[1]), ("solid", (0, (4, 1.5)))
 _PALE, _SHADE = 0.22, 0.10
 _ROOM_M = 2.0  # around what was swept
 _ARROWS_M = 6.0  # of way, about, from one arrow to the next
-_LABEL_PT = (16.0, 16.0)
+_LABELS_PT = {"start": (-44.0, 20.0), "end": (16.0, -26.0)}  # they may be one place
+_LABEL_PT = (16.0, 16.0)  # of cusps
 _ROOMY_M = 3.0  # more room than that needs no place in a diagram
 _SHOWN = 1.3  # times the largest articulation is a critical angle near enough to be drawn
 
@@ -118,8 +119,8 @@ def _draw_cusps(axes: Axes, driven: LegsResult) -> None:
         style = {"arrowstyle": "-", "color": INK, "linewidth": 0.8}
         axes.plot(*_line(result)[pose], marker="o", color="white", markeredgecolor=INK, markersize=7, zorder=7)
         axes.annotate(
-            told, point(_line(result)[pose]), _LABEL_PT, textcoords="offset points", fontsize="small", fontweight="bold", color=INK,
-            bbox=ON_WHITE, zorder=8, arrowprops=style,
+            told, point(_line(result)[pose]), _LABELS_PT.get(name, _LABEL_PT), textcoords="offset points", fontsize="small",
+            fontweight="bold", color=INK, bbox=ON_WHITE, zorder=8, arrowprops=style,
         )  # fmt: skip
 
 
@@ -138,15 +139,24 @@ def _draw_panel(axes: Axes, driven: LegsResult, panel: Panel) -> None:
 
 
 def _draw_room(axes: Axes, driven: LegsResult, at: int, way: FloatArray) -> None:
-    result = driven.results[at]
-    s = result.envelope.s
+    """Draw how near bodies come to limits, beside each place of the line, and to obstacles, at each pose; else how far they reach."""
+    result, s = driven.results[at], driven.results[at].envelope.s
     if result.clearance is None:
         axes.plot(way[0] + way[1] * s, np.fmax(result.envelope.reach_left, -result.envelope.reach_right), color=INK, linewidth=1.3)
         axes.set_ylabel("furthest reach [m]")
         return
-    room = np.where(result.clearance > _ROOMY_M, np.nan, result.clearance)
-    axes.plot(way[0] + way[1] * s, room, color=INK, linewidth=1.3, marker=".", markersize=3)
-    axes.set_ylabel("room to limits and obstacles [m]\n(beside each place of the line)")
+    if result.drive.road.limits is not None:
+        gaps = np.min(np.concatenate([*result.gaps.values()]), axis=0)
+        gaps = np.where(gaps > _ROOMY_M, np.nan, gaps)
+        axes.plot(way[0] + way[1] * s, gaps, color=MUTED, linewidth=1.3, label="limits" if at == 0 else None)
+    obstacles = [region.polygon for region in driven.legs.regions if region.kind is Kind.OBSTACLE]
+    if obstacles:
+        bodies = result.outlines.geometries.reshape(len(result.drive.poses_s), -1)
+        apart = np.min(shapely.distance(bodies, shapely.union_all(obstacles)), axis=1)
+        axes.plot(way[0] + way[1] * result.drive.poses_s, apart, color=INK, linewidth=1.3, label="obstacles" if at == 0 else None)
+    axes.set_ylabel("room [m]")
+    if at == 0:
+        _legend_above(axes)
 
 
 def _draw_articulation(axes: Axes, driven: LegsResult, at: int, way: FloatArray) -> None:
@@ -162,12 +172,17 @@ def _draw_articulation(axes: Axes, driven: LegsResult, at: int, way: FloatArray)
                 axes.axhline(sign * critical, color=BREACH, linestyle=(0, (4, 2)), linewidth=1.0)
     axes.set_ylabel("articulation [deg]")
     if at == 0 and angles.shape[1] > 1:
-        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.0, ncols=4)
+        _legend_above(axes)
 
 
 def _all_angles(driven: LegsResult) -> FloatArray:
     """Return the articulations of all poses of all legs, (couplings, poses) [deg]."""
-    return np.degrees(np.concatenate([one.drive.poses_z[:, 2 : one.drive.vehicle.rigid_states] for one in driven.results])).T
+    angles = np.concatenate([one.drive.poses_z[:, 2 : one.drive.vehicle.rigid_states] for one in driven.results])
+    return np.asarray(np.degrees(angles.T))
+
+
+def _legend_above(axes: Axes) -> None:
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.0, ncols=4)
 
 
 def _draw_curvature(axes: Axes, driven: LegsResult, at: int, way: FloatArray) -> None:

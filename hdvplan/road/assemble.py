@@ -45,7 +45,8 @@ class _Line:
 def road_of(features: list[Feature], name: str, choice: Choice, unit: Unit = _METRES, *, routes: bool = False) -> RawRoad:
     """Return the road, or the legs of a drive, among ``features``; ``name`` begins the messages.
 
-    ``unit`` is that of coordinates without a system. A note tells which layers are not read, but not of ``routes``, whose layers are other roads and not what is beside one.
+    ``unit`` is that of coordinates without a system. A note tells which layers are not read, but not of
+    ``routes``, whose layers are other roads and not what is beside one.
 
     Raises:
         RoadError: no line, several lines and none chosen, parts that do not join, impossible coordinates, several
@@ -77,9 +78,9 @@ def road_of(features: list[Feature], name: str, choice: Choice, unit: Unit = _ME
     whole = unit.metres * everything if plane is None else plane.points
     placed = np.split(whole, np.cumsum([len(part) for part in parts])[:-1])
     beside = _Beside(name, system, plane, choice, tuple(line.feature.geometry for line in chosen), unit.metres)
-    edges = tuple(edge for feature in features for edge in beside.edges(feature))
+    edges = [(edge, feature.layer if feature.drawn else _label(feature)) for feature in features for edge in beside.edges(feature)]
     if system is None:
-        refuse_no_street(placed, None, edges, unit, name)
+        refuse_no_street(placed, None, [edge for edge, _ in edges], unit, name)
     to_lonlat, rest = None if plane is None else plane.to_lonlat, iter(placed)
     drawn = [replace(_drawn(line, list(islice(rest, len(line.parts))), name), to_lonlat=to_lonlat) for line in chosen]
     regions: list[Region] = []
@@ -90,7 +91,8 @@ def road_of(features: list[Feature], name: str, choice: Choice, unit: Unit = _ME
         drawn[0],
         points=np.concatenate([one.points for one in drawn]),
         regions=tuple(regions),
-        edges=edges,
+        edges=tuple(edge for edge, _ in edges),
+        edge_names=tuple(label for _, label in edges),
         notes=(*notes, *unit.notes(name, system), *unread),
         legs=tuple(RawLeg(one, backward) for one, (_, backward) in zip(drawn, legs, strict=False)),
     )
@@ -189,6 +191,11 @@ def _joined(parts: list[FloatArray], name: str, *, directed: bool) -> FloatArray
     raise RoadError(msg, hint="join the parts, or turn the ones that run backwards" if directed else "join them, or choose one with --id")
 
 
+def _label(feature: Feature) -> str:
+    """Return what is told and drawn of a feature beside the line."""
+    return printable(feature.labels[0] if feature.labels else feature.layer)[:_LONGEST_LABEL]
+
+
 def _reaches(properties: Json, count: int, name: str) -> FloatArray | None:
     given = [key for key in _WIDTHS if properties.get(key) is not None]
     if not given:
@@ -263,7 +270,7 @@ class _Beside:
         given, role = feature.properties.get("region"), role_of(feature, self.choice)
         if given is None and (role not in {Role.OBSTACLE, Role.SWEEPABLE} or self._is_line(feature)):
             return []
-        label = printable(feature.labels[0] if feature.labels else feature.layer)[:_LONGEST_LABEL]
+        label = _label(feature)
         where = f"{self.name}: region {label!r}" if label else f"{self.name}: region {number}"
         if given is not None and given not in list(Kind):
             msg = f"{where} is {given!r}; a region is obstacle or sweepable"

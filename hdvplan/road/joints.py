@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +22,7 @@ LARGEST_BREAK = np.deg2rad(15.0)  # of two lines drawn by hand; of more one of t
 _WRONG_WAY = np.deg2rad(120.0)  # from which on a direction is wrong, not a line
 _BLEND_M = 10.0  # over which a line is moved, or over half of a shorter one
 _SAMPLES_M = 0.25  # of a line that is moved: half its knots' spacing
-_TOLD_M, _TOLD = 1e-3, np.deg2rad(0.05)  # less is rounding of a file's coordinates
+_TOLD_M, _TOLD = 1e-3, np.deg2rad(2.0)  # less is rounding of a file's coordinates, or of smoothing
 _SETTLED = 1e-9  # [m] and [rad]: no end is moved by less
 
 
@@ -60,7 +61,7 @@ class _Cusp:
 
     @property
     def told(self) -> bool:
-        """Whether it is more than the rounding of a file's coordinates."""
+        """Whether it is more than rounding."""
         return self.gap > _TOLD_M or abs(self.turn) > _TOLD
 
     def ends(self) -> tuple[_End, _End]:
@@ -76,7 +77,7 @@ def joined(legs: tuple[Leg, ...], gap: float = SAME_M) -> tuple[tuple[Leg, ...],
         RoadError: two lines end further apart than ``gap`` [m], or at an angle that nobody draws by mistake.
 
     """
-    cusps = [_Cusp.between(before, after) for before, after in zip(legs, legs[1:], strict=False)]
+    cusps = [_Cusp.between(before, after) for before, after in pairwise(legs)]
     for number, cusp in enumerate(cusps, start=1):
         _refuse(cusp, number, gap)
     none = _End(np.zeros(2), 0.0)
@@ -146,8 +147,8 @@ def _beyond(at: FloatArray, s: FloatArray, along: FloatArray) -> FloatArray:
 def _through(points: FloatArray, headings: tuple[float, float]) -> tuple[ReferencePath, FloatArray]:
     """Return the path through dense points (n, 2) [m] with these headings at its ends [rad], and the points' arclengths on it [m]."""
     chord = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
-    first, last = ((1, np.array([np.cos(heading), np.sin(heading)])) for heading in headings)
-    spline = CubicSpline(chord, points, bc_type=(first, last))
+    first, last = (np.array([np.cos(heading), np.sin(heading)]) for heading in headings)
+    spline = CubicSpline(chord, points, bc_type=((1, first), (1, last)))
     parameters, s = equal_arclengths(spline, KNOT_SPACING_M)
     (x, y), (dx, dy), (ddx, ddy) = (spline(parameters, order).T for order in range(3))
     curvature = (dx * ddy - dy * ddx) / np.hypot(dx, dy) ** 3

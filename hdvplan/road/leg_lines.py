@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -84,7 +85,7 @@ def _refuse_no_cusps(backward: list[bool], name: str) -> None:
     if backward == [False]:
         msg = f"{name}: a single leg that is driven forwards is a road"
         raise RoadError(msg, hint="leave leg and direction out")
-    for number, (own, other) in enumerate(zip(backward, backward[1:], strict=False), start=1):
+    for number, (own, other) in enumerate(pairwise(backward), start=1):
         if own is other:
             msg = f"{name}: legs {number} and {number + 1} are both driven {BACKWARD if own else FORWARD}s"
             raise RoadError(msg, hint="join them to one line, or correct a direction: at a cusp it changes")

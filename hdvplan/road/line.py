@@ -35,11 +35,11 @@ class RawRoad:
 
     ``reaches`` are the widths at the points, shape (4, n): left, right, left_sweep, right_sweep, all positive [m]. Or
     ``sides`` are the edges left and right of each point, shape (2, n, 2), or ``edges`` lines somewhere beside the road, each of
-    shape (m, 2), x, y [m]. ``lines`` are the lines of the points in their file, where it has some; ``notes`` what the reader
-    has to say to the user. ``rounded`` are the points moved as little as it takes for a line without gaps and kinks, where
-    that is known: it needs no smoothing. ``corners`` says how the points are read, where the file does, see ``Corners``, and
-    ``corner_radius`` rounds the kerbs inside sharp ones [m]. ``legs`` are what a drive forwards and backwards is made of, in its order:
-    ``points`` are then those of all.
+    shape (m, 2), x, y [m], called ``edge_names``. ``lines`` are the lines of the points in their file, where it has some; ``notes``
+    what the reader has to say to the user. ``rounded`` are the points moved as little as it takes for a line without gaps and
+    kinks, where that is known: it needs no smoothing. ``corners`` says how the points are read, where the file does, see
+    ``Corners``, and ``corner_radius`` rounds the kerbs inside sharp ones [m]. ``legs`` are what a drive forwards and backwards is
+    made of, in its order: ``points`` are then those of all.
     """
 
     points: FloatArray
@@ -49,6 +49,7 @@ class RawRoad:
     notice: str | None = None
     regions: tuple[Region, ...] = ()
     edges: tuple[FloatArray, ...] = ()
+    edge_names: tuple[str, ...] = ()
     sides: FloatArray | None = None
     lines: tuple[int, ...] | None = None
     notes: tuple[str, ...] = ()

@@ -63,17 +63,26 @@ def _leg(line: Line, number: int, given: RawLeg, lead_line: LeadLine | None) -> 
         raw = _turned(raw)
     try:
         if given.backward and lead_line is not None:
-            if raw.reaches is not None:
-                msg = "widths count from the line of the lead axle, and this one is the last axle's"
-                raise RoadError(msg, hint="draw edges, or take the widths out of the file")
-            raw = replace(raw, points=lead_line(raw.points, line.options), lines=None)
-        if is_closed(raw.points):
-            msg = "it ends where it begins"
-            raise RoadError(msg, hint="a leg leads from one cusp to the next")
+            raw = _led(raw, lead_line, line.options)
+        _refuse_closed(raw)
         road, _ = smoothed(Line(name, raw, line.options))
     except RoadError as error:
         raise _of(name, error) from error
     return Leg(road, given.backward)
+
+
+def _led(raw: RawRoad, lead_line: LeadLine, options: RoadOptions) -> RawRoad:
+    """Return the lead axle's line for one of the last axle."""
+    if raw.reaches is not None:
+        msg = "widths count from the line of the lead axle, and this one is the last axle's"
+        raise RoadError(msg, hint="draw edges, or take the widths out of the file")
+    return replace(raw, points=lead_line(raw.points, options), lines=None)
+
+
+def _refuse_closed(raw: RawRoad) -> None:
+    if is_closed(raw.points):
+        msg = "it ends where it begins"
+        raise RoadError(msg, hint="a leg leads from one cusp to the next")
 
 
 def _of(name: str, error: RoadError) -> RoadError:
@@ -101,15 +110,13 @@ def _walls(raw: RawRoad, lines: shapely.Geometry, name: str) -> list[Region]:
             x, y = shapely.get_coordinates(shapely.intersection(edge, lines))[0]
             msg = f"{name}: a line that is drawn as an edge crosses the line of a leg at x {x:.1f}, y {y:.1f}: it would close the street"
             raise RoadError(msg, hint="take it out of the edges, or break it there")
-    areas = [
-        region.polygon for region in raw.regions if region.kind is Kind.SWEEPABLE and shapely.dwithin(region.polygon, edges, _AREA_M).any()
-    ]
-    drawn = shapely.union_all(edges)
-    swept = shapely.union_all(areas)
-    free = [shapely.difference(edge, shapely.buffer(swept, _AREA_M)) for edge in edges] if areas else edges
-    beyond = shapely.difference(shapely.boundary(swept), shapely.buffer(drawn, _AREA_M)) if areas else shapely.LineString()
-    parts = [part for part in shapely.get_parts(np.array([*free, beyond], dtype=object)) if shapely.length(part) > _CUT_M]
-    return [Region(Kind.OBSTACLE, polygon, "edge") for part in parts for polygon in shapely.get_parts(_thick(part, lines)).tolist()]
+    sweepable = [region.polygon for region in raw.regions if region.kind is Kind.SWEEPABLE]
+    areas = [area for area in sweepable if np.any(shapely.dwithin(area, edges, _AREA_M))]
+    there, drawn = (shapely.buffer(shapely.union_all(one), _AREA_M) for one in (areas, edges))
+    found = [(shapely.difference(edge, there) if areas else edge, name) for edge, name in zip(edges, raw.edge_names, strict=True)]
+    found += [(shapely.difference(shapely.boundary(area), drawn), "") for area in areas]
+    parts = [(part, name) for line, name in found for part in shapely.get_parts(line) if shapely.length(part) > _CUT_M]
+    return [Region(Kind.OBSTACLE, area, name or "edge") for part, name in parts for area in shapely.get_parts(_thick(part, lines)).tolist()]
 
 
 def _thick(edge: shapely.LineString, lines: shapely.Geometry) -> shapely.Geometry:
@@ -117,8 +124,14 @@ def _thick(edge: shapely.LineString, lines: shapely.Geometry) -> shapely.Geometr
     if edge.is_ring:
         area = shapely.Polygon(edge)
         return shapely.difference(shapely.buffer(area, _WALL_M), area) if shapely.contains(area, lines) else area
-    sides = [shapely.buffer(edge, reach, single_sided=True, join_style="mitre") for reach in (_WALL_M, -_WALL_M)]
-    return max(sides, key=lambda side: float(np.mean(shapely.distance(shapely.points(shapely.get_coordinates(side)), lines))))
+    sides = [shapely.buffer(one, _WALL_M, single_sided=True, join_style="mitre") for one in (edge, shapely.reverse(edge))]
+    return max(sides, key=lambda side: _away(side, edge, lines))
+
+
+def _away(side: shapely.Geometry, edge: shapely.LineString, lines: shapely.Geometry) -> float:
+    """Return how far from the lines the corners of one side of an edge lie on average, those on the edge itself left out [m]."""
+    corners = np.asarray(shapely.points(shapely.get_coordinates(side)[:-1]))
+    return float(np.mean(shapely.distance(corners[shapely.distance(corners, edge) > 0.5 * _WALL_M], lines)))
 
 
 def _within(leg: Leg, regions: tuple[Region, ...]) -> Leg:

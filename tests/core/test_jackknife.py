@@ -36,4 +36,4 @@ def test_at_full_lock_it_stays_as_it_is_and_grows_backwards_beyond(name: str, si
         z = at.copy()
         z[2] += side * more
         backwards = -side * rates(table, 0.0, z, lock)[2]
-        assert (backwards > 0.0) is grows
+        assert bool(backwards > 0.0) is grows

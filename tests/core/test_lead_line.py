@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import shapely
 from scipy.integrate import solve_ivp
 
 from hdvplan.arrays import FloatArray
@@ -42,11 +43,8 @@ def test_the_lead_axle_s_line_is_the_one_that_the_last_axle_followed(name: str) 
     lead, last = driven(vehicle, 160.0)
     found = lead_line(vehicle, last, RoadOptions(max_curvature=0.2))
     ahead = len(lead) // 8  # what the chain began with dies away over its levers
-    x, y = found[ahead:-ahead].T
-    near = np.min(np.hypot(x[:, None] - lead[:, 0], y[:, None] - lead[:, 1]), axis=1)
-    assert float(np.max(near)) < 0.125 + 0.03  # half the points' distance, and what smoothing the last line changes of the lead one's
-    across = np.abs(np.interp(x, lead[:, 0], lead[:, 1]) - y)  # the S goes east
-    assert float(np.max(across)) < 0.03
+    apart = shapely.distance(shapely.points(found[ahead:-ahead]), shapely.LineString(lead))
+    assert float(np.max(apart)) < 0.002, float(np.max(apart))
 
 
 def test_a_rigid_vehicle_has_one_line() -> None:

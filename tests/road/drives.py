@@ -12,6 +12,7 @@ import numpy as np
 from hdvplan.arrays import FloatArray
 
 EAST, NORTH = 674_000.0, 6_580_000.0  # in EPSG:3006, which has metres
+PLACE = np.array([EAST, NORTH])
 RADIUS = 12.0
 Piece = tuple[float, float]  # length, negative: rear first [m], and curvature of the rear axle's path, left positive [1/m]
 
@@ -52,13 +53,13 @@ def leg(number: object, direction: object, points: FloatArray, **more: object) -
 
 def line_feature(points: FloatArray, **properties: object) -> dict[str, Any]:
     """Return a line as a feature in metres."""
-    placed = (np.asarray(points) + [EAST, NORTH]).tolist()
+    placed = (np.asarray(points) + PLACE).tolist()
     return {"type": "Feature", "properties": properties, "geometry": {"type": "LineString", "coordinates": placed}}
 
 
 def area_feature(points: Sequence[tuple[float, float]], **properties: object) -> dict[str, Any]:
     """Return a polygon as a feature in metres."""
-    placed = (np.array([*points, points[0]]) + [EAST, NORTH]).tolist()
+    placed = (np.array([*points, points[0]]) + PLACE).tolist()
     return {"type": "Feature", "properties": properties, "geometry": {"type": "Polygon", "coordinates": [placed]}}
 
 

@@ -21,7 +21,7 @@ from hdvplan.road.load_csv import read_csv
 from hdvplan.road.options import RoadOptions
 from hdvplan.road.passages import Line
 from hdvplan.road.regions import Kind, Side
-from tests.road.drives import EAST, NORTH, RADIUS, area_feature, drawn, leg, line_feature, three_point, turn_features, written
+from tests.road.drives import EAST, NORTH, PLACE, RADIUS, area_feature, drawn, leg, line_feature, three_point, turn_features, written
 
 FORWARDS = ("forward", "backward", "forward")
 LINES, POSES = three_point()
@@ -65,12 +65,12 @@ def test_layers_of_a_drawing_say_number_and_direction(tmp_path: Path) -> None:
     document = new("R2010")
     document.header["$INSUNITS"] = 6
     for number, (line, direction) in enumerate(zip(LINES, FORWARDS, strict=True), start=1):
-        document.modelspace().add_lwpolyline((line + [EAST, NORTH]).tolist(), dxfattribs={"layer": f"LEG_{number}_{direction.upper()}"})
+        document.modelspace().add_lwpolyline((line + PLACE).tolist(), dxfattribs={"layer": f"LEG_{number}_{direction.upper()}"})
     document.modelspace().add_lwpolyline([(EAST - 20.0, NORTH - 9.0), (EAST + 40.0, NORTH - 9.0)], dxfattribs={"layer": "KERB"})
     document.saveas(tmp_path / "turn.dxf")
     legs = load_legs(tmp_path / "turn.dxf")
     check_turn(legs)
-    assert [region.label for region in legs.regions] == ["edge"]
+    assert [region.label for region in legs.regions] == ["KERB"]
     assert legs.notes == ()  # no layer is called unread
 
 
@@ -90,7 +90,7 @@ def table_of(lines: list[FloatArray], cusps: str) -> str:
 @pytest.mark.parametrize("cusps", ["twice", "before", "after"])
 def test_a_column_of_directions_cuts_a_table_at_its_cusps(tmp_path: Path, cusps: str) -> None:
     path = tmp_path / "turn.csv"
-    path.write_text(table_of([line + [EAST, NORTH] for line in LINES], cusps), encoding="utf-8")
+    path.write_text(table_of([line + PLACE for line in LINES], cusps), encoding="utf-8")
     check_turn(load_legs(path))
 
 
@@ -168,7 +168,7 @@ def test_a_heading_that_breaks_at_a_cusp_is_refused_with_what_to_draw(tmp_path: 
 def test_lines_that_do_not_quite_meet_are_moved_half_way_and_the_street_stays(tmp_path: Path) -> None:
     corner, turn = np.array([40.0, 0.0]), np.deg2rad(6.0)
     out, away = np.array([[0.0, 0.0], [40.0, 0.0]]), np.array([np.cos(np.pi - turn), np.sin(np.pi - turn)])
-    back = corner + [0.0, 0.008] + np.outer([0.0, 40.0], away)
+    back = corner + np.array([0.0, 0.008]) + np.outer([0.0, 40.0], away)
     legs = load_legs(written(tmp_path, leg(1, "forward", out, width_m=6.0), leg(2, "backward", back, width_m=6.0)))
     first, second = legs.legs
     assert end_of(first, 1)[2] == pytest.approx(-0.5 * turn, abs=1e-9)
@@ -178,8 +178,8 @@ def test_lines_that_do_not_quite_meet_are_moved_half_way_and_the_street_stays(tm
     most = 10.0 * np.tan(0.5 * turn) * np.max(u - 6.0 * u**3 + 8.0 * u**4 - 3.0 * u**5)
     y = first.road.path.at(np.linspace(0.0, first.road.path.length, 1000)).y - NORTH
     assert float(np.max(np.abs(y))) == pytest.approx(most, abs=0.008)  # the ends are moved by up to 4 mm more
-    (note,) = legs.notes
-    assert note == f"turn: the lines of legs 1 and 2 meet 0.8 cm apart and at 6.0 degrees: they are moved by up to {most:.2f} m"
+    (note,) = legs.notes  # the second line is moved to the same side by both
+    assert note == f"turn: the lines of legs 1 and 2 meet 0.8 cm apart and at 6.0 degrees: they are moved by up to {most + 0.004:.2f} m"
     limits = first.road.limits
     assert limits is not None
     left, right = limits.table(np.array([10.0]))[:2]  # where nothing was moved
@@ -220,14 +220,14 @@ def test_a_polygon_around_the_street_is_a_wall_around_it_and_bounds_every_leg(tm
     box = np.array([(-10.0, -8.0), (45.0, -8.0), (45.0, 30.0), (-10.0, 30.0), (-10.0, -8.0)])
     legs = load_legs(written(tmp_path, *turn_features(), line_feature(box, edge="left")))
     (whole,) = legs.regions
-    assert shapely.Polygon(whole.polygon.interiors[0]).equals(shapely.Polygon(box + [EAST, NORTH]))
+    assert shapely.Polygon(whole.polygon.interiors[0]).equals(shapely.Polygon(box + PLACE))
     for one in legs.legs:
         parts = shapely.union_all([region.polygon for region in one.road.regions])
         assert parts.area == pytest.approx(whole.polygon.area, abs=0.05 * 0.01)  # two cuts of 2 mm through 5 cm, perhaps oblique
         assert {passage.usual for passage in one.road.passages} == {Side.LEFT, Side.RIGHT}
         for passage in one.road.passages:
-            side = Side.RIGHT if passage.low > 0.0 else Side.LEFT
-            assert passage.usual is side
+            assert passage.usual is (Side.RIGHT if passage.high > -passage.low else Side.LEFT)
+            assert min(passage.high, -passage.low) < 0.01  # each part lies to one side: feet are found on chords of 1 m of the arc
 
 
 def test_a_sweepable_area_takes_the_place_of_the_edge_that_it_joins(tmp_path: Path) -> None:
