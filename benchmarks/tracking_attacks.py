@@ -101,11 +101,11 @@ def errors(made: Tracked, aimed: Records, half_steps: FloatArray, kind: str, rng
 
 def reached(chain: Chain, motion: Motion, aimed: Records) -> FloatArray:
     """Return how near the attacks came at most at every brush (brushes,) [m], along its own direction."""
-    planned, found = Motion(motion.front, motion.axles[:, :1], motion.headings[:, :1]), []
+    planned, found, posed = Motion(motion.front, motion.axles[:, :1], motion.headings[:, :1]), [], chain.closely()
     for brush in aimed:
         unit, at = int(brush["unit"]), float(brush["at"])
         moved, turned = strayed(planned, motion, unit, at)
-        track = chain.poses[int(np.searchsorted(chain.front, at))][unit]
+        track = posed.poses[int(np.searchsorted(posed.front, at))][unit]
         off = float(chain.links[int(at / SPACING_M), unit]["axle_off"])
         left = np.array([-track["sin"] * np.cos(off) - track["cos"] * np.sin(off), track["cos"] * np.cos(off) - track["sin"] * np.sin(off)])
         found.append(

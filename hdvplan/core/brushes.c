@@ -13,6 +13,15 @@
 #define HALF 0.5                    /* of the way to the next pose: from there on that one counts */
 static const double NEVER_M = 1e-9; /* a corner of a body so near to a corner of a kerb has no direction from there */
 
+enum { TOGETHER = 8, CORNERS = 4 }; /* poses for which pieces are looked for at once; of a body */
+
+/* A corner of a body: rear right, rear left, front right, front left. */
+struct corner {
+    double ahead, left; /* [m] */
+    double x, y;        /* in the plane [m] */
+    double far;         /* what it comes at most, in any direction, and REACH_M [m] */
+};
+
 /* One body at one pose. */
 struct body {
     const struct hdv_tracked *on;
@@ -21,6 +30,7 @@ struct body {
     const struct hdv_pose *pose, *before, *after; /* half-way to its neighbours the body is looked at */
     const struct hdv_link *link, *next_link;      /* around it */
     struct hdv_stray stray;                       /* the most it strays here */
+    struct corner corners[2][CORNERS];            /* of all of it, and of its wheels and what lies between */
     double axle_off, at, last, reach;
     int64_t number;
 };
@@ -93,13 +103,15 @@ static void keep(struct found *found, const struct body *body, const struct hdv_
 /* A corner of the body and a piece of kerb. Any line that leaves the corner on one side and the piece on the other
  * keeps them apart: the piece's own, or, from beyond an end, the one across the way from there; that of the larger gap
  * to what may be reached is kept. What is kept apart from every piece stays in the street. */
-static void meet_piece(struct found *found, const struct body *body, int64_t number, double ahead, double left) {
+static void meet_piece(struct found *found, const struct body *body, int64_t number, const struct corner *corner) {
     const struct hdv_piece *piece = &body->street->pieces[number];
-    struct plane_point corner = body_point(body->pose, ahead, left);
-    double dx = corner.x - piece->x, dy = corner.y - piece->y, length = piece->length;
+    double dx = corner->x - piece->x, dy = corner->y - piece->y, length = piece->length;
     double along = dx * piece->cos + dy * piece->sin, across = dy * piece->cos - dx * piece->sin;
     double end = clamped(along, 0.0, length), share = length > 0.0 ? end / length : 0.0;
-    struct pair pair = {across, ahead, left, -piece->sin, piece->cos, piece->s_begin, number, HALF, HALF};
+    if ((along - end) * (along - end) + across * across > corner->far * corner->far)
+        return;
+    struct pair pair = {across,         corner->ahead, corner->left, -piece->sin, piece->cos,
+                        piece->s_begin, number,        HALF,         HALF};
     pair.s += share * (piece->s_end - piece->s_begin);
     struct hdv_brush own = brush_of(body, &pair);
     if (along == end) {
@@ -131,7 +143,7 @@ static void meet_side(struct found *found, const struct body *body, int64_t numb
     const struct hdv_pose *pose = body->pose;
     double x = piece->x - pose->x, y = piece->y - pose->y, u = x * pose->cos + y * pose->sin;
     double sign = piece->left ? 1.0 : -1.0, room = sign * (y * pose->cos - x * pose->sin) - body->unit->half_width;
-    if (u < rear || u > front || room < -2.0 * body->unit->half_width)
+    if (u < rear || u > front || room < -2.0 * body->unit->half_width || room > body->reach)
         return;
     double next = beside_for(u - rear, pose, body->after), past = beside_for(front - u, body->before, pose);
     struct pair pair = {
@@ -143,15 +155,11 @@ static void meet_side(struct found *found, const struct body *body, int64_t numb
 
 static void meet_body(struct found *found, const struct body *body, int64_t number) {
     const struct hdv_piece *piece = &body->street->pieces[number];
-    const struct hdv_unit *unit = body->unit;
-    double rear = piece->wheels ? 0.0 : -unit->rear_overhang;
-    double front = piece->wheels ? smaller(unit->wheelbase, unit->front) : unit->front;
-    for (int corner = 0; corner < 4; corner++) {
-        double left = corner % 2 ? unit->half_width : -unit->half_width;
-        meet_piece(found, body, number, corner < 2 ? rear : front, left);
-    }
+    const struct corner *corners = body->corners[piece->wheels ? 1 : 0];
+    for (int corner = 0; corner < CORNERS; corner++)
+        meet_piece(found, body, number, &corners[corner]);
     if (piece->corner)
-        meet_side(found, body, number, rear, front);
+        meet_side(found, body, number, corners[0].ahead, corners[CORNERS - 1].ahead);
 }
 
 /* The most that a unit strays around a place of the front axle's track. */
@@ -168,35 +176,96 @@ static struct hdv_stray stray_at(const struct hdv_tracked *on, double at, int64_
     return most;
 }
 
+/* What a point of a body, so far from its axle, comes at most, in any direction [m]. */
+static double moved(const struct hdv_stray *stray, double ahead, double left) {
+    return stray->axle + hypot(ahead, left) * stray->heading + REACH_M;
+}
+
+/* A body as it is looked at in one pose. */
+static void begin_body(
+    struct body *body, const struct hdv_tracked *on, const struct hdv_street *street, const struct hdv_posed *posed,
+    int64_t i, int64_t number
+) {
+    const struct hdv_unit *unit = &on->units[number];
+    const struct hdv_pose *pose = &posed->poses[i * on->count + number];
+    double at = posed->front[i];
+    int64_t interval = whole(at / on->spacing, 0, on->intervals - 1);
+    body->on = on;
+    body->street = street;
+    body->unit = unit;
+    body->pose = pose;
+    body->number = number;
+    body->at = at;
+    body->before = i > 0 ? pose - on->count : pose;
+    body->after = i + 1 < posed->count ? pose + on->count : pose;
+    body->stray = stray_at(on, at, number);
+    body->axle_off = on->links[interval * on->count + number].axle_off;
+    interval = whole(at / on->spacing - 0.5, 0, on->intervals - 1);
+    body->link = &on->links[interval * on->count + number];
+    body->next_link = interval + 1 < on->intervals ? body->link + on->count : body->link;
+    body->last = posed->s[i] > street->end ? street->end : INFINITY;
+    body->reach = moved(&body->stray, larger(unit->front, unit->rear_overhang), unit->half_width);
+    double ends[2][2] = {{-unit->rear_overhang, unit->front}, {0.0, smaller(unit->wheelbase, unit->front)}};
+    for (int part = 0; part < 2; part++) {
+        for (int corner = 0; corner < CORNERS; corner++) {
+            double ahead = ends[part][corner / 2], left = corner % 2 ? unit->half_width : -unit->half_width;
+            struct plane_point point = body_point(pose, ahead, left);
+            body->corners[part][corner] =
+                (struct corner){ahead, left, point.x, point.y, moved(&body->stray, ahead, left)};
+        }
+    }
+}
+
+/* What a body takes up at some poses, in the axes of one of them, with all that it may come: so much to either side. */
+static struct box_beside
+box_of(const struct hdv_tracked *on, const struct hdv_posed *posed, int64_t first, int64_t beyond, int64_t number) {
+    const struct hdv_unit *unit = &on->units[number];
+    const struct hdv_pose *pose = &posed->poses[(first + beyond) / 2 * on->count + number];
+    double longest = larger(unit->front, unit->rear_overhang), reach = 0.0;
+    struct box_beside in = {pose, 0.0, 0.0, 0.0, line_beside(unit, posed->s[first], posed->behind[number])};
+    in.line.high = line_beside(unit, posed->s[beyond - 1], posed->behind[number]).high;
+    for (int64_t i = first; i < beyond; i++) {
+        struct hdv_stray stray = stray_at(on, posed->front[i], number);
+        reach = larger(reach, moved(&stray, longest, unit->half_width));
+        for (int corner = 0; corner < CORNERS; corner++) {
+            double ahead = corner < 2 ? -unit->rear_overhang : unit->front;
+            double left = corner % 2 ? unit->half_width : -unit->half_width;
+            struct plane_point point = body_point(&posed->poses[i * on->count + number], ahead, left);
+            double x = point.x - pose->x, y = point.y - pose->y, v = y * pose->cos - x * pose->sin;
+            in.rear = smaller(in.rear, x * pose->cos + y * pose->sin);
+            in.front = larger(in.front, x * pose->cos + y * pose->sin);
+            in.side = larger(in.side, fabs(v));
+        }
+    }
+    in.rear -= reach;
+    in.front += reach;
+    in.side += reach;
+    return in;
+}
+
 /* Write the pairs that bodies may close, as far as there is room; return how many there are. */
 HDV_EXPORT int64_t hdv_brushes(
     const struct hdv_tracked *on, const struct hdv_street *street, const struct hdv_posed *posed,
     struct hdv_brush *brushes, int64_t room
 ) {
     struct found found = {brushes, room, 0};
-    for (int64_t i = 0; i < posed->count; i++) {
+    struct some_pieces near;
+    struct body body;
+    for (int64_t first = 0; first < posed->count; first += TOGETHER) {
+        int64_t beyond = first + TOGETHER < posed->count ? first + TOGETHER : posed->count;
         for (int64_t number = 0; number < on->count; number++) {
-            const struct hdv_unit *unit = &on->units[number];
-            const struct hdv_pose *pose = &posed->poses[i * on->count + number];
-            int64_t interval = whole(posed->front[i] / on->spacing, 0, on->intervals - 1);
-            struct body body = {
-                .on = on, .street = street, .unit = unit, .pose = pose, .number = number, .at = posed->front[i]
-            };
-            body.before = i > 0 ? pose - on->count : pose;
-            body.after = i + 1 < posed->count ? pose + on->count : pose;
-            body.stray = stray_at(on, body.at, number);
-            body.axle_off = on->links[interval * on->count + number].axle_off;
-            interval = whole(body.at / on->spacing - 0.5, 0, on->intervals - 1);
-            body.link = &on->links[interval * on->count + number];
-            body.next_link = interval + 1 < on->intervals ? body.link + on->count : body.link;
-            body.last = posed->s[i] > street->end ? street->end : INFINITY;
-            double longest = larger(unit->front, unit->rear_overhang), askew = body.stray.heading;
-            body.reach = body.stray.axle + hypot(longest, unit->half_width) * askew + REACH_M;
-            struct some_pieces near;
+            struct box_beside in = box_of(on, posed, first, beyond, number);
             for (int64_t from = 0; from >= 0;) {
-                from = pieces_from(from, street, unit, pose, posed->s[i], posed->behind[number], body.reach, &near);
-                for (int64_t at = 0; at < near.count; at++)
-                    meet_body(&found, &body, near.numbers[at]);
+                from = pieces_from(from, street, &in, &near);
+                for (int64_t i = first; near.count > 0 && i < beyond; i++) {
+                    struct stretch_of_line beside = line_beside(&on->units[number], posed->s[i], posed->behind[number]);
+                    begin_body(&body, on, street, posed, i, number);
+                    for (int64_t at = 0; at < near.count; at++) {
+                        const struct hdv_piece *piece = &street->pieces[near.numbers[at]];
+                        if (piece->s_high >= beside.low && piece->s_low <= beside.high)
+                            meet_body(&found, &body, near.numbers[at]);
+                    }
+                }
             }
         }
     }

@@ -98,3 +98,26 @@ void hdv_simulate(
             z[rigid + j] = states[rigid + j] = wheels[(i + 1) * active + j];
     }
 }
+
+/* Write the states (count_at, n) at arclengths at (count_at,), in ascending order, of a vehicle that was driven from
+ * states z (poses, n) at arclengths s (poses,), each with the curvature kappa (poses - 1,) to the next [1/m]. */
+HDV_EXPORT void hdv_states_between(
+    const struct hdv_unit *units, int64_t count, int64_t n, const struct hdv_curve *curve, int64_t poses,
+    const double *s, const double *z, const double *kappa, int64_t count_at, const double *at, double *states
+) {
+    double wheels[2 * HDV_MOST_UNITS];
+    int64_t rigid = 1 + count, active = n - rigid, i = 0;
+    for (int64_t number = 0; number < count_at; number++, states += n) {
+        while (i + 1 < poses && s[i + 1] <= at[number])
+            i++;
+        memcpy(states, z + i * n, (size_t)n * sizeof *z);
+        if (i + 1 == poses || !(at[number] > s[i]))
+            continue;
+        for (int64_t j = 0; j < active; j++) {
+            wheels[j] = z[i * n + rigid + j];
+            wheels[active + j] = z[(i + 1) * n + rigid + j];
+        }
+        struct held held = held_over(units, kappa[i], s[i + 1] - s[i], active, wheels);
+        drive_on(units, count, n, curve, &held, s[i], at[number] - s[i], 1, states);
+    }
+}

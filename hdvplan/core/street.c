@@ -287,36 +287,42 @@ static int64_t first_beyond(const struct hdv_street *street, int64_t from, doubl
     return low;
 }
 
+/* The stretch of line beside which pieces are looked at for a body whose axle is so far behind the lead rear axle,
+ * which is at arclength s [m]. */
+struct stretch_of_line line_beside(const struct hdv_unit *unit, double s, double behind) {
+    double axle = s - behind;
+    return (struct stretch_of_line){axle - unit->rear_overhang - WINDOW_M, axle + unit->front + WINDOW_M};
+}
+
 /* The pieces that may be beside a body whose axle is so far behind the lead rear axle, which is at arclength s [m]. */
 static void range_beside(struct search *in, double s, double behind) {
     const struct hdv_unit *unit = in->unit;
     in->axle = s - behind;
     in->last = s > in->street->end + ROUNDING_M ? in->street->end : INFINITY;
     in->numbers = NULL;
-    in->low = in->axle - unit->rear_overhang - WINDOW_M;
+    struct stretch_of_line beside = line_beside(unit, s, behind);
+    in->low = beside.low;
     in->first = first_at(in->street, in->low);
-    in->beyond = first_beyond(in->street, in->first, in->axle + unit->front + WINDOW_M);
+    in->beyond = first_beyond(in->street, in->first, beside.high);
 }
 
-/* List the pieces beside a body that are nearer to it than ``reach`` [m], from a number on; return the number from
- * which on there may be more, or -1. */
-int64_t pieces_from(
-    int64_t from, const struct hdv_street *street, const struct hdv_unit *unit, const struct hdv_pose *pose, double s,
-    double behind, double reach, struct some_pieces *found
-) {
-    struct search in = {.street = street, .unit = unit};
-    range_beside(&in, s, behind);
+/* List the pieces of a box beside a stretch of line, from a number on; return the number from which on there may be
+ * more, or -1. */
+int64_t
+pieces_from(int64_t from, const struct hdv_street *street, const struct box_beside *in, struct some_pieces *found) {
+    const struct hdv_pose *pose = in->pose;
+    int64_t first = first_at(street, in->line.low), beyond = first_beyond(street, first, in->line.high);
     found->count = 0;
-    double rear = -unit->rear_overhang - reach, front = unit->front + reach, side = unit->half_width + reach;
-    for (int64_t number = from > in.first ? from : in.first; number < in.beyond; number++) {
+    for (int64_t number = from > first ? from : first; number < beyond; number++) {
         const struct hdv_piece *piece = &street->pieces[number];
-        if (piece->s_high < in.low)
+        if (piece->s_high < in->line.low)
             continue;
         double x = piece->x - pose->x, y = piece->y - pose->y;
         double u = x * pose->cos + y * pose->sin, v = y * pose->cos - x * pose->sin;
         double to_u = u + piece->length * (piece->cos * pose->cos + piece->sin * pose->sin);
         double to_v = v + piece->length * (piece->sin * pose->cos - piece->cos * pose->sin);
-        if (larger(u, to_u) < rear || smaller(u, to_u) > front || larger(v, to_v) < -side || smaller(v, to_v) > side)
+        if (larger(u, to_u) < in->rear || smaller(u, to_u) > in->front || larger(v, to_v) < -in->side ||
+            smaller(v, to_v) > in->side)
             continue;
         if (found->count == HDV_SOME)
             return number;
@@ -325,12 +331,15 @@ int64_t pieces_from(
     return -1;
 }
 
-/* List all of them; there may be too many. */
+/* List the pieces beside a body that are nearer to it than ``reach`` [m]; there may be too many. */
 void pieces_near(
     const struct hdv_street *street, const struct hdv_unit *unit, const struct hdv_pose *pose, double s, double behind,
     double reach, struct some_pieces *found
 ) {
-    if (pieces_from(0, street, unit, pose, s, behind, reach, found) >= 0)
+    struct box_beside in = {
+        pose, -unit->rear_overhang - reach, unit->front + reach, unit->half_width + reach, line_beside(unit, s, behind),
+    };
+    if (pieces_from(0, street, &in, found) >= 0)
         found->count = -1;
 }
 

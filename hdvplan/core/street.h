@@ -73,10 +73,21 @@ struct some_pieces {
     int64_t numbers[HDV_SOME];
 };
 
-int64_t pieces_from(
-    int64_t from, const struct hdv_street *street, const struct hdv_unit *unit, const struct hdv_pose *pose, double s,
-    double behind, double reach, struct some_pieces *found
-);
+/* Arclengths of the line [m]. */
+struct stretch_of_line {
+    double low, high;
+};
+
+/* A rectangle in the axes of a body, and the stretch of line that it is beside. */
+struct box_beside {
+    const struct hdv_pose *pose;
+    double rear, front, side; /* [m], ``side`` to the left and to the right */
+    struct stretch_of_line line;
+};
+
+struct stretch_of_line line_beside(const struct hdv_unit *unit, double s, double behind);
+int64_t
+pieces_from(int64_t from, const struct hdv_street *street, const struct box_beside *in, struct some_pieces *found);
 void pieces_near(
     const struct hdv_street *street, const struct hdv_unit *unit, const struct hdv_pose *pose, double s, double behind,
     double reach, struct some_pieces *found

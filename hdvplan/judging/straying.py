@@ -4,56 +4,84 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from hdvplan import core
 from hdvplan.arrays import FloatArray, Records
-from hdvplan.driving.drive import POSE_SPACING_M, Drive, simulate
+from hdvplan.driving.drive import POSE_SPACING_M, Drive
 from hdvplan.road.arcs import wrapped
 from hdvplan.road.path import evaluate_many
 from hdvplan.vehicle.kinematics import place_many
 from hdvplan.vehicle.model import Vehicle
 
 LINK = core.record("hdv_link")  # one unit over one interval: hdvplan/core/tracking.h has the fields
-FINER = 5  # poses for every simulated one that is kept
+FINER = 5  # poses for every simulated one, where they are looked at closely
 SPACING_M = POSE_SPACING_M  # of nodes on the front axle's planned track
 _LEAST_M = 1e-3  # way of an axle within an interval below which its direction is that of its body
+_states_between = core.function(
+    "hdv_states_between", core.POINTER, core.INT, core.INT, core.POINTER, core.INT, core.POINTER, core.POINTER, core.POINTER, core.INT,
+    core.POINTER, core.POINTER,
+)  # fmt: skip
+
+
+class Posed(NamedTuple):
+    """Poses in a row, and where each is on the planned track of the lead unit's front axle."""
+
+    s: FloatArray  # (poses,), the line's arclengths [m]
+    poses: Records  # (poses, units) of ``POSE``
+    front: FloatArray  # (poses,), the front axle's way until there [m]
 
 
 @dataclass(frozen=True)
 class Chain:
-    """A drive's poses, close together, and where each is on the planned track of the lead unit's front axle.
+    """A drive as it was simulated, ``posed``, and its poses ``nodes`` (n, units) every SPACING_M of the front axle's track."""
 
-    ``s`` are the line's arclengths (poses,), ``poses`` the bodies (poses, units) of ``POSE``, ``front`` the front axle's way until there
-    (poses,) [m].
-    """
+    drive: Drive
+    posed: Posed
+    nodes: Records
 
-    vehicle: Vehicle
-    s: FloatArray
-    poses: Records
-    front: FloatArray
-    nodes: Records  # (nodes, units), poses every SPACING_M of the front axle's track
+    @property
+    def vehicle(self) -> Vehicle:
+        """What is driven."""
+        return self.drive.vehicle
 
     @cached_property
     def links(self) -> Records:
         """The units between two nodes, to first order, (nodes - 1, units) of ``LINK``."""
         return _links(self.vehicle, self.nodes)
 
+    def closely(self, first: int = 0, last: int = -1) -> Posed:
+        """Return poses from the simulated one ``first`` to ``last``, FINER for each."""
+        s, front = self.posed.s, self.posed.front
+        at = np.arange(FINER * (first % len(s)), FINER * (last % len(s)) + 1) / FINER
+        number = np.arange(len(s), dtype=np.float64)
+        s_at = np.interp(at, number, s)
+        return Posed(s_at, _posed(self.drive, s_at), np.interp(at, number, front))
+
 
 def chain_of(drive: Drive) -> Chain:
     """Return the chain of a drive."""
-    vehicle, units, path = drive.vehicle, drive.vehicle.table(), drive.stations.path
-    spacing, wheels = float(drive.poses_s[1] - drive.poses_s[0]), drive.poses_z[:, vehicle.rigid_states :]
-    z = simulate(units, path, float(drive.poses_s[0]), spacing, drive.poses_z[0], drive.poses_kappa, FINER, wheels)
-    s = float(drive.poses_s[0]) + spacing / FINER * np.arange(len(z), dtype=np.float64)
-    poses = place_many(units, evaluate_many(path, s), z)
-    lead, wheelbase = poses[:, 0], vehicle.lead.wheelbase
+    s, wheelbase = drive.poses_s, drive.vehicle.lead.wheelbase
+    poses = place_many(drive.vehicle.table(), evaluate_many(drive.stations.path, s), drive.poses_z)
+    lead = poses[:, 0]
     x, y = lead["x"] + wheelbase * lead["cos"], lead["y"] + wheelbase * lead["sin"]
     front = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
     at = np.interp(SPACING_M * np.arange(int(front[-1] / SPACING_M) + 1), front, s)
-    between = np.stack([np.interp(at, s, column) for column in z.T], axis=1)
-    return Chain(vehicle, s, poses, front, place_many(units, evaluate_many(path, at), between))
+    return Chain(drive, Posed(s, poses, front), _posed(drive, at))
+
+
+def _posed(drive: Drive, s: FloatArray) -> Records:
+    """Return where a drive's bodies were with the lead axle at arclengths ``s`` (n,), in ascending order, (n, units)."""
+    units, path, states = drive.vehicle.table(), drive.stations.path, np.empty((len(s), drive.poses_z.shape[1]))
+    arrays = [np.ascontiguousarray(array) for array in (drive.poses_s, drive.poses_z, drive.poses_kappa, s)]
+    poses_s, z, kappa, at = (core.address(array) for array in arrays)
+    _states_between(
+        core.address(units), len(units), states.shape[1], core.address(path.record), len(drive.poses_s), poses_s, z, kappa, len(s), at,
+        core.address(states),
+    )  # fmt: skip
+    return place_many(units, evaluate_many(path, s), states)
 
 
 def _links(vehicle: Vehicle, nodes: Records) -> Records:

@@ -17,18 +17,21 @@ from hdvplan.driving.drive import Drive
 from hdvplan.judging.balance import Balance
 from hdvplan.judging.bodies import part_named
 from hdvplan.judging.obstacles import Approach
-from hdvplan.judging.straying import FINER, SPACING_M, Chain, chain_of
+from hdvplan.judging.straying import SPACING_M, Chain, Posed, chain_of
 from hdvplan.road.street import Kerb, Pieces, pieces_of
 from hdvplan.vehicle.body import axles_behind
 
 _ROUNDED_M = 1e-4  # the error is found to this
 _MOST = 1 << 18  # brushes at once
-_FIRST_M, _GROWTH = 0.2, 1.4  # error that is looked at first, and by how much more then
+_FIRST_M, _GROWTH = 0.2, 1.4  # where the largest error has no bound: one that is looked at first, and by how much more then
 _NEAR = 0.9  # of an error that has no bound, from which on nothing larger is looked for
 _ASKEW = 0.7  # of a heading error [rad], beyond which no bound stays finite
 _LARGEST_M = 1.0  # and at most: who strays further does not follow a path
-_MEMORY_M, _AHEAD_M = 400.0, 20.0  # of a plan before and beyond a place, on which errors there depend
-_AT_ONCE = 128  # brushes that are followed up together
+_MEMORY_M, _AHEAD_M = 200.0, 5.0  # of a plan before and beyond a place, on which errors there depend
+_AROUND_M = 15.0  # of a place: others there are looked at together with it
+_AT_ONCE = 128  # brushes that are followed up together at first, and how many times as many after that
+_MORE, _FEW, _APART = 8, 16, 2  # those of a run are so many simulated poses apart at most
+_ASIDE = 0.4  # of what the error is found to
 _ROUNDING = 1e-9
 _ANYWHERE_M = 1e9  # of the line
 
@@ -88,29 +91,47 @@ class Tracked:
     def closed(self, brushes: Records) -> Records:
         """Return the brushes whose gap the errors may close, that of the least error first."""
         gain, remainder = self.approaches(brushes)
-        most = float(self.record["error"][0]) * gain + remainder
-        order = np.argsort(brushes["gap"] / most)
-        return brushes[order[: np.count_nonzero(most > brushes["gap"])]]
+        error = float(self.record["error"][0])
+        closed = error * gain + remainder > brushes["gap"]
+        gain, remainder, brushes = gain[closed], remainder[closed], brushes[closed]
+        return brushes[np.argsort(_closing(brushes["gap"], gain, remainder, error), kind="stable")]
 
-    def solved(self, brush: Records, most: float) -> float:
-        """Return the largest error below ``most`` at which the errors do not close the gap of one brush (1,) [m]."""
-        begin = max(int((brush["at"][0] - _MEMORY_M) / SPACING_M), 0)
-        end = min(int((brush["at"][0] + _AHEAD_M) / SPACING_M), len(self.links))
-        around = Tracked(self.units, self.links[begin:end], self.length)
-        low, high, error, gap = 0.0, most, most, max(float(brush["gap"][0]), 0.0)
-        brush = brush.copy()
-        brush["at"] -= begin * SPACING_M
-        brush["gap"] = 0.0  # all of its approach is looked at, whether the gap can be closed or not
+    def solved(self, closed: Records) -> float:
+        """Return the largest error at which errors do not close the gap of some brushes, which the present ones close [m].
+
+        Those count that are near to the first one, so that the same errors move them.
+        """
+        at = closed["at"][0]
+        begin, end = (int(np.clip((at + to) / SPACING_M, 0, len(self.links))) for to in (-_AROUND_M - _MEMORY_M, _AROUND_M + _AHEAD_M))
+        around, there = Tracked(self.units, self.links[begin:end], self.length), closed[np.abs(closed["at"] - at) < _AROUND_M].copy()
+        high = float(self.record["error"][0])
+        over, low = self._over(there), 0.0
+        before, error = high, high - over
+        there["at"] -= begin * SPACING_M
         while high - low > _ROUNDED_M:
-            around.err(error)
-            gain, remainder = (float(number) for number in around.approaches(brush)[:, 0])
-            over = error * gain + remainder - gap
-            low, high = (error, high) if over <= 0.0 else (low, error)
-            square = min(remainder / error**2, 1.0 / _ROUNDED_M**2)  # as which the remainder grows, or nearly
-            error = 2.0 * gap / (gain + float(np.sqrt(gain**2 + 4.0 * square * gap))) - 0.1 * _ROUNDED_M
             if not low < error < high:
                 error = 0.5 * (low + high)
+            around.err(error)
+            over_before, over = over, around._over(there)
+            low, high = (low, error) if over > 0.0 else (error, high)
+            slope = (over - over_before) / (error - before)  # of the secant; 1 or more
+            before, aside = error, _ASIDE * _ROUNDED_M  # to the other side of what is sought, where this is near
+            error -= over / max(slope, 1.0) + (aside if over > 0.0 else -aside)
         return low
+
+    def _over(self, brushes: Records) -> float:
+        """Return by how much the present error is more than one that closes a gap of some brushes, about; exact where it is none [m]."""
+        whole, error = brushes.copy(), float(self.record["error"][0])
+        whole["gap"] = 0.0  # all of their approach is looked at, whether the gap can be closed or not
+        gain, remainder = self.approaches(whole)
+        return error - float(np.min(_closing(brushes["gap"], gain, remainder, error)))
+
+
+def _closing(gap: FloatArray, gain: FloatArray, remainder: FloatArray, error: float) -> FloatArray:
+    """Return with which errors gaps [m] may close, (n,) [m]; remainders [m] are those of ``error``, and grow as its square, or nearly."""
+    gap, square = np.maximum(gap, 0.0), np.minimum(remainder / error**2, 1.0 / _ROUNDED_M**2)
+    found: FloatArray = 2.0 * gap / (gain + np.sqrt(gain**2 + 4.0 * square * gap))
+    return found
 
 
 @dataclass(frozen=True)
@@ -121,44 +142,87 @@ class Search:
     tracked: Tracked
     pieces: list[Pieces]
 
-    def closed(self) -> Records | None:
-        """Return brushes whose gap errors may close, that of the least error first; none if there are none, None if there are too many.
+    def largest(self, most: float) -> tuple[float, Records | None, bool]:
+        """Return the largest error up to ``most`` [m], the brush (1,) that decides it, if one does, and whether larger ones have a bound.
 
-        Of all poses every fifth is looked at, and all where that does not do: what is missed between is taken off every gap.
+        Where ``most`` has no bound, smaller errors are tried from little on.
         """
+        found, held, unknown, error = self._held(most), 0.0, np.inf, min(most, _FIRST_M)
+        if found is not None:
+            return *found, True
+        while error > held:
+            found = self._held(error)
+            if found is None:
+                unknown = error
+            elif found[1] is not None:
+                return *found, True
+            else:
+                held = error
+            error = min(_GROWTH * held if held > 0.0 else most, 0.5 * (held + unknown), most)
+            if held > _NEAR * unknown:
+                break
+        return held, None, False
+
+    def _held(self, error: float) -> tuple[float, Records | None] | None:
+        """Return the largest error up to this one [m], and the brush (1,) that decides it, if one does; None where no bound is known."""
+        near, brush = self.near(error), None
+        closed = None if near is None else self.closed(near)
+        while near is not None and closed is not None and len(closed):
+            brush = closed[:1]
+            error = min(self.tracked.solved(closed[:_FEW]), error - _ROUNDED_M)
+            if error <= 0.0:
+                return 0.0, brush
+            self.tracked.err(error)
+            closed = self.closed(near)
+        return None if closed is None else (error, brush)
+
+    def near(self, error: float) -> Records | None:
+        """Return the pairs whose gap errors up to this one [m] might close, likely ones first; None where no bound is known.
+
+        Of all poses those that were simulated are looked at: what is missed between them is taken off every gap.
+        """
+        self.tracked.err(error)
         if not np.all(self.tracked.strays["heading"] < _ASKEW):
             return None
-        found = self._brushes(slice(None, None, FINER))
-        if found is None or not len(found):
-            return found
+        found = self._brushes(self.chain.posed)
+        if found is None:
+            return None
         about = np.abs(found["by_axle"]) + np.abs(found["by_heading"]) / self.tracked.length
-        found = found[np.argsort(found["gap"] / about)]
-        for first in range(0, len(found), _AT_ONCE):
-            closed = self._closely(self.tracked.closed(found[first : first + _AT_ONCE]))
-            if closed is None or len(closed):
-                return closed
-        return found[:0]
+        return found[np.argsort(found["gap"] / about)]
+
+    def closed(self, near: Records) -> Records | None:
+        """Return brushes whose gap the present errors may close, that of the least error first; None where there are too many.
+
+        ``near`` are all that errors as large might. Around those that may, more poses are looked at.
+        """
+        first, count = 0, _AT_ONCE
+        while first < len(near):
+            likely = self.tracked.closed(near[first : first + count])
+            for part in (likely[:_FEW], likely[_FEW:]):
+                closed = self._closely(part)
+                if closed is None or len(closed):
+                    return closed
+            first, count = first + count, _MORE * count
+        return near[:0]
 
     def _closely(self, brushes: Records) -> Records | None:
         """Return what errors may close at the poses around some brushes, as ``closed``."""
-        near = np.unique(np.searchsorted(self.chain.front, brushes["at"]))
-        parts = [brushes[:0]]
-        for run in np.split(near, np.flatnonzero(np.diff(near) > 2 * FINER) + 1) if len(near) else []:
-            more = self._brushes(slice(max(int(run[0]) - FINER, 0), int(run[-1]) + FINER + 1))
+        at = np.unique(np.searchsorted(self.chain.posed.front, brushes["at"]))
+        last, parts = len(self.chain.posed.s) - 1, [brushes[:0]]
+        for run in np.split(at, np.flatnonzero(np.diff(at) > _APART) + 1) if len(at) else []:
+            more = self._brushes(self.chain.closely(max(int(run[0]) - 1, 0), min(int(run[-1]) + 1, last)))
             if more is None:
                 return None
             parts.append(more)
         return self.tracked.closed(np.concatenate(parts))
 
-    def _brushes(self, poses: slice) -> Records | None:
+    def _brushes(self, posed: Posed) -> Records | None:
         """Return the pairs of bodies and kerbs whose gap might be closed at some poses; None where there are too many."""
-        behind = axles_behind(self.chain.vehicle)
-        arrays = tuple(np.ascontiguousarray(array[poses]) for array in (self.chain.poses, self.chain.s, self.chain.front))
-        posed = np.array([(*(core.address(array) for array in (*arrays, behind)), len(arrays[1]))], _POSED)
-        found = []
+        behind, found = axles_behind(self.chain.vehicle), []
+        record = np.array([(*(core.address(array) for array in (posed.poses, posed.s, posed.front, behind)), len(posed.s))], _POSED)
         for street in self.pieces:
             brushes = np.empty(_MOST, BRUSH)
-            where = (self.tracked.record, street.record, posed, brushes)
+            where = (self.tracked.record, street.record, record, brushes)
             count = _brushes(*(core.address(array) for array in where), _MOST)
             if count > _MOST:
                 return None
@@ -173,26 +237,11 @@ def tracking_of(drive: Drive, balance: Balance, length: float) -> Tracking | Non
     """
     if balance.min_clearance is None:
         return None
-    error, held, brush, decided = 0.0, 0.0, None, True
-    most, unknown = min(balance.min_clearance, _LARGEST_M), np.inf
+    error, brush, decided, most = 0.0, None, True, min(balance.min_clearance, _LARGEST_M)
     if most > 0.0:
         chain = chain_of(drive)
         search = Search(chain, Tracked(chain.vehicle.table(), chain.links, length), pieces_around(drive, balance))
-        error = min(most, _FIRST_M)
-    while error > held:
-        search.tracked.err(error)
-        closed = search.closed()
-        if closed is not None and len(closed):
-            brush, decided = closed[:1], True
-            error = most = search.tracked.solved(brush, error)
-            continue
-        if closed is None:
-            unknown, brush, decided = error, None, False
-        else:
-            held = error
-        error = min(_GROWTH * held if held > 0.0 else most, 0.5 * (held + unknown), most)
-        if held > _NEAR * unknown:
-            error = held
+        error, brush, decided = search.largest(most)
     if brush is None:
         return Tracking(error, length, *_tightest(drive, balance), decided and error < _LARGEST_M)
     at, street = brush[0], drive.road.kerbs

@@ -11,8 +11,6 @@ from hdvplan.judging.result import Result
 from hdvplan.judging.straying import SPACING_M, chain_of
 from hdvplan.judging.tracking import BRUSH, Tracked
 
-_EVERY = 5  # poses of 0.05 m: at fewer, what front corners sweep has teeth
-
 
 def tube_of(result: Result, s_from: float, s_to: float) -> BaseGeometry | None:
     """Return what bodies sweep at most with the largest tracking error, in the plane; None where the plan allows none.
@@ -25,8 +23,9 @@ def tube_of(result: Result, s_from: float, s_to: float) -> BaseGeometry | None:
     chain = chain_of(result.drive)
     tracked = Tracked(chain.vehicle.table(), chain.links, tracking.length)
     tracked.err(tracking.error)
-    near = np.flatnonzero((chain.s >= s_from) & (chain.s <= s_to))[::_EVERY]
-    poses, front = chain.poses[near], chain.front[near]
+    s, all_poses, all_front = chain.posed
+    near = np.flatnonzero((s >= s_from) & (s <= s_to))  # at fewer poses, what front corners sweep has teeth
+    poses, front = all_poses[near], all_front[near]
     off = chain.links["axle_off"][np.minimum((front / SPACING_M).astype(int), len(chain.links) - 1)]
     parts: list[NDArray[np.object_]] = []
     for number, unit in enumerate(chain.vehicle.units):

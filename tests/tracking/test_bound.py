@@ -92,18 +92,19 @@ def attacks(made: Tracked, of: Records, half_steps: FloatArray, rng: np.random.G
 @pytest.mark.parametrize("name", [name if name == "bus" else pytest.param(name, marks=pytest.mark.slow) for name in ERRORS])
 def test_no_driver_leads_a_body_beyond_its_bound(name: str) -> None:
     chain, error = bend(name), ERRORS[name]
-    lead = chain.poses[:, 0]
+    posed = chain.closely()
+    lead = posed.poses[:, 0]
     points = np.stack([lead[axis] + chain.vehicle.lead.wheelbase * lead[part] for axis, part in (("x", "cos"), ("y", "sin"))], axis=1)
-    headings = np.unwrap(np.arctan2(chain.poses["sin"], chain.poses["cos"]), axis=0)
+    headings = np.unwrap(np.arctan2(posed.poses["sin"], posed.poses["cos"]), axis=0)
     driver = Driver(chain.vehicle, points, headings[0])
     planned = driver.driven(np.zeros((1, 2 * len(driver.front))))
-    made, at = tracked(chain, error), float(chain.front[int(np.argmax(np.abs(np.diff(headings[:, -1]))))])
+    made, at = tracked(chain, error), float(posed.front[int(np.argmax(np.abs(np.diff(headings[:, -1]))))])
     of = np.concatenate([brushes(chain, at), brushes(chain, at - 8.0)])
     half_steps = 0.5 * STEP_M * np.arange(2 * len(driver.front), dtype=np.float64)
     driven = driver.driven(error * attacks(made, of, half_steps, np.random.default_rng(7)))
     gain, remainder = made.approaches(of)
     for number, brush in enumerate(of):
-        unit, normal_heading = int(brush["unit"]), float(np.interp(brush["at"], chain.front, headings[:, brush["unit"]]))
+        unit, normal_heading = int(brush["unit"]), float(np.interp(brush["at"], posed.front, headings[:, brush["unit"]]))
         moved, turned = strayed(planned, driven, unit, float(brush["at"]))
         normal = np.sign(brush["by_axle"]) * np.array([-np.sin(normal_heading), np.cos(normal_heading)])
         came = moved @ normal + brush["by_heading"] * np.sin(turned) - brush["second"] * (1.0 - np.cos(turned))
@@ -116,7 +117,7 @@ def test_no_driver_leads_a_body_beyond_its_bound(name: str) -> None:
 def test_on_a_straight_a_front_corner_gains_what_axle_and_heading_allow_apart(straight: Result) -> None:
     chain = chain_of(straight.drive)
     unit, error = chain.vehicle.lead, 1e-6  # so small that no second order counts
-    at = float(chain.front[-1]) - 10.0
+    at = float(chain.posed.front[-1]) - 10.0
     gain, _ = tracked(chain, error, 0.5 * SPACING_M).approaches(brushes(chain, at)[:1])[:, 0]
     apart = unit.front / unit.wheelbase + abs(1.0 - unit.front / unit.wheelbase)
     assert gain == pytest.approx(apart, rel=0.01)  # within the 0.25 m that the change takes the axle moves by 0.5 % of that
@@ -124,7 +125,7 @@ def test_on_a_straight_a_front_corner_gains_what_axle_and_heading_allow_apart(st
 
 def test_on_a_straight_a_constant_error_moves_every_body_by_as_much(straight: Result) -> None:
     chain = chain_of(straight.drive)
-    gain, remainder = tracked(chain, 0.2).approaches(brushes(chain, float(chain.front[-1]) - 10.0))
+    gain, remainder = tracked(chain, 0.2).approaches(brushes(chain, float(chain.posed.front[-1]) - 10.0))
     assert np.all(0.2 * gain + remainder >= 0.2)
 
 
@@ -132,7 +133,7 @@ def test_on_a_circle_an_axle_comes_as_far_as_a_wider_circle_leads_it() -> None:
     road = Road("circle", from_curvature(np.array([0.0, 150.0]), np.full(2, 0.05)))
     chain = chain_of(drive_case(hdvplan.Case(road, hdvplan.load_vehicle("bus"))))
     error, length = 0.2, chain.vehicle.lead.wheelbase
-    at = float(chain.front[-1]) - 30.0
+    at = float(chain.posed.front[-1]) - 30.0
     radius = 1.0 / abs(float(np.gradient(chain.links["course"][:, 0], SPACING_M)[int(at / SPACING_M)]))
     wider = np.sqrt((radius + error) ** 2 - length**2) - np.sqrt(radius**2 - length**2)
     gain, remainder = tracked(chain, error, 50.0).approaches(brushes(chain, at)[3:4])[:, 0]  # the axle, to the outside

@@ -40,7 +40,8 @@ def driven(name: str) -> tuple[Scene, Result, Chain, float]:
 def aims(result: Result, chain: Chain, error: float) -> Records:
     """Return pairs of a body and a kerb that errors close, those of the least error first, and some of every other."""
     search = Search(chain, tracked(chain, error), pieces_around(result.drive, result.balance))
-    found = search.closed()
+    near = search.near(error)
+    found = None if near is None else search.closed(near)
     assert found is not None
     aimed: Records = found[np.unique(np.concatenate([np.arange(AIMED // 2), np.linspace(0, len(found) - 1, AIMED // 2).astype(np.int64)]))]
     return aimed
@@ -58,18 +59,19 @@ def motions(chain: Chain, aimed: Records, error: float) -> Motion:
 
 def led(chain: Chain, errors: Callable[[FloatArray], FloatArray]) -> Motion:
     """Return how the vehicle moves with errors (attacks, n) at half steps (n,) [m], those of none before them."""
-    lead = chain.poses[:, 0]
+    planned = chain.closely()
+    lead = planned.poses[:, 0]
     front = [lead[axis] + chain.vehicle.lead.wheelbase * lead[part] for axis, part in (("x", "cos"), ("y", "sin"))]
-    headings = np.unwrap(np.arctan2(chain.poses["sin"], chain.poses["cos"]), axis=0)
+    headings = np.unwrap(np.arctan2(planned.poses["sin"], planned.poses["cos"]), axis=0)
     driver = Driver(chain.vehicle, np.stack(front, axis=1), headings[0])
     half_steps = 0.5 * attacks.STEP_M * np.arange(2 * len(driver.front), dtype=np.float64)
     motion = driver.driven(np.concatenate([np.zeros((1, len(half_steps))), errors(half_steps)]))
     axles, turned = motion.axles, motion.headings
     for unit in range(len(chain.vehicle.units)):  # what the plan's own integration leaves is no error
         for number, axis in enumerate("xy"):
-            own = np.interp(motion.front, chain.front, chain.poses[axis][:, unit]) - axles[:, 0, unit, number]
+            own = np.interp(motion.front, planned.front, planned.poses[axis][:, unit]) - axles[:, 0, unit, number]
             axles[:, :, unit, number] += own[:, None]
-        turned[:, :, unit] += (np.interp(motion.front, chain.front, headings[:, unit]) - turned[:, 0, unit])[:, None]
+        turned[:, :, unit] += (np.interp(motion.front, planned.front, headings[:, unit]) - turned[:, 0, unit])[:, None]
     return Motion(motion.front, axles, turned)
 
 
