@@ -7,6 +7,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import SubFigure
 from matplotlib.patches import PathPatch
+from shapely.geometry.base import BaseGeometry
 
 from hdvplan.arrays import FloatArray
 from hdvplan.judging.bodies import corners
@@ -31,7 +32,7 @@ from hdvplan.report.maps import (
     stations,
 )
 from hdvplan.report.rooms import LONG_ROAD_M, Window, pose_touching
-from hdvplan.report.tube import tube_of
+from hdvplan.report.tube import tubes_of
 
 _ABREAST = 2  # enlargements beside each other
 _LETTER_M, _LETTER_PT = 7.0, 25.0  # from the edge that it is written beside: room on the map, and its distance
@@ -67,21 +68,24 @@ def draw_atlas(figure: SubFigure, result: Result, windows: tuple[Window, ...]) -
     finish_map(overview, north=result.drive.road.to_lonlat is not None)
     named = _named(overview)
     extent = np.max([np.ptp(_points(result, window), axis=0) + 2.0 * reach_within(result, window) for window in windows], axis=0)
+    wider = [Window(window.s_from - _BEYOND_M, window.s_to + _BEYOND_M) for window in windows]
+    tubes = tubes_of(result, [(window.s_from, window.s_to) for window in wider])
     for number, window in enumerate(windows):
         axes = figure.add_subplot(cells[divmod(number, cells.ncols)])
-        _draw_enlarged(axes, result, features, window, extent)
+        _draw_enlarged(axes, result, features, window, extent, tubes[number] if tubes else None)
         axes.set_title(window.title, fontsize="medium", loc="left", fontweight="bold")
         named |= _named(axes)
     figure.legend(list(named.values()), list(named), loc="outside upper left", ncols=4)
 
 
-def _draw_enlarged(axes: Axes, result: Result, features: tuple[Drawn, ...], window: Window, extent: FloatArray) -> None:
-    """Draw a stretch with the vehicle where it is tightest, on a map of ``extent`` (2,) [m] like the others."""
+def _draw_enlarged(
+    axes: Axes, result: Result, features: tuple[Drawn, ...], window: Window, extent: FloatArray, tube: BaseGeometry | None
+) -> None:
+    """Draw a stretch with the vehicle where it is tightest, on a map of ``extent`` (2,) [m] like the others, and what errors add."""
     points, road, room = _points(result, window), result.drive.road, window.room
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
     ends = np.array([middle - 0.5 * extent, middle + 0.5 * extent])
     draw_features(axes, features, around(ends, 0.0))
-    tube = tube_of(result, window.s_from - _BEYOND_M, window.s_to + _BEYOND_M)
     if tube is not None:
         axes.add_patch(PathPatch(outline_of(tube), facecolor=_TUBE, edgecolor="none", zorder=0.5, label="with the driver's error"))
     draw_depths(axes, result, Window(window.s_from - _BEYOND_M, window.s_to + _BEYOND_M))

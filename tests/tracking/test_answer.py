@@ -18,7 +18,7 @@ from hdvplan.need.answer import need_of
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.report.needs import need_json, need_lines
 from hdvplan.report.summary import tracking_json
-from hdvplan.report.tube import tube_of
+from hdvplan.report.tube import tubes_of
 from hdvplan.road.road import Road
 
 
@@ -117,8 +117,9 @@ def test_need_tells_it_of_a_plan_that_fits(straight: Result) -> None:
 def test_the_tube_in_the_picture_lies_around_what_is_swept_and_within_the_street(straight: Result) -> None:
     result = planned(straight.drive.road.with_limits(1.47, 1.47))
     assert result.tracking is not None
-    tube = tube_of(result, 10.0, 30.0)
-    assert tube is not None
-    _, low, _, high = tube.bounds
-    assert (low, high) == pytest.approx((-1.47, 1.47), abs=5e-3)  # a corner decides: it comes to the kerb
-    assert tube_of(planned(straight.drive.road.with_limits(1.265, 1.265)), 10.0, 30.0) is None
+    tubes = tubes_of(result, [(10.0, 30.0), (20.0, 22.0)])
+    for tube, (s_from, s_to) in zip(tubes, ((10.0, 30.0), (20.0, 22.0)), strict=True):
+        first, low, last, high = tube.bounds
+        assert (low, high) == pytest.approx((-1.47, 1.47), abs=5e-3)  # a corner decides: it comes to the kerb
+        assert last - first == pytest.approx(s_to - s_from + 12.0, abs=0.3)  # the bus is 12 m long, poses are 0.25 m apart
+    assert tubes_of(planned(straight.drive.road.with_limits(1.265, 1.265)), [(10.0, 30.0)]) == []
