@@ -6,6 +6,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+from hdvplan.cusps import with_room
 from hdvplan.driving.lead_line import lead_line
 from hdvplan.driving.legs import drive_legs
 from hdvplan.errors import RoadError
@@ -21,6 +22,7 @@ from hdvplan.solvers.registry import DEFAULT, SolverClass, dependable
 from hdvplan.vehicle.model import Vehicle
 
 _USUAL, _SETTINGS = RoadOptions(), PlannerSettings()
+_LEAD_AXLE = "lead-axle"
 
 
 def load_legs(source: str | Path, options: RoadOptions = _USUAL, *, last_axle_of: Vehicle | None = None) -> Legs:
@@ -46,11 +48,14 @@ def plan_legs(
     objective: str | Objective = "geometric",
     solver: str | SolverClass = DEFAULT,
     settings: PlannerSettings = _SETTINGS,
+    refine: bool = True,
     on_progress: Callable[[float], None] | None = None,
 ) -> LegsResult:
     """Plan ``vehicle`` along all legs, across their cusps, and judge every leg by an exact simulation.
 
-    The steering turns at cusps while the vehicle stands. ``on_progress`` receives the driven share, 0 to 1.
+    The steering turns at cusps while the vehicle stands. ``refine`` plans again where that lacks room: with the lead axle on the lines,
+    then with cusps a little past the drawn ones, or short of them, which the result tells. ``on_progress`` receives the driven share of
+    the first plan, 0 to 1.
 
     Raises:
         OptionError: no such objective, or one that cannot plan several legs.
@@ -58,5 +63,14 @@ def plan_legs(
         PlanError: the vehicle cannot be planned along a line, or its trailers fold.
 
     """
-    drives = drive_legs(legs, vehicle, objective_named(objective), dependable(solver), settings, on_progress=on_progress)
-    return LegsResult(legs, tuple(result_of(drive, solver=solver, objective=objective) for drive in drives))
+
+    def once(legs: Legs, objective: str | Objective, on_progress: Callable[[float], None] | None = None) -> LegsResult:
+        drives = drive_legs(legs, vehicle, objective_named(objective), dependable(solver), settings, on_progress=on_progress)
+        return LegsResult(legs, tuple(result_of(drive, solver=solver, objective=objective) for drive in drives))
+
+    found = once(legs, objective, on_progress)
+    if refine and found.fits is False:
+        found = max(found, once(legs, _LEAD_AXLE), key=lambda one: one.room)
+    if refine and found.fits is False:
+        found = with_room(found, partial(once, objective=found.results[0].case.objective))
+    return found

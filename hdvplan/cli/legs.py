@@ -57,12 +57,14 @@ def legs_in(line: Line, vehicle: Vehicle, reaches: tuple[float, float] | None, *
     return replace(legs, legs=tuple(replace(leg, road=leg.road.with_limits(*reaches)) for leg in legs.legs))
 
 
-def planned(legs: Legs, vehicle: Vehicle, objective: str, solver: str, settings: PlannerSettings, *, quiet: bool) -> LegsResult:
+def planned(
+    legs: Legs, vehicle: Vehicle, objective: str, solver: str, settings: PlannerSettings, *, refine: bool, quiet: bool
+) -> LegsResult:  # fmt: skip
     """Return the judged plan of all legs."""
     from hdvplan.legs import plan_legs
 
     with progress(f"planning {vehicle.name} along {len(legs.legs)} legs of {legs.name}", quiet=quiet) as on_progress:
-        return plan_legs(legs, vehicle, objective=objective, solver=solver, settings=settings, on_progress=on_progress)
+        return plan_legs(legs, vehicle, objective=objective, solver=solver, settings=settings, refine=refine, on_progress=on_progress)
 
 
 def finish(driven: LegsResult, directory: Path, kinds: Collection[str], *, as_json: bool, quiet: bool) -> ExitCode:
@@ -84,11 +86,19 @@ def finish(driven: LegsResult, directory: Path, kinds: Collection[str], *, as_js
             warn(f"{driven.called(at)}: {text}", quiet=quiet)
     if not as_json and not quiet:
         _print_legs(summary_of_legs(driven), directory)
+    _note_attempts(driven, quiet=quiet)
     if driven.fits is not False:
         return ExitCode.OK
-    note("legs are planned once: no proof is looked for, and no finer plan", quiet=quiet)
+    note("no proof is looked for on legs", quiet=quiet)
     report_error(driven.text.removeprefix("NO: "), "summary.json lists what each leg breaks")
     return ExitCode.BROKEN
+
+
+def _note_attempts(driven: LegsResult, *, quiet: bool) -> None:
+    """Say where the plan is not the first one, along the drawn lines."""
+    if driven.past:
+        moved = ", ".join(f"{by:.2f} m {'past' if by >= 0.0 else 'short of'} cusp {at}" for at, by in enumerate(driven.past, start=1))
+        note(f"the drawn cusps lack room: planned again, the legs end {moved.replace('-', '')}", quiet=quiet)
 
 
 def _print_legs(summary: dict[str, Any], directory: Path) -> None:

@@ -202,7 +202,7 @@ def _plan_legs(asked: _Asked, line: Line, vehicle: Vehicle) -> int:
     kinds = _kinds(output)
     check_room(vehicle, asked.reaches)
     legs = legs_in(line, vehicle, asked.reaches, last_axle=asked.leg_line == LAST, quiet=output.quiet)
-    driven = planned(legs, vehicle, options.objective, asked.solver, settings, quiet=output.quiet)
+    driven = planned(legs, vehicle, options.objective, asked.solver, settings, refine=options.refine, quiet=output.quiet)
     folder = output.out or Path(f"{file_name(line.name)}.{file_name(vehicle.name)}")
     return finish(driven, folder, kinds, as_json=output.json, quiet=output.quiet)
 

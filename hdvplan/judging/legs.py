@@ -36,6 +36,9 @@ class LegsResult:
 
     legs: Legs
     results: tuple[Result, ...]
+    past: tuple[
+        float, ...
+    ] = ()  #: how far each cusp lies past the drawn one, negative short of it [m]; empty where they are the drawn ones
 
     @cached_property
     def verdicts(self) -> tuple[Verdict, ...]:
@@ -85,6 +88,13 @@ class LegsResult:
         ahead, behind = (body_name(result.drive.vehicle, folded.coupling + later) for later in (0, 1))
         own = verdict_line(result, self.verdicts[at], self.of(at))
         return f"between the {ahead} and the {behind}, at x {folded.x:.1f}, y {folded.y:.1f}; apart from that {own}"
+
+    @property
+    def room(self) -> float:
+        """The least room of any leg [m], infinite where nothing limits them, and none where a trailer folds."""
+        if any(one is not None for one in self.jackknives):
+            return float(-np.inf)
+        return min((verdict.spare for verdict in self.verdicts if verdict.spare is not None), default=float(np.inf))
 
     def called(self, at: int) -> str:
         """Return what a leg is called, by its number from 0."""

@@ -69,6 +69,7 @@ def summary_of_legs(driven: LegsResult) -> Json:
         "plans": sum(leg["plans"] for leg in legs),
         "min_clearance_m": min((leg["min_clearance_m"] for leg in legs if leg["min_clearance_m"] is not None), default=None),
         "legs": legs,
+        "cusps_past_m": list(driven.past),
         "notes": list(driven.legs.notes),
     }
 

@@ -53,7 +53,7 @@ def legs_of(line: Line, lead_line: LeadLine | None = None) -> Legs:
         raise _of(line.name, error) from error
     lines = shapely.union_all([Axis.of(leg.road.path).own for leg in legs])
     regions = (*raw.regions, *_walls(raw, lines, line.name))
-    return Legs(line.name, tuple(_within(leg, regions) for leg in legs), (*raw.notes, *(f"{line.name}: {note}" for note in notes)), regions)
+    return Legs(line.name, tuple(within(leg, regions) for leg in legs), (*raw.notes, *(f"{line.name}: {note}" for note in notes)), regions)
 
 
 def _leg(line: Line, number: int, given: RawLeg, lead_line: LeadLine | None) -> Leg:
@@ -134,7 +134,7 @@ def _away(side: shapely.Geometry, edge: shapely.LineString, lines: shapely.Geome
     return float(np.mean(shapely.distance(corners[shapely.distance(corners, edge) > 0.5 * _WALL_M], lines)))
 
 
-def _within(leg: Leg, regions: tuple[Region, ...]) -> Leg:
+def within(leg: Leg, regions: tuple[Region, ...]) -> Leg:
     """Return a leg among obstacles; those across the continuation of its line are cut there, so that each part lies to one side of it."""
     axis = Axis.of(leg.road.path)
     beyond = shapely.difference(axis.endless, shapely.buffer(axis.own, _CUT_M))

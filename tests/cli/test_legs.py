@@ -110,7 +110,7 @@ def test_a_street_that_is_too_narrow_is_a_no_with_its_leg(cli: Cli, tmp_path: Pa
     assert " of leg " in verdict
     assert " wall'" in outcome.out.splitlines()[1]  # the first line has no room for it
     assert outcome.err.splitlines()[-2] == f"error: {verdict.removeprefix('NO: ')}"
-    assert "legs are planned once" in outcome.err
+    assert "no proof is looked for on legs" in outcome.err
 
 
 def test_without_anything_beside_the_legs_the_answer_is_what_they_need(cli: Cli, tmp_path: Path) -> None:
