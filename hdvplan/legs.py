@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 from hdvplan.cusps import with_room
+from hdvplan.driving.drive import Drive
 from hdvplan.driving.lead_line import lead_line
 from hdvplan.driving.legs import drive_legs
 from hdvplan.errors import RoadError
@@ -18,6 +20,7 @@ from hdvplan.road.legs import Legs
 from hdvplan.road.load import find_road
 from hdvplan.road.load_legs import legs_of
 from hdvplan.road.options import RoadOptions
+from hdvplan.road.regions import Kind
 from hdvplan.solvers.registry import DEFAULT, SolverClass, dependable
 from hdvplan.vehicle.model import Vehicle
 
@@ -66,7 +69,7 @@ def plan_legs(
 
     def once(legs: Legs, objective: str | Objective, on_progress: Callable[[float], None] | None = None) -> LegsResult:
         drives = drive_legs(legs, vehicle, objective_named(objective), dependable(solver), settings, on_progress=on_progress)
-        return LegsResult(legs, tuple(result_of(drive, solver=solver, objective=objective) for drive in drives))
+        return LegsResult(legs, tuple(result_of(_whole(drive, legs), solver=solver, objective=objective) for drive in drives))
 
     found = once(legs, objective, on_progress)
     if refine and found.fits is False:
@@ -74,3 +77,12 @@ def plan_legs(
     if refine and found.fits is False:
         found = with_room(found, partial(once, objective=found.results[0].case.objective))
     return found
+
+
+def _whole(drive: Drive, legs: Legs) -> Drive:
+    """Return a drive among whole obstacles: planning knows those across the continuation of its line in two parts."""
+    if not legs.regions:
+        return drive
+    areas = (region for region in drive.road.regions if region.kind is Kind.SWEEPABLE)
+    obstacles = (region for region in legs.regions if region.kind is Kind.OBSTACLE)
+    return replace(drive, road=replace(drive.road, regions=(*obstacles, *areas)))

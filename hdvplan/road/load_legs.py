@@ -6,11 +6,12 @@ leg's line is passed on one side of it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 import shapely
+import shapely.affinity
 
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
@@ -19,13 +20,15 @@ from hdvplan.road.legs import Leg, Legs
 from hdvplan.road.line import Line, RawLeg, RawRoad, is_closed, smoothed
 from hdvplan.road.options import RoadOptions
 from hdvplan.road.passages import Line as Axis
-from hdvplan.road.regions import Kind, Region
+from hdvplan.road.regions import OPEN_M, Kind, Region
 
 LeadLine = Callable[[FloatArray, RoadOptions], FloatArray]  # of the line of the last axle (n, 2) [m], as the vehicle heads
 
 LEAD_GAP_M = 1.0  # between the end of a leg and where a line of the last axle leads the first one: such lines are a hint
-_WALL_M = 0.05  # as thick is an edge, on its side away from the lines
+_EDGE = "edge"  # what one without a name is called
+_WALL_M = 0.05  # as thick is an edge that parts nothing, on its side away from the lines
 _CUT_M = 1e-3  # half the width of the gap in a wall across a line's continuation: no body passes it
+_SLIVER_M2 = 1e-3  # of parts of a place: what rounding leaves along edges is smaller
 _AREA_M = 0.1  # a sweepable area this close to an edge joins it
 _BESIDE = {"offset": "--offset", "reverse": "--reverse"}
 
@@ -51,8 +54,7 @@ def legs_of(line: Line, lead_line: LeadLine | None = None) -> Legs:
         legs, notes = joined(legs, SAME_M if lead_line is None else LEAD_GAP_M)
     except RoadError as error:
         raise _of(line.name, error) from error
-    lines = shapely.union_all([Axis.of(leg.road.path).own for leg in legs])
-    regions = (*raw.regions, *_walls(raw, lines, line.name))
+    regions = (*raw.regions, *_beyond_edges(raw, legs, line.name))
     return Legs(line.name, tuple(within(leg, regions) for leg in legs), (*raw.notes, *(f"{line.name}: {note}" for note in notes)), regions)
 
 
@@ -97,33 +99,77 @@ def _turned(raw: RawRoad) -> RawRoad:
     return replace(raw, points=raw.points[::-1], reaches=reaches, lines=None if raw.lines is None else raw.lines[::-1])
 
 
-def _walls(raw: RawRoad, lines: shapely.Geometry, name: str) -> list[Region]:
-    """Return the drawn edges as obstacles; where a sweepable area joins one, its own edge stands in its stead.
+def _beyond_edges(raw: RawRoad, legs: tuple[Leg, ...], name: str) -> list[Region]:
+    """Return what the drawn edges part from the legs' lines, as obstacles; an edge that parts nothing, because it ends, is a thin wall.
+
+    Before the first leg and beyond the last one edges may end. Sweepable areas that join an edge belong to the street.
 
     Raises:
         RoadError: an edge crosses a leg's line.
 
     """
     edges = [shapely.LineString(edge) for edge in raw.edges]
+    lines = shapely.union_all([Axis.of(leg.road.path).own for leg in legs])
+    _refuse_closing(edges, lines, name)
+    sweepable = [region.polygon for region in raw.regions if region.kind is Kind.SWEEPABLE]
+    areas = shapely.union_all([area for area in sweepable if np.any(shapely.dwithin(area, edges, _AREA_M))])
+    place = shapely.buffer(lines, OPEN_M)
+    driven = shapely.difference(place, shapely.union(_open_at(legs[0], 0), _open_at(legs[-1], 1)))
+    parted, found = shapely.union_all([face for one in (place, driven) for face in _parted(edges, one, lines)]), list[Region]()
+    for face in _polygons(parted):
+        names = dict.fromkeys(
+            label or _EDGE for edge, label in zip(edges, raw.edge_names, strict=True) if shapely.dwithin(edge, face, SAME_M)
+        )
+        found += [Region(Kind.OBSTACLE, part, ", ".join(names)) for part in _polygons(_without(face, areas))]
+    for edge, label in zip(edges, raw.edge_names, strict=True):
+        ends = shapely.difference(shapely.intersection(edge, place), shapely.buffer(shapely.union(parted, areas), SAME_M))
+        walls = [wall for part in shapely.get_parts(ends) if shapely.length(part) > SAME_M for wall in _polygons(_thick(part, lines))]
+        found += [Region(Kind.OBSTACLE, wall, label or _EDGE) for wall in walls]
+    return found
+
+
+def _parted(edges: Sequence[shapely.LineString], place: shapely.Geometry, lines: shapely.Geometry) -> list[shapely.Geometry]:
+    """Return the parts of a place that edges part from the lines; edges that end within it part nothing."""
+    faces = shapely.get_parts(shapely.polygonize([shapely.union_all([shapely.boundary(place), *edges])])).tolist()
+    return [
+        face
+        for face in faces
+        if shapely.area(face) > _SLIVER_M2 and shapely.within(shapely.point_on_surface(face), place) and not shapely.intersects(face, lines)
+    ]
+
+
+def _open_at(leg: Leg, which: int) -> shapely.Polygon:
+    """Return the place before a leg's beginning (0), or beyond its end (1), where nobody need draw how the street goes on."""
+    s = leg.ends[which]
+    here = leg.road.path.at(s)
+    x, y, back = float(here.x), float(here.y), s == 0.0
+    square = shapely.box(x - OPEN_M if back else x, y - OPEN_M, x if back else x + OPEN_M, y + OPEN_M)
+    turned: shapely.Polygon = shapely.affinity.rotate(square, float(here.heading), origin=(x, y), use_radians=True)
+    return turned
+
+
+def _refuse_closing(edges: Sequence[shapely.LineString], lines: shapely.Geometry, name: str) -> None:
     for edge in edges:
         if shapely.intersects(edge, lines):
             x, y = shapely.get_coordinates(shapely.intersection(edge, lines))[0]
             msg = f"{name}: a line that is drawn as an edge crosses the line of a leg at x {x:.1f}, y {y:.1f}: it would close the street"
             raise RoadError(msg, hint="take it out of the edges, or break it there")
-    sweepable = [region.polygon for region in raw.regions if region.kind is Kind.SWEEPABLE]
-    areas = [area for area in sweepable if np.any(shapely.dwithin(area, edges, _AREA_M))]
-    there, drawn = (shapely.buffer(shapely.union_all(one), _AREA_M) for one in (areas, edges))
-    found = [(shapely.difference(edge, there) if areas else edge, name) for edge, name in zip(edges, raw.edge_names, strict=True)]
-    found += [(shapely.difference(shapely.boundary(area), drawn), "") for area in areas]
-    parts = [(part, name) for line, name in found for part in shapely.get_parts(line) if shapely.length(part) > _CUT_M]
-    return [Region(Kind.OBSTACLE, area, name or "edge") for part, name in parts for area in shapely.get_parts(_thick(part, lines)).tolist()]
+
+
+def _without(face: shapely.Geometry, areas: shapely.Geometry) -> shapely.Geometry:
+    """Return an area without others, and without the gaps between both that drawing leaves."""
+    left = shapely.difference(face, areas)
+    if not shapely.intersects(face, areas):
+        return face
+    return shapely.buffer(shapely.buffer(left, -0.5 * _AREA_M, join_style="mitre"), 0.5 * _AREA_M, join_style="mitre")
+
+
+def _polygons(area: shapely.Geometry) -> list[shapely.Polygon]:
+    return [part for part in shapely.get_parts(area).tolist() if isinstance(part, shapely.Polygon) and not part.is_empty]
 
 
 def _thick(edge: shapely.LineString, lines: shapely.Geometry) -> shapely.Geometry:
     """Return an edge as thin as a wall: on the side of it that lies away from the lines of the legs."""
-    if edge.is_ring:
-        area = shapely.Polygon(edge)
-        return shapely.difference(shapely.buffer(area, _WALL_M), area) if shapely.contains(area, lines) else area
     sides = [shapely.buffer(one, _WALL_M, single_sided=True, join_style="mitre") for one in (edge, shapely.reverse(edge))]
     return max(sides, key=lambda side: _away(side, edge, lines))
 
@@ -141,6 +187,6 @@ def within(leg: Leg, regions: tuple[Region, ...]) -> Leg:
     cut, found = shapely.buffer(beyond, _CUT_M, cap_style="flat"), list[Region]()
     for region in regions:
         across = shapely.intersects(region.polygon, beyond) and not shapely.intersects(region.polygon, axis.own)
-        parts = shapely.get_parts(shapely.difference(region.polygon, cut)) if across else [region.polygon]
-        found += [replace(region, polygon=part) for part in parts if isinstance(part, shapely.Polygon) and not part.is_empty]
+        parts = _polygons(shapely.difference(region.polygon, cut)) if across else [region.polygon]
+        found += [replace(region, polygon=part) for part in parts]
     return replace(leg, road=replace(leg.road, regions=tuple(found)))
