@@ -75,8 +75,8 @@ class LegsResult:
         folded, result = self.jackknives[at], self.results[at]
         if folded is None:
             return verdict_line(result, self.verdicts[at], self.of(at))
-        degrees = f"{np.degrees(folded.angle):.0f} degrees, beyond the {np.degrees(folded.critical):.1f}"
-        return f"NO: jack-knife at s = {folded.s:.1f} m{self.of(at)}: {degrees} that steering brings back"
+        degrees = f"{np.degrees(folded.angle):.0f} degrees, beyond {np.degrees(folded.critical):.1f}"
+        return f"NO: jack-knife at s = {folded.s:.1f} m{self.of(at)}: {degrees} no steering helps"
 
     @property
     def details(self) -> str:

@@ -68,6 +68,7 @@ def summary_of_legs(driven: LegsResult) -> Json:
         "length_m": sum(leg["length_m"] for leg in legs),
         "plans": sum(leg["plans"] for leg in legs),
         "min_clearance_m": min((leg["min_clearance_m"] for leg in legs if leg["min_clearance_m"] is not None), default=None),
+        "limit_violation_m": max(leg["limit_violation_m"] for leg in legs),
         "legs": legs,
         "cusps_past_m": list(driven.past),
         "notes": list(driven.legs.notes),

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from hdvplan.road.regions import Region
 from hdvplan.road.road import Road
 
+SHORTEST_M = 1.0  # of a leg: moves in a narrow place are short
+
 
 @dataclass(frozen=True)
 class Leg:

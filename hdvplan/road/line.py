@@ -103,11 +103,11 @@ class Line:
         return float(self.raw.points[-1, 0] - self.raw.points[0, 0] if self.raw.is_profile else np.sum(np.hypot(*steps.T)))
 
 
-def smoothed(line: Line) -> tuple[Road, FloatArray]:
+def smoothed(line: Line, shortest: float = MIN_LENGTH_M) -> tuple[Road, FloatArray]:
     """Return the road of a line as it is drawn, and the arclengths of the line's points on it [m]; direction and offset are not applied.
 
     Raises:
-        RoadError: the line cannot be smoothed within its options, or has widths and edges.
+        RoadError: the line cannot be smoothed within its options, is shorter than ``shortest`` [m], or has widths and edges.
 
     """
     from hdvplan.road.smooth import path_through, smooth_line, smoothing_of  # noqa: PLC0415 - a file is refused without loading SciPy
@@ -121,7 +121,8 @@ def smoothed(line: Line) -> tuple[Road, FloatArray]:
     dense = None if raw.rounded is None else path_through(raw.rounded, options.max_curvature)
     smoothing: Smoothing | None
     if dense is None:
-        smooth = smooth_line(raw.points, closed=is_closed(raw.points), max_deviation=options.smooth, max_curvature=options.max_curvature)
+        bounds = {"max_deviation": options.smooth, "max_curvature": options.max_curvature, "shortest": shortest}
+        smooth = smooth_line(raw.points, closed=is_closed(raw.points), **bounds)
         path, smoothing, s_points = smooth.path, smooth.smoothing, smooth.s_points
     else:
         path, s_points = dense

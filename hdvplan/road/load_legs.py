@@ -16,7 +16,7 @@ import shapely.affinity
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
 from hdvplan.road.joints import SAME_M, joined
-from hdvplan.road.legs import Leg, Legs
+from hdvplan.road.legs import SHORTEST_M, Leg, Legs
 from hdvplan.road.line import Line, RawLeg, RawRoad, is_closed, smoothed
 from hdvplan.road.options import RoadOptions
 from hdvplan.road.passages import Line as Axis
@@ -67,7 +67,7 @@ def _leg(line: Line, number: int, given: RawLeg, lead_line: LeadLine | None) -> 
         if given.backward and lead_line is not None:
             raw = _led(raw, lead_line, line.options)
         _refuse_closed(raw)
-        road, _ = smoothed(Line(name, raw, line.options))
+        road, _ = smoothed(Line(name, raw, line.options), SHORTEST_M)
     except RoadError as error:
         raise _of(name, error) from error
     return Leg(road, given.backward)

@@ -70,12 +70,14 @@ class _Line:
         return path.extended(_MARGIN_M, _MARGIN_M)
 
 
-def smooth_line(points: FloatArray, *, closed: bool, max_deviation: float, max_curvature: float) -> SmoothedLine:
+def smooth_line(
+    points: FloatArray, *, closed: bool, max_deviation: float, max_curvature: float, shortest: float = MIN_LENGTH_M
+) -> SmoothedLine:
     """Return the smoothest path within ``max_deviation`` [m] of a polyline and with |curvature| <= ``max_curvature`` [1/m].
 
     ``points`` has shape (n, 2) [m]; a closed line repeats its first point at the end. An open path starts and ends
-    exactly in the given end points. The deviation is measured from the given points and from the polyline between them;
-    it holds to 1 mm, the curvature to 1 %.
+    exactly in the given end points. A line that is shorter than ``shortest`` [m] is refused. The deviation is measured from the
+    given points and from the polyline between them; it holds to 1 mm, the curvature to 1 %.
 
     Raises:
         RoadError: the line is too short or too long, turns back on itself, or has a corner that cannot be rounded
@@ -87,7 +89,7 @@ def smooth_line(points: FloatArray, *, closed: bool, max_deviation: float, max_c
     if closed:
         vertices[-1] = vertices[0]
     chord = chord_of(vertices)
-    check_length(float(chord[-1]))
+    check_length(float(chord[-1]), shortest)
     u = _densified(chord)
     data = np.stack([np.interp(u, chord, column) for column in vertices.T], axis=1)
     line, s = _first_line(data, u, min(1.0 / max_curvature, _WIDEST_SIGMA_M), closed=closed)
@@ -312,15 +314,15 @@ def chord_of(points: FloatArray) -> FloatArray:
     return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
 
 
-def check_length(length: float) -> None:
-    """Refuse a road that is too short or too long [m].
+def check_length(length: float, shortest: float = MIN_LENGTH_M) -> None:
+    """Refuse a road that is shorter than ``shortest``, or too long [m].
 
     Raises:
         RoadError: it is one of them.
 
     """
-    if length < MIN_LENGTH_M:
-        msg = f"the road is {length:.2f} m long; at least {MIN_LENGTH_M:g} m are needed"
+    if length < shortest:
+        msg = f"the road is {length:.2f} m long; at least {shortest:g} m are needed"
         raise RoadError(msg)
     if length > MAX_LENGTH_M:
         msg = f"the road is {length / 1e3:.0f} km long; at most {MAX_LENGTH_M / 1e3:.0f} km can be smoothed at once"

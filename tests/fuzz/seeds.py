@@ -55,6 +55,8 @@ def road_texts() -> dict[str, str]:
         "degrees.csv": "lat,lon\n" + "\n".join(f"{lat:.7f},{lon:.7f}" for lon, lat in degrees) + "\n",
         "profile.csv": "s,kappa,left,right\n0,0,3.5,3.5\n30,0,3.5,3.5\n45,0.03,4,4\n60,0.03,4,4\n80,0,3.5,3.5\n",
         "sweeps.csv": "x,y,left,right,left_sweep,right_sweep\n" + "\n".join(f"{row},3,3,4,4" for row in rows) + "\n",
+        "legs.csv": "x,y,direction\n" + "".join(f"{row},1\n" for row in rows) + "".join(f"{row},-1\n" for row in rows[-2::-1]),
+        "legs.geojson": json.dumps(_legs(degrees)),
         "line.geojson": json.dumps(_collection(degrees, [])),
         "obstacles.geojson": json.dumps(_collection(degrees, [_box(30.0, 0.5), _box(55.0, 8.0), _box(50.0, -4.0, "sweepable")])),
         "grid.geojson": json.dumps(
@@ -98,6 +100,17 @@ def _collection(degrees: list[list[float]], others: list[dict[str, object]]) -> 
         "geometry": {"type": "LineString", "coordinates": degrees},
     }
     return {"type": "FeatureCollection", "features": [line, *others]}
+
+
+def _legs(degrees: list[list[float]]) -> dict[str, object]:
+    kerb = (POINTS[[0, -1]] + [[-40.0, 6.0], [40.0, 6.0]]) * _DEGREES + [_LON, _LAT]
+    lines = [
+        ({"leg": 1, "direction": "forward"}, degrees),
+        ({"leg": 2, "direction": "backward"}, degrees[::-1]),
+        ({"edge": "left"}, kerb.tolist()),
+    ]
+    features = [{"type": "Feature", "properties": said, "geometry": {"type": "LineString", "coordinates": line}} for said, line in lines]
+    return {"type": "FeatureCollection", "features": [*features, _box(50.0, -9.0)]}
 
 
 def _box(x: float, y: float, region: str = "obstacle") -> dict[str, object]:
