@@ -10,17 +10,19 @@ import numpy as np
 import scipy
 
 from hdvplan.arrays import FloatArray
+from hdvplan.driving.drive import POSE_SPACING_M
 from hdvplan.errors import HdvplanError
 from hdvplan.judging.legs import LegsResult
 from hdvplan.road.joints import joined
 from hdvplan.road.legs import Leg, Legs
 from hdvplan.road.load_legs import within
+from hdvplan.road.regions import Kind
 from hdvplan.road.road import part_of
 
 FURTHEST_M = 6.0  # that a cusp is moved past the drawn one
-_SHORT_M = 2.0  # that a leg stops short of it
+_SHORT_M = 8.0  # that a leg stops short of it
 _FIRST_M = 1.5  # of the first trials
-_TRIALS = 12  # a cusp
+_TRIALS = 16  # a cusp
 _FOUND_M = 0.02  # to which cusps are sought
 _ROOM_M = 100.0  # of a line beyond its ends: further than bodies reach
 
@@ -57,10 +59,17 @@ def with_room(drawn: LegsResult, plan: Callable[[Legs], LegsResult]) -> LegsResu
         except HdvplanError:
             return float(np.inf)
         best = max(best, found, key=lambda one: one.room)
-        return -found.room
+        return _entered(found) - found.room
 
     simplex = np.vstack([np.zeros(count), _FIRST_M * np.eye(count)])
     options: Any = {"initial_simplex": simplex, "maxfev": _TRIALS * count, "xatol": _FOUND_M, "fatol": _FOUND_M}  # typed by method
     bounds = [(-_SHORT_M, FURTHEST_M)] * count
     scipy.optimize.minimize(lacking, np.zeros(count), method="Nelder-Mead", bounds=bounds, options=options)
     return best
+
+
+def _entered(found: LegsResult) -> float:
+    """Return the way over which bodies are in obstacles [m]: how deep one is in a wall says little, or how far beyond it it is driven."""
+    obstacles = [region.polygon for region in found.legs.regions if region.kind is Kind.OBSTACLE]
+    inside = (np.unique(result.outlines.query(obstacles, predicate="intersects")[1]).size for result in found.results)
+    return POSE_SPACING_M * sum(inside)
