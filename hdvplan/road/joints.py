@@ -133,8 +133,8 @@ def _moved(road: Road, low: _End, high: _End) -> Road:
     moved, along = _through(points, (float(here.heading[0]) + low.turn, float(here.heading[-1]) + high.turn))
     about = None if road.about is None else replace(road.about, s=np.interp(road.about.s, s, along))
     drawn = None if road.drawn is None else tuple(replace(kerb, s=_beyond(kerb.s, s, along)) for kerb in road.drawn)
-    there = replace(road, path=moved, about=about)
-    return there if drawn is None else there.with_kerbs(drawn)
+    there = replace(road, path=moved, about=about, drawn=drawn)
+    return there if drawn is None or road.limits is None else there.with_kerbs(drawn)
 
 
 def _beyond(at: FloatArray, s: FloatArray, along: FloatArray) -> FloatArray:
