@@ -29,9 +29,11 @@ _ASKEW = 0.7  # of a heading error [rad], beyond which no bound stays finite
 _LARGEST_M = 1.0  # and at most: who strays further does not follow a path
 _MEMORY_M, _AHEAD_M = 200.0, 5.0  # of a plan before and beyond a place, on which errors there depend
 _AROUND_M = 15.0  # of a place: others there are looked at together with it
-_AT_ONCE = 128  # brushes that are followed up together at first, and how many times as many after that
-_MORE, _FEW, _APART = 8, 16, 2  # those of a run are so many simulated poses apart at most
-_ASIDE = 0.4  # of what the error is found to
+_AT_ONCE, _MORE = 128, 8  # brushes that are followed up together at first, and how many times as many after that
+_FEW = 16  # of those that may be closed: the first ones, which are looked at closely before the others
+_APART = 2  # simulated poses from one to the next, where poses around are looked at together
+_ASIDE = 0.4  # of what the error is found to, from the likeliest one on: the next one is then on the other side of what is sought
+_LEAST = 1e-30  # that is divided by
 _ROUNDING = 1e-9
 _ANYWHERE_M = 1e9  # of the line
 _THICKER_M = 5e-3  # than drawn an obstacle is taken that is thinner than kerbs are
@@ -131,7 +133,7 @@ class Tracked:
 def _closing(gap: FloatArray, gain: FloatArray, remainder: FloatArray, error: float) -> FloatArray:
     """Return with which errors gaps [m] may close, (n,) [m]; remainders [m] are those of ``error``, and grow as its square, or nearly."""
     gap, square = np.maximum(gap, 0.0), np.minimum(remainder / error**2, 1.0 / _ROUNDED_M**2)
-    found: FloatArray = 2.0 * gap / (gain + np.sqrt(gain**2 + 4.0 * square * gap))
+    found: FloatArray = 2.0 * gap / np.maximum(gain + np.sqrt(gain**2 + 4.0 * square * gap), _LEAST)
     return found
 
 
