@@ -99,35 +99,36 @@ class Tracked:
         gain, remainder, brushes = gain[closed], remainder[closed], brushes[closed]
         return brushes[np.argsort(_closing(brushes["gap"], gain, remainder, error), kind="stable")]
 
-    def solved(self, closed: Records) -> float:
-        """Return the largest error at which errors do not close the gap of some brushes, which the present ones close [m].
+    def solved(self, closed: Records) -> tuple[float, Records]:
+        """Return the largest error that does not close the gap of some brushes [m], which the present one closes, and the brush (1,).
 
         Those count that are near to the first one, so that the same errors move them.
         """
         at = closed["at"][0]
         begin, end = (int(np.clip((at + to) / SPACING_M, 0, len(self.links))) for to in (-_AROUND_M - _MEMORY_M, _AROUND_M + _AHEAD_M))
-        around, there = Tracked(self.units, self.links[begin:end], self.length), closed[np.abs(closed["at"] - at) < _AROUND_M].copy()
-        high = float(self.record["error"][0])
-        over, low = self._over(there), 0.0
-        before, error = high, high - over
+        own = closed[np.abs(closed["at"] - at) < _AROUND_M]
+        around, there, high = Tracked(self.units, self.links[begin:end], self.length), own.copy(), float(self.record["error"][0])
         there["at"] -= begin * SPACING_M
+        (over, number), low = self._over(own), 0.0
+        before, error = high, high - over
         while high - low > _ROUNDED_M:
             if not low < error < high:
                 error = 0.5 * (low + high)
             around.err(error)
-            over_before, over = over, around._over(there)
+            over_before, (over, number) = over, around._over(there)
             low, high = (low, error) if over > 0.0 else (error, high)
             slope = (over - over_before) / (error - before)  # of the secant; 1 or more
             before, aside = error, _ASIDE * _ROUNDED_M  # to the other side of what is sought, where this is near
             error -= over / max(slope, 1.0) + (aside if over > 0.0 else -aside)
-        return low
+        return low, own[number : number + 1]
 
-    def _over(self, brushes: Records) -> float:
-        """Return by how much the present error is more than one that closes a gap of some brushes, about; exact where it is none [m]."""
+    def _over(self, brushes: Records) -> tuple[float, int]:
+        """Return by how much the present error is more than one that closes a gap [m], exact where that is nothing, and which brush's."""
         whole, error = brushes.copy(), float(self.record["error"][0])
         whole["gap"] = 0.0  # all of their approach is looked at, whether the gap can be closed or not
         gain, remainder = self.approaches(whole)
-        return error - float(np.min(_closing(brushes["gap"], gain, remainder, error)))
+        closing = _closing(brushes["gap"], gain, remainder, error)
+        return error - float(np.min(closing)), int(np.argmin(closing))
 
 
 def _closing(gap: FloatArray, gain: FloatArray, remainder: FloatArray, error: float) -> FloatArray:
@@ -171,8 +172,8 @@ class Search:
         near, brush = self.near(error), None
         closed = None if near is None else self.closed(near)
         while near is not None and closed is not None and len(closed):
-            brush = closed[:1]
-            error = min(self.tracked.solved(closed[:_FEW]), error - _ROUNDED_M)
+            solved, brush = self.tracked.solved(closed[:_FEW])
+            error = min(solved, error - _ROUNDED_M)
             if error <= 0.0:
                 return 0.0, brush
             self.tracked.err(error)
