@@ -108,7 +108,7 @@ def _print_legs(summary: dict[str, Any], directory: Path) -> None:
         verdict = leg["verdict"]
         spare = "-" if verdict["spare_m"] is None else f"{verdict['spare_m']:.3f}"
         word = "NO" if leg["jackknife"] is not None else verdict["text"].partition(":")[0].partition(" ")[0]
-        ends = ", ".join(f"{angle:+.1f}" for angle in leg["articulation_end_deg"]) or "-"
+        ends = ", ".join(f"{round(angle, 1) + 0.0:+.1f}" for angle in leg["articulation_end_deg"]) or "-"
         place = (f"{verdict['s_m']:.1f}", f"{verdict['part']} of the {verdict['unit']}")
         rows.append((str(leg["leg"]), leg["direction"], f"{leg['length_m']:.1f}", word, spare, *place, ends))
     title = f"{summary['vehicle']} on {summary['road']}"

@@ -114,7 +114,7 @@ def _draw_cusps(axes: Axes, driven: LegsResult) -> None:
         result, leg = driven.results[at], driven.legs.legs[at]
         pose = 0 if (when == 0) is not leg.backward else len(result.drive.poses_s) - 1
         draw_bodies(axes, corners(result.drive, np.array([pose])))
-        angles = np.degrees(driven.articulation(at)[when])
+        angles = np.round(np.degrees(driven.articulation(at)[when])) + 0.0  # -0 is 0
         told = f"{name}: {', '.join(f'{angle:+.0f}°' for angle in angles)}" if len(angles) else name
         style = {"arrowstyle": "-", "color": INK, "linewidth": 0.8}
         axes.plot(*_line(result)[pose], marker="o", color="white", markeredgecolor=INK, markersize=7, zorder=7)

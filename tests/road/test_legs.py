@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hdvplan.arrays import FloatArray
+from hdvplan.cusps import past
 from hdvplan.errors import RoadError
 from hdvplan.legs import load_legs
 from hdvplan.road.crs import ToLonLat
@@ -300,3 +301,11 @@ def test_a_curvature_profile_and_a_line_that_goes_on_cannot_turn_back() -> None:
         read_csv("x,y,direction\n0,0,1\n20,0,1\n40,0,-1\n60,0,-1\n", "a.csv")
     with pytest.raises(RoadError, match="a leg has one point alone"):
         read_csv("x,y,direction\n0,0,1\n20,0,1\n20,0,-1\n20,0,1\n0,0,1\n", "a.csv")
+
+
+def test_legs_without_widths_have_none_after_their_cusps_were_moved(tmp_path: Path) -> None:
+    van = area_feature([(2.0, 4.0), (6.0, 4.0), (6.0, 6.0), (2.0, 6.0)], region="obstacle")
+    legs = load_legs(written(tmp_path, *turn_features(), van))
+    for one in past(legs, np.array([1.0, 0.5])).legs:
+        assert one.road.limits is None  # the bounds of an open place are planned in, and drawn nowhere
+        assert one.road.given is not None
