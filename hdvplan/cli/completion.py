@@ -21,9 +21,10 @@ def vehicles(incomplete: str) -> list[str]:
 
 def templates(incomplete: str) -> list[str]:
     """Return the shipped templates of manoeuvres that begin so."""
+    from hdvplan.turning.reversing.options import Template
     from hdvplan.turning.templates import template_names
 
-    return _beginning(incomplete, template_names())
+    return _beginning(incomplete, [*template_names(), *Template])
 
 
 def solvers(incomplete: str) -> list[str]:

@@ -11,18 +11,21 @@ import typer
 from hdvplan.cli.checks import check_fits, vehicle_named, warn_far_regions
 from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error, writing
 from hdvplan.cli.help import OUTPUT, PLANNING, ROAD, VEHICLE
-from hdvplan.cli.options import Output, RoadArgument, Room, VehicleOption, check_folder, file_name
+from hdvplan.cli.options import Output, RoadOrNoneArgument, Room, VehicleOption, check_folder, file_name
 from hdvplan.cli.settings import OptionsOf, with_settings
 from hdvplan.errors import OptionError
 from hdvplan.planning.settings import SIDES, PlannerSettings
 from hdvplan.road.options import RoadOptions
 from hdvplan.settings import choice
+from hdvplan.turning.reversing.options import PlaceOptions, Template
 
 if TYPE_CHECKING:
     from hdvplan.need.answer import Need
     from hdvplan.road.road import Road
     from hdvplan.road.street import Kerb
 
+_PLACE = "Turning heads and docks"
+_FIXED = ("width", "kerb_radius", "beyond", "door_spacing", "overhang")  # what is not sought
 _ROOM = {
     "half_width": "The road's own limits, M to either side [m].",
     "left": "The road's own left limit, or the fixed one [m].",
@@ -33,9 +36,9 @@ _OUTPUT = {"out": "Where to write [default: <road>.<vehicle>.need/].", "plot": "
 
 @with_settings
 def need(
-    road: RoadArgument,
-    vehicle: VehicleOption,
+    road: RoadOrNoneArgument = None,
     *,
+    vehicle: VehicleOption,
     fix: Annotated[
         str | None,
         typer.Option(
@@ -57,8 +60,18 @@ def need(
             rich_help_panel=PLANNING,
         ),
     ] = None,
+    template: Annotated[
+        str | None,
+        typer.Option(
+            "--template",
+            metavar="NAME",
+            help="Instead of a road a manoeuvre that reverses, whose place is made as small as can be found: " + ", ".join(Template) + ".",
+            rich_help_panel=_PLACE,
+        ),
+    ] = None,
+    place: Annotated[PlaceOptions, OptionsOf(PlaceOptions, _PLACE, only=_FIXED)],
 ) -> int:
-    """Find the least room that a vehicle needs on a road.
+    """Find the least room that a vehicle needs on a road, or for a manoeuvre that reverses.
 
     Where the vehicle does not fit, the command also finds the least widening of the road's own street; with --fix on the other side alone.
 
@@ -67,8 +80,20 @@ def need(
     a fixed edge stay where they are. DIR receives need.json, the picture need.png, and the widening as GeoJSON; with --format dxf,gpkg also
     as layers of a drawing.
 
+    With --template it finds the least street width, arm or apron, to 5 cm, with which a manoeuvre of forward and backward legs was found.
+
     Exit code 0: the answer was found. 1: no plan exists at any width, or with the fixed edge. 2: bad input.
     """
+    if template is not None:
+        beside = (road, fix, proof, room, settings, reading)
+        if beside != (None, None, None, Room(), PlannerSettings(), RoadOptions()):
+            msg = f"--template {template} has its own place: a road, its room and its options mean nothing for it"
+            raise OptionError(msg, hint=f"give --vehicle, and of the place {', '.join(f'--{name}' for name in _FIXED)}".replace("_", "-"))
+        return _of_template(template, vehicle, place, output)
+    if road is None:
+        msg = "missing argument 'ROAD'"
+        raise OptionError(msg, hint="give a road, or --template for a turning head, a dock or a three-point turn")
+    place.refuse_all()
     held = None if fix is None else choice("--fix", fix, SIDES)
     given, quiet = _given(held, room), output.quiet
     check_folder(output.out)
@@ -108,6 +133,18 @@ def need(
     elif not quiet:
         _print(answer, directory)
     return _exit_code(answer)
+
+
+def _of_template(name: str, vehicle: str, place: PlaceOptions, output: Output) -> int:
+    """Find the least room for a manoeuvre that reverses."""
+    from hdvplan.cli.reversals import MORE_STARTS, answered
+
+    template = Template(choice("--template", name, list(Template)))
+    if place.size(template) is not None:
+        msg = f"--{template.sought} is what is sought"
+        raise OptionError(msg, hint=f"`hdvplan turn --template {template} --{template.sought} M` tells whether the vehicle fits in it")
+    check_folder(output.out)
+    return answered(template, vehicle, place, output, starts=MORE_STARTS, called="need")
 
 
 def _given(held: str | None, room: Room) -> tuple[float, float] | None:

@@ -20,14 +20,13 @@ if TYPE_CHECKING:
 
 _LONGEST_NAME = 110  # bytes; a file's name has up to 255
 
-RoadArgument = Annotated[
-    str,
-    typer.Argument(
-        metavar="ROAD",
-        help="A road file (CSV, GeoJSON, OpenDRIVE, or a format that GDAL reads), or a name from `hdvplan roads list`.",
-        autocompletion=completion.roads,
-    ),
-]
+_ROAD = typer.Argument(
+    metavar="ROAD",
+    help="A road file (CSV, GeoJSON, OpenDRIVE, or a format that GDAL reads), or a name from `hdvplan roads list`.",
+    autocompletion=completion.roads,
+)
+RoadArgument = Annotated[str, _ROAD]
+RoadOrNoneArgument = Annotated[str | None, _ROAD]
 _VEHICLE = typer.Option(
     "--vehicle",
     metavar="NAME|FILE.toml",

@@ -15,15 +15,17 @@ from hdvplan.cli.options import Output, VehicleOrNoneOption, check_folder, file_
 from hdvplan.cli.settings import OptionsOf, with_settings
 from hdvplan.errors import OptionError
 from hdvplan.settings import Setting, choice
+from hdvplan.turning.reversing.options import PlaceOptions, Template, template_named
 
 if TYPE_CHECKING:
     from hdvplan.turning.manoeuvre import Manoeuvre
-    from hdvplan.turning.templates import Template
+    from hdvplan.turning.templates import Template as TurnTemplate
     from hdvplan.turning.turn import Turn
 
 _STEADY = "steady"
 _GUIDE = "front-axle"
 _TURN = "Turn"  # options that describe it
+_PLACE = "Turning heads and docks"
 _OUTPUT = {
     "out": "Where to write [default: <template>.<vehicle>/].",
     "plot": "Draw the picture turn.png.",
@@ -35,7 +37,7 @@ _OUTPUT = {
 class TurnOptions:
     """A turn, as options describe it."""
 
-    template: Annotated[str | None, Setting("A turn of a standard, from --list, or a file.", "NAME|FILE.toml")] = None
+    template: Annotated[str | None, Setting("A turn of a standard, a manoeuvre that reverses, or a file; --list.", "NAME|FILE.toml")] = None
     radius: Annotated[float | None, Setting("Radius of the guided point's path [m]; needs --angle.", "M")] = None
     angle: Annotated[str | None, Setting("Angle of the turn [degrees]; steady: the circle, until the motion is steady.", "DEG|steady")] = (
         None
@@ -47,7 +49,7 @@ class TurnOptions:
     ramp: Annotated[float | None, Setting("Length of path over which the curvature grows, and falls [m].", "M")] = None
     standstill: Annotated[bool, Setting("Turn the front wheels before the vehicle moves.")] = False
 
-    def wanted(self) -> Manoeuvre | Template:
+    def wanted(self) -> Manoeuvre | TurnTemplate:
         """Return the manoeuvre that the options describe.
 
         Raises:
@@ -60,10 +62,7 @@ class TurnOptions:
         from hdvplan.turning.templates import load_template
 
         if self.template is not None:
-            for field in fields(self)[1:]:
-                if getattr(self, field.name) not in {None, False}:
-                    msg = f"--{field.name} contradicts --template, which says it already"
-                    raise OptionError(msg, hint="copy the template to a file of your own and edit it")
+            self.refuse_more("copy the template to a file of your own and edit it")
             return load_template(self.template)
         if self.radius is None or self.angle is None:
             msg = "a manoeuvre needs --template, or --radius and --angle"
@@ -76,21 +75,37 @@ class TurnOptions:
             raise OptionError(msg) from error
         return Manoeuvre(self.radius, angle, guide, self.ramp or 0.0, standstill=self.standstill)
 
+    def refuse_more(self, hint: str | None = None) -> None:
+        """Refuse options that describe a turn beside a template.
+
+        Raises:
+            OptionError: there is one.
+
+        """
+        for field in fields(self)[1:]:
+            if getattr(self, field.name) not in {None, False}:
+                msg = f"--{field.name} contradicts --template, which says it already"
+                raise OptionError(msg, hint=hint)
+
 
 @with_settings
 def turn(
     *,
     vehicle: VehicleOrNoneOption = None,
     described: Annotated[TurnOptions, OptionsOf(TurnOptions, _TURN)],
+    place: Annotated[PlaceOptions, OptionsOf(PlaceOptions, _PLACE)],
     list_: Annotated[bool, typer.Option("--list", help="List the templates.", rich_help_panel=_TURN)] = False,
     output: Annotated[Output, OptionsOf(Output, OUTPUT, words=_OUTPUT, only=("out", "json", "plot", "formats", "quiet"))],
 ) -> int:
-    """Drive a prescribed turn exactly and print what it sweeps.
+    """Drive a prescribed turn exactly and print what it sweeps, or make a manoeuvre that reverses and fits.
 
-    The figures are radii, width, off-tracking, swing and angles. A point of the vehicle follows a line, an arc and a line. All turns are to
-    the left; a turn to the right is the mirror image.
+    The figures of a turn are radii, width, off-tracking, swing and angles. A point of the vehicle follows a line, an arc and a line. All
+    turns are to the left; a turn to the right is the mirror image.
 
-    Exit code 0: the vehicle drives the turn and meets the template's limits. 1: it does not meet them, or cannot drive it. 2: bad input.
+    The templates three-point, hammerhead, side-head, dock-90 and dock-45 are manoeuvres of forward and backward legs, made for the vehicle:
+    with the fewest legs that fit in the place or, where its size is not given, in the smallest place that is found.
+
+    Exit code 0: the vehicle drives the turn and meets the template's limits, or fits. 1: it does not, or cannot drive it. 2: bad input.
     """
     if list_:
         return _list(json=output.json)
@@ -98,6 +113,11 @@ def turn(
         msg = "missing option '--vehicle'"
         raise OptionError(msg, hint="`hdvplan vehicles list` names the presets, `hdvplan turn --list` the templates")
     check_folder(output.out)
+    reverses = template_named(described.template)
+    if reverses is not None:
+        described.refuse_more()
+        return _reverse(reverses, vehicle, place, output)
+    place.refuse_all()
     from hdvplan.report.files import PICTURES
     from hdvplan.report.turns import TURN_DRAWINGS, turn_json, turn_table, write_turn
     from hdvplan.turning.turn import broken_words, verdict
@@ -119,6 +139,13 @@ def turn(
     return ExitCode.BROKEN if broken else ExitCode.OK
 
 
+def _reverse(template: Template, name: str, place: PlaceOptions, output: Output) -> int:
+    """Make, write and print a manoeuvre of forward and backward legs."""
+    from hdvplan.cli.reversals import STARTS, answered
+
+    return answered(template, name, place, output, starts=STARTS, called="turn")
+
+
 def _folder(found: Turn) -> str:
     """Return the default folder's name."""
     from math import degrees
@@ -137,6 +164,7 @@ def _list(*, json: bool) -> int:
     from hdvplan.turning.templates import load_template, template_names
 
     templates = [load_template(name) for name in template_names()]
+    reversals = [{"name": str(one), "reverses": True, "source": one.sentence, "sought": one.sought} for one in Template]
     angles = [None if template.given.angle is None else degrees(template.given.angle) for template in templates]
     if json:
         print_json(
@@ -152,6 +180,7 @@ def _list(*, json: bool) -> int:
                 }
                 for template, angle in zip(templates, angles, strict=True)
             ]
+            + reversals
         )
         return ExitCode.OK
     rows = [
@@ -166,5 +195,8 @@ def _list(*, json: bool) -> int:
     ]
     columns = ("template", "radius [m]", "angle [deg]", "guided point", "limits [m]")
     caption = "own: the least radius of the vehicle's front wheels; --json names the sources"
-    print_tables(grid("templates", columns, rows, text=("template", "guided point", "limits [m]"), caption=caption))
+    turns = grid("prescribed turns", columns, rows, text=("template", "guided point", "limits [m]"), caption=caption)
+    made = [(str(one), f"--{one.sought}", one.sentence) for one in Template]
+    headings = ("template", "size", "what is driven")
+    print_tables(turns, grid("manoeuvres that reverse, made for the vehicle", headings, made, text=headings))
     return ExitCode.OK

@@ -36,7 +36,6 @@ _ASIDE = 0.4  # of what the error is found to, from the likeliest one on: the ne
 _LEAST = 1e-30  # that is divided by
 _ROUNDING = 1e-9
 _ANYWHERE_M = 1e9  # of the line
-_THICKER_M = 5e-3  # than drawn an obstacle is taken that is thinner than kerbs are
 
 TRACKED, STRAY, BRUSH, APPROACH = (core.record(f"hdv_{name}") for name in ("tracked", "stray", "brush", "approach"))
 _POSED = core.record("hdv_posed")
@@ -272,16 +271,11 @@ def pieces_around(drive: Drive, balance: Balance) -> list[Pieces]:
     return kerbs + [_around(near) for near in balance.approaches]
 
 
-def _outline(near: Approach, polygon: shapely.Polygon) -> Pieces:
-    points = shapely.get_coordinates(shapely.geometry.polygon.orient(polygon, -1.0).exterior)
-    return pieces_of([Kerb(points[::-1] if near.side == "left" else points, np.full(len(points), near.s), near.side == "left")])
-
-
 def _around(near: Approach) -> Pieces:
     """Return an obstacle's outline, clockwise, as a kerb: beside no part of the line, but wherever a body comes near to it."""
-    pieces = _outline(near, near.obstacle.polygon)
-    if not len(pieces.pieces):  # a sliver, of which kerbs keep nothing
-        pieces = _outline(near, shapely.buffer(near.obstacle.polygon, _THICKER_M))
+    points = shapely.get_coordinates(shapely.geometry.polygon.orient(near.obstacle.polygon, -1.0).exterior)
+    kerb = Kerb(points[::-1] if near.side == "left" else points, np.full(len(points), near.s), near.side == "left")
+    pieces = pieces_of([kerb])
     found = pieces.pieces
     found["s_low"], found["s_high"] = -_ANYWHERE_M, _ANYWHERE_M
     pieces.reach[:] = _ANYWHERE_M

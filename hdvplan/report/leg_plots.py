@@ -69,7 +69,7 @@ def _line(result: Result) -> FloatArray:
 def _draw_map(axes: Axes, driven: LegsResult) -> None:
     named = set[str]()
     for region in driven.legs.regions:
-        colour = "0.78" if region.kind is Kind.OBSTACLE else "0.92"
+        colour = "0.6" if region.kind is Kind.OBSTACLE else "0.85"
         axes.add_patch(PathPatch(outline_of(region.polygon), facecolor=colour, edgecolor=INK, linewidth=0.8, zorder=1.5))
     seen: list[FloatArray] = []
     for result, leg in zip(driven.results, driven.legs.legs, strict=True):

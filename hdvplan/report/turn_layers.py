@@ -39,12 +39,12 @@ def swept_area(driven: Followed, unit: int) -> BaseGeometry:
     spaced, around = _every(driven, _AREA_M), 2.0 * np.pi * driven.manoeuvre.radius
     corners, s = corners_at(driven.vehicle, driven.poses[spaced])[:, unit], driven.s[spaced]
     if driven.manoeuvre.angle is not None or s[-1] < 2.0 * around:
-        return _swept(corners)
-    return shapely.union(_swept(corners[s < driven.manoeuvre.lead_in + around]), _swept(corners[s > s[-1] - around]))
+        return swept_by(corners)
+    return shapely.union(swept_by(corners[s < driven.manoeuvre.lead_in + around]), swept_by(corners[s > s[-1] - around]))
 
 
-def _swept(corners: FloatArray) -> BaseGeometry:
-    """Return the outlines (n, 4, 2), and what their edges sweep from one to the next."""
+def swept_by(corners: FloatArray) -> BaseGeometry:
+    """Return the plane area of a body's outlines (n, 4, 2), and what their edges sweep from one to the next [m]."""
     ends = np.roll(corners, -1, axis=1)
     moved = np.stack([corners[:-1], ends[:-1], ends[1:], corners[1:]], axis=2).reshape(-1, 4, 2)
     areas = shapely.make_valid(shapely.polygons(moved))  # an edge that turns about a point of its own sweeps two triangles

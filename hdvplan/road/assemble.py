@@ -30,7 +30,6 @@ _WIDTHS = ("left_m", "right_m", "width_m")
 _METRES = Unit()
 _POLYGONS = {"Polygon", "MultiPolygon"}
 _LONGEST_LABEL = 250  # letters of a name that is told and drawn
-_SPECK_M2 = 1e-6  # of parts of a polygon that crosses itself: a square millimetre is no obstacle
 _MOST_CROSSING = 2000  # points of a polygon that crosses itself: it does so as often as the square of their number
 
 
@@ -330,9 +329,7 @@ class _Beside:
             msg = f"{where} crosses itself, and has {count} points; at most {_MOST_CROSSING} are taken apart"
             raise RoadError(msg, hint="repair it first: ogr2ogr -makevalid one.gpkg FILE")
         whole = shapely.make_valid(drawn)
-        parts = [
-            part for part in shapely.get_parts(shapely.get_parts(whole)) if isinstance(part, shapely.Polygon) and part.area > _SPECK_M2
-        ]
+        parts = [part for part in shapely.get_parts(shapely.get_parts(whole)) if isinstance(part, shapely.Polygon)]
         if not parts:
             msg = f"{where} has no area"
             raise RoadError(msg)

@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
@@ -14,7 +15,7 @@ from hdvplan.road.arcs import wrapped
 from hdvplan.road.legs import Leg
 from hdvplan.road.path import KNOT_SPACING_M, ReferencePath, from_samples
 from hdvplan.road.road import Road
-from hdvplan.road.splines import equal_arclengths, spline_through
+from hdvplan.road.smooth import equal_arclengths
 
 SAME_M = 0.01  # ends this close are one point
 LARGEST_BREAK = np.deg2rad(15.0)  # of two lines drawn by hand; of more one of them is meant otherwise
@@ -133,8 +134,8 @@ def _moved(road: Road, low: _End, high: _End) -> Road:
     moved, along = _through(points, (float(here.heading[0]) + low.turn, float(here.heading[-1]) + high.turn))
     about = None if road.about is None else replace(road.about, s=np.interp(road.about.s, s, along))
     drawn = None if road.drawn is None else tuple(replace(kerb, s=_beyond(kerb.s, s, along)) for kerb in road.drawn)
-    there = replace(road, path=moved, about=about, drawn=drawn)
-    return there if drawn is None or road.limits is None else there.with_kerbs(drawn)
+    there = replace(road, path=moved, about=about)
+    return there if drawn is None else there.with_kerbs(drawn)
 
 
 def _beyond(at: FloatArray, s: FloatArray, along: FloatArray) -> FloatArray:
@@ -147,7 +148,7 @@ def _through(points: FloatArray, headings: tuple[float, float]) -> tuple[Referen
     """Return the path through dense points (n, 2) [m] with these headings at its ends [rad], and the points' arclengths on it [m]."""
     chord = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     first, last = (np.array([np.cos(heading), np.sin(heading)]) for heading in headings)
-    spline = spline_through(chord, points, ends=(first, last))
+    spline = CubicSpline(chord, points, bc_type=((1, first), (1, last)))
     parameters, s = equal_arclengths(spline, KNOT_SPACING_M)
     (x, y), (dx, dy), (ddx, ddy) = (spline(parameters, order).T for order in range(3))
     curvature = (dx * ddy - dy * ddx) / np.hypot(dx, dy) ** 3

@@ -131,7 +131,11 @@ def _beyond_edges(raw: RawRoad, legs: tuple[Leg, ...], name: str) -> list[Region
 def _parted(edges: Sequence[shapely.LineString], place: shapely.Geometry, lines: shapely.Geometry) -> list[shapely.Geometry]:
     """Return the parts of a place that edges part from the lines; edges that end within it part nothing."""
     faces = shapely.get_parts(shapely.polygonize([shapely.union_all([shapely.boundary(place), *edges])])).tolist()
-    return [face for face in faces if shapely.within(shapely.point_on_surface(face), place) and not shapely.intersects(face, lines)]
+    return [
+        face
+        for face in faces
+        if shapely.area(face) > _SLIVER_M2 and shapely.within(shapely.point_on_surface(face), place) and not shapely.intersects(face, lines)
+    ]
 
 
 def _open_at(leg: Leg, which: int) -> shapely.Polygon:
@@ -161,7 +165,7 @@ def _without(face: shapely.Geometry, areas: shapely.Geometry) -> shapely.Geometr
 
 
 def _polygons(area: shapely.Geometry) -> list[shapely.Polygon]:
-    return [part for part in shapely.get_parts(area).tolist() if isinstance(part, shapely.Polygon) and part.area > _SLIVER_M2]
+    return [part for part in shapely.get_parts(area).tolist() if isinstance(part, shapely.Polygon) and not part.is_empty]
 
 
 def _thick(edge: shapely.LineString, lines: shapely.Geometry) -> shapely.Geometry:

@@ -11,10 +11,10 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
-from hdvplan.road.splines import hermite
 
 DRIVEN = {"driving", "bidirectional", "entry", "exit", "onRamp", "offRamp", "connectingRamp", "slipLane", "bus", "taxi", "HOV"}
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)  # exact to rounding over several radians
@@ -83,7 +83,7 @@ class Geometry:
         _, b, c, d = self.values
         speed = [np.hypot(1.0, b + x * (2.0 * c + 3.0 * d * x)) for x in (grid[:-1, None] + half[:, None] * (_NODES + 1.0), grid)]
         arclength = np.concatenate([[0.0], np.cumsum(speed[0] @ _WEIGHTS * half)])
-        parameter: FloatArray = hermite(arclength, grid, 1.0 / speed[1])(u)
+        parameter: FloatArray = CubicHermiteSpline(arclength, grid, 1.0 / speed[1])(u)
         return parameter
 
 

@@ -13,6 +13,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from hdvplan.arrays import FloatArray, IntArray
 from hdvplan.errors import ProjectionError, RoadError
@@ -20,9 +22,10 @@ from hdvplan.road.checks import MAX_LENGTH_M, MIN_LENGTH_M
 from hdvplan.road.offsets import Stations, program_of, solve_offsets
 from hdvplan.road.path import KNOT_SPACING_M, ReferencePath, from_samples
 from hdvplan.road.road import Smoothing
-from hdvplan.road.splines import FEWEST_CELLS, Spline, equal_arclengths, filtered, largest_around, lost, spline_through
 
+_FEWEST_CELLS = 8  # of a very short road
 _EXACT_M = 0.25  # knots of a line that is not smoothed
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 _DUPLICATE_M = 0.02
 _STATION_M = 1.0  # the unknown offsets stand this far apart: a spline knot a metre holds a radius of 8 m to 0.2 %
 _DENSE_M = 1.0  # longer segments of the given line are sampled: the points between are as good as the given ones
@@ -55,7 +58,7 @@ class SmoothedLine:
 class _Line:
     """A C2 spline through stations at equal arclengths."""
 
-    spline: Spline
+    spline: CubicSpline[np.float64]
     stations: Stations
 
     def path(self) -> ReferencePath:
@@ -195,23 +198,24 @@ def _smoothing_lengths(vertices: FloatArray, chord: FloatArray, u: FloatArray, *
         ell = ell[2:-2]
     segment = np.clip(np.searchsorted(chord, u, side="right") - 1, 0, len(ell) - 1)
     reach = int(2.0 * _LONGEST_M / _DENSE_M)
-    return largest_around(ell[segment], reach, closed=closed)
+    return maximum_filter1d(ell[segment], 2 * reach + 1, mode="wrap" if closed else "nearest")
 
 
 def _first_line(data: FloatArray, u: FloatArray, sigma: float, *, closed: bool) -> tuple[_Line, FloatArray]:
     """Return the Gaussian-filtered line and roughly the data's arclengths on it."""
-    cells = max(FEWEST_CELLS, round(float(u[-1]) / _STATION_M))
+    cells = max(_FEWEST_CELLS, round(float(u[-1]) / _STATION_M))
     uniform = np.linspace(0.0, float(u[-1]), cells + 1)
     raw = np.stack([np.interp(uniform, u, column) for column in data.T], axis=1)
     sigma /= float(uniform[1])
     if closed:
-        lap = filtered(raw[:-1], sigma, closed=True)
-        first = np.vstack([lap, lap[:1]])
+        lap = gaussian_filter1d(raw[:-1], sigma, axis=0, mode="wrap")
+        filtered = np.vstack([lap, lap[:1]])
     else:  # reflecting in the end points keeps them where they are, and a straight end straight
-        padded = np.pad(raw, ((lost(sigma), lost(sigma)), (0, 0)), mode="reflect", reflect_type="odd")
-        first = filtered(padded, sigma, closed=False)
-        first[[0, -1]] = raw[[0, -1]]
-    line, s = _resampled(first, _STATION_M, closed=closed)
+        reach = int(np.ceil(4.0 * sigma))
+        padded = np.pad(raw, ((reach, reach), (0, 0)), mode="reflect", reflect_type="odd")
+        filtered = gaussian_filter1d(padded, sigma, axis=0)[reach:-reach]
+        filtered[[0, -1]] = raw[[0, -1]]
+    line, s = _resampled(filtered, _STATION_M, closed=closed)
     return line, np.interp(u, uniform, s)
 
 
@@ -323,3 +327,18 @@ def check_length(length: float, shortest: float = MIN_LENGTH_M) -> None:
     if length > MAX_LENGTH_M:
         msg = f"the road is {length / 1e3:.0f} km long; at most {MAX_LENGTH_M / 1e3:.0f} km can be smoothed at once"
         raise RoadError(msg, hint="are the coordinates metres? otherwise cut the road into parts")
+
+
+def spline_through(knots: FloatArray, points: FloatArray, *, closed: bool) -> CubicSpline[np.float64]:
+    """Return the spline through ``points``, shape (n, 2) [m], at ``knots``; a closed one is periodic."""
+    return CubicSpline(knots, points, bc_type="periodic") if closed else CubicSpline(knots, points, bc_type="not-a-knot")
+
+
+def equal_arclengths(spline: CubicSpline[np.float64], spacing: float) -> tuple[FloatArray, FloatArray]:
+    """Return a plane spline's parameters at equal arclengths of about ``spacing``, and the arclengths of its knots [m]."""
+    half = 0.5 * np.diff(spline.x)
+    velocity = spline(spline.x[:-1, None] + half[:, None] * (_NODES + 1.0), 1)
+    s = np.concatenate([[0.0], np.cumsum(np.hypot(velocity[..., 0], velocity[..., 1]) @ _WEIGHTS * half)])
+    uniform = np.linspace(0.0, float(s[-1]), max(_FEWEST_CELLS, round(float(s[-1]) / spacing)) + 1)
+    inverse = CubicHermiteSpline(s, spline.x, 1.0 / np.hypot(*spline(spline.x, 1).T))
+    return np.clip(inverse(uniform), 0.0, spline.x[-1]), s

@@ -149,7 +149,7 @@ def _once(
     path = guide_path(manoeuvre, angle, lead_out, begin)
     counts = np.ceil(path.pieces[:, 0] / spacing - 1e-9).astype(np.int64)
     substeps = int(np.ceil(spacing / substep - 1e-9))
-    states, kappas = _integrate(units, point, path.pieces, counts, substeps, begin, vehicle.max_curvature * _SLACK)
+    states, kappas = integrate(units, point, path.pieces, counts, substeps, begin, vehicle.max_curvature * _SLACK)
     if not np.isfinite(states[-1, 0]):
         return _stop(vehicle)
     s = np.concatenate([[0.0], *(a + b * np.arange(1, n + 1) / n for a, b, n in zip(path.starts, path.pieces[:, 0], counts, strict=False))])
@@ -187,7 +187,7 @@ def _least_radius(vehicle: Vehicle, manoeuvre: Manoeuvre) -> float | None:
     return float(np.ceil(100.0 * high) / 100.0)
 
 
-def _motion(units: Records, kappa: float) -> tuple[float, float]:
+def motion(units: Records, kappa: float) -> tuple[float, float]:
     """Return how far the lead unit's axle moves sideways and the unit turns per metre forward [-, rad/m]."""
     sideways, turn = rates(units, 0.0, np.zeros(1 + len(units)), kappa)[:2]
     return float(sideways), float(turn)
@@ -195,13 +195,13 @@ def _motion(units: Records, kappa: float) -> tuple[float, float]:
 
 def _radius(units: Records, point: tuple[float, float], kappa: float) -> float:
     """Return the radius of a point's circle at constant ``kappa`` [1/m]."""
-    sideways, turn = _motion(units, kappa)
+    sideways, turn = motion(units, kappa)
     return float(np.hypot(1.0 - point[1] * turn, sideways + point[0] * turn) / turn)
 
 
 def _direction(units: Records, point: tuple[float, float], kappa: float) -> float:
     """Return the direction in which a point moves, off the lead body [rad]."""
-    sideways, turn = _motion(units, kappa)
+    sideways, turn = motion(units, kappa)
     return float(np.arctan2(sideways + point[0] * turn, 1.0 - point[1] * turn))
 
 
@@ -212,16 +212,24 @@ def _steady_kappa(units: Records, point: tuple[float, float], radius: float, mos
     return float(brentq(lambda kappa: _radius(units, point, kappa) - radius, 1e-9, most * _SLACK, xtol=1e-16))
 
 
-def _integrate(
-    units: Records, point: tuple[float, float], pieces: FloatArray, counts: IntArray, substeps: int, heading: float, most: float
+def integrate(
+    units: Records,
+    point: tuple[float, float],
+    pieces: FloatArray,
+    counts: IntArray,
+    substeps: int,
+    heading: float,
+    most: float,
+    begin: FloatArray | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the lead unit's heading and the articulation angles at every pose (n, units), and kappa (n,).
+    """Return the lead unit's heading and the articulation angles at every pose (n, units) [rad], and kappa (n,) [1/m].
 
-    NaN from where ``kappa`` passes ``most``: there the front wheels are at their stop.
+    The lead unit's ``point`` runs along ``pieces`` (length, curvature at begin and end) from ``heading`` [rad]. ``begin`` (units,) is the
+    first row; without it the vehicle stands stretched along x. NaN from where ``kappa`` passes ``most``: the wheels are at their stop.
     """
     poses = 1 + int(counts.sum())
     states, kappas = np.full((poses, len(units)), np.nan), np.full(poses, np.nan)
-    states[0] = 0.0
+    states[0] = 0.0 if begin is None else begin
     _follow(
         core.address(units), len(units), *point, len(pieces), core.address(pieces), core.address(counts), substeps, heading, most,
         core.address(states), core.address(kappas),

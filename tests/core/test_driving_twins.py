@@ -137,7 +137,7 @@ def test_a_driven_manoeuvre_is_that_of_the_twin(name: str) -> None:
     vehicle = load_vehicle(name)
     units, point, most = follow.passive(vehicle).table(), (vehicle.lead.wheelbase, 0.5), 0.2
     pieces, counts = np.array([[1.0, 0.0, 0.0], [2.0, 0.0, 0.06], [4.0, 0.06, 0.06]]), np.array([2, 4, 5])
-    found = follow._integrate(units, point, pieces, counts, 3, 0.1, most)
+    found = follow.integrate(units, point, pieces, counts, 3, 0.1, most)
     for own, expected in zip(found, follow_twin.follow(units, point, pieces, counts, 3, 0.1, most), strict=True):
         assert np.all(np.isfinite(expected))
         np.testing.assert_allclose(own, expected, rtol=0.0, atol=1e-13)  # both find kappa to 1e-15
@@ -145,7 +145,7 @@ def test_a_driven_manoeuvre_is_that_of_the_twin(name: str) -> None:
 
 def test_a_manoeuvre_ends_where_the_front_wheels_stop() -> None:
     units, pieces, counts = load_vehicle("bus").table(), np.array([[10.0, 0.0, 0.1]]), np.array([20])
-    found = follow._integrate(units, (6.0, 0.0), pieces, counts, 2, 0.0, 0.03)
+    found = follow.integrate(units, (6.0, 0.0), pieces, counts, 2, 0.0, 0.03)
     expected = follow_twin.follow(units, (6.0, 0.0), pieces, counts, 2, 0.0, 0.03)
     assert 2 < np.count_nonzero(np.isfinite(expected[1])) < 20
     for own, other in zip(found, expected, strict=True):

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyogrio
 import pytest
 import shapely
 from ezdxf.filemanagement import new
@@ -17,7 +16,6 @@ from hdvplan.arrays import FloatArray
 from hdvplan.cusps import past
 from hdvplan.errors import RoadError
 from hdvplan.legs import load_legs
-from hdvplan.road.crs import ToLonLat
 from hdvplan.road.legs import Leg, Legs
 from hdvplan.road.load import load_road
 from hdvplan.road.load_csv import read_csv
@@ -75,31 +73,6 @@ def test_layers_of_a_drawing_say_number_and_direction(tmp_path: Path) -> None:
     check_turn(legs)
     assert {region.label for region in legs.regions} == {"KERB"}
     assert legs.notes == ()  # no layer is called unread
-
-
-@pytest.mark.parametrize("name", ["turn.gpkg", "turn.fgb", "turn.shp"])
-def test_columns_of_any_vector_file_say_number_and_direction(tmp_path: Path, name: str) -> None:
-    lines = shapely.to_wkb(np.array([shapely.LineString(line + PLACE) for line in LINES], dtype=object))
-    columns = [np.array([1, 2, 3]), np.array(FORWARDS, dtype=object)]
-    pyogrio.raw.write(
-        tmp_path / name, geometry=lines, geometry_type="LineString", crs="EPSG:3006", field_data=columns, fields=["Leg", "direction"]
-    )
-    check_turn(load_legs(tmp_path / name))
-
-
-def test_names_of_placemarks_say_number_and_direction(tmp_path: Path) -> None:
-    lonlat = ToLonLat("EPSG:3006")
-    marks = []
-    for number, (line, direction) in enumerate(zip(LINES, FORWARDS, strict=True), start=1):
-        where = " ".join(f"{lon:.9f},{lat:.9f}" for lon, lat in zip(*lonlat(*(line + PLACE).T), strict=True))
-        marks.append(
-            f"<Placemark><name>Leg {number} {direction}</name><LineString><coordinates>{where}</coordinates></LineString></Placemark>"
-        )
-    document = f'<kml xmlns="http://www.opengis.net/kml/2.2"><Document>{"".join(marks)}</Document></kml>'
-    (tmp_path / "turn.kml").write_text(document, encoding="utf-8")
-    legs = load_legs(tmp_path / "turn.kml")
-    assert [one.direction for one in legs.legs] == list(FORWARDS)
-    assert legs.legs[1].road.path.length == pytest.approx(RADIUS * np.pi / 3.0, abs=0.02)
 
 
 def table_of(lines: list[FloatArray], cusps: str) -> str:

@@ -18,7 +18,6 @@ from hdvplan.road.load import load_road
 from hdvplan.road.load_json import json_object
 from hdvplan.road.load_json import read_geojson as read_document
 from hdvplan.road.regions import Kind
-from tests.road.drives import area_feature, line_feature, written
 
 ANY = Choice()
 LINE = [[11.97, 57.70], [11.971, 57.701], [11.972, 57.7015]]
@@ -177,10 +176,3 @@ def test_names_of_megabytes_are_told_by_their_beginnings() -> None:
     square = geometry([[[11.97, 57.7], [11.971, 57.7], [11.971, 57.701], [11.97, 57.7]]], "Polygon")
     (region,) = read_geojson(collection(feature(), feature(square, region="obstacle", name="c" * 100_000)), "f").regions
     assert region.label == "c" * 250
-
-
-def test_a_speck_where_a_polygon_crosses_itself_is_no_obstacle(tmp_path: Path) -> None:
-    crossing = [(13.0, -10.0), (13.0, -11.0), (10.0213, -11.0), (10.1790, -11.0 - 1e-7), (10.0213, -10.0)]
-    path = written(tmp_path, line_feature(np.array([[0.0, 0.0], [60.0, 0.0]])), area_feature(crossing, region="obstacle"))
-    (region,) = load_road(path).regions
-    assert region.polygon.area == pytest.approx(2.90, abs=0.01)

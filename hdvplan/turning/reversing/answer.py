@@ -1,0 +1,216 @@
+"""A manoeuvre in its place: the one that needs the least room or the fewest legs, driven and judged."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hdvplan.arrays import FloatArray
+from hdvplan.errors import TurnError
+from hdvplan.turning.follow import passive
+from hdvplan.turning.reversing.blocks import Block
+from hdvplan.turning.reversing.docking import pull_out
+from hdvplan.turning.reversing.half_turns import half_turn
+from hdvplan.turning.reversing.legs import Leg, driven, wheels_at_stop
+from hdvplan.turning.reversing.options import PlaceOptions, Template
+from hdvplan.turning.reversing.places import Place, place_of
+from hdvplan.turning.reversing.search import half_turns_in
+from hdvplan.vehicle.body import corners_at
+from hdvplan.vehicle.model import Vehicle
+
+STEP_M = 0.05  # to which a size is told, rounded up
+POSE_M = 0.05  # between the poses that are judged
+_RUN_M = 5.0  # straight before a half turn's first and behind its last arc
+_ROUNDING_M = 1e-6
+_LEGS = {Template.THREE_POINT: (1, 3, 5), Template.HAMMERHEAD: (3, 5), Template.SIDE_HEAD: (3, 5)}
+_OWN_LEGS = 3  # of a half turn that nobody asked to be shorter
+
+
+@dataclass(frozen=True)
+class Tried:
+    """What ``starts`` searches for a manoeuvre of so many ``legs`` found: sizes of those that found one, rising [m], and the best."""
+
+    legs: int
+    starts: int
+    sizes: tuple[float, ...]
+    manoeuvre: Manoeuvre
+
+
+@dataclass(frozen=True)
+class Manoeuvre:
+    """A driven manoeuvre: ``reaches`` are how far the ends of its place must be away, one for each; ``size`` is what it needs [m]."""
+
+    vehicle: Vehicle
+    place: Place
+    legs: tuple[Leg, ...]
+    reaches: FloatArray
+    size: float
+
+    @property
+    def rounded(self) -> float:
+        """The size that it needs, rounded up to what is told [m]."""
+        return float(np.ceil((self.size - _ROUNDING_M) / STEP_M)) * STEP_M
+
+    def room(self, walls: tuple[Block, ...] = ()) -> FloatArray:
+        """Return every leg's signed room to each block of the place, and to ``walls`` at its ends, shape (legs, blocks) [m].
+
+        No pose in between has less: what bodies bow out there is taken off.
+        """
+        found = []
+        for leg in self.legs:
+            gaps = [self.place.gaps(self.vehicle, leg.poses)] if self.place.blocks else []
+            gaps += [self.place.gaps_to_ends(self.vehicle, leg.poses, walls)] if walls else []
+            found.append(np.concatenate(gaps).min(axis=(1, 2)) - bow(self.vehicle, leg))
+        return np.array(found)
+
+    @property
+    def over_kerbs(self) -> float:
+        """How far bodies reach over the blocks of the place [m]."""
+        bodies = replace(self.place, overhang=0.0)
+        return max(0.0, -min((float(bodies.gaps(self.vehicle, leg.poses).min()) for leg in self.legs if self.place.blocks), default=0.0))
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Whether a vehicle turns round, or docks, in a place: ``chosen`` of what was tried; ``given`` is the size asked about [m]."""
+
+    template: Template
+    vehicle: Vehicle
+    options: PlaceOptions
+    tried: tuple[Tried, ...]
+    chosen: Tried
+
+    @property
+    def given(self) -> float | None:
+        """The size that was asked about, None where the least is sought [m]."""
+        return self.options.size(self.template)
+
+    @property
+    def size(self) -> float:
+        """The size of the place that is drawn and judged: the given one where the manoeuvre fits, else what it needs, rounded up [m]."""
+        needed = self.chosen.manoeuvre.rounded
+        return needed if self.given is None or not self.fits else self.given
+
+    @property
+    def fits(self) -> bool | None:
+        """Whether the manoeuvre fits in the given place; None where no size was given."""
+        return None if self.given is None else self.chosen.manoeuvre.size <= self.given + _ROUNDING_M
+
+    @property
+    def walls(self) -> tuple[Block, ...]:
+        """The walls at the ends of the place that is drawn and judged."""
+        return self.chosen.manoeuvre.place.closed(self.chosen.manoeuvre.reaches, self.size)
+
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        """All blocks of that place, the walls at its ends last."""
+        return (*self.chosen.manoeuvre.place.blocks, *self.walls)
+
+    @property
+    def room(self) -> FloatArray:
+        """Every leg's signed room to each of ``blocks``, shape (legs, blocks) [m]."""
+        return self.chosen.manoeuvre.room(self.walls)
+
+
+def bow(vehicle: Vehicle, leg: Leg) -> float:
+    """Return by how much bodies may reach further between two poses of a leg than at both [m]: h^2 / 8 times a corner's acceleration.
+
+    That is measured along pieces of constant steering, where it is smooth, from three poses each.
+    """
+    h = np.diff(leg.s)
+    speed = np.diff(corners_at(vehicle, leg.poses), axis=0) / h[:, None, None, None]
+    smooth = np.diff(leg.kappa) == 0.0
+    if not np.any(smooth):
+        return 0.0
+    change = np.diff(speed, axis=0)[smooth] / (0.5 * (h[1:] + h[:-1]))[smooth, None, None, None]
+    return float(np.hypot(change[..., 0], change[..., 1]).max() * h.max() ** 2 / 8.0)
+
+
+def reversing(vehicle: Vehicle, template: Template, options: PlaceOptions, *, starts: int, all_legs: bool = False) -> Answer:
+    """Return the manoeuvre of ``template`` with the fewest legs that fits in the given size or, where none is given, its least size.
+
+    Half turns have three legs unless one or five are needed; ``all_legs`` tries all of these, and names the best of three. Every search is
+    made from ``starts`` starts, always the same ones; a dock needs none.
+
+    Raises:
+        TurnError: the vehicle has more trailers than the manoeuvre is made for.
+        OptionError: the options describe no place for it.
+
+    """
+    vehicle = passive(vehicle)
+    _check_trailers(vehicle, template)
+    place, size = place_of(template, options, vehicle), options.size(template)
+    if template.docks:
+        docked = _docked(place, vehicle)
+        return Answer(template, vehicle, options, (docked,), docked)
+    tried: list[Tried] = []
+    errors: list[TurnError] = []
+    for legs in _LEGS[template] if size is not None or all_legs else (_OWN_LEGS,):
+        try:
+            tried.append(_half_turned(place, vehicle, legs, starts))
+        except TurnError as error:  # another number of legs may do
+            errors.append(error)
+            continue
+        if size is not None and tried[-1].manoeuvre.size <= size + _ROUNDING_M and not all_legs:
+            return Answer(template, vehicle, options, tuple(tried), tried[-1])
+    if not tried:
+        raise errors[0]
+    least = min(tried, key=lambda one: one.manoeuvre.size)
+    own = least if size is not None else next((one for one in tried if one.legs == _OWN_LEGS), least)
+    return Answer(template, vehicle, options, tuple(tried), own)
+
+
+def _check_trailers(vehicle: Vehicle, template: Template) -> None:
+    most = 2 if template.docks else 1
+    if len(vehicle.units) > most:
+        made = "a vehicle with at most one trailer" if template.docks else "a vehicle without trailers"
+        msg = f"{template} is made for {made}; the {vehicle.name} has {len(vehicle.units) - 1}"
+        raise TurnError(msg, hint=None if template.docks else "dock-90 and dock-45 take one trailer")
+
+
+def _half_turned(place: Place, vehicle: Vehicle, legs: int, starts: int) -> Tried:
+    found = half_turns_in(place, vehicle, legs, starts)
+    family, wheels = half_turn(place.template, vehicle, legs), wheels_at_stop(vehicle)
+    strokes = family.strokes(found[0].parameters[:, None])
+    lengths, kappas = np.abs(strokes.lengths(wheels)[0]), strokes.kappas(wheels)[0]
+    backward, each = np.array(strokes.backward), len(strokes.backward) // legs
+    here, driven_legs = strokes.start[0], []
+    for leg in range(legs):
+        of_leg = slice(each * leg, each * (leg + 1))
+        pieces = [(float(length), float(kappa)) for length, kappa in zip(lengths[of_leg], kappas[of_leg], strict=True)]
+        if leg == 0:
+            here = here - np.array([_RUN_M * np.cos(here[2]), _RUN_M * np.sin(here[2]), 0.0])
+            pieces.insert(0, (_RUN_M, 0.0))
+        if leg == legs - 1:
+            pieces.append((_RUN_M, 0.0))
+        driven_legs.append(driven(vehicle, here, pieces, POSE_M, backward=bool(backward[each * leg])))
+        here = driven_legs[-1].lead[-1]
+    sizes = tuple(one.size for one in found if one.kept) or (found[0].size,)
+    return Tried(legs, starts, sizes, _judged(place, vehicle, tuple(driven_legs)))
+
+
+def _docked(place: Place, vehicle: Vehicle) -> Tried:
+    out = pull_out(vehicle, place, POSE_M)
+    cusp, run = out.lead[-1], vehicle.reach_ahead + vehicle.reach_behind
+    before = cusp - np.array([run * np.cos(cusp[2]), run * np.sin(cusp[2]), 0.0])
+    manoeuvre = _judged(place, vehicle, (driven(vehicle, before, [(run, 0.0)], POSE_M), out.reversed()))
+    return Tried(len(manoeuvre.legs), 1, (manoeuvre.size,), manoeuvre)
+
+
+def _judged(place: Place, vehicle: Vehicle, legs: tuple[Leg, ...]) -> Manoeuvre:
+    """Return a manoeuvre with what it needs; what bows out between poses is added.
+
+    Raises:
+        TurnError: it enters a block.
+
+    """
+    bowed = max(bow(vehicle, leg) for leg in legs)
+    reaches = np.concatenate([place.reaches(vehicle, leg.poses) for leg in legs]).max(axis=0) + bowed
+    manoeuvre = Manoeuvre(vehicle, place, legs, reaches, place.base + float(reaches.sum()))
+    room = manoeuvre.room().min(axis=0) if place.blocks else np.zeros(1)
+    if room.min() < 0.0:
+        name, short = place.blocks[int(np.argmin(room))].name, f"{-room.min():.2f} m are lacking"
+        msg = f"no way was found for the {vehicle.name} past the {name}, whatever the {place.template.words}: {short}"
+        raise TurnError(msg, hint="make what stands wider, or allow more overhang")
+    return manoeuvre

@@ -1,0 +1,136 @@
+"""Which manoeuvres of forward and backward legs there are, and the place of one, as options describe it. Light: ``--help`` reads it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from enum import StrEnum
+from typing import Annotated
+
+from hdvplan.errors import OptionError
+from hdvplan.settings import Setting, check
+
+_LARGEST_M = 200.0
+
+
+class Template(StrEnum):
+    """A manoeuvre in its place."""
+
+    THREE_POINT = "three-point"
+    HAMMERHEAD = "hammerhead"
+    SIDE_HEAD = "side-head"
+    DOCK_90 = "dock-90"
+    DOCK_45 = "dock-45"
+
+    @property
+    def sentence(self) -> str:
+        """What is driven, in one sentence."""
+        return _SENTENCES[self]
+
+    @property
+    def sought(self) -> str:
+        """The option that says how large the place is."""
+        return _SOUGHT[self]
+
+    @property
+    def words(self) -> str:
+        """What the size is called."""
+        return _WORDS[self.sought] if self is not Template.HAMMERHEAD else "head length"
+
+    @property
+    def docks(self) -> bool:
+        """Whether the vehicle backs onto a dock; else it turns round."""
+        return self in {Template.DOCK_90, Template.DOCK_45}
+
+
+_SENTENCES = {
+    Template.THREE_POINT: "Turn round in a street between two walls or kerbs.",
+    Template.HAMMERHEAD: "Turn round in a head of two arms across the end of the road: into one, back into the other, out.",
+    Template.SIDE_HEAD: "Turn round by backing into an arm beside the road, and out of it.",
+    Template.DOCK_90: "Back onto a dock square to the wall, between parked neighbours.",
+    Template.DOCK_45: "Back onto a dock at 45 degrees to the wall, between parked neighbours.",
+}
+_SOUGHT = {
+    Template.THREE_POINT: "width",
+    Template.HAMMERHEAD: "arm",
+    Template.SIDE_HEAD: "arm",
+    Template.DOCK_90: "apron",
+    Template.DOCK_45: "apron",
+}
+_WORDS = {"width": "street width", "arm": "arm", "apron": "apron"}
+_HEEDED = {
+    Template.THREE_POINT: {"width", "overhang"},
+    Template.HAMMERHEAD: {"arm", "width", "kerb_radius", "overhang"},
+    Template.SIDE_HEAD: {"arm", "width", "kerb_radius", "beyond", "overhang"},
+    Template.DOCK_90: {"apron", "door_spacing"},
+    Template.DOCK_45: {"apron", "door_spacing"},
+}
+
+
+@dataclass(frozen=True)
+class PlaceOptions:
+    """A place, as options describe it [m].
+
+    Raises:
+        OptionError: a length that is not positive, or longer than any place.
+
+    """
+
+    width: Annotated[float | None, Setting("Street width; in heads the carriageways' [m, 4.8].", "M", above=0.0)] = None
+    arm: Annotated[
+        float | None, Setting("Head from tip to tip; side-head: the arm from the road's kerb line to its tip [m].", "M", above=0.0)
+    ] = None
+    kerb_radius: Annotated[float | None, Setting("Radius of a head's kerbs [m, 6].", "M", least=0.0)] = None
+    beyond: Annotated[float | None, Setting("How far the road goes on behind the arm of a side-head [m, without end].", "M", above=0.0)] = (
+        None
+    )
+    apron: Annotated[float | None, Setting("From the doors to the other side of a dock's yard [m].", "M", above=0.0)] = None
+    door_spacing: Annotated[float | None, Setting("Between the axes of vehicles at neighbouring doors [m, 4].", "M", above=0.0)] = None
+    overhang: Annotated[float | None, Setting("How far bodies may reach over kerbs [m; three-point 0, heads 1].", "M", least=0.0)] = None
+
+    def __post_init__(self) -> None:
+        """Refuse what is no place."""
+        check(self)
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if value is not None and value > _LARGEST_M:
+                msg = f"{field.name} = {value:g} m is more than any place has; at most {_LARGEST_M:g} m"
+                raise OptionError(msg, hint="lengths are in metres")
+
+    def size(self, template: Template) -> float | None:
+        """Return the size of the place that is given, None where it is sought [m]."""
+        size: float | None = getattr(self, template.sought)
+        return size
+
+    def refuse_all(self) -> None:
+        """Refuse a place for a manoeuvre that has none.
+
+        Raises:
+            OptionError: an option is given.
+
+        """
+        for field in fields(self):
+            if getattr(self, field.name) is not None:
+                msg = f"{_option(field.name)} needs a template that reverses: {', '.join(Template)}"
+                raise OptionError(msg)
+
+    def check_heeded(self, template: Template) -> None:
+        """Refuse options that mean nothing for a template.
+
+        Raises:
+            OptionError: one is given.
+
+        """
+        for field in fields(self):
+            if field.name not in _HEEDED[template] and getattr(self, field.name) is not None:
+                heeded = ", ".join(_option(one.name) for one in fields(self) if one.name in _HEEDED[template])
+                msg = f"{_option(field.name)} means nothing for {template}"
+                raise OptionError(msg, hint=f"it takes {heeded}")
+
+
+def _option(name: str) -> str:
+    return f"--{name.replace('_', '-')}"
+
+
+def template_named(name: str | None) -> Template | None:
+    """Return the manoeuvre of this name, None where it is none."""
+    return Template(name) if name in list(Template) else None

@@ -1,0 +1,86 @@
+"""What is said of a manoeuvre in its place."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hdvplan.turning.reversing.answer import Answer, Tried
+from hdvplan.turning.reversing.options import Template
+from hdvplan.vehicle.model import Vehicle
+
+_TOLD_M = 0.01
+_LONGEST = 100  # characters of a verdict
+
+
+def verdict(answer: Answer) -> str:
+    """Return one line of at most 100 characters: whether the manoeuvre fits, or what room it needs."""
+    chosen, size = answer.chosen, f"{answer.size:.2f} m of {answer.template.words}"
+    if answer.given is None:
+        return _with_name(f"NEEDS {size}: {{}} {_does(answer)} in {_legs(chosen)}", answer.vehicle)
+    if answer.fits:
+        spare = answer.given - chosen.manoeuvre.size
+        return _with_name(f"YES: {{}} {_does(answer)} in {_legs(chosen)} in {size}, {max(spare, 0.0):.2f} m to spare", answer.vehicle)
+    return _with_name(f"NO: no way was found for {{}} in {_given(answer)}; {size} do, in {_legs(chosen)}", answer.vehicle)
+
+
+def details(answer: Answer) -> str:
+    """Return the second line: how sure the answer is."""
+    chosen, sizes = answer.chosen, answer.chosen.sizes
+    if answer.template.docks:
+        formula = closed_form(answer.vehicle, answer.template, chosen)
+        told = "" if formula is None else f", {formula:.2f} m by formula"
+        out = f"out, it drives {straight_out(chosen):.2f} m straight to pass its neighbours, then turns at full lock{told}"
+        return f"{out}; less may do where it swings out: nothing is proved impossible"
+    which = "which found" if len(sizes) == chosen.starts else f"{len(sizes)} of which found a way, in"
+    over = chosen.manoeuvre.over_kerbs
+    kerbs = f"; bodies reach {over:.2f} m over kerbs" if over >= _TOLD_M else ""
+    return (
+        f"the best of {chosen.starts} starts, {which} {sizes[0]:.2f} to {sizes[-1]:.2f} m; less may do: nothing is proved impossible{kerbs}"
+    )
+
+
+def refusal(answer: Answer) -> str:
+    """Return what is said as an error where nothing was found that fits."""
+    short = answer.chosen.manoeuvre.size - (answer.given or 0.0)
+    return f"{_given(answer)} are {short:.2f} m less than the least that was found to do"
+
+
+def closed_form(vehicle: Vehicle, template: Template, tried: Tried) -> float | None:
+    """Return the size by a formula where there is one, else None [m].
+
+    A half turn in one move without swinging out takes the circles of the outer front corner and of the outer tail, one for each side. A
+    pull-out reaches as far as the outer front corner's circle, whose centre lies beside where the turn begins.
+    """
+    radius, half = 1.0 / vehicle.max_curvature, 0.5 * vehicle.lead.width
+    front = float(np.hypot(vehicle.lead.front, radius + half))
+    if vehicle.lead.steering_ratio > 0.0:
+        return None
+    if template is Template.THREE_POINT and tried.legs == 1:
+        return front + float(np.hypot(vehicle.lead.rear_overhang, radius + half))
+    if template is Template.DOCK_90:
+        return straight_out(tried) + vehicle.reach_behind + front
+    return None
+
+
+def straight_out(tried: Tried) -> float:
+    """Return how far a docked vehicle pulls straight out before it turns [m]."""
+    out = tried.manoeuvre.legs[-1].reversed()
+    turned = np.flatnonzero(out.kappa != 0.0)
+    return float(out.s[turned[0]]) if len(turned) else out.length
+
+
+def _does(answer: Answer) -> str:
+    return "docks" if answer.template.docks else "turns round"
+
+
+def _given(answer: Answer) -> str:
+    return f"{answer.given:.2f} m of {answer.template.words}"
+
+
+def _legs(tried: Tried) -> str:
+    return "one leg" if tried.legs == 1 else f"{tried.legs} legs"
+
+
+def _with_name(text: str, vehicle: Vehicle) -> str:
+    named = text.format(f"the {vehicle.name}")
+    return named if len(named) <= _LONGEST else text.format("the vehicle")

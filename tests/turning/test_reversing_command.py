@@ -1,0 +1,105 @@
+"""``hdvplan turn`` and ``hdvplan need`` with templates that reverse, as users run them."""
+
+from __future__ import annotations
+
+import json
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from ezdxf.filemanagement import readfile
+
+from tests.cli.conftest import Cli, cli  # noqa: F401 - a fixture
+from tests.turning.reversals import REFUSE
+
+
+@pytest.fixture
+def refuse_file(tmp_path: Path) -> str:
+    (tmp_path / "refuse.toml").write_text(REFUSE, encoding="utf-8")
+    return "refuse.toml"
+
+
+def test_a_manoeuvre_that_fits_ends_in_0_with_its_files(cli: Cli, tmp_path: Path, refuse_file: str) -> None:  # noqa: F811 - the fixture
+    outcome = cli("turn", "--vehicle", refuse_file, "--template", "three-point", "--width", "14", "--format", "png,dxf")
+    assert (outcome.code, outcome.err) == (0, "")
+    first, second = outcome.out.splitlines()[:2]
+    assert first.startswith("YES: the refuse turns round in 3 legs in 14.00 m of street width, 0.")
+    assert len(first) <= 100
+    assert "less may do" in second
+    folder = tmp_path / "three-point.refuse"
+    assert {path.name for path in folder.iterdir()} == {"poses.csv", "legs.geojson", "turn.json", "turn.png", "turn.dxf"}
+    told = json.loads((folder / "turn.json").read_text(encoding="utf-8"))
+    assert [leg["direction"] for leg in told["legs"]] == ["forward", "backward", "forward"]
+    assert told["least_room_m"] >= 0.0
+    lines = [one for one in json.loads((folder / "legs.geojson").read_text(encoding="utf-8"))["features"] if "leg" in one["properties"]]
+    assert [(line["properties"]["leg"], line["properties"]["direction"]) for line in lines] == [
+        (1, "forward"), (2, "backward"), (3, "forward"),
+    ]  # fmt: skip
+    for line, following in pairwise(lines):
+        assert line["geometry"]["coordinates"][-1] == following["geometry"]["coordinates"][0]
+    layers = {layer.dxf.name for layer in readfile(folder / "turn.dxf").layers}
+    assert {"ROAD_FORWARD", "ROAD_BACKWARD", "OBSTACLES"} <= layers
+
+
+def test_the_poses_tell_leg_and_direction_and_go_on_at_the_cusps(cli: Cli, tmp_path: Path, refuse_file: str) -> None:  # noqa: F811
+    cli("turn", "--vehicle", refuse_file, "--template", "three-point", "--no-plot", "--quiet")
+    poses = pd.read_csv(tmp_path / "three-point.refuse" / "poses.csv")
+    assert poses.groupby("leg")["direction"].first().tolist() == [1, -1, 1]
+    ends, begins = poses[poses["leg"].diff(-1) == -1.0], poses[poses["leg"].diff() == 1.0]
+    assert np.allclose(ends[["x", "y", "heading"]], begins[["x", "y", "heading"]], atol=1e-8)  # nine decimals are written
+    assert poses["heading"].iloc[-1] == pytest.approx(np.pi, abs=1e-8)
+
+
+def test_what_does_not_fit_ends_in_1_and_says_what_does(cli: Cli, refuse_file: str) -> None:  # noqa: F811
+    outcome = cli("turn", "--vehicle", refuse_file, "--template", "three-point", "--width", "9.5", "--no-plot")
+    assert outcome.code == 1
+    assert outcome.out.startswith("NO: no way was found for the refuse in 9.50 m of street width; ")
+    assert "less than the least that was found to do" in outcome.err
+    assert "cannot" not in outcome.out + outcome.err
+
+
+@pytest.mark.slow
+def test_need_tells_the_least_size_in_5_cm_and_how_far_its_starts_are_apart(cli: Cli, tmp_path: Path, refuse_file: str) -> None:  # noqa: F811
+    outcome = cli("need", "--template", "three-point", "--vehicle", refuse_file)
+    assert (outcome.code, outcome.err) == (0, "")
+    assert outcome.out.startswith("NEEDS ")
+    told = json.loads((tmp_path / "three-point.refuse.need" / "need.json").read_text(encoding="utf-8"))
+    assert told["fits_with_m"] == pytest.approx(round(20.0 * told["fits_with_m"]) / 20.0)
+    assert 0.0 <= told["fits_with_m"] - told["needed_m"] < 0.05 + 1e-6
+    assert [tried["legs"] for tried in told["tried"]] == [1, 3, 5]
+    assert len(told["tried"][1]["found_m"]) == told["tried"][1]["starts"] == 9
+
+
+def test_the_list_names_manoeuvres_that_reverse(cli: Cli) -> None:  # noqa: F811
+    names = {"three-point", "hammerhead", "side-head", "dock-90", "dock-45"}
+    table = cli("turn", "--list").out
+    assert all(name in table for name in names)
+    assert {one["name"] for one in json.loads(cli("turn", "--list", "--json").out) if one.get("reverses")} == names
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (("turn", "--vehicle", "bus", "--template", "three-point", "--width", "-3"), 2, "width must be a positive number"),
+        (("turn", "--vehicle", "bus", "--template", "three-point", "--width", "nan"), 2, "width must be a positive number"),
+        (("turn", "--vehicle", "bus", "--template", "three-point", "--width", "1e4"), 2, "more than any place has"),
+        (("turn", "--vehicle", "bus", "--template", "three-point", "--arm", "20"), 2, "--arm means nothing for three-point"),
+        (("turn", "--vehicle", "bus", "--template", "three-point", "--radius", "20"), 2, "--radius contradicts --template"),
+        (("turn", "--vehicle", "bus", "--template", "eu-circle", "--width", "20"), 2, "--width needs a template that reverses"),
+        (("turn", "--vehicle", "bus", "--template", "tree-point"), 2, "unknown template"),
+        (("turn", "--vehicle", "b-double", "--template", "dock-90"), 1, "at most one trailer"),
+        (("need", "--vehicle", "bus", "--template", "aashto-90"), 2, "--template must be three-point"),
+        (("need", "--vehicle", "bus", "--template", "three-point", "--width", "20"), 2, "--width is what is sought"),
+        (("need", "uturn", "--vehicle", "bus", "--template", "three-point"), 2, "has its own place"),
+        (("need", "--vehicle", "bus", "--template", "three-point", "--half-width", "3"), 2, "has its own place"),
+        (("need", "--vehicle", "bus"), 2, "missing argument 'ROAD'"),
+        (("need", "uturn", "--vehicle", "bus", "--kerb-radius", "3"), 2, "--kerb-radius needs a template that reverses"),
+    ],
+)
+def test_nonsense_is_refused_in_one_line(cli: Cli, tmp_path: Path, arguments: tuple[str, ...], code: int, words: str) -> None:  # noqa: F811
+    outcome = cli(*arguments)
+    assert (outcome.code, outcome.out) == (code, "")
+    assert words in outcome.err.splitlines()[0]
+    assert not list(tmp_path.iterdir())
