@@ -22,6 +22,7 @@ _STRETCHED_RAD = 1e-10
 _FOLDED_RAD = 0.5 * np.pi  # articulation at which a trailer's axle stands still
 _EVERY_M = 0.5
 _FOUND_M = 1e-4
+_SCAN_M = 0.25  # between straights that are tried: a longer one may not pass what a shorter one does, along a row at an angle
 
 
 def pull_out(vehicle: Vehicle, place: Place, spacing: float) -> Leg:
@@ -46,10 +47,11 @@ def pull_out(vehicle: Vehicle, place: Place, spacing: float) -> Leg:
         raise TurnError(msg)
     if spare(0.0) >= 0.0:
         return out(0.0)
-    if spare(most) < 0.0:
+    passes = next((far for far in np.arange(_SCAN_M, most, _SCAN_M) if spare(float(far)) >= 0.0), None)
+    if passes is None:
         msg = f"no way was found for the {vehicle.name} out of its dock past its neighbours"
         raise TurnError(msg, hint="give a larger --door-spacing")
-    return out(float(brentq(spare, 0.0, most, xtol=_FOUND_M)) + _FOUND_M)
+    return out(float(brentq(spare, passes - _SCAN_M, passes, xtol=_FOUND_M)) + _FOUND_M)
 
 
 def _arcs(vehicle: Vehicle, angle: float) -> tuple[tuple[float, float], ...]:
