@@ -170,12 +170,30 @@ def _check_trailers(vehicle: Vehicle, template: Template) -> None:
 
 
 def _half_turned(place: Place, vehicle: Vehicle, legs: int, starts: int) -> Tried:
-    found = half_turns_in(place, vehicle, legs, starts)
+    """Return the best half turn of so many legs that keeps off all blocks between its poses, too.
+
+    Raises:
+        TurnError: none does.
+
+    """
+    found, errors = half_turns_in(place, vehicle, legs, starts), list[TurnError]()
+    for one in found:
+        try:
+            manoeuvre = _judged(place, vehicle, _legs_of(place, vehicle, legs, one.parameters))
+        except TurnError as error:
+            errors.append(error)
+            continue
+        sizes = tuple(other.size for other in found if other.kept and other.size >= one.size) or (one.size,)
+        return Tried(legs, starts, sizes, manoeuvre)
+    raise errors[0]
+
+
+def _legs_of(place: Place, vehicle: Vehicle, legs: int, parameters: FloatArray) -> tuple[Leg, ...]:
     family, wheels = half_turn(place.template, vehicle, legs), wheels_at_stop(vehicle)
-    strokes = family.strokes(found[0].parameters[:, None])
+    strokes = family.strokes(parameters[:, None])
     lengths, kappas = np.abs(strokes.lengths(wheels)[0]), strokes.kappas(wheels)[0]
     backward, each = np.array(strokes.backward), len(strokes.backward) // legs
-    here, driven_legs = strokes.start[0], []
+    here, found = strokes.start[0], list[Leg]()
     for leg in range(legs):
         of_leg = slice(each * leg, each * (leg + 1))
         pieces = [(float(length), float(kappa)) for length, kappa in zip(lengths[of_leg], kappas[of_leg], strict=True)]
@@ -184,10 +202,9 @@ def _half_turned(place: Place, vehicle: Vehicle, legs: int, starts: int) -> Trie
             pieces.insert(0, (_RUN_M, 0.0))
         if leg == legs - 1:
             pieces.append((_RUN_M, 0.0))
-        driven_legs.append(driven(vehicle, here, pieces, POSE_M, backward=bool(backward[each * leg])))
-        here = driven_legs[-1].lead[-1]
-    sizes = tuple(one.size for one in found if one.kept) or (found[0].size,)
-    return Tried(legs, starts, sizes, _judged(place, vehicle, tuple(driven_legs)))
+        found.append(driven(vehicle, here, pieces, POSE_M, backward=bool(backward[each * leg])))
+        here = found[-1].lead[-1]
+    return tuple(found)
 
 
 def _docked(place: Place, vehicle: Vehicle) -> Tried:
