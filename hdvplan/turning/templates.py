@@ -144,7 +144,7 @@ def load_template(source: str | Path) -> Template:
             msg = f"template file {source} cannot be read: {reason}"
             raise OptionError(msg, hint=f"templates: {', '.join(template_names())}") from error
     if source not in template_names():
-        msg, names = f"unknown template {str(source)!r}", [*template_names(), *Reversing]
+        msg, names = f"unknown template {str(source)!r}", [*template_names(), *map(str, Reversing)]
         raise OptionError(msg, hint=did_you_mean(str(source), names, f"templates: {', '.join(names)}; or give a TOML file"))
     return parse_template((_shipped() / f"{source}.toml").read_text(encoding="utf-8"), default_name=str(source))
 

@@ -88,7 +88,7 @@ def test_the_list_names_manoeuvres_that_reverse(cli: Cli) -> None:  # noqa: F811
         (("turn", "--vehicle", "bus", "--template", "three-point", "--arm", "20"), 2, "--arm means nothing for three-point"),
         (("turn", "--vehicle", "bus", "--template", "three-point", "--radius", "20"), 2, "--radius contradicts --template"),
         (("turn", "--vehicle", "bus", "--template", "eu-circle", "--width", "20"), 2, "--width needs a template that reverses"),
-        (("turn", "--vehicle", "bus", "--template", "tree-point"), 2, "unknown template"),
+        (("turn", "--vehicle", "bus", "--template", "tree-point"), 2, "did you mean 'three-point'"),
         (("turn", "--vehicle", "b-double", "--template", "dock-90"), 1, "at most one trailer"),
         (("need", "--vehicle", "bus", "--template", "aashto-90"), 2, "--template must be three-point"),
         (("need", "--vehicle", "bus", "--template", "three-point", "--width", "20"), 2, "--width is what is sought"),
