@@ -39,6 +39,8 @@ def past(legs: Legs, by: FloatArray) -> Legs:
     for leg, before, after in zip(legs.legs, ends[:-1], ends[1:], strict=True):
         low, high = (after, before) if leg.backward else (before, after)
         road = part_of(leg.road, -float(low), leg.road.path.length + float(high), _ROOM_M, _ROOM_M)
+        if leg.road.limits is None and leg.road.drawn is None:  # the bounds of an open place are no street
+            road = replace(road, drawn=None)
         moved.append(Leg(road, leg.backward))
     own, _ = joined(tuple(moved), 2.0 * FURTHEST_M)
     return replace(legs, legs=tuple(within(leg, legs.regions) for leg in own))

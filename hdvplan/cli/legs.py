@@ -6,8 +6,6 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error, warn, writing
 from hdvplan.errors import OptionError
 
@@ -119,6 +117,8 @@ def _print_legs(summary: dict[str, Any], directory: Path) -> None:
 
 def _warn_far(legs: Legs, *, quiet: bool) -> None:
     """Say which regions do not count: coordinates that are swapped, or of another system, would go unnoticed."""
+    import numpy as np
+
     from hdvplan.road.regions import OPEN_M, distances
 
     if not legs.regions:

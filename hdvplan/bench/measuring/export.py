@@ -42,7 +42,7 @@ from hdvplan.record import record_of
 from hdvplan.solvers.registry import solver_named
 from hdvplan.solvers.sparse import SparseQp
 
-_TOLERANCES = (1e-11, 1e-12, 1e-13, 1e-10)  # of the solutions, tried in this order until one is good to the first of them
+_TOLERANCES = (1e-11, 1e-12, 1e-13, 1e-14, 1e-15, 1e-10)  # of the solutions, tried in this order until one is good to the first of them
 _REFINED = 8  # times a solution is solved for again
 LICENCE = "MIT; roads of OpenStreetMap: (c) its contributors, Open Database License 1.0"
 
