@@ -74,8 +74,9 @@ def finish(driven: LegsResult, directory: Path, kinds: Collection[str], *, as_js
     pictures, drawings = ([kind for kind in kinds if (kind in DRAWINGS) == drawn] for drawn in (False, True))
     with progress(f"writing {directory}/", quiet=quiet) as told, writing(f"to {directory}"):
         write_legs(driven, directory, pictures=pictures, drawings=drawings, on_progress=told)
+    summary = summary_of_legs(driven)
     if as_json:
-        print_json(summary_of_legs(driven))
+        print_json(summary)
     elif not quiet:
         print_line(driven.text)
         print_line(driven.details)
@@ -83,7 +84,7 @@ def finish(driven: LegsResult, directory: Path, kinds: Collection[str], *, as_js
         for text in solver_texts(result):
             warn(f"{driven.called(at)}: {text}", quiet=quiet)
     if not as_json and not quiet:
-        _print_legs(summary_of_legs(driven), directory)
+        _print_legs(summary, directory)
     _note_attempts(driven, quiet=quiet)
     if driven.fits is not False:
         return ExitCode.OK
@@ -95,8 +96,8 @@ def finish(driven: LegsResult, directory: Path, kinds: Collection[str], *, as_js
 def _note_attempts(driven: LegsResult, *, quiet: bool) -> None:
     """Say where the plan is not the first one, along the drawn lines."""
     if driven.past:
-        moved = ", ".join(f"{by:.2f} m {'past' if by >= 0.0 else 'short of'} cusp {at}" for at, by in enumerate(driven.past, start=1))
-        note(f"the drawn cusps lack room: planned again, the legs end {moved.replace('-', '')}", quiet=quiet)
+        moved = ", ".join(f"{abs(by):.2f} m {'past' if by >= 0.0 else 'short of'} cusp {at}" for at, by in enumerate(driven.past, start=1))
+        note(f"the drawn cusps lack room: planned again, the legs end {moved}", quiet=quiet)
 
 
 def _print_legs(summary: dict[str, Any], directory: Path) -> None:

@@ -54,10 +54,12 @@ def write_legs(
 def summary_of_legs(driven: LegsResult) -> Json:
     """Return the summary, ready for ``json.dumps``: the verdict over all legs, and ``legs`` with what a road's summary has of each.
 
-    Their articulations at the ends are in the order of driving.
+    Their articulations at the ends are in the order of driving. The bound on the tracking error holds along one line that is driven
+    forwards: nothing is told of it.
     """
-    legs = [_summary(driven, at) for at in range(len(driven.results))]
-    at, whole = driven.worst, summary_of(driven.results[0], forecast=False)
+    told = [summary_of(result, forecast=False, tracking=False) for result in driven.results]
+    legs = [_summary(driven, at, of_leg) for at, of_leg in enumerate(told)]
+    at, whole = driven.worst, told[0]
     verdict = verdict_json(driven.results[at], driven.verdicts[at])
     decided = {"text": driven.text, "details": driven.details, "fits": driven.fits}
     return {
@@ -75,10 +77,10 @@ def summary_of_legs(driven: LegsResult) -> Json:
     }
 
 
-def _summary(driven: LegsResult, at: int) -> Json:
-    result, leg, folded = driven.results[at], driven.legs.legs[at], driven.jackknives[at]
+def _summary(driven: LegsResult, at: int, told: Json) -> Json:
+    leg, folded = driven.legs.legs[at], driven.jackknives[at]
     begin, end = (np.degrees(angles).tolist() for angles in driven.articulation(at))
-    told = {name: value for name, value in summary_of(result, forecast=False).items() if name not in _COMMON}
+    told = {name: value for name, value in told.items() if name not in _COMMON}
     told |= {} if folded is None else {"status": JACKKNIFE}
     ends = {"articulation_begin_deg": begin, "articulation_end_deg": end}
     return {"leg": at + 1, "direction": leg.direction} | told | ends | {"jackknife": None if folded is None else _jackknife(folded)}

@@ -21,10 +21,10 @@ Json = dict[str, object]
 TIMES = ("mean", "p50", "p95", "p99", "max", "first")
 
 
-def summary_of(result: Result, *, forecast: bool = True) -> Json:
+def summary_of(result: Result, *, forecast: bool = True, tracking: bool = True) -> Json:
     """Return the summary, ready for ``json.dumps``: units are in the names, numbers without a value are None.
 
-    Without ``forecast``, which takes longer than the rest, ``fit`` is missing.
+    Without ``forecast``, which takes longer than the rest, ``fit`` is missing; without ``tracking`` nothing is told of its error.
     """
     drive, balance, settings = result.drive, result.balance, result.drive.settings
     counts = np.array([plan.qp_count for plan in drive.plans])
@@ -34,7 +34,7 @@ def summary_of(result: Result, *, forecast: bool = True) -> Json:
     return {
         "verdict": verdict_json(result, verdict),
         "clearance_wanted_m": settings.clearance,
-        **tracking_json(result),
+        **tracking_json(result if tracking else None),
         "road": drive.road.name,
         "vehicle": drive.vehicle.name,
         "scheme": result.scheme,

@@ -13,6 +13,7 @@ import pandas as pd
 import pyogrio
 import pytest
 
+from hdvplan.report.summary import TRACKING
 from tests.cli.conftest import Cli
 from tests.road.drives import EAST, NORTH, drawn, leg, line_feature, turn_features, written
 
@@ -70,6 +71,7 @@ def test_the_summary_has_what_a_road_s_has_of_every_leg(cli: Cli, tmp_path: Path
         assert one["jackknife"] is None
         assert one["articulation_begin_deg"] == one["articulation_end_deg"] == []
         assert one["plans"] > 0
+        assert [one[name] for name in TRACKING] == [None] * len(TRACKING)  # its bound holds along one line, driven forwards
     assert summary["settings"]["horizon"] == 40.0
 
 
