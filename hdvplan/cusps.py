@@ -19,7 +19,7 @@ from hdvplan.road.load_legs import within
 from hdvplan.road.regions import Kind
 from hdvplan.road.road import part_of
 
-FURTHEST_M = 6.0  # that a cusp is moved past the drawn one
+_FURTHEST_M = 6.0  # that a cusp is moved past the drawn one
 _SHORT_M = 8.0  # that a leg stops short of it
 _FIRST_M = 1.5  # of the first trials
 _TRIALS = 16  # a cusp
@@ -42,7 +42,7 @@ def past(legs: Legs, by: FloatArray) -> Legs:
         if leg.road.limits is None and leg.road.drawn is None:  # the bounds of an open place are no street
             road = replace(road, drawn=None)
         moved.append(Leg(road, leg.backward))
-    own, _ = joined(tuple(moved), 2.0 * FURTHEST_M)
+    own, _ = joined(tuple(moved), 2.0 * _FURTHEST_M)
     return replace(legs, legs=tuple(within(leg, legs.regions) for leg in own))
 
 
@@ -65,7 +65,7 @@ def with_room(drawn: LegsResult, plan: Callable[[Legs], LegsResult]) -> LegsResu
 
     simplex = np.vstack([np.zeros(count), _FIRST_M * np.eye(count)])
     options: Any = {"initial_simplex": simplex, "maxfev": _TRIALS * count, "xatol": _FOUND_M, "fatol": _FOUND_M}  # typed by method
-    bounds = [(-_SHORT_M, FURTHEST_M)] * count
+    bounds = [(-_SHORT_M, _FURTHEST_M)] * count
     scipy.optimize.minimize(lacking, np.zeros(count), method="Nelder-Mead", bounds=bounds, options=options)
     return best
 

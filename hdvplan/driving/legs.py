@@ -13,7 +13,7 @@ import numpy as np
 
 from hdvplan.arrays import FloatArray
 from hdvplan.driving.drive import POSE_SPACING_M, Drive, simulate
-from hdvplan.driving.start import Start, kept_start
+from hdvplan.driving.start import Start, kept_start, start_of
 from hdvplan.errors import OptionError, PlanError
 from hdvplan.planning.course import Course, Way, course_of
 from hdvplan.planning.objectives import Goal, Objective
@@ -143,9 +143,8 @@ def _offsets(stations: Stations, vehicle: Vehicle) -> FloatArray:
 
 def _start(course: Course, vehicle: Vehicle, settings: PlannerSettings) -> Start:
     """Return how the vehicle stands at first: as in steady driving along the first leg's line, moved into the street where that helps."""
-    way, first = course.ways[0], course.stations.centring
-    begin = Start(first.states[0], float(np.clip(first.kappa[0], -vehicle.max_curvature, vehicle.max_curvature)))
-    return kept_start(way.own, vehicle, begin, settings.clearance - settings.give_way, way.s(way.first))
+    way = course.ways[0]
+    return kept_start(way.own, vehicle, start_of(course.stations, vehicle), settings.clearance - settings.give_way, way.s(way.first))
 
 
 def _number(course: Course, station: int) -> int:

@@ -36,9 +36,8 @@ class LegsResult:
 
     legs: Legs
     results: tuple[Result, ...]
-    past: tuple[
-        float, ...
-    ] = ()  #: how far each cusp lies past the drawn one, negative short of it [m]; empty where they are the drawn ones
+    #: how far each cusp lies past the drawn one, negative short of it [m]; empty where they are the drawn ones
+    past: tuple[float, ...] = ()
 
     @cached_property
     def verdicts(self) -> tuple[Verdict, ...]:

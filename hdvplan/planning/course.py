@@ -17,14 +17,13 @@ from typing import Any
 
 import numpy as np
 
-from hdvplan import core
 from hdvplan.arrays import FloatArray, IntArray
 from hdvplan.centring.stationary import Centring
 from hdvplan.centring.weights import CentringTable
 from hdvplan.planning.stations import ROOM_M, Stations, sampled
 from hdvplan.road.legs import Leg
 from hdvplan.road.path import KNOT_SPACING_M, ReferencePath, from_samples
-from hdvplan.road.street import PIECE, STREET, Pieces, Street
+from hdvplan.road.street import PIECE, Pieces, Street, laid_out
 from hdvplan.vehicle.model import Vehicle
 
 _FOOT_M = 15.0  # within which feet are searched, beyond the vehicle's ends: LOCAL_M of hdvplan/core/path.h
@@ -63,7 +62,8 @@ class Way:
 
     def s(self, station: int) -> float:
         """Return the arclength on its line of a station of the course [m]."""
-        return float(self.stations.s[self.order[station - self.first]])
+        done, all_ = station - self.first, self.stations.s
+        return float(all_[len(all_) - 1 - done if self.leg.backward else done])
 
 
 @dataclass(frozen=True)
@@ -168,8 +168,4 @@ def _street(legs: Sequence[Stations], offsets: FloatArray) -> Pieces | None:
         kerbs += int(np.max(all_["kerb"], initial=-1)) + 1
         found.append(pieces)
     pieces = np.concatenate(found)
-    if not len(pieces):
-        return None
-    pieces = np.ascontiguousarray(pieces[np.argsort(pieces["s_low"], kind="stable")])
-    reach = np.maximum.accumulate(pieces["s_high"])
-    return Pieces(pieces, reach, np.array([(core.address(pieces), core.address(reach), len(pieces), np.inf, 0.0)], STREET))
+    return laid_out(pieces) if len(pieces) else None

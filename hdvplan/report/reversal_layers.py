@@ -9,11 +9,11 @@ from shapely.geometry.base import BaseGeometry
 from hdvplan.arrays import FloatArray
 from hdvplan.report.layers import Drawn, Layer, of_body
 from hdvplan.report.turn_layers import swept_by
+from hdvplan.road.legs import direction_of
 from hdvplan.turning.reversing.answer import Answer
 from hdvplan.turning.reversing.legs import Leg
 from hdvplan.vehicle.body import corners_at
 
-DIRECTIONS = {False: "forward", True: "backward"}
 _ROOM_M = 4.0  # of the place that is shown around what is swept
 _LINE_M = 0.5  # between points of a leg's line: on a radius of 6 m off by 5 mm
 _SWEPT_M = 0.2  # between the poses that a swept area is joined from: short by 0.7 mm at a radius of 7 m
@@ -31,7 +31,7 @@ def reversal_features(answer: Answer) -> tuple[Drawn, ...]:
     vehicle, legs, view = answer.vehicle, answer.chosen.manoeuvre.legs, view_of(answer)
     found = [Drawn(Layer.OBSTACLES, block.area(view), {"name": block.name}) for block in answer.blocks]
     for number, leg in enumerate(legs, start=1):
-        direction = DIRECTIONS[leg.backward]
+        direction = direction_of(backward=leg.backward)
         line = shapely.LineString(line_of(leg))
         found.append(Drawn(Layer.ROAD, line, {"leg": number, "direction": direction}, f"{number} {direction}"))
     for unit in range(len(vehicle.units)):

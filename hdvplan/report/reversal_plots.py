@@ -11,8 +11,9 @@ from matplotlib.patches import PathPatch
 
 from hdvplan.report.colours import BODY_COLOURS, BREACH, INK, answer_colour
 from hdvplan.report.maps import draw_bodies, outline_of, scale_bar
-from hdvplan.report.reversal_layers import DIRECTIONS, leg_area, line_of, view_of
+from hdvplan.report.reversal_layers import leg_area, line_of, view_of
 from hdvplan.report.style import ON_WHITE, styled, write_head
+from hdvplan.road.legs import direction_of
 from hdvplan.turning.reversing.answer import Answer
 from hdvplan.turning.reversing.words import details, verdict
 from hdvplan.vehicle.body import corners_at
@@ -44,7 +45,7 @@ def draw_reversal(axes: Axes, answer: Answer) -> None:
         if not legs:
             continue
         area = shapely.union_all([leg_area(answer, leg, unit) for leg in legs for unit in range(len(answer.vehicle.units))])
-        words, colour = DIRECTIONS[backward], _LEG_COLOURS[backward]
+        words, colour = direction_of(backward=backward), _LEG_COLOURS[backward]
         axes.add_patch(
             PathPatch(
                 outline_of(area), facecolor=(*to_rgb(colour), 0.18), edgecolor=colour, linewidth=0.8, label=f"swept {words}", zorder=1

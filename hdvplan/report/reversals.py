@@ -18,9 +18,10 @@ from hdvplan.fileio import Together, csv_bytes, json_bytes
 from hdvplan.report.files import PICTURES
 from hdvplan.report.grid import grid
 from hdvplan.report.layers import System
-from hdvplan.report.reversal_layers import DIRECTIONS, line_of, reversal_features, view_of
+from hdvplan.report.reversal_layers import line_of, reversal_features, view_of
 from hdvplan.report.turns import TURN_DRAWINGS
 from hdvplan.road.crs import LONLAT, placed
+from hdvplan.road.legs import direction_of
 from hdvplan.turning.reversing.answer import Answer
 from hdvplan.turning.reversing.words import closed_form, details, verdict
 
@@ -56,7 +57,7 @@ def reversal_json(answer: Answer) -> Json:
         "legs": [
             {
                 "leg": number,
-                "direction": DIRECTIONS[leg.backward],
+                "direction": direction_of(backward=leg.backward),
                 "length_m": leg.length,
                 "heading_deg": [float(np.rad2deg(leg.lead[end, 2])) for end in (0, -1)],
                 "articulation_deg": [[float(np.rad2deg(angle)) for angle in leg.beta[end]] for end in (0, -1)],
@@ -77,7 +78,9 @@ def reversal_tables(answer: Answer, directory: str) -> tuple[Table, ...]:
         turned = f"{np.rad2deg(leg.lead[0, 2]):.0f} to {np.rad2deg(leg.lead[-1, 2]):.0f}"
         beta = float(np.rad2deg(np.max(np.abs(leg.beta), initial=0.0)))
         nearest = answer.blocks[int(np.argmin(gaps))].name
-        rows.append((str(number), DIRECTIONS[leg.backward], f"{leg.length:.2f}", turned, f"{beta:.1f}", f"{gaps.min():.2f}", nearest))
+        rows.append(
+            (str(number), direction_of(backward=leg.backward), f"{leg.length:.2f}", turned, f"{beta:.1f}", f"{gaps.min():.2f}", nearest)
+        )
     columns = ("leg", "direction", "length [m]", "heading [deg]", "articulation [deg]", "least room [m]", "beside")
     legs = grid(
         f"{answer.vehicle.name}, {answer.template}, {answer.size:.2f} m of {answer.template.words}", columns, rows,
@@ -132,7 +135,7 @@ def legs_geojson(answer: Answer) -> Json:
         return {"type": "Feature", "properties": properties, "geometry": mapping(shapely.transform(geometry, there))}
 
     features = [
-        feature(shapely.LineString(line_of(leg)), {"leg": number, "direction": DIRECTIONS[leg.backward]})
+        feature(shapely.LineString(line_of(leg)), {"leg": number, "direction": direction_of(backward=leg.backward)})
         for number, leg in enumerate(answer.chosen.manoeuvre.legs, start=1)
     ]
     allowed = [place.overhang] * len(place.blocks) + [place.beyond_ends] * len(answer.walls)

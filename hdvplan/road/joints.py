@@ -12,12 +12,11 @@ from scipy.interpolate import CubicSpline
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
 from hdvplan.road.arcs import wrapped
-from hdvplan.road.legs import Leg
+from hdvplan.road.legs import SAME_M, Leg
 from hdvplan.road.path import KNOT_SPACING_M, ReferencePath, from_samples
 from hdvplan.road.road import Road
 from hdvplan.road.smooth import equal_arclengths
 
-SAME_M = 0.01  # ends this close are one point
 LARGEST_BREAK = np.deg2rad(15.0)  # of two lines drawn by hand; of more one of them is meant otherwise
 _WRONG_WAY = np.deg2rad(120.0)  # from which on a direction is wrong, not a line
 _BLEND_M = 10.0  # over which a line is moved, or over half of a shorter one

@@ -13,10 +13,9 @@ from hdvplan.arrays import FloatArray, IntArray
 from hdvplan.errors import RoadError
 from hdvplan.road.columns import folded
 from hdvplan.road.features import Feature, is_finite
+from hdvplan.road.legs import BACKWARD, FORWARD, SAME_M, direction_of
 from hdvplan.road.line import RawLeg, RawRoad
 
-FORWARD, BACKWARD = "forward", "backward"
-SAME_M = 0.01  # two points this close are one
 _COLUMN = "direction"
 _SIGNS = {FORWARD: 1, BACKWARD: -1, "1": 1, "+1": 1, "-1": -1, "1.0": 1, "-1.0": -1}
 _NAMED = re.compile(rf"leg_(\d{{1,6}})_({FORWARD}|{BACKWARD})")  # a layer, or a line, that says both
@@ -87,7 +86,7 @@ def _refuse_no_cusps(backward: list[bool], name: str) -> None:
         raise RoadError(msg, hint="leave leg and direction out")
     for number, (own, other) in enumerate(pairwise(backward), start=1):
         if own is other:
-            msg = f"{name}: legs {number} and {number + 1} are both driven {BACKWARD if own else FORWARD}s"
+            msg = f"{name}: legs {number} and {number + 1} are both driven {direction_of(backward=own)}s"
             raise RoadError(msg, hint="join them to one line, or correct a direction: at a cusp it changes")
 
 

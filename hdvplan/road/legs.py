@@ -7,7 +7,14 @@ from dataclasses import dataclass
 from hdvplan.road.regions import Region
 from hdvplan.road.road import Road
 
+FORWARD, BACKWARD = "forward", "backward"
 SHORTEST_M = 1.0  # of a leg: moves in a narrow place are short
+SAME_M = 0.01  # two points this close are one
+
+
+def direction_of(*, backward: bool) -> str:
+    """Return what files and tables call a direction."""
+    return BACKWARD if backward else FORWARD
 
 
 @dataclass(frozen=True)
@@ -24,7 +31,7 @@ class Leg:
     @property
     def direction(self) -> str:
         """What files and tables call the direction."""
-        return "backward" if self.backward else "forward"
+        return direction_of(backward=self.backward)
 
     @property
     def ends(self) -> tuple[float, float]:

@@ -15,8 +15,8 @@ import shapely.affinity
 
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
-from hdvplan.road.joints import SAME_M, joined
-from hdvplan.road.legs import SHORTEST_M, Leg, Legs
+from hdvplan.road.joints import joined
+from hdvplan.road.legs import SAME_M, SHORTEST_M, Leg, Legs
 from hdvplan.road.line import Line, RawLeg, RawRoad, is_closed, smoothed
 from hdvplan.road.options import RoadOptions
 from hdvplan.road.passages import Line as Axis

@@ -306,9 +306,14 @@ def pieces_of(kerbs: Sequence[Kerb], end: float = np.inf) -> Pieces:
     of = [_pieces(kerb) for kerb in kerbs]
     found = np.concatenate([np.zeros(0, PIECE), *of])
     found["kerb"] = np.repeat(np.arange(len(of)), [len(pieces) for pieces in of])
-    found = np.ascontiguousarray(found[np.argsort(found["s_low"], kind="stable")])
     found["corner"] |= found["s_begin"] == end  # a body that has left the road in part keeps beside its side what is left of the kerb
-    reach = np.maximum.accumulate(found["s_high"]) if len(found) else np.zeros(0)
+    return laid_out(found, end)
+
+
+def laid_out(pieces: Records, end: float = np.inf) -> Pieces:
+    """Return pieces (n,) of ``PIECE`` as the core takes them, in order of s, beside a road that ends at arclength ``end`` [m]."""
+    found = np.ascontiguousarray(pieces[np.argsort(pieces["s_low"], kind="stable")])
+    reach = np.maximum.accumulate(found["s_high"])
     return Pieces(found, reach, np.array([(core.address(found), core.address(reach), len(found), end, 0.0)], STREET))
 
 
