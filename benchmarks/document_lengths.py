@@ -23,12 +23,6 @@ def handed_out() -> list[str]:
     return [f"{spent:.1f}", f"{end['mb']:.0f}"]
 
 
-def planned_in_stretches() -> list[str]:
-    """Return the processor time [s/km] and the memory [MB] of 100 km in stretches."""
-    memory, seconds = long_road(100, "stretches")
-    return [seconds, memory]
-
-
 def _long(km: int, plan: str) -> dict[str, Any]:
     rows = table("long-roads/long_roads.csv")
     return {str(name): value for name, value in rows[(rows["km"] == km) & (rows["plan"] == plan)].iloc[0].items()}

@@ -140,7 +140,6 @@ FIGURES = (
         if (km, name) != (1000, "whole")  # it was not planned
     ),
     Figure(STUDIES, "used {} ms of a core for each, and grew by {} MB in all.", lengths.handed_out),
-    Figure(STUDIES, "took {} s of processor time per km and {} MB of memory", lengths.planned_in_stretches),
     Figure(
         GUARDING,
         "{} of {} comparisons of a toy program with itself were red, and {} of {} with dishonest and careless changes.",
