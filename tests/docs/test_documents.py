@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from collections.abc import Iterable
 from itertools import product
 from pathlib import Path
 from urllib.parse import unquote
@@ -110,8 +111,10 @@ def test_the_citation_names_this_version_and_the_paper() -> None:
         assert words in entry
 
 
-def test_the_readme_is_short() -> None:
-    assert len((ROOT / "README.md").read_text(encoding="utf-8").split()) <= 1000
+@pytest.mark.parametrize(("pages", "most"), [([README], 900), ((ROOT / "docs").rglob("*.md"), 24_000)], ids=["README", "docs"])
+def test_the_documents_are_short(pages: Iterable[Path], most: int) -> None:
+    """They have the words that CONTRIBUTING allows."""
+    assert sum(len(page.read_text(encoding="utf-8").split()) for page in pages) <= most
 
 
 MODULE = r"(?:hdvplan|benchmarks|tests)/[\w/]+\.(?:py|toml|csv|c|h)"
