@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection
     from pathlib import Path
 
+    from hdvplan.cli.options import Output
     from hdvplan.judging.legs import LegsResult
     from hdvplan.planning.settings import PlannerSettings
     from hdvplan.road.legs import Legs
@@ -65,15 +66,18 @@ def planned(
         return plan_legs(legs, vehicle, objective=objective, solver=solver, settings=settings, refine=refine, on_progress=on_progress)
 
 
-def finish(driven: LegsResult, directory: Path, kinds: Collection[str], *, as_json: bool, quiet: bool) -> ExitCode:
+def finish(driven: LegsResult, directory: Path, kinds: Collection[str], output: Output) -> ExitCode:
     """Write the plan into a folder, print its verdict and a row a leg, or its summary as JSON; return the exit code."""
     from hdvplan.judging.result import solver_texts
     from hdvplan.report.files import DRAWINGS
     from hdvplan.report.leg_files import summary_of_legs, write_legs
 
+    as_json, quiet = output.json, output.quiet
     pictures, drawings = ([kind for kind in kinds if (kind in DRAWINGS) == drawn] for drawn in (False, True))
     with progress(f"writing {directory}/", quiet=quiet) as told, writing(f"to {directory}"):
-        write_legs(driven, directory, pictures=pictures, drawings=drawings, on_progress=told)
+        write_legs(
+            driven, directory, pictures=pictures, drawings=drawings, sheet=output.drawn_on(), animate=output.animate, on_progress=told
+        )
     summary = summary_of_legs(driven)
     if as_json:
         print_json(summary)

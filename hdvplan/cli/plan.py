@@ -196,15 +196,19 @@ def _plan_long(asked: _Asked, found: Found, line: Line, vehicle: Vehicle) -> int
 
 def _plan_legs(asked: _Asked, line: Line, vehicle: Vehicle) -> int:
     options, output, settings = asked.options, asked.output, asked.settings
-    dropped = {"--sheet": output.sheet is not None, "--animate": output.animate, "--bias": options.bias is not None}
-    dropped |= {f"--clearance {_LARGEST}": asked.largest, "--tracking-error": settings.tracking_error > 0.0}
-    refuse_on_legs(line, dropped | {"--pass": options.side is not None})
+    dropped = {
+        "--bias": options.bias is not None,
+        f"--clearance {_LARGEST}": asked.largest,
+        "--tracking-error": settings.tracking_error > 0.0,
+        "--pass": options.side is not None,
+    }
+    refuse_on_legs(line, dropped)
     kinds = _kinds(output)
     check_room(vehicle, asked.reaches)
     legs = legs_in(line, vehicle, asked.reaches, last_axle=asked.leg_line == LAST, quiet=output.quiet)
     driven = planned(legs, vehicle, options.objective, asked.solver, settings, refine=options.refine, quiet=output.quiet)
     folder = output.out or Path(f"{file_name(line.name)}.{file_name(vehicle.name)}")
-    return finish(driven, folder, kinds, as_json=output.json, quiet=output.quiet)
+    return finish(driven, folder, kinds, output)
 
 
 def _planned(asked: _Asked, found: Found, vehicle: Vehicle) -> Result:

@@ -14,9 +14,10 @@ from hdvplan.judging.legs import Jackknife, LegsResult
 from hdvplan.judging.result import Result
 from hdvplan.record import NAME, record_of
 from hdvplan.report.dxf import drawing_bytes, how_to_read
-from hdvplan.report.files import FILES, REGIONS, SWEPT, TABLES, Table, path_table, regions_json
+from hdvplan.report.files import FILES, FILM, REGIONS, SHEET, SWEPT, TABLES, Table, path_table, regions_json
 from hdvplan.report.layers import drawing_system
 from hdvplan.report.leg_layers import leg_features, legs_geojson
+from hdvplan.report.paper import SheetOptions
 from hdvplan.report.summary import summary_of, verdict_json
 from hdvplan.road.legs import Leg
 
@@ -31,12 +32,14 @@ def write_legs(
     *,
     pictures: Collection[str] = (),
     drawings: Collection[str] = (),
+    sheet: SheetOptions | None = None,
+    animate: bool = False,
     on_progress: Callable[[float], None] | None = None,
 ) -> None:
     """Write all files of a drive of several legs into ``directory``, as ``write_plan`` does those of a road.
 
     Raises:
-        OptionError: the folder has files that hdvplan did not write.
+        OptionError: the sheet has no room for the drive, or the folder has files that hdvplan did not write.
         OSError: the folder or a file cannot be written.
 
     """
@@ -47,6 +50,10 @@ def write_legs(
         NAME: lambda: json_bytes(record_of([result.case for result in driven.results])),
     }
     contents |= {f"plan.{kind}": partial(_drawn, driven, kind) for kind in (*pictures, *drawings)}
+    if sheet is not None:
+        contents[SHEET] = partial(_sheet, driven, sheet)
+    if animate:
+        contents[FILM] = partial(_film, driven)
     contents[FILES.last] = lambda: json_bytes(summary_of_legs(driven))
     FILES.write(directory, contents, None if on_progress is None else lambda number: on_progress(number / len(contents)))
 
@@ -129,3 +136,15 @@ def _drawn(driven: LegsResult, kind: str) -> bytes:
     from hdvplan.report.style import figure_bytes  # noqa: PLC0415 - as above
 
     return figure_bytes(legs_figure(driven), kind)
+
+
+def _sheet(driven: LegsResult, options: SheetOptions) -> bytes:
+    from hdvplan.report.leg_sheet import legs_sheet_bytes  # noqa: PLC0415 - as above
+
+    return legs_sheet_bytes(driven, options)
+
+
+def _film(driven: LegsResult) -> bytes:
+    from hdvplan.report.leg_film import legs_film_bytes  # noqa: PLC0415 - as above
+
+    return legs_film_bytes(driven)

@@ -29,9 +29,9 @@ from hdvplan.road.path import ReferencePath
 
 Turn = Callable[[FloatArray], FloatArray]  # of points (n, 2) of the road's plane, as they lie on the paper
 
-_SLIDE = 1.5  # how much thicker lines are on a slide than on a sheet of paper
+SLIDE = 1.5  # how much thicker lines are on a slide than on a sheet of paper
 _SPACING_M = 0.5
-_ROOM_M = 2.0  # around what a map shows
+ROOM_M = 2.0  # around what a map shows
 LABEL_AWAY_M = 2.5  # from the edge that it is written beside
 _LABELS_APART_M = 8.0
 _MOST_DEPTHS = 4  # written into one map
@@ -60,7 +60,7 @@ _LOOKS: dict[Layer, tuple[str, dict[str, Any]]] = {  # what the legend says, and
 }
 
 
-def draw_features(axes: Axes, features: Iterable[Drawn], view: BaseGeometry, *, weight: float = _SLIDE, turned: Turn | None = None) -> None:
+def draw_features(axes: Axes, features: Iterable[Drawn], view: BaseGeometry, *, weight: float = SLIDE, turned: Turn | None = None) -> None:
     """Draw the layers of a drawing but vehicles and clearances, as far as they lie in ``view``; the first of a kind is labelled."""
     labels = set[str]()
     for feature in sorted(features, key=_order):
@@ -131,7 +131,7 @@ def draw_overview(axes: Axes, result: Result, windows: tuple[Window, ...]) -> No
     axes.set_title("overview", fontsize="small", loc="left")
 
 
-def draw_bodies(axes: Axes, outlines: FloatArray, *, weight: float = _SLIDE, turned: Turn | None = None) -> None:
+def draw_bodies(axes: Axes, outlines: FloatArray, *, weight: float = SLIDE, turned: Turn | None = None) -> None:
     """Draw outlines (poses, bodies, 4, 2), as ``corners`` has them, an arrow head in the front of the lead unit."""
     shown = outlines if turned is None else turned(outlines.reshape(-1, 2)).reshape(outlines.shape)
     colours = [body_colour(unit) for unit in range(shown.shape[1])] * len(shown)
@@ -196,7 +196,7 @@ def reach_within(result: Result, window: Window) -> float:
     """Return how far around the centre a map shows [m]."""
     s = result.envelope.s
     left, right = (side[(s >= window.s_from) & (s <= window.s_to)] for side in shown_reach(result))
-    return _ROOM_M + max(float(np.max(left)), -float(np.min(right)))
+    return ROOM_M + max(float(np.max(left)), -float(np.min(right)))
 
 
 def stations(window: Window) -> FloatArray:
@@ -257,7 +257,7 @@ def draw_north(axes: Axes, tip: tuple[float, float], turn: float = 0.0) -> None:
 
 
 def draw_direction(
-    axes: Axes, path: ReferencePath, s_from: float, s_to: float, *, count: int, weight: float = _SLIDE, turned: Turn | None = None
+    axes: Axes, path: ReferencePath, s_from: float, s_to: float, *, count: int, weight: float = SLIDE, turned: Turn | None = None
 ) -> None:
     """Draw arrows in the direction of travel on the road's centre, ``count`` of them between two arclengths [m]."""
     points = np.column_stack(path.to_plane(np.linspace(s_from, s_to, 50), 0.0))

@@ -116,20 +116,44 @@ class _Outline:
     def page(self, begin: float, end: float, scale: int) -> Page | None:
         """Return the stretch on a sheet, north up if it fits so, else turned; None where it fits neither way."""
         shown = (self.s >= begin - _SPACING_M) & (self.s <= end + _SPACING_M)
-        points = np.concatenate([edge[shown] for edge in self.edges])
-        room = [(side - 2.0 * _ROOM_MM) * scale / 1e3 for side in self.field_mm]
-        for turn in (0.0, _levelling(points)):
-            page = Page(begin, end, turn, (0.0, 0.0), scale)
-            low, high = (pick(page.turned(points), axis=0) for pick in (np.min, np.max))
-            if np.all(high - low <= room):
-                middle = 0.5 * (low + high)
-                return replace(page, middle=(float(middle[0]), float(middle[1])))
-        return None
+        return _laid(np.concatenate([edge[shown] for edge in self.edges]), Page(begin, end, 0.0, (0.0, 0.0), scale), self.field_mm)
 
     def refusal(self, scale: int) -> OptionError:
         """Return what is wrong with a scale at which the vehicle has no room."""
-        msg = f"at 1:{scale} the sheet has no room for the {self.vehicle.name}"
-        return OptionError(msg, hint="take a smaller scale, such as --scale 500, or a larger sheet")
+        return _refusal(scale, f"the {self.vehicle.name}")
+
+
+def page_around(points: FloatArray, length: float, field_mm: tuple[float, float], scale: int | None) -> Page:
+    """Return one sheet with all of ``points`` (n, 2) [m], at 1:``scale`` or the largest round scale that fits.
+
+    Raises:
+        OptionError: they have no room.
+
+    """
+    scales = (scale,) if scale is not None else SCALES
+    laid = (_laid(points, Page(0.0, length, 0.0, (0.0, 0.0), one, "whole drive"), field_mm) for one in scales)
+    found = next((page for page in laid if page is not None), None)
+    if found is None:
+        raise _refusal(scales[-1], "the whole drive")
+    return found
+
+
+def _laid(points: FloatArray, page: Page, field_mm: tuple[float, float]) -> Page | None:
+    """Return a page turned and moved so that it holds ``points``, north up if they fit so; None where they fit neither way."""
+    room = [(side - 2.0 * _ROOM_MM) * page.scale / 1e3 for side in field_mm]
+    for turn in (0.0, _levelling(points)):
+        turned = replace(page, turn=turn)
+        low, high = (pick(turned.turned(points), axis=0) for pick in (np.min, np.max))
+        if np.all(high - low <= room):
+            middle = 0.5 * (low + high)
+            return replace(turned, middle=(float(middle[0]), float(middle[1])))
+    return None
+
+
+def _refusal(scale: int, what: str) -> OptionError:
+    return OptionError(
+        f"at 1:{scale} the sheet has no room for {what}", hint="take a smaller scale, such as --scale 500, or a larger sheet"
+    )
 
 
 def _parts(outline: _Outline, length: float, scale: int) -> list[Page] | None:

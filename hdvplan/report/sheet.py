@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import partial
 from io import BytesIO
 from textwrap import wrap
 from typing import NamedTuple
@@ -19,10 +22,11 @@ from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import tracking_line, verdict_line, verdict_of, verdict_text
 from hdvplan.report.colours import INK, MUTED, answer_colour
 from hdvplan.report.drawing import draw_vehicle_views
-from hdvplan.report.layers import LONLAT_CODE, Drawn, drawn_features, map_system
+from hdvplan.report.layers import LONLAT_CODE, drawn_features, map_system
 from hdvplan.report.paper import PAPERS_MM, Page, SheetOptions, pages_of
 from hdvplan.report.sheetmap import BAND_MM, draw_field, draw_inset, places_of
 from hdvplan.report.style import styled
+from hdvplan.vehicle.model import Vehicle
 from hdvplan.version import __version__
 
 _FRAME_MM = 8.0
@@ -46,6 +50,21 @@ class Box(NamedTuple):
     height: float
 
 
+Size = tuple[float, float]  # of axes on paper [mm]
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """What is drawn on one sheet: a map, enlarged places beside it, and a title block."""
+
+    vehicle: Vehicle
+    fits: bool | None
+    verdict: str
+    rows: tuple[tuple[str, str], ...]  # of the title block: names and what they say
+    draw_map: Callable[[Axes, Size], None]
+    draw_places: tuple[Callable[[Axes, Size], None], ...]  # as many as there is room for are drawn
+
+
 def sheet_bytes(result: Result, options: SheetOptions, *, date: str | None = None) -> bytes:
     """Return the sheets as one PDF: vectors and embedded fonts; ``date`` is today in UTC where none is given.
 
@@ -55,20 +74,62 @@ def sheet_bytes(result: Result, options: SheetOptions, *, date: str | None = Non
         OptionError: at the scale asked for not even the vehicle has room.
 
     """
-    width, height = PAPERS_MM[options.paper]
-    field, *_ = _layout(width, height)
-    pages = pages_of(result, (field.width, field.height - BAND_MM), options.scale)
-    features, drive, buffer = drawn_features(result), result.drive, BytesIO()
-    metadata = {
-        "Title": f"{drive.vehicle.name} on {drive.road.name}, {drive.road.path.length:.0f} m",
-        "Subject": verdict_line(result, verdict_of(result)),
-        "Creator": f"hdvplan {__version__}",
-        "CreationDate": None,
-    }
+    pages, features, drive, verdict = (
+        pages_of(result, map_mm(options), options.scale),
+        drawn_features(result),
+        result.drive,
+        verdict_of(result),
+    )
+    driver = (("driver", tracking_line(result)),) if verdict.fits else ()
+
+    def sheet(page: Page) -> Sheet:
+        places = places_of(result, page, places_on(options))
+        about = (f"{drive.road.name}, {drive.road.path.length:.1f} m", drive.road.notice)
+        rows = rows_of(result, about, page, options.paper, date)
+        return Sheet(
+            drive.vehicle, verdict.fits, verdict_text(result, verdict), (*rows, ("wheel tracks", TRACK_NOTE), *driver),
+            lambda axes, size: draw_field(axes, result, features, page, size, places),
+            tuple(partial(draw_inset, result=result, features=features, page=page, place=place) for place in places),
+        )  # fmt: skip
+
+    title = f"{drive.vehicle.name} on {drive.road.name}, {drive.road.path.length:.0f} m"
+    return pdf_bytes((sheet(page) for page in pages), options.paper, title, verdict_line(result, verdict))
+
+
+def pdf_bytes(sheets: Iterable[Sheet], paper: str, title: str, subject: str) -> bytes:
+    """Return sheets as one PDF."""
+    buffer = BytesIO()
+    metadata = {"Title": title, "Subject": subject, "Creator": f"hdvplan {__version__}", "CreationDate": None}
     with styled(), mpl.rc_context({"path.simplify": False}), PdfPages(buffer, metadata=metadata) as pdf:
-        for page in pages:
-            pdf.savefig(_sheet(result, features, page, options.paper, date or datetime.now(UTC).date().isoformat()))
+        for sheet in sheets:
+            pdf.savefig(_figure(sheet, paper))
     return buffer.getvalue()
+
+
+def map_mm(options: SheetOptions) -> Size:
+    """Return the size of the map on a paper, without the band of the scale bar [mm]."""
+    field, *_ = _layout(*PAPERS_MM[options.paper])
+    return field.width, field.height - BAND_MM
+
+
+def places_on(options: SheetOptions) -> int:
+    """Return how many enlarged places a paper has room for."""
+    insets = _layout(*PAPERS_MM[options.paper])[2]
+    return max(1, round(insets.height / (0.62 * insets.width)))
+
+
+def rows_of(result: Result, about: tuple[str, str | None], page: Page, paper: str, date: str | None) -> tuple[tuple[str, str], ...]:
+    """Return the title block's rows of any plan; ``about`` are what is said of the road, and its notice."""
+    vehicle, (road, notice) = result.drive.vehicle, about
+    when = date or datetime.now(UTC).date().isoformat()
+    return (
+        ("road", road),
+        ("vehicle", f"{vehicle.name}, {vehicle.reach_ahead + vehicle.reach_behind:.2f} x {vehicle.width:.2f} m"),
+        ("drawn", f"1:{page.scale} on {paper.upper()}, {page.caption}"),
+        ("position", _position(result)),
+        ("date", f"{when}, hdvplan {__version__}, planned with {result.objective}, judged by simulation"),
+        ("source", notice or "road file without attribution"),
+    )
 
 
 def _layout(width: float, height: float) -> tuple[Box, Box, Box, Box, Box]:
@@ -84,7 +145,7 @@ def _layout(width: float, height: float) -> tuple[Box, Box, Box, Box, Box]:
     return field, vehicle, insets, legend, title
 
 
-def _sheet(result: Result, features: tuple[Drawn, ...], page: Page, paper: str, date: str) -> Figure:
+def _figure(sheet: Sheet, paper: str) -> Figure:
     width, height = PAPERS_MM[paper]
     figure = Figure(figsize=(width / _MM_IN, height / _MM_IN))
     boxes = _layout(width, height)
@@ -92,21 +153,20 @@ def _sheet(result: Result, features: tuple[Drawn, ...], page: Page, paper: str, 
         corner = (box.x / width, box.y / height)
         figure.add_artist(Rectangle(corner, box.width / width, box.height / height, fill=False, edgecolor=INK, linewidth=0.7))
     field, vehicle, insets, legend, title = boxes
-    count = max(1, round(insets.height / (0.62 * insets.width)))
-    places, each = places_of(result, page, count), insets.height / count
-    drawn = _axes(figure, field)
-    draw_field(drawn, result, features, page, (field.width, field.height), places)
-    for number, place in enumerate(places):
+    drawn, count = _axes(figure, field), places_on(SheetOptions(paper))
+    sheet.draw_map(drawn, (field.width, field.height))
+    for number, draw in enumerate(sheet.draw_places[:count]):
+        each = insets.height / count
         box = Box(insets.x, insets.y + insets.height - each * (number + 1), insets.width, each)
-        draw_inset(_axes(figure, box), result, features, page, (box.width, box.height), place)
-    draw_vehicle_views(_axes(figure, vehicle), result.drive.vehicle, (vehicle.width, vehicle.height))
+        draw(_axes(figure, box), (box.width, box.height))
+    draw_vehicle_views(_axes(figure, vehicle), sheet.vehicle, (vehicle.width, vehicle.height))
     handles, labels = drawn.get_legend_handles_labels()
     rows = -(-len(handles) // 2)
     _axes(figure, legend).legend(
         handles, labels, loc="center left", ncols=1 if rows <= _ONE_COLUMN else 2, fontsize=_SMALL + 0.5, handlelength=2.2,
         labelspacing=min(0.55, 30.0 / rows / 6.0), columnspacing=1.0, borderaxespad=0.6,
     )  # fmt: skip
-    _draw_title(_axes(figure, title), result, page, paper, date, (title.width, title.height))
+    _draw_title(_axes(figure, title), sheet, (title.width, title.height))
     return figure
 
 
@@ -117,29 +177,17 @@ def _axes(figure: Figure, box: Box) -> Axes:
     return axes
 
 
-def _draw_title(axes: Axes, result: Result, page: Page, paper: str, date: str, size_mm: tuple[float, float]) -> None:
+def _draw_title(axes: Axes, sheet: Sheet, size_mm: Size) -> None:
     """Write verdict, road, vehicle, scale, coordinates, date, version and source into axes of ``size_mm``."""
     width, height = size_mm
     axes.set_xlim(0.0, width)
     axes.set_ylim(0.0, height)
-    drive, verdict = result.drive, verdict_of(result)
     y = height - _MARGIN_MM
-    for line in _lines(verdict_text(result, verdict), width, _BOLD * _VERDICT, 4):
-        axes.text(_MARGIN_MM, y, line, fontsize=_VERDICT, fontweight="bold", color=answer_colour(fits=verdict.fits), va="top")
+    for line in _lines(sheet.verdict, width, _BOLD * _VERDICT, 4):
+        axes.text(_MARGIN_MM, y, line, fontsize=_VERDICT, fontweight="bold", color=answer_colour(fits=sheet.fits), va="top")
         y -= 1.25 * _VERDICT * _MM_PT
-    vehicle = f"{drive.vehicle.name}, {drive.vehicle.reach_ahead + drive.vehicle.reach_behind:.2f} x {drive.vehicle.width:.2f} m"
-    rows = [
-        ("road", f"{drive.road.name}, {drive.road.path.length:.1f} m"),
-        ("vehicle", vehicle),
-        ("drawn", f"1:{page.scale} on {paper.upper()}, {page.caption}"),
-        ("position", _position(result)),
-        ("date", f"{date}, hdvplan {__version__}, planned with {result.objective}, judged by simulation"),
-        ("source", drive.road.notice or "road file without attribution"),
-        ("wheel tracks", TRACK_NOTE),
-        *([("driver", tracking_line(result))] if verdict.fits else []),
-    ]
     y -= 1.5
-    for name, value in rows:
+    for name, value in sheet.rows:
         axes.plot([0.0, width], [y + 0.8, y + 0.8], color=MUTED, linewidth=0.3)
         axes.text(_MARGIN_MM, y, name, fontsize=_SMALL, color=MUTED, va="top")
         for line in _lines(value, width - 18.0, _TEXT, 3):

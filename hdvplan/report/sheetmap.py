@@ -45,42 +45,64 @@ def draw_field(
 ) -> None:
     """Draw a sheet's stretch of road, filling the axes, of ``size_mm``, exactly to scale."""
     drive, mm = result.drive, page.scale / 1e3  # metres that a millimetre shows
-    middle = np.array([page.middle[0], page.middle[1] - 0.5 * BAND_MM * mm])
     poses = np.array([pose_at(drive, s) for s in outline_places(result, page.s_from, page.s_to)])
-    _draw_ground(axes, result, features, page, _look(axes, middle, size_mm, page.scale), poses)
+    _draw_ground(axes, result, features, page, look_at_page(axes, page, size_mm), poses)
     _draw_stations(axes, result, page, mm)
     count = max(1, int((page.s_to - page.s_from) / (_ARROWS_MM * mm)))
     draw_direction(axes, drive.road.path, page.s_from, page.s_to, count=count, weight=1.0, turned=page.turned)
     for letter, room in places:
-        away = page.turned(_LETTER_PT * room.outwards[None])[0]
-        draw_letter(axes, letter, page.turned(room.beyond[None])[0], (float(away[0]), float(away[1])), BREACH if room.broken else INK)
+        draw_place(axes, letter, room, page)
+    draw_marks(axes, page, size_mm, north=drive.road.to_lonlat is not None)
+
+
+def draw_place(axes: Axes, letter: str, room: Room, page: Page) -> None:
+    """Write the letter of an enlarged place beside it."""
+    away = page.turned(_LETTER_PT * room.outwards[None])[0]
+    draw_letter(axes, letter, page.turned(room.beyond[None])[0], (float(away[0]), float(away[1])), BREACH if room.broken else INK)
+
+
+def draw_marks(axes: Axes, page: Page, size_mm: tuple[float, float], *, north: bool) -> None:
+    """Draw the scale bar and, on maps with a place on earth, a north arrow."""
     _draw_bar(axes, page, size_mm)
-    if drive.road.to_lonlat is not None:
+    if north:
         draw_north(axes, (1.0 - 10.0 / size_mm[0], 12.0 / size_mm[1]), page.turn)
 
 
 def draw_inset(
-    axes: Axes, result: Result, features: tuple[Drawn, ...], page: Page, size_mm: tuple[float, float], place: tuple[str, Room]
+    axes: Axes, size_mm: tuple[float, float], result: Result, features: tuple[Drawn, ...], page: Page, place: tuple[str, Room]
 ) -> None:
     """Draw the surroundings of a tight place, larger, with the vehicle where it is tightest and the clearance as a dimension."""
     letter, room = place
-    scale = next(inset for above, inset in _INSET_SCALES if page.scale >= above)
+    scale = inset_scale(page)
     ends = page.turned(room.ends)
     inwards = page.turned(-_INWARDS_M * room.outwards[None])[0]
-    view = _look(axes, (ends.mean(axis=0) if room.limited else ends[0]) + inwards, size_mm, scale)
+    view = look_at(axes, (ends.mean(axis=0) if room.limited else ends[0]) + inwards, size_mm, scale)
     _draw_ground(axes, result, features, page, view, np.array([pose_touching(result, room)]))
     shown = float(np.hypot(*(ends[1] - ends[0]))) < _LONG_SHARE * size_mm[1] * scale / 1e3  # else the text stands on the dimension
     beside = page.turned((room.beyond + _BESIDE_MM * scale / 1e3 * room.outwards)[None])[0] if room.limited and shown else ends.mean(axis=0)
     draw_room(axes, room, room.text, beside, turned=page.turned)
     body = body_name(result.drive.vehicle, room.unit)
-    axes.text(
-        0.02, 0.97, f"{letter}   1:{scale}   s = {room.s:.1f} m, {body}, {room.side}", transform=axes.transAxes, fontsize=_SMALL,
-        va="top", fontweight="bold", bbox=ON_WHITE, zorder=9,
-    )  # fmt: skip
+    head_inset(axes, f"{letter}   1:{scale}   s = {room.s:.1f} m, {body}, {room.side}")
+
+
+def inset_scale(page: Page) -> int:
+    """Return the scale of the places that are enlarged beside a page."""
+    return next(inset for above, inset in _INSET_SCALES if page.scale >= above)
+
+
+def head_inset(axes: Axes, text: str) -> None:
+    """Write what an enlarged place is into its corner, and draw its frame."""
+    axes.text(0.02, 0.97, text, transform=axes.transAxes, fontsize=_SMALL, va="top", fontweight="bold", bbox=ON_WHITE, zorder=9)
     axes.add_patch(Rectangle((0.0, 0.0), 1.0, 1.0, transform=axes.transAxes, fill=False, edgecolor=INK, linewidth=0.5))
 
 
-def _look(axes: Axes, middle: FloatArray, size_mm: tuple[float, float], scale: int) -> shapely.Polygon:
+def look_at_page(axes: Axes, page: Page, size_mm: tuple[float, float]) -> shapely.Polygon:
+    """Let the axes show a page above the band of its scale bar, and return what they show."""
+    middle = np.array([page.middle[0], page.middle[1] - 0.5 * BAND_MM * page.scale / 1e3])
+    return look_at(axes, middle, size_mm, page.scale)
+
+
+def look_at(axes: Axes, middle: FloatArray, size_mm: tuple[float, float], scale: int) -> shapely.Polygon:
     """Let the axes show exactly what their size on paper has room for, and return that with a metre around it."""
     half = 0.5 * np.array(size_mm) * scale / 1e3
     low, high = middle - half, middle + half

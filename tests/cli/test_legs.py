@@ -29,7 +29,7 @@ def summary_of(folder: Path) -> dict[str, Any]:
 
 def test_a_turn_in_three_moves_is_planned_judged_told_and_written(cli: Cli, tmp_path: Path) -> None:
     written(tmp_path, *turn_features(), line_feature(WIDE, edge="left"))
-    outcome = cli("plan", "turn.geojson", *QUICK, "--format", "png,svg,dxf,gpkg")
+    outcome = cli("plan", "turn.geojson", *QUICK, "--format", "png,svg,dxf,gpkg", "--sheet", "a4", "--animate")
     assert (outcome.code, outcome.err) == (0, "")
     verdict, more, *table = outcome.out.splitlines()
     assert verdict.startswith("YES: ")
@@ -41,8 +41,8 @@ def test_a_turn_in_three_moves_is_planned_judged_told_and_written(cli: Cli, tmp_
     assert [row.split()[0] for row in table if row.split()[:1] in (["1"], ["2"], ["3"])] == ["1", "2", "3"]
     folder = tmp_path / f"turn.{VEHICLE}"
     assert {path.name for path in folder.iterdir()} == {
-        "envelope.csv", "path.csv", "plan.dxf", "plan.gpkg", "plan.png", "plan.svg", "profile.csv", "regions.json", "run.json", "steps.csv",
-        "summary.json", "swept.geojson",
+        "drive.gif", "envelope.csv", "path.csv", "plan.dxf", "plan.gpkg", "plan.png", "plan.svg", "profile.csv", "regions.json", "run.json",
+        "sheet.pdf", "steps.csv", "summary.json", "swept.geojson",
     }  # fmt: skip
     assert (folder / "plan.png").read_bytes().startswith(b"\x89PNG")
     drawing = (folder / "plan.svg").read_text(encoding="utf-8")
@@ -126,8 +126,6 @@ def test_without_anything_beside_the_legs_the_answer_is_what_they_need(cli: Cli,
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (("--sheet", "a3"), "--sheet is not for a drive of several legs, as turn is"),
-        (("--animate",), "--animate is not for a drive of several legs, as turn is"),
         (("--bias", "0.1"), "--bias is not for a drive of several legs, as turn is"),
         (("--pass", "left"), "--pass is not for a drive of several legs, as turn is"),
         (("--clearance", "max"), "--clearance max is not for a drive of several legs, as turn is"),

@@ -8,7 +8,7 @@ from PIL import Image
 
 from hdvplan.arrays import FloatArray
 from hdvplan.judging.result import Result
-from hdvplan.report.animation import _film, film_bytes
+from hdvplan.report.animation import _map, _poses, film_bytes, frames_of
 from hdvplan.report.rooms import Window
 
 
@@ -19,7 +19,8 @@ def close_to(image: FloatArray, colour: tuple[int, int, int]) -> int:
 
 @pytest.mark.slow
 def test_the_film_shows_the_bodies_driving_and_what_they_sweep(trailer: Result) -> None:
-    frames = _film(trailer, Window(90.0, 120.0))
+    window = Window(90.0, 120.0)
+    frames = [frame for frame, _ in frames_of(_map(trailer, window), _poses(trailer, window))]
     assert abs(len(frames) - 30.0 / 0.75) < 2.0  # a frame every 0.75 m
     seen = [np.asarray(frames[number].convert("RGB"), dtype=float) for number in (0, 20, -1)]
     swept = [close_to(image, (153, 199, 224)) for image in seen]

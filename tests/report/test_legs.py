@@ -3,17 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from io import BytesIO
 
 import numpy as np
 import pytest
+from PIL import Image, ImageSequence
+from pypdf import PdfReader
 
+from hdvplan.errors import OptionError
 from hdvplan.judging.bodies import placed
 from hdvplan.judging.legs import LegsResult, jackknife_of
 from hdvplan.judging.result import Result
 from hdvplan.report.leg_files import summary_of_legs
+from hdvplan.report.leg_film import legs_film_bytes
 from hdvplan.report.leg_layers import swept_by
+from hdvplan.report.leg_maps import stops_of
+from hdvplan.report.leg_sheet import legs_sheet_bytes
+from hdvplan.report.paper import SheetOptions
 from hdvplan.road.legs import Leg, Legs
 from hdvplan.vehicle.jackknife import critical_angles
+from tests.report.pdf import strokes
 
 
 def legs_of(*results: Result) -> LegsResult:
@@ -78,3 +87,48 @@ def test_what_is_swept_includes_what_lies_beyond_the_ends_of_the_line(straight: 
     assert area.area == pytest.approx(length * vehicle.width, rel=1e-3)
     assert area.bounds[0] == pytest.approx(float(x) - vehicle.reach_behind, abs=0.01)
     assert float(y) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_vehicle_stands_where_one_leg_ends_and_the_next_begins(trailer: Result) -> None:
+    start, cusp, end = stops_of(legs_of(trailer, trailer))
+    last, betas = len(trailer.drive.poses_s) - 1, np.degrees(trailer.drive.z[:, 2])
+    assert [(stop.name, stop.leg, stop.pose) for stop in (start, cusp, end)] == [("start", 0, 0), ("cusp 1", 0, last), ("end", 1, 0)]
+    np.testing.assert_allclose([stop.angles[0] for stop in (start, cusp, end)], betas[[0, -1, 0]])
+    assert cusp.text == f"cusp 1: {round(float(betas[-1])) + 0:+d}°"
+
+
+@pytest.mark.slow
+def test_the_film_goes_forwards_and_back_and_waits_at_the_cusp(straight: Result) -> None:
+    film = Image.open(BytesIO(legs_film_bytes(legs_of(straight, straight))))
+    frames = [(np.asarray(frame.convert("RGB"), dtype=float), frame.info["duration"]) for frame in ImageSequence.Iterator(film)]
+    waits = [wait for _, wait in frames]
+    assert [wait for wait in waits if wait != 50] == [900, 1500]
+    assert waits.index(900) == pytest.approx(0.5 * len(frames), abs=1.0)
+
+    def front(image: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> float:
+        """Return the mean place of the bus's outline along the picture, in its middle half, off the legend."""
+        blue = np.max(np.abs(image[150:450] - np.array((0, 114, 178))), axis=-1) < 30.0
+        return float(np.mean(np.nonzero(blue)[1]))
+
+    middle = waits.index(900)
+    there = [front(frames[number][0]) for number in (0, middle // 2, middle)]
+    back = [front(frames[number][0]) for number in (middle, middle + middle // 2, len(frames) - 1)]
+    assert there[0] < there[1] < there[2]
+    assert back[0] > back[1] > back[2]
+
+
+def test_the_sheet_has_all_legs_to_scale_the_tightest_place_and_the_cusps(kerbed: Result) -> None:
+    driven = legs_of(kerbed, kerbed)
+    (page,) = PdfReader(BytesIO(legs_sheet_bytes(driven, SheetOptions("a2", 500), date="2026-11-25"))).pages
+    level = [line for line in strokes(page) if len(line) == 2 and line[0, 1] == line[1, 1]]
+    bar = min(level, key=lambda line: abs(line[1, 0] - line[0, 0] - 100.0))  # 50 m
+    assert bar[1, 0] - bar[0, 0] == pytest.approx(100.0, abs=1e-3)  # written to 1e-6 points
+    text = " ".join(page.extract_text().split())
+    length = kerbed.drive.road.path.length
+    for words in (
+        "1:500", "50 m", f"A: {driven.called(driven.worst)}", "cusp 1", "swept forward", "swept backward", "yard",
+        f"forward {length:.1f} m, backward {length:.1f} m", "judged by simulation",
+    ):  # fmt: skip
+        assert words in text
+    with pytest.raises(OptionError, match="at 1:50 the sheet has no room for the whole drive"):
+        legs_sheet_bytes(driven, SheetOptions("a4", 50))

@@ -1,0 +1,130 @@
+"""Maps of a drive of several legs: forwards and backwards told apart, and the vehicle wherever it stands, with its articulation there."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
+from matplotlib.patches import PathPatch
+
+from hdvplan.arrays import FloatArray
+from hdvplan.judging.bodies import corners
+from hdvplan.judging.legs import LegsResult
+from hdvplan.judging.result import Result
+from hdvplan.report.colours import BODY_COLOURS, BREACH, INK
+from hdvplan.report.kerbs import shown_kerbs
+from hdvplan.report.leg_layers import swept_by
+from hdvplan.report.maps import SLIDE, Turn, draw_bodies, outline_of, point
+from hdvplan.report.style import ON_WHITE
+from hdvplan.road.regions import Kind
+
+COLOURS, _DASHES = (BODY_COLOURS[0], BODY_COLOURS[1]), ("solid", (0, (4, 1.5)))  # forward, backward
+PALE = 0.22  # of swept areas
+_ARROWS_M = 6.0  # of way, about, from one arrow to the next
+_LABELS_PT = {"start": (-44.0, 20.0), "end": (16.0, -26.0)}  # they may be one place
+_LABEL_PT = (16.0, 16.0)  # of cusps
+
+
+class Stop(NamedTuple):
+    """Where the vehicle stands: at the start, at every cusp, and at the end."""
+
+    name: str
+    leg: int  # of which this is an end, from 0
+    pose: int  # of that leg's drive
+    angles: FloatArray  # articulations [deg]
+
+    @property
+    def text(self) -> str:
+        """The name with the articulation in whole degrees."""
+        whole = np.round(self.angles) + 0.0  # -0 is 0
+        return f"{self.name}: {', '.join(f'{angle:+.0f}°' for angle in whole)}" if len(whole) else self.name
+
+
+def stops_of(driven: LegsResult) -> tuple[Stop, ...]:
+    """Return where the vehicle stands, in the order of driving."""
+    last = len(driven.results) - 1
+    ends = [(0, 0, "start"), *((at, -1, f"cusp {at + 1}") for at in range(last)), (last, -1, "end")]
+    stops = []
+    for at, when, name in ends:
+        pose = 0 if (when == 0) is not driven.legs.legs[at].backward else len(driven.results[at].drive.poses_s) - 1
+        stops.append(Stop(name, at, pose, np.degrees(driven.articulation(at)[when])))
+    return tuple(stops)
+
+
+def line_of(result: Result) -> FloatArray:
+    """Return the lead rear axle's path in order of s, (n, 2) [m]."""
+    drive = result.drive
+    return np.column_stack(drive.stations.path.to_plane(drive.poses_s, drive.poses_z[:, 0]))
+
+
+def draw_swept(axes: Axes, driven: LegsResult, *, weight: float = SLIDE, turned: Turn = np.asarray) -> FloatArray:
+    """Draw what each leg sweeps, labelled once a direction; return points around all of it (n, 2) [m], as they lie on the paper."""
+    seen, named = list[FloatArray](), set[str]()
+    for result, leg in zip(driven.results, driven.legs.legs, strict=True):
+        colour, area = COLOURS[leg.backward], shapely.transform(shapely.union_all(swept_by(result.drive)), turned)
+        seen.append(shapely.get_coordinates(area))
+        label = None if leg.direction in named else f"swept {leg.direction}"
+        look = {"facecolor": to_rgba(colour, PALE), "edgecolor": colour, "linewidth": 0.6 * weight, "zorder": 2}
+        axes.add_patch(PathPatch(outline_of(area), label=label, **look))
+        named.add(leg.direction)
+    return np.concatenate(seen)
+
+
+def draw_ground(axes: Axes, driven: LegsResult, *, weight: float = SLIDE, turned: Turn = np.asarray) -> None:
+    """Draw what stays as it is: obstacles, kerbs, and the line of every leg with arrows, and where something is broken."""
+    for region in driven.legs.regions:
+        colour = "0.6" if region.kind is Kind.OBSTACLE else "0.85"
+        outline = outline_of(shapely.transform(region.polygon, turned))
+        axes.add_patch(PathPatch(outline, facecolor=colour, edgecolor=INK, linewidth=0.5 * weight, zorder=1.5))
+    named = set[str]()
+    for result, leg in zip(driven.results, driven.legs.legs, strict=True):
+        for kerb in shown_kerbs(result) if leg.road.limits is not None else ():
+            axes.plot(*turned(np.asarray(kerb.line.coords)).T, color=INK, linewidth=0.7 * weight, zorder=1.6)
+        line = turned(line_of(result))[:: -1 if leg.backward else 1]
+        label = None if leg.direction in named else f"lead rear axle {leg.direction}"
+        dashed = _DASHES[leg.backward]
+        axes.plot(*line.T, color=COLOURS[leg.backward], linestyle=dashed, linewidth=1.3 * weight, zorder=4, label=label)
+        _draw_arrows(axes, line, COLOURS[leg.backward], weight)
+        named.add(leg.direction)
+    _draw_breaches(axes, driven, turned)
+
+
+def draw_stops(axes: Axes, driven: LegsResult, *, weight: float = SLIDE, turned: Turn = np.asarray) -> None:
+    """Draw the vehicle at the start, at every cusp and at the end, with the articulation there."""
+    for stop in stops_of(driven):
+        result = driven.results[stop.leg]
+        draw_bodies(axes, corners(result.drive, np.array([stop.pose])), weight=weight, turned=turned)
+        at = point(turned(line_of(result)[stop.pose][None])[0])
+        style = {"arrowstyle": "-", "color": INK, "linewidth": 0.5 * weight}
+        axes.plot(*at, marker="o", color="white", markeredgecolor=INK, markersize=4.7 * weight, zorder=7)
+        axes.annotate(
+            stop.text, at, _LABELS_PT.get(stop.name, _LABEL_PT), textcoords="offset points", fontsize="small",
+            fontweight="bold", color=INK, bbox=ON_WHITE, zorder=8, arrowprops=style,
+        )  # fmt: skip
+
+
+def _draw_arrows(axes: Axes, line: FloatArray, colour: str, weight: float) -> None:
+    """Draw arrow heads along a line in the order of its points."""
+    count = max(1, round(len(line) * float(np.hypot(*(line[1] - line[0]))) / _ARROWS_M))
+    for at in ((np.arange(count) + 0.5) * (len(line) - 1) / count).astype(int):
+        style = {
+            "arrowstyle": "-|>",
+            "color": colour,
+            "linewidth": 0.7 * weight,
+            "mutation_scale": 9.3 * weight,
+            "shrinkA": 0.0,
+            "shrinkB": 0.0,
+        }
+        axes.annotate("", point(line[at + 1]), point(line[at]), zorder=5, arrowprops=style)
+
+
+def _draw_breaches(axes: Axes, driven: LegsResult, turned: Turn) -> None:
+    places = [breach.place for result in driven.results for breach in result.balance.breaches]
+    places += [(near.x, near.y) for result in driven.results for near in result.entered]
+    places += [(one.x, one.y) for one in driven.jackknives if one is not None]
+    if places:
+        x, y = turned(np.array(places)).T
+        axes.plot(x, y, linestyle="none", marker="X", color=BREACH, markersize=8, markeredgecolor="white", label="breach", zorder=6)
