@@ -91,15 +91,21 @@ def broken_kerb(result: Result, breach: Breach, beside: float) -> shapely.LineSt
     return min(own, key=shapely.Point(breach.place).distance)
 
 
+def swept_pieces(outlines: FloatArray) -> NDArray[np.object_]:
+    """Return areas that together are what bodies sweep [m]: their outlines (poses, ..., 4, 2), and what edges sweep to the next pose."""
+    ends = np.roll(outlines, -1, axis=-2)
+    moved = np.stack([outlines[:-1], ends[:-1], ends[1:], outlines[1:]], axis=-2)
+    edges = shapely.make_valid(np.asarray(shapely.polygons(moved)))  # one that turns about a point of its own sweeps two triangles
+    return np.concatenate([np.asarray(shapely.polygons(outlines)).ravel(), edges.ravel()])
+
+
 def _swept(result: Result, breach: Breach) -> NDArray[np.object_]:
-    """Return what bodies, or what lies between their axles, swept from each simulated pose to the next around a breach."""
+    """Return what bodies, or what lies between their axles, swept around a breach, in pieces."""
     drive, vehicle, path = result.drive, result.drive.vehicle, result.drive.road.path
     middle, half = 0.5 * (breach.s_from + breach.s_to), 0.5 * (breach.s_to - breach.s_from)
     apart = drive.poses_s - middle
     apart = apart - path.length * np.round(apart / path.length) if path.closed else apart
     near = np.flatnonzero(np.abs(apart) <= half + vehicle.reach_ahead + vehicle.reach_behind)
     wheels = result.two_regions and breach.region == "drivable"
-    bodies = corners(drive, near, axles_only=wheels)
-    pairs = np.concatenate([bodies[:-1], bodies[1:]], axis=2)[np.diff(near) == 1]
-    swept: NDArray[np.object_] = shapely.convex_hull(shapely.multipoints(pairs.reshape(-1, 8, 2)))
-    return swept
+    following = np.split(near, np.flatnonzero(np.diff(near) > 1) + 1)
+    return np.concatenate([swept_pieces(corners(drive, poses, axles_only=wheels)) for poses in following])

@@ -15,6 +15,7 @@ from hdvplan.judging.legs import LegsResult
 from hdvplan.judging.result import body_name
 from hdvplan.report.colours import MUTED, body_colour
 from hdvplan.report.geojson import area_style, feature, swept_features
+from hdvplan.report.kerbs import swept_pieces
 from hdvplan.report.layers import Drawn, Layer, Value, drawn_features, of_body
 from hdvplan.road.regions import Kind
 
@@ -28,13 +29,8 @@ Json = dict[str, object]
 
 def swept_by(drive: Drive) -> list[BaseGeometry]:
     """Return the area that each body swept, also beyond the ends of the line, from each simulated pose to the next [m]."""
-    outlines = corners(drive, np.arange(len(drive.poses_s)))
-    pairs = np.concatenate([outlines[:-1], outlines[1:]], axis=2)
-    found = []
-    for unit in range(pairs.shape[1]):
-        hulls = shapely.convex_hull(shapely.multipoints(pairs[:, unit]))
-        found.append(shapely.simplify(shapely.union_all(hulls), _SIMPLER_M))
-    return found
+    outlines = np.moveaxis(corners(drive, np.arange(len(drive.poses_s))), 1, 0)
+    return [shapely.simplify(shapely.union_all(swept_pieces(of_body)), _SIMPLER_M) for of_body in outlines]
 
 
 def leg_features(driven: LegsResult) -> tuple[Drawn, ...]:

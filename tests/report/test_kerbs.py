@@ -10,7 +10,7 @@ import shapely
 
 from hdvplan.judging.bodies import corners
 from hdvplan.judging.result import Result, result_of
-from hdvplan.report.kerbs import beyond_kerb, shown_kerbs
+from hdvplan.report.kerbs import beyond_kerb, broken_kerb, shown_kerbs
 from hdvplan.report.rooms import room_at, tightness
 from hdvplan.road.street import Kerb
 
@@ -60,3 +60,13 @@ def test_overhangs_beyond_the_kerbs_of_wheels_are_no_conflict(kerbed: Result) ->
         assert area.area > 0.0
         # Between two poses, 0.25 m apart, a corner that turns with a radius of 10 m leaves the chord by a millimetre.
         assert shapely.difference(area, shapely.buffer(wheels, 0.03)).is_empty
+
+
+def test_a_conflict_on_the_inside_of_a_bend_is_as_deep_as_its_breach(bus: Result) -> None:
+    road = bus.drive.road.with_limits(2.3, 4.0)
+    result = result_of(replace(bus.drive, road=road), solver="piqp", objective="geometric")
+    (breach,) = [one for one in result.balance.breaches if one.side == "left"]
+    kerb, area = broken_kerb(result, breach, 1.0), beyond_kerb(result, breach)
+    furthest = np.max(shapely.distance(shapely.points(shapely.get_coordinates(area)), kerb))
+    # Between two poses, 0.25 m apart, a side comes nearer to the centre by less than a millimetre, and the kerb has chords as short.
+    assert furthest == pytest.approx(breach.depth, abs=2e-3)
