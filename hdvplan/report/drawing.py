@@ -1,11 +1,11 @@
-"""The drawing of a vehicle: its stretched bodies from above and from the side, to scale, with the dimensions of its TOML entries."""
+"""The drawing of a vehicle: its stretched bodies from above, to scale, with the dimensions of its TOML entries."""
 
 from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Arc, Circle, Polygon, Rectangle
+from matplotlib.patches import Circle, Polygon, Rectangle
 from matplotlib.transforms import Affine2D
 
 from hdvplan.report.colours import INK, body_colour
@@ -21,10 +21,8 @@ _WHEEL_M = (1.0, 0.32)
 _TURNED_DEG = 14.0  # how far steered wheels are drawn turned
 _LINE = "0.25"
 _ENDS = {"arrowstyle": "<->", "linewidth": 0.9, "shrinkA": 0.0, "shrinkB": 0.0, "mutation_scale": 7.0}
-_VIEW_SCALES = (50, 75, 100, 125, 150, 200, 250, 300, 400, 500)  # of the views on a sheet of paper
+_VIEW_SCALES = (50, 75, 100, 125, 150, 200, 250, 300, 400, 500)  # of the view on a sheet of paper
 _ROW_MM = 3.6  # between dimension lines there
-_HEIGHTS_M = (0.95, 3.6)  # of bodies in the side view: of no particular vehicle
-_SIDE_WHEEL_M = 0.5  # radius
 
 
 @styled()
@@ -147,57 +145,17 @@ def _legend(vehicle: Vehicle) -> list[tuple[str, str]]:
     return [*lines, (f"metres; {vehicle.source}" if vehicle.source else "metres", "0.35")]
 
 
-def draw_vehicle_views(axes: Axes, vehicle: Vehicle, size_mm: tuple[float, float]) -> None:
-    """Draw the vehicle from the side and, with its dimensions, from above, both to one round scale."""
+def draw_vehicle_view(axes: Axes, vehicle: Vehicle, size_mm: tuple[float, float]) -> None:
+    """Draw the vehicle from above with its dimensions, to a round scale."""
     width, height = size_mm
     total, rows = vehicle.reach_ahead + vehicle.reach_behind, _dimension_rows(vehicle)
-    room = (0.5 * width - 14.0, height - 12.0 - _ROW_MM * (rows + 1))
+    room = (width - 24.0, height - 12.0 - _ROW_MM * (rows + 1))
     scale = next((s for s in _VIEW_SCALES if total * 1e3 / s <= room[0] and vehicle.width * 1e3 / s <= room[1]), _VIEW_SCALES[-1])
     mm = scale / 1e3  # metres that a millimetre shows
     middle = vehicle.reach_ahead - 0.5 * total
     high = 0.5 * vehicle.width + 2.0 * _ROW_MM * mm + 3.0 * mm
-    plan_x = 0.25 * width * mm  # of the plan view's middle, right of the strip's
-    axes.set_xlim(middle + plan_x + 0.5 * width * mm, middle + plan_x - 0.5 * width * mm)  # ahead is to the left
+    axes.set_xlim(middle + 0.5 * width * mm, middle - 0.5 * width * mm)  # ahead is to the left
     axes.set_ylim(high - height * mm, high)
     _draw_plan_view(axes, vehicle, _ROW_MM * mm, 2.0 * mm, fontsize=6.0)
-    side_x, ground = 0.5 * width * mm, -0.5 * vehicle.width - 0.5 * _ROW_MM * rows * mm
-    _draw_side_view(axes, vehicle, side_x, ground)
-    text = f"{vehicle.name}   1:{scale}   dimensions in metres; heights and wheels of the side view are no particular vehicle's"
+    text = f"{vehicle.name}   1:{scale}   dimensions in metres"
     axes.text(3.0 / width, 3.0 / height, text, transform=axes.transAxes, fontsize=6.0, color=INK)
-
-
-def _draw_side_view(axes: Axes, vehicle: Vehicle, x: float, ground: float) -> None:
-    """Draw bodies and wheels as seen from their left side, ``x`` ahead of the plan view, on a ground line."""
-    low, high = _HEIGHTS_M
-    axle = x
-    for number, unit in enumerate(vehicle.units):
-        corner = (axle - unit.rear_overhang, ground + low)
-        axes.add_patch(
-            Rectangle(corner, unit.length, high - low, facecolor=body_fill(number), edgecolor=body_colour(number), linewidth=0.8)
-        )
-        for at in (axle + unit.wheelbase, axle) if number == 0 else (axle,):
-            axes.add_patch(
-                Arc(
-                    (at, ground + low),
-                    2.6 * _SIDE_WHEEL_M,
-                    2.2 * _SIDE_WHEEL_M,
-                    theta1=0.0,
-                    theta2=180.0,
-                    color=INK,
-                    linewidth=0.5,
-                    zorder=3,
-                )
-            )
-            axes.add_patch(Circle((at, ground + _SIDE_WHEEL_M), _SIDE_WHEEL_M, facecolor="white", edgecolor=INK, linewidth=0.9, zorder=4))
-            axes.add_patch(
-                Circle((at, ground + _SIDE_WHEEL_M), 0.4 * _SIDE_WHEEL_M, facecolor="none", edgecolor=INK, linewidth=0.5, zorder=4)
-            )
-        if number + 1 < len(vehicle.units):
-            behind = vehicle.units[number + 1]
-            axle -= unit.hitch_offset
-            axes.plot(
-                [axle + unit.hitch_offset, axle, axle - max(0.0, -behind.front_overhang)], [ground + 0.8] * 3, color=INK, linewidth=1.0
-            )
-            axes.plot([axle], [ground + 0.8], marker="o", color=INK, markersize=2.5, zorder=5)
-            axle -= behind.wheelbase
-    axes.plot([x + vehicle.reach_ahead + 0.5, x - vehicle.reach_behind - 0.5], [ground, ground], color=INK, linewidth=0.6)

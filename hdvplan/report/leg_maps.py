@@ -1,4 +1,4 @@
-"""Maps of a drive of several legs: forwards and backwards told apart, and the vehicle wherever it stands, with its articulation there."""
+"""Maps of several legs: forwards and backwards told apart, and the vehicle wherever it stands, with its articulation there."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import shapely
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.patches import PathPatch
+from shapely.geometry.base import BaseGeometry
 
 from hdvplan.arrays import FloatArray
 from hdvplan.judging.bodies import corners
@@ -19,6 +20,7 @@ from hdvplan.report.kerbs import shown_kerbs
 from hdvplan.report.leg_layers import swept_by
 from hdvplan.report.maps import SLIDE, Turn, draw_bodies, outline_of, point
 from hdvplan.report.style import ON_WHITE
+from hdvplan.road.legs import direction_of
 from hdvplan.road.regions import Kind
 
 COLOURS, _DASHES = (BODY_COLOURS[0], BODY_COLOURS[1]), ("solid", (0, (4, 1.5)))  # forward, backward
@@ -33,7 +35,7 @@ class Stop(NamedTuple):
 
     name: str
     leg: int  # of which this is an end, from 0
-    pose: int  # of that leg's drive
+    pose: int  # of that leg
     angles: FloatArray  # articulations [deg]
 
     @property
@@ -43,12 +45,15 @@ class Stop(NamedTuple):
         return f"{self.name}: {', '.join(f'{angle:+.0f}°' for angle in whole)}" if len(whole) else self.name
 
 
+def ends_of(legs: int) -> list[tuple[int, int, str]]:
+    """Return where a vehicle that drives so many legs stands: number of the leg, 0 at its begin or -1 at its end, and the name."""
+    return [(0, 0, "start"), *((at, -1, f"cusp {at + 1}") for at in range(legs - 1)), (legs - 1, -1, "end")]
+
+
 def stops_of(driven: LegsResult) -> tuple[Stop, ...]:
     """Return where the vehicle stands, in the order of driving."""
-    last = len(driven.results) - 1
-    ends = [(0, 0, "start"), *((at, -1, f"cusp {at + 1}") for at in range(last)), (last, -1, "end")]
     stops = []
-    for at, when, name in ends:
+    for at, when, name in ends_of(len(driven.results)):
         pose = 0 if (when == 0) is not driven.legs.legs[at].backward else len(driven.results[at].drive.poses_s) - 1
         stops.append(Stop(name, at, pose, np.degrees(driven.articulation(at)[when])))
     return tuple(stops)
@@ -64,13 +69,18 @@ def draw_swept(axes: Axes, driven: LegsResult, *, weight: float = SLIDE, turned:
     """Draw what each leg sweeps, labelled once a direction; return points around all of it (n, 2) [m], as they lie on the paper."""
     seen, named = list[FloatArray](), set[str]()
     for result, leg in zip(driven.results, driven.legs.legs, strict=True):
-        colour, area = COLOURS[leg.backward], shapely.transform(shapely.union_all(swept_by(result.drive)), turned)
+        area = shapely.transform(shapely.union_all(swept_by(result.drive)), turned)
         seen.append(shapely.get_coordinates(area))
-        label = None if leg.direction in named else f"swept {leg.direction}"
-        look = {"facecolor": to_rgba(colour, PALE), "edgecolor": colour, "linewidth": 0.6 * weight, "zorder": 2}
-        axes.add_patch(PathPatch(outline_of(area), label=label, **look))
+        draw_area(axes, area, backward=leg.backward, named=leg.direction not in named, weight=weight)
         named.add(leg.direction)
     return np.concatenate(seen)
+
+
+def draw_area(axes: Axes, area: BaseGeometry, *, backward: bool, named: bool, weight: float = SLIDE) -> None:
+    """Draw what is swept on a leg, ``named`` in the legend or not."""
+    label = f"swept {direction_of(backward=backward)}" if named else None
+    look = {"facecolor": to_rgba(COLOURS[backward], PALE), "edgecolor": COLOURS[backward], "linewidth": 0.6 * weight, "zorder": 2}
+    axes.add_patch(PathPatch(outline_of(area), label=label, **look))
 
 
 def draw_ground(axes: Axes, driven: LegsResult, *, weight: float = SLIDE, turned: Turn = np.asarray) -> None:
@@ -84,12 +94,19 @@ def draw_ground(axes: Axes, driven: LegsResult, *, weight: float = SLIDE, turned
         for kerb in shown_kerbs(result) if leg.road.limits is not None else ():
             axes.plot(*turned(np.asarray(kerb.line.coords)).T, color=INK, linewidth=0.7 * weight, zorder=1.6)
         line = turned(line_of(result))[:: -1 if leg.backward else 1]
-        label = None if leg.direction in named else f"lead rear axle {leg.direction}"
-        dashed = _DASHES[leg.backward]
-        axes.plot(*line.T, color=COLOURS[leg.backward], linestyle=dashed, linewidth=1.3 * weight, zorder=4, label=label)
-        _draw_arrows(axes, line, COLOURS[leg.backward], weight)
+        draw_line(axes, line, backward=leg.backward, named=leg.direction not in named, weight=weight)
         named.add(leg.direction)
     _draw_breaches(axes, driven, turned)
+
+
+def draw_line(axes: Axes, line: FloatArray, *, backward: bool, named: bool, weight: float = SLIDE) -> None:
+    """Draw the lead rear axle's line on a leg, (n, 2) in the order of driving, with arrow heads; ``named`` in the legend or not."""
+    colour, label = COLOURS[backward], f"lead rear axle {direction_of(backward=backward)}" if named else None
+    axes.plot(*line.T, color=colour, linestyle=_DASHES[backward], linewidth=1.3 * weight, zorder=4, label=label)
+    count = max(1, round(len(line) * float(np.hypot(*(line[1] - line[0]))) / _ARROWS_M))
+    style = {"arrowstyle": "-|>", "color": colour, "linewidth": 0.7 * weight, "mutation_scale": 9.3 * weight}
+    for at in ((np.arange(count) + 0.5) * (len(line) - 1) / count).astype(int):
+        axes.annotate("", point(line[at + 1]), point(line[at]), zorder=5, arrowprops=style | {"shrinkA": 0.0, "shrinkB": 0.0})
 
 
 def draw_stops(axes: Axes, driven: LegsResult, *, weight: float = SLIDE, turned: Turn = np.asarray) -> None:
@@ -97,28 +114,16 @@ def draw_stops(axes: Axes, driven: LegsResult, *, weight: float = SLIDE, turned:
     for stop in stops_of(driven):
         result = driven.results[stop.leg]
         draw_bodies(axes, corners(result.drive, np.array([stop.pose])), weight=weight, turned=turned)
-        at = point(turned(line_of(result)[stop.pose][None])[0])
-        style = {"arrowstyle": "-", "color": INK, "linewidth": 0.5 * weight}
-        axes.plot(*at, marker="o", color="white", markeredgecolor=INK, markersize=4.7 * weight, zorder=7)
-        axes.annotate(
-            stop.text, at, _LABELS_PT.get(stop.name, _LABEL_PT), textcoords="offset points", fontsize="small",
-            fontweight="bold", color=INK, bbox=ON_WHITE, zorder=8, arrowprops=style,
-        )  # fmt: skip
+        draw_stop(axes, stop, turned(line_of(result)[stop.pose][None])[0], weight=weight)
 
 
-def _draw_arrows(axes: Axes, line: FloatArray, colour: str, weight: float) -> None:
-    """Draw arrow heads along a line in the order of its points."""
-    count = max(1, round(len(line) * float(np.hypot(*(line[1] - line[0]))) / _ARROWS_M))
-    for at in ((np.arange(count) + 0.5) * (len(line) - 1) / count).astype(int):
-        style = {
-            "arrowstyle": "-|>",
-            "color": colour,
-            "linewidth": 0.7 * weight,
-            "mutation_scale": 9.3 * weight,
-            "shrinkA": 0.0,
-            "shrinkB": 0.0,
-        }
-        axes.annotate("", point(line[at + 1]), point(line[at]), zorder=5, arrowprops=style)
+def draw_stop(axes: Axes, stop: Stop, place: FloatArray, *, weight: float = SLIDE) -> None:
+    """Mark where the lead rear axle stands, (2,) [m] on the paper, with the name and the articulation."""
+    axes.plot(*place, marker="o", color="white", markeredgecolor=INK, markersize=4.7 * weight, zorder=7)
+    axes.annotate(
+        stop.text, point(place), _LABELS_PT.get(stop.name, _LABEL_PT), textcoords="offset points", fontsize="small", fontweight="bold",
+        color=INK, bbox=ON_WHITE, zorder=8, arrowprops={"arrowstyle": "-", "color": INK, "linewidth": 0.5 * weight},
+    )  # fmt: skip
 
 
 def _draw_breaches(axes: Axes, driven: LegsResult, turned: Turn) -> None:

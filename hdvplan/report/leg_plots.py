@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from hdvplan.arrays import FloatArray
 from hdvplan.judging.legs import LegsResult
-from hdvplan.report.colours import BODY_COLOURS, BREACH, INK, MUTED, answer_colour
+from hdvplan.report.colours import BREACH, INK, MUTED, answer_colour, body_colour
 from hdvplan.report.leg_maps import COLOURS, draw_ground, draw_stops, draw_swept
 from hdvplan.report.maps import ROOM_M, finish_map, frame
 from hdvplan.report.style import SLIDE_IN, styled, write_head
@@ -98,10 +98,8 @@ def _draw_articulation(axes: Axes, driven: LegsResult, at: int, way: FloatArray)
     drive = driven.results[at].drive
     angles = np.degrees(drive.poses_z[:, 2 : drive.vehicle.rigid_states])
     for coupling, (critical, angle) in enumerate(zip(np.degrees(critical_angles(drive.vehicle)), angles.T, strict=True)):
-        colour = BODY_COLOURS[(coupling + 1) % len(BODY_COLOURS)]
-        axes.plot(
-            way[0] + way[1] * drive.poses_s, angle, color=colour, linewidth=1.3, label=f"coupling {coupling + 1}" if at == 0 else None
-        )
+        label = f"coupling {coupling + 1}" if at == 0 else None
+        axes.plot(way[0] + way[1] * drive.poses_s, angle, color=body_colour(coupling + 1), linewidth=1.3, label=label)
         if at == 0 and critical < _SHOWN * max(float(np.max(np.abs(_all_angles(driven)[coupling]))), 1.0):
             for sign in (1.0, -1.0):
                 axes.axhline(sign * critical, color=BREACH, linestyle=(0, (4, 2)), linewidth=1.0)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -18,14 +19,13 @@ from hdvplan.fileio import Together, csv_bytes, json_bytes
 from hdvplan.report.files import PICTURES
 from hdvplan.report.grid import grid
 from hdvplan.report.layers import System
-from hdvplan.report.reversal_layers import line_of, reversal_features, view_of
+from hdvplan.report.manoeuvre_layers import line_of, reversal_features, view_of
 from hdvplan.report.turns import TURN_DRAWINGS
 from hdvplan.road.crs import LONLAT, placed
-from hdvplan.road.legs import direction_of
 from hdvplan.turning.reversing.answer import Answer
 from hdvplan.turning.reversing.words import closed_form, details, verdict
 
-Json = dict[str, object]
+Json = dict[str, Any]
 
 
 def reversal_json(answer: Answer) -> Json:
@@ -57,7 +57,7 @@ def reversal_json(answer: Answer) -> Json:
         "legs": [
             {
                 "leg": number,
-                "direction": direction_of(backward=leg.backward),
+                "direction": leg.direction,
                 "length_m": leg.length,
                 "heading_deg": [float(np.rad2deg(leg.lead[end, 2])) for end in (0, -1)],
                 "articulation_deg": [[float(np.rad2deg(angle)) for angle in leg.beta[end]] for end in (0, -1)],
@@ -72,38 +72,32 @@ def reversal_json(answer: Answer) -> Json:
 
 def reversal_tables(answer: Answer, directory: str) -> tuple[Table, ...]:
     """Return the legs, a row each, and the numbers of legs that were tried."""
-    manoeuvre = answer.chosen.manoeuvre
-    rows = []
-    for number, (leg, gaps) in enumerate(zip(manoeuvre.legs, answer.room, strict=True), start=1):
-        turned = f"{np.rad2deg(leg.lead[0, 2]):.0f} to {np.rad2deg(leg.lead[-1, 2]):.0f}"
-        beta = float(np.rad2deg(np.max(np.abs(leg.beta), initial=0.0)))
-        nearest = answer.blocks[int(np.argmin(gaps))].name
-        rows.append(
-            (str(number), direction_of(backward=leg.backward), f"{leg.length:.2f}", turned, f"{beta:.1f}", f"{gaps.min():.2f}", nearest)
+    told = reversal_json(answer)
+    rows = [
+        (
+            f"{leg['leg']}", leg["direction"], f"{leg['length_m']:.2f}", " to ".join(f"{angle:.0f}" for angle in leg["heading_deg"]),
+            f"{max(leg['articulation_most_deg'], default=0.0):.1f}", f"{leg['least_room_m']:.2f}", leg["beside"],
         )
+        for leg in told["legs"]
+    ]  # fmt: skip
     columns = ("leg", "direction", "length [m]", "heading [deg]", "articulation [deg]", "least room [m]", "beside")
     legs = grid(
         f"{answer.vehicle.name}, {answer.template}, {answer.size:.2f} m of {answer.template.words}", columns, rows,
         text=("direction", "beside"), caption=f"articulation: the largest of the leg; written to {directory}",
     )  # fmt: skip
-    return (legs,) if answer.template.docks else (legs, tried_table(answer))
+    return (legs,) if answer.template.docks else (legs, _tried_table(told["tried"], answer.template.words))
 
 
-def tried_table(answer: Answer) -> Table:
+def _tried_table(tried: Sequence[Json], words: str) -> Table:
     """Return what each number of legs needs: found by the best and the worst start, and by a formula where there is one."""
     rows = []
-    for tried in answer.tried:
-        formula = closed_form(answer.vehicle, answer.template, tried)
-        found = (
-            f"{tried.manoeuvre.rounded:.2f}",
-            f"{tried.sizes[0]:.3f}",
-            f"{tried.sizes[-1]:.3f}",
-            f"{len(tried.sizes)} of {tried.starts}",
-        )
-        rows.append((str(tried.legs), *found, "-" if formula is None else f"{formula:.3f}"))
+    for one in tried:
+        formula, sizes = one["closed_form_m"], one["found_m"]
+        found = (f"{one['fits_with_m']:.2f}", f"{sizes[0]:.3f}", f"{sizes[-1]:.3f}", f"{len(sizes)} of {one['starts']}")
+        rows.append((f"{one['legs']}", *found, "-" if formula is None else f"{formula:.3f}"))
     columns = ("legs", "fits with [m]", "best start [m]", "worst start [m]", "found by", "no swing [m]")
     caption = "no swing: by formula, without swinging out first"
-    return grid(f"{answer.template.words}, found", columns, rows, caption=caption if any(row[-1] != "-" for row in rows) else None)
+    return grid(f"{words}, found", columns, rows, caption=caption if any(row[-1] != "-" for row in rows) else None)
 
 
 def reversal_poses(answer: Answer) -> pd.DataFrame:
@@ -120,7 +114,7 @@ def reversal_poses(answer: Answer) -> pd.DataFrame:
     return pd.concat(tables, ignore_index=True)
 
 
-def legs_geojson(answer: Answer) -> Json:
+def legs_road(answer: Answer) -> Json:
     """Return the manoeuvre as a road file: a line a leg in the order of driving, and what stands as obstacles.
 
     It lies about longitude 0 and latitude 0, which is no place, as GeoJSON knows no metres; there they are true to 1e-6.
@@ -135,7 +129,7 @@ def legs_geojson(answer: Answer) -> Json:
         return {"type": "Feature", "properties": properties, "geometry": mapping(shapely.transform(geometry, there))}
 
     features = [
-        feature(shapely.LineString(line_of(leg)), {"leg": number, "direction": direction_of(backward=leg.backward)})
+        feature(shapely.LineString(line_of(leg)), {"leg": number, "direction": leg.direction})
         for number, leg in enumerate(answer.chosen.manoeuvre.legs, start=1)
     ]
     allowed = [place.overhang] * len(place.blocks) + [place.beyond_ends] * len(answer.walls)
@@ -160,7 +154,7 @@ def write_reversal(answer: Answer, directory: Path, name: str, *, kinds: Collect
     """
     contents: dict[str, Callable[[], bytes]] = {
         "poses.csv": lambda: csv_bytes(reversal_poses(answer)),
-        "legs.geojson": lambda: json_bytes(legs_geojson(answer), indent=None),
+        "legs.geojson": lambda: json_bytes(legs_road(answer), indent=None),
     }
     contents |= {f"{name}.{kind}": partial(_drawn, answer, kind) for kind in kinds}
     contents[f"{name}.json"] = lambda: json_bytes(reversal_json(answer))
@@ -174,7 +168,7 @@ def _drawn(answer: Answer, kind: str) -> bytes:
 
         system = System(None, "metres; all turns are to the left, mirror it where one drives on the left")
         return drawing_bytes(reversal_features(answer), system, [verdict(answer), details(answer), *how_to_read(system)])
-    from hdvplan.report.reversal_plots import reversal_figure  # noqa: PLC0415 - Matplotlib takes half a second to import
+    from hdvplan.report.manoeuvre_plots import reversal_figure  # noqa: PLC0415 - Matplotlib takes half a second to import
     from hdvplan.report.style import figure_bytes  # noqa: PLC0415 - as above
 
     return figure_bytes(reversal_figure(answer), kind)

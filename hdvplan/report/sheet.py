@@ -21,7 +21,7 @@ from hdvplan.judging.bodies import TRACK_NOTE
 from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import tracking_line, verdict_line, verdict_of, verdict_text
 from hdvplan.report.colours import INK, MUTED, answer_colour
-from hdvplan.report.drawing import draw_vehicle_views
+from hdvplan.report.drawing import draw_vehicle_view
 from hdvplan.report.layers import LONLAT_CODE, drawn_features, map_system
 from hdvplan.report.paper import PAPERS_MM, Page, SheetOptions, pages_of
 from hdvplan.report.sheetmap import BAND_MM, draw_field, draw_inset, places_of
@@ -159,7 +159,7 @@ def _figure(sheet: Sheet, paper: str) -> Figure:
         each = insets.height / count
         box = Box(insets.x, insets.y + insets.height - each * (number + 1), insets.width, each)
         draw(_axes(figure, box), (box.width, box.height))
-    draw_vehicle_views(_axes(figure, vehicle), sheet.vehicle, (vehicle.width, vehicle.height))
+    draw_vehicle_view(_axes(figure, vehicle), sheet.vehicle, (vehicle.width, vehicle.height))
     handles, labels = drawn.get_legend_handles_labels()
     rows = -(-len(handles) // 2)
     _axes(figure, legend).legend(

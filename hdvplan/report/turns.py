@@ -8,27 +8,21 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import shapely
 from rich.table import Table
-from shapely.geometry import mapping
-from shapely.geometry.base import BaseGeometry
-from shapely.geometry.polygon import orient
 
 from hdvplan.fileio import Together, csv_bytes, json_bytes
 from hdvplan.judging.result import body_name
-from hdvplan.report.colours import INK, MUTED, body_colour
 from hdvplan.report.files import PICTURES
 from hdvplan.report.grid import grid
 from hdvplan.report.layers import System
-from hdvplan.report.turn_layers import swept_area, turn_features, wheel_tracks
+from hdvplan.report.manoeuvre_layers import turn_features
 from hdvplan.turning.follow import Followed
-from hdvplan.turning.swept import chart_of
 from hdvplan.turning.templates import Limit
 from hdvplan.turning.turn import Turn, manoeuvre_words, verdict
 
 Json = dict[str, object]
 TURN_DRAWINGS = ("dxf",)  # for CAD; it lies nowhere on a map
-_SIMPLER_M = 1e-3
+_FORMER = "turn.geojson"  # which other versions wrote
 
 
 def turn_json(turn: Turn) -> Json:
@@ -101,43 +95,10 @@ def width_table(turn: Turn) -> pd.DataFrame:
     return pd.DataFrame({"t": band.t, "inner": band.inner, "outer": band.outer, "width": band.width}).round(6)
 
 
-def turn_geojson(turn: Turn) -> Json:
-    """Return a FeatureCollection in plane coordinates [m]: swept areas, wheel tracks, the guided path, the arc's centre, limits."""
-    driven, centre = turn.driven, shapely.Point(chart_of(turn.driven).centre)
-    vehicle = driven.vehicle
-    common: Json = {"vehicle": vehicle.name, "note": "planar coordinates in metres"}
-    if turn.template is not None:
-        common |= {"template": turn.template.name, "source": turn.template.source}
-    features = []
-    for unit in range(len(vehicle.units)):
-        colour = body_colour(unit)
-        style = {"stroke": colour, "stroke-width": 1, "fill": colour, "fill-opacity": 0.35}
-        features.append(_feature(swept_area(driven, unit), common | {"kind": "swept area", "unit": body_name(vehicle, unit)} | style))
-    for unit, side, track in wheel_tracks(driven):
-        named = {"kind": "wheel track", "unit": body_name(vehicle, unit), "side": side}
-        features.append(_feature(shapely.LineString(track), common | named | _stroke(body_colour(unit))))
-    features.append(_feature(shapely.LineString(driven.guide[:, :2]), common | {"kind": "guided path"} | _stroke(MUTED)))
-    features.append(_feature(centre, common | {"kind": "centre"}))
-    for limit in turn.circles:
-        ring = shapely.LineString(centre.buffer(limit.value, quad_segs=64).exterior)  # GeoJSON has no rings alone
-        features.append(_feature(ring, common | {"kind": limit.words, "limit_m": limit.value} | _stroke(INK)))
-    return {"type": "FeatureCollection", "features": features}
-
-
 def _limit_json(limit: Limit, turn: Turn) -> Json:
     spare = limit.spare(turn.figures)
     bound = "least" if limit.least else "most"
     return {"figure": limit.name, f"{bound}_m": limit.value, "spare_m": spare, "kept": limit.kept(turn.figures)}
-
-
-def _stroke(colour: str) -> Json:
-    return {"stroke": colour, "stroke-width": 1}
-
-
-def _feature(geometry: BaseGeometry, properties: Json) -> Json:
-    simple = shapely.set_precision(shapely.simplify(geometry, _SIMPLER_M), _SIMPLER_M) if geometry.area > 0.0 else geometry
-    wound = shapely.multipolygons([orient(part) for part in shapely.get_parts(simple)]) if geometry.area > 0.0 else simple
-    return {"type": "Feature", "properties": properties, "geometry": mapping(shapely.transform(wound, lambda points: np.round(points, 3)))}
 
 
 def _dxf(turn: Turn) -> bytes:
@@ -151,7 +112,7 @@ def _dxf(turn: Turn) -> bytes:
 
 
 def write_turn(turn: Turn, directory: Path, *, kinds: Collection[str] = ()) -> None:
-    """Write ``turn.json``, ``poses.csv``, ``width.csv``, ``turn.geojson`` and what is drawn into ``directory``.
+    """Write ``turn.json``, ``poses.csv``, ``width.csv`` and what is drawn into ``directory``.
 
     ``kinds`` are those of ``PICTURES`` and ``TURN_DRAWINGS`` that are drawn.
 
@@ -163,18 +124,17 @@ def write_turn(turn: Turn, directory: Path, *, kinds: Collection[str] = ()) -> N
     contents: dict[str, Callable[[], bytes]] = {
         "poses.csv": lambda: csv_bytes(poses_table(turn.driven)),
         "width.csv": lambda: csv_bytes(width_table(turn)),
-        "turn.geojson": lambda: json_bytes(turn_geojson(turn), indent=None),
     }
     contents |= {f"turn.{kind}": partial(_drawn, turn, kind) for kind in kinds}
     contents["turn.json"] = lambda: json_bytes(turn_json(turn))
-    names = tuple(f"turn.{kind}" for kind in (*PICTURES, *TURN_DRAWINGS))
+    names = (*(f"turn.{kind}" for kind in (*PICTURES, *TURN_DRAWINGS)), _FORMER)
     Together("turn.json", names, {"turn.json": "swept_width_m"}).write(directory, contents)
 
 
 def _drawn(turn: Turn, kind: str) -> bytes:
     if kind == "dxf":
         return _dxf(turn)
-    from hdvplan.report.style import figure_bytes  # noqa: PLC0415 - Matplotlib takes half a second to import
-    from hdvplan.report.turn_plots import turn_figure  # noqa: PLC0415 - as above
+    from hdvplan.report.manoeuvre_plots import turn_figure  # noqa: PLC0415 - Matplotlib takes half a second to import
+    from hdvplan.report.style import figure_bytes  # noqa: PLC0415 - as above
 
     return figure_bytes(turn_figure(turn), kind)

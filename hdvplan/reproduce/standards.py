@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from scipy.optimize import brentq
 
 from hdvplan.errors import TurnError
-from hdvplan.report.turn_plots import turns_figure
+from hdvplan.report.manoeuvre_plots import turns_figure
 from hdvplan.report.turns import turn_json
 from hdvplan.reproduce import published
 from hdvplan.reproduce.study import Progress, Row, Study

@@ -9,9 +9,8 @@ import pytest
 import shapely
 from ezdxf.filemanagement import readfile
 from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar  # type: ignore[import-untyped] # Matplotlib types only its core
-from shapely.geometry import shape
 
-from hdvplan.report.turn_plots import turn_figure
+from hdvplan.report.manoeuvre_plots import turn_figure
 from hdvplan.turning.templates import load_template
 from hdvplan.turning.turn import turn
 from hdvplan.vehicle.load import load_vehicle
@@ -52,7 +51,7 @@ def test_a_vehicle_that_complies_ends_in_0_with_its_figures(cli: Cli, tmp_path: 
     assert "inside radius 5.346 m (at least 5.30), 0.046 m to spare" in outcome.out.splitlines()[0]
     assert max(len(line) for line in outcome.out.splitlines()[1:]) <= 80
     folder = tmp_path / "eu-circle.tractor-semitrailer"
-    assert {path.name for path in folder.iterdir()} == {"poses.csv", "width.csv", "turn.geojson", "turn.json", "turn.png"}
+    assert {path.name for path in folder.iterdir()} == {"poses.csv", "width.csv", "turn.json", "turn.png"}
 
 
 def test_a_vehicle_that_does_not_comply_ends_in_1_and_says_by_how_much(cli: Cli) -> None:  # noqa: F811
@@ -104,18 +103,12 @@ def test_the_list_names_every_template_in_a_terminal_s_width(cli: Cli) -> None: 
     [
         ((), "--vehicle"),
         (("--vehicle", "bus"), "--template, or --radius and --angle"),
-        (("--vehicle", "bus", "--radius", "12"), "--template, or --radius and --angle"),
         (("--vehicle", "bus", "--radius", "12", "--angle", "right"), "--angle must be a number"),
-        (("--vehicle", "bus", "--radius", "12", "--angle", "nan"), "angle = nan"),
         (("--vehicle", "bus", "--radius", "-12", "--angle", "90"), "radius = -12"),
-        (("--vehicle", "bus", "--radius", "12", "--angle", "-90"), "angle = -90 degrees"),
-        (("--vehicle", "bus", "--radius", "1e6", "--angle", "90"), "km long"),
-        (("--vehicle", "bus", "--radius", "1e6", "--angle", "steady"), "km long"),
         (("--vehicle", "bus", "--radius", "12", "--angle", "1e9"), "km long"),
         (("--vehicle", "bus", "--radius", "12", "--angle", "90", "--guide", "rear"), "guide must be"),
         (("--vehicle", "bus", "--radius", "12", "--template", "eu-circle"), "--radius contradicts --template"),
         (("--vehicle", "bus", "--template", "none"), "unknown template"),
-        (("--vehicle", "none", "--template", "eu-circle"), "unknown vehicle"),
         (("--vehicle", "bus", "--template", "aashto-90", "--format", "bmp"), "--format"),
         (("--vehicle", "bus", "--template", "aashto-90", "--out", "file"), "is a file"),
     ],
@@ -138,7 +131,7 @@ def test_a_circle_whose_centre_is_within_a_body_ends_in_1(cli: Cli) -> None:  # 
     assert "the b-double reaches around the circle's centre" in outcome.err.splitlines()[0]
 
 
-def test_the_files_hold_the_drive_and_its_areas(cli: Cli, tmp_path: Path) -> None:  # noqa: F811
+def test_the_tables_hold_the_drive_and_its_width(cli: Cli, tmp_path: Path) -> None:  # noqa: F811
     (tmp_path / "gate.toml").write_text(TEMPLATE.replace("swept_width = 20", "outside_radius = 60"), encoding="utf-8")
     assert cli("turn", "--vehicle", "WB-40", "--template", "gate.toml", "--no-plot", "--quiet").out == ""
     folder = tmp_path / "depot-gate.WB-40"
@@ -147,25 +140,13 @@ def test_the_files_hold_the_drive_and_its_areas(cli: Cli, tmp_path: Path) -> Non
     assert width["width"].max() == pytest.approx(summary["swept_width_m"], abs=1e-6)  # the file's digits
     poses = pd.read_csv(folder / "poses.csv")
     assert np.rad2deg(poses["beta1"].abs().max()) == pytest.approx(summary["articulation_deg"][0], abs=1e-6)
-    features = json.loads((folder / "turn.geojson").read_text(encoding="utf-8"))["features"]
-    areas = [shape(feature["geometry"]) for feature in features if feature["properties"]["kind"] == "swept area"]
-    assert len(areas) == 2
-    assert all(area.is_valid for area in areas)
-    kinds = [feature["properties"]["kind"] for feature in features]
-    assert kinds.count("wheel track") == 6
-    assert {feature["geometry"]["type"] for feature in features} == {"MultiPolygon", "LineString", "Point"}  # RFC 7946 has no rings alone
-    centre = next(shape(feature["geometry"]) for feature in features if feature["properties"]["kind"] == "centre")
-    nearest = min(area.distance(centre) for area in areas)
-    assert nearest == pytest.approx(summary["min_inside_radius_m"], abs=2e-3)  # rounded and simplified to 1 mm
-    tracks = [shape(feature["geometry"]) for feature in features if feature["properties"]["kind"] == "wheel track"]
-    assert shapely.union_all(areas).buffer(0.01).covers(shapely.union_all(tracks))  # wheels run inside the body's outline
 
 
 def test_a_turn_is_drawn_for_cad_with_the_figures_that_are_told(cli: Cli, tmp_path: Path) -> None:  # noqa: F811
     (tmp_path / "gate.toml").write_text("[manoeuvre]\nradius = 14\nangle = 90\n[limits]\ninside_radius = 6.5\noutside_radius = 18\n")
     asked = ("turn", "--vehicle", "tractor-semitrailer", "--template", "gate.toml", "--no-plot", "--out", "out")
     outcome = cli(*asked, "--format", "png,dxf")
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {"poses.csv", "width.csv", "turn.geojson", "turn.json", "turn.dxf"}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"poses.csv", "width.csv", "turn.json", "turn.dxf"}
     drawing = readfile(tmp_path / "out" / "turn.dxf")
     assert drawing.header["$INSUNITS"] == 6  # metres
     assert not drawing.audit().errors
@@ -181,6 +162,7 @@ def test_a_turn_is_drawn_for_cad_with_the_figures_that_are_told(cli: Cli, tmp_pa
     told = json.loads((tmp_path / "out" / "turn.json").read_text(encoding="utf-8"))
     swept = shapely.union_all([shapely.Polygon(ring) for name in lines if name.startswith("ENVELOPE") for ring in lines[name]])
     assert shapely.distance(swept, centre) == pytest.approx(told["min_inside_radius_m"], abs=1e-3)  # as above
+    assert swept.buffer(0.01).covers(shapely.MultiLineString(lines["WHEEL_TRACKS"]))  # wheels run inside the body's outline
     assert notes(drawing).startswith(outcome.out.splitlines()[0])
     assert "mirror it for one to the right" in notes(drawing)
     cli(*asked)

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hdvplan.errors import OptionError, TurnError
-from hdvplan.report.reversal_layers import leg_area
+from hdvplan.report.manoeuvre_layers import leg_area
 from hdvplan.report.reversals import reversal_json
 from hdvplan.turning.reversing.answer import Answer, reversing
 from hdvplan.turning.reversing.blocks import Block, Outline, bodies_of

@@ -12,7 +12,7 @@ from hdvplan.turning.follow import passive
 from hdvplan.turning.reversing.blocks import Block
 from hdvplan.turning.reversing.docking import pull_out
 from hdvplan.turning.reversing.half_turns import half_turn
-from hdvplan.turning.reversing.legs import Leg, driven, wheels_at_stop
+from hdvplan.turning.reversing.legs import DrivenLeg, driven, wheels_at_stop
 from hdvplan.turning.reversing.options import PlaceOptions, Template
 from hdvplan.turning.reversing.places import Place, place_of
 from hdvplan.turning.reversing.search import half_turns_in
@@ -43,7 +43,7 @@ class Manoeuvre:
 
     vehicle: Vehicle
     place: Place
-    legs: tuple[Leg, ...]
+    legs: tuple[DrivenLeg, ...]
     reaches: FloatArray
     size: float
 
@@ -113,7 +113,7 @@ class Answer:
         return self.chosen.manoeuvre.room(self.walls)
 
 
-def bow(vehicle: Vehicle, leg: Leg) -> float:
+def bow(vehicle: Vehicle, leg: DrivenLeg) -> float:
     """Return by how much bodies may reach further between two poses of a leg than at both [m]: h^2 / 8 times a corner's acceleration.
 
     That is measured along pieces of constant steering, where it is smooth, from three poses each.
@@ -188,12 +188,12 @@ def _half_turned(place: Place, vehicle: Vehicle, legs: int, starts: int) -> Trie
     raise errors[0]
 
 
-def _legs_of(place: Place, vehicle: Vehicle, legs: int, parameters: FloatArray) -> tuple[Leg, ...]:
+def _legs_of(place: Place, vehicle: Vehicle, legs: int, parameters: FloatArray) -> tuple[DrivenLeg, ...]:
     family, wheels = half_turn(place.template, vehicle, legs), wheels_at_stop(vehicle)
     strokes = family.strokes(parameters[:, None])
     lengths, kappas = np.abs(strokes.lengths(wheels)[0]), strokes.kappas(wheels)[0]
     backward, each = np.array(strokes.backward), len(strokes.backward) // legs
-    here, found = strokes.start[0], list[Leg]()
+    here, found = strokes.start[0], list[DrivenLeg]()
     for leg in range(legs):
         of_leg = slice(each * leg, each * (leg + 1))
         pieces = [(float(length), float(kappa)) for length, kappa in zip(lengths[of_leg], kappas[of_leg], strict=True)]
@@ -215,7 +215,7 @@ def _docked(place: Place, vehicle: Vehicle) -> Tried:
     return Tried(len(manoeuvre.legs), 1, (manoeuvre.size,), manoeuvre)
 
 
-def _judged(place: Place, vehicle: Vehicle, legs: tuple[Leg, ...]) -> Manoeuvre:
+def _judged(place: Place, vehicle: Vehicle, legs: tuple[DrivenLeg, ...]) -> Manoeuvre:
     """Return a manoeuvre with what it needs; what bows out between poses is added.
 
     Raises:

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import TurnError
-from hdvplan.turning.reversing.legs import Leg, articulated, driven, wheels_at_stop
+from hdvplan.turning.reversing.legs import DrivenLeg, articulated, driven, wheels_at_stop
 from hdvplan.turning.reversing.places import Place, dock_heading
 from hdvplan.vehicle.model import Vehicle
 
@@ -25,7 +25,7 @@ _FOUND_M = 1e-4
 _SCAN_M = 0.25  # between straights that are tried: a longer one may not pass what a shorter one does, along a row at an angle
 
 
-def pull_out(vehicle: Vehicle, place: Place, spacing: float) -> Leg:
+def pull_out(vehicle: Vehicle, place: Place, spacing: float) -> DrivenLeg:
     """Return the forward drive out of a dock with the shortest straight that passes its neighbours; poses ``spacing`` apart [m].
 
     Raises:
@@ -36,7 +36,7 @@ def pull_out(vehicle: Vehicle, place: Place, spacing: float) -> Leg:
     door = np.array([vehicle.reach_behind * np.cos(heading), vehicle.reach_behind * np.sin(heading), heading])
     arcs = _arcs(vehicle, np.pi - heading)
 
-    def out(straight: float) -> Leg:
+    def out(straight: float) -> DrivenLeg:
         return driven(vehicle, door, ((straight, 0.0), *arcs), spacing)
 
     def spare(straight: float) -> float:

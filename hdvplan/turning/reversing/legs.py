@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hdvplan.arrays import FloatArray, Records
+from hdvplan.road.legs import direction_of
 from hdvplan.turning.follow import integrate, motion
 from hdvplan.vehicle.kinematics import place_many
 from hdvplan.vehicle.model import Vehicle
@@ -115,7 +116,7 @@ def articulated(vehicle: Vehicle, pieces: Sequence[tuple[float, float]], counts:
 
 
 @dataclass(frozen=True)
-class Leg:
+class DrivenLeg:
     """A driven leg; arrays over its poses, in the order of driving."""
 
     backward: bool
@@ -126,19 +127,26 @@ class Leg:
     poses: Records  # of every unit (n, units)
 
     @property
+    def direction(self) -> str:
+        """What files and tables call the direction."""
+        return direction_of(backward=self.backward)
+
+    @property
     def length(self) -> float:
         """How far the lead rear axle is driven [m]."""
         return float(self.s[-1])
 
-    def reversed(self) -> Leg:
+    def reversed(self) -> DrivenLeg:
         """Return the leg played in reverse."""
-        return Leg(not self.backward, self.s[-1] - self.s[::-1], self.lead[::-1], self.beta[::-1], self.kappa[::-1], self.poses[::-1])
+        return DrivenLeg(not self.backward, self.s[-1] - self.s[::-1], self.lead[::-1], self.beta[::-1], self.kappa[::-1], self.poses[::-1])
 
 
-def driven(vehicle: Vehicle, start: FloatArray, pieces: Sequence[tuple[float, float]], spacing: float, *, backward: bool = False) -> Leg:
+def driven(
+    vehicle: Vehicle, start: FloatArray, pieces: Sequence[tuple[float, float]], spacing: float, *, backward: bool = False
+) -> DrivenLeg:
     """Return a leg from ``start`` (3,) along ``pieces`` (length, kappa), with poses at most ``spacing`` apart and at all ends [m].
 
-    Trailers are in line at its begin. Backwards only vehicles without trailers are driven; others by ``Leg.reversed``.
+    Trailers are in line at its begin. Backwards only vehicles without trailers are driven; others by ``DrivenLeg.reversed``.
     """
     wheels, sign = wheels_at_stop(vehicle), -1.0 if backward else 1.0
     pieces = [piece for piece in pieces if piece[0] > _NO_PIECE_M]
@@ -155,4 +163,4 @@ def driven(vehicle: Vehicle, start: FloatArray, pieces: Sequence[tuple[float, fl
     if couplings:
         beta[1:] = np.concatenate([part[1:] for part in articulated(vehicle, pieces, counts, np.zeros(couplings))])
     along, held = np.concatenate(lead), np.repeat([kappa for _, kappa in pieces], counts)
-    return Leg(backward, np.concatenate(s), along, beta, held, posed(vehicle, along, beta))
+    return DrivenLeg(backward, np.concatenate(s), along, beta, held, posed(vehicle, along, beta))

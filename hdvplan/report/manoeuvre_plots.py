@@ -1,4 +1,4 @@
-"""The picture of a manoeuvre: what it sweeps, to scale, with the standard's circles; its width and angles beside it."""
+"""The pictures of manoeuvres, to scale: of a turn with the standard's circles, and of forward and backward legs in their place."""
 
 from __future__ import annotations
 
@@ -9,20 +9,25 @@ import numpy as np
 import shapely
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
 
 from hdvplan.judging.result import body_name
 from hdvplan.report.colours import BREACH, INK, answer_colour, body_colour
 from hdvplan.report.layers import Layer
-from hdvplan.report.maps import draw_bodies, draw_features, scale_bar
+from hdvplan.report.leg_maps import Stop, draw_area, draw_line, draw_stop, ends_of
+from hdvplan.report.manoeuvre_layers import leg_area, line_of, shown_poses, turn_features, view_of
+from hdvplan.report.maps import draw_bodies, draw_features, outline_of, scale_bar
 from hdvplan.report.style import styled, write_head
-from hdvplan.report.turn_layers import shown_poses, turn_features
 from hdvplan.turning.follow import Followed
+from hdvplan.turning.reversing import words
+from hdvplan.turning.reversing.answer import Answer
 from hdvplan.turning.swept import chart_of
 from hdvplan.turning.turn import Turn, verdict
 from hdvplan.vehicle.body import corners_at
 
 _ROOM_M = 2.0
 _TITLE = 110  # characters a line
+_WIDE, _HIGH = 11.0, (6.0, 12.0)  # of the picture of legs [inches]
 
 
 @styled()
@@ -107,3 +112,37 @@ def turns_figure(turns: Mapping[str, Turn], inside: Mapping[str, float]) -> Figu
         axes.legend(loc="upper left", bbox_to_anchor=(0.0, 0.0), ncols=2, borderaxespad=0.2)
         axes.set_title(f"{name}: inside radius {turn.figures.wheels.inside:.2f} m", loc="left", fontsize="medium")
     return figure
+
+
+@styled()
+def reversal_figure(answer: Answer) -> Figure:
+    """Return the picture of a manoeuvre of forward and backward legs."""
+    left, low, right, high = view_of(answer).bounds
+    figure = Figure(figsize=(_WIDE, float(np.clip(_WIDE * (high - low) / (right - left) + 1.0, *_HIGH))), layout="constrained")
+    axes = figure.add_subplot()
+    _draw_legs(axes, answer)
+    axes.set_xlim(left, right)
+    axes.set_ylim(low, high)
+    axes.set_aspect("equal")
+    axes.set_axis_off()
+    scale_bar(axes)
+    axes.legend(loc="upper left", bbox_to_anchor=(0.0, 0.0), ncols=3, borderaxespad=0.2)
+    write_head(figure, words.verdict(answer), answer_colour(fits=answer.fits), notice=words.details(answer))
+    return figure
+
+
+def _draw_legs(axes: Axes, answer: Answer) -> None:
+    """Draw what stands, what is swept, the lead rear axle's lines, and the vehicle at begin, cusps and end."""
+    view, legs, named = view_of(answer), answer.chosen.manoeuvre.legs, set[bool]()
+    for number, block in enumerate(answer.blocks):
+        label = "walls, kerbs, parked vehicles" if number == 0 else None
+        axes.add_patch(PathPatch(outline_of(block.area(view)), facecolor="0.8", edgecolor=INK, linewidth=1.2, label=label, zorder=0.5))
+    for leg in legs:
+        area = shapely.union_all([leg_area(answer, leg, unit) for unit in range(len(answer.vehicle.units))])
+        draw_area(axes, area, backward=leg.backward, named=leg.backward not in named)
+        draw_line(axes, line_of(leg), backward=leg.backward, named=leg.backward not in named)
+        named.add(leg.backward)
+    for at, when, name in ends_of(len(legs)):
+        leg = legs[at]
+        draw_bodies(axes, corners_at(answer.vehicle, leg.poses[[when]]))
+        draw_stop(axes, Stop(name, at, when, np.degrees(leg.beta[when])), leg.lead[when, :2])
