@@ -38,11 +38,12 @@ from hdvplan.bench.suite import ROADS, Suite
 from hdvplan.case import Case
 from hdvplan.errors import HdvplanError
 from hdvplan.fileio import csv_bytes, write_atomically
+from hdvplan.judging.result import Result
 from hdvplan.machine import use_one_thread
 from hdvplan.planning.objectives import balanced, geometric
 from hdvplan.record import write_record
 from hdvplan.report.grid import markdown_table
-from hdvplan.reproduce.swept import Swept, whole_manoeuvre
+from hdvplan.reproduce.swept import whole_manoeuvre
 from hdvplan.road.load import load_road
 from hdvplan.road.road import Road
 from hdvplan.vehicle.load import load_vehicle
@@ -98,7 +99,7 @@ TIMED_ROUNDS = 8  # every step counts with the fastest: a busy machine only ever
 
 def family(driven: list[Case]) -> pd.DataFrame:
     """Return every S-turn driven with every candidate."""
-    ways: dict[str, Callable[[Road, Vehicle], Swept]] = {
+    ways: dict[str, Callable[[Road, Vehicle], Result]] = {
         "geometric": lambda road, vehicle: run(road, vehicle, geometric, RTI, driven),
         "deferred correction": lambda road, vehicle: deferred(road, vehicle, RTI, driven),
         "balanced": lambda road, vehicle: run(road, vehicle, balanced, RTI, driven),
@@ -209,7 +210,7 @@ def real_roads(driven: list[Case]) -> pd.DataFrame:
                 print(f"{road_name}, {name}, {way}: {error}", file=sys.stderr)
                 continue
             left, right = road.limits.table(found.envelope.s)[:2] if road.limits is not None else (np.inf, -np.inf)
-            room = float(min(np.min(left - found.left), np.min(-right - found.right)))
+            room = float(min(np.min(left - found.envelope.reach_left), np.min(found.envelope.reach_right - right)))
             rows.append({"vehicle": name, "road": road_name, "objective": way, "clearance_m": room} | numbers(found))
         print(f"{name}, {road_name}", file=sys.stderr)
     return pd.DataFrame(rows)

@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter1d
 from hdvplan.api import drive_case
 from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
-from hdvplan.judging.envelope import envelope_of
+from hdvplan.judging.result import Result, result_of
 from hdvplan.planning.assembly import assemble
 from hdvplan.planning.objectives import Goal, Objective, balanced, geometric
 from hdvplan.planning.planner import Plan
@@ -21,7 +21,7 @@ from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.balance import BalancePart, EnvelopeBalance
 from hdvplan.planning.terms.centring import Centring, CentringPart, Residual
 from hdvplan.planning.terms.term import Horizon, Needs, Place, Scene
-from hdvplan.reproduce.swept import Swept, road_of, swept
+from hdvplan.reproduce.swept import road_of, swept, unevenness
 from hdvplan.road.road import Road
 from hdvplan.road.scenarios import sturn_profile
 from hdvplan.vehicle.model import Vehicle
@@ -66,7 +66,7 @@ def case_of(road: Road, vehicle: Vehicle, objective: Objective, settings: Planne
     return Case(road, vehicle, f"balanced: {changes}", settings=settings)
 
 
-def run(road: Road, vehicle: Vehicle, objective: Objective, settings: PlannerSettings, driven: list[Case]) -> Swept:
+def run(road: Road, vehicle: Vehicle, objective: Objective, settings: PlannerSettings, driven: list[Case]) -> Result:
     """Drive and measure; what was driven is added to ``driven``."""
     driven.append(case_of(road, vehicle, objective, settings))
     return swept(driven[-1], objective)
@@ -77,13 +77,13 @@ def case_road(curvature: float, sharpness: float) -> Road:
     return road_of("sturn", sturn_profile(curvature, sharpness))
 
 
-def numbers(found: Swept) -> dict[str, float]:
+def numbers(found: Result) -> dict[str, float]:
     """Return what a drive is judged by; lengths in metres."""
-    kappa, imbalance = found.drive.kappa, np.abs(found.left - found.right)
+    kappa, imbalance = found.drive.kappa, np.abs(unevenness(found))
     return {
         "mean_abs_imbalance_m": float(np.mean(imbalance)),
         "max_abs_imbalance_m": float(np.max(imbalance)),
-        "furthest_m": found.furthest,
+        "furthest_m": found.balance.half_width,
         "sum_squared_changes": float(np.sum(np.diff(kappa) ** 2)),
         "max_kappa_per_m": float(np.max(np.abs(kappa))),
         "programs": float(np.mean([plan.qp_count for plan in found.drive.plans[1:]] or [1])),
@@ -132,15 +132,15 @@ class Deferred:
         targets[stage[inside]] -= CRUDE_GAIN * 0.5 * (1.0 + weight) * smooth[inside]
 
 
-def deferred(road: Road, vehicle: Vehicle, settings: PlannerSettings, driven: list[Case]) -> Swept:
+def deferred(road: Road, vehicle: Vehicle, settings: PlannerSettings, driven: list[Case]) -> Result:
     """Drive with the crude rule."""
     rule = Deferred(vehicle, settings)
     driven.append(Case(road, vehicle, "deferred correction", settings=settings))
     done = drive_case(driven[-1], rule.objective, on_plan=rule.correct)
-    return Swept(driven[-1], done, envelope_of(done))
+    return result_of(done, solver=driven[-1].solver, objective=driven[-1].objective)
 
 
-def corrected(case: Case, target: FloatArray | None) -> tuple[Swept, FloatArray]:
+def corrected(case: Case, target: FloatArray | None) -> tuple[Result, FloatArray]:
     """Plan the whole manoeuvre to convergence with the target c, and return the next one by the crude rule."""
 
     def objective(stations: Stations, vehicle: Vehicle) -> Goal:
@@ -150,7 +150,7 @@ def corrected(case: Case, target: FloatArray | None) -> tuple[Swept, FloatArray]
     found, vehicle = swept(case, objective), case.vehicle
     stations = found.drive.stations
     middle = 0.5 * (vehicle.reach_ahead - vehicle.reach_behind)
-    smooth = gaussian_filter1d(found.left - found.right, CRUDE_LOW_PASS_M / 0.25, mode="nearest")
+    smooth = gaussian_filter1d(unevenness(found), CRUDE_LOW_PASS_M / 0.25, mode="nearest")
     seen = np.interp(stations.s + middle, found.envelope.s, smooth, right=0.0)
     residual = _residual_of(objective(stations, vehicle))
     return found, residual.target - CRUDE_GAIN * 0.5 * (1.0 + residual.lead) * seen

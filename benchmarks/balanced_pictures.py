@@ -9,11 +9,12 @@ import pandas as pd
 from balanced_drives import EXAMPLE, RTI, VEHICLES, case_road
 
 from hdvplan.case import Case
-from hdvplan.reproduce.swept import Swept, swept
+from hdvplan.judging.result import Result
+from hdvplan.reproduce.swept import swept, unevenness
 from hdvplan.vehicle.load import load_vehicle
 
 
-def example(name: str) -> dict[str, Swept]:
+def example(name: str) -> dict[str, Result]:
     """Return the example S-turn driven with both objectives."""
     road, vehicle = case_road(*EXAMPLE), load_vehicle(name)
     return {objective: swept(Case(road, vehicle, objective, settings=RTI)) for objective in ("geometric", "balanced")}
@@ -31,9 +32,9 @@ def draw_examples(path: Path) -> None:
         for column, name in enumerate(VEHICLES):
             for (way, found), colour in zip(example(name).items(), ("0.45", "#0072B2"), strict=True):
                 s = found.envelope.s
-                axes[0, column].plot(s, found.left, color=colour, label=f"{way}: left")
-                axes[0, column].plot(s, found.right, color=colour, linestyle="--", label="right")
-                axes[1, column].plot(s, found.left - found.right, color=colour, label=way)
+                axes[0, column].plot(s, found.envelope.reach_left, color=colour, label=f"{way}: left")
+                axes[0, column].plot(s, -found.envelope.reach_right, color=colour, linestyle="--", label="right")
+                axes[1, column].plot(s, unevenness(found), color=colour, label=way)
                 axes[2, column].plot(found.drive.stations.s[: len(found.drive.kappa)], found.drive.kappa, color=colour, label=way)
             axes[0, column].plot(s, found.expected.half_width, color="#E69F00", linewidth=0.8, label="stationary half width")
             axes[2, column].plot(s, found.drive.road.path.at(s).curvature, color="#E69F00", linewidth=0.8, label="road")

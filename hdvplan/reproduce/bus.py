@@ -12,12 +12,12 @@ from matplotlib.figure import Figure
 
 from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
-from hdvplan.judging.balance import balance_of
+from hdvplan.judging.result import Result
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.report.style import styled
 from hdvplan.reproduce import drawing, published
 from hdvplan.reproduce.study import Progress, Row, Study
-from hdvplan.reproduce.swept import Swept, road_of, sides_of, swept
+from hdvplan.reproduce.swept import road_of, sides_of, swept
 from hdvplan.road.limits import Limits
 from hdvplan.road.road import Road
 from hdvplan.road.scenarios import uturn, uturn_profile
@@ -53,10 +53,10 @@ def bus_uturn(on_progress: Progress) -> Study:
         "Limits at +-3.0 m, curvature up to 0.060 1/m; receding horizon (RTI), envelope of the exact simulation.",
         (previous.case, proposed.case),
         (
-            Row("previous method, max right", "m", published.UTURN_PREVIOUS_RIGHT, previous.reaches[1], headline=True),
-            Row("previous method, max left", "m", published.UTURN_PREVIOUS_LEFT, previous.reaches[0], _ROAD, headline=True),
-            Row("proposed method, max right", "m", published.UTURN_PROPOSED_RIGHT, proposed.reaches[1], _RIGHT, headline=True),
-            Row("proposed method, max left", "m", published.UTURN_PROPOSED_LEFT, proposed.reaches[0], _LEFT, headline=True),
+            Row("previous method, max right", "m", published.UTURN_PREVIOUS_RIGHT, previous.balance.max_right, headline=True),
+            Row("previous method, max left", "m", published.UTURN_PREVIOUS_LEFT, previous.balance.max_left, _ROAD, headline=True),
+            Row("proposed method, max right", "m", published.UTURN_PROPOSED_RIGHT, proposed.balance.max_right, _RIGHT, headline=True),
+            Row("proposed method, max left", "m", published.UTURN_PROPOSED_LEFT, proposed.balance.max_left, _LEFT, headline=True),
             Row("geometric half width", "m", None, float(expected.max()), _EXPECTED),
         ),
         sides_of({"previous": previous, "proposed": proposed}).assign(geometric_half_width=expected),
@@ -65,7 +65,7 @@ def bus_uturn(on_progress: Progress) -> Study:
 
 
 @styled()
-def _uturn_figure(previous: Swept, proposed: Swept) -> Figure:
+def _uturn_figure(previous: Result, proposed: Result) -> Figure:
     """Return [GEO] fig. 7: the bus on the road by the previous method, blue, and the proposed one, yellow; beside it the reaches."""
     figure = Figure(figsize=(12.0, 5.2), layout="constrained")
     road, reach = figure.subplots(1, 2, width_ratios=(1.25, 1.0))
@@ -90,26 +90,26 @@ def overhang(on_progress: Progress) -> Study:
     bus, free = load_vehicle("bus"), PlannerSettings(overhang_cost=0.0)
     road = road_of("bend", uturn_profile(_CURVATURE, _RAMP_M, angle=0.5 * np.pi))
     half, wide = 0.5 * _LANE_M, 0.5 * _SWEEPABLE_M
-    found: list[Swept] = []
+    found: list[Result] = []
     rows: list[Row] = []
     columns: dict[str, FloatArray] = {}
     for number, (wheels, settings) in enumerate(((wide, free), (half, free), (half, PlannerSettings()))):
         one = swept(Case(with_regions(road, wheels, wide), bus, "lead-axle", settings=settings))
         found.append(one)
-        beyond, furthest = outside(one, half), one.furthest - half
+        beyond, furthest = outside(one, half), one.balance.half_width - half
         area = float(np.trapezoid(beyond, one.envelope.s))
         rows.append(Row(f"furthest outside, {WORDS[number]}", "m", published.OVERHANG_M[number], furthest, _ORDER, headline=True))
         rows.append(Row(f"area outside, {WORDS[number]}", "m^2", published.OVERHANG_AREA_M2[number], area, _ORDER, headline=True))
         columns |= {
             "s": found[0].envelope.s,
-            f"left_{number + 1}": one.left,
-            f"right_{number + 1}": -one.right,
+            f"left_{number + 1}": one.envelope.reach_left,
+            f"right_{number + 1}": one.envelope.reach_right,
             f"outside_{number + 1}": beyond,
         }
         on_progress(0.3 * len(found))
     touching = swept(Case(uturn(), bus, "lead-axle"))
     on_progress(1.0)
-    kept = balance_of(touching.drive, touching.envelope).min_clearance
+    kept = touching.balance.min_clearance
     rows.append(Row("kept from a hard limit", "m", published.KEPT_FROM_LIMIT, np.nan if kept is None else kept, _KEPT, headline=True))
     return Study(
         "overhang",
@@ -129,14 +129,14 @@ def with_regions(road: Road, wheels: float, overhangs: float) -> Road:
     return replace(road, limits=Limits(s, wheels * one, -wheels * one, overhangs * one, -overhangs * one))
 
 
-def outside(found: Swept, half: float) -> FloatArray:
+def outside(found: Result, half: float) -> FloatArray:
     """Return how far anything reaches out of a lane of half width ``half``, both sides added up, shape (n,) [m]."""
-    beyond: FloatArray = np.maximum(found.left - half, 0.0) + np.maximum(found.right - half, 0.0)
+    beyond: FloatArray = np.maximum(found.envelope.reach_left - half, 0.0) + np.maximum(-found.envelope.reach_right - half, 0.0)
     return beyond
 
 
 @styled()
-def _overhang_figure(found: Mapping[str, Swept], half: float) -> Figure:
+def _overhang_figure(found: Mapping[str, Result], half: float) -> Figure:
     """Return [BUS] figs. 6-8: what the bus sweeps outside a lane of half width ``half`` [m] by each rule, on the road and over s."""
     figure = Figure(figsize=(13.0, 5.2), layout="constrained")
     road, envelope = figure.subplots(1, 2, width_ratios=(1.0, 1.3))

@@ -10,9 +10,9 @@ from matplotlib.patches import PathPatch
 
 from hdvplan.arrays import FloatArray
 from hdvplan.judging.bodies import corners, pose_at
+from hdvplan.judging.result import Result
 from hdvplan.report.geojson import swept_area
 from hdvplan.report.maps import draw_direction, finish_map, outline_of
-from hdvplan.reproduce.swept import Swept
 
 BLUE, YELLOW, GREY = "#0072B2", "#E69F00", "0.35"  # the papers' blue and yellow, as Okabe and Ito have them
 _PALE = 0.45
@@ -21,7 +21,7 @@ BODIES_M = 15.0  # of road between two drawn buses
 COLOURS = (BLUE, "#D55E00", "#009E73", YELLOW, "#CC79A7")
 
 
-def area(axes: Axes, found: Swept, colour: str, label: str, *, unit: int | None = None) -> None:
+def area(axes: Axes, found: Result, colour: str, label: str, *, unit: int | None = None) -> None:
     """Draw the swept area of one body, or of all, in the pale version of a colour: opaque, as overlaps must not mix to a third one."""
     fill = 1.0 - _PALE * (1.0 - np.array(to_rgb(colour)))
     envelope = found.envelope
@@ -30,14 +30,14 @@ def area(axes: Axes, found: Swept, colour: str, label: str, *, unit: int | None 
     axes.add_patch(PathPatch(outline, facecolor=fill, edgecolor=colour, linewidth=0.8, label=label))
 
 
-def bodies(axes: Axes, found: Swept, apart: float, colour: str) -> None:
+def bodies(axes: Axes, found: Result, apart: float, colour: str) -> None:
     """Draw outlines of the bodies every ``apart`` [m] of road."""
     places = np.arange(apart, found.drive.road.path.length, apart)
     outlines = list(corners(found.drive, np.array([pose_at(found.drive, float(s)) for s in places])).reshape(-1, 4, 2))
     axes.add_collection(PolyCollection(outlines, facecolors="none", edgecolors=colour, linewidths=0.9, zorder=3))
 
 
-def road(axes: Axes, found: Swept) -> None:
+def road(axes: Axes, found: Result) -> None:
     """Draw the road's centre and limits, to scale."""
     path, limits = found.drive.road.path, found.drive.road.limits
     s = np.linspace(0.0, path.length, 400)
@@ -53,7 +53,7 @@ def road(axes: Axes, found: Swept) -> None:
     finish_map(axes, north=False)
 
 
-def limits(axes: Axes, found: Swept) -> None:
+def limits(axes: Axes, found: Result) -> None:
     """Draw the limits over s."""
     limits = found.drive.road.limits
     if limits is not None:
@@ -81,7 +81,12 @@ def finish(axes: Axes, x: str, y: str, title: str) -> None:
     axes.legend(fontsize="small", loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
 
 
-def reach(axes: Axes, found: Swept, colour: str, label: str) -> None:
+def reach(axes: Axes, found: Result, colour: str, label: str) -> None:
     """Plot how far a drive reaches to the left and, downwards, to the right."""
-    axes.plot(found.envelope.s, found.left, color=colour, label=label)
-    axes.plot(found.envelope.s, -found.right, color=colour)
+    axes.plot(found.envelope.s, found.envelope.reach_left, color=colour, label=label)
+    axes.plot(found.envelope.s, found.envelope.reach_right, color=colour)
+
+
+def sides(found: Result) -> str:
+    """Return how far a drive reaches to either side, in words."""
+    return f"{found.balance.max_left:.2f} m left, {found.balance.max_right:.2f} m right"

@@ -14,13 +14,14 @@ from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.centring.stationary import stationary
 from hdvplan.centring.weights import CentringTable
+from hdvplan.judging.result import Result
 from hdvplan.planning.objectives import Goal, Objective, axle_max
 from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.centring import Reach
 from hdvplan.report.style import styled
 from hdvplan.reproduce import drawing, published
 from hdvplan.reproduce.study import Progress, Row, Study
-from hdvplan.reproduce.swept import REFERENCE_STEP_M, Swept, road_of, sides_of, swept, whole_manoeuvre
+from hdvplan.reproduce.swept import REFERENCE_STEP_M, area_difference, road_of, sides_of, swept, whole_manoeuvre
 from hdvplan.road.scenarios import uturn_articulated, uturn_profile
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
@@ -99,7 +100,7 @@ def objectives(on_progress: Progress) -> Study:
     )
 
 
-def plan_whole(vehicle: Vehicle, objective: str, step: float) -> tuple[Swept, float]:
+def plan_whole(vehicle: Vehicle, objective: str, step: float) -> tuple[Result, float]:
     """Return the whole U-turn planned in one horizon, and the time that planning took at its fastest [s]."""
     road = uturn_articulated()
     case = Case(road, vehicle, objective, settings=whole_manoeuvre(road, step))
@@ -115,7 +116,7 @@ def search(vehicle: Vehicle, curvatures: tuple[float, ...] = CURVATURES) -> Sear
         road = road_of("uturn", uturn_profile(curvature, 1.0))
         for number, share in enumerate(SHARES):
             cases.append(Case(road, vehicle, f"art-weighted:{float(share)!r}"))
-            scores[number] += abs(swept(cases[-1]).area_difference)
+            scores[number] += abs(area_difference(swept(cases[-1])))
     searched = process_time()
     sharpest = np.array([max(curvatures)])
     table = CentringTable.of(vehicle)
@@ -132,15 +133,15 @@ def _alone(objective: Objective, stations: Stations, vehicle: Vehicle) -> Goal:
     return replace(goal, terms=tuple(term for term in goal.terms if isinstance(term, Reach)))
 
 
-def _reach_rows(planned: dict[str, Swept], free: Swept) -> list[Row]:
+def _reach_rows(planned: dict[str, Result], free: Result) -> list[Row]:
     rows = []
     for name, found in planned.items():
         theirs, (left, right) = published.OBJECTIVES[name], _REACH[name]
-        rows.append(Row(f"{name} ({WORDS[name]}), max left", "m", theirs.left, found.reaches[0], left, headline=True))
-        rows.append(Row(f"{name}, max right", "m", theirs.right, found.reaches[1], right, headline=True))
-        rows.append(Row(f"{name}, aL - aR", "m^2", theirs.area, found.area_difference, _AREA[name]))
+        rows.append(Row(f"{name} ({WORDS[name]}), max left", "m", theirs.left, found.balance.max_left, left, headline=True))
+        rows.append(Row(f"{name}, max right", "m", theirs.right, found.balance.max_right, right, headline=True))
+        rows.append(Row(f"{name}, aL - aR", "m^2", theirs.area, area_difference(found), _AREA[name]))
         if name == "J4":
-            rows.append(Row("J4 without its second term, aL - aR", "m^2", theirs.area, free.area_difference, _FREE))
+            rows.append(Row("J4 without its second term, aL - aR", "m^2", theirs.area, area_difference(free), _FREE))
     return rows
 
 
@@ -169,7 +170,7 @@ def _search_rows(searches: list[Search]) -> list[Row]:
 
 
 @styled()
-def _figure(planned: Mapping[str, Swept], searches: list[Search]) -> Figure:
+def _figure(planned: Mapping[str, Result], searches: list[Search]) -> Figure:
     """Return [ART] figs. 4-5: the U-turn by every objective; below the envelopes, and the search for K."""
     figure = Figure(figsize=(15.0, 7.6), layout="constrained")
     grid = figure.add_gridspec(2, 1, height_ratios=(1.0, 2.0))
@@ -179,7 +180,7 @@ def _figure(planned: Mapping[str, Swept], searches: list[Search]) -> Figure:
         drawing.area(axes, found, colour, "swept area")
         drawing.bodies(axes, found, 26.0, "0.15")
         drawing.road(axes, found)
-        axes.set_title(f"{name}: {WORDS[name]}\n{found.left.max():.2f} m left, {found.right.max():.2f} m right", fontsize="medium")
+        axes.set_title(f"{name}: {WORDS[name]}\n{drawing.sides(found)}", fontsize="medium")
     envelope, searching = figure.add_subplot(below[0]), figure.add_subplot(below[1])
     for (name, found), colour in zip(planned.items(), drawing.COLOURS, strict=True):
         drawing.reach(envelope, found, colour, name)

@@ -13,12 +13,13 @@ from matplotlib.figure import Figure
 
 from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
+from hdvplan.judging.result import Result
 from hdvplan.planning.settings import Discretisation, PlannerSettings
 from hdvplan.report.style import styled
 from hdvplan.reproduce import drawing, published
 from hdvplan.reproduce.published import Number
 from hdvplan.reproduce.study import Progress, Row, Study
-from hdvplan.reproduce.swept import Swept, predicted, swept, whole_manoeuvre
+from hdvplan.reproduce.swept import predicted, swept, whole_manoeuvre
 from hdvplan.road import scenarios
 from hdvplan.vehicle.load import load_vehicle
 
@@ -50,7 +51,7 @@ def roundabout(on_progress: Progress) -> Study:
     )
 
 
-def deviations(planned: Swept, curves: dict[str, FloatArray]) -> dict[str, tuple[FloatArray, FloatArray]]:
+def deviations(planned: Result, curves: dict[str, FloatArray]) -> dict[str, tuple[FloatArray, FloatArray]]:
     """Return for ``kappa`` [1/m] and ``beta`` [rad] the arclengths of the published curve's points and ours less theirs there."""
     drive = planned.drive
     ours = {"kappa": np.append(drive.kappa, drive.kappa[-1]), "beta": drive.z[:, 2]}
@@ -61,14 +62,14 @@ def deviations(planned: Swept, curves: dict[str, FloatArray]) -> dict[str, tuple
     return found
 
 
-def _rows(planned: Swept, believed: Swept, curves: dict[str, FloatArray]) -> tuple[Row, ...]:
+def _rows(planned: Result, believed: Result, curves: dict[str, FloatArray]) -> tuple[Row, ...]:
     found, drive = deviations(planned, curves), planned.drive
     middle = int(np.mean(CONSTANT_M) / drive.settings.step)
     rows = [
-        Row("max left", "m", published.ROUNDABOUT_LEFT, planned.reaches[0], _SIMULATED, headline=True),
-        Row("max right", "m", published.ROUNDABOUT_RIGHT, planned.reaches[1], _SAMPLED, headline=True),
-        Row("max left as an Euler plan predicts it", "m", published.ROUNDABOUT_LEFT, believed.reaches[0]),
-        Row("max right as an Euler plan predicts it", "m", published.ROUNDABOUT_RIGHT, believed.reaches[1], _SAMPLED),
+        Row("max left", "m", published.ROUNDABOUT_LEFT, planned.balance.max_left, _SIMULATED, headline=True),
+        Row("max right", "m", published.ROUNDABOUT_RIGHT, planned.balance.max_right, _SAMPLED, headline=True),
+        Row("max left as an Euler plan predicts it", "m", published.ROUNDABOUT_LEFT, believed.balance.max_left),
+        Row("max right as an Euler plan predicts it", "m", published.ROUNDABOUT_RIGHT, believed.balance.max_right, _SAMPLED),
         Row("expected half width", "m", published.ROUNDABOUT_EXPECTED, float(planned.expected.half_width.max())),
         Row("tractor curvature, constant part", "1/m", published.ROUNDABOUT_KAPPA, float(drive.kappa[middle]), headline=True),
         Row("articulation, constant part", "rad", published.ROUNDABOUT_BETA, float(drive.z[middle, 2]), headline=True),
@@ -86,14 +87,14 @@ def _rows(planned: Swept, believed: Swept, curves: dict[str, FloatArray]) -> tup
     return tuple(rows)
 
 
-def _data(planned: Swept, curves: dict[str, FloatArray]) -> pd.DataFrame:
+def _data(planned: Result, curves: dict[str, FloatArray]) -> pd.DataFrame:
     """Return ours and theirs on the envelope's arclengths; theirs interpolated between the digitised points."""
     drive, s = planned.drive, planned.envelope.s
     expected, stations = planned.expected, drive.stations.s
     columns = {
         "s": s,
-        "left": planned.left,
-        "right": -planned.right,
+        "left": planned.envelope.reach_left,
+        "right": planned.envelope.reach_right,
         "kappa_road": drive.road.path.at(s).curvature,
         "kappa_geometric": expected.kappa,
         "kappa": np.interp(s, stations[: len(drive.kappa)], drive.kappa),
@@ -107,7 +108,7 @@ def _data(planned: Swept, curves: dict[str, FloatArray]) -> pd.DataFrame:
 
 
 @styled()
-def _figure(planned: Swept, curves: Mapping[str, FloatArray]) -> Figure:
+def _figure(planned: Result, curves: Mapping[str, FloatArray]) -> Figure:
     """Return [GEO] figs. 8-10: swept area; envelope; curvature and articulation; the published curves pale underneath."""
     figure = Figure(figsize=(13.0, 8.0), layout="constrained")
     grid = figure.add_gridspec(3, 2, width_ratios=(1.0, 1.25))
@@ -121,13 +122,11 @@ def _figure(planned: Swept, curves: Mapping[str, FloatArray]) -> Figure:
     road.legend(fontsize="small", loc="upper left")
     for side, label in (("left", "published"), ("right", None)):
         _plot_published(envelope, curves[f"env_plan_{side}"], label)
-    envelope.plot(s, planned.left, color=drawing.BLUE, linewidth=1.4, label="planned")
-    envelope.plot(s, -planned.right, color=drawing.BLUE, linewidth=1.4)
+    envelope.plot(s, planned.envelope.reach_left, color=drawing.BLUE, linewidth=1.4, label="planned")
+    envelope.plot(s, planned.envelope.reach_right, color=drawing.BLUE, linewidth=1.4)
     drawing.pair(envelope, s, expected.half_width, "geometric")
     drawing.limits(envelope, planned)
-    drawing.finish(
-        envelope, "", "reach [m], left positive", f"fig. 9: envelope, {planned.left.max():.2f} m left, {planned.right.max():.2f} m right"
-    )
+    drawing.finish(envelope, "", "reach [m], left positive", f"fig. 9: envelope, {drawing.sides(planned)}")
     _plot_published(curvature, curves["kappa_plan"], "published")
     curvature.plot(s, drive.road.path.at(s).curvature, color="0.55", linewidth=1.0, label="road")
     curvature.stairs(

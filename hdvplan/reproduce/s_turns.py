@@ -14,7 +14,7 @@ from hdvplan.centring.stationary import stationary
 from hdvplan.report.style import styled
 from hdvplan.reproduce import published
 from hdvplan.reproduce.study import Progress, Row, Study
-from hdvplan.reproduce.swept import Swept, road_of, swept
+from hdvplan.reproduce.swept import road_of, swept, unevenness
 from hdvplan.road.scenarios import sturn_profile
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
@@ -70,14 +70,9 @@ def compare(cases: list[Case]) -> dict[str, float]:
     names = ("fixed_sum", "varying_sum", "fixed_abs", "varying_abs", "improvement")
     if not cases:
         return dict.fromkeys(names, np.nan)
-    fixed, varying = (_unevenness(swept(case)) for case in cases)
-    return dict(zip(names, (fixed[0], varying[0], fixed[1], varying[1], 100.0 * (fixed[1] - varying[1]) / fixed[1]), strict=True))
-
-
-def _unevenness(found: Swept) -> tuple[float, float]:
-    """Return the sums of d and of |d| over the samples [m]."""
-    d = found.left - found.right
-    return float(np.sum(d)), float(np.sum(np.abs(d)))
+    d = [unevenness(swept(case)) for case in cases]
+    signed, (fixed, varying) = (float(np.sum(one)) for one in d), (float(np.sum(np.abs(one))) for one in d)
+    return dict(zip(names, (*signed, fixed, varying, 100.0 * (fixed - varying) / fixed), strict=True))
 
 
 def _rows(data: pd.DataFrame) -> tuple[Row, ...]:

@@ -11,13 +11,14 @@ from hdvplan.bench.measuring.courses import with_limits
 from hdvplan.bench.suite import Suite
 from hdvplan.case import Case
 from hdvplan.centring.weights import CentringTable
+from hdvplan.judging.result import Result
 from hdvplan.planning.assembly import assemble
 from hdvplan.planning.objectives import Goal, Objective, balanced, geometric
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import Stations, stations_of
 from hdvplan.planning.terms.balance import BalancePart, EnvelopeBalance, tracing_points
 from hdvplan.planning.terms.term import Part, Scene
-from hdvplan.reproduce.swept import Swept, predicted, road_of, whole_manoeuvre
+from hdvplan.reproduce.swept import predicted, road_of, unevenness, whole_manoeuvre
 from hdvplan.reproduce.swept import swept as swept_by
 from hdvplan.road.road import Road
 from hdvplan.road.scenarios import sturn_profile, turn_profile
@@ -32,7 +33,7 @@ ROAD = road_of("sturn", sturn_profile(0.05, 0.01))
 RTI = PlannerSettings()
 
 
-def swept(road: Road, vehicle: Vehicle, objective: Objective, settings: PlannerSettings) -> Swept:
+def swept(road: Road, vehicle: Vehicle, objective: Objective, settings: PlannerSettings) -> Result:
     return swept_by(Case(road, vehicle, "mine", settings=settings), objective)
 
 
@@ -46,12 +47,12 @@ def with_fields(rounds: int = 10, **changes: float) -> Objective:
 
 
 @cache
-def on_s_turn(name: str, *, even: bool, scheme: Scheme = Scheme.RTI) -> Swept:
+def on_s_turn(name: str, *, even: bool, scheme: Scheme = Scheme.RTI) -> Result:
     return swept(ROAD, load_vehicle(name), balanced if even else geometric, PlannerSettings(scheme=scheme))
 
 
-def mean_imbalance(found: Swept) -> float:
-    return float(np.mean(np.abs(found.left - found.right)))
+def mean_imbalance(found: Result) -> float:
+    return float(np.mean(np.abs(unevenness(found))))
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,7 @@ class Memory:
         return self.balance.window.stages
 
 
-def whole(vehicle: Vehicle) -> tuple[Swept, Memory, FloatArray]:
+def whole(vehicle: Vehicle) -> tuple[Result, Memory, FloatArray]:
     """Return the geometric plan of the whole S-turn, a memory that balances all of it, and the plan's states."""
     settings = whole_manoeuvre(ROAD, 0.5)
     found = swept(ROAD, vehicle, geometric, settings)
@@ -172,8 +173,8 @@ def test_a_circle_is_swept_as_the_stationary_geometry_says(vehicle: Vehicle) -> 
     expected = CentringTable.of(vehicle).at(np.array([0.04]))
     middle = (found.envelope.s > 100.0) & (found.envelope.s < 130.0)
     # tracks 0.5 m apart cut the corner's circle by 1.3 mm, and the plan balances what it measures
-    assert np.max(np.abs(found.left[middle] - expected.half_width[0])) < 0.005
-    assert np.max(np.abs(found.right[middle] - expected.half_width[0])) < 0.005
+    assert np.max(np.abs(found.envelope.reach_left[middle] - expected.half_width[0])) < 0.005
+    assert np.max(np.abs(-found.envelope.reach_right[middle] - expected.half_width[0])) < 0.005
     stations = found.drive.stations.s[:-1][: len(found.drive.kappa)]
     kappa = found.drive.kappa[(stations > 100.0) & (stations < 130.0)]
     assert np.max(np.abs(kappa - expected.kappa[0])) < 2e-4
@@ -184,7 +185,7 @@ def test_a_circle_is_swept_as_the_stationary_geometry_says(vehicle: Vehicle) -> 
 def test_an_s_turn_is_swept_far_more_evenly_at_hardly_more_reach(name: str, gain: float, scheme: Scheme) -> None:
     base, even = on_s_turn(name, even=False, scheme=scheme), on_s_turn(name, even=True, scheme=scheme)
     assert mean_imbalance(even) < (1.0 - gain) * mean_imbalance(base)
-    assert even.furthest < 1.05 * base.furthest
+    assert even.balance.half_width < 1.05 * base.balance.half_width
 
 
 def test_real_time_iterations_solve_one_program_a_step() -> None:
@@ -210,6 +211,6 @@ def test_a_horizon_shorter_than_the_vehicle_leaves_the_stationary_residual() -> 
 
 def test_limits_hold_beside_the_balance() -> None:
     vehicle = VEHICLES[1]
-    free = swept(ROAD, vehicle, balanced, RTI).furthest
+    free = swept(ROAD, vehicle, balanced, RTI).balance.half_width
     road = with_limits(ROAD, vehicle, Suite(half_width=free - 0.03))
-    assert swept(road, vehicle, balanced, RTI).furthest < free - 0.02  # kept to 1 cm, as everywhere
+    assert swept(road, vehicle, balanced, RTI).balance.half_width < free - 0.02  # kept to 1 cm, as everywhere

@@ -2,16 +2,16 @@
 
 import pytest
 
+from hdvplan.judging.result import Result
 from hdvplan.reproduce.objectives import OBJECTIVES, SHARES, objectives, plan_whole, search
-from hdvplan.reproduce.swept import Swept
 from hdvplan.vehicle.load import load_vehicle
 from tests.reproduce.conftest import by_name, silent
 
 
 @pytest.fixture(scope="module")
-def planned() -> dict[str, tuple[Swept, float]]:
+def planned() -> dict[str, tuple[Result, float]]:
     vehicle = load_vehicle("tractor-trailer-24m")
-    found: dict[str, tuple[Swept, float]] = {}
+    found: dict[str, tuple[Result, float]] = {}
     for name, objective in OBJECTIVES.items():
         with pytest.MonkeyPatch.context() as patched:
             if name != "J5":  # the one whose time is looked at
@@ -22,20 +22,20 @@ def planned() -> dict[str, tuple[Swept, float]]:
 
 @pytest.mark.parametrize(("name", "left", "right"), [("J1", 8.5, 2.1), ("J2", 2.1, 7.9), ("J3", 4.83, 4.85)])
 def test_the_first_three_objectives_reach_as_far_as_they_must(
-    planned: dict[str, tuple[Swept, float]], name: str, left: float, right: float
+    planned: dict[str, tuple[Result, float]], name: str, left: float, right: float
 ) -> None:
     found, _ = planned[name]
-    assert abs(found.left.max() - left) <= 0.15  # lead-in, ramps and smoothness weight are not published
-    assert abs(found.right.max() - right) <= 0.15
+    assert abs(found.balance.max_left - left) <= 0.15  # lead-in, ramps and smoothness weight are not published
+    assert abs(found.balance.max_right - right) <= 0.15
 
 
-def test_the_swept_area_itself_is_reached_least_far_by_its_own_objective(planned: dict[str, tuple[Swept, float]]) -> None:
-    furthest = {name: found.furthest for name, (found, _) in planned.items()}
+def test_the_swept_area_itself_is_reached_least_far_by_its_own_objective(planned: dict[str, tuple[Result, float]]) -> None:
+    furthest = {name: found.balance.half_width for name, (found, _) in planned.items()}
     assert furthest["J5"] == min(furthest.values())
     assert furthest["J5"] <= furthest["J3"]
 
 
-def test_every_plan_is_converged_and_predicts_what_is_driven(planned: dict[str, tuple[Swept, float]]) -> None:
+def test_every_plan_is_converged_and_predicts_what_is_driven(planned: dict[str, tuple[Result, float]]) -> None:
     for found, _ in planned.values():
         (plan,) = found.drive.plans
         assert plan.usable
