@@ -10,6 +10,7 @@ from hdvplan.arrays import FloatArray
 from hdvplan.judging.balance import Breach
 from hdvplan.judging.envelope import steering_of
 from hdvplan.judging.fit import finding_json
+from hdvplan.judging.obstacles import Approach
 from hdvplan.judging.result import Passed, Proof, Result, body_name
 from hdvplan.judging.verdict import Verdict, verdict_details, verdict_line, verdict_of
 from hdvplan.road.road import Road, Smoothing
@@ -54,13 +55,10 @@ def summary_of(result: Result, *, forecast: bool = True, tracking: bool = True) 
         "needed_half_width_m": balance.half_width,
         "min_clearance_m": balance.min_clearance,
         "limit_violation_m": max(broken, default=0.0),
-        "breaches": [breach_json(breach, drive.vehicle) for breach in balance.breaches],
+        "breaches": [_breach_json(breach, drive.vehicle) for breach in balance.breaches],
         "manners": _steering(result),
         **({"fit": [finding_json(finding) for finding in result.fit.findings]} if forecast else {}),
-        "obstacles": [
-            {"name": near.obstacle.label, "distance_m": near.distance, "s_m": near.s, "unit": body_name(drive.vehicle, near.unit)}
-            for near in result.approaches
-        ],
+        "obstacles": [_obstacle_json(near, drive.vehicle) for near in result.approaches],
         "passed": [_passed(passed) for passed in result.passed],
         "failed_steps": [float(drive.stations.s[plan.first]) for plan in result.failed],
         "rescued_steps": [{"s_m": float(drive.stations.s[plan.first]), "why": plan.instead} for plan in result.rescued],
@@ -203,8 +201,8 @@ def _passed(passed: Passed) -> Json:
     }
 
 
-def breach_json(breach: Breach, vehicle: Vehicle) -> Json:
-    """Return a breach under the names that other programs read."""
+def _breach_json(breach: Breach, vehicle: Vehicle) -> Json:
+    """Return a breach; x and y in path.csv's plane [m]."""
     return {
         "s_from": breach.s_from,
         "s_to": breach.s_to,
@@ -215,4 +213,13 @@ def breach_json(breach: Breach, vehicle: Vehicle) -> Json:
         "part": breach.part,
         "region": breach.region,
         "obstacle": breach.obstacle,
+        "x": breach.place[0],
+        "y": breach.place[1],
     }
+
+
+def _obstacle_json(near: Approach, vehicle: Vehicle) -> Json:
+    """Return the nearest approach to an obstacle; x and y in path.csv's plane [m]."""
+    where = {"s_m": near.s, "s_from_m": near.s_from, "s_to_m": near.s_to, "x": near.x, "y": near.y}
+    what = {"unit": body_name(vehicle, near.unit), "side": near.side, "part": near.part}
+    return {"name": near.obstacle.label, "distance_m": near.distance} | where | what

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from hdvplan.judging.result import Result, body_name
-from hdvplan.judging.verdict import lonlat_of, verdict_of
+from hdvplan.judging.balance import KEPT_M
+from hdvplan.judging.verdict import lonlat_of
 from hdvplan.need.answer import Need
 from hdvplan.report.needs import patch_json
-from hdvplan.report.summary import breach_json, verdict_json
 from hdvplan.road.road import Road
 from hdvplan.study.cells import Row
 
@@ -20,50 +19,23 @@ TIGHTEST, BREACH, DEAD_END, WIDENING = "tightest", "breach", "no plan", "widenin
 _VERDICT = ("s_m", "x", "y", "lon", "lat", "spare_m", "side", "unit", "part", "region", "obstacle")  # of a place
 
 
-def places_of(result: Result) -> list[Row]:
-    """Return the tightest place of a plan, then its breaches in order of s, then obstacles entered beyond the road's ends."""
-    vehicle, road = result.drive.vehicle, result.drive.road
-    breaches = [
-        _stretch(BREACH, road, breach.place, breach_json(breach, vehicle)) | {"spare_m": -breach.depth}
-        for breach in result.balance.breaches
-    ]
-    entered = [
-        _place(BREACH, road, near.s, (near.x, near.y))
-        | {"s_from_m": near.s_from, "s_to_m": near.s_to, "depth_m": -near.distance, "spare_m": near.distance, "side": near.side}
-        | {"unit": body_name(vehicle, near.unit), "part": near.part, "obstacle": near.obstacle.label}
-        for near in result.entered
-    ]
-    return [tightest_place(verdict_json(result, verdict_of(result))), *breaches, *entered]
+def places_of(summary: Mapping[str, Any], road: Road) -> list[Row]:
+    """Return the tightest place of a plan, its breaches in order of s, and obstacles entered beyond the road's ends, from its summary.
 
-
-def tightest_place(verdict: Mapping[str, Any]) -> Row:
-    """Return the tightest place of a plan from the verdict in its summary."""
-    lonlat = None if verdict["lon"] is None else (verdict["lon"], verdict["lat"])
-    return {"kind": TIGHTEST} | {name: verdict[name] for name in _VERDICT} | {"geometry": _point(lonlat)}
-
-
-def moved(place: dict[str, Any], by: float) -> Row:
-    """Return a place with its arclengths moved by ``by`` [m]."""
-    return place | {name: place[name] + by for name in ("s_m", "s_from_m", "s_to_m")}
-
-
-def joined_places(places: Sequence[dict[str, Any]], summary: Mapping[str, Any]) -> list[Row]:
-    """Return the places of a road that was planned in stretches, from those of its stretches and its summary.
-
-    ``places`` are breaches, at arclengths of the whole road [m]. A breach that goes on over a cut is one; an obstacle beyond the end of a
-    stretch counts where the road ends there.
+    ``road`` is the plan's, or a part of it: all lie in one plane.
     """
-    deepest = {_breached(place["s_m"], place["depth_m"], place): place for place in places}
-    breaches = [
-        deepest[_breached(one["s_deepest"], one["depth_m"], one)] | {"s_from_m": one["s_from"], "s_to_m": one["s_to"]}
-        for one in summary["breaches"]
+    verdict = summary["verdict"]
+    lonlat = None if verdict["lon"] is None else (verdict["lon"], verdict["lat"])
+    tightest = {"kind": TIGHTEST} | {name: verdict[name] for name in _VERDICT} | {"geometry": _point(lonlat)}
+    breaches = [_stretch(BREACH, road, (one["x"], one["y"]), one) | {"spare_m": -one["depth_m"]} for one in summary["breaches"]]
+    entered = [
+        _place(BREACH, road, near["s_m"], (near["x"], near["y"]))
+        | {name: near[name] for name in ("s_from_m", "s_to_m", "side", "unit", "part")}
+        | {"depth_m": -near["distance_m"], "spare_m": near["distance_m"], "obstacle": near["name"]}
+        for near in summary["obstacles"]
+        if near["distance_m"] < -KEPT_M and not 0.0 <= near["s_m"] <= summary["length_m"]
     ]
-    entered = [place for place in places if not 0.0 <= place["s_m"] <= summary["length_m"]]
-    return [tightest_place(summary["verdict"]), *breaches, *entered]
-
-
-def _breached(s: object, depth: object, told: Mapping[str, object]) -> tuple[object, ...]:
-    return (s, depth, *(told.get(name) for name in ("side", "region", "obstacle")))
+    return [tightest, *breaches, *entered]
 
 
 def dead_end(road: Road, s: float, begins: float = 0.0) -> Row:

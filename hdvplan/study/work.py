@@ -27,7 +27,7 @@ from hdvplan.pieces import Piece, pieces_of, planned
 from hdvplan.planning.bias import CENTRE
 from hdvplan.plugins import digest_of as file_digest
 from hdvplan.plugins import said
-from hdvplan.report.joined import Kept, digest_of, joined_summary, kept_of
+from hdvplan.report.joined import digest_of, joined_summary, kept_of
 from hdvplan.report.needs import need_json
 from hdvplan.report.summary import summary_of
 from hdvplan.road.line import LONG_M
@@ -37,7 +37,7 @@ from hdvplan.road.road import Road
 from hdvplan.study.cells import NEED, NEED_TIME, STEPS, SUMMARY, Cell, Row, taken
 from hdvplan.study.engine import FAILED, NO_PLAN, PLANNED, REFUSED, Outcome
 from hdvplan.study.inputs import RoadSource, road_digest
-from hdvplan.study.places import BREACH, dead_end, joined_places, moved, places_of, widening_places
+from hdvplan.study.places import dead_end, places_of, widening_places
 from hdvplan.temporary import temporary_folder
 
 _SPACING_M = 2.0  # of the line that stands for a road in tables
@@ -123,7 +123,7 @@ def _plan(case: Case, row: Row, places: list[Row], *, prove: bool, refine: bool)
     told = summary_of(result, forecast=False)  # no column of a study has it
     row["case"] = result.case.key  # of the stations that it was planned with
     row |= taken(told, SUMMARY) | taken(told, STEPS)
-    places += places_of(result)
+    places += places_of(told, result.drive.road)
     return PLANNED
 
 
@@ -132,8 +132,6 @@ def _plan_pieces(cell: Cell, found: Found, row: Row, places: list[Row]) -> str:
     if cell.manner.bias == CENTRE:
         msg = f"the bias {CENTRE} is not for roads of more than {LONG_M / 1e3:.0f} km"
         raise OptionError(msg)
-    kept: list[Kept] = []
-    breaches: list[Row] = []
     taken_: list[Piece] = []
 
     def noted() -> Iterator[Piece]:
@@ -142,14 +140,12 @@ def _plan_pieces(cell: Cell, found: Found, row: Row, places: list[Row]) -> str:
             yield piece
 
     try:
-        for one in planned(noted(), partial(_case, cell)):
-            kept.append(kept_of(one))
-            breaches += [moved(place, one.begins) for place in places_of(one.result) if place["kind"] == BREACH]
+        kept = [kept_of(one) for one in planned(noted(), partial(_case, cell))]
     except _UNPLANNED as error:
         return _no_plan(error, taken_[0].road, taken_[0].begins, row, places)
     told = joined_summary(kept)
     row |= taken(told, SUMMARY) | taken(told, STEPS) | {"case": digest_of(kept)}
-    places += joined_places(breaches, told)
+    places += places_of(told, taken_[0].road)
     return PLANNED
 
 

@@ -18,7 +18,7 @@ from hdvplan.report.summary import summary_of
 from hdvplan.road.options import RoadOptions
 from hdvplan.study.cells import SUMMARY, taken
 from hdvplan.study.conduct import Results, run
-from hdvplan.study.places import joined_places
+from hdvplan.study.places import places_of
 from hdvplan.study.pools import outcome_of
 from hdvplan.study.spec import study_of
 from tests.study.conftest import InHere
@@ -95,19 +95,11 @@ def test_the_middle_between_limits_is_refused_on_long_roads(long_folder: Path) -
     assert "is not for roads of more than" in row["reason"]
 
 
-def test_a_breach_over_a_cut_is_one_place_and_an_obstacle_beyond_a_stretch_is_none() -> None:
-    def breach(s: float, depth: float, s_from: float, s_to: float) -> dict[str, object]:
-        told: dict[str, object] = {"side": "left", "region": "drivable", "obstacle": None, "x": s}
-        return told | {"s_m": s, "depth_m": depth, "s_from_m": s_from, "s_to_m": s_to}
-
+def test_of_obstacles_those_that_are_entered_beyond_the_road_s_ends_are_places() -> None:
+    told = {"s_m": -4.0, "s_from_m": -5.0, "s_to_m": -3.0, "x": 1.0, "y": 2.0, "unit": "bus", "side": "left", "part": "rear corner"}
+    post = told | {"name": "a post", "distance_m": -0.2}
+    obstacles = [post, post | {"s_m": 102.0}, post | {"distance_m": 0.3}]  # what is entered beside the road is among its breaches
     verdict = dict.fromkeys(("s_m", "x", "y", "lon", "lat", "spare_m", "side", "unit", "part", "region", "obstacle"))
-    whole = {"side": "left", "region": "drivable", "obstacle": None, "depth_m": 0.3, "s_deepest": 101.0, "s_from": 90.0, "s_to": 104.0}
-    beyond = {"s_m": -4.0, "depth_m": 0.2, "obstacle": "a post"}
-    inside = beyond | {"s_m": 102.0}  # before the begin of the second stretch, which sees it as a breach of its own
-    found = joined_places(
-        [breach(95.0, 0.1, 90.0, 99.75), beyond, inside, breach(101.0, 0.3, 100.0, 104.0)],
-        {"verdict": verdict, "breaches": [whole], "length_m": 200.0},
-    )
-    assert [place.get("kind") for place in found] == ["tightest", None, None]
-    assert found[1] == breach(101.0, 0.3, 90.0, 104.0)
-    assert found[2] == beyond
+    summary = {"verdict": verdict, "breaches": [], "obstacles": obstacles, "length_m": 200.0}
+    _, place = places_of(summary, hdvplan.load_road("uturn"))
+    assert (place["kind"], place["obstacle"], place["depth_m"], place["s_from_m"]) == ("breach", "a post", 0.2, -5.0)
