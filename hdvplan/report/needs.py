@@ -23,6 +23,7 @@ from hdvplan.report.grid import grid
 from hdvplan.report.layers import Drawn, Layer, Value, drawn_features
 from hdvplan.report.summary import proof_json, tracking_json
 from hdvplan.road.regions import called
+from hdvplan.vehicle.model import Vehicle
 from hdvplan.version import __version__
 
 Json = dict[str, object]
@@ -56,10 +57,10 @@ def _bound_text(need: Need, bound: Bound) -> str:
 
 def _held_line(need: Need, vehicle: str) -> str:
     other = "right" if need.side == "left" else "left"
+    none = f"NO: no plan was found for the {vehicle} that keeps the {other} edge, however wide the {need.side} is"
     if need.held is None or need.held.result is None or need.place is None:
-        return f"NO: no plan was found for the {vehicle} that keeps the {other} edge, however wide the {need.side} is"
-    least = f"one was found with the {other} edge {need.held.room:.2f} m off, decided {_place_text(need, need.place)}"
-    return f"NO: no plan was found for the {vehicle} that keeps the {other} edge, however wide the {need.side} is; {least}"
+        return none
+    return f"{none}; one was found with the {other} edge {need.held.room:.2f} m off, decided {_place_text(need, need.place)}"
 
 
 def _widening_line(need: Need) -> str:
@@ -99,7 +100,6 @@ def need_json(need: Need, seconds: float) -> Json:
     named: Json = {"half_width_m": found} if need.side is None else {f"{need.side}_m": found}
     if need.held is not None:
         named[f"least_{'right' if need.side == 'left' else 'left'}_m"] = None if need.held.result is None else need.held.room
-    lon, lat = (place.lonlat if place is not None else None) or (None, None)
     widened = need.widenings
     area, fits = (None, None) if widened is None else (widened.area, widened.fitting is not None)
     return {
@@ -113,14 +113,7 @@ def need_json(need: Need, seconds: float) -> Json:
         "out_of_reach_m": WIDE_M if result is None else need.room.out_of_reach if need.room.out_of_reach < need.room.room else None,
         "clearance_wanted_m": case.settings.clearance,
         **tracking_json(None if widened is None else widened.fitting),
-        "s_m": None if place is None else place.s,
-        "x": None if place is None else place.x,
-        "y": None if place is None else place.y,
-        "lon": lon,
-        "lat": lat,
-        "side": None if place is None else place.side,
-        "unit": None if place is None else body_name(case.vehicle, place.unit),
-        "part": None if place is None else place.part,
+        **_place_json(place, case.vehicle),
         "objective": None if result is None else result.objective,
         "scheme": None if result is None else str(result.case.settings.scheme),
         "plans": need.room.plans,
@@ -136,6 +129,14 @@ def need_json(need: Need, seconds: float) -> Json:
         "notice": case.road.notice,
         "version": __version__,
     }
+
+
+def _place_json(place: Place | None, vehicle: Vehicle) -> Json:
+    if place is None:
+        return dict.fromkeys(("s_m", "x", "y", "lon", "lat", "side", "unit", "part"))
+    lon, lat = place.lonlat or (None, None)
+    where = {"s_m": place.s, "x": place.x, "y": place.y, "lon": lon, "lat": lat}
+    return {**where, "side": place.side, "unit": body_name(vehicle, place.unit), "part": place.part}
 
 
 def _widening_json(widening: Widening) -> Json:
@@ -227,16 +228,9 @@ def _areas(widening: Widening, layer: Layer) -> tuple[Drawn, ...]:
     found = []
     for patch in widening.patches:
         area = float(patch.polygon.area)
-        properties: dict[str, Value] = {
-            "depth_m": patch.depth,
-            "area_m2": area,
-            "s_m": patch.s_deepest,
-            "s_from_m": patch.s_from,
-            "s_to_m": patch.s_to,
-            "side": patch.side,
-            "region": patch.region,
-            "fits_then": 1,
-        }
+        where: dict[str, Value] = {"s_m": patch.s_deepest, "s_from_m": patch.s_from, "s_to_m": patch.s_to}
+        what: dict[str, Value] = {"side": patch.side, "region": patch.region, "fits_then": 1}
+        properties = {"depth_m": patch.depth, "area_m2": area} | where | what
         found.append(Drawn(layer, patch.polygon, properties, f"{patch.side}: {area:.1f} m2, {patch.depth:.2f} m deep"))
     return tuple(found)
 

@@ -31,17 +31,13 @@ def properties(made: RouteRoad) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("tags", "half", "source"),
     [
-        ({"width": "6.5"}, 3.25, "width"),
         ({"width": "6,5 m"}, 3.25, "width"),
         ({"width": "20'"}, 3.048, "width"),
-        ({"width": "19' 8\""}, 2.9972, "width"),
-        ({"width": "20 ft"}, 3.048, "width"),
         ({"width": "7", "lanes": "3"}, 3.5, "width"),
         ({"width": "wide", "lanes": "2"}, 3.25, "lanes"),
         ({"width": "0.5", "lanes": "2"}, 3.25, "lanes"),
         ({"lanes": "1.5"}, 2.4375, "lanes"),
         ({"lanes": "0"}, None, ""),
-        ({"lanes": "nan"}, None, ""),
         ({}, None, ""),
     ],
 )
@@ -65,23 +61,11 @@ def test_a_road_file_tells_its_route_and_what_the_map_says_along_it() -> None:
         "relation": 77, "ref": "11", "name": "Bus 11: A => B", "from": "A", "to": "B", "part": 1, "parts": 1,
     }  # fmt: skip
     first, second = told["stretches"]
-    assert (first["way"], first["highway"], first["lanes"], first["maxspeed"], first["half_width_from"]) == (
-        1,
-        "primary",
-        "2",
-        "50",
-        "lanes",
-    )
+    assert [first[name] for name in ("way", "highway", "maxspeed", "half_width_from")] == [1, "primary", "50", "lanes"]
     assert (second["way"], second["surface"], second["half_width_m"], second["half_width_from"]) == (2, "asphalt", None, "")
     assert first["s_from_m"] == 0.0
     assert first["s_to_m"] == second["s_from_m"]
     assert second["s_to_m"] == told["length_m"]
-
-
-def test_the_length_is_that_of_the_line_that_hdvplan_loads(tmp_path: Path) -> None:
-    made = road(way(1, 101, 102, 103, 104))
-    (tmp_path / made.file).write_bytes(made.content())
-    assert load_road(tmp_path / made.file).path.length == pytest.approx(made.length, abs=1e-3)  # the file keeps 1 cm, the line is straight
 
 
 def test_without_a_width_somewhere_a_road_has_no_limits() -> None:
@@ -110,7 +94,6 @@ def test_the_attribution_that_the_licence_asks_for_travels_with_the_road(tmp_pat
     ("ref", "at", "name"),
     [
         ("11", Position(), "bus-11-77.geojson"),
-        ("11", Position(2, 3), "bus-11-77-2.geojson"),
         ("11", Position(2, 3, back=True), "bus-11-77-back-2.geojson"),
         ("", Position(back=True), "bus-77-back.geojson"),
         ("../../etc/x", Position(), "bus-etc_x-77.geojson"),

@@ -33,17 +33,11 @@ def breaches_of(result: Result) -> list[str]:
 
 
 @pytest.mark.parametrize("name", ["bus", "trailer", "kerbed", "straight"])
-def test_the_balance_fits_80_columns(name: str, request: pytest.FixtureRequest) -> None:
-    lines = balance_of(request.getfixturevalue(name))
+def test_the_tables_of_a_plan_fit_80_columns(name: str, request: pytest.FixtureRequest) -> None:
+    lines = balance_of(request.getfixturevalue(name)) + printed(planning_table(summary_of(request.getfixturevalue(name)), "out/"))
+    assert lines[-1].strip() == "written to out/"
     assert all(len(line) <= 80 for line in lines)
     assert not any("…" in line for line in lines)
-
-
-def test_how_it_was_planned_fits_80_columns_and_says_where_the_files_are(bus: Result) -> None:
-    lines = printed(planning_table(summary_of(bus), "out/"))
-    assert all(len(line) <= 80 for line in lines)
-    assert lines[0].strip() == "planned by rti, piqp, geometric"
-    assert lines[-1].strip() == "written to out/"
 
 
 def test_units_in_square_brackets_survive() -> None:
@@ -94,18 +88,9 @@ def test_many_breaches_are_cut_to_the_first_ones_and_counted(bus: Result) -> Non
     assert sum("right" in line for line in lines) == MOST_BREACHES
 
 
-def test_words_stand_left_and_numbers_right_as_they_are_given() -> None:
-    table = pd.DataFrame({"road": ["uturn", "s"], "mean [ms]": ["0.10", "12.00"]})
-    assert markdown_table(table, text=("road",)).splitlines() == [
-        "| road   |   mean [ms] |",
-        "|:-------|------------:|",
-        "| uturn  |        0.10 |",
-        "| s      |       12.00 |",
-    ]
-
-
 def test_no_value_and_no_heading_can_end_a_cell_or_a_row() -> None:
     table = pd.DataFrame({"mean |left + right|": ["a | b\nc"]})
-    header, _, row = markdown_table(table, text=()).splitlines()
+    header, rule, row = markdown_table(table, text=()).splitlines()
     assert header == r"|   mean \|left + right\| |"
     assert row.strip("| ") == r"a \| b c"
+    assert rule.endswith("-:|")  # numbers stand right

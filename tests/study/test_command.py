@@ -62,10 +62,7 @@ def test_cells_without_an_answer_end_in_1(cli: Cli, study_file: Path) -> None:
     [
         (("none.toml", "--out", "out"), "study none.toml cannot be read"),
         (("study.toml", "--out", "out", "--workers", "0"), "--workers must be a positive number"),
-        (("study.toml", "--out", "out", "--retries", "-1"), "--retries must not be negative"),
-        (("study.toml", "--out", "out", "--cell-limit", "0"), "--cell-limit must be a positive number"),
         (("study.toml", "--out", "out", "--workers", "2", "--scheduler", "tcp://127.0.0.1:1"), "a cluster has its own"),
-        (("study.toml", "--out", "out", "--retries", "2", "--scheduler", "tcp://127.0.0.1:1"), "a setting of Dask decides"),
         (("study.toml", "--out", "bend.csv"), "is a file, not a folder"),
         (("study.toml",), "missing option '--out'"),
     ],

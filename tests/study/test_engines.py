@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import signal
 import sys
 import time
 from collections.abc import Iterable
@@ -200,14 +198,6 @@ def test_a_worker_with_another_version_answers_no_cell(folder: Path) -> None:
     outcome = _within(cell, 60.0, "another source")
     assert outcome.ending == FAILED
     assert "another version of hdvplan" in str(outcome.row["reason"])
-
-
-def test_a_process_s_end_is_named() -> None:
-    from hdvplan.study.pools import _exit_name  # noqa: PLC0415 - a private word
-
-    assert _exit_name(3) == "code 3"
-    if os.name == "posix":
-        assert _exit_name(-signal.SIGSEGV) == "SIGSEGV"
 
 
 def test_the_first_cell_of_a_road_goes_alone_and_the_others_wait_for_it(folder: Path) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from enum import StrEnum
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 from hdvplan.errors import OptionError
 from hdvplan.settings import Setting, check
@@ -24,46 +24,46 @@ class Template(StrEnum):
     @property
     def sentence(self) -> str:
         """What is driven, in one sentence."""
-        return _SENTENCES[self]
+        return _ABOUT[self].sentence
 
     @property
     def sought(self) -> str:
         """The option that says how large the place is."""
-        return _SOUGHT[self]
+        return _ABOUT[self].sought
 
     @property
     def words(self) -> str:
         """What the size is called."""
-        return _WORDS[self.sought] if self is not Template.HAMMERHEAD else "head length"
+        return _ABOUT[self].words
 
     @property
     def docks(self) -> bool:
         """Whether the vehicle backs onto a dock; else it turns round."""
-        return self in {Template.DOCK_90, Template.DOCK_45}
+        return self.sought == "apron"
 
 
-_SENTENCES = {
-    Template.THREE_POINT: "Turn round in a street between two walls or kerbs.",
-    Template.HAMMERHEAD: "Turn round in a head of two arms across the end of the road: into one, back into the other, out.",
-    Template.SIDE_HEAD: "Turn round by backing into an arm beside the road, and out of it.",
-    Template.DOCK_90: "Back onto a dock square to the wall, between parked neighbours.",
-    Template.DOCK_45: "Back onto a dock at 45 degrees to the wall, between parked neighbours.",
-}
-_SOUGHT = {
-    Template.THREE_POINT: "width",
-    Template.HAMMERHEAD: "arm",
-    Template.SIDE_HEAD: "arm",
-    Template.DOCK_90: "apron",
-    Template.DOCK_45: "apron",
-}
-_WORDS = {"width": "street width", "arm": "arm", "apron": "apron"}
-_HEEDED = {
-    Template.THREE_POINT: {"width", "overhang"},
-    Template.HAMMERHEAD: {"arm", "width", "kerb_radius", "overhang"},
-    Template.SIDE_HEAD: {"arm", "width", "kerb_radius", "beyond", "overhang"},
-    Template.DOCK_90: {"apron", "door_spacing"},
-    Template.DOCK_45: {"apron", "door_spacing"},
-}
+class _About(NamedTuple):
+    sentence: str
+    sought: str
+    words: str
+    heeded: tuple[str, ...]  # options
+
+
+_HEAD = ("arm", "width", "kerb_radius", "overhang")
+_DOCK = ("apron", "door_spacing")
+_ABOUT = {
+    Template.THREE_POINT: _About(
+        "Turn round in a street between two walls or kerbs.", "width", "street width", ("width", "overhang"),
+    ),
+    Template.HAMMERHEAD: _About(
+        "Turn round in a head of two arms across the end of the road: into one, back into the other, out.", "arm", "head length", _HEAD,
+    ),
+    Template.SIDE_HEAD: _About(
+        "Turn round by backing into an arm beside the road, and out of it.", "arm", "arm", (*_HEAD, "beyond"),
+    ),
+    Template.DOCK_90: _About("Back onto a dock square to the wall, between parked neighbours.", "apron", "apron", _DOCK),
+    Template.DOCK_45: _About("Back onto a dock at 45 degrees to the wall, between parked neighbours.", "apron", "apron", _DOCK),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -121,8 +121,8 @@ class PlaceOptions:
 
         """
         for field in fields(self):
-            if field.name not in _HEEDED[template] and getattr(self, field.name) is not None:
-                heeded = ", ".join(_option(one.name) for one in fields(self) if one.name in _HEEDED[template])
+            if field.name not in _ABOUT[template].heeded and getattr(self, field.name) is not None:
+                heeded = ", ".join(_option(one.name) for one in fields(self) if one.name in _ABOUT[template].heeded)
                 msg = f"{_option(field.name)} means nothing for {template}"
                 raise OptionError(msg, hint=f"it takes {heeded}")
 
