@@ -8,7 +8,12 @@ from hdvplan.cli.console import note, warn
 from hdvplan.errors import OptionError, RoadError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     from hdvplan.planning.bias import Bias
+    from hdvplan.road.line import Line
+    from hdvplan.road.path import ReferencePath
+    from hdvplan.road.regions import Region
     from hdvplan.road.road import Road
     from hdvplan.vehicle.model import Vehicle
 
@@ -87,12 +92,33 @@ def check_bias(bias: Bias, given: str) -> None:
         raise OptionError(msg)
 
 
-def warn_far_regions(road: Road, *, quiet: bool) -> None:
-    """Say which regions do not count: coordinates that are swapped, or of another system, would go unnoticed."""
+def refuse_on(line: Line, asked: Mapping[str, bool]) -> None:
+    """Refuse options, by their names, that a drive of several legs, or one of pieces along a long road, does not have.
+
+    Raises:
+        OptionError: one is asked for.
+
+    """
+    from hdvplan.road.line import LONG_M
+
+    name = next((name for name, given in asked.items() if given), None)
+    if name is not None and line.raw.legs:
+        msg = f"{name} is not for a drive of several legs, as {line.name} is"
+        raise OptionError(msg, hint="leave it out, or choose one line of the file with --name")
+    if name is not None:
+        msg = f"{name} is not for roads of more than {1e-3 * LONG_M:.0f} km; {line.name} has {1e-3 * line.length:.0f} km"
+        raise OptionError(msg, hint="cut the road, and plan the part")
+
+
+def warn_far_regions(regions: tuple[Region, ...], paths: Sequence[ReferencePath], *, quiet: bool) -> None:
+    """Say which regions do not count along a road, or its legs: coordinates that are swapped, or of another system, would go unnoticed."""
+    import numpy as np
+
     from hdvplan.road.regions import OPEN_M, distances
 
-    apart = distances(road.path, road.regions)
+    apart = np.min([distances(path, regions) for path in paths], axis=0)
     far = apart[apart > OPEN_M]
     if len(far):
+        where = "the road" if len(paths) == 1 else "all legs"
         nearest = f"the nearest of them {far.min():.0f} m"
-        warn(f"{len(far)} of {len(apart)} regions lie further than {OPEN_M:.0f} m from the road and do not count, {nearest}", quiet=quiet)
+        warn(f"{len(far)} of {len(apart)} regions lie further than {OPEN_M:.0f} m from {where} and do not count, {nearest}", quiet=quiet)

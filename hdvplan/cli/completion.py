@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+Offer = Callable[[str], list[str]]  # returns the names that begin so
+
 
 def roads(incomplete: str) -> list[str]:
     """Return the shipped roads, examples and scenarios that begin so."""
@@ -41,31 +43,17 @@ def objectives(incomplete: str) -> list[str]:
     return _beginning(incomplete, objective_names())
 
 
-def road_list(incomplete: str) -> list[str]:
-    """Complete the last of several roads."""
-    given, last = _split(incomplete)
-    return [given + name for name in roads(last)]
+def listed(offer: Offer) -> Offer:
+    """Return what completes the last of several names with commas between them."""
+
+    def offered(incomplete: str) -> list[str]:
+        given, comma, last = incomplete.rpartition(",")
+        return [given + comma + name for name in offer(last)]
+
+    return offered
 
 
-def vehicle_list(incomplete: str) -> list[str]:
-    """Complete the last of several vehicles."""
-    given, last = _split(incomplete)
-    return [given + name for name in vehicles(last)]
-
-
-def solver_list(incomplete: str) -> list[str]:
-    """Complete the last of several solvers."""
-    given, last = _split(incomplete)
-    return [given + name for name in solvers(last)]
-
-
-def _split(incomplete: str) -> tuple[str, str]:
-    """Return a list's finished part, with its comma, and its last name."""
-    given, comma, last = incomplete.rpartition(",")
-    return given + comma, last
-
-
-def one_of(names: Sequence[str]) -> Callable[[str], list[str]]:
+def one_of(names: Sequence[str]) -> Offer:
     """Return what offers those of fixed names that begin so."""
 
     def offered(incomplete: str) -> list[str]:

@@ -67,7 +67,7 @@ def judge(
     for remark in track.notes:
         note(remark, quiet=quiet)
     check_fits(track, driven, reaches)
-    warn_far_regions(track, quiet=quiet)
+    warn_far_regions(track.regions, [track.path], quiet=quiet)
     with progress(f"following {path.name} along {track.name}", quiet=quiet):
         case = Case(track, driven, settings=settings)
         along = api.follow(case, given)

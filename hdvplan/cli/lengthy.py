@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error, warn, writing
-from hdvplan.errors import OptionError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -15,21 +14,6 @@ if TYPE_CHECKING:
     from hdvplan.road.line import Line
     from hdvplan.road.load import Found
     from hdvplan.vehicle.model import Vehicle
-
-
-def refuse_on_long(line: Line, asked: dict[str, bool]) -> None:
-    """Refuse options, by their names, that a plan in stretches does not have.
-
-    Raises:
-        OptionError: one is asked for.
-
-    """
-    from hdvplan.road.line import LONG_M
-
-    name = next((name for name, given in asked.items() if given), None)
-    if name is not None:
-        msg = f"{name} is not for roads of more than {1e-3 * LONG_M:.0f} km; {line.name} has {1e-3 * line.length:.0f} km"
-        raise OptionError(msg, hint="cut the road, and plan the part")
 
 
 def plan_long(

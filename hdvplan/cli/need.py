@@ -114,7 +114,7 @@ def need(
     for remark in track.notes:
         note(remark, quiet=quiet)
     check_fits(track, driven, None)
-    warn_far_regions(track, quiet=quiet)
+    warn_far_regions(track.regions, [track.path], quiet=quiet)
     case = Case(track, driven, settings=settings)
     began = perf_counter()
     with progress(f"looking for the least room of {driven.name} on {track.name}", quiet=quiet) as on_progress:

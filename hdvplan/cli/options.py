@@ -41,7 +41,7 @@ VehiclesOption = Annotated[
         "--vehicle",
         metavar="NAME|FILE.toml,...",
         help="A name from `hdvplan vehicles list`, or a vehicle file; several, separated by commas, are compared.",
-        autocompletion=completion.vehicle_list,
+        autocompletion=completion.listed(completion.vehicles),
         rich_help_panel=VEHICLE,
     ),
 ]

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hdvplan.cli.checks import check_bias, check_fits, check_room, vehicle_named, warn_far_regions
+from hdvplan.cli.checks import check_bias, check_fits, check_room, refuse_on, vehicle_named, warn_far_regions
 from hdvplan.cli.completion import one_of
 from hdvplan.cli.console import note, progress
 from hdvplan.cli.help import OUTPUT, PLANNING, ROAD, VEHICLE
-from hdvplan.cli.legs import LAST, LEAD, finish, legs_in, planned, refuse_on_legs
-from hdvplan.cli.lengthy import plan_long, refuse_on_long
+from hdvplan.cli.legs import LAST, LEAD, finish, legs_in
+from hdvplan.cli.lengthy import plan_long
 from hdvplan.cli.options import Output, RoadArgument, Room, VehiclesOption, check_folder, file_name
 from hdvplan.cli.outcome import cleared, compare, exit_code_of, looked_again, tell, write
 from hdvplan.cli.settings import OptionsOf, with_settings
@@ -152,10 +152,8 @@ def _plan_all(asked: _Asked, vehicles: list[Vehicle]) -> int:
     results = []
     for vehicle in vehicles:
         found = _found(asked, vehicle)
-        if found.line is not None and found.line.raw.legs:
-            refuse_on_legs(found.line, {"--vehicle with several names": True})
-        if found.line is not None and found.line.long:
-            refuse_on_long(found.line, {"several vehicles": True})
+        if found.line is not None:
+            refuse_on(found.line, {"--vehicle with several names": bool(found.line.raw.legs) or found.line.long})
         results.append(_planned(asked, found, vehicle))
         directory = output.out or Path(f"{file_name(results[0].case.road.name)}.compared")
         _write(asked, results[-1], directory / file_name(vehicle.name))
@@ -181,7 +179,7 @@ def _plan_long(asked: _Asked, found: Found, line: Line, vehicle: Vehicle) -> int
     dropped = {"--sheet": output.sheet is not None, "--animate": output.animate, "--bias centre": bias == CENTRE}
     dropped |= {f"--clearance {_LARGEST}": asked.largest}
     dropped |= {"--tracking-error": asked.settings.tracking_error > 0.0, "--format dxf,gpkg": bool({*_kinds(output)} & {*DRAWINGS})}
-    refuse_on_long(line, dropped)
+    refuse_on(line, dropped)
     check_room(vehicle, asked.reaches)
     along = NONE if bias is None else bias_named(bias, None)
     if bias is not None:
@@ -195,6 +193,8 @@ def _plan_long(asked: _Asked, found: Found, line: Line, vehicle: Vehicle) -> int
 
 
 def _plan_legs(asked: _Asked, line: Line, vehicle: Vehicle) -> int:
+    from hdvplan.legs import plan_legs
+
     options, output, settings = asked.options, asked.output, asked.settings
     dropped = {
         "--bias": options.bias is not None,
@@ -202,11 +202,14 @@ def _plan_legs(asked: _Asked, line: Line, vehicle: Vehicle) -> int:
         "--tracking-error": settings.tracking_error > 0.0,
         "--pass": options.side is not None,
     }
-    refuse_on_legs(line, dropped)
+    refuse_on(line, dropped)
     kinds = _kinds(output)
     check_room(vehicle, asked.reaches)
     legs = legs_in(line, vehicle, asked.reaches, last_axle=asked.leg_line == LAST, quiet=output.quiet)
-    driven = planned(legs, vehicle, options.objective, asked.solver, settings, refine=options.refine, quiet=output.quiet)
+    with progress(f"planning {vehicle.name} along {len(legs.legs)} legs of {legs.name}", quiet=output.quiet) as told:
+        driven = plan_legs(
+            legs, vehicle, objective=options.objective, solver=asked.solver, settings=settings, refine=options.refine, on_progress=told
+        )
     folder = output.out or Path(f"{file_name(line.name)}.{file_name(vehicle.name)}")
     return finish(driven, folder, kinds, output)
 
@@ -222,7 +225,7 @@ def _planned(asked: _Asked, found: Found, vehicle: Vehicle) -> Result:
     for remark in track.notes:
         note(remark, quiet=quiet)
     check_fits(track, vehicle, asked.reaches)
-    warn_far_regions(track, quiet=quiet)
+    warn_far_regions(track.regions, [track.path], quiet=quiet)
     with progress(f"planning {vehicle.name} along {track.name}", quiet=quiet) as on_progress:
         if options.bias is not None:
             case = api.biased(case, options.bias)

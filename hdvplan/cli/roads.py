@@ -82,7 +82,7 @@ def road_info(
         track = found()
     for remark in track.notes:
         note(remark)
-    warn_far_regions(track, quiet=False)
+    warn_far_regions(track.regions, [track.path], quiet=False)
     reaches = room.reaches()
     if reaches is not None:
         track = track.with_limits(*reaches)

@@ -16,10 +16,10 @@ from hdvplan.settings import Field, choice, fields_of
 
 _COMPLETED = {
     "solver": completion.solvers,
-    "solvers": completion.solver_list,
+    "solvers": completion.listed(completion.solvers),
     "objective": completion.objectives,
-    "vehicles": completion.vehicle_list,
-    "roads": completion.road_list,
+    "vehicles": completion.listed(completion.vehicles),
+    "roads": completion.listed(completion.roads),
     "template": completion.templates,
 }
 

@@ -116,7 +116,9 @@ def turn(
     reverses = template_named(described.template)
     if reverses is not None:
         described.refuse_more()
-        return _reverse(reverses, vehicle, place, output)
+        from hdvplan.cli.reversals import STARTS, answered
+
+        return answered(reverses, vehicle, place, output, starts=STARTS, called="turn")
     place.refuse_all()
     from hdvplan.report.files import PICTURES
     from hdvplan.report.turns import TURN_DRAWINGS, turn_json, turn_table, write_turn
@@ -137,13 +139,6 @@ def turn(
     for limit in broken:
         report_error(broken_words(limit, found))
     return ExitCode.BROKEN if broken else ExitCode.OK
-
-
-def _reverse(template: Template, name: str, place: PlaceOptions, output: Output) -> int:
-    """Make, write and print a manoeuvre of forward and backward legs."""
-    from hdvplan.cli.reversals import STARTS, answered
-
-    return answered(template, name, place, output, starts=STARTS, called="turn")
 
 
 def _folder(found: Turn) -> str:

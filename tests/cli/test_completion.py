@@ -45,8 +45,8 @@ def test_names_are_those_that_the_commands_know() -> None:
     assert set(completion.roads("")) > set(SCENARIOS)
     assert completion.roads("monaco") == ["monaco_fairmont_hairpin"]
     assert completion.vehicles("") == preset_names()
-    assert completion.vehicle_list("bus,tractor-trailer-2") == ["bus,tractor-trailer-24m"]
-    assert completion.road_list("uturn,st") == ["uturn,street_corner", "uturn,sturn"]
+    assert completion.listed(completion.vehicles)("bus,tractor-trailer-2") == ["bus,tractor-trailer-24m"]
+    assert completion.listed(completion.roads)("uturn,st") == ["uturn,street_corner", "uturn,sturn"]
     assert "riccati" in completion.solvers("")
     assert completion.objectives("axle") == ["axle-max"]
     assert completion.one_of(list(Scheme))("s") == ["sqp"]
