@@ -17,23 +17,6 @@ if TYPE_CHECKING:
     from hdvplan.road.road import Road
     from hdvplan.vehicle.model import Vehicle
 
-_MOST_WORKERS = 1000
-
-
-def check_workers(workers: int | None) -> None:
-    """Refuse a number of processes that cannot be.
-
-    Raises:
-        OptionError: it is not positive, or more than machines have cores: each takes hundreds of megabytes.
-
-    """
-    if workers is not None and workers < 1:
-        msg = f"--workers must be a positive number, not {workers}"
-        raise OptionError(msg)
-    if workers is not None and workers > _MOST_WORKERS:
-        msg = f"--workers must be at most {_MOST_WORKERS}, not {workers}"
-        raise OptionError(msg)
-
 
 def vehicle_named(source: str, *, quiet: bool) -> Vehicle:
     """Return a preset or the vehicle of a file, and say what is assumed where the file does not tell how far it turns.

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hdvplan.cli.checks import check_workers
 from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error, warn, writing
 from hdvplan.cli.help import OUTPUT
 from hdvplan.cli.options import JsonOption, QuietOption
+from hdvplan.cli.settings import OptionsOf, with_settings
 from hdvplan.errors import OptionError
+from hdvplan.settings import Setting
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -19,11 +21,56 @@ if TYPE_CHECKING:
     from hdvplan.study import Engine, Results
 
 _RUNNING = "Running"  # a group of options
-_LIMIT_S = 1800.0
+_MOST_WORKERS = 1000
 _RETRIES = 1
 _PLACES = 8  # of the ranking that are printed
 
 
+@dataclass(frozen=True)
+class Running:
+    """Where the cells of a study are planned, and how patiently."""
+
+    workers: Annotated[int | None, Setting("Processes on this machine [default: one for each core].", "N")] = None
+    scheduler: Annotated[str | None, Setting("Run on the Dask cluster at this address, such as tcp://10.0.0.1:8786.", "ADDRESS")] = None
+    cell_limit: Annotated[float, Setting("Longest time for one cell [s].", "S")] = 1800.0
+    retries: Annotated[int | None, Setting("Further tries of a cell that failed, hung or was killed [default: 1].", "N")] = None
+
+    def check(self) -> None:
+        """Refuse numbers that cannot be, and what a cluster decides by itself.
+
+        Raises:
+            OptionError: there is one; of workers also more than machines have cores, as each takes hundreds of megabytes.
+
+        """
+        for wrong, words, hint in (
+            (self.workers is not None and self.workers < 1, f"--workers must be a positive number, not {self.workers}", None),
+            ((self.workers or 0) > _MOST_WORKERS, f"--workers must be at most {_MOST_WORKERS}, not {self.workers}", None),
+            (not self.cell_limit > 0.0, f"--cell-limit must be a positive number of seconds, not {self.cell_limit:g}", None),
+            ((self.retries or 0) < 0, f"--retries must not be negative, but is {self.retries}", None),
+            (
+                self.scheduler is not None and self.workers is not None,
+                "--workers is for processes on this machine; a cluster has its own",
+                "leave out --workers or --scheduler",
+            ),
+            (
+                self.scheduler is not None and self.retries is not None,
+                "--retries is for processes on this machine; on a cluster a setting of Dask decides",
+                "set distributed.scheduler.allowed-failures where the scheduler runs",
+            ),
+        ):
+            if wrong:
+                raise OptionError(words, hint=hint)
+
+    def engine(self) -> Engine:
+        """Return what plans the cells: processes on this machine, or a cluster."""
+        from hdvplan.study import LocalEngine, connected
+
+        if self.scheduler is not None:
+            return connected(self.scheduler, self.cell_limit)
+        return LocalEngine(self.workers, self.cell_limit, _RETRIES if self.retries is None else self.retries)
+
+
+@with_settings
 def study(
     file: Annotated[
         Path,
@@ -32,28 +79,8 @@ def study(
     out: Annotated[
         Path, typer.Option("--out", metavar="DIR", help="Where to write; a study that is there is resumed.", rich_help_panel=OUTPUT)
     ],
-    workers: Annotated[
-        int | None,
-        typer.Option("--workers", metavar="N", help="Processes on this machine [default: one for each core].", rich_help_panel=_RUNNING),
-    ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            "--scheduler",
-            metavar="ADDRESS",
-            help="Run on the Dask cluster at this address, such as tcp://10.0.0.1:8786.",
-            rich_help_panel=_RUNNING,
-        ),
-    ] = None,
-    cell_limit: Annotated[
-        float, typer.Option("--cell-limit", metavar="S", help="Longest time for one cell [s].", rich_help_panel=_RUNNING)
-    ] = _LIMIT_S,
-    retries: Annotated[
-        int | None,
-        typer.Option(
-            "--retries", metavar="N", help="Further tries of a cell that failed, hung or was killed [default: 1].", rich_help_panel=_RUNNING
-        ),
-    ] = None,
+    *,
+    running: Annotated[Running, OptionsOf(Running, _RUNNING)],
     json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> int:
@@ -65,19 +92,7 @@ def study(
 
     Exit code 0: every cell has an answer, YES or NO. 1: some failed, hung or were killed. 2: bad input.
     """
-    check_workers(workers)
-    if not cell_limit > 0.0:
-        msg = f"--cell-limit must be a positive number of seconds, not {cell_limit:g}"
-        raise OptionError(msg)
-    if retries is not None and retries < 0:
-        msg = f"--retries must not be negative, but is {retries}"
-        raise OptionError(msg)
-    if scheduler is not None and workers is not None:
-        msg = "--workers is for processes on this machine; a cluster has its own"
-        raise OptionError(msg, hint="leave out --workers or --scheduler")
-    if scheduler is not None and retries is not None:
-        msg = "--retries is for processes on this machine; on a cluster a setting of Dask decides"
-        raise OptionError(msg, hint="set distributed.scheduler.allowed-failures where the scheduler runs")
+    running.check()
     from hdvplan.machine import use_one_thread
 
     use_one_thread()  # before anything imports NumPy
@@ -85,13 +100,9 @@ def study(
 
     wanted = read_study(file)
     from hdvplan.signals import ended_by_signals
-    from hdvplan.study import LocalEngine, connected, run
+    from hdvplan.study import run
 
-    engine: Engine = (
-        LocalEngine(workers, cell_limit, _RETRIES if retries is None else retries)
-        if scheduler is None
-        else connected(scheduler, cell_limit)
-    )
+    engine = running.engine()
     counted = [0, len(wanted)]
     try:
         with writing(f"to {out}"), ended_by_signals(), progress(f"planning {counted[1]} cells", quiet=quiet, undisturbed=True) as tell:
