@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pandas as pd
 
-from hdvplan.bench.suite import AS_SET
 from hdvplan.fileio import refuse_endless
 
 OK, FAILED, OVER_BUDGET = "ok", "failed", "over budget"
@@ -17,11 +16,6 @@ UNFAIR = "unfair"  # right or not: it waits, changes clocks or remembers answers
 CRASHED, HUNG, OUT_OF_MEMORY = "crashed", "out of time", "out of memory"
 LOST = frozenset({FAILED, CRASHED, HUNG, OUT_OF_MEMORY})  # no plan, which is no matter of a budget
 _LARGEST = 1_000_000_000  # bytes of an unpacked table: ten million planning steps
-
-
-def keyed(table: pd.DataFrame) -> pd.DataFrame:
-    """Return a table with all columns of ``KEY``: those of older versions have no classes of limits."""
-    return table if "limits" in table else table.assign(limits=AS_SET)
 
 
 def read_plain(path: Path) -> pd.DataFrame:

@@ -13,7 +13,6 @@ from hdvplan.errors import HdvplanError, OptionError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from hdvplan.bench.comparing.against import Settings
     from hdvplan.bench.comparing.work import CommandWork
     from hdvplan.bench.suite import Suite
     from hdvplan.cli.bench_options import Decision, Report
@@ -59,7 +58,7 @@ def gate(against: str, work: Suite | CommandWork, out: Path, decision: Decision,
     if not isinstance(work, CommandWork):
         _check(work)
     settings, quiet = decision.settings(), report.quiet
-    again = _again(against, work, settings, out)
+    again = _again(against, work, decision, out)
     wanted, rule = Wanted(against, work, settings), settings.rule
     try:
         with progress("measuring", quiet=quiet, undisturbed=True) as told:
@@ -112,23 +111,12 @@ def _check(suite: Suite) -> None:
         warn(f"this hdvplan cannot load what the suite names: {type(error).__name__}: {error}")
 
 
-def _again(against: str, wanted: Suite | CommandWork, settings: Settings, out: Path) -> str:
+def _again(against: str, wanted: Suite | CommandWork, decision: Decision, out: Path) -> str:
     """Return the command that measures the same again."""
-    from hdvplan.bench.comparing.against import Settings
-    from hdvplan.bench.comparing.decision import Rule
     from hdvplan.bench.comparing.work import CommandWork
 
     what = ["--command", shlex.join(wanted.words)] if isinstance(wanted, CommandWork) else ["--suite", str(out / "suite.toml")]
-    usual = Settings(Rule(), expect_changes=False)
-    numbers = {
-        "--factor": (settings.rule.factor, usual.rule.factor),
-        "--floor": (1e3 * settings.rule.floor, 1e3 * usual.rule.floor),
-        "--patience": (settings.patience, usual.patience),
-        "--time-limit": (settings.time_limit, usual.time_limit),
-    }
-    options = [word for name, (value, default) in numbers.items() if value != default for word in (name, f"{value:g}")]
-    options += ["--expect-changes"] if settings.expect_changes else []
-    return shlex.join(["hdvplan", "bench", "--against", against, *what, *options, "--out", f"{out}-again"])
+    return shlex.join(["hdvplan", "bench", "--against", against, *what, *decision.words(), "--out", f"{out}-again"])
 
 
 def hold_to(counters: Path, out: Path, report: Report, *, renew: bool) -> int:

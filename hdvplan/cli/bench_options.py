@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+from hdvplan.bench import ENVELOPE_M, FACTOR, FLOOR_S, PATIENCE_S, TIME_LIMIT_S
 from hdvplan.errors import OptionError
 from hdvplan.settings import Setting, choice
 
@@ -23,20 +24,15 @@ _MEASURES = ("step_limit", "cell_limit", "memory_limit")  # that need a process 
 class Decision:
     """What a regression is."""
 
-    factor: Annotated[float | None, Setting("A cell that takes more than X times as long has regressed [default: 1.08].", "X")] = None
-    floor: Annotated[float | None, Setting("Smaller differences of the mean planning step do not count [ms; default: 0.01].", "MS")] = None
-    envelope_tolerance: Annotated[float | None, Setting("Envelopes that differ by less are equal [m; default: 0.0001].", "M")] = None
+    factor: Annotated[float, Setting("A cell that takes more than X times as long has regressed.", "X")] = FACTOR
+    floor: Annotated[float, Setting("Smaller differences of the mean planning step do not count [ms].", "MS")] = 1e3 * FLOOR_S
+    envelope_tolerance: Annotated[float, Setting("Envelopes that differ by less are equal [m].", "M")] = ENVELOPE_M
     expect_changes: Annotated[bool, Setting("Show changed counters and envelopes, but do not count them as a regression.")] = False
-    patience: Annotated[float | None, Setting("Where noise hides the answer, measure on for so long [s; default: 300].", "S")] = None
-    time_limit: Annotated[float | None, Setting("A process that takes longer is ended, and named [s; default: 600].", "S")] = None
-
-    @property
-    def given(self) -> bool:
-        """Whether anything is asked for."""
-        return self != Decision()
+    patience: Annotated[float, Setting("Where noise hides the answer, measure on for so long [s].", "S")] = PATIENCE_S
+    time_limit: Annotated[float, Setting("A process that takes longer is ended, and named [s].", "S")] = TIME_LIMIT_S
 
     def rule(self) -> Rule:
-        """Return what counts as a regression, with the gate's defaults where the user gave nothing.
+        """Return what counts as a regression.
 
         Raises:
             OptionError: a value outside its range.
@@ -44,11 +40,10 @@ class Decision:
         """
         from hdvplan.bench.comparing.decision import Rule
 
-        usual = Rule()
-        return Rule(usual.factor if self.factor is None else self.factor, usual.floor if self.floor is None else 1e-3 * self.floor)
+        return Rule(self.factor, 1e-3 * self.floor)
 
     def settings(self) -> Settings:
-        """Return how two programs are compared, with the gate's defaults where the user gave nothing.
+        """Return how two programs are compared.
 
         Raises:
             OptionError: a value outside its range.
@@ -56,14 +51,18 @@ class Decision:
         """
         from hdvplan.bench.comparing.against import Settings
 
-        usual = Settings(self.rule(), self.expect_changes)
-        patience = usual.patience if self.patience is None else self.patience
-        time_limit = usual.time_limit if self.time_limit is None else self.time_limit
-        for name, value, fine in (("--patience", patience, patience >= 0.0), ("--time-limit", time_limit, time_limit > 0.0)):
-            if not fine:
-                msg = f"{name} must be a positive number of seconds, not {value:g}"
+        for name, seconds in (("--patience", self.patience), ("--time-limit", self.time_limit)):
+            if not seconds >= 0.0 or (seconds == 0.0 and name == "--time-limit"):
+                msg = f"{name} must be a positive number of seconds, not {seconds:g}"
                 raise OptionError(msg)
-        return replace(usual, patience=patience, time_limit=time_limit)
+        return Settings(self.rule(), self.expect_changes, self.patience, self.time_limit)
+
+    def words(self) -> list[str]:
+        """Return the options that make another decision than the usual one."""
+        usual, numbers = Decision(), ("factor", "floor", "patience", "time_limit")
+        changed = [name for name in numbers if getattr(self, name) != getattr(usual, name)]
+        words = [word for name in changed for word in (f"--{name.replace('_', '-')}", f"{getattr(self, name):g}")]
+        return words + ["--expect-changes"] * self.expect_changes
 
 
 @dataclass(frozen=True)
@@ -104,7 +103,7 @@ class BenchOptions:
         for contradictory, words, hint in (
             (compared and files.plot is not None, "--plot draws one benchmark, and --against measures several", "leave out --plot"),
             (
-                not compared and (decision.given or self.command is not None),
+                not compared and (decision != Decision() or self.command is not None),
                 "--factor, --floor, --expect-changes, --patience, --time-limit and --command need --against",
                 None,
             ),

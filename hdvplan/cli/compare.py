@@ -59,16 +59,16 @@ def compare(
 
 def _compared(base: Path, new: Path, decision: Decision, reports: Path | None, report: Report) -> ExitCode:
     from hdvplan.bench.comparing.compare import compare as compared
-    from hdvplan.bench.comparing.counters import ENVELOPE_TOLERANCE_M, Tolerance
+    from hdvplan.bench.comparing.counters import Tolerance
     from hdvplan.bench.comparing.reports import write_reports
     from hdvplan.bench.comparing.sides import read_side
 
-    rule, given = decision.rule(), decision.envelope_tolerance
-    if given is not None and not given >= 0.0:
-        msg = f"--envelope-tolerance must be at least 0, not {given:g}"
+    rule, apart = decision.rule(), decision.envelope_tolerance
+    if not apart >= 0.0:
+        msg = f"--envelope-tolerance must be at least 0, not {apart:g}"
         raise OptionError(msg)
-    tolerance = Tolerance(envelope=ENVELOPE_TOLERANCE_M if given is None else given)
-    comparison = compared(read_side(base), read_side(new), rule, tolerance, expect_changes=decision.expect_changes)
+    sides = read_side(base), read_side(new)
+    comparison = compared(*sides, rule, Tolerance(envelope=apart), expect_changes=decision.expect_changes)
     if reports is not None:
         with writing(f"the reports to {reports}", None):
             write_reports(comparison, rule, None, reports)

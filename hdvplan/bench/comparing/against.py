@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic
 
+from hdvplan.bench import PATIENCE_S, TIME_LIMIT_S
 from hdvplan.bench.comparing.checkout import checkout
 from hdvplan.bench.comparing.compare import Comparison, compare, failed
 from hdvplan.bench.comparing.counters import Tolerance
@@ -31,8 +32,6 @@ from hdvplan.texts import encoded
 # quick and a process takes 4 s, most of which is its start.
 SUITE: Mapping[str, object] = {"roads": ("uturn", "monaco_fairmont_hairpin"), "solvers": ("riccati",), "rounds": 6}
 SIDES = ("base", "new")
-PATIENCE_S = 300.0  # for so long it is measured on where noise hides the answer
-TIME_LIMIT_S = 600.0  # of a process, without waiting for its turns
 REPORTS = ("comparison.json", "junit.xml", "benchmark.json", "bencher.json", "summary.md", "suite.toml")  # beside the sides' folders
 WARM = "warm"  # of a process that does its work once before, and of the home that it leaves
 _BAD_USE = (2, 126, 127)  # exit codes: of hdvplan, and of what cannot be started

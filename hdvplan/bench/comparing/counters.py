@@ -11,8 +11,9 @@ import numpy as np
 import pandas as pd
 from pandas.api.types import is_numeric_dtype
 
+from hdvplan.bench import ENVELOPE_M
 from hdvplan.bench.suite import KEY
-from hdvplan.bench.tables import OVER_BUDGET, keyed
+from hdvplan.bench.tables import OVER_BUDGET
 from hdvplan.errors import OptionError
 from hdvplan.fileio import csv_bytes, write_atomically
 
@@ -20,7 +21,6 @@ COUNTS = ("steps", "failures", "unsolved", "nonzeros")
 WORK = ("qps", "iterations")  # sums over all planning steps of a drive
 LENGTHS = ("max_left_m", "max_right_m", "mean_abs_imbalance_m", "min_clearance_m", "limit_violation_m")
 IN_STEPS = "step by step"  # a digest of every step's counts and status
-ENVELOPE_TOLERANCE_M = 1e-4
 WORK_TOLERANCE = 0.02
 _LARGEST = 2.0**53  # whole number that a float holds beside its neighbours
 
@@ -34,7 +34,7 @@ class Tolerance:
     """
 
     work: float = 0.0
-    envelope: float = ENVELOPE_TOLERANCE_M
+    envelope: float = ENVELOPE_M
 
 
 @dataclass(frozen=True)
@@ -160,20 +160,13 @@ def read_counters(path: Path) -> pd.DataFrame:
 
     """
     try:
-        table = keyed(pd.read_csv(path, compression=None))  # a packed one is no table: unpacking raises anything
-    except OSError as error:
-        msg = f"counters {path} cannot be read: {error.strerror or error}"
-        raise OptionError(msg, hint="--renew writes them") from error
-    except (ValueError, UnicodeDecodeError) as error:
-        msg = f"counters {path} cannot be read: {error}"
-        raise OptionError(msg, hint="--renew rewrites them") from error
-    missing = [name for name in (*KEY, "status", *COUNTS, *WORK, *LENGTHS) if name not in table]
-    if missing:
-        msg = f"counters {path} have no column {missing[0]!r}"
-        raise OptionError(msg, hint="--renew rewrites them")
-    try:
+        table = pd.read_csv(path, compression=None)  # a packed one is no table: unpacking raises anything
+        missing = [name for name in (*KEY, "status", *COUNTS, *WORK, *LENGTHS) if name not in table]
+        if missing:
+            msg = f"there is no column {missing[0]!r}"
+            raise ValueError(msg)  # noqa: TRY301 - told as what pandas refuses
         _check_numbers(table, (*COUNTS, *WORK, *LENGTHS))
-    except ValueError as error:
-        msg = f"counters {path} cannot be read: {error}"
-        raise OptionError(msg, hint="--renew rewrites them") from error
+    except (OSError, ValueError) as error:  # also of its encoding
+        msg = f"counters {path} cannot be read: {getattr(error, 'strerror', None) or error}"
+        raise OptionError(msg, hint=f"--renew {'writes' if isinstance(error, OSError) else 'rewrites'} them") from error
     return table

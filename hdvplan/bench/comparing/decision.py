@@ -23,6 +23,7 @@ import numpy as np
 from scipy.special import bdtr, stdtrit
 
 from hdvplan.arrays import FloatArray
+from hdvplan.bench import FACTOR, FLOOR_S
 from hdvplan.errors import OptionError
 
 FEWEST_PAIRS = 3  # fewer say nothing about their own spread
@@ -53,8 +54,8 @@ class Rule:
 
     """
 
-    factor: float = 1.08
-    floor: float = 1e-5
+    factor: float = FACTOR
+    floor: float = FLOOR_S
 
     def __post_init__(self) -> None:
         """Refuse thresholds that everything or nothing exceeds."""

@@ -15,7 +15,7 @@ from hdvplan.arrays import FloatArray
 from hdvplan.bench.comparing.counters import Change, counters_of
 from hdvplan.bench.comparing.work import ABOUT, LONGEST_S, SHORTEST_S, STEPS, OwnSteps, steps_of
 from hdvplan.bench.suite import AS_SET, KEY
-from hdvplan.bench.tables import LOST, OK, keyed, read_plain
+from hdvplan.bench.tables import LOST, OK, read_plain
 from hdvplan.errors import OptionError
 from hdvplan.fileio import read_json
 from hdvplan.texts import printable
@@ -127,8 +127,7 @@ def times_of(samples: pd.DataFrame) -> dict[Name, Steps]:
         ValueError: a time that no clock shows; of tables that were read, other errors as well.
 
     """
-    outer = "outer_s" if "outer_s" in samples else None  # older versions did not take it
-    columns = ["total_s", *filter(None, [outer])]
+    columns = ["total_s", "outer_s"]
     times = np.abs(samples[columns].to_numpy(np.float64))
     if np.any(times > LONGEST_S) or np.any((times > 0.0) & (times < SHORTEST_S)):
         msg = "a planning step took a time that no clock shows"
@@ -139,15 +138,8 @@ def times_of(samples: pd.DataFrame) -> dict[Name, Steps]:
         wide = steps.pivot_table(index="round", columns="step", values=columns)
         whole = wide["total_s"].dropna().index if len(wide) else wide.index
         tables = {name: wide[name].loc[whole].to_numpy(np.float64) if len(wide) else np.empty((0, 0)) for name in columns}
-        places = (
-            steps.groupby("step")["s_m"].first().to_numpy(np.float64) if "s_m" in steps else np.full(tables["total_s"].shape[-1], np.nan)
-        )
-        cells[tuple(str(part) for part in key)] = Steps(
-            tables["total_s"],
-            tables[outer] if outer else np.empty((0, 0)),
-            mine.loc[mine["step"] == 0, outer or "total_s"].to_numpy(np.float64),
-            places,
-        )
+        first = mine.loc[mine["step"] == 0, "outer_s"].to_numpy(np.float64)
+        cells[tuple(str(part) for part in key)] = Steps(*tables.values(), first, steps.groupby("step")["s_m"].first().to_numpy(np.float64))
     return cells
 
 
@@ -164,8 +156,6 @@ def _last_words(timings: Sequence[pd.DataFrame]) -> dict[Name, str]:
     """Return what the drives without a plan said last, by cell; of several processes the first one that said something."""
     found: dict[Name, str] = {}
     for timing in timings:
-        if "message" not in timing:
-            continue
         for *key, status, message in timing[[*KEY, "status", "message"]].itertuples(index=False, name=None):
             if status in LOST and isinstance(message, str):
                 found.setdefault(tuple(map(str, key)), shorten(printable(message), _LONGEST, placeholder=" ..."))
@@ -174,7 +164,7 @@ def _last_words(timings: Sequence[pd.DataFrame]) -> dict[Name, str]:
 
 def _tables(folder: Path) -> list[pd.DataFrame]:
     try:
-        return [keyed(read_plain(folder / name)) for name in TABLES]
+        return [read_plain(folder / name) for name in TABLES]
     except FileNotFoundError as error:
         unfinished = (folder / "parts").is_dir()
         msg = f"{folder} is {'not finished' if unfinished else f'without {Path(error.filename).name}'}"

@@ -12,7 +12,6 @@ from zipfile import BadZipFile
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from hdvplan.arrays import FloatArray
 from hdvplan.bench.tables import FAILED, OUT_OF_MEMORY
@@ -28,6 +27,7 @@ NUMBERS = (
     "cold_s", "s_m", "outer_s",
 )  # fmt: skip
 COUNTS = ("qp_count", "iterations")
+_WORDS = ("statuses", "outcome", "message", "nonzeros", "first_step")  # of a measurement, beside its tables
 DISTANCES = ("distance_m", "distance_u", "scale")  # see ``ReferenceCheck.take``
 
 
@@ -83,29 +83,19 @@ def ended(outcome: str, message: str) -> Measurement:
     return Measurement(np.empty((0, len(NUMBERS))), (), outcome, message, 0, None)
 
 
-def numbers_of(plan: Plan, s_m: float, outer_s: float) -> tuple[float, ...]:
+def numbers_of(plan: Plan, s_m: float, outer_s: float) -> list[float]:
     """Return the numbers of one planning step in the order of a measurement's ``steps``; it begins at ``s_m``.
 
     ``outer_s`` is what the step took by the clock of whoever drives: executing the last plan, and all that surrounds planning, included.
     """
-    judged, times = plan.residuals, plan.times
-    measured = (times.linearise, times.update, times.solve, times.check, times.total)
-    counts = (plan.qp_count, plan.qp_iterations, plan.usable)
-    binding = plan.merit is not None
-    return (
-        *measured,
-        *counts,
-        judged.primal,
-        judged.dual,
-        judged.gap,
-        plan.violation,
-        times.aside,
-        times.cpu,
-        binding,
-        np.nan,
-        s_m,
-        outer_s,
-    )
+    times = plan.times
+    named = {
+        "linearise_s": times.linearise, "update_s": times.update, "solve_s": times.solve, "check_s": times.check, "total_s": times.total,
+        "qp_count": plan.qp_count, "iterations": plan.qp_iterations, "usable": plan.usable, **plan.residuals._asdict(),
+        "violation_m": plan.violation, "aside_s": times.aside, "cpu_s": times.cpu, "binding": plan.merit is not None, "cold_s": np.nan,
+        "s_m": s_m, "outer_s": outer_s,
+    }  # fmt: skip
+    return [float(named[name]) for name in NUMBERS]
 
 
 def part_file(directory: Path, cell: int, round_: int) -> Path:
@@ -120,21 +110,9 @@ def write_part(path: Path, measured: Measurement) -> None:
         OSError: the file cannot be written.
 
     """
-    words = {
-        "statuses": measured.statuses,
-        "outcome": measured.outcome,
-        "message": measured.message,
-        "nonzeros": measured.nonzeros,
-        "first_step": measured.first_step,
-    }
-    arrays: dict[str, NDArray[np.generic]] = {
-        "words": np.frombuffer(json_bytes(words), np.uint8),
-        "steps": measured.steps,
-        "distances": measured.distances,
-    }
-    judged = measured.judgement
-    if judged is not None:
-        arrays |= {name: np.asarray(value) for name, value in vars(judged).items()}
+    words = {name: getattr(measured, name) for name in _WORDS}
+    arrays = {"words": np.frombuffer(json_bytes(words), np.uint8), "steps": measured.steps, "distances": measured.distances}
+    arrays |= {name: np.asarray(value) for name, value in vars(measured.judgement).items()} if measured.judgement else {}
     buffer = BytesIO()
     np.savez_compressed(buffer, allow_pickle=False, **arrays)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -159,14 +137,5 @@ def _read_part(path: Path) -> Measurement:
     with path.open("rb") as file, np.load(file) as arrays:  # NumPy leaves a file open that it cannot read
         words = json.loads(arrays["words"].tobytes())
         judged = Judgement(**{one.name: arrays[one.name][()] for one in fields(Judgement)}) if "e_y" in arrays else None
-        statuses = tuple(words["statuses"])
-        return Measurement(
-            arrays["steps"],
-            statuses,
-            words["outcome"],
-            words["message"],
-            words["nonzeros"],
-            judged,
-            arrays["distances"],
-            words["first_step"],
-        )
+        words["statuses"] = tuple(words["statuses"])
+        return Measurement(steps=arrays["steps"], judgement=judged, distances=arrays["distances"], **{name: words[name] for name in _WORDS})
