@@ -123,7 +123,7 @@ def bench(
         note(f"picture in {picture}", quiet=quiet)
     if options.counters is not None:
         return hold_to(options.counters, out, report, renew=options.renew)
-    tables, told = {name: read_table(out, name) for name in LAYOUTS}, read_record(out)
+    tables, told = {name: read_table(out, f"{name}.csv") for name in LAYOUTS}, read_record(out)
     with damage_told(out):
         if json:
             head = {"out": str(out), "verdict": told["verdict"], "load": told["load"], "untuned": told.get("untuned", [])}

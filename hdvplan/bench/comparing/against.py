@@ -144,10 +144,10 @@ def measure_against(base: Contender, new: Contender, settings: Settings, out: Pa
                     return found
                 if done >= LOOKS[1]:
                     told.step(f"{verdict_line(found, settings.rule)}; measuring on, for at most {left:.0f} s")
-    except _SideError as blamed:
-        if blamed.side == SIDES[0] and blamed.error.code in _BAD_USE and _fails_too(measuring.begun.get(SIDES[1]), new.program):
-            raise OptionError(str(blamed.error), hint=blamed.error.hint) from blamed.error
-        return failed(blamed.side, str(blamed.error), blamed.error.tail)
+    except ProgramError as error:
+        if error.side == SIDES[0] and error.code in _BAD_USE and _fails_too(measuring.begun.get(SIDES[1]), new.program):
+            raise OptionError(str(error), hint=error.hint) from error
+        return failed(error.side, str(error), error.tail)
     return found
 
 
@@ -156,21 +156,14 @@ def _is_answer(found: Comparison) -> bool:
     return found.failure is not None or found.is_settled or (found.processes >= FEWEST and found.verdict is not Verdict.UNMEASURABLE)
 
 
-class _SideError(Exception):
-    """A program failed: on which side, and how."""
-
-    def __init__(self, side: str, error: ProgramError) -> None:
-        super().__init__(side)
-        self.side, self.error = side, error
-
-
 @contextmanager
 def _blamed(side: str) -> Iterator[None]:
     """Say of a program that fails in the block which side it is."""
     try:
         yield
     except ProgramError as error:
-        raise _SideError(side, error) from error
+        error.side = side
+        raise
 
 
 def compared(out: Path, settings: Settings) -> Comparison:

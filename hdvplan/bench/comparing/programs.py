@@ -30,6 +30,7 @@ class ProgramError(MeasurementError):
     def __init__(self, message: str, *, tail: str = "", code: int | None = None, hint: str | None = None) -> None:
         super().__init__(message, hint=hint)
         self.tail, self.code = tail, code
+        self.side = ""  # of a comparison, which who makes it tells
 
 
 class UnreachedError(ProgramError):

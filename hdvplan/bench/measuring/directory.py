@@ -145,31 +145,17 @@ def note_tolerances(directory: Path, tolerances: Mapping[str, float | None]) -> 
 
 
 def read_table(directory: Path, name: str) -> pd.DataFrame:
-    """Return a finished run's table.
+    """Return a table of a finished run by the name of its file.
 
     Raises:
         OptionError: it is not there any more, or damaged.
 
     """
     try:
-        return read_plain(directory / f"{name}.csv")
-    except (OSError, ValueError) as error:
-        msg = f"{directory / f'{name}.csv'} cannot be read: {_reason(error)}"
-        raise OptionError(msg, hint=_OTHERWISE) from error
-
-
-def read_samples(directory: Path) -> pd.DataFrame:
-    """Return a finished run's samples.
-
-    Raises:
-        OptionError: they are not there any more, or damaged.
-
-    """
-    try:
-        return read_plain(directory / "samples.csv.gz")
+        return read_plain(directory / name)
     except (OSError, EOFError, ValueError, zlib.error) as error:
-        msg = f"{directory / 'samples.csv.gz'} cannot be read: {_reason(error)}"
-        raise OptionError(msg, hint="measure again with --fresh") from error
+        msg = f"{directory / name} cannot be read: {getattr(error, 'strerror', None) or error}"  # that of gzip has none
+        raise OptionError(msg, hint=_OTHERWISE) from error
 
 
 @contextmanager
@@ -226,10 +212,6 @@ def _difference(before: object, now: object) -> str:
     if isinstance(before.get(name), dict) and isinstance(now.get(name), dict):
         return _difference(before[name], now[name])
     return f"{name} was {_short(before.get(name))}, is {_short(now.get(name))}"
-
-
-def _reason(error: Exception) -> str:
-    return str(getattr(error, "strerror", None) or error)  # that of gzip has none
 
 
 def _short(value: object) -> str:

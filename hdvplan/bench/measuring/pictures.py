@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from hdvplan.arrays import BoolArray, FloatArray
-from hdvplan.bench.measuring.directory import read_record, read_samples, read_table
+from hdvplan.bench.measuring.directory import read_record, read_table
 from hdvplan.bench.measuring.ranking import ranked_times, unit_of
 from hdvplan.bench.measuring.timing import latex_escaped
 from hdvplan.bench.suite import COURSE, KEY
@@ -41,8 +41,8 @@ def draw(directory: Path, file: Path) -> None:
         OSError: the file cannot be written.
 
     """
-    record, summary = read_record(directory), read_table(directory, "summary")
-    shown = pictured(read_samples(directory), read_table(directory, "timing"), order_of(summary))
+    record, summary = read_record(directory), read_table(directory, "summary.csv")
+    shown = pictured(read_table(directory, "samples.csv.gz"), read_table(directory, "timing.csv"), order_of(summary))
     (title, caption), kind = captions_of(record), file.suffix.lower().removeprefix(".")
     if kind in {"tex", "pgf"}:
         write_atomically(file, tikz(shown, f"{title}; {caption}").encode())

@@ -157,37 +157,34 @@ def group_words(vehicle: str, scheme: str, limits: str) -> str:
 
 
 def _finding(group: pd.DataFrame, load: Load) -> Finding:
-    first = group.iloc[0]
-    vehicle, scheme, limits = (str(first[name]) for name in GROUP)
+    vehicle, scheme, limits = (str(group.iloc[0][name]) for name in GROUP)
     name, busy = group_words(vehicle, scheme, limits), " [busy machine]" if load.warning else ""
     unit = unit_of(group)
+
+    def found(
+        text: str, winner: str | None, rival: str | None = None, ratio: float | None = None, won: float | None = None,
+        apart: float | None = None,
+    ) -> Finding:  # fmt: skip
+        return Finding(vehicle, scheme, limits, winner, rival, ratio, won, apart, f"{name}: {text}{busy}")
+
     able = group[group["proved"].astype(bool) & group["step_ms"].notna()]
     if able.empty:
         best = group.sort_values(["whole", "success"], ascending=False, kind="stable").iloc[0]
-        lacking = (
-            f"has all its {unit}s accepted; {best['solver']} has {_share(best['success'])}"
-            if best["whole"]
-            else "finished within its budget"
-        )
-        text = f"no winner: no solver {lacking}"
-        return Finding(vehicle, scheme, limits, None, None, None, None, None, f"{name}: {text}{busy}")
+        accepted = f"has all its {unit}s accepted; {best['solver']} has {_share(best['success'])}"
+        return found(f"no winner: no solver {accepted if best['whole'] else 'finished within its budget'}", None)
     winner, took = able.iloc[0], f"{able.iloc[0]['step_ms']:.3g} ms a {unit}"
-    solver, won = str(winner["solver"]), float(winner["won"])
-    steps = int(winner["distinct_steps"])
+    solver, won, steps = str(winner["solver"]), float(winner["won"]), int(winner["distinct_steps"])
     if len(group) == 1:
-        text = f"{solver} alone, {took}, all {steps} {unit}s accepted; no other solver to compare with"
-        return Finding(vehicle, scheme, limits, solver, None, None, won, None, f"{name}: {text}{busy}")
+        return found(f"{solver} alone, {took}, all {steps} {unit}s accepted; no other solver to compare with", solver, won=won)
     rivals = group[group["ratio"].notna() & (group["solver"] != solver)].sort_values("ratio", kind="stable")
     failed = _failing(group)
     if rivals.empty:
-        text = f"{solver} is the only solver with accepted {unit}s, {took}{failed}"
-        return Finding(vehicle, scheme, limits, solver, None, None, won, None, f"{name}: {text}{busy}")
+        return found(f"{solver} is the only solver with accepted {unit}s, {took}{failed}", solver, won=won)
     stopped = rivals[~rivals["whole"].astype(bool) & (rivals["success"] == 1.0)]  # all that they reached is accepted
     second = able.iloc[1] if len(able) > 1 else stopped.iloc[0] if len(stopped) else None
     level = BUSY_LEVEL if load.warning else LEVEL
     if second is None or (not second["proved"] and second["ratio"] < level):  # nobody who leaves steps out can draw level
-        text = f"{solver} is the only solver with all its {unit}s accepted, {took}{failed}"
-        return Finding(vehicle, scheme, limits, solver, None, None, won, None, f"{name}: {text}{busy}")
+        return found(f"{solver} is the only solver with all its {unit}s accepted, {took}{failed}", solver, won=won)
     rival, ratio = str(second["solver"]), float(second["ratio"])
     differ = np.max([winner["path_difference_m"], second["path_difference_m"]])  # NaN where one has no whole drive
     apart = float(differ) if np.isfinite(differ) else None
@@ -195,11 +192,11 @@ def _finding(group: pd.DataFrame, load: Load) -> Finding:
     if apart is None and np.isfinite(off := max(winner["distance_m"], second["distance_m"])):
         same = f", the same optima to {off:.0e} m"  # a sample of programs has no path
     if ratio < level:
-        text = f"no winner: {solver} and {rival} within {max(100.0 * (ratio - 1.0), 0.1):.1f} %, {took}{same}{failed}"
-        return Finding(vehicle, scheme, limits, None, rival, ratio, won, apart, f"{name}: {text}{busy}")
+        within = f"within {max(100.0 * (ratio - 1.0), 0.1):.1f} %"
+        return found(f"no winner: {solver} and {rival} {within}, {took}{same}{failed}", None, rival, ratio, won, apart)
     over = "" if second["proved"] else f", over the {unit}s that {rival} did within its budget"
     text = f"{solver} is fastest in {_share(won)} of {steps} {unit}s, {ratio:.1f} times as fast as {rival}{over} ({took}){same}{failed}"
-    return Finding(vehicle, scheme, limits, solver, rival, ratio, won, apart, f"{name}: {text}{busy}")
+    return found(text, solver, rival, ratio, won, apart)
 
 
 def _failing(group: pd.DataFrame) -> str:

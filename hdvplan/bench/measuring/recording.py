@@ -59,15 +59,19 @@ def record(case: Case, most: int | None = None) -> list[Recorded]:
         SolverError: no such solver, or not installed.
 
     """
-    recorder = _Recorder(solver_named(case.solver), most, limited=case.road.street is not None)
+
+    def wanted(_step: int, _number: int) -> bool:
+        if most is not None and len(recorder.found) >= most:
+            raise _EnoughError
+        return True
 
     def note(plan: Plan) -> None:
-        recorder.first = plan.first + case.settings.executed
-        recorder.number = 0
+        recorder.next(plan.first + case.settings.executed)
 
-    objective = objective_named(case.objective)
+    objective_named(case.objective)  # one that nobody knows is no end of a drive
+    recorder = _Recorder(solver_named(case.solver), wanted, limited=case.road.street is not None)
     with suppress(_EnoughError, HdvplanError):
-        drive(case.road, case.vehicle, objective, recorder.make, case.settings, bias=case.bias, on_plan=note)
+        _drive(case, recorder, note)
     return recorder.found
 
 
@@ -76,15 +80,19 @@ class _EnoughError(Exception):
 
 
 class _Recorder:
-    """A workspace that copies what passes through it."""
+    """Makes a workspace that copies those programs which are ``wanted``, by the step of the drive and their number within it.
 
-    def __init__(self, make: WorkspaceMaker, most: int | None, *, limited: bool) -> None:
+    With ``helps`` every point is called a help for the next solve: others' warm starts need it even where the solver's own do not.
+    """
+
+    def __init__(self, make: WorkspaceMaker, wanted: Callable[[int, int], bool], *, limited: bool, helps: bool = False) -> None:
         self.found: list[Recorded] = []
-        self.first, self.number = 0, 0
-        self._make, self._most, self._limited = make, most, limited
+        self.step = 0
+        self._first, self._number = 0, 0
+        self._make, self._wanted, self._limited, self._helps = make, wanted, limited, helps
         self._own: QpWorkspace
 
-    def make(self, shape: StageShape) -> QpWorkspace:
+    def __call__(self, shape: StageShape) -> QpWorkspace:
         """Return itself, around a workspace for ``shape``; a drive that first comes along a way records that way too."""
         self._own = self._make(shape)
         self.name, self.starts_warm = self._own.name, self._own.starts_warm
@@ -92,14 +100,19 @@ class _Recorder:
 
     def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
         """Solve ``qp``; see ``QpWorkspace``."""
-        if self._most is not None and len(self.found) >= self._most:
-            raise _EnoughError
+        wanted = self._wanted(self.step, self._number)
         cold = guess is None or not any(np.any(part) for part in guess.numbers)  # the planner's memory before its first plan
-        asked, known = StageQp(qp.shape, qp.buffer.copy()), None if guess is None or cold else copied(guess)
+        known = None if guess is None or cold or not wanted else copied(guess)
+        asked = StageQp(qp.shape, qp.buffer.copy()) if wanted else qp
         result = self._own.solve(qp, guess)
-        self.found.append(Recorded(asked, known, copied(result.point), self.first, self.number, self._limited))
-        self.number += 1
-        return result
+        if wanted:
+            self.found.append(Recorded(asked, known, copied(result.point), self._first, self._number, self._limited))
+        self._number += 1
+        return result._replace(leaves_guess=True) if self._helps else result
+
+    def next(self, first: int) -> None:
+        """Begin the next step of the drive, whose plan begins at a station."""
+        self.step, self._first, self._number = self.step + 1, first, 0
 
 
 def copied(point: StageSolution) -> StageSolution:
@@ -114,8 +127,7 @@ _TOTAL, _COLD = NUMBERS.index("total_s"), NUMBERS.index("cold_s")
 class Program:
     """The first program of one planning step, its warm start and its optimum."""
 
-    step: int  # of the drive
-    s_m: float  # where the step begins
+    s_m: float  # where its step begins
     binding: bool
     qp: StageQp
     guess: StageSolution
@@ -147,16 +159,22 @@ def sampled(case: Case, reference: WorkspaceMaker, count: int) -> list[Program]:
     binding: list[bool] = []
     _drive(case, reference, lambda plan: binding.append(plan.merit is not None))
     wanted = set(chosen_steps(np.array(binding[1:]), count).tolist())
-    spy = _Spy(reference)
+    recorder = _Recorder(reference, lambda step, number: step in wanted and number == 0, limited=case.road.street is not None, helps=True)
     kept: list[Program] = []
 
     def keep(plan: Plan) -> None:
-        if spy.steps in wanted:
-            kept.append(spy.recorded(plan.first * case.settings.step, binding=plan.merit is not None))
-        spy.next(keep=spy.steps + 1 in wanted)
+        if recorder.step in wanted:
+            kept.append(_program(recorder.found.pop(), plan.first * case.settings.step, binding=plan.merit is not None))
+        recorder.next(plan.first + case.settings.executed)
 
-    _drive(case, spy, keep)
+    _drive(case, recorder, keep)
     return [kept[place] for place in np.random.default_rng(0).permutation(len(kept))]
+
+
+def _program(one: Recorded, s_m: float, *, binding: bool) -> Program:
+    scale = scale_of(one.point)
+    proof = scale if proves(residuals(one.qp, one.point), scale) else np.nan
+    return Program(s_m, binding, one.qp, one.guess or StageSolution.empty(one.qp.shape), one.point, proof)
 
 
 def replay(
@@ -237,42 +255,3 @@ def _nothing(workspace: QpWorkspace, shape: StageShape) -> StageSolution | None:
 
 def _drive(case: Case, make: WorkspaceMaker, on_plan: Callable[[Plan], None]) -> None:
     drive(case.road, case.vehicle, objective_named(case.objective), make, case.settings, bias=case.bias, on_plan=on_plan)
-
-
-class _Spy:
-    """Makes a reference workspace and keeps the first program of a step, where it is told to."""
-
-    starts_warm = True
-
-    def __init__(self, make: WorkspaceMaker) -> None:
-        self.name, self.steps = "recorder", 0
-        self._make, self._keeping = make, False
-        self._kept: list[tuple[StageQp, StageSolution, StageSolution, float]] = []
-        self._inner: QpWorkspace | None = None
-
-    def __call__(self, shape: StageShape) -> QpWorkspace:
-        self._inner = self._make(shape)
-        return self
-
-    def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
-        """Solve ``qp``; see ``QpWorkspace``."""
-        assert self._inner is not None  # noqa: S101 - a drive makes its workspace first
-        started = StageSolution.empty(qp.shape) if guess is None else copied(guess)
-        result = self._inner.solve(qp, guess)
-        if self._keeping and not self._kept:
-            optimum = copied(result.point)
-            scale = scale_of(optimum)
-            proof = scale if proves(residuals(qp, optimum), scale) else np.nan
-            self._kept.append((StageQp(qp.shape, qp.buffer.copy()), started, optimum, proof))
-        return result._replace(leaves_guess=True)  # other solvers' warm starts need it even where the reference's own do not
-
-    def next(self, *, keep: bool) -> None:
-        """Begin the next step."""
-        self.steps += 1
-        self._keeping = keep
-        self._kept.clear()
-
-    def recorded(self, s_m: float, *, binding: bool) -> Program:
-        """Return what was kept of this step."""
-        qp, guess, optimum, scale = self._kept[0]
-        return Program(self.steps, s_m, binding, qp, guess, optimum, scale)
