@@ -182,6 +182,7 @@ def test_a_base_that_cannot_run_ends_in_3(cli: Cli, tmp_path: Path, short_road: 
         (("--against", "HEAD", "--roads", "nowhere"), "nowhere"),
         (("--against", "HEAD", "--solvers", "osqpp"), "unknown solver"),
         (("--against", "HEAD", "--factor", "1"), "must be above 1"),
+        (("--in-process", "--memory-limit", "5"), "need a process that can be ended"),
         (("--format", "tap"), "--format must be"),
     ],
 )

@@ -2,13 +2,8 @@ from __future__ import annotations
 
 import gzip
 import json
-import os
 import re
 import shutil
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -139,26 +134,31 @@ def test_an_interrupted_run_says_how_to_go_on_and_does_not_repeat_what_it_has(
     assert len(calls) == 17
 
 
-@pytest.mark.parametrize(
-    ("file", "text", "words"),
-    [
-        ("run.json", "[" * 200_000, "run.json is nested too deeply"),
-        ("run.json", "[]", "is not of a benchmark"),
-        ("run.json", "{}", "is not of a benchmark"),
-        ("run.json", '{"sessions": 5, "finished": null}', "is not of a benchmark"),
-        ("timing.csv", "", "timing.csv cannot be read"),
-        ("summary.csv", None, "summary.csv cannot be read"),
-    ],
-)
-def test_a_damaged_run_is_refused(cli: Cli, tmp_path: Path, finished: tuple[str, ...], file: str, text: str | None, words: str) -> None:
-    if text is None:
-        (tmp_path / "run" / file).unlink()
-    else:
-        (tmp_path / "run" / file).write_text(text, encoding="utf-8")
-    outcome = cli(*finished, "--quiet", "--json")
-    assert (outcome.code, outcome.out) == (2, "")
+UNREADABLE = [  # a file of a finished run, what somebody made of it, the options that need it, and what is said
+    ("run.json", b"[" * 200_000, (), "run.json is nested too deeply"),
+    ("run.json", b"[]", (), "is not of a benchmark"),
+    ("run.json", b'{"sessions": 5, "finished": null}', (), "is not of a benchmark"),
+    ("timing.csv", b"", (), "timing.csv cannot be read"),
+    ("timing.csv", b"a,b\n1,inf\n", ("--json",), "error: "),
+    ("timing.csv", b"a,b\n1,2\n", ("--plot",), "cannot be shown"),
+    ("summary.csv", None, (), "summary.csv cannot be read"),
+    ("summary.csv", b"a,b\n1,2\n", (), "cannot be shown"),
+    ("samples.csv.gz", b"no gzip", ("--plot",), "samples.csv.gz cannot be read"),
+    ("samples.csv.gz", gzip.compress(b"a,b\n1,2\n", mtime=0), ("--plot",), "cannot be shown"),
+]
+
+
+@pytest.mark.parametrize(("file", "content", "options", "words"), UNREADABLE)
+def test_a_finished_run_that_somebody_changed_is_refused(
+    cli: Cli, tmp_path: Path, finished: tuple[str, ...], file: str, content: bytes | None, options: tuple[str, ...], words: str
+) -> None:
+    (tmp_path / "run" / file).unlink()
+    if content is not None:
+        (tmp_path / "run" / file).write_bytes(content)
+    outcome = cli(*finished, *options)
+    assert (outcome.code, outcome.err.count("error: "), outcome.err.count("hint: ")) == (2, 1, 1)
     assert words in outcome.err
-    assert "hint: start over with --fresh" in outcome.err
+    assert ": None" not in outcome.err
 
 
 @pytest.mark.parametrize(
@@ -222,13 +222,6 @@ def test_a_finished_run_is_drawn_after_a_change_of_source_but_not_after_one_of_s
     assert "slack was 0.5, is 0.7" in other.err
 
 
-@pytest.mark.parametrize("limit", ["--step-limit", "--cell-limit", "--memory-limit"])
-def test_limits_of_a_process_are_refused_without_one(cli: Cli, short_road: str, limit: str) -> None:
-    outcome = cli("bench", "--roads", short_road, "--in-process", limit, "5")
-    assert outcome.code == 2
-    assert "need a process that can be ended" in outcome.err
-
-
 def test_fresh_deletes_only_what_a_benchmark_writes(cli: Cli, tmp_path: Path, finished: tuple[str, ...]) -> None:
     (tmp_path / "run" / "notes.txt").write_text("mine", encoding="utf-8")
     assert cli(*finished, "--rounds", "1", "--fresh", "--quiet").out == ""
@@ -270,48 +263,6 @@ def test_over_budget_is_a_row_and_the_run_ends_well(cli: Cli, tmp_path: Path, sh
     assert "bus, rti: no winner: no solver finished within its budget" in outcome.out
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="needs SIGKILL")
-@pytest.mark.slow
-def test_a_killed_process_goes_on_where_it_stopped(tmp_path: Path, short_road: str) -> None:
-    environment = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
-    environment["PYTHONPATH"] = os.pathsep.join(path for path in sys.path if path)
-    command = [sys.executable, "-m", "hdvplan", "bench", "--roads", short_road, *TINY, "--rounds", "10", "--out", "run"]
-    parts = tmp_path / "run" / "parts"
-    with subprocess.Popen(command, cwd=tmp_path, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:  # noqa: S603 - our own
-        deadline = time.monotonic() + 300.0  # a second, on a machine of one's own
-        while len(list(parts.glob("*.npz"))) < 3 and time.monotonic() < deadline:
-            time.sleep(0.01)
-        process.send_signal(signal.SIGKILL)
-    assert 3 <= len(list(parts.glob("*.npz"))) < 40
-    ended = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)  # noqa: S603 - as above
-    assert ended.returncode == 0
-    assert "SQP / RTI" in ended.stdout
-    record = json.loads((tmp_path / "run" / "run.json").read_text(encoding="utf-8"))
-    assert [session["one_thread"] for session in record["sessions"]] == [True, True]  # bound by the command itself
-    assert len(pd.read_csv(tmp_path / "run" / "samples.csv.gz")) == 4 * 10 * 12
-    assert not parts.exists()
-
-
-@pytest.mark.parametrize(
-    ("name", "content", "options"),
-    [
-        ("summary.csv", b"a,b\n1,2\n", ()),
-        ("summary.csv", b"a,b\n1,2\n", ("--plot",)),
-        ("timing.csv", b"a,b\n1,2\n", ("--plot",)),
-        ("timing.csv", b"a,b\n1,inf\n", ("--json",)),
-        ("samples.csv.gz", b"no gzip", ("--plot",)),
-        ("samples.csv.gz", gzip.compress(b"a,b\n1,2\n", mtime=0), ("--plot",)),
-    ],
-)
-def test_a_finished_run_whose_tables_were_changed_is_refused(
-    cli: Cli, tmp_path: Path, finished: tuple[str, ...], name: str, content: bytes, options: tuple[str, ...]
-) -> None:
-    (tmp_path / "run" / name).write_bytes(content)
-    outcome = cli(*finished, *options)
-    assert (outcome.code, outcome.err.count("error: ")) == (2, 1)
-    assert ": None" not in outcome.err
-
-
 @pytest.mark.slow
 def test_a_finished_run_is_drawn_by_the_same_command(cli: Cli, tmp_path: Path, short_road: str) -> None:
     command = ("bench", "--roads", short_road, *SHORTEST, "--out", "run", "--quiet")
@@ -326,16 +277,6 @@ def test_a_finished_run_is_drawn_by_the_same_command(cli: Cli, tmp_path: Path, s
     outcome = cli(*command, "--plot", "d.gif")
     assert (outcome.code, outcome.err.splitlines()[0]) == (2, "error: the picture's ending must be png, pdf, svg, tex or pgf, not 'gif'")
     assert cli(*command, "--plot", "no/where.png").code == 2
-
-
-@pytest.mark.parametrize("lost", ["load", "verdict"])
-def test_a_record_that_lost_a_part_is_refused(cli: Cli, tmp_path: Path, finished: tuple[str, ...], lost: str) -> None:
-    record = json.loads((tmp_path / "run" / "run.json").read_text(encoding="utf-8"))
-    del record[lost]
-    (tmp_path / "run" / "run.json").write_text(json.dumps(record), encoding="utf-8")
-    for options in ((), ("--json",)):
-        outcome = cli(*finished, *options)
-        assert (outcome.code, outcome.err.count("error: ")) == (2, 1)
 
 
 def test_every_printed_ratio_is_the_quotient_of_the_printed_times(cli: Cli, short_road: str) -> None:

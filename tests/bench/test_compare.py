@@ -236,29 +236,25 @@ def test_a_baseline_leaves_room_for_another_machine_but_not_for_more_work(tmp_pa
     assert compare_counters(baseline.assign(nonzeros=99), counters).verdict is Verdict.REGRESSED
 
 
-@pytest.mark.parametrize("content", [None, "", "road,vehicle\nbend,bus\n", "\xff"])
-def test_a_baseline_that_is_none_is_refused_with_a_hint(tmp_path: Path, content: str | None) -> None:
+NO_BASELINES = {
+    "nothing there": (None, "No such file"), "empty": (b"", "cannot be read"), "columns": (b"road,vehicle\na,b\n", "no column 'scheme'"),
+    "encoding": (b"\xff", "cannot be read"), "packed": (b"\x1f\x8b\x08\x00PK\x03\x04", "cannot be read"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("content", "words"), NO_BASELINES.values(), ids=NO_BASELINES)
+def test_a_baseline_that_is_none_is_refused_with_a_hint(tmp_path: Path, content: bytes | None, words: str) -> None:
     if content is not None:
-        (tmp_path / "counters.csv").write_bytes(content.encode("latin-1"))
-    with pytest.raises(OptionError, match=r"counters\.csv") as caught:
-        read_counters(tmp_path / "counters.csv")
+        (tmp_path / "counters.csv.gz").write_bytes(content)
+    with pytest.raises(OptionError, match=words) as caught:
+        read_counters(tmp_path / "counters.csv.gz")
     assert "--renew" in str(caught.value.hint)
 
 
-@pytest.mark.parametrize("column", ["max_left_m", "nonzeros", "iterations"])
-def test_a_baseline_with_words_for_numbers_is_refused(tmp_path: Path, column: str) -> None:
-    write_counters(side().counters, tmp_path / "counters.csv")
-    pd.read_csv(tmp_path / "counters.csv").assign(**{column: "many"}).to_csv(tmp_path / "counters.csv", index=False)
-    with pytest.raises(OptionError, match=f"column {column} has values that are not numbers"):
+def test_a_baseline_with_words_for_numbers_is_refused(tmp_path: Path) -> None:
+    write_counters(side().counters.assign(nonzeros="many"), tmp_path / "counters.csv")
+    with pytest.raises(OptionError, match="column nonzeros has values that are not numbers"):
         read_counters(tmp_path / "counters.csv")
-
-
-@pytest.mark.parametrize("ending", ["gz", "bz2", "xz", "zip", "zst", "tar"])
-def test_a_packed_baseline_is_refused_like_any_other_file(tmp_path: Path, ending: str) -> None:
-    file = tmp_path / f"counters.csv.{ending}"
-    file.write_bytes(b"\x1f\x8b\x08\x00PK\x03\x04")
-    with pytest.raises(OptionError, match="cannot be read"):
-        read_counters(file)
 
 
 @pytest.fixture

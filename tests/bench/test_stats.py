@@ -129,14 +129,6 @@ def test_the_summary_pools_the_steps_of_all_roads() -> None:
     assert (summary["cells"][0], summary["steps"][0]) == (2, 4)
 
 
-def test_the_samples_are_every_step_of_every_drive() -> None:
-    samples = tables_of([cell(), cell(SQP)], [[made_up([0.1, 0.2]), made_up([0.3])], [made_up([0.4])]]).samples
-    assert list(samples["total_s"]) == [0.1, 0.2, 0.3, 0.4]
-    assert list(samples["round"]) == [0, 0, 1, 0]
-    assert list(samples["step"]) == [0, 1, 0, 0]
-    assert list(samples["scheme"]) == ["rti", "rti", "rti", "sqp"]
-
-
 def test_a_caption_says_by_which_rule_steps_were_accepted() -> None:
     found, machine = tables_of([cell()], [[made_up([0.1, 0.2])]]), {"processor": "any", "python": "any"}
     own, held = (captions(Suite(solvers=("riccati",), accuracy=accuracy), machine, found)["summary"] for accuracy in (None, 1e-4))

@@ -106,23 +106,6 @@ def test_a_process_that_cannot_be_started_hides_no_reason(
             assert row in worker(0, judged=True).message
 
 
-@pytest.mark.parametrize(
-    ("fake", "status", "words"),
-    [
-        (Fake("wrong"), "wrong optimum", "m from the reference's"),
-        (Fake("without multipliers"), "some steps not accepted", "dual residual"),
-        (Fake("not a number", honest=8), "some steps not solved", "to be driven"),
-        (Fake("nothing", honest=8), "failed", "AttributeError"),
-    ],
-)
-def test_a_solver_alone_gets_the_row_that_it_deserves(tiny: Suite, tmp_path: Path, fake: Fake, status: str, words: str) -> None:
-    suite = replace(tiny, solvers=("osqp",), rounds=1)
-    row = rows(suite, measured(suite, {"osqp": fake}, tmp_path, in_process=True))["osqp"]
-    assert row["status"] == status
-    assert words in row["message"]
-    assert row["success"] < 1.0
-
-
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="looks for processes in /proc")
 def test_a_killed_benchmark_leaves_no_process_behind(tmp_path: Path, short_road: str) -> None:

@@ -40,27 +40,20 @@ def test_limits_of_the_file_narrower_than_the_vehicle_are_a_warning_with_the_pla
         (("--vehicle", "tram"), ("unknown vehicle 'tram'", "hint")),
         (("--vehicle", "missing.toml"), ("missing.toml", "does not exist")),
         ((), ("missing option '--vehicle'", "hdvplan plan --help")),
-        ((*BUS, "--horizon", "0"), ("horizon",)),
         ((*BUS, "--horizon", "-100"), ("horizon", "-100")),
-        ((*BUS, "--step", "0"), ("step",)),
-        ((*BUS, "--step", "-0.5"), ("step", "-0.5")),
         ((*BUS, "--step", "0.3"), ("whole number of steps",)),
         ((*BUS, "--step", "nan"), ("step",)),
         ((*BUS, "--step", "half"), ("--step",)),
         ((*BUS, "--replan", "200"), ("replanning distance", "longer than the horizon")),
-        ((*BUS, "--smoothness", "0"), ("smoothness",)),
         ((*BUS, "--smooth", "-1"), ("smooth must be a positive number, not -1",)),
         ((*BUS, "--scheme", "mpc"), ("--scheme", "rti or sqp", "'mpc'")),
-        ((*BUS, "--discretisation", "rk4"), ("--discretisation", "midpoint, euler or gauss")),
         ((*BUS, "--solver", "simplex"), ("unknown solver 'simplex'", "hint")),
         ((*BUS, "--objective", "geometrik"), ("unknown objective", "did you mean 'geometric'")),
         ((*BUS, "--bias", "left"), ("--bias left is neither",)),
         ((*BUS, "--half-width", "3", "--left", "2"), ("--half-width", "--left")),
         ((*BUS, "--left", "3"), ("--left needs --right",)),
-        ((*BUS, "--right", "3"), ("--right needs --left",)),
         ((*BUS, "--half-width", "-3"), ("must be a positive number of metres",)),
         ((*BUS, "--half-width", "1"), ("2.00 m apart", "2.54 m wide")),
-        ((*BUS, "--horizn", "50"), ("no such option", "--horizn")),
         ((*BUS, "extra"), ("unexpected",)),
     ],
 )
@@ -76,7 +69,6 @@ def test_output_into_a_file_is_refused_before_planning(cli: Cli, tmp_path: Path)
 
 
 def test_unknown_names_come_with_a_suggestion(cli: Cli) -> None:
-    refused(cli("plna", "uturn"), "no such command 'plna'", "plan")
     refused(cli("plan", "goteborg_nya_alen", *BUS), "goteborg_nya_allen")
     refused(cli("plan", "excel_lower.csv", *BUS), "excel_lower.csv does not exist", "give a road file")
     refused(cli("roads"), "missing command", "hdvplan roads --help")
