@@ -52,7 +52,7 @@ class FakeWorkspace:
             return self._solver.solve(qp, guess)
         match self._fake.fault:
             case "wrong":  # the optimum of a program with another price of steering
-                qp = StageQp(qp.shape, qp.buffer.copy())
+                qp = qp.copy()
                 qp.R[:] *= 300.0
             case "sleeping":
                 time.sleep(3600.0)

@@ -17,7 +17,7 @@ from time import perf_counter
 
 import numpy as np
 
-from hdvplan.bench.measuring.recording import LIMITS, Recorded, copied, record
+from hdvplan.bench.measuring.recording import LIMITS, Recorded, record
 from hdvplan.case import Case
 from hdvplan.errors import QpDataError
 from hdvplan.planning.settings import PlannerSettings
@@ -55,15 +55,7 @@ def samples() -> tuple[Recorded, ...]:
 
     They are new copies every time: a solver that writes to one spoils no other rule.
     """
-    return tuple(
-        replace(
-            each,
-            qp=StageQp(each.qp.shape, each.qp.buffer.copy()),
-            guess=None if each.guess is None else copied(each.guess),
-            point=copied(each.point),
-        )
-        for each in _recorded()
-    )
+    return tuple(replace(one, qp=one.qp.copy(), guess=one.guess and one.guess.copy(), point=one.point.copy()) for one in _recorded())
 
 
 @cache
@@ -132,11 +124,11 @@ def guess_changes_only_the_way(make: WorkspaceMaker, programs: Sequence[Recorded
     """A guess, right or wrong, leads to the same optimum, and is left as it was."""
     far, touched = 0.0, False
     for workspace, each in _each(make, programs):
-        wrong = copied(each.point)
+        wrong = each.point.copy()
         wrong.stages["x"] += 1.0
         wrong.row_points["multiplier"] += 1.0
-        for guess in (each.guess, copied(each.point), wrong):
-            before = None if guess is None else copied(guess)
+        for guess in (each.guess, each.point.copy(), wrong):
+            before = None if guess is None else guess.copy()
             point = workspace.solve(each.qp, guess).point
             far = max(far, distance(point, each.point))
             touched |= guess is not None and before is not None and not _same(guess, before)
@@ -164,12 +156,12 @@ def bad_data_is_refused(make: WorkspaceMaker, programs: Sequence[Recorded]) -> F
     workspace, wrong = make(each.qp.shape), []
     for name in NAMES:
         for value in (np.nan, np.inf):
-            invalid = StageQp(each.qp.shape, each.qp.buffer.copy())
+            invalid = each.qp.copy()
             getattr(invalid, name).flat[-1] = value
             if not _refuses(workspace.solve, invalid):
                 wrong.append(f"{name} = {value}")
     for low, high in (("x_low", "x_high"), ("u_low", "u_high")):
-        invalid = StageQp(each.qp.shape, each.qp.buffer.copy())
+        invalid = each.qp.copy()
         getattr(invalid, low)[0] = getattr(invalid, high)[0] + 1.0
         if not _refuses(workspace.solve, invalid):
             wrong.append(f"{low} > {high}")
@@ -182,7 +174,7 @@ def bounds_are_kept(make: WorkspaceMaker, programs: Sequence[Recorded]) -> Findi
     """No bound of a state or input is broken, where they are narrow too."""
     over = 0.0
     for workspace, each in _each(make, programs):
-        narrow = StageQp(each.qp.shape, each.qp.buffer.copy())
+        narrow = each.qp.copy()
         reach = 0.5 * float(np.max(np.abs(each.point.u))) + 1e-4
         narrow.u_low[:], narrow.u_high[:] = np.maximum(narrow.u_low, -reach), np.minimum(narrow.u_high, reach)
         result = workspace.solve(narrow, None)
@@ -195,10 +187,10 @@ def data_are_left_alone(make: WorkspaceMaker, programs: Sequence[Recorded]) -> F
     """The program is not written to, and a result stays until the next solve."""
     written, moved = 0, 0
     for workspace, each in _each(make, programs):
-        qp = StageQp(each.qp.shape, each.qp.buffer.copy())
+        qp = each.qp.copy()
         result = workspace.solve(qp, None)
         written += not np.array_equal(qp.buffer, each.qp.buffer)
-        kept = copied(result.point)
+        kept = result.point.copy()
         qp.buffer[:] = 0.0
         make(each.qp.shape).solve(each.qp, None)
         moved += not _same(kept, result.point)
@@ -243,7 +235,7 @@ def _each(make: WorkspaceMaker, programs: Sequence[Recorded]) -> list[tuple[QpWo
 
 
 def _unreachable(qp: StageQp) -> StageQp:
-    wrong = StageQp(qp.shape, qp.buffer.copy())
+    wrong = qp.copy()
     wrong.x_low[-1], wrong.x_high[-1] = 500.0, 501.0  # out of reach of the inputs
     return wrong
 

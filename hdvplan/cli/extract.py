@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,6 +11,8 @@ import typer
 from hdvplan.cli.console import ExitCode, note, print_json, print_tables, progress, warn, writing
 from hdvplan.cli.help import OUTPUT
 from hdvplan.cli.options import JsonOption, QuietOption, check_folder, file_name
+from hdvplan.cli.settings import OptionsOf, with_settings
+from hdvplan.settings import Setting
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -21,28 +24,23 @@ _COLUMNS = ("relation", "ref", "route", "roads", "length [km]", "cuts", "missing
 _WARNINGS = 10  # shown one by one
 
 
+@dataclass(frozen=True)
+class RouteOptions:
+    """Which routes of a map are extracted, and how wide their ways are where it does not tell."""
+
+    route: Annotated[str, Setting("Which routes: the value of their tag route.", "KIND")] = "bus"
+    ref: Annotated[tuple[str, ...], Setting("Only the line with this number; may be repeated.", "REF")] = ()
+    lane: Annotated[
+        float | None, Setting("Width of a lane where the map only has their number [m] [default: 3.25].", "M", ("--lane-width",))
+    ] = None
+    half_width: Annotated[float | None, Setting("Limits at +-M [m] for ways without width and lanes.", "M")] = None
+
+
+@with_settings
 def extract(
     source: Annotated[Path, typer.Argument(metavar="MAP", help="A map of OpenStreetMap (.osm.pbf, .osm, .osm.gz), or liechtenstein.")],
-    route: Annotated[
-        str, typer.Option("--route", metavar="KIND", help="Which routes: the value of their tag route.", rich_help_panel=_ROUTES)
-    ] = "bus",
-    ref: Annotated[
-        list[str] | None,
-        typer.Option("--ref", metavar="REF", help="Only the line with this number; may be repeated.", rich_help_panel=_ROUTES),
-    ] = None,
-    lane: Annotated[
-        float | None,
-        typer.Option(
-            "--lane-width",
-            metavar="M",
-            help="Width of a lane where the map only has their number [m] [default: 3.25].",
-            rich_help_panel=_LIMITS,
-        ),
-    ] = None,
-    half_width: Annotated[
-        float | None,
-        typer.Option("--half-width", metavar="M", help="Limits at +-M [m] for ways without width and lanes.", rich_help_panel=_LIMITS),
-    ] = None,
+    *,
+    chosen: Annotated[RouteOptions, OptionsOf(RouteOptions, _ROUTES, {"lane": _LIMITS, "half_width": _LIMITS})],
     out: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Where to write [default: <map>.<kind>/].", rich_help_panel=OUTPUT)
     ] = None,
@@ -62,10 +60,10 @@ def extract(
     from hdvplan.road.scenarios import shipped
 
     source = source if source.exists() else shipped("networks").get(str(source), source)
-    widths = Widths(USUAL.lane if lane is None else lane, half_width)
+    route, widths = chosen.route, Widths(USUAL.lane if chosen.lane is None else chosen.lane, chosen.half_width)
     directory = out or Path(file_name(f"{source.name.partition('.')[0]}.{route}"))
     with writing(f"to {directory}"), progress(f"stitching {source.name}", quiet=quiet) as on_progress:
-        routes = extracted(source, directory, kind=route, refs=tuple(ref or ()), widths=widths, on_progress=on_progress)
+        routes = extracted(source, directory, kind=route, refs=chosen.ref, widths=widths, on_progress=on_progress)
     _warn_of(routes, directory / RECORD, quiet=quiet)
     if json:
         print_json(record_of(routes, source.name, route, widths))

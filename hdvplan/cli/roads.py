@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -17,7 +18,7 @@ from hdvplan.cli.options import JsonOption, RoadArgument, Room
 from hdvplan.cli.settings import OptionsOf, with_settings
 from hdvplan.errors import OptionError
 from hdvplan.road.options import RoadOptions
-from hdvplan.settings import choice
+from hdvplan.settings import Setting, choice
 
 if TYPE_CHECKING:
     from hdvplan.judging.fit import Fit
@@ -40,7 +41,7 @@ def list_roads(json: JsonOption = False) -> int:
     """List the shipped roads and the scenarios."""
     from hdvplan.report.grid import grid
 
-    listed = [*_shipped(), *_examples(), *_maps(), *_scenarios()]
+    listed = _listed()
     if json:
         print_json(listed)
         return ExitCode.OK
@@ -118,20 +119,71 @@ def road_info(
     return ExitCode.OK
 
 
+@dataclass(frozen=True)
+class Turn:
+    """A parametric road, as options describe it; what is not given is the published scenario's."""
+
+    radius: Annotated[float | None, Setting("Smallest radius [m]; negative turns right.", "M")] = None
+    max_curvature: Annotated[float | None, Setting("Largest curvature [1/m]; negative turns right.", "K")] = None
+    sharpness: Annotated[float | None, Setting("Change of curvature per metre [1/m^2].", "C")] = None
+    angle: Annotated[float | None, Setting("Angle of each turn [deg].", "DEG")] = None
+    lead_in: Annotated[float, Setting("Straight before the first turn [m].", "M")] = 50.0
+    lead_out: Annotated[float, Setting("Straight after the last turn [m].", "M")] = 50.0
+    half_width: Annotated[float | None, Setting("Also write limits at M to either side [m].", "M")] = None
+
+    def curvature(self) -> float | None:
+        """Return the largest curvature [1/m], if any is given.
+
+        Raises:
+            OptionError: it is given twice, or is none.
+
+        """
+        from math import isfinite
+
+        if self.radius is not None and self.max_curvature is not None:
+            msg = "--radius and --max-curvature say the same thing; give one"
+            raise OptionError(msg)
+        name, given = ("radius", self.radius) if self.max_curvature is None else ("max-curvature", self.max_curvature)
+        if given is not None and (not isfinite(given) or given == 0.0):
+            msg = f"--{name} must be a finite number other than 0, not {given:g}"
+            raise OptionError(msg)
+        return 1.0 / given if given is not None and name == "radius" else given
+
+    def profile(self, shape: Shape) -> Profile:
+        """Return arclengths and curvatures of a scenario.
+
+        Raises:
+            OptionError: a number that no turn can have.
+
+        """
+        from math import isfinite, radians
+
+        from hdvplan.road.scenarios import sturn_profile, turn_profile, uturn_profile
+
+        curvature = self.curvature()
+        for name, value in (("sharpness", self.sharpness), ("angle", self.angle)):
+            if value is not None and not (isfinite(value) and value > 0.0):
+                msg = f"--{name} must be a positive number, not {value:g}"
+                raise OptionError(msg)
+        if shape is Shape.STURN:
+            k, rate = curvature or 0.06, self.sharpness or 0.01
+            constant = 10.0 if self.angle is None else radians(self.angle) / abs(k) - abs(k) / rate
+            return sturn_profile(k, rate, constant=constant, lead_in=self.lead_in, lead_out=self.lead_out)
+        published, ramp = (0.060, 20.9) if shape is Shape.UTURN else (1.0 / 17.88, 5.5)
+        k = curvature or published
+        ramp = ramp if self.sharpness is None else abs(k) / self.sharpness
+        if shape is Shape.UTURN:
+            return uturn_profile(k, ramp, angle=radians(self.angle or 180.0), lead_in=self.lead_in, lead_out=self.lead_out)
+        constant = 135.0 if self.angle is None else radians(self.angle) / abs(k) - ramp
+        return turn_profile(k, ramp, constant, self.lead_in, self.lead_out)
+
+
 @app.command("make", cls=Command)
+@with_settings
 def make_road(
     shape: Annotated[str, typer.Argument(metavar="NAME", help="uturn, roundabout or sturn.")],
-    radius: Annotated[float | None, typer.Option("--radius", metavar="M", help="Smallest radius [m]; negative turns right.")] = None,
-    max_curvature: Annotated[
-        float | None, typer.Option("--max-curvature", metavar="K", help="Largest curvature [1/m]; negative turns right.")
-    ] = None,
-    sharpness: Annotated[float | None, typer.Option("--sharpness", metavar="C", help="Change of curvature per metre [1/m^2].")] = None,
-    angle: Annotated[float | None, typer.Option("--angle", metavar="DEG", help="Angle of each turn [deg].")] = None,
-    lead_in: Annotated[float, typer.Option("--lead-in", metavar="M", help="Straight before the first turn [m].")] = 50.0,
-    lead_out: Annotated[float, typer.Option("--lead-out", metavar="M", help="Straight after the last turn [m].")] = 50.0,
-    half_width: Annotated[
-        float | None, typer.Option("--half-width", metavar="M", help="Also write limits at M to either side [m].")
-    ] = None,
+    *,
+    turn: Annotated[Turn, OptionsOf(Turn, "Options")],
     out: Annotated[
         Path | None, typer.Option("--out", metavar="FILE", help="The file [default: NAME.csv]; - for stdout.", rich_help_panel=OUTPUT)
     ] = None,
@@ -147,7 +199,7 @@ def make_road(
     if json and out == Path("-"):
         msg = "--json and --out - both write to stdout"
         raise OptionError(msg)
-    profile = _profile(Shape(choice("NAME", shape, list(Shape))), _curvature(radius, max_curvature), sharpness, angle, lead_in, lead_out)
+    profile, half_width = turn.profile(Shape(choice("NAME", shape, list(Shape)))), turn.half_width
     if half_width is not None:
         Limits.constant(half_width, half_width, 1.0)  # refuses what cannot be a limit
     text = _csv(profile, half_width)
@@ -166,55 +218,32 @@ def make_road(
     return ExitCode.OK
 
 
-def _shipped() -> list[dict[str, object]]:
-    """Return the shipped roads with the numbers that their files carry; smoothing all of them would take long."""
+def _listed() -> list[dict[str, object]]:
+    """Return what ships, with the numbers that the files carry; smoothing all of them would take long."""
     import json
 
-    from hdvplan.road.scenarios import shipped
+    from hdvplan.road.scenarios import SCENARIOS, shipped
+
+    def read(file: Path) -> Any:  # noqa: ANN401 - what json.loads returns
+        return json.loads(file.read_text(encoding="utf-8"))
+
+    def entry(source: str, name: str, length: object, radius: object, kind: str, place: str | None = None) -> dict[str, object]:
+        return {"name": name, "place": place, "source": source, "length_m": length, "min_radius_m": radius, "kind": kind}
 
     roads = []
     for name, file in shipped().items():
-        properties = json.loads(file.read_text(encoding="utf-8"))["properties"]
-        given = {"length_m": properties["length_m"], "min_radius_m": properties["min_radius_6m_m"], "kind": properties["kind"]}
-        roads.append({"name": name, "place": properties["name"], "source": "OpenStreetMap"} | given)
-    return roads
-
-
-def _examples() -> list[dict[str, object]]:
-    """Return the made-up places, likewise."""
-    import json
-
-    from hdvplan.road.scenarios import shipped
-
-    examples = []
+        told = read(file)["properties"]
+        roads.append(entry("OpenStreetMap", name, told["length_m"], told["min_radius_6m_m"], told["kind"], told["name"]))
     for name, file in shipped("examples").items():
-        properties = json.loads(file.read_text(encoding="utf-8"))["features"][0]["properties"]
-        kind = "drive of several legs" if "leg" in properties else "made-up place with obstacles"
-        given = {name: properties[name] for name in ("length_m", "min_radius_m")} | {"kind": kind}
-        examples.append({"name": name, "place": None, "source": "example"} | given)
-    return examples
-
-
-def _maps() -> list[dict[str, object]]:
-    """Return the shipped maps, of which --road-ids choose what is driven."""
-    from hdvplan.road.scenarios import shipped
-
+        told = read(file)["features"][0]["properties"]
+        kind = "drive of several legs" if "leg" in told else "made-up place with obstacles"
+        roads.append(entry("example", name, told["length_m"], told["min_radius_m"], kind))
     kind = "roundabout, OpenDRIVE: choose the way, such as --road-ids 0,5"
-    return [
-        {"name": name, "place": None, "source": "OpenDRIVE", "length_m": None, "min_radius_m": None, "kind": kind}
-        for name in shipped("opendrive")
-    ]
-
-
-def _scenarios() -> list[dict[str, object]]:
-    from hdvplan.road.scenarios import SCENARIOS
-
-    scenarios = []
+    roads += [entry("OpenDRIVE", name, None, None, kind) for name in shipped("opendrive")]
     for scenario in SCENARIOS.values():
         s, curvature = scenario.profile
-        given = {"length_m": s[-1], "min_radius_m": 1.0 / max(map(abs, curvature)), "kind": "scenario"}
-        scenarios.append({"name": scenario.name, "place": None, "source": "scenario"} | given)
-    return scenarios
+        roads.append(entry("scenario", scenario.name, s[-1], 1.0 / max(map(abs, curvature)), "scenario"))
+    return roads
 
 
 def _fit_json(fit: Fit) -> dict[str, object]:
@@ -230,46 +259,6 @@ def _fit_json(fit: Fit) -> dict[str, object]:
         "fits": fit.fits,
         "findings": [finding_json(finding) for finding in fit.findings],
     }
-
-
-def _curvature(radius: float | None, max_curvature: float | None) -> float | None:
-    from math import isfinite
-
-    if radius is not None and max_curvature is not None:
-        msg = "--radius and --max-curvature say the same thing; give one"
-        raise OptionError(msg)
-    given = radius if max_curvature is None else max_curvature
-    if given is None:
-        return None
-    if not isfinite(given) or given == 0.0:
-        msg = f"--{'radius' if max_curvature is None else 'max-curvature'} must be a finite number other than 0, not {given:g}"
-        raise OptionError(msg)
-    return 1.0 / given if max_curvature is None else given
-
-
-def _profile(
-    shape: Shape, curvature: float | None, sharpness: float | None, angle: float | None, lead_in: float, lead_out: float
-) -> Profile:
-    """Return the scenario's profile; what is not given is the published scenario's."""
-    from math import isfinite, radians
-
-    from hdvplan.road.scenarios import sturn_profile, turn_profile, uturn_profile
-
-    for name, value in (("sharpness", sharpness), ("angle", angle)):
-        if value is not None and not (isfinite(value) and value > 0.0):
-            msg = f"--{name} must be a positive number, not {value:g}"
-            raise OptionError(msg)
-    if shape is Shape.STURN:
-        k, rate = curvature or 0.06, sharpness or 0.01
-        constant = 10.0 if angle is None else radians(angle) / abs(k) - abs(k) / rate
-        return sturn_profile(k, rate, constant=constant, lead_in=lead_in, lead_out=lead_out)
-    published, ramp = (0.060, 20.9) if shape is Shape.UTURN else (1.0 / 17.88, 5.5)
-    k = curvature or published
-    ramp = ramp if sharpness is None else abs(k) / sharpness
-    if shape is Shape.UTURN:
-        return uturn_profile(k, ramp, angle=radians(angle or 180.0), lead_in=lead_in, lead_out=lead_out)
-    constant = 135.0 if angle is None else radians(angle) / abs(k) - ramp
-    return turn_profile(k, ramp, constant, lead_in, lead_out)
 
 
 def _csv(profile: Profile, half_width: float | None) -> str:

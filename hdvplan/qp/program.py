@@ -129,6 +129,10 @@ class StageQp:
         qp.stages["live"] = 1.0
         return qp
 
+    def copy(self) -> StageQp:
+        """Return a program that nobody else writes to."""
+        return StageQp(self.shape, self.buffer.copy())
+
     @cached_property
     def record(self) -> Records:
         """The core's record of it, which holds addresses of the arrays above."""
@@ -241,6 +245,10 @@ class StageSolution:
                 msg = f"a point of another shape: {array.shape} of {array.dtype} instead of {size} of {kind}"
                 raise QpDataError(msg)
         return core.address(self.record)
+
+    def copy(self) -> StageSolution:
+        """Return a point that nobody overwrites."""
+        return StageSolution(self.stages.copy(), self.row_points.copy())
 
     def copy_from(self, other: StageSolution) -> None:
         """Take over another point of the same shape."""

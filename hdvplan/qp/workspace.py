@@ -176,7 +176,7 @@ class Judge:
             BaseException: whatever the solver raises.
 
         """
-        own = StageQp(qp.shape, qp.buffer.copy())
+        own = qp.copy()
         answers: SimpleQueue[QpResult | BaseException] = SimpleQueue()
 
         def answer() -> None:

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from hdvplan import core
 from hdvplan.arrays import FloatArray
+from hdvplan.bench.contract import distance
 from hdvplan.driving.drive import drive
 from hdvplan.errors import PlanError, QpDataError
 from hdvplan.planning.objectives import geometric
@@ -27,7 +28,7 @@ from hdvplan.vehicle.load import load_vehicle
 from tests.core.programs import PARTS, copied, dense, random_program, shape
 from tests.core.spying import Spy
 from tests.solvers.test_workspaces import MORE_SIZES, SIZES, shapes
-from tests.solvers.workspaces import distance, optimum
+from tests.solvers.workspaces import optimum
 
 many = settings(max_examples=300, deadline=None, derandomize=True)
 WIDE = 1e6  # bounds that are never met

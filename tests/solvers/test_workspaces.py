@@ -9,14 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hdvplan.bench import contract
-from hdvplan.bench.contract import CONTRACT, Rule
+from hdvplan.bench.contract import CONTRACT, Rule, distance
 from hdvplan.bench.measuring.recording import Recorded
 from hdvplan.errors import QpDataError
 from hdvplan.qp.program import NAMES, StageQp, StageShape
 from hdvplan.qp.workspace import Status, residuals
 from tests.core.chains import few
 from tests.core.programs import copied, dense, random_program, shape
-from tests.solvers.workspaces import GENERIC, NATIVE, distance, generic, native, optimum
+from tests.solvers.workspaces import GENERIC, NATIVE, generic, native, optimum
 
 each_native = pytest.mark.parametrize("name", NATIVE)
 

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import pytest
 
-from hdvplan.arrays import FloatArray
 from hdvplan.qp.program import StageQp, StageSolution
 from hdvplan.qp.workspace import WorkspaceMaker
 from hdvplan.solvers.registry import solver_infos, solver_named
@@ -60,12 +59,3 @@ def generic(name: str) -> Contestant:
 def optimum(qp: StageQp) -> StageSolution:
     """Return the solution of the dense program, rows elastic, by another route."""
     return staged(qp, *dense(qp).solve())
-
-
-def distance(one: StageSolution, other: StageSolution) -> float:
-    """Return the largest difference of a state or an input."""
-    return max(_largest(one.x - other.x), _largest(one.u - other.u))
-
-
-def _largest(values: FloatArray) -> float:
-    return float(abs(values).max())

@@ -31,7 +31,7 @@ import scipy.sparse as sp
 from hdvplan.arrays import FloatArray
 from hdvplan.bench.measuring.acceptance import scale_of
 from hdvplan.bench.measuring.courses import cases_of
-from hdvplan.bench.measuring.recording import ACTIVE, Recorded, copied, record
+from hdvplan.bench.measuring.recording import ACTIVE, Recorded, record
 from hdvplan.bench.suite import AS_SET, Suite
 from hdvplan.case import Case
 from hdvplan.errors import OptionError
@@ -104,11 +104,11 @@ def _exact(qp: StageQp) -> StageSolution:
     found: list[StageSolution] = []
     for tolerance in _TOLERANCES:
         exact = solver_named("riccati", tolerance)(qp.shape)
-        found.append(copied(exact.solve(qp, None).point))
+        found.append(exact.solve(qp, None).point.copy())
         for _ in range(_REFINED):
             if max(_broken(qp, found[-1]).values()) <= _TOLERANCES[0]:
                 return found[-1]
-            found.append(copied(exact.solve(qp, found[-1]).point))
+            found.append(exact.solve(qp, found[-1]).point.copy())
     return min(found, key=lambda point: max(_broken(qp, point).values()))
 
 

@@ -102,22 +102,17 @@ class _Recorder:
         """Solve ``qp``; see ``QpWorkspace``."""
         wanted = self._wanted(self.step, self._number)
         cold = guess is None or not any(np.any(part) for part in guess.numbers)  # the planner's memory before its first plan
-        known = None if guess is None or cold or not wanted else copied(guess)
-        asked = StageQp(qp.shape, qp.buffer.copy()) if wanted else qp
+        known = None if guess is None or cold or not wanted else guess.copy()
+        asked = qp.copy() if wanted else qp
         result = self._own.solve(qp, guess)
         if wanted:
-            self.found.append(Recorded(asked, known, copied(result.point), self._first, self._number, self._limited))
+            self.found.append(Recorded(asked, known, result.point.copy(), self._first, self._number, self._limited))
         self._number += 1
         return result._replace(leaves_guess=True) if self._helps else result
 
     def next(self, first: int) -> None:
         """Begin the next step of the drive, whose plan begins at a station."""
         self.step, self._first, self._number = self.step + 1, first, 0
-
-
-def copied(point: StageSolution) -> StageSolution:
-    """Return a point that nobody overwrites."""
-    return StageSolution(point.stages.copy(), point.row_points.copy())
 
 
 _TOTAL, _COLD = NUMBERS.index("total_s"), NUMBERS.index("cold_s")
