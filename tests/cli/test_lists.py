@@ -17,13 +17,6 @@ LISTS = [("vehicles", "list"), ("solvers",), ("roads", "list"), ("roads", "info"
 
 
 @pytest.mark.parametrize("arguments", LISTS)
-def test_a_list_is_a_table_that_fits_a_terminal(cli: Cli, arguments: tuple[str, ...]) -> None:
-    outcome = cli(*arguments)
-    assert (outcome.code, outcome.err) == (0, "")
-    assert max(len(line) for line in outcome.out.splitlines()) <= 80
-
-
-@pytest.mark.parametrize("arguments", LISTS)
 def test_a_list_is_there_as_json_too(cli: Cli, arguments: tuple[str, ...]) -> None:
     outcome = cli(*arguments, "--json")
     assert (outcome.code, outcome.err) == (0, "")

@@ -31,19 +31,8 @@ def test_a_bus_that_cannot_pass_gets_a_proof_with_its_stretch(cli: Cli, bend: Pa
     assert outcome.out.splitlines()[0] == verdict["text"]
     assert verdict["text"].startswith("NO: ")
     assert verdict["details"].endswith(f"; {said}")
-
-
-def test_json_carries_the_proof_and_no_proof_leaves_it_out(cli: Cli, bend: Path) -> None:
-    assert bend.is_dir()
-    asked = cli("plan", *BEND, "--half-width", TOO_LITTLE_M, "--json")
-    spared = cli("plan", *BEND, "--half-width", TOO_LITTLE_M, "--json", "--no-proof")
-    assert (asked.code, spared.code) == (1, 1)
-    verdict, without = json.loads(asked.out)["verdict"], json.loads(spared.out)["verdict"]
-    assert verdict["proved"] is True
-    assert verdict["proof"].keys() == {"kind", "s_from_m", "s_to_m", "unit"}
-    assert (without["proved"], without["proof"]) == (False, None)
-    assert without["details"].endswith("; no plan was found, and none is excluded")
-    assert without["spare_m"] == verdict["spare_m"]  # a proof changes nothing of the plan
+    without = json.loads(cli("plan", *BEND, "--half-width", TOO_LITTLE_M, "--json", "--no-proof").out)["verdict"]
+    assert (without["proved"], without["proof"], without["spare_m"]) == (False, None, verdict["spare_m"])  # it changes nothing of the plan
 
 
 def test_a_bad_plan_where_a_better_one_fits_is_not_called_proved(cli: Cli, bend: Path) -> None:
@@ -55,12 +44,3 @@ def test_a_bad_plan_where_a_better_one_fits_is_not_called_proved(cli: Cli, bend:
     assert short_sighted.code == 1
     assert (verdict["fits"], verdict["proved"], verdict["proof"]) == (False, False, None)
     assert verdict["details"].endswith("; no plan was found, and none is excluded")
-
-
-@pytest.mark.slow
-def test_a_tractor_trailer_that_cannot_pass_the_hairpin_gets_a_proof_up_to_its_trailer(cli: Cli) -> None:
-    outcome = cli("plan", "monaco_fairmont_hairpin", "--vehicle", "tractor-trailer", "--half-width", "3", "--no-plot", "--json")
-    assert outcome.code == 1
-    verdict = json.loads(outcome.out)["verdict"]
-    assert verdict["proved"] is True
-    assert verdict["proof"]["unit"] == "trailer"
