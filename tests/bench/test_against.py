@@ -165,33 +165,6 @@ def test_a_base_that_cannot_run_ends_in_3(cli: Cli, tmp_path: Path, short_road: 
     assert annotated.startswith(f"::warning title=planning time::{words}")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("--factor", "1.2"), "need --against"),
-        (("--command", "true"), "need --against"),
-        (("--against", "HEAD", "--command", "true", "--rounds", "2"), "do not apply"),
-        (("--against", "HEAD", "--command", "'"), "cannot be split"),
-        (("--against", "HEAD", "--command", " "), "is empty"),
-        (("--expect-changes",), "need --against"),
-        (("--renew",), "--renew needs --counters"),
-        (("--export-qps", "qps", "--against", "HEAD"), "so --against, --counters and --plot do not apply"),
-        (("--export-qps", "qps", "--counters", "c.csv"), "so --against, --counters and --plot do not apply"),
-        (("--export-qps", "qps", "--plot", "b.png"), "so --against, --counters and --plot do not apply"),
-        (("--against", "HEAD", "--counters", "c.csv"), "not with a file"),
-        (("--against", "HEAD", "--roads", "nowhere"), "nowhere"),
-        (("--against", "HEAD", "--solvers", "osqpp"), "unknown solver"),
-        (("--against", "HEAD", "--factor", "1"), "must be above 1"),
-        (("--in-process", "--memory-limit", "5"), "need a process that can be ended"),
-        (("--format", "tap"), "--format must be"),
-    ],
-)
-def test_options_that_mean_nothing_together_end_in_2(cli: Cli, arguments: tuple[str, ...], words: str) -> None:
-    outcome = cli("bench", *arguments)
-    assert (outcome.code, outcome.out) == (2, "")
-    assert words in outcome.err
-
-
 @pytest.mark.slow
 @pytest.mark.skipif(not (ROOT / ".git").exists(), reason="needs a checkout")
 def test_the_real_command_measures_the_head_against_the_working_tree(tmp_path: Path, short_road: str) -> None:

@@ -228,18 +228,34 @@ def test_fresh_deletes_only_what_a_benchmark_writes(cli: Cli, tmp_path: Path, fi
     assert "notes.txt" in files_of(tmp_path / "run")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("--solvers", "osqpp"), "unknown solver 'osqpp'"),
-        (("--roads", "nowhere"), "nowhere"),
-        (("--vehicles", "tank"), "unknown vehicle 'tank'"),
-        (("--schemes", "fast"), "unknown scheme 'fast'"),
-        (("--rounds", "0"), "rounds must be"),
-        (("--suite", "none.toml"), "cannot be read"),
-        (("--no-limits", "--pinch", "1"), "without limits"),
-    ],
-)
+AGAINST = ("--against", "HEAD")
+REFUSED = [
+    (("--solvers", "osqpp"), "unknown solver 'osqpp'"),
+    (("--roads", "nowhere"), "nowhere"),
+    (("--vehicles", "tank"), "unknown vehicle 'tank'"),
+    (("--schemes", "fast"), "unknown scheme 'fast'"),
+    (("--rounds", "0"), "rounds must be"),
+    (("--suite", "none.toml"), "cannot be read"),
+    (("--no-limits", "--pinch", "1"), "without limits"),
+    (("--factor", "1.2"), "need --against"),
+    (("--command", "true"), "need --against"),
+    (("--expect-changes",), "need --against"),
+    (("--renew",), "--renew needs --counters"),
+    (("--format", "tap"), "--format must be"),
+    (("--memory-limit", "5"), "need a process that can be ended"),
+    (("--export-qps", "qps", *AGAINST), "so --against, --counters and --plot do not apply"),
+    (("--export-qps", "qps", "--counters", "c.csv"), "so --against, --counters and --plot do not apply"),
+    (("--export-qps", "qps", "--plot", "b.png"), "so --against, --counters and --plot do not apply"),
+    ((*AGAINST, "--counters", "c.csv"), "not with a file"),
+    ((*AGAINST, "--command", "true"), "do not apply"),
+    ((*AGAINST, "--roads", "nowhere"), "nowhere"),
+    ((*AGAINST, "--solvers", "osqpp"), "unknown solver"),
+    ((*AGAINST, "--factor", "1"), "must be above 1"),
+    ((*AGAINST, "--time-limit", "0"), "--time-limit must be a positive number of seconds"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "words"), REFUSED)
 def test_a_wrong_request_ends_in_2_and_leaves_nothing(
     cli: Cli, tmp_path: Path, short_road: str, arguments: tuple[str, ...], words: str
 ) -> None:
@@ -248,6 +264,12 @@ def test_a_wrong_request_ends_in_2_and_leaves_nothing(
     assert outcome.err.startswith("error: ")
     assert words in outcome.err
     assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(("command", "words"), [("'", "cannot be split"), (" ", "is empty")])
+def test_a_command_of_no_words_is_refused(cli: Cli, command: str, words: str) -> None:
+    outcome = cli("bench", *AGAINST, "--command", command)
+    assert (outcome.code, words in outcome.err) == (2, True)
 
 
 def test_over_budget_is_a_row_and_the_run_ends_well(cli: Cli, tmp_path: Path, short_road: str) -> None:
