@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import subprocess
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from hdvplan.bench.comparing.processes import Scratch, scratch_folder
 from hdvplan.bench.measuring.samples import NUMBERS, Judgement, Measurement
 from hdvplan.bench.suite import Suite
 from hdvplan.bench.tables import OK
@@ -46,6 +49,18 @@ def finished_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     command = ("bench", "--roads", str(folder / "short.csv"), *TINY, "--rounds", "3", "--schemes", "rti", "--quiet")
     assert run([*command, "--out", str(folder / "out")]) == 0
     return folder / "out"
+
+
+@pytest.fixture
+def scratch() -> Iterator[Scratch]:
+    with scratch_folder() as made:
+        yield made
+
+
+def git(folder: Path, *arguments: str) -> str:
+    """Return what git says in a folder, as somebody."""
+    command = ["git", "-C", str(folder), "-c", "user.name=a", "-c", "user.email=a@example.org", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()  # noqa: S603 - fixed
 
 
 def made_up(

@@ -10,7 +10,6 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -18,21 +17,15 @@ import pytest
 from hdvplan.bench.comparing import environment, programs
 from hdvplan.bench.comparing.checkout import Checkout, checkout, copy_tree
 from hdvplan.bench.comparing.environment import Base, base_named, base_program, new_program
-from hdvplan.bench.comparing.processes import Ended, Scratch, scratch_folder
+from hdvplan.bench.comparing.processes import Ended, Scratch
 from hdvplan.bench.comparing.programs import Program, ProgramError
 from hdvplan.cli.baselines import _cannot_write
 from hdvplan.errors import OptionError
 from hdvplan.signals import ended_by_signals
-from tests.bench.conftest import Cli
+from tests.bench.conftest import Cli, git
 from tests.nightly import nightly
 
 ROOT = Path(__file__).parents[2]
-
-
-def git(folder: Path, *arguments: str) -> str:
-    identity = ("-c", "user.name=a", "-c", "user.email=a@example.org")
-    command = ["git", "-C", str(folder), *identity, *arguments]
-    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()  # noqa: S603 - fixed
 
 
 @pytest.fixture(scope="module")
@@ -57,12 +50,6 @@ def ours(committed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Pa
     monkeypatch.chdir(top)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     return top
-
-
-@pytest.fixture
-def scratch() -> Iterator[Scratch]:
-    with scratch_folder() as made:
-        yield made
 
 
 def base(against: str, scratch: Scratch) -> Program:

@@ -24,7 +24,7 @@ from hdvplan.bench.comparing.sides import Side, own_changes, own_name, read_side
 from hdvplan.bench.comparing.words import verdict_line
 from hdvplan.bench.comparing.work import CommandWork, SuiteWork, command_words, steps_of
 from hdvplan.errors import OptionError
-from tests.bench.conftest import Cli
+from tests.bench.conftest import Cli, git
 from tests.docs.blocks import blocks_of
 
 OURS = """
@@ -196,11 +196,6 @@ def test_words_are_split_as_a_shell_would_and_nothing_else_is_done() -> None:
     for text in ("", "'", "a\0b"):
         with pytest.raises(OptionError):
             command_words(text)
-
-
-def git(folder: Path, *arguments: str) -> str:
-    command = ("git", "-C", str(folder), "-c", "user.name=a", "-c", "user.email=a@example.org", *arguments)
-    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()  # noqa: S603 - fixed
 
 
 @pytest.fixture

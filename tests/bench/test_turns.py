@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -32,12 +32,6 @@ with turns() as take_turn:
         note("ends")
 note("leaves")
 """
-
-
-@pytest.fixture
-def scratch() -> Iterator[Scratch]:
-    with scratch_folder() as scratch:
-        yield scratch
 
 
 def started(scratch: Scratch, *arguments: str) -> Started:
