@@ -134,7 +134,7 @@ def test_elastic_rows_are_broken_no_more_than_they_must(name: str) -> None:
 @cache
 def recorded() -> tuple[Recorded, ...]:
     """Return random programs as of a drive, of which a solver with hard rows solves some in another form than others."""
-    programs = [random_program(shape(), seed, tightness=0.3 if seed % 3 else 2.0) for seed in range(6)]
+    programs = [random_program(shape(), seed, tightness=0.3 if seed % 4 else 30.0) for seed in range(20)]
     for seed, qp in enumerate(programs):
         qp.linear[:], qp.quadratic[:] = 50.0, 0.0 if seed % 2 else 1.0
     return tuple(Recorded(qp, None, optimum(qp), 0, 0) for qp in programs)

@@ -139,7 +139,8 @@ def times_of(samples: pd.DataFrame) -> dict[Name, Steps]:
         whole = wide["total_s"].dropna().index if len(wide) else wide.index
         tables = {name: wide[name].loc[whole].to_numpy(np.float64) if len(wide) else np.empty((0, 0)) for name in columns}
         first = mine.loc[mine["step"] == 0, "outer_s"].to_numpy(np.float64)
-        cells[tuple(str(part) for part in key)] = Steps(*tables.values(), first, steps.groupby("step")["s_m"].first().to_numpy(np.float64))
+        places = steps.groupby("step")["s_m"].first().to_numpy(np.float64)
+        cells[tuple(str(part) for part in key)] = Steps(tables["total_s"], tables["outer_s"], first, places)
     return cells
 
 

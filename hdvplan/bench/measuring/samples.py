@@ -12,6 +12,7 @@ from zipfile import BadZipFile
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from hdvplan.arrays import FloatArray
 from hdvplan.bench.tables import FAILED, OUT_OF_MEMORY
@@ -111,6 +112,7 @@ def write_part(path: Path, measured: Measurement) -> None:
 
     """
     words = {name: getattr(measured, name) for name in _WORDS}
+    arrays: dict[str, NDArray[np.generic]]
     arrays = {"words": np.frombuffer(json_bytes(words), np.uint8), "steps": measured.steps, "distances": measured.distances}
     arrays |= {name: np.asarray(value) for name, value in vars(measured.judgement).items()} if measured.judgement else {}
     buffer = BytesIO()
