@@ -51,7 +51,7 @@ def gate(against: str, work: Suite | CommandWork, out: Path, decision: Decision,
         OptionError: a road or vehicle that cannot be read, a program that is none, or ``out`` cannot be written.
 
     """
-    from hdvplan.bench.comparing.against import SIDES, Told, Wanted, guard
+    from hdvplan.bench.comparing.against import SIDES, Told, guard
     from hdvplan.bench.comparing.reports import write_reports
     from hdvplan.bench.comparing.work import CommandWork
 
@@ -59,16 +59,19 @@ def gate(against: str, work: Suite | CommandWork, out: Path, decision: Decision,
         _check(work)
     settings, quiet = decision.settings(), report.quiet
     again = _again(against, work, decision, out)
-    wanted, rule = Wanted(against, work, settings), settings.rule
     try:
         with progress("measuring", quiet=quiet, undisturbed=True) as told:
-            comparison = guard(wanted, out, Told(lambda step: note(step, quiet=quiet), told))
-        if comparison.failure is None and (versions := _changed_versions(*(_versions(out / side / "00") for side in SIDES))):
-            note(f"versions differ: {', '.join(versions)}", quiet=quiet)
-        write_reports(comparison, rule, again, out)
+            comparison = guard(against, work, settings, out, Told(lambda step: note(step, quiet=quiet), told))
+        before, after = (_versions(out / side / "00") for side in SIDES)
+        changed = [
+            f"{name} {before.get(name, '-')} -> {after.get(name, '-')}" for name in before | after if before.get(name) != after.get(name)
+        ]
+        if comparison.failure is None and changed:
+            note(f"versions differ: {', '.join(changed)}", quiet=quiet)
+        write_reports(comparison, settings.rule, again, out)
     except OSError as error:
         raise _cannot_write(error, out) from error
-    return show(comparison, rule, report, again)
+    return show(comparison, settings.rule, report, again)
 
 
 def _versions(process: Path) -> dict[str, str]:
@@ -80,11 +83,6 @@ def _versions(process: Path) -> dict[str, str]:
         return {"hdvplan": str(noted["hdvplan"])} | {str(name): str(version) for name, version in noted["packages"].items()}
     except (OSError, ValueError, LookupError, TypeError, AttributeError):
         return {}
-
-
-def _changed_versions(before: Mapping[str, str], after: Mapping[str, str]) -> list[str]:
-    changed = [name for name in {**before, **after} if before.get(name) != after.get(name)]
-    return [f"{name} {before.get(name, '-')} -> {after.get(name, '-')}" for name in changed]
 
 
 def _cannot_write(error: OSError, out: Path) -> OptionError:

@@ -198,17 +198,8 @@ def _clear(folder: Path) -> None:
     shutil.rmtree(folder)
 
 
-@dataclass(frozen=True)
-class Wanted:
-    """What is compared, and how."""
-
-    against: str
-    work: Suite | CommandWork
-    settings: Settings
-
-
-def guard(wanted: Wanted, out: Path, told: Told) -> Comparison:
-    """Return the comparison of what is named with what is here; measured into ``out``.
+def guard(against: str, work: Suite | CommandWork, settings: Settings, out: Path, told: Told) -> Comparison:
+    """Return the comparison of what ``against`` names with what is here; measured into ``out``.
 
     However it ends, also by signals, its processes and temporary files are removed. What stays is ``out``, and revisions in the user's
     cache. The reports of an earlier comparison go first, so that none is taken for this one's.
@@ -220,18 +211,18 @@ def guard(wanted: Wanted, out: Path, told: Told) -> Comparison:
     """
     with ended_by_signals(), scratch_folder() as scratch:
         here = checkout()
-        named = base_named(wanted.against, here)
+        named = base_named(against, here)
         cache = cache_folder(scratch)
         out.mkdir(parents=True, exist_ok=True)
         with _alone_in(out):
             for report in REPORTS:
                 (out / report).unlink(missing_ok=True)
-            if isinstance(wanted.work, Suite):
-                (out / "suite.toml").write_bytes(encoded(suite_text(suite_entries(placed(wanted.work), wanted.work.to_dict()))))
+            if isinstance(work, Suite):
+                (out / "suite.toml").write_bytes(encoded(suite_text(suite_entries(placed(work), work.to_dict()))))
             return _compared(
                 lambda: base_program(named, here, scratch, cache, told.step),
                 lambda: new_program(here, scratch, cache, told.step, out),
-                wanted, out.absolute(), scratch, told,
+                work, settings, out.absolute(), scratch, told,
             )  # fmt: skip
 
 
@@ -262,20 +253,21 @@ def _alone_in(out: Path) -> Iterator[None]:
 
 
 def _compared(
-    base: Callable[[], Program], new: Callable[[], Program], wanted: Wanted, out: Path, scratch: Scratch, told: Told
-) -> Comparison:
+    base: Callable[[], Program], new: Callable[[], Program], work: Suite | CommandWork, settings: Settings, out: Path, scratch: Scratch,
+    told: Told,
+) -> Comparison:  # fmt: skip
     """Make both programs ready, measure them into ``out`` and compare; whichever is not ready is a failure."""
     contenders: list[Contender] = []
     for side, made in zip(SIDES, (base, new), strict=True):
         try:
             program = made()
-            contenders.append(Contender(program, _work(program, wanted.work, scratch, side)))
+            contenders.append(Contender(program, _work(program, work, scratch, side)))
         except MeasurementError as error:
             tail = error.tail if isinstance(error, ProgramError) else ""
             return failed(side, str(error), tail, blameless=isinstance(error, UnreachedError))
     old, now = contenders
     told.step(f"base: {old.program.name}; new: {now.program.name}")
-    return measure_against(old, now, wanted.settings, out, scratch, told)
+    return measure_against(old, now, settings, out, scratch, told)
 
 
 def _work(program: Program, wanted: Suite | CommandWork, scratch: Scratch, side: str) -> Work:
