@@ -16,8 +16,7 @@ from typer.main import get_command
 from hdvplan.cli import bench, compare, export_c, judge, need, plan, report, reproduce, roads, solvers, study, turn, vehicles
 from hdvplan.cli.console import ExitCode, report_error
 from hdvplan.cli.help import Command, Group
-from hdvplan.cli.interruption import interruption_noted
-from hdvplan.cli.surroundings import give_matplotlib_a_folder
+from hdvplan.cli.surroundings import give_matplotlib_a_folder, interruption_noted
 from hdvplan.errors import HdvplanError, MeasurementError, PlanError, QpDataError, SolverError, TurnError
 from hdvplan.spelling import did_you_mean
 from hdvplan.version import __version__

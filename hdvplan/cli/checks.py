@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hdvplan.cli.console import note, warn
+from hdvplan.cli.console import note, progress, warn
 from hdvplan.errors import OptionError, RoadError
 
 if TYPE_CHECKING:
@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 
     from hdvplan.planning.bias import Bias
     from hdvplan.road.line import Line
+    from hdvplan.road.load import Found
     from hdvplan.road.path import ReferencePath
     from hdvplan.road.regions import Region
     from hdvplan.road.road import Road
@@ -31,6 +32,16 @@ def vehicle_named(source: str, *, quiet: bool) -> Vehicle:
     if remark is not None:
         note(remark, quiet=quiet)
     return vehicle
+
+
+def smoothed(found: Found, name: str, *, quiet: bool) -> Road:
+    """Return the road that was found under a name, and say what was noted, and which of its regions do not count."""
+    with progress(f"smoothing {name}", quiet=quiet):
+        road = found()
+    for remark in road.notes:
+        note(remark, quiet=quiet)
+    warn_far_regions(road.regions, [road.path], quiet=quiet)
+    return road
 
 
 def check_fits(road: Road, vehicle: Vehicle, reaches: tuple[float, float] | None) -> None:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from hdvplan.cli.checks import check_fits, vehicle_named, warn_far_regions
+from hdvplan.cli.checks import check_fits, smoothed, vehicle_named
 from hdvplan.cli.console import note, progress
 from hdvplan.cli.help import OUTPUT, PLANNING, ROAD, VEHICLE
 from hdvplan.cli.options import Output, RoadArgument, Room, VehicleOption, check_folder, file_name
@@ -62,12 +62,9 @@ def judge(
     except OSError as error:
         msg = f"{path} cannot be read: {error.strerror or 'there is no such file'}"
         raise RoadError(msg) from error
-    with progress(f"smoothing {road}", quiet=quiet):
-        track = found() if reaches is None else found().with_limits(*reaches)
-    for remark in track.notes:
-        note(remark, quiet=quiet)
+    track = smoothed(found, road, quiet=quiet)
+    track = track if reaches is None else track.with_limits(*reaches)
     check_fits(track, driven, reaches)
-    warn_far_regions(track.regions, [track.path], quiet=quiet)
     with progress(f"following {path.name} along {track.name}", quiet=quiet):
         case = Case(track, driven, settings=settings)
         along = api.follow(case, given)

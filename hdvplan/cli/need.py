@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hdvplan.cli.checks import check_fits, vehicle_named, warn_far_regions
-from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error, writing
+from hdvplan.cli.checks import check_fits, smoothed, vehicle_named
+from hdvplan.cli.console import ExitCode, print_json, print_line, print_tables, progress, report_error, writing
 from hdvplan.cli.help import OUTPUT, PLANNING, ROAD, VEHICLE
 from hdvplan.cli.options import Output, RoadOrNoneArgument, Room, VehicleOption, check_folder, file_name
 from hdvplan.cli.settings import OptionsOf, with_settings
@@ -107,14 +107,9 @@ def need(
     from hdvplan.report.needs import need_json, write_need
 
     kinds = output.kinds(PICTURES, DRAWINGS)
-    with progress(f"smoothing {road}", quiet=quiet):
-        track = found()
-    if given is not None:
-        track = track.with_limits(*given)
-    for remark in track.notes:
-        note(remark, quiet=quiet)
+    track = smoothed(found, road, quiet=quiet)
+    track = track if given is None else track.with_limits(*given)
     check_fits(track, driven, None)
-    warn_far_regions(track.regions, [track.path], quiet=quiet)
     case = Case(track, driven, settings=settings)
     began = perf_counter()
     with progress(f"looking for the least room of {driven.name} on {track.name}", quiet=quiet) as on_progress:

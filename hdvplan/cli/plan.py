@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hdvplan.cli.checks import check_bias, check_fits, check_room, refuse_on, vehicle_named, warn_far_regions
+from hdvplan.cli.checks import check_bias, check_fits, check_room, refuse_on, smoothed, vehicle_named
 from hdvplan.cli.completion import one_of
-from hdvplan.cli.console import note, progress
+from hdvplan.cli.console import progress
 from hdvplan.cli.help import OUTPUT, PLANNING, ROAD, VEHICLE
 from hdvplan.cli.legs import LAST, LEAD, finish, legs_in
 from hdvplan.cli.lengthy import plan_long
@@ -219,14 +219,9 @@ def _planned(asked: _Asked, found: Found, vehicle: Vehicle) -> Result:
 
     _kinds(asked.output)  # mistakes are told before anything is smoothed
     options, quiet = asked.options, asked.output.quiet
-    with progress(f"smoothing {asked.road}", quiet=quiet):
-        case = asked.case(found(), vehicle)
-    track = case.road
-    for remark in track.notes:
-        note(remark, quiet=quiet)
-    check_fits(track, vehicle, asked.reaches)
-    warn_far_regions(track.regions, [track.path], quiet=quiet)
-    with progress(f"planning {vehicle.name} along {track.name}", quiet=quiet) as on_progress:
+    case = asked.case(smoothed(found, asked.road, quiet=quiet), vehicle)
+    check_fits(case.road, vehicle, asked.reaches)
+    with progress(f"planning {vehicle.name} along {case.road.name}", quiet=quiet) as on_progress:
         if options.bias is not None:
             case = api.biased(case, options.bias)
             check_bias(case.bias, options.bias)

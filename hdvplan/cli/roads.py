@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from hdvplan.cli import extract
-from hdvplan.cli.checks import warn_far_regions
-from hdvplan.cli.console import ExitCode, note, print_json, print_tables, progress, writing
+from hdvplan.cli.checks import smoothed
+from hdvplan.cli.console import ExitCode, note, print_json, print_tables, writing
 from hdvplan.cli.help import OUTPUT, ROAD, VEHICLE, Command
 from hdvplan.cli.options import JsonOption, RoadArgument, Room
 from hdvplan.cli.settings import OptionsOf, with_settings
@@ -79,14 +79,8 @@ def road_info(
     from hdvplan.road.regions import distances
     from hdvplan.vehicle.load import load_vehicle, preset_names
 
-    with progress(f"smoothing {road}", quiet=False):
-        track = found()
-    for remark in track.notes:
-        note(remark)
-    warn_far_regions(track.regions, [track.path], quiet=False)
-    reaches = room.reaches()
-    if reaches is not None:
-        track = track.with_limits(*reaches)
+    track, reaches = smoothed(found, road, quiet=False), room.reaches()
+    track = track if reaches is None else track.with_limits(*reaches)
     vehicles = [load_vehicle(preset) for preset in preset_names()]
     facts, fits = facts_of(track), [fit_of(track, vehicle) for vehicle in vehicles]
     if csv is not None:

@@ -1,13 +1,52 @@
-"""Let Matplotlib work for users without a home that can be written: otherwise it prints a long warning at every start."""
+"""The process that a command runs in: Ctrl-C at any moment, and a folder for Matplotlib where the user has no home."""
 
 from __future__ import annotations
 
 import os
 import shutil
+import signal
 import sys
+import threading
+from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from types import FrameType
 
 _ROOM = 4_000_000  # bytes: its list of fonts, and more
+
+
+@contextmanager
+def interruption_noted() -> Iterator[Callable[[], bool]]:
+    """Note a Ctrl-C in the block, which raises ``KeyboardInterrupt`` as ever; yield what tells whether there was one.
+
+    Compiled libraries turn that exception into one of their own, or lose it: in their imports, callbacks and destructors. Where it is lost
+    Python would print a traceback.
+    """
+    if signal.getsignal(signal.SIGINT) is not signal.default_int_handler or threading.current_thread() is not threading.main_thread():
+        yield lambda: False  # it is ignored, as behind nohup, or somebody else's
+        return
+    seen: list[int] = []
+
+    def note(number: int, frame: FrameType | None) -> None:
+        seen.append(number)
+        signal.default_int_handler(number, frame)
+
+    tell = sys.unraisablehook
+
+    def tell_others(lost: sys.UnraisableHookArgs) -> None:
+        if not isinstance(lost.exc_value, KeyboardInterrupt):
+            tell(lost)
+
+    signal.signal(signal.SIGINT, note)
+    sys.unraisablehook = tell_others
+    try:
+        yield lambda: bool(seen)
+    finally:
+        sys.unraisablehook = tell
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def give_matplotlib_a_folder() -> None:
