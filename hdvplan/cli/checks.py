@@ -113,6 +113,5 @@ def warn_far_regions(regions: tuple[Region, ...], paths: Sequence[ReferencePath]
     apart = np.min([distances(path, regions) for path in paths], axis=0)
     far = apart[apart > OPEN_M]
     if len(far):
-        where = "the road" if len(paths) == 1 else "all legs"
         nearest = f"the nearest of them {far.min():.0f} m"
-        warn(f"{len(far)} of {len(apart)} regions lie further than {OPEN_M:.0f} m from {where} and do not count, {nearest}", quiet=quiet)
+        warn(f"{len(far)} of {len(apart)} regions lie further than {OPEN_M:.0f} m from the road and do not count, {nearest}", quiet=quiet)
