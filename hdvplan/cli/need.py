@@ -21,8 +21,8 @@ from hdvplan.turning.reversing.options import PlaceOptions, Template
 
 if TYPE_CHECKING:
     from hdvplan.need.answer import Need
+    from hdvplan.road.pieces import Kerb
     from hdvplan.road.road import Road
-    from hdvplan.road.street import Kerb
 
 _PLACE = "Turning heads and docks"
 _FIXED = ("width", "kerb_radius", "beyond", "door_spacing", "overhang")  # what is not sought

@@ -18,7 +18,7 @@ from hdvplan.judging.balance import Balance
 from hdvplan.judging.bodies import part_named
 from hdvplan.judging.obstacles import Approach
 from hdvplan.judging.straying import SPACING_M, Chain, Posed, chain_of
-from hdvplan.road.street import Kerb, Pieces, pieces_of
+from hdvplan.road.pieces import Kerb, Pieces, pieces_of
 from hdvplan.vehicle.body import axles_behind
 
 _ROUNDED_M = 1e-4  # the error is found to this

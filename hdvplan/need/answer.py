@@ -16,8 +16,8 @@ from hdvplan.judging.verdict import lonlat_of
 from hdvplan.need.search import OTHER, TOLERANCE_M, WIDE_M, Least, beside_held, even, kerbs_on, least_edge, least_half_width
 from hdvplan.need.widening import Widenings, least_widenings, own_plans
 from hdvplan.proof.answer import Stretch, joined, proof_of
+from hdvplan.road.pieces import Kerb
 from hdvplan.road.road import Road
-from hdvplan.road.street import Kerb
 
 _WITHIN_M = 0.3  # of the least gap: where a plan that is asked for less is expected to need it
 

@@ -20,8 +20,8 @@ from hdvplan.judging.clearance import SIDES, touches_of
 from hdvplan.judging.obstacles import Approach
 from hdvplan.judging.result import Result, result_of
 from hdvplan.planning.settings import Scheme
+from hdvplan.road.pieces import Kerb
 from hdvplan.road.road import Road
-from hdvplan.road.street import Kerb
 
 TOLERANCE_M = 0.01  # of every answer
 WIDE_M = 15.0  # no more room is looked for; obstacles count to 20 m off the line

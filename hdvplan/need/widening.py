@@ -27,8 +27,9 @@ from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.need.search import ATTEMPTS, TOLERANCE_M, WIDE_M, Question, least, on_road, plans_of
 from hdvplan.road.kerbs import kerb_of
+from hdvplan.road.pieces import Kerb
 from hdvplan.road.road import Road
-from hdvplan.road.street import Kerb, Street
+from hdvplan.road.street import Street
 
 _SHARP = 0.3  # turn of a kerb that is a corner [rad]
 _FAR_M = 3.0  # of the land beside a kerb that is looked at: further is no street

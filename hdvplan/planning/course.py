@@ -23,7 +23,7 @@ from hdvplan.centring.weights import CentringTable
 from hdvplan.planning.stations import ROOM_M, Stations, sampled
 from hdvplan.road.legs import Leg
 from hdvplan.road.path import KNOT_SPACING_M, ReferencePath, from_samples
-from hdvplan.road.street import PIECE, Pieces, Street, laid_out
+from hdvplan.road.pieces import PIECE, Pieces, laid_out
 from hdvplan.vehicle.model import Vehicle
 
 _FOOT_M = 15.0  # within which feet are searched, beyond the vehicle's ends: LOCAL_M of hdvplan/core/path.h
@@ -109,18 +109,8 @@ def _way(leg: Leg, vehicle: Vehicle, table: CentringTable, step: float, first: i
     before, beyond = (stages, 0) if leg.backward else (0, stages)
     path = leg.road.path.extended(room + before * step, room + beyond * step)
     count = before + steps + 1 + beyond
-    stations = sampled(path, _around(leg, room), vehicle, table, step=length / steps, first=-before, count=count)
+    stations = sampled(path, leg.road.street, vehicle, table, step=length / steps, first=-before, count=count)
     return Way(leg, stations, first, steps, before)
-
-
-def _around(leg: Leg, room: float) -> Street | None:
-    """Return a leg's street as that of its line with ``room`` at both ends [m]: legs are short, and end between walls."""
-    street, length = leg.road.street, leg.road.path.length
-    if street is None:
-        return None
-    longer = leg.road.path.stretch(-room, length + room, 0.0, 0.0)
-    whole = Street.along(longer, tuple(kerb.shifted(-room) for kerb in street.kerbs)).shifted(room)
-    return replace(whole, ends=street.ends)
 
 
 def _joined(paths: Sequence[ReferencePath]) -> tuple[ReferencePath, FloatArray]:

@@ -17,9 +17,10 @@ from hdvplan.centring.stationary import Centring
 from hdvplan.centring.weights import CentringTable
 from hdvplan.planning.bias import NONE, Bias, shifted
 from hdvplan.road.path import ReferencePath, evaluate_many
+from hdvplan.road.pieces import Pieces
 from hdvplan.road.regions import OPEN_M
 from hdvplan.road.road import Road
-from hdvplan.road.street import Pieces, Street, rooms_of
+from hdvplan.road.street import Street, rooms_of
 from hdvplan.vehicle.model import Vehicle
 
 BETWEEN = core.number("HDV_BETWEEN")  # poses of a step that are looked at where a body is near a kerb

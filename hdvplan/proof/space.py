@@ -14,9 +14,9 @@ import shapely
 from hdvplan import core
 from hdvplan.arrays import FloatArray, IntArray, Records
 from hdvplan.road.path import ReferencePath
+from hdvplan.road.pieces import Kerb, Pieces, pieces_of
 from hdvplan.road.regions import Kind
 from hdvplan.road.road import Road
-from hdvplan.road.street import Kerb, Pieces, pieces_of
 
 STRETCH_M = 10.0  # of line per area: it does not come round to itself within that
 BIN_M = core.constant("HDV_BIN_M")  # of u, ahead of the axle

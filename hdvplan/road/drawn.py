@@ -9,12 +9,13 @@ import scipy  # its subpackages load when they are first used
 
 from hdvplan.arrays import BoolArray, FloatArray, IntArray
 from hdvplan.errors import RoadError
+from hdvplan.road.about import About
 from hdvplan.road.limits import Limits
 from hdvplan.road.path import ReferencePath, project_many
+from hdvplan.road.pieces import Kerb, between
 from hdvplan.road.regions import OPEN_M
-from hdvplan.road.street import About, Kerb, between
+from hdvplan.road.street import BEYOND_M
 
-BEYOND_M = 60.0  # the road's ends, where drawn edges count: as long as the longest vehicle and its swing
 _LOCATED_M = 2.0  # pieces of a drawn line are located at points this near to each other
 _SAMPLES_M = 1.0  # of the path, for the first guess of a foot
 _STRAY = 3.0  # so many times as far along the road as along the edge: the foot has jumped to another part of the road

@@ -11,6 +11,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -30,8 +31,7 @@ _SHORT_M = 1e-3  # legs of corners that are not rounded, and points of legs left
 _LEGS = 3.0  # radii of a rounded corner's legs: enough for 140 degrees
 
 
-@dataclass(frozen=True)
-class Kerb:
+class Parallel(NamedTuple):
     """One side's kerb along a line: ``points``, shape (k, 2) [m], and the position ``number`` (k,) of the line's point each belongs to.
 
     Where ``whole`` it reaches from the line's first point to its last; else there are others, and at an open line's ends it goes on beyond.
@@ -75,7 +75,7 @@ class _Cut:
 
 def kerb_of(
     points: FloatArray, number: FloatArray, sharp: BoolArray, reach: FloatArray, *, closed: bool, corner_radius: float = 0.0
-) -> list[Kerb]:
+) -> list[Parallel]:
     """Return the kerb at ``reach`` (m,) [m], left positive, beside a line of ``points`` (m, 2) [m] at positions ``number`` (m,).
 
     ``sharp`` (m,) says where the line has a corner. Between points the reach is linear; two points in one place make a step.
@@ -106,7 +106,7 @@ def kerb_of(
         if len(numbers) > 1:
             indexed = shapely.linestrings(np.column_stack([places, np.arange(len(places))]))
             kept = shapely.get_coordinates(shapely.simplify(indexed, _CHORD_M, preserve_topology=False), include_z=True)[:, 2].astype(int)
-            kerbs.append(Kerb(places[kept], numbers[kept], whole=len(parts) == 1))
+            kerbs.append(Parallel(places[kept], numbers[kept], whole=len(parts) == 1))
     return kerbs
 
 
@@ -158,8 +158,7 @@ def _between(places: FloatArray, numbers: FloatArray, first: float, last: float)
 
 def _trimmed(raw: _Raw, far: float) -> list[tuple[FloatArray, FloatArray, IntArray]]:
     """Return the parts of the offset line without its loops: points, numbers, and which of its points are inside corners."""
-    flags = np.diff(raw.folded.astype(int), prepend=0, append=0)
-    cuts: list[_Cut] = []
+    flags, cuts = np.diff(raw.folded.astype(int), prepend=0, append=0), list[_Cut]()
     for fold in zip(np.flatnonzero(flags > 0).tolist(), (np.flatnonzero(flags < 0) - 1).tolist(), strict=True):
         cut = _cut(raw, *fold, far)
         while cuts and cuts[-1].end >= cut.begin:  # their loops share a stretch: they are one
@@ -209,8 +208,7 @@ def _cut(raw: _Raw, first: int, last: int, far: float) -> _Cut:
     chords = np.diff(raw.line[max(first - 1, 0) : last + 3], axis=0)
     chords = chords[np.any(chords != 0.0, axis=1)]
     looped = np.ptp(np.unwrap(np.arctan2(chords[:, 1], chords[:, 0]))) > math.pi + _ROUNDING
-    crossing = None if looped else _crossing(raw, first, last, far)
-    if crossing is not None:
+    if not looped and (crossing := _crossing(raw, first, last, far)) is not None:
         return crossing
     low, high = _around(raw, first, last, far)
     around, across = slice(low, high + 1), 0.5 * (raw.points[first] + raw.points[last + 1])
@@ -249,9 +247,8 @@ def _crossing(raw: _Raw, first: int, last: int, far: float) -> _Cut | None:
             met = (t >= 0.0) & (t <= 1.0) & (q >= 0.0) & (q <= 1.0) & (before <= window) & (beyond <= window)
         if np.any(met):
             i, j = np.unravel_index(np.argmin(np.where(met, cut_out, np.inf)), met.shape)
-            corner = bool(np.any(raw.corner[first : last + 2]))
             middle = 0.5 * (raw.number[first] + raw.number[last + 1])
-            return _Cut(first, last, one[i] + t[i, j], other[j] + q[i, j], middle, corner)
+            return _Cut(first, last, one[i] + t[i, j], other[j] + q[i, j], middle, bool(np.any(raw.corner[first : last + 2])))
     return None
 
 

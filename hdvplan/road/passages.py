@@ -14,10 +14,11 @@ import scipy  # its subpackages load when they are first used
 import shapely
 
 from hdvplan.arrays import BoolArray, FloatArray, IntArray
-from hdvplan.road.drawn import BEYOND_M, densely, within_lap
+from hdvplan.road.drawn import densely, within_lap
 from hdvplan.road.path import PathPoint, ReferencePath
+from hdvplan.road.pieces import Kerb
 from hdvplan.road.regions import OPEN_M, Kind, Region, Side
-from hdvplan.road.street import Kerb, Street
+from hdvplan.road.street import BEYOND_M, Street
 
 _SAMPLES_M = 1.0  # of the line: a point's foot is looked for between two of them
 _LINE_M = 0.25  # of the line, where a polygon may meet it

@@ -10,11 +10,13 @@ import numpy as np
 import shapely
 
 from hdvplan.arrays import FloatArray
+from hdvplan.road.about import About
 from hdvplan.road.limits import Limits
 from hdvplan.road.passages import Line, Passage, furthest, normals, offsets_of, passages_of
 from hdvplan.road.path import ReferencePath
+from hdvplan.road.pieces import Kerb
 from hdvplan.road.regions import OPEN_M, Kind, Region, Side, distances
-from hdvplan.road.street import About, Kerb, Street
+from hdvplan.road.street import Street
 from hdvplan.road.widened import widened
 
 _SPACING_M = 0.1  # of normals: between two of them a kerb is taken as straight

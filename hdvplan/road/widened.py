@@ -9,10 +9,10 @@ import numpy as np
 import shapely
 
 from hdvplan.arrays import FloatArray
-from hdvplan.road.drawn import BEYOND_M
 from hdvplan.road.passages import Line, face_of
+from hdvplan.road.pieces import Kerb
 from hdvplan.road.regions import OPEN_M, Side
-from hdvplan.road.street import Kerb, Street
+from hdvplan.road.street import BEYOND_M, Street
 
 GAP_M = 0.1  # a sweepable polygon this close to a kerb joins it: drawn edges are chords of a bend
 _BESIDE_M = 5.0  # of the kerb before and beyond a polygon, where it is as it was

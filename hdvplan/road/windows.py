@@ -15,14 +15,15 @@ import numpy as np
 
 from hdvplan.arrays import BoolArray, FloatArray
 from hdvplan.errors import RoadError
+from hdvplan.road.about import About
 from hdvplan.road.lane import offset_road, reversed_road
 from hdvplan.road.limits import Limits
 from hdvplan.road.line import Line, RawRoad, smoothed
 from hdvplan.road.path import KNOT_SPACING_M, ReferencePath, from_samples
+from hdvplan.road.pieces import Kerb
 from hdvplan.road.regions import OPEN_M, Region
 from hdvplan.road.road import Road
 from hdvplan.road.smooth import chord_of
-from hdvplan.road.street import About, Kerb
 
 WINDOW_M = 5000.0  # about
 BLEND_M = 50.0

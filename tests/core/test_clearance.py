@@ -20,8 +20,8 @@ from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import stations_of
 from hdvplan.road.limits import Limits
 from hdvplan.road.path import ReferencePath, from_curvature
+from hdvplan.road.pieces import Kerb
 from hdvplan.road.road import Road
-from hdvplan.road.street import Kerb
 from hdvplan.vehicle import kinematics
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle

@@ -9,7 +9,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from hdvplan.arrays import FloatArray, Records
-from hdvplan.road.street import Kerb, rooms_of
+from hdvplan.road.pieces import Kerb
+from hdvplan.road.street import rooms_of
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Unit, Vehicle
 from tests.core.chains import few, units

@@ -20,9 +20,9 @@ from hdvplan.planning.settings import PlannerSettings
 from hdvplan.road.line import Line, RawRoad, smoothed
 from hdvplan.road.options import RoadOptions
 from hdvplan.road.path import from_curvature
+from hdvplan.road.pieces import Kerb
 from hdvplan.road.regions import Kind, Region
 from hdvplan.road.road import Road
-from hdvplan.road.street import Kerb
 from hdvplan.road.widened import GAP_M
 from hdvplan.vehicle.load import load_vehicle
 

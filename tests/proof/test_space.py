@@ -14,8 +14,8 @@ from hdvplan.proof.space import Beside, beside
 from hdvplan.road.line import Line, RawRoad, smoothed
 from hdvplan.road.options import RoadOptions
 from hdvplan.road.path import ReferencePath, from_curvature
+from hdvplan.road.pieces import Kerb
 from hdvplan.road.road import Road
-from hdvplan.road.street import Kerb
 from hdvplan.vehicle.load import load_vehicle
 
 BUS, CITARO = load_vehicle("bus"), load_vehicle("citaro")

@@ -12,7 +12,7 @@ from hdvplan.judging.bodies import corners
 from hdvplan.judging.result import Result, result_of
 from hdvplan.report.kerbs import beyond_kerb, broken_kerb, shown_kerbs
 from hdvplan.report.rooms import room_at, tightness
-from hdvplan.road.street import Kerb
+from hdvplan.road.pieces import Kerb
 
 
 def between(straight: Result, *kerbs: list[tuple[float, float]]) -> Result:

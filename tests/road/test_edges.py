@@ -12,8 +12,8 @@ from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
 from hdvplan.road.load import load_road
 from hdvplan.road.path import from_curvature
+from hdvplan.road.pieces import Kerb
 from hdvplan.road.road import edge_reaches
-from hdvplan.road.street import Kerb
 
 STRAIGHT = from_curvature(np.array([0.0, 100.0]), np.zeros(2))
 BEND = from_curvature(np.array([0.0, 100.0]), np.full(2, 0.05))  # radius 20 m, to the left, around (0, 20)

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hdvplan.arrays import BoolArray, FloatArray
-from hdvplan.road.kerbs import Kerb, kerb_of
+from hdvplan.road.kerbs import Parallel, kerb_of
 
 CHORD_M = 1e-3  # points of a kerb are left out where they move it by less
 
@@ -23,7 +23,7 @@ def street(*points: tuple[float, float]) -> tuple[FloatArray, FloatArray, BoolAr
     return line, np.arange(len(line), dtype=float), sharp
 
 
-def side(line: tuple[FloatArray, FloatArray, BoolArray], width: float, *, closed: bool = False, corner_radius: float = 0.0) -> Kerb:
+def side(line: tuple[FloatArray, FloatArray, BoolArray], width: float, *, closed: bool = False, corner_radius: float = 0.0) -> Parallel:
     (kerb,) = kerb_of(*line, np.full(len(line[0]), width), closed=closed, corner_radius=corner_radius)
     return kerb
 

@@ -11,15 +11,17 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from hdvplan.arrays import FloatArray, Records
+from hdvplan.road.about import About
 from hdvplan.road.drawn import drawn_kerbs
 from hdvplan.road.given import given_line
 from hdvplan.road.limits import Limits
 from hdvplan.road.line import Line, RawRoad, smoothed
 from hdvplan.road.options import RoadOptions
 from hdvplan.road.path import ReferencePath, from_curvature
+from hdvplan.road.pieces import Kerb
 from hdvplan.road.regions import Kind, Region
 from hdvplan.road.road import Road
-from hdvplan.road.street import About, Kerb, Street
+from hdvplan.road.street import Street
 from tests.core.chains import arc
 
 EAST = np.array([[1.0, 0.0], [1.0, 0.0]])

@@ -19,15 +19,17 @@ from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.errors import RoadError
 from hdvplan.judging.verdict import Verdict, verdict_of
+from hdvplan.road.about import About
 from hdvplan.road.given import given_line
 from hdvplan.road.limits import Limits
 from hdvplan.road.line import Line, RawRoad, smoothed
 from hdvplan.road.load import load_road
 from hdvplan.road.options import RoadOptions
 from hdvplan.road.path import evaluate_many, from_curvature
+from hdvplan.road.pieces import Kerb
 from hdvplan.road.regions import Kind, Region
 from hdvplan.road.road import Road
-from hdvplan.road.street import About, Kerb, Street, look
+from hdvplan.road.street import Street, look
 from hdvplan.vehicle.body import axles_behind
 from hdvplan.vehicle.kinematics import place_many
 from hdvplan.vehicle.load import load_vehicle

@@ -12,9 +12,9 @@ from hdvplan.arrays import FloatArray
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.road.limits import Limits
 from hdvplan.road.path import from_curvature
+from hdvplan.road.pieces import Kerb
 from hdvplan.road.regions import Kind, Region
 from hdvplan.road.road import Road
-from hdvplan.road.street import Kerb
 
 RADIUS_M, BEFORE_M, AFTER_M = 14.0, 60.0, 60.0  # of the junction's line: straight, to the left, straight
 

@@ -8,7 +8,8 @@ import shapely
 from hdvplan import core
 from hdvplan.arrays import FloatArray, Records
 from hdvplan.planning.stations import Stations
-from hdvplan.road.street import Kerb, Pieces, Street
+from hdvplan.road.pieces import Kerb, Pieces
+from hdvplan.road.street import Street
 from hdvplan.vehicle.body import axles_behind
 from hdvplan.vehicle.kinematics import POSE, place_many
 from hdvplan.vehicle.model import Unit, Vehicle
