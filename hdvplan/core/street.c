@@ -30,7 +30,7 @@ struct nearest {
 static const struct nearest nothing = {INFINITY, INFINITY, 0.0, 0.0, 0.0, -1};
 static const struct hdv_contact none = {INFINITY, 0.0, 0.0, 0.0, 0.0, 0.0, -1};
 
-enum { MOST_KERBS = 8 }; /* near a body: of more on one side the nearest counts, not the tightest */
+enum { MOST_KERBS = 8 }; /* that are looked at together: of more near a body, those of the least numbers first */
 
 /* What a kerb is to the corners of an outline: rear right, rear left, front right, front left. */
 struct beside {
@@ -43,6 +43,8 @@ struct beside {
 struct outline {
     double rear, front, half_width; /* [m] */
     double x[4], y[4];              /* its corners in the plane [m] */
+    int64_t from;                   /* kerbs of lesser numbers were looked at before */
+    int more;                       /* 1: there are others */
     int kerbs;
     struct beside beside[MOST_KERBS];
 };
@@ -155,6 +157,8 @@ begin_outline(struct outline *on, const struct hdv_pose *pose, double rear, doub
     on->rear = rear;
     on->front = front;
     on->half_width = half_width;
+    on->from = 0;
+    on->more = 0;
     on->kerbs = 0;
     for (int corner = 0; corner < 4; corner++) {
         double u = corner_u(on, corner), v = corner_v(on, corner);
@@ -163,22 +167,45 @@ begin_outline(struct outline *on, const struct hdv_pose *pose, double rear, doub
     }
 }
 
-/* What is known of a piece's kerb. */
+/* The place of the kerb with the greatest number. */
+static struct beside *last_kerb(struct outline *on) {
+    struct beside *last = on->beside;
+    for (int number = 1; number < on->kerbs; number++)
+        last = on->beside[number].kerb > last->kerb ? &on->beside[number] : last;
+    return last;
+}
+
+/* What is known of a piece's kerb; NULL of one that was looked at before, or comes later. */
 static struct beside *beside_kerb(struct outline *on, const struct hdv_piece *piece) {
-    int side = piece->left ? 0 : 1, same = 0;
-    for (int number = on->kerbs - 1; number >= 0; number--) {
+    for (int number = on->kerbs - 1; number >= 0; number--)
         if (on->beside[number].kerb == piece->kerb)
             return &on->beside[number];
-        same = on->beside[number].side == side ? number : same;
+    if (piece->kerb < on->from)
+        return NULL;
+    struct beside *to = &on->beside[on->kerbs];
+    if (on->kerbs < MOST_KERBS) {
+        on->kerbs++;
+    } else { /* the kerb with the greatest number comes later, with all of its pieces */
+        to = last_kerb(on);
+        on->more = 1;
+        if (to->kerb < piece->kerb)
+            return NULL;
     }
-    if (on->kerbs == MOST_KERBS)
-        return &on->beside[same];
-    struct beside *new = &on->beside[on->kerbs++];
-    new->kerb = piece->kerb;
-    new->side = side;
+    to->kerb = piece->kerb;
+    to->side = piece->left ? 0 : 1;
     for (int corner = 0; corner < 4; corner++)
-        new->corners[corner] = nothing;
-    return new;
+        to->corners[corner] = nothing;
+    return to;
+}
+
+/* Go on to the kerbs that an outline had no place for; 0 where there are none. */
+static int next_kerbs(struct outline *on) {
+    int more = on->more;
+    if (on->kerbs > 0)
+        on->from = last_kerb(on)->kerb + 1;
+    on->more = 0;
+    on->kerbs = 0;
+    return more;
 }
 
 /* Whether a piece may hold the place that is nearest to a point at arclength s [m]. */
@@ -195,7 +222,7 @@ static int begins_beside(const struct hdv_piece *piece, double rear, double fron
 /* The nearest places of one piece to the corners of an outline at one end, in a plan to that on the kerb's own side. */
 static void meet_end(const struct hdv_piece *piece, enum hdv_look look, int64_t number, int end, struct outline *on) {
     struct beside *beside = beside_kerb(on, piece);
-    for (int corner = 2 * end; corner < 2 * end + 2; corner++)
+    for (int corner = 2 * end; beside != NULL && corner < 2 * end + 2; corner++)
         if (look == HDV_TO_JUDGE || corner % 2 != beside->side)
             meet(piece, on->x[corner], on->y[corner], number, &beside->corners[corner]);
 }
@@ -262,6 +289,15 @@ static void take_corners(const struct search *in, const struct outline *on, stru
             keep(to, corner_contact(in, on, beside, corner));
             *near = smaller(*near, smaller(to->gap, beside->corners[corner].gap));
         }
+    }
+}
+
+/* The same of the corners of overhangs with the kerbs that wheels must keep: each with those on its own side. */
+static void take_overhangs(const struct search *in, const struct outline *on, struct hdv_contacts *found) {
+    for (int number = 0; number < on->kerbs; number++) {
+        const struct beside *beside = &on->beside[number];
+        for (int end = 0; end < 2; end++)
+            keep(&found->overhang[beside->side][end], corner_contact(in, on, beside, 2 * end + (beside->side == 0)));
     }
 }
 
@@ -361,30 +397,29 @@ void look_at_body(
     begin_outline(&overhangs, pose, -unit->rear_overhang, unit->front, unit->half_width);
     begin_outline(&wheels_of, pose, 0.0, smaller(unit->wheelbase, unit->front), unit->half_width);
     begin_contacts(found);
-    for (int64_t i = in.first; i < in.beyond; i++) {
-        int64_t number = in.numbers ? in.numbers[i] : i;
-        const struct hdv_piece *piece = &street->pieces[number];
-        if (piece->s_high < in.low)
-            continue;
-        struct outline *on = piece->wheels ? &wheels_of : &body;
-        if (piece->corner && piece->s_begin <= in.last && begins_beside(piece, in.axle + on->rear, in.axle + on->front))
-            meet_side(&in, piece, number, on, found);
-        for (int end = 0; end < 2; end++) {
-            if (is_beside(piece, in.axle + (end ? on->front : on->rear)))
-                meet_end(piece, look, number, end, on);
-            if (piece->wheels && is_beside(piece, in.axle + (end ? body.front : body.rear)))
-                meet_end(piece, look, number, end, &overhangs);
+    int more;
+    do {
+        for (int64_t i = in.first; i < in.beyond; i++) {
+            int64_t number = in.numbers ? in.numbers[i] : i;
+            const struct hdv_piece *piece = &street->pieces[number];
+            if (piece->s_high < in.low)
+                continue;
+            struct outline *on = piece->wheels ? &wheels_of : &body;
+            if (piece->corner && piece->s_begin <= in.last &&
+                begins_beside(piece, in.axle + on->rear, in.axle + on->front))
+                meet_side(&in, piece, number, on, found);
+            for (int end = 0; end < 2; end++) {
+                if (is_beside(piece, in.axle + (end ? on->front : on->rear)))
+                    meet_end(piece, look, number, end, on);
+                if (piece->wheels && is_beside(piece, in.axle + (end ? body.front : body.rear)))
+                    meet_end(piece, look, number, end, &overhangs);
+            }
         }
-    }
-    take_corners(&in, &body, found);
-    take_corners(&in, &wheels_of, found);
-    for (int kerb = 0; kerb < overhangs.kerbs; kerb++) { /* the corner on the kerb's own side */
-        const struct beside *beside = &overhangs.beside[kerb];
-        for (int end = 0; end < 2; end++) {
-            struct hdv_contact *to = &found->overhang[beside->side][end];
-            keep(to, corner_contact(&in, &overhangs, beside, 2 * end + (beside->side == 0)));
-        }
-    }
+        take_corners(&in, &body, found);
+        take_corners(&in, &wheels_of, found);
+        take_overhangs(&in, &overhangs, found);
+        more = next_kerbs(&body) + next_kerbs(&wheels_of) + next_kerbs(&overhangs);
+    } while (more > 0);
 }
 
 /* Write the contacts of all bodies of a vehicle, (poses, count), whose lead rear axle is at arclengths s (poses,). */
@@ -400,6 +435,24 @@ HDV_EXPORT void hdv_look_many(
     }
 }
 
+/* Write the signed distance of a point, at an arclength of the line, to the left and the right kerbs. */
+static void rooms_at(const struct hdv_street *street, struct outline *point, double s, double *rooms) {
+    int64_t first = first_at(street, s - WINDOW_M), beyond = first_beyond(street, first, s + WINDOW_M);
+    rooms[0] = rooms[1] = INFINITY;
+    do {
+        for (int64_t number = first; number < beyond; number++) {
+            const struct hdv_piece *piece = &street->pieces[number];
+            struct beside *beside = piece->s_high < s - WINDOW_M ? NULL : beside_kerb(point, piece);
+            if (beside != NULL)
+                meet(piece, point->x[0], point->y[0], number, &beside->corners[0]);
+        }
+        for (int number = 0; number < point->kerbs; number++) {
+            double *room = &rooms[point->beside[number].side];
+            *room = smaller(*room, point->beside[number].corners[0].gap);
+        }
+    } while (next_kerbs(point));
+}
+
 /* Write the signed distance of points x, y of the line at arclengths s (points,) to the left and the right kerbs,
  * (points, 2) [m]; infinite without any. */
 HDV_EXPORT void hdv_rooms(
@@ -409,17 +462,6 @@ HDV_EXPORT void hdv_rooms(
         const struct hdv_pose at = {.x = x[i], .y = y[i], .cos = 1.0};
         struct outline point;
         begin_outline(&point, &at, 0.0, 0.0, 0.0);
-        for (int64_t number = first_at(street, s[i] - WINDOW_M); number < street->count; number++) {
-            const struct hdv_piece *piece = &street->pieces[number];
-            if (piece->s_low > s[i] + WINDOW_M)
-                break;
-            if (piece->s_high >= s[i] - WINDOW_M)
-                meet(piece, x[i], y[i], number, &beside_kerb(&point, piece)->corners[0]);
-        }
-        rooms[2 * i] = rooms[2 * i + 1] = INFINITY;
-        for (int number = 0; number < point.kerbs; number++) {
-            double *room = &rooms[2 * i + point.beside[number].side];
-            *room = smaller(*room, point.beside[number].corners[0].gap);
-        }
+        rooms_at(street, &point, s[i], &rooms[2 * i]);
     }
 }

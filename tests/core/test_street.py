@@ -256,6 +256,19 @@ def least_of_bus(x: float, how: int, *kerbs: Kerb, clearance: float = 0.0) -> Fl
 
 
 @pytest.mark.parametrize("how", [TO_PLAN, TO_JUDGE])
+@pytest.mark.parametrize("first", [True, False])
+@pytest.mark.parametrize("wheels", [True, False])
+def test_of_more_kerbs_than_are_looked_at_together_the_tightest_counts(how: int, first: bool, wheels: bool) -> None:
+    """A body lies 0.5 m beyond one kerb, and twenty short ones on the same side are nearer to its corners."""
+    half = 0.5 * BUS.width
+    crossed = [dense([(0.0, half - 0.5), (60.0, half - 0.5)])]
+    near = [dense([(27.0 + 0.6 * number, half + 0.1), (27.3 + 0.6 * number, half + 0.1)]) for number in range(20)]
+    kerbs = [replace(kerb, wheels=wheels) for kerb in (crossed + near if first else near + crossed)]
+    np.testing.assert_allclose(least_of_bus(30.0, how, *kerbs)[0], -0.5, atol=NEAR)
+    assert rooms_of(street_of(*kerbs), np.full(1, 30.0), np.full(1, 30.0), np.full(1, half))[0] == pytest.approx(-0.5, abs=NEAR)
+
+
+@pytest.mark.parametrize("how", [TO_PLAN, TO_JUDGE])
 def test_of_two_kerbs_on_a_side_the_tightest_counts_also_where_the_other_is_nearer(how: int) -> None:
     half = 0.5 * BUS.width
     kerbs = [dense([(0.0, y), (60.0, y)]) for y in (half + 0.2, half - 0.5)]
