@@ -27,6 +27,7 @@ _MOVES = 5  # of a start, until it is kept
 _NEAR_M = 0.2  # contacts with so much room bear on a move, too
 _INSIDE_M = 1e-3  # what a move may miss, for gaps are not straight
 _PROBE_M = 1e-6  # of a derivative
+_SHARES = (1.0, 0.5, 0.25, 0.125)  # of what lacks, that a move is to give
 _SPACING_M = 0.25  # of the places on a body's edges that are looked at
 _STRAIGHT_M = 20.0  # of continuation before the vehicle's length: its curvature has faded there
 _ROOM_M = 20.0  # of path beyond the vehicle and its horizon
@@ -48,27 +49,41 @@ def start_of(stations: Stations, vehicle: Vehicle) -> Start:
 def kept_start(stations: Stations, vehicle: Vehicle, begin: Start, clearance: float, s: float = 0.0) -> Start:
     """Return a start at ``s`` [m] moved as little as it takes for all bodies to stand within the street.
 
-    It is the start itself where that is not found.
+    Where that is not found it is the one that lacks least of those that were tried, the start itself among them.
     """
     if stations.street is None:
         return begin
-    z = begin.z
-    metres = np.array([1.0, *[vehicle.reach_ahead + vehicle.reach_behind] * vehicle.rigid_states][: len(z)])  # that a body moves, about
+    z = best = begin.z
+    least = -np.inf
     for _ in range(_MOVES):
         gaps = _gaps(stations, vehicle, z[None], s)[0]
-        if np.min(gaps, initial=np.inf) >= clearance:
-            return begin._replace(z=z)
-        near = np.flatnonzero(gaps < clearance + _NEAR_M)
-        changed = _gaps(stations, vehicle, z + np.diag(_PROBE_M / metres), s)[:, near]
-        rows, lacking = (changed - gaps[near]).T / _PROBE_M, clearance + _INSIDE_M - gaps[near]
-        # Least-distance programming (Lawson and Hanson 1974, chapter 23): the shortest move for which rows @ move >= lacking.
-        wanted = np.append(np.zeros(len(z)), 1.0)
-        solution, rest = scipy.optimize.nnls(np.vstack([rows.T, lacking]), wanted)
-        if rest < _PROBE_M:
-            return begin
-        residual = wanted - np.vstack([rows.T, lacking]) @ solution
-        z = z - residual[:-1] / residual[-1] / metres
-    return begin
+        room = float(np.min(gaps, initial=np.inf))
+        if room > least:
+            best, least = z, room
+        if room >= clearance:
+            break
+        move = _move(stations, vehicle, z, gaps, clearance, s)
+        if move is None:
+            break
+        z = z + move
+    return begin._replace(z=best)
+
+
+def _move(stations: Stations, vehicle: Vehicle, z: FloatArray, gaps: FloatArray, clearance: float, s: float) -> FloatArray | None:
+    """Return the least move of a state that gives all bodies ``clearance``, or as much of what lacks as it can; None without any."""
+    metres = np.array([1.0, *[vehicle.reach_ahead + vehicle.reach_behind] * vehicle.rigid_states][: len(z)])  # that a body moves, about
+    near = np.flatnonzero(gaps < clearance + _NEAR_M)
+    changed = _gaps(stations, vehicle, z + np.diag(_PROBE_M / metres), s)[:, near]
+    rows, lacking = (changed - gaps[near]).T / _PROBE_M, clearance + _INSIDE_M - gaps[near]
+    for share in _SHARES:
+        # Least-distance programming (Lawson and Hanson 1974, chapter 23): the shortest move for which rows @ move >= wanted.
+        wanted = lacking - (1.0 - share) * np.max(lacking)
+        held, target = np.vstack([rows.T, wanted]), np.append(np.zeros(len(z)), 1.0)
+        solution, rest = scipy.optimize.nnls(held, target)
+        if rest >= _PROBE_M:
+            residual = target - held @ solution
+            return np.asarray(-residual[:-1] / residual[-1] / metres)
+    return None
 
 
 def _gaps(stations: Stations, vehicle: Vehicle, z: FloatArray, at: float) -> FloatArray:

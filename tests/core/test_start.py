@@ -8,12 +8,18 @@ import pytest
 from hdvplan.api import drive_case
 from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
+from hdvplan.centring.weights import CentringTable
 from hdvplan.driving.drive import Drive
+from hdvplan.driving.start import Start, kept_start, lies_beside, start_of
 from hdvplan.judging.envelope import envelope_of
 from hdvplan.planning.settings import PlannerSettings
+from hdvplan.planning.stations import stations_of
+from hdvplan.road.line import Line, RawRoad, smoothed
+from hdvplan.road.options import RoadOptions
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
 from hdvplan.vehicle.load import load_vehicle
+from hdvplan.vehicle.model import Vehicle
 
 SETTINGS = PlannerSettings(horizon=50.0)
 FADE_M = 10.0  # of the curvature beyond a road's end
@@ -66,3 +72,33 @@ def test_a_trailer_sweeps_the_last_metres_as_if_the_road_went_on() -> None:
     np.testing.assert_allclose(here.left[1], there.left[1, : len(here.s)], atol=0.01)
     np.testing.assert_allclose(here.right[1], there.right[1, : len(here.s)], atol=0.01)
     assert len(ends.z) == len(ends.kappa) + 1 == 161  # what was planned and is told as executed ends with the road
+
+
+def start_at(road: Road, vehicle: Vehicle) -> Start:
+    return start_of(stations_of(road, vehicle, CentringTable.of(vehicle), step=0.5, horizon=50.0), vehicle)
+
+
+@pytest.mark.parametrize(("left", "right"), [(1.0, 1.4), (1.4, 1.0)])
+def test_a_start_in_a_street_that_is_narrower_than_the_vehicle_lacks_as_little_as_can_be(left: float, right: float) -> None:
+    bus = load_vehicle("bus")
+    road = Road("narrow", from_curvature([0.0, 80.0], [0.0, 0.0])).with_limits(left, right)
+    stations = stations_of(road, bus, CentringTable.of(bus), step=0.5, horizon=50.0)
+    begin = kept_start(stations, bus, start_at(road, bus), 0.0)
+    apart = begin.z[0] + np.array([0.5, -0.5]) * bus.width  # of its sides from the line, on a straight
+    assert abs(begin.z[1]) < 1e-3  # askew it lacks more
+    lacking = np.array([apart[0] - left, -right - apart[1]])
+    assert np.max(lacking) == pytest.approx(0.5 * (bus.width - left - right), abs=0.02)  # the last of five moves, each half of what is left
+
+
+def test_a_line_of_points_may_begin_in_a_tight_bend_too() -> None:
+    """What lies before the road's start is a road of its own, whose widths count from the line as it was given."""
+    corner = RawRoad(np.array([[0.0, 0.0], [6.0, 0.0], [6.0, 90.0]]), np.full((4, 3), 12.0))
+    vehicle = load_vehicle("a-double")
+    road = smoothed(Line("corner", corner, RoadOptions(max_curvature=1.25 * vehicle.max_curvature)))[0]
+    assert road.about is not None
+    assert not lies_beside(road.path.extended(60.0, 0.0), vehicle, start_at(road, vehicle).z)
+    drive = drive_case(Case(road, vehicle, settings=SETTINGS))
+    assert np.all(np.isfinite(drive.z))
+    length = road.path.length
+    for end, stretch in ((0, (-50.0, 0.0)), (0, (-50.0, -10.0)), (1, (length, length + 50.0)), (1, (length + 10.0, length + 50.0))):
+        np.testing.assert_allclose(road.about.part(*stretch, length).ends, road.about.ends[[end, end]], atol=1e-12)  # rounding
