@@ -20,7 +20,7 @@ _SPELLINGS = {
     " pituusaste dlugosc dlugosc_geograficzna lon_deg longitude_deg gps_longitude",
     "lat": "lat latitude latitud latitudine breitengrad geographische_breite breddegrad breedtegraad leveysaste szerokosc"
     " szerokosc_geograficzna lat_deg latitude_deg gps_latitude",
-    "s": "s s_m",
+    "s": "s",
     "kappa": "kappa curvature krummung kurvatur courbure kromning",
     "left": "left left_m w_tr_left_m w_tr_left width_left left_width breite_links links vanster bredd_vanster vanster_bredd vansterbredd"
     " gauche largeur_gauche izquierda ancho_izquierda sinistra larghezza_sinistra venstre bredde_venstre breedte_links",
@@ -32,7 +32,8 @@ _SPELLINGS = {
 }
 _MEANINGS = {name: meaning for meaning, names in _SPELLINGS.items() for name in names.split()}
 _ONLY_TOGETHER = {("e", "n"): ("x", "y"), ("lange", "breite"): ("lon", "lat"), ("est", "nord"): ("x", "y")}  # else they mean something else
-LENGTHS = {"x", "y", "left", "right", "width", "left_sweep", "right_sweep"}  # which may say their unit; without it they have that of x, y
+# Which may say their unit; without it they have that of the position.
+LENGTHS = {"x", "y", "s", "left", "right", "width", "left_sweep", "right_sweep"}
 _UNITS = {**{unit: unit for unit in METRES}, "feet": "ft", "foot": "ft", "inch": "in", "inches": "in"}
 _LIKELY = 0.9  # similarity of a misspelt name
 _POSITIONS = (("x", "y"), ("lon", "lat"), ("s", "kappa"))
@@ -58,6 +59,11 @@ class Columns:
     def where(self) -> str:
         """The titles of the position, for messages."""
         return ", ".join(self.titles[key] for key in self.position)
+
+    @property
+    def unit(self) -> str | None:
+        """The unit that the position says."""
+        return self.units.get(self.position[0])
 
 
 def folded(title: str) -> str:
@@ -135,12 +141,13 @@ def unread_note(columns: Columns, name: str) -> tuple[str, ...]:
 
 
 def _named(title: str) -> tuple[str, str | None]:
-    """Return a folded name, and the unit that it says if it is that of a length: ``Width_ft`` and ``width [ft]`` are ``width``, ``ft``."""
+    """Return a folded name, and the unit that it says: ``Width_ft`` and ``width [ft]`` are ``width``, ``ft``, as ``kappa [1/ft]`` is."""
     name = folded(title)
     base, _, suffix = name.rpartition("_")
     if _MEANINGS.get(base) in LENGTHS and suffix in _UNITS:
         return base, _UNITS[suffix]
-    bracket = re.search(r"[\[(]\s*(\w+)", title) if _MEANINGS.get(name) in LENGTHS else None
+    within = {**dict.fromkeys(LENGTHS, r"[\[(]\s*(\w+)"), "kappa": r"[\[(]\s*1\s*/\s*(\w+)"}.get(_MEANINGS.get(name, ""))
+    bracket = None if within is None else re.search(within, title)
     return name, None if bracket is None else _UNITS.get(bracket[1].casefold())
 
 

@@ -125,15 +125,16 @@ def _line_in(table: Table, name: str, *, crs: str | None, unit: str | None) -> R
     positions, called = columns.position, f"{name}: columns {columns.where}"
     points = np.stack([numbers.values[key] for key in positions], axis=1)
     _refuse_unit(unit, points, columns, name)
-    base = columns.units.get("x", unit or "m")  # of all lengths that say none
+    base = columns.unit or unit or "m"  # of all lengths that say none
     for key in LENGTHS & numbers.values.keys():
         numbers.values[key] *= METRES[columns.units.get(key, base)]
-    points = METRES[base] * points
+    bends = positions == ("s", "kappa")
+    points = points * [METRES[base], 1.0 / METRES[columns.units.get("kappa", base)]] if bends else METRES[base] * points
     if len(points) < 2:  # noqa: PLR2004
         msg = f"{name}: a road needs at least two points, this one has {len(points)}"
         raise RoadError(msg)
     raw = RawRoad(points, _reaches(numbers), lines=tuple(table.lines), notes=unread_note(columns, name))
-    if positions == ("s", "kappa"):
+    if bends:
         s, kappa = points.T
         numbers.refuse("s", np.diff(s, prepend=-np.inf) <= 0.0, "{:g} m does not exceed the {:g} m before it", s, np.roll(s, 1))
         numbers.refuse("kappa", np.abs(kappa) > _TIGHTEST_PROFILE, f"{{:g}} 1/m is a radius below {1 / _TIGHTEST_PROFILE:g} m", kappa)
@@ -153,13 +154,13 @@ def _line_in(table: Table, name: str, *, crs: str | None, unit: str | None) -> R
         for key, column in zip(positions, points.T, strict=True):
             numbers.refuse(key, np.abs(column) > LARGEST_M, "{:g} m is too large for a position", column)
         if unit is None and looks_like_degrees(points):
-            if "x" in columns.units:
+            if columns.unit is not None:
                 msg = f"{called} look like degrees, not lengths"
                 raise RoadError(msg, hint="call the columns lon,lat if they are longitude and latitude")
             note = f"{called} are read as longitude and latitude, for metres they are too close together"
             crs, raw = LONLAT, replace(raw, notes=(*raw.notes, note))
     if crs is None:
-        if "x" not in columns.units:
+        if columns.unit is None:
             refuse_no_street([points], raw.reaches, (), Unit(unit), name, raw.lines)
         return raw
     if is_geographic(crs):
@@ -284,7 +285,6 @@ def _refuse_unit(unit: str | None, points: FloatArray, columns: Columns, name: s
     if unit is None:
         return
     degrees = columns.position == ("lon", "lat") or (columns.position == ("x", "y") and looks_like_degrees(points))
-    why = "a curvature profile" if columns.position == ("s", "kappa") else "positions in degrees" if degrees else None
-    if why is not None or "x" in columns.units:
-        what = f"{name}: {why or f'a table that says its unit, as {columns.where},'}"
+    if degrees or columns.unit is not None:
+        what = f"{name}: {'positions in degrees' if degrees else f'a table that says its unit, as {columns.where},'}"
         raise unheeded(what, "unit")

@@ -42,7 +42,7 @@ class RoadOptions:
     unit: Annotated[
         str | None,
         Setting(
-            "Unit of a road file without a coordinate reference system (DXF; CSV with x,y) [default: what it says, or m].",
+            "Unit of a road file without a coordinate reference system (DXF; CSV with x,y or s,kappa) [default: what it says, or m].",
             choices=tuple(METRES),
         ),
     ] = None

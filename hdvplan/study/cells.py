@@ -77,6 +77,7 @@ def cells_of(study: Study) -> Iterator[Cell]:
             roles=road.roles,
             road_ids=road.road_ids,
             lane=road.lane,
+            unit=road.unit or study.reading.unit,
             offset=manner.offset,
             reverse=manner.reverse,
         )

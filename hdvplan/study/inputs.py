@@ -17,6 +17,7 @@ import numpy as np
 from hdvplan.case import content_digest
 from hdvplan.errors import OptionError, RoadError, VehicleError
 from hdvplan.plugins import digest_of
+from hdvplan.road.options import RoadOptions
 from hdvplan.road.scenarios import SCENARIOS, shipped
 from hdvplan.spelling import did_you_mean
 from hdvplan.texts import printable
@@ -37,7 +38,7 @@ _UNIT = tuple(field.name for field in fields(Unit) if field.name != "name")
 
 @dataclass(frozen=True)
 class RoadTable:
-    """A road of a study's file: its file, glob, folder or shipped name, and which line of the file it is."""
+    """A road of a study's file: its file, glob, folder or shipped name, which line of the file it is, and the file's unit."""
 
     road: str
     name: str | None = None
@@ -45,13 +46,14 @@ class RoadTable:
     roles: tuple[str, ...] = ()
     road_ids: str | None = None
     lane: int | None = None
+    unit: str | None = None
 
 
 @dataclass(frozen=True)
 class RoadSource:
     """A road of a study, not read yet: ``source`` is its file or shipped name, ``digest`` tells the content of the file.
 
-    The others choose a line of the file, as in ``RoadOptions``.
+    The others choose a line of the file, as in ``RoadOptions``, and say its unit; None: that of the study.
     """
 
     label: str  # what tables call it
@@ -62,6 +64,7 @@ class RoadSource:
     roles: tuple[str, ...] = ()
     road_ids: str | None = None
     lane: int | None = None
+    unit: str | None = None
 
 
 @dataclass(frozen=True)
@@ -76,14 +79,14 @@ def roads_of(entries: Sequence[str | RoadTable], folder: Path) -> tuple[RoadSour
     """Return the roads that entries name: files, globs and folders relative to ``folder``, or shipped names.
 
     Raises:
-        OptionError: one is there twice.
+        OptionError: one is there twice, or an unknown unit.
         RoadError: no such file or name, or one that cannot be read.
 
     """
     found: list[RoadSource] = []
     for one in entries:
         table = one if isinstance(one, RoadTable) else RoadTable(one)
-        line = (table.name, table.layer, table.roles, table.road_ids, table.lane)
+        line = (table.name, table.layer, table.roles, table.road_ids, table.lane, RoadOptions(unit=table.unit).unit)
         found += [RoadSource(label, source, road_digest(source), *line) for label, source in _sources(table.road, folder)]
     return tuple(_told_apart(found))
 

@@ -150,6 +150,24 @@ def test_tables_may_be_in_feet_and_other_units(text: str, unit: str | None) -> N
 
 
 @pytest.mark.parametrize(
+    ("text", "unit"),
+    [
+        ("s,kappa,left,right\n0,0.003048,10,12\n500,0,10,12\n", "ft"),
+        ("s_ft,kappa,left,right\n0,0.003048,10,12\n500,0,10,12\n", None),
+        ("s [ft],kappa [1/m],left,right\n0,0.01,10,12\n500,0,10,12\n", None),
+        ("s,kappa [1/m],left_m,right_m\n0,0.01,3.048,3.6576\n500,0,3.048,3.6576\n", "ft"),
+        ("s_m,kappa [1/ft],left,right\n0,0.003048,3.048,3.6576\n152.4,0,3.048,3.6576\n", None),
+    ],
+)
+def test_profiles_may_be_in_feet_and_curvatures_per_foot(text: str, unit: str | None) -> None:
+    raw = read_csv(text, "f", unit=unit)
+    assert raw.is_profile
+    np.testing.assert_allclose(raw.points, [[0.0, 0.01], [152.4, 0.0]], rtol=1e-15)  # as above
+    assert raw.reaches is not None
+    np.testing.assert_allclose(raw.reaches[:, 1], [3.048, 3.6576] * 2, rtol=1e-15)
+
+
+@pytest.mark.parametrize(
     "text", ["x_m,y_m\n0,0\n40000,0\n80000,0\n", "x,y,left,right\n0,0,0,6\n50,0,0,6\n", "x,y,left,right\n0,0,3,1000\n50,0,3,1000\n"]
 )
 def test_tables_that_say_metres_or_may_be_streets_are_read_as_they_are(text: str) -> None:
@@ -162,7 +180,7 @@ def test_tables_that_say_metres_or_may_be_streets_are_read_as_they_are(text: str
         ("a.csv", "lon,lat\n11,57\n11.01,57\n", None, "a.csv: positions in degrees has no use"),
         ("a.csv", "x,y\n11.97,57.70\n11.971,57.701\n11.972,57.702\n", None, "a.csv: positions in degrees has no use"),
         ("a.csv", FEET, None, "a.csv: a table that says its unit, as x_ft, y_ft, has no use"),
-        ("a.csv", "s,kappa\n0,0\n50,0\n", None, "a.csv: a curvature profile has no use"),
+        ("a.csv", "s_ft,kappa\n0,0\n50,0\n", None, "a.csv: a table that says its unit, as s_ft, kappa, has no use"),
         ("a.csv", "x,y\n0,0\n50,0\n", "EPSG:3006", "a.csv: a file in EPSG:3006 has no use"),
         ("a.csv", 'wkt\n"LINESTRING (11.97 57.7, 11.971 57.701)"\n', None, "a.csv: a line in degrees has no use"),
         ("a.geojson", '{"type": "LineString", "coordinates": [[11, 57], [11.1, 57]]}', None, "a.geojson: a GeoJSON file, .* has no use"),

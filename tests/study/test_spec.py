@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from hdvplan.errors import HdvplanError
+from hdvplan.errors import HdvplanError, OptionError
 from hdvplan.planning.settings import Scheme
 from hdvplan.study.cells import cells_of
 from hdvplan.study.spec import Width, read_study, study_of
@@ -38,6 +38,14 @@ def test_roads_are_files_globs_folders_shipped_names_and_lines_of_files(folder: 
     study = study_of(BASE | {"roads": entries}, folder)
     assert [road.label for road in study.roads] == ["bend", "a", "b", "monaco_fairmont_hairpin", "uturn", "lane:lane"]
     assert study.roads[1].digest == study.roads[2].digest != study.roads[0].digest
+
+
+def test_a_road_may_be_in_a_unit_of_its_own(folder: Path) -> None:
+    roads = ["bend.csv", {"road": "uturn", "unit": "ft"}]
+    study = study_of(BASE | {"roads": roads, "settings": {"unit": "cm"}}, folder)
+    assert [cell.reading.unit for cell in cells_of(study)] == ["cm", "ft"]
+    with pytest.raises(OptionError, match="unit must be mm, cm, m, ft or in, not 'mile'"):
+        study_of(BASE | {"roads": [{"road": "uturn", "unit": "mile"}]}, folder)
 
 
 def test_roads_of_one_name_are_told_apart_by_their_files(folder: Path) -> None:
