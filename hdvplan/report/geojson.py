@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -17,17 +18,19 @@ from hdvplan.report.colours import BREACH, INK, MUTED, body_colour
 from hdvplan.report.kerbs import broken_kerb, shown_kerbs, simple_line
 from hdvplan.report.rooms import approach_of
 from hdvplan.road.path import ReferencePath
+from hdvplan.road.regions import Region
 from hdvplan.road.road import Road
 
 CHUNK_M = 50.0  # a road's swept area is cut into pieces this long: each is simple even where the road crosses itself
 CENTRE_SPACING_M = 0.5
+REGION = "region"  # a kind
 _DEGREES = 7  # decimals: about 1 cm
 _FINE_DEGREES = 9  # about 0.1 mm, for areas that are centimetres wide
 _METRES_GRID = 1e-3
 _SIMPLER_M = 1e-3  # points are left out that would move no line by more: nine of ten
 _FRAME_NOTE = "planar coordinates in metres: the road file has no geographic position"
 
-Json = dict[str, object]
+Json = dict[str, Any]
 
 
 def swept_geojson(result: Result) -> Json:
@@ -41,11 +44,11 @@ def swept_geojson(result: Result) -> Json:
     return {"type": "FeatureCollection", "features": swept_features(result)}
 
 
-def swept_features(result: Result) -> list[Json]:
-    """Return the features of ``swept_geojson``."""
+def swept_features(result: Result, areas: Sequence[BaseGeometry] | None = None, named: Json | None = None) -> list[Json]:
+    """Return the features of ``swept_geojson``, with the properties ``named``; ``areas`` [m] stand for what bodies sweep along the road."""
     drive, envelope = result.drive, result.envelope
     road, vehicle = drive.road, drive.vehicle
-    common: Json = {"road": road.name, "vehicle": vehicle.name}
+    common: Json = {"road": road.name, "vehicle": vehicle.name} | (named or {})
     if road.notice is not None:
         common["attribution"] = road.notice
     if road.to_lonlat is None:
@@ -54,7 +57,7 @@ def swept_features(result: Result) -> list[Json]:
     for unit in range(len(vehicle.units)):
         left, right = envelope.left[unit], envelope.right[unit]
         reaches: Json = {"max_left_m": round(float(np.nanmax(left)), 4), "max_right_m": round(-float(np.nanmin(right)), 4)}
-        area = swept_area(road.path, envelope.s, left, right)
+        area = swept_area(road.path, envelope.s, left, right) if areas is None else areas[unit]
         styled = area_style(body_colour(unit))
         features.append(feature(area, road, common | {"kind": "swept area", "unit": body_name(vehicle, unit)} | reaches | styled))
     for kerb in shown_kerbs(result):
@@ -67,15 +70,18 @@ def swept_features(result: Result) -> list[Json]:
             simple_line(_points(road.path, s, np.zeros(len(s))), _SIMPLER_M), road, common | {"kind": "road centre"} | _line_style(MUTED, 1)
         )
     )
-    for region in road.regions:
-        label = {"name": region.label} if region.label else {}
-        named = common | {"kind": "region", "region": str(region.kind)} | label
-        features.append(feature(shapely.simplify(region.polygon, _SIMPLER_M), road, named | area_style(MUTED)))
+    features += [region_feature(region, road, common) for region in road.regions]
     for track in wheel_tracks(drive):
         wheel, line = track.wheel, simple_line(track.points, _SIMPLER_M)
-        named = common | {"kind": "wheel track", "unit": body_name(vehicle, wheel.unit), "axle": wheel.axle, "side": wheel.side}
-        features.append(feature(line, road, named | _line_style(body_colour(wheel.unit), 1)))
+        told = common | {"kind": "wheel track", "unit": body_name(vehicle, wheel.unit), "axle": wheel.axle, "side": wheel.side}
+        features.append(feature(line, road, told | _line_style(body_colour(wheel.unit), 1)))
     return features
+
+
+def region_feature(region: Region, road: Road, common: Json) -> Json:
+    """Return an obstacle or a sweepable area beside a road."""
+    told = common | {"kind": REGION, "region": str(region.kind)} | ({"name": region.label} if region.label else {})
+    return feature(shapely.simplify(region.polygon, _SIMPLER_M), road, told | area_style(MUTED))
 
 
 def swept_area(path: ReferencePath, s: FloatArray, left: FloatArray, right: FloatArray) -> BaseGeometry:

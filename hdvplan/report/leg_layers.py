@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import shapely
@@ -12,9 +13,7 @@ from shapely.geometry.base import BaseGeometry
 from hdvplan.driving.drive import Drive
 from hdvplan.judging.bodies import corners
 from hdvplan.judging.legs import LegsResult
-from hdvplan.judging.result import body_name
-from hdvplan.report.colours import MUTED, body_colour
-from hdvplan.report.geojson import area_style, feature, swept_features
+from hdvplan.report.geojson import REGION, region_feature, swept_features
 from hdvplan.report.kerbs import swept_pieces
 from hdvplan.report.layers import Drawn, Layer, Value, drawn_features, of_body
 from hdvplan.road.regions import Kind
@@ -22,9 +21,8 @@ from hdvplan.road.regions import Kind
 _SIMPLER_M = 1e-3  # points are left out that would move no outline by more
 _ONCE = (Layer.OBSTACLES, Layer.SWEEPABLE)
 _OWN = (*_ONCE, Layer.ENVELOPE, Layer.VEHICLES)  # layers that a drive along one line draws otherwise
-_OWN_KINDS = ("swept area", "region")  # the same of features for a map
 
-Json = dict[str, object]
+Json = dict[str, Any]
 
 
 def swept_by(drive: Drive) -> list[BaseGeometry]:
@@ -59,22 +57,9 @@ def _of_leg(driven: LegsResult, at: int) -> Iterator[Drawn]:
 
 def legs_geojson(driven: LegsResult) -> Json:
     """Return a FeatureCollection as of a road, with ``leg`` and ``direction``; swept areas include what lies beyond the lines' ends."""
-    features: list[Json] = []
-    for at, (result, leg) in enumerate(zip(driven.results, driven.legs.legs, strict=True)):
-        road, vehicle = result.drive.road, result.drive.vehicle
-        named: Json = {"leg": at + 1, "direction": leg.direction}
-        common = named | {"road": driven.legs.name, "vehicle": vehicle.name}
-        for unit, area in enumerate(swept_by(result.drive)):
-            styled = {"kind": "swept area", "unit": body_name(vehicle, unit)} | area_style(body_colour(unit))
-            features.append(feature(area, road, common | styled))
-        for one in swept_features(result):
-            properties = one["properties"]
-            assert isinstance(properties, dict)  # noqa: S101 - for the type checker
-            if properties["kind"] not in _OWN_KINDS:
-                features.append(one | {"properties": properties | common})
-    road = driven.legs.legs[0].road
-    for region in driven.legs.regions:
-        label = {"name": region.label} if region.label else {}
-        named = {"kind": "region", "region": str(region.kind)} | label | area_style(MUTED)
-        features.append(feature(shapely.simplify(region.polygon, _SIMPLER_M), road, named))
-    return {"type": "FeatureCollection", "features": features}
+    name, features = driven.legs.name, list[Json]()
+    for number, (result, leg) in enumerate(zip(driven.results, driven.legs.legs, strict=True), start=1):
+        of_leg = swept_features(result, swept_by(result.drive), {"road": name, "leg": number, "direction": leg.direction})
+        features += [one for one in of_leg if one["properties"]["kind"] != REGION]  # a leg's are cut
+    regions = [region_feature(region, driven.legs.legs[0].road, {"road": name}) for region in driven.legs.regions]
+    return {"type": "FeatureCollection", "features": features + regions}

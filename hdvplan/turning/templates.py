@@ -65,10 +65,18 @@ class _TemplateTable:
 class Limit:
     """What a standard demands of one figure: at least or at most so many metres."""
 
-    name: str
-    words: str
-    least: bool
+    name: str  # in a file
     value: float  # [m]
+
+    @property
+    def words(self) -> str:
+        """What messages call it."""
+        return self.name.replace("_", " ")
+
+    @property
+    def least(self) -> bool:
+        """Whether the figure must not be below it; else not above."""
+        return self.name == "inside_radius"
 
     def spare(self, figures: Figures) -> float:
         """Return how much better than demanded the figure is, negative where it fails [m]."""
@@ -78,15 +86,6 @@ class Limit:
     def kept(self, figures: Figures) -> bool:
         """Tell whether the demand is met, but for rounding."""
         return self.spare(figures) >= -_ROUNDING_M
-
-
-_LIMITS = {  # by the name in a file: what messages call it, and whether it is a least value
-    "inside_radius": ("inside radius", True),
-    "outside_radius": ("outside radius", False),
-    "swept_width": ("swept width", False),
-    "tail_swing": ("tail swing", False),
-    "frontal_swing": ("frontal swing", False),
-}
 
 
 def figure(name: str, figures: Figures) -> float:
@@ -177,7 +176,7 @@ def parse_template(text: str, *, default_name: str) -> Template:
     if angle is None and "frontal_swing" in limits:
         msg = f"{where}: frontal_swing is measured in the exit, and a full circle has none"
         raise OptionError(msg, hint="give an angle, or leave frontal_swing out")
-    demands = tuple(Limit(key, *_LIMITS[key], value) for key, value in limits.items())
+    demands = tuple(Limit(key, value) for key, value in limits.items())
     return Template(name, printable(str(table.source)), manoeuvre, radius, demands)
 
 

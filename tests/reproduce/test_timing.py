@@ -5,7 +5,7 @@ import pytest
 
 from hdvplan.case import Case
 from hdvplan.reproduce.study import Study
-from hdvplan.reproduce.timing import ROADS, limited, timed_steps, timing
+from hdvplan.reproduce.timing import limited, timed_steps, timing
 from hdvplan.road.load import load_road
 from hdvplan.vehicle.load import load_vehicle
 from tests.reproduce.conftest import by_name, silent
@@ -36,7 +36,3 @@ def test_a_table_has_every_vehicle_scheme_and_solver_beside_the_published_number
                 assert 0.0 < mean.ours <= most.ours
                 assert mean.published is not None
     assert by_name(short)["bus, riccati: SQP / RTI, max"].published is not None
-
-
-def test_the_roads_of_the_table_add_up_to_ten_to_fifteen_kilometres() -> None:
-    assert 10e3 < sum(load_road(name).path.length for name in ROADS) < 15e3
