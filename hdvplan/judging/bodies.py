@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+import shapely
+from numpy.typing import NDArray
 
 from hdvplan.arrays import FloatArray, IntArray, Records
 from hdvplan.driving.drive import Drive
@@ -24,6 +26,14 @@ def corners(drive: Drive, numbers: IntArray, *, axles_only: bool = False) -> Flo
     ``axles_only`` leaves the overhangs out.
     """
     return corners_at(drive.vehicle, placed(drive, numbers), axles_only=axles_only)
+
+
+def swept_pieces(outlines: FloatArray) -> NDArray[np.object_]:
+    """Return areas that together are what bodies sweep [m]: their outlines (poses, ..., 4, 2), and what edges sweep to the next pose."""
+    ends = np.roll(outlines, -1, axis=-2)
+    moved = np.stack([outlines[:-1], ends[:-1], ends[1:], outlines[1:]], axis=-2)
+    edges = shapely.make_valid(np.asarray(shapely.polygons(moved)))  # one that turns about a point of its own sweeps two triangles
+    return np.concatenate([np.asarray(shapely.polygons(outlines)).ravel(), edges.ravel()])
 
 
 def pose_at(drive: Drive, s: float) -> int:

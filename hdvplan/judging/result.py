@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
@@ -15,7 +16,7 @@ from hdvplan.centring.stationary import Centring
 from hdvplan.centring.weights import CentringTable
 from hdvplan.driving.drive import Drive
 from hdvplan.judging.balance import KEPT_M, Balance, Breach, Gaps, balance_of, gaps_of
-from hdvplan.judging.bodies import corners
+from hdvplan.judging.bodies import corners, swept_pieces
 from hdvplan.judging.clearance import touches_of
 from hdvplan.judging.envelope import Envelope, envelope_of
 from hdvplan.judging.fit import Fit, fit_of
@@ -72,6 +73,7 @@ class Proof:
 
 
 NOT_PLANNED = "none"
+_SIMPLER_M = 1e-3  # of swept areas: points are left out that would move no outline by more
 _PAIR = ("tractor", "trailer")
 
 
@@ -170,6 +172,12 @@ class Result:
         """The outlines of all bodies at all simulated poses; index i is body ``i % units`` at pose ``i // units``."""
         outlines = corners(self.drive, np.arange(len(self.drive.poses_s)))
         return shapely.STRtree(np.asarray(shapely.polygons(outlines.reshape(-1, 4, 2))))
+
+    @cached_property
+    def swept(self) -> tuple[BaseGeometry, ...]:
+        """The area that each body swept in the plane, also beyond the ends of the line, from each simulated pose to the next [m]."""
+        outlines = np.moveaxis(corners(self.drive, np.arange(len(self.drive.poses_s))), 1, 0)
+        return tuple(shapely.simplify(shapely.union_all(swept_pieces(of_body)), _SIMPLER_M) for of_body in outlines)
 
     @cached_property
     def approached(self) -> FloatArray:

@@ -11,7 +11,7 @@ from shapely.geometry.base import BaseGeometry
 
 from hdvplan.arrays import FloatArray
 from hdvplan.judging.balance import Breach
-from hdvplan.judging.bodies import corners
+from hdvplan.judging.bodies import corners, swept_pieces
 from hdvplan.judging.result import Result
 from hdvplan.road.road import Road
 
@@ -89,14 +89,6 @@ def broken_kerb(result: Result, breach: Breach, beside: float) -> shapely.LineSt
     near = kerb_lines(result.drive.road, breach.s_from - beside, breach.s_to + beside)
     own = [one.line for one in near if (one.side, one.region) == (breach.side, breach.region)]
     return min(own, key=shapely.Point(breach.place).distance)
-
-
-def swept_pieces(outlines: FloatArray) -> NDArray[np.object_]:
-    """Return areas that together are what bodies sweep [m]: their outlines (poses, ..., 4, 2), and what edges sweep to the next pose."""
-    ends = np.roll(outlines, -1, axis=-2)
-    moved = np.stack([outlines[:-1], ends[:-1], ends[1:], outlines[1:]], axis=-2)
-    edges = shapely.make_valid(np.asarray(shapely.polygons(moved)))  # one that turns about a point of its own sweeps two triangles
-    return np.concatenate([np.asarray(shapely.polygons(outlines)).ravel(), edges.ravel()])
 
 
 def _swept(result: Result, breach: Breach) -> NDArray[np.object_]:

@@ -11,7 +11,6 @@ from hdvplan.judging.bodies import corners
 from hdvplan.judging.legs import LegsResult
 from hdvplan.report.animation import FRAME_MS, LAST_MS, Pose, frames_of, gif_bytes, ground_of, paced
 from hdvplan.report.colours import answer_colour
-from hdvplan.report.leg_layers import swept_by
 from hdvplan.report.leg_maps import draw_ground, stops_of
 from hdvplan.report.maps import ROOM_M, finish_map, frame
 from hdvplan.road.legs import direction_of
@@ -22,7 +21,7 @@ _STANDS_MS = 900  # at a cusp, while the steering turns
 def legs_film_bytes(driven: LegsResult) -> bytes:
     """Return the drive as an animated GIF that waits at every cusp, and tells the articulation there."""
     first = driven.results[0].drive
-    outline = np.concatenate([np.asarray(area.bounds).reshape(2, 2) for result in driven.results for area in swept_by(result.drive)])
+    outline = np.concatenate([np.asarray(area.bounds).reshape(2, 2) for result in driven.results for area in result.swept])
 
     def draw(axes: Axes) -> None:
         draw_ground(axes, driven)

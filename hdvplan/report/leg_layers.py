@@ -8,27 +8,17 @@ from typing import Any
 
 import numpy as np
 import shapely
-from shapely.geometry.base import BaseGeometry
 
-from hdvplan.driving.drive import Drive
 from hdvplan.judging.bodies import corners
 from hdvplan.judging.legs import LegsResult
 from hdvplan.report.geojson import REGION, region_feature, swept_features
-from hdvplan.report.kerbs import swept_pieces
 from hdvplan.report.layers import Drawn, Layer, Value, drawn_features, of_body
 from hdvplan.road.regions import Kind
 
-_SIMPLER_M = 1e-3  # points are left out that would move no outline by more
 _ONCE = (Layer.OBSTACLES, Layer.SWEEPABLE)
 _OWN = (*_ONCE, Layer.ENVELOPE, Layer.VEHICLES)  # layers that a drive along one line draws otherwise
 
 Json = dict[str, Any]
-
-
-def swept_by(drive: Drive) -> list[BaseGeometry]:
-    """Return the area that each body swept, also beyond the ends of the line, from each simulated pose to the next [m]."""
-    outlines = np.moveaxis(corners(drive, np.arange(len(drive.poses_s))), 1, 0)
-    return [shapely.simplify(shapely.union_all(swept_pieces(of_body)), _SIMPLER_M) for of_body in outlines]
 
 
 def leg_features(driven: LegsResult) -> tuple[Drawn, ...]:
@@ -47,7 +37,7 @@ def _of_leg(driven: LegsResult, at: int) -> Iterator[Drawn]:
     for one in drawn_features(result):
         if one.layer not in _OWN:
             yield replace(one, properties=named | one.properties)
-    for unit, area in enumerate(swept_by(drive)):
+    for unit, area in enumerate(result.swept):
         yield Drawn(Layer.ENVELOPE, area, named | of_body(vehicle, unit) | {"area_m2": float(shapely.area(area))})
     ends = np.array([0, len(drive.poses_s) - 1])
     for pose, bodies in zip(ends, corners(drive, ends), strict=True):
@@ -59,7 +49,7 @@ def legs_geojson(driven: LegsResult) -> Json:
     """Return a FeatureCollection as of a road, with ``leg`` and ``direction``; swept areas include what lies beyond the lines' ends."""
     name, features = driven.legs.name, list[Json]()
     for number, (result, leg) in enumerate(zip(driven.results, driven.legs.legs, strict=True), start=1):
-        of_leg = swept_features(result, swept_by(result.drive), {"road": name, "leg": number, "direction": leg.direction})
+        of_leg = swept_features(result, result.swept, {"road": name, "leg": number, "direction": leg.direction})
         features += [one for one in of_leg if one["properties"]["kind"] != REGION]  # a leg's are cut
     regions = [region_feature(region, driven.legs.legs[0].road, {"road": name}) for region in driven.legs.regions]
     return {"type": "FeatureCollection", "features": features + regions}

@@ -17,7 +17,6 @@ from hdvplan.judging.legs import LegsResult
 from hdvplan.judging.result import Result
 from hdvplan.report.colours import BODY_COLOURS, BREACH, INK
 from hdvplan.report.kerbs import shown_kerbs
-from hdvplan.report.leg_layers import swept_by
 from hdvplan.report.maps import SLIDE, Turn, draw_bodies, outline_of, point
 from hdvplan.report.style import ON_WHITE
 from hdvplan.road.legs import direction_of
@@ -69,7 +68,7 @@ def draw_swept(axes: Axes, driven: LegsResult, *, weight: float = SLIDE, turned:
     """Draw what each leg sweeps, labelled once a direction; return points around all of it (n, 2) [m], as they lie on the paper."""
     seen, named = list[FloatArray](), set[str]()
     for result, leg in zip(driven.results, driven.legs.legs, strict=True):
-        area = shapely.transform(shapely.union_all(swept_by(result.drive)), turned)
+        area = shapely.transform(shapely.union_all(result.swept), turned)
         seen.append(shapely.get_coordinates(area))
         draw_area(axes, area, backward=leg.backward, named=leg.direction not in named, weight=weight)
         named.add(leg.direction)

@@ -12,7 +12,6 @@ from matplotlib.axes import Axes
 
 from hdvplan.judging.legs import LegsResult
 from hdvplan.report.layers import drawn_features
-from hdvplan.report.leg_layers import swept_by
 from hdvplan.report.leg_maps import Stop, draw_ground, draw_stops, draw_swept, line_of, stops_of
 from hdvplan.report.paper import Page, SheetOptions, page_around
 from hdvplan.report.rooms import Room
@@ -31,7 +30,7 @@ def legs_sheet_bytes(driven: LegsResult, options: SheetOptions, *, date: str | N
 
     """
     lengths = [leg.road.path.length for leg in driven.legs.legs]
-    outline = np.concatenate([shapely.get_coordinates(area) for result in driven.results for area in swept_by(result.drive)])
+    outline = np.concatenate([shapely.get_coordinates(area) for result in driven.results for area in result.swept])
     page = page_around(outline, sum(lengths), map_mm(options), options.scale)
     first = driven.results[0]
     told = ", ".join(f"{leg.direction} {length:.1f} m" for leg, length in zip(driven.legs.legs, lengths, strict=True))

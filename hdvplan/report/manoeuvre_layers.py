@@ -7,7 +7,8 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from hdvplan.arrays import FloatArray, IntArray
-from hdvplan.report.kerbs import simple_line, swept_pieces
+from hdvplan.judging.bodies import swept_pieces
+from hdvplan.report.kerbs import simple_line
 from hdvplan.report.layers import Drawn, Layer, Value, of_body
 from hdvplan.turning.follow import Followed
 from hdvplan.turning.reversing.answer import Answer

@@ -17,7 +17,6 @@ from hdvplan.judging.legs import LegsResult, jackknife_of
 from hdvplan.judging.result import Result
 from hdvplan.report.leg_files import summary_of_legs
 from hdvplan.report.leg_film import legs_film_bytes
-from hdvplan.report.leg_layers import swept_by
 from hdvplan.report.leg_maps import stops_of
 from hdvplan.report.leg_sheet import legs_sheet_bytes
 from hdvplan.report.paper import SheetOptions
@@ -80,7 +79,7 @@ def test_articulations_at_the_ends_are_in_the_order_of_driving(trailer: Result) 
 
 
 def test_what_is_swept_includes_what_lies_beyond_the_ends_of_the_line(straight: Result) -> None:
-    (area,) = swept_by(straight.drive)
+    (area,) = straight.swept
     vehicle, path = straight.drive.vehicle, straight.drive.road.path
     last = float(straight.drive.poses_s[-1])
     x, y = path.to_plane(0.0, 0.0)
@@ -137,7 +136,7 @@ def test_the_sheet_has_all_legs_to_scale_the_tightest_place_and_the_cusps(kerbed
 
 def test_what_is_swept_in_a_bend_comes_no_nearer_to_its_centre_than_bodies_do(bus: Result) -> None:
     drive, path = bus.drive, bus.drive.road.path
-    (area,) = swept_by(drive)
+    (area,) = bus.swept
     here = path.at(0.5 * path.length)  # in the middle of the U-turn
     radius = 1.0 / float(here.curvature)
     centre = shapely.Point(float(here.x) - radius * np.sin(float(here.heading)), float(here.y) + radius * np.cos(float(here.heading)))
