@@ -10,9 +10,10 @@ import typer
 
 from hdvplan.cli.checks import check_fits, smoothed, vehicle_named
 from hdvplan.cli.console import ExitCode, print_json, print_line, print_tables, progress, report_error, writing
-from hdvplan.cli.help import OUTPUT, PLANNING, ROAD, VEHICLE
+from hdvplan.cli.help import OUTPUT, PLACE, PLANNING, ROAD, VEHICLE
 from hdvplan.cli.options import Output, RoadOrNoneArgument, Room, VehicleOption, check_folder, file_name
 from hdvplan.cli.settings import OptionsOf, with_settings
+from hdvplan.cli.turn import MORE_STARTS, answered
 from hdvplan.errors import OptionError
 from hdvplan.planning.settings import SIDES, PlannerSettings
 from hdvplan.road.options import RoadOptions
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from hdvplan.road.pieces import Kerb
     from hdvplan.road.road import Road
 
-_PLACE = "Turning heads and docks"
 _FIXED = ("width", "kerb_radius", "beyond", "door_spacing", "overhang")  # what is not sought
 _ROOM = {
     "half_width": "The road's own limits, M to either side [m].",
@@ -66,10 +66,10 @@ def need(
             "--template",
             metavar="NAME",
             help="Instead of a road a manoeuvre that reverses, whose place is made as small as can be found: " + ", ".join(Template) + ".",
-            rich_help_panel=_PLACE,
+            rich_help_panel=PLACE,
         ),
     ] = None,
-    place: Annotated[PlaceOptions, OptionsOf(PlaceOptions, _PLACE, only=_FIXED)],
+    place: Annotated[PlaceOptions, OptionsOf(PlaceOptions, PLACE, only=_FIXED)],
 ) -> int:
     """Find the least room that a vehicle needs on a road, or for a manoeuvre that reverses.
 
@@ -132,8 +132,6 @@ def need(
 
 def _of_template(name: str, vehicle: str, place: PlaceOptions, output: Output) -> int:
     """Find the least room for a manoeuvre that reverses."""
-    from hdvplan.cli.reversals import MORE_STARTS, answered
-
     template = Template(choice("--template", name, list(Template)))
     if place.size(template) is not None:
         msg = f"--{template.sought} is what is sought"

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdvplan.cli.checks import vehicle_named
-from hdvplan.cli.console import ExitCode, print_json, print_line, print_tables, report_error, writing
-from hdvplan.cli.help import OUTPUT
+from hdvplan.cli.console import ExitCode, print_json, print_line, print_tables, progress, report_error, writing
+from hdvplan.cli.help import OUTPUT, PLACE
 from hdvplan.cli.options import Output, VehicleOrNoneOption, check_folder, file_name
 from hdvplan.cli.settings import OptionsOf, with_settings
 from hdvplan.errors import OptionError
@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 _STEADY = "steady"
 _GUIDE = "front-axle"
 _TURN = "Turn"  # options that describe it
-_PLACE = "Turning heads and docks"
+_STARTS = 4  # of every search for a manoeuvre that reverses
+MORE_STARTS = 9  # in ``need``, which says how far they are apart
 _OUTPUT = {
     "out": "Where to write [default: <template>.<vehicle>/].",
     "plot": "Draw the picture turn.png.",
@@ -93,7 +94,7 @@ def turn(
     *,
     vehicle: VehicleOrNoneOption = None,
     described: Annotated[TurnOptions, OptionsOf(TurnOptions, _TURN)],
-    place: Annotated[PlaceOptions, OptionsOf(PlaceOptions, _PLACE)],
+    place: Annotated[PlaceOptions, OptionsOf(PlaceOptions, PLACE)],
     list_: Annotated[bool, typer.Option("--list", help="List the templates.", rich_help_panel=_TURN)] = False,
     output: Annotated[Output, OptionsOf(Output, OUTPUT, words=_OUTPUT, only=("out", "json", "plot", "formats", "quiet"))],
 ) -> int:
@@ -116,9 +117,7 @@ def turn(
     reverses = template_named(described.template)
     if reverses is not None:
         described.refuse_more()
-        from hdvplan.cli.reversals import STARTS, answered
-
-        return answered(reverses, vehicle, place, output, starts=STARTS, called="turn")
+        return answered(reverses, vehicle, place, output, starts=_STARTS, called="turn")
     place.refuse_all()
     from hdvplan.report.files import PICTURES
     from hdvplan.report.turns import TURN_DRAWINGS, turn_json, turn_table, write_turn
@@ -139,6 +138,34 @@ def turn(
     for limit in broken:
         report_error(broken_words(limit, found))
     return ExitCode.BROKEN if broken else ExitCode.OK
+
+
+def answered(template: Template, vehicle: str, place: PlaceOptions, output: Output, *, starts: int, called: str) -> ExitCode:
+    """Make a manoeuvre, write it into files ``called`` so, print it, and return the exit code; ``need`` tries all numbers of legs."""
+    from hdvplan.report.files import PICTURES
+    from hdvplan.report.reversals import reversal_json, reversal_tables, write_reversal
+    from hdvplan.report.turns import TURN_DRAWINGS
+    from hdvplan.turning.reversing.answer import reversing
+    from hdvplan.turning.reversing.words import details, refusal, verdict
+
+    kinds = output.kinds(PICTURES, TURN_DRAWINGS)
+    driven = vehicle_named(vehicle, quiet=output.quiet)
+    with progress(f"looking for a manoeuvre of {driven.name}", quiet=output.quiet):
+        answer = reversing(driven, template, place, starts=starts, all_legs=called == "need")
+    suffix = ".need" if called == "need" else ""
+    directory = output.out or Path(f"{file_name(f'{template}.{driven.name}')}{suffix}")
+    with writing(f"to {directory}"):
+        write_reversal(answer, directory, called, kinds=kinds)
+    if output.json:
+        print_json(reversal_json(answer))
+    elif not output.quiet:
+        print_line(verdict(answer))
+        print_line(details(answer))
+        print_tables(*reversal_tables(answer, f"{directory}/"))
+    if answer.fits is False:
+        report_error(refusal(answer))
+        return ExitCode.BROKEN
+    return ExitCode.OK
 
 
 def _folder(found: Turn) -> str:
