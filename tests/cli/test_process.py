@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -21,18 +22,25 @@ COMMAND = (sys.executable, "-m", "hdvplan")
 _PATIENCE_S = 120.0  # takes 1 s; a machine with other work has taken 15
 
 
-def hdvplan(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([*COMMAND, *arguments], cwd=folder, env=_environment(), capture_output=True, text=True, check=False)  # noqa: S603 - our own
+def hdvplan(folder: Path, *arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
+    environment = _environment() | variables
+    return subprocess.run([*COMMAND, *arguments], cwd=folder, env=environment, capture_output=True, text=True, check=False)  # noqa: S603 - our own
+
+
+def loaded(folder: Path, modules: Sequence[str], *commands: str) -> list[str]:
+    """Run commands in one process; return a line for each: the command, its exit code, and those of the modules that are loaded then."""
+    script = (
+        "import sys; from hdvplan.cli.app import run\n"
+        f"for words in {commands}:\n"
+        f"    print('>', words, run(words.split()), [module for module in {modules} if module in sys.modules])"
+    )
+    arguments = [sys.executable, "-c", script]
+    ended = subprocess.run(arguments, cwd=folder, env=_environment(), capture_output=True, text=True, check=True)  # noqa: S603 - our own
+    return [line.removeprefix("> ") for line in ended.stdout.splitlines() if line.startswith("> ")]
 
 
 def _environment() -> dict[str, str]:
     return os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
-
-
-def test_help_imports_nothing_heavy() -> None:
-    code = f"import sys; from hdvplan.cli.app import run; run(['--help']); print([m for m in {HEAVY} if m in sys.modules])"
-    ended = subprocess.run([sys.executable, "-c", code], env=_environment(), capture_output=True, text=True, check=True)  # noqa: S603 - our own
-    assert ended.stdout.splitlines()[-1] == "[]"
 
 
 SLOW = ("scipy.interpolate", "scipy.ndimage", "scipy.optimize", "pandas", "matplotlib", "qpsolvers", "pyproj.crs")
@@ -59,30 +67,20 @@ def test_lists_and_refusals_wait_for_nothing_that_is_slow_to_load(tmp_path: Path
     """One process runs them all: what any of them loads stays loaded."""
     (tmp_path / "header.csv").write_text("easting,northing\n1,2\n", encoding="utf-8")
     (tmp_path / "text.geojson").write_text("no JSON", encoding="utf-8")
-    script = (
-        "import sys; from hdvplan.cli.app import run\n"
-        f"for words, _ in {LIGHT}:\n"
-        f"    print('>', words, run(words.split()), [module for module in {SLOW} if module in sys.modules])"
-    )
-    arguments = [sys.executable, "-c", script]
-    ended = subprocess.run(arguments, cwd=tmp_path, env=_environment(), capture_output=True, text=True, check=True)  # noqa: S603 - our own
-    said = [line for line in ended.stdout.splitlines() if line.startswith("> ")]
-    assert said == [f"> {words} {code} []" for words, code in LIGHT]
+    said = loaded(tmp_path, SLOW, *(words for words, _ in LIGHT))
+    assert said == [f"{words} {code} []" for words, code in LIGHT]
 
 
-def test_the_list_of_roads_loads_no_numpy(tmp_path: Path) -> None:
-    code = "import sys; from hdvplan.cli.app import run; run(['roads', 'list']); print('numpy' in sys.modules)"
-    ended = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=_environment(), capture_output=True, text=True, check=True)  # noqa: S603 - our own
-    assert ended.stdout.splitlines()[-1] == "False"
-
-
-def test_a_plan_without_a_picture_loads_no_library_that_it_has_no_use_for(tmp_path: Path) -> None:
-    code = (
-        "import sys; from hdvplan.cli.app import run; run('plan uturn --vehicle bus --no-plot'.split()); "
-        f"print([module for module in {(*SLOW, 'scipy.sparse', 'scipy.spatial', 'clarabel', 'piqp')} if module in sys.modules])"
-    )
-    ended = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=_environment(), capture_output=True, text=True, check=True)  # noqa: S603 - our own
-    assert ended.stdout.splitlines()[-1] == "[]"
+@pytest.mark.parametrize(
+    ("command", "modules"),
+    [
+        ("--help", HEAVY),
+        ("roads list", ("numpy",)),
+        ("plan uturn --vehicle bus --no-plot", (*SLOW, "scipy.sparse", "scipy.spatial", "clarabel", "piqp")),
+    ],
+)
+def test_no_library_is_loaded_that_a_command_has_no_use_for(tmp_path: Path, command: str, modules: tuple[str, ...]) -> None:
+    assert loaded(tmp_path, modules, command) == [f"{command} 0 []"]
 
 
 def test_help_is_there_at_once(tmp_path: Path) -> None:
@@ -118,17 +116,13 @@ def test_a_plan_ends_in_0_with_tables_on_stdout_and_silence_on_stderr(tmp_path: 
 
 def test_a_picture_needs_nothing_of_what_the_user_has_set_up_for_others(tmp_path: Path) -> None:
     (tmp_path / "matplotlibrc").write_text("text.usetex: True\n", encoding="utf-8")
-    elsewhere = _environment() | {"MPLBACKEND": "nonsense"}
-    command = [*COMMAND, "vehicles", "show", "bus", "--plot"]
-    ended = subprocess.run(command, cwd=tmp_path, env=elsewhere, capture_output=True, text=True, check=False)  # noqa: S603 - our own
+    ended = hdvplan(tmp_path, "vehicles", "show", "bus", "--plot", MPLBACKEND="nonsense")
     assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "wrote bus.png\n")
 
 
 def test_signs_that_the_encoding_of_stdout_lacks_are_escaped(tmp_path: Path) -> None:
     (tmp_path / "ours.toml").write_text(f"# Länge\n{vehicle_text('bus')}", encoding="utf-8")
-    ascii_only = _environment() | {"PYTHONIOENCODING": "ascii"}
-    command = [*COMMAND, "vehicles", "show", "ours.toml"]
-    ended = subprocess.run(command, cwd=tmp_path, env=ascii_only, capture_output=True, text=True, check=False)  # noqa: S603 - our own
+    ended = hdvplan(tmp_path, "vehicles", "show", "ours.toml", PYTHONIOENCODING="ascii")
     assert (ended.returncode, ended.stderr) == (0, "")
     assert ended.stdout.startswith("# L\\xe4nge\n")
 
