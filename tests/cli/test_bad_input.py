@@ -34,46 +34,6 @@ def test_limits_of_the_file_narrower_than_the_vehicle_are_a_warning_with_the_pla
     assert re.search(" of the bus breaks the (left|right) limit by 0.0", error)  # no part of a bus on a straight is deeper than another
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("--vehicle", "tram"), ("unknown vehicle 'tram'", "hint")),
-        (("--vehicle", "missing.toml"), ("missing.toml", "does not exist")),
-        ((), ("missing option '--vehicle'", "hdvplan plan --help")),
-        ((*BUS, "--horizon", "-100"), ("horizon", "-100")),
-        ((*BUS, "--step", "0.3"), ("whole number of steps",)),
-        ((*BUS, "--step", "nan"), ("step",)),
-        ((*BUS, "--step", "half"), ("--step",)),
-        ((*BUS, "--replan", "200"), ("replanning distance", "longer than the horizon")),
-        ((*BUS, "--smooth", "-1"), ("smooth must be a positive number, not -1",)),
-        ((*BUS, "--scheme", "mpc"), ("--scheme", "rti or sqp", "'mpc'")),
-        ((*BUS, "--solver", "simplex"), ("unknown solver 'simplex'", "hint")),
-        ((*BUS, "--objective", "geometrik"), ("unknown objective", "did you mean 'geometric'")),
-        ((*BUS, "--bias", "left"), ("--bias left is neither",)),
-        ((*BUS, "--half-width", "3", "--left", "2"), ("--half-width", "--left")),
-        ((*BUS, "--left", "3"), ("--left needs --right",)),
-        ((*BUS, "--half-width", "-3"), ("must be a positive number of metres",)),
-        ((*BUS, "--half-width", "1"), ("2.00 m apart", "2.54 m wide")),
-        ((*BUS, "extra"), ("unexpected",)),
-    ],
-)
-def test_a_wrong_option_is_refused_in_one_line(cli: Cli, arguments: tuple[str, ...], words: tuple[str, ...]) -> None:
-    refused(cli("plan", "uturn", *arguments), *words)
-
-
-def test_output_into_a_file_is_refused_before_planning(cli: Cli, tmp_path: Path) -> None:
-    (tmp_path / "taken").write_text("mine", encoding="utf-8")
-    refused(cli("plan", "uturn", *BUS, "--out", "taken"), "taken is a file")
-    refused(cli("plan", "uturn", *BUS, "--out", "taken/deeper"), "cannot write to", "--out")
-    assert (tmp_path / "taken").read_text(encoding="utf-8") == "mine"
-
-
-def test_unknown_names_come_with_a_suggestion(cli: Cli) -> None:
-    refused(cli("plan", "goteborg_nya_alen", *BUS), "goteborg_nya_allen")
-    refused(cli("plan", "excel_lower.csv", *BUS), "excel_lower.csv does not exist", "give a road file")
-    refused(cli("roads"), "missing command", "hdvplan roads --help")
-
-
 def test_an_unexpected_exception_is_one_line_and_a_code_of_its_own(cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(_name: str) -> None:
         msg = "index 3 is\nout of bounds"
@@ -113,8 +73,3 @@ def test_a_file_that_cannot_be_written_is_refused_in_a_line(cli: Cli, arguments:
     assert re.fullmatch(
         rf"error: cannot write {re.escape(arguments[-1])}: .*\nhint: choose another file with {arguments[-2]}\n", outcome.err
     )
-
-
-@pytest.mark.parametrize("lengths", [("--step", "1e-9"), ("--horizon", "1e6", "--step", "0.05")])
-def test_steps_that_no_memory_holds_are_refused(cli: Cli, lengths: tuple[str, ...]) -> None:
-    refused(cli("plan", "uturn", *BUS, *lengths), "a step has at least 0.01 m, a horizon at most 20000 steps")

@@ -87,11 +87,6 @@ def test_what_is_no_path_along_the_road_is_refused(cli: Cli, planned: Path, shor
     assert not Path("own.short.tractor-trailer").exists()
 
 
-def test_a_missing_file_is_refused(cli: Cli, short_road: str) -> None:
-    outcome = cli("judge", "nothing.csv", short_road, "--vehicle", "bus")
-    assert (outcome.code, outcome.err) == (2, "error: nothing.csv cannot be read: there is no such file\n")
-
-
 def test_trailers_follow_as_an_integration_of_their_own_says(tmp_path: Path) -> None:
     file = tmp_path / "straight.csv"
     file.write_text("s,kappa\n0,0\n200,0\n", encoding="utf-8")

@@ -123,42 +123,6 @@ def test_without_anything_beside_the_legs_the_answer_is_what_they_need(cli: Cli,
     assert cli("plan", "turn.geojson", *QUICK, "--no-plot", "--half-width", "5").out.startswith("YES: ")
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (("--bias", "0.1"), "--bias is not for a drive of several legs, as turn is"),
-        (("--pass", "left"), "--pass is not for a drive of several legs, as turn is"),
-        (("--clearance", "max"), "--clearance max is not for a drive of several legs, as turn is"),
-        (("--tracking-error", "0.1"), "--tracking-error is not for a drive of several legs, as turn is"),
-        (("--vehicle", "bus,citaro"), "--vehicle with several names is not for a drive of several legs, as turn is"),
-        (("--offset", "1"), "turn: a drive of several legs has no use for --offset"),
-        (("--reverse",), "turn: a drive of several legs has no use for --reverse"),
-        (("--leg-line", "rear"), "--leg-line must be lead-axle or last-axle, not 'rear'"),
-        (("--road-ids", "1,2"), "turn.geojson has no road ids and lanes to choose; OpenDRIVE files (.xodr) have"),
-        (("--half-width", "1"), f"limits are 2.00 m apart; the {VEHICLE} is 2.55 m wide"),
-    ],
-)
-def test_what_legs_do_not_have_is_refused_in_a_line(cli: Cli, tmp_path: Path, options: tuple[str, ...], message: str) -> None:
-    written(tmp_path, *turn_features())
-    outcome = cli("plan", "turn.geojson", *QUICK, *options)
-    assert (outcome.code, outcome.out) == (2, "")
-    assert outcome.err.splitlines()[0] == f"error: {message}"
-
-
-@pytest.mark.parametrize("command", [("need", "turn.geojson", "--vehicle", "bus"), ("roads", "info", "turn.geojson")])
-def test_other_commands_refuse_legs(cli: Cli, tmp_path: Path, command: tuple[str, ...]) -> None:
-    written(tmp_path, *turn_features())
-    outcome = cli(*command)
-    assert outcome.code == 2
-    assert "error: turn holds the legs of a drive forwards and backwards, which only `hdvplan plan` plans" in outcome.err
-
-
-def test_a_road_has_no_use_for_whose_line_a_leg_is(cli: Cli, short_road: str) -> None:
-    outcome = cli("plan", short_road, "--vehicle", "bus", "--leg-line", "last-axle")
-    assert outcome.code == 2
-    assert outcome.err.startswith("error: short.csv has no legs, and no use for --leg-line")
-
-
 def test_a_report_of_legs_is_refused(cli: Cli, tmp_path: Path) -> None:
     written(tmp_path, *turn_features())
     assert cli("plan", "turn.geojson", *QUICK, "--no-plot", "--out", "out").code == 0

@@ -108,25 +108,6 @@ def test_beside_a_held_edge_that_is_nearer_than_half_the_vehicle_it_stands_aside
         assert cli("plan", bend, "--vehicle", "bus", *held, "--right", f"{told['right_m'] + more:.3f}", "--quiet").code == code
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (("--fix", "up"), "error: --fix"),
-        (("--fix", "left"), "error: the road has no edges of its own, so --fix left needs --left"),
-        (("--fix", "left", "--left", "2", "--right", "3"), "error: --fix left asks for the least edge on the other side; --right says"),
-        (("--fix", "left", "--half-width", "3"), "error: --fix left asks for the least edge on the other side; --half-width says"),
-        (("--left", "2"), "error: --left needs --right"),
-        (("--clearance", "-1"), "error: clearance must be zero or a positive number"),
-        (("--fix", "left", "--left", "-2"), "error: --left must be a positive number of metres, not -2"),
-    ],
-)
-def test_what_cannot_be_meant_is_refused(cli: Cli, bend: str, options: tuple[str, ...], message: str) -> None:
-    outcome = cli("need", bend, "--vehicle", "bus", *options)
-    assert outcome.code == 2
-    assert outcome.err.startswith(message)
-    assert outcome.out == ""
-
-
 @pytest.mark.slow
 def test_what_no_width_cures_is_not_blamed_on_an_obstacle(cli: Cli, bend: str) -> None:
     outcome = cli("need", bend, "--vehicle", "bus", "--half-width", "4", "--clearance", "14.5", "--no-plot")

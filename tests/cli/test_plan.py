@@ -215,10 +215,3 @@ def test_vehicles_on_a_road_without_limits_are_compared_by_what_they_need(cli: C
     assert not Path("short.compared/compared.png").exists()
     both = json.loads(cli("plan", short_road, "--vehicle", "bus,a-double", "--no-plot", "--json").out)
     assert [one["vehicle"] for one in both] == ["bus", "a-double"]
-
-
-@pytest.mark.parametrize(("vehicles", "words"), [("bus,bus", "the vehicle bus is given twice"), ("bus,", "unknown vehicle ''")])
-def test_vehicles_that_cannot_be_compared_are_refused(cli: Cli, short_road: str, vehicles: str, words: str) -> None:
-    outcome = cli("plan", short_road, "--vehicle", vehicles)
-    assert (outcome.code, outcome.out) == (2, "")
-    assert words in outcome.err

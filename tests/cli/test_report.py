@@ -35,21 +35,6 @@ def test_the_report_says_as_json_what_it_wrote(cli: Cli, tmp_path: Path, plans: 
     assert "<nav" not in (tmp_path / "one.html").read_text(encoding="utf-8")  # nothing to choose from
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("nowhere",), "error: nowhere is not a folder\n"),
-        ((".",), "error: . has no plan: summary.json is missing\n"),
-        (("nowhere", "--out", "."), "error: --out . is a folder, not a file\n"),
-        ((), "error: missing argument 'DIR'\n"),
-    ],
-)
-def test_what_is_no_plan_is_refused(cli: Cli, arguments: tuple[str, ...], message: str) -> None:
-    outcome = cli("report", *arguments)
-    assert (outcome.code, outcome.out) == (2, "")
-    assert outcome.err.startswith(message)
-
-
 def test_a_report_that_cannot_be_written_is_refused(cli: Cli, plans: tuple[str, str]) -> None:
     outcome = cli("report", *plans, "--out", "missing/report.html")
     assert (outcome.code, outcome.out) == (2, "")

@@ -1,0 +1,109 @@
+"""Command lines that cannot be meant: each is refused in one line, which says what is wrong, before anything is written."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+import pytest
+
+from tests.cli.conftest import Cli
+from tests.road.drives import turn_features, written
+
+BUS, LEGS, NEED = "plan uturn --vehicle bus --no-plot", "plan turn.geojson --vehicle citaro-k --horizon 40", "need short.csv --vehicle bus"
+DRAWN = "plan short.csv --vehicle bus --horizon 30 --half-width 3 --no-plot"
+REFUSED = [  # a command, and words of the error
+    ("plan uturn --vehicle tram", "unknown vehicle 'tram'"),
+    ("plan uturn --vehicle missing.toml", "missing.toml does not exist"),
+    ("plan uturn", "missing option '--vehicle'"),
+    ("plan uturn --vehicle bus,bus", "the vehicle bus is given twice"),
+    ("plan uturn --vehicle bus,", "unknown vehicle ''"),
+    ("plan goteborg_nya_alen --vehicle bus", "goteborg_nya_alen"),
+    ("plan excel_lower.csv --vehicle bus", "excel_lower.csv does not exist"),
+    ("roads", "missing command"),
+    (f"{BUS} extra", "unexpected"),
+    (f"{BUS} --horizon -100", "horizon must be a positive number, not -100"),
+    (f"{BUS} --step 0.3", "whole number of steps"),
+    (f"{BUS} --step nan", "step must be a positive number"),
+    (f"{BUS} --step half", "--step"),
+    (f"{BUS} --step 1e-9", "a step has at least 0.01 m, a horizon at most 20000 steps"),
+    (f"{BUS} --horizon 1e6 --step 0.05", "a step has at least 0.01 m, a horizon at most 20000 steps"),
+    (f"{BUS} --replan 200", "the replanning distance 200 m is longer than the horizon"),
+    (f"{BUS} --smooth -1", "smooth must be a positive number, not -1"),
+    (f"{BUS} --scheme mpc", "--scheme must be rti or sqp, not 'mpc'"),
+    (f"{BUS} --solver simplex", "unknown solver 'simplex'"),
+    (f"{BUS} --objective geometrik", "unknown objective"),
+    (f"{BUS} --bias left", "--bias left is neither"),
+    (f"{BUS} --half-width 3 --left 2", "--half-width sets both limits; it cannot be combined with --left and --right"),
+    (f"{BUS} --left 3", "--left needs --right"),
+    (f"{BUS} --half-width -3", "must be a positive number of metres"),
+    (f"{BUS} --half-width 1", "limits are 2.00 m apart; the bus is 2.54 m wide"),
+    (f"{BUS} --leg-line last-axle", "uturn has no legs, and no use for --leg-line"),
+    (f"{BUS} --out taken", "taken is a file"),
+    (f"{BUS} --out taken/deeper", "cannot write to taken/deeper"),
+    (f"{DRAWN} --sheet a7", "--sheet must be a4, a3"),
+    (f"{DRAWN} --sheet a3 --scale big", "--scale 'big' is not a scale"),
+    (f"{DRAWN} --sheet a3 --scale {5000 * '1'}", "is not a scale"),
+    (f"{DRAWN} --sheet a3 --scale 2", "must lie between 10 and 5000"),
+    (f"{DRAWN} --scale 200", "--scale 200 needs a sheet"),
+    (f"{DRAWN} --format dwg", "--format must be png, pdf, svg, dxf or gpkg"),
+    (f"{DRAWN} --sheet a4 --scale 10", "at 1:10 the sheet has no room for the bus"),
+    (f"{NEED} --fix up", "--fix must be left or right"),
+    (f"{NEED} --fix left", "the road has no edges of its own, so --fix left needs --left"),
+    (f"{NEED} --fix left --left 2 --right 3", "--fix left asks for the least edge on the other side; --right says"),
+    (f"{NEED} --fix left --half-width 3", "--fix left asks for the least edge on the other side; --half-width says"),
+    (f"{NEED} --fix left --left -2", "--left must be a positive number of metres, not -2"),
+    (f"{NEED} --left 2", "--left needs --right"),
+    (f"{NEED} --clearance -1", "clearance must be zero or a positive number"),
+    (f"{LEGS} --bias 0.1", "--bias is not for a drive of several legs, as turn is"),
+    (f"{LEGS} --pass left", "--pass is not for a drive of several legs, as turn is"),
+    (f"{LEGS} --clearance max", "--clearance max is not for a drive of several legs, as turn is"),
+    (f"{LEGS} --tracking-error 0.1", "--tracking-error is not for a drive of several legs, as turn is"),
+    (f"{LEGS} --vehicle bus,citaro", "--vehicle with several names is not for a drive of several legs, as turn is"),
+    (f"{LEGS} --offset 1", "turn: a drive of several legs has no use for --offset"),
+    (f"{LEGS} --reverse", "turn: a drive of several legs has no use for --reverse"),
+    (f"{LEGS} --leg-line rear", "--leg-line must be lead-axle or last-axle, not 'rear'"),
+    (f"{LEGS} --road-ids 1,2", "turn.geojson has no road ids and lanes to choose; OpenDRIVE files (.xodr) have"),
+    (f"{LEGS} --half-width 1", "limits are 2.00 m apart; the citaro-k is 2.55 m wide"),
+    ("need turn.geojson --vehicle bus", "turn holds the legs of a drive forwards and backwards, which only `hdvplan plan` plans"),
+    ("roads info turn.geojson", "turn holds the legs of a drive forwards and backwards, which only `hdvplan plan` plans"),
+    ("judge nothing.csv short.csv --vehicle bus", "nothing.csv cannot be read: there is no such file"),
+    ("roads make uturn --radius 0", "--radius must be a finite number other than 0"),
+    ("roads make uturn --radius 20 --max-curvature 0.05", "--radius and --max-curvature say the same thing"),
+    ("roads make uturn --sharpness -1", "--sharpness must be a positive number"),
+    ("roads make uturn --angle 0", "--angle must be a positive number"),
+    ("roads make uturn --angle 1 --sharpness 0.001", ""),
+    ("roads make uturn --half-width 0", ""),
+    ("roads make uturn --lead-in -5", ""),
+    ("roads make uturn --json --out -", "--json and --out - both write to stdout"),
+    ("roads make uturn --out missing/folder.csv", "cannot write missing/folder.csv"),
+    ("vehicles show bus mine.png", "--plot is not given"),
+    ("vehicles show bus --plot mine.bmp", "png, pdf or svg"),
+    ("vehicles show bus --plot mine", "png, pdf or svg"),
+    ("vehicles show bus --plot none/mine.png", "cannot write none/mine.png"),
+    ("vehicles show none.toml", "does not exist"),
+    ("report nowhere", "nowhere is not a folder"),
+    ("report .", ". has no plan: summary.json is missing"),
+    ("report nowhere --out .", "--out . is a folder, not a file"),
+    ("report", "missing argument 'DIR'"),
+]
+
+
+@pytest.fixture
+def _files(tmp_path: Path, short_road: str) -> None:
+    assert short_road == "short.csv"
+    (tmp_path / "taken").write_text("mine", encoding="utf-8")
+    written(tmp_path, *turn_features())
+
+
+@pytest.mark.usefixtures("_files")
+@pytest.mark.parametrize(("command", "words"), REFUSED, ids=lambda text: text[:80])
+def test_a_command_that_cannot_be_meant_is_refused_in_one_line(cli: Cli, tmp_path: Path, command: str, words: str) -> None:
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    outcome = cli(*shlex.split(command))
+    assert (outcome.code, outcome.out) == (2, "")
+    error, *hint = [line for line in outcome.err.splitlines() if not line.startswith("warning: ")]
+    assert error.startswith("error: ")
+    assert words in error
+    assert not hint or (len(hint) == 1 and hint[0].startswith("hint: "))
+    assert before == {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
