@@ -393,16 +393,6 @@ def test_what_is_no_run_is_refused(cli: Cli, two_runs: tuple[Path, Path], spoil:
     assert words in outcome.err
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [("--factor", "0.9"), ("--floor", "-1"), ("--envelope-tolerance", "-1"), ("--envelope-tolerance", "nan"), ("--format", "tap")],
-)
-def test_wrong_options_end_in_2(cli: Cli, two_runs: tuple[Path, Path], arguments: tuple[str, ...]) -> None:
-    outcome = cli("compare", *(path.name for path in two_runs), *arguments)
-    assert (outcome.code, outcome.out) == (2, "")
-    assert outcome.err.startswith("error: ")
-
-
 def test_a_run_is_held_to_committed_counters_and_renews_them_with_one_command(cli: Cli, tmp_path: Path, short_road: str) -> None:
     command = ("bench", "--roads", short_road, *TINY, "--rounds", "1", "--out", "run", "--counters", "counters.csv")
     missing = cli(*command)

@@ -11,6 +11,7 @@ from tests.cli.conftest import Cli
 from tests.road.drives import turn_features, written
 
 BUS, LEGS, NEED = "plan uturn --vehicle bus --no-plot", "plan turn.geojson --vehicle citaro-k --horizon 40", "need short.csv --vehicle bus"
+TURN, AWAY = "turn --vehicle bus", "turn --vehicle bus --template three-point"
 DRAWN = "plan short.csv --vehicle bus --horizon 30 --half-width 3 --no-plot"
 REFUSED = [  # a command, and words of the error
     ("plan uturn --vehicle tram", "unknown vehicle 'tram'"),
@@ -68,6 +69,35 @@ REFUSED = [  # a command, and words of the error
     ("need turn.geojson --vehicle bus", "turn holds the legs of a drive forwards and backwards, which only `hdvplan plan` plans"),
     ("roads info turn.geojson", "turn holds the legs of a drive forwards and backwards, which only `hdvplan plan` plans"),
     ("judge nothing.csv short.csv --vehicle bus", "nothing.csv cannot be read: there is no such file"),
+    ("turn", "--vehicle"),
+    (TURN, "--template, or --radius and --angle"),
+    (f"{TURN} --radius 12 --angle right", "--angle must be a number"),
+    (f"{TURN} --radius -12 --angle 90", "radius = -12"),
+    (f"{TURN} --radius 12 --angle 1e9", "km long"),
+    (f"{TURN} --radius 12 --angle 90 --guide rear", "guide must be"),
+    (f"{TURN} --radius 12 --template eu-circle", "--radius contradicts --template"),
+    (f"{TURN} --template none", "unknown template 'none'"),
+    (f"{TURN} --template aashto-90 --format bmp", "--format"),
+    (f"{TURN} --template aashto-90 --out taken", "taken is a file"),
+    (f"{TURN} --template eu-circle --width 20", "--width needs a template that reverses"),
+    (f"{AWAY} --width -3", "width must be a positive number"),
+    (f"{AWAY} --width 1e4", "more than any place has"),
+    (f"{AWAY} --arm 20", "--arm means nothing for three-point"),
+    (f"{AWAY} --radius 20", "--radius contradicts --template"),
+    ("need --vehicle bus --template aashto-90", "--template must be three-point"),
+    ("need --vehicle bus --template three-point --width 20", "--width is what is sought"),
+    ("need uturn --vehicle bus --template three-point", "has its own place"),
+    ("need --vehicle bus", "missing argument 'ROAD'"),
+    ("need uturn --vehicle bus --kerb-radius 3", "--kerb-radius needs a template that reverses"),
+    ("reproduce bus", "bus"),
+    ("reproduce bus-uturn --out taken", "taken is a file"),
+    ("compare base new --factor 0.9", "the factor of a regression must be above 1, not 0.9"),
+    ("compare base new --floor -1", "the floor of a regression must be at least 0 ms, not -1"),
+    ("compare base new --envelope-tolerance nan", "--envelope-tolerance must be at least 0, not nan"),
+    ("compare base new --format tap", "--format must be"),
+    ("roads info uturn --corners sharp", "the scenario uturn has no use for --corners"),
+    ("roads info short.csv --corners blunt", "--corners must be auto, sharp or round, not 'blunt'"),
+    ("roads info short.csv --corner-radius -1", "corner_radius must be zero or a positive number, not -1"),
     ("roads make uturn --radius 0", "--radius must be a finite number other than 0"),
     ("roads make uturn --radius 20 --max-curvature 0.05", "--radius and --max-curvature say the same thing"),
     ("roads make uturn --sharpness -1", "--sharpness must be a positive number"),

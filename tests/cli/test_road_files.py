@@ -117,21 +117,17 @@ def test_corners_are_read_told_and_decided_by_options_before_properties(cli: Cli
 
 
 @pytest.mark.parametrize(
-    ("road", "options", "message"),
+    ("properties", "words"),
     [
-        ("corner", ("--corners", "blunt"), "--corners must be auto, sharp or round, not 'blunt'"),
-        ("corner", ("--corner-radius", "-1"), "corner_radius must be zero or a positive number, not -1"),
-        ("uturn", ("--corners", "sharp"), "the scenario uturn has no use for --corners"),
-        ("blunt", (), "corner.geojson: property corners must be auto, sharp or round, not 'blunt'"),
-        ("endless", (), "corner.geojson: property corner_radius_m must be a number of metres, not 'much'"),
+        ({"corners": "blunt"}, "property corners must be auto, sharp or round, not 'blunt'"),
+        ({"corner_radius_m": "much"}, "property corner_radius_m must be a number of metres, not 'much'"),
     ],
 )
-def test_a_reading_of_corners_that_is_none_is_refused(cli: Cli, tmp_path: Path, road: str, options: tuple[str, ...], message: str) -> None:
-    properties = {"blunt": {"corners": "blunt"}, "endless": {"corner_radius_m": "much"}}.get(road, {})
-    file = road if road == "uturn" else corner_file(tmp_path, **properties)
-    refused = cli("roads", "info", file, *options)
-    assert refused.code == 2
-    assert f"error: {message}" in refused.err
+def test_a_file_s_own_reading_of_corners_that_is_none_is_refused(
+    cli: Cli, tmp_path: Path, properties: dict[str, object], words: str
+) -> None:
+    refused = cli("roads", "info", corner_file(tmp_path, **properties))
+    assert (refused.code, f"error: corner.geojson: {words}" in refused.err) == (2, True)
 
 
 @pytest.mark.slow

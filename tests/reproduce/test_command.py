@@ -34,15 +34,6 @@ def test_json_holds_the_rows_and_nothing_else_is_said(cli: Cli, tmp_path: Path) 
     assert rows[-1]["published"] is None
 
 
-@pytest.mark.parametrize("arguments", [("bus",), ("bus-uturn", "--out", "file")])
-def test_what_cannot_be_reproduced_is_refused_in_one_line(cli: Cli, tmp_path: Path, arguments: tuple[str, ...]) -> None:  # noqa: F811
-    (tmp_path / "file").write_text("taken", encoding="utf-8")
-    outcome = cli("reproduce", *arguments)
-    assert outcome.code == 2
-    assert outcome.out == ""
-    assert outcome.err.splitlines()[0].startswith("error: ")
-
-
 @pytest.mark.slow
 def test_all_writes_every_study_and_a_summary(cli: Cli, tmp_path: Path) -> None:  # noqa: F811 - the fixture
     outcome = cli("reproduce", "all", "--out", "all")

@@ -98,33 +98,6 @@ def test_the_list_names_every_template_in_a_terminal_s_width(cli: Cli) -> None: 
     assert all(template["name"] in table and template["source"] for template in listed)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ((), "--vehicle"),
-        (("--vehicle", "bus"), "--template, or --radius and --angle"),
-        (("--vehicle", "bus", "--radius", "12", "--angle", "right"), "--angle must be a number"),
-        (("--vehicle", "bus", "--radius", "-12", "--angle", "90"), "radius = -12"),
-        (("--vehicle", "bus", "--radius", "12", "--angle", "1e9"), "km long"),
-        (("--vehicle", "bus", "--radius", "12", "--angle", "90", "--guide", "rear"), "guide must be"),
-        (("--vehicle", "bus", "--radius", "12", "--template", "eu-circle"), "--radius contradicts --template"),
-        (("--vehicle", "bus", "--template", "none"), "unknown template"),
-        (("--vehicle", "bus", "--template", "aashto-90", "--format", "bmp"), "--format"),
-        (("--vehicle", "bus", "--template", "aashto-90", "--out", "file"), "is a file"),
-    ],
-)
-def test_what_cannot_be_driven_as_asked_is_refused_in_one_line(
-    cli: Cli,  # noqa: F811
-    tmp_path: Path,
-    arguments: tuple[str, ...],
-    words: str,
-) -> None:
-    (tmp_path / "file").write_text("taken", encoding="utf-8")
-    outcome = cli("turn", *arguments)
-    assert (outcome.code, outcome.out) == (2, "")
-    assert words in outcome.err.splitlines()[0]
-
-
 def test_a_circle_whose_centre_is_within_a_body_ends_in_1(cli: Cli) -> None:  # noqa: F811
     outcome = cli("turn", "--vehicle", "b-double", "--radius", "13.47", "--angle", "steady", "--guide", "front-corner")
     assert (outcome.code, outcome.out) == (1, "")

@@ -77,27 +77,3 @@ def test_the_list_names_manoeuvres_that_reverse(cli: Cli) -> None:  # noqa: F811
     table = cli("turn", "--list").out
     assert all(name in table for name in names)
     assert {one["name"] for one in json.loads(cli("turn", "--list", "--json").out) if one.get("reverses")} == names
-
-
-@pytest.mark.parametrize(
-    ("arguments", "code", "words"),
-    [
-        (("turn", "--vehicle", "bus", "--template", "three-point", "--width", "-3"), 2, "width must be a positive number"),
-        (("turn", "--vehicle", "bus", "--template", "three-point", "--width", "1e4"), 2, "more than any place has"),
-        (("turn", "--vehicle", "bus", "--template", "three-point", "--arm", "20"), 2, "--arm means nothing for three-point"),
-        (("turn", "--vehicle", "bus", "--template", "three-point", "--radius", "20"), 2, "--radius contradicts --template"),
-        (("turn", "--vehicle", "bus", "--template", "eu-circle", "--width", "20"), 2, "--width needs a template that reverses"),
-        (("turn", "--vehicle", "bus", "--template", "tree-point"), 2, "did you mean 'three-point'"),
-        (("turn", "--vehicle", "b-double", "--template", "dock-90"), 1, "at most one trailer"),
-        (("need", "--vehicle", "bus", "--template", "aashto-90"), 2, "--template must be three-point"),
-        (("need", "--vehicle", "bus", "--template", "three-point", "--width", "20"), 2, "--width is what is sought"),
-        (("need", "uturn", "--vehicle", "bus", "--template", "three-point"), 2, "has its own place"),
-        (("need", "--vehicle", "bus"), 2, "missing argument 'ROAD'"),
-        (("need", "uturn", "--vehicle", "bus", "--kerb-radius", "3"), 2, "--kerb-radius needs a template that reverses"),
-    ],
-)
-def test_nonsense_is_refused_in_one_line(cli: Cli, tmp_path: Path, arguments: tuple[str, ...], code: int, words: str) -> None:  # noqa: F811
-    outcome = cli(*arguments)
-    assert (outcome.code, outcome.out) == (code, "")
-    assert words in outcome.err  # the reason, or the hint below it
-    assert not list(tmp_path.iterdir())
