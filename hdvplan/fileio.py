@@ -7,7 +7,6 @@ import json
 import os
 import shutil
 import stat
-import tomllib
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,8 +25,6 @@ _ROWS_AT_ONCE = 1000
 _NEW, _GONE = ".hdvplan-new", ".gone"  # the folder of files that are written together, and in it the names of those that go
 _LONGEST = 40  # letters of a name that go into that of a file under way
 _LARGEST = 2_000_000_000  # bytes of a file that hdvplan wrote: tables of a road of thousands of kilometres
-_INTEGER_BITS = 64
-_LONGEST_TEXT = 16_000_000  # letters of a text by hand, or by a script: a study of 100,000 roads
 
 
 @dataclass(frozen=True)
@@ -113,61 +110,6 @@ def refuse_endless(path: Path) -> None:
         raise OSError(errno.EINVAL, "it is not a file", str(path))
     if state.st_size > _LARGEST:
         raise OSError(errno.EFBIG, f"it has {state.st_size / 1e6:.0f} MB; at most {_LARGEST / 1e6:.0f} MB are read", str(path))
-
-
-def read_text(path: Path) -> str:
-    """Return a text that somebody wrote, such as TOML; it may come from a pipe, but not without end.
-
-    Raises:
-        OSError: it cannot be read.
-        ValueError: it is not UTF-8, too long, or ``path`` is no path.
-
-    """
-    with path.open(encoding="utf-8") as file:
-        text = file.read(_LONGEST_TEXT + 1)
-    if len(text) > _LONGEST_TEXT:
-        msg = f"it has more than {_LONGEST_TEXT / 1e6:.0f} MB"
-        raise ValueError(msg)
-    return text
-
-
-def parse_toml(text: str) -> dict[str, object]:
-    """Return the entries of a TOML text.
-
-    Raises:
-        ValueError: not TOML, nested too deeply, or with an integer of over 64 bits, which TOML 1.0 need not hold and no message can print.
-
-    """
-    try:
-        document = tomllib.loads(text)
-    except RecursionError as error:
-        msg = "it is nested too deeply"
-        raise ValueError(msg) from error
-    ahead: list[tuple[str, object]] = list(document.items())
-    while ahead:
-        key, value = ahead.pop()
-        if isinstance(value, int) and value.bit_length() >= _INTEGER_BITS:
-            msg = f"{key} is too large a number"
-            raise ValueError(msg)
-        ahead += value.items() if isinstance(value, dict) else [(key, one) for one in value] if isinstance(value, list) else ()
-    return document
-
-
-def read_toml(path: Path, what: str, *, hint: str | None = None) -> dict[str, object]:
-    """Return the entries of a TOML file; ``what`` it is, and a ``hint`` where it is not TOML, are for the message.
-
-    Raises:
-        OptionError: no such file, or not TOML.
-
-    """
-    try:
-        return parse_toml(read_text(path))
-    except OSError as error:
-        msg = f"{what} {path} cannot be read: {error.strerror or error}"
-        raise OptionError(msg) from error
-    except ValueError as error:  # also of its encoding
-        msg = f"{what} {path} is not valid TOML: {error}"
-        raise OptionError(msg, hint=hint) from error
 
 
 def write_atomically(path: Path, content: bytes) -> None:

@@ -6,11 +6,13 @@ msgspec holds the entries to a form that is made of the dataclass; what it refus
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import MISSING, fields, is_dataclass
 from enum import StrEnum
 from functools import cache, reduce
 from operator import or_
+from pathlib import Path
 from types import UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints, is_typeddict
 
@@ -25,6 +27,64 @@ _KINDS = {str: ["words in quotes"], float: ["a number"], int: ["a whole number"]
 _PLACE = re.compile(r" - at `\$(.*)`$")
 _STEP = re.compile(r"([^.\[\]]+)(?:\[(\d+)\])?")
 _UNKNOWN, _MISSING = re.compile(r"Object contains unknown field `(.*?)`"), re.compile(r"Object missing required field `(.*?)`")
+
+_LONGEST_TEXT = 16_000_000  # letters of a text by hand, or by a script: a study of 100,000 roads
+_INTEGER_BITS = 64
+
+
+def read_text(path: Path) -> str:
+    """Return a text that somebody wrote, such as TOML; it may come from a pipe, but not without end.
+
+    Raises:
+        OSError: it cannot be read.
+        ValueError: it is not UTF-8, too long, or ``path`` is no path.
+
+    """
+    with path.open(encoding="utf-8") as file:
+        text = file.read(_LONGEST_TEXT + 1)
+    if len(text) > _LONGEST_TEXT:
+        msg = f"it has more than {_LONGEST_TEXT / 1e6:.0f} MB"
+        raise ValueError(msg)
+    return text
+
+
+def parse_toml(text: str) -> dict[str, object]:
+    """Return the entries of a TOML text.
+
+    Raises:
+        ValueError: not TOML, nested too deeply, or with an integer of over 64 bits, which TOML 1.0 need not hold and no message can print.
+
+    """
+    try:
+        document = tomllib.loads(text)
+    except RecursionError as error:
+        msg = "it is nested too deeply"
+        raise ValueError(msg) from error
+    ahead: list[tuple[str, object]] = list(document.items())
+    while ahead:
+        key, value = ahead.pop()
+        if isinstance(value, int) and value.bit_length() >= _INTEGER_BITS:
+            msg = f"{key} is too large a number"
+            raise ValueError(msg)
+        ahead += value.items() if isinstance(value, dict) else [(key, one) for one in value] if isinstance(value, list) else ()
+    return document
+
+
+def read_toml(path: Path, what: str, *, hint: str | None = None) -> dict[str, object]:
+    """Return the entries of a TOML file; ``what`` it is, and a ``hint`` where it is not TOML, are for the message.
+
+    Raises:
+        OptionError: no such file, or not TOML.
+
+    """
+    try:
+        return parse_toml(read_text(path))
+    except OSError as error:
+        msg = f"{what} {path} cannot be read: {error.strerror or error}"
+        raise OptionError(msg) from error
+    except ValueError as error:  # also of its encoding
+        msg = f"{what} {path} is not valid TOML: {error}"
+        raise OptionError(msg, hint=hint) from error
 
 
 def read(kind: type[Kind], table: Mapping[str, object], where: str, error: type[EntryError] = OptionError) -> Kind:

@@ -204,7 +204,7 @@ def read_suite(path: Path) -> dict[str, object]:
         OptionError: no such file, or not TOML.
 
     """
-    from hdvplan.fileio import read_toml  # noqa: PLC0415 - as above
+    from hdvplan.schema import read_toml  # noqa: PLC0415 - as above
 
     return read_toml(path, "suite")
 

@@ -13,7 +13,6 @@ from typing import Any, TypedDict
 from hdvplan import schema
 from hdvplan.case import content_digest
 from hdvplan.errors import OptionError
-from hdvplan.fileio import read_toml
 from hdvplan.machine import software
 from hdvplan.planning.objective_names import check_objective
 from hdvplan.planning.settings import OBJECTIVE_NAMES, PlannerSettings, Scheme
@@ -126,7 +125,7 @@ def read_study(path: Path) -> Study:
         SolverError: a solver that is unknown or not installed.
 
     """
-    return study_of(read_toml(path, "study", hint='words stand in quotes: roads = ["line_11.geojson"]'), path.parent)
+    return study_of(schema.read_toml(path, "study", hint='words stand in quotes: roads = ["line_11.geojson"]'), path.parent)
 
 
 def study_of(entries: Mapping[str, object], folder: Path = Path()) -> Study:

@@ -12,9 +12,8 @@ from typing import Literal
 import numpy as np
 
 from hdvplan.errors import VehicleError
-from hdvplan.fileio import parse_toml, read_text
 from hdvplan.lengths import METRES
-from hdvplan.schema import read
+from hdvplan.schema import parse_toml, read, read_text
 from hdvplan.spelling import did_you_mean
 from hdvplan.texts import printable
 from hdvplan.vehicle.model import Unit, Vehicle

@@ -90,7 +90,7 @@ REFUSED = [  # a command, and words of the error
     ("need --vehicle bus", "missing argument 'ROAD'"),
     ("need uturn --vehicle bus --kerb-radius 3", "--kerb-radius needs a template that reverses"),
     ("reproduce bus", "bus"),
-    ("reproduce bus-uturn --out taken", "taken is a file"),
+    ("reproduce bus-uturn --out taken", "taken"),
     ("compare base new --factor 0.9", "the factor of a regression must be above 1, not 0.9"),
     ("compare base new --floor -1", "the floor of a regression must be at least 0 ms, not -1"),
     ("compare base new --envelope-tolerance nan", "--envelope-tolerance must be at least 0, not nan"),

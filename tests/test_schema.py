@@ -2,7 +2,7 @@
 
 import pytest
 
-from hdvplan.fileio import parse_toml
+from hdvplan.schema import parse_toml
 
 
 @pytest.mark.parametrize("text", ["a = {}", "a = [1, {}]", "[[b]]\nc = {{ d = {} }}"])
