@@ -1,16 +1,16 @@
-"""The figures of manoeuvres: published ones, closed forms, an independent integration, and relations between them."""
+"""The figures of manoeuvres: published ones, closed forms, measured outlines, and relations between them."""
 
 import numpy as np
 import pytest
 
-from hdvplan.turning.follow import follow
-from hdvplan.turning.manoeuvre import GuidePoint, Manoeuvre, guide_offsets
+from hdvplan.arrays import FloatArray
+from hdvplan.turning.follow import Followed, follow
+from hdvplan.turning.manoeuvre import GuidePoint, Manoeuvre
 from hdvplan.turning.swept import band_of, figures_of
 from hdvplan.turning.templates import load_template
 from hdvplan.turning.turn import turn
 from hdvplan.vehicle.load import load_vehicle, preset_groups
 from hdvplan.vehicle.model import Unit, Vehicle
-from tests.turning.plane import Poses, rolled
 
 CANNOT = {"a-double", "b-double"}  # drive a circle of 12.5 m
 FAIL = {"citaro-le-mu", "double-articulated-bus", "truck-dolly-semitrailer"}  # to keep 5.30 m inside it
@@ -23,28 +23,23 @@ def test_tail_swing_in_the_australian_turn_is_as_published(wheelbase: float, ove
 
 
 @pytest.mark.parametrize("name", sorted(set(preset_groups()["europe"]) - CANNOT))
-def test_a_european_preset_in_the_european_circle_agrees_with_an_independent_integration(name: str) -> None:
-    vehicle = load_vehicle(name)
-    found = turn(vehicle, load_template("eu-circle"))
-    rounds = 8.0 * np.pi * 12.5 if len(vehicle.units) < 3 else 20.0 * np.pi * 12.5
-    s = np.array([0.0, 5.0 + rounds])
-    poses = rolled(vehicle, *guide_offsets(GuidePoint.FRONT_CORNER, vehicle), 12.5, 5.0, s)
-    inside, outside = radii(vehicle, poses, np.array([5.0, 12.5]))
-    assert found.figures.bodies.inside == pytest.approx(inside, abs=1e-5)  # what is left to settle
+def test_a_european_preset_in_the_european_circle_keeps_the_radii_of_its_outline(name: str) -> None:
+    found = turn(load_vehicle(name), load_template("eu-circle"))
+    inside, outside = radii(found.driven, np.array([5.0, 12.5]))
+    assert found.figures.bodies.inside == pytest.approx(inside, abs=1e-5)  # what is left to settle, and 1 cm between points
     assert found.figures.bodies.outside == pytest.approx(outside, abs=1e-5)
     assert outside == pytest.approx(12.5, abs=1e-5)  # each can steer into the circle, and its guided corner is the outermost point
     assert found.complies == (inside >= 5.30) == (name not in FAIL)
 
 
-def radii(vehicle: Vehicle, poses: Poses, centre: np.ndarray[tuple[int], np.dtype[np.float64]]) -> tuple[float, float]:
+def radii(driven: Followed, centre: FloatArray) -> tuple[float, float]:
     """Return inside and outside radius of the last pose from points of the outline 1 cm apart on the inner sides, and all corners."""
-    inside, outside = np.inf, 0.0
-    for number, unit in enumerate(vehicle.units):
-        for ahead in np.arange(-unit.rear_overhang, unit.front, 0.01):
-            inside = min(inside, float(np.hypot(*(poses.point(number, ahead, 0.5 * unit.width)[-1] - centre))))
-        for ahead in (-unit.rear_overhang, unit.front):
-            outside = max(outside, float(np.hypot(*(poses.point(number, ahead, -0.5 * unit.width)[-1] - centre))))
-    return inside, outside
+    inside, outside = [], []
+    for number, unit in enumerate(driven.vehicle.units):
+        ahead, ends = np.arange(-unit.rear_overhang, unit.front, 0.01), np.array([-unit.rear_overhang, unit.front])
+        inside.append(np.hypot(*(driven.points(number, ahead, np.full(len(ahead), 0.5 * unit.width))[-1] - centre).T).min())
+        outside.append(np.hypot(*(driven.points(number, ends, np.full(2, -0.5 * unit.width))[-1] - centre).T).max())
+    return float(min(inside)), float(max(outside))
 
 
 @pytest.mark.parametrize("ramp", [0.0, 4.0])

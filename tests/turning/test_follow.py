@@ -1,4 +1,4 @@
-"""Driving a manoeuvre exactly: against closed forms and against an independent integration."""
+"""Driving a manoeuvre exactly: against closed forms and against the geometry of rolling."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,6 @@ from hdvplan.turning.follow import follow, tightest
 from hdvplan.turning.manoeuvre import GuidePoint, Manoeuvre, guide_offsets
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Unit, Vehicle
-from tests.turning.plane import rolled
 
 POINTS = [GuidePoint.FRONT_AXLE, GuidePoint.OUTER_FRONT_WHEEL, GuidePoint.FRONT_CORNER]
 
@@ -61,13 +60,26 @@ def test_the_guided_point_stays_on_its_path(point: GuidePoint) -> None:
         ("tractor-semitrailer", GuidePoint.KINGPIN, 12.0),
     ],
 )
-def test_every_pose_agrees_with_an_independent_integration(name: str, point: GuidePoint, radius: float) -> None:
+def test_no_wheel_slides_and_every_coupling_holds(name: str, point: GuidePoint, radius: float) -> None:
+    """Written from the geometry of rolling alone: an axle moves along its wheels, which a law turns off its body."""
     vehicle = load_vehicle(name)
-    driven = follow(vehicle, Manoeuvre(radius, 0.75 * np.pi, point, lead_in=3.0, lead_out=20.0), spacing=0.25)
-    found = rolled(vehicle, *guide_offsets(point, vehicle), radius, 3.0, driven.s, 3.0 + 0.75 * np.pi * radius)
-    np.testing.assert_allclose(driven.headings, found.headings, atol=1e-7)  # laws have corners at their stops: RK4 steps over them
-    for axis, place in enumerate("xy"):
-        np.testing.assert_allclose(driven.poses[place], found.axles[..., axis], atol=1e-6)
+    driven = follow(vehicle, Manoeuvre(radius, 0.75 * np.pi, point, lead_in=3.0, lead_out=20.0), spacing=0.0125)
+    axles, ahead = (
+        np.stack([driven.poses["x"], driven.poses["y"]], axis=-1),
+        np.stack([np.cos(driven.headings), np.sin(driven.headings)], -1),
+    )
+    rolling = [(axles[:, 0] + vehicle.lead.wheelbase * ahead[:, 0], driven.headings[:, 0] + driven.steering)]
+    for number, unit in enumerate(vehicle.units):
+        angle = driven.headings[:, number - 1] - driven.headings[:, number] if number else driven.steering
+        turned = np.clip(unit.steering_ratio * angle, -unit.max_steering_angle, unit.max_steering_angle)
+        rolling.append((axles[:, number], driven.headings[:, number] - turned))
+        if number:
+            coupling = axles[:, number - 1] - vehicle.units[number - 1].hitch_offset * ahead[:, number - 1]
+            np.testing.assert_allclose(axles[:, number] + unit.wheelbase * ahead[:, number], coupling, atol=1e-9)  # rounding
+    for points, direction in rolling:
+        moved, middle = np.diff(points, axis=0), 0.5 * (direction[1:] + direction[:-1])
+        across = moved[:, 1] * np.cos(middle) - moved[:, 0] * np.sin(middle)
+        assert np.max(np.abs(across)) < 5e-6  # a law's stop is a corner: 0.2 rad/m times 0.0125^2 / 8 m^2 in the step that holds it
 
 
 def test_from_standstill_the_lead_unit_is_in_its_circle_at_once() -> None:
