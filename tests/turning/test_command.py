@@ -32,16 +32,6 @@ ramp = 10
 [limits]
 swept_width = 20
 """
-VEHICLE = """
-name = "mine"
-length_unit = "ft"
-[[unit]]
-wheelbase = 20
-front_overhang = 4
-rear_overhang = 6
-width = 8
-turning_radius = 38
-"""
 
 
 def test_a_vehicle_that_complies_ends_in_0_with_its_figures(cli: Cli, tmp_path: Path) -> None:  # noqa: F811 - the fixture
@@ -79,16 +69,6 @@ def test_json_has_the_agreed_names_and_nothing_else_is_said(cli: Cli) -> None:  
     assert len(found["articulation_deg"]) == 1
     assert found["swept_width_m"] < found["max_outside_radius_m"] - found["min_inside_radius_m"]
     assert found["off_tracking_m"] == max(found["off_tracking_axles_m"])
-
-
-def test_a_template_and_a_vehicle_of_one_s_own_run_from_files(cli: Cli, tmp_path: Path) -> None:  # noqa: F811
-    (tmp_path / "gate.toml").write_text(TEMPLATE, encoding="utf-8")
-    (tmp_path / "mine.toml").write_text(VEHICLE, encoding="utf-8")
-    outcome = cli("turn", "--vehicle", "mine.toml", "--template", "gate.toml", "--json", "--format", "svg, png")
-    assert outcome.code == 0
-    found = json.loads(outcome.out)
-    assert (found["template"], found["radius_m"], found["complies"]) == ("depot gate", 45.0 * 0.3048, True)
-    assert {path.name for path in (tmp_path / "depot-gate.mine").glob("turn.???")} == {"turn.svg", "turn.png"}
 
 
 def test_the_list_names_every_template_in_a_terminal_s_width(cli: Cli) -> None:  # noqa: F811
