@@ -39,13 +39,13 @@ def _run(folder: Path, entries: Entries, engine: InHere | None = None, out: str 
     return run(study_of(entries, folder), folder / out, engine or InHere())
 
 
-def test_a_study_tells_of_every_cell_what_a_plan_tells(folder: Path, tiny: Entries) -> None:
-    one = {"roads": ["bend.csv"], "vehicles": ["bus"], "settings": {"horizon": 30}}  # planned again where room is lacking
-    table = _run(folder, tiny | one, InHere(instead=outcome_of)).cells()
-    assert list(zip(table["vehicle"], table["half_width_m"], strict=True)) == [("bus", 1.6), ("bus", 3.5)]
+def test_a_study_tells_of_every_cell_what_a_plan_tells(folder: Path) -> None:
+    one: Entries = {"roads": ["bend.csv"], "vehicles": ["bus"], "left": [1.6, 3.5], "right": [1.7, 3.0]}
+    table = _run(folder, one | {"settings": {"horizon": 30}}, InHere(instead=outcome_of)).cells()  # planned again where room is lacking
+    assert table[["left_m", "right_m"]].to_numpy().tolist() == [[1.6, 1.7], [3.5, 3.0]]
     road = hdvplan.load_road(folder / "bend.csv")
     for row in table.to_dict("records"):
-        limited = road.with_limits(row["half_width_m"], row["half_width_m"])
+        limited = road.with_limits(row["left_m"], row["right_m"])
         vehicle = hdvplan.load_vehicle(row["vehicle"])
         result = hdvplan.replanned(api.plan(hdvplan.Case(limited, vehicle, settings=hdvplan.PlannerSettings(horizon=30.0))))
         assert row["case"] == result.case.key

@@ -147,6 +147,14 @@ def test_no_pose_enters_what_stands_and_a_smaller_place_would_be_entered(dock: A
         bodies = np.concatenate([corners_at(dock.vehicle, leg.poses).reshape(-1, 4, 2) for leg in dock.chosen.manoeuvre.legs])
         swept = shapely.union_all(shapely.polygons(bodies))
         assert any(shapely.intersection(block.area(_VIEW), swept).area > 1e-6 for block in blocks) is entered
+    walls = dock.chosen.manoeuvre.place.closed(dock.chosen.manoeuvre.reaches, dock.chosen.manoeuvre.size)
+    assert dock.chosen.manoeuvre.room(walls).min() > -1e-9  # what bows out between poses has room, too: rounding
+
+
+def test_what_a_place_has_to_spare_lies_at_its_end() -> None:
+    place = place_of(Template.SIDE_HEAD, PlaceOptions(), refuse())
+    (tip,) = place.closed(np.array([10.0]), place.base + 10.4)
+    assert tip.tips[0] == pytest.approx((10.4, 0.0))
 
 
 def test_the_same_question_has_the_same_answer() -> None:
