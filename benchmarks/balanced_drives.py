@@ -20,7 +20,7 @@ from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.balance import BalancePart, EnvelopeBalance
 from hdvplan.planning.terms.centring import Centring, CentringPart, Residual
-from hdvplan.planning.terms.term import Horizon, Needs, Place, Scene
+from hdvplan.planning.terms.term import Columns, Horizon, Needs, Scene
 from hdvplan.reproduce.swept import road_of, swept, unevenness
 from hdvplan.road.road import Road
 from hdvplan.road.scenarios import sturn_profile
@@ -109,9 +109,9 @@ class Deferred:
         """Return nothing: see ``Term``."""
         return Centring(self._residual).needs(vehicle)
 
-    def part(self, scene: Scene, place: Place) -> CentringPart:
-        """Return centring in its place: see ``Term``."""
-        self._centring = Centring(self._residual).part(scene, place)
+    def part(self, scene: Scene, columns: Columns) -> CentringPart:
+        """Return centring as part of the program: see ``Term``."""
+        self._centring = Centring(self._residual).part(scene, columns)
         return self._centring
 
     def correct(self, plan: Plan) -> None:

@@ -1,4 +1,4 @@
-"""The program of a drive: which columns and rows it has, and the terms in their places."""
+"""The program of a drive: which columns and rows it has, and its terms."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.limits import limits_of
 from hdvplan.planning.terms.steering import Dynamics, Smoothness, Steering
-from hdvplan.planning.terms.term import Motion, Needs, Part, Place, Scene, Term, owned_by
+from hdvplan.planning.terms.term import Columns, Motion, Needs, Part, Scene, Term, owned_by
 from hdvplan.qp.program import StageQp, StageShape
 from hdvplan.vehicle.model import Vehicle
 
@@ -72,13 +72,13 @@ def assemble(
     most = (settings.stages + 1 if capacity is None else capacity) - 1
     qp = StageQp.empty(qp_shape(vehicle, most, terms))
     scene = Scene(vehicle, stations, settings, vehicle.table(), qp, Motion.empty(vehicle, most))
-    parts, place = [], Place(vehicle.states + 1, 1 + len(vehicle.active), 0)
+    parts, columns = [], Columns(vehicle.states + 1, 1 + len(vehicle.active), 0)
     for term in terms:
         need = needs_of(term, vehicle)
         with owned_by(term):
-            part = term.part(scene, place)
+            part = term.part(scene, columns)
             for array in part.memory:
                 core.address(array, shape=(scene.capacity, *array.shape[1:]))
             parts.append(part)
-        place = Place(place.state + need.states, place.input + need.inputs, place.row + need.rows)
+        columns = Columns(columns.state + need.states, columns.input + need.inputs, columns.row + need.rows)
     return scene, tuple(parts)

@@ -19,7 +19,7 @@ from hdvplan.planning.objectives import Goal, Objective, body_max, geometric
 from hdvplan.planning.settings import Discretisation, PlannerSettings
 from hdvplan.planning.stations import Stations, stations_of
 from hdvplan.planning.terms.steering import Steering
-from hdvplan.planning.terms.term import Place
+from hdvplan.planning.terms.term import Columns
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
 from hdvplan.road.scenarios import SCENARIOS
@@ -172,7 +172,7 @@ def test_the_wheels_part_of_the_program_is_its_cost_and_its_bounds() -> None:
     stages, n, rigid, random, first = settings.stages, vehicle.states, vehicle.rigid_states, np.random.default_rng(5), 7
     most, largest = np.array([0.6, 0.4]), np.array([0.05, 0.04])
     scene, _ = assemble(vehicle, straight_stations(vehicle, settings), Goal(()), settings)
-    part, horizon, qp, z = Steering().part(scene, Place(0, 0, 0)), horizon_at(scene, first), scene.qp, np.empty((stages + 1, n))
+    part, horizon, qp, z = Steering().part(scene, Columns(0, 0, 0)), horizon_at(scene, first), scene.qp, np.empty((stages + 1, n))
     part.kept[0][:] = random.uniform(-0.3, 0.3, part.kept[0].shape)
     z[:] = random.uniform(-0.2, 0.2, z.shape)
     move(scene, z)
@@ -196,7 +196,7 @@ def test_wheels_are_wanted_at_the_angles_of_the_road_beside_their_axles() -> Non
     road = Road("bend", from_curvature(np.array([0.0, 30.0, 40.0, 80.0]), np.array([0.0, 0.0, 0.03, 0.03])))
     stations = stations_of(road, vehicle, CentringTable.of(vehicle), step=STEP, horizon=settings.horizon)
     scene, _ = assemble(vehicle, stations, Goal(()), settings)
-    aim, wanted = Steering().part(scene, Place(0, 0, 0)).kept[0], stations.centring.steering
+    aim, wanted = Steering().part(scene, Columns(0, 0, 0)).kept[0], stations.centring.steering
     for axle, behind in enumerate((6.2, 14.1)):  # the chain's own lengths
         at = np.arange(40, 140)
         assert np.allclose(aim[at, axle], np.interp(stations.s[at] - behind, stations.s, wanted[:, axle]), rtol=0.0, atol=1e-12)

@@ -14,7 +14,7 @@ from hdvplan.planning.settings import Discretisation, PlannerSettings
 from hdvplan.planning.stations import Stations, stations_of
 from hdvplan.planning.terms.centring import Centring, Residual
 from hdvplan.planning.terms.steering import Dynamics, Smoothness
-from hdvplan.planning.terms.term import Place, Scene
+from hdvplan.planning.terms.term import Columns, Scene
 from hdvplan.road.road import Road
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
@@ -30,7 +30,7 @@ VEHICLES = [load_vehicle("bus"), load_vehicle("tractor-trailer"), three_units()]
 LONG = [load_vehicle("a-double"), Vehicle("five", (*three_units().units, *three_units().units[1:]))]  # the core unrolls up to four units
 each_chain = pytest.mark.parametrize("vehicle", VEHICLES + LONG, ids=lambda v: v.name)
 each_vehicle = pytest.mark.parametrize("vehicle", VEHICLES, ids=lambda v: v.name)
-NOWHERE = Place(0, 0, 0)  # of terms without columns and rows of their own
+NOWHERE = Columns(0, 0, 0)  # of terms without columns and rows of their own
 each_rule = pytest.mark.parametrize("rule", list(Discretisation))
 
 

@@ -19,7 +19,7 @@ from hdvplan.errors import OptionError
 from hdvplan.planning.objectives import Goal, geometric
 from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.centring import Centring, Residual
-from hdvplan.planning.terms.term import CorePart, Place, Scene, Term, core_functions
+from hdvplan.planning.terms.term import Columns, CorePart, Scene, Term, core_functions
 from hdvplan.vehicle.model import Vehicle
 from tests.docs.blocks import blocks_of
 
@@ -55,7 +55,7 @@ def test_a_term_in_c_plans_what_the_same_term_in_python_plans(articulation: type
     functions = core_functions("articulation", ctypes.CDLL(str(library)))
 
     class Compiled(articulation):  # type: ignore[misc] # made by the page
-        def part(self, scene: Scene, place: Place) -> CorePart:  # noqa: ARG002 - a protocol's method
+        def part(self, scene: Scene, columns: Columns) -> CorePart:  # noqa: ARG002 - a protocol's method
             return CorePart(scene, functions, np.array([(self.weight,)], [("weight", float)]))
 
     drives = [hdvplan.plan(replace(CASE, objective=with_term(term))).drive for term in (articulation(10.0), Compiled(10.0))]
@@ -77,7 +77,7 @@ class WrongPart(ArticulationPart):
 
 
 class Wrong(Articulation):
-    def part(self, scene, place):
+    def part(self, scene, columns):
         return {part}
 
     {of_term}

@@ -18,7 +18,7 @@ from hdvplan.planning.terms.balance import BalancePart, EnvelopeBalance
 from hdvplan.planning.terms.centring import Centring, Reach, Residual
 from hdvplan.planning.terms.limits import ROWS_PER_SIDE, Limits
 from hdvplan.planning.terms.steering import Dynamics, Smoothness, Steering
-from hdvplan.planning.terms.term import Horizon, Motion, Part, Place, Scene, Term
+from hdvplan.planning.terms.term import Columns, Horizon, Motion, Part, Scene, Term
 from hdvplan.qp.program import StageQp, StageShape, row_dtype
 from hdvplan.road.limits import Limits as RoadLimits
 from hdvplan.road.road import Road
@@ -70,7 +70,7 @@ def scene_of(shape: StageShape, vehicle: Vehicle = ACTIVE, seed: int = 1) -> Sce
     scene = Scene(vehicle, prepared(vehicle), SETTINGS, vehicle.table(), StageQp.empty(shape), Motion.empty(vehicle, STAGES))
     scene.qp.buffer[:] = np.random.default_rng(7).uniform(1.0, 2.0, scene.qp.buffer.size)
     move(scene, *random_motion(vehicle, seed))
-    extended([Dynamics().part(scene, Place(0, 0, 0))], horizon_at(scene, FIRST))  # terms find poses, and cleared costs
+    extended([Dynamics().part(scene, Columns(0, 0, 0))], horizon_at(scene, FIRST))  # terms find poses, and cleared costs
     scene.qp.stages["Q"] = scene.qp.stages["q"] = 0.0
     return scene
 
@@ -82,14 +82,14 @@ def test_a_term_writes_the_columns_and_rows_that_it_declares_and_no_others(name:
     # two states, inputs and rows of others, one to each side; and as many states and inputs for all terms
     scene = scene_of(StageShape(STAGES, n + 3, m + 3, 2 + need.rows, (n - 1, n - 2)))
     assert max(need.states, need.inputs) <= 1
-    place = Place(n + 1, m + 1, 1)
+    columns = Columns(n + 1, m + 1, 1)
     untouched = scene.qp.buffer.copy()
-    part = term.part(scene, place)
+    part = term.part(scene, columns)
     extended([part], horizon_at(scene, FIRST))
     linearised([part], horizon_at(scene, FIRST))
     now, then = scene.qp, StageQp(scene.qp.shape, untouched)
-    own_states = [*range(n), *range(place.state, place.state + need.states)]
-    own_inputs = [*range(m), *range(place.input, place.input + need.inputs)]
+    own_states = [*range(n), *range(columns.state, columns.state + need.states)]
+    own_inputs = [*range(m), *range(columns.input, columns.input + need.inputs)]
     states, inputs = (np.isin(np.arange(count), own) for count, own in ((now.shape.states, own_states), (now.shape.inputs, own_inputs)))
     for array, owners in (("A", (states, states)), ("B", (states, inputs)), ("c", (states,)), ("Q", (states, states)), ("q", (states,)),
                           ("R", (inputs, inputs)), ("r", (inputs,)), ("u_low", (inputs,)), ("u_high", (inputs,))):  # fmt: skip
@@ -97,16 +97,16 @@ def test_a_term_writes_the_columns_and_rows_that_it_declares_and_no_others(name:
         mine = owners[0] if len(owners) == 1 else np.outer(*owners)
         if name != "dynamics" or array not in {"Q", "q"}:  # which it clears for all
             assert not np.any(changed & ~mine), array
-    own_rows = slice(place.row, place.row + need.rows)
+    own_rows = slice(columns.row, columns.row + need.rows)
     others = np.ones(now.shape.rows, bool)
     others[own_rows] = False
     for column in row_dtype(now.shape.states).names or ():
         assert np.array_equal(now.rows[column][:, others], then.rows[column][:, others])
     assert np.all(now.rows["h"][1:, own_rows] != then.rows["h"][1:, own_rows])
     assert np.all(now.rows["linear"][:, own_rows] != then.rows["linear"][:, own_rows])
-    for state in range(place.state, place.state + need.states):  # what is declared is used
+    for state in range(columns.state, columns.state + need.states):  # what is declared is used
         assert np.any(now.A[:, state] != then.A[:, state])
-    for own in range(place.input, place.input + need.inputs):
+    for own in range(columns.input, columns.input + need.inputs):
         assert np.any(now.B[:, :, own] != then.B[:, :, own])
         assert np.all(now.R[:, own, own] > 0.0)
 

@@ -15,7 +15,7 @@ import numpy as np
 from hdvplan import core
 from hdvplan.arrays import FloatArray, Records
 from hdvplan.planning.terms.centring import Centring, CentringPart, Residual
-from hdvplan.planning.terms.term import CorePart, Place, Scene, Term, core_functions
+from hdvplan.planning.terms.term import Columns, CorePart, Scene, Term, core_functions
 from hdvplan.vehicle.body import axles_behind
 from hdvplan.vehicle.kinematics import POSE
 from hdvplan.vehicle.model import Vehicle
@@ -48,8 +48,8 @@ class EnvelopeBalance(Term):
     relaxation: float = 4.0 / 3.0  # of the step that is safe on its own; below 2 no step makes the objective worse
     ahead: float = 50.0  # places as far ahead as this are balanced: those beyond are planned again before they are driven [m]
 
-    def part(self, scene: Scene, place: Place) -> BalancePart:
-        """Return the term in its place: see ``Term``."""
+    def part(self, scene: Scene, columns: Columns) -> BalancePart:
+        """Return the term as part of the program: see ``Term``."""
         vehicle, stations, stages = scene.vehicle, scene.stations, scene.settings.stages
         before = int(np.ceil(vehicle.reach_behind / stations.step)) + _ROOM
         after = int(np.ceil(vehicle.reach_ahead / stations.step)) + _ROOM
@@ -62,7 +62,7 @@ class EnvelopeBalance(Term):
         )  # fmt: skip
         for reached in (measured.reached, measured.driven):
             reached["reach"], reached["stage"] = -np.inf, -1
-        centring = Centring(self.beside).part(scene, place)
+        centring = Centring(self.beside).part(scene, columns)
         weights = centring.weights.copy()
         weights[1 : max(swept - after, 0) + 1] = self.share
         beside = centring.weighed(weights)
@@ -106,7 +106,7 @@ class Measured(NamedTuple):
 
 @dataclass(frozen=True)
 class BalancePart(CorePart):
-    """The balance in its place; see ``Part``."""
+    """The balance as part of a program; see ``Part``."""
 
     centring: CentringPart  # of stages that were not measured yet
     beside: CentringPart  # the same, with a share where the plan is measured

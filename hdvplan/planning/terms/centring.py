@@ -15,7 +15,7 @@ from hdvplan import core
 from hdvplan.arrays import FloatArray, Records
 from hdvplan.errors import OptionError
 from hdvplan.planning.stations import Stations
-from hdvplan.planning.terms.term import CorePart, Needs, Place, Scene, Term, core_functions
+from hdvplan.planning.terms.term import Columns, CorePart, Needs, Scene, Term, core_functions
 from hdvplan.qp.program import by_stage
 from hdvplan.vehicle.body import auxiliary_ahead, axle_points, axles_behind, edge_points
 from hdvplan.vehicle.model import Vehicle
@@ -59,8 +59,8 @@ class Centring(Term):
 
     residual: Residual
 
-    def part(self, scene: Scene, place: Place) -> CentringPart:  # noqa: ARG002 - needs no column of its own
-        """Return the term in its place: see ``Term``."""
+    def part(self, scene: Scene, columns: Columns) -> CentringPart:  # noqa: ARG002 - needs no column of its own
+        """Return the term as part of the program: see ``Term``."""
         residual, vehicle, count = self.residual, scene.vehicle, len(scene.stations.s)
         if not residual.lead.shape == residual.aux.shape == residual.target.shape == (count,):
             shapes = ", ".join(str(one.shape) for one in (residual.lead, residual.aux, residual.target))
@@ -77,7 +77,7 @@ class Centring(Term):
 
 @dataclass(frozen=True)
 class CentringPart(CorePart):
-    """Centring in its place; see ``Part``."""
+    """Centring as part of a program; see ``Part``."""
 
     coefficients: Records  #: (stations,) of ``COEFFICIENTS``
     weights: FloatArray  #: (N+1,), of the squared residuals
@@ -109,12 +109,12 @@ class Reach(Term):
         """Return t, the input that sets it, and two rows a point: see ``Term``."""
         return Needs(states=1, inputs=1, rows=2 * self.points(vehicle).size)
 
-    def part(self, scene: Scene, place: Place) -> CorePart:
-        """Return the term in its place: see ``Term``. Its rows are priced above their multipliers, which add up to 2 N t."""
-        qp, t, u, count = scene.qp, place.state, place.input, scene.settings.stages
+    def part(self, scene: Scene, columns: Columns) -> CorePart:
+        """Return the term as part of the program: see ``Term``. Its rows are priced above their multipliers, which add up to 2 N t."""
+        qp, t, u, count = scene.qp, columns.state, columns.input, scene.settings.stages
         qp.stages["R"][:, u, u] = 1.0  # the other stages' last inputs do nothing, and are 0
         qp.stages["u_low"][:, u], qp.stages["u_high"][:, u] = -_FURTHEST_M, _FURTHEST_M
-        rows = qp.rows[:, place.row : place.row + self.needs(scene.vehicle).rows]
+        rows = qp.rows[:, columns.row : columns.row + self.needs(scene.vehicle).rows]
         rows["g"][:, :, t], rows["linear"] = -1.0, 2.0 * count * _FURTHEST_M
         points = self.points(scene.vehicle)
         half = np.ascontiguousarray(scene.units["half_width"]) if self.bodies else np.zeros(len(scene.units))
@@ -122,7 +122,7 @@ class Reach(Term):
         feet = np.zeros((scene.capacity, *points.shape, 2))
         curve, more = scene.stations.path.record, (half, ahead)
         data = np.array(
-            [(core.address(curve), core.address(points), points.shape[1], *map(core.address, more), t, u, place.row, core.address(feet))],
+            [(core.address(curve), core.address(points), points.shape[1], *map(core.address, more), t, u, columns.row, core.address(feet))],
             _REACH,
         )
         return CorePart(scene, _REACHING, data, kept=(curve, points, *more), memory=(by_stage(feet),))

@@ -15,7 +15,7 @@ from hdvplan import core
 from hdvplan.arrays import FloatArray, Records
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations
-from hdvplan.planning.terms.term import CorePart, Needs, Place, Scene, Term, core_functions
+from hdvplan.planning.terms.term import Columns, CorePart, Needs, Scene, Term, core_functions
 from hdvplan.qp.program import by_stage
 from hdvplan.vehicle.body import axles_behind
 from hdvplan.vehicle.model import Vehicle
@@ -45,11 +45,11 @@ class Limits(Term):
         """Return the rows: see ``Term``."""
         return Needs(rows=2 * self.rows_per_side * len(vehicle.units))
 
-    def part(self, scene: Scene, place: Place) -> LimitsPart:
-        """Return the term in its place: see ``Term``."""
+    def part(self, scene: Scene, columns: Columns) -> LimitsPart:
+        """Return the term as part of the program: see ``Term``."""
         vehicle, settings, count = scene.vehicle, scene.settings, scene.capacity
         units = len(vehicle.units)
-        rows = scene.qp.rows[:, place.row : place.row + self.needs(vehicle).rows]
+        rows = scene.qp.rows[:, columns.row : columns.row + self.needs(vehicle).rows]
         soft = np.arange(rows.shape[1]) % self.rows_per_side >= ROWS_PER_SIDE
         rows["linear"], rows["quadratic"] = np.where(soft, 0.0, settings.elastic_weight), settings.elastic_growth
         rows["quadratic"][:, soft] = 2.0 * settings.overhang_cost
@@ -59,7 +59,7 @@ class Limits(Term):
         street = scene.stations.street.record.copy()
         street["clearance"] = clearance = settings.clearance - settings.give_way
         road = (scene.stations.path.record, street, behind)
-        own = (_furthest(vehicle), clearance, place.row, rows.shape[1])
+        own = (_furthest(vehicle), clearance, columns.row, rows.shape[1])
         data = np.array([(*map(core.address, road), *own, *map(core.address, seen), 0.0)], _LIMITS)
         kept, memory = (*road, *scene.stations.street), tuple(by_stage(array) for array in seen)
         return LimitsPart(scene, _FUNCTIONS, data, rows, seen, kept=kept, memory=memory)
@@ -85,7 +85,7 @@ def _furthest(vehicle: Vehicle) -> float:
 
 @dataclass(frozen=True)
 class LimitsPart(CorePart):
-    """Limits in their place; see ``Part``."""
+    """Limits as part of a program; see ``Part``."""
 
     rows: Records  # (N+1, own rows)
     seen: Seen

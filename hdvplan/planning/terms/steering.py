@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hdvplan import core
-from hdvplan.planning.terms.term import CorePart, Place, Scene, Term, core_functions
+from hdvplan.planning.terms.term import Columns, CorePart, Scene, Term, core_functions
 from hdvplan.vehicle.body import auxiliary_ahead
 
 _DYNAMICS = core_functions("dynamics")
@@ -18,8 +18,8 @@ _RULE = core.record("hdv_dynamics")
 class Dynamics(Term):
     """The vehicle: x_{i+1} = A x_i + B u_i + defect; writes the motion's poses, and clears Q, q and ``live`` for the others. No price."""
 
-    def part(self, scene: Scene, place: Place) -> CorePart:  # noqa: ARG002
-        """Return the term in its place: see ``Term``."""
+    def part(self, scene: Scene, columns: Columns) -> CorePart:  # noqa: ARG002
+        """Return the term as part of the program: see ``Term``."""
         qp, vehicle, n = scene.qp, scene.vehicle, scene.vehicle.states
         qp.stages["A"][:, n, n] = qp.stages["B"][:, n, 0] = 1.0
         for wheel in range(len(vehicle.active)):
@@ -35,8 +35,8 @@ _SMOOTHED = core.record("hdv_smoothness")
 class Smoothness(Term):
     """w (kappa_i - kappa_{i-1})^2, the first term of the objective ([GEO] eq. 20), with the limits of curvature and of its change."""
 
-    def part(self, scene: Scene, place: Place) -> CorePart:  # noqa: ARG002
-        """Return the term in its place: see ``Term``."""
+    def part(self, scene: Scene, columns: Columns) -> CorePart:  # noqa: ARG002
+        """Return the term as part of the program: see ``Term``."""
         settings, vehicle = scene.settings, scene.vehicle
         change = vehicle.max_curvature_rate * settings.step
         return CorePart(scene, _SMOOTHNESS, np.array([(settings.smoothness, vehicle.max_curvature, change)], _SMOOTHED))
@@ -61,8 +61,8 @@ class Steering(Term):
     With this wish alone the semitrailer's worst reach and mean imbalance came out as low as with its axle's offset as a second residual.
     """
 
-    def part(self, scene: Scene, place: Place) -> CorePart:  # noqa: ARG002 - needs no column of its own
-        """Return the term in its place: see ``Term``."""
+    def part(self, scene: Scene, columns: Columns) -> CorePart:  # noqa: ARG002 - needs no column of its own
+        """Return the term as part of the program: see ``Term``."""
         vehicle, stations = scene.vehicle, scene.stations
         axles = [vehicle.units[axle] for axle in vehicle.active]
         wanted = zip(vehicle.active, stations.centring.steering.T, strict=True)

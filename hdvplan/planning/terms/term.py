@@ -1,7 +1,7 @@
 """What a term of the program is: it declares columns and rows, adds its linearisation, and knows its price.
 
 A program is assembled from terms, and the assembler only sums. A term first says what it needs; the assembler lays the program out and
-asks it for its ``Part``, which knows its place there. The dynamics come first: they clear what the others add to.
+asks it for its ``Part``, which knows its columns there. The dynamics come first: they clear what the others add to.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class Needs:
 
 
 @dataclass(frozen=True)
-class Place:
+class Columns:
     """Where a term's own states, inputs and rows begin in every stage."""
 
     state: int
@@ -120,7 +120,7 @@ class Horizon(NamedTuple):
 
 
 class Part(Protocol):
-    """A term in its place. Methods that linearise return -1, or a stage where a point of the vehicle has no foot on the road."""
+    """A term as part of a program. Methods that linearise return -1, or a stage where a point of the vehicle has no foot on the road."""
 
     @property
     def memory(self) -> tuple[FloatArray, ...]:
@@ -161,7 +161,7 @@ def core_functions(term: str, library: CDLL | None = None) -> CoreFunctions:
 
 @dataclass(frozen=True)
 class CorePart:
-    """A term in its place that is written in C; see ``Part``. Arrays that its ``data`` point to are ``kept`` alive."""
+    """A term as part of a program, written in C; see ``Part``. Arrays that its ``data`` point to are ``kept`` alive."""
 
     scene: Scene
     functions: CoreFunctions
@@ -262,5 +262,5 @@ class Term(Protocol):
         """Return what the term adds to every stage: nothing, where a class below this one says nothing else."""
         return Needs()
 
-    def part(self, scene: Scene, place: Place) -> Part:
-        """Return the term in its place; write the values that are constant over a drive."""
+    def part(self, scene: Scene, columns: Columns) -> Part:
+        """Return the term as part of the program; write the values that are constant over a drive."""
