@@ -124,12 +124,6 @@ def test_on_a_road_much_too_narrow_rti_ends_where_sqp_does(vehicle: Vehicle) -> 
     assert abs(depths[0] - depths[1]) < 0.05  # neither iterates to the last millimetre where limits are broken by decimetres
 
 
-def test_a_breach_names_the_part_of_the_body_that_is_deepest() -> None:
-    balance = judged(drive(uturn().with_limits(2.2, 2.2), BUS, geometric, RiccatiWorkspace, PlannerSettings()))
-    parts = {breach.side: breach.part for breach in balance.breaches}
-    assert parts == {"left": "rear axle", "right": "front corner"}  # a left turn: the rear axle cuts in, the front swings out
-
-
 def test_a_wall_in_a_bend_is_passed_and_not_turned_away_from() -> None:
     """A vehicle askew draws its corner back from a wall by turning towards it: a trap for whoever follows the wall's slope."""
     base = load_road("goteborg_tuvevagen_brunnsbo", RoadOptions(max_curvature=0.125))

@@ -10,14 +10,12 @@ from hdvplan.planning.objectives import Goal, balanced
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations, stations_of
 from hdvplan.planning.terms.balance import BalancePart, EnvelopeBalance, tracing_points
-from hdvplan.planning.terms.centring import Reach
 from hdvplan.road.road import Road
 from hdvplan.vehicle.body import axles_behind
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 from tests.core.chains import three_units, winding
-from tests.core.scenes import extended, horizon_at, linearised, move, part_of, shifted
-from tests.core.twins import reach as reach_twin
+from tests.core.scenes import extended, horizon_at, linearised, move, part_of
 from tests.core.twins.balance import Balance
 
 VEHICLES = [load_vehicle("bus"), load_vehicle("tractor-trailer"), three_units(), load_vehicle("semitrailer-active")]
@@ -28,43 +26,6 @@ NEAR = 1e-12  # rounding of 100 m, 1e-14, through slopes of feet of at least 0.5
 
 def stations_for(vehicle: Vehicle, horizon: float) -> Stations:
     return stations_of(Road("winding", winding()), vehicle, CentringTable.of(vehicle), step=STEP, horizon=horizon)
-
-
-@each_vehicle
-@pytest.mark.parametrize("bodies", [False, True])
-def test_the_largest_reach_is_written_as_by_the_twin(vehicle: Vehicle, bodies: bool) -> None:
-    settings, term, random = PlannerSettings(horizon=6.0, replan=STEP), Reach(bodies=bodies), np.random.default_rng(1)
-    stations, points = stations_for(vehicle, 6.0), term.points(vehicle)
-    scene, parts = assemble(vehicle, stations, Goal((term,)), settings)
-    part, t, u = parts[2], vehicle.states + 1, scene.qp.shape.inputs - 1
-    half = vehicle.table()["half_width"] if bodies else np.zeros(len(points))
-    count, feet, first = settings.stages + 1, np.zeros((settings.stages + 1, *points.shape, 2)), FIRST
-    for by in (0, 0, 3, 0):
-        shifted(scene, parts, by)
-        feet[: count - by] = feet[by:].copy()
-        first += by
-        begin = 1 if first == FIRST else count - by
-        z = 0.15 * random.uniform(-1.0, 1.0, (count, vehicle.states))
-        z[:begin] = scene.motion.z[:begin]
-        move(scene, z)
-        if by or not np.any(feet):
-            feet[begin:] = [reach_twin.begin_feet(vehicle, stations, points, first + i) for i in range(begin, count)]
-            extended(parts, horizon_at(scene, first), begin)
-        else:
-            begin = 1
-            linearised(parts, horizon_at(scene, first))
-        found = [reach_twin.rows(vehicle, stations, points, half, first + i, z[i], feet[i]) for i in range(begin, count)]
-        g, h = (np.array(column) for column in zip(*found, strict=True))
-        np.testing.assert_allclose(part.memory[0].reshape(feet.shape)[begin:], feet[begin:], rtol=0.0, atol=NEAR)
-        np.testing.assert_allclose(scene.qp.G[begin - 1 :, :, : vehicle.states], g, rtol=0.0, atol=NEAR)
-        np.testing.assert_allclose(scene.qp.h[begin - 1 :], h, rtol=0.0, atol=NEAR)
-        kept = np.arange(settings.stages) > 0
-        assert np.array_equal(scene.qp.A[:, t, t], kept)
-        assert np.array_equal(scene.qp.B[:, t, u], ~kept)
-        assert np.array_equal(scene.qp.Q[:, t, t], 2.0 * settings.stages * (np.arange(count) == settings.stages))
-        assert np.all(scene.qp.G[:, :, t] == -1.0)
-        price = settings.stages * max(0.0, float(np.max(-scene.qp.h))) ** 2
-        assert part.price(horizon_at(scene, first)) == pytest.approx(price, rel=1e-14)  # rounding of two products
 
 
 def swaying(vehicle: Vehicle, count: int, random: np.random.Generator) -> FloatArray:

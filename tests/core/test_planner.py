@@ -282,14 +282,6 @@ def test_a_bend_tighter_than_the_vehicle_is_planned_all_the_same() -> None:
     assert plan.violation > 0.1
 
 
-@each_vehicle
-def test_limits_that_cannot_be_kept_are_broken_as_the_plan_admits(vehicle: Vehicle) -> None:
-    planner, _, _ = planned(vehicle, PlannerSettings(horizon=25.0), 1.3)  # three centimetres a side on the straight
-    plan = planner.plan(50, start(vehicle), 0.0)
-    assert plan.usable
-    assert plan.violation > 0.1
-
-
 @pytest.mark.parametrize(("name", "limit"), [("bus", 1.9), ("bus", 2.1), ("tractor-trailer", 1.3)])
 def test_where_limits_cannot_be_kept_steps_are_shortened_until_they_gain_nothing(
     name: str, limit: float, monkeypatch: pytest.MonkeyPatch

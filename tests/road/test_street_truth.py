@@ -222,42 +222,6 @@ def test_points_of_a_circle_are_the_circle(count: int, spacing: float, phase: fl
     assert furthest(points, exact, min(0.4 * radius, 4.0)) < allowed(points)
 
 
-@given(count=per_circle, spacing=spacings, phase=phases, turn=st.floats(0.4, 0.8), sign=st.sampled_from([-1.0, 1.0]))
-@few
-def test_points_of_a_circle_between_straights_are_that_curve(count: int, spacing: float, phase: float, turn: float, sign: float) -> None:
-    radius = count * spacing / (2.0 * math.pi)
-    assume(radius > RADIUS_M)
-    assume(turn * count > 5.0)  # 2.5 chords on the bend: two points that turn alike may as well be two corners
-    short, bend = 0.01 * radius, turn * math.pi * radius
-    s = np.cumsum([0.0, 5.0 * spacing, short, bend, short, 5.0 * spacing])
-    points, exact = sampled((s, sign * np.array([0.0, 0.0, 1.0, 1.0, 0.0, 0.0]) / radius), spacing, phase)
-    assert furthest(points, exact, min(0.4 * radius, 4.0)) < allowed(points)
-
-
-@given(count=per_circle, spacing=spacings, phase=phases, turn=st.floats(0.3, 0.6), sign=st.sampled_from([-1.0, 1.0]))
-@few
-def test_points_of_straights_and_clothoids_and_a_circle_are_that_curve(
-    count: int, spacing: float, phase: float, turn: float, sign: float
-) -> None:
-    radius = count * spacing / (2.0 * math.pi)
-    assume(radius > RADIUS_M)
-    arc, ramp = turn * math.pi * radius, 0.5 * radius + 2.0 * spacing
-    s = np.cumsum([0.0, 5.0 * spacing, ramp, arc, ramp, 5.0 * spacing])
-    points, exact = sampled((s, sign * np.array([0.0, 0.0, 1.0, 1.0, 0.0, 0.0]) / radius), spacing, phase)
-    assert furthest(points, exact, min(0.4 * radius, 4.0)) < allowed(points)
-
-
-@given(count=per_circle, spacing=spacings, phase=phases, turn=st.floats(0.3, 0.6), sign=st.sampled_from([-1.0, 1.0]))
-@few
-def test_points_of_an_s_bend_are_the_s_bend(count: int, spacing: float, phase: float, turn: float, sign: float) -> None:
-    radius = count * spacing / (2.0 * math.pi)
-    assume(radius > RADIUS_M)
-    arc, ramp = turn * math.pi * radius, 0.5 * radius + 2.0 * spacing
-    s = np.cumsum([0.0, ramp, arc, 2.0 * ramp, arc, ramp])
-    points, exact = sampled((s, sign * np.array([0.0, 1.0, 1.0, -1.0, -1.0, 0.0]) / radius), spacing, phase)
-    assert furthest(points, exact, min(0.4 * radius, 4.0)) < allowed(points)
-
-
 def fresnel(parts: list[tuple[float, float, float]], s: FloatArray) -> FloatArray:
     """Return points at arclengths of straights, arcs and clothoids: of each its length [m] and curvature at both ends [1/m]."""
     begin, heading, place = 0.0, 0.0, 0.0 + 0.0j
