@@ -50,6 +50,17 @@ def test_a_plan_writes_every_file_and_prints_the_balance(cli: Cli, tmp_path: Pat
     assert max(len(line) for line in tables) <= 80
 
 
+def test_a_plan_is_drawn_for_cad_maps_and_paper(cli: Cli, tmp_path: Path, short_road: str) -> None:
+    command, folder = ("plan", short_road, "--vehicle", "bus", "--horizon", "30", "--half-width", "3"), tmp_path / "short.bus"
+    assert cli(*command, "--format", "dxf,gpkg", "--sheet", "A4", "--scale", "1:500").code == 0
+    assert {file.name for file in folder.iterdir()} >= {"plan.dxf", "plan.gpkg", "sheet.pdf"}
+    assert not (folder / "plan.png").exists()
+    assert (folder / "sheet.pdf").read_bytes().startswith(b"%PDF")
+    assert (folder / "plan.gpkg").read_bytes().startswith(b"SQLite")
+    assert cli(*command, "--no-plot").code == 0
+    assert not {file.name for file in folder.iterdir()} & {"plan.dxf", "plan.gpkg", "sheet.pdf"}  # of the former plan
+
+
 def test_the_summary_has_every_field_of_the_contract(cli: Cli, tmp_path: Path, short_road: str) -> None:
     assert cli("plan", short_road, "--vehicle", "tractor-trailer", *QUICK, "--left", "3", "--right", "3.5").code == 0
     summary = json.loads((tmp_path / "short.tractor-trailer" / "summary.json").read_text(encoding="utf-8"))
