@@ -111,7 +111,8 @@ def smoothed(line: Line, shortest: float = MIN_LENGTH_M) -> tuple[Road, FloatArr
         RoadError: the line cannot be smoothed within its options, is shorter than ``shortest`` [m], or has widths and edges.
 
     """
-    from hdvplan.road.smooth import path_through, smooth_line, smoothing_of  # noqa: PLC0415 - a file is refused without loading SciPy
+    from hdvplan.road.smooth import smooth_line, smoothing_of  # noqa: PLC0415 - a file is refused without loading SciPy
+    from hdvplan.road.splines import path_through  # noqa: PLC0415 - as above
 
     name, raw, options = line.name, line.raw, line.options
     if raw.is_profile:
@@ -122,8 +123,8 @@ def smoothed(line: Line, shortest: float = MIN_LENGTH_M) -> tuple[Road, FloatArr
     dense = None if raw.rounded is None else path_through(raw.rounded, options.max_curvature)
     smoothing: Smoothing | None
     if dense is None:
-        bounds = {"max_deviation": options.smooth, "max_curvature": options.max_curvature, "shortest": shortest}
-        smooth = smooth_line(raw.points, closed=is_closed(raw.points), **bounds)
+        bound, most = options.smooth, options.max_curvature
+        smooth = smooth_line(raw.points, closed=is_closed(raw.points), max_deviation=bound, max_curvature=most, shortest=shortest)
         path, smoothing, s_points = smooth.path, smooth.smoothing, smooth.s_points
     else:
         path, s_points = dense

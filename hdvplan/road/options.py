@@ -37,7 +37,10 @@ class RoadOptions:
 
     """
 
-    smooth: Annotated[float, Setting("How far smoothing may move the road's line from the given points [m].", "M", above=0.0)] = 5.0
+    smooth: Annotated[
+        float | None,
+        Setting("How far smoothing may move the road's line from the given points [m] [default: 5, or as it takes].", "M", above=0.0),
+    ] = None
     crs: Annotated[str | None, Setting("Coordinate reference system of the road file.", "EPSG:N")] = None
     unit: Annotated[
         str | None,

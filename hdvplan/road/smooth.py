@@ -9,30 +9,30 @@ where they are.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline, CubicSpline
-from scipy.ndimage import gaussian_filter1d, maximum_filter1d
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d
 
-from hdvplan.arrays import FloatArray, IntArray
+from hdvplan.arrays import FloatArray
 from hdvplan.errors import ProjectionError, RoadError
-from hdvplan.road.checks import MAX_LENGTH_M, MIN_LENGTH_M
+from hdvplan.road.checks import MIN_LENGTH_M
 from hdvplan.road.offsets import Stations, program_of, solve_offsets
 from hdvplan.road.path import KNOT_SPACING_M, ReferencePath, from_samples
+from hdvplan.road.points import densified, shares, smoothing_lengths, vertex_of
+from hdvplan.road.pursuit import pursued
 from hdvplan.road.road import Smoothing
+from hdvplan.road.splines import FEWEST_CELLS, check_length, chord_of, equal_arclengths, path_through, spline_through
 
-_FEWEST_CELLS = 8  # of a very short road
-_EXACT_M = 0.25  # knots of a line that is not smoothed
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
-_DUPLICATE_M = 0.02
+_DEVIATIONS_M = (5.0, 10.0, 20.0)  # that are tried one after the other where nobody says how far a line may be moved
+_DRIVEN_SHARE, _DRIVEN_EXCESS = (
+    0.9,
+    1.1,
+)  # of the curvature: that a drive along a line turns with, and that it may where it is moved to its end
+_BACK = -np.cos(np.deg2rad(30.0))  # cosine of a turn at a point that is a mistake, or a drive back
 _STATION_M = 1.0  # the unknown offsets stand this far apart: a spline knot a metre holds a radius of 8 m to 0.2 %
-_DENSE_M = 1.0  # longer segments of the given line are sampled: the points between are as good as the given ones
 _WIDEST_SIGMA_M = 10.0  # of the Gaussian that makes the first line; else as wide as the tightest radius
-_SPACING_SHARE = 1.25  # smoothing length over the points' spacing
-_LONGEST_M = 5.0  # smoothing length, and
-_ROUGH_M = 1.0  # the third difference of positions from which on it is used
 _SETTLED_M = 0.01  # size of the offsets at which the base line is its own solution
 _ENOUGH_ROUNDS = 10  # where both bounds leave next to no choice, the line may creep along; then keeping them will do
 _MAX_ROUNDS = 40
@@ -71,30 +71,45 @@ class _Line:
 
 
 def smooth_line(
-    points: FloatArray, *, closed: bool, max_deviation: float, max_curvature: float, shortest: float = MIN_LENGTH_M
+    points: FloatArray, *, closed: bool, max_deviation: float | None, max_curvature: float, shortest: float = MIN_LENGTH_M
 ) -> SmoothedLine:
     """Return the smoothest path within ``max_deviation`` [m] of a polyline and with |curvature| <= ``max_curvature`` [1/m].
 
     ``points`` has shape (n, 2) [m]; a closed line repeats its first point at the end. An open path starts and ends
     exactly in the given end points. A line that is shorter than ``shortest`` [m] is refused. The deviation is measured from the
-    given points and from the polyline between them; it holds to 1 mm, the curvature to 1 %.
+    given points and from the polyline between them; it holds to 1 mm, the curvature to 1 %. None: 5 m, or as much as it takes where
+    the line turns more tightly than that; an open one that nothing smooths is driven along then, as one drives a narrow hairpin.
 
     Raises:
         RoadError: the line is too short or too long, turns back on itself, or has a corner that cannot be rounded
             within the deviation.
 
     """
-    kept, vertex = np.unique(_vertex_of(points), return_inverse=True)
+    check_length(float(chord_of(points)[-1]), shortest)
+    if max_deviation is not None:
+        return _within(points, closed=closed, max_deviation=max_deviation, max_curvature=max_curvature)
+    for bound in _DEVIATIONS_M:
+        try:
+            return _within(points, closed=closed, max_deviation=bound, max_curvature=max_curvature)
+        except RoadError as error:
+            refusal = error
+    found = None if closed else _driven_along(points, max_curvature)
+    if found is None:
+        raise refusal
+    return found
+
+
+def _within(points: FloatArray, *, closed: bool, max_deviation: float, max_curvature: float) -> SmoothedLine:
+    kept, vertex = np.unique(vertex_of(points), return_inverse=True)
     vertices = points[kept]
     if closed:
         vertices[-1] = vertices[0]
     chord = chord_of(vertices)
-    check_length(float(chord[-1]), shortest)
-    u = _densified(chord)
+    u = densified(chord)
     data = np.stack([np.interp(u, chord, column) for column in vertices.T], axis=1)
     line, s = _first_line(data, u, min(1.0 / max_curvature, _WIDEST_SIGMA_M), closed=closed)
     try:
-        weights = _shares(u) / _smoothing_lengths(vertices, chord, u, closed=closed) ** 6
+        weights = shares(u) / smoothing_lengths(vertices, chord, u, closed=closed) ** 6
         line, s, e = _settled(line, data, u, weights, s, max_deviation, max_curvature)
         path = _finished(line)
         s, e = path.extended(_MARGIN_M, _MARGIN_M).project(data[:, 0], data[:, 1], s * (path.length / line.stations.length))
@@ -102,30 +117,26 @@ def smooth_line(
         msg = f"the line turns back on itself near s = {error.s_m:.0f} m"
         raise RoadError(msg, s_m=error.s_m, hint="remove the points that go back, or cut the road there") from error
     s = np.maximum.accumulate(np.clip(s, 0.0, path.length))
-    smoothing = _smoothing(path, s, e, _shares(u), len(points), len(points) - len(kept))
+    smoothing = _smoothing(path, s, e, shares(u), len(points), len(points) - len(kept))
     return SmoothedLine(path, smoothing, np.interp(chord, u, s)[vertex])
 
 
-def path_through(points: FloatArray, max_curvature: float) -> tuple[ReferencePath, FloatArray] | None:
-    """Return the path through dense points of a line without kinks, which stays where it is, and their arclengths on it.
-
-    ``points`` has shape (n, 2) [m]. None: somewhere the line is tighter than ``max_curvature`` [1/m].
-
-    Raises:
-        RoadError: the line is too short or too long.
-
-    """
-    chord = chord_of(points)
-    check_length(float(chord[-1]))
-    kept = np.unique(np.append(np.searchsorted(chord, np.arange(0.0, chord[-1] - 0.5 * _EXACT_M, _EXACT_M)), len(points) - 1))
-    spline = spline_through(chord[kept], points[kept], closed=False)
-    parameters, s = equal_arclengths(spline, _EXACT_M)
-    (x, y), (dx, dy), (ddx, ddy) = (spline(parameters, order).T for order in range(3))
-    curvature = (dx * ddy - dy * ddx) / np.hypot(dx, dy) ** 3
-    if np.max(np.abs(curvature)) > max_curvature:
+def _driven_along(points: FloatArray, max_curvature: float) -> SmoothedLine | None:
+    """Return the path of a drive along an open line; None where the line turns back at a point, or that is tighter than it may be."""
+    kept, vertex = np.unique(vertex_of(points), return_inverse=True)
+    vertices = points[kept]
+    ahead = np.diff(vertices, axis=0)
+    cosine = np.sum(ahead[1:] * ahead[:-1], axis=1) / np.hypot(*ahead[1:].T) / np.hypot(*ahead[:-1].T)
+    driven, along = pursued(vertices, _DRIVEN_SHARE * max_curvature)
+    found = path_through(driven, _DRIVEN_EXCESS * max_curvature)
+    if found is None or np.min(cosine, initial=1.0) < _BACK:
         return None
-    path = from_samples(x, y, np.arctan2(dy, dx), curvature, float(s[-1]) / (len(parameters) - 1))
-    return path, np.interp(chord, chord[kept], s)
+    path, s_driven = found
+    s = np.interp(chord_of(vertices), along, s_driven)
+    here = path.at(s)
+    apart = np.hypot(here.x - vertices[:, 0], here.y - vertices[:, 1])
+    smoothing = _smoothing(path, s, apart, np.ones(len(s)), len(points), len(points) - len(kept))
+    return SmoothedLine(path, smoothing, s[vertex])
 
 
 def smoothing_of(path: ReferencePath, points: FloatArray, near: FloatArray) -> Smoothing:
@@ -149,61 +160,9 @@ def _smoothing(path: ReferencePath, s: FloatArray, e: FloatArray, weights: Float
     )
 
 
-def _vertex_of(points: FloatArray) -> IntArray:
-    """Map near-duplicates to their representative: return for each point its own number, or that of the one that replaces it.
-
-    The end point always represents itself.
-    """
-    stands = np.zeros(len(points), dtype=np.int64)
-    places = points.tolist()
-    last = 0
-    for i, place in enumerate(places):
-        last = i if math.dist(place, places[last]) >= _DUPLICATE_M else last
-        stands[i] = last
-    if last > 0:
-        stands[stands == last] = len(points) - 1
-    return stands
-
-
-def _densified(chord: FloatArray) -> FloatArray:
-    """Return chord lengths no further apart than ``_DENSE_M`` that include the given ones."""
-    pieces = np.maximum(1, np.ceil(np.diff(chord) / _DENSE_M - 0.01))
-    number = np.concatenate([[0.0], np.cumsum(pieces)])
-    u: FloatArray = np.interp(np.arange(number[-1] + 1.0), number, chord)
-    return u
-
-
-def _shares(u: FloatArray) -> FloatArray:
-    """Return the length of line that each sample stands for [m]."""
-    half = 0.5 * np.diff(u)
-    shares: FloatArray = np.append(half, 0.0) + np.append(0.0, half)
-    return shares
-
-
-def _smoothing_lengths(vertices: FloatArray, chord: FloatArray, u: FloatArray, *, closed: bool) -> FloatArray:
-    """Return the length below which features are smoothed away at each datum [m].
-
-    It follows what the points can tell: their spacing, and the cube root of their positions' third difference (a change
-    of curvature over a step, or noise). Dense smooth input is so left alone, and bare map corners are rounded widely.
-    """
-    spacing = np.diff(chord)
-    ahead = np.diff(vertices, axis=0)
-    if closed:
-        spacing, ahead = np.concatenate([spacing[-2:], spacing, spacing[:2]]), np.concatenate([ahead[-2:], ahead, ahead[:2]])
-    turn = np.arctan2(ahead[:-1, 0] * ahead[1:, 1] - ahead[:-1, 1] * ahead[1:, 0], np.sum(ahead[:-1] * ahead[1:], axis=1))
-    turn = np.concatenate([turn[:1], turn, turn[-1:]]) if turn.size else np.zeros(2)
-    third = spacing * np.abs(np.diff(turn))
-    ell = np.clip(np.maximum(_SPACING_SHARE * spacing, np.cbrt(third / _ROUGH_M) * _LONGEST_M), _SPACING_SHARE, _LONGEST_M)
-    if closed:
-        ell = ell[2:-2]
-    segment = np.clip(np.searchsorted(chord, u, side="right") - 1, 0, len(ell) - 1)
-    reach = int(2.0 * _LONGEST_M / _DENSE_M)
-    return maximum_filter1d(ell[segment], 2 * reach + 1, mode="wrap" if closed else "nearest")
-
-
 def _first_line(data: FloatArray, u: FloatArray, sigma: float, *, closed: bool) -> tuple[_Line, FloatArray]:
     """Return the Gaussian-filtered line and roughly the data's arclengths on it."""
-    cells = max(_FEWEST_CELLS, round(float(u[-1]) / _STATION_M))
+    cells = max(FEWEST_CELLS, round(float(u[-1]) / _STATION_M))
     uniform = np.linspace(0.0, float(u[-1]), cells + 1)
     raw = np.stack([np.interp(uniform, u, column) for column in data.T], axis=1)
     sigma /= float(uniform[1])
@@ -307,38 +266,3 @@ def _finished(line: _Line) -> ReferencePath:
     here = line.path().at(parameters)
     spacing = float(s[-1]) / (len(parameters) - 1)
     return from_samples(here.x, here.y, here.heading, here.curvature, spacing, closed=line.stations.closed)
-
-
-def chord_of(points: FloatArray) -> FloatArray:
-    """Return the length along a polyline at its points [m]."""
-    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
-
-
-def check_length(length: float, shortest: float = MIN_LENGTH_M) -> None:
-    """Refuse a road that is shorter than ``shortest``, or too long [m].
-
-    Raises:
-        RoadError: it is one of them.
-
-    """
-    if length < shortest:
-        msg = f"the road is {length:.2f} m long; at least {shortest:g} m are needed"
-        raise RoadError(msg)
-    if length > MAX_LENGTH_M:
-        msg = f"the road is {length / 1e3:.0f} km long; at most {MAX_LENGTH_M / 1e3:.0f} km can be smoothed at once"
-        raise RoadError(msg, hint="are the coordinates metres? otherwise cut the road into parts")
-
-
-def spline_through(knots: FloatArray, points: FloatArray, *, closed: bool) -> CubicSpline[np.float64]:
-    """Return the spline through ``points``, shape (n, 2) [m], at ``knots``; a closed one is periodic."""
-    return CubicSpline(knots, points, bc_type="periodic") if closed else CubicSpline(knots, points, bc_type="not-a-knot")
-
-
-def equal_arclengths(spline: CubicSpline[np.float64], spacing: float) -> tuple[FloatArray, FloatArray]:
-    """Return a plane spline's parameters at equal arclengths of about ``spacing``, and the arclengths of its knots [m]."""
-    half = 0.5 * np.diff(spline.x)
-    velocity = spline(spline.x[:-1, None] + half[:, None] * (_NODES + 1.0), 1)
-    s = np.concatenate([[0.0], np.cumsum(np.hypot(velocity[..., 0], velocity[..., 1]) @ _WEIGHTS * half)])
-    uniform = np.linspace(0.0, float(s[-1]), max(_FEWEST_CELLS, round(float(s[-1]) / spacing)) + 1)
-    inverse = CubicHermiteSpline(s, spline.x, 1.0 / np.hypot(*spline(spline.x, 1).T))
-    return np.clip(inverse(uniform), 0.0, spline.x[-1]), s

@@ -23,7 +23,7 @@ from hdvplan.road.path import KNOT_SPACING_M, ReferencePath, from_samples
 from hdvplan.road.pieces import Kerb
 from hdvplan.road.regions import OPEN_M, Region
 from hdvplan.road.road import Road
-from hdvplan.road.smooth import chord_of
+from hdvplan.road.splines import chord_of
 
 WINDOW_M = 5000.0  # about
 BLEND_M = 50.0

@@ -7,7 +7,8 @@ import pytest
 
 from hdvplan.arrays import FloatArray
 from hdvplan.road.arcs import rounded, wrapped
-from hdvplan.road.smooth import path_through, smoothing_of
+from hdvplan.road.smooth import smoothing_of
+from hdvplan.road.splines import path_through
 
 U = np.linspace(0.0, 20.0, 81)
 

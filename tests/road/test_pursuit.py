@@ -1,0 +1,78 @@
+"""Hairpins that turn more tightly than anything can be driven: they are answered, and refused only where the user bounds the smoothing."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+
+from hdvplan import api
+from hdvplan.arrays import FloatArray
+from hdvplan.case import Case
+from hdvplan.errors import RoadError
+from hdvplan.judging.balance import KEPT_M
+from hdvplan.judging.bodies import corners
+from hdvplan.judging.verdict import verdict_of
+from hdvplan.road.line import Line, RawRoad, smoothed
+from hdvplan.road.options import RoadOptions
+from hdvplan.road.pursuit import pursued
+from hdvplan.road.smooth import smooth_line
+from hdvplan.vehicle.load import load_vehicle
+
+K = 0.125
+LEG_M = 60.0
+
+
+def hairpin(radius: float) -> FloatArray:
+    """Return a half turn between two straights, a point every 15 degrees."""
+    turn, legs = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 13), np.arange(-LEG_M, 0.0, 5.0)
+    arms = [np.stack([legs[::way], np.full(len(legs), -way * radius)], axis=1) for way in (1, -1)]
+    return np.vstack([arms[0], radius * np.stack([np.cos(turn), np.sin(turn)], axis=1), arms[1]])
+
+
+@pytest.mark.parametrize("radius", [0.05, 0.5, 1.5, 3.05])
+def test_a_hairpin_whose_arms_are_too_near_to_each_other_is_driven_along(radius: float) -> None:
+    points = hairpin(radius)
+    line = smooth_line(points, closed=False, max_deviation=None, max_curvature=K)
+    ends = line.path.at(np.array([0.0, line.path.length]))
+    np.testing.assert_allclose(np.stack([ends.x, ends.y], axis=1), points[[0, -1]], atol=1e-6)  # a table's rounding
+    assert line.smoothing.max_curvature <= 1.1 * K
+    assert line.smoothing.max_deviation < 3.0 / K  # within a turning circle and what a turn back to the line takes
+    assert np.all(np.diff(line.s_points) >= 0.0)
+    assert (line.s_points[0], line.s_points[-1]) == pytest.approx((0.0, line.path.length), abs=1e-6)
+    with pytest.raises(RoadError):
+        smooth_line(points, closed=False, max_deviation=5.0, max_curvature=K)
+
+
+def test_what_can_be_smoothed_within_the_usual_deviation_is_and_a_point_that_turns_back_is_refused() -> None:
+    points = hairpin(9.0)
+    one, other = (smooth_line(points, closed=False, max_deviation=bound, max_curvature=K).path.coefficients for bound in (None, 5.0))
+    np.testing.assert_array_equal(one, other)
+    with pytest.raises(RoadError, match="turns back on itself near s"):
+        smooth_line(np.array([[0.0, 0.0], [50.0, 0.0], [0.0, 0.1]]), closed=False, max_deviation=None, max_curvature=K)
+
+
+def test_a_drive_keeps_to_a_line_that_it_can_follow_and_to_its_own_curvature_elsewhere() -> None:
+    circle = 20.0 * np.stack([np.sin(np.linspace(0.0, math.pi, 60)), 1.0 - np.cos(np.linspace(0.0, math.pi, 60))], axis=1)
+    for points, off in ((circle, 0.5), (hairpin(1.0), 3.0 / K)):  # towards a point 6.4 m ahead: a chord of 20 m bows by 0.26 m
+        driven, along = pursued(points, K)
+        assert np.all(np.diff(along) > 0.0)
+        assert np.max(shapely.distance(shapely.points(driven), shapely.LineString(points))) < off
+        heading = np.unwrap(np.arctan2(*np.diff(driven, axis=0).T[::-1]))
+        assert np.max(np.abs(np.diff(heading))) <= 1.1 * K * 0.5  # over a step of half a metre
+
+
+@pytest.mark.parametrize(("half_width", "word"), [(3.0, "NO"), (22.0, "YES")])
+def test_a_street_round_a_tight_hairpin_is_answered(half_width: float, word: str) -> None:
+    points, bus = hairpin(3.05), load_vehicle("bus")
+    raw = RawRoad(points, np.full((4, len(points)), half_width))
+    result = api.plan(Case(smoothed(Line("hairpin", raw, RoadOptions(max_curvature=1.25 * bus.max_curvature)))[0], bus))
+    assert verdict_of(result).word == word
+    on = np.flatnonzero(result.drive.poses_s <= result.drive.road.path.length)
+    longer = points + np.zeros_like(points)
+    longer[[0, -1], 0] -= 30.0  # beyond the ends the street goes on straight
+    street = shapely.buffer(shapely.LineString(longer), half_width + KEPT_M)
+    swept = shapely.polygons(corners(result.drive, on).reshape(-1, 4, 2))
+    assert bool(np.all(shapely.covered_by(swept, street))) is (word == "YES")
