@@ -1,7 +1,5 @@
 #include "terms.h"
 
-#include <math.h>
-
 #include "kinematics.h"
 #include "path.h"
 #include "sizes.h"
@@ -23,19 +21,13 @@ HDV_INLINE double weight_at(const struct hdv_centring *own, const struct hdv_sce
     return stands(&scene->road[i - 1]) ? 0.0 : own->weights[i];
 }
 
-/* Where the auxiliary axle is beside the road, and how its offset changes with the first states, gradient (n,). Beyond
- * the road's centre of curvature the offset is that across the line where its foot was last. */
+/* Where the auxiliary axle is beside the road, and how its offset changes with the first states, gradient (n,). */
 HDV_INLINE struct foot offset_at(
     const struct hdv_centring *own, const struct hdv_scene *scene, int64_t i, int64_t n, double near, double *gradient
 ) {
     const struct hdv_pose *poses = scene->poses + i * scene->unit_count;
     struct plane_point axle = body_point(poses + own->unit, own->ahead, 0.0);
-    struct foot foot = project(own->curve, axle.x, axle.y, near, PLANNING_STEP_M);
-    if (isnan(foot.offset)) {
-        struct path_point at = evaluate(own->curve, near);
-        double across = (axle.y - at.y) * at.cos - (axle.x - at.x) * at.sin;
-        foot = (struct foot){near, across, at.cos, at.sin, at.curvature};
-    }
+    struct foot foot = planned_foot(own->curve, axle.x, axle.y, near);
     point_gradient(poses, own->unit, axle, scene->road + i, -foot.sin, foot.cos, n, gradient);
     return foot;
 }

@@ -91,4 +91,15 @@ HDV_INLINE struct foot project(const struct hdv_curve *curve, double x, double y
     return (struct foot){s, NAN, 1.0, 0.0, 0.0};
 }
 
+/* The same of a point that a plan looks at: beyond the road's centre of curvature its offset is that across the line at
+ * arclength near, where its foot was last. */
+HDV_INLINE struct foot planned_foot(const struct hdv_curve *curve, double x, double y, double near) {
+    struct foot foot = project(curve, x, y, near, PLANNING_STEP_M);
+    if (!isnan(foot.offset))
+        return foot;
+    struct path_point at = evaluate(curve, near);
+    double across = (y - at.y) * at.cos - (x - at.x) * at.sin;
+    return (struct foot){near, across, at.cos, at.sin, at.curvature};
+}
+
 #endif

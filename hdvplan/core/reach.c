@@ -5,8 +5,6 @@
  */
 #include "terms.h"
 
-#include <math.h>
-
 #include "kinematics.h"
 #include "numbers.h"
 #include "path.h"
@@ -25,7 +23,7 @@ static void write_epigraph(const struct hdv_reach *own, const struct hdv_program
 }
 
 /* Write the rows of one edge's watched points at stage i: offset <= 0 to the left (side 0), >= 0 to the right; return
- * the next row, or -1 where a point has no foot. */
+ * the next row. */
 static int64_t write_points(
     const struct hdv_reach *own, const struct hdv_scene *scene, int64_t i, int64_t unit, int side, int64_t number
 ) {
@@ -35,9 +33,7 @@ static int64_t write_points(
         int64_t place = unit * own->point_count + point;
         double *near = &own->feet[((scene->at + i) * scene->unit_count * own->point_count + place) * 2 + side];
         struct plane_point at = body_point(&poses[unit], own->points[place].ahead, sign * own->half_widths[unit]);
-        struct foot foot = project(own->curve, at.x, at.y, *near, PLANNING_STEP_M);
-        if (isnan(foot.offset))
-            return -1;
+        struct foot foot = planned_foot(own->curve, at.x, at.y, *near);
         *near = foot.s;
         point_gradient(poses, unit, at, &scene->road[i], -foot.sin, foot.cos, scene->states, across);
         struct row row = program_row(&scene->program, i, number);
@@ -65,13 +61,9 @@ HDV_EXPORT int64_t hdv_linearise_reach(void *data, const struct hdv_scene *scene
         if (fresh)
             begin_feet(own, scene, i);
         *program_stage(&scene->program, i).live = 1.0;
-        for (int64_t unit = 0; unit < scene->unit_count; unit++) {
-            for (int side = 0; side < 2; side++) {
+        for (int64_t unit = 0; unit < scene->unit_count; unit++)
+            for (int side = 0; side < 2; side++)
                 number = write_points(own, scene, i, unit, side, number);
-                if (number < 0)
-                    return i;
-            }
-        }
     }
     return -1;
 }

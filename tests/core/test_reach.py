@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+from hdvplan.api import drive_case
 from hdvplan.arrays import FloatArray, Records
+from hdvplan.case import Case
 from hdvplan.centring.weights import CentringTable
 from hdvplan.errors import OptionError
 from hdvplan.planning.assembly import assemble
@@ -12,6 +14,7 @@ from hdvplan.planning.planner import Plan, Planner
 from hdvplan.planning.settings import OBJECTIVE_NAMES, PlannerSettings, Scheme
 from hdvplan.planning.stations import Stations, stations_of
 from hdvplan.planning.terms.centring import Centring, Reach, Residual
+from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
 from hdvplan.solvers.registry import solver_named
 from hdvplan.solvers.riccati import RiccatiWorkspace
@@ -188,3 +191,12 @@ def test_weights_that_are_none_are_refused(name: str) -> None:
     with pytest.raises(OptionError) as caught:
         objective_named(name)
     assert caught.value.hint or "from 0 to 1" in str(caught.value)
+
+
+@each_objective
+def test_a_point_beyond_the_centre_of_curvature_ends_no_plan(objective: Objective) -> None:
+    """The trailer of this vehicle cuts a bend of 6 m across its centre."""
+    vehicle, settings = load_vehicle("tractor-trailer-24m"), PlannerSettings(horizon=50.0)
+    road = Road("tight", from_curvature([0.0, 30.0, 36.0, 46.0, 52.0, 110.0], [0.0, 0.0, 0.16, 0.16, 0.0, 0.0]))
+    drive = drive_case(Case(road, vehicle, objective=objective, settings=settings))
+    assert np.all(np.isfinite(drive.z))
