@@ -104,6 +104,12 @@ def refuse_on(line: Line, asked: Mapping[str, bool]) -> None:
         raise OptionError(msg, hint="cut the road, and plan the part")
 
 
+def warn_no_side(road: Road, side: str | None, *, quiet: bool) -> None:
+    """Say where a side that is asked for has no effect."""
+    if side is not None and not any(one.on_line and road.regions[one.region].side is None for one in road.passages):
+        warn(f"--pass {side} has no effect: nothing lies on the line that has no side of its own", quiet=quiet)
+
+
 def warn_far_regions(regions: tuple[Region, ...], paths: Sequence[ReferencePath], *, quiet: bool) -> None:
     """Say which regions do not count along a road, or its legs: coordinates that are swapped, or of another system, would go unnoticed."""
     import numpy as np

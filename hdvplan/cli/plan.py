@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hdvplan.cli.checks import check_bias, check_fits, check_room, refuse_on, smoothed, vehicle_named
+from hdvplan.cli.checks import check_bias, check_fits, check_room, refuse_on, smoothed, vehicle_named, warn_no_side
 from hdvplan.cli.completion import one_of
 from hdvplan.cli.console import progress
 from hdvplan.cli.help import OUTPUT, PLANNING, ROAD, VEHICLE
@@ -219,7 +219,9 @@ def _planned(asked: _Asked, found: Found, vehicle: Vehicle) -> Result:
 
     _kinds(asked.output)  # mistakes are told before anything is smoothed
     options, quiet = asked.options, asked.output.quiet
-    case = asked.case(smoothed(found, asked.road, quiet=quiet), vehicle)
+    track = smoothed(found, asked.road, quiet=quiet)
+    warn_no_side(track, options.side, quiet=quiet)
+    case = asked.case(track, vehicle)
     check_fits(case.road, vehicle, asked.reaches)
     with progress(f"planning {vehicle.name} along {case.road.name}", quiet=quiet) as on_progress:
         if options.bias is not None:

@@ -26,7 +26,7 @@ from hdvplan.road.road import Smoothing
 from hdvplan.road.splines import FEWEST_CELLS, check_length, chord_of, equal_arclengths, path_through, spline_through
 
 _DEVIATIONS_M = (5.0, 10.0, 20.0)  # that are tried one after the other where nobody says how far a line may be moved
-_DRIVEN_SHARE, _DRIVEN_EXCESS = 0.9, 1.1  # of the curvature: of a drive along a line, and where that is moved to its end
+_DRIVEN_SHARE, _DRIVEN_EXCESS = 0.9, 1.5  # of the curvature: of a drive along a line, and where that is moved to its end
 _BACK = -np.cos(np.deg2rad(30.0))  # cosine of a turn at a point that is a mistake, or a drive back
 _STATION_M = 1.0  # the unknown offsets stand this far apart: a spline knot a metre holds a radius of 8 m to 0.2 %
 _WIDEST_SIGMA_M = 10.0  # of the Gaussian that makes the first line; else as wide as the tightest radius
