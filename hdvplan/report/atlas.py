@@ -6,7 +6,6 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import SubFigure
-from matplotlib.patches import PathPatch
 from shapely.geometry.base import BaseGeometry
 
 from hdvplan.arrays import FloatArray
@@ -25,9 +24,9 @@ from hdvplan.report.maps import (
     draw_map,
     draw_overview,
     draw_room,
+    draw_tube,
     finish_map,
     frame,
-    outline_of,
     reach_within,
     stations,
 )
@@ -37,7 +36,6 @@ from hdvplan.report.tube import tubes_of
 _ABREAST = 2  # enlargements beside each other
 _LETTER_M, _LETTER_PT = 7.0, 25.0  # from the edge that it is written beside: room on the map, and its distance
 _BEYOND_M = 40.0  # the road goes on beyond an enlarged stretch, as far as the map shows
-_TUBE = "0.75"  # what bodies sweep at most while the driver errs as much as is allowed
 _TALL = 1.25  # height over width from which a road's overview stands beside its enlargements
 
 
@@ -87,7 +85,7 @@ def _draw_enlarged(
     ends = np.array([middle - 0.5 * extent, middle + 0.5 * extent])
     draw_features(axes, features, around(ends, 0.0))
     if tube is not None:
-        axes.add_patch(PathPatch(outline_of(tube), facecolor=_TUBE, edgecolor="none", zorder=0.5, label="with the driver's error"))
+        draw_tube(axes, tube)
     draw_depths(axes, result, Window(window.s_from - _BEYOND_M, window.s_to + _BEYOND_M))
     if room is not None:
         draw_bodies(axes, corners(result.drive, np.array([pose_touching(result, room)])))

@@ -144,6 +144,12 @@ def draw_bodies(axes: Axes, outlines: FloatArray, *, weight: float = SLIDE, turn
         axes.plot(*heads.T, color=body_colour(0), linewidth=0.7 * weight, zorder=3.5)
 
 
+def draw_tube(axes: Axes, tube: BaseGeometry, *, turned: Turn | None = None) -> None:
+    """Draw what bodies sweep at most while the driver errs as much as is allowed, as a pale band behind what they sweep."""
+    placed = tube if turned is None else shapely.transform(tube, turned)
+    axes.add_patch(PathPatch(outline_of(placed), facecolor="0.75", edgecolor="none", zorder=0.5, label="with the driver's error"))
+
+
 def draw_letter(axes: Axes, letter: str, at: FloatArray, away_pt: tuple[float, float], colour: str) -> None:
     """Write a letter in a circle ``away_pt`` [pt] from a place, with a line to it."""
     axes.annotate(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
 from io import BytesIO
+from itertools import zip_longest
 from textwrap import wrap
 from typing import NamedTuple
 
@@ -26,6 +27,7 @@ from hdvplan.report.layers import LONLAT_CODE, drawn_features, map_system
 from hdvplan.report.paper import PAPERS_MM, Page, SheetOptions, pages_of
 from hdvplan.report.sheetmap import BAND_MM, draw_field, draw_inset, places_of
 from hdvplan.report.style import styled
+from hdvplan.report.tube import tubes_of
 from hdvplan.vehicle.model import Vehicle
 from hdvplan.version import __version__
 
@@ -74,22 +76,23 @@ def sheet_bytes(result: Result, options: SheetOptions, *, date: str | None = Non
         OptionError: at the scale asked for not even the vehicle has room.
 
     """
-    pages, features, drive, verdict = (
-        pages_of(result, map_mm(options), options.scale),
-        drawn_features(result),
-        result.drive,
-        verdict_of(result),
-    )
-    driver = (("driver", tracking_line(result)),) if verdict.fits else ()
+    pages, features = pages_of(result, map_mm(options), options.scale), drawn_features(result)
+    drive, verdict = result.drive, verdict_of(result)
+    driver = (("driver", f"{tracking_line(result)}; the grey band where enlarged"),) if verdict.fits else ()
+    around = drive.vehicle.reach_ahead + drive.vehicle.reach_behind
 
     def sheet(page: Page) -> Sheet:
         places = places_of(result, page, places_on(options))
+        tubes = tubes_of(result, [(room.s - around, room.s + around) for _, room in places])
         about = (f"{drive.road.name}, {drive.road.path.length:.1f} m", drive.road.notice)
         rows = rows_of(result, about, page, options.paper, date)
         return Sheet(
             drive.vehicle, verdict.fits, verdict_text(result, verdict), (*rows, ("wheel tracks", TRACK_NOTE), *driver),
             lambda axes, size: draw_field(axes, result, features, page, size, places),
-            tuple(partial(draw_inset, result=result, features=features, page=page, place=place) for place in places),
+            tuple(
+                partial(draw_inset, result=result, features=features, page=page, place=place, tube=tube)
+                for place, tube in zip_longest(places, tubes)
+            ),
         )  # fmt: skip
 
     title = f"{drive.vehicle.name} on {drive.road.name}, {drive.road.path.length:.0f} m"

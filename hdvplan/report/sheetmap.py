@@ -6,13 +6,14 @@ import numpy as np
 import shapely
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
+from shapely.geometry.base import BaseGeometry
 
 from hdvplan.arrays import FloatArray, IntArray
 from hdvplan.judging.bodies import corners, pose_at
 from hdvplan.judging.result import Result, body_name
 from hdvplan.report.colours import BREACH, INK
 from hdvplan.report.layers import Drawn, outline_places
-from hdvplan.report.maps import draw_bodies, draw_direction, draw_features, draw_letter, draw_north, draw_room
+from hdvplan.report.maps import draw_bodies, draw_direction, draw_features, draw_letter, draw_north, draw_room, draw_tube
 from hdvplan.report.paper import Page
 from hdvplan.report.rooms import Room, peaks, pose_touching, room_at, shown_reach, tightness
 from hdvplan.report.style import ON_WHITE
@@ -69,15 +70,21 @@ def draw_marks(axes: Axes, page: Page, size_mm: tuple[float, float], *, north: b
 
 
 def draw_inset(
-    axes: Axes, size_mm: tuple[float, float], result: Result, features: tuple[Drawn, ...], page: Page, place: tuple[str, Room]
-) -> None:
-    """Draw the surroundings of a tight place, larger, with the vehicle where it is tightest and the clearance as a dimension."""
+    axes: Axes, size_mm: tuple[float, float], result: Result, features: tuple[Drawn, ...], page: Page, place: tuple[str, Room],
+    tube: BaseGeometry | None = None,
+) -> None:  # fmt: skip
+    """Draw the surroundings of a tight place, larger, with the vehicle where it is tightest and the clearance as a dimension.
+
+    ``tube`` is what bodies sweep there with the driver's error.
+    """
     letter, room = place
     scale = inset_scale(page)
     ends = page.turned(room.ends)
     inwards = page.turned(-_INWARDS_M * room.outwards[None])[0]
     view = look_at(axes, (ends.mean(axis=0) if room.limited else ends[0]) + inwards, size_mm, scale)
     _draw_ground(axes, result, features, page, view, np.array([pose_touching(result, room)]))
+    if tube is not None:
+        draw_tube(axes, tube, turned=page.turned)
     shown = float(np.hypot(*(ends[1] - ends[0]))) < _LONG_SHARE * size_mm[1] * scale / 1e3  # else the text stands on the dimension
     beside = page.turned((room.beyond + _BESIDE_MM * scale / 1e3 * room.outwards)[None])[0] if room.limited and shown else ends.mean(axis=0)
     draw_room(axes, room, room.text, beside, turned=page.turned)

@@ -12,6 +12,7 @@ from pypdf.generic import DictionaryObject
 
 from hdvplan.errors import OptionError
 from hdvplan.judging.result import Result
+from hdvplan.judging.verdict import verdict_of
 from hdvplan.report.paper import SheetOptions, pages_of
 from hdvplan.report.sheet import sheet_bytes
 from tests.report.pdf import strokes
@@ -100,3 +101,14 @@ def test_options_are_read_as_they_are_written() -> None:
     for paper, scale in (("a5", None), ("a3", "half"), ("a3", "0"), ("a3", "1:99999")):
         with pytest.raises(OptionError):
             SheetOptions.named(paper, scale)
+
+
+def test_enlarged_places_show_what_the_driver_may_err(kerbed: Result, straight: Result) -> None:
+    """A fill of three quarters white is the band; a plan that breaks its limits has none, nor what says so."""
+    for result, shown in ((straight, True), (kerbed, False)):
+        assert verdict_of(result).fits is shown
+        (page, *_) = read(result).pages
+        contents = page.get_contents()
+        assert contents is not None
+        assert (b" 0.75 g" in contents.get_data()) is shown
+        assert ("the grey band where enlarged" in " ".join(page.extract_text().split())) is shown
