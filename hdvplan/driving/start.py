@@ -27,6 +27,7 @@ _MOVES = 5  # of a start, until it is kept
 _NEAR_M = 0.2  # contacts with so much room bear on a move, too
 _INSIDE_M = 1e-3  # what a move may miss, for gaps are not straight
 _PROBE_M = 1e-6  # of a derivative
+_FURTHEST_M = 5.0  # that a start is moved: gaps are not straight, and a move without end leaves the model
 _SHARES = (1.0, 0.5, 0.25, 0.125)  # of what lacks, that a move is to give
 _SPACING_M = 0.25  # of the places on a body's edges that are looked at
 _STRAIGHT_M = 20.0  # of continuation before the vehicle's length: its curvature has faded there
@@ -53,6 +54,9 @@ def kept_start(stations: Stations, vehicle: Vehicle, begin: Start, clearance: fl
     """
     if stations.street is None:
         return begin
+    metres = np.array(
+        [1.0, *[vehicle.reach_ahead + vehicle.reach_behind] * vehicle.rigid_states][: len(begin.z)]
+    )  # that a body moves, about
     z = best = begin.z
     least = -np.inf
     for _ in range(_MOVES):
@@ -62,16 +66,20 @@ def kept_start(stations: Stations, vehicle: Vehicle, begin: Start, clearance: fl
             best, least = z, room
         if room >= clearance:
             break
-        move = _move(stations, vehicle, z, gaps, clearance, s)
-        if move is None:
+        move = _move(stations, vehicle, z, gaps, clearance, s, metres)
+        if move is None or np.max(np.abs(z + move - begin.z) * metres) > _FURTHEST_M:
             break
         z = z + move
     return begin._replace(z=best)
 
 
-def _move(stations: Stations, vehicle: Vehicle, z: FloatArray, gaps: FloatArray, clearance: float, s: float) -> FloatArray | None:
-    """Return the least move of a state that gives all bodies ``clearance``, or as much of what lacks as it can; None without any."""
-    metres = np.array([1.0, *[vehicle.reach_ahead + vehicle.reach_behind] * vehicle.rigid_states][: len(z)])  # that a body moves, about
+def _move(
+    stations: Stations, vehicle: Vehicle, z: FloatArray, gaps: FloatArray, clearance: float, s: float, metres: FloatArray
+) -> FloatArray | None:
+    """Return the least move of a state that gives all bodies ``clearance``, or as much of what lacks as it can; None without any.
+
+    ``metres`` (n,) are what a state counts.
+    """
     near = np.flatnonzero(gaps < clearance + _NEAR_M)
     changed = _gaps(stations, vehicle, z + np.diag(_PROBE_M / metres), s)[:, near]
     rows, lacking = (changed - gaps[near]).T / _PROBE_M, clearance + _INSIDE_M - gaps[near]

@@ -17,6 +17,7 @@ from hdvplan.planning.stations import stations_of
 from hdvplan.road.line import Line, RawRoad, smoothed
 from hdvplan.road.options import RoadOptions
 from hdvplan.road.path import from_curvature
+from hdvplan.road.pieces import Kerb
 from hdvplan.road.road import Road
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
@@ -102,3 +103,17 @@ def test_a_line_of_points_may_begin_in_a_tight_bend_too() -> None:
     length = road.path.length
     for end, stretch in ((0, (-50.0, 0.0)), (0, (-50.0, -10.0)), (1, (length, length + 50.0)), (1, (length + 10.0, length + 50.0))):
         np.testing.assert_allclose(road.about.part(*stretch, length).ends, road.about.ends[[end, end]], atol=1e-12)  # rounding
+
+
+def test_a_start_that_nothing_mends_is_moved_no_further_than_it_helps() -> None:
+    """A spike from the left kerb through the rear body, 4 m deep: every move of the rear asks for another one."""
+    bus = load_vehicle("articulated-bus")
+    left = np.array([[-60.0, 3.0], [-7.3, 3.0], [-7.1, -2.8], [-6.9, 3.0], [80.0, 3.0]])
+    right = np.array([[-60.0, -3.0], [80.0, -3.0]])
+    kerbs = tuple(Kerb(points, points[:, 0], side) for points, side in ((left, True), (right, False)))
+    road = Road("spike", from_curvature([0.0, 80.0], [0.0, 0.0])).with_kerbs(kerbs)
+    stations = stations_of(road, bus, CentringTable.of(bus), step=0.5, horizon=50.0)
+    begin = start_at(road, bus)
+    moved = kept_start(stations, bus, begin, 0.0).z - begin.z
+    assert np.max(np.abs(moved) * [1.0, *[bus.reach_ahead + bus.reach_behind] * 2]) <= 5.0
+    assert np.all(np.isfinite(drive_case(Case(road, bus, settings=SETTINGS)).z))
