@@ -79,8 +79,20 @@ def _sided(longer: ReferencePath, path: ReferencePath, edge: FloatArray) -> list
         if len(part) > 1 and len(inside) and (path.closed or (np.min(s[part]) < path.length + BEYOND_M and np.max(s[part]) > -BEYOND_M)):
             along = part if s[inside[-1]] >= s[inside[0]] else part[::-1]
             lap = path.length * np.floor(s[along[0]] / path.length) if path.closed else 0.0
-            found.append(Kerb(points[along], np.maximum.accumulate(s[along]) - lap, bool(offset[inside[0]] > 0.0)))
+            found.append(Kerb(points[along], _rising(s[along], offset[along]) - lap, bool(offset[inside[0]] > 0.0)))
     return found
+
+
+def _rising(s: FloatArray, offset: FloatArray) -> FloatArray:
+    """Return arclengths beside the points of a line that never fall.
+
+    Round a side street in a bend the feet run far ahead of where the line comes back to the road: places near the road count there.
+    """
+    ahead: FloatArray = np.maximum.accumulate(s)
+    if np.max(ahead - np.minimum.accumulate(s[::-1])[::-1]) <= _OVERLAP_M:
+        return ahead
+    rising: FloatArray = scipy.optimize.isotonic_regression(s, weights=(1.0 + offset**2) ** -2).x
+    return rising
 
 
 def _refuse_wall(path: ReferencePath, s: FloatArray, offset: FloatArray, crossing: int) -> None:

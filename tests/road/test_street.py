@@ -271,6 +271,26 @@ def test_a_polygon_s_caps_beyond_the_ends_are_open(first: int, turned: bool) -> 
         assert (kerb.points[:, 0].min(), kerb.points[:, 0].max()) == (-10.0, 110.0)
 
 
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_kerb_round_a_side_street_inside_a_bend_is_beside_the_road_where_it_comes_back(way: float, turned: bool) -> None:
+    """Feet in the side street lie far ahead: what follows it belonged to a place that a body had not reached, and was not judged."""
+    path = from_curvature([0.0, 30.0, 31.0, 62.0, 63.0, 90.0], [0.0, 0.0, way / 20.0, way / 20.0, 0.0, 0.0])
+
+    def beside(s: FloatArray) -> FloatArray:
+        return np.stack(path.to_plane(s, 3.0 * way), axis=1)
+
+    mouth = beside(np.array([31.0, 35.0]))
+    ahead = np.array([0.0, 25.0 * way])  # beyond the bend's centre
+    inner = np.vstack([beside(np.arange(0.0, 31.0)), mouth[:1] + ahead, mouth[1:] + ahead, beside(np.arange(35.0, 91.0))])
+    outer = np.stack(path.to_plane(np.arange(0.0, 91.0), -3.0 * way), axis=1)
+    kerbs, _ = drawn_kerbs(path, (inner[::-1] if turned else inner, outer))
+    (kerb,) = (kerb for kerb in kerbs if kerb.left is (way > 0.0))
+    along = np.array([kerb.s[np.argmin(np.hypot(*(kerb.points - place).T))] for place in inner[33:]])
+    np.testing.assert_allclose(along, np.arange(35.0, 91.0), atol=1.0)  # a quarter of the window in which kerbs are looked for
+    assert np.all(np.diff(kerb.s) >= 0.0)
+
+
 def test_over_a_gap_a_kerb_is_straight_and_it_is_told() -> None:
     upper = (np.array([[-5.0, 3.0], [30.0, 3.0]]), np.array([[40.0, 4.0], [105.0, 4.0]]))
     kerbs, notes = drawn_kerbs(arc(0.0, 100.0), (*upper, np.array([[-5.0, -2.0], [105.0, -2.0]])))
