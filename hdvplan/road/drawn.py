@@ -77,10 +77,22 @@ def _sided(longer: ReferencePath, path: ReferencePath, edge: FloatArray) -> list
     for part in _runs(left_out, ring=ring):
         inside = part[beside[part]]
         if len(part) > 1 and len(inside) and (path.closed or (np.min(s[part]) < path.length + BEYOND_M and np.max(s[part]) > -BEYOND_M)):
-            along = part if s[inside[-1]] >= s[inside[0]] else part[::-1]
+            along = part if _leads_on(s[inside], offset[inside]) else part[::-1]
             lap = path.length * np.floor(s[along[0]] / path.length) if path.closed else 0.0
             found.append(Kerb(points[along], _rising(s[along], offset[along]) - lap, bool(offset[inside[0]] > 0.0)))
     return found
+
+
+def _leads_on(s: FloatArray, offset: FloatArray) -> bool:
+    """Return whether a line is drawn in the direction of the road: where it is near it, for it may begin and end in side streets."""
+    weights = _weights(offset)
+    return bool(np.sum(np.diff(s) * np.minimum(weights[1:], weights[:-1])) >= 0.0)
+
+
+def _weights(offset: FloatArray) -> FloatArray:
+    """Return how much places count for the arclengths of their line: little where they are far from the road."""
+    counts: FloatArray = (1.0 + offset**2) ** -2
+    return counts
 
 
 def _rising(s: FloatArray, offset: FloatArray) -> FloatArray:
@@ -91,7 +103,7 @@ def _rising(s: FloatArray, offset: FloatArray) -> FloatArray:
     ahead: FloatArray = np.maximum.accumulate(s)
     if np.max(ahead - np.minimum.accumulate(s[::-1])[::-1]) <= _OVERLAP_M:
         return ahead
-    rising: FloatArray = scipy.optimize.isotonic_regression(s, weights=(1.0 + offset**2) ** -2).x
+    rising: FloatArray = scipy.optimize.isotonic_regression(s, weights=_weights(offset)).x
     return rising
 
 

@@ -291,6 +291,21 @@ def test_a_kerb_round_a_side_street_inside_a_bend_is_beside_the_road_where_it_co
     assert np.all(np.diff(kerb.s) >= 0.0)
 
 
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_kerb_from_one_side_street_to_another_inside_a_bend_is_directed_as_the_road_is(turned: bool) -> None:
+    """The outline of a block: feet of its first places lie beyond those of its last ones."""
+    path = from_curvature([0.0, 30.0, 31.0, 62.0, 63.0, 90.0], [0.0, 0.0, 0.05, 0.05, 0.0, 0.0])
+    x, y = path.to_plane(np.arange(33.0, 61.0), 3.0)
+    corner = np.stack([x, y], axis=1)
+    edge = np.vstack([corner[:1] + np.array([0.0, 26.0]), corner, corner[-1:] - np.array([26.0, 0.0])])
+    outer = np.stack(path.to_plane(np.arange(0.0, 91.0), -3.0), axis=1)
+    kerbs, _ = drawn_kerbs(path, (edge[::-1] if turned else edge, outer))
+    (kerb,) = (kerb for kerb in kerbs if kerb.left)
+    first, last = (int(np.argmin(np.hypot(*(kerb.points - corner[end]).T))) for end in (0, -1))
+    assert first < last
+    np.testing.assert_allclose(kerb.s[[first, last]], [33.0, 60.0], atol=1.0)  # as above
+
+
 def test_over_a_gap_a_kerb_is_straight_and_it_is_told() -> None:
     upper = (np.array([[-5.0, 3.0], [30.0, 3.0]]), np.array([[40.0, 4.0], [105.0, 4.0]]))
     kerbs, notes = drawn_kerbs(arc(0.0, 100.0), (*upper, np.array([[-5.0, -2.0], [105.0, -2.0]])))
