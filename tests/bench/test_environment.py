@@ -265,7 +265,8 @@ def test_a_comparison_that_is_killed_leaves_neither_processes_nor_temporary_file
     temporary.mkdir()
     forever = f"sh -c 'sleep 600 & echo $! > {tmp_path}/{token}; sleep 600'"
     gate = ["bench", "--against", "HEAD~1", "--command", forever, "--out", str(tmp_path / "gate")]
-    command = [sys.executable, "-P", "-m", "hdvplan", *gate]
+    as_at_a_shell = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"  # ignored where pytest runs in the background
+    command = [sys.executable, "-P", "-c", f"{as_at_a_shell}; from hdvplan.cli.entry import main; main()", *gate]
     environment_ = os.environ | {"PYTHONPATH": str(ROOT), "TMPDIR": str(temporary)}
     process = subprocess.Popen(command, cwd=ours, env=environment_, stderr=subprocess.PIPE, text=True)  # noqa: S603 - ours
     with process:
