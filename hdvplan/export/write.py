@@ -94,7 +94,7 @@ def _planner(case: Case) -> _Planner:
     begun = ready(road, case.vehicle, objective_named(case.objective), dependable(case.solver), case.settings, case.bias)
     if len(begun.goal.terms) != 1 or not isinstance(begun.goal.terms[0], Centring):
         msg = f"the objective {case.objective_name} cannot be exported: it is more than centring two axles"
-        raise OptionError(msg, hint="export geometric, geometric-fixed, lead-axle, trail-axle or art-weighted")
+        raise OptionError(msg, hint="export one that centres an axle, or a weighted sum of two, such as geometric or lead-axle")
     scene, parts = assemble(case.vehicle, begun.stations, begun.goal, case.settings)
     return _Planner(begun, scene, {_name(part): part for part in parts if isinstance(part, CorePart)})
 
