@@ -24,7 +24,7 @@ from hdvplan.judging.result import Result, body_name
 from hdvplan.judging.verdict import verdict_of, verdict_title
 from hdvplan.report.colours import answer_colour, body_colour
 from hdvplan.report.layers import Layer, drawn_features
-from hdvplan.report.maps import around, draw_direction, draw_features, finish_map, frame, reach_within, stations, swept_label
+from hdvplan.report.maps import HEAD, around, draw_direction, draw_features, finish_map, frame, reach_within, stations, swept_label
 from hdvplan.report.rooms import Window, half_length, joined, tightest_windows
 from hdvplan.report.style import body_fill, styled, write_head
 
@@ -204,5 +204,8 @@ def _frame(ground: Image.Image, bodies: list[Pixels], caption: str) -> Image.Ima
     draw = ImageDraw.Draw(image)
     for unit, body in enumerate(bodies):
         draw.polygon(body, fill="white", outline=body_colour(unit), width=2 * _OVERSAMPLED)
+    left, right, right_back, left_back = np.array(bodies[0])
+    head = (left + HEAD * (left_back - left), 0.5 * (left + right), right + HEAD * (right_back - right))  # the way the lead unit looks
+    draw.line([(float(x), float(y)) for x, y in head], fill=body_colour(0), width=_OVERSAMPLED)
     draw.text((image.width - 12 * _OVERSAMPLED, 8 * _OVERSAMPLED), caption, fill="black", anchor="ra", font_size=14 * _OVERSAMPLED)
     return image.reduce(_OVERSAMPLED)

@@ -46,7 +46,7 @@ def answer_of(results: Sequence[Result]) -> str:
     if "NEEDS" in words.values():
         return f"NEEDS {verdict_of(widest).half_width:.2f} m to both sides for the {widest.drive.vehicle.name}, the widest of {len(words)}"
     tightest = min(results, key=_spare)
-    return f"YES: all {len(words)} vehicles fit; {_spare(tightest):.2f} m to spare for the {tightest.drive.vehicle.name}"
+    return f"YES: all {len(words)} vehicles fit; {max(_spare(tightest), 0.0):.2f} m to spare for the {tightest.drive.vehicle.name}"
 
 
 @styled()

@@ -39,7 +39,7 @@ def legs_sheet_bytes(driven: LegsResult, options: SheetOptions, *, date: str | N
     places = [] if tightest is None else [_enlarged(driven, page, tightest)]
     places += [partial(_draw_stop, driven=driven, page=page, stop=stop) for stop in stops_of(driven)[1:]]
     sheet = Sheet(
-        first.drive.vehicle, driven.fits, driven.text, (*rows, ("legs", told)),
+        first.drive.vehicle, driven.fits, f"{driven.text}; {driven.details}", (*rows, ("legs", told)),
         partial(_draw_map, driven=driven, page=page, tightest=tightest), tuple(places),
     )  # fmt: skip
     title = f"{first.drive.vehicle.name} on {driven.legs.name}, {len(lengths)} legs, {sum(lengths):.0f} m"

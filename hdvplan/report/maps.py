@@ -35,7 +35,7 @@ ROOM_M = 2.0  # around what a map shows
 LABEL_AWAY_M = 2.5  # from the edge that it is written beside
 _LABELS_APART_M = 8.0
 _MOST_DEPTHS = 4  # written into one map
-_HEAD = 0.12  # of the lead unit's length: the arrow head in its front
+HEAD = 0.12  # of the lead unit's length: the arrow head in its front
 _BARS_M = (1000.0, 500.0, 200.0, 100.0, 50.0, 20.0, 10.0, 5.0, 2.0, 1.0)
 _SHARE = 0.3  # of the map's smaller side, at most
 _ARROW_LONG = 0.05  # of the map's larger side
@@ -140,7 +140,7 @@ def draw_bodies(axes: Axes, outlines: FloatArray, *, weight: float = SLIDE, turn
     )
     axes.add_collection(drawn)
     for left, right, right_back, left_back in shown[:, 0]:
-        heads = np.array([left + _HEAD * (left_back - left), 0.5 * (left + right), right + _HEAD * (right_back - right)])
+        heads = np.array([left + HEAD * (left_back - left), 0.5 * (left + right), right + HEAD * (right_back - right)])
         axes.plot(*heads.T, color=body_colour(0), linewidth=0.7 * weight, zorder=3.5)
 
 

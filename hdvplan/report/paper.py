@@ -152,7 +152,7 @@ def _laid(points: FloatArray, page: Page, field_mm: tuple[float, float]) -> Page
 
 def _refusal(scale: int, what: str) -> OptionError:
     return OptionError(
-        f"at 1:{scale} the sheet has no room for {what}", hint="take a smaller scale, such as --scale 500, or a larger sheet"
+        f"at 1:{scale} the sheet has no room for {what}", hint="leave --scale out for the largest that fits, or take a larger sheet"
     )
 
 

@@ -182,7 +182,7 @@ def _beside(result: Result, near: Approach, s: float) -> Room:
     middle, at = np.array(result.drive.road.path.to_plane(s, 0.0)), ends[1]
     outwards = outwards_at(result, s, "left")
     side = "left" if (at - middle) @ outwards > 0.0 else "right"
-    return Room(s, -near.distance, side, near.unit, ends, outwards if side == "left" else -outwards, True, near.obstacle.label)
+    return Room(near.s, -near.distance, side, near.unit, ends, outwards if side == "left" else -outwards, True, near.obstacle.label)
 
 
 def outwards_at(result: Result, s: float, side: str) -> FloatArray:

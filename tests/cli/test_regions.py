@@ -178,7 +178,7 @@ def test_a_side_without_room_or_of_no_such_name_is_bad_input(cli: Cli, tmp_path:
 
 
 def test_a_side_that_nothing_takes_is_a_warning(cli: Cli, tmp_path: Path) -> None:
-    said = "warning: --pass left has no effect: nothing lies on the line that has no side of its own"
+    said = "warning: --pass left has no effect: no obstacle lies on the line, or each has a side of its own"
     for given, told in ((("right", "right"), True), (("right",), False)):
         outcome = cli("plan", obstacles_on_a_road(tmp_path, *given), "--crs", "EPSG:3006", *QUICK, "--pass", "left")
         assert (said in outcome.err.splitlines()) is told

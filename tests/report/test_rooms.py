@@ -11,6 +11,7 @@ from hdvplan.driving.drive import Drive
 from hdvplan.judging.bodies import corners
 from hdvplan.judging.result import Result, result_of
 from hdvplan.judging.verdict import verdict_of
+from hdvplan.report.compared import answer_of
 from hdvplan.report.layers import drawn_features
 from hdvplan.report.rooms import breach_place, pose_touching, room_at, tightness
 from hdvplan.road.regions import Kind, Region
@@ -29,10 +30,17 @@ def test_the_tightest_place_has_the_verdict_s_number(name: str, straight: Result
     result = beside_a_van(straight, made[name]) if name in made else request.getfixturevalue(name)
     room, verdict = room_at(result, int(np.argmax(tightness(result)))), verdict_of(result)
     assert -room.depth == pytest.approx(verdict.spare, abs=1e-9)  # the same doubles, added in another order
+    assert room.s == pytest.approx(verdict.s, abs=1e-9)
     assert room.broken == (verdict.fits is False)
     assert room.obstacle == ("van" if name in made else None)
     if not room.broken:
         assert np.hypot(*(room.ends[1] - room.ends[0])) == pytest.approx(-room.depth, abs=1e-6)
+
+
+def test_a_comparison_of_vehicles_that_fit_has_no_negative_room(straight: Result) -> None:
+    touching = beside_a_van(straight, 1.265)
+    assert -0.01 < (verdict_of(touching).spare or 0.0) < 0.0  # limits are kept to 1 cm
+    assert answer_of((touching,)).endswith("; 0.00 m to spare for the bus")
 
 
 def test_a_van_that_is_hit_is_drawn_where_it_was_hit(straight: Result) -> None:
