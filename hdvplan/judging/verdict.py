@@ -105,7 +105,7 @@ def _beside_kerbs(result: Result) -> Iterator[_Place]:
 def verdict_line(result: Result, verdict: Verdict, of: str = "") -> str:
     """Return the verdict as one line of at most ``LINE`` characters, which names a solver whose answers could not be used.
 
-    Where it would be longer the body is left out, then the name of the obstacle. ``of`` follows the place: on which leg it lies.
+    Where it would be longer the body is left out, then the obstacle's name, at last all but the part. ``of`` follows the place: which leg.
     """
     unusable, steps = len(result.failed) + len(result.rescued), len(result.drive.plans)
     solver = f"; {result.solver} failed in {unusable} of {steps} steps" if unusable else ""
@@ -133,13 +133,14 @@ def verdict_text(result: Result, verdict: Verdict) -> str:
 
 
 def _who(result: Result, verdict: Verdict) -> list[str]:
-    """Return what decides and beside what it is: in full, without the body, and without the obstacle's name."""
+    """Return what decides and beside what it is: in full, without the body, without the obstacle's name, and the part alone."""
     full = f"{verdict.part} of the {body_name(result.drive.vehicle, verdict.unit)}"
     if verdict.fits is None:
         return [f"{full} to the {verdict.side}", f"{verdict.part} to the {verdict.side}", verdict.part]
     beside = "beyond" if _broken(verdict) else "beside"
     against = _against(verdict, two_regions=result.two_regions)
-    return [f"{full} {beside} {against}", f"{verdict.part} {beside} {against}", f"{verdict.part} {beside} {called('')}"]
+    part = verdict.part
+    return [f"{full} {beside} {against}", f"{part} {beside} {against}", f"{part} {beside} {called('')}", part]
 
 
 def _answer(result: Result, verdict: Verdict, who: str, of: str) -> str:

@@ -47,6 +47,9 @@ def test_the_first_line_is_short_and_what_it_had_no_room_for_is_in_the_second(bu
     for result in (named, judged(named, regions=(van,), clearance=0.25)):
         assert len(line(result)) <= LINE
         assert line(result).startswith(verdict_of(result).word)
+    verdict = verdict_of(named)
+    of = " of leg 2 (backward)".ljust(LINE - len(verdict_line(named, verdict)) + len(f" beside the {verdict.side} limit"), "!")
+    assert verdict_line(named, verdict, of).endswith(f", {verdict.part}")  # rather than a word that is cut
 
 
 def test_a_road_without_limits_says_what_it_needs(trailer: Result) -> None:
