@@ -33,7 +33,7 @@ _SIZE_IN = (8.0, 6.0)
 _DPI = 100
 _OVERSAMPLED = 2  # Pillow draws without anti-aliasing
 _PACE_M = 0.75  # of road between two frames
-FRAME_MS = 50
+_FRAME_MS = 50
 LAST_MS = 1500  # the last frame stays
 _COLOURS = 48  # in the film's palette
 _NEAR_WHITE = 12  # of 255
@@ -49,7 +49,7 @@ class Pose(NamedTuple):
     outlines: FloatArray  # of the bodies (bodies, 4, 2) [m]
     swept: tuple[int, ...]  # which of the film's areas each body sweeps
     caption: str | None = None  # None where the pose is not shown
-    wait: int = FRAME_MS  # until the next one [ms]
+    wait: int = _FRAME_MS  # until the next one [ms]
 
 
 class Ground(NamedTuple):
@@ -111,10 +111,10 @@ def _poses(result: Result, window: Window) -> Iterator[Pose]:
     begin = window.s_from - drive.vehicle.reach_ahead - drive.vehicle.reach_behind  # from where the stretch is swept
     poses = np.flatnonzero((drive.poses_s >= begin) & (drive.poses_s <= window.s_to))
     stride, units = paced(float(drive.poses_s[1] - drive.poses_s[0])), tuple(range(len(drive.vehicle.units)))
-    for pose in poses:
+    for pose, bodies in zip(poses, corners(drive, poses), strict=True):
         shown = drive.poses_s[pose] >= window.s_from and (poses[-1] - pose) % stride == 0
         caption = f"{window.label + ':  ' if window.label else ''}s = {drive.poses_s[pose]:.0f} m" if shown else None
-        yield Pose(corners(drive, np.array([pose]))[0], units, caption, LAST_MS if pose == poses[-1] else FRAME_MS)
+        yield Pose(bodies, units, caption, LAST_MS if pose == poses[-1] else _FRAME_MS)
 
 
 def _palette(ground: Image.Image, fills: tuple[Colour, ...], bodies: int) -> Image.Image:

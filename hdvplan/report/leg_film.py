@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 
 from hdvplan.judging.bodies import corners
 from hdvplan.judging.legs import LegsResult
-from hdvplan.report.animation import FRAME_MS, LAST_MS, Pose, frames_of, gif_bytes, ground_of, paced
+from hdvplan.report.animation import LAST_MS, Pose, frames_of, gif_bytes, ground_of, paced
 from hdvplan.report.colours import answer_colour
 from hdvplan.report.leg_maps import draw_ground, stops_of
 from hdvplan.report.maps import ROOM_M, finish_map, frame
@@ -41,10 +41,8 @@ def _poses(driven: LegsResult) -> Iterator[Pose]:
         drive, swept = result.drive, (int(leg.backward),) * len(result.drive.vehicle.units)
         order = np.arange(len(drive.poses_s))[:: -1 if leg.backward else 1]
         stride = paced(float(drive.poses_s[1] - drive.poses_s[0]))
-        for number, pose in enumerate(order, start=1):
-            outlines, last = corners(drive, np.array([pose]))[0], number == len(order)
-            if last:
-                yield Pose(outlines, swept, end.text, LAST_MS if at == len(ends) - 1 else _STANDS_MS)
-            else:
-                shown = (len(order) - number) % stride == 0
-                yield Pose(outlines, swept, f"leg {at + 1} of {len(ends)}, {leg.direction}" if shown else None, FRAME_MS)
+        outlines = corners(drive, order)
+        for number, bodies in enumerate(outlines[:-1], start=1):
+            shown = (len(order) - number) % stride == 0
+            yield Pose(bodies, swept, f"leg {at + 1} of {len(ends)}, {leg.direction}" if shown else None)
+        yield Pose(outlines[-1], swept, end.text, LAST_MS if at == len(ends) - 1 else _STANDS_MS)

@@ -36,6 +36,7 @@ class Stop(NamedTuple):
     leg: int  # of which this is an end, from 0
     pose: int  # of that leg
     angles: FloatArray  # articulations [deg]
+    place: FloatArray  # of the lead rear axle (2,) [m]
 
     @property
     def text(self) -> str:
@@ -53,8 +54,9 @@ def stops_of(driven: LegsResult) -> tuple[Stop, ...]:
     """Return where the vehicle stands, in the order of driving."""
     stops = []
     for at, when, name in ends_of(len(driven.results)):
-        pose = 0 if (when == 0) is not driven.legs.legs[at].backward else len(driven.results[at].drive.poses_s) - 1
-        stops.append(Stop(name, at, pose, np.degrees(driven.articulation(at)[when])))
+        result = driven.results[at]
+        pose = 0 if (when == 0) is not driven.legs.legs[at].backward else len(result.drive.poses_s) - 1
+        stops.append(Stop(name, at, pose, np.degrees(driven.articulation(at)[when]), line_of(result)[pose]))
     return tuple(stops)
 
 
@@ -113,11 +115,12 @@ def draw_stops(axes: Axes, driven: LegsResult, *, weight: float = SLIDE, turned:
     for stop in stops_of(driven):
         result = driven.results[stop.leg]
         draw_bodies(axes, corners(result.drive, np.array([stop.pose])), weight=weight, turned=turned)
-        draw_stop(axes, stop, turned(line_of(result)[stop.pose][None])[0], weight=weight)
+        draw_stop(axes, stop, weight=weight, turned=turned)
 
 
-def draw_stop(axes: Axes, stop: Stop, place: FloatArray, *, weight: float = SLIDE) -> None:
-    """Mark where the lead rear axle stands, (2,) [m] on the paper, with the name and the articulation."""
+def draw_stop(axes: Axes, stop: Stop, *, weight: float = SLIDE, turned: Turn = np.asarray) -> None:
+    """Mark where the lead rear axle stands, with the name and the articulation."""
+    place = turned(stop.place[None])[0]
     axes.plot(*place, marker="o", color="white", markeredgecolor=INK, markersize=4.7 * weight, zorder=7)
     axes.annotate(
         stop.text, point(place), _LABELS_PT.get(stop.name, _LABEL_PT), textcoords="offset points", fontsize="small", fontweight="bold",

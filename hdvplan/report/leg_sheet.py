@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 
 from hdvplan.judging.legs import LegsResult
 from hdvplan.report.layers import drawn_features
-from hdvplan.report.leg_maps import Stop, draw_ground, draw_stops, draw_swept, line_of, stops_of
+from hdvplan.report.leg_maps import Stop, draw_ground, draw_stops, draw_swept, stops_of
 from hdvplan.report.paper import Page, SheetOptions, page_around
 from hdvplan.report.rooms import Room
 from hdvplan.report.sheet import Sheet, Size, map_mm, pdf_bytes, rows_of
@@ -71,8 +71,8 @@ def _draw_map(axes: Axes, size_mm: Size, driven: LegsResult, page: Page, tightes
 def _draw_stop(axes: Axes, size_mm: Size, driven: LegsResult, page: Page, stop: Stop) -> None:
     """Draw the vehicle where it stands, larger, and its surroundings."""
     _draw_legs(axes, driven, page)
-    scale, at = 2 * inset_scale(page), line_of(driven.results[stop.leg])[stop.pose]
-    look_at(axes, page.turned(at[None])[0], size_mm, scale)
+    scale = 2 * inset_scale(page)
+    look_at(axes, page.turned(stop.place[None])[0], size_mm, scale)
     head_inset(axes, f"{stop.text}   1:{scale}")
 
 

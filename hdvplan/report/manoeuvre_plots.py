@@ -145,4 +145,4 @@ def _draw_legs(axes: Axes, answer: Answer) -> None:
     for at, when, name in ends_of(len(legs)):
         leg = legs[at]
         draw_bodies(axes, corners_at(answer.vehicle, leg.poses[[when]]))
-        draw_stop(axes, Stop(name, at, when, np.degrees(leg.beta[when])), leg.lead[when, :2])
+        draw_stop(axes, Stop(name, at, when, np.degrees(leg.beta[when]), leg.lead[when, :2]))
