@@ -124,9 +124,11 @@ def _driven_along(points: FloatArray, max_curvature: float) -> SmoothedLine | No
     vertices = points[kept]
     ahead = np.diff(vertices, axis=0)
     cosine = np.sum(ahead[1:] * ahead[:-1], axis=1) / np.hypot(*ahead[1:].T) / np.hypot(*ahead[:-1].T)
+    if np.min(cosine, initial=1.0) < _BACK:
+        return None
     driven, along = pursued(vertices, _DRIVEN_SHARE * max_curvature)
     found = path_through(driven, _DRIVEN_EXCESS * max_curvature)
-    if found is None or np.min(cosine, initial=1.0) < _BACK:
+    if found is None:
         return None
     path, s_driven = found
     s = np.interp(chord_of(vertices), along, s_driven)
