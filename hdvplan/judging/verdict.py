@@ -148,7 +148,7 @@ def _answer(result: Result, verdict: Verdict, who: str, of: str) -> str:
     if verdict.fits is None:
         return f"NEEDS {verdict.half_width:.2f} m to both sides for the {result.drive.vehicle.name}: {who} {where}"
     assert verdict.spare is not None  # noqa: S101 - for the type checker: only NEEDS has none
-    amount = _amount(verdict)
+    amount = amount_text(verdict)
     if verdict.clearance_wanted > 0.0:
         amount += f" beyond the {verdict.clearance_wanted:.2f} m to keep" if verdict.fits else (
             f" of the {verdict.clearance_wanted:.2f} m to keep" if verdict.spare > -verdict.clearance_wanted else
@@ -180,7 +180,7 @@ def verdict_title(result: Result, verdict: Verdict) -> str:
         return f"{head}: NEEDS {verdict.half_width:.2f} m to both sides"
     kept = f" with {verdict.clearance_wanted:.2f} m to keep" if verdict.clearance_wanted > 0.0 else ""
     word = f"{verdict.word} (proved)" if verdict.proved else verdict.word
-    return f"{head}: {word}, {_amount(verdict)}{kept} at s = {verdict.s:.0f} m"
+    return f"{head}: {word}, {amount_text(verdict)}{kept} at s = {verdict.s:.0f} m"
 
 
 def proof_text(proof: Proof, vehicle: Vehicle) -> str:
@@ -197,7 +197,7 @@ def _known(result: Result, verdict: Verdict) -> str:
     return f"proved: {proof_text(verdict.proof, result.drive.vehicle)}"
 
 
-def _amount(verdict: Verdict) -> str:
+def amount_text(verdict: Verdict) -> str:
     """Return the room to spare or lacking; what is broken by less than counts is no lack."""
     spare = verdict.spare or 0.0
     return f"{max(spare, 0.0):.2f} m to spare" if verdict.fits else f"{-spare:.2f} m lacking"

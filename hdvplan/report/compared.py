@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 
 from hdvplan.judging.result import Result, body_name
-from hdvplan.judging.verdict import verdict_of
+from hdvplan.judging.verdict import amount_text, verdict_of
 from hdvplan.report.colours import INK, MUTED, answer_colour, body_colour
 from hdvplan.report.geojson import swept_area
 from hdvplan.report.layers import Drawn, Layer, drawn_features
@@ -46,7 +46,7 @@ def answer_of(results: Sequence[Result]) -> str:
     if "NEEDS" in words.values():
         return f"NEEDS {verdict_of(widest).half_width:.2f} m to both sides for the {widest.drive.vehicle.name}, the widest of {len(words)}"
     tightest = min(results, key=_spare)
-    return f"YES: all {len(words)} vehicles fit; {max(_spare(tightest), 0.0):.2f} m to spare for the {tightest.drive.vehicle.name}"
+    return f"YES: all {len(words)} vehicles fit; {amount_text(verdict_of(tightest))} for the {tightest.drive.vehicle.name}"
 
 
 @styled()
