@@ -98,14 +98,10 @@ def refuse_on(line: Line, asked: Mapping[str, bool]) -> None:
     name = next((name for name, given in asked.items() if given), None)
     if name is not None and line.raw.legs:
         msg = f"{name} is not for a drive of several legs, as {line.name} is"
-        raise OptionError(msg, hint=f"{_instead(name)}, or choose one line of the file with --name")
+        raise OptionError(msg, hint="plan without that, or choose one line of the file with --name")
     if name is not None:
         msg = f"{name} is not for roads of more than {1e-3 * LONG_M:.0f} km; {line.name} has {1e-3 * line.length:.0f} km"
         raise OptionError(msg, hint="cut the road, and plan the part")
-
-
-def _instead(name: str) -> str:
-    return "plan one vehicle at a time" if name.startswith("--vehicle") else "leave it out"
 
 
 def warn_no_side(road: Road, side: str | None, *, quiet: bool) -> None:
