@@ -54,9 +54,8 @@ def kept_start(stations: Stations, vehicle: Vehicle, begin: Start, clearance: fl
     """
     if stations.street is None:
         return begin
-    metres = np.array(
-        [1.0, *[vehicle.reach_ahead + vehicle.reach_behind] * vehicle.rigid_states][: len(begin.z)]
-    )  # that a body moves, about
+    length = vehicle.reach_ahead + vehicle.reach_behind
+    metres = np.array([1.0, *[length] * vehicle.rigid_states][: len(begin.z)])  # that a body moves, about
     z = best = begin.z
     least = -np.inf
     for _ in range(_MOVES):

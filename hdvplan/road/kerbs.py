@@ -158,7 +158,8 @@ def _between(places: FloatArray, numbers: FloatArray, first: float, last: float)
 
 def _trimmed(raw: _Raw, far: float) -> list[tuple[FloatArray, FloatArray, IntArray]]:
     """Return the parts of the offset line without its loops: points, numbers, and which of its points are inside corners."""
-    flags, cuts = np.diff(raw.folded.astype(int), prepend=0, append=0), list[_Cut]()
+    flags = np.diff(raw.folded.astype(int), prepend=0, append=0)
+    cuts: list[_Cut] = []
     for fold in zip(np.flatnonzero(flags > 0).tolist(), (np.flatnonzero(flags < 0) - 1).tolist(), strict=True):
         cut = _cut(raw, *fold, far)
         while cuts and cuts[-1].end >= cut.begin:  # their loops share a stretch: they are one
